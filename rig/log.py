@@ -1,0 +1,150 @@
+"""A log in memory: one row a control tick, one column a signal; the names are the CSV contract.
+
+`COLUMNS` is the one ordered list of names, units and meanings: the loop fills rows in its order,
+recordings derive their schema from it, exports and imports use its names. New columns go to the
+end (a recording's field numbers follow the order).
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Column(NamedTuple):
+    """One column of a log: `name` (with its unit), `unit` ("1": a number) and what it means."""
+
+    name: str
+    unit: str
+    meaning: str
+
+
+class Phase(IntEnum):
+    """What the run was doing in a row, as stored in the column `phase`."""
+
+    PLACE = 0
+    HOLD = 1
+    RUN = 2
+
+
+def _by_axis(name: str, unit: str, meaning: str) -> Iterator[Column]:
+    """Yield the x and the y column of a signal; `{a}` in name and meaning is the axis."""
+    for axis in "xy":
+        yield Column(name.format(a=axis), unit, meaning.format(a=axis))
+
+
+COLUMNS: tuple[Column, ...] = (
+    Column("t_s", "s", "time of the tick, when theta is read; seconds from the run's start"),
+    *_by_axis("voltage_{a}_V", "V", "applied at motor {a} from this row to the next, after limits"),
+    *_by_axis("theta_{a}_rad", "rad", "servo angle {a} at t_s, zero = plate level after homing"),
+    *_by_axis("ball_{a}_m", "m", "ball centre, plate frame, {a}; blank without a new observation"),
+    *_by_axis("motor_speed_{a}_rad_s", "rad/s", "speed of motor {a} by its tachometer"),
+    *_by_axis("target_{a}_m", "m", "where the ball should be, {a}"),
+    Column("push", "1", "not 0 while the ball is pushed"),
+    Column("ball_exposed_s", "s", "when the light of this row's observation hit the sensor"),
+    *_by_axis("wanted_voltage_{a}_V", "V", "what the controller asked of motor {a}, before limits"),
+    *_by_axis("desired_theta_{a}_rad", "rad", "servo angle {a} that the outer loop asks for"),
+    *_by_axis("estimated_gear_play_{a}_rad", "rad", "estimated full play motor to encoder, {a}"),
+    *_by_axis("estimated_gear_play_std_{a}_rad", "rad", "standard deviation of that play, {a}"),
+    *_by_axis("estimated_joint_play_{a}_rad", "rad", "estimated full play encoder to plate, {a}"),
+    *_by_axis("estimated_joint_play_std_{a}_rad", "rad", "standard deviation of that play, {a}"),
+    *_by_axis("estimated_torque_{a}_Nm", "N m", "estimated shaft torque, {a}"),
+    Column("ball_cov_xx_m2", "m2", "variance of this row's observation in x"),
+    Column("ball_cov_xy_m2", "m2", "covariance of this row's observation"),
+    Column("ball_cov_yy_m2", "m2", "variance of this row's observation in y"),
+    Column("phase", "1", "0 place, 1 hold, 2 run"),
+)
+NAMES: tuple[str, ...] = tuple(column.name for column in COLUMNS)
+INDEX: dict[str, int] = {name: i for i, name in enumerate(NAMES)}
+CONTRACT: tuple[str, ...] = NAMES[: INDEX["ball_exposed_s"] + 1]
+"""The columns of the CSV contract; what follows them is what our own runs record besides."""
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """One row a control tick; every column of `COLUMNS` is there, NaN where blank or missing.
+
+    `rows` (n, len(COLUMNS)) float64, read-only; `notes`: what an import left out or found odd.
+    """
+
+    rows: np.ndarray
+    notes: tuple[str, ...] = ()
+
+    @classmethod
+    def from_rows(cls, rows: np.ndarray, *, notes: tuple[str, ...] = ()) -> "Log":
+        """Copy `rows` (n, len(COLUMNS)), in the order of `COLUMNS`. ValueError: another shape."""
+        rows = np.array(rows, dtype=np.float64, order="F")  # columns contiguous
+        if rows.ndim != 2 or rows.shape[1] != len(COLUMNS):
+            raise ValueError(
+                f"rows of a log have shape (n, {len(COLUMNS)}), these have {rows.shape}: "
+                "order them as rig.log.COLUMNS"
+            )
+        rows.flags.writeable = False
+        return cls(rows, notes)
+
+    @classmethod
+    def from_columns(
+        cls, columns: Mapping[str, np.ndarray], *, notes: tuple[str, ...] = ()
+    ) -> "Log":
+        """Build a log of `columns` (name -> (n,)); missing ones are NaN.
+
+        ValueError: an unknown name, no column at all, or lengths that differ.
+        """
+        unknown = [name for name in columns if name not in INDEX]
+        if unknown:
+            raise ValueError(f"unknown columns {', '.join(unknown)}; known: {', '.join(NAMES)}")
+        lengths = {name: np.asarray(values).shape for name, values in columns.items()}
+        if len(set(lengths.values())) != 1 or len(next(iter(lengths.values()))) != 1:
+            raise ValueError(f"columns of a log have one length (n,), these have {lengths}")
+        rows = np.full((next(iter(lengths.values()))[0], len(COLUMNS)), np.nan, order="F")
+        for name, values in columns.items():
+            rows[:, INDEX[name]] = values
+        rows.flags.writeable = False
+        return cls(rows, notes)
+
+    @property
+    def columns(self) -> dict[str, np.ndarray]:
+        """Every column by name, (n,) float64 views, NaN where blank."""
+        return {name: self.rows[:, i] for i, name in enumerate(NAMES)}
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """Return the column `name` (n,). KeyError: not in `COLUMNS`."""
+        if name not in INDEX:
+            raise KeyError(f"no column {name!r} in a log; known: {', '.join(NAMES)}")
+        return self.rows[:, INDEX[name]]
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self.rows)
+
+    def has(self, *names: str) -> bool:
+        """Tell whether each of the columns holds at least one number."""
+        return all(not np.isnan(self[name]).all() for name in names)
+
+    def where(self, chosen: np.ndarray | slice) -> "Log":
+        """Return the rows of `chosen` (mask (n,), indices or slice) as a log; notes are kept."""
+        return Log.from_rows(self.rows[chosen], notes=self.notes)
+
+    def ball(self, delay_s: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+        """Return times (k,) and xy (k, 2) of the new observations alone.
+
+        A time is when the light hit the sensor: `ball_exposed_s`, without it the tick in which
+        the observation became usable minus `delay_s` (the camera's; 0 = keep the usable time).
+        Held values are thinned: a row that repeats the row before it is no new observation,
+        unless its exposure is another. Of a missing axis xy is NaN.
+        """
+        xy = self.rows[:, [INDEX["ball_x_m"], INDEX["ball_y_m"]]]
+        exposed = self["ball_exposed_s"]
+        seen = ~np.isnan(xy).all(axis=1)
+        same = (xy[1:] == xy[:-1]) | (np.isnan(xy[1:]) & np.isnan(xy[:-1]))
+        held = same.all(axis=1) & (np.isnan(exposed[1:]) | (exposed[1:] == exposed[:-1]))
+        new = seen & ~np.concatenate(([False], held))[: len(self)]
+        times = np.where(np.isnan(exposed), self["t_s"] - delay_s, exposed)
+        return times[new], xy[new]
+
+
+def blank_row() -> np.ndarray:
+    """Return a row (len(COLUMNS),) of blanks, to fill in by `INDEX`."""
+    return np.full(len(COLUMNS), np.nan)
