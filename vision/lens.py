@@ -1,0 +1,47 @@
+"""OpenCV's lens model (Brown-Conrady), on floats or arrays alike: undistort points, not frames.
+
+Normalised coordinates `x = X/Z, y = Y/Z` of a camera that looks along +Z; coefficients
+`k = (k1, k2, p1, p2, k3)` in OpenCV's order. Source: OpenCV, calib3d, "Detailed description".
+"""
+
+from typing import Any
+
+Coefficients = tuple[float, float, float, float, float]
+
+
+def distort(x: Any, y: Any, k: Coefficients) -> tuple[Any, Any]:
+    """Where the lens puts the ideal point (x, y); any shape, normalised coordinates."""
+    k1, k2, p1, p2, k3 = k
+    r2 = x * x + y * y
+    gain = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    return (
+        x * gain + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+        y * gain + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+    )
+
+
+def distort_jacobian(x: Any, y: Any, k: Coefficients) -> tuple[Any, Any, Any]:
+    """Entries (xx, xy, yy) of d distort / d (x, y); the matrix is symmetric."""
+    k1, k2, p1, p2, k3 = k
+    r2 = x * x + y * y
+    gain = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    slope = 2.0 * k1 + r2 * (4.0 * k2 + r2 * 6.0 * k3)
+    return (
+        gain + x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x,
+        x * y * slope + 2.0 * p1 * x + 2.0 * p2 * y,
+        gain + y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x,
+    )
+
+
+def undistort(xd: Any, yd: Any, k: Coefficients, steps: int = 5) -> tuple[Any, Any]:
+    """Inverse of `distort` by Newton's method; 5 steps reach 1e-14 for lenses that do not fold."""
+    if not any(k):
+        return xd, yd
+    x, y = xd, yd
+    for _ in range(steps):
+        ex, ey = distort(x, y, k)
+        ex, ey = ex - xd, ey - yd
+        xx, xy, yy = distort_jacobian(x, y, k)
+        det = xx * yy - xy * xy
+        x, y = x - (yy * ex - xy * ey) / det, y - (xx * ey - xy * ex) / det
+    return x, y
