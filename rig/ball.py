@@ -1,0 +1,62 @@
+"""A ball rolling without slip on a plate that tilts about both axes at once (Eqs. 10 to 15).
+
+The linkages set the heights of the plate's edges, so with e_x, e_y the plate's own axes and z up:
+sin(phi_x) = -e_x . z and sin(phi_y) = -e_y . z exactly, each as Eq. 14 gives it. The plate does not
+turn about its normal. Its angular velocity in its own frame is then (omega_1, omega_2, 0) with
+omega_1 = -d(sin phi_y)/dt / c and omega_2 = d(sin phi_x)/dt / c, c = sqrt(1 - s_x^2 - s_y^2).
+
+Newton and Euler for the ball in the plate's frame (centre at (x, y, r), factor
+k = m r^2/(m r^2 + J), spin sigma about the normal) give, the contact force eliminated,
+
+    x'' + r omega_2' = k (g s_x + omega_2^2 x - omega_1 omega_2 y) + (1 - k) r sigma omega_1
+    y'' - r omega_1' = k (g s_y + omega_1^2 y - omega_1 omega_2 x) + (1 - k) r sigma omega_2
+    sigma'           = -(omega_1 x' + omega_2 y')/r
+
+(with omega_2 = phi_x', omega_1 = -phi_y' the centrifugal, Euler and gyroscopic terms that Eq. 15
+leaves out; Eq. 15 is the limit of small angles and a plate at rest). The state holds
+w = (x' + r omega_2, y' - r omega_1) instead of the velocity: the plate's angular acceleration,
+which rings in the shafts, is then never needed.
+"""
+
+from math import cos, sin, sqrt
+
+from rig.compiled import compiled
+from rig.parameters import GRAVITY_M_S2
+
+
+@compiled
+def plate_sines(theta_x, theta_y, ratio, cross_x, cross_y):
+    """Eq. 14 for both axes: sin(phi_x), sin(phi_y) from the angles that the plate feels [rad].
+
+    `ratio` = 2 R_d/L; `cross_x` is the share of the other axis's motion that axis x receives.
+    """
+    a, b = sin(theta_x), sin(theta_y)
+    return ratio * (a + cross_x * b), ratio * (b + cross_y * a)
+
+
+@compiled
+def plate_rates(theta_x, theta_y, omega_x, omega_y, ratio, cross_x, cross_y, s_x, s_y):
+    """omega_1, omega_2 [rad/s]: the plate's angular velocity in its own frame."""
+    a, b = cos(theta_x) * omega_x, cos(theta_y) * omega_y
+    c = sqrt(1.0 - s_x * s_x - s_y * s_y)
+    return -ratio * (b + cross_y * a) / c, ratio * (a + cross_x * b) / c
+
+
+@compiled
+def velocity(w_x, w_y, omega_1, omega_2, radius):
+    """x', y' of the ball's centre in the plate's frame [m/s]."""
+    return w_x - radius * omega_2, w_y + radius * omega_1
+
+
+@compiled
+def rolling(x, y, v_x, v_y, spin, slope_x, slope_y, omega_1, omega_2, factor, radius):
+    """d(w_x)/dt, d(w_y)/dt [m/s2] and d(sigma)/dt [rad/s2] of the equations above.
+
+    `slope` = sin(phi) of each axis plus any level error; `factor` = k.
+    """
+    g = GRAVITY_M_S2
+    cross = omega_1 * omega_2
+    gyro = (1.0 - factor) * radius * spin
+    a_x = factor * (g * slope_x + omega_2 * omega_2 * x - cross * y) + gyro * omega_1
+    a_y = factor * (g * slope_y + omega_1 * omega_1 * y - cross * x) + gyro * omega_2
+    return a_x, a_y, -(omega_1 * v_x + omega_2 * v_y) / radius

@@ -1,0 +1,116 @@
+"""The control system of the paper's Fig. 6: PID on the ball, position to volts, with or without play.
+
+Outer loop: theta_wanted = clip(K_p e + K_i integral(e) - K_d v) per axis; inner loop ("Position
+Model"): V = K_s (theta_r - theta) - K_v omega. The arm *without* ends there; the arm *with* is the
+same PID plus the inverse of the estimated play (`compensation.py`).
+"""
+
+from math import pi
+
+import numpy as np
+
+from rig import compensation
+from rig.compiled import compiled
+from rig.observers import ball_now
+from rig.parameters import Rig
+from rig.play_observer import known_play
+from rig.signals import R_THETA, R_TIME
+
+# Which inverse acts: bits, so that tests can put one in the wrong place.
+WITHOUT = 0
+JOINT_INVERSE = 1
+GEAR_INVERSE = 2
+GEAR_INVERSE_ON_REFERENCE = 4  # the wrong place, for the test that shows the harm
+WITH = JOINT_INVERSE | GEAR_INVERSE
+ARMS = {"without": WITHOUT, "with": WITH}
+
+CONTROL = np.dtype(
+    [
+        ("integral", np.float64, (2,)),
+        ("wanted_theta", np.float64, (2,)),
+        ("reference", np.float64, (2,)),
+        ("joint_play", np.float64, (2,)),
+        ("gear_play", np.float64, (2,)),
+        ("inverse", compensation.INVERSE),
+        ("wrong_inverse", compensation.INVERSE),
+    ]
+)
+CONTROL_SETTINGS = np.dtype(
+    [
+        (name, np.float64)
+        for name in "tick_s kp ki kd integral_limit servo_kp servo_kd angle_limit encoder_step".split()
+    ]
+    + [("arm", np.int64)]
+)
+
+
+def settings(rig: Rig, arm: int) -> np.record:
+    """Settings of the arm (bits above) from the rig's gains."""
+    g = np.zeros(1, CONTROL_SETTINGS)[0]
+    g["tick_s"] = 1 / rig.control_rate_hz
+    g["kp"], g["ki"] = rig.gains.proportional_rad_m, rig.gains.integral_rad_m_s
+    g["kd"], g["integral_limit"] = rig.gains.derivative_rad_s_m, rig.gains.integral_limit_rad
+    g["servo_kp"] = rig.gains.servo_proportional_V_rad
+    g["servo_kd"] = rig.gains.servo_derivative_V_s_rad
+    g["angle_limit"] = rig.servo.angle_limit_rad
+    g["encoder_step"] = rig.servo.encoder_step_rad
+    g["arm"] = arm
+    return g
+
+
+def start() -> np.record:
+    return np.zeros(1, CONTROL)[0]
+
+
+@compiled
+def wanted_angle(c, g, a, error, velocity):
+    """Outer PID [rad]: clipped at the servo's limit; the integral stands still while clipped."""
+    free = g.kp * error + c.integral[a] - g.kd * velocity
+    clipped = min(max(free, -g.angle_limit), g.angle_limit)
+    step = g.ki * error * g.tick_s
+    if free == clipped or (free - clipped) * step < 0.0:
+        c.integral[a] = min(max(c.integral[a] + step, -g.integral_limit), g.integral_limit)
+    return clipped
+
+
+@compiled
+def control(c, g, belief, play, reading, target, volts):
+    """One tick: wanted volts of both axes into `volts` (2,), the ball to `target` (2,) [m].
+
+    `belief` and `play` are the observers' states; what they estimate of play is used by the arm
+    "with" alone, and only once it is known.
+    """
+    for a in range(2):
+        theta = reading[R_THETA + a]
+        error = target[a] - ball_now(belief, reading[R_TIME], a)
+        wanted = wanted_angle(c, g, a, error, belief.velocity[a])
+        c.wanted_theta[a] = wanted
+        reference = wanted
+        joint = 2.0 * known_play(play.ball[a, 3], np.sqrt(play.ball_cov[a, 3, 3]))
+        gear = 2.0 * known_play(play.gear[a, 1], np.sqrt(play.gear_cov[a, 1, 1]))
+        c.joint_play[a], c.gear_play[a] = joint, gear
+        if g.arm & JOINT_INVERSE:
+            reference = compensation.joint_reference(
+                c.inverse, a, reference, theta, joint, 2.0 * g.encoder_step
+            )
+        if g.arm & GEAR_INVERSE_ON_REFERENCE:
+            reference = compensation.joint_reference(
+                c.wrong_inverse, a, reference, theta, gear, 2.0 * g.encoder_step
+            )
+        reference = min(max(reference, -g.angle_limit), g.angle_limit)
+        c.reference[a] = reference
+        v = g.servo_kp * (reference - theta) - g.servo_kd * belief.rate[a]
+        if g.arm & GEAR_INVERSE:
+            v += compensation.gear_volts(
+                reference - theta, play.twist[a], gear, g.servo_kp, g.encoder_step
+            )
+        volts[a] = v
+
+
+@compiled
+def level(g, belief, reading, angle, volts):
+    """Hold both servos at `angle` [rad]: before the release, after a lost ball, on the way out."""
+    for a in range(2):
+        volts[a] = g.servo_kp * (angle - reading[R_THETA + a]) - g.servo_kd * belief.rate[a]
+
+

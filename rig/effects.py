@@ -1,0 +1,149 @@
+"""The catalogue of effects: the one list that simulator, rig file, gap workflow and CLI read.
+
+An effect is a named group of parameters whose null values leave the model unchanged. Its equation
+is one compiled function in `effect_equations.py`, `servo.py`, `shaft.py` or `ball.py`.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from math import inf, radians
+
+import numpy as np
+
+PER_AXIS = ("x", "y")
+SHARED = ("xy",)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of an effect: key in `rig.toml`, null value, unit, sensible range."""
+
+    key: str
+    null: float
+    unit: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Effect:
+    name: str
+    side: str  # servo, ball or camera: the residual channel in which it shows
+    axes: tuple[str, ...]
+    parameters: tuple[Parameter, ...]
+    tolerance: float  # of the first parameter: what a well-kept rig meets; 0 = none declared
+    sentence: str
+
+    def field(self, key: str) -> str:
+        """Name of the parameter in the plant's record."""
+        return f"{self.name}_{key}"
+
+
+def _p(key: str, unit: str, low: float, high: float, null: float = 0.0) -> Parameter:
+    return Parameter(key, null, unit, low, high)
+
+
+_TURN = (_p("phase_rad", "rad", -3.1416, 3.1416), _p("periods_per_turn", "1", 1, 100, 1.0))
+_DEG = radians(1)
+
+CATALOGUE: tuple[Effect, ...] = (
+    Effect("coulomb_friction", "servo", PER_AXIS, (_p("friction_V", "V", 0, 1),), 0.015,
+           "Dry friction: the motor needs this many volts before it moves, and loses them moving."),
+    Effect("stribeck_friction", "servo", PER_AXIS,
+           (_p("extra_V", "V", 0, 1), _p("speed_rad_s", "rad/s", 0.01, 2, 0.1)), 0.0,
+           "Friction is higher near standstill and falls as the servo gets faster."),
+    Effect("dead_zone", "servo", PER_AXIS,
+           (_p("half_width_V", "V", 0, 1), _p("positive_V", "V", 0, 1), _p("negative_V", "V", 0, 1)),
+           0.01, "The amplifier gives nothing for small commands; larger ones arrive reduced."),
+    Effect("gain_asymmetry", "servo", PER_AXIS, (_p("fraction", "1", -0.5, 0.5),), 0.005,
+           "The drive is stronger in one direction than in the other."),
+    Effect("voltage_offset", "servo", PER_AXIS, (_p("offset_V", "V", -1, 1),), 0.02,
+           "A constant voltage is added to every command."),
+    Effect("saturation", "servo", PER_AXIS, (_p("limit_V", "V", 0.5, 6, inf),), 0.0,
+           "The supply cannot give the volts that the rig's limit allows."),
+    Effect("input_delay", "servo", PER_AXIS, (_p("delay_s", "s", 0, 0.05),), 0.002,
+           "Volts reach the motor later than they were commanded."),
+    Effect("cogging", "servo", PER_AXIS, (_p("amplitude_V", "V", 0, 1), *_TURN), 0.0,
+           "The motor pulls towards fixed angles, with a period along the turn."),
+    Effect("gain_drift", "servo", PER_AXIS, (_p("rate_1_s", "1/s", -0.01, 0.01),), 0.0,
+           "The drive gets weaker (or stronger) during the run, as from warming up."),
+    Effect("supply_sag", "servo", SHARED, (_p("drop_1_V", "1/V", 0, 0.05),), 0.0,
+           "The supply drops when both motors draw current at once."),
+    Effect("gear_backlash", "servo", PER_AXIS,
+           (_p("play_rad", "rad", 0, 0.1), _p("offset_rad", "rad", -0.05, 0.05)), 0.08 * _DEG,
+           "Free play in the gears, between motor and encoder (full width)."),
+    Effect("joint_backlash", "ball", PER_AXIS,
+           (_p("play_rad", "rad", 0, 0.1), _p("offset_rad", "rad", -0.05, 0.05)), 0.08 * _DEG,
+           "Free play in the joints, between encoder and plate (full width): only the ball shows it."),
+    Effect("transmission_ripple", "ball", PER_AXIS, (_p("amplitude_rad", "rad", 0, 0.05), *_TURN),
+           0.0, "The plate's angle errs with a period along the servo's turn (kinematic error)."),
+    Effect("linkage_quadratic", "ball", PER_AXIS, (_p("coefficient_1_rad", "1/rad", -1, 1),), 0.01,
+           "The linkage is bent: more tilt per angle on one side than on the other."),
+    Effect("linkage_cubic", "ball", PER_AXIS, (_p("coefficient_1_rad2", "1/rad2", -3, 3),), 0.0,
+           "The linkage's gain changes with the angle, alike on both sides."),
+    Effect("cross_coupling", "ball", PER_AXIS, (_p("fraction", "1", -0.3, 0.3),), 0.003,
+           "The other axis's servo also tilts the plate about this axis."),
+    Effect("level_offset", "ball", PER_AXIS, (_p("slope_rad", "rad", -0.05, 0.05),), 0.02 * _DEG,
+           "The plate is not level when the servo reads zero."),
+    Effect("level_drift", "ball", PER_AXIS, (_p("rate_rad_s", "rad/s", -0.001, 0.001),), 0.0,
+           "The level changes slowly during the run."),
+    Effect("plate_bowl", "ball", SHARED, (_p("stiffness_1_s2", "1/s2", -1, 1),), 0.0,
+           "The plate is curved like a bowl (or a hill, if negative)."),
+    Effect("rolling_resistance", "ball", SHARED, (_p("deceleration_m_s2", "m/s2", 0, 0.1),), 0.0015,
+           "The ball is slowed by a constant amount while it rolls and may stick at rest."),
+    Effect("viscous_drag", "ball", SHARED, (_p("rate_1_s", "1/s", 0, 1),), 0.0,
+           "The ball is slowed in proportion to its speed."),
+    Effect("camera_delay", "camera", SHARED, (_p("extra_s", "s", -0.02, 0.1),), 0.002,
+           "The camera's picture is older than the rig file says."),
+    Effect("camera_scale", "camera", SHARED, (_p("fraction", "1", -0.2, 0.2),), 0.003,
+           "The camera sees distances too long or too short."),
+    Effect("camera_yaw", "camera", SHARED, (_p("angle_rad", "rad", -0.2, 0.2),), 0.15 * _DEG,
+           "The camera is turned against the plate."),
+    Effect("lens_distortion", "camera", SHARED, (_p("k1_1_m2", "1/m2", -5, 5),), 0.1,
+           "The lens bends straight lines: errors grow towards the plate's edge."),
+)  # fmt: skip
+
+BY_NAME: dict[str, Effect] = {effect.name: effect for effect in CATALOGUE}
+
+
+def fields() -> Iterator[tuple[str, Effect, Parameter]]:
+    """Every parameter as (field name, effect, parameter), in the catalogue's order."""
+    for effect in CATALOGUE:
+        for parameter in effect.parameters:
+            yield effect.field(parameter.key), effect, parameter
+
+
+def check(effects: Mapping[str, Mapping[str, Mapping[str, float]]]) -> None:
+    """Raise ValueError with the known names where a name, axis or key is not in the catalogue."""
+    for name, by_axis in effects.items():
+        effect = BY_NAME.get(name)
+        if effect is None:
+            raise ValueError(f"unknown effect '{name}'; known: {', '.join(BY_NAME)}")
+        keys = [p.key for p in effect.parameters]
+        for axis, values in by_axis.items():
+            if axis not in effect.axes:
+                known = ", ".join(effect.axes)
+                raise ValueError(f"effect '{name}' has no axis '{axis}'; known: {known}")
+            for key, value in values.items():
+                if key not in keys:
+                    raise ValueError(f"effect '{name}' has no key '{key}'; known: {keys}")
+                if not np.isfinite(value) and key != "limit_V":
+                    raise ValueError(f"effect '{name}', {axis}.{key} = {value}: must be finite")
+                if value < 0 and key in ("play_rad", "friction_V", "limit_V", "delay_s"):
+                    raise ValueError(f"effect '{name}', {axis}.{key} = {value:g}: must be >= 0")
+
+
+def values(effects: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[str, np.ndarray]:
+    """Field -> values of both axes, shape (2,); nulls where nothing is said. Checks first."""
+    check(effects)
+    table = {name: np.full(2, parameter.null) for name, _, parameter in fields()}
+    for name, by_axis in effects.items():
+        effect = BY_NAME[name]
+        for axis, pairs in by_axis.items():
+            where = {"x": 0, "y": 1}.get(axis, slice(None))
+            for key, value in pairs.items():
+                table[effect.field(key)][where] = value
+    both_sides = table["dead_zone_half_width_V"]
+    table["dead_zone_positive_V"] += both_sides
+    table["dead_zone_negative_V"] += both_sides
+    return table

@@ -1,0 +1,120 @@
+"""What the loop believes besides the play: the ball's motion and the shaft's torque.
+
+*Ball filter* (both arms): a critically damped kinematic filter (alpha-beta) on the exposures, read
+out at the present tick; it knows no plant. *Torque estimator and observer* (Eq. 9, Fig. 3):
+
+    T_e = (T_m - J_m s omega_m)/(tau s + 1),   Omega = K/(tau s + 1) T_e,
+
+with T_m = A V - B omega_m the motor's torque at the load shaft, in discrete time by the exact step
+response of 1/(tau s + 1). s/(tau s + 1) omega_m = (omega_m - filtered omega_m)/tau needs no
+derivative. Without a tachometer omega_m is the encoder's difference: what gear play does inside
+one gap is then invisible to Eq. 9.
+"""
+
+from math import exp
+
+import numpy as np
+
+from rig.compiled import compiled
+from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, Rig
+from rig.signals import R_BALL, R_EXPOSED, R_MOTOR, R_NEW, R_THETA, R_TIME
+
+BELIEF = np.dtype(
+    [
+        ("ball", np.float64, (2,)),
+        ("velocity", np.float64, (2,)),
+        ("exposed", np.float64),
+        ("frames", np.int64),
+        ("theta", np.float64, (2,)),
+        ("rate", np.float64, (2,)),
+        ("torque_sum", np.float64, (2,)),
+        ("rate_filtered", np.float64, (2,)),
+        ("torque", np.float64, (2,)),  # T_e [N m]
+        ("observed", np.float64, (2,)),  # Omega
+        ("ticks", np.int64),
+    ]
+)
+BELIEF_SETTINGS = np.dtype(
+    [
+        (name, np.float64)
+        for name in "tick_s filter torque_per_volt damping inertia decay tau gain".split()
+    ]
+)
+
+
+def settings(rig: Rig) -> np.record:
+    q = np.zeros(1, BELIEF_SETTINGS)[0]
+    q["tick_s"] = 1 / rig.control_rate_hz
+    q["filter"] = rig.gains.ball_filter_rad_s
+    q["torque_per_volt"] = rig.servo.torque_per_volt_nm
+    q["damping"] = rig.servo.damping_nm_s
+    load = GEARS_INERTIA_HIGH_KG_M2 + rig.drive.plate_inertia_kg_m2
+    q["inertia"] = rig.servo.inertia_kg_m2 - load
+    q["tau"], q["gain"] = rig.gains.torque_filter_s, rig.gains.observer_gain
+    q["decay"] = exp(-q["tick_s"] / q["tau"])
+    return q
+
+
+def start() -> np.record:
+    belief = np.zeros(1, BELIEF)[0]
+    belief["exposed"] = -1.0
+    return belief
+
+
+@compiled
+def observe_ball(b, q, reading):
+    """Alpha-beta step at a new observation; `b.ball` and `b.velocity` are those at its exposure."""
+    if reading[R_NEW] == 0.0:
+        return
+    dt = reading[R_EXPOSED] - b.exposed
+    fresh = b.frames == 0 or dt > 0.25  # after a quarter second nothing old is worth keeping
+    rho = exp(-q.filter * dt)
+    for a in range(2):
+        if fresh:
+            b.ball[a], b.velocity[a] = reading[R_BALL + a], 0.0
+            continue
+        predicted = b.ball[a] + dt * b.velocity[a]
+        miss = reading[R_BALL + a] - predicted
+        b.ball[a] = predicted + (1.0 - rho * rho) * miss
+        b.velocity[a] += (1.0 - rho) ** 2 / dt * miss
+    b.exposed = reading[R_EXPOSED]
+    b.frames += 1
+
+
+@compiled
+def observe_torque(b, q, reading, volts):
+    """Eq. 9 for both axes from the volts applied since the last tick, shape (2,)."""
+    for a in range(2):
+        theta = reading[R_THETA + a]
+        if b.ticks == 0:
+            b.theta[a] = theta
+        difference = (theta - b.theta[a]) / q.tick_s
+        b.rate[a] = q.decay * b.rate[a] + (1.0 - q.decay) * difference
+        speed = reading[R_MOTOR + a]
+        if np.isnan(speed):
+            speed = difference
+        motor = q.torque_per_volt * volts[a] - q.damping * speed
+        b.torque_sum[a] = q.decay * b.torque_sum[a] + (1.0 - q.decay) * motor
+        b.rate_filtered[a] = q.decay * b.rate_filtered[a] + (1.0 - q.decay) * speed
+        b.torque[a] = b.torque_sum[a] - q.inertia * (speed - b.rate_filtered[a]) / q.tau
+        b.observed[a] = q.decay * b.observed[a] + (1.0 - q.decay) * q.gain * b.torque[a]
+        b.theta[a] = theta
+    b.ticks += 1
+
+
+@compiled
+def ball_now(b, t, a):
+    """Ball position on axis `a` carried on from its exposure to time t [m]."""
+    return b.ball[a] + b.velocity[a] * (t - b.exposed)
+
+
+@compiled
+def observe(b, q, reading, volts):
+    observe_ball(b, q, reading)
+    observe_torque(b, q, reading, volts)
+
+
+@compiled
+def seconds_blind(b, reading):
+    """Time since the light of the last observation [s]; large before the first."""
+    return reading[R_TIME] - b.exposed
