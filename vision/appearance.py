@@ -1,0 +1,200 @@
+"""What the ball looks like: which colours are its, and where its edge shows best.
+
+Two questions, two tools. *Is this pixel of the ball?* is answered by a table over all colours (5
+bits a channel), which holds any ball: orange, white, steel, black. *Where does it end?* is answered
+along one direction in colour space, ball minus plate whitened by the scatter of both, so that
+shading, which moves the colours of ball and plate along their own brightness, cannot bias the edge.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from vision.rays import moments
+
+BINS = 32
+NAMED = {
+    "white": "#f4f4f0",
+    "black": "#161616",
+    "grey": "#8c8c8c",
+    "gray": "#8c8c8c",
+    "steel": "#8c8c8c",
+    "silver": "#a8a8a8",
+    "orange": "#f07818",
+    "red": "#c81e1e",
+    "yellow": "#e6d21e",
+    "green": "#1e9632",
+    "cyan": "#1eb4c8",
+    "blue": "#1e46c8",
+    "purple": "#7828aa",
+    "magenta": "#c828a0",
+    "pink": "#f08cb4",
+    "brown": "#784620",
+}
+# Sensor noise and quantisation that every whitening assumes at least, grey levels.
+NOISE_FLOOR = 3.0
+# Below this many standard deviations between ball and surround the sign of the edge is not reliable
+# (a steel ball mirrors the plate); edges of either sign are then taken.
+SIGNED_ABOVE = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Appearance:
+    """The ball's looks. Colours are BGR, 0..255.
+
+    `ball_bgr` and `surround_bgr` (3,) are means; `direction` (3,) is whitened ball minus surround,
+    scaled so that a full edge is 1; `separation` is their distance in standard deviations; `table`
+    (32768,) uint8 is 255 P(ball | colour), colour = b << 10 | g << 5 | r of 5 bits each; `learned`
+    says whether it was seen in images or assumed from a name.
+    """
+
+    ball_bgr: np.ndarray
+    surround_bgr: np.ndarray
+    direction: np.ndarray
+    separation: float
+    table: np.ndarray
+    learned: bool
+
+    @property
+    def signed(self) -> bool:
+        """Whether ball and plate differ enough for the edge to have a sign."""
+        return self.separation > SIGNED_ABOVE
+
+    @staticmethod
+    def of_colour(colour: str) -> Appearance:
+        """The looks assumed of a name (see `NAMED`) or "#rrggbb"; the first lock refines them."""
+        bgr = parse_colour(colour)
+        # A mid grey stands in for a plate that has not been seen yet.
+        surround = np.full(3, 128.0)
+        contrast = bgr - surround
+        direction = contrast / max(float(contrast @ contrast), 1.0)
+        return Appearance(bgr, surround, direction, 0.0, _named_table(bgr), learned=False)
+
+    @staticmethod
+    def learn(image: np.ndarray, u_px: float, v_px: float, radius_px: float) -> Appearance:
+        """The looks of the disc at (u_px, v_px) in an image (h, w, 3) uint8 BGR."""
+        start = Appearance(*_contrast(image, u_px, v_px, radius_px), _EMPTY, learned=True)
+        return replace(start, table=_learned_table(image, u_px, v_px, radius_px))
+
+    def adapted(
+        self, image: np.ndarray, u_px: float, v_px: float, radius_px: float, share: float
+    ) -> Appearance:
+        """Moved by `share` (0..1) towards what the disc looks like now: light and plate change."""
+        ball, surround, direction, separation = _contrast(image, u_px, v_px, radius_px)
+        return replace(
+            self,
+            ball_bgr=self.ball_bgr + share * (ball - self.ball_bgr),
+            surround_bgr=self.surround_bgr + share * (surround - self.surround_bgr),
+            direction=self.direction + share * (direction - self.direction),
+            separation=self.separation + share * (separation - self.separation),
+        )
+
+    def here(
+        self, image: np.ndarray, u_px: float, v_px: float, radius_px: float
+    ) -> tuple[np.ndarray, float]:
+        """(direction (3,), separation) measured at this very place of the image."""
+        return _contrast(image, u_px, v_px, radius_px)[2:]
+
+
+_EMPTY = np.zeros(BINS**3, np.uint8)
+
+
+def parse_colour(colour: str) -> np.ndarray:
+    """(3,) BGR of a name in `NAMED` or of "#rrggbb"; raises `ValueError` otherwise."""
+    text = NAMED.get(colour.strip().lower(), colour.strip())
+    if not re.fullmatch(r"#[0-9a-fA-F]{6}", text):
+        names = ", ".join(NAMED)
+        raise ValueError(f"ball colour {colour!r} is not known; use #rrggbb or one of {names}")
+    r, g, b = (int(text[i : i + 2], 16) for i in (1, 3, 5))
+    return np.array([b, g, r], float)
+
+
+def _contrast(
+    image: np.ndarray, u: float, v: float, radius: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """(ball (3,), surround (3,), direction (3,), separation): Fisher's discriminant.
+
+    direction = S^-1 d / (d' S^-1 d), d = ball - surround, S = scatter of both + noise floor.
+    """
+    n_ball, ball, ball_scatter = moments(image, u, v, 0.0, 0.8 * radius)
+    n_ring, ring, ring_scatter = moments(image, u, v, 1.25 * radius, 1.7 * radius + 2.0)
+    if n_ball < 4 or n_ring < 4:
+        return ball, ring, np.full(3, 1e-3), 0.0
+    scatter = 0.5 * (ball_scatter + ring_scatter) + NOISE_FLOOR**2 * np.eye(3)
+    d = ball - ring
+    whitened = np.linalg.solve(scatter, d)
+    power = max(float(d @ whitened), 1e-9)
+    return ball, ring, whitened / power, float(np.sqrt(power))
+
+
+def _grid_bgr() -> np.ndarray:
+    """(32768, 3) BGR at the middle of each bin, in the table's order."""
+    level = (np.arange(BINS) + 0.5) * 256 / BINS
+    return np.stack(np.meshgrid(level, level, level, indexing="ij"), -1).reshape(-1, 3)
+
+
+def _named_table(bgr: np.ndarray) -> np.ndarray:
+    """P(ball | colour) of an assumed colour: by hue where it has one, else by brightness.
+
+    Shading keeps hue and saturation and changes brightness, so the tolerance in brightness is wide
+    for a coloured ball; a colourless one has little but its brightness.
+    """
+    grid = _grid_bgr()
+    top, low = grid.max(1), grid.min(1)
+    saturation = (top - low) / top
+    want_top = max(float(bgr.max()), 1.0)
+    want_saturation = (want_top - float(bgr.min())) / want_top
+    if want_saturation > 0.25:
+        turn = np.abs(_hue(grid) - _hue(bgr[None])) % 360
+        turn = np.minimum(turn, 360 - turn)
+        score = np.exp(-0.5 * (turn / 16.0) ** 2)
+        score *= np.clip((saturation - 0.3 * want_saturation) / (0.3 * want_saturation), 0, 1)
+        score *= np.clip((top - 0.12 * want_top) / (0.12 * want_top), 0, 1)
+    else:
+        # Colourless: in the dark saturation is noise, so chroma is what is judged.
+        score = np.exp(-0.5 * ((top - low) / 22.0) ** 2)
+        score *= np.exp(-0.5 * ((grid.mean(1) - bgr.mean()) / 38.0) ** 2)
+    return np.round(255 * score).astype(np.uint8)
+
+
+def _hue(bgr: np.ndarray) -> np.ndarray:
+    """Hue in degrees (n,) of colours (n, 3): the angle in the opponent plane."""
+    b, g, r = bgr[:, 0], bgr[:, 1], bgr[:, 2]
+    return np.degrees(np.arctan2(np.sqrt(3.0) * (g - b), 2.0 * r - g - b)) % 360
+
+
+def _histogram(colours: np.ndarray) -> np.ndarray:
+    """Smoothed density (32, 32, 32) of colours (n, 3), sum 1."""
+    bins = np.clip(colours, 0, 255).astype(np.int64) >> 3
+    index = bins[:, 0] << 10 | bins[:, 1] << 5 | bins[:, 2]
+    counts = np.bincount(index, minlength=BINS**3).astype(np.float32).reshape((BINS,) * 3)
+    for axis in range(3):
+        counts = np.moveaxis(counts, axis, 0)
+        flat = np.ascontiguousarray(counts.reshape(BINS, -1))
+        flat = cv2.GaussianBlur(flat, (1, 7), sigmaX=1.2, sigmaY=1.2, borderType=cv2.BORDER_REFLECT)
+        counts = np.moveaxis(flat.reshape(counts.shape), 0, axis)
+    return counts / max(float(counts.sum()), 1e-9)
+
+
+def _learned_table(image: np.ndarray, u: float, v: float, radius: float) -> np.ndarray:
+    """P(ball | colour) from the disc's colours against those of the rest of the image.
+
+    The disc's colours count at several brightnesses too: it will roll through light and shade.
+    """
+    h, w = image.shape[:2]
+    grid_v, grid_u = np.mgrid[0:h, 0:w]
+    distance = np.hypot(grid_u - u, grid_v - v)
+    disc = image[distance < max(0.85 * radius, 1.5)].reshape(-1, 3).astype(float)
+    ring = image[(distance > 1.25 * radius + 1) & (distance < 2.5 * radius + 4)].reshape(-1, 3)
+    rest = image[distance > 1.25 * radius + 1].reshape(-1, 3)
+    step = max(1, len(rest) // 40000)
+    shaded = np.concatenate([disc * gain for gain in (0.6, 0.75, 0.88, 1.0, 1.0, 1.0, 1.12, 1.25)])
+    ball = _histogram(shaded)
+    plate = 0.5 * _histogram(rest[::step].astype(float)) + 0.5 * _histogram(ring.astype(float))
+    # The floor keeps colours that neither has shown from counting as the ball's.
+    floor = 0.002 * float(ball.max())
+    return np.round(255 * ball / (ball + plate + floor)).astype(np.uint8).reshape(-1)

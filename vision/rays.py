@@ -1,0 +1,268 @@
+"""Compiled kernels: where the ball ends along polar rays, and the robust ellipse through it.
+
+Everything here works on the scalar image p = w . bgr, in which the ball is bright (+) and the plate
+dark (-), whatever their colours; `w` is `Appearance.direction`.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+STEP = 0.5  # sampling along a ray, px
+HALF = 6  # half width of the derivative kernel, samples
+_sigma = 2.2  # samples, i.e. 1.1 px: about the edge blur of a focused lens, so near its optimum
+_taps = np.arange(1, HALF + 1)
+KERNEL = np.exp(-0.5 * (_taps / _sigma) ** 2) * _taps
+KERNEL /= KERNEL.sum()
+
+
+@numba.njit(cache=True, fastmath=True)
+def _project(image, i0, i1, j0, j1, w):
+    """p (i1 - i0, j1 - j0) float32 of a window: a third of the memory for the rays to read."""
+    out = np.empty((i1 - i0, j1 - j0), np.float32)
+    w0, w1, w2 = np.float32(w[0]), np.float32(w[1]), np.float32(w[2])
+    for i in range(i0, i1):
+        for j in range(j0, j1):
+            out[i - i0, j - j0] = (
+                w0 * np.float32(image[i, j, 0])
+                + w1 * np.float32(image[i, j, 1])
+                + w2 * np.float32(image[i, j, 2])
+            )
+    return out
+
+
+@numba.njit(cache=True)
+def _sample(p, x, y):
+    """p at the sub-pixel place (x, y), bilinear; NaN outside."""
+    if not (x >= 0.0 and y >= 0.0 and x < p.shape[1] - 1 and y < p.shape[0] - 1):
+        return np.nan
+    i, j = int(y), int(x)
+    fy, fx = y - i, x - j
+    top = p[i, j] + (p[i, j + 1] - p[i, j]) * fx
+    low = p[i + 1, j] + (p[i + 1, j + 1] - p[i + 1, j]) * fx
+    return top + (low - top) * fy
+
+
+@numba.njit(cache=True)
+def _steepest(profile, n, r_first, r_guess, kernel, signed):
+    """(radius, strength, valid) of the strongest fall of a profile of n samples.
+
+    The place is the centroid of the derivative above half its peak: unbiased for a sharp edge and
+    for the symmetric ramp of motion blur alike.
+    """
+    half = kernel.size
+    edge = np.zeros(n)
+    best, peak = -1, 0.0
+    for k in range(half, n - half):
+        d = 0.0
+        for m in range(half):
+            d += kernel[m] * (profile[k - 1 - m] - profile[k + 1 + m])
+        if not signed:
+            d = abs(d)
+        edge[k] = d  # NaN where the ray leaves the image, and then never the best
+        off = (r_first + k * STEP - r_guess) / (0.5 * r_guess)
+        if d > peak * (1.0 + off * off):
+            peak, best = d / (1.0 + off * off), k
+    if best < 0:
+        return np.nan, 0.0
+    floor = 0.5 * edge[best]
+    lo, hi = best, best
+    while lo > half and edge[lo - 1] > floor:
+        lo -= 1
+    while hi < n - half - 1 and edge[hi + 1] > floor:
+        hi += 1
+    total, moment = 0.0, 0.0
+    for k in range(lo, hi + 1):
+        total += edge[k] - floor
+        moment += (edge[k] - floor) * k
+    place = moment / total if total > 0.0 else float(best)
+    return r_first + place * STEP, edge[best]
+
+
+@numba.njit(cache=True)
+def cast(image, u, v, radius, reach, w, n_rays, signed, kernel):
+    """Edge points (n_rays, 2) px (NaN: none), strength (n_rays,) and how many rays lay inside.
+
+    Rays run from (1 - reach) to (1 + reach) times `radius` about (u, v).
+    """
+    points = np.full((n_rays, 2), np.nan)
+    strength = np.zeros(n_rays)
+    half = kernel.size
+    r_first = max(0.0, radius * (1.0 - reach) - half * STEP)
+    n = int((radius * (1.0 + reach) - r_first) / STEP) + half + 1
+    profile = np.empty(n)
+    far = int(r_first + n * STEP) + 2
+    i0, i1 = max(0, int(v) - far), min(image.shape[0], int(v) + far + 1)
+    j0, j1 = max(0, int(u) - far), min(image.shape[1], int(u) + far + 1)
+    inside = 0
+    if i1 - i0 < 3 or j1 - j0 < 3:
+        return points, strength, inside
+    p = _project(image, i0, i1, j0, j1, w)
+    x0, y0 = u - j0, v - i0
+    for i in range(n_rays):
+        angle = 2.0 * np.pi * i / n_rays
+        c, s = np.cos(angle), np.sin(angle)
+        for k in range(n):
+            r = r_first + k * STEP
+            profile[k] = _sample(p, x0 + r * c, y0 + r * s)
+        if not np.isnan(_sample(p, x0 + radius * c, y0 + radius * s)):
+            inside += 1
+        r, strength[i] = _steepest(profile, n, r_first, radius, kernel, signed)
+        points[i, 0], points[i, 1] = u + r * c, v + r * s
+    return points, strength, inside
+
+
+@numba.njit(cache=True)
+def _solve(A, b):
+    """x of A x = b by Gauss-Jordan elimination, and A^-1; A symmetric positive definite."""
+    n = A.shape[0]
+    M = np.zeros((n, 2 * n + 1))
+    M[:, :n] = A
+    M[:, n] = b
+    for i in range(n):
+        M[i, n + 1 + i] = 1.0
+    for i in range(n):
+        M[i] /= M[i, i]
+        for k in range(n):
+            if k != i:
+                M[k] -= M[k, i] * M[i]
+    return M[:, n].copy(), M[:, n + 1 :].copy()
+
+
+@numba.njit(cache=True)
+def _scale(residual, used, floor):
+    """Robust standard deviation of the residuals: 1.4826 median |r| over the used points."""
+    values = np.abs(residual[used])
+    return max(floor, 1.4826 * np.median(values)) if values.size else floor
+
+
+@numba.njit(cache=True)
+def fit(points, weight, u, v, radius, flat_std, rounds):
+    """Robust ellipse r(a) = R + x cos a + y sin a + c cos 2a + s sin 2a through edge points.
+
+    A centred ellipse (and a streak, the disc swept along a line) has even harmonics only, so the
+    first harmonic is the centre's error; it is moved away and the angles are taken anew. Tukey
+    weights; c and s are held near 0 with `flat_std` (share of R), which matters when an arc is
+    hidden. Returns (u, v, R, variance per axis, rms of the inliers, inlier flags).
+    """
+    n = points.shape[0]
+    used = np.isfinite(points[:, 0]) & (weight > 0.0)
+    residual = np.zeros(n)
+    good = used.copy()
+    q = np.zeros(5)
+    q[0] = radius
+    A, inverse = np.zeros((5, 5)), np.zeros((5, 5))
+    row = np.zeros(5)
+    scale, variance, rms = 0.3 * radius, np.inf, np.inf
+    for k in range(rounds + 1):
+        A[:] = 0.0
+        b = np.zeros(5)
+        noise = max(scale, 0.02) ** 2
+        cut = 4.685 * scale
+        for i in range(n):
+            if not used[i]:
+                continue
+            du, dv = points[i, 0] - u, points[i, 1] - v
+            r = np.sqrt(du * du + dv * dv) + 1e-12
+            c, s = du / r, dv / r
+            row[0], row[1], row[2], row[3], row[4] = 1.0, c, s, c * c - s * s, 2.0 * c * s
+            # In the first round the model is the guess, a circle.
+            e = r - (q[0] + q[3] * row[3] + q[4] * row[4])
+            residual[i] = e
+            if abs(e) < cut:
+                t = weight[i] * (1.0 - (e / cut) ** 2) ** 2
+                for m in range(5):
+                    b[m] += t * row[m] * r
+                    for o in range(5):
+                        A[m, o] += t * row[m] * row[o]
+        if k == rounds:
+            break
+        A[0, 0] += noise / (0.3 * radius) ** 2
+        b[0] += noise / (0.3 * radius) ** 2 * radius
+        A[1, 1] += 1e-9
+        A[2, 2] += 1e-9
+        A[3, 3] += noise / (flat_std * radius) ** 2
+        A[4, 4] += noise / (flat_std * radius) ** 2
+        q, inverse = _solve(A, b)
+        u, v = u + q[1], v + q[2]
+        fresh = _after(points, used, q, u, v)
+        scale = max(_scale(fresh, used, 0.02), 0.25 * scale)
+    good = used & (np.abs(residual) < 3.0 * scale)
+    count, total = 0, 0.0
+    for i in range(n):
+        if good[i]:
+            count += 1
+            total += residual[i] ** 2
+    if count > 5:
+        rms = np.sqrt(total / count)
+        variance = total / (count - 5) * 0.5 * (inverse[1, 1] + inverse[2, 2])
+    return u, v, q[0], variance, rms, good
+
+
+@numba.njit(cache=True)
+def _after(points, used, q, u, v):
+    """Residuals (n,) px of the points against the ellipse q about its own centre (u, v)."""
+    out = np.zeros(points.shape[0])
+    for i in range(points.shape[0]):
+        if used[i]:
+            du, dv = points[i, 0] - u, points[i, 1] - v
+            r = np.sqrt(du * du + dv * dv) + 1e-12
+            c, s = du / r, dv / r
+            out[i] = r - (q[0] + q[3] * (c * c - s * s) + q[4] * 2.0 * c * s)
+    return out
+
+
+@numba.njit(cache=True)
+def moments(image, u, v, r_in, r_out):
+    """(count, mean (3,), covariance (3, 3)) of the colours with r_in <= r < r_out about (u, v)."""
+    h, wd, _ = image.shape
+    total, mean, cov = 0, np.zeros(3), np.zeros((3, 3))
+    step = max(1, int(r_out / 16.0))
+    for i in range(max(0, int(v - r_out)), min(h, int(v + r_out) + 2), step):
+        for j in range(max(0, int(u - r_out)), min(wd, int(u + r_out) + 2), step):
+            d = (i - v) ** 2 + (j - u) ** 2
+            if r_in * r_in <= d < r_out * r_out:
+                total += 1
+                for c in range(3):
+                    mean[c] += image[i, j, c]
+                    for e in range(3):
+                        cov[c, e] += float(image[i, j, c]) * image[i, j, e]
+    if total:
+        mean /= total
+        for c in range(3):
+            for e in range(3):
+                cov[c, e] = cov[c, e] / total - mean[c] * mean[e]
+    return total, mean, cov
+
+
+@numba.njit(cache=True)
+def share(image, table, u, v, r_in, r_out):
+    """Mean table value (0..1) of the colours with r_in <= r < r_out about (u, v); 0 where none."""
+    h, wd, _ = image.shape
+    total, hits = 0, 0.0
+    step = max(1, int(r_out / 16.0))
+    for i in range(max(0, int(v - r_out)), min(h, int(v + r_out) + 2), step):
+        for j in range(max(0, int(u - r_out)), min(wd, int(u + r_out) + 2), step):
+            d = (i - v) ** 2 + (j - u) ** 2
+            if r_in * r_in <= d < r_out * r_out:
+                b, g, r = image[i, j, 0] >> 3, image[i, j, 1] >> 3, image[i, j, 2] >> 3
+                total += 1
+                hits += table[(int(b) << 10) | (int(g) << 5) | int(r)]
+    return hits / total / 255.0 if total else 0.0
+
+
+@numba.njit(cache=True)
+def lookup(image, table, step):
+    """Table values (h // step, w // step) uint8 of the colours of every step-th pixel."""
+    h, wd = image.shape[0] // step, image.shape[1] // step
+    out = np.empty((h, wd), np.uint8)
+    for i in range(h):
+        for j in range(wd):
+            b, g, r = (
+                image[i * step, j * step, 0] >> 3,
+                image[i * step, j * step, 1] >> 3,
+                image[i * step, j * step, 2] >> 3,
+            )
+            out[i, j] = table[(int(b) << 10) | (int(g) << 5) | int(r)]
+    return out
