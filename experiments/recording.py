@@ -1,0 +1,246 @@
+"""Record a run tick by tick or at once, and read it back.
+
+A row is given to the operating system in the tick in which it is appended (one small write), so
+that a kill -9 takes none of the rows before it.
+"""
+
+import errno
+import math
+import os
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.run_folder import (
+    nanoseconds,
+    new_run_folder,
+    plain,
+    read_meta,
+    refuse_second_run,
+    replace,
+    replace_json,
+    reserve,
+    start_record,
+    stop_record,
+    write_truth,
+)
+from experiments.samples_reading import Samples, read_samples
+from experiments.samples_schema import event_message, finished_file, opening, pack, plain_ending
+from rig.log import COLUMNS, Log
+
+__all__ = [
+    "Recorder",
+    "Run",
+    "new_run_folder",
+    "read_run",
+    "recover",
+    "write_run",
+    "write_truth",
+]
+
+DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+STILL_S = 0.3  # a recording that has not grown for so long is not being written
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A run as read: `meta` is run.json and "truncated" (the samples end before their time)."""
+
+    folder: Path
+    meta: dict
+    log: Log
+    events: list[dict]
+
+
+class Recorder:
+    """Records a run while it happens; a context manager that also notes how the run ended.
+
+    `folder`: made where missing. `start`: the start record, "source" ("simulated" or "measured")
+    and what else is known of `START_KEYS`; further keys are kept. FileExistsError: the folder
+    holds a run already. OSError: nothing can be written there.
+    """
+
+    def __init__(self, folder: Path | str, start: dict) -> None:
+        self.folder = Path(folder)
+        self.rows = 0
+        self._start = start_record(start)
+        self._start_ns = nanoseconds(self._start["created"])
+        self._events = 0
+        self._last_s = math.nan
+        self._finished = False
+        self._record = pack(np.zeros((1, len(COLUMNS))), 0)
+        self._bytes = self._record.view(np.uint8).data
+        self._values = self._record["cells"]["value"][0]
+        self._size = 0
+        refuse_second_run(self.folder)
+        self.folder.mkdir(parents=True, exist_ok=True)
+        replace_json(self.folder / "run.json", self._start)
+        reserve(self.folder / "run.json")
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+        self._file = os.open(self.folder / "samples.mcap", flags, 0o644)
+        try:
+            self._write(opening())
+        except OSError:
+            os.close(self._file)
+            raise
+
+    def append(self, row: np.ndarray) -> None:
+        """Record the row (len(COLUMNS),) of one tick. ValueError: its shape or time is wrong.
+
+        OSError: it could not be written (a full disk); all rows before it stay readable.
+        """
+        if len(row) != len(COLUMNS):
+            raise ValueError(f"a row has {len(COLUMNS)} columns (rig.log.COLUMNS), not {len(row)}")
+        t_s = float(row[0])
+        if not math.isfinite(t_s):
+            raise ValueError("a row without a time (t_s) cannot be recorded")
+        record = self._record
+        record["sequence"] = self.rows
+        record["log_time"] = record["publish_time"] = self._start_ns + round(t_s * 1e9)
+        self._values[:] = row
+        self._write(self._bytes)
+        self._last_s = t_s
+        self.rows += 1
+
+    def event(self, t_s: float, text: str, **data: Any) -> None:
+        """Record that `text` happened at `t_s`, with whatever JSON can hold as `data`."""
+        event = plain({"t_s": float(t_s), "text": text, **data})
+        self._write(event_message(event, self._start_ns, self._events)[1])
+        self._events += 1
+
+    def finish(self, outcome: str, reason: str = "") -> None:
+        """End the recording and write the stop record. ValueError: it was ended before.
+
+        The samples are rewritten compressed and indexed; where there is no room for that they
+        stay as they are, complete all the same.
+        """
+        if self._finished:
+            raise ValueError(f"the recording in {self.folder} is finished already")
+        self._finished = True
+        try:
+            with suppress(OSError):  # without an ending the rows are readable too
+                self._write(plain_ending())
+        finally:
+            os.close(self._file)
+        duration_s = self._last_s if self.rows else None
+        stop = stop_record(self._start, outcome, reason, self.rows, duration_s)
+        replace_json(self.folder / "run.json", stop)
+        with suppress(OSError):
+            self._compress()
+
+    def __enter__(self) -> "Recorder":
+        return self
+
+    def __exit__(self, kind: type | None, error: BaseException | None, _: object) -> None:
+        """Finish what nobody finished: "done", "interrupted" or "aborted" with its reason."""
+        if self._finished:
+            return
+        if error is None:
+            self.finish("done")
+            return
+        try:
+            if isinstance(error, KeyboardInterrupt):
+                self.finish("interrupted", "by the operator")
+            else:
+                self.finish("aborted", f"{type(error).__name__}: {error}")
+        except OSError as second:  # the first error is the one to hear of
+            error.add_note(f"run.json has no outcome: {second}")
+
+    def _compress(self) -> None:
+        """Rewrite the samples compressed and indexed, if every row is found again."""
+        path = self.folder / "samples.mcap"
+        samples = read_samples(path.read_bytes())
+        if samples.complete and len(samples.rows) >= self.rows:
+            _rewrite(path, samples, self._start_ns)
+
+    def _write(self, data: bytes | memoryview) -> None:
+        """Give all of `data` to the system, or none: half a record is taken back."""
+        written = 0
+        try:
+            while written < len(data):
+                written += os.write(self._file, data[written:])
+        except OSError as error:
+            with suppress(OSError):
+                os.ftruncate(self._file, self._size)
+                os.lseek(self._file, self._size, os.SEEK_SET)
+            cure = "free disk space" if error.errno in DISK_ERRORS else "check the disk"
+            raise OSError(
+                error.errno,
+                f"{self.folder}: recording failed after {self.rows} rows, which stay readable "
+                f"({os.strerror(error.errno or 0)}): {cure}",
+            ) from error
+        self._size += written
+
+
+def write_run(
+    folder: Path | str,
+    start: dict,
+    log: Log,
+    events: Sequence[dict] = (),
+    outcome: str = "done",
+    reason: str = "",
+) -> None:
+    """Write a whole finished run at once, as a `Recorder` would have left it.
+
+    `events`: dicts with "t_s", "text" and plain data. FileExistsError: the folder holds a run.
+    """
+    folder, record = Path(folder), start_record(start)
+    refuse_second_run(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    pieces = finished_file(log.rows, plain(list(events)), nanoseconds(record["created"]))
+    with (folder / "samples.mcap").open("xb") as file:
+        file.writelines(pieces)
+    duration_s = float(log["t_s"][-1]) if len(log) else None
+    stop = stop_record(record, outcome, reason, len(log), duration_s)
+    replace_json(folder / "run.json", stop)
+
+
+def read_run(folder: Path | str) -> Run:
+    """Read a run folder, also one that was cut off by a kill (meta["truncated"] tells).
+
+    FileNotFoundError, ValueError: no run, or not readable as one.
+    """
+    folder = Path(folder)
+    for name in ("run.json", "samples.mcap"):
+        if not (folder / name).is_file():
+            raise FileNotFoundError(f"{folder} is no run folder: it has no {name}")
+    try:
+        meta = read_meta(folder)
+        samples = read_samples((folder / "samples.mcap").read_bytes())
+    except ValueError as error:
+        raise ValueError(f"{folder} is not readable as a run: {error}") from error
+    meta["truncated"] = not samples.complete
+    return Run(folder, meta, Log.from_rows(samples.rows), samples.events)
+
+
+def recover(folder: Path | str) -> Run:
+    """Complete a run that was killed: whole records compressed and indexed, outcome "killed".
+
+    A complete run is only read. Errors as of `read_run`; ValueError: it is still being recorded;
+    OSError: no room for the new file (the old one stays).
+    """
+    run = read_run(folder)
+    path = run.folder / "samples.mcap"
+    if run.meta["truncated"]:
+        size = path.stat().st_size
+        time.sleep(STILL_S)
+        if path.stat().st_size != size:
+            raise ValueError(f"{run.folder} is still being recorded: stop that run first")
+        start_ns = nanoseconds(run.meta["created"])
+        _rewrite(path, Samples(run.log.rows, run.events), start_ns)
+    if run.meta["outcome"] is None:
+        meta = {key: value for key, value in run.meta.items() if key != "truncated"}
+        last_s = float(run.log["t_s"][-1]) if len(run.log) else None
+        meta = stop_record(meta, "killed", "recovered later", len(run.log), last_s)
+        replace_json(run.folder / "run.json", meta)
+    return read_run(folder)
+
+
+def _rewrite(path: Path, samples: Samples, start_ns: int) -> None:
+    """Replace a file by its compressed and indexed form; it is whole at every moment."""
+    replace(path, finished_file(samples.rows, samples.events, start_ns), sync=True)

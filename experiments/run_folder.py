@@ -1,0 +1,153 @@
+"""A run folder's small files: its name, run.json (start and stop record), truth.json.
+
+run.json is a start record (all known before) that the end completes with a stop record (outcome,
+reason, rows, duration); outcome null: the run is on, or was killed.
+"""
+
+import json
+import math
+import os
+import re
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import asdict, is_dataclass
+from datetime import UTC, datetime, timedelta
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+SCHEMA = 1
+SOURCES = ("simulated", "measured")
+START_KEYS = ("source", "protocol", "arm", "seed", "rig", "calibration", "versions", "created")
+RESERVE_BYTES = 8192
+
+
+def new_run_folder(parent: Path, protocol: str, arm: str, now: datetime | None = None) -> Path:
+    """Make and return `<UTC time>-<protocol>-<arm>` in `parent`, with -2, -3... if it exists.
+
+    Characters that some file systems refuse become `_`.
+    """
+    stamp = (now or datetime.now(UTC)).astimezone(UTC).strftime("%Y%m%dT%H%M%S")
+    name = re.sub(r"[^A-Za-z0-9_.-]+", "_", f"{stamp}-{protocol}-{arm}")
+    count = 1
+    while True:
+        folder = Path(parent) / (name if count == 1 else f"{name}-{count}")
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            count += 1
+        else:
+            return folder
+
+
+def write_truth(folder: Path | str, truth: dict) -> None:
+    """Write truth.json: what a simulated plant really was, for scorers alone."""
+    replace_json(Path(folder) / "truth.json", plain(truth))
+
+
+def refuse_second_run(folder: Path) -> None:
+    """FileExistsError where `folder` holds a run."""
+    if any((folder / name).exists() for name in ("run.json", "samples.mcap")):
+        raise FileExistsError(f"{folder} holds a run already: choose another folder")
+
+
+def start_record(start: dict) -> dict:
+    """Return run.json as it stands before the end; unknown entries of `START_KEYS` are null."""
+    if start.get("source") not in SOURCES:
+        raise ValueError(f"source of a run: {' or '.join(SOURCES)}, not {start.get('source')!r}")
+    now = datetime.now(UTC).isoformat()
+    known = {"versions": _versions(), "created": now, **start}
+    record = {"schema": SCHEMA, **{key: known.get(key) for key in START_KEYS}, **known}
+    return plain({**record, "outcome": None})
+
+
+def stop_record(
+    start: dict, outcome: str, reason: str, rows: int, duration_s: float | None
+) -> dict:
+    """Return run.json as it stands after the end; `duration_s` is the last row's time."""
+    stop = {"outcome": outcome, "reason": reason, "rows": rows, "duration_s": duration_s}
+    return plain({**start, **stop})
+
+
+def nanoseconds(created: str) -> int:
+    """Return the time of an ISO date in ns since 1970 UTC. ValueError: not one, or no zone."""
+    time = datetime.fromisoformat(created)
+    if time.tzinfo is None:
+        raise ValueError(f"created: {created} has no time zone; write it like 2026-11-20T10:15:02Z")
+    return (time - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1) * 1000
+
+
+@cache
+def _versions() -> dict[str, str]:
+    """Return what the numbers of a run may depend on."""
+    import platform
+    from importlib.metadata import PackageNotFoundError, version
+
+    found = {"python": platform.python_version(), "platform": platform.platform()}
+    for package in ("balancing-table-rig", "numpy", "numba", "scipy", "opencv-python-headless"):
+        with suppress(PackageNotFoundError):
+            found[package] = version(package)
+    return found
+
+
+def plain(value: Any) -> Any:
+    """Return `value` as JSON can hold it; not finite numbers as "inf", "-inf", "nan"."""
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple | set):
+        return [plain(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if is_dataclass(value) and not isinstance(value, type):
+        return plain(asdict(value))
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)  # which float() and pydantic read back
+    if isinstance(value, Path):
+        return str(value)
+    return value
+
+
+def replace_json(path: Path, content: dict) -> None:
+    """Write `content` so that whoever reads sees the old file or the new one, never a part."""
+    replace(path, [json.dumps(content, indent=2, allow_nan=False).encode() + b"\n"])
+
+
+def replace(path: Path, pieces: Iterable[bytes], *, sync: bool = False) -> None:
+    """Write a new file beside `path` and put it in its place. OSError: the old one stays."""
+    part = _part(path)
+    try:
+        with part.open("r+b" if part.exists() else "wb") as file:  # r+b: keep what is reserved
+            file.writelines(pieces)
+            file.truncate()
+            if sync:
+                file.flush()
+                os.fsync(file.fileno())
+        part.replace(path)
+    except BaseException:
+        with suppress(OSError):
+            part.unlink()
+        raise
+
+
+def reserve(path: Path) -> None:
+    """Keep room on the disk for the next `replace` of the small file `path`."""
+    _part(path).write_bytes(b" " * RESERVE_BYTES)
+
+
+def _part(path: Path) -> Path:
+    """Return where a file is written before it takes the place of `path`."""
+    return path.with_name(path.name + ".part")
+
+
+def read_meta(folder: Path) -> dict:
+    """Read run.json. ValueError: it is no record of a run, or of a newer version."""
+    meta = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    if not isinstance(meta, dict) or not isinstance(meta.get("schema"), int):
+        raise ValueError("run.json has no schema number")
+    if meta["schema"] > SCHEMA:
+        raise ValueError(
+            f"run.json has schema {meta['schema']}, this program knows {SCHEMA}: update"
+        )
+    return meta

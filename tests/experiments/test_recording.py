@@ -1,0 +1,406 @@
+"""A run is recorded, killed, cut short by a full disk, and read back bit for bit."""
+
+import errno
+import json
+import mmap
+import os
+import random
+import signal
+import struct
+import subprocess
+import sys
+import threading
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from experiments import recording
+from experiments.recording import (
+    Recorder,
+    new_run_folder,
+    read_run,
+    recover,
+    write_run,
+    write_truth,
+)
+from rig.log import COLUMNS, Log
+
+START = {"source": "simulated", "protocol": "hold", "arm": "with", "seed": 7}
+ANY = st.floats(allow_nan=True, allow_infinity=True, width=64)
+ROWS = arrays(np.float64, st.tuples(st.integers(0, 5), st.just(len(COLUMNS))), elements=ANY)
+EVENTS = [{"t_s": 0.0, "text": "begin"}, {"t_s": 0.5, "text": "push", "speed_m_s": [0.1, -0.2]}]
+
+
+def example(n=100, seed=1):
+    rows = np.random.default_rng(seed).normal(size=(n, len(COLUMNS)))
+    rows[:, 0] = np.arange(n) * 0.002
+    rows[1::2, 5:7] = np.nan
+    return rows
+
+
+def record(folder, rows, events=EVENTS):
+    recorder = Recorder(folder, START)
+    for event in events:
+        recorder.event(**event)
+    for row in rows:
+        recorder.append(row)
+    return recorder
+
+
+def assert_rows(log, rows):
+    assert log.rows.tobytes("C") == np.ascontiguousarray(rows).tobytes()
+
+
+@settings(max_examples=25, deadline=None)
+@given(ROWS, st.booleans())
+def test_rows_come_back_bit_for_bit(tmp_path_factory, rows, at_once):
+    rows[:, 0] = np.arange(len(rows)) * 0.002
+    folder = tmp_path_factory.mktemp("runs") / "run"
+    if at_once:
+        write_run(folder, START, Log.from_rows(rows), EVENTS)
+    else:
+        record(folder, rows).finish("done")
+    run = read_run(folder)
+    assert_rows(run.log, rows)
+    assert run.events == EVENTS
+    assert run.meta["truncated"] is False
+    assert run.meta["rows"] == len(rows)
+
+
+def test_several_chunks_and_events_among_rows(tmp_path):
+    rows = example(5000)
+    recorder = Recorder(tmp_path / "a", START)
+    for i, row in enumerate(rows):
+        if i % 700 == 3:
+            recorder.event(row[0], "tick", number=i)
+        recorder.append(row)
+    before = read_run(tmp_path / "a")
+    recorder.finish("done")
+    after = read_run(tmp_path / "a")
+    for run in before, after:
+        assert_rows(run.log, rows)
+        assert [event["number"] for event in run.events] == list(range(3, 5000, 700))
+    assert (before.meta["truncated"], after.meta["truncated"]) == (True, False)
+    assert (before.meta["outcome"], after.meta["outcome"]) == (None, "done")
+
+
+def test_both_ways_of_writing_leave_the_same_files(tmp_path):
+    start = {**START, "created": "2026-11-20T10:15:02Z", "more": "kept"}
+    rows = example()
+    recorder = Recorder(tmp_path / "a", start)
+    for event in EVENTS:
+        recorder.event(**event)
+    for row in rows:
+        recorder.append(row)
+    recorder.finish("ball-lost", "it left the plate")
+    log = Log.from_rows(rows)
+    write_run(tmp_path / "b", start, log, EVENTS, "ball-lost", "it left the plate")
+    for name in ("run.json", "samples.mcap"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+    assert sorted(path.name for path in (tmp_path / "a").iterdir()) == ["run.json", "samples.mcap"]
+
+
+def test_run_json_has_a_start_record_and_then_a_stop_record(tmp_path):
+    rig = {"limit_V": np.inf, "gain": np.float64(1.5), "corners": np.eye(2), "file": Path("r.toml")}
+    recorder = Recorder(tmp_path, {**START, "rig": rig})
+    start = json.loads((tmp_path / "run.json").read_text())
+    assert list(start)[:3] == ["schema", "source", "protocol"]
+    assert start["outcome"] is None
+    assert start["calibration"] is None
+    assert start["versions"]["numpy"] == np.__version__
+    assert start["rig"] == {
+        "limit_V": "inf",
+        "gain": 1.5,
+        "corners": [[1, 0], [0, 1]],
+        "file": "r.toml",
+    }
+    assert abs(datetime.fromisoformat(start["created"]) - datetime.now(UTC)).total_seconds() < 60
+    recorder.append(example()[3])
+    recorder.finish("done", "target reached")
+    stop = json.loads((tmp_path / "run.json").read_text())
+    assert stop == start | {
+        "outcome": "done",
+        "reason": "target reached",
+        "rows": 1,
+        "duration_s": 0.006,
+    }
+    with pytest.raises(ValueError, match="finished already"):
+        recorder.finish("done")
+
+
+def test_truth_stands_in_its_own_file(tmp_path):
+    write_run(tmp_path, START, Log.from_rows(example()))
+    write_truth(tmp_path, {"effects": {"saturation": {"x": {"limit_V": np.inf}}}})
+    truth = json.loads((tmp_path / "truth.json").read_text())
+    assert float(truth["effects"]["saturation"]["x"]["limit_V"]) == np.inf
+    assert "effects" not in (tmp_path / "run.json").read_text()
+
+
+@pytest.mark.parametrize(
+    ("error", "outcome", "reason"),
+    [
+        (None, "done", ""),
+        (ValueError("encoder silent"), "aborted", "ValueError: encoder silent"),
+        (KeyboardInterrupt(), "interrupted", "by the operator"),
+        (SystemExit(3), "aborted", "SystemExit: 3"),
+    ],
+)
+def test_the_context_manager_notes_how_it_ended(tmp_path, error, outcome, reason):
+    def session():
+        with Recorder(tmp_path, START) as recorder:
+            recorder.append(example()[0])
+            if error:
+                raise error
+
+    if error:
+        with pytest.raises(type(error)):
+            session()
+    else:
+        session()
+    meta = read_run(tmp_path).meta
+    assert (meta["outcome"], meta["reason"], meta["truncated"]) == (outcome, reason, False)
+
+
+def test_an_outcome_given_inside_the_context_stays(tmp_path):
+    with Recorder(tmp_path, START) as recorder:
+        recorder.finish("ball-lost")
+    assert read_run(tmp_path).meta["outcome"] == "ball-lost"
+
+
+def test_folder_names_sort_by_time_and_never_meet(tmp_path):
+    now = datetime(2026, 11, 20, 10, 15, 2, tzinfo=UTC)
+    names = [new_run_folder(tmp_path, "hold", "with", now).name for _ in range(3)]
+    stem = "20261120T101502-hold-with"
+    assert names == [stem, f"{stem}-2", f"{stem}-3"]
+    odd = new_run_folder(tmp_path, "my steps/2", "a:b", now)
+    assert odd.parent == tmp_path
+    assert odd.name == "20261120T101502-my_steps_2-a_b"
+    assert new_run_folder(tmp_path / "runs", "hold", "with").is_dir()
+
+
+def test_a_second_run_in_a_folder_is_refused(tmp_path):
+    write_run(tmp_path, START, Log.from_rows(example()))
+    for again in (
+        lambda: Recorder(tmp_path, START),
+        lambda: write_run(tmp_path, START, Log.from_rows(example())),
+    ):
+        with pytest.raises(FileExistsError, match="another folder"):
+            again()
+    assert len(read_run(tmp_path).log) == 100
+
+
+@pytest.mark.parametrize(
+    ("start", "words"),
+    [
+        ({}, "simulated or measured"),
+        ({"source": "dreamt"}, "dreamt"),
+        ({"source": "measured", "created": "2026-11-20T10:15:02"}, "time zone"),
+    ],
+)
+def test_a_bad_start_record_is_refused(tmp_path, start, words):
+    with pytest.raises(ValueError, match=words):
+        Recorder(tmp_path / "run", start)
+    assert not (tmp_path / "run").exists()
+
+
+def test_bad_rows_are_refused_and_leave_no_trace(tmp_path):
+    recorder = record(tmp_path, example(3))
+    timeless = example(1)[0]
+    timeless[0] = np.nan
+    for row, words in ((np.zeros(5), "31 columns"), (timeless, "without a time")):
+        with pytest.raises(ValueError, match=words):
+            recorder.append(row)
+    recorder.finish("done")
+    assert_rows(read_run(tmp_path).log, example(3))
+    with pytest.raises(ValueError, match="without a time"):
+        write_run(tmp_path / "b", START, Log.from_rows(timeless[None]))
+
+
+def test_what_is_no_run_is_refused(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"no run\.json"):
+        read_run(tmp_path)
+    write_run(tmp_path / "a", START, Log.from_rows(example()))
+    (tmp_path / "a/samples.mcap").write_bytes(b"something else")
+    with pytest.raises(ValueError, match="MCAP"):
+        read_run(tmp_path / "a")
+    for text, words in (("{", "readable"), ("[]", "schema"), ('{"schema": 99}', "update")):
+        (tmp_path / "a/run.json").write_text(text)
+        with pytest.raises(ValueError, match=words):
+            read_run(tmp_path / "a")
+
+
+def run_until_full(folder, rows):
+    """Record until the disk refuses; how many rows were taken is in the second value."""
+    recorder = Recorder(folder, START)
+
+    def session():
+        with recorder:
+            for row in rows:
+                recorder.append(row)
+
+    with pytest.raises(OSError, match="free disk space") as caught:
+        session()
+    return caught.value, recorder.rows
+
+
+def open_files():
+    return len(list(Path("/proc/self/fd").iterdir()))
+
+
+def full_disk(monkeypatch, room):
+    """Let `os.write` take `room` bytes, the last piece of them a part of what it was asked."""
+    left, write = [room], os.write
+
+    def limited(file, data):
+        if not left[0]:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        written = write(file, data[: left[0]])
+        left[0] -= written
+        return written
+
+    monkeypatch.setattr(recording.os, "write", limited)
+
+
+@pytest.mark.parametrize("room", [8_000, 12_345, 20_001])
+def test_a_full_disk_is_said_and_what_was_written_stays(tmp_path, monkeypatch, room):
+    full_disk(monkeypatch, room)
+    rows = example(200)
+    error, taken = run_until_full(tmp_path, rows)
+    assert error.errno == errno.ENOSPC
+    assert f"after {taken} rows" in str(error)
+    run = read_run(tmp_path)
+    assert 0 < taken < 200
+    assert_rows(run.log, rows[:taken])
+    assert run.meta["outcome"] == "aborted"
+    assert "No space left" in run.meta["reason"]
+    assert run.meta["rows"] == taken
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="counts open files in /proc")
+def test_a_full_disk_from_the_start_leaves_no_open_file(tmp_path, monkeypatch):
+    full_disk(monkeypatch, 100)
+    files = open_files()
+    with pytest.raises(OSError, match="after 0 rows"):
+        Recorder(tmp_path, START)
+    assert open_files() == files
+
+
+def test_a_file_size_limit_of_the_system_ends_the_run_readable(tmp_path):
+    resource = pytest.importorskip("resource")
+    rows = example(500)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, hard))
+        _, taken = run_until_full(tmp_path, rows)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        signal.signal(signal.SIGXFSZ, before)
+    run = read_run(tmp_path)
+    assert_rows(run.log, rows[:taken])
+    assert 100 < taken < 200
+    assert run.meta["outcome"] == "aborted"
+
+
+def test_no_room_to_compress_leaves_the_plain_file(tmp_path, monkeypatch):
+    def refuse(*_, **__):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(recording, "replace", refuse)
+    record(tmp_path, example()).finish("done")
+    run = read_run(tmp_path)
+    assert_rows(run.log, example())
+    assert (run.meta["truncated"], run.meta["outcome"]) == (False, "done")
+
+
+def test_recover_completes_a_killed_run_once(tmp_path):
+    recorder = record(tmp_path, example())
+    os.write(recorder._file, b"\x05half a record")
+    run = recover(tmp_path)
+    assert_rows(run.log, example())
+    assert run.events == EVENTS
+    assert (run.meta["truncated"], run.meta["outcome"]) == (False, "killed")
+    content = (tmp_path / "samples.mcap").read_bytes(), (tmp_path / "run.json").read_bytes()
+    recover(tmp_path)
+    assert content == (
+        (tmp_path / "samples.mcap").read_bytes(),
+        (tmp_path / "run.json").read_bytes(),
+    )
+    os.close(recorder._file)
+
+
+def test_recover_leaves_a_living_run_alone(tmp_path):
+    recorder, stop = record(tmp_path, example()), threading.Event()
+
+    def live():
+        while not stop.wait(0.01):
+            recorder.append(example()[-1])
+
+    thread = threading.Thread(target=live)
+    thread.start()
+    try:
+        with pytest.raises(ValueError, match="still being recorded"):
+            recover(tmp_path)
+    finally:
+        stop.set()
+        thread.join()
+    recorder.finish("done")
+    assert len(read_run(tmp_path).log) == recorder.rows > 100
+
+
+CHILD = """
+import mmap, sys, time
+import numpy as np
+from experiments.recording import Recorder
+from rig.log import COLUMNS
+folder, shared = sys.argv[1:]
+file = open(shared, "r+b")
+done = np.frombuffer(mmap.mmap(file.fileno(), 16), "<f8")  # outlives the process
+recorder = Recorder(folder, {"source": "measured"})
+start = time.monotonic()
+row = np.empty(len(COLUMNS))
+for tick in range(100000):
+    while time.monotonic() < start + tick * 0.002:
+        time.sleep(0.0005)
+    row[:] = tick + np.arange(len(COLUMNS)) / 64
+    row[0] = time.monotonic() - start
+    recorder.append(row)
+    done[0], done[1] = row[0], tick + 1
+"""
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="kill -9 is of POSIX")
+def test_kill_9_takes_nothing_that_is_older_than_a_fifth_of_a_second(tmp_path):
+    """Children record in real time and are killed at random moments; what they had is there."""
+    children = []
+    for i in range(4):
+        shared = tmp_path / f"{i}.done"
+        shared.write_bytes(bytes(16))
+        command = [sys.executable, "-c", CHILD, str(tmp_path / str(i)), str(shared)]
+        children.append((subprocess.Popen(command, cwd=Path(__file__).parents[2]), i))
+    deadline = time.monotonic() + 20
+    for child, i in children:
+        with (tmp_path / f"{i}.done").open("rb") as file:
+            view = mmap.mmap(file.fileno(), 16, access=mmap.ACCESS_READ)
+            while struct.unpack("<2d", view[:16])[1] < 20 and time.monotonic() < deadline:
+                time.sleep(0.01)
+            time.sleep(random.uniform(0.0, 0.4))
+            child.send_signal(signal.SIGKILL)
+            child.wait()
+            last_s, count = struct.unpack("<2d", view[:16])
+            view.close()
+        run = read_run(tmp_path / str(i))
+        assert count >= 20
+        assert run.meta["truncated"] is True
+        assert run.meta["outcome"] is None
+        assert len(run.log) >= count
+        assert run.log["t_s"][-1] >= last_s  # promised: last_s - 0.2
+        ticks = np.arange(len(run.log))[:, None] + np.arange(len(COLUMNS)) / 64
+        np.testing.assert_array_equal(run.log.rows[:, 1:], ticks[:, 1:])
+        assert (np.diff(run.log["t_s"]) > 0).all()

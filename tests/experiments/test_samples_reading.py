@@ -1,0 +1,243 @@
+"""samples.mcap opens in the official readers, and cut or damaged anywhere in ours."""
+
+import io
+import json
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mcap.decoder import DecoderFactory as McapDecoderFactory
+
+from experiments.samples_reading import read_samples
+from experiments.samples_schema import (
+    CHUNK_ROWS,
+    RECORD,
+    event_message,
+    finished_file,
+    opening,
+    pack,
+    plain_ending,
+    sample_schema,
+)
+from rig.log import COLUMNS, INDEX, NAMES
+
+START_NS = int(datetime(2026, 11, 20, 10, 15, 2, tzinfo=UTC).timestamp()) * 10**9
+EVENTS = [{"t_s": 0.001, "text": "begin"}, {"t_s": 0.5, "text": "push", "speed_m_s": 0.1}]
+
+
+def example(n):
+    rows = np.random.default_rng(2).normal(size=(n, len(COLUMNS)))
+    rows[:, 0] = np.arange(n) * 0.002
+    rows[1::2, INDEX["ball_x_m"]] = np.nan
+    return rows
+
+
+def plain_file(rows, ending=True):
+    """A file as it stands while it is recorded: an event, rows, an event."""
+    first, last = (event_message(event, START_NS, i)[1] for i, event in enumerate(EVENTS))
+    body = opening() + first + pack(rows, START_NS).tobytes() + last
+    return body + plain_ending() if ending else body
+
+
+def official(data, order=False):
+    """(topic, log time, decoded message) of every message by the official indexed reader."""
+    from mcap.reader import make_reader
+    from mcap_protobuf.decoder import DecoderFactory
+
+    reader = make_reader(io.BytesIO(data), decoder_factories=[DecoderFactory(), _JsonFactory()])
+    for _, channel, message, decoded in reader.iter_decoded_messages(log_time_order=order):
+        yield channel.topic, message.log_time, decoded
+
+
+class _JsonFactory(McapDecoderFactory):
+    """Decodes the events' channel."""
+
+    def decoder_for(self, message_encoding, schema):
+        """Return the decoder of JSON, None for another encoding."""
+        return json.loads if message_encoding == "json" else None
+
+
+@pytest.mark.parametrize("finished", [True, False])
+def test_the_official_reader_sees_every_value_at_its_time(finished):
+    rows = example(CHUNK_ROWS + 10)
+    data = b"".join(finished_file(rows, EVENTS, START_NS)) if finished else plain_file(rows)
+    messages = list(official(data, order=True))
+    times = [time for _, time, _ in messages]
+    assert times == sorted(times)
+    assert [message for topic, _, message in messages if topic == "events"] == EVENTS
+    samples = [(time, message) for topic, time, message in messages if topic == "samples"]
+    assert len(samples) == len(rows)
+    assert samples[5][0] == START_NS + 10_000_000
+    for row, (_, message) in list(zip(rows, samples, strict=True))[::97]:
+        values = [getattr(message, name) for name in NAMES]
+        np.testing.assert_array_equal(values, row)
+        assert message.HasField("ball_x_m")
+
+
+def test_the_index_and_the_checksums_are_right():
+    from mcap.reader import make_reader
+    from mcap.stream_reader import StreamReader
+
+    rows = example(2 * CHUNK_ROWS + 1)
+    data = b"".join(finished_file(rows, EVENTS, START_NS))
+    assert sum(1 for _ in StreamReader(io.BytesIO(data), validate_crcs=True).records) > len(rows)
+    reader = make_reader(io.BytesIO(data), validate_crcs=True)
+    summary = reader.get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.channel_message_counts == {1: len(rows), 2: 2}
+    assert len(summary.chunk_indexes) == 4
+    assert summary.statistics.message_end_time == START_NS + round(rows[-1, 0] * 1e9)
+    units = next(c for c in summary.channels.values() if c.topic == "samples").metadata
+    assert units["theta_x_rad"].startswith("[rad]")
+    late = reader.iter_messages(topics=["samples"], starting_at=START_NS + 8 * 10**9)
+    assert sum(1 for _ in late) == len(rows) - 4000
+
+
+def test_the_rows_are_what_protobuf_itself_would_write():
+    from google.protobuf.descriptor_pb2 import FileDescriptorSet
+    from google.protobuf.descriptor_pool import DescriptorPool
+    from google.protobuf.message_factory import GetMessageClass
+
+    pool = DescriptorPool()
+    pool.Add(FileDescriptorSet.FromString(sample_schema()).file[0])
+    message = GetMessageClass(pool.FindMessageTypeByName("rig.Sample"))()
+    rows = example(1)
+    for name, value in zip(NAMES, rows[0], strict=True):
+        setattr(message, name, value)
+    record = pack(rows, 0).tobytes()
+    assert record[9 + 22 :] == message.SerializeToString(deterministic=True)
+    assert len(record) == RECORD.itemsize
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.data())
+def test_a_file_cut_anywhere_keeps_every_whole_row(data):
+    rows = example(7)
+    whole = plain_file(rows, ending=False)
+    first = whole.index(pack(rows[:1], START_NS).tobytes())
+    cut = data.draw(st.integers(0, len(whole)))
+    samples = read_samples(whole[:cut])
+    assert not samples.complete
+    expected = rows[: max(0, (cut - first) // RECORD.itemsize)]
+    np.testing.assert_array_equal(samples.rows, expected)
+    assert len(samples.events) == (cut >= first) + (cut == len(whole))
+
+
+@pytest.mark.parametrize("cut", [0, 1, 5, 100, RECORD.itemsize - 1])
+def test_the_official_streaming_reader_reads_a_cut_file(cut):
+    import struct
+
+    from mcap.exceptions import EndOfFile
+    from mcap.records import Message
+    from mcap.stream_reader import StreamReader
+
+    rows = example(9)
+    body = opening() + pack(rows, START_NS).tobytes()
+    messages = []
+    try:
+        for record in StreamReader(io.BytesIO(body[: len(body) - cut])).records:
+            if isinstance(record, Message):
+                messages.append(record)
+    except (EndOfFile, struct.error):
+        pass
+    assert len(messages) == (9 if cut == 0 else 8)
+    values = np.frombuffer(messages[-1].data, [("tag", "<u2"), ("value", "<f8")])["value"]
+    np.testing.assert_array_equal(values, rows[len(messages) - 1])
+
+
+def test_zeros_after_a_power_cut_end_the_rows():
+    samples = read_samples(plain_file(example(5), ending=False) + bytes(4096))
+    np.testing.assert_array_equal(samples.rows, example(5))
+    assert not samples.complete
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.data(), st.booleans())
+def test_damaged_bytes_never_raise_more_than_a_value_error(data, finished):
+    rows = example(20)
+    whole = b"".join(finished_file(rows, EVENTS, START_NS)) if finished else plain_file(rows)
+    broken = bytearray(whole)
+    for _ in range(data.draw(st.integers(1, 4))):
+        broken[data.draw(st.integers(8, len(whole) - 1))] = data.draw(st.integers(0, 255))
+    samples = read_samples(bytes(broken))
+    assert samples.rows.shape[1] == len(COLUMNS)
+
+
+def test_a_damaged_chunk_is_left_out_and_said():
+    rows = example(2 * CHUNK_ROWS)
+    data = bytearray(b"".join(finished_file(rows, EVENTS, START_NS)))
+    data[len(opening()) + 5000] ^= 0xFF
+    samples = read_samples(bytes(data))
+    assert not samples.complete
+    np.testing.assert_array_equal(samples.rows, rows[CHUNK_ROWS:])
+    assert samples.events == EVENTS
+
+
+def test_what_is_no_mcap_is_refused():
+    with pytest.raises(ValueError, match="MCAP"):
+        read_samples(b"t_s,voltage_x_V\n0.0,1.0\n")
+
+
+@pytest.mark.parametrize("compression", ["NONE", "LZ4", "ZSTD"])
+def test_another_writers_schema_is_decoded_by_name(compression):
+    """Fewer columns, other field numbers, fields left out, a column of the future."""
+    from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorSet
+    from google.protobuf.descriptor_pool import DescriptorPool
+    from google.protobuf.message_factory import GetMessageClass
+    from mcap.writer import CompressionType, Writer
+
+    files = FileDescriptorSet()
+    file = files.file.add(name="old.proto", package="rig", syntax="proto3")
+    kind = file.message_type.add(name="Sample")
+    for i, name in enumerate(["theta_x_rad", "t_s", "of_the_future"]):
+        kind.field.add(
+            name=name,
+            number=i + 1,
+            type=FieldDescriptorProto.TYPE_DOUBLE,
+            label=FieldDescriptorProto.LABEL_OPTIONAL,
+            proto3_optional=True,
+            oneof_index=i,
+        )
+        kind.oneof_decl.add(name=f"_{name}")
+    pool = DescriptorPool()
+    pool.Add(file)
+    message_class = GetMessageClass(pool.FindMessageTypeByName("rig.Sample"))
+    out = io.BytesIO()
+    writer = Writer(out, compression=CompressionType[compression])
+    writer.start()
+    schema = writer.register_schema("rig.Sample", "protobuf", files.SerializeToString())
+    writer.register_channel("unrelated", "json", 0)
+    channel = writer.register_channel("samples", "protobuf", schema)
+    writer.add_message(channel, 0, message_class(t_s=0.5).SerializeToString(), 0)
+    full = message_class(t_s=0.0, theta_x_rad=-2.0, of_the_future=3.0)
+    writer.add_message(channel, 1, full.SerializeToString(), 1)
+    writer.finish()
+    samples = read_samples(out.getvalue())
+    assert samples.complete
+    np.testing.assert_array_equal(samples.rows[:, INDEX["t_s"]], [0.5, 0.0])
+    np.testing.assert_array_equal(samples.rows[:, INDEX["theta_x_rad"]], [np.nan, -2.0])
+    assert np.isfinite(samples.rows).sum() == 3
+
+
+def test_our_schema_rewritten_by_another_tool_is_read_too():
+    """The same rows under another channel number, some of them with fields left out."""
+    from mcap.writer import Writer
+
+    rows = example(6)
+    records = pack(rows, START_NS)
+    out = io.BytesIO()
+    writer = Writer(out)
+    writer.start()
+    schema = writer.register_schema("rig.Sample", "protobuf", sample_schema())
+    for topic in ("a", "b", "samples"):
+        channel = writer.register_channel(topic, "protobuf", schema)
+    for i, record in enumerate(records):
+        payload = record["cells"].tobytes()
+        writer.add_message(channel, i, payload[:20] if i == 3 else payload, i)
+    writer.finish()
+    expected = rows.copy()
+    expected[3, 2:] = np.nan
+    np.testing.assert_array_equal(read_samples(out.getvalue()).rows, expected)
