@@ -1,9 +1,21 @@
 """Markers on the plate: where they are, how to find them, and the plate's pose from them."""
 
 from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import NamedTuple
 
 import cv2
 import numpy as np
+
+from vision.edges import cut_edges, fit_motion
+from vision.view import Camera, View
+
+_CUTS = 8  # profiles across each side of a marker
+_COARSE, _FINE = 5, 2  # px searched for an edge on each side of where it is expected
+_FLOOR_PX = 0.02  # no printed edge is believed to be straighter than this
+_RMS_LIMIT_PX = 0.2
+_STILL_PX = 0.3  # a fit that still moves more than this has not arrived
+_TILT_LIMIT_RAD = np.radians(0.2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +43,23 @@ class MarkerLayout:
         object.__setattr__(self, "ids", ids)
         object.__setattr__(self, "corners_m", corners)
 
+    @cached_property
+    def module_m(self) -> float:
+        """Side of one printed square of a marker (the smallest marker's)."""
+        sides = np.linalg.norm(np.roll(self.corners_m, -1, axis=1) - self.corners_m, axis=2)
+        book = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
+        return float(sides.min()) / (book.markerSize + 2)
+
+    @cached_property
+    def edge_points(self) -> tuple[np.ndarray, np.ndarray]:
+        """Points (4 n k, 2) m on the markers' sides and unit directions, clockwise along them."""
+        start = self.corners_m[:, :, None]  # (n, 4, 1, 2)
+        side = np.roll(self.corners_m, -1, axis=1)[:, :, None] - start
+        share = np.linspace(0.14, 0.86, _CUTS)[:, None]  # away from the rounded corners
+        points = (start + share * side).reshape(-1, 2)
+        along = np.broadcast_to(side / np.linalg.norm(side, axis=3, keepdims=True), start.shape)
+        return points, np.repeat(along.reshape(-1, 2), _CUTS, axis=0)
+
 
 def default_layout(plate_side_m: float, marker_side_m: float = 0.024) -> MarkerLayout:
     """Eight markers, 5 mm inside the plate's edge: four in the corners, four mid-edge.
@@ -44,3 +73,129 @@ def default_layout(plate_side_m: float, marker_side_m: float = 0.024) -> MarkerL
     square = 0.5 * marker_side_m * np.array([(-1, 1), (1, 1), (1, -1), (-1, -1)])
     centres = far * np.array(places, float)
     return MarkerLayout(np.arange(len(places)), centres[:, None] + square)
+
+
+class PoseFit(NamedTuple):
+    """The plate's pose in one image. `n_corners` 0: refused, and `view` is the guess unchanged."""
+
+    view: View
+    rms_px: float
+    n_corners: int
+
+    @property
+    def accepted(self) -> bool:
+        return self.n_corners > 0
+
+
+class Detection(NamedTuple):
+    """Markers found in a whole image: `ids` (k,), `corners_px` (k, 4, 2)."""
+
+    ids: np.ndarray
+    corners_px: np.ndarray
+
+
+def detect(image: np.ndarray, layout: MarkerLayout) -> Detection:
+    """Find the layout's markers anywhere in an image (h, w[, 3]) uint8: slow (about 15 ms)."""
+    corners, ids, _ = _detector(layout.dictionary).detectMarkers(image)
+    if ids is None or len(corners) == 0:
+        return Detection(np.zeros(0, int), np.zeros((0, 4, 2)))
+    found = np.asarray(ids).reshape(-1).astype(int)
+    corners_px = np.asarray(corners, float).reshape(-1, 4, 2)
+    # An id seen twice is a reflection or a second plate: neither can be trusted.
+    once = [np.sum(found == i) == 1 and i in layout.ids for i in found]
+    return Detection(found[once], corners_px[once])
+
+
+def find_pose(image: np.ndarray, layout: MarkerLayout, camera: Camera) -> PoseFit | None:
+    """The plate's pose from one image without any guess; None when under 3 markers were found.
+
+    A plane seen from afar has two poses that look alike; both are refined, the better one stays.
+    """
+    found = detect(image, layout)
+    if len(found.ids) < 3:
+        return None
+    rows = [int(np.flatnonzero(layout.ids == i)[0]) for i in found.ids]
+    flat = layout.corners_m[rows].reshape(-1, 2)
+    points = np.column_stack((flat, np.zeros(len(flat))))
+    rays = camera.ray_from_pixel(found.corners_px.reshape(-1, 2))
+    count, turns, shifts, _ = cv2.solvePnPGeneric(
+        points, rays, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
+    )
+    fits = []
+    for k in range(int(count)):
+        pose = np.eye(4)
+        pose[:3, :3] = np.asarray(cv2.Rodrigues(np.asarray(turns[k]))[0])
+        pose[:3, 3] = np.asarray(shifts[k]).reshape(3)
+        fits.append(track_pose(image, layout, View(camera, pose)))
+    good = [fit for fit in fits if fit.accepted]
+    return min(good, key=lambda fit: fit.rms_px) if good else None
+
+
+def track_pose(
+    image: np.ndarray,
+    layout: MarkerLayout,
+    view_guess: View,
+    *,
+    ball: tuple[float, float, float] | None = None,
+) -> PoseFit:
+    """The plate's pose near a guess that puts the markers within about 5 px of where they are.
+
+    `image` (h, w, 3) uint8; `ball` (u, v, radius) px is what hides the plate, if known; what else
+    hides an edge is left out as an outlier. The view's `pose_cov` holds the fit's covariance.
+    Refused (`n_corners` 0, view = guess) when under a third of all edges, two thirds of those seen
+    or a quarter of the corners fit (a shift by one printed square lets some sides fit), when they leave a tilt uncertain by more than 0.2 degrees, when the fit does not
+    come to rest, or when the rms exceeds 0.2 px.
+    """
+    view, moved_px = view_guess, np.inf
+    for search in (_COARSE, _FINE, _FINE, _FINE):
+        cut = _cut(image, layout, view, search, ball)
+        motion, weight, normal = fit_motion(*cut, _FLOOR_PX)
+        if not weight.any():
+            return PoseFit(view_guess, float("nan"), 0)
+        view = View(view.camera, _moved(view.camera_from_plate, motion))
+        moved_px = float(np.abs(cut[2] @ motion).max())
+        if search == _FINE and moved_px < _STILL_PX:
+            break
+    offset, contrast, jacobian = cut
+    kept = weight > 0
+    left = (offset - jacobian @ motion)[kept]
+    rms = float(np.sqrt(np.mean(left * left)))
+    cov = max(rms, _FLOOR_PX) ** 2 * np.linalg.inv(normal)
+    tilt_std = float(np.sqrt(np.linalg.eigvalsh(cov[:3, :3])[-1]))
+    corners = _corners_seen(kept)
+    few = 3 * kept.sum() < max(len(kept), 2 * (contrast > 0).sum()) or corners < len(layout.ids)
+    if few or moved_px > _STILL_PX or rms > _RMS_LIMIT_PX or tilt_std > _TILT_LIMIT_RAD:
+        return PoseFit(view_guess, rms, 0)
+    return PoseFit(View(view.camera, view.camera_from_plate, cov), rms, corners)
+
+
+def _cut(image, layout: MarkerLayout, view: View, search: int, ball):
+    points, along = layout.edge_points
+    hidden = np.array(ball if ball is not None else (-1e6, -1e6, 0.0))
+    pose, camera = view.camera_from_plate, view.camera
+    # The levels beside an edge are read inside its own module of the print.
+    module_px = layout.module_m * camera.pinhole[0] / max(pose[2, 3], 1e-3)
+    reach = 3 if module_px > 4.8 else 2
+    return cut_edges(image, points, along, pose, camera.pinhole, camera.lens, search, reach, hidden)
+
+
+def _moved(pose: np.ndarray, motion: np.ndarray) -> np.ndarray:
+    """The pose after a small rotation vector and translation along the camera's axes."""
+    new = pose.copy()
+    new[:3, :3] = np.asarray(cv2.Rodrigues(motion[:3])[0]) @ pose[:3, :3]
+    new[:3, 3] += motion[3:]
+    return new
+
+
+def _corners_seen(kept: np.ndarray) -> int:
+    """Corners between two sides that both were seen (at least half of their cuts)."""
+    sides = kept.reshape(-1, 4, _CUTS).mean(axis=2) >= 0.5  # (n, 4): side i ends in corner i + 1
+    return int(np.sum(sides & np.roll(sides, 1, axis=1)))
+
+
+@cache
+def _detector(dictionary: str) -> cv2.aruco.ArucoDetector:
+    book = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    return cv2.aruco.ArucoDetector(book, parameters)
