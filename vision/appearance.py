@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from vision.rays import moments
+from vision.rays import moments, share
 
 BINS = 32
 NAMED = {
@@ -48,8 +48,9 @@ class Appearance:
 
     `ball_bgr` and `surround_bgr` (3,) are means; `direction` (3,) is whitened ball minus surround,
     scaled so that a full edge is 1; `separation` is their distance in standard deviations; `table`
-    (32768,) uint8 is 255 P(ball | colour), colour = b << 10 | g << 5 | r of 5 bits each; `learned`
-    says whether it was seen in images or assumed from a name.
+    (32768,) uint8 is 255 P(ball | colour), colour = b << 10 | g << 5 | r of 5 bits each; `fill` is
+    the mean P of the ball's own pixels (low for a ball that mirrors the plate); `learned` says
+    whether all this was seen in images or assumed from a name.
     """
 
     ball_bgr: np.ndarray
@@ -57,6 +58,7 @@ class Appearance:
     direction: np.ndarray
     separation: float
     table: np.ndarray
+    fill: float
     learned: bool
 
     @property
@@ -72,13 +74,19 @@ class Appearance:
         surround = np.full(3, 128.0)
         contrast = bgr - surround
         direction = contrast / max(float(contrast @ contrast), 1.0)
-        return Appearance(bgr, surround, direction, 0.0, _named_table(bgr), learned=False)
+        return Appearance(bgr, surround, direction, 0.0, _named_table(bgr), 0.6, learned=False)
 
     @staticmethod
     def learn(image: np.ndarray, u_px: float, v_px: float, radius_px: float) -> Appearance:
         """The looks of the disc at (u_px, v_px) in an image (h, w, 3) uint8 BGR."""
-        start = Appearance(*_contrast(image, u_px, v_px, radius_px), _EMPTY, learned=True)
-        return replace(start, table=_learned_table(image, u_px, v_px, radius_px))
+        table = _learned_table(image, u_px, v_px, radius_px)
+        fill = share(image, table, u_px, v_px, 0.0, 0.85 * radius_px)
+        return replace(Appearance.sketch(image, u_px, v_px, radius_px), table=table, fill=fill)
+
+    @staticmethod
+    def sketch(image: np.ndarray, u_px: float, v_px: float, radius_px: float) -> Appearance:
+        """As `learn` but without the table (all zero): cheap, for guesses not yet believed."""
+        return Appearance(*_contrast(image, u_px, v_px, radius_px), _EMPTY, 0.0, learned=True)
 
     def adapted(
         self, image: np.ndarray, u_px: float, v_px: float, radius_px: float, share: float

@@ -1,0 +1,158 @@
+"""A ball of unknown colour, found by itself: the round thing that moves.
+
+Still things of any colour are background. A hand moves but is not round; a mark on the tilting
+plate is round but hardly moves; what is round, keeps its size and colour, and travels, is the ball.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from vision.appearance import Appearance
+from vision.detector import Detection, locate
+from vision.frames import Frame
+from vision.gate import believable
+from vision.sources import noise_level
+from vision.votes import Circle, circles
+
+WORK_SIZE = 320  # px, longer side of the image that is searched for motion and circles
+FORGET_S = 0.4
+AT_MOST = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Mover:
+    """A round thing under observation: its looks when first seen, and where it was since."""
+
+    looks: Appearance
+    path: tuple[tuple[float, float, float], ...]  # u, v, radius in px
+    quality: float
+    misses: int = 0
+
+    @property
+    def last(self) -> tuple[float, float, float]:
+        return self.path[-1]
+
+    def guess(self) -> tuple[float, float]:
+        """Where it goes on to at the speed of the last step."""
+        if len(self.path) < 2:
+            return self.last[:2]
+        (u0, v0, _), (u1, v1, _) = self.path[-2:]
+        return 2 * u1 - u0, 2 * v1 - v0
+
+    def convincing(self) -> bool:
+        """Seen often, of one size, and travelling rather than jittering."""
+        if len(self.path) < 4 or self.misses or self.quality < 0.8:
+            return False
+        path = np.array(self.path)
+        radius = float(np.median(path[:, 2]))
+        steps = np.hypot(*np.diff(path[:, :2], axis=0).T)
+        span = float(np.hypot(*(path[:, :2] - path[0, :2]).T).max())
+        travels = span > max(6.0, 0.5 * radius) and span > 0.4 * float(steps.sum())
+        return travels and float(np.std(path[:, 2])) < 0.1 * radius
+
+
+class Acquisition:
+    """Watches frames until one ball is found; then says how it looks and where it is."""
+
+    def __init__(
+        self, radius_px: tuple[float, float] | None = None, mask: np.ndarray | None = None
+    ) -> None:
+        self._bounds = radius_px
+        self._mask = mask
+        self._background: np.ndarray | None = None
+        self._t_s = 0.0
+        self._movers: list[Mover] = []
+
+    def step(self, frame: Frame) -> tuple[Appearance, Detection] | None:
+        """The ball's looks and place once it has been recognised, else None."""
+        image = frame.image
+        scale = max(1.0, max(image.shape[:2]) / WORK_SIZE)
+        size = (round(image.shape[1] / scale), round(image.shape[0] / scale))
+        small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+        region = self._changed(small, frame.t_s)
+        rings: list[Circle] = []
+        if region is not None:
+            lo, hi = self._bounds or (3.0 * scale, 0.22 * min(image.shape[:2]))
+            steps = max(2, math.ceil(math.log(hi / lo) / 0.13))
+            radii = np.geomspace(lo, hi, steps) / scale
+            rings = circles(small, radii, noise=noise_level(small), region=region, at_most=6)
+        places = [
+            (scale * (c.u_px + 0.5) - 0.5, scale * (c.v_px + 0.5) - 0.5, scale * c.radius_px)
+            for c in rings
+        ]
+        self._movers = [m for m in (self._follow(m, image, places) for m in self._movers) if m]
+        self._start(image, places)
+        return self._recognised(image)
+
+    def _changed(self, small: np.ndarray, t_s: float) -> np.ndarray | None:
+        """Mask (h, w) uint8 around what differs from the background; None where nothing does."""
+        now = small.astype(np.float32)
+        if self._background is None:
+            self._background, self._t_s = now, t_s
+            return None
+        difference = np.abs(now - self._background).max(2)
+        share = 1.0 - math.exp(-max(t_s - self._t_s, 1e-3) / FORGET_S)
+        self._background += share * (now - self._background)
+        self._t_s = t_s
+        binary = (difference > max(10.0, 5.0 * noise_level(small))).astype(np.uint8)
+        _, _, stats, _ = cv2.connectedComponentsWithStats(binary, connectivity=8)
+        region = np.zeros(binary.shape, np.uint8)
+        for x, y, w, h, area in stats[1:].reshape(-1, 5):
+            # A slow ball changes at its front and back only: take in what lies between.
+            grow = max(4, int(max(w, h)))
+            if area >= 3:
+                top, left = max(0, y - grow), max(0, x - grow)
+                region[top : y + h + grow, left : x + w + grow] = 255
+        if self._mask is not None:
+            h, w = region.shape
+            region &= cv2.resize(self._mask, (w, h), interpolation=cv2.INTER_NEAREST)
+        return region if region.any() else None
+
+    def _follow(
+        self, mover: Mover, image: np.ndarray, places: list[tuple[float, float, float]]
+    ) -> Mover | None:
+        """The mover in the next image, by its outline near the guess or a circle of its size."""
+        radius = mover.last[2]
+        near = [
+            (math.hypot(u - mover.last[0], v - mover.last[1]), u, v)
+            for u, v, r in places
+            if abs(math.log(r / radius)) < 0.25
+        ]
+        guesses = [mover.guess(), mover.last[:2]]
+        guesses += [(u, v) for d, u, v in sorted(near)[:1] if d < 4.0 * radius]
+        bounds = (0.8 * radius, 1.25 * radius)
+        for u, v in guesses:
+            found = locate(image, mover.looks, u, v, radius)
+            if found is not None and believable(found, mover.looks, bounds, strict=True):
+                step = (found.u_px, found.v_px, found.radius_px)
+                quality = mover.quality + 0.3 * (found.inliers - mover.quality)
+                return Mover(mover.looks, (*mover.path[-40:], step), quality)
+        misses = mover.misses + 1
+        return Mover(mover.looks, mover.path, mover.quality, misses) if misses < 4 else None
+
+    def _start(self, image: np.ndarray, places: list[tuple[float, float, float]]) -> None:
+        for u, v, r in places:
+            if len(self._movers) >= AT_MOST or any(
+                math.hypot(u - m.last[0], v - m.last[1]) < 0.7 * m.last[2] for m in self._movers
+            ):
+                continue
+            looks = Appearance.sketch(image, u, v, r)
+            found = locate(image, looks, u, v, r)
+            if found is not None and believable(found, looks, (0.7 * r, 1.4 * r), strict=True):
+                place = (found.u_px, found.v_px, found.radius_px)
+                self._movers.append(Mover(looks, (place,), found.inliers))
+
+    def _recognised(self, image: np.ndarray) -> tuple[Appearance, Detection] | None:
+        sure = [m for m in self._movers if m.convincing()]
+        if not sure:
+            return None
+        best = max(sure, key=lambda m: m.quality * math.sqrt(len(m.path)))
+        u, v, r = best.last
+        looks = Appearance.learn(image, u, v, r)
+        found = locate(image, looks, u, v, r)
+        return None if found is None else (looks, found)

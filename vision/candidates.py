@@ -1,0 +1,97 @@
+"""Discs that could be the ball, followed loosely until one is believed: motion settles doubts."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vision.appearance import Appearance
+from vision.detector import Detection, find, locate
+from vision.gate import believable
+from vision.imposters import Imposters
+
+AT_MOST = 8
+KNOWN_STILL = 0.4
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A disc seen in `hits` frames, missed in the last `misses`; `start` is where it was first."""
+
+    seen: Detection
+    start: tuple[float, float]
+    hits: int = 1
+    misses: int = 0
+    span_px: float = 0.0
+
+    @property
+    def moved(self) -> bool:
+        """Farther than a mark on the tilting plate can seem to."""
+        return self.span_px > max(5.0, 0.5 * self.seen.radius_px)
+
+    def again(self, seen: Detection) -> Candidate:
+        """Seen once more."""
+        span = math.hypot(seen.u_px - self.start[0], seen.v_px - self.start[1])
+        return replace(
+            self, seen=seen, hits=self.hits + 1, misses=0, span_px=max(span, self.span_px)
+        )
+
+
+def discs(
+    image: np.ndarray,
+    looks: Appearance,
+    radius_px: tuple[float, float],
+    mask: np.ndarray | None,
+    imposters: Imposters | None,
+) -> list[Detection]:
+    """Every believable disc of the ball's colour that is not a known still thing."""
+    found: list[Detection] = []
+    for blob in find(image, looks, radius_px=radius_px, mask=mask)[:AT_MOST]:
+        guess = float(np.clip(blob.radius_px, *radius_px))
+        disc = locate(image, looks, blob.u_px, blob.v_px, guess)
+        if disc is None or not believable(disc, looks, radius_px, strict=True):
+            continue
+        u, v, r = disc.u_px, disc.v_px, disc.radius_px
+        if imposters is not None and imposters.at(u, v, r) > KNOWN_STILL:
+            continue
+        if all(math.hypot(u - f.u_px, v - f.v_px) > r for f in found):
+            found.append(disc)
+    return found
+
+
+def follow(known: list[Candidate], found: list[Detection]) -> list[Candidate]:
+    """The candidates after another frame: nearest of like size continues, the rest is new.
+
+    A candidate that was missed twice in a row is dropped.
+    """
+    free = list(found)
+    after: list[Candidate] = []
+    for c in known:
+        near = [
+            (math.hypot(d.u_px - c.seen.u_px, d.v_px - c.seen.v_px), i)
+            for i, d in enumerate(free)
+            if abs(math.log(d.radius_px / c.seen.radius_px)) < 0.25
+        ]
+        if near and min(near)[0] < 3.0 * c.seen.radius_px:
+            after.append(c.again(free.pop(min(near)[1])))
+        elif c.misses < 2:
+            after.append(replace(c, misses=c.misses + 1))
+    return after + [Candidate(d, (d.u_px, d.v_px)) for d in free]
+
+
+def chosen(candidates: list[Candidate], *, at_once: bool) -> Candidate | None:
+    """The one to believe, or None while it is not clear.
+
+    A lone one after two frames, or `at_once` where its outline is complete; of several the only
+    one that moves.
+    """
+    here = [c for c in candidates if c.misses == 0]
+    moving = [c for c in here if c.moved and c.hits >= 3]
+    if len(moving) == 1:
+        return moving[0]
+    if len(candidates) != 1 or not here:
+        return None
+    whole = here[0].seen.inliers > 0.85 and here[0].seen.coverage == 1.0
+    return here[0] if here[0].hits >= 2 or (at_once and whole) else None

@@ -1,0 +1,35 @@
+"""Whether to believe a located disc. A wrong position that passes for good is the worst result."""
+
+from __future__ import annotations
+
+from vision.appearance import Appearance
+from vision.detector import Detection
+
+# Below this mean P(ball) of its own pixels the colour table says nothing about a ball.
+TELLING_FILL = 0.35
+
+
+def believable(
+    found: Detection | None,
+    looks: Appearance,
+    radius_px: tuple[float, float],
+    *,
+    strict: bool = False,
+) -> bool:
+    """True where the disc has the ball's outline, size and colour.
+
+    `radius_px` (min, max) is what the ball's radius can be here. `strict` is for a first lock and
+    for a ball found again, where no prediction speaks for the place: nearly the whole outline
+    must be seen.
+    """
+    if found is None or not radius_px[0] <= found.radius_px <= radius_px[1]:
+        return False
+    outline = found.inliers >= (0.75 if strict else 0.55)
+    outline &= found.coverage >= (0.87 if strict else 0.5)
+    # Motion blur roughens the outline in proportion to the ball, sampling by parts of a pixel.
+    outline &= found.residual_px <= max(0.6, (0.05 if strict else 0.07) * found.radius_px)
+    outline &= found.contrast > 0.25
+    if looks.fill < TELLING_FILL:
+        return outline
+    coloured = found.fill >= (0.65 if strict else 0.5) * looks.fill
+    return outline and coloured

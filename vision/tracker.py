@@ -1,0 +1,229 @@
+"""One ball through time: search, track, coast, lost, and found again.
+
+    search -> track <-> coast -> lost -> track
+
+In `track` a position was measured and believed in this very frame. A frame without one is `coast`
+(a prediction) for at most 100 ms after the last good one, then `lost`: a lost ball has no position.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from vision.acquisition import Acquisition
+from vision.appearance import Appearance
+from vision.candidates import KNOWN_STILL, Candidate, chosen, discs, follow
+from vision.detector import Detection, find, locate
+from vision.frames import Frame, Track
+from vision.gate import TELLING_FILL, believable
+from vision.imposters import Imposters
+from vision.kinematics import Motion
+from vision.votes import circles
+
+COAST_S = 0.100
+# How far the radius may be from what it was: the ball nears and leaves the lens by a few per cent,
+# a wide lens and motion blur do the rest.
+RADIUS_SLACK = 0.25
+GATE_SIGMAS = 4.0
+
+
+class Tracker:
+    """Follows one ball frame by frame.
+
+    `appearance` None: the ball is the round thing that moves, and its looks are learned from it.
+    `radius_px` (min, max) bounds its radius; `mask` (h, w) uint8 is nonzero where it can be.
+    """
+
+    def __init__(
+        self,
+        *,
+        appearance: Appearance | None = None,
+        radius_px: tuple[float, float] | None = None,
+        mask: np.ndarray | None = None,
+    ) -> None:
+        self.appearance = appearance
+        self._given_bounds = radius_px
+        self._mask = mask
+        self._acquisition = Acquisition(radius_px, mask) if appearance is None else None
+        self._motion: Motion | None = None
+        self._radius_px = math.nan
+        self._imposters: Imposters | None = None
+        self._candidates: list[Candidate] = []
+        self._lock_px = (math.nan, math.nan)
+        self._proven = False  # has moved since it was locked
+        self._state = "search"
+        self._good_s = -math.inf
+
+    def step(self, frame: Frame) -> Track:
+        """The ball in this frame; frames come in order of time."""
+        image = frame.image
+        if self._imposters is None:
+            self._imposters = Imposters((image.shape[0], image.shape[1]))
+        found = self._measure(frame)
+        if found is not None and self._motion is not None:
+            return self._accept(frame, found)
+        if self._motion is not None and frame.t_s - self._good_s <= COAST_S:
+            self._state = "coast"
+            ahead = self._motion.at(frame.t_s, self._radius_px)
+            u, v = (float(x) for x in ahead.place)
+            return Track("coast", u, v, ahead.sigma_px, self._radius_px)
+        if self._motion is not None:
+            self._motion, self._candidates, self._state = None, [], "lost"
+            found = self._search(frame)
+            if found is not None:
+                return self._accept(frame, found)
+        return Track(self._state)
+
+    def _measure(self, frame: Frame) -> Detection | None:
+        if self._motion is None:
+            return self._search(frame)
+        found = self._follow(frame, self._motion.at(frame.t_s, self._radius_px))
+        if not self._proven:
+            found = self._doubt(frame, found)
+        return found
+
+    def _accept(self, frame: Frame, found: Detection) -> Track:
+        """Update motion, size, looks and what is known to be still."""
+        motion, looks, imposters = self._motion, self.appearance, self._imposters
+        assert motion is not None and looks is not None and imposters is not None
+        dt = frame.t_s - motion.t_s
+        self._motion = motion.at(frame.t_s, self._radius_px).corrected(
+            found.u_px, found.v_px, found.sigma_px + 0.02 * found.radius_px
+        )
+        self._state, self._good_s = "track", frame.t_s
+        whole = found.inliers > 0.85 and found.coverage == 1.0
+        if whole:
+            self._radius_px += 0.05 * (found.radius_px - self._radius_px)
+            share = 0.03
+            self.appearance = looks.adapted(
+                frame.image, found.u_px, found.v_px, found.radius_px, share
+            )
+        if looks.fill >= TELLING_FILL:
+            imposters.update(
+                frame.image, looks, found.u_px, found.v_px, self._radius_px, max(dt, 0.0)
+            )
+        span = math.hypot(found.u_px - self._lock_px[0], found.v_px - self._lock_px[1])
+        self._proven |= span > max(5.0, 0.5 * self._radius_px)
+        return Track("track", found.u_px, found.v_px, found.sigma_px, found.radius_px)
+
+    def _lock(self, frame: Frame, found: Detection) -> Detection:
+        looks = self.appearance
+        assert looks is not None
+        if not looks.learned:
+            seen = Appearance.learn(frame.image, found.u_px, found.v_px, found.radius_px)
+            # What was asked for stays valid: one view does not show the ball in all light.
+            table = np.maximum(seen.table, looks.table // 2)
+            self.appearance = replace(seen, table=table)
+        if not math.isfinite(self._radius_px):
+            self._radius_px = found.radius_px
+        self._motion = Motion.start(
+            found.u_px, found.v_px, self._radius_px, found.sigma_px, frame.t_s
+        )
+        self._lock_px, self._proven, self._candidates = (found.u_px, found.v_px), False, []
+        return found
+
+    def _bounds(self, image: np.ndarray) -> tuple[float, float]:
+        if math.isfinite(self._radius_px):
+            slack = 1.0 + RADIUS_SLACK
+            return self._radius_px / slack, self._radius_px * slack
+        return self._given_bounds or (4.0, 0.22 * min(image.shape[:2]))
+
+    def _search(self, frame: Frame) -> Detection | None:
+        """The ball anywhere in the image, by its looks or, while these are unknown, its motion."""
+        if self.appearance is None:
+            assert self._acquisition is not None
+            got = self._acquisition.step(frame)
+            if got is None:
+                return None
+            self.appearance, found = got
+            self._acquisition = None
+            self._lock(frame, found)
+            self._proven = True
+            return found
+        self._observe(frame)
+        pick = chosen(self._candidates, at_once=self._state == "lost")
+        if pick is None:
+            return None
+        self._lock(frame, pick.seen)
+        self._proven = pick.moved
+        return pick.seen
+
+    def _observe(self, frame: Frame) -> None:
+        looks = self.appearance
+        assert looks is not None
+        bounds = self._bounds(frame.image)
+        found = discs(frame.image, looks, bounds, self._mask, self._imposters)
+        self._candidates = follow(self._candidates, found)
+
+    def _doubt(self, frame: Frame, found: Detection | None) -> Detection | None:
+        """Whether another disc moves while the one that was locked has not: then that is the ball."""
+        motion, imposters = self._motion, self._imposters
+        assert motion is not None and imposters is not None
+        self._observe(frame)
+        u, v = motion.place
+        away = [
+            c
+            for c in self._candidates
+            if c.misses == 0
+            and c.moved
+            and c.hits >= 3
+            and math.hypot(c.seen.u_px - u, c.seen.v_px - v) > 1.5 * self._radius_px
+        ]
+        if len(away) != 1:
+            return found
+        imposters.add(float(u), float(v), self._radius_px)
+        self._lock(frame, away[0].seen)
+        self._proven = True
+        return away[0].seen
+
+    def _follow(self, frame: Frame, ahead: Motion) -> Detection | None:
+        """The ball near its prediction: by its outline at once, else by its colour or its circle."""
+        image, looks, imposters = frame.image, self.appearance, self._imposters
+        assert looks is not None and imposters is not None
+        radius = self._radius_px
+        limit = GATE_SIGMAS * ahead.sigma_px + 0.3 * radius
+        was_on = imposters.at(*(float(x) for x in self._place()), radius)
+        u, v = (float(x) for x in ahead.place)
+
+        def good(found: Detection | None) -> bool:
+            if found is None or not believable(found, looks, self._bounds(image)):
+                return False
+            if math.hypot(found.u_px - u, found.v_px - v) > limit:
+                return False
+            # A flat mark may be rolled over, step by step; a still thing is not jumped to.
+            on = imposters.at(found.u_px, found.v_px, radius)
+            return on <= KNOWN_STILL or was_on > 0.1
+
+        found = locate(image, looks, u, v, radius)
+        if good(found):
+            return found
+        for u1, v1 in self._coarse(image, u, v, limit):
+            found = locate(image, looks, u1, v1, radius)
+            if good(found):
+                return found
+        return None
+
+    def _place(self) -> np.ndarray:
+        assert self._motion is not None
+        return self._motion.place
+
+    def _coarse(
+        self, image: np.ndarray, u: float, v: float, limit: float
+    ) -> list[tuple[float, float]]:
+        """Rough centres within the gate, nearest to the prediction first."""
+        looks, radius = self.appearance, self._radius_px
+        assert looks is not None
+        reach = limit + 1.6 * radius
+        x0, y0 = max(0, int(u - reach)), max(0, int(v - reach))
+        window = image[y0 : max(0, int(v + reach)) + 1, x0 : max(0, int(u + reach)) + 1]
+        if min(window.shape[:2]) < radius:
+            return []
+        blobs = find(window, looks, radius_px=(radius / 1.3, radius * 1.3))[:4]
+        places = [(b.u_px + x0, b.v_px + y0) for b in blobs]
+        if looks.fill < TELLING_FILL:
+            rings = circles(window, radius * np.array([0.93, 1.0, 1.07]), noise=2.0, at_most=3)
+            places += [(c.u_px + x0, c.v_px + y0) for c in rings]
+        return sorted(places, key=lambda p: math.hypot(p[0] - u, p[1] - v))

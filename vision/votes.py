@@ -1,0 +1,121 @@
+"""Circles of unknown colour: every edge pixel votes for the centres that it could belong to.
+
+The gradient of an edge points at its circle's centre, so a pixel votes at one radius' distance
+along it, once for a bright disc and once for a dark one (a ball is the one or the other all
+round, which chance alignments are not).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numba
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Circle:
+    """Centre and radius in px; `score` = share of the circumference that voted for it, about."""
+
+    u_px: float
+    v_px: float
+    radius_px: float
+    score: float
+
+
+@numba.njit(cache=True)
+def _strongest(gx, gy):
+    """Of the gradients (h, w, 3) the one of the channel that changes most: two (h, w) int16."""
+    h, w, _ = gx.shape
+    ox, oy = np.empty((h, w), np.int16), np.empty((h, w), np.int16)
+    for i in range(h):
+        for j in range(w):
+            top = -1
+            for c in range(3):
+                size = abs(int(gx[i, j, c])) + abs(int(gy[i, j, c]))
+                if size > top:
+                    top = size
+                    ox[i, j], oy[i, j] = gx[i, j, c], gy[i, j, c]
+    return ox, oy
+
+
+@numba.njit(cache=True)
+def _vote(edges, gx, gy, radius, sign):
+    """Accumulated votes (h, w) float32 for discs of this radius, brighter inside if sign > 0."""
+    h, w = edges.shape
+    out = np.zeros((h, w), np.float32)
+    for i in range(h):
+        for j in range(w):
+            if edges[i, j]:
+                x, y = float(gx[i, j]), float(gy[i, j])
+                size = np.sqrt(x * x + y * y) + 1e-9
+                u = round(j + sign * radius * x / size)
+                v = round(i + sign * radius * y / size)
+                if 0 <= u < w and 0 <= v < h:
+                    out[v, u] += 1.0
+    return out
+
+
+def circles(
+    image: np.ndarray,
+    radii_px: np.ndarray,
+    *,
+    noise: float,
+    region: np.ndarray | None = None,
+    at_most: int = 6,
+) -> list[Circle]:
+    """The best-supported circles in an image (h, w, 3) uint8 BGR, best first, not overlapping.
+
+    `radii_px` (n,) are tried each; `noise` is the pixel noise in grey levels, which sets what
+    counts as an edge; `region` (h, w) uint8 restricts the edges that vote.
+    """
+    smooth = cv2.GaussianBlur(image, (3, 3), 0)
+    gx, gy = _strongest(
+        cv2.Sobel(smooth, cv2.CV_16S, 1, 0).reshape(image.shape),
+        cv2.Sobel(smooth, cv2.CV_16S, 0, 1).reshape(image.shape),
+    )
+    # Sobel sums 8 weights: the blurred noise leaves it with about 3 sigma.
+    high = max(40.0, 15.0 * noise)
+    edges = cv2.Canny(gx, gy, 0.5 * high, high, L2gradient=True)
+    if region is not None:
+        edges = np.where(region > 0, edges, np.uint8(0))
+    found: list[Circle] = []
+    for radius in radii_px:
+        size = 1 + 2 * max(1, round(0.1 * radius))
+        for sign in (1.0, -1.0):
+            votes = cv2.boxFilter(
+                _vote(edges, gx, gy, float(radius), sign), -1, (size, size), normalize=False
+            )
+            found += _peaks(votes / (2 * np.pi * radius), float(radius))
+    return _distinct(found, at_most)
+
+
+def _peaks(support: np.ndarray, radius: float, least: float = 0.35) -> list[Circle]:
+    """Up to three maxima of a support map (h, w) above `least`."""
+    found = []
+    support = support.copy()
+    for _ in range(3):
+        _, top, _, (u, v) = cv2.minMaxLoc(support)
+        if top < least:
+            break
+        found.append(Circle(float(u), float(v), radius, float(top)))
+        cv2.circle(support, (u, v), max(2, int(radius)), 0.0, -1)
+    return found
+
+
+def _distinct(found: list[Circle], at_most: int) -> list[Circle]:
+    """The best circles whose centres do not lie in a better one.
+
+    A short circumference is completed by chance more easily, hence the root of the radius.
+    """
+    kept: list[Circle] = []
+    for c in sorted(found, key=lambda c: -c.score * np.sqrt(c.radius_px)):
+        if all(
+            np.hypot(c.u_px - k.u_px, c.v_px - k.v_px) > 0.7 * max(c.radius_px, k.radius_px)
+            for k in kept
+        ):
+            kept.append(c)
+        if len(kept) == at_most:
+            break
+    return kept
