@@ -22,6 +22,9 @@ from vision.votes import Circle, circles
 WORK_SIZE = 320  # px, longer side of the image that is searched for motion and circles
 FORGET_S = 0.4
 AT_MOST = 12
+# Of the image's longer side: a mark at the edge of a plate tilted by 6 degrees shifts by 1 %.
+TRAVEL = 0.03
+LEAST_WEIGHT = 7.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +40,14 @@ class Mover:
     def last(self) -> tuple[float, float, float]:
         return self.path[-1]
 
+    @property
+    def weight(self) -> float:
+        """Significance of the disc: separation from its surround times the root of its outline.
+
+        Tips of sticks and flecks of shadow are short outlines of little contrast.
+        """
+        return self.looks.separation * math.sqrt(self.last[2])
+
     def guess(self) -> tuple[float, float]:
         """Where it goes on to at the speed of the last step."""
         if len(self.path) < 2:
@@ -44,15 +55,15 @@ class Mover:
         (u0, v0, _), (u1, v1, _) = self.path[-2:]
         return 2 * u1 - u0, 2 * v1 - v0
 
-    def convincing(self) -> bool:
-        """Seen often, of one size, and travelling rather than jittering."""
-        if len(self.path) < 4 or self.misses or self.quality < 0.8:
+    def convincing(self, least_px: float) -> bool:
+        """Seen often, of one size, and travelling (over `least_px`) rather than jittering."""
+        if len(self.path) < 6 or self.misses or self.quality < 0.8:
             return False
         path = np.array(self.path)
         radius = float(np.median(path[:, 2]))
         steps = np.hypot(*np.diff(path[:, :2], axis=0).T)
         span = float(np.hypot(*(path[:, :2] - path[0, :2]).T).max())
-        travels = span > max(6.0, 0.5 * radius) and span > 0.4 * float(steps.sum())
+        travels = span > max(least_px, radius) and span > 0.4 * float(steps.sum())
         return travels and float(np.std(path[:, 2])) < 0.1 * radius
 
 
@@ -85,7 +96,8 @@ class Acquisition:
             (scale * (c.u_px + 0.5) - 0.5, scale * (c.v_px + 0.5) - 0.5, scale * c.radius_px)
             for c in rings
         ]
-        self._movers = [m for m in (self._follow(m, image, places) for m in self._movers) if m]
+        moved = [self._follow(m, image, places) for m in self._movers]
+        self._movers = _distinct([m for m in moved if m is not None])
         self._start(image, places)
         return self._recognised(image)
 
@@ -109,8 +121,9 @@ class Acquisition:
                 top, left = max(0, y - grow), max(0, x - grow)
                 region[top : y + h + grow, left : x + w + grow] = 255
         if self._mask is not None:
-            h, w = region.shape
-            region &= cv2.resize(self._mask, (w, h), interpolation=cv2.INTER_NEAREST)
+            size = (small.shape[1], small.shape[0])
+            allowed = np.asarray(cv2.resize(self._mask, size, interpolation=cv2.INTER_NEAREST))
+            region[allowed == 0] = 0
         return region if region.any() else None
 
     def _follow(
@@ -148,11 +161,21 @@ class Acquisition:
                 self._movers.append(Mover(looks, (place,), found.inliers))
 
     def _recognised(self, image: np.ndarray) -> tuple[Appearance, Detection] | None:
-        sure = [m for m in self._movers if m.convincing()]
+        least = TRAVEL * max(image.shape[:2])
+        sure = [m for m in self._movers if m.convincing(least) and m.weight > LEAST_WEIGHT]
         if not sure:
             return None
-        best = max(sure, key=lambda m: m.quality * math.sqrt(len(m.path)))
+        best = max(sure, key=lambda m: m.weight * math.sqrt(len(m.path)))
         u, v, r = best.last
         looks = Appearance.learn(image, u, v, r)
         found = locate(image, looks, u, v, r)
         return None if found is None else (looks, found)
+
+
+def _distinct(movers: list[Mover]) -> list[Mover]:
+    """Of movers that ended on the same disc the one that was watched longest."""
+    kept: list[Mover] = []
+    for m in sorted(movers, key=lambda m: (m.misses, -len(m.path))):
+        if all(math.hypot(m.last[0] - k.last[0], m.last[1] - k.last[1]) > k.last[2] for k in kept):
+            kept.append(m)
+    return kept

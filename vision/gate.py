@@ -27,7 +27,8 @@ def believable(
     outline = found.inliers >= (0.75 if strict else 0.55)
     outline &= found.coverage >= (0.87 if strict else 0.5)
     # Motion blur roughens the outline in proportion to the ball, sampling by parts of a pixel.
-    outline &= found.residual_px <= max(0.6, (0.05 if strict else 0.07) * found.radius_px)
+    rough = max(0.25, 0.05 * found.radius_px) if strict else max(0.4, 0.07 * found.radius_px)
+    outline &= found.residual_px <= rough
     outline &= found.contrast > 0.25
     if looks.fill < TELLING_FILL:
         return outline

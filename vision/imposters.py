@@ -17,7 +17,7 @@ MEMORY_S = 0.3
 
 
 class Imposters:
-    """How reliably each spot shows the ball's colour without the ball: a map (h / 4, w / 4), 0..1."""
+    """A map (h / 4, w / 4), 0..1: how reliably each spot shows the colour without the ball."""
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self._map = np.zeros((shape[0] // STEP, shape[1] // STEP), np.float32)

@@ -88,11 +88,17 @@ class Tracker:
     def _accept(self, frame: Frame, found: Detection) -> Track:
         """Update motion, size, looks and what is known to be still."""
         motion, looks, imposters = self._motion, self.appearance, self._imposters
-        assert motion is not None and looks is not None and imposters is not None
+        assert motion is not None
+        assert looks is not None
+        assert imposters is not None
         dt = frame.t_s - motion.t_s
-        self._motion = motion.at(frame.t_s, self._radius_px).corrected(
-            found.u_px, found.v_px, found.sigma_px + 0.02 * found.radius_px
-        )
+        ahead = motion.at(frame.t_s, self._radius_px)
+        u, v, sigma = found.u_px, found.v_px, found.sigma_px + 0.02 * found.radius_px
+        if math.hypot(*(ahead.place - (u, v))) > _gates(ahead, self._radius_px)[0]:
+            # A kick, or a time stamp that lies: the speed learned so far is worth nothing.
+            self._motion = Motion.start(u, v, self._radius_px, sigma, frame.t_s)
+        else:
+            self._motion = ahead.corrected(u, v, sigma)
         self._state, self._good_s = "track", frame.t_s
         whole = found.inliers > 0.85 and found.coverage == 1.0
         if whole:
@@ -159,9 +165,10 @@ class Tracker:
         self._candidates = follow(self._candidates, found)
 
     def _doubt(self, frame: Frame, found: Detection | None) -> Detection | None:
-        """Whether another disc moves while the one that was locked has not: then that is the ball."""
+        """`found`, or another disc that moves while the locked one has not: that is the ball."""
         motion, imposters = self._motion, self._imposters
-        assert motion is not None and imposters is not None
+        assert motion is not None
+        assert imposters is not None
         self._observe(frame)
         u, v = motion.place
         away = [
@@ -180,18 +187,21 @@ class Tracker:
         return away[0].seen
 
     def _follow(self, frame: Frame, ahead: Motion) -> Detection | None:
-        """The ball near its prediction: by its outline at once, else by its colour or its circle."""
+        """The ball near its prediction, by its outline; else from its colour or circle there."""
         image, looks, imposters = frame.image, self.appearance, self._imposters
-        assert looks is not None and imposters is not None
-        radius = self._radius_px
-        limit = GATE_SIGMAS * ahead.sigma_px + 0.3 * radius
-        was_on = imposters.at(*(float(x) for x in self._place()), radius)
+        motion, radius, bounds = self._motion, self._radius_px, self._bounds(frame.image)
+        assert looks is not None
+        assert imposters is not None
+        assert motion is not None
+        near, far = _gates(ahead, radius)
+        was_on = imposters.at(float(motion.place[0]), float(motion.place[1]), radius)
         u, v = (float(x) for x in ahead.place)
 
         def good(found: Detection | None) -> bool:
-            if found is None or not believable(found, looks, self._bounds(image)):
+            if found is None:
                 return False
-            if math.hypot(found.u_px - u, found.v_px - v) > limit:
+            jump = math.hypot(found.u_px - u, found.v_px - v)
+            if jump > far or not believable(found, looks, bounds, strict=jump > near):
                 return False
             # A flat mark may be rolled over, step by step; a still thing is not jumped to.
             on = imposters.at(found.u_px, found.v_px, radius)
@@ -200,15 +210,11 @@ class Tracker:
         found = locate(image, looks, u, v, radius)
         if good(found):
             return found
-        for u1, v1 in self._coarse(image, u, v, limit):
+        for u1, v1 in self._coarse(image, u, v, far):
             found = locate(image, looks, u1, v1, radius)
             if good(found):
                 return found
         return None
-
-    def _place(self) -> np.ndarray:
-        assert self._motion is not None
-        return self._motion.place
 
     def _coarse(
         self, image: np.ndarray, u: float, v: float, limit: float
@@ -227,3 +233,14 @@ class Tracker:
             rings = circles(window, radius * np.array([0.93, 1.0, 1.07]), noise=2.0, at_most=3)
             places += [(c.u_px + x0, c.v_px + y0) for c in rings]
         return sorted(places, key=lambda p: math.hypot(p[0] - u, p[1] - v))
+
+
+def _gates(ahead: Motion, radius_px: float) -> tuple[float, float]:
+    """How far (px) from the prediction a disc is believed, and one with nearly the whole outline.
+
+    The far gate allows for kicks and for time stamps that jitter by a frame or two.
+    """
+    reach = GATE_SIGMAS * ahead.sigma_px
+    return min(reach, 2.0 * radius_px) + 0.3 * radius_px, min(
+        reach, 4.0 * radius_px
+    ) + 2 * radius_px
