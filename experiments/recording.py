@@ -30,7 +30,16 @@ from experiments.run_folder import (
     write_truth,
 )
 from experiments.samples_reading import Samples, read_samples
-from experiments.samples_schema import event_message, finished_file, opening, pack, plain_ending
+from experiments.samples_schema import (
+    LONGEST_S,
+    SHORTEST_S,
+    check_times,
+    event_message,
+    finished_file,
+    opening,
+    pack,
+    plain_ending,
+)
 from rig.log import COLUMNS, Log
 
 __all__ = [
@@ -97,8 +106,8 @@ class Recorder:
         if len(row) != len(COLUMNS):
             raise ValueError(f"a row has {len(COLUMNS)} columns (rig.log.COLUMNS), not {len(row)}")
         t_s = float(row[0])
-        if not math.isfinite(t_s):
-            raise ValueError("a row without a time (t_s) cannot be recorded")
+        if not SHORTEST_S <= t_s <= LONGEST_S:
+            check_times(t_s)
         record = self._record
         record["sequence"] = self.rows
         record["log_time"] = record["publish_time"] = self._start_ns + round(t_s * 1e9)
@@ -191,10 +200,10 @@ def write_run(
     """
     folder, record = Path(folder), start_record(start)
     refuse_second_run(folder)
+    start_ns = nanoseconds(record["created"])
+    pieces = list(finished_file(log.rows, plain(list(events)), start_ns))  # before anything is made
     folder.mkdir(parents=True, exist_ok=True)
-    pieces = finished_file(log.rows, plain(list(events)), nanoseconds(record["created"]))
-    with (folder / "samples.mcap").open("xb") as file:
-        file.writelines(pieces)
+    replace(folder / "samples.mcap", pieces)
     duration_s = float(log["t_s"][-1]) if len(log) else None
     stop = stop_record(record, outcome, reason, len(log), duration_s)
     replace_json(folder / "run.json", stop)

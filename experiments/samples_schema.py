@@ -24,6 +24,7 @@ CHANNEL = {SAMPLES: 1, EVENTS: 2}
 MESSAGE_NAME = "rig.Sample"
 FIRST_FIELD = 16  # the first number whose tag has two bytes
 CHUNK_ROWS = 2048
+SHORTEST_S, LONGEST_S = -1e9, 4e9  # plus today they fit 63 bits of nanoseconds since 1970
 
 _FIXED64 = 1  # protobuf's wire type of a double
 _tag = (np.arange(len(COLUMNS)) + FIRST_FIELD) << 3 | _FIXED64
@@ -47,10 +48,9 @@ def pack(rows: np.ndarray, start_ns: int, first: int = 0) -> np.ndarray:
     """Return the message records (n,) of `RECORD` of rows (n, len(COLUMNS)).
 
     `start_ns`: wall-clock time of t_s = 0; `first`: sequence number of the first row.
-    ValueError: a time that is no number.
+    ValueError: a time that is none (see `check_times`).
     """
-    if not np.isfinite(rows[:, 0]).all():
-        raise ValueError("a row without a time (t_s) cannot be recorded")
+    check_times(rows[:, 0])
     records = np.zeros(len(rows), RECORD)
     records["opcode"] = MESSAGE
     records["length"] = RECORD.itemsize - HEAD
@@ -63,12 +63,30 @@ def pack(rows: np.ndarray, start_ns: int, first: int = 0) -> np.ndarray:
     return records
 
 
+def check_times(t_s: np.ndarray | float) -> None:
+    """ValueError where a time (any shape, s) is no number or beyond what a wall clock can say."""
+    t_s = np.atleast_1d(t_s)
+    bad = t_s[~((t_s >= SHORTEST_S) & (t_s <= LONGEST_S))]
+    if len(bad):
+        raise ValueError(
+            f"t_s = {bad[0]} cannot be recorded: "
+            f"it must be a number from {SHORTEST_S:g} to {LONGEST_S:g} s"
+        )
+
+
 def event_message(event: dict, start_ns: int, sequence: int) -> tuple[int, bytes]:
-    """Return log time (ns) and message record of an event with "t_s", "text" and plain data."""
+    """Return log time (ns) and message record of an event with "t_s", "text" and plain data.
+
+    ValueError: one of the two is missing, or the time is none.
+    """
     from mcap.data_stream import RecordBuilder
     from mcap.records import Message
 
-    time_ns = start_ns + round(event["t_s"] * 1e9)
+    if not {"t_s", "text"} <= event.keys():
+        raise ValueError(f"an event has t_s and text, this one has {', '.join(event) or 'nothing'}")
+    t_s = float(event["t_s"])
+    check_times(t_s)
+    time_ns = start_ns + round(t_s * 1e9)
     builder = RecordBuilder()
     Message(
         channel_id=CHANNEL[EVENTS],

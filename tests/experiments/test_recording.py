@@ -211,15 +211,28 @@ def test_a_bad_start_record_is_refused(tmp_path, start, words):
 
 def test_bad_rows_are_refused_and_leave_no_trace(tmp_path):
     recorder = record(tmp_path, example(3))
-    timeless = example(1)[0]
-    timeless[0] = np.nan
-    for row, words in ((np.zeros(5), "31 columns"), (timeless, "without a time")):
-        with pytest.raises(ValueError, match=words):
+    with pytest.raises(ValueError, match="31 columns"):
+        recorder.append(np.zeros(5))
+    for i, t_s in enumerate((np.nan, np.inf, 1e300, -1e10)):
+        row = example(1)[0]
+        row[0] = t_s
+        with pytest.raises(ValueError, match=r"t_s = .* cannot be recorded"):
             recorder.append(row)
+        with pytest.raises(ValueError, match=r"t_s = .* cannot be recorded"):
+            recorder.event(t_s, "never")
+        with pytest.raises(ValueError, match=r"t_s = .* cannot be recorded"):
+            write_run(tmp_path / str(i), START, Log.from_rows(row[None]))
+        assert not (tmp_path / str(i)).exists()
     recorder.finish("done")
-    assert_rows(read_run(tmp_path).log, example(3))
-    with pytest.raises(ValueError, match="without a time"):
-        write_run(tmp_path / "b", START, Log.from_rows(timeless[None]))
+    run = read_run(tmp_path)
+    assert_rows(run.log, example(3))
+    assert run.events == EVENTS
+
+
+def test_an_event_without_a_text_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="t_s and text, this one has t_s"):
+        write_run(tmp_path / "a", START, Log.from_rows(example()), [{"t_s": 0.0}])
+    assert not (tmp_path / "a").exists()
 
 
 def test_what_is_no_run_is_refused(tmp_path):

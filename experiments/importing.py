@@ -1,0 +1,199 @@
+"""Read a log from a run folder, CSV, Parquet or MAT file, whoever wrote it, and check it.
+
+Names are those of `rig.log.COLUMNS`. Needed are `t_s` and one of `theta_*_rad` and `ball_*_m`;
+what else is missing, or unknown and left out, stands in the log's `notes`.
+"""
+
+import csv
+import importlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.exporting import ALWAYS
+from experiments.recording import read_run
+from rig.log import INDEX, NAMES, Log
+
+ONE_OF = ("theta_x_rad", "theta_y_rad", "ball_x_m", "ball_y_m")
+GAPLESS = tuple(name for name in ALWAYS if name.startswith(("theta", "voltage")))
+
+
+def read_log(path: Path | str) -> Log:
+    """Read and check the log at `path`: a run folder (or its samples.mcap), .csv, .parquet, .mat.
+
+    FileNotFoundError: nothing is there. ValueError: not readable, a column is missing, a time is
+    missing or runs backwards, an angle or a voltage is missing in some rows only.
+    """
+    path = Path(path)
+    if path.name == "samples.mcap":
+        path = path.parent
+    if path.is_dir():
+        run = read_run(path)
+        notes = ["the recording was cut off"] if run.meta["truncated"] else []
+        return _checked(path, run.log.columns, notes)
+    if not path.exists():
+        raise FileNotFoundError(f"{path} does not exist")
+    readers = {".csv": _read_csv, ".parquet": _read_parquet, ".mat": _read_mat}
+    if path.suffix.lower() not in readers:
+        raise ValueError(f"{path}: a log is a run folder or a file {', '.join(readers)}")
+    try:
+        columns = readers[path.suffix.lower()](path)
+    except (ValueError, csv.Error) as error:
+        raise ValueError(f"{path}: {' '.join(str(error).split())}") from error
+    unknown = [name for name in columns if name not in INDEX]
+    notes = [f"unknown columns left out: {', '.join(unknown)}"] if unknown else []
+    return _checked(path, columns, notes)
+
+
+def _checked(path: Path, columns: Mapping[str, Any], notes: list[str]) -> Log:
+    """Return the log of the known `columns` ((n,) each). ValueError: it cannot be worked with."""
+    try:
+        known = {name: _numbers(name, columns[name]) for name in NAMES if name in columns}
+        _check_names(list(columns), known)
+        log = Log.from_columns(known)
+        _check_times(log["t_s"])
+        for name in ALWAYS:
+            _check_gaps(name, log[name])
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+    missing = [name for name in ALWAYS if not log.has(name)]
+    if missing:
+        notes = [*notes, f"no values of {', '.join(missing)}: what needs them is skipped"]
+    return Log(log.rows, tuple(notes))
+
+
+def _numbers(name: str, values: Any) -> np.ndarray:
+    """Return a column as (n,) float64. ValueError: it is no column of real numbers."""
+    values = np.asarray(values)
+    if values.dtype.kind not in "fiub" or sum(size != 1 for size in values.shape) > 1:
+        raise ValueError(f"{name} is no column of numbers (it is {values.dtype} {values.shape})")
+    return values.reshape(-1).astype(np.float64)
+
+
+def _check_names(names: list[str], known: dict[str, np.ndarray]) -> None:
+    """ValueError where `t_s` or every angle and position is missing."""
+    there = f"there are: {', '.join(names) or 'none'}"
+    if "t_s" not in known:
+        raise ValueError(f"no column t_s (time in s); {there}")
+    if len(known["t_s"]) == 0:
+        raise ValueError("the log has no rows")
+    if all(name not in known or np.isnan(known[name]).all() for name in ONE_OF):
+        raise ValueError(f"no values in any of {', '.join(ONE_OF)}; one is needed; {there}")
+
+
+def _check_times(t_s: np.ndarray) -> None:
+    """ValueError where a time is no number or not later than the one before."""
+    bad = np.flatnonzero(~np.isfinite(t_s))
+    if len(bad):
+        raise ValueError(f"t_s is blank or not finite in {_where(bad)}: every row needs its time")
+    bad = np.flatnonzero(np.diff(t_s) <= 0) + 1
+    if len(bad):
+        was, now = float(t_s[bad[0] - 1]), float(t_s[bad[0]])
+        raise ValueError(
+            f"time does not grow in {_where(bad)} (from {was!r} to {now!r} s): "
+            "sort the rows, keep one a tick, import one run at a time"
+        )
+
+
+def _check_gaps(name: str, values: np.ndarray) -> None:
+    """ValueError where `values` are infinite, or missing in some rows where all are needed."""
+    bad = np.flatnonzero(np.isinf(values))
+    if len(bad):
+        raise ValueError(f"{name} is infinite in {_where(bad)}")
+    bad = np.flatnonzero(np.isnan(values))
+    if name in GAPLESS and 0 < len(bad) < len(values):
+        raise ValueError(
+            f"{name} is blank in {_where(bad)}: give it in every row, or leave the column out"
+        )
+
+
+def _where(rows: np.ndarray) -> str:
+    """Say which rows, counted from 1."""
+    more = f" and {len(rows) - 1} more" if len(rows) > 1 else ""
+    return f"row {rows[0] + 1}{more}"
+
+
+def _read_csv(path: Path) -> dict[str, np.ndarray]:
+    """Read columns of a CSV file with a header; separators: comma, semicolon, tab."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ValueError("it is no text in UTF-8: save it as CSV UTF-8") from error
+    header = text.split("\n", 1)[0]
+    lines = csv.reader(text.splitlines(), delimiter=max(",;\t", key=header.count))
+    names = [name.strip() for name in next(lines, [])]
+    if len(set(names)) != len(names):
+        raise ValueError(f"a column's name stands twice in {', '.join(names)}")
+    rows = []
+    for cells in lines:
+        if len(cells) not in (0, len(names)):
+            raise ValueError(f"line {lines.line_num} has {len(cells)} cells, not {len(names)}")
+        if cells:
+            rows.append(cells)
+    columns = zip(*rows, strict=True) if rows else [()] * len(names)
+    return {
+        name: _parsed(name, cells) if name in INDEX else np.empty(0)
+        for name, cells in zip(names, columns, strict=True)
+    }
+
+
+def _parsed(name: str, cells: tuple[str, ...]) -> np.ndarray:
+    """Return the numbers (n,) of a column's cells, NaN where blank."""
+    numbers = np.full(len(cells), np.nan)
+    for i, cell in enumerate(cells):
+        if cell and not cell.isspace():
+            try:
+                numbers[i] = float(cell)
+            except ValueError as error:
+                raise ValueError(
+                    f"row {i + 1}: {name} is {cell!r}, no number (decimal point, no unit)"
+                ) from error
+    return numbers
+
+
+def _read_parquet(path: Path) -> dict[str, np.ndarray]:
+    """Read the columns of a Parquet file; null becomes NaN."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with pq.ParquetFile(path) as file:  # one file, whatever the folders around it are called
+            table = file.read()
+        return {
+            name: table[name].cast(pa.float64()).to_numpy() if name in INDEX else np.empty(0)
+            for name in table.column_names
+        }
+    except (pa.ArrowException, KeyError) as error:
+        raise ValueError(str(error)) from error
+
+
+def _read_mat(path: Path) -> dict[str, Any]:
+    """Read the variables of a MAT file, or the fields of the one struct that has t_s."""
+    from scipy.io import loadmat
+
+    try:
+        found = loadmat(path, appendmat=False)
+    except NotImplementedError:  # what scipy raises for version 7.3
+        return _read_hdf5(path)
+    except Exception as error:  # of damaged bytes scipy raises whatever it meets
+        raise ValueError(f"not readable as a MAT file ({error})") from error
+    found = {name: value for name, value in found.items() if not name.startswith("__")}
+    if "t_s" not in found:
+        for value in found.values():
+            if "t_s" in (value.dtype.names or ()) and value.size == 1:
+                return {name: value[name].item() for name in value.dtype.names}
+    return found
+
+
+def _read_hdf5(path: Path) -> dict[str, np.ndarray]:
+    """Read the columns of a MAT file of version 7.3, which is HDF5, where h5py is installed."""
+    try:
+        h5py = importlib.import_module("h5py")
+    except ImportError as error:
+        raise ValueError(
+            "a MAT file of version 7.3: save it in MATLAB with save(name, '-v7'), or install h5py"
+        ) from error
+    with h5py.File(path, "r") as file:
+        return {name: np.asarray(file[name]) if name in INDEX else np.empty(0) for name in file}
