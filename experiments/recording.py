@@ -42,15 +42,7 @@ from experiments.samples_schema import (
 )
 from rig.log import COLUMNS, Log
 
-__all__ = [
-    "Recorder",
-    "Run",
-    "new_run_folder",
-    "read_run",
-    "recover",
-    "write_run",
-    "write_truth",
-]
+__all__ = ["Recorder", "Run", "new_run_folder", "read_run", "recover", "write_run", "write_truth"]
 
 DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 STILL_S = 0.3  # a recording that has not grown for so long is not being written

@@ -13,6 +13,7 @@ import json
 import zlib
 from collections.abc import Iterator, Sequence
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -79,7 +80,6 @@ def event_message(event: dict, start_ns: int, sequence: int) -> tuple[int, bytes
 
     ValueError: one of the two is missing, or the time is none.
     """
-    from mcap.data_stream import RecordBuilder
     from mcap.records import Message
 
     if not {"t_s", "text"} <= event.keys():
@@ -87,15 +87,24 @@ def event_message(event: dict, start_ns: int, sequence: int) -> tuple[int, bytes
     t_s = float(event["t_s"])
     check_times(t_s)
     time_ns = start_ns + round(t_s * 1e9)
-    builder = RecordBuilder()
-    Message(
+    message = Message(
         channel_id=CHANNEL[EVENTS],
         log_time=time_ns,
         publish_time=time_ns,
         sequence=sequence,
         data=json.dumps(event, allow_nan=False).encode(),
-    ).write(builder)
-    return time_ns, builder.end()
+    )
+    return time_ns, _bytes(message)
+
+
+def _bytes(*records: Any) -> bytes:
+    """Return records of `mcap.records`, one after the other, as bytes."""
+    from mcap.data_stream import RecordBuilder
+
+    builder = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    return builder.end()
 
 
 @cache
@@ -123,51 +132,46 @@ def sample_schema() -> bytes:
 @cache
 def _declarations() -> bytes:
     """Return schema and channel records; units and meanings of the columns are channel metadata."""
-    from mcap.data_stream import RecordBuilder
     from mcap.records import Channel, Schema
 
     number, text = {"type": "number"}, {"type": "string"}
     event = {"type": "object", "properties": {"t_s": number, "text": text}}
     units = {column.name: f"[{column.unit}] {column.meaning}" for column in COLUMNS}
-    builder = RecordBuilder()
-    Schema(data=sample_schema(), encoding="protobuf", id=1, name=MESSAGE_NAME).write(builder)
-    event_bytes = json.dumps(event).encode()
-    Schema(data=event_bytes, encoding="jsonschema", id=2, name="rig.Event").write(builder)
-    for topic, encoding, schema, metadata in (
-        (SAMPLES, "protobuf", 1, units),
-        (EVENTS, "json", 2, {}),
-    ):
+    schemas = (
+        Schema(data=sample_schema(), encoding="protobuf", id=1, name=MESSAGE_NAME),
+        Schema(data=json.dumps(event).encode(), encoding="jsonschema", id=2, name="rig.Event"),
+    )
+    channels = (
         Channel(
             id=CHANNEL[topic],
             topic=topic,
             message_encoding=encoding,
             schema_id=schema,
             metadata=metadata,
-        ).write(builder)
-    return builder.end()
+        )
+        for topic, encoding, schema, metadata in (
+            (SAMPLES, "protobuf", 1, units),
+            (EVENTS, "json", 2, {}),
+        )
+    )
+    return _bytes(*schemas, *channels)
 
 
 @cache
 def opening() -> bytes:
     """Return what every file starts with: magic, header, schemas, channels."""
-    from mcap.data_stream import RecordBuilder
     from mcap.records import Header
 
-    builder = RecordBuilder()
-    Header(profile="", library="balancing-table-rig").write(builder)
-    return MAGIC + builder.end() + _declarations()
+    return MAGIC + _bytes(Header(profile="", library="balancing-table-rig")) + _declarations()
 
 
 @cache
 def plain_ending() -> bytes:
     """Return what ends a file of plain messages: no summary, but complete."""
-    from mcap.data_stream import RecordBuilder
     from mcap.records import DataEnd, Footer
 
-    builder = RecordBuilder()
-    DataEnd(0).write(builder)
-    Footer(summary_start=0, summary_offset_start=0, summary_crc=0).write(builder)
-    return builder.end() + MAGIC
+    footer = Footer(summary_start=0, summary_offset_start=0, summary_crc=0)
+    return _bytes(DataEnd(0), footer) + MAGIC
 
 
 def finished_file(rows: np.ndarray, events: Sequence[dict], start_ns: int) -> Iterator[bytes]:
@@ -199,23 +203,23 @@ def _contents(
         yield b"".join(messages), np.array(times, np.uint64), offsets, CHANNEL[EVENTS]
 
 
-def _chunk(piece: bytes, times: np.ndarray, offsets: np.ndarray, channel: int, position: int):
+def _chunk(
+    piece: bytes, times: np.ndarray, offsets: np.ndarray, channel: int, position: int
+) -> tuple[bytes, Any]:
     """Return a chunk with its message index as bytes, and its entry in the file's index."""
     import zstandard
-    from mcap.data_stream import RecordBuilder
     from mcap.records import Chunk, ChunkIndex
 
     compressed = zstandard.ZstdCompressor(level=1).compress(piece)
     span = {"message_start_time": int(times.min()), "message_end_time": int(times.max())}
-    builder = RecordBuilder()
-    Chunk(
+    chunk = Chunk(
         compression="zstd",
         data=compressed,
         uncompressed_crc=zlib.crc32(piece),
         uncompressed_size=len(piece),
         **span,
-    ).write(builder)
-    chunk = builder.end()
+    )
+    chunk = _bytes(chunk)
     entries = np.stack((times.astype("<u8"), offsets.astype("<u8")), axis=1).tobytes()
     size = len(entries).to_bytes(4, "little")
     content = channel.to_bytes(2, "little") + size + entries
@@ -235,13 +239,10 @@ def _chunk(piece: bytes, times: np.ndarray, offsets: np.ndarray, channel: int, p
 
 def _indexed_ending(indexes: list, counts: dict[int, int], position: int) -> bytes:
     """Return data end, summary and footer of a file whose data section ends at `position`."""
-    from mcap.data_stream import RecordBuilder
     from mcap.records import DataEnd, Footer, Statistics
 
-    builder = RecordBuilder()
-    DataEnd(0).write(builder)
-    end = builder.end()
-    Statistics(
+    end = _bytes(DataEnd(0))
+    statistics = Statistics(
         attachment_count=0,
         channel_count=len(counts),
         channel_message_counts=counts,
@@ -251,10 +252,7 @@ def _indexed_ending(indexes: list, counts: dict[int, int], position: int) -> byt
         message_end_time=max((index.message_end_time for index in indexes), default=0),
         metadata_count=0,
         schema_count=2,
-    ).write(builder)
-    for index in indexes:
-        index.write(builder)
-    summary = _declarations() + builder.end()
+    )
+    summary = _declarations() + _bytes(statistics, *indexes)
     footer = Footer(summary_start=position + len(end), summary_offset_start=0, summary_crc=0)
-    footer.write(builder)
-    return end + summary + builder.end() + MAGIC
+    return end + summary + _bytes(footer) + MAGIC
