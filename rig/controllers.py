@@ -108,9 +108,16 @@ def control(c, g, belief, play, reading, target, volts):
 
 
 @compiled
-def level(g, belief, reading, angle, volts):
-    """Hold both servos at `angle` [rad]: before the release, after a lost ball, on the way out."""
+def follow(c, g, belief, reading, angles, volts):
+    """Inner loop alone: both servos to `angles` (2,) [rad], clipped at the limit."""
     for a in range(2):
-        volts[a] = g.servo_kp * (angle - reading[R_THETA + a]) - g.servo_kd * belief.rate[a]
+        c.wanted_theta[a] = min(max(angles[a], -g.angle_limit), g.angle_limit)
+        c.reference[a] = c.wanted_theta[a]
+        volts[a] = g.servo_kp * (c.reference[a] - reading[R_THETA + a]) - g.servo_kd * belief.rate[a]
 
 
+@compiled
+def level(g, belief, reading, volts):
+    """Hold both servos at zero: before anything is seen and while the ball is not."""
+    for a in range(2):
+        volts[a] = -g.servo_kp * reading[R_THETA + a] - g.servo_kd * belief.rate[a]

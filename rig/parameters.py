@@ -127,7 +127,7 @@ class Drive:
     gear_damping_nm_s: float = 0.02
     joint_stiffness_nm_rad: float = 30.0
     joint_damping_nm_s: float = 0.02
-    arm_friction_nm: float = 0.005  # bearing of the load shaft
+    arm_friction_nm: float = 0.002  # bearing of the load shaft
     joint_friction_nm: float = 0.02  # plate's joints, felt at the arm
     plate_inertia_kg_m2: float = 6.4e-5  # 0.3 kg plate seen through the linkage
 

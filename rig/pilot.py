@@ -30,18 +30,20 @@ PILOT_SETTINGS = np.dtype(
         ("belief", observers.BELIEF_SETTINGS),
         ("play", play_observer.PLAY_SETTINGS),
         ("control", controllers.CONTROL_SETTINGS),
+        ("servo_only", np.int64),  # the target is the servos' angle [rad]; no ball is needed
         ("voltage_limit", np.float64),
         ("angle_limit", np.float64),
     ]
 )
 
 
-def settings(rig: Rig, arm: int) -> np.record:
+def settings(rig: Rig, arm: int, *, servo_only: bool = False) -> np.record:
     """All settings from what a controller may know of the rig; `arm` as in `controllers`."""
     q = np.zeros(1, PILOT_SETTINGS)[0]
     q["belief"] = observers.settings(rig)
     q["play"] = play_observer.settings(rig)
     q["control"] = controllers.settings(rig, arm)
+    q["servo_only"] = int(servo_only)
     q["voltage_limit"] = rig.servo.voltage_limit_V
     q["angle_limit"] = rig.servo.angle_limit_rad
     return q
@@ -81,10 +83,12 @@ def pilot_tick(pilot, q, reading, target, applied, wish):
         pilot.control.integral[0] = pilot.control.integral[1] = 0.0
     else:
         play_observer.observe_play(pilot.play, q.play, reading)
-        blind = observers.seconds_blind(pilot.belief, reading)
-        pilot.phase = BLIND if blind > BLIND_S else RUN
-    if pilot.phase == BLIND or pilot.belief.frames == 0:
-        controllers.level(q.control, pilot.belief, reading, 0.0, wish)
+        blind = observers.seconds_blind(pilot.belief, reading) > BLIND_S
+        pilot.phase = BLIND if blind and not q.servo_only else RUN
+    if q.servo_only:
+        controllers.follow(pilot.control, q.control, pilot.belief, reading, target, wish)
+    elif pilot.phase == BLIND or pilot.belief.frames == 0:
+        controllers.level(q.control, pilot.belief, reading, wish)
     else:
         controllers.control(
             pilot.control, q.control, pilot.belief, pilot.play, reading, target, wish

@@ -8,6 +8,7 @@ number come in; one row a tick goes out. Runs are independent, so a batch is spl
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from math import ceil
 from os import cpu_count
 
 import numpy as np
@@ -17,26 +18,34 @@ from rig.compiled import compiled
 from rig.limits import limit
 from rig.log import COLUMNS, Log
 from rig.parameters import Rig
-from rig.pilot import BLIND, pilot_tick
+from rig.pilot import BLIND, HOLD, pilot_tick
+from rig.plant import SEEN_T
 from rig.rows import fill_row
 from rig.sensors import read_drives
 from rig.signals import READING_SIZE, R_THETA, R_TIME, R_VARIANCE
+from rig.simulator import camera_numbers, table_tick
 from rig.statistical_camera import deliver, look, next_exposure
 
-BLIND_TICKS_S = 1.0  # a ball unseen for so long ends the run
+BLIND_LIMIT_S = 1.0  # a ball unseen for so long ends the run
+RELEASE_LIMIT_S = 3.0  # in a simulation, a release not detected by then ends the run
+ENDINGS = ("completed", "ball lost", "limit", "not released")
+ANGLE_MARGIN_RAD = 0.05  # beyond the angle limit by more than this is a runaway
 
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """What a run is asked to do, tick by tick: targets (n, 2) [m], pushes (n, 2) [m/s2].
+    """What a run is asked to do from its release on, tick by tick.
 
-    `start_m` is where the ball is placed; it is held for `hold_s` and then let go (0: free at once).
+    targets_m (n, 2): where the ball should be (servo angles [rad] in a run on the servos alone);
+    pushes_m_s2 (n, 2): the hand's pushes; start_m: where the ball is placed; it is held for
+    `hold_s` and then let go (0: free from the start).
     """
 
     targets_m: np.ndarray
     pushes_m_s2: np.ndarray
     start_m: tuple[float, float] = (0.0, 0.0)
     hold_s: float = 0.0
+    servo_only: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,53 +56,66 @@ class Draws:
     tachometer: np.ndarray
 
 
-def draw(rng: np.random.Generator, ticks: int, frames: int) -> Draws:
-    """Draw a run's numbers; a table that draws them block by block gets the same ones."""
+def draw(rng: np.random.Generator, rig: Rig, course: Course) -> Draws:
+    """Draw a run's numbers: those that a `SimulatedTable` with the same rng would draw."""
+    ticks = _most_ticks(rig, course)
+    frames = int(ticks / rig.control_rate_hz * rig.camera.rate_hz) + 2
     noise, drop, tachometer = rng.spawn(3)
-    camera = np.empty((frames, 3))
-    camera[:, :2] = noise.standard_normal((frames, 2))
-    camera[:, 2] = drop.random(frames)
-    return Draws(camera, tachometer.standard_normal((ticks, 2)))
+    return Draws(camera_numbers(noise, drop, frames), tachometer.standard_normal((ticks, 2)))
+
+
+def _most_ticks(rig: Rig, course: Course) -> int:
+    waiting = course.hold_s + RELEASE_LIMIT_S if course.hold_s > 0 else 0.0
+    return len(course.targets_m) + ceil(waiting * rig.control_rate_hz)
 
 
 @compiled
 def _run(s, p, q, flight, camera, targets, pushes, hold_s, tick_s, eyes, tachometer, rows):
-    """Fill `rows` (n, columns) tick by tick; returns how many are filled (n, less when lost)."""
-    n = targets.shape[0]
+    """Fill `rows` (m, columns) tick by tick; returns how many are filled and the ending's number."""
     history = np.zeros((plant.HISTORY_TICKS, 2))
     reading, seen = np.full(READING_SIZE, np.nan), np.full(7, np.nan)
     wish, applied, covariance = np.zeros(2), np.zeros(2), np.zeros(3)
-    blind = 0
-    for k in range(n):
+    blind, since_release, fallen = 0, 0, False
+    for k in range(rows.shape[0]):
         t = k * tick_s
+        target = targets[since_release]
+        push_x, push_y = pushes[since_release, 0], pushes[since_release, 1]
         reading[R_TIME] = t
         read_drives(s, p, tachometer[k], reading)
         deliver(camera, reading)
-        pilot_tick(flight, q, reading, targets[k], applied, wish)
+        pilot_tick(flight, q, reading, target, applied, wish)
+        if flight.phase == HOLD:
+            push_x = push_y = 0.0
+        runaway = False
         for a in range(2):
             applied[a] = limit(wish[a], reading[R_THETA + a], q.voltage_limit, q.angle_limit)
+            runaway = runaway or abs(reading[R_THETA + a]) > q.angle_limit + ANGLE_MARGIN_RAD
         covariance[0] = covariance[2] = reading[R_VARIANCE]
-        pushed = 1.0 if pushes[k, 0] != 0.0 or pushes[k, 1] != 0.0 else 0.0
-        fill_row(rows[k], flight, reading, covariance, targets[k], pushed, wish, applied)
+        pushed = 1.0 if push_x != 0.0 or push_y != 0.0 else 0.0
+        fill_row(rows[k], flight, reading, covariance, target, pushed, wish, applied)
+        if runaway:
+            return k + 1, 2
         blind = blind + 1 if flight.phase == BLIND else 0
-        if blind * tick_s > BLIND_TICKS_S:
-            return k + 1
-        for i in range(plant.HISTORY_TICKS - 1, 0, -1):
-            history[i, 0], history[i, 1] = history[i - 1, 0], history[i - 1, 1]
-        history[0, 0], history[0, 1] = applied[0], applied[1]
-        lost = plant.advance(
-            s, p, history, t, tick_s, pushes[k, 0], pushes[k, 1], t < hold_s,
-            next_exposure(camera), seen,
-        )  # fmt: skip
-        if lost:
-            return k + 1
-        look(camera, p, seen, eyes[min(camera.frame, eyes.shape[0] - 1)])
-    return n
+        if blind * tick_s > BLIND_LIMIT_S:
+            return k + 1, 1
+        if flight.phase != HOLD:
+            since_release += 1
+        if since_release == targets.shape[0]:
+            return k + 1, 0
+        fallen = fallen | table_tick(
+            s, p, history, applied, push_x, push_y, t < hold_s, t, tick_s, next_exposure(camera), seen
+        )
+        if not np.isnan(seen[SEEN_T]):
+            if fallen:
+                camera.frame += 1
+            else:
+                look(camera, p, seen, eyes[camera.frame])
+    return rows.shape[0], 3
 
 
 @dataclass(frozen=True, eq=False)
 class Simulated:
-    """A simulated run: its log and how it ended (completed | ball lost)."""
+    """A simulated run: its log and how it ended (one of ENDINGS)."""
 
     log: Log
     outcome: str
@@ -101,18 +123,16 @@ class Simulated:
 
 def simulate(rig: Rig, known: Rig, arm: int, course: Course, draws: Draws) -> Simulated:
     """One closed-loop run of the plant `rig` under a controller that knows `known` (no effects)."""
-    q = pilot.settings(known, arm)
+    q = pilot.settings(known, arm, servo_only=course.servo_only)
     flight = pilot.start(q, held=course.hold_s > 0)
-    rows = np.full((len(course.targets_m), len(COLUMNS)), np.nan)
-    filled = _run(
+    rows = np.full((_most_ticks(known, course), len(COLUMNS)), np.nan)
+    filled, ending = _run(
         plant.rest(course.start_m), plant.pack(rig), q, flight,
         statistical_camera.start(known.camera.rate_hz),
         np.ascontiguousarray(course.targets_m), np.ascontiguousarray(course.pushes_m_s2),
         course.hold_s, 1 / known.control_rate_hz, draws.camera, draws.tachometer, rows,
     )  # fmt: skip
-    return Simulated(
-        Log.from_rows(rows[:filled]), "completed" if filled == len(rows) else "ball lost"
-    )
+    return Simulated(Log.from_rows(rows[:filled]), ENDINGS[ending])
 
 
 def simulate_many(

@@ -87,23 +87,23 @@ class PoseFit(NamedTuple):
         return self.n_corners > 0
 
 
-class Detection(NamedTuple):
+class FoundMarkers(NamedTuple):
     """Markers found in a whole image: `ids` (k,), `corners_px` (k, 4, 2)."""
 
     ids: np.ndarray
     corners_px: np.ndarray
 
 
-def detect(image: np.ndarray, layout: MarkerLayout) -> Detection:
+def detect(image: np.ndarray, layout: MarkerLayout) -> FoundMarkers:
     """Find the layout's markers anywhere in an image (h, w[, 3]) uint8: slow (about 15 ms)."""
     corners, ids, _ = _detector(layout.dictionary).detectMarkers(image)
     if ids is None or len(corners) == 0:
-        return Detection(np.zeros(0, int), np.zeros((0, 4, 2)))
+        return FoundMarkers(np.zeros(0, int), np.zeros((0, 4, 2)))
     found = np.asarray(ids).reshape(-1).astype(int)
     corners_px = np.asarray(corners, float).reshape(-1, 4, 2)
     # An id seen twice is a reflection or a second plate: neither can be trusted.
     once = [np.sum(found == i) == 1 and i in layout.ids for i in found]
-    return Detection(found[once], corners_px[once])
+    return FoundMarkers(found[once], corners_px[once])
 
 
 def find_pose(image: np.ndarray, layout: MarkerLayout, camera: Camera) -> PoseFit | None:
@@ -143,8 +143,9 @@ def track_pose(
     `image` (h, w, 3) uint8; `ball` (u, v, radius) px is what hides the plate, if known; what else
     hides an edge is left out as an outlier. The view's `pose_cov` holds the fit's covariance.
     Refused (`n_corners` 0, view = guess) when under a third of all edges, two thirds of those seen
-    or a quarter of the corners fit (a shift by one printed square lets some sides fit), when they leave a tilt uncertain by more than 0.2 degrees, when the fit does not
-    come to rest, or when the rms exceeds 0.2 px.
+    or a quarter of the corners fit (a shift by one printed square lets some sides fit), when they
+    leave a tilt uncertain by more than 0.2 degrees, when the fit does not come to rest, or when the
+    rms exceeds 0.2 px.
     """
     view, moved_px = view_guess, np.inf
     for search in (_COARSE, _FINE, _FINE, _FINE):

@@ -1,0 +1,173 @@
+"""The loop: read, believe, wish, limit, drive, keep. No sleep, no clock, no `if simulated`."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from rig import pilot
+from rig.commands import Command, CommandSlot, Push, SetGains, Stop, Target
+from rig.limits import limit
+from rig.log import COLUMNS
+from rig.parameters import Rig
+from rig.pilot import BLIND, HOLD, pilot_tick
+from rig.rows import fill_row
+from rig.simulate import ANGLE_MARGIN_RAD, BLIND_LIMIT_S, Course
+from rig.table import LevelOnExit, Reading, Table
+
+HIGHEST_GAINS = (20.0, 20.0, 20.0)  # rad/m, rad/(m s), rad s/m: what a setpoint page may ask for
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a run ended: completed, ball lost, limit, not released or aborted, and why."""
+
+    outcome: str
+    reason: str = ""
+
+
+class Hand:
+    """Who places, releases and pushes the ball. This one is a person: it watches and waits."""
+
+    release_limit_s = 120.0
+
+    def act(self, t_s: float, push_m_s2: tuple[float, float]) -> None:
+        """Called every tick with the push that the course (or a command) wants now."""
+
+
+class SimulatedHand(Hand):
+    """Lets a simulated ball go after `hold_s` and pushes it."""
+
+    release_limit_s = 3.0
+
+    def __init__(self, table, hold_s: float) -> None:
+        self._table, self._hold_s = table, hold_s
+        table.held = hold_s > 0
+
+    def act(self, t_s: float, push_m_s2: tuple[float, float]) -> None:
+        if t_s >= self._hold_s:
+            self._table.release()
+        self._table.push(push_m_s2)
+
+
+class Loop:
+    """One run of an arm on a table; `run` returns how it ended and hands every row to `keep`."""
+
+    def __init__(
+        self,
+        table: Table,
+        known: Rig,
+        arm: int,
+        course: Course,
+        *,
+        hand: Hand | None = None,
+        commands: CommandSlot | None = None,
+        keep: Callable[[np.ndarray], None] = lambda row: None,
+        event: Callable[[float, str], None] = lambda t_s, text: None,
+    ) -> None:
+        self._table, self._course, self._hand = table, course, hand or Hand()
+        self._commands, self._keep, self._event = commands or CommandSlot(), keep, event
+        self._q = pilot.settings(known, arm, servo_only=course.servo_only)
+        self._pilot = pilot.start(self._q, held=course.hold_s > 0)
+        self._wish, self._applied = np.zeros(2), np.zeros(2)
+        self._row = np.full(len(COLUMNS), np.nan)
+        self._target: tuple[float, float] | None = None
+        self._push, self._push_until = (0.0, 0.0), -1.0
+        self._ticks = self._blind = 0
+
+    def run(self) -> Ending:
+        """Tick until the course is done or something ends it; volts are the table's to stop."""
+        while True:
+            ending = self._tick(self._table.read())
+            if ending is not None:
+                return ending
+
+    def _tick(self, reading: Reading) -> Ending | None:
+        for command in self._commands.take():
+            if isinstance(command, Stop):
+                return Ending("aborted", command.reason)
+            self._obey(command, reading.t_s)
+        row = reading.row()
+        target = np.array(self._target or self._course.targets_m[self._ticks])
+        before = self._pilot["phase"]
+        pilot_tick(self._pilot, self._q, row, target, self._applied, self._wish)
+        if before == HOLD and self._pilot["phase"] != HOLD:
+            self._event(reading.t_s, "released")
+        push = self._push_now(reading.t_s)
+        for a, theta in enumerate(reading.theta_rad):
+            q = self._q
+            self._applied[a] = limit(self._wish[a], theta, q["voltage_limit"], q["angle_limit"])
+        self._table.drive((float(self._applied[0]), float(self._applied[1])))
+        covariance = np.array(reading.ball.cov_m2 if reading.ball else (np.nan,) * 3)
+        pushed = 1.0 if push != (0.0, 0.0) else 0.0
+        fill_row(
+            self._row, self._pilot, row, covariance, target, pushed, self._wish, self._applied
+        )
+        self._keep(self._row)
+        self._hand.act(reading.t_s, push)
+        return self._ended(reading)
+
+    def _ended(self, reading: Reading) -> Ending | None:
+        """The ending that this tick brings, or None; counts the ticks since the release."""
+        worst = max(map(abs, reading.theta_rad))
+        if worst > self._q["angle_limit"] + ANGLE_MARGIN_RAD:
+            return Ending("limit", f"servo angle {worst:.2f} rad is beyond the limit")
+        blind = self._pilot["phase"] == BLIND
+        self._blind = self._blind + 1 if blind else 0
+        if self._blind * self._table.period_s > BLIND_LIMIT_S:
+            return Ending("ball lost", f"the ball was not seen for {BLIND_LIMIT_S:g} s")
+        if self._pilot["phase"] != HOLD:
+            self._ticks += 1
+        elif reading.t_s > self._course.hold_s + self._hand.release_limit_s:
+            return Ending("not released", "no release was seen")
+        return Ending("completed") if self._ticks == len(self._course.targets_m) else None
+
+    def _push_now(self, t_s: float) -> tuple[float, float]:
+        if self._pilot["phase"] == HOLD:
+            return (0.0, 0.0)
+        if t_s < self._push_until:
+            return self._push
+        x, y = self._course.pushes_m_s2[self._ticks]
+        return float(x), float(y)
+
+    def _obey(self, command: Command, t_s: float) -> None:
+        if isinstance(command, Push):
+            self._push, self._push_until = command.acceleration_m_s2, t_s + command.seconds
+            self._event(t_s, "pushed by command")
+        elif isinstance(command, Target):
+            self._target = command.xy_m
+            self._event(t_s, f"target {command.xy_m}")
+        elif isinstance(command, SetGains):
+            gains = (command.kp, command.ki, command.kd)
+            for key, value, top in zip(("kp", "ki", "kd"), gains, HIGHEST_GAINS, strict=True):
+                self._q["control"][key] = min(max(value, 0.0), top) if np.isfinite(value) else 0.0
+            self._event(t_s, f"gains {gains}")
+
+
+class Paced(LevelOnExit):
+    """Holds a simulated table to the wall clock: absolute deadlines, late ticks counted."""
+
+    def __init__(self, table, *, clock=time.monotonic, sleep=time.sleep) -> None:
+        self._table, self._clock, self._sleep = table, clock, sleep
+        self.period_s = table.period_s
+        self.late_ticks = 0
+        self._due: float | None = None
+
+    def read(self) -> Reading:
+        now = self._clock()
+        if self._due is None:
+            self._due = now
+        elif now > self._due + self.period_s:  # never caught up in a burst: start counting anew
+            self.late_ticks += 1
+            self._due = now
+        if self._due > now:
+            self._sleep(self._due - now)
+        self._due += self.period_s
+        return self._table.read()
+
+    def drive(self, volts: tuple[float, float]) -> None:
+        self._table.drive(volts)
+
+    def close(self) -> None:
+        self._table.close()

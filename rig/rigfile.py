@@ -1,0 +1,114 @@
+"""`rig.toml` <-> `Rig`: every key has a default, an unknown key is an error that lists the known ones."""
+
+import dataclasses
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from pydantic import TypeAdapter, ValidationError
+
+from rig import effects
+from rig.parameters import SHAFT_MODELS, Rig
+
+SECTIONS = ("servo", "linkage", "ball", "camera", "drive", "walls", "gains")
+# Values that must be above zero; everything else must be zero or more, but for free signs.
+_POSITIVE = (
+    "gain_rad_s_V time_constant_s encoder_counts_per_rev voltage_limit_V angle_limit_rad stop_rad "
+    "arm_radius_m plate_side_m radius_m mass_kg rate_hz gear_stiffness_nm_rad "
+    "joint_stiffness_nm_rad plate_inertia_kg_m2 ball_filter_rad_s torque_filter_s"
+).split()
+_ANY_SIGN = ("tachometer_scale",)
+
+
+def read_rig(path: Path) -> Rig:
+    """The rig described in a TOML file. ValueError (one line) on any mistake, OSError if unreadable."""
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: not a TOML file ({error})") from None
+    try:
+        return from_dict(data)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def from_dict(data: dict[str, Any]) -> Rig:
+    """The rig of a parsed TOML document or of `to_dict`. ValueError on any mistake."""
+    known = (*SECTIONS, "control_rate_hz", "effects")
+    for key in data:
+        if key not in known:
+            raise ValueError(f"unknown key '{key}'; known: {', '.join(known)}")
+    rig = Rig()
+    sections = {}
+    for name in SECTIONS:
+        default = getattr(rig, name)
+        sections[name] = _section(name, default, data.get(name, {}))
+    rate = data.get("control_rate_hz", rig.control_rate_hz)
+    if not isinstance(rate, int | float) or not 10 <= rate <= 5000:
+        raise ValueError(f"control_rate_hz = {rate}: must be a number from 10 to 5000")
+    found = data.get("effects", {})
+    _check_effects_shape(found)
+    effects.check(found)
+    return Rig(**sections, control_rate_hz=float(rate), effects=found)
+
+
+def _section(name: str, default: Any, given: Any) -> Any:
+    if not isinstance(given, dict):
+        raise ValueError(f"[{name}] must be a table of keys, got {given!r}")
+    keys = [f.name for f in dataclasses.fields(default)]
+    for key in given:
+        if key not in keys:
+            raise ValueError(f"unknown key '{name}.{key}'; known: {', '.join(keys)}")
+    try:
+        section = TypeAdapter(type(default)).validate_python(dataclasses.asdict(default) | given)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise ValueError(f"{name}.{where} = {first['input']!r}: {first['msg']}") from None
+    for key in keys:
+        _check_value(f"{name}.{key}", key, getattr(section, key))
+    return section
+
+
+def _check_value(label: str, key: str, value: Any) -> None:
+    if isinstance(value, bool):
+        return
+    if key == "shaft_model":
+        if value not in SHAFT_MODELS:
+            raise ValueError(f"{label} = '{value}'; known: {', '.join(SHAFT_MODELS)}")
+        return
+    if value != value or abs(value) == float("inf"):
+        raise ValueError(f"{label} = {value}: must be finite")
+    if key in _POSITIVE and value <= 0:
+        raise ValueError(f"{label} = {value:g}: must be above 0")
+    if value < 0 and key not in _ANY_SIGN:
+        raise ValueError(f"{label} = {value:g}: must not be below 0")
+    if key in ("dropout", "restitution") and value > 1:
+        raise ValueError(f"{label} = {value:g}: must be from 0 to 1")
+
+
+def _check_effects_shape(found: Any) -> None:
+    """effects.NAME.AXIS.KEY = number, else one clear line."""
+    if not isinstance(found, dict):
+        raise ValueError("[effects] must hold tables such as [effects.joint_backlash]")
+    for name, by_axis in found.items():
+        if name in effects.BY_NAME and not (
+            isinstance(by_axis, dict)
+            and all(
+                isinstance(pairs, dict)
+                and all(isinstance(v, int | float) and not isinstance(v, bool) for v in pairs.values())
+                for pairs in by_axis.values()
+            )
+        ):
+            axis, key = effects.BY_NAME[name].axes[0], effects.BY_NAME[name].parameters[0].key
+            raise ValueError(f"effect '{name}': write it as [effects.{name}] {axis}.{key} = number")
+
+
+def to_dict(rig: Rig) -> dict[str, Any]:
+    """The rig as plain data, as `from_dict` takes it."""
+    return dataclasses.asdict(rig)
+
+
+def write_rig(rig: Rig, path: Path) -> None:
+    path.write_text(tomli_w.dumps(to_dict(rig)), encoding="utf-8")

@@ -1,0 +1,194 @@
+"""A simulated table behind the same seam as a real one: `read / drive / close`.
+
+`read` advances simulated time by one tick, so a run goes as fast as the machine. The operator's
+hand (place, hold, release, push) acts on the plant, never on the controller.
+"""
+
+from math import nan
+from typing import Protocol
+
+import numpy as np
+
+from rig import plant, statistical_camera
+from rig.compiled import compiled
+from rig.parameters import Rig
+from rig.plant import SEEN_SX, SEEN_SY, SEEN_T, SEEN_VX, SEEN_VY, SEEN_X, SEEN_Y
+from rig.sensors import read_drives
+from rig.signals import R_BALL, R_EXPOSED, R_MOTOR, R_NEW, R_THETA, R_TIME, R_VARIANCE, blank_reading
+from rig.statistical_camera import deliver, look, next_exposure, queue_observation
+from rig.table import LevelOnExit, Reading
+from vision.frames import Observation
+
+_BLOCK = 256
+
+
+@compiled
+def table_tick(s, p, history, applied, push_x, push_y, held, t, tick_s, exposure_s, seen):
+    """Volts in, plant one tick on: shifts `history`, then `plant.advance`; True when the ball fell."""
+    for i in range(history.shape[0] - 1, 0, -1):
+        history[i, 0], history[i, 1] = history[i - 1, 0], history[i - 1, 1]
+    history[0, 0], history[0, 1] = applied[0], applied[1]
+    return plant.advance(s, p, history, t, tick_s, push_x, push_y, held, exposure_s, seen)
+
+
+class Eye(Protocol):
+    """A camera that looks at the simulated table, for example one that renders frames."""
+
+    def see(
+        self,
+        exposed_s: float,
+        ball_xy_m: tuple[float, float] | None,
+        tilt_sines: tuple[float, float],
+        velocity_m_s: tuple[float, float],
+        theta_rad: tuple[float, float],
+    ) -> Observation | None:
+        """What is measured of the truth; `theta_rad` are the encoder's angles (a hint, measured)."""
+        ...
+
+
+class _Numbers:
+    """Random rows drawn block by block: the same numbers as one draw of any length."""
+
+    def __init__(self, draw) -> None:
+        self._draw, self._rows, self._next = draw, draw(_BLOCK), 0
+
+    def take(self) -> np.ndarray:
+        if self._next == _BLOCK:
+            self._rows, self._next = self._draw(_BLOCK), 0
+        self._next += 1
+        return self._rows[self._next - 1]
+
+
+def camera_numbers(noise: np.random.Generator, drop: np.random.Generator, n: int) -> np.ndarray:
+    """Rows of two normal and one uniform number, (n, 3)."""
+    return np.column_stack([noise.standard_normal((n, 2)), drop.random(n)])
+
+
+class SimulatedTable(LevelOnExit):
+    """The plant of `rig` (effects included) with its sensors; every random number from `rng`.
+
+    `eye` replaces the statistical camera. The ball starts at `start_m`, held when `held`.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        rng: np.random.Generator,
+        *,
+        start_m: tuple[float, float] = (0.0, 0.0),
+        held: bool = False,
+        eye: Eye | None = None,
+    ) -> None:
+        self.period_s = 1 / rig.control_rate_hz
+        self.held = held
+        self.fallen = False
+        self._p = plant.pack(rig)
+        self._s = plant.rest(start_m)
+        self._camera = statistical_camera.start(rig.camera.rate_hz)
+        self._eye = eye
+        noise, drop, tachometer = rng.spawn(3)
+        self._eyes = _Numbers(lambda n: camera_numbers(noise, drop, n))
+        self._tachometer = _Numbers(lambda n: tachometer.standard_normal((n, 2)))
+        self._history = np.zeros((plant.HISTORY_TICKS, 2))
+        self._applied, self._push = np.zeros(2), (0.0, 0.0)
+        self._seen, self._tick = np.full(7, nan), -1
+        self._covariances: dict[float, tuple[float, float, float]] = {}
+        self._last = blank_reading()
+        self._draws = self._eyes.take()
+
+    # --- the operator's hand ---
+    def place(self, xy_m: tuple[float, float]) -> None:
+        """Put the ball down at `xy_m` and hold it there."""
+        self._s[plant.BALL] = xy_m
+        self._s[plant.BALL_W] = 0.0
+        self._s[plant.SPIN] = 0.0
+        self.held, self.fallen = True, False
+
+    def release(self) -> None:
+        self.held = False
+
+    def push(self, acceleration_m_s2: tuple[float, float]) -> None:
+        """Push the ball with this acceleration until told otherwise."""
+        self._push = acceleration_m_s2
+
+    # --- the contract ---
+    def read(self) -> Reading:
+        if self._tick >= 0:
+            self._advance()
+        self._tick += 1
+        row = self._last
+        row[R_TIME] = self._tick * self.period_s
+        read_drives(self._s, self._p, self._tachometer.take(), row)
+        deliver(self._camera, row)
+        return self._reading(row)
+
+    def drive(self, volts: tuple[float, float]) -> None:
+        if not all(map(np.isfinite, volts)):
+            raise ValueError(f"volts must be finite, got {volts}; use rig.limits.limit")
+        self._applied[:] = volts
+
+    def close(self) -> None:
+        self._applied[:] = 0.0
+
+    @property
+    def volts_V(self) -> tuple[float, float]:
+        """What stands at the motors' terminals."""
+        return float(self._applied[0]), float(self._applied[1])
+
+    def truth(self) -> dict[str, np.ndarray]:
+        """The plant's state, for scorers alone: motor, arm and plate angles [rad], ball [m]."""
+        rows = {"motor_rad": plant.MOTOR, "arm_rad": plant.ARM, "plate_rad": plant.PLATE}
+        return {name: self._s[row].copy() for name, row in rows.items()} | {
+            "ball_m": self._s[plant.BALL].copy()
+        }
+
+    def _advance(self) -> None:
+        t = self._tick * self.period_s
+        fell = table_tick(
+            self._s, self._p, self._history, self._applied, *self._push, self.held, t,
+            self.period_s, next_exposure(self._camera), self._seen,
+        )  # fmt: skip
+        self.fallen = self.fallen or fell
+        if np.isnan(self._seen[SEEN_T]):
+            return
+        if self._eye is not None:
+            self._look_with_eye()
+        elif self.fallen:
+            self._camera["frame"] += 1
+        else:
+            look(self._camera, self._p, self._seen, self._draws)
+        self._draws = self._eyes.take()
+
+    def _look_with_eye(self) -> None:
+        self._camera["frame"] += 1
+        seen, theta = self._seen, self._last[R_THETA : R_THETA + 2]
+        observation = self._eye.see(  # pyright: ignore[reportOptionalMemberAccess]
+            float(seen[SEEN_T]),
+            None if self.fallen else (float(seen[SEEN_X]), float(seen[SEEN_Y])),
+            (float(seen[SEEN_SX]), float(seen[SEEN_SY])),
+            (float(seen[SEEN_VX]), float(seen[SEEN_VY])),
+            (float(theta[0]), float(theta[1])),
+        )
+        if observation is None:
+            return
+        exposed, cov = observation.exposed_s, observation.cov_m2
+        self._covariances = {t: c for t, c in self._covariances.items() if t > exposed - 1}
+        self._covariances[exposed] = cov
+        usable = float(seen[SEEN_T]) + float(self._p["camera_delay"])
+        queue_observation(self._camera, *observation.xy_m, exposed, usable, 0.5 * (cov[0] + cov[2]))
+
+    def _reading(self, row: np.ndarray) -> Reading:
+        ball = None
+        if row[R_NEW]:
+            exposed, variance = float(row[R_EXPOSED]), float(row[R_VARIANCE])
+            cov = self._covariances.get(exposed, (variance, 0.0, variance))
+            ball = Observation((float(row[R_BALL]), float(row[R_BALL + 1])), cov, exposed)
+        speeds = (float(row[R_MOTOR]), float(row[R_MOTOR + 1]))
+        return Reading(
+            float(row[R_TIME]),
+            (float(row[R_THETA]), float(row[R_THETA + 1])),
+            None if np.isnan(speeds[0]) else speeds,
+            ball,
+        )
+
+
