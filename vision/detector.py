@@ -20,7 +20,7 @@ __all__ = ["Appearance", "Blob", "Detection", "find", "locate"]
 
 # A silhouette's flattening (perspective, lens) and the stretch of motion blur, share of the radius;
 # the prior only matters where part of the outline is hidden.
-FLAT_STD = 0.06
+FLAT_STD = 0.12
 REACH = 0.6  # rays search from (1 - REACH) to (1 + REACH) radii
 
 

@@ -24,13 +24,15 @@ def believable(
     """
     if found is None or not radius_px[0] <= found.radius_px <= radius_px[1]:
         return False
-    outline = found.inliers >= (0.75 if strict else 0.55)
-    outline &= found.coverage >= (0.87 if strict else 0.5)
-    # Motion blur roughens the outline in proportion to the ball, sampling by parts of a pixel.
-    rough = max(0.25, 0.05 * found.radius_px) if strict else max(0.4, 0.07 * found.radius_px)
-    outline &= found.residual_px <= rough
-    outline &= found.contrast > 0.25
-    if looks.fill < TELLING_FILL:
-        return outline
-    coloured = found.fill >= (0.65 if strict else 0.5) * looks.fill
-    return outline and coloured
+    telling = looks.fill >= TELLING_FILL
+    if telling and found.fill < (0.65 if strict else 0.5) * looks.fill:
+        return False
+    if found.contrast < 0.25 or found.coverage < (0.87 if strict else 0.5):
+        return False
+    rough_px = max(0.25, 0.05 * found.radius_px) if strict else max(0.4, 0.07 * found.radius_px)
+    if found.inliers >= (0.75 if strict else 0.55) and found.residual_px <= rough_px:
+        return True
+    # Motion blur roughens the outline in proportion to the ball; colour then speaks for the rest.
+    coloured = telling and found.fill > 0.8 * looks.fill and found.spill < 0.15
+    whole = found.inliers >= 0.9 and found.coverage == 1.0
+    return coloured and whole and found.residual_px <= 0.15 * found.radius_px

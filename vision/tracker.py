@@ -194,26 +194,29 @@ class Tracker:
         assert imposters is not None
         assert motion is not None
         near, far = _gates(ahead, radius)
-        was_on = imposters.at(float(motion.place[0]), float(motion.place[1]), radius)
-        u, v = (float(x) for x in ahead.place)
+        last = (float(motion.place[0]), float(motion.place[1]))
+        was_on = imposters.at(*last, radius)
+        # It may have gone on as it went, or been stopped, or the time stamps lie.
+        origins = [(float(ahead.place[0]), float(ahead.place[1])), last]
 
         def good(found: Detection | None) -> bool:
             if found is None:
                 return False
-            jump = math.hypot(found.u_px - u, found.v_px - v)
+            jump = min(math.hypot(found.u_px - u, found.v_px - v) for u, v in origins)
             if jump > far or not believable(found, looks, bounds, strict=jump > near):
                 return False
             # A flat mark may be rolled over, step by step; a still thing is not jumped to.
             on = imposters.at(found.u_px, found.v_px, radius)
             return on <= KNOWN_STILL or was_on > 0.1
 
-        found = locate(image, looks, u, v, radius)
+        found = locate(image, looks, *origins[0], radius)
         if good(found):
             return found
-        for u1, v1 in self._coarse(image, u, v, far):
-            found = locate(image, looks, u1, v1, radius)
-            if good(found):
-                return found
+        for origin in origins:
+            for u, v in self._coarse(image, *origin, far):
+                found = locate(image, looks, u, v, radius)
+                if good(found):
+                    return found
         return None
 
     def _coarse(
