@@ -79,7 +79,8 @@ class Source:
 
     `size` is (w, h) px, `duplicates` the repeats skipped so far, `nominal_fps` what the container
     claims, `frames_total` how many frames it claims (None where it does not say), `missing` how
-    many of these could not be decoded (known after the last frame).
+    many of these could not be decoded (known after the last frame), `live` whether it can be read
+    only once.
     """
 
     def __init__(
@@ -90,8 +91,10 @@ class Source:
         *,
         fps: float,
         frames_total: int | None,
+        live: bool = False,
     ) -> None:
         self.address = address
+        self.live = live
         self.nominal_fps = fps
         self.frames_total = frames_total
         self.duplicates = 0
@@ -226,4 +229,4 @@ def _open_live(text: str) -> Source:
     claimed = capture.get(cv2.CAP_PROP_FPS)
     fps = claimed if math.isfinite(claimed) and 0.1 < claimed < 1e4 else DEFAULT_FPS
     reader = LiveReader(capture)
-    return Source(text, reader.read, reader.close, fps=fps, frames_total=None)
+    return Source(text, reader.read, reader.close, fps=fps, frames_total=None, live=True)

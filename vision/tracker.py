@@ -57,6 +57,11 @@ class Tracker:
         self._state = "search"
         self._good_s = -math.inf
 
+    @property
+    def radius_px(self) -> float:
+        """The ball's usual radius, NaN before the first lock."""
+        return self._radius_px
+
     def step(self, frame: Frame) -> Track:
         """The ball in this frame; frames come in order of time."""
         image = frame.image
@@ -150,7 +155,8 @@ class Tracker:
             self._proven = True
             return found
         self._observe(frame)
-        pick = chosen(self._candidates, at_once=self._state == "lost")
+        looks = self.appearance
+        pick = chosen(self._candidates, at_once=looks.learned)
         if pick is None:
             return None
         self._lock(frame, pick.seen)

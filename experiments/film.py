@@ -1,0 +1,65 @@
+"""Write a video frame by frame, each at its own time."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+TICKS_PER_S = 1000
+
+
+class Film:
+    """An mp4 (or mkv) of frames (h, w, 3) uint8 BGR with time stamps; a context manager.
+
+    H.264 where the encoder is there, else MPEG-4. Odd sizes lose their last row or column, which
+    the colour subsampling of both cannot hold.
+    """
+
+    def __init__(self, path: Path, size: tuple[int, int]) -> None:
+        import av
+        import av.logging
+
+        av.logging.set_level(av.logging.ERROR)
+        self._av = av
+        self._size = (max(2, size[0] // 2 * 2), max(2, size[1] // 2 * 2))
+        self._file: Any = av.open(str(path), "w")
+        codec = "libx264" if "libx264" in av.codecs_available else "mpeg4"
+        self._stream: Any = self._file.add_stream(codec, rate=30)
+        self._stream.width, self._stream.height = self._size
+        self._stream.pix_fmt = "yuv420p"
+        self._stream.codec_context.time_base = Fraction(1, TICKS_PER_S)
+        if codec == "libx264":
+            self._stream.options = {"crf": "20", "preset": "veryfast"}
+        else:
+            self._stream.bit_rate = 4_000_000
+        self._start_s: float | None = None
+        self._last = -1
+
+    def __enter__(self) -> Film:
+        return self
+
+    def add(self, image: np.ndarray, t_s: float) -> None:
+        """The next frame, shown from t_s on (times that do not move on are pushed on)."""
+        if self._start_s is None:
+            self._start_s = t_s
+        w, h = self._size
+        frame = self._av.VideoFrame.from_ndarray(
+            np.ascontiguousarray(image[:h, :w]), format="bgr24"
+        )
+        self._last = max(self._last + 1, round((t_s - self._start_s) * TICKS_PER_S))
+        frame.pts, frame.time_base = self._last, Fraction(1, TICKS_PER_S)
+        self._file.mux(self._stream.encode(frame))
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._last >= 0:
+            self._file.mux(self._stream.encode(None))
+        self._file.close()

@@ -1,0 +1,232 @@
+"""Track the ball through a video: `track.csv`, a film with the overlay, a contact sheet, a summary.
+
+A file is read twice: first to learn how the ball looks (the round thing that travels), then to
+follow it from the first frame on. A live stream is followed as it comes.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections import Counter, deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from vision.appearance import Appearance
+    from vision.frames import Frame, Track
+    from vision.sources import Source
+    from vision.tracker import Tracker
+    from vision.view import View
+
+PIXEL_COLUMNS = ("frame", "t_s", "state", "u_px", "v_px", "sigma_px")
+METRIC_COLUMNS = ("x_m", "y_m", "cov_xx_m2", "cov_xy_m2", "cov_yy_m2")
+SHEET_IMAGES = 48
+SHEET_COLUMNS = 6
+SHEET_WIDTH_PX = 320
+TRAIL = 40
+
+Progress = Callable[[int, int | None], None]
+
+
+class Calibration(Protocol):
+    """What is used of a calibration bundle."""
+
+    @property
+    def view(self) -> View: ...
+    @property
+    def ball_radius_m(self) -> float: ...
+
+
+def track_video(
+    address: str | Path | int,
+    out_dir: str | Path,
+    *,
+    calibration: Calibration | None = None,
+    ball_colour: str | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Follow the ball through `address` (file, folder, stream) and write the results to `out_dir`.
+
+    `ball_colour` is a name or "#rrggbb"; without it the ball is the round thing that travels.
+    `progress(done, total)` is called with frames of the file, total None for a stream. Returns what
+    `results.json` holds. Raises `OSError` or `ValueError` for an address without frames.
+    """
+    from vision.appearance import Appearance
+    from vision.sources import open_source
+    from vision.tracker import Tracker
+
+    looks = Appearance.of_colour(ball_colour) if ball_colour else None
+    radius = _radius_bounds(calibration)
+    with open_source(address) as source:
+        if looks is None and not source.live:
+            looks = learn_looks(address, radius)
+        out = Path(out_dir)
+        out.mkdir(parents=True, exist_ok=True)
+        tracker = Tracker(appearance=looks, radius_px=radius)
+        states, times = _follow(source, tracker, calibration, out, progress)
+        summary = _summary(source, tracker, states, times, ball_colour)
+    text = json.dumps(summary, indent=1, allow_nan=False)
+    (out / "results.json").write_text(text + "\n", encoding="utf-8")
+    return summary
+
+
+def learn_looks(
+    address: str | Path | int, radius_px: tuple[float, float] | None = None
+) -> Appearance | None:
+    """The looks of the ball of a file, None where nothing round travels in it."""
+    from vision.acquisition import Acquisition
+    from vision.sources import open_source
+
+    acquisition = Acquisition(radius_px)
+    with open_source(address) as source:
+        for frame in source:
+            got = acquisition.step(frame)
+            if got is not None:
+                return got[0]
+    return None
+
+
+def _radius_bounds(calibration: Calibration | None) -> tuple[float, float] | None:
+    """Radius in px that the geometry allows: at the plate's centre, with slack for its corners."""
+    if calibration is None:
+        return None
+    radius = calibration.view.silhouette_from_ball((0.0, 0.0), calibration.ball_radius_m)[2]
+    return 0.7 * float(radius), 1.4 * float(radius)
+
+
+def _follow(
+    source: Source,
+    tracker: Tracker,
+    calibration: Calibration | None,
+    out: Path,
+    progress: Progress | None,
+) -> tuple[Counter[str], list[float]]:
+    """Track every frame into `track.csv`, `overlay.mp4` and `contact_sheet.png`."""
+    from experiments.film import Film
+    from vision.overlay import draw
+
+    states: Counter[str] = Counter()
+    times: list[float] = []
+    trail: deque[tuple[float, float]] = deque(maxlen=TRAIL)
+    sheet = Sheet()
+    with (
+        (out / "track.csv").open("w", newline="", encoding="utf-8") as file,
+        Film(out / "overlay.mp4", source.size) as film,
+    ):
+        rows = csv.writer(file)
+        rows.writerow(PIXEL_COLUMNS + METRIC_COLUMNS)
+        for frame in source:
+            track = tracker.step(frame)
+            states[track.state] += 1
+            times.append(frame.t_s)
+            trail.append((track.u_px, track.v_px))
+            rows.writerow(_row(frame, track, calibration))
+            drawn = draw(frame.image, track, trail, note=f"{frame.index} {frame.t_s:.3f} s")
+            film.add(drawn, frame.t_s)
+            sheet.add(drawn)
+            if progress is not None:
+                progress(frame.index + 1, source.frames_total)
+    sheet.write(out / "contact_sheet.png")
+    return states, times
+
+
+def _row(frame: Frame, track: Track, calibration: Calibration | None) -> list[object]:
+    """One row of `track.csv`; cells that are not known are blank."""
+    row: list[object] = [frame.index, f"{frame.t_s:.6f}", track.state]
+    if not math.isfinite(track.u_px):
+        return row + [""] * (len(PIXEL_COLUMNS) - 3 + len(METRIC_COLUMNS))
+    row += [f"{track.u_px:.4f}", f"{track.v_px:.4f}", f"{track.sigma_px:.4f}"]
+    metric: list[object] = [""] * len(METRIC_COLUMNS)
+    if calibration is not None:
+        try:
+            xy, cov = calibration.view.ball_from_silhouette(
+                (track.u_px, track.v_px), calibration.ball_radius_m, track.sigma_px
+            )
+        except ValueError:  # a prediction beyond the plate's horizon has no place on the plate
+            return row + metric
+        metric = [f"{x:.7f}" for x in xy]
+        metric += [f"{c:.4e}" for c in (cov[0, 0], cov[0, 1], cov[1, 1])]
+    return row + metric
+
+
+def _summary(
+    source: Source,
+    tracker: Tracker,
+    states: Counter[str],
+    times: list[float],
+    ball_colour: str | None,
+) -> dict[str, Any]:
+    looks = tracker.appearance
+    notes: list[str] = []
+    if source.missing:
+        notes.append(
+            f"{source.missing} of {source.frames_total} frames could not be decoded: "
+            "the file is truncated"
+        )
+    if not states["track"]:
+        notes.append(
+            "no ball was found: nothing round travels in these frames; "
+            "if the ball lies still, say its colour"
+            if ball_colour is None
+            else f"no ball of colour {ball_colour} was found; another colour, or none, may find it"
+        )
+    return {
+        "address": str(source.address),
+        "size_px": list(source.size),
+        "frames": sum(states.values()),
+        "duplicates": source.duplicates,
+        "missing": source.missing,
+        "states": {name: states[name] for name in ("search", "track", "coast", "lost")},
+        "start_s": times[0] if times else None,
+        "end_s": times[-1] if times else None,
+        "ball": {
+            "asked_colour": ball_colour,
+            "bgr": None if looks is None else [round(float(c), 1) for c in looks.ball_bgr],
+            "radius_px": _finite(tracker.radius_px),
+        },
+        "files": ["track.csv", "overlay.mp4", "contact_sheet.png", "results.json"],
+        "notes": notes,
+    }
+
+
+def _finite(x: float) -> float | None:
+    return round(x, 2) if math.isfinite(x) else None
+
+
+class Sheet:
+    """Thumbnails spread evenly over a film whose length need not be known beforehand."""
+
+    def __init__(self) -> None:
+        self._images: list[np.ndarray] = []
+        self._every, self._seen = 1, 0
+
+    def add(self, image: np.ndarray) -> None:
+        """Offer the next image; every n-th is kept, and every other forgotten when full."""
+        import cv2
+
+        if self._seen % self._every == 0:
+            height = round(image.shape[0] * SHEET_WIDTH_PX / image.shape[1])
+            size = (SHEET_WIDTH_PX, max(1, height))
+            self._images.append(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
+            if len(self._images) > 2 * SHEET_IMAGES:
+                self._images, self._every = self._images[::2], 2 * self._every
+        self._seen += 1
+
+    def write(self, path: Path) -> None:
+        """Write the sheet as PNG; nothing where no image came."""
+        import cv2
+
+        from vision.overlay import contact_sheet
+
+        count = len(self._images)
+        if count == 0:
+            return
+        keep = min(SHEET_IMAGES, count)
+        chosen = [self._images[i * count // keep] for i in range(keep)]
+        if not cv2.imwrite(str(path), contact_sheet(chosen, min(SHEET_COLUMNS, keep))):
+            raise OSError(f"{path}: could not be written; is there space and permission?")
