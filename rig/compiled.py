@@ -15,6 +15,7 @@ from functools import partial
 from pathlib import Path
 
 import numba
+from numba.core.config import reload_config
 
 
 def _source_hash() -> str:
@@ -34,7 +35,7 @@ def _cache_root() -> Path:
 
 
 if "NUMBA_CACHE_DIR" not in os.environ:
-    # `numba.config` is filled at run time, so its attributes are unknown to a type checker.
-    setattr(numba.config, "CACHE_DIR", str(_cache_root() / "balancing-table-rig" / _source_hash()))  # noqa: B010
+    os.environ["NUMBA_CACHE_DIR"] = str(_cache_root() / "balancing-table-rig" / _source_hash())
+    reload_config()
 
 compiled = partial(numba.njit, cache=True, error_model="numpy", nogil=True)()

@@ -1,11 +1,9 @@
-"""The control system of the paper's Fig. 6: PID on the ball, position to volts, with or without play.
+"""The control system of the paper's Fig. 6: PID on the ball, position to volts, play undone or not.
 
 Outer loop: theta_wanted = clip(K_p e + K_i integral(e) - K_d v) per axis; inner loop ("Position
 Model"): V = K_s (theta_r - theta) - K_v omega. The arm *without* ends there; the arm *with* is the
 same PID plus the inverse of the estimated play (`compensation.py`).
 """
-
-from math import pi
 
 import numpy as np
 
@@ -38,7 +36,9 @@ CONTROL = np.dtype(
 CONTROL_SETTINGS = np.dtype(
     [
         (name, np.float64)
-        for name in "tick_s kp ki kd integral_limit servo_kp servo_kd angle_limit encoder_step".split()
+        for name in (
+            "tick_s kp ki kd integral_limit servo_kp servo_kd angle_limit encoder_step".split()
+        )
     ]
     + [("arm", np.int64)]
 )
@@ -113,7 +113,9 @@ def follow(c, g, belief, reading, angles, volts):
     for a in range(2):
         c.wanted_theta[a] = min(max(angles[a], -g.angle_limit), g.angle_limit)
         c.reference[a] = c.wanted_theta[a]
-        volts[a] = g.servo_kp * (c.reference[a] - reading[R_THETA + a]) - g.servo_kd * belief.rate[a]
+        volts[a] = (
+            g.servo_kp * (c.reference[a] - reading[R_THETA + a]) - g.servo_kd * belief.rate[a]
+        )
 
 
 @compiled

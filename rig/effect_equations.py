@@ -103,7 +103,7 @@ def viscous_drag(speed_m_s, rate_1_s):
 
 @compiled
 def rolling_resistance(speed_x, speed_y, deceleration_m_s2, step_s):
-    """Factor on the velocity after one step of a constant deceleration along it; 0 when it sticks."""
+    """Factor on the velocity after a step of constant deceleration along it; 0 when it sticks."""
     speed = sqrt(speed_x * speed_x + speed_y * speed_y)
     lost = deceleration_m_s2 * step_s
     return 0.0 if speed <= lost and lost > 0.0 else 1.0 - (lost / speed if lost > 0.0 else 0.0)

@@ -14,6 +14,7 @@ from rig.parameters import Rig
 from rig.pilot import BLIND, HOLD, pilot_tick
 from rig.rows import fill_row
 from rig.simulate import ANGLE_MARGIN_RAD, BLIND_LIMIT_S, Course
+from rig.simulator import SimulatedTable
 from rig.table import LevelOnExit, Reading, Table
 
 HIGHEST_GAINS = (20.0, 20.0, 20.0)  # rad/m, rad/(m s), rad s/m: what a setpoint page may ask for
@@ -28,12 +29,16 @@ class Ending:
 
 
 class Hand:
-    """Who places, releases and pushes the ball. This one is a person: it watches and waits."""
+    """Who places, releases and pushes the ball. This one is a person: it is told, and waits."""
 
     release_limit_s = 120.0
 
-    def act(self, t_s: float, push_m_s2: tuple[float, float]) -> None:
-        """Called every tick with the push that the course (or a command) wants now."""
+    def act(self, reading: Reading, wanted_m_s2: tuple[float, float]) -> tuple[float, float]:
+        """Called every tick with the push that the course (or a command) wants now.
+
+        Returns the push that the recording shall name.
+        """
+        return wanted_m_s2
 
 
 class SimulatedHand(Hand):
@@ -41,14 +46,47 @@ class SimulatedHand(Hand):
 
     release_limit_s = 3.0
 
-    def __init__(self, table, hold_s: float) -> None:
+    def __init__(self, table: SimulatedTable, hold_s: float) -> None:
         self._table, self._hold_s = table, hold_s
         table.held = hold_s > 0
 
-    def act(self, t_s: float, push_m_s2: tuple[float, float]) -> None:
-        if t_s >= self._hold_s:
+    def act(self, reading: Reading, wanted_m_s2: tuple[float, float]) -> tuple[float, float]:
+        if reading.t_s >= self._hold_s:
             self._table.release()
-        self._table.push(push_m_s2)
+        self._table.push(wanted_m_s2)
+        return wanted_m_s2
+
+
+class PushingHand(SimulatedHand):
+    """Pushes the ball away whenever it has stayed near the centre: the paper's own way."""
+
+    near_m, stays_s = 0.01, 0.5
+
+    def __init__(
+        self,
+        table: SimulatedTable,
+        hold_s: float,
+        *,
+        speed_m_s: float,
+        seconds: float,
+        rng: np.random.Generator,
+    ) -> None:
+        super().__init__(table, hold_s)
+        self._acceleration, self._seconds, self._rng = speed_m_s / seconds, seconds, rng
+        self._near_since: float | None = None
+        self._until, self._now = -1.0, (0.0, 0.0)
+
+    def act(self, reading: Reading, wanted_m_s2: tuple[float, float]) -> tuple[float, float]:
+        t_s = reading.t_s
+        if reading.ball is not None:
+            near = float(np.hypot(*reading.ball.xy_m)) < self.near_m
+            self._near_since = (self._near_since or t_s) if near else None
+        if self._near_since is not None and t_s - self._near_since > self.stays_s:
+            angle = self._rng.uniform(0, 2 * np.pi)
+            push = self._acceleration * np.array([np.cos(angle), np.sin(angle)])
+            self._now, self._until = (float(push[0]), float(push[1])), t_s + self._seconds
+            self._near_since = None
+        return super().act(reading, self._now if t_s < self._until else wanted_m_s2)
 
 
 class Loop:
@@ -94,18 +132,15 @@ class Loop:
         pilot_tick(self._pilot, self._q, row, target, self._applied, self._wish)
         if before == HOLD and self._pilot["phase"] != HOLD:
             self._event(reading.t_s, "released")
-        push = self._push_now(reading.t_s)
+        push = self._hand.act(reading, self._push_now(reading.t_s))
         for a, theta in enumerate(reading.theta_rad):
             q = self._q
             self._applied[a] = limit(self._wish[a], theta, q["voltage_limit"], q["angle_limit"])
         self._table.drive((float(self._applied[0]), float(self._applied[1])))
         covariance = np.array(reading.ball.cov_m2 if reading.ball else (np.nan,) * 3)
         pushed = 1.0 if push != (0.0, 0.0) else 0.0
-        fill_row(
-            self._row, self._pilot, row, covariance, target, pushed, self._wish, self._applied
-        )
+        fill_row(self._row, self._pilot, row, covariance, target, pushed, self._wish, self._applied)
         self._keep(self._row)
-        self._hand.act(reading.t_s, push)
         return self._ended(reading)
 
     def _ended(self, reading: Reading) -> Ending | None:

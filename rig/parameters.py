@@ -101,6 +101,7 @@ class Ball:
     radius_m: float = 0.019625
     mass_kg: float = 0.003
     hollow: bool = True
+    colour: str = "orange"  # a name or #rrggbb: what the tracker looks for
 
     @property
     def rolling_factor(self) -> float:

@@ -75,8 +75,8 @@ def _watch_release(pilot, reading):
 
 @compiled
 def pilot_tick(pilot, q, reading, target, applied, wish):
-    """One tick: reading (READING_SIZE,), target (2,) [m], volts applied since the last tick (2,) in;
-    wished volts (2,) out."""
+    """One tick: reading (READING_SIZE,), target (2,) [m] and the volts applied since the last tick
+    (2,) in; wished volts (2,) out."""
     observers.observe(pilot.belief, q.belief, reading, applied)
     if pilot.phase == HOLD:
         _watch_release(pilot, reading)

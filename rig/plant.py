@@ -32,8 +32,8 @@ _PER_AXIS = (
     "joint_k joint_c joint_decay joint_1 joint_2"
 ).split()
 _SCALARS = (
-    "step_s arm_inertia plate_inertia arm_friction joint_friction stop_rad ratio radius mass factor "
-    "half_side wall_restitution encoder_step tachometer_scale tachometer_noise tachometer "
+    "step_s arm_inertia plate_inertia arm_friction joint_friction stop_rad ratio radius mass "
+    "factor half_side wall_restitution encoder_step tachometer_scale tachometer_noise tachometer "
     "camera_delay camera_noise camera_dropout"
 ).split()
 PLANT = np.dtype(
@@ -189,7 +189,10 @@ def plate_motion(s, p):
     fx, fy = felt_angle(p, 0, tx), felt_angle(p, 1, ty)
     cross_x, cross_y = p.cross_coupling_fraction[0], p.cross_coupling_fraction[1]
     s_x, s_y = plate_sines(fx, fy, p.ratio, cross_x, cross_y)
-    rate_x, rate_y = felt_slope(p, 0, tx) * s[PLATE_RATE, 0], felt_slope(p, 1, ty) * s[PLATE_RATE, 1]
+    rate_x, rate_y = (
+        felt_slope(p, 0, tx) * s[PLATE_RATE, 0],
+        felt_slope(p, 1, ty) * s[PLATE_RATE, 1],
+    )
     o1, o2 = plate_rates(fx, fy, rate_x, rate_y, p.ratio, cross_x, cross_y, s_x, s_y)
     return s_x, s_y, o1, o2
 
@@ -232,11 +235,12 @@ def ball_step(s, p, t, push_x, push_y, held):
 
 @compiled
 def advance(s, p, history, t, ticks_s, push_x, push_y, held, exposure_s, seen):
-    """Move the plant from `t` over one control tick of `ticks_s` seconds; True when the ball is lost.
+    """Move the plant from `t` over one control tick of `ticks_s` seconds; True when the ball falls.
 
     s (STATE_ROWS, 2) changes in place; history (HISTORY_TICKS, 2) holds the volts applied, the
     present tick's first; `seen` (7,) is filled at the step in which `exposure_s` (the next one due,
-    inf for none) has passed, else its time is NaN. The ball is lost when its contact point leaves the plate.
+    inf for none) has passed, else its time is NaN. The ball falls when its contact point leaves
+    the plate.
     """
     h = p.step_s
     n = int(round(ticks_s / h))

@@ -50,8 +50,8 @@ PLAY_SETTINGS = np.dtype(
     [
         (name, np.float64)
         for name in (
-            "tick_s encoder_step ball_gain radius_ratio prior_alpha tachometer_scale tachometer_noise "
-            "velocity_noise level_noise alpha_noise gate"
+            "tick_s encoder_step ball_gain radius_ratio prior_alpha tachometer_scale "
+            "tachometer_noise velocity_noise level_noise alpha_noise gate"
         ).split()
     ]
 )
@@ -129,7 +129,8 @@ def observe_gear(e, q, reading):
         if abs(e.edges[a]) < MOVING_EDGES:
             continue
         row[0], row[1], row[2] = 1.0, way, theta
-        # Slow, the edge has just been passed: the arm is half a count behind. Fast, the rounding is even.
+        # Slow, the edge has just been passed: the arm is half a count behind. Fast, rounding is
+        # as often up as down.
         behind = max(0.5 * (q.encoder_step - abs(speed) * q.tick_s), 0.0)
         z = e.motor[a] - (theta - way * behind)
         innovation = z - (e.gear[a, 0] + way * e.gear[a, 1] + e.gear[a, 2] * theta)

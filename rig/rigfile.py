@@ -1,4 +1,4 @@
-"""`rig.toml` <-> `Rig`: every key has a default, an unknown key is an error that lists the known ones."""
+"""`rig.toml` <-> `Rig`: every key has a default, an unknown one is an error naming the known."""
 
 import dataclasses
 import tomllib
@@ -22,7 +22,7 @@ _ANY_SIGN = ("tachometer_scale",)
 
 
 def read_rig(path: Path) -> Rig:
-    """The rig described in a TOML file. ValueError (one line) on any mistake, OSError if unreadable."""
+    """The rig of a TOML file. ValueError (one line) on any mistake, OSError if unreadable."""
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -72,7 +72,7 @@ def _section(name: str, default: Any, given: Any) -> Any:
 
 
 def _check_value(label: str, key: str, value: Any) -> None:
-    if isinstance(value, bool):
+    if isinstance(value, bool) or key == "colour":
         return
     if key == "shaft_model":
         if value not in SHAFT_MODELS:
@@ -93,16 +93,18 @@ def _check_effects_shape(found: Any) -> None:
     if not isinstance(found, dict):
         raise ValueError("[effects] must hold tables such as [effects.joint_backlash]")
     for name, by_axis in found.items():
-        if name in effects.BY_NAME and not (
-            isinstance(by_axis, dict)
-            and all(
-                isinstance(pairs, dict)
-                and all(isinstance(v, int | float) and not isinstance(v, bool) for v in pairs.values())
-                for pairs in by_axis.values()
-            )
-        ):
-            axis, key = effects.BY_NAME[name].axes[0], effects.BY_NAME[name].parameters[0].key
-            raise ValueError(f"effect '{name}': write it as [effects.{name}] {axis}.{key} = number")
+        if name not in effects.BY_NAME or _is_by_axis(by_axis):
+            continue
+        axis, key = effects.BY_NAME[name].axes[0], effects.BY_NAME[name].parameters[0].key
+        raise ValueError(f"effect '{name}': write it as [effects.{name}] {axis}.{key} = number")
+
+
+def _is_by_axis(by_axis: Any) -> bool:
+    """{axis: {key: number}}?"""
+    if not isinstance(by_axis, dict) or not all(isinstance(p, dict) for p in by_axis.values()):
+        return False
+    numbers = [value for pairs in by_axis.values() for value in pairs.values()]
+    return all(isinstance(v, int | float) and not isinstance(v, bool) for v in numbers)
 
 
 def to_dict(rig: Rig) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from rig.pilot import BLIND, HOLD, pilot_tick
 from rig.plant import SEEN_T
 from rig.rows import fill_row
 from rig.sensors import read_drives
-from rig.signals import READING_SIZE, R_THETA, R_TIME, R_VARIANCE
+from rig.signals import R_THETA, R_TIME, R_VARIANCE, READING_SIZE
 from rig.simulator import camera_numbers, table_tick
 from rig.statistical_camera import deliver, look, next_exposure
 
@@ -71,7 +71,7 @@ def _most_ticks(rig: Rig, course: Course) -> int:
 
 @compiled
 def _run(s, p, q, flight, camera, targets, pushes, hold_s, tick_s, eyes, tachometer, rows):
-    """Fill `rows` (m, columns) tick by tick; returns how many are filled and the ending's number."""
+    """Fill `rows` (m, columns) tick by tick; returns how many are filled and how it ended."""
     history = np.zeros((plant.HISTORY_TICKS, 2))
     reading, seen = np.full(READING_SIZE, np.nan), np.full(7, np.nan)
     wish, applied, covariance = np.zeros(2), np.zeros(2), np.zeros(3)
@@ -103,7 +103,17 @@ def _run(s, p, q, flight, camera, targets, pushes, hold_s, tick_s, eyes, tachome
         if since_release == targets.shape[0]:
             return k + 1, 0
         fallen = fallen | table_tick(
-            s, p, history, applied, push_x, push_y, t < hold_s, t, tick_s, next_exposure(camera), seen
+            s,
+            p,
+            history,
+            applied,
+            push_x,
+            push_y,
+            t < hold_s,
+            t,
+            tick_s,
+            next_exposure(camera),
+            seen,
         )
         if not np.isnan(seen[SEEN_T]):
             if fallen:

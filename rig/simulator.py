@@ -14,7 +14,16 @@ from rig.compiled import compiled
 from rig.parameters import Rig
 from rig.plant import SEEN_SX, SEEN_SY, SEEN_T, SEEN_VX, SEEN_VY, SEEN_X, SEEN_Y
 from rig.sensors import read_drives
-from rig.signals import R_BALL, R_EXPOSED, R_MOTOR, R_NEW, R_THETA, R_TIME, R_VARIANCE, blank_reading
+from rig.signals import (
+    R_BALL,
+    R_EXPOSED,
+    R_MOTOR,
+    R_NEW,
+    R_THETA,
+    R_TIME,
+    R_VARIANCE,
+    blank_reading,
+)
 from rig.statistical_camera import deliver, look, next_exposure, queue_observation
 from rig.table import LevelOnExit, Reading
 from vision.frames import Observation
@@ -24,7 +33,7 @@ _BLOCK = 256
 
 @compiled
 def table_tick(s, p, history, applied, push_x, push_y, held, t, tick_s, exposure_s, seen):
-    """Volts in, plant one tick on: shifts `history`, then `plant.advance`; True when the ball fell."""
+    """Volts in, plant one tick on (`plant.advance`); True when the ball fell."""
     for i in range(history.shape[0] - 1, 0, -1):
         history[i, 0], history[i, 1] = history[i - 1, 0], history[i - 1, 1]
     history[0, 0], history[0, 1] = applied[0], applied[1]
@@ -38,11 +47,11 @@ class Eye(Protocol):
         self,
         exposed_s: float,
         ball_xy_m: tuple[float, float] | None,
-        tilt_sines: tuple[float, float],
+        tilt_sines_true: tuple[float, float],
         velocity_m_s: tuple[float, float],
         theta_rad: tuple[float, float],
     ) -> Observation | None:
-        """What is measured of the truth; `theta_rad` are the encoder's angles (a hint, measured)."""
+        """What is measured of the truth; `theta_rad`: the encoders' angles, a hint."""
         ...
 
 
@@ -190,5 +199,3 @@ class SimulatedTable(LevelOnExit):
             None if np.isnan(speeds[0]) else speeds,
             ball,
         )
-
-

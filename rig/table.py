@@ -6,6 +6,7 @@ from typing import Protocol, Self
 
 import numpy as np
 
+from rig.limits import limit
 from rig.signals import (
     R_BALL,
     R_EXPOSED,
@@ -97,8 +98,8 @@ def bring_level(table: Table, seconds: float) -> None:
         first = table.read()
         now = first
         while now.t_s - first.t_s < seconds:
-            wish = [min(max(-LEVEL_GAIN_V_RAD * a, -LEVEL_LIMIT_V), LEVEL_LIMIT_V) for a in now.theta_rad]
-            table.drive((wish[0], wish[1]) if all(map(np.isfinite, wish)) else (0.0, 0.0))
+            x, y = (limit(-LEVEL_GAIN_V_RAD * a, a, LEVEL_LIMIT_V, np.inf) for a in now.theta_rad)
+            table.drive((x, y))
             now = table.read()
     finally:
         table.drive((0.0, 0.0))

@@ -1,0 +1,161 @@
+"""What to run, as data: a protocol is a TOML file; the shipped ones lie in `protocols/`."""
+
+import tomllib
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from rig.parameters import Rig
+from rig.reference import SHAPES
+from rig.simulate import Course
+
+Arm = Literal["with", "without"]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Start(_Strict):
+    """Where the operator places the ball and how long it is held before the release."""
+
+    x_m: float = 0.0
+    y_m: float = 0.0
+    hold_s: float = Field(default=0.5, ge=0, le=60)
+    tolerance_m: float = Field(default=0.015, gt=0)
+
+
+class Pushes(_Strict):
+    """How the ball is pushed away: never, at drawn times, or whenever it rests at the centre.
+
+    Drawn pushes come at seeded times in seeded, pairwise antipodal directions, the same for both
+    arms; `at-centre` is the paper's way and pushes the better arm more often.
+    """
+
+    kind: Literal["none", "drawn", "at-centre"] = "none"
+    first_s: float = Field(default=5.0, ge=0)
+    every_s: float = Field(default=4.0, gt=0.2)
+    speed_m_s: float = Field(default=0.2, gt=0, le=1)
+    seconds: float = Field(default=0.08, gt=0, le=1)
+
+
+class Protocol(_Strict):
+    """One experiment. `reference` = {shape = one of rig.reference.SHAPES, its parameters}."""
+
+    title: str
+    duration_s: float = Field(gt=0.1, le=3600)
+    reference: dict[str, float | str] = {"shape": "constant"}
+    start: Start = Start()
+    pushes: Pushes = Pushes()
+    operator: list[Literal["place", "hold", "release", "push"]] = []
+    arms: list[Arm] = ["without", "with"]
+    repetitions: int = Field(default=1, ge=1, le=1000)
+    seed: int = Field(default=1, ge=0)
+    servo_only: bool = False
+    name: str = ""
+
+
+def shipped() -> list[str]:
+    """Names of the shipped protocols."""
+    folder = files("experiments") / "protocols"
+    return sorted(
+        p.name.removesuffix(".toml") for p in folder.iterdir() if p.name.endswith(".toml")
+    )
+
+
+def read_protocol(name: str) -> Protocol:
+    """A shipped protocol by name, or a user's by its path. ValueError (one line) on any mistake."""
+    path = Path(name)
+    if path.suffix == ".toml":
+        if not path.is_file():
+            raise ValueError(f"protocol file {path} not found; shipped: {', '.join(shipped())}")
+        text, label = path.read_text(encoding="utf-8"), str(path)
+    elif name in shipped():
+        text = (files("experiments") / "protocols" / f"{name}.toml").read_text(encoding="utf-8")
+        label = name
+    else:
+        raise ValueError(
+            f"unknown protocol '{name}'; shipped: {', '.join(shipped())}; your own: a .toml file"
+        )
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{label}: not a TOML file ({error})") from None
+    return parse(data, label=label, name=path.stem)
+
+
+def parse(data: dict[str, Any], *, label: str, name: str) -> Protocol:
+    """Check a protocol's data; ValueError names the key, what is wrong and what is known."""
+    try:
+        protocol = Protocol.model_validate({"name": name} | data)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        if first["type"] == "extra_forbidden":
+            model = {"start": Start, "pushes": Pushes}.get(str(first["loc"][0]), Protocol)
+            known = ", ".join(model.model_fields)
+            raise ValueError(f"{label}: unknown key '{where}'; known: {known}") from None
+        raise ValueError(f"{label}: {where} = {first['input']!r}: {first['msg']}") from None
+    shape = protocol.reference.get("shape")
+    if shape not in SHAPES:
+        raise ValueError(f"{label}: reference.shape = '{shape}'; known: {', '.join(SHAPES)}")
+    try:
+        targets(protocol, 100.0, np.random.default_rng(0))
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{label}: reference: {error}") from None
+    return protocol
+
+
+def targets(protocol: Protocol, rate_hz: float, rng: np.random.Generator) -> np.ndarray:
+    """The reference tick by tick, (n, 2) [m] (servo-only: [rad])."""
+    t_s = np.arange(round(protocol.duration_s * rate_hz)) / rate_hz
+    settings = {key: value for key, value in protocol.reference.items() if key != "shape"}
+    if protocol.reference["shape"] == "steps":
+        settings["rng"] = rng  # pyright: ignore[reportArgumentType]
+    return SHAPES[str(protocol.reference["shape"])](t_s, **settings)
+
+
+def pushes(protocol: Protocol, rate_hz: float, rng: np.random.Generator) -> np.ndarray:
+    """The hand's pushes tick by tick, (n, 2) [m/s2]: drawn from `rng`, the same for every arm."""
+    n = round(protocol.duration_s * rate_hz)
+    push = np.zeros((n, 2))
+    p = protocol.pushes
+    if p.kind != "drawn":
+        return push
+    t, angle = p.first_s, rng.uniform(0, 2 * np.pi)
+    while t + p.seconds < protocol.duration_s:
+        begin = round(t * rate_hz)
+        direction = np.array([np.cos(angle), np.sin(angle)])
+        push[begin : begin + round(p.seconds * rate_hz)] = p.speed_m_s / p.seconds * direction
+        t += p.every_s * rng.uniform(0.8, 1.2)
+        angle = angle + np.pi if rng.random() < 0.5 else rng.uniform(0, 2 * np.pi)
+    return push
+
+
+def course(protocol: Protocol, rig: Rig, seed: int, *, place_std_m: float = 0.002) -> Course:
+    """The protocol's course for a seed: both arms get the same one.
+
+    `place_std_m`: how exactly a hand places the ball. ValueError where the start is off the plate.
+    """
+    half = rig.linkage.plate_side_m / 2
+    start = protocol.start
+    if max(abs(start.x_m), abs(start.y_m)) > half:
+        raise ValueError(
+            f"protocol '{protocol.name}': start ({start.x_m:g}, {start.y_m:g}) m is off the plate "
+            f"(+-{half:g} m); correct [start]"
+        )
+    where, reference, hand = np.random.default_rng([seed, 1]).spawn(3)
+    reach = half - 0.002
+    placed = np.array([start.x_m, start.y_m]) + place_std_m * where.standard_normal(2)
+    placed = np.clip(placed, -reach, reach)
+    held = 0.0 if protocol.servo_only else start.hold_s
+    return Course(
+        targets(protocol, rig.control_rate_hz, reference),
+        pushes(protocol, rig.control_rate_hz, hand),
+        (float(placed[0]), float(placed[1])),
+        held,
+        protocol.servo_only,
+    )
