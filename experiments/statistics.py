@@ -1,0 +1,155 @@
+"""What a handful of runs can say: paired differences, means, shares, many claims at once.
+
+Pure functions of plain arrays; every interval is at 95 %. The verdict on a claim is fixed before
+the runs: it holds where the whole interval lies beyond a relevant size, fails where it lies below.
+"""
+
+from dataclasses import dataclass
+from math import inf, nan, sqrt
+
+import numpy as np
+
+LEVEL = 0.95
+FEWEST_PAIRS = 6  # 2^5 sign patterns give no two-sided p below 0.0625
+EXACT_PAIRS = 12  # up to here all 2^n subsets are listed
+SUBSETS = 9999  # drawn beyond; (SUBSETS + 1) * 0.025 is whole
+
+
+@dataclass(frozen=True)
+class Paired:
+    """Paired comparison in the unit of the values: effect = mean(without - with), > 0 = it helps.
+
+    low, high: 95 % interval; p: two-sided, by sign flips; n pairs used; `left_out`: pairs with a
+    NaN; relevant: the size fixed beforehand; holds: True, False or None = undecided, see `reason`.
+    """
+
+    effect: float
+    low: float
+    high: float
+    p: float
+    n: int
+    relevant: float
+    holds: bool | None
+    reason: str = ""
+    left_out: int = 0
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A value with its 95 % interval and the number of values behind it."""
+
+    value: float
+    low: float
+    high: float
+    n: int
+
+
+def paired(
+    without: np.ndarray, with_: np.ndarray, *, relevant: float, rng: np.random.Generator
+) -> Paired:
+    """Compare two arms seed by seed, `without` (n,) and `with_` (n,), by the sign-flip test.
+
+    Where the differences are symmetric about the effect, all 2^n sign patterns are equally likely.
+    The effects which that test does not reject lie between order statistics of the subset means:
+    flipping the subset F exceeds what was seen exactly if mean_F(d) <= effect (Hartigan, J. Am.
+    Stat. Assoc. 64, 1969). All subsets for n <= 12, else 9999 drawn ones. Skewed differences cost
+    coverage: 92 % instead of 95 % at n = 24 for exponential ones. ValueError: shapes, a size < 0.
+    """
+    without, with_ = np.asarray(without, float), np.asarray(with_, float)
+    if without.ndim != 1 or without.shape != with_.shape:
+        raise ValueError(
+            f"paired values have one shape (n,), these have {without.shape} and {with_.shape}: "
+            "give one value a seed and arm"
+        )
+    if not relevant >= 0:
+        raise ValueError(f"relevant = {relevant}: the relevant size must be 0 or more")
+    d = without - with_
+    d = d[np.isfinite(d)]
+    n, left_out = len(d), len(without) - len(d)
+    effect = float(d.mean()) if n else nan
+    if n < FEWEST_PAIRS:
+        p = _p_of(_subset_sums(d, rng)[0]) if n else nan
+        reason = f"{n} pairs: fewer than {FEWEST_PAIRS} cannot reach 95 %"
+        return Paired(effect, -inf, inf, p, n, relevant, None, reason, left_out)
+    sums, counts = _subset_sums(d, rng)
+    means = np.sort(sums / counts)
+    k = int((1 - LEVEL) / 2 * (len(means) + 1) + 1e-9)
+    low, high = float(means[k - 1]), float(means[-k])
+    holds, reason = _verdict(low, high, relevant)
+    return Paired(effect, low, high, _p_of(sums), n, relevant, holds, reason, left_out)
+
+
+def _subset_sums(d: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Sums (m,) of d (n,) over its non-empty subsets and their sizes (m,): all, or a drawn lot."""
+    n = len(d)
+    if n <= EXACT_PAIRS:
+        inside = (np.arange(1, 2**n)[:, None] >> np.arange(n)) & 1
+    else:
+        inside = rng.integers(0, 2, (SUBSETS, n), dtype=np.int8)
+        inside[~inside.any(axis=1), 0] = 1
+    inside = inside.astype(float)  # (m, n)
+    return inside @ d, inside.sum(axis=1)
+
+
+def _p_of(sums: np.ndarray) -> float:
+    """Two-sided p of "no effect": twice the rarer side; the unflipped pattern always counts."""
+    total = len(sums) + 1
+    slack = 1e-12 * float(np.abs(sums).max(initial=0.0))  # rounding must not break ties
+    rarer = min(int((sums <= slack).sum()), int((sums >= -slack).sum()))
+    return min(1.0, 2 * (1 + rarer) / total)
+
+
+def _verdict(low: float, high: float, relevant: float) -> tuple[bool | None, str]:
+    if low > relevant:
+        return True, ""
+    if high < relevant:
+        return False, ""
+    return None, f"the interval {low:.3g} to {high:.3g} includes the relevant size {relevant:.3g}"
+
+
+def mean_interval(values: np.ndarray) -> Interval:
+    """Mean of independent values (n,) by Student's t; NaN are left out, n < 2 has no interval.
+
+    Not BCa: with few values it is far too narrow (measured, for 95 %: normal values n = 24 92.5 %,
+    n = 4 80 %; t 95 % and 96 %). Exponential values (skewness 2) leave t 91.6 % at n = 24.
+    """
+    values = np.asarray(values, float).ravel()
+    values = values[np.isfinite(values)]
+    n = len(values)
+    if n < 2:
+        return Interval(float(values[0]) if n else nan, -inf, inf, n)
+    from scipy.special import stdtrit
+
+    mean = float(values.mean())
+    half = float(stdtrit(n - 1, 0.5 + LEVEL / 2) * values.std(ddof=1) / sqrt(n))
+    return Interval(mean, mean - half, mean + half, n)
+
+
+def wilson(k: int, n: int) -> Interval:
+    """Share of k in n with Wilson's score interval (1927). ValueError: k not within 0 to n."""
+    if not 0 <= k <= n:
+        raise ValueError(f"k = {k} of n = {n}: k must lie within 0 and n")
+    if n == 0:
+        return Interval(nan, 0.0, 1.0, 0)
+    z = 1.959963984540054  # 97.5 % point of the standard normal
+    share = k / n
+    centre = (share + z**2 / (2 * n)) / (1 + z**2 / n)
+    half = z / (1 + z**2 / n) * sqrt(share * (1 - share) / n + z**2 / (4 * n**2))
+    low = 0.0 if k == 0 else centre - half  # exact at the ends, where rounding would show
+    return Interval(share, low, 1.0 if k == n else centre + half, n)
+
+
+def holm(p: np.ndarray) -> np.ndarray:
+    """Adjust p (m,) for m claims tested at once (Holm 1979); NaN (not tested) stay and count not.
+
+    Reject where the result is <= 0.05: the chance of any false claim is then at most 5 %.
+    """
+    p = np.asarray(p, float)
+    if p.ndim != 1 or ((p < 0) | (p > 1)).any():
+        raise ValueError(f"p-values are numbers from 0 to 1 of shape (m,), got {p}")
+    tested = np.flatnonzero(~np.isnan(p))
+    order = tested[np.argsort(p[tested], kind="stable")]
+    steps = p[order] * np.arange(len(order), 0, -1)
+    adjusted = np.full(p.shape, nan)
+    adjusted[order] = np.minimum(np.maximum.accumulate(steps), 1.0)
+    return adjusted
