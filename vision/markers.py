@@ -170,6 +170,15 @@ def track_pose(
     return PoseFit(View(view.camera, view.camera_from_plate, cov), rms, corners)
 
 
+def edge_offsets(image: np.ndarray, layout: MarkerLayout, view: View) -> np.ndarray:
+    """How far the print lies inside of where `view` expects it, (n, 4, 8) px by marker and side.
+
+    Eight cuts a side, from its first corner to the next; NaN where no edge was seen.
+    """
+    offset, contrast, _ = _cut(image, layout, view, _COARSE, None)
+    return np.where(contrast > 0, offset, np.nan).reshape(-1, 4, _CUTS)
+
+
 def _cut(image, layout: MarkerLayout, view: View, search: int, ball):
     points, along = layout.edge_points
     hidden = np.array(ball if ball is not None else (-1e6, -1e6, 0.0))

@@ -117,7 +117,7 @@ class Renderer:
     def render_sheet(
         self, sheet: np.ndarray, size_m: tuple[float, float], camera_from_sheet: np.ndarray
     ) -> np.ndarray:
-        """One frame of a flat printed sheet held before the camera, as for a calibration.
+        """One frame of a flat printed sheet held between camera and plate, as for a calibration.
 
         `sheet` (h, w) uint8 covers `size_m` (width, height); the sheet's frame has its origin in
         the top left corner of the print, x right, y down (OpenCV's boards). `camera_from_sheet`
@@ -138,6 +138,7 @@ class Renderer:
         drawn = cv2.resize(drawn, self._shape[::-1], interpolation=cv2.INTER_AREA)
         drawn = cv2.GaussianBlur(drawn, (0, 0), self.scene.lens_blur_px)
         image = self._desk.copy()
+        self._draw_plate(image, self.view, np.eye(3))
         ink = (drawn[..., 0] * 0.82 + drawn[..., 1] * 0.11).astype(np.uint8)  # paper, not paint
         lay_over(image, cv2.merge((ink, ink, ink, drawn[..., 1])), 1.0)
         return self._expose(image, 1.0)
@@ -231,8 +232,12 @@ def _window(low, high, margin: float, shape: tuple[int, int]) -> tuple[int, int,
 
 
 def _rays(camera: Camera, finer: int) -> np.ndarray:
-    """Undistorted normalised coordinates (h, w, 2) float32 of all pixels, `finer` times denser."""
-    u = (np.arange(camera.width_px * finer) + 0.5) / finer - 0.5
-    v = (np.arange(camera.height_px * finer) + 0.5) / finer - 0.5
-    uv = np.stack(np.meshgrid(u, v), axis=-1)
-    return camera.ray_from_pixel(uv.reshape(-1, 2)).reshape(uv.shape).astype(np.float32)
+    """Undistorted normalised coordinates (h, w, 2) float32 of all pixels, `finer` times denser.
+
+    Denser ones are interpolated: over one pixel a lens is straight to 1e-6 px.
+    """
+    u, v = np.meshgrid(np.arange(-1.0, camera.width_px + 1), np.arange(-1.0, camera.height_px + 1))
+    rays = camera.ray_from_pixel(np.column_stack((u.ravel(), v.ravel()))).reshape(*u.shape, 2)
+    if finer > 1:
+        rays = cv2.resize(rays, None, fx=finer, fy=finer, interpolation=cv2.INTER_LINEAR)
+    return np.ascontiguousarray(rays[finer:-finer, finer:-finer], np.float32)

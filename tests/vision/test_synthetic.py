@@ -65,7 +65,8 @@ def test_edge_lies_on_the_outline_all_around(black_and_pale):
     share = coverage(black_and_pale, tilt(-0.04, 0.07), (0.05, 0.06)).astype(np.float32)
     view = black_and_pale[0].view.tilted(tilt(-0.04, 0.07))
     outline = view.outline_from_ball((0.05, 0.06), 0.019625, np.linspace(0, 2 * np.pi, 90))
-    found = cv2.remap(share, *outline.astype(np.float32).T, cv2.INTER_CUBIC).reshape(-1)
+    outline = outline.astype(np.float32)
+    found = cv2.remap(share, outline[:, 0], outline[:, 1], cv2.INTER_CUBIC).reshape(-1)
     # slope 0.75 a pixel at the middle of the edge: 0.01 px is 0.0075
     assert abs(found.mean() - 0.5) < 0.0075
     assert np.abs(found - 0.5).max() < 0.03  # a single pixel's rounding and cubic interpolation
@@ -104,7 +105,7 @@ def test_plate_edge_lies_where_the_view_says(black_and_pale):
                 points = np.zeros((40, 3))
                 points[:, axis], points[:, 1 - axis] = sign * (0.1375 - inset), along
                 uv = view.pixel_from_plate(points).astype(np.float32)
-                ends.append(cv2.remap(image, *uv.T, cv2.INTER_LINEAR).mean())
+                ends.append(cv2.remap(image, uv[:, 0], uv[:, 1], cv2.INTER_LINEAR).mean())
             bevel = np.interp(0.0, np.linspace(-0.004, 0.004, 81), ends)
             assert bevel == pytest.approx(0.5 * 0.86 * 200, abs=6)  # 6 DN are 0.04 px
 
