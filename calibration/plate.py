@@ -1,0 +1,98 @@
+"""Where the level plate is: the pose averaged over several frames, and what is left over in mm."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from warnings import catch_warnings, simplefilter
+
+import numpy as np
+
+from calibration.camera import CalibrationError
+from vision.markers import MarkerLayout, detect, edge_offsets, find_pose
+from vision.view import Camera, View
+
+MIN_FRAMES = 3
+MAX_RESIDUAL_MM = 0.3
+MAX_SCATTER_MM = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class PlatePose:
+    """The level plate in the camera's frame.
+
+    `residual_mm` is the rms distance between the markers' printed sides and the layout, over all
+    frames' means (noise averages out; a wrong print, a bent plate or a wrong lens does not);
+    `scatter_mm` the rms movement of the markers between frames, in space; `covariance` (6, 6) that
+    of the mean pose (see `View.pose_cov`).
+    """
+
+    camera_from_plate: np.ndarray
+    covariance: np.ndarray
+    residual_mm: float
+    scatter_mm: float
+    frames: int
+
+
+def level_pose(images: Sequence[np.ndarray], camera: Camera, layout: MarkerLayout) -> PlatePose:
+    """The plate's pose from frames (h, w, 3) uint8 taken with the plate level and at rest.
+
+    Raises `CalibrationError` for too few frames with markers, a plate that moved meanwhile, and
+    markers that are not where the layout says.
+    """
+    fits = [find_pose(_checked(image, camera), layout, camera) for image in images]
+    good = [(image, fit) for image, fit in zip(images, fits, strict=True) if fit is not None]
+    if len(good) < MIN_FRAMES:
+        raise CalibrationError(
+            f"the plate's markers were found in {len(good)} of {len(images)} frames, {MIN_FRAMES} "
+            "are needed: light, focus, and are they the markers of the layout?"
+        )
+    views = [fit.view for _, fit in good]
+    view = View(camera, _mean_pose([v.camera_from_plate for v in views]))
+    corners = layout.corners_m.reshape(-1, 2)
+    points = np.column_stack((corners, np.tile((0.0, 1.0), (len(corners), 1))))
+    seen = np.array([points @ v.camera_from_plate[:3].T for v in views])
+    scatter_mm = 1e3 * float(np.sqrt(np.mean(np.sum((seen - seen.mean(0)) ** 2, axis=2))))
+    if scatter_mm > MAX_SCATTER_MM:
+        raise CalibrationError(
+            f"the plate moved by {scatter_mm:.2f} mm rms between the frames (limit "
+            f"{MAX_SCATTER_MM} mm): hold it level and still"
+        )
+    residual_mm = _residual_mm([image for image, _ in good], layout, view)
+    known = [v.pose_cov for v in views if v.pose_cov is not None]
+    covariance = np.mean(known, axis=0) / len(known)
+    return PlatePose(view.camera_from_plate, covariance, residual_mm, scatter_mm, len(good))
+
+
+def _checked(image: np.ndarray, camera: Camera) -> np.ndarray:
+    if image.shape[:2] != (camera.height_px, camera.width_px):
+        raise CalibrationError(
+            f"a frame of {image.shape[1]}x{image.shape[0]} px does not belong to a camera "
+            f"calibrated at {camera.width_px}x{camera.height_px} px: use the same settings"
+        )
+    return image
+
+
+def _mean_pose(poses: list[np.ndarray]) -> np.ndarray:
+    """Mean translation and chordal mean rotation (4, 4)."""
+    mean = np.mean(poses, axis=0)
+    left, _, right = np.linalg.svd(mean[:3, :3])
+    mean[:3, :3] = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    return mean
+
+
+def _residual_mm(images, layout: MarkerLayout, view: View) -> float:
+    offsets = np.array([edge_offsets(image, layout, view) for image in images])
+    for frame, image in zip(offsets, images, strict=True):
+        frame[~np.isin(layout.ids, detect(image, layout).ids)] = np.nan  # hidden by a ball or hand
+    mm_per_px = 1e3 * view.camera_from_plate[2, 3] / view.camera.pinhole[0]
+    with catch_warnings():
+        simplefilter("ignore", RuntimeWarning)  # a side that no frame shows has no mean
+        mean = np.nanmedian(offsets, axis=0)
+        by_marker = np.sqrt(np.nanmean(mean**2, axis=(1, 2)))
+        residual_mm = mm_per_px * float(np.sqrt(np.nanmean(mean**2)))
+    if not residual_mm <= MAX_RESIDUAL_MM:
+        worst = int(layout.ids[int(np.nanargmax(by_marker))])
+        raise CalibrationError(
+            f"the markers lie {residual_mm:.2f} mm rms off the layout (limit {MAX_RESIDUAL_MM} "
+            f"mm), worst marker {worst}: measure its corners, flatten the plate"
+        )
+    return residual_mm

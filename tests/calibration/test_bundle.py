@@ -1,0 +1,112 @@
+"""The calibration file: complete, strict, and enough to measure with."""
+
+import json
+from datetime import UTC, datetime
+from time import process_time
+
+import numpy as np
+import pytest
+
+from calibration.bundle import BundleError, calibrate_virtual, load
+from calibration.camera import PARAMETERS
+from vision.synthetic import Renderer, Scene, virtual_view
+
+MADE = datetime(2024, 5, 1, 12, 0, tzinfo=UTC)
+RADIUS_M = 0.019625
+
+
+@pytest.fixture(scope="module")
+def made():
+    renderer = Renderer(Scene(), virtual_view(), np.random.default_rng(1))
+    renderer.render(np.eye(3), (0, 0))
+    start = process_time()
+    bundle = calibrate_virtual(renderer, np.random.default_rng(2), made=MADE)
+    return renderer, bundle, process_time() - start
+
+
+def test_virtual_calibration_recovers_the_camera_within_its_uncertainty(made):
+    renderer, bundle, seconds = made
+    assert seconds < 8  # measured 1.0; room for slower machines
+    truth = [*renderer.view.camera.pinhole, *renderer.view.camera.lens]
+    found = [*bundle.view.camera.pinhole, *bundle.view.camera.lens]
+    for name, t, f in zip(PARAMETERS, truth, found, strict=True):
+        assert abs(f - t) <= 4 * bundle.lens.std[name]
+    assert bundle.lens.std["fx"] / bundle.lens.matrix[0][0] < 0.001
+    assert bundle.plate.residual_mm < 0.1
+    assert bundle.source == "simulated"
+
+
+def test_ball_is_measured_right_with_the_calibrated_view(made):
+    """Pixels from the true view, metres from the calibrated one: the error of the calibration."""
+    renderer, bundle, _ = made
+    grid = np.linspace(-0.13, 0.13, 7)
+    errors = []
+    for x in grid:
+        for y in grid:
+            u, v, _ = renderer.view.silhouette_from_ball((x, y), RADIUS_M)
+            xy, _ = bundle.view.ball_from_silhouette((u, v), bundle.ball_radius_m)
+            errors.append(xy - (x, y))
+    assert np.abs(errors).max() < 1e-4
+    assert np.sqrt(np.mean(np.square(errors))) < 5e-5
+
+
+def test_file_holds_everything_and_comes_back(made, tmp_path):
+    _, bundle, _ = made
+    path = tmp_path / "camera.json"
+    bundle.save(path)
+    again = load(path)
+    assert again == bundle
+    assert again.made == MADE
+    assert np.array_equal(again.view.camera_from_plate, bundle.view.camera_from_plate)
+    assert np.array_equal(again.view.camera.distortion, bundle.view.camera.distortion)
+    assert again.layout.dictionary == "DICT_4X4_50"
+    assert np.array_equal(again.layout.corners_m, Scene().layout.corners_m)
+    assert again.ball_radius_m == RADIUS_M
+    assert again.plate_side_m == 0.275
+    assert again.lens.flags == ["CALIB_FIX_K3"]
+    assert again.view.pose_cov is not None
+
+
+def broken(bundle, path, change):
+    data = json.loads(bundle.model_dump_json())
+    change(data)
+    path.write_text(json.dumps(data), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda d: d.update(bal_radius_m=0.02), "unknown key bal_radius_m; known keys: .*ball_rad"),
+        (lambda d: d["lens"].update(focal=3), r"unknown key lens\.focal; known keys: matrix"),
+        (lambda d: d.pop("ball_radius_m"), "ball_radius_m: Field required"),
+        (lambda d: d.update(ball_radius_m=-1), "ball_radius_m: Input should be greater than 0"),
+        (lambda d: d.update(schema_version=2), "schema_version"),
+        (lambda d: d["lens"].update(distortion=[0, 0]), "lens.distortion"),
+        (lambda d: d["markers"].update(dictionary="DICT_NONE"), "no dictionary"),
+        (lambda d: d["markers"].update(ids=[1]), "need corners of shape"),
+        (lambda d: d["lens"].update(matrix=[[0, 0, 0], [0, 1, 0], [0, 0, 1]]), "focal"),
+        (lambda d: d["plate"].update(camera_from_plate=[[1], [1], [1], [1]]), "reshape"),
+    ],
+)
+def test_a_wrong_file_is_one_clear_line(made, tmp_path, change, message):
+    path = broken(made[1], tmp_path / "camera.json", change)
+    with pytest.raises(BundleError, match=message) as caught:
+        load(path)
+    assert "\n" not in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+def test_not_json_and_missing_files(tmp_path):
+    path = tmp_path / "camera.json"
+    path.write_text("lens: 3", encoding="utf-8")
+    with pytest.raises(BundleError, match=r"camera\.json"):
+        load(path)
+    with pytest.raises(OSError, match="none"):
+        load(tmp_path / "none.json")
+
+
+def test_refuses_another_picture_size(made):
+    made[1].check_size(640, 480)
+    with pytest.raises(BundleError, match="1280x720"):
+        made[1].check_size(1280, 720)
