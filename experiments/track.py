@@ -63,8 +63,8 @@ def track_video(
     looks = Appearance.of_colour(ball_colour) if ball_colour else None
     radius = _radius_bounds(calibration)
     with open_source(address) as source:
-        if looks is None and not source.live:
-            looks = learn_looks(address, radius)
+        if not source.live:
+            looks = learn_looks(address, radius, colour=looks) or looks
         out = Path(out_dir)
         out.mkdir(parents=True, exist_ok=True)
         tracker = Tracker(appearance=looks, radius_px=radius)
@@ -76,13 +76,16 @@ def track_video(
 
 
 def learn_looks(
-    address: str | Path | int, radius_px: tuple[float, float] | None = None
+    address: str | Path | int,
+    radius_px: tuple[float, float] | None = None,
+    *,
+    colour: Appearance | None = None,
 ) -> Appearance | None:
-    """The looks of the ball of a file, None where nothing round travels in it."""
+    """The looks of the ball of a file, None where nothing round (of that colour) travels in it."""
     from vision.acquisition import Acquisition
     from vision.sources import open_source
 
-    acquisition = Acquisition(radius_px)
+    acquisition = Acquisition(radius_px, colour=colour)
     with open_source(address) as source:
         for frame in source:
             got = acquisition.step(frame)

@@ -1,0 +1,196 @@
+"""The command line `rig`: parses, calls, turns errors into one line and the right exit code.
+
+Exit codes: 0 done, 1 the work failed, 2 bad input, 130 interrupted. Heavy imports happen inside
+the commands, so that `--help` answers at once.
+"""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="An experiment rig for a 2-DOF ball balancing table with play in its drives.",
+)
+
+RigOption = Annotated[
+    Path | None, typer.Option("--rig", help="rig.toml; without it the default virtual table.")
+]
+SeedOption = Annotated[int, typer.Option(min=0, help="Seed of everything that is drawn.")]
+OutOption = Annotated[Path, typer.Option(help="Folder for what is made.")]
+
+
+class WorkFailed(Exception):
+    """The work failed though the input was good: exit code 1."""
+
+
+@app.command()
+def reproduce(
+    rig: RigOption = None,
+    out: OutOption = Path("out"),
+    seed: SeedOption = 1,
+    frames: Annotated[
+        bool, typer.Option(help="Runs of Figs. 10 to 14 through rendered camera frames.")
+    ] = True,
+) -> None:
+    """Reproduce the paper's study on the virtual rig: Figs. 7, 8, 10 to 14, report, results.json."""
+    from experiments.assemble import load_rig
+    from experiments.console import bars
+    from experiments.folders import writable
+    from experiments.reproduce import reproduce as work
+
+    table, folder = load_rig(rig), writable(out)
+    with bars() as progress:
+        results = work(table, folder, seed=seed, frames=frames, progress=progress)
+    for claim in results["claims"]:
+        typer.echo(_claim_line(claim))
+    typer.echo(f"report: {out / 'report.html'}   numbers: {out / 'results.json'}")
+
+
+def _claim_line(claim: dict) -> str:
+    word = {True: "holds", False: "fails", None: "undecided"}[claim["holds"]]
+    numbers = f"{claim['effect']:+.4f} [{claim['low']:+.4f}, {claim['high']:+.4f}] {claim['unit']}"
+    return f"{word:9s} Fig. {claim['figure']:>2s}  {claim['claim']}: {numbers}, n = {claim['runs']}"
+
+
+@app.command()
+def run(
+    protocol: Annotated[str, typer.Argument(help="Shipped protocol or your own .toml file.")],
+    arm: Annotated[str, typer.Option(help="with, without or both.")] = "both",
+    rig: RigOption = None,
+    out: OutOption = Path("out"),
+    seed: Annotated[int | None, typer.Option(min=0, help="Default: the protocol's own.")] = None,
+    repetitions: Annotated[int | None, typer.Option(min=1, help="Default: the protocol's.")] = None,
+    camera: Annotated[str, typer.Option(help="statistical, or frames (rendered).")] = "statistical",
+) -> None:
+    """Run a protocol and record it; prints the run folders."""
+    from experiments.assemble import load_rig
+    from experiments.console import bars
+    from experiments.folders import writable
+    from experiments.protocol import read_protocol
+    from experiments.runs import run_protocol
+
+    plan = read_protocol(protocol)
+    if arm not in ("with", "without", "both"):
+        raise ValueError(f"--arm {arm}: must be with, without or both")
+    if camera not in ("statistical", "frames"):
+        raise ValueError(f"--camera {camera}: must be statistical or frames")
+    table, folder = load_rig(rig), writable(out)
+    with bars() as progress:
+        done = run_protocol(
+            table,
+            plan,
+            arms=plan.arms if arm == "both" else [arm],
+            out=folder,
+            seed=plan.seed if seed is None else seed,
+            repetitions=repetitions or plan.repetitions,
+            frames=camera == "frames",
+            progress=progress,
+        )
+    for one in done:
+        reason = f" ({one.ending.reason})" if one.ending.reason else ""
+        typer.echo(f"{one.folder}  {one.ending.outcome}{reason}")
+    if any(one.ending.outcome != "completed" for one in done):
+        raise WorkFailed("not every run was completed; what was recorded is kept")
+
+
+@app.command()
+def report(
+    runs: Annotated[list[Path], typer.Argument(help="Run folders.")],
+    out: OutOption = Path("out"),
+) -> None:
+    """Figures and numbers of recorded runs, simulated or measured, as one HTML page."""
+    from experiments.folders import writable
+    from experiments.report_runs import report_runs
+
+    typer.echo(str(report_runs(runs, writable(out))))
+
+
+@app.command()
+def track(
+    video: Annotated[str, typer.Argument(help="Video file, image folder or stream address.")],
+    out: OutOption = Path("out"),
+    calibration: Annotated[Path | None, typer.Option(help="Calibration bundle (JSON).")] = None,
+    ball_colour: Annotated[str | None, typer.Option(help="Name or #rrggbb; default: found.")] = None,
+) -> None:
+    """Track a ball in real footage: track.csv, a film with overlay, a contact sheet."""
+    from experiments.folders import writable
+    from experiments.track import track_video
+
+    bundle = None
+    if calibration is not None:
+        from calibration.bundle import load
+
+        bundle = load(calibration)
+    summary = track_video(video, writable(out), calibration=bundle, ball_colour=ball_colour)
+    for key, value in summary.items():
+        typer.echo(f"{key}: {value}")
+
+
+@app.command()
+def effects() -> None:
+    """List the effects that the model knows: name, keys, unit, range, tolerance, meaning."""
+    from experiments.console import effects_table
+
+    effects_table()
+
+
+@app.command()
+def export(
+    run: Annotated[Path, typer.Argument(help="Run folder.")],
+    out: Annotated[Path, typer.Option(help="File ending in .csv, .parquet or .mat.")],
+) -> None:
+    """Write a run's log as CSV, Parquet or MAT."""
+    from experiments.exporting import export_run
+
+    typer.echo(str(export_run(run, out)))
+
+
+@app.command()
+def recover(run: Annotated[Path, typer.Argument(help="Run folder that was cut off.")]) -> None:
+    """Mend a recording that a kill or a full disk cut off."""
+    from experiments.recording import recover as mend
+
+    mended = mend(run)
+    typer.echo(f"{run}: {len(mended.log)} rows, outcome {mended.meta['outcome']}")
+
+
+@app.command()
+def reject(
+    run: Annotated[Path, typer.Argument(help="Run folder.")],
+    reason: Annotated[str, typer.Argument(help="Why this repetition does not count.")],
+) -> None:
+    """Mark a repetition as rejected: reports leave it out and say why."""
+    from experiments.runs import reject as mark
+
+    mark(run, reason)
+    typer.echo(f"{run}: rejected ({reason})")
+
+
+def main() -> None:
+    """Entry point: errors become one line on standard error and an exit code."""
+    try:
+        app(standalone_mode=False)
+    except typer.Exit as end:
+        sys.exit(end.exit_code)
+    except (KeyboardInterrupt, typer.Abort):
+        _fail("interrupted; what was recorded so far is kept", 130)
+    except WorkFailed as error:
+        _fail(str(error), 1)
+    except (ValueError, FileNotFoundError, NotADirectoryError, PermissionError) as error:
+        _fail(str(error), 2)
+    except OSError as error:
+        _fail(str(error), 1)
+    except Exception as error:
+        if hasattr(error, "format_message"):  # the parser's own usage errors
+            _fail(error.format_message(), 2)  # pyright: ignore[reportAttributeAccessIssue]
+        _fail(f"{type(error).__name__}: {error}", 1)
+
+
+def _fail(message: str, code: int) -> None:
+    print("rig: " + " ".join(message.split()), file=sys.stderr)
+    sys.exit(code)

@@ -1,0 +1,59 @@
+"""What a terminal shows: progress bars and tables."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from math import inf
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+# progress(stage, done, total)
+ProgressCall = Callable[[str, int, int], None]
+
+
+def silent(stage: str, done: int, total: int) -> None:
+    """Progress that nobody wants to see."""
+
+
+@contextmanager
+def bars() -> Iterator[ProgressCall]:
+    """One bar a stage on standard error; a plain pipe gets nothing."""
+    columns = (
+        TextColumn("{task.description:34s}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True)) as progress:
+        tasks: dict[str, int] = {}
+
+        def show(stage: str, done: int, total: int) -> None:
+            if stage not in tasks:
+                tasks[stage] = progress.add_task(stage, total=total)
+            progress.update(tasks[stage], completed=done, total=total)  # pyright: ignore
+
+        yield show
+
+
+def effects_table() -> None:
+    """Print the catalogue of `rig.effects`."""
+    from rig.effects import CATALOGUE
+
+    table = Table("name", "axis", "key", "unit", "range", "null", "tolerance", "what it is")
+    for effect in CATALOGUE:
+        for i, p in enumerate(effect.parameters):
+            first = i == 0
+            table.add_row(
+                effect.name if first else "",
+                "/".join(effect.axes) if first else "",
+                p.key,
+                p.unit,
+                f"{p.low:g} .. {p.high:g}",
+                "none" if p.null == inf else f"{p.null:g}",
+                f"{effect.tolerance:g}" if first and effect.tolerance else "",
+                effect.sentence if first else "",
+            )
+    # A pipe or a narrow terminal gets whole names all the same.
+    console = Console()
+    Console(width=max(console.width, 150)).print(table)

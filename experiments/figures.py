@@ -1,0 +1,245 @@
+"""The paper's figures 7, 8 and 10 to 14, and the map of play: PNG and SVG, marked with their source.
+
+Each figure is one plain function of logs; with = red, without = blue, reference and centre green,
+centroids black crosses where the paper has them. Figures show centimetres and seconds from release.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from rig.log import Log
+
+WITH, WITHOUT, CENTRE = "#d62728", "#1f4fd8", "#1a9641"
+SOURCES = {"simulated": "virtual rig", "measured": "measured"}
+_CM = 100.0
+plt.rcParams.update(
+    {
+        "font.size": 9,
+        "axes.grid": True,
+        "grid.alpha": 0.25,
+        "savefig.dpi": 150,
+        "figure.constrained_layout.use": True,
+        "svg.hashsalt": "rig",
+        "legend.framealpha": 0.9,
+    }
+)
+
+
+def run_part(log: Log) -> Log:
+    """The rows after the release."""
+    return log.where(log["phase"] == 2)
+
+
+def ball_cm(log: Log) -> tuple[np.ndarray, np.ndarray]:
+    """Seconds from release (k,) and ball positions (k, 2) [cm] of the new observations."""
+    run = run_part(log)
+    t, xy = run.ball()
+    return t - run["t_s"][0], _CM * xy
+
+
+def _servo(log: Log) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Seconds from release, servo angles and desired angles (n, 2) [rad]."""
+    run = run_part(log)
+    theta = np.column_stack([run["theta_x_rad"], run["theta_y_rad"]])
+    desired = np.column_stack([run["desired_theta_x_rad"], run["desired_theta_y_rad"]])
+    return run["t_s"] - run["t_s"][0], theta, desired
+
+
+def save(figure: Figure, folder: Path, name: str, source: str) -> Path:
+    """Mark the figure with its source and write NAME.png and NAME.svg; returns the PNG's path."""
+    engine = figure.get_layout_engine()
+    if engine is not None:  # room for the mark above everything else
+        engine.set(rect=(0, 0, 1, 1 - 0.14 / figure.get_figheight()))  # pyright: ignore
+    figure.text(0.995, 0.995, SOURCES[source], ha="right", va="top", fontsize=7, color="0.4")
+    figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
+    path = folder / f"{name}.png"
+    figure.savefig(path)
+    plt.close(figure)
+    return path
+
+
+def ball_over_time(without: Log, with_: Log) -> Figure:
+    """Fig. 7: ball position x, y over time with the reference."""
+    figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.4), sharex=True)
+    for a, axis in enumerate(axes):
+        run = run_part(with_)
+        reference = _CM * run["target_" + "xy"[a] + "_m"]
+        axis.plot(run["t_s"] - run["t_s"][0], reference, "--", color=CENTRE, label="reference")
+        for log, colour, label in _arms(without, with_):
+            t, xy = ball_cm(log)
+            axis.plot(t, xy[:, a], colour, lw=1.1, label=label)
+        axis.set_ylabel(f"ball {'xy'[a]} [cm]")
+    _legend_above(axes[0])
+    axes[1].set_xlabel("time from release [s]")
+    return figure
+
+
+def _legend_above(axis: Axes) -> None:
+    """Curves fill the axes: their names stand above."""
+    axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, fontsize=8, frameon=False)
+
+
+def _arms(without: Log, with_: Log) -> list[tuple[Log, str, str]]:
+    return [
+        (without, WITHOUT, "without backlash model"),
+        (with_, WITH, "with backlash model"),
+    ]
+
+
+def servo_over_time(without: Log, with_: Log, *, panels: Sequence[str] = ("", "")) -> Figure:
+    """Figs. 8 and 11: servo angles; desired green dashed, without blue dashed, with red solid.
+
+    The desired angle is that of the arm with the model; each arm has its own and is judged by it.
+    """
+    figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.8), sharex=True)
+    for a, axis in enumerate(axes):
+        t, _, desired = _servo(with_)
+        t0, theta0, _ = _servo(without)
+        _, theta1, _ = _servo(with_)
+        axis.plot(t0, theta0[:, a], "--", color=WITHOUT, lw=0.9, label="without backlash model")
+        axis.plot(t, theta1[:, a], "-", color=WITH, lw=1.0, label="with backlash model")
+        axis.plot(t, desired[:, a], "--", color=CENTRE, lw=0.9, label="desired (with)")
+        axis.set_ylabel(rf"$\theta_{'xy'[a]}$ [rad]")
+        if panels[a]:
+            axis.text(0.01, 0.97, panels[a], transform=axis.transAxes, va="top", fontsize=10)
+    _legend_above(axes[0])
+    axes[1].set_xlabel("time from release [s]")
+    return figure
+
+
+def _plate(axis: Axes, side_cm: float = 27.5) -> None:
+    half = side_cm / 2
+    axis.set(xlim=(-half - 0.6, half + 0.6), ylim=(-half - 0.6, half + 0.6), aspect="equal")
+    axis.plot([-half, half, half, -half, -half], [-half, -half, half, half, -half], "0.6", lw=0.8)
+    axis.set(xlabel="x [cm]", ylabel="y [cm]")
+
+
+def _inset(axis: Axes, size_cm: float, bounds: tuple[float, float, float, float]) -> Axes:
+    """A magnified view of the centre."""
+    inset = axis.inset_axes(bounds)
+    inset.set(xlim=(-size_cm, size_cm), ylim=(-size_cm, size_cm), aspect="equal")
+    inset.tick_params(labelsize=6)
+    axis.indicate_inset_zoom(inset, edgecolor="0.5")
+    return inset
+
+
+def release_scatter(
+    without: Log, with_: Log, centroids_cm: Mapping[str, np.ndarray], side_cm: float = 27.5
+) -> Figure:
+    """Fig. 10: with = red crosses, without = blue dots, centroids black crosses, centre green."""
+    figure, axis = plt.subplots(figsize=(5.6, 5.4))
+    _plate(axis, side_cm)
+    inset = _inset(axis, 2.5, (0.56, 0.56, 0.42, 0.42))
+    for where, size in ((axis, 1.0), (inset, 1.4)):
+        xy = ball_cm(without)[1]
+        where.plot(*xy.T, ".", color=WITHOUT, ms=2.2 * size, label="without backlash model")
+        xy = ball_cm(with_)[1]
+        where.plot(*xy.T, "x", color=WITH, ms=3 * size, mew=0.6, label="with backlash model")
+        where.plot(0, 0, "o", color=CENTRE, ms=6 * size, label="centre (desired)", zorder=4)
+        both = np.array([centroids_cm["without"], centroids_cm["with"]])
+        where.plot(*both.T, "x", color="k", ms=8, mew=1.6, ls="", label="centroids", zorder=5)
+    arrow = {"arrowstyle": "-", "lw": 0.6}
+    for (arm, xy), away in zip(centroids_cm.items(), ((28, 26), (-44, -34)), strict=True):
+        inset.annotate(
+            arm, xy, xytext=away, textcoords="offset points", fontsize=8, arrowprops=arrow
+        )
+    axis.legend(loc="lower left", fontsize=8)
+    return figure
+
+
+def pushed_scatter(log: Log, centroid_cm: np.ndarray, arm: str, side_cm: float = 27.5) -> Figure:
+    """Figs. 12 and 13: the pushed ball; centroid red cross, centre green dot."""
+    figure, axis = plt.subplots(figsize=(5.4, 5.2))
+    _plate(axis, side_cm)
+    xy = ball_cm(log)[1]
+    axis.plot(*xy.T, ".", color=WITHOUT, ms=2.6, label=f"ball, {arm} backlash model")
+    axis.plot(0, 0, "o", color=CENTRE, ms=8, label="centre (desired)")
+    axis.plot(*centroid_cm, "x", color=WITH, ms=10, mew=2.2, ls="", label="centroid")
+    axis.legend(loc="lower left", fontsize=8)
+    return figure
+
+
+def eight_runs(without: Sequence[Log], with_: Sequence[Log], size_cm: float = 3.0) -> Figure:
+    """Fig. 14: a_1..a_4 without (blue), b_1..b_4 with (red); the part near the centre."""
+    n = len(without)
+    figure, axes = plt.subplots(2, n, figsize=(2.0 * n + 0.6, 4.6), sharex=True, sharey=True)
+    for row, (logs, colour, letter) in enumerate(((without, WITHOUT, "a"), (with_, WITH, "b"))):
+        for i, log in enumerate(logs):
+            axis = axes[row, i]
+            t, xy = ball_cm(log)
+            axis.plot(*xy.T, ".", color=colour, ms=2)
+            axis.plot(0, 0, "o", color=CENTRE, ms=5)
+            axis.set_title(f"${letter}_{i + 1}$", fontsize=10)
+            axis.set(xlim=(-size_cm, size_cm), ylim=(-size_cm, size_cm), aspect="equal")
+        axes[row, 0].set_ylabel("y [cm]")
+    for axis in axes[1]:
+        axis.set_xlabel("x [cm]")
+    return figure
+
+
+def play_map(cells: Sequence[dict], measure: str, title: str, unit: str) -> Figure:
+    """Where the model helps, is neutral or hurts: effect (without - with) over gear x joint play.
+
+    cells: {"gear_deg", "joint_deg", measure: Paired-like dict with effect, low, high, holds}.
+    """
+    gears = sorted({cell["gear_deg"] for cell in cells})
+    joints = sorted({cell["joint_deg"] for cell in cells})
+    value = np.full((len(joints), len(gears)), np.nan)
+    figure, axis = plt.subplots(figsize=(1.3 * len(gears) + 1.8, 0.85 * len(joints) + 1.3))
+    for cell in cells:
+        i, j = joints.index(cell["joint_deg"]), gears.index(cell["gear_deg"])
+        result = cell[measure]
+        value[i, j] = result["effect"]
+        word = verdict_word(result)
+        text = f"{result['effect']:+.2g}\n[{result['low']:+.2g}, {result['high']:+.2g}]\n{word}"
+        axis.text(j, i, text, ha="center", va="center", fontsize=7)
+    top = max(np.nanmax(np.abs(value)), 1e-9)
+    image = axis.imshow(value, cmap="RdBu", vmin=-top, vmax=top, origin="lower", aspect="auto")
+    axis.set_xticks(range(len(gears)), [f"{g:g}" for g in gears])
+    axis.set_yticks(range(len(joints)), [f"{g:g}" for g in joints])
+    axis.grid(False)
+    axis.set(xlabel="gear play [deg at the servo]", ylabel="joint play [deg at the servo]")
+    axis.set_title(title, fontsize=9)
+    figure.colorbar(image, ax=axis, label=f"without - with [{unit}]")
+    return figure
+
+
+def verdict_word(result: dict) -> str:
+    """helps | hurts: beyond the relevant size for sure; neutral: surely within it; else unclear."""
+    relevant = result["relevant"]
+    if result["low"] > relevant:
+        return "helps"
+    if result["high"] < -relevant:
+        return "hurts"
+    if -relevant < result["low"] and result["high"] < relevant:
+        return "neutral"
+    return "unclear"
+
+
+def play_estimates(logs: Sequence[Log], truth_deg: Mapping[str, float]) -> Figure:
+    """What the estimators believed over time: gear and joint play of both axes, with 2 sigma."""
+    figure, axes = plt.subplots(1, 2, figsize=(6.8, 2.8), sharex=True)
+    for axis, place in zip(axes, ("gear", "joint"), strict=True):
+        for log in logs:
+            run = run_part(log)
+            t = run["t_s"] - run["t_s"][0]
+            for a, colour in zip("xy", ("#7b3294", "#e08214"), strict=True):
+                width = np.degrees(run[f"estimated_{place}_play_{a}_rad"])
+                std = np.degrees(run[f"estimated_{place}_play_std_{a}_rad"])
+                axis.plot(t, width, color=colour, lw=1, label=f"estimate {a}")
+                axis.fill_between(t, width - 2 * std, width + 2 * std, color=colour, alpha=0.15)
+        axis.axhline(truth_deg[place], color="k", ls=":", lw=1, label="plant")
+        axis.set(xlabel="time from release [s]", ylim=(-0.5, 2 * truth_deg[place] + 1))
+        axis.set_title(f"{place} play", fontsize=9)
+    axes[0].set_ylabel("full width [deg at the servo]")
+    axes[0].legend(fontsize=7, loc="upper right")
+    return figure

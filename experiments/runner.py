@@ -1,0 +1,164 @@
+"""Run protocols: one recorded run at a time tick by tick, or many at once in compiled code."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from experiments.assemble import known, rendered_eye, simulated_hand, simulated_table
+from experiments.protocol import Protocol, course
+from experiments.recording import Recorder, write_run
+from experiments.run_folder import new_run_folder, write_truth
+from rig.commands import CommandSlot, Stop
+from rig.controllers import ARMS
+from rig.log import INDEX, Log
+from rig.loop import Ending, Loop
+from rig.parameters import Rig
+from rig.rigfile import to_dict
+from rig.simulate import Simulated, draw, simulate
+
+_T, _BALL, _PHASE, _PUSH = (INDEX[n] for n in ("t_s", "ball_x_m", "phase", "push"))
+PROGRESS_EVERY = 250
+
+
+@dataclass(frozen=True)
+class Order:
+    """One run to make: everything that decides it. `bundle` switches the rendered camera on."""
+
+    rig: Rig
+    protocol: Protocol
+    arm: str
+    seed: int
+    parent: Path
+    bundle: Path | None = None
+
+
+@dataclass(frozen=True)
+class Done:
+    """A recorded run: its folder, how it ended, and the camera's (true, measured) pairs if any."""
+
+    folder: Path
+    ending: Ending
+    pairs: np.ndarray
+
+
+def start_record(order: Order) -> dict:
+    """What is known before the run: the rig as the controller knows it, never the truth."""
+    return {
+        "source": "simulated",
+        "protocol": order.protocol.model_dump(),
+        "arm": order.arm,
+        "seed": order.seed,
+        "rig": to_dict(known(order.rig)),
+        "calibration": str(order.bundle.name) if order.bundle else None,
+        "camera": "frames" if order.bundle else "statistical",
+    }
+
+
+def truth_record(order: Order) -> dict:
+    """What the plant really was: truth.json, which only scorers open."""
+    return {"rig": to_dict(order.rig), "seed": order.seed}
+
+
+class _Watch:
+    """Looks at every row on its way to the recording: a wrong start, pushes, progress."""
+
+    def __init__(self, order: Order, recorder: Recorder, slot: CommandSlot, progress) -> None:
+        self._start, self._recorder, self._slot = order.protocol.start, recorder, slot
+        self._progress, self._checked = progress, order.protocol.servo_only
+        self._pushed, self._rows = False, 0
+
+    def keep(self, row: np.ndarray) -> None:
+        self._recorder.append(row)
+        self._rows += 1
+        if not self._checked and not np.isnan(row[_BALL]):
+            self._checked = True
+            self._check_start(row)
+        if (row[_PUSH] > 0) != self._pushed:
+            self._pushed = bool(row[_PUSH] > 0)
+            if self._pushed:
+                self._recorder.event(float(row[_T]), "pushed")
+        if self._progress is not None and self._rows % PROGRESS_EVERY == 0:
+            self._progress(float(row[_T]))
+
+    def _check_start(self, row: np.ndarray) -> None:
+        off = float(np.hypot(row[_BALL] - self._start.x_m, row[_BALL + 1] - self._start.y_m))
+        if off > self._start.tolerance_m:
+            self._slot.put(
+                Stop(
+                    f"the ball starts {1000 * off:.0f} mm from the protocol's start (limit "
+                    f"{1000 * self._start.tolerance_m:.0f} mm): place it again"
+                )
+            )
+
+
+def run(
+    order: Order,
+    *,
+    commands: CommandSlot | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Done:
+    """Run an order on its simulated table through the real loop, recorded tick by tick.
+
+    Raises what the recorder or the vision chain raises; what was recorded so far stays readable.
+    """
+    way = course(order.protocol, order.rig, order.seed)
+    eye = rendered_eye(order.rig, order.bundle, order.seed) if order.bundle else None
+    table = simulated_table(order.rig, way, order.seed, eye)
+    slot = commands or CommandSlot()
+    folder = new_run_folder(order.parent, order.protocol.name, order.arm)
+    write_truth(folder, truth_record(order))
+    with Recorder(folder, start_record(order)) as recorder:
+        watch = _Watch(order, recorder, slot, progress)
+        with table:
+            ending = Loop(
+                table,
+                known(order.rig),
+                ARMS[order.arm],
+                way,
+                hand=simulated_hand(table, order.protocol, way, order.seed),
+                commands=slot,
+                keep=watch.keep,
+                event=recorder.event,
+            ).run()
+        recorder.finish(ending.outcome, ending.reason)
+    return Done(folder, ending, np.array(eye.pairs if eye else []).reshape(-1, 5))
+
+
+def simulate_order(order: Order) -> Simulated:
+    """The same run as `run` with the statistical camera, in compiled code and memory alone."""
+    way = course(order.protocol, order.rig, order.seed)
+    seen = known(order.rig)
+    numbers = draw(np.random.default_rng([order.seed, 3]), seen, way)
+    return simulate(order.rig, seen, ARMS[order.arm], way, numbers)
+
+
+def keep_simulated(order: Order, result: Simulated) -> Path:
+    """Record a run of `simulate_order` as a run folder; its events are read off its columns."""
+    folder = new_run_folder(order.parent, order.protocol.name, order.arm)
+    write_truth(folder, truth_record(order))
+    write_run(folder, start_record(order), result.log, events(result.log), result.outcome)
+    return folder
+
+
+def events(log: Log) -> list[dict]:
+    """Release and pushes as a loop would have noted them."""
+    t, found = log["t_s"], []
+    released = np.flatnonzero((log["phase"][1:] > 1) & (log["phase"][:-1] == 1))
+    found += [{"t_s": float(t[i + 1]), "text": "released"} for i in released]
+    pushed = np.flatnonzero(np.diff(log["push"], prepend=0.0) > 0)
+    found += [{"t_s": float(t[i]), "text": "pushed"} for i in pushed]
+    return sorted(found, key=lambda event: event["t_s"])
+
+
+def contract_columns(log: Log) -> Log:
+    """The columns that anybody needs to recompute a report's numbers; the rest blank."""
+    kept = [i for name, i in INDEX.items() if i <= INDEX["ball_exposed_s"] or "desired" in name]
+    rows = np.full_like(log.rows, np.nan)
+    rows[:, [*kept, _PHASE]] = log.rows[:, [*kept, _PHASE]]
+    return Log.from_rows(rows)
+
+
+def with_arm(order: Order, arm: str) -> Order:
+    return replace(order, arm=arm)
