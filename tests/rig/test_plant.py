@@ -126,7 +126,7 @@ def test_undamped_shaft_keeps_its_energy():
 
 
 def test_exact_shaft_comes_to_the_dead_zone_in_the_whole_drive():
-    """Before undamped ringing makes every difference grow: the gap falls with c, tenfold for ten."""
+    """Before undamped ringing makes differences grow, the gap falls in proportion to c."""
     volts, ends = constant_volts(1.0, -0.5, 0.04), []
     for model, c in (("dead_zone", 0.0), ("exact", 2e-3), ("exact", 2e-4), ("exact", 2e-5)):
         drive = replace(SMOOTH, shaft_model=model, gear_damping_nm_s=c, joint_damping_nm_s=c)
