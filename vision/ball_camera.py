@@ -74,6 +74,18 @@ class BallCamera:
         view = self._see_plate(frame, track, rotation_hint)
         return self._observe(frame, track, view), track, view
 
+    @property
+    def drift_m(self) -> float:
+        """How far the plate's centre has moved sideways in the camera since the calibration.
+
+        The plate turns about its centre, so more than a millimetre or two means that camera or
+        table was knocked. NaN while the markers are not seen.
+        """
+        if not self.pose.accepted:
+            return float("nan")
+        moved = self.pose.view.camera_from_plate[:2, 3] - self._level.camera_from_plate[:2, 3]
+        return float(np.hypot(moved[0], moved[1]))
+
     def _see_plate(self, frame: Frame, track: Track, rotation_hint: np.ndarray) -> View:
         ball = None
         if track.state in ("track", "coast"):

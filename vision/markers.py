@@ -11,7 +11,7 @@ from vision.edges import cut_edges, fit_motion
 from vision.view import Camera, View
 
 _CUTS = 8  # profiles across each side of a marker
-_COARSE, _FINE = 5, 2  # px searched for an edge on each side of where it is expected
+_FINE = 2  # px searched for an edge on each side of where it is expected, once nearly there
 _FLOOR_PX = 0.02  # no printed edge is believed to be straighter than this
 _RMS_LIMIT_PX = 0.2
 _STILL_PX = 0.3  # a fit that still moves more than this has not arrived
@@ -138,7 +138,7 @@ def track_pose(
     *,
     ball: tuple[float, float, float] | None = None,
 ) -> PoseFit:
-    """The plate's pose near a guess that puts the markers within about 5 px of where they are.
+    """The plate's pose near a guess that puts the markers within about 0.8 of a printed square.
 
     `image` (h, w, 3) uint8; `ball` (u, v, radius) px is what hides the plate, if known; what else
     hides an edge is left out as an outlier. The view's `pose_cov` holds the fit's covariance.
@@ -148,14 +148,14 @@ def track_pose(
     rms exceeds 0.2 px.
     """
     view, moved_px = view_guess, np.inf
-    for search in (_COARSE, _FINE, _FINE, _FINE):
-        cut = _cut(image, layout, view, search, ball)
+    for coarse in (True, False, False, False):
+        cut = _cut(image, layout, view, ball, coarse=coarse)
         motion, weight, normal = fit_motion(*cut, _FLOOR_PX)
         if not weight.any():
             return PoseFit(view_guess, float("nan"), 0)
         view = View(view.camera, _moved(view.camera_from_plate, motion))
         moved_px = float(np.abs(cut[2] @ motion).max())
-        if search == _FINE and moved_px < _STILL_PX:
+        if not coarse and moved_px < _STILL_PX:
             break
     offset, contrast, jacobian = cut
     kept = weight > 0
@@ -175,17 +175,19 @@ def edge_offsets(image: np.ndarray, layout: MarkerLayout, view: View) -> np.ndar
 
     Eight cuts a side, from its first corner to the next; NaN where no edge was seen.
     """
-    offset, contrast, _ = _cut(image, layout, view, _COARSE, None)
+    offset, contrast, _ = _cut(image, layout, view, None, coarse=True)
     return np.where(contrast > 0, offset, np.nan).reshape(-1, 4, _CUTS)
 
 
-def _cut(image, layout: MarkerLayout, view: View, search: int, ball):
+def _cut(image, layout: MarkerLayout, view: View, ball, *, coarse: bool):
     points, along = layout.edge_points
     hidden = np.array(ball if ball is not None else (-1e6, -1e6, 0.0))
     pose, camera = view.camera_from_plate, view.camera
     # The levels beside an edge are read inside its own module of the print.
     module_px = layout.module_m * camera.pinhole[0] / max(pose[2, 3], 1e-3)
     reach = 3 if module_px > 4.8 else 2
+    # One module further lies the next edge, of the other sign; two further the next like this.
+    search = int(np.clip(0.85 * module_px, 3, 12)) if coarse else _FINE
     return cut_edges(image, points, along, pose, camera.pinhole, camera.lens, search, reach, hidden)
 
 

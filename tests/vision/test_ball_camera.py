@@ -85,6 +85,17 @@ def test_dim_light_costs_little():
     assert np.sqrt(np.mean(errors**2, axis=0)).max() < 0.0001
 
 
+def test_a_decoy_on_the_desk_is_never_the_ball_when_there_is_none():
+    scene = Scene(desk_balls=(NEAR_DECOY,))
+    renderer = Renderer(scene, virtual_view(), np.random.default_rng(3))
+    looks = Appearance.of_colour("orange")
+    eye = BallCamera.over_plate(renderer.view, scene.layout, RADIUS_M, SIDE_M, appearance=looks)
+    for k in range(40):
+        rotation = tilt(*swing(k / 60))
+        seen, _, _ = eye.step(Frame(renderer.render(rotation, None), k / 60, k), rotation)
+        assert seen is None
+
+
 class Says:
     """A tracker that says what it is told."""
 
@@ -141,7 +152,9 @@ def test_finds_the_plate_again_after_the_camera_was_knocked():
     u, v, radius = moved.view.silhouette_from_ball((0.03, 0.04), RADIUS_M)
     eye = camera_that_hears(Track("track", u, v, 0.02, radius), renderer.view, scene.layout)
     frame = Frame(moved.render(np.eye(3), (0.03, 0.04)), 0.0, 0)
+    assert np.isnan(eye.drift_m)
     seen = [eye.step(frame, np.eye(3))[0] for _ in range(5)]
+    assert abs(eye.drift_m - np.hypot(0.012, 0.006)) < 2e-4
     assert eye.pose.accepted
     last = seen[-1]
     assert last is not None
