@@ -16,6 +16,7 @@ from vision.appearance import Appearance
 from vision.detector import Detection, locate
 from vision.frames import Frame
 from vision.gate import believable
+from vision.rays import share
 from vision.sources import noise_level
 from vision.votes import Circle, circles
 
@@ -68,12 +69,20 @@ class Mover:
 
 
 class Acquisition:
-    """Watches frames until one ball is found; then says how it looks and where it is."""
+    """Watches frames until one ball is found; then says how it looks and where it is.
+
+    `radius_px` (min, max) and `mask` (h, w) bound it, `colour` (an assumed appearance) narrows it.
+    """
 
     def __init__(
-        self, radius_px: tuple[float, float] | None = None, mask: np.ndarray | None = None
+        self,
+        radius_px: tuple[float, float] | None = None,
+        mask: np.ndarray | None = None,
+        *,
+        colour: Appearance | None = None,
     ) -> None:
         self._bounds = radius_px
+        self._colour = colour
         self._mask = mask
         self._background: np.ndarray | None = None
         self._t_s = 0.0
@@ -91,7 +100,7 @@ class Acquisition:
             lo, hi = self._bounds or (3.0 * scale, 0.22 * min(image.shape[:2]))
             steps = max(2, math.ceil(math.log(hi / lo) / 0.13))
             radii = np.geomspace(lo, hi, steps) / scale
-            rings = circles(small, radii, noise=noise_level(small), region=region, at_most=6)
+            rings = circles(small, radii, noise=noise_level(small), region=region, at_most=10)
         places = [
             (scale * (c.u_px + 0.5) - 0.5, scale * (c.v_px + 0.5) - 0.5, scale * c.radius_px)
             for c in rings
@@ -108,8 +117,8 @@ class Acquisition:
             self._background, self._t_s = now, t_s
             return None
         difference = np.abs(now - self._background).max(2)
-        share = 1.0 - math.exp(-max(t_s - self._t_s, 1e-3) / FORGET_S)
-        self._background += share * (now - self._background)
+        gain = 1.0 - math.exp(-max(t_s - self._t_s, 1e-3) / FORGET_S)
+        self._background += gain * (now - self._background)
         self._t_s = t_s
         binary = (difference > max(10.0, 5.0 * noise_level(small))).astype(np.uint8)
         _, _, stats, _ = cv2.connectedComponentsWithStats(binary, connectivity=8)
@@ -134,7 +143,7 @@ class Acquisition:
         near = [
             (math.hypot(u - mover.last[0], v - mover.last[1]), u, v)
             for u, v, r in places
-            if abs(math.log(r / radius)) < 0.25
+            if abs(math.log(r / radius)) < 0.4
         ]
         guesses = [mover.guess(), mover.last[:2]]
         guesses += [(u, v) for d, u, v in sorted(near)[:1] if d < 4.0 * radius]
@@ -156,9 +165,21 @@ class Acquisition:
                 continue
             looks = Appearance.sketch(image, u, v, r)
             found = locate(image, looks, u, v, r)
-            if found is not None and believable(found, looks, (0.7 * r, 1.4 * r), strict=True):
+            if found is None or not believable(found, looks, (0.7 * r, 1.4 * r), strict=True):
+                continue
+            looks, found = _outermost(image, looks, found)
+            if self._allowed(image, found):
                 place = (found.u_px, found.v_px, found.radius_px)
                 self._movers.append(Mover(looks, (place,), found.inliers))
+
+    def _allowed(self, image: np.ndarray, found: Detection) -> bool:
+        """Whether it is of the size and colour that were asked for."""
+        if self._bounds and not self._bounds[0] <= found.radius_px <= self._bounds[1]:
+            return False
+        if self._colour is None:
+            return True
+        u, v, r = found.u_px, found.v_px, 0.85 * found.radius_px
+        return share(image, self._colour.table, u, v, 0.0, r) > 0.35
 
     def _recognised(self, image: np.ndarray) -> tuple[Appearance, Detection] | None:
         least = TRAVEL * max(image.shape[:2])
@@ -179,3 +200,20 @@ def _distinct(movers: list[Mover]) -> list[Mover]:
         if all(math.hypot(m.last[0] - k.last[0], m.last[1] - k.last[1]) > k.last[2] for k in kept):
             kept.append(m)
     return kept
+
+
+def _outermost(
+    image: np.ndarray, looks: Appearance, found: Detection
+) -> tuple[Appearance, Detection]:
+    """The largest believable disc about the same centre: a ball's highlights are round as well."""
+    inner = found
+    for factor in (1.2, 1.4, 1.65, 2.0):
+        radius = factor * inner.radius_px
+        wider = Appearance.sketch(image, inner.u_px, inner.v_px, radius)
+        disc = locate(image, wider, inner.u_px, inner.v_px, radius, reach=0.2)
+        bounds = (max(1.1 * found.radius_px, 0.85 * radius), 1.15 * radius)
+        if disc is None or not believable(disc, wider, bounds, strict=True):
+            continue
+        if math.hypot(disc.u_px - inner.u_px, disc.v_px - inner.v_px) < 0.2 * inner.radius_px:
+            looks, found = wider, disc
+    return looks, found

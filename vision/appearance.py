@@ -74,7 +74,9 @@ class Appearance:
         surround = np.full(3, 128.0)
         contrast = bgr - surround
         direction = contrast / max(float(contrast @ contrast), 1.0)
-        return Appearance(bgr, surround, direction, 0.0, _named_table(bgr), 0.6, learned=False)
+        # Half of what lies about is of a mid grey: its table cannot tell a steel ball.
+        fill = 0.0 if _chroma(bgr) < 30 and 70 < bgr.mean() < 200 else 0.6
+        return Appearance(bgr, surround, direction, 0.0, _named_table(bgr), fill, learned=False)
 
     @staticmethod
     def learn(image: np.ndarray, u_px: float, v_px: float, radius_px: float) -> Appearance:
@@ -103,9 +105,14 @@ class Appearance:
 
     def here(
         self, image: np.ndarray, u_px: float, v_px: float, radius_px: float
-    ) -> tuple[np.ndarray, float]:
-        """(direction (3,), separation) measured at this very place of the image."""
-        return _contrast(image, u_px, v_px, radius_px)[2:]
+    ) -> tuple[np.ndarray, float, float]:
+        """(direction (3,), separation, contrast) measured at this very place of the image.
+
+        The contrast is ball minus surround along the appearance's own direction: 1 where both look
+        as learned, negative where dark and bright have changed places.
+        """
+        ball, ring, direction, separation = _contrast(image, u_px, v_px, radius_px)
+        return direction, separation, float(self.direction @ (ball - ring))
 
 
 _EMPTY = np.zeros(BINS**3, np.uint8)
@@ -152,21 +159,28 @@ def _named_table(bgr: np.ndarray) -> np.ndarray:
     for a coloured ball; a colourless one has little but its brightness.
     """
     grid = _grid_bgr()
-    top, low = grid.max(1), grid.min(1)
-    saturation = (top - low) / top
+    top, chroma = grid.max(1), _chroma(grid)
+    saturation = chroma / top
     want_top = max(float(bgr.max()), 1.0)
-    want_saturation = (want_top - float(bgr.min())) / want_top
+    want_saturation = float(_chroma(bgr)) / want_top
     if want_saturation > 0.25:
         turn = np.abs(_hue(grid) - _hue(bgr[None])) % 360
         turn = np.minimum(turn, 360 - turn)
         score = np.exp(-0.5 * (turn / 16.0) ** 2)
-        score *= np.clip((saturation - 0.3 * want_saturation) / (0.3 * want_saturation), 0, 1)
+        score *= np.clip((saturation - 0.3 * want_saturation) / (0.6 * want_saturation), 0, 1)
         score *= np.clip((top - 0.12 * want_top) / (0.12 * want_top), 0, 1)
     else:
-        # Colourless: in the dark saturation is noise, so chroma is what is judged.
-        score = np.exp(-0.5 * ((top - low) / 22.0) ** 2)
-        score *= np.exp(-0.5 * ((grid.mean(1) - bgr.mean()) / 38.0) ** 2)
+        # Colourless: in the dark saturation is noise, so chroma is what is judged. A mid grey ball
+        # is of polished metal and shows every brightness.
+        spread = 38.0 if bgr.mean() < 70 or bgr.mean() > 200 else 75.0
+        score = np.exp(-0.5 * (chroma / 22.0) ** 2)
+        score *= np.exp(-0.5 * ((grid.mean(1) - bgr.mean()) / spread) ** 2)
     return np.round(255 * score).astype(np.uint8)
+
+
+def _chroma(bgr: np.ndarray) -> np.ndarray:
+    """Largest minus smallest channel of colours (..., 3)."""
+    return bgr.max(-1) - bgr.min(-1)
 
 
 def _hue(bgr: np.ndarray) -> np.ndarray:

@@ -48,7 +48,14 @@ def discs(
 ) -> list[Detection]:
     """Every believable disc of the ball's colour that is not a known still thing."""
     found: list[Detection] = []
-    for blob in find(image, looks, radius_px=radius_px, mask=mask)[:AT_MOST]:
+    # An assumed colour may be near the plate's: what stands out of it at some level counts.
+    levels = (0.43,) if looks.learned else (0.43, 0.65, 0.85)
+    blobs = [
+        blob
+        for least in levels
+        for blob in find(image, looks, radius_px=radius_px, mask=mask, least=least)[:AT_MOST]
+    ]
+    for blob in blobs:
         guess = float(np.clip(blob.radius_px, *radius_px))
         disc = locate(image, looks, blob.u_px, blob.v_px, guess)
         if disc is None or not believable(disc, looks, radius_px, strict=True):

@@ -13,14 +13,19 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from vision.appearance import Appearance
+from vision.appearance import SIGNED_ABOVE, Appearance
 from vision.rays import KERNEL, cast, fit, lookup, share
 
 __all__ = ["Appearance", "Blob", "Detection", "find", "locate"]
 
-# A silhouette's flattening (perspective, lens) and the stretch of motion blur, share of the radius;
-# the prior only matters where part of the outline is hidden.
-FLAT_STD = 0.12
+# Prior of the flattening, share of the radius: of a sphere (perspective, lens), which keeps an
+# outline in its form where a hand or a thing of its colour hides part of it; and of a sphere
+# blurred by its motion, which is believed only of a whole outline.
+FLAT_STD, BLURRED_STD = 0.03, 0.12
+# What the outline deviates from an ellipse in a common way (blur, a shadow's edge) does not average
+# out over the rays; this share of the residual is added to the centre's sigma.
+OUTLINE_SHARE = 0.05
+UNSIGNED_REACH = 0.25
 REACH = 0.6  # rays search from (1 - REACH) to (1 + REACH) radii
 
 
@@ -66,11 +71,13 @@ def find(
     *,
     radius_px: tuple[float, float],
     mask: np.ndarray | None = None,
+    least: float = 0.43,
 ) -> list[Blob]:
     """Patches of the ball's colour in an image (h, w, 3) uint8 BGR, most disc-like first.
 
     `radius_px` bounds the radius (min, max); patches down to half and up to twice that stay in,
     since hands hide and streaks lengthen. `mask` (h, w) uint8: nonzero where the ball can be.
+    `least` is the P(ball) from which a pixel counts.
     """
     step = int(np.clip(radius_px[0] / 4.0, 1, 4))
     likely = lookup(image, appearance.table, step)
@@ -79,7 +86,7 @@ def find(
         likely = np.where(mask[::step, ::step][:h, :w] > 0, likely, np.uint8(0))
     size = 2 * int(np.clip(0.12 * radius_px[0] / step, 1, 5)) + 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    binary = (cv2.medianBlur(likely, 3) > 110).astype(np.uint8)
+    binary = (cv2.medianBlur(likely, 3) > 255 * least).astype(np.uint8)
     # Closing bridges a stick or a highlight across the ball.
     binary = cv2.morphologyEx(binary, cv2.MORPH_CLOSE, disc)
     _, labels, stats, centres = cv2.connectedComponentsWithStats(binary, connectivity=4)
@@ -128,35 +135,32 @@ def locate(
 
     Two passes: the first with the appearance's direction, about the guess; the second with the
     direction measured at the spot, about the first's centre. Sigma from the residuals:
-    C = s^2 (A' W A + P)^-1 of the ellipse's five parameters.
+    C = s^2 (A' W A + P)^-1 of the ellipse's five parameters, and a share of s for what is common.
     """
     direction, signed = appearance.direction, appearance.signed
     if not appearance.learned:
-        direction, _ = appearance.here(image, u_px, v_px, radius_px)
+        direction = appearance.here(image, u_px, v_px, radius_px)[0]
+    # Edges of either sign are found inside a mirroring ball too: look for its rim alone.
+    reach = reach if signed else min(reach, UNSIGNED_REACH)
     first = _pass(image, direction, signed, u_px, v_px, radius_px, reach)
     if first is None:
         return None
     u, v, radius = first[:3]
-    local, separation = appearance.here(image, u, v, radius)
-    last = _pass(image, local, separation > 2.0, u, v, radius, min(reach, 0.35))
+    local, separation, contrast = appearance.here(image, u, v, radius)
+    signed = separation > SIGNED_ABOVE
+    last = _pass(image, local, signed, u, v, radius, 0.35 if signed else UNSIGNED_REACH)
     if last is None:
         return None
     u, v, radius, variance, residual, good, inside = last
-    contrast = 1.0
-    if appearance.learned and appearance.signed:
-        contrast = float(
-            local @ appearance.direction / (appearance.direction @ appearance.direction)
-        )
-        contrast = 1.0 / contrast if abs(contrast) > 1e-6 else 0.0
     octants = good[: len(good) // 8 * 8].reshape(8, -1).mean(1) > 0.34
     return Detection(
         u_px=u,
         v_px=v,
         radius_px=radius,
-        sigma_px=math.sqrt(variance),
+        sigma_px=math.hypot(math.sqrt(variance), OUTLINE_SHARE * residual),
         inliers=float(good.sum()) / max(inside, 1),
         coverage=float(octants.mean()),
-        contrast=contrast,
+        contrast=contrast if appearance.learned and appearance.signed else 1.0,
         residual_px=residual,
         fill=share(image, appearance.table, u, v, 0.0, 0.85 * radius),
         spill=share(image, appearance.table, u, v, 1.2 * radius + 1.0, 1.6 * radius + 2.0),
@@ -179,7 +183,12 @@ def _pass(
     if typical <= 0.0:
         return None
     weight = np.clip((strength / typical - 0.15) / 0.35, 0.0, 1.0)
-    u2, v2, radius2, variance, residual, good = fit(points, weight, u, v, radius, FLAT_STD, 8)
+    result = fit(points, weight, u, v, radius, 0.15 * radius, FLAT_STD, 8)
+    if result[5].sum() < 0.9 * inside or result[4] > 0.03 * radius:
+        blurred = fit(points, weight, u, v, radius, 0.3 * radius, BLURRED_STD, 8)
+        if blurred[5].sum() >= 0.9 * inside:
+            result = blurred
+    u2, v2, radius2, variance, residual, good = result
     limit = (1.0 + reach) * radius
     # Comparisons that are false for NaN refuse it too.
     if not (math.hypot(u2 - u, v2 - v) < limit and 0.3 * radius < radius2 < 2.0 * radius):

@@ -138,13 +138,14 @@ def _scale(residual, used, floor):
 
 
 @numba.njit(cache=True)
-def fit(points, weight, u, v, radius, flat_std, rounds):
+def fit(points, weight, u, v, radius, scale, flat_std, rounds):
     """Robust ellipse r(a) = R + x cos a + y sin a + c cos 2a + s sin 2a through edge points.
 
     A centred ellipse (and a streak, the disc swept along a line) has even harmonics only, so the
     first harmonic is the centre's error; it is moved away and the angles are taken anew. Tukey
     weights; c and s are held near 0 with `flat_std` (share of R), which matters when an arc is
-    hidden. Returns (u, v, R, variance per axis, rms of the inliers, inlier flags).
+    hidden. `scale` (px) is how far off the guess (u, v, radius) may be: the weights start there and
+    narrow. Returns (u, v, R, variance per axis, rms of the inliers, inlier flags).
     """
     n = points.shape[0]
     used = np.isfinite(points[:, 0]) & (weight > 0.0)
@@ -154,7 +155,7 @@ def fit(points, weight, u, v, radius, flat_std, rounds):
     q[0] = radius
     A, inverse = np.zeros((5, 5)), np.zeros((5, 5))
     row = np.zeros(5)
-    scale, variance, rms = 0.3 * radius, np.inf, np.inf
+    variance, rms = np.inf, np.inf
     for k in range(rounds + 1):
         A[:] = 0.0
         b = np.zeros(5)

@@ -28,6 +28,8 @@ COAST_S = 0.100
 # a wide lens and motion blur do the rest.
 RADIUS_SLACK = 0.25
 GATE_SIGMAS = 4.0
+# Looks that the tracker taught itself and has not seen for so long may have been a hand's.
+DOUBT_S = 1.0
 
 
 class Tracker:
@@ -47,7 +49,10 @@ class Tracker:
         self.appearance = appearance
         self._given_bounds = radius_px
         self._mask = mask
-        self._acquisition = Acquisition(radius_px, mask) if appearance is None else None
+        # A ball whose looks are not known from images is found by its motion (too).
+        self._self_taught = appearance is None or not appearance.learned
+        self._asked = appearance
+        self._acquisition: Acquisition | None = None
         self._motion: Motion | None = None
         self._radius_px = math.nan
         self._imposters: Imposters | None = None
@@ -134,6 +139,7 @@ class Tracker:
             found.u_px, found.v_px, self._radius_px, found.sigma_px, frame.t_s
         )
         self._lock_px, self._proven, self._candidates = (found.u_px, found.v_px), False, []
+        self._acquisition = None
         return found
 
     def _bounds(self, image: np.ndarray) -> tuple[float, float]:
@@ -144,24 +150,27 @@ class Tracker:
 
     def _search(self, frame: Frame) -> Detection | None:
         """The ball anywhere in the image, by its looks or, while these are unknown, its motion."""
-        if self.appearance is None:
-            assert self._acquisition is not None
-            got = self._acquisition.step(frame)
-            if got is None:
-                return None
-            self.appearance, found = got
-            self._acquisition = None
-            self._lock(frame, found)
-            self._proven = True
-            return found
-        self._observe(frame)
         looks = self.appearance
-        pick = chosen(self._candidates, at_once=looks.learned)
-        if pick is None:
+        if looks is not None and looks.fill >= TELLING_FILL:
+            self._observe(frame)
+            pick = chosen(self._candidates, at_once=looks.learned)
+            if pick is not None:
+                self._lock(frame, pick.seen)
+                self._proven = pick.moved
+                return pick.seen
+            long_lost = self._self_taught and frame.t_s - self._good_s > DOUBT_S
+            if looks.learned and not long_lost:
+                return None
+        if self._acquisition is None:
+            self._acquisition = Acquisition(self._given_bounds, self._mask, colour=self._asked)
+        got = self._acquisition.step(frame)
+        if got is None:
             return None
-        self._lock(frame, pick.seen)
-        self._proven = pick.moved
-        return pick.seen
+        self.appearance, found = got
+        self._acquisition, self._radius_px = None, found.radius_px
+        self._lock(frame, found)
+        self._proven = True
+        return found
 
     def _observe(self, frame: Frame) -> None:
         looks = self.appearance
