@@ -127,6 +127,23 @@ def _explain(path: Path, error: ValidationError) -> NoReturn:
     raise BundleError(f"{path}: unknown key {where}; known keys: {known}") from error
 
 
+def _lens_record(lens: CameraCalibration) -> LensRecord:
+    camera = lens.camera
+    return LensRecord(
+        matrix=camera.matrix.tolist(),
+        distortion=camera.distortion.tolist(),
+        width_px=camera.width_px,
+        height_px=camera.height_px,
+        std=lens.std,
+        rms_px=lens.rms_px,
+        views=len(lens.view_index),
+        coverage=lens.coverage,
+        plate_std_mm=lens.plate_std_mm,
+        half_set_mm=lens.half_set_mm,
+        flags=list(lens.flags),
+    )
+
+
 def make_bundle(
     lens: CameraCalibration,
     plate: PlatePose,
@@ -138,23 +155,10 @@ def make_bundle(
     made: datetime | None = None,
 ) -> Bundle:
     """The record of a calibration; `made` defaults to now (UTC)."""
-    camera = lens.camera
     return Bundle(
         made=made or datetime.now(UTC).replace(microsecond=0),
         source=source,
-        lens=LensRecord(
-            matrix=camera.matrix.tolist(),
-            distortion=camera.distortion.tolist(),
-            width_px=camera.width_px,
-            height_px=camera.height_px,
-            std=lens.std,
-            rms_px=lens.rms_px,
-            views=len(lens.view_index),
-            coverage=lens.coverage,
-            plate_std_mm=lens.plate_std_mm,
-            half_set_mm=lens.half_set_mm,
-            flags=list(lens.flags),
-        ),
+        lens=_lens_record(lens),
         plate=PlateRecord(
             camera_from_plate=plate.camera_from_plate.tolist(),
             covariance=plate.covariance.tolist(),

@@ -127,17 +127,7 @@ def calibrate_camera(
     `distance_m` is about where the plate will be: the two half sets are compared there. Raises
     `CalibrationError` on anything that makes the numbers doubtful.
     """
-    if len(views) < MIN_VIEWS:
-        raise CalibrationError(
-            f"the sheet was found in {len(views)} pictures, {MIN_VIEWS} are needed "
-            f"(a picture counts with {MIN_CORNERS} corners or more): take more, sharp and well lit"
-        )
-    covered = coverage(views, size_px)
-    if covered < MIN_COVERAGE:
-        raise CalibrationError(
-            f"the sheet covered {covered:.0%} of a {GRID[0]}x{GRID[1]} grid over the image, "
-            f"{MIN_COVERAGE:.0%} are needed: hold it also into the corners"
-        )
+    covered = _refuse_thin_set(views, size_px)
     fit = _solve(views, size_px)
     tilted = sum(_tilt_deg(turn) > TILTED_DEG for turn in fit.turns)
     if tilted < MIN_TILTED:
@@ -164,6 +154,22 @@ def calibrate_camera(
         float(std_mm(fit.camera, fit.covariance, distance_m).max()),
         half_mm,
     )
+
+
+def _refuse_thin_set(views: Sequence[SheetView], size_px: tuple[int, int]) -> float:
+    """The coverage, if there are views enough and all over the image."""
+    if len(views) < MIN_VIEWS:
+        raise CalibrationError(
+            f"the sheet was found in {len(views)} pictures, {MIN_VIEWS} are needed "
+            f"(a picture counts with {MIN_CORNERS} corners or more): take more, sharp and well lit"
+        )
+    covered = coverage(views, size_px)
+    if covered < MIN_COVERAGE:
+        raise CalibrationError(
+            f"the sheet covered {covered:.0%} of a {GRID[0]}x{GRID[1]} grid over the image, "
+            f"{MIN_COVERAGE:.0%} are needed: hold it also into the corners"
+        )
+    return covered
 
 
 def coverage(views: Sequence[SheetView], size_px: tuple[int, int]) -> float:

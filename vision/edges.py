@@ -79,6 +79,18 @@ def _edge(profile, search, reach):  # pragma: no cover - compiled
 
 
 @njit(cache=True)
+def _by_motion(nu, nv, by_u, by_v, arm, row):  # pragma: no cover - compiled
+    """Write the derivative (6,) of a point's place along (nu, nv) by rotation and translation."""
+    g0 = nu * by_u[0] + nv * by_v[0]
+    g1 = nu * by_u[1] + nv * by_v[1]
+    g2 = nu * by_u[2] + nv * by_v[2]
+    row[0] = arm[1] * g2 - arm[2] * g1
+    row[1] = arm[2] * g0 - arm[0] * g2
+    row[2] = arm[0] * g1 - arm[1] * g0
+    row[3], row[4], row[5] = g0, g1, g2
+
+
+@njit(cache=True)
 def cut_edges(
     image, points, along, pose, pinhole, lens, search, reach, ball
 ):  # pragma: no cover - compiled
@@ -113,13 +125,7 @@ def cut_edges(
         for s in range(2 * half + 1):
             profile[s] = _sample(image, u + (s - half) * nu, v + (s - half) * nv)
         offset[i], contrast[i] = _edge(profile, search, reach)
-        g0 = nu * by_u[0] + nv * by_v[0]
-        g1 = nu * by_u[1] + nv * by_v[1]
-        g2 = nu * by_u[2] + nv * by_v[2]
-        jacobian[i, 0] = arm[1] * g2 - arm[2] * g1
-        jacobian[i, 1] = arm[2] * g0 - arm[0] * g2
-        jacobian[i, 2] = arm[0] * g1 - arm[1] * g0
-        jacobian[i, 3], jacobian[i, 4], jacobian[i, 5] = g0, g1, g2
+        _by_motion(nu, nv, by_u, by_v, arm, jacobian[i])
     return offset, contrast, jacobian
 
 

@@ -182,8 +182,7 @@ class View:
         else:
             x, y = undistort(u, v, lens, steps=3)
             du, dv = self._lens_shift(_ellipse(self._on_plate(x, y, radius_m), radius_m), u, v)
-            # The shift changes by less than 1e-4 of itself over its own length: one more round
-            # would be too small to see.
+            # The shift hardly changes over its own length: one more round would not be seen.
             x, y = undistort(u - du / fx, v - dv / fy, lens, steps=3)
         X, Y, Z = self._on_plate(x, y, radius_m)
         r00, r01, _, r10, r11, _, r20, r21, _, tx, ty, tz = self._plate
