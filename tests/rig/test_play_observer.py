@@ -1,0 +1,164 @@
+"""The estimated play against the true one, on a table as measured, from readings alone."""
+
+import inspect
+from functools import cache
+
+import numpy as np
+import pytest
+from helpers import DEGREE, TICK_S, free_release, random_steps, realistic, run
+
+from rig import play_observer
+from rig.controllers import WITH, WITHOUT
+from rig.parameters import Rig
+from rig.play_observer import known_play
+from rig.signals import R_NEW, R_THETA, R_TIME, READING_SIZE, blank_reading
+
+SEEDS = range(8)
+
+
+@cache
+def estimates(place, degrees, protocol, arm, offset_rad=0.0, joint_friction=True):
+    """Estimated full play and its standard deviation at the end, (2, seeds x axes) [degrees]."""
+    kind = {f"{place}_deg": degrees, f"{place}_offset_rad": offset_rad}
+    rig, found = realistic(**kind), []
+    for seed in SEEDS:
+        if protocol == "steps":
+            course = random_steps(np.random.default_rng(100 + seed), 30.0)
+        else:
+            course = free_release(15.0)
+        log = run(rig, arm, course, seed).log
+        found += [
+            [log[f"estimated_{place}_play{s}_{a}_rad"][-1] / DEGREE for s in ("", "_std")]
+            for a in "xy"
+        ]
+    return np.array(found).T
+
+
+def allowed(degrees):
+    """The agreed tolerance of the median error [degrees]."""
+    return 0.2 * degrees + 0.1 if degrees else 0.15
+
+
+@pytest.mark.parametrize("protocol", ["steps", "release"])
+@pytest.mark.parametrize("degrees", [0.0, 0.5, 1.0, 2.0, 3.0])
+@pytest.mark.parametrize("place", ["gear", "joint"])
+def test_play_is_found(place, degrees, protocol):
+    found, _ = estimates(place, degrees, protocol, WITHOUT)
+    assert np.median(np.abs(found - degrees)) <= allowed(degrees)
+
+
+@pytest.mark.parametrize("protocol", ["steps", "release"])
+@pytest.mark.parametrize("degrees", [0.5, 1.0, 2.0, 3.0])
+@pytest.mark.parametrize("place", ["gear", "joint"])
+def test_asymmetric_play_is_found(place, degrees, protocol):
+    """Break points at -0.3 and +0.7 of the width."""
+    found, _ = estimates(place, degrees, protocol, WITHOUT, 0.2 * degrees * DEGREE)
+    assert np.median(np.abs(found - degrees)) <= allowed(degrees)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 1.0, 3.0])
+@pytest.mark.parametrize("place", ["gear", "joint"])
+def test_play_is_found_while_the_inverse_acts_on_it(place, degrees):
+    found, _ = estimates(place, degrees, "steps", WITH)
+    assert np.median(np.abs(found - degrees)) <= allowed(degrees)
+
+
+@pytest.mark.parametrize("place", ["gear", "joint"])
+def test_more_play_is_found_as_more(place):
+    medians = [
+        np.median(estimates(place, d, "steps", WITHOUT)[0]) for d in (0.0, 0.5, 1.0, 2.0, 3.0)
+    ]
+    assert np.all(np.diff(medians) > 0.3)
+
+
+@pytest.mark.parametrize("place", ["gear", "joint"])
+def test_a_play_of_a_degree_counts_as_known_in_the_end(place):
+    found, std = estimates(place, 1.0, "steps", WITHOUT)
+    assert all(known_play(w, d) == w for w, d in zip(found, std, strict=True))
+
+
+def still(seconds=5.0):
+    """Readings of a table that does nothing: no motion, no news."""
+    for k in range(round(seconds / TICK_S)):
+        row = blank_reading()
+        row[R_TIME], row[R_THETA], row[R_THETA + 1] = k * TICK_S, 0.0, 0.0
+        yield row
+
+
+def test_estimators_start_at_zero_play_and_do_not_claim_to_know_it():
+    e = play_observer.start(play_observer.settings(Rig()))
+    for a in range(2):
+        assert e["gear"][a, 1] == e["ball"][a, 3] == 0.0
+        assert np.sqrt(e["gear_cov"][a, 1, 1]) >= 2 * DEGREE
+        assert np.sqrt(e["ball_cov"][a, 3, 3]) >= 2 * DEGREE
+
+
+def test_the_first_rows_of_a_run_say_zero():
+    log = run(realistic(3.0, 3.0), WITH, free_release(0.2, (0.02, 0.02)), 0).log
+    for place in ("gear", "joint"):
+        assert log[f"estimated_{place}_play_x_rad"][0] == 0.0
+
+
+def test_a_table_that_does_not_move_shows_no_play():
+    q = play_observer.settings(Rig())
+    e = play_observer.start(q)
+    for row in still():
+        play_observer.observe_play(e, q, row)
+    for a in range(2):
+        assert known_play(e["gear"][a, 1], np.sqrt(e["gear_cov"][a, 1, 1])) == 0.0
+        assert known_play(e["ball"][a, 3], np.sqrt(e["ball_cov"][a, 3, 3])) == 0.0
+        assert np.sqrt(e["gear_cov"][a, 1, 1]) > 2 * DEGREE
+        assert np.sqrt(e["ball_cov"][a, 3, 3]) > 2 * DEGREE
+
+
+@pytest.mark.parametrize("place", ["gear", "joint"])
+def test_too_short_a_run_says_so(place):
+    """Before anything has reversed, two degrees are not known."""
+    course = free_release(0.1, (0.03, -0.03))
+    log = run(realistic(2.0, 2.0), WITH, course, 0).log
+    for a in "xy":
+        width = log[f"estimated_{place}_play_{a}_rad"][-1]
+        deviation = log[f"estimated_{place}_play_std_{a}_rad"][-1]
+        assert deviation > 2 * DEGREE
+        assert known_play(width, deviation) == 0.0
+
+
+def test_gear_play_without_a_tachometer_is_never_known():
+    rig = realistic(gear_deg=2.0, tachometer=False)
+    log = run(rig, WITH, random_steps(np.random.default_rng(0), 20.0), 0).log
+    for a in "xy":
+        assert np.all(np.isnan(log[f"motor_speed_{a}_rad_s"]))
+        assert np.all(log[f"estimated_gear_play_{a}_rad"] == 0.0)
+        assert np.all(log[f"estimated_gear_play_std_{a}_rad"] > 2 * DEGREE)
+        assert log[f"estimated_joint_play_{a}_rad"][-1] == pytest.approx(1 * DEGREE, rel=0.3)
+
+
+def test_a_ball_that_is_not_seen_teaches_no_joint_play():
+    q = play_observer.settings(Rig())
+    e = play_observer.start(q)
+    for k, row in enumerate(still()):
+        row[R_THETA] = 0.1 * np.sin(0.02 * k)
+        row[R_NEW] = 0.0
+        play_observer.observe_play(e, q, row)
+    assert e["ball"][0, 3] == 0.0
+    assert np.sqrt(e["ball_cov"][0, 3, 3]) > 2 * DEGREE
+
+
+def test_estimators_see_readings_alone():
+    """Their arguments are their state, their settings and the reading; settings know no effects."""
+    plain = getattr(play_observer.observe_play, "py_func")  # noqa: B009
+    assert list(inspect.signature(plain).parameters) == ["e", "q", "reading"]
+    assert READING_SIZE == 10
+    effects = {
+        "joint_backlash": {"x": {"play_rad": 0.05}},
+        "level_offset": {"x": {"slope_rad": 0.1}},
+    }
+    bare, told = play_observer.settings(Rig()), play_observer.settings(Rig(effects=effects))
+    assert bare.tobytes() == told.tobytes()
+
+
+def test_known_play_needs_two_deviations():
+    assert known_play(0.02, 0.0099) == 0.02
+    assert known_play(0.02, 0.0101) == 0.0
+    assert known_play(0.0, 0.0) == 0.0
+    assert known_play(0.02, np.nan) == 0.0
