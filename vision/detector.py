@@ -178,12 +178,20 @@ def _pass(
 ) -> tuple[float, float, float, float, float, np.ndarray, int] | None:
     """Rays and fit about (u, v); None where the fit has run away or rests on too few edges."""
     n_rays = 8 * int(np.clip(2 * math.pi * radius / 2.0 / 8, 3, 9))
-    points, strength, inside = cast(image, u, v, radius, reach, direction, n_rays, signed, KERNEL)
+    points, outer, strength, inside = cast(
+        image, u, v, radius, reach, direction, n_rays, signed, KERNEL
+    )
     typical = float(np.median(strength))
     if typical <= 0.0:
         return None
     weight = np.clip((strength / typical - 0.15) / 0.35, 0.0, 1.0)
     result = fit(points, weight, u, v, radius, 0.15 * radius, FLAT_STD, 8)
+    if np.count_nonzero(np.abs(outer - points).max(1) > 0.03 * radius) > 0.2 * inside:
+        # Two edges on many rays: a mirroring ball's rim reflects the plate. The outer one is
+        # the ball's.
+        rim = fit(outer, weight, u, v, 1.1 * radius, 0.15 * radius, FLAT_STD, 8)
+        if rim[5].sum() >= 0.8 * inside and rim[4] < 0.03 * radius and rim[2] > 1.03 * result[2]:
+            result = rim
     if result[5].sum() < 0.9 * inside or result[4] > 0.03 * radius:
         blurred = fit(points, weight, u, v, radius, 0.3 * radius, BLURRED_STD, 8)
         if blurred[5].sum() >= 0.9 * inside:

@@ -10,6 +10,7 @@ import numba
 import numpy as np
 
 STEP = 0.5  # sampling along a ray, px
+OUTER_SHARE = 0.35
 HALF = 6  # half width of the derivative kernel, samples
 _sigma = 2.2  # samples, i.e. 1.1 px: about the edge blur of a focused lens, so near its optimum
 _taps = np.arange(1, HALF + 1)
@@ -46,10 +47,11 @@ def _sample(p, x, y):
 
 @numba.njit(cache=True)
 def _steepest(profile, n, r_first, r_guess, kernel, signed):
-    """(radius, strength, valid) of the strongest fall of a profile of n samples.
+    """(radius, strength, outer radius) of the strongest and the outermost fall of n samples.
 
     The place is the centroid of the derivative above half its peak: unbiased for a sharp edge and
-    for the symmetric ramp of motion blur alike.
+    for the symmetric ramp of motion blur alike. The outermost one has a third of the strength of
+    the strongest or more; often both are the same.
     """
     half = kernel.size
     edge = np.zeros(n)
@@ -65,28 +67,40 @@ def _steepest(profile, n, r_first, r_guess, kernel, signed):
         if d > peak * (1.0 + off * off):
             peak, best = d / (1.0 + off * off), k
     if best < 0:
-        return np.nan, 0.0
-    floor = 0.5 * edge[best]
-    lo, hi = best, best
-    while lo > half and edge[lo - 1] > floor:
+        return np.nan, 0.0, np.nan
+    place, hi = _centroid(edge, best, half, n - half)
+    outer = place
+    for k in range(n - half - 2, hi + 2, -1):
+        if edge[k] > OUTER_SHARE * edge[best] and edge[k] >= edge[k - 1] and edge[k] > edge[k + 1]:
+            outer, _ = _centroid(edge, k, hi + 1, n - half)
+            break
+    return r_first + place * STEP, edge[best], r_first + outer * STEP
+
+
+@numba.njit(cache=True)
+def _centroid(edge, peak, first, last):
+    """Centroid (samples) of edge above half its value at `peak`, and where that stretch ends."""
+    floor = 0.5 * edge[peak]
+    lo, hi = peak, peak
+    while lo > first and edge[lo - 1] > floor:
         lo -= 1
-    while hi < n - half - 1 and edge[hi + 1] > floor:
+    while hi < last - 1 and edge[hi + 1] > floor:
         hi += 1
     total, moment = 0.0, 0.0
     for k in range(lo, hi + 1):
         total += edge[k] - floor
         moment += (edge[k] - floor) * k
-    place = moment / total if total > 0.0 else float(best)
-    return r_first + place * STEP, edge[best]
+    return (moment / total if total > 0.0 else float(peak)), hi
 
 
 @numba.njit(cache=True)
 def cast(image, u, v, radius, reach, w, n_rays, signed, kernel):
-    """Edge points (n_rays, 2) px (NaN: none), strength (n_rays,) and how many rays lay inside.
+    """Edge points, outermost edge points (n_rays, 2) px (NaN: none), strength (n_rays,), and how
+    many rays lay inside the image.
 
     Rays run from (1 - reach) to (1 + reach) times `radius` about (u, v).
     """
-    points = np.full((n_rays, 2), np.nan)
+    points, outer = np.full((n_rays, 2), np.nan), np.full((n_rays, 2), np.nan)
     strength = np.zeros(n_rays)
     half = kernel.size
     r_first = max(0.0, radius * (1.0 - reach) - half * STEP)
@@ -97,7 +111,7 @@ def cast(image, u, v, radius, reach, w, n_rays, signed, kernel):
     j0, j1 = max(0, int(u) - far), min(image.shape[1], int(u) + far + 1)
     inside = 0
     if i1 - i0 < 3 or j1 - j0 < 3:
-        return points, strength, inside
+        return points, outer, strength, inside
     p = _project(image, i0, i1, j0, j1, w)
     x0, y0 = u - j0, v - i0
     for i in range(n_rays):
@@ -108,9 +122,10 @@ def cast(image, u, v, radius, reach, w, n_rays, signed, kernel):
             profile[k] = _sample(p, x0 + r * c, y0 + r * s)
         if not np.isnan(_sample(p, x0 + radius * c, y0 + radius * s)):
             inside += 1
-        r, strength[i] = _steepest(profile, n, r_first, radius, kernel, signed)
+        r, strength[i], far_r = _steepest(profile, n, r_first, radius, kernel, signed)
         points[i, 0], points[i, 1] = u + r * c, v + r * s
-    return points, strength, inside
+        outer[i, 0], outer[i, 1] = u + far_r * c, v + far_r * s
+    return points, outer, strength, inside
 
 
 @numba.njit(cache=True)
