@@ -77,6 +77,21 @@ def test_an_accelerating_motor_without_load_shows_a_small_torque_only():
     assert abs(estimated[-1]) < 1e-4
 
 
+def test_steady_acceleration_costs_the_inertia_of_the_motors_side_alone():
+    """A ramp of speed, T_m = J alpha + B omega with the motor's J: no shaft torque is left.
+
+    A filter of 0.2 s, so that ticks of 2 ms blur the inertia's part by 0.5 % only.
+    """
+    rig, alpha, n = Rig(gains=Gains(torque_filter_s=0.2)), 1.0, 1000
+    speed = alpha * TICK_S * np.arange(n)
+    needed = motor_inertia() * alpha
+    between = speed - 0.5 * alpha * TICK_S  # volts act over the tick before the reading
+    volts = (needed + rig.servo.damping_nm_s * between) / rig.servo.torque_per_volt_nm
+    estimated, _ = torques(speed, volts, rig=rig)
+    damping_of_half_a_tick = rig.servo.damping_nm_s * 0.5 * alpha * TICK_S
+    assert abs(estimated[-1] + damping_of_half_a_tick) < 0.012 * needed
+
+
 def test_load_is_found_within_ticks_of_a_few_tau():
     """A load comes at t = 0.2 s while the motor runs: within 5 tau T_e is within 2 % of it."""
     servo, load, n = RIG.servo, 0.02, 300
