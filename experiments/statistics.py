@@ -5,7 +5,7 @@ the runs: it holds where the whole interval lies beyond a relevant size, fails w
 """
 
 from dataclasses import dataclass
-from math import inf, nan, sqrt
+from math import ceil, inf, nan, sqrt
 
 import numpy as np
 
@@ -13,6 +13,7 @@ LEVEL = 0.95
 FEWEST_PAIRS = 6  # 2^5 sign patterns give no two-sided p below 0.0625
 EXACT_PAIRS = 12  # up to here all 2^n subsets are listed
 SUBSETS = 9999  # drawn beyond; (SUBSETS + 1) * 0.025 is whole
+RESAMPLES = 1999
 
 
 @dataclass(frozen=True)
@@ -118,11 +119,71 @@ def mean_interval(values: np.ndarray) -> Interval:
     n = len(values)
     if n < 2:
         return Interval(float(values[0]) if n else nan, -inf, inf, n)
+    mean = float(values.mean())
+    half = float(_student(n - 1) * values.std(ddof=1) / sqrt(n))
+    return Interval(mean, mean - half, mean + half, n)
+
+
+@dataclass(frozen=True, eq=False)
+class WithinRun:
+    """95 % intervals of one run's long-term mean position and spread [m]; arrays (2,) are x, y.
+
+    block_s: length of the blocks, of which the run holds `blocks`; NaN intervals with fewer than 2.
+    """
+
+    mean_low_m: np.ndarray
+    mean_high_m: np.ndarray
+    spread_low_m: float
+    spread_high_m: float
+    block_s: float
+    blocks: float
+
+
+def within_run_interval(
+    xy_m: np.ndarray, *, sample_s: float, period_s: float = nan, rng: np.random.Generator
+) -> WithinRun:
+    """Intervals for ONE run's settled samples (n, 2), which are correlated: moving-block bootstrap.
+
+    Blocks are whole limit-cycle periods (a sixth of the run where there is none), so long that
+    about four to six fit in: resampled blocks keep the correlation within (Kuensch, Ann. Stat. 17,
+    1989). So few blocks make the bootstrap's spread too small: Student's t and k/(k - 1) mend it.
+    Measured on a sine plus AR(1): 90 to 98 % of the intervals hold the truth, see the tests.
+    """
+    xy = np.asarray(xy_m, float)
+    missing = np.isnan(xy).all(axis=0) if len(xy) else np.array([True, True])
+    xy = np.where(missing, 0.0, xy)
+    xy = xy[~np.isnan(xy).any(axis=1)]
+    if len(xy) < 2 or missing.all():
+        return WithinRun(np.full(2, nan), np.full(2, nan), nan, nan, nan, 0.0)
+    duration = len(xy) * sample_s
+    periods = duration / period_s if period_s > 0 else nan
+    block_s = duration / 6 if np.isnan(periods) else max(1, int(periods / 4)) * period_s
+    length = max(1, ceil(block_s / sample_s - 1e-9))
+    k = len(xy) / length
+    if k < 2:
+        return WithinRun(np.full(2, nan), np.full(2, nan), nan, nan, block_s, k)
+    terms = np.column_stack([xy, (xy**2).sum(axis=1)])
+    sums = np.vstack([np.zeros(3), np.cumsum(terms, axis=0)])
+    block = (sums[length:] - sums[:-length]) / length  # mean x, y, x2 + y2 of every block
+    drawn = block[rng.integers(0, len(block), (RESAMPLES, ceil(k)))].mean(axis=1)
+    widen = sqrt(ceil(k) / k * k / (k - 1))
+    wide = _student(k - 1) * widen
+    centre = block.mean(axis=0)
+    half = wide * drawn[:, :2].std(axis=0)
+    lost = (widen * drawn[:, :2].std(axis=0)) ** 2  # a run's own mean hides so much of its spread
+    tiny = np.finfo(float).tiny
+    variance = max(centre[2] - (centre[:2] ** 2).sum() + lost.sum(), tiny)
+    each = np.log(np.maximum(drawn[:, 2] - (drawn[:, :2] ** 2).sum(axis=1), tiny)) / 2
+    low, high = np.exp(np.log(variance) / 2 + np.array([-1, 1]) * wide * each.std())
+    mean = np.where(missing, nan, centre[:2])
+    return WithinRun(mean - half, mean + half, float(low), float(high), block_s, k)
+
+
+def _student(freedom: float) -> float:
+    """Two-sided 95 % point of Student's t."""
     from scipy.special import stdtrit
 
-    mean = float(values.mean())
-    half = float(stdtrit(n - 1, 0.5 + LEVEL / 2) * values.std(ddof=1) / sqrt(n))
-    return Interval(mean, mean - half, mean + half, n)
+    return float(stdtrit(freedom, 0.5 + LEVEL / 2))
 
 
 def wilson(k: int, n: int) -> Interval:
