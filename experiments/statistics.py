@@ -147,7 +147,7 @@ def within_run_interval(
     Blocks are whole limit-cycle periods (a sixth of the run where there is none), so long that
     about four to six fit in: resampled blocks keep the correlation within (Kuensch, Ann. Stat. 17,
     1989). So few blocks make the bootstrap's spread too small: Student's t and k/(k - 1) mend it.
-    Measured on a sine plus AR(1): 90 to 98 % of the intervals hold the truth, see the tests.
+    Measured on a sine plus AR(1), 8 to 45 s: 89 to 99 % of the intervals hold the truth.
     """
     xy = np.asarray(xy_m, float)
     missing = np.isnan(xy).all(axis=0) if len(xy) else np.array([True, True])
