@@ -75,9 +75,7 @@ def simulated_table(rig: Rig, course: Course, seed: int, eye: Eye | None) -> Sim
     )
 
 
-def simulated_hand(
-    table: SimulatedTable, protocol: Protocol, course: Course, seed: int
-) -> Hand:
+def simulated_hand(table: SimulatedTable, protocol: Protocol, course: Course, seed: int) -> Hand:
     """The operator of a simulated table: lets go on time and pushes as the protocol says."""
     if protocol.pushes.kind != "at-centre":
         return SimulatedHand(table, course.hold_s)
@@ -120,6 +118,4 @@ def virtual_scene(rig: Rig):
     from vision.synthetic import Scene
 
     side = rig.linkage.plate_side_m
-    return Scene(
-        plate_side_m=side, layout=default_layout(side), ball_radius_m=rig.ball.radius_m
-    )
+    return Scene(plate_side_m=side, layout=default_layout(side), ball_radius_m=rig.ball.radius_m)

@@ -13,6 +13,7 @@ import typer
 app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
+    rich_markup_mode=None,  # plain help in a third of the time
     pretty_exceptions_enable=False,
     help="An experiment rig for a 2-DOF ball balancing table with play in its drives.",
 )
@@ -24,7 +25,7 @@ SeedOption = Annotated[int, typer.Option(min=0, help="Seed of everything that is
 OutOption = Annotated[Path, typer.Option(help="Folder for what is made.")]
 
 
-class WorkFailed(Exception):
+class WorkFailedError(Exception):
     """The work failed though the input was good: exit code 1."""
 
 
@@ -37,7 +38,7 @@ def reproduce(
         bool, typer.Option(help="Runs of Figs. 10 to 14 through rendered camera frames.")
     ] = True,
 ) -> None:
-    """Reproduce the paper's study on the virtual rig: Figs. 7, 8, 10 to 14, report, results.json."""
+    """Reproduce the paper's study on the virtual rig: its figures, a report, results.json."""
     from experiments.assemble import load_rig
     from experiments.console import bars
     from experiments.folders import writable
@@ -95,7 +96,7 @@ def run(
         reason = f" ({one.ending.reason})" if one.ending.reason else ""
         typer.echo(f"{one.folder}  {one.ending.outcome}{reason}")
     if any(one.ending.outcome != "completed" for one in done):
-        raise WorkFailed("not every run was completed; what was recorded is kept")
+        raise WorkFailedError("not every run was completed; what was recorded is kept")
 
 
 @app.command()
@@ -115,7 +116,9 @@ def track(
     video: Annotated[str, typer.Argument(help="Video file, image folder or stream address.")],
     out: OutOption = Path("out"),
     calibration: Annotated[Path | None, typer.Option(help="Calibration bundle (JSON).")] = None,
-    ball_colour: Annotated[str | None, typer.Option(help="Name or #rrggbb; default: found.")] = None,
+    ball_colour: Annotated[
+        str | None, typer.Option(help="Name or #rrggbb; default: found.")
+    ] = None,
 ) -> None:
     """Track a ball in real footage: track.csv, a film with overlay, a contact sheet."""
     from experiments.folders import writable
@@ -179,7 +182,7 @@ def main() -> None:
         sys.exit(end.exit_code)
     except (KeyboardInterrupt, typer.Abort):
         _fail("interrupted; what was recorded so far is kept", 130)
-    except WorkFailed as error:
+    except WorkFailedError as error:
         _fail(str(error), 1)
     except (ValueError, FileNotFoundError, NotADirectoryError, PermissionError) as error:
         _fail(str(error), 2)

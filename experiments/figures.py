@@ -1,4 +1,4 @@
-"""The paper's figures 7, 8 and 10 to 14, and the map of play: PNG and SVG, marked with their source.
+"""The paper's figures 7, 8 and 10 to 14, and the map of play: PNG and SVG, source marked.
 
 Each figure is one plain function of logs; with = red, without = blue, reference and centre green,
 centroids black crosses where the paper has them. Figures show centimetres and seconds from release.
@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from experiments.centroids import ball_samples, run_part
 from rig.log import Log
 
 WITH, WITHOUT, CENTRE = "#d62728", "#1f4fd8", "#1a9641"
@@ -34,16 +35,10 @@ plt.rcParams.update(
 )
 
 
-def run_part(log: Log) -> Log:
-    """The rows after the release."""
-    return log.where(log["phase"] == 2)
-
-
 def ball_cm(log: Log) -> tuple[np.ndarray, np.ndarray]:
     """Seconds from release (k,) and ball positions (k, 2) [cm] of the new observations."""
-    run = run_part(log)
-    t, xy = run.ball()
-    return t - run["t_s"][0], _CM * xy
+    ball = ball_samples(log)
+    return ball.t_s, _CM * ball.xy_m
 
 
 def _servo(log: Log) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -69,15 +64,38 @@ def save(figure: Figure, folder: Path, name: str, source: str) -> Path:
 
 def ball_over_time(without: Log, with_: Log) -> Figure:
     """Fig. 7: ball position x, y over time with the reference."""
+    return _two_axes(_arms(without, with_), with_)
+
+
+def _two_axes(curves: Sequence[tuple[Log, str, str]], referred: Log) -> Figure:
+    """Ball x and y over time, one above the other; the reference is that of `referred`."""
     figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.4), sharex=True)
     for a, axis in enumerate(axes):
-        run = run_part(with_)
+        run = run_part(referred)
         reference = _CM * run["target_" + "xy"[a] + "_m"]
         axis.plot(run["t_s"] - run["t_s"][0], reference, "--", color=CENTRE, label="reference")
-        for log, colour, label in _arms(without, with_):
+        for log, colour, label in curves:
             t, xy = ball_cm(log)
             axis.plot(t, xy[:, a], colour, lw=1.1, label=label)
         axis.set_ylabel(f"ball {'xy'[a]} [cm]")
+    _legend_above(axes[0])
+    axes[1].set_xlabel("time from release [s]")
+    return figure
+
+
+def ball_of_run(log: Log, colour: str) -> Figure:
+    """Ball position over time of one run with its reference."""
+    return _two_axes([(log, colour, "ball")], log)
+
+
+def servo_of_run(log: Log, colour: str) -> Figure:
+    """Servo angles of one run with the desired ones."""
+    figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.4), sharex=True)
+    t, theta, desired = _servo(log)
+    for a, axis in enumerate(axes):
+        axis.plot(t, theta[:, a], color=colour, lw=1.0, label="servo")
+        axis.plot(t, desired[:, a], "--", color=CENTRE, lw=0.9, label="desired")
+        axis.set_ylabel(rf"$\theta_{'xy'[a]}$ [rad]")
     _legend_above(axes[0])
     axes[1].set_xlabel("time from release [s]")
     return figure
@@ -150,7 +168,12 @@ def release_scatter(
     arrow = {"arrowstyle": "-", "lw": 0.6}
     for (arm, xy), away in zip(centroids_cm.items(), ((28, 26), (-44, -34)), strict=True):
         inset.annotate(
-            arm, xy, xytext=away, textcoords="offset points", fontsize=8, arrowprops=arrow
+            arm,
+            (xy[0], xy[1]),
+            xytext=away,
+            textcoords="offset points",
+            fontsize=8,
+            arrowprops=arrow,
         )
     axis.legend(loc="lower left", fontsize=8)
     return figure
@@ -161,7 +184,7 @@ def pushed_scatter(log: Log, centroid_cm: np.ndarray, arm: str, side_cm: float =
     figure, axis = plt.subplots(figsize=(5.4, 5.2))
     _plate(axis, side_cm)
     xy = ball_cm(log)[1]
-    axis.plot(*xy.T, ".", color=WITHOUT, ms=2.6, label=f"ball, {arm} backlash model")
+    axis.plot(*xy.T, ".", color=WITHOUT, ms=2.6, label=f"ball, arm {arm}")
     axis.plot(0, 0, "o", color=CENTRE, ms=8, label="centre (desired)")
     axis.plot(*centroid_cm, "x", color=WITH, ms=10, mew=2.2, ls="", label="centroid")
     axis.legend(loc="lower left", fontsize=8)
@@ -175,8 +198,7 @@ def eight_runs(without: Sequence[Log], with_: Sequence[Log], size_cm: float = 3.
     for row, (logs, colour, letter) in enumerate(((without, WITHOUT, "a"), (with_, WITH, "b"))):
         for i, log in enumerate(logs):
             axis = axes[row, i]
-            t, xy = ball_cm(log)
-            axis.plot(*xy.T, ".", color=colour, ms=2)
+            axis.plot(*ball_cm(log)[1].T, ".", color=colour, ms=2)
             axis.plot(0, 0, "o", color=CENTRE, ms=5)
             axis.set_title(f"${letter}_{i + 1}$", fontsize=10)
             axis.set(xlim=(-size_cm, size_cm), ylim=(-size_cm, size_cm), aspect="equal")

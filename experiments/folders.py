@@ -1,8 +1,9 @@
 """Where results go: a folder that can be written, or one clear line."""
 
 from pathlib import Path
+from typing import Any
 
-from experiments.run_folder import replace_json
+from experiments.run_folder import plain, replace_json
 
 
 def writable(folder: Path) -> Path:
@@ -22,6 +23,15 @@ def writable(folder: Path) -> Path:
 
 
 def write_results(folder: Path, results: dict) -> Path:
+    """Write results.json; a number that there is not (NaN) is null."""
     path = folder / "results.json"
-    replace_json(path, results)
+    replace_json(path, _without_nan(plain(results)))
     return path
+
+
+def _without_nan(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_nan(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(item) for item in value]
+    return None if value in ("nan", "inf", "-inf") else value

@@ -1,0 +1,104 @@
+"""The paper's claims, put to the test: paired seeds, sizes fixed beforehand, over the grid of play.
+
+A claim holds only if the whole 95 % interval of (without - with) lies beyond a relevant size: a
+pixel of the paper's camera for positions, an encoder count for angles, both fixed here.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from math import pi
+
+import numpy as np
+
+from experiments.numbers import MEASURES
+from experiments.statistics import holm, paired
+
+RELEVANT = {"cm": 0.0625, "rad": 2 * pi / 4096, "s": 0.25}
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What the paper says of a figure, and the number that decides it."""
+
+    text: str
+    figure: str
+    protocol: str
+    measure: str
+
+
+CLAIMS = (
+    Claim("the servo follows its reference with a smaller error", "8", "free-release",
+          "servo_tracking"),
+    Claim("the centroid of the released ball lies nearer to the centre (whole run)", "10",
+          "free-release", "distance"),
+    Claim("the centroid of the released ball lies nearer to the centre (after settling)", "10",
+          "free-release", "settled_distance"),
+    Claim("the servo angles fluctuate less around zero", "11", "free-release", "servo_rms"),
+    Claim("the centroid of the pushed ball lies nearer to the centre (whole run)", "13", "pushed",
+          "distance"),
+    Claim("the centroid of the pushed ball lies nearer to the centre (after settling)", "13",
+          "pushed", "settled_distance"),
+    Claim("repeated runs keep the ball nearer to the centre (RMS distance after settling)", "14",
+          "free-release", "settled_error"),
+    Claim("the system works more stably: smaller spread after settling", "14", "free-release",
+          "settled_spread"),
+    Claim("the system works more stably: smaller limit cycle", "14", "free-release",
+          "cycle_amplitude"),
+)  # fmt: skip
+
+Rows = Mapping[str, Sequence[dict[str, float]]]  # arm -> one row of measures a seed
+
+
+def compare(rows: Rows, measure: str, seed: int) -> dict:
+    """Effect (without - with) of one measure over paired seeds, with interval and verdict."""
+    unit = MEASURES[measure][0]
+    values = {arm: np.array([row[measure] for row in rows[arm]]) for arm in ("without", "with")}
+    result = paired(
+        values["without"],
+        values["with"],
+        relevant=RELEVANT[unit],
+        rng=np.random.default_rng([seed, 11]),
+    )
+    means = {f"mean_{arm}": float(np.nanmean(values[arm])) for arm in values}
+    return asdict(result) | {"unit": unit} | means
+
+
+def judge(table: Mapping[str, Rows], seed: int) -> list[dict]:
+    """Every claim as results.json holds it; `table`: protocol -> arm -> rows of measures."""
+    found = []
+    for claim in CLAIMS:
+        result = compare(table[claim.protocol], claim.measure, seed)
+        found.append(
+            {
+                "claim": claim.text,
+                "figure": claim.figure,
+                "protocol": claim.protocol,
+                "measure": claim.measure,
+                **{key: result[key] for key in ("holds", "effect", "unit", "low", "high")},
+                **{key: result[key] for key in ("relevant", "p", "reason")},
+                **{key: result[key] for key in ("mean_without", "mean_with")},
+                "runs": result["n"],
+            }
+        )
+    adjusted = holm(np.array([claim["p"] for claim in found]))
+    for claim, p in zip(found, adjusted, strict=True):
+        claim["p_holm"] = float(p)
+    return found
+
+
+GRID_DEG = (0.0, 1.0, 2.0, 3.0)
+GRID_MEASURES = ("settled_error", "servo_activity", "distance")
+
+
+def play_grid(
+    rows_of: Callable[[float, float], Rows], seed: int, cells: Sequence[tuple[float, float]]
+) -> list[dict]:
+    """Compare the arms in every cell (gear, joint play in degrees) of the grid."""
+    found = []
+    for gear_deg, joint_deg in cells:
+        rows = rows_of(gear_deg, joint_deg)
+        found.append(
+            {"gear_deg": gear_deg, "joint_deg": joint_deg}
+            | {measure: compare(rows, measure, seed) for measure in GRID_MEASURES}
+        )
+    return found

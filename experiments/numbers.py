@@ -1,0 +1,151 @@
+"""The numbers of a report: run metrics in the units people read, each with its interval.
+
+Everything here is recomputable from a run folder: no number comes from the plant.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from experiments.centroids import Place, ball_samples, centroid, place
+from experiments.metrics import RunMetrics, run_metrics
+from experiments.statistics import mean_interval
+from rig.log import Log
+
+CM = 100.0
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """A run that a report shows: its folder (for recomputing), log and metrics."""
+
+    folder: Path
+    log: Log
+    metrics: RunMetrics
+
+
+def recorded(folder: Path, log: Log) -> Recorded:
+    return Recorded(folder, log, run_metrics(log))
+
+
+def centroid_cm(run: Recorded) -> np.ndarray:
+    """The run's centroid as the paper makes it (k-means, one cluster) [cm]."""
+    return CM * centroid(ball_samples(run.log).xy_m)
+
+
+def _place_cm(where: Place) -> dict:
+    return {
+        "centroid_cm": (CM * where.centroid_m).tolist(),
+        "distance_cm": CM * where.distance_m,
+        "spread_cm": CM * where.spread_m,
+        "error_rms_cm": CM * where.error_rms_m,
+        "samples": where.samples,
+    }
+
+
+def run_numbers(run: Recorded) -> dict:
+    """One run: whole, settled, limit cycle, servos, plays as estimated."""
+    m = run.metrics
+    whole = Place(m.centroid_m, m.distance_m, m.spread_m, m.error_rms_m, m.samples)
+    return {
+        **_place_cm(whole),
+        "settled": _place_cm(m.settled) | {"has_settled": m.has_settled},
+        "settling_s": m.settling_s,
+        "duration_s": m.duration_s,
+        "limit_cycle": {
+            axis: {
+                "amplitude_cm": CM * c.amplitude_m,
+                "period_s": c.period_s,
+                "cycles": c.cycles,
+                "reason": c.reason,
+            }
+            for axis, c in zip("xy", m.cycle, strict=True)
+        },
+        "servo_rms_rad": m.servo_rms_rad.tolist(),
+        "servo_activity_rad": m.servo_activity_rad.tolist(),
+        "servo_tracking_rad": m.servo_tracking_rad.tolist(),
+        "pushes": m.pushes,
+        "estimated_gear_play_deg": _play(m.gear_play_rad, m.gear_play_std_rad),
+        "estimated_joint_play_deg": _play(m.joint_play_rad, m.joint_play_std_rad),
+        "folder": run.folder.name,
+    }
+
+
+def _play(width_rad: np.ndarray, std_rad: np.ndarray) -> dict:
+    """Full widths and standard deviations (x, y); None where the run could not show the play."""
+    known = width_rad > 2 * std_rad
+    return {
+        "value": [
+            float(np.degrees(w)) if k else None for w, k in zip(width_rad, known, strict=True)
+        ],
+        "std": np.degrees(std_rad).tolist(),
+    }
+
+
+def arm_numbers(runs: Sequence[Recorded]) -> dict:
+    """The runs of one arm in one figure: pooled places, mean servos, intervals over the runs."""
+    samples = [ball_samples(run.log) for run in runs]
+    settled = [s.where(s.t_s >= _settled_from(run)) for s, run in zip(samples, runs, strict=True)]
+    numbers = _place_cm(place(_joined(samples)))
+    numbers["settled"] = _place_cm(place(_joined(settled)))
+    for key in ("servo_rms_rad", "servo_activity_rad", "servo_tracking_rad"):
+        values = np.array([getattr(run.metrics, key) for run in runs])
+        numbers[key] = values.mean(axis=0).tolist()
+    numbers["runs"] = len(runs)
+    numbers["runs_list"] = [run_numbers(run) for run in runs]
+    if len(runs) > 1:
+        numbers["intervals"] = _intervals(runs)
+    return numbers
+
+
+def _settled_from(run: Recorded) -> float:
+    m = run.metrics
+    return m.settling_s if m.has_settled else m.duration_s / 2
+
+
+def _joined(samples):
+    first = samples[0]
+    parts = {name: np.concatenate([getattr(s, name) for s in samples]) for name in vars(first)}
+    return type(first)(**parts)
+
+
+# What is compared between arms: name, unit, factor, how it is read off a run's metrics.
+MEASURES = {
+    "distance": ("cm", lambda m: CM * m.distance_m),
+    "settled_distance": ("cm", lambda m: CM * m.settled.distance_m),
+    "settled_spread": ("cm", lambda m: CM * m.settled.spread_m),
+    "settled_error": ("cm", lambda m: CM * m.settled.error_rms_m),
+    "cycle_amplitude": ("cm", lambda m: CM * _mean_or_zero([c.amplitude_m for c in m.cycle])),
+    "cycle_period": ("s", lambda m: _mean_seen([c.period_s for c in m.cycle])),
+    "settling": ("s", lambda m: m.settling_s),
+    "servo_rms": ("rad", lambda m: float(m.servo_rms_rad.mean())),
+    "servo_activity": ("rad", lambda m: float(m.servo_activity_rad.mean())),
+    "servo_tracking": ("rad", lambda m: float(m.servo_tracking_rad.mean())),
+}
+
+
+def _mean_or_zero(values: Sequence[float]) -> float:
+    """Mean amplitude of both axes; an axis without a limit cycle counts as 0."""
+    return float(np.mean(np.nan_to_num(values)))
+
+
+def _mean_seen(values: Sequence[float]) -> float:
+    seen = [value for value in values if np.isfinite(value)]
+    return float(np.mean(seen)) if seen else float("nan")
+
+
+def measures(m: RunMetrics) -> dict[str, float]:
+    """Every compared number of one run, by name."""
+    return {name: read(m) for name, (_, read) in MEASURES.items()}
+
+
+def _intervals(runs: Sequence[Recorded]) -> dict:
+    """Mean and 95 % interval over the runs of every compared number."""
+    table = [measures(run.metrics) for run in runs]
+    found = {}
+    for name, (unit, _) in MEASURES.items():
+        i = mean_interval(np.array([row[name] for row in table]))
+        found[name] = {"unit": unit, "mean": i.value, "low": i.low, "high": i.high, "n": i.n}
+    return found

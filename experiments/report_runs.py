@@ -1,0 +1,85 @@
+"""`rig report RUN...`: figures and numbers of any recorded runs, simulated or measured."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from experiments import figures
+from experiments.figures import SOURCES, save
+from experiments.folders import write_results
+from experiments.numbers import Recorded, centroid_cm, recorded, run_numbers
+from experiments.recording import read_run
+from experiments.report import RUN_HEAD, Section, Shown, run_row, write_page
+
+_INCOMPLETE = (None, "aborted", "interrupted", "killed")
+
+
+def report_runs(folders: Sequence[Path], out: Path) -> Path:
+    """Write report.html and results.json in `out`; ValueError where no run can be shown."""
+    runs, notes, metas = [], [], []
+    for folder in folders:
+        run = read_run(folder)
+        if "rejected" in run.meta:
+            notes.append(f"{run.folder.name} was rejected: {run.meta['rejected']}.")
+            continue
+        if run.meta.get("outcome") in _INCOMPLETE or run.meta["truncated"]:
+            notes.append(
+                f"{run.folder.name} did not run to its end (outcome {run.meta.get('outcome')}): "
+                "its numbers are those of a part."
+            )
+        runs.append(recorded(run.folder, run.log))
+        metas.append(run.meta)
+    if not runs:
+        raise ValueError("no run to report: " + (" ".join(notes) or "name run folders"))
+    sources = sorted({SOURCES[meta["source"]] for meta in metas})
+    numbers = [run_numbers(run) for run in runs]
+    sections = [_run_section(run, meta, out) for run, meta in zip(runs, metas, strict=True)]
+    rows = [
+        run_row(f"{_name(meta)} {meta['arm']}", meta["seed"], run, found)
+        for run, meta, found in zip(runs, metas, numbers, strict=True)
+    ]
+    write_results(
+        out,
+        {
+            "source": metas[0]["source"] if len(sources) == 1 else "mixed",
+            "notes": notes,
+            "runs": [
+                {"protocol": _name(meta), "arm": meta["arm"], "seed": meta["seed"]}
+                | {"outcome": meta.get("outcome")}
+                | found
+                for meta, found in zip(metas, numbers, strict=True)
+            ],
+        },
+    )
+    return write_page(
+        out / "report.html",
+        title=f"{len(runs)} recorded run{'s' if len(runs) > 1 else ''}",
+        source=", ".join(sources),
+        summary=notes,
+        sections=[Section("Numbers", [], [], RUN_HEAD, rows), *sections],
+        recompute="`rig export RUN --out F.csv` gives the log behind every number.",
+    )
+
+
+def _name(meta: dict) -> str:
+    protocol = meta.get("protocol")
+    return str(protocol.get("name")) if isinstance(protocol, dict) else str(protocol)
+
+
+def _run_section(run: Recorded, meta: dict, out: Path) -> Section:
+    """Ball over time and on the plate, servos over time of one run."""
+    colour = figures.WITH if meta["arm"] == "with" else figures.WITHOUT
+    drawn = {"servo": figures.servo_of_run(run.log, colour)}
+    if np.isfinite(run.metrics.distance_m):
+        side = 100 * meta["rig"]["linkage"]["plate_side_m"] if meta.get("rig") else 27.5
+        drawn = {
+            "ball": figures.ball_of_run(run.log, colour),
+            "plate": figures.pushed_scatter(run.log, centroid_cm(run), f"{meta['arm']}", side),
+        } | drawn
+    captions = {"ball": "Ball over time.", "plate": "Ball on the plate.", "servo": "Servo angles."}
+    shown = [
+        Shown(save(figure, out, f"{run.folder.name}-{name}", meta["source"]), captions[name])
+        for name, figure in drawn.items()
+    ]
+    return Section(f"{_name(meta)}, {meta['arm']}, seed {meta['seed']}", [], shown)

@@ -1,0 +1,173 @@
+"""The paper's study on the virtual rig, from frame to figure.
+
+1 calibrate the virtual camera from its own frames; 2 the runs of Figs. 10 to 14 through rendered
+frames; 3 a statistical camera fitted to them; 4 with it Figs. 7 and 8, paired repetitions for the
+claims (other units of the same kind) and the grid of play; 5 figures, results.json, report.html.
+"""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from itertools import product
+from math import radians
+from os import cpu_count
+from pathlib import Path
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from experiments.assemble import another_unit, with_play
+from experiments.claims import GRID_DEG, judge, play_grid
+from experiments.console import ProgressCall, silent
+from experiments.folders import write_results
+from experiments.metrics import run_metrics
+from experiments.numbers import Recorded, measures, recorded
+from experiments.protocol import read_protocol
+from experiments.recording import read_run
+from experiments.runner import Order, contract_columns, keep_simulated, run, simulate_order
+from experiments.runs import calibrate_camera
+from experiments.study_report import write_study
+from rig.parameters import Rig
+
+PAIRS = 24  # paired seeds a claim
+GRID_PAIRS = 20  # paired seeds a cell
+ARMS = ("without", "with")
+Study = dict[str, dict[str, list[Recorded]]]  # figure -> arm -> runs
+
+
+def reproduce(
+    rig: Rig,
+    out: Path,
+    *,
+    seed: int = 1,
+    frames: bool = True,
+    pairs: int = PAIRS,
+    grid_pairs: int = GRID_PAIRS,
+    progress: ProgressCall = silent,
+) -> dict:
+    """Make the whole study in `out`; returns what results.json holds."""
+    bundle = calibrate_camera(rig, out, seed) if frames else None
+    progress("camera calibrated", 1, 1)
+    study, pairs_seen = _figure_runs(rig, out, seed, bundle, progress)
+    fitted = fit_camera(rig, pairs_seen) if frames else rig
+    study |= _simulated_figures(fitted, out, seed)
+    table = _claim_runs(fitted, out, seed, pairs, progress)
+    cells = list(product(GRID_DEG, GRID_DEG))
+    progress("cells of play", 0, len(cells))
+    grid = play_grid(_grid_rows(fitted, seed, grid_pairs, len(cells), progress), seed, cells)
+    results = {
+        "source": "simulated",
+        "seed": seed,
+        "camera": {
+            "frames": frames,
+            "noise_m": fitted.camera.noise_m,
+            "dropout": fitted.camera.dropout,
+            "samples": len(pairs_seen),
+        },
+        "claims": judge(table, seed),
+        "grid": grid,
+        "grid_pairs": grid_pairs,
+    }
+    results |= write_study(study, results, rig, out)
+    write_results(out, results)
+    return results
+
+
+def _figure_runs(rig: Rig, out: Path, seed: int, bundle: Path | None, progress: ProgressCall):
+    """The runs of Figs. 10 to 14, two processes at a time; also every (true, measured) pair."""
+    release, pushed = read_protocol("free-release"), read_protocol("pushed")
+    runs = out / "runs"
+    wanted = [("10", release, arm, seed) for arm in ARMS]
+    wanted += [("12", pushed, "without", seed), ("13", pushed, "with", seed)]
+    wanted += [("14", release, arm, seed + i) for i in range(1, 5) for arm in ARMS]
+    orders = [Order(rig, p, arm, s, runs, bundle) for _, p, arm, s in wanted]
+    simulate_order(orders[0])  # compiles once, before two processes would
+    stage = "runs through frames" if bundle else "runs"
+    progress(stage, 0, len(orders))
+    jobs = Parallel(n_jobs=min(2, cpu_count() or 1), return_as="generator")
+    done = []
+    for one in jobs(delayed(run)(order) for order in orders):
+        done.append(one)
+        progress(stage, len(done), len(orders))
+    study: Study = {}
+    for (figure, _, arm, _), one in zip(wanted, done, strict=True):
+        runs_of_arm = study.setdefault(figure, {}).setdefault(arm, [])
+        runs_of_arm.append(recorded(one.folder, read_run(one.folder).log))
+    study["11"] = study["10"]
+    return study, np.concatenate([one.pairs for one in done])
+
+
+def fit_camera(rig: Rig, pairs: np.ndarray) -> Rig:
+    """The rig with the statistical camera that the frames' (true, measured) pairs show.
+
+    pairs (k, 5): exposure, true x, y, measured x, y (NaN: not seen). The noise is the RMS of the
+    whole error, its constant part included; simulator and tests alone use it.
+    """
+    error = pairs[:, 3:] - pairs[:, 1:3]
+    seen = np.isfinite(error).all(axis=1)
+    if seen.sum() < 100:
+        raise ValueError(f"only {seen.sum()} of {len(pairs)} frames showed the ball: no camera fit")
+    noise = float(np.sqrt(np.mean(error[seen] ** 2)))
+    return replace(rig, camera=replace(rig.camera, noise_m=noise, dropout=float(1 - seen.mean())))
+
+
+def _simulated_figures(rig: Rig, out: Path, seed: int) -> Study:
+    """Figs. 7 and 8: simulation alone, both arms on the same plant and seed."""
+    protocol = read_protocol("free-release")
+    runs = {}
+    for arm in ARMS:
+        order = Order(rig, protocol, arm, seed + 100, out / "runs")
+        result = simulate_order(order)
+        runs[arm] = [recorded(keep_simulated(order, result), result.log)]
+    return {"7": runs, "8": runs}
+
+
+def _claim_runs(rig: Rig, out: Path, seed: int, pairs: int, progress: ProgressCall):
+    """Paired repetitions on other units of the kind, recorded; measures by protocol and arm."""
+    orders = [
+        Order(another_unit(rig, s), read_protocol(name), arm, s, out / "runs")
+        for name in ("free-release", "pushed")
+        for s in range(seed + 1000, seed + 1000 + pairs)
+        for arm in ARMS
+    ]
+
+    def one(order: Order) -> dict[str, float]:
+        result = simulate_order(order)
+        kept = replace(result, log=contract_columns(result.log))
+        keep_simulated(order, kept)
+        return measures(run_metrics(kept.log))
+
+    progress("paired repetitions", 0, len(orders))
+    rows = _each(one, orders, lambda k: progress("paired repetitions", k, len(orders)))
+    table: dict[str, dict[str, list[dict]]] = {}
+    for order, row in zip(orders, rows, strict=True):
+        table.setdefault(order.protocol.name, {}).setdefault(order.arm, []).append(row)
+    return table
+
+
+def _grid_rows(rig: Rig, seed: int, pairs: int, cells: int, progress: ProgressCall):
+    """A function (gear, joint play in degrees) -> arm -> measures, one row a seed."""
+    protocol, finished = read_protocol("free-release"), [0]
+
+    def rows_of(gear_deg: float, joint_deg: float) -> dict[str, list[dict]]:
+        played = with_play(rig, gear_rad=radians(gear_deg), joint_rad=radians(joint_deg))
+        seeds = range(seed + 2000, seed + 2000 + pairs)
+        orders = [
+            Order(another_unit(played, s), protocol, arm, s, Path()) for arm in ARMS for s in seeds
+        ]
+        rows = _each(lambda o: measures(run_metrics(simulate_order(o).log)), orders)
+        finished[0] += 1
+        progress("cells of play", finished[0], cells)
+        return {"without": rows[:pairs], "with": rows[pairs:]}
+
+    return rows_of
+
+
+def _each(work, orders: Sequence[Order], done=lambda count: None) -> list[dict]:
+    """Do the work for every order on all cores (the kernels hold no lock), in order."""
+    with ThreadPoolExecutor(cpu_count() or 1) as pool:
+        rows = []
+        for row in pool.map(work, orders):
+            rows.append(row)
+            done(len(rows))
+        return rows
