@@ -16,7 +16,7 @@ from vision.appearance import Appearance
 from vision.detector import Detection, locate
 from vision.frames import Frame
 from vision.gate import believable
-from vision.rays import share
+from vision.rays import mean_between, share
 from vision.sources import noise_level
 from vision.votes import Circle, circles
 
@@ -85,13 +85,15 @@ class Acquisition:
         self._colour = colour
         self._mask = mask
         self._background: np.ndarray | None = None
+        self._difference = np.zeros((1, 1), np.uint8)  # 255 where the small image has changed
+        self._scale = 1.0
         self._t_s = 0.0
         self._movers: list[Mover] = []
 
     def step(self, frame: Frame) -> tuple[Appearance, Detection] | None:
         """The ball's looks and place once it has been recognised, else None."""
         image = frame.image
-        scale = max(1.0, max(image.shape[:2]) / WORK_SIZE)
+        scale = self._scale = max(1.0, max(image.shape[:2]) / WORK_SIZE)
         size = (round(image.shape[1] / scale), round(image.shape[0] / scale))
         small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
         region = self._changed(small, frame.t_s)
@@ -121,6 +123,7 @@ class Acquisition:
         self._background += gain * (now - self._background)
         self._t_s = t_s
         binary = (difference > max(10.0, 5.0 * noise_level(small))).astype(np.uint8)
+        self._difference = 255 * binary
         _, _, stats, _ = cv2.connectedComponentsWithStats(binary, connectivity=8)
         region = np.zeros(binary.shape, np.uint8)
         for x, y, w, h, area in stats[1:].reshape(-1, 5):
@@ -176,10 +179,18 @@ class Acquisition:
         """Whether it is of the size and colour that were asked for."""
         if self._bounds and not self._bounds[0] <= found.radius_px <= self._bounds[1]:
             return False
+        if not self._alone(found):
+            return False
         if self._colour is None:
             return True
         u, v, r = found.u_px, found.v_px, 0.85 * found.radius_px
         return share(image, self._colour.table, u, v, 0.0, r) > 0.35
+
+    def _alone(self, found: Detection) -> bool:
+        """Whether still background lies about it: not a highlight on a ball, nor a knuckle."""
+        u, v = ((x + 0.5) / self._scale - 0.5 for x in (found.u_px, found.v_px))
+        r = found.radius_px / self._scale
+        return mean_between(self._difference, u, v, 1.25 * r + 1.0, 1.7 * r + 1.5) < 255 * 0.65
 
     def _recognised(self, image: np.ndarray) -> tuple[Appearance, Detection] | None:
         least = TRAVEL * max(image.shape[:2])

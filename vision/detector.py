@@ -25,6 +25,9 @@ FLAT_STD, BLURRED_STD = 0.03, 0.12
 # What the outline deviates from an ellipse in a common way (blur, a shadow's edge) does not average
 # out over the rays; this share of the residual is added to the centre's sigma.
 OUTLINE_SHARE = 0.05
+# Light from one side makes one edge stronger and lays a shadow at the other; the centre then leans
+# by about this much (px) per relative first harmonic of the edge's strength.
+LIGHT_SHARE_PX = 0.06
 UNSIGNED_REACH = 0.25
 REACH = 0.6  # rays search from (1 - REACH) to (1 + REACH) radii
 
@@ -151,13 +154,15 @@ def locate(
     last = _pass(image, local, signed, u, v, radius, 0.35 if signed else UNSIGNED_REACH)
     if last is None:
         return None
-    u, v, radius, variance, residual, good, inside = last
+    u, v, radius, variance, residual, good, inside, lopsided = last
     octants = good[: len(good) // 8 * 8].reshape(8, -1).mean(1) > 0.34
     return Detection(
         u_px=u,
         v_px=v,
         radius_px=radius,
-        sigma_px=math.hypot(math.sqrt(variance), OUTLINE_SHARE * residual),
+        sigma_px=math.hypot(
+            math.sqrt(variance), OUTLINE_SHARE * residual, LIGHT_SHARE_PX * lopsided
+        ),
         inliers=float(good.sum()) / max(inside, 1),
         coverage=float(octants.mean()),
         contrast=contrast if appearance.learned and appearance.signed else 1.0,
@@ -175,7 +180,7 @@ def _pass(
     v: float,
     radius: float,
     reach: float,
-) -> tuple[float, float, float, float, float, np.ndarray, int] | None:
+) -> tuple[float, float, float, float, float, np.ndarray, int, float] | None:
     """Rays and fit about (u, v); None where the fit has run away or rests on too few edges."""
     n_rays = 8 * int(np.clip(2 * math.pi * radius / 2.0 / 8, 3, 9))
     points, outer, strength, inside = cast(
@@ -203,4 +208,8 @@ def _pass(
         return None
     if good.sum() < 10 or not math.isfinite(variance):
         return None
-    return u2, v2, radius2, variance, residual, good, inside
+    # Rays closer than a pixel's diagonal or so share their pixels, and so their noise.
+    variance *= max(1.0, 2.2 * n_rays / (2 * math.pi * radius2))
+    turn = np.exp(2j * math.pi * np.arange(n_rays) / n_rays)
+    lopsided = 2.0 * abs(complex(turn @ strength)) / max(float(strength.sum()), 1e-9)
+    return u2, v2, radius2, variance, residual, good, inside, float(lopsided)

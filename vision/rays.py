@@ -282,3 +282,17 @@ def lookup(image, table, step):
             )
             out[i, j] = table[(int(b) << 10) | (int(g) << 5) | int(r)]
     return out
+
+
+@numba.njit(cache=True)
+def mean_between(image, u, v, r_in, r_out):
+    """Mean of a grey image (h, w) with r_in <= r < r_out about (u, v); 0 where none."""
+    h, wd = image.shape
+    total, value = 0, 0.0
+    for i in range(max(0, int(v - r_out)), min(h, int(v + r_out) + 2)):
+        for j in range(max(0, int(u - r_out)), min(wd, int(u + r_out) + 2)):
+            d = (i - v) ** 2 + (j - u) ** 2
+            if r_in * r_in <= d < r_out * r_out:
+                total += 1
+                value += image[i, j]
+    return value / total if total else 0.0
