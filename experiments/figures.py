@@ -216,6 +216,7 @@ def play_map(cells: Sequence[dict], measure: str, title: str, unit: str) -> Figu
     gears = sorted({cell["gear_deg"] for cell in cells})
     joints = sorted({cell["joint_deg"] for cell in cells})
     value = np.full((len(joints), len(gears)), np.nan)
+    top = max(max(abs(cell[measure]["effect"]) for cell in cells), 1e-9)
     figure, axis = plt.subplots(figsize=(1.3 * len(gears) + 1.8, 0.85 * len(joints) + 1.3))
     for cell in cells:
         i, j = joints.index(cell["joint_deg"]), gears.index(cell["gear_deg"])
@@ -223,8 +224,8 @@ def play_map(cells: Sequence[dict], measure: str, title: str, unit: str) -> Figu
         value[i, j] = result["effect"]
         word = verdict_word(result)
         text = f"{result['effect']:+.2g}\n[{result['low']:+.2g}, {result['high']:+.2g}]\n{word}"
-        axis.text(j, i, text, ha="center", va="center", fontsize=7)
-    top = max(np.nanmax(np.abs(value)), 1e-9)
+        dark = abs(value[i, j]) > 0.6 * top
+        axis.text(j, i, text, ha="center", va="center", fontsize=7, color="w" if dark else "k")
     image = axis.imshow(value, cmap="RdBu", vmin=-top, vmax=top, origin="lower", aspect="auto")
     axis.set_xticks(range(len(gears)), [f"{g:g}" for g in gears])
     axis.set_yticks(range(len(joints)), [f"{g:g}" for g in joints])
