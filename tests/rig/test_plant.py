@@ -7,6 +7,7 @@ import pytest
 from helpers import DEGREE, SMOOTH, TICK_S, ball_state, constant_volts, moved, smooth_rig, tilted
 
 from rig import plant
+from rig.ball import velocity
 from rig.parameters import Ball, Drive, Rig, Servo, Walls, torque_per_volt
 from rig.plant import (
     ARM,
@@ -184,6 +185,20 @@ def test_reversal_loses_the_full_play(row):
     assert {-1.0, 1.0} <= set(side[moving])
 
 
+@pytest.mark.parametrize("row", ["gear", "joint"])
+def test_offset_moves_both_break_points(row):
+    """beta_1 = offset + half, beta_2 = offset - half: which side pushes shows which one."""
+    pair = {"play_rad": 2 * DEGREE, "offset_rad": 0.6 * DEGREE}
+    rig = Rig(effects={f"{row}_backlash": {"x": pair}})
+    before, behind = (MOTOR, ARM) if row == "gear" else (ARM, PLATE)
+    for volts, point in ((1.0, 1.6 * DEGREE), (-1.0, -0.4 * DEGREE)):
+        state = moved(rig, constant_volts(volts, 0.0, 0.2), held=True)[-1]
+        wound = np.sign(volts) * 0.03 * DEGREE  # the shaft winds up under friction
+        assert state[before, 0] - state[behind, 0] == pytest.approx(
+            point + wound, abs=0.03 * DEGREE
+        )
+
+
 def test_end_stop_holds_the_motor_and_lets_it_go_again():
     rig = smooth_rig()
     volts = np.concatenate([constant_volts(6, -6, 0.4), constant_volts(-1, 1, 0.2)])
@@ -269,6 +284,15 @@ def test_held_ball_keeps_its_place_and_does_not_load_the_plate():
     assert np.all(states[:, BALL] == [0.1, -0.1])
     still = moved(rig, constant_volts(0, 0, 0.1), state=ball_state((0.1, -0.1)), held=True)
     assert np.all(still[:, PLATE] == 0.0)
+
+
+def test_a_ball_let_go_on_a_moving_plate_starts_at_rest_on_it():
+    rig = smooth_rig()
+    state = moved(rig, swinging_volts(0.1), state=ball_state((0.1, -0.1)), held=True)[-1]
+    _, _, o1, o2 = plant.plate_motion(state, plant.pack(rig))
+    assert min(abs(o1), abs(o2)) > 0.01
+    w_x, w_y = state[BALL_W]
+    np.testing.assert_allclose(velocity(w_x, w_y, o1, o2, rig.ball.radius_m), 0.0, atol=1e-15)
 
 
 def test_push_is_an_acceleration_of_the_ball():

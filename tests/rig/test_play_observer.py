@@ -1,13 +1,14 @@
 """The estimated play against the true one, on a table as measured, from readings alone."""
 
 import inspect
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 from helpers import DEGREE, TICK_S, free_release, random_steps, realistic, run
 
-from rig import play_observer
+from rig import play_observer, simulate
 from rig.controllers import WITH, WITHOUT
 from rig.parameters import Rig
 from rig.play_observer import known_play
@@ -17,7 +18,7 @@ SEEDS = range(8)
 
 
 @cache
-def estimates(place, degrees, protocol, arm, offset_rad=0.0, joint_friction=True):
+def estimates(place, degrees, protocol, arm, offset_rad=0.0):
     """Estimated full play and its standard deviation at the end, (2, seeds x axes) [degrees]."""
     kind = {f"{place}_deg": degrees, f"{place}_offset_rad": offset_rad}
     rig, found = realistic(**kind), []
@@ -75,6 +76,29 @@ def test_more_play_is_found_as_more(place):
 def test_a_play_of_a_degree_counts_as_known_in_the_end(place):
     found, std = estimates(place, 1.0, "steps", WITHOUT)
     assert all(known_play(w, d) == w for w, d in zip(found, std, strict=True))
+
+
+@pytest.mark.parametrize("scale", [-0.02, 0.0, 0.02])
+@pytest.mark.parametrize("degrees", [0.0, 1.0])
+def test_gear_play_under_slow_triangles_is_found_whatever_the_tachometers_scale(degrees, scale):
+    """2 % of the tachometer over 0.7 rad, 0.8 degrees of twist, is no play.
+
+    Stiff gears do not wind up and slow arms hardly coast: without play half an encoder count is
+    left (0.044 degrees), with play what the start in the middle of the gap teaches wrongly.
+    """
+    rig = realistic(gear_deg=degrees, joint_deg=0.0)
+    rig = replace(
+        rig,
+        drive=replace(rig.drive, gear_stiffness_nm_rad=300.0),
+        servo=replace(rig.servo, tachometer_scale=scale),
+    )
+    t = TICK_S * np.arange(round(16 / TICK_S))
+    triangle = 4 * np.abs((t / 4 + 0.25) % 1 - 0.5) - 1
+    targets = 0.35 * np.column_stack([triangle, -triangle])
+    course = simulate.Course(targets, np.zeros_like(targets), servo_only=True)
+    log = run(rig, WITHOUT, course, 0).log
+    found = [log[f"estimated_gear_play_{a}_rad"][-1] / DEGREE for a in "xy"]
+    np.testing.assert_allclose(found, degrees, atol=0.15 if degrees else 0.044)
 
 
 def still(seconds=5.0):
