@@ -17,7 +17,7 @@ from vision.detector import Detection, locate
 from vision.frames import Frame
 from vision.gate import believable
 from vision.rays import mean_between, share
-from vision.sources import noise_level
+from vision.repeats import noise_level
 from vision.votes import Circle, circles
 
 WORK_SIZE = 320  # px, longer side of the image that is searched for motion and circles

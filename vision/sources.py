@@ -1,8 +1,6 @@
 """Where frames come from: a video file, a folder of images, a stream or a camera.
 
-A container may claim more frames than the camera took (a 250 fps file of a 30 fps webcam). Such
-repeats carry no new light but a later time stamp, which would turn a moving ball into a stuttering
-one; they are skipped and counted.
+Repeats that a container shows between two exposures are skipped and counted, see `vision.repeats`.
 """
 
 from __future__ import annotations
@@ -19,59 +17,12 @@ import numpy as np
 
 from vision.frames import Frame
 from vision.live import LiveReader
+from vision.repeats import RepeatFilter, has_repeats
 
 IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp"})
-# A new exposure differs from the last by 1.13 sigma of sensor noise on average (mean of
-# |N(0, 2 sigma^2)|). A re-encoded repeat stays an order of magnitude below that.
-REPEAT_SHARE = 0.08
-# Mean difference of an 8x8 block that no codec refinement of the same picture reaches.
-LOCAL_CHANGE = 8.0
 DEFAULT_FPS = 30.0
 
 Reader = Callable[[], tuple[np.ndarray, float] | None]
-
-
-def noise_level(image: np.ndarray) -> float:
-    """Standard deviation of the pixel noise of an image (h, w, 3) uint8, in grey levels.
-
-    J. Immerkaer, "Fast noise variance estimation", CVIU 64 (1996): the mean response of a
-    difference of two Laplacians, blind to constant, linear and quadratic shading.
-    """
-    kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
-    response = cv2.filter2D(image[:, :, 1], cv2.CV_32F, kernel)
-    return float(np.abs(response).mean()) * math.sqrt(math.pi / 2) / 6
-
-
-class RepeatFilter:
-    """Tells a repeat of the container from a new exposure, one frame after the other."""
-
-    def __init__(self) -> None:
-        self._last: np.ndarray | None = None
-        self._kept: np.ndarray | None = None
-        self._noise = 0.0
-
-    def is_repeat(self, image: np.ndarray) -> bool:
-        """True where the (h, w, 3) image shows the same exposure as its predecessor.
-
-        The mean change is judged against the noise of the picture itself, so a clean still scene
-        drops exact copies only; the largest local change since the last kept frame saves a small
-        ball creeping over a large still plate.
-        """
-        last, kept = self._last, self._kept
-        self._last = image
-        if last is None or kept is None or last.shape != image.shape:
-            self._kept, self._noise = image, noise_level(image)
-            return False
-        mean_change = float(np.mean(cv2.mean(cv2.absdiff(image, last))[:3]))
-        if mean_change <= REPEAT_SHARE * self._noise:
-            h, w = image.shape[:2]
-            blocks = (max(1, w // 8), max(1, h // 8))
-            change = cv2.resize(cv2.absdiff(image, kept), blocks, interpolation=cv2.INTER_AREA)
-            if float(change.max()) <= LOCAL_CHANGE:
-                return True
-        self._kept = image
-        self._noise += 0.05 * (noise_level(image) - self._noise)
-        return False
 
 
 class Source:
@@ -92,6 +43,7 @@ class Source:
         fps: float,
         frames_total: int | None,
         live: bool = False,
+        repeats: bool | None = None,
     ) -> None:
         self.address = address
         self.live = live
@@ -100,7 +52,7 @@ class Source:
         self.duplicates = 0
         self.missing = 0
         self._read, self._close = read, close
-        self._filter = RepeatFilter()
+        self._filter = RepeatFilter(repeats=repeats)
         self._index = 0
         self._last_t_s = -math.inf
         first = read()
@@ -195,8 +147,23 @@ def _open_file(path: Path) -> Source:
         return (image, capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3) if ok else None
 
     return Source(
-        str(path), read, capture.release, fps=fps, frames_total=int(count) if count > 0 else None
+        str(path),
+        read,
+        capture.release,
+        fps=fps,
+        frames_total=int(count) if count > 0 else None,
+        repeats=has_repeats(_images(path)),
     )
+
+
+def _images(path: Path) -> Iterator[np.ndarray]:
+    """The images of a video file, read on their own."""
+    capture = _capture(str(path))
+    try:
+        while (got := capture.read())[0]:
+            yield got[1]
+    finally:
+        capture.release()
 
 
 def _open_folder(path: Path, fps: float) -> Source:
@@ -215,7 +182,15 @@ def _open_folder(path: Path, fps: float) -> Source:
             return image, i / fps
         return None
 
-    return Source(str(path), read, lambda: None, fps=fps, frames_total=len(files))
+    pictures = (image for f in files if (image := cv2.imread(str(f))) is not None)
+    return Source(
+        str(path),
+        read,
+        lambda: None,
+        fps=fps,
+        frames_total=len(files),
+        repeats=has_repeats(pictures),
+    )
 
 
 def _suffixes() -> str:
