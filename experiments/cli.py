@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+INTERRUPTED = 130
 app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
@@ -177,11 +178,13 @@ def reject(
 def main() -> None:
     """Entry point: errors become one line on standard error and an exit code."""
     try:
-        app(standalone_mode=False)
+        code = app(standalone_mode=False)  # the parser turns an interruption into a returned 130
+        if code == INTERRUPTED:
+            raise KeyboardInterrupt
     except typer.Exit as end:
         sys.exit(end.exit_code)
     except (KeyboardInterrupt, typer.Abort):
-        _fail("interrupted; what was recorded so far is kept", 130)
+        _fail("interrupted; what was recorded so far is kept", INTERRUPTED)
     except WorkFailedError as error:
         _fail(str(error), 1)
     except (ValueError, FileNotFoundError, NotADirectoryError, PermissionError) as error:
@@ -197,3 +200,7 @@ def main() -> None:
 def _fail(message: str, code: int) -> None:
     print("rig: " + " ".join(message.split()), file=sys.stderr)
     sys.exit(code)
+
+
+if __name__ == "__main__":
+    main()

@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.centroids import ball_samples, run_part
+from experiments.samples import ball_samples, run_part
 from rig.log import Log
 
 WITH, WITHOUT, CENTRE = "#d62728", "#1f4fd8", "#1a9641"

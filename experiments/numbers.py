@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.centroids import Place, ball_samples, centroid, place
-from experiments.metrics import RunMetrics, run_metrics
+from experiments.centroids import centroid
+from experiments.metrics import RunMetrics, run_metrics, settled_interval
+from experiments.samples import Place, ball_samples, place
 from experiments.statistics import mean_interval
 from rig.log import Log
 
@@ -26,8 +27,8 @@ class Recorded:
     metrics: RunMetrics
 
 
-def recorded(folder: Path, log: Log) -> Recorded:
-    return Recorded(folder, log, run_metrics(log))
+def recorded(folder: Path, log: Log, *, servo_only: bool = False) -> Recorded:
+    return Recorded(folder, log, run_metrics(log, servo_only=servo_only))
 
 
 def centroid_cm(run: Recorded) -> np.ndarray:
@@ -51,7 +52,7 @@ def run_numbers(run: Recorded) -> dict:
     whole = Place(m.centroid_m, m.distance_m, m.spread_m, m.error_rms_m, m.samples)
     return {
         **_place_cm(whole),
-        "settled": _place_cm(m.settled) | {"has_settled": m.has_settled},
+        "settled": _place_cm(m.settled) | _within(run) | {"has_settled": m.has_settled},
         "settling_s": m.settling_s,
         "duration_s": m.duration_s,
         "limit_cycle": {
@@ -70,6 +71,18 @@ def run_numbers(run: Recorded) -> dict:
         "estimated_gear_play_deg": _play(m.gear_play_rad, m.gear_play_std_rad),
         "estimated_joint_play_deg": _play(m.joint_play_rad, m.joint_play_std_rad),
         "folder": run.folder.name,
+    }
+
+
+def _within(run: Recorded) -> dict:
+    """95 % intervals of this one run's settled spread and centroid, its samples being correlated."""
+    if not run.metrics.has_settled:
+        return {}
+    w = settled_interval(run.log, rng=np.random.default_rng(12))
+    centroid_low, centroid_high = CM * w.mean_low_m, CM * w.mean_high_m
+    return {
+        "spread_interval_cm": [CM * w.spread_low_m, CM * w.spread_high_m],
+        "centroid_interval_cm": np.column_stack([centroid_low, centroid_high]).tolist(),
     }
 
 

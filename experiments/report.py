@@ -79,7 +79,7 @@ def run_row(name: str, seed: object, run: Recorded, numbers: dict) -> list[str]:
     """One run as a row of the table under RUN_HEAD."""
     settled, cycle = numbers["settled"], numbers["limit_cycle"]
     spread = numbers["settled"].get("spread_interval_cm")
-    interval = f" [{spread[0]:.2f}, {spread[1]:.2f}]" if spread else ""
+    interval = f" [{number(spread[0], 2)}, {number(spread[1], 2)}]" if spread else ""
     return [
         name,
         str(seed),

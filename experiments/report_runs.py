@@ -28,7 +28,9 @@ def report_runs(folders: Sequence[Path], out: Path) -> Path:
                 f"{run.folder.name} did not run to its end (outcome {run.meta.get('outcome')}): "
                 "its numbers are those of a part."
             )
-        runs.append(recorded(run.folder, run.log))
+        protocol = run.meta.get("protocol")
+        servo_only = isinstance(protocol, dict) and bool(protocol.get("servo_only"))
+        runs.append(recorded(run.folder, run.log, servo_only=servo_only))
         metas.append(run.meta)
     if not runs:
         raise ValueError("no run to report: " + (" ".join(notes) or "name run folders"))

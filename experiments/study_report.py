@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from experiments import figures
-from experiments.centroids import ball_samples, expected_mean_m, integral_identity, two_clusters
+from experiments.centroids import two_clusters
 from experiments.figures import save, verdict_word
+from experiments.mean_of_run import expected_mean_m, integral_identity
 from experiments.numbers import Recorded, arm_numbers, centroid_cm
 from experiments.report import RUN_HEAD, Section, Shown, run_row, write_page
+from experiments.samples import ball_samples
 from rig.parameters import GRAVITY_M_S2, Rig
 
 Study = Mapping[str, Mapping[str, Sequence[Recorded]]]

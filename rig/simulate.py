@@ -29,7 +29,7 @@ from rig.statistical_camera import deliver, look, next_exposure
 BLIND_LIMIT_S = 1.0  # a ball unseen for so long ends the run
 RELEASE_LIMIT_S = 3.0  # in a simulation, a release not detected by then ends the run
 ENDINGS = ("completed", "ball lost", "limit", "not released")
-ANGLE_MARGIN_RAD = 0.05  # beyond the angle limit by more than this is a runaway
+ANGLE_MARGIN_RAD = 0.08  # further beyond the angle limit is a runaway (the stop is at 0.086)
 
 
 @dataclass(frozen=True, eq=False)

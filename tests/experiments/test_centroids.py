@@ -12,15 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from experiments.centroids import (
-    ball_samples,
-    centroid,
-    expected_mean_m,
-    integral_identity,
-    place,
-    run_part,
-    two_clusters,
-)
+from experiments.centroids import centroid, two_clusters
+from experiments.mean_of_run import expected_mean_m, integral_identity
+from experiments.samples import ball_samples, place, run_part
 from rig import simulate
 from rig.log import INDEX, Log
 from rig.parameters import Gains, Rig

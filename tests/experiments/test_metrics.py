@@ -9,15 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from experiments.centroids import Samples
-from experiments.metrics import (
-    detect_pushes,
-    limit_cycle,
-    noise_std,
-    run_metrics,
-    settled_interval,
-    settling_time,
-)
+from experiments.limit_cycle import limit_cycle, noise_std
+from experiments.metrics import run_metrics, settled_interval, settling_time
+from experiments.push_detection import detect_pushes
+from experiments.samples import Samples
 from rig import simulate
 from rig.log import INDEX, Log
 from rig.rigfile import read_rig

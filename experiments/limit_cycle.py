@@ -1,0 +1,112 @@
+"""The limit cycle of a settled ball: amplitude of its fundamental, period, whole cycles."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from math import nan, pi, sqrt
+
+import numpy as np
+
+from experiments.samples import Samples
+
+SMOOTH_S = 0.1  # far below any period of the ball's loop (3 s)
+FEWEST_CYCLES = 2
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """Limit cycle of one axis: amplitude of its fundamental, period, whole cycles seen.
+
+    NaN with a reason where fewer than two whole cycles rise above the noise.
+    """
+
+    amplitude_m: float
+    period_s: float
+    cycles: int
+    reason: str = ""
+
+
+def limit_cycle(ball: Samples) -> tuple[Cycle, Cycle]:
+    """Find the limit cycle of each axis in settled samples about a target that stands still."""
+    if len(ball.t_s) and np.ptp(ball.target_m, axis=0).any():
+        moves = Cycle(nan, nan, 0, "the target moves")
+        return moves, moves
+    return _cycle(ball.t_s, ball.xy_m[:, 0]), _cycle(ball.t_s, ball.xy_m[:, 1])
+
+
+def _cycle(t: np.ndarray, x: np.ndarray) -> Cycle:
+    seen = ~np.isnan(x)
+    t, x = t[seen], x[seen]
+    if len(t) < 8:
+        return Cycle(nan, nan, 0, f"{len(t)} samples after settling")
+    times = _crossings(t, x)
+    ups, downs = times[::2], times[1::2]  # or the other way round
+    use = ups if len(ups) > len(downs) else downs
+    cycles = max(len(use) - 1, 0)
+    if cycles < FEWEST_CYCLES:
+        return Cycle(nan, nan, cycles, f"{cycles} whole cycles above the noise, 2 are needed")
+    period = float(np.median(np.concatenate([np.diff(ups), np.diff(downs)])))
+    parts = [((t >= a) & (t < b), b - a) for a, b in pairwise(use)]
+    each = [_fundamental(t[i], x[i], seconds) for i, seconds in parts if i.sum() >= 8]
+    if not each:
+        return Cycle(nan, nan, cycles, "fewer than 8 samples a cycle")
+    return Cycle(float(np.median(each)), period, cycles)
+
+
+def _fundamental(t: np.ndarray, x: np.ndarray, period_s: float) -> float:
+    """Amplitude of one cycle's first harmonic, fitted beside a constant and a drift."""
+    s = 2 * pi * (t - t[0]) / period_s
+    basis = np.column_stack([np.sin(s), np.cos(s), np.ones_like(s), s])
+    fit = np.linalg.lstsq(basis, x, rcond=None)[0]
+    return float(np.hypot(fit[0], fit[1]))
+
+
+def _crossings(t: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Times at which x (n,) passes, alternately up and down, its middle between turning points.
+
+    Not the mean of all: the integral still drifts while the ball cycles. With hysteresis: a turning
+    point counts once x has come back from it by eight standard deviations of the noise left after
+    smoothing over 0.1 s, and by 0.6 RMS about a straight line (a sine comes back by 2.8 RMS).
+    """
+    width = max(1, round(SMOOTH_S / float(np.median(np.diff(t)))))
+    kernel = np.ones(width) / width
+    x_s, t_s = np.convolve(x, kernel, "valid"), np.convolve(t, kernel, "valid")
+    line = np.polynomial.polynomial.polyfit(t - t[0], x, 1)
+    rest = np.std(x - np.polynomial.polynomial.polyval(t - t[0], line))
+    turns = _turning_points(x_s, max(8 * noise_std(x) / sqrt(width), 0.6 * float(rest)))
+    times = []
+    for a, b in pairwise(turns):
+        up = np.sign(x_s[b] - x_s[a]) * (x_s[a : b + 1] - (x_s[a] + x_s[b]) / 2)
+        i = int(np.argmax(up >= 0))  # from below to above its middle: i >= 1
+        share = up[i - 1] / (up[i - 1] - up[i])
+        times.append(t_s[a + i - 1] + share * (t_s[a + i] - t_s[a + i - 1]))
+    return np.array(times)
+
+
+def _turning_points(x: np.ndarray, back: float) -> list[int]:
+    """Indices of alternating maxima and minima of x (n,), each followed by a way back > `back`.
+
+    The ends of x are no turning points.
+    """
+    turns, low, high, rising = [], 0, 0, 0
+    for i, value in enumerate(x.tolist()):
+        if value > x[high]:
+            high = i
+        if value < x[low]:
+            low = i
+        if rising >= 0 and x[high] - value > back:
+            turns.append(high)
+            low, rising = i, -1
+        elif rising <= 0 and value - x[low] > back:
+            turns.append(low)
+            high, rising = i, 1
+    return [i for i in turns if i > 0]
+
+
+def noise_std(x: np.ndarray) -> float:
+    """Standard deviation of white noise on smooth samples (n,): from second differences, robust."""
+    second = np.diff(x, 2)
+    second = np.abs(second[np.isfinite(second)])
+    if not len(second):
+        return 0.0
+    middle = float(np.median(second)) / 0.6745
+    return (middle if middle > 0 else float(np.sqrt(np.mean(second**2)))) / sqrt(6)

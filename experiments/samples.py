@@ -1,0 +1,98 @@
+"""The ball's samples of a log: new observations of the run phase, and where they were.
+
+Only rows of phase 2 (run) count, times from the first of them; a log without phases (an import) is
+a run from its first row. What a log lacks is NaN.
+"""
+
+from dataclasses import dataclass
+from math import nan, sqrt
+
+import numpy as np
+
+from rig.log import Log, Phase
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where the ball was over a stretch: all [m], NaN without samples.
+
+    centroid_m (2,): mean; distance_m: of the mean from the mean target; spread_m: RMS about the
+    mean, both axes together; error_rms_m: RMS distance to the target. A missing axis is left out.
+    """
+
+    centroid_m: np.ndarray
+    distance_m: float
+    spread_m: float
+    error_rms_m: float
+    samples: int
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """New observations of the run phase: t_s (k,) from its first row, xy_m and target_m (k, 2).
+
+    `target_m` is what was asked for when the light hit the sensor; the plate's centre where the
+    log does not say. `pushed` (k,): a push was on. until_s (k,): until when it stood in the
+    log, which may hold values: what comes much later followed a gap.
+    """
+
+    t_s: np.ndarray
+    xy_m: np.ndarray
+    target_m: np.ndarray
+    pushed: np.ndarray
+    until_s: np.ndarray
+
+    def where(self, chosen: np.ndarray | slice) -> "Samples":
+        """Return the samples of the mask or slice `chosen`."""
+        return Samples(**{name: values[chosen] for name, values in vars(self).items()})
+
+    @property
+    def off_m(self) -> np.ndarray:
+        """Distance of each sample to its target [m], over the axes that the log has."""
+        return np.sqrt(np.nansum((self.xy_m - self.target_m) ** 2, axis=1))
+
+
+def run_part(log: Log) -> Log:
+    """Return the rows of the run phase; all rows of a log without phases."""
+    return log.where(log["phase"] == Phase.RUN) if log.has("phase") else log
+
+
+def ball_samples(log: Log) -> Samples:
+    """Return the ball's samples of a log's run phase."""
+    run = run_part(log)
+    t_s, xy = run.ball()
+    tick = run["t_s"]
+    start = tick[0] if len(tick) else 0.0
+    at = np.clip(np.searchsorted(tick, t_s + 1e-9, side="right") - 1, 0, None)
+    target = np.column_stack([run["target_x_m"], run["target_y_m"]])[at]
+    seen = tick[~np.isnan(run["ball_x_m"]) | ~np.isnan(run["ball_y_m"])]
+    held = seen[np.searchsorted(seen, np.append(t_s[1:], np.inf)) - 1] if len(seen) else t_s
+    return Samples(
+        t_s=t_s - start,
+        xy_m=xy,
+        target_m=np.where(np.isnan(target), 0.0, target),
+        pushed=np.nan_to_num(run["push"])[at] != 0,
+        until_s=np.maximum(held[: len(t_s)], t_s) - start,
+    )
+
+
+def place(ball: Samples) -> Place:
+    """Reduce samples to where the ball was."""
+    if not len(ball.t_s):
+        return Place(np.full(2, nan), nan, nan, nan, 0)
+    centroid = mean_seen(ball.xy_m)
+    away = np.nansum((centroid - ball.target_m.mean(axis=0)) ** 2)
+    spread = np.nansum(mean_seen((ball.xy_m - centroid) ** 2))
+    error = sqrt(np.mean(ball.off_m**2))
+    return Place(centroid, float(np.sqrt(away)), float(np.sqrt(spread)), error, len(ball.t_s))
+
+
+def mean_seen(values: np.ndarray) -> np.ndarray:
+    """Mean over the rows of values (n, 2) that are numbers, (2,); NaN where there are none."""
+    count = (~np.isnan(values)).sum(axis=0)
+    return np.where(count > 0, np.nansum(values, axis=0) / np.maximum(count, 1), nan)
+
+
+def pair(log: Log, name: str) -> np.ndarray:
+    """Return the x and y column of a signal, (n, 2); `{}` in the name is the axis."""
+    return np.column_stack([log[name.format(axis)] for axis in "xy"])

@@ -1,0 +1,157 @@
+"""The command line: exit codes, one line for every mistake, nothing recorded lost."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments import cli
+from experiments.importing import read_log
+from experiments.recording import read_run
+
+QUICK = 'title = "quick"\nduration_s = 1.0\n[start]\nhold_s = 0.0\n'
+
+
+def call(monkeypatch, *arguments: str) -> int:
+    monkeypatch.setattr(sys, "argv", ["rig", *arguments])
+    try:
+        cli.main()
+    except SystemExit as end:
+        return int(end.code or 0)
+    return 0
+
+
+@pytest.fixture
+def quick(tmp_path: Path) -> str:
+    path = tmp_path / "quick.toml"
+    path.write_text(QUICK)
+    return str(path)
+
+
+def test_run_report_export_import(monkeypatch, capsys, tmp_path: Path, quick: str):
+    out = tmp_path / "out"
+    assert call(monkeypatch, "run", quick, "--out", str(out), "--seed", "4") == 0
+    runs = sorted((out / "runs").iterdir(), key=lambda run: read_run(run).meta["arm"])
+    assert [read_run(run).meta["arm"] for run in runs] == ["with", "without"]
+    results = json.loads((out / "results.json").read_text())
+    assert {run["folder"] for run in results["runs"]} == {run.name for run in runs}
+    for suffix in ("csv", "parquet", "mat"):
+        target = tmp_path / f"log.{suffix}"
+        assert call(monkeypatch, "export", str(runs[0]), "--out", str(target)) == 0
+        back, run = read_log(target), read_run(runs[0]).log
+        assert np.array_equal(back["theta_x_rad"], run["theta_x_rad"])
+    assert call(monkeypatch, "reject", str(runs[1]), "ball touched") == 0
+    assert call(monkeypatch, "report", *map(str, runs), "--out", str(tmp_path / "r")) == 0
+    page = (tmp_path / "r" / "report.html").read_text()
+    assert "rejected: ball touched" in page
+    assert "virtual rig" in page
+    assert "http" not in page.replace("http-equiv", "")  # self-contained
+    assert len(json.loads((tmp_path / "r" / "results.json").read_text())["runs"]) == 1
+    capsys.readouterr()
+
+
+def test_effects_lists_the_whole_catalogue(monkeypatch, capsys):
+    assert call(monkeypatch, "effects") == 0
+    shown = capsys.readouterr().out
+    from rig.effects import CATALOGUE
+
+    for effect in CATALOGUE:
+        assert effect.name in shown
+        for parameter in effect.parameters:
+            assert parameter.key in shown
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["run", "nothing"], ["unknown protocol", "free-release"]),
+        (["run", "hold", "--arm", "left"], ["--arm left"]),
+        (["run", "hold", "--camera", "film"], ["--camera film"]),
+        (["run", "hold", "--rig", "no.toml"], ["no.toml", "not found"]),
+        (["run", "hold", "--seed", "-1"], ["--seed"]),
+        (["run", "hold", "--out", "/dev/null"], ["/dev/null", "folder"]),
+        (["walk"], ["walk"]),
+        (["report", "nowhere"], ["nowhere", "run.json"]),
+        (["export", "nowhere", "--out", "a.csv"], ["nowhere"]),
+        (["reject", "nowhere", "why"], ["nowhere"]),
+        (["recover", "nowhere"], ["nowhere"]),
+        (["track", "no-such-film.mp4"], ["no-such-film.mp4"]),
+        (["track", "x.mp4", "--calibration", "no.json"], ["no.json"]),
+    ],
+)
+def test_bad_input_is_exit_2_and_one_line(
+    monkeypatch, capsys, tmp_path: Path, arguments: list[str], words: list[str]
+):
+    monkeypatch.chdir(tmp_path)
+    assert call(monkeypatch, *arguments) == 2
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.strip()]
+    assert len(lines) == 1, lines
+    for word in words:
+        assert word in lines[0]
+
+
+def test_a_bad_rig_file_is_exit_2(monkeypatch, capsys, tmp_path: Path):
+    rig = tmp_path / "rig.toml"
+    rig.write_text("[ball]\nradius_m = 0.2\n")
+    assert call(monkeypatch, "run", "hold", "--rig", str(rig), "--out", str(tmp_path)) == 2
+    assert "does not fit on the plate" in capsys.readouterr().err
+
+
+def _start(arguments: list[str], **settings) -> subprocess.Popen:
+    return subprocess.Popen(
+        [sys.executable, "-m", "experiments.cli", *arguments],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        **settings,
+    )
+
+
+def _rows(out: Path) -> int:
+    try:
+        return len(read_run(next((out / "runs").iterdir())).log)
+    except (OSError, ValueError, StopIteration):
+        return 0
+
+
+def test_ctrl_c_is_exit_130_and_keeps_what_was_recorded(tmp_path: Path):
+    protocol, out = tmp_path / "long.toml", tmp_path / "out"
+    protocol.write_text('title = "long"\nduration_s = 3000\n[start]\nhold_s = 0.0\n')
+    child = _start(["run", str(protocol), "--arm", "with", "--out", str(out)])
+    deadline = time.monotonic() + 60
+    while _rows(out) < 1000 and time.monotonic() < deadline:
+        time.sleep(0.2)
+    child.send_signal(signal.SIGINT)
+    _, error = child.communicate(timeout=60)
+    assert child.returncode == 130
+    assert "interrupted" in error.splitlines()[-1]
+    assert "Traceback" not in error
+    run = read_run(next((out / "runs").iterdir()))
+    assert run.meta["outcome"] == "interrupted"
+    assert len(run.log) >= 1000
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="file size limits are POSIX")
+def test_a_full_disk_is_exit_1_and_keeps_what_was_recorded(tmp_path: Path):
+    import resource
+
+    def small_disk() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, 400_000))
+
+    out = tmp_path / "out"
+    environment = os.environ | {"PYTHONDONTWRITEBYTECODE": "1"}
+    child = _start(
+        ["run", "hold", "--arm", "with", "--out", str(out)], preexec_fn=small_disk, env=environment
+    )
+    _, error = child.communicate(timeout=120)
+    assert child.returncode == 1, error
+    assert "Traceback" not in error
+    assert "stay readable" in error.splitlines()[-1]
+    assert _rows(out) > 500

@@ -1,0 +1,98 @@
+"""The study from end to end, small: its numbers can be recomputed from the recorded runs."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.assemble import load_rig
+from experiments.exporting import export_run
+from experiments.importing import read_log
+from experiments.metrics import run_metrics
+from experiments.numbers import MEASURES, measures
+from experiments.recording import read_run
+from experiments.reproduce import reproduce
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict]:
+    out = tmp_path_factory.mktemp("study")
+    reproduce(load_rig(None), out, seed=1, frames=False, pairs=6, grid_pairs=6)
+    return out, json.loads((out / "results.json").read_text())
+
+
+def test_the_promised_files_are_there(study):
+    out, _ = study
+    for figure in ("07", "08", "10", "11", "12", "13", "14"):
+        assert (out / f"fig{figure}.png").stat().st_size > 10_000
+        assert (out / f"fig{figure}.svg").stat().st_size > 10_000
+    page = (out / "report.html").read_text()
+    assert page.count("data:image/png;base64,") >= 11
+    assert "<script" not in page
+
+
+def test_results_have_the_contracts_shape(study):
+    _, results = study
+    assert results["source"] == "simulated"
+    figures = results["figures"]
+    assert set(figures) == {"7", "8", "10", "11", "12", "13", "14"}
+    assert set(figures["10"]) == {"with", "without"}
+    assert set(figures["12"]) == {"without"}
+    assert set(figures["13"]) == {"with"}
+    for arm in ("with", "without"):
+        entry = figures["10"][arm]
+        assert len(entry["centroid_cm"]) == len(entry["servo_rms_rad"]) == 2
+        assert entry["runs"] == 1
+        assert set(entry["settled"]) >= {"centroid_cm", "distance_cm", "spread_cm"}
+        assert len(figures["14"][arm]["runs_list"]) == figures["14"][arm]["runs"] == 4
+    for claim in results["claims"]:
+        assert claim["holds"] in (True, False, None)
+        assert claim["low"] <= claim["effect"] <= claim["high"]
+        assert claim["runs"] == 6
+        assert claim["unit"] in ("cm", "rad", "s")
+
+
+def test_figure_numbers_are_recomputed_from_an_exported_run(study, tmp_path: Path):
+    out, results = study
+    for figure in ("10", "12", "13", "14"):
+        for entry in results["figures"][figure].values():
+            for run in entry["runs_list"]:
+                path = export_run(out / "runs" / run["folder"], tmp_path / f"{run['folder']}.csv")
+                log = read_log(path)
+                rows = log["phase"] == 2
+                xy = np.column_stack([log["ball_x_m"], log["ball_y_m"]])[rows]
+                xy = 100 * xy[~np.isnan(xy[:, 0])]
+                assert xy.mean(axis=0) == pytest.approx(run["centroid_cm"], abs=1e-6)
+                assert np.hypot(*xy.mean(axis=0)) == pytest.approx(run["distance_cm"], abs=1e-6)
+
+
+def test_claims_are_recomputed_from_the_run_folders(study):
+    out, results = study
+    runs = [read_run(folder) for folder in (out / "runs").iterdir()]
+    paired = [run for run in runs if run.meta["seed"] >= 1000]
+    assert len(paired) == 24
+    for claim in results["claims"]:
+        values = {"with": {}, "without": {}}
+        for run in paired:
+            if run.meta["protocol"]["name"] == claim["protocol"]:
+                number = measures(run_metrics(run.log))[claim["measure"]]
+                values[run.meta["arm"]][run.meta["seed"]] = number
+        effect = np.mean([values["without"][s] - values["with"][s] for s in values["with"]])
+        assert effect == pytest.approx(claim["effect"], rel=1e-9, abs=1e-12)
+        assert MEASURES[claim["measure"]][0] == claim["unit"]
+
+
+def test_the_grid_covers_gear_and_joint_play_from_0_to_3_degrees(study):
+    _, results = study
+    cells = {(cell["gear_deg"], cell["joint_deg"]) for cell in results["grid"]}
+    assert {0.0, 3.0} <= {g for g, _ in cells}
+    assert len(cells) == 16
+    by_joint = {cell["joint_deg"]: cell["settled_error"]["effect"] for cell in results["grid"]}
+    assert by_joint[3.0] > by_joint[0.0]  # more joint play, more to gain
+
+
+def test_a_second_study_in_the_same_folder_keeps_the_first_ones_runs(study):
+    out, _ = study
+    before = {folder.name for folder in (out / "runs").iterdir()}
+    assert len(before) == 12 + 2 + 24
