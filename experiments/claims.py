@@ -78,6 +78,7 @@ def judge(table: Mapping[str, Rows], seed: int) -> list[dict]:
                 **{key: result[key] for key in ("relevant", "p", "reason")},
                 **{key: result[key] for key in ("mean_without", "mean_with")},
                 "runs": result["n"],
+                "left_out": result["left_out"],  # pairs in which a run did not complete
             }
         )
     adjusted = holm(np.array([claim["p"] for claim in found]))

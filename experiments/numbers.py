@@ -75,7 +75,7 @@ def run_numbers(run: Recorded) -> dict:
 
 
 def _within(run: Recorded) -> dict:
-    """95 % intervals of this one run's settled spread and centroid, its samples being correlated."""
+    """95 % intervals of this one run's settled spread and centroid; samples are correlated."""
     if not run.metrics.has_settled:
         return {}
     w = settled_interval(run.log, rng=np.random.default_rng(12))
@@ -152,6 +152,12 @@ def _mean_seen(values: Sequence[float]) -> float:
 def measures(m: RunMetrics) -> dict[str, float]:
     """Every compared number of one run, by name."""
     return {name: read(m) for name, (_, read) in MEASURES.items()}
+
+
+def completed_measures(m: RunMetrics, outcome: str) -> dict[str, float]:
+    """The same; a run that did not complete counts for nothing: NaN, and its pair is left out."""
+    done = outcome == "completed"
+    return {name: value if done else float("nan") for name, value in measures(m).items()}
 
 
 def _intervals(runs: Sequence[Recorded]) -> dict:

@@ -9,8 +9,6 @@ from pathlib import Path
 
 from jinja2 import Environment
 
-from experiments.numbers import Recorded
-
 
 @dataclass(frozen=True)
 class Shown:
@@ -60,7 +58,7 @@ def write_page(
 
 RUN_HEAD = (
     "run",
-    "seed",
+    "run folder",
     "T [s]",
     "centroid (x, y) [cm]",
     "distance [cm]",
@@ -75,14 +73,14 @@ RUN_HEAD = (
 )
 
 
-def run_row(name: str, seed: object, run: Recorded, numbers: dict) -> list[str]:
+def run_row(name: str, numbers: dict) -> list[str]:
     """One run as a row of the table under RUN_HEAD."""
     settled, cycle = numbers["settled"], numbers["limit_cycle"]
     spread = numbers["settled"].get("spread_interval_cm")
     interval = f" [{number(spread[0], 2)}, {number(spread[1], 2)}]" if spread else ""
     return [
         name,
-        str(seed),
+        numbers["folder"],
         f"{numbers['duration_s']:.1f}",
         ", ".join(f"{v:+.3f}" for v in numbers["centroid_cm"]),
         number(numbers["distance_cm"]),

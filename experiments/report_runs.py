@@ -38,8 +38,8 @@ def report_runs(folders: Sequence[Path], out: Path) -> Path:
     numbers = [run_numbers(run) for run in runs]
     sections = [_run_section(run, meta, out) for run, meta in zip(runs, metas, strict=True)]
     rows = [
-        run_row(f"{_name(meta)} {meta['arm']}", meta["seed"], run, found)
-        for run, meta, found in zip(runs, metas, numbers, strict=True)
+        run_row(f"{_name(meta)} {meta['arm']}", found)
+        for meta, found in zip(metas, numbers, strict=True)
     ]
     write_results(
         out,

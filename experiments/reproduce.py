@@ -21,7 +21,7 @@ from experiments.claims import GRID_DEG, judge, play_grid
 from experiments.console import ProgressCall, silent
 from experiments.folders import write_results
 from experiments.metrics import run_metrics
-from experiments.numbers import Recorded, measures, recorded
+from experiments.numbers import Recorded, completed_measures, recorded
 from experiments.protocol import read_protocol
 from experiments.recording import read_run
 from experiments.runner import Order, contract_columns, keep_simulated, run, simulate_order
@@ -135,7 +135,7 @@ def _claim_runs(rig: Rig, out: Path, seed: int, pairs: int, progress: ProgressCa
         result = simulate_order(order)
         kept = replace(result, log=contract_columns(result.log))
         keep_simulated(order, kept)
-        return measures(run_metrics(kept.log))
+        return completed_measures(run_metrics(kept.log), kept.outcome)
 
     progress("paired repetitions", 0, len(orders))
     rows = _each(one, orders, lambda k: progress("paired repetitions", k, len(orders)))
@@ -149,13 +149,17 @@ def _grid_rows(rig: Rig, seed: int, pairs: int, cells: int, progress: ProgressCa
     """A function (gear, joint play in degrees) -> arm -> measures, one row a seed."""
     protocol, finished = read_protocol("free-release"), [0]
 
+    def one(order: Order) -> dict[str, float]:
+        result = simulate_order(order)
+        return completed_measures(run_metrics(result.log), result.outcome)
+
     def rows_of(gear_deg: float, joint_deg: float) -> dict[str, list[dict]]:
         played = with_play(rig, gear_rad=radians(gear_deg), joint_rad=radians(joint_deg))
         seeds = range(seed + 2000, seed + 2000 + pairs)
         orders = [
             Order(another_unit(played, s), protocol, arm, s, Path()) for arm in ARMS for s in seeds
         ]
-        rows = _each(lambda o: measures(run_metrics(simulate_order(o).log)), orders)
+        rows = _each(one, orders)
         finished[0] += 1
         progress("cells of play", finished[0], cells)
         return {"without": rows[:pairs], "with": rows[pairs:]}
