@@ -14,14 +14,11 @@ import cv2
 import numpy as np
 
 from vision.appearance import SIGNED_ABOVE, Appearance
-from vision.rays import KERNEL, cast, fit, lookup, share
+from vision.outline import Outline, trace
+from vision.rays import lookup, share
 
 __all__ = ["Appearance", "Blob", "Detection", "find", "locate"]
 
-# Prior of the flattening, share of the radius: of a sphere (perspective, lens), which keeps an
-# outline in its form where a hand or a thing of its colour hides part of it; and of a sphere
-# blurred by its motion, which is believed only of a whole outline.
-FLAT_STD, BLURRED_STD = 0.03, 0.12
 # What the outline deviates from an ellipse in a common way (blur, a shadow's edge) does not average
 # out over the rays; this share of the residual is added to the centre's sigma.
 OUTLINE_SHARE = 0.05
@@ -29,6 +26,7 @@ OUTLINE_SHARE = 0.05
 # by about this much (px) per relative first harmonic of the edge's strength.
 LIGHT_SHARE_PX = 0.06
 UNSIGNED_REACH = 0.25
+WHOLE = 0.85  # share of the rays from which an outline counts as free all round
 REACH = 0.6  # rays search from (1 - REACH) to (1 + REACH) radii
 
 
@@ -136,80 +134,57 @@ def locate(
 ) -> Detection | None:
     """The disc near a guess, or None where too few edges lie on any ellipse.
 
-    Two passes: the first with the appearance's direction, about the guess; the second with the
-    direction measured at the spot, about the first's centre. Sigma from the residuals:
-    C = s^2 (A' W A + P)^-1 of the ellipse's five parameters, and a share of s for what is common.
+    The first outline is measured along the appearance's direction in colour space, about the guess;
+    the next along the direction found at the spot, about the first's centre. Sigma from the
+    residuals: C = s^2 (A' W A + P)^-1 of the ellipse's five parameters, a share of s for what is
+    common to all rays, and another for light from one side.
     """
     direction, signed = appearance.direction, appearance.signed
     if not appearance.learned:
         direction = appearance.here(image, u_px, v_px, radius_px)[0]
     # Edges of either sign are found inside a mirroring ball too: look for its rim alone.
     reach = reach if signed else min(reach, UNSIGNED_REACH)
-    first = _pass(image, direction, signed, u_px, v_px, radius_px, reach)
+    first = trace(image, direction, signed, u_px, v_px, radius_px, reach)
     if first is None:
         return None
-    u, v, radius = first[:3]
-    local, separation, contrast = appearance.here(image, u, v, radius)
-    signed = separation > SIGNED_ABOVE
-    last = _pass(image, local, signed, u, v, radius, 0.35 if signed else UNSIGNED_REACH)
-    if last is None:
+    line, contrast = _refined(image, appearance, first, direction, signed)
+    if line is None:
         return None
-    u, v, radius, variance, residual, good, inside, lopsided = last
-    octants = good[: len(good) // 8 * 8].reshape(8, -1).mean(1) > 0.34
+    u, v, radius = line.u_px, line.v_px, line.radius_px
+    common = math.hypot(OUTLINE_SHARE * line.residual_px, LIGHT_SHARE_PX * line.lopsided)
+    octants = line.good[: len(line.good) // 8 * 8].reshape(8, -1).mean(1) > 0.34
     return Detection(
         u_px=u,
         v_px=v,
         radius_px=radius,
-        sigma_px=math.hypot(
-            math.sqrt(variance), OUTLINE_SHARE * residual, LIGHT_SHARE_PX * lopsided
-        ),
-        inliers=float(good.sum()) / max(inside, 1),
+        sigma_px=math.hypot(math.sqrt(line.variance_px2), common),
+        inliers=line.share,
         coverage=float(octants.mean()),
         contrast=contrast if appearance.learned and appearance.signed else 1.0,
-        residual_px=residual,
+        residual_px=line.residual_px,
         fill=share(image, appearance.table, u, v, 0.0, 0.85 * radius),
         spill=share(image, appearance.table, u, v, 1.2 * radius + 1.0, 1.6 * radius + 2.0),
     )
 
 
-def _pass(
-    image: np.ndarray,
-    direction: np.ndarray,
-    signed: bool,
-    u: float,
-    v: float,
-    radius: float,
-    reach: float,
-) -> tuple[float, float, float, float, float, np.ndarray, int, float] | None:
-    """Rays and fit about (u, v); None where the fit has run away or rests on too few edges."""
-    n_rays = 8 * int(np.clip(2 * math.pi * radius / 2.0 / 8, 3, 9))
-    points, outer, strength, inside = cast(
-        image, u, v, radius, reach, direction, n_rays, signed, KERNEL
-    )
-    typical = float(np.median(strength))
-    if typical <= 0.0:
-        return None
-    weight = np.clip((strength / typical - 0.15) / 0.35, 0.0, 1.0)
-    result = fit(points, weight, u, v, radius, 0.15 * radius, FLAT_STD, 8)
-    if np.count_nonzero(np.abs(outer - points).max(1) > 0.03 * radius) > 0.2 * inside:
-        # Two edges on many rays: a mirroring ball's rim reflects the plate. The outer one is
-        # the ball's.
-        rim = fit(outer, weight, u, v, 1.1 * radius, 0.15 * radius, FLAT_STD, 8)
-        if rim[5].sum() >= 0.8 * inside and rim[4] < 0.03 * radius and rim[2] > 1.03 * result[2]:
-            result = rim
-    if result[5].sum() < 0.9 * inside or result[4] > 0.03 * radius:
-        blurred = fit(points, weight, u, v, radius, 0.3 * radius, BLURRED_STD, 8)
-        if blurred[5].sum() >= 0.9 * inside:
-            result = blurred
-    u2, v2, radius2, variance, residual, good = result
-    limit = (1.0 + reach) * radius
-    # Comparisons that are false for NaN refuse it too.
-    if not (math.hypot(u2 - u, v2 - v) < limit and 0.3 * radius < radius2 < 2.0 * radius):
-        return None
-    if good.sum() < 10 or not math.isfinite(variance):
-        return None
-    # Rays closer than a pixel's diagonal or so share their pixels, and so their noise.
-    variance *= max(1.0, 2.2 * n_rays / (2 * math.pi * radius2))
-    turn = np.exp(2j * math.pi * np.arange(n_rays) / n_rays)
-    lopsided = 2.0 * abs(complex(turn @ strength)) / max(float(strength.sum()), 1e-9)
-    return u2, v2, radius2, variance, residual, good, inside, float(lopsided)
+def _refined(
+    image: np.ndarray, appearance: Appearance, first: Outline, direction: np.ndarray, signed: bool
+) -> tuple[Outline | None, float]:
+    """The outline along the direction found at the spot, and the contrast there."""
+    line, last, contrast = first, None, 1.0
+    for _ in range(3):
+        u, v, radius = line.u_px, line.v_px, line.radius_px
+        local, separation, contrast = appearance.here(image, u, v, radius)
+        signs = separation > SIGNED_ABOVE
+        last = trace(image, local, signs, u, v, radius, 0.35 if signs else UNSIGNED_REACH)
+        if last is None or math.hypot(last.u_px - u, last.v_px - v) < 0.03 * radius:
+            break
+        # The colours were measured at the wrong place: once more.
+        line = last
+    if first.share < WHOLE:
+        # Something lies in front or beside, and may have been measured as the plate.
+        u, v, radius = first.u_px, first.v_px, first.radius_px
+        known = trace(image, direction, signed, u, v, radius, 0.35 if signed else UNSIGNED_REACH)
+        if last is None or (known is not None and known.variance_px2 < last.variance_px2):
+            last = known
+    return last, contrast

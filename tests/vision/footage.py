@@ -5,6 +5,7 @@ Truth is exact: the ball is a disc with an error-function edge about (u, v).
 
 import math
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from scipy.special import erf
@@ -97,7 +98,17 @@ def _mirror(surround: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 def exposed(image: np.ndarray, noise: float, rng: np.random.Generator) -> np.ndarray:
     """The float image as a camera would give it: noise, rounding, clipping."""
-    return np.clip(np.rint(image + rng.normal(0, noise, image.shape)), 0, 255).astype(np.uint8)
+    bank = _noise_bank(image.shape)
+    shift = int(rng.integers(0, image.shape[1])), int(rng.integers(0, len(bank)))
+    seen = image + np.float32(noise) * np.roll(bank[shift[1]], shift[0], axis=1)
+    return np.clip(np.rint(seen), 0, 255).astype(np.uint8)
+
+
+@lru_cache(maxsize=4)
+def _noise_bank(shape: tuple[int, ...]) -> list[np.ndarray]:
+    """Some frames of unit noise: drawing it anew for every frame would take most of the time."""
+    rng = np.random.default_rng(99)
+    return [rng.standard_normal(shape, np.float32) for _ in range(6)]
 
 
 def still_disc(
@@ -162,4 +173,6 @@ def _hand(image: np.ndarray, place: tuple[float, float], radius: float, over: bo
     u, v = place if over else (place[0], place[1] - 6.0 * radius)
     arm = slice(max(0, int(u - radius)), max(1, int(u + 1.5 * radius)))
     image[: max(0, int(v)), arm] = 0.9 * skin
-    disc(image, (u, v), 2.4 * radius, skin, shade=0.3, blur=3.0)
+    for du, dv, size in ((0, 0, 1.7), (-1.3, 0.5, 1.0), (1.4, 0.3, 1.1), (0.4, 1.2, 1.0)):
+        at = (u + du * radius, v + dv * radius)
+        disc(image, at, size * radius, skin, shade=0.3, blur=2.0)

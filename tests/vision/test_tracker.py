@@ -1,0 +1,192 @@
+"""The tracker on drawn footage: the ball, only the ball, and nothing where it is not."""
+
+from itertools import groupby, pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from footage import rolling
+
+from vision.acquisition import Acquisition
+from vision.appearance import Appearance
+from vision.frames import Frame
+from vision.imposters import Imposters
+from vision.kinematics import Motion
+from vision.sources import open_source
+from vision.tracker import COAST_S, Tracker
+
+REAL = Path(__file__).parents[2].parent / "shared/data/ball_on_plate/balancing_1.mp4"
+
+
+def follow(film, tracker):
+    """(tracks, error px per frame: NaN where not in `track`, infinite where no ball is shown)."""
+    tracks = [tracker.step(frame) for frame in film.frames]
+    errors = []
+    for track, place in zip(tracks, film.truth, strict=True):
+        if track.state != "track":
+            errors.append(np.nan)
+        elif place is None:
+            errors.append(np.inf)
+        else:
+            errors.append(np.hypot(track.u_px - place[0], track.v_px - place[1]))
+    return tracks, np.array(errors)
+
+
+CASES = [
+    ("orange", "wood", 8.0),
+    ("orange", "white", 20.0),
+    ("white", "wood", 20.0),
+    ("white", "dark", 8.0),
+    ("black", "white", 30.0),
+    ("green", "grey", 12.0),
+    ("red", "wood", 32.0),
+]
+
+
+@pytest.mark.parametrize(("colour", "on", "radius"), CASES)
+@pytest.mark.parametrize("named", [True, False])
+def test_ball_among_still_things_of_its_colour(colour, on, radius, named):
+    film = rolling(
+        colour, on=on, radius=radius, decoys=True, hidden=(1.4, 1.8), seconds=2.4, rest_s=0.3
+    )
+    looks = Appearance.of_colour(colour) if named else None
+    tracks, errors = follow(film, Tracker(appearance=looks))
+    assert np.nanmax(errors) < 1.0  # never another thing, never a hidden ball
+    first = next(k for k, t in enumerate(tracks) if t.state == "track")
+    assert first < 0.3 * 30 + 12
+    seen = [t.state for t, p in zip(tracks, film.truth, strict=True) if p is not None]
+    assert seen[first:].count("track") >= len(seen[first:]) - 2
+    back = round(1.8 * 30)
+    assert tracks[back + 1].state == "track"  # found again within two frames
+
+
+@pytest.mark.parametrize("on", ["wood", "dark"])
+def test_mirroring_ball_is_found_by_its_motion(on):
+    film = rolling("steel", on=on, radius=20.0, decoys=True, seconds=2.0, rest_s=0.3)
+    _, errors = follow(film, Tracker(appearance=Appearance.of_colour("steel")))
+    assert np.isfinite(errors).sum() > 35
+    assert np.nanmax(errors) < 2.0
+
+
+def test_ball_that_leaves_is_lost_within_a_tenth_of_a_second():
+    film = rolling("orange", leaves_s=1.0, seconds=2.5, rest_s=0.2)
+    tracks, errors = follow(film, Tracker(appearance=Appearance.of_colour("orange")))
+    assert np.nanmax(errors[[p is not None for p in film.truth]]) < 1.0
+    last = max(k for k, t in enumerate(tracks) if t.state == "track")
+    for frame, track in zip(film.frames[last + 1 :], tracks[last + 1 :], strict=True):
+        in_time = frame.t_s - film.frames[last].t_s <= COAST_S
+        assert track.state == ("coast" if in_time else "lost")
+        assert np.isfinite(track.u_px) == in_time
+
+
+def test_coasting_sigma_grows():
+    film = rolling("green", on="white", hidden=(1.0, 1.5), seconds=1.4, fps=60, rest_s=0.2)
+    tracks, _ = follow(film, Tracker(appearance=Appearance.of_colour("green")))
+    coasts = [list(g) for s, g in groupby(tracks, lambda t: t.state) if s == "coast"]
+    sigmas = [t.sigma_px for t in coasts[-1]]
+    assert len(sigmas) >= 5
+    assert all(a < b for a, b in pairwise(sigmas))
+
+
+def test_plate_without_a_ball_stays_in_search():
+    film = rolling("orange", hidden=(0.0, 9.0), seconds=1.5)
+    empty = [f for f, p in zip(film.frames, film.truth, strict=True) if p is None]
+    tracker = Tracker()
+    assert {tracker.step(f).state for f in empty} == {"search"}
+
+
+def test_still_thing_taken_for_the_ball_is_given_up_when_the_ball_moves_in():
+    film = rolling("orange", decoys=True, seconds=3.0, rest_s=0.0, radius=18.0)
+    away = rolling("orange", decoys=True, seconds=0.5, leaves_s=-99.0, radius=18.0)
+    tracker = Tracker(appearance=Appearance.of_colour("orange"))
+    for frame in away.frames:  # the decoy alone: it may be believed for now
+        tracker.step(Frame(frame.image, frame.t_s - 1.0, frame.index))
+    _, errors = follow(film, tracker)
+    assert np.nanmax(errors[20:]) < 1.0
+    assert np.isfinite(errors[20:]).mean() > 0.9
+
+
+def test_mask_and_radius_keep_the_tracker_off_other_things():
+    film = rolling("green", on="white", decoys=True, seconds=1.0, rest_s=9.0)
+    mask = np.zeros((480, 640), np.uint8)
+    mask[150:350, 50:400] = 255  # the ball's side of the plate
+    looks = Appearance.of_colour("green")
+    _, errors = follow(film, Tracker(appearance=looks, mask=mask))
+    assert np.isfinite(errors[2:]).all()
+    tracks, _ = follow(film, Tracker(appearance=looks, mask=mask, radius_px=(30, 40)))
+    assert {t.state for t in tracks} == {"search"}
+
+
+def test_time_that_stands_still_or_runs_back_is_survived():
+    film = rolling("green", on="white", seconds=1.5, rest_s=0.2)
+    tracker = Tracker(appearance=Appearance.of_colour("green"))
+    for frame, place in zip(film.frames, film.truth, strict=True):
+        track = tracker.step(Frame(frame.image, (frame.index // 3) * 0.1, frame.index))
+        if track.state == "track":
+            assert place is not None
+            assert np.hypot(track.u_px - place[0], track.v_px - place[1]) < 1.0
+    assert track.state == "track"
+
+
+def test_acquisition_learns_colour_and_size():
+    film = rolling("blue", on="grey", radius=14.0, rest_s=0.2, decoys=True)
+    acquisition = Acquisition()
+    got = next(got for f in film.frames if (got := acquisition.step(f)) is not None)
+    looks, found = got
+    assert found.radius_px == pytest.approx(14.0, abs=0.5)
+    assert np.argmax(looks.ball_bgr) == 0
+
+
+def test_acquisition_keeps_to_the_colour_that_was_asked_for():
+    film = rolling("blue", on="grey", radius=14.0, rest_s=0.2, seconds=2.0)
+    acquisition = Acquisition(colour=Appearance.of_colour("red"))
+    assert all(acquisition.step(f) is None for f in film.frames)
+
+
+def test_imposters_are_remembered_and_forgotten():
+    film = rolling("green", on="white", decoys=True, seconds=0.1)
+    image, place = film.frames[0].image, film.truth[0]
+    assert place is not None
+    looks = Appearance.learn(image, *place, 16.0)
+    known = Imposters((480, 640))
+    for _ in range(20):
+        known.update(image, looks, *place, 16.0, 1 / 30)
+    assert known.at(0.8 * 640, 0.25 * 480, 16.0) > 0.75
+    assert known.at(*place, 16.0) == 0.0
+    known.add(*place, 16.0)
+    assert known.at(*place, 16.0) > 0.9
+
+
+def test_prediction_follows_constant_speed():
+    motion = Motion.start(100.0, 50.0, 20.0, 0.1, 0.0)
+    for k in range(1, 40):
+        motion = motion.at(k / 60, 20.0).corrected(100 + 5.0 * k, 50 - 2.0 * k, 0.1)
+    ahead = motion.at(40 / 60, 20.0)
+    assert ahead.place == pytest.approx([300.0, -30.0], abs=0.3)
+    assert ahead.sigma_px > motion.sigma_px
+
+
+@pytest.mark.skipif(not REAL.exists(), reason=f"footage not found: {REAL}")
+def test_real_footage_is_followed_to_its_end():
+    # Places read off raw contact sheets by eye (index in the file: u, v), good to about 4 px.
+    truth = {
+        700: (207, 210),
+        1513: (296, 383),
+        1726: (361, 225),
+        2985: (285, 316),
+        3591: (292, 267),
+        3988: (216, 265),
+        5923: (381, 343),
+    }
+    tracker = Tracker(appearance=Appearance.of_colour("green"))
+    states, shown = [], {}
+    with open_source(REAL) as source:
+        for frame in source:
+            track = tracker.step(frame)
+            states.append(track.state)
+            for index in truth:
+                if frame.index <= index:
+                    shown[index] = (track.u_px, track.v_px)
+    off = [np.hypot(*np.subtract(shown[index], place)) for index, place in truth.items()]
+    assert max(off) < 8.0
+    assert states.count("track") > 0.97 * len(states)
