@@ -144,7 +144,7 @@ def locate(
         direction = appearance.here(image, u_px, v_px, radius_px)[0]
     # Edges of either sign are found inside a mirroring ball too: look for its rim alone.
     reach = reach if signed else min(reach, UNSIGNED_REACH)
-    first = trace(image, direction, signed, u_px, v_px, radius_px, reach)
+    first = _settled(image, direction, signed, (u_px, v_px, radius_px), reach)
     if first is None:
         return None
     line, contrast = _refined(image, appearance, first, direction, signed)
@@ -165,6 +165,26 @@ def locate(
         fill=share(image, appearance.table, u, v, 0.0, 0.85 * radius),
         spill=share(image, appearance.table, u, v, 1.2 * radius + 1.0, 1.6 * radius + 2.0),
     )
+
+
+def _settled(
+    image: np.ndarray,
+    direction: np.ndarray,
+    signed: bool,
+    guess: tuple[float, float, float],
+    reach: float,
+) -> Outline | None:
+    """The outline about a guess, cast anew where the guess was so far off that rays fell short."""
+    line = None
+    for _ in range(3):
+        line = trace(image, direction, signed, *guess, reach)
+        if line is None:
+            return None
+        u, v, radius = guess
+        guess = line.u_px, line.v_px, line.radius_px
+        if math.hypot(guess[0] - u, guess[1] - v) < 0.25 * radius:
+            break
+    return line
 
 
 def _refined(
