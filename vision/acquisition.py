@@ -26,6 +26,9 @@ AT_MOST = 12
 # Of the image's longer side: a mark at the edge of a plate tilted by 6 degrees shifts by 1 %.
 TRAVEL = 0.03
 LEAST_WEIGHT = 7.0
+# A ball's outline is whole and sharp. Its shadow on a bright plate is round and moves as well,
+# but its edge is soft here and hidden by the ball there.
+LEAST_QUALITY = 0.83
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +61,7 @@ class Mover:
 
     def convincing(self, least_px: float) -> bool:
         """Seen often, of one size, and travelling (over `least_px`) rather than jittering."""
-        if len(self.path) < 6 or self.misses or self.quality < 0.8:
+        if len(self.path) < 6 or self.misses or self.quality < LEAST_QUALITY:
             return False
         path = np.array(self.path)
         radius = float(np.median(path[:, 2]))
