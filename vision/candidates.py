@@ -9,8 +9,10 @@ import numpy as np
 
 from vision.appearance import Appearance
 from vision.detector import Detection, find, locate
-from vision.gate import believable
+from vision.gate import TELLING_FILL, believable
 from vision.imposters import Imposters
+from vision.repeats import noise_level
+from vision.votes import circles
 
 AT_MOST = 8
 KNOWN_STILL = 0.4
@@ -102,3 +104,28 @@ def chosen(candidates: list[Candidate], *, at_once: bool) -> Candidate | None:
         return None
     whole = here[0].seen.inliers > 0.85 and here[0].seen.coverage == 1.0
     return here[0] if here[0].hits >= 2 or (at_once and whole) else None
+
+
+def rough_places(
+    image: np.ndarray,
+    looks: Appearance,
+    origin: tuple[float, float],
+    radius_px: float,
+    limit_px: float,
+) -> list[tuple[float, float]]:
+    """Rough centres within `limit_px` of the origin, nearest first: patches of the ball's colour,
+    and circles of its size where its colour tells little."""
+    u, v = origin
+    reach = limit_px + 1.6 * radius_px
+    x0, y0 = max(0, int(u - reach)), max(0, int(v - reach))
+    window = image[y0 : max(0, int(v + reach)) + 1, x0 : max(0, int(u + reach)) + 1]
+    if min(window.shape[:2]) < radius_px:
+        return []
+    blobs = find(window, looks, radius_px=(radius_px / 1.3, radius_px * 1.3))[:4]
+    places = [(b.u_px + x0, b.v_px + y0) for b in blobs]
+    if looks.fill < TELLING_FILL:
+        rings = circles(
+            window, radius_px * np.array([0.93, 1.0, 1.07]), noise=noise_level(window), at_most=3
+        )
+        places += [(c.u_px + x0, c.v_px + y0) for c in rings]
+    return sorted(places, key=lambda p: math.hypot(p[0] - u, p[1] - v))

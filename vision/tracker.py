@@ -15,19 +15,19 @@ import numpy as np
 
 from vision.acquisition import Acquisition
 from vision.appearance import Appearance
-from vision.candidates import KNOWN_STILL, Candidate, chosen, discs, follow
-from vision.detector import Detection, find, locate
+from vision.candidates import KNOWN_STILL, Candidate, chosen, discs, follow, rough_places
+from vision.detector import Detection, locate
 from vision.frames import Frame, Track
 from vision.gate import TELLING_FILL, believable
 from vision.imposters import Imposters
 from vision.kinematics import Motion
-from vision.votes import circles
 
 COAST_S = 0.100
 # How far the radius may be from what it was: the ball nears and leaves the lens by a few per cent,
 # a wide lens and motion blur do the rest.
 RADIUS_SLACK = 0.25
 GATE_SIGMAS = 4.0
+ADAPT_SHARE = 0.03  # of every whole view of the ball, into its looks and size
 # Looks that the tracker taught itself and has not seen for so long may have been a hand's.
 DOUBT_S = 1.0
 
@@ -110,17 +110,11 @@ class Tracker:
         else:
             self._motion = ahead.corrected(u, v, sigma)
         self._state, self._good_s = "track", frame.t_s
-        whole = found.inliers > 0.85 and found.coverage == 1.0
-        if whole:
-            self._radius_px += 0.05 * (found.radius_px - self._radius_px)
-            share = 0.03
-            self.appearance = looks.adapted(
-                frame.image, found.u_px, found.v_px, found.radius_px, share
-            )
+        if found.inliers > 0.85 and found.coverage == 1.0:
+            self._radius_px += ADAPT_SHARE * (found.radius_px - self._radius_px)
+            self.appearance = looks.adapted(frame.image, u, v, found.radius_px, ADAPT_SHARE)
         if looks.fill >= TELLING_FILL:
-            imposters.update(
-                frame.image, looks, found.u_px, found.v_px, self._radius_px, max(dt, 0.0)
-            )
+            imposters.update(frame.image, looks, u, v, self._radius_px, dt)
         span = math.hypot(found.u_px - self._lock_px[0], found.v_px - self._lock_px[1])
         self._proven |= span > max(5.0, 0.5 * self._radius_px)
         return Track("track", found.u_px, found.v_px, found.sigma_px, found.radius_px)
@@ -147,6 +141,14 @@ class Tracker:
             slack = 1.0 + RADIUS_SLACK
             return self._radius_px / slack, self._radius_px * slack
         return self._given_bounds or (4.0, 0.22 * min(image.shape[:2]))
+
+    def _inside(self, found: Detection) -> bool:
+        """Whether its centre is where the ball can be."""
+        if self._mask is None:
+            return True
+        h, w = self._mask.shape[:2]
+        i, j = round(found.v_px), round(found.u_px)
+        return 0 <= i < h and 0 <= j < w and bool(self._mask[i, j])
 
     def _search(self, frame: Frame) -> Detection | None:
         """The ball anywhere in the image, by its looks or, while these are unknown, its motion."""
@@ -220,6 +222,8 @@ class Tracker:
             jump = min(math.hypot(found.u_px - u, found.v_px - v) for u, v in origins)
             if jump > far or not believable(found, looks, bounds, strict=jump > near):
                 return False
+            if not self._inside(found):
+                return False
             # A flat mark may be rolled over, step by step; a still thing is not jumped to.
             on = imposters.at(found.u_px, found.v_px, radius)
             return on <= KNOWN_STILL or was_on > 0.1
@@ -228,29 +232,11 @@ class Tracker:
         if good(found):
             return found
         for origin in origins:
-            for u, v in self._coarse(image, *origin, far):
+            for u, v in rough_places(image, looks, origin, radius, far):
                 found = locate(image, looks, u, v, radius)
                 if good(found):
                     return found
         return None
-
-    def _coarse(
-        self, image: np.ndarray, u: float, v: float, limit: float
-    ) -> list[tuple[float, float]]:
-        """Rough centres within the gate, nearest to the prediction first."""
-        looks, radius = self.appearance, self._radius_px
-        assert looks is not None
-        reach = limit + 1.6 * radius
-        x0, y0 = max(0, int(u - reach)), max(0, int(v - reach))
-        window = image[y0 : max(0, int(v + reach)) + 1, x0 : max(0, int(u + reach)) + 1]
-        if min(window.shape[:2]) < radius:
-            return []
-        blobs = find(window, looks, radius_px=(radius / 1.3, radius * 1.3))[:4]
-        places = [(b.u_px + x0, b.v_px + y0) for b in blobs]
-        if looks.fill < TELLING_FILL:
-            rings = circles(window, radius * np.array([0.93, 1.0, 1.07]), noise=2.0, at_most=3)
-            places += [(c.u_px + x0, c.v_px + y0) for c in rings]
-        return sorted(places, key=lambda p: math.hypot(p[0] - u, p[1] - v))
 
 
 def _gates(ahead: Motion, radius_px: float) -> tuple[float, float]:
@@ -259,6 +245,5 @@ def _gates(ahead: Motion, radius_px: float) -> tuple[float, float]:
     The far gate allows for kicks and for time stamps that jitter by a frame or two.
     """
     reach = GATE_SIGMAS * ahead.sigma_px
-    return min(reach, 2.0 * radius_px) + 0.3 * radius_px, min(
-        reach, 4.0 * radius_px
-    ) + 2 * radius_px
+    near = min(reach, 2.0 * radius_px) + 0.3 * radius_px
+    return near, min(reach, 4.0 * radius_px) + 2.0 * radius_px

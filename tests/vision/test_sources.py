@@ -1,7 +1,6 @@
 """Sources: the right frames at the right times, and one clear line where there are none."""
 
 from fractions import Fraction
-from pathlib import Path
 
 import av
 import cv2
@@ -14,8 +13,6 @@ from hypothesis import strategies as st
 from vision.live import LiveReader
 from vision.repeats import RepeatFilter, has_repeats, noise_level
 from vision.sources import open_source
-
-REAL = Path(__file__).parents[2].parent / "shared/data/ball_on_plate/balancing_1.mp4"
 
 
 def write_video(path, images, *, codec="libx264", fps=30, times=None, crf="18"):
@@ -194,12 +191,3 @@ def test_live_reader_keeps_the_newest_frame_and_ends():
     assert reader.read() is None
     reader.close()
     assert camera.released
-
-
-@pytest.mark.skipif(not REAL.exists(), reason=f"footage not found: {REAL}")
-def test_real_footage_has_about_676_distinct_frames():
-    with open_source(REAL) as source:
-        count = sum(1 for _ in source)
-    assert 600 < count < 760
-    assert source.frames_total == 6016
-    assert count + source.duplicates == 6016

@@ -1,0 +1,145 @@
+"""`track_video` end to end: the table, the film, the sheet and the summary agree with the truth."""
+
+import csv
+import json
+import sys
+from fractions import Fraction
+from pathlib import Path
+from types import SimpleNamespace
+
+import av
+import cv2
+import numpy as np
+import pytest
+
+from experiments.track import METRIC_COLUMNS, PIXEL_COLUMNS, learn_looks, track_video
+from vision.view import Camera, View
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "vision"))
+from footage import rolling
+
+REAL = Path(__file__).parents[2].parent / "shared/data/ball_on_plate/balancing_1.mp4"
+
+
+def write(path, film, *, repeat=1):
+    """The film as H.264; truth by index in the file."""
+    with av.open(str(path), "w") as file:
+        stream = file.add_stream("libx264", rate=30 * repeat)
+        stream.height, stream.width = film.frames[0].image.shape[:2]
+        stream.pix_fmt = "yuv420p"
+        stream.options = {"crf": "28", "preset": "ultrafast"}
+        stream.codec_context.time_base = Fraction(1, 30 * repeat)
+        for k, frame in enumerate(f for f in film.frames for _ in range(repeat)):
+            picture = av.VideoFrame.from_ndarray(frame.image, format="bgr24")
+            picture.pts, picture.time_base = k, Fraction(1, 30 * repeat)
+            file.mux(stream.encode(picture))
+        file.mux(stream.encode(None))
+    return path
+
+
+def rows_of(out):
+    with (out / "track.csv").open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def film():
+    return rolling("orange", on="white", radius=14, decoys=True, hidden=(1.2, 1.6), seconds=2.2)
+
+
+@pytest.mark.parametrize("colour", [None, "orange"])
+def test_results_agree_with_the_truth_and_each_other(tmp_path, film, colour):
+    video = write(tmp_path / "v.mp4", film)
+    seen = []
+    summary = track_video(
+        video, tmp_path / "out", ball_colour=colour, progress=lambda k, n: seen.append((k, n))
+    )
+    rows = rows_of(tmp_path / "out")
+    assert tuple(rows[0]) == PIXEL_COLUMNS + METRIC_COLUMNS
+    assert summary == json.loads((tmp_path / "out/results.json").read_text())
+    assert summary["frames"] == len(rows) == sum(summary["states"].values())
+    assert seen[-1] == (66, 66)
+    tracked = 0
+    for row in rows:
+        place = film.truth[int(row["frame"])]
+        assert float(row["t_s"]) == pytest.approx(int(row["frame"]) / 30, abs=1e-3)
+        if row["state"] == "track":
+            tracked += 1
+            assert place is not None
+            assert np.hypot(float(row["u_px"]) - place[0], float(row["v_px"]) - place[1]) < 1
+        assert (row["u_px"] == "") == (row["state"] in ("search", "lost"))
+        assert all(row[name] == "" for name in METRIC_COLUMNS)
+    visible = sum(p is not None for p in film.truth)
+    assert tracked >= visible - 20
+    if colour is None:
+        assert abs(summary["ball"]["radius_px"] - 14) < 0.5
+
+
+def test_film_and_sheet_show_the_distinct_frames_only(tmp_path, film):
+    video = write(tmp_path / "v.mp4", film, repeat=3)
+    summary = track_video(video, tmp_path / "out", ball_colour="orange")
+    assert summary["duplicates"] > len(film.frames)
+    capture = cv2.VideoCapture(str(tmp_path / "out/overlay.mp4"))
+    count = 0
+    while capture.read()[0]:
+        count += 1
+    assert count == summary["frames"]
+    sheet = cv2.imread(str(tmp_path / "out/contact_sheet.png"))
+    assert sheet is not None
+    assert sheet.shape[1] == 6 * 320
+
+
+def test_calibration_gives_metres(tmp_path, film):
+    pose = np.eye(4)
+    pose[:3, :3] = np.diag([1.0, -1.0, -1.0])  # the camera looks down, plate +y is up in the image
+    pose[2, 3] = 0.75
+    camera = Camera(np.array([[750.0, 0, 320], [0, 750.0, 240], [0, 0, 1]]), np.zeros(5), 640, 480)
+    bundle = SimpleNamespace(view=View(camera, pose), ball_radius_m=0.0137)
+    track_video(
+        write(tmp_path / "v.mp4", film), tmp_path / "out", calibration=bundle, ball_colour="orange"
+    )
+    rows = [row for row in rows_of(tmp_path / "out") if row["state"] == "track"]
+    assert len(rows) > 20
+    for row in rows:
+        place = film.truth[int(row["frame"])]
+        assert place is not None
+        true_m = (np.array([place[0] - 320, 240 - place[1]])) * (0.75 - 0.0137) / 750
+        found_m = np.array([float(row["x_m"]), float(row["y_m"])])
+        assert np.abs(found_m - true_m).max() < 0.0005
+        xx, cross, yy = (float(row[f"cov_{k}_m2"]) for k in ("xx", "xy", "yy"))
+        assert xx > 0
+        assert xx * yy > cross**2
+
+
+def test_still_scene_says_what_to_do(tmp_path):
+    still = rolling("green", seconds=0.7, rest_s=9.0, size=(320, 240))
+    summary = track_video(write(tmp_path / "v.mp4", still), tmp_path / "out")
+    assert summary["states"]["track"] == 0
+    assert "say its colour" in summary["notes"][0]
+    assert learn_looks(tmp_path / "v.mp4") is None
+
+
+@pytest.mark.parametrize(
+    ("name", "error"), [("none.mp4", FileNotFoundError), ("bad.mp4", ValueError)]
+)
+def test_bad_input_makes_no_results(tmp_path, name, error):
+    (tmp_path / "bad.mp4").write_bytes(b"nonsense")
+    with pytest.raises(error, match=name):
+        track_video(tmp_path / name, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_unknown_colour_is_refused_before_anything_is_read(tmp_path):
+    with pytest.raises(ValueError, match="octarine"):
+        track_video("does-not-matter.mp4", tmp_path / "out", ball_colour="octarine")
+
+
+@pytest.mark.skipif(not REAL.exists(), reason=f"footage not found: {REAL}")
+def test_real_footage_without_being_told_the_colour(tmp_path):
+    summary = track_video(REAL, tmp_path)
+    assert summary["states"]["track"] > 0.97 * summary["frames"]
+    assert 600 < summary["frames"] < 760
+    assert summary["frames"] + summary["duplicates"] == 6016
+    assert 23.5 < summary["end_s"] - summary["start_s"] < 24.1
+    blue, green, red = summary["ball"]["bgr"]
+    assert green > 2 * max(blue, red)
