@@ -16,7 +16,7 @@ from vision.appearance import Appearance
 from vision.detector import Detection, locate
 from vision.frames import Frame
 from vision.gate import believable
-from vision.rays import mean_between, share
+from vision.pixels import mean_between, share
 from vision.repeats import noise_level
 from vision.votes import Circle, circles
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from vision.rays import moments, share
+from vision.pixels import moments, share
 
 BINS = 32
 NAMED = {

@@ -15,7 +15,7 @@ import numpy as np
 
 from vision.appearance import SIGNED_ABOVE, Appearance
 from vision.outline import Outline, trace
-from vision.rays import lookup, share
+from vision.pixels import lookup, share
 
 __all__ = ["Appearance", "Blob", "Detection", "find", "locate"]
 
@@ -148,8 +148,6 @@ def locate(
     if first is None:
         return None
     line, contrast = _refined(image, appearance, first, direction, signed)
-    if line is None:
-        return None
     u, v, radius = line.u_px, line.v_px, line.radius_px
     common = math.hypot(OUTLINE_SHARE * line.residual_px, LIGHT_SHARE_PX * line.lopsided)
     octants = line.good[: len(line.good) // 8 * 8].reshape(8, -1).mean(1) > 0.34
@@ -189,8 +187,11 @@ def _settled(
 
 def _refined(
     image: np.ndarray, appearance: Appearance, first: Outline, direction: np.ndarray, signed: bool
-) -> tuple[Outline | None, float]:
-    """The outline along the direction found at the spot, and the contrast there."""
+) -> tuple[Outline, float]:
+    """The outline along the direction found at the spot, and the contrast there.
+
+    Where that direction shows no outline, the first one stays.
+    """
     line, last, contrast = first, None, 1.0
     for _ in range(3):
         u, v, radius = line.u_px, line.v_px, line.radius_px
@@ -207,4 +208,4 @@ def _refined(
         known = trace(image, direction, signed, u, v, radius, 0.35 if signed else UNSIGNED_REACH)
         if last is None or (known is not None and known.variance_px2 < last.variance_px2):
             last = known
-    return last, contrast
+    return (first if last is None else last), contrast

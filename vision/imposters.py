@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from vision.appearance import Appearance
-from vision.rays import lookup
+from vision.pixels import lookup
 
 STEP = 4
 MEMORY_S = 0.3

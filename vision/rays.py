@@ -153,47 +153,50 @@ def _scale(residual, used, floor):
 
 
 @numba.njit(cache=True)
+def _normal(points, weight, used, q, u, v, scale):
+    """A (5, 5) and b (5,) of the weighted least squares about (u, v), and residuals (n,) px.
+
+    Tukey's weights of the residuals against the ellipse q: 0 beyond 4.685 `scale`.
+    """
+    A, b = np.zeros((5, 5)), np.zeros(5)
+    residual = np.zeros(points.shape[0])
+    row = np.zeros(5)
+    cut = 4.685 * scale
+    for i in range(points.shape[0]):
+        if not used[i]:
+            continue
+        du, dv = points[i, 0] - u, points[i, 1] - v
+        r = np.sqrt(du * du + dv * dv) + 1e-12
+        c, s = du / r, dv / r
+        row[0], row[1], row[2], row[3], row[4] = 1.0, c, s, c * c - s * s, 2.0 * c * s
+        e = r - (q[0] + q[3] * row[3] + q[4] * row[4])
+        residual[i] = e
+        if abs(e) < cut:
+            t = weight[i] * (1.0 - (e / cut) ** 2) ** 2
+            for m in range(5):
+                b[m] += t * row[m] * r
+                for o in range(5):
+                    A[m, o] += t * row[m] * row[o]
+    return A, b, residual
+
+
+@numba.njit(cache=True)
 def fit(points, weight, u, v, radius, scale, flat_std, rounds):
     """Robust ellipse r(a) = R + x cos a + y sin a + c cos 2a + s sin 2a through edge points.
 
     A centred ellipse (and a streak, the disc swept along a line) has even harmonics only, so the
-    first harmonic is the centre's error; it is moved away and the angles are taken anew. Tukey
-    weights; c and s are held near 0 with `flat_std` (share of R), which matters when an arc is
-    hidden. `scale` (px) is how far off the guess (u, v, radius) may be: the weights start there and
-    narrow. Returns (u, v, R, variance per axis, rms of the inliers, inlier flags).
+    first harmonic is the centre's error; it is moved away and the angles are taken anew. c and s
+    are held near 0 with `flat_std` (share of R), which matters when an arc is hidden. `scale` (px)
+    is how far off the guess (u, v, radius) may be: the weights start there and narrow. Returns
+    (u, v, R, variance per axis, rms of the inliers, inlier flags).
     """
-    n = points.shape[0]
     used = np.isfinite(points[:, 0]) & (weight > 0.0)
-    residual = np.zeros(n)
-    good = used.copy()
-    q = np.zeros(5)
+    q = np.zeros(5)  # in the first round the model is the guess, a circle
     q[0] = radius
-    A, inverse = np.zeros((5, 5)), np.zeros((5, 5))
-    row = np.zeros(5)
-    variance, rms = np.inf, np.inf
-    for k in range(rounds + 1):
-        A[:] = 0.0
-        b = np.zeros(5)
+    inverse = np.zeros((5, 5))
+    for _ in range(rounds):
+        A, b, _r = _normal(points, weight, used, q, u, v, scale)
         noise = max(scale, 0.02) ** 2
-        cut = 4.685 * scale
-        for i in range(n):
-            if not used[i]:
-                continue
-            du, dv = points[i, 0] - u, points[i, 1] - v
-            r = np.sqrt(du * du + dv * dv) + 1e-12
-            c, s = du / r, dv / r
-            row[0], row[1], row[2], row[3], row[4] = 1.0, c, s, c * c - s * s, 2.0 * c * s
-            # In the first round the model is the guess, a circle.
-            e = r - (q[0] + q[3] * row[3] + q[4] * row[4])
-            residual[i] = e
-            if abs(e) < cut:
-                t = weight[i] * (1.0 - (e / cut) ** 2) ** 2
-                for m in range(5):
-                    b[m] += t * row[m] * r
-                    for o in range(5):
-                        A[m, o] += t * row[m] * row[o]
-        if k == rounds:
-            break
         A[0, 0] += noise / (0.3 * radius) ** 2
         b[0] += noise / (0.3 * radius) ** 2 * radius
         A[1, 1] += 1e-9
@@ -204,16 +207,14 @@ def fit(points, weight, u, v, radius, scale, flat_std, rounds):
         u, v = u + q[1], v + q[2]
         fresh = _after(points, used, q, u, v)
         scale = max(_scale(fresh, used, 0.02), 0.25 * scale)
+    residual = _after(points, used, q, u, v)
     good = used & (np.abs(residual) < 3.0 * scale)
-    count, total = 0, 0.0
-    for i in range(n):
-        if good[i]:
-            count += 1
-            total += residual[i] ** 2
-    if count > 5:
-        rms = np.sqrt(total / count)
-        variance = total / (count - 5) * 0.5 * (inverse[1, 1] + inverse[2, 2])
-    return u, v, q[0], variance, rms, good
+    count = good.sum()
+    if count <= 5:
+        return u, v, q[0], np.inf, np.inf, good
+    total = np.sum(residual[good] ** 2)
+    variance = total / (count - 5) * 0.5 * (inverse[1, 1] + inverse[2, 2])
+    return u, v, q[0], variance, np.sqrt(total / count), good
 
 
 @numba.njit(cache=True)
@@ -227,72 +228,3 @@ def _after(points, used, q, u, v):
             c, s = du / r, dv / r
             out[i] = r - (q[0] + q[3] * (c * c - s * s) + q[4] * 2.0 * c * s)
     return out
-
-
-@numba.njit(cache=True)
-def moments(image, u, v, r_in, r_out):
-    """(count, mean (3,), covariance (3, 3)) of the colours with r_in <= r < r_out about (u, v)."""
-    h, wd, _ = image.shape
-    total, mean, cov = 0, np.zeros(3), np.zeros((3, 3))
-    step = max(1, int(r_out / 16.0))
-    for i in range(max(0, int(v - r_out)), min(h, int(v + r_out) + 2), step):
-        for j in range(max(0, int(u - r_out)), min(wd, int(u + r_out) + 2), step):
-            d = (i - v) ** 2 + (j - u) ** 2
-            if r_in * r_in <= d < r_out * r_out:
-                total += 1
-                for c in range(3):
-                    mean[c] += image[i, j, c]
-                    for e in range(3):
-                        cov[c, e] += float(image[i, j, c]) * image[i, j, e]
-    if total:
-        mean /= total
-        for c in range(3):
-            for e in range(3):
-                cov[c, e] = cov[c, e] / total - mean[c] * mean[e]
-    return total, mean, cov
-
-
-@numba.njit(cache=True)
-def share(image, table, u, v, r_in, r_out):
-    """Mean table value (0..1) of the colours with r_in <= r < r_out about (u, v); 0 where none."""
-    h, wd, _ = image.shape
-    total, hits = 0, 0.0
-    step = max(1, int(r_out / 16.0))
-    for i in range(max(0, int(v - r_out)), min(h, int(v + r_out) + 2), step):
-        for j in range(max(0, int(u - r_out)), min(wd, int(u + r_out) + 2), step):
-            d = (i - v) ** 2 + (j - u) ** 2
-            if r_in * r_in <= d < r_out * r_out:
-                b, g, r = image[i, j, 0] >> 3, image[i, j, 1] >> 3, image[i, j, 2] >> 3
-                total += 1
-                hits += table[(int(b) << 10) | (int(g) << 5) | int(r)]
-    return hits / total / 255.0 if total else 0.0
-
-
-@numba.njit(cache=True)
-def lookup(image, table, step):
-    """Table values (h // step, w // step) uint8 of the colours of every step-th pixel."""
-    h, wd = image.shape[0] // step, image.shape[1] // step
-    out = np.empty((h, wd), np.uint8)
-    for i in range(h):
-        for j in range(wd):
-            b, g, r = (
-                image[i * step, j * step, 0] >> 3,
-                image[i * step, j * step, 1] >> 3,
-                image[i * step, j * step, 2] >> 3,
-            )
-            out[i, j] = table[(int(b) << 10) | (int(g) << 5) | int(r)]
-    return out
-
-
-@numba.njit(cache=True)
-def mean_between(image, u, v, r_in, r_out):
-    """Mean of a grey image (h, w) with r_in <= r < r_out about (u, v); 0 where none."""
-    h, wd = image.shape
-    total, value = 0, 0.0
-    for i in range(max(0, int(v - r_out)), min(h, int(v + r_out) + 2)):
-        for j in range(max(0, int(u - r_out)), min(wd, int(u + r_out) + 2)):
-            d = (i - v) ** 2 + (j - u) ** 2
-            if r_in * r_in <= d < r_out * r_out:
-                total += 1
-                value += image[i, j]
-    return value / total if total else 0.0

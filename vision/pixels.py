@@ -1,0 +1,75 @@
+"""Compiled kernels over the pixels in and around a disc: colours, scatter, P(ball)."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+
+@numba.njit(cache=True)
+def moments(image, u, v, r_in, r_out):
+    """(count, mean (3,), covariance (3, 3)) of the colours with r_in <= r < r_out about (u, v)."""
+    h, wd, _ = image.shape
+    total, mean, cov = 0, np.zeros(3), np.zeros((3, 3))
+    step = max(1, int(r_out / 16.0))
+    for i in range(max(0, int(v - r_out)), min(h, int(v + r_out) + 2), step):
+        for j in range(max(0, int(u - r_out)), min(wd, int(u + r_out) + 2), step):
+            d = (i - v) ** 2 + (j - u) ** 2
+            if r_in * r_in <= d < r_out * r_out:
+                total += 1
+                for c in range(3):
+                    mean[c] += image[i, j, c]
+                    for e in range(3):
+                        cov[c, e] += float(image[i, j, c]) * image[i, j, e]
+    if total:
+        mean /= total
+        for c in range(3):
+            for e in range(3):
+                cov[c, e] = cov[c, e] / total - mean[c] * mean[e]
+    return total, mean, cov
+
+
+@numba.njit(cache=True)
+def share(image, table, u, v, r_in, r_out):
+    """Mean table value (0..1) of the colours with r_in <= r < r_out about (u, v); 0 where none."""
+    h, wd, _ = image.shape
+    total, hits = 0, 0.0
+    step = max(1, int(r_out / 16.0))
+    for i in range(max(0, int(v - r_out)), min(h, int(v + r_out) + 2), step):
+        for j in range(max(0, int(u - r_out)), min(wd, int(u + r_out) + 2), step):
+            d = (i - v) ** 2 + (j - u) ** 2
+            if r_in * r_in <= d < r_out * r_out:
+                b, g, r = image[i, j, 0] >> 3, image[i, j, 1] >> 3, image[i, j, 2] >> 3
+                total += 1
+                hits += table[(int(b) << 10) | (int(g) << 5) | int(r)]
+    return hits / total / 255.0 if total else 0.0
+
+
+@numba.njit(cache=True)
+def lookup(image, table, step):
+    """Table values (h // step, w // step) uint8 of the colours of every step-th pixel."""
+    h, wd = image.shape[0] // step, image.shape[1] // step
+    out = np.empty((h, wd), np.uint8)
+    for i in range(h):
+        for j in range(wd):
+            b, g, r = (
+                image[i * step, j * step, 0] >> 3,
+                image[i * step, j * step, 1] >> 3,
+                image[i * step, j * step, 2] >> 3,
+            )
+            out[i, j] = table[(int(b) << 10) | (int(g) << 5) | int(r)]
+    return out
+
+
+@numba.njit(cache=True)
+def mean_between(image, u, v, r_in, r_out):
+    """Mean of a grey image (h, w) with r_in <= r < r_out about (u, v); 0 where none."""
+    h, wd = image.shape
+    total, value = 0, 0.0
+    for i in range(max(0, int(v - r_out)), min(h, int(v + r_out) + 2)):
+        for j in range(max(0, int(u - r_out)), min(wd, int(u + r_out) + 2)):
+            d = (i - v) ** 2 + (j - u) ** 2
+            if r_in * r_in <= d < r_out * r_out:
+                total += 1
+                value += image[i, j]
+    return value / total if total else 0.0
