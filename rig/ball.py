@@ -2,8 +2,9 @@
 
 The linkages set the heights of the plate's edges, so with e_x, e_y the plate's own axes and z up:
 sin(phi_x) = -e_x . z and sin(phi_y) = -e_y . z exactly, each as Eq. 14 gives it. The plate does not
-turn about its normal. Its angular velocity in its own frame is then (omega_1, omega_2, 0) with
-omega_1 = -d(sin phi_y)/dt / c and omega_2 = d(sin phi_x)/dt / c, c = sqrt(1 - s_x^2 - s_y^2).
+turn about its normal (a universal joint would differ in a heading of second order, which neither
+gravity nor the linkages feel). Its angular velocity in its own frame is then (omega_1, omega_2, 0)
+with omega_1 = -d(sin phi_y)/dt / c and omega_2 = d(sin phi_x)/dt / c, c = sqrt(1 - s_x^2 - s_y^2).
 
 Newton and Euler for the ball in the plate's frame (centre at (x, y, r), factor
 k = m r^2/(m r^2 + J), spin sigma about the normal) give, the contact force eliminated,

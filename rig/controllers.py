@@ -11,7 +11,7 @@ from rig import compensation
 from rig.compiled import compiled
 from rig.observers import ball_now
 from rig.parameters import Rig
-from rig.play_observer import known_play
+from rig.play_observer import lost_in_gear, lost_in_joint
 from rig.signals import R_THETA, R_TIME
 
 # Which inverse acts: bits, so that tests can put one in the wrong place.
@@ -74,7 +74,7 @@ def wanted_angle(c, g, a, error, velocity):
 
 
 @compiled
-def control(c, g, belief, play, reading, target, volts):
+def control(c, g, belief, play, q_play, reading, target, volts):
     """One tick: wanted volts of both axes into `volts` (2,), the ball to `target` (2,) [m].
 
     `belief` and `play` are the observers' states; what they estimate of play is used by the arm
@@ -86,8 +86,8 @@ def control(c, g, belief, play, reading, target, volts):
         wanted = wanted_angle(c, g, a, error, belief.velocity[a])
         c.wanted_theta[a] = wanted
         reference = wanted
-        joint = 2.0 * known_play(play.ball[a, 3], np.sqrt(play.ball_cov[a, 3, 3]))
-        gear = 2.0 * known_play(play.gear[a, 1], np.sqrt(play.gear_cov[a, 1, 1]))
+        joint = lost_in_joint(play, q_play, a)
+        gear = lost_in_gear(play, q_play, a)
         c.joint_play[a], c.gear_play[a] = joint, gear
         if g.arm & JOINT_INVERSE:
             reference = compensation.joint_reference(
@@ -102,7 +102,7 @@ def control(c, g, belief, play, reading, target, volts):
         v = g.servo_kp * (reference - theta) - g.servo_kd * belief.rate[a]
         if g.arm & GEAR_INVERSE:
             v += compensation.gear_volts(
-                reference - theta, play.twist[a], gear, g.servo_kp, g.encoder_step
+                reference - theta, play.gear.twist[a], gear, g.servo_kp, g.encoder_step
             )
         volts[a] = v
 

@@ -1,7 +1,9 @@
 """The catalogue of effects: the one list that simulator, rig file, gap workflow and CLI read.
 
 An effect is a named group of parameters whose null values leave the model unchanged. Its equation
-is one compiled function in `effect_equations.py`, `servo.py`, `shaft.py` or `ball.py`.
+is one compiled function in `effect_equations.py`; play is in `shaft.py`, delays are in `plant.py`
+and `statistical_camera.py`. On the way to the motor volts meet, in this order: delay, saturation,
+sag, dead zone, asymmetry, drift, offset, cogging, friction.
 """
 
 from collections.abc import Iterator, Mapping
@@ -127,10 +129,42 @@ def check(effects: Mapping[str, Mapping[str, Mapping[str, float]]]) -> None:
             for key, value in values.items():
                 if key not in keys:
                     raise ValueError(f"effect '{name}' has no key '{key}'; known: {keys}")
-                if not np.isfinite(value) and key != "limit_V":
-                    raise ValueError(f"effect '{name}', {axis}.{key} = {value}: must be finite")
-                if value < 0 and key in ("play_rad", "friction_V", "limit_V", "delay_s"):
-                    raise ValueError(f"effect '{name}', {axis}.{key} = {value:g}: must be >= 0")
+                _check_number(name, axis, key, value)
+        _check_play(name, by_axis)
+
+
+_NOT_NEGATIVE = (
+    "play_rad friction_V limit_V delay_s half_width_V positive_V negative_V extra_V amplitude_V "
+    "amplitude_rad deceleration_m_s2"
+).split()
+_ABOVE_ZERO = ("speed_rad_s", "periods_per_turn", "limit_V")
+LONGEST_INPUT_DELAY_S = 0.1
+
+
+def _check_number(name: str, axis: str, key: str, value: float) -> None:
+    """One value of an effect: finite (a limit may be infinite), and of the sign it must have."""
+    label = f"effect '{name}', {axis}.{key} = {value:g}"
+    if value != value or (abs(value) == inf and key != "limit_V"):
+        raise ValueError(f"{label}: must be finite")
+    if key in _NOT_NEGATIVE and value < 0:
+        raise ValueError(f"{label}: must be >= 0")
+    if key in _ABOVE_ZERO and value <= 0:
+        raise ValueError(f"{label}: must be above 0")
+    if name == "input_delay" and value > LONGEST_INPUT_DELAY_S:
+        raise ValueError(f"{label}: must be at most {LONGEST_INPUT_DELAY_S:g} s")
+    if name == "cross_coupling" and abs(value) >= 1:
+        raise ValueError(f"{label}: must lie between -1 and 1")
+
+
+def _check_play(name: str, by_axis: Mapping[str, Mapping[str, float]]) -> None:
+    """The middle of a play may lie off zero, but zero stays inside: else the shaft is twisted."""
+    for axis, pairs in by_axis.items():
+        offset, width = pairs.get("offset_rad", 0.0), pairs.get("play_rad", 0.0)
+        if abs(offset) > width / 2:
+            raise ValueError(
+                f"effect '{name}', {axis}.offset_rad = {offset:g}: must be at most half of "
+                f"play_rad ({width / 2:g})"
+            )
 
 
 def values(effects: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[str, np.ndarray]:

@@ -17,6 +17,6 @@ def limit(wish_V, theta_rad, voltage_limit_V, angle_limit_rad):
     if not (wish_V - wish_V == 0.0) or not (theta_rad - theta_rad == 0.0):
         return 0.0
     allowed = min(max(wish_V, -voltage_limit_V), voltage_limit_V)
-    if abs(theta_rad) > angle_limit_rad and allowed * theta_rad > 0.0:
+    if abs(theta_rad) > angle_limit_rad and (allowed > 0.0) == (theta_rad > 0.0):
         return 0.0
     return allowed

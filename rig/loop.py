@@ -28,6 +28,9 @@ class Ending:
     reason: str = ""
 
 
+DONE = Ending("completed")
+
+
 class Hand:
     """Who places, releases and pushes the ball. This one is a person: it is told, and waits."""
 
@@ -139,7 +142,17 @@ class Loop:
         self._table.drive((float(self._applied[0]), float(self._applied[1])))
         covariance = np.array(reading.ball.cov_m2 if reading.ball else (np.nan,) * 3)
         pushed = 1.0 if push != (0.0, 0.0) else 0.0
-        fill_row(self._row, self._pilot, row, covariance, target, pushed, self._wish, self._applied)
+        fill_row(
+            self._row,
+            self._pilot,
+            self._q,
+            row,
+            covariance,
+            target,
+            pushed,
+            self._wish,
+            self._applied,
+        )
         self._keep(self._row)
         return self._ended(reading)
 
@@ -155,8 +168,12 @@ class Loop:
         if self._pilot["phase"] != HOLD:
             self._ticks += 1
         elif reading.t_s > self._course.hold_s + self._hand.release_limit_s:
-            return Ending("not released", "no release was seen")
-        return Ending("completed") if self._ticks == len(self._course.targets_m) else None
+            return Ending(
+                "not released", "the ball was not seen to leave the place where it was held"
+            )
+        if self._ticks < len(self._course.targets_m):
+            return None
+        return Ending("ball lost", "the ball was out of sight at the end") if blind else DONE
 
     def _push_now(self, t_s: float) -> tuple[float, float]:
         if self._pilot["phase"] == HOLD:

@@ -6,9 +6,10 @@ out at the present tick; it knows no plant. *Torque estimator and observer* (Eq.
     T_e = (T_m - J_m s omega_m)/(tau s + 1),   Omega = K/(tau s + 1) T_e,
 
 with T_m = A V - B omega_m the motor's torque at the load shaft, in discrete time by the exact step
-response of 1/(tau s + 1). s/(tau s + 1) omega_m = (omega_m - filtered omega_m)/tau needs no
-derivative. Without a tachometer omega_m is the encoder's difference: what gear play does inside
-one gap is then invisible to Eq. 9.
+response of 1/(tau s + 1). s/(tau s + 1) omega_m = (omega_m - filtered omega_m)/lag needs no
+derivative. T_e holds the shaft's torque and the motor's own dry friction; it is recorded in both
+arms and moves neither. Without a tachometer omega_m is the encoder's difference: what gear play
+does inside one gap is then invisible, and one count makes 0.08 N m of noise.
 """
 
 from math import exp
@@ -37,7 +38,7 @@ BELIEF = np.dtype(
 BELIEF_SETTINGS = np.dtype(
     [
         (name, np.float64)
-        for name in "tick_s filter torque_per_volt damping inertia decay tau gain".split()
+        for name in "tick_s filter torque_per_volt damping inertia decay lag gain".split()
     ]
 )
 
@@ -50,8 +51,11 @@ def settings(rig: Rig) -> np.record:
     q["damping"] = rig.servo.damping_nm_s
     load = GEARS_INERTIA_HIGH_KG_M2 + rig.drive.plate_inertia_kg_m2
     q["inertia"] = rig.servo.inertia_kg_m2 - load
-    q["tau"], q["gain"] = rig.gains.torque_filter_s, rig.gains.observer_gain
-    q["decay"] = exp(-q["tick_s"] / q["tau"])
+    q["gain"] = rig.gains.observer_gain
+    q["decay"] = exp(-q["tick_s"] / rig.gains.torque_filter_s)
+    # By so much the sampled filter lags a ramp (tau in continuous time): with it a steady
+    # acceleration is recovered exactly.
+    q["lag"] = q["tick_s"] * q["decay"] / (1 - q["decay"])
     return q
 
 
@@ -67,6 +71,8 @@ def observe_ball(b, q, reading):
     if reading[R_NEW] == 0.0:
         return
     dt = reading[R_EXPOSED] - b.exposed
+    if b.frames > 0 and dt <= 0.0:  # an observation once more: nothing new
+        return
     fresh = b.frames == 0 or dt > 0.25  # after a quarter second nothing old is worth keeping
     rho = exp(-q.filter * dt)
     for a in range(2):
@@ -96,7 +102,7 @@ def observe_torque(b, q, reading, volts):
         motor = q.torque_per_volt * volts[a] - q.damping * speed
         b.torque_sum[a] = q.decay * b.torque_sum[a] + (1.0 - q.decay) * motor
         b.rate_filtered[a] = q.decay * b.rate_filtered[a] + (1.0 - q.decay) * speed
-        b.torque[a] = b.torque_sum[a] - q.inertia * (speed - b.rate_filtered[a]) / q.tau
+        b.torque[a] = b.torque_sum[a] - q.inertia * (speed - b.rate_filtered[a]) / q.lag
         b.observed[a] = q.decay * b.observed[a] + (1.0 - q.decay) * q.gain * b.torque[a]
         b.theta[a] = theta
     b.ticks += 1

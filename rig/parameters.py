@@ -6,11 +6,10 @@ Angles, speeds, torques and inertias of the drive are those at the servo's load 
 """
 
 from dataclasses import dataclass, field
-from math import inf, pi
-
-import numpy as np
+from math import pi
 
 GRAVITY_M_S2 = 9.81
+SHAFT_MODELS = ("exact", "dead_zone", "none")
 
 # SRV02 in high gear (A).
 MOTOR_RESISTANCE_OHM = 2.6
@@ -121,15 +120,19 @@ class CameraTiming:
 
 @dataclass(frozen=True)
 class Drive:
-    """Shafts and friction of the two-mass drive (Fig. 1): all assumed, see FACTS of the README."""
+    """Shafts and friction of the two-mass drive (Fig. 1): all assumed, nobody publishes them.
 
-    shaft_model: str = "exact"  # exact (Eqs. 4-6), dead_zone (7, 8) or none
+    shaft_model: exact (Eqs. 4-6), dead_zone (7, 8; no damping), or none (no play, whatever the
+    effects say). Friction acts against ground, not between the shaft's ends.
+    """
+
+    shaft_model: str = "exact"
     gear_stiffness_nm_rad: float = 30.0
     gear_damping_nm_s: float = 0.02
     joint_stiffness_nm_rad: float = 30.0
     joint_damping_nm_s: float = 0.02
     arm_friction_nm: float = 0.002  # bearing of the load shaft
-    joint_friction_nm: float = 0.02  # plate's joints, felt at the arm
+    joint_friction_nm: float = 0.02  # plate against ground in its pivots, felt at the arm
     plate_inertia_kg_m2: float = 6.4e-5  # 0.3 kg plate seen through the linkage
 
 
@@ -188,6 +191,15 @@ class Rig:
                 f"linkage.arm_radius_m = {self.linkage.arm_radius_m:g} is not below half the "
                 f"plate's side ({half:g} m): the plate would stand upright; correct [linkage]"
             )
+        if self.drive.shaft_model not in SHAFT_MODELS:
+            raise ValueError(
+                f"drive.shaft_model = '{self.drive.shaft_model}'; known: {', '.join(SHAFT_MODELS)}"
+            )
+        if self.camera.rate_hz > self.control_rate_hz:
+            raise ValueError(
+                f"camera.rate_hz = {self.camera.rate_hz:g} is above control_rate_hz = "
+                f"{self.control_rate_hz:g}: the loop takes one frame a tick; lower the camera's"
+            )
         load = GEARS_INERTIA_HIGH_KG_M2 + self.drive.plate_inertia_kg_m2
         if self.servo.inertia_kg_m2 <= load:
             raise ValueError(
@@ -195,12 +207,3 @@ class Rig:
                 f"{self.servo.inertia_kg_m2:.2e} kg m2, below that of gears and plate "
                 f"({load:.2e}); raise time_constant_s or lower drive.plate_inertia_kg_m2"
             )
-
-
-UNLIMITED = inf
-SHAFT_MODELS = ("exact", "dead_zone", "none")
-
-
-def both(value: float) -> np.ndarray:
-    """The same value for both axes, shape (2,)."""
-    return np.array([value, value])

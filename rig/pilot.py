@@ -91,5 +91,5 @@ def pilot_tick(pilot, q, reading, target, applied, wish):
         controllers.level(q.control, pilot.belief, reading, wish)
     else:
         controllers.control(
-            pilot.control, q.control, pilot.belief, pilot.play, reading, target, wish
+            pilot.control, q.control, pilot.belief, pilot.play, q.play, reading, target, wish
         )

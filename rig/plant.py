@@ -23,7 +23,6 @@ BALL, BALL_W, SPIN = range(8, 11)
 STATE_ROWS = 11
 # Columns of what the light saw: ball, sines of the plate's tilt, ball velocity, time.
 SEEN_X, SEEN_Y, SEEN_SX, SEEN_SY, SEEN_VX, SEEN_VY, SEEN_T = range(7)
-HISTORY_TICKS = 64  # volts kept for the input delay
 STEP_S = 1e-4
 
 _MODELS = {"exact": EXACT, "dead_zone": DEAD_ZONE, "none": NONE}
@@ -45,7 +44,12 @@ PLANT = np.dtype(
 
 
 def pack(rig: Rig, *, step_s: float = STEP_S) -> np.record:
-    """The plant's record (dtype PLANT) of a rig, effects included; raises ValueError as they do."""
+    """The plant's record (dtype PLANT) of a rig, effects included; raises ValueError as they do.
+
+    The step is at most `step_s` and divides the rig's control tick evenly.
+    """
+    tick_s = 1 / rig.control_rate_hz
+    step_s = tick_s / ceil(tick_s / step_s - 1e-9)
     p = np.zeros(1, PLANT)[0]
     servo, drive = rig.servo, rig.drive
     for name, pair in values(rig.effects).items():
@@ -91,6 +95,12 @@ def rest(ball_xy_m: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
     state = np.zeros((STATE_ROWS, 2))
     state[BALL] = ball_xy_m
     return state
+
+
+def no_volts(rig: Rig) -> np.ndarray:
+    """A history (n, 2) of 0 V, as many ticks as the input delay needs, the newest first."""
+    delays = [axis.get("delay_s", 0.0) for axis in rig.effects.get("input_delay", {}).values()]
+    return np.zeros((ceil(max(delays, default=0.0) * rig.control_rate_hz) + 2, 2))
 
 
 @compiled
@@ -234,10 +244,16 @@ def ball_step(s, p, t, push_x, push_y, held):
 
 
 @compiled
+def off_plate(s, p):
+    """True when the ball's contact point has left the plate: it falls and touches nothing more."""
+    return not p.walls and (abs(s[BALL, 0]) > p.half_side or abs(s[BALL, 1]) > p.half_side)
+
+
+@compiled
 def advance(s, p, history, t, ticks_s, push_x, push_y, held, exposure_s, seen):
     """Move the plant from `t` over one control tick of `ticks_s` seconds; True when the ball falls.
 
-    s (STATE_ROWS, 2) changes in place; history (HISTORY_TICKS, 2) holds the volts applied, the
+    s (STATE_ROWS, 2) changes in place; history (n, 2) holds the volts applied (see `no_volts`), the
     present tick's first; `seen` (7,) is filled at the step in which `exposure_s` (the next one due,
     inf for none) has passed, else its time is NaN. The ball falls when its contact point leaves
     the plate.
@@ -246,16 +262,19 @@ def advance(s, p, history, t, ticks_s, push_x, push_y, held, exposure_s, seen):
     n = int(round(ticks_s / h))
     seen[SEEN_T] = nan
     weight = p.mass * GRAVITY_M_S2 * p.ratio
+    fallen = off_plate(s, p)
     for i in range(n):
         now = t + i * h
         x, y = s[BALL, 0], s[BALL, 1]
         for a in range(2):
             late = p.input_delay_delay_s[a] - (i + 0.5) * h
-            back = min(int(ceil(late / ticks_s)), HISTORY_TICKS - 1) if late > 0.0 else 0
+            back = min(int(ceil(late / ticks_s)), history.shape[0] - 1) if late > 0.0 else 0
             volts = effective_volts(p, a, history[back, 0], history[back, 1], s[ARM, a], now)
-            load = 0.0 if held else weight * s[BALL, a]
+            load = 0.0 if held or fallen else weight * s[BALL, a]
             drive_step(s, p, a, volts, load)
-        ball_step(s, p, now, push_x, push_y, held)
+        if not fallen:
+            ball_step(s, p, now, push_x, push_y, held)
+            fallen = off_plate(s, p)
         if np.isnan(seen[SEEN_T]) and exposure_s <= now + h:
             part = min(max((exposure_s - now) / h, 0.0), 1.0)
             s_x, s_y, o1, o2 = plate_motion(s, p)
@@ -264,4 +283,4 @@ def advance(s, p, history, t, ticks_s, push_x, push_y, held, exposure_s, seen):
             seen[SEEN_SX], seen[SEEN_SY] = s_x, s_y
             seen[SEEN_VX], seen[SEEN_VY] = velocity(s[BALL_W, 0], s[BALL_W, 1], o1, o2, p.radius)
             seen[SEEN_T] = exposure_s
-    return not p.walls and (abs(s[BALL, 0]) > p.half_side or abs(s[BALL, 1]) > p.half_side)
+    return fallen

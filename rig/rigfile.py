@@ -9,7 +9,7 @@ import tomli_w
 from pydantic import TypeAdapter, ValidationError
 
 from rig import effects
-from rig.parameters import SHAFT_MODELS, Rig
+from rig.parameters import Rig
 
 SECTIONS = ("servo", "linkage", "ball", "camera", "drive", "walls", "gains")
 # Values that must be above zero; everything else must be zero or more, but for free signs.
@@ -72,11 +72,7 @@ def _section(name: str, default: Any, given: Any) -> Any:
 
 
 def _check_value(label: str, key: str, value: Any) -> None:
-    if isinstance(value, bool) or key == "colour":
-        return
-    if key == "shaft_model":
-        if value not in SHAFT_MODELS:
-            raise ValueError(f"{label} = '{value}'; known: {', '.join(SHAFT_MODELS)}")
+    if isinstance(value, bool) or key in ("colour", "shaft_model"):
         return
     if value != value or abs(value) == float("inf"):
         raise ValueError(f"{label} = {value}: must be finite")

@@ -1,10 +1,11 @@
 """One control tick as one row of the log: written by the same compiled function everywhere."""
 
-from math import nan, sqrt
+from math import nan
 
 from rig.compiled import compiled
 from rig.log import INDEX
 from rig.pilot import HOLD
+from rig.play_observer import gear_play, joint_play
 from rig.signals import R_BALL, R_EXPOSED, R_MOTOR, R_NEW, R_THETA, R_TIME
 
 _T, _V, _THETA, _BALL = (INDEX[n] for n in ("t_s", "voltage_x_V", "theta_x_rad", "ball_x_m"))
@@ -19,10 +20,9 @@ _XX, _XY, _YY, _PHASE = (
 
 
 @compiled
-def fill_row(row, pilot, reading, covariance, target, push, wish, applied):
+def fill_row(row, pilot, q, reading, covariance, target, push, wish, applied):
     """Write the tick into `row` (len(COLUMNS),); covariance (3,) = xx, xy, yy [m2]."""
     new = reading[R_NEW] != 0.0
-    play = pilot.play
     row[_T], row[_PUSH] = reading[R_TIME], push
     row[_PHASE] = 1.0 if pilot.phase == HOLD else 2.0
     row[_EXPOSED] = reading[R_EXPOSED] if new else nan
@@ -35,7 +35,5 @@ def fill_row(row, pilot, reading, covariance, target, push, wish, applied):
         row[_BALL + a] = reading[R_BALL + a] if new else nan
         row[_TARGET + a], row[_DESIRED + a] = target[a], pilot.control.wanted_theta[a]
         row[_TORQUE + a] = pilot.belief.torque[a]
-        row[_GEAR + a] = 2.0 * play.gear[a, 1]
-        row[_GEAR_STD + a] = 2.0 * sqrt(play.gear_cov[a, 1, 1])
-        row[_JOINT + a] = 2.0 * play.ball[a, 3]
-        row[_JOINT_STD + a] = 2.0 * sqrt(play.ball_cov[a, 3, 3])
+        row[_GEAR + a], row[_GEAR_STD + a] = gear_play(pilot.play, q.play, a)
+        row[_JOINT + a], row[_JOINT_STD + a] = joint_play(pilot.play, q.play, a)

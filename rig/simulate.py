@@ -70,9 +70,8 @@ def _most_ticks(rig: Rig, course: Course) -> int:
 
 
 @compiled
-def _run(s, p, q, flight, camera, targets, pushes, hold_s, tick_s, eyes, tachometer, rows):
+def _run(s, p, q, history, flight, camera, targets, pushes, hold_s, tick_s, eyes, tachometer, rows):
     """Fill `rows` (m, columns) tick by tick; returns how many are filled and how it ended."""
-    history = np.zeros((plant.HISTORY_TICKS, 2))
     reading, seen = np.full(READING_SIZE, np.nan), np.full(7, np.nan)
     wish, applied, covariance = np.zeros(2), np.zeros(2), np.zeros(3)
     blind, since_release, fallen = 0, 0, False
@@ -92,7 +91,7 @@ def _run(s, p, q, flight, camera, targets, pushes, hold_s, tick_s, eyes, tachome
             runaway = runaway or abs(reading[R_THETA + a]) > q.angle_limit + ANGLE_MARGIN_RAD
         covariance[0] = covariance[2] = reading[R_VARIANCE]
         pushed = 1.0 if push_x != 0.0 or push_y != 0.0 else 0.0
-        fill_row(rows[k], flight, reading, covariance, target, pushed, wish, applied)
+        fill_row(rows[k], flight, q, reading, covariance, target, pushed, wish, applied)
         if runaway:
             return k + 1, 2
         blind = blind + 1 if flight.phase == BLIND else 0
@@ -101,7 +100,7 @@ def _run(s, p, q, flight, camera, targets, pushes, hold_s, tick_s, eyes, tachome
         if flight.phase != HOLD:
             since_release += 1
         if since_release == targets.shape[0]:
-            return k + 1, 0
+            return k + 1, 1 if flight.phase == BLIND else 0
         fallen = fallen | table_tick(
             s,
             p,
@@ -132,13 +131,24 @@ class Simulated:
 
 
 def simulate(rig: Rig, known: Rig, arm: int, course: Course, draws: Draws) -> Simulated:
-    """One closed-loop run of the plant `rig` under a controller that knows `known` (no effects)."""
+    """One closed-loop run of the plant `rig` under a controller that knows `known` (no effects).
+
+    `draws` are those of `draw(rng, rig, course)`. ValueError where the two differ in their tick.
+    """
+    if rig.control_rate_hz != known.control_rate_hz:
+        raise ValueError(
+            f"plant ticks at {rig.control_rate_hz:g} Hz, controller at "
+            f"{known.control_rate_hz:g} Hz: give both the same control_rate_hz"
+        )
+    frames = int(_most_ticks(rig, course) / rig.control_rate_hz * rig.camera.rate_hz)
+    if len(draws.camera) < frames or len(draws.tachometer) < _most_ticks(rig, course):
+        raise ValueError("draws are too few for this rig and course: take those of draw()")
     q = pilot.settings(known, arm, servo_only=course.servo_only)
     flight = pilot.start(q, held=course.hold_s > 0)
     rows = np.full((_most_ticks(known, course), len(COLUMNS)), np.nan)
     filled, ending = _run(
-        plant.rest(course.start_m), plant.pack(rig), q, flight,
-        statistical_camera.start(known.camera.rate_hz),
+        plant.rest(course.start_m), plant.pack(rig), q, plant.no_volts(rig), flight,
+        statistical_camera.start(rig.camera.rate_hz),
         np.ascontiguousarray(course.targets_m), np.ascontiguousarray(course.pushes_m_s2),
         course.hold_s, 1 / known.control_rate_hz, draws.camera, draws.tachometer, rows,
     )  # fmt: skip

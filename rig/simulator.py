@@ -98,7 +98,7 @@ class SimulatedTable(LevelOnExit):
         noise, drop, tachometer = rng.spawn(3)
         self._eyes = _Numbers(lambda n: camera_numbers(noise, drop, n))
         self._tachometer = _Numbers(lambda n: tachometer.standard_normal((n, 2)))
-        self._history = np.zeros((plant.HISTORY_TICKS, 2))
+        self._history = plant.no_volts(rig)
         self._applied, self._push = np.zeros(2), (0.0, 0.0)
         self._seen, self._tick = np.full(7, nan), -1
         self._covariances: dict[float, tuple[float, float, float]] = {}

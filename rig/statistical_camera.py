@@ -60,7 +60,8 @@ def look(camera, p, seen, draws):
     )
     x, y = x + p.camera_noise * draws[0], y + p.camera_noise * draws[1]
     usable = seen[SEEN_T] + p.camera_delay
-    queue_observation(camera, x, y, seen[SEEN_T], usable, p.camera_noise**2)
+    stamp = seen[SEEN_T] + p.camera_delay_extra_s[0]  # the rig file's delay is all the stamp knows
+    queue_observation(camera, x, y, stamp, usable, p.camera_noise**2)
 
 
 @compiled

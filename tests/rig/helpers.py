@@ -25,7 +25,7 @@ def moved(rig: Rig, volts, *, state=None, held=False, step_s=plant.STEP_S, pushe
     """States (ticks + 1, STATE_ROWS, 2) of a plant under volts (ticks, 2); shorter when lost."""
     p = plant.pack(rig, step_s=step_s)
     s = plant.rest() if state is None else state.copy()
-    history, seen = np.zeros((plant.HISTORY_TICKS, 2)), np.full(7, np.nan)
+    history, seen = plant.no_volts(rig), np.full(7, np.nan)
     states = [s.copy()]
     for k, pair in enumerate(np.asarray(volts, float)):
         history[1:] = history[:-1].copy()

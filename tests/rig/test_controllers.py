@@ -30,12 +30,13 @@ def tick(rig=None, *, ball=(0.0, 0.0), velocity=(0.0, 0.0), theta=(0.0, 0.0), ta
     """Control state and volts of one tick at an exactly known ball."""
     rig = rig or Rig()
     g, c = controllers.settings(rig, WITHOUT), controllers.start()
-    belief, play = observers.start(), play_observer.start(play_observer.settings(rig))
+    q = play_observer.settings(rig)
+    belief, play = observers.start(), play_observer.start(q)
     belief["ball"], belief["velocity"], belief["exposed"] = ball, velocity, 0.0
     row, volts = blank_reading(), np.zeros(2)
     row[R_TIME] = 0.0
     row[R_THETA : R_THETA + 2] = theta
-    controllers.control(c, g, belief, play, row, np.array(target), volts)
+    controllers.control(c, g, belief, play, q, row, np.array(target), volts)
     return c, volts
 
 

@@ -1,0 +1,119 @@
+"""Gear play online: motor against encoder (Fig. 2, deadzone parameters beta_1, beta_2, theta_b).
+
+The integrated tachometer minus the encoder is the twist theta_d = o + s (alpha + w) + e theta: o
+the unknown start inside the play, s = +1 or -1 the side in contact, e the tachometer's scale error,
+w the shaft's wind-up against the friction of arm and plate (from the rig file, assumed there). The
+arm moves only while a tooth pushes it, so at an encoder edge in steady motion s is its direction;
+a Kalman filter over (o, alpha, e) adapts there. While the motor brakes harder than friction would
+brake the arm, the arm may coast to the other side: nothing is learnt then. beta_1 = o + alpha,
+beta_2 = o - alpha, theta_b = theta_d as far as it lies between them.
+"""
+
+from math import pi
+
+import numpy as np
+
+from rig.compiled import compiled
+from rig.kalman import scalar_update
+from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, Rig
+from rig.signals import R_MOTOR, R_THETA
+
+MOVING_EDGES = 3  # encoder edges in one direction before the arm counts as pushed
+AFTER_COASTING_S = 0.05  # how long nothing is learnt after hard braking
+BRAKING_FILTER_S = 0.01
+
+GEAR_STATE = np.dtype(
+    [
+        ("ticks", np.int64),
+        ("motor", np.float64, (2,)),  # integrated tachometer [rad]
+        ("speed", np.float64, (2,)),
+        ("smooth", np.float64, (2,)),  # filtered speed [rad/s]
+        ("wait", np.float64, (2,)),  # seconds until something may be learnt again
+        ("edge_theta", np.float64, (2,)),
+        ("edges", np.float64, (2,)),  # signed count of encoder edges in one direction
+        ("mean", np.float64, (2, 3)),  # o, alpha, e
+        ("cov", np.float64, (2, 3, 3)),
+        ("twist", np.float64, (2,)),  # theta_d about the middle of the play
+    ]
+)
+GEAR_SETTINGS = np.dtype(
+    [
+        (name, np.float64)
+        for name in (
+            "tick_s encoder_step prior_alpha prior_scale drift alpha_drift windup coast decay"
+        ).split()
+    ]
+)
+
+
+def settings(rig: Rig) -> np.record:
+    """Settings from what the controller may know of the rig (no effects)."""
+    q = np.zeros(1, GEAR_SETTINGS)[0]
+    drive, friction = rig.drive, rig.drive.arm_friction_nm + rig.drive.joint_friction_nm
+    q["tick_s"] = 1 / rig.control_rate_hz
+    q["encoder_step"] = rig.servo.encoder_step_rad
+    q["prior_alpha"] = 3 * pi / 180
+    q["prior_scale"] = 0.02  # tachometer by the manual
+    q["drift"] = 0.002  # of the integrated speed [rad/sqrt(s)]
+    q["alpha_drift"] = 1e-4  # rad/sqrt(s): lets early mistakes heal
+    q["windup"] = friction / drive.gear_stiffness_nm_rad
+    inertia = GEARS_INERTIA_HIGH_KG_M2 + drive.plate_inertia_kg_m2
+    q["coast"] = 0.1 * friction / inertia  # a tenth of the braking that friction alone gives
+    q["decay"] = np.exp(-q["tick_s"] / BRAKING_FILTER_S)
+    return q
+
+
+def start(q: np.record) -> np.record:
+    """Zero play, and honest about not knowing it."""
+    e = np.zeros(1, GEAR_STATE)[0]
+    for a in range(2):
+        e["cov"][a] = np.diag([q["prior_alpha"], q["prior_alpha"], q["prior_scale"]]) ** 2
+    return e
+
+
+@compiled
+def _braking(e, q, a, speed):
+    """True while the motor brakes so hard that the arm may coast, and shortly after."""
+    before = e.smooth[a]
+    e.smooth[a] = q.decay * before + (1.0 - q.decay) * speed
+    acceleration = (e.smooth[a] - before) / q.tick_s
+    if acceleration * e.smooth[a] < 0.0 and abs(acceleration) > q.coast:
+        e.wait[a] = AFTER_COASTING_S
+        e.edges[a] = 0.0
+    e.wait[a] = max(e.wait[a] - q.tick_s, 0.0)
+    return e.wait[a] > 0.0
+
+
+@compiled
+def observe_gear(e, q, reading):
+    """One tick; without a tachometer nothing is learnt."""
+    row = np.empty(3)
+    for a in range(2):
+        speed, theta = reading[R_MOTOR + a], reading[R_THETA + a]
+        if e.ticks == 0:
+            e.motor[a] = e.edge_theta[a] = theta
+            e.speed[a] = speed
+        if np.isnan(speed):
+            continue
+        e.motor[a] += 0.5 * (e.speed[a] + speed) * q.tick_s
+        e.speed[a] = speed
+        e.cov[a, 0, 0] += q.drift**2 * q.tick_s
+        e.cov[a, 1, 1] += q.alpha_drift**2 * q.tick_s
+        e.twist[a] = e.motor[a] - theta - e.mean[a, 0] - e.mean[a, 2] * theta
+        moved = theta - e.edge_theta[a]
+        braking = _braking(e, q, a, speed)
+        if abs(moved) < 0.5 * q.encoder_step:
+            continue
+        e.edge_theta[a] = theta
+        way = 1.0 if moved > 0.0 else -1.0
+        e.edges[a] = e.edges[a] + way if e.edges[a] * way > 0.0 else way
+        if braking or abs(e.edges[a]) < MOVING_EDGES:
+            continue
+        row[0], row[1], row[2] = 1.0, way, theta
+        # Slow, the edge has just been passed: the arm is half a count behind. Fast, rounding is
+        # as often up as down.
+        behind = max(0.5 * (q.encoder_step - abs(speed) * q.tick_s), 0.0)
+        z = e.motor[a] - (theta - way * behind) - way * q.windup
+        innovation = z - (e.mean[a, 0] + way * e.mean[a, 1] + e.mean[a, 2] * theta)
+        scalar_update(e.mean[a], e.cov[a], row, innovation, (2.0 * q.encoder_step) ** 2)
+    e.ticks += 1
