@@ -178,6 +178,8 @@ def _summary(
             if ball_colour is None
             else f"no ball of colour {ball_colour} was found; another colour, or none, may find it"
         )
+    elif not tracker.proven:
+        notes.append("what was tracked last never moved: it may be a still thing of that colour")
     return {
         "address": str(source.address),
         "size_px": list(source.size),

@@ -15,7 +15,7 @@ import numpy as np
 from vision.appearance import Appearance
 from vision.detector import Detection, locate
 from vision.frames import Frame
-from vision.gate import believable
+from vision.gate import believable, weight
 from vision.pixels import mean_between, share
 from vision.repeats import noise_level
 from vision.votes import Circle, circles
@@ -46,11 +46,8 @@ class Mover:
 
     @property
     def weight(self) -> float:
-        """Significance of the disc: separation from its surround times the root of its outline.
-
-        Tips of sticks and flecks of shadow are short outlines of little contrast.
-        """
-        return self.looks.separation * math.sqrt(self.last[2])
+        """How much it stands out."""
+        return weight(self.looks.separation, self.last[2])
 
     def guess(self) -> tuple[float, float]:
         """Where it goes on to at the speed of the last step."""

@@ -9,13 +9,15 @@ import numpy as np
 
 from vision.appearance import Appearance
 from vision.detector import Detection, find, locate
-from vision.gate import TELLING_FILL, believable
+from vision.gate import TELLING_FILL, believable, weight
 from vision.imposters import Imposters
 from vision.repeats import noise_level
 from vision.votes import circles
 
 AT_MOST = 8
 KNOWN_STILL = 0.4
+# Of a disc whose colour is all that speaks for it; a ball of 5 px on a plain plate has 15 and more.
+LEAST_WEIGHT = 12.0
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,8 @@ def discs(
         if disc is None or not believable(disc, looks, radius_px, strict=True):
             continue
         u, v, r = disc.u_px, disc.v_px, disc.radius_px
+        if not looks.learned and weight(looks.here(image, u, v, r)[1], r) < LEAST_WEIGHT:
+            continue
         if imposters is not None and imposters.at(u, v, r) > KNOWN_STILL:
             continue
         if all(math.hypot(u - f.u_px, v - f.v_px) > r for f in found):

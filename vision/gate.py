@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+import math
+
 from vision.appearance import Appearance
 from vision.detector import Detection
 
 # Below this mean P(ball) of its own pixels the colour table says nothing about a ball.
 TELLING_FILL = 0.35
+
+
+def weight(separation: float, radius_px: float) -> float:
+    """Significance of a disc: separation from its surround times the root of its outline's length.
+
+    Tips of sticks, specks and flecks of shadow are short outlines of little contrast.
+    """
+    return separation * math.sqrt(radius_px)
 
 
 def believable(

@@ -67,6 +67,11 @@ class Tracker:
         """The ball's usual radius, NaN before the first lock."""
         return self._radius_px
 
+    @property
+    def proven(self) -> bool:
+        """Whether what is tracked has moved since it was locked, as a still thing does not."""
+        return self._proven
+
     def step(self, frame: Frame) -> Track:
         """The ball in this frame; frames come in order of time."""
         image = frame.image
