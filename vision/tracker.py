@@ -124,7 +124,7 @@ class Tracker:
         self._proven |= span > max(5.0, 0.5 * self._radius_px)
         return Track("track", found.u_px, found.v_px, found.sigma_px, found.radius_px)
 
-    def _lock(self, frame: Frame, found: Detection) -> Detection:
+    def _lock(self, frame: Frame, found: Detection, *, proven: bool) -> Detection:
         looks = self.appearance
         assert looks is not None
         if not looks.learned:
@@ -137,7 +137,7 @@ class Tracker:
         self._motion = Motion.start(
             found.u_px, found.v_px, self._radius_px, found.sigma_px, frame.t_s
         )
-        self._lock_px, self._proven, self._candidates = (found.u_px, found.v_px), False, []
+        self._lock_px, self._proven, self._candidates = (found.u_px, found.v_px), proven, []
         self._acquisition = None
         return found
 
@@ -162,9 +162,7 @@ class Tracker:
             self._observe(frame)
             pick = chosen(self._candidates, at_once=looks.learned)
             if pick is not None:
-                self._lock(frame, pick.seen)
-                self._proven = pick.moved
-                return pick.seen
+                return self._lock(frame, pick.seen, proven=pick.moved)
             long_lost = self._self_taught and frame.t_s - self._good_s > DOUBT_S
             if looks.learned and not long_lost:
                 return None
@@ -175,9 +173,7 @@ class Tracker:
             return None
         self.appearance, found = got
         self._acquisition, self._radius_px = None, found.radius_px
-        self._lock(frame, found)
-        self._proven = True
-        return found
+        return self._lock(frame, found, proven=True)
 
     def _observe(self, frame: Frame) -> None:
         looks = self.appearance
@@ -204,9 +200,7 @@ class Tracker:
         if len(away) != 1:
             return found
         imposters.add(float(u), float(v), self._radius_px)
-        self._lock(frame, away[0].seen)
-        self._proven = True
-        return away[0].seen
+        return self._lock(frame, away[0].seen, proven=True)
 
     def _follow(self, frame: Frame, ahead: Motion) -> Detection | None:
         """The ball near its prediction, by its outline; else from its colour or circle there."""

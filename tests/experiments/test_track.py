@@ -117,7 +117,10 @@ def test_still_scene_says_what_to_do(tmp_path):
     assert summary["states"]["track"] == 0
     assert "say its colour" in summary["notes"][0]
     assert learn_looks(tmp_path / "v.mp4") is None
-    told = track_video(tmp_path / "v.mp4", tmp_path / "told", ball_colour="green")
+    for frame in still.frames:
+        cv2.imwrite(str(tmp_path / f"{frame.index}.png"), frame.image)
+    told = track_video(tmp_path, tmp_path / "told", ball_colour="green")
+    assert told["frames"] == len(still.frames)
     assert told["states"]["track"] >= told["frames"] - 2
     assert "never moved" in told["notes"][0]
 
