@@ -1,12 +1,13 @@
 """Gear play online: motor against encoder (Fig. 2, deadzone parameters beta_1, beta_2, theta_b).
 
-The integrated tachometer minus the encoder is the twist theta_d = o + s (alpha + w) + e theta: o
-the unknown start inside the play, s = +1 or -1 the side in contact, e the tachometer's scale error,
-w the shaft's wind-up against the friction of arm and plate (from the rig file, assumed there). The
-arm moves only while a tooth pushes it, so at an encoder edge in steady motion s is its direction;
-a Kalman filter over (o, alpha, e) adapts there. While the motor brakes harder than friction would
-brake the arm, the arm may coast to the other side: nothing is learnt then. beta_1 = o + alpha,
-beta_2 = o - alpha, theta_b = theta_d as far as it lies between them.
+The integrated tachometer minus the encoder is the twist
+theta_d = o + s (alpha + w) + e theta + b t: o the unknown start inside the play, s = +1 or -1 the
+side in contact, e and b the tachometer's scale error and offset, w the shaft's wind-up against the
+friction of arm and plate (from the rig file, assumed there). The arm moves only while a tooth
+pushes it, so at an encoder edge in steady motion s is its direction; a Kalman filter over
+(o, alpha, e, b) adapts there. Two times nothing is learnt: after the arm was struck (it may fly
+ahead of the tooth), and while the motor brakes harder than friction brakes the arm (it may coast
+to the other side). beta_1 = o + alpha, beta_2 = o - alpha, theta_b = theta_d between them.
 """
 
 from math import pi
@@ -20,6 +21,7 @@ from rig.signals import R_MOTOR, R_THETA
 
 MOVING_EDGES = 3  # encoder edges in one direction before the arm counts as pushed
 AFTER_COASTING_S = 0.05  # how long nothing is learnt after hard braking
+AFTER_STRIKE_S = 0.04  # and after the arm began to move the other way
 BRAKING_FILTER_S = 0.01
 
 GEAR_STATE = np.dtype(
@@ -31,8 +33,8 @@ GEAR_STATE = np.dtype(
         ("wait", np.float64, (2,)),  # seconds until something may be learnt again
         ("edge_theta", np.float64, (2,)),
         ("edges", np.float64, (2,)),  # signed count of encoder edges in one direction
-        ("mean", np.float64, (2, 3)),  # o, alpha, e
-        ("cov", np.float64, (2, 3, 3)),
+        ("mean", np.float64, (2, 4)),  # o, alpha, e, b
+        ("cov", np.float64, (2, 4, 4)),
         ("twist", np.float64, (2,)),  # theta_d about the middle of the play
     ]
 )
@@ -40,7 +42,8 @@ GEAR_SETTINGS = np.dtype(
     [
         (name, np.float64)
         for name in (
-            "tick_s encoder_step prior_alpha prior_scale drift alpha_drift windup coast decay"
+            "tick_s encoder_step prior_alpha prior_scale prior_offset drift alpha_drift windup "
+            "coast decay"
         ).split()
     ]
 )
@@ -54,7 +57,8 @@ def settings(rig: Rig) -> np.record:
     q["encoder_step"] = rig.servo.encoder_step_rad
     q["prior_alpha"] = 3 * pi / 180
     q["prior_scale"] = 0.02  # tachometer by the manual
-    q["drift"] = 0.002  # of the integrated speed [rad/sqrt(s)]
+    q["prior_offset"] = 0.02  # rad/s
+    q["drift"] = 5e-4  # of the integrated speed [rad/sqrt(s)]
     q["alpha_drift"] = 1e-4  # rad/sqrt(s): lets early mistakes heal
     q["windup"] = friction / drive.gear_stiffness_nm_rad
     inertia = GEARS_INERTIA_HIGH_KG_M2 + drive.plate_inertia_kg_m2
@@ -67,13 +71,14 @@ def start(q: np.record) -> np.record:
     """Zero play, and honest about not knowing it."""
     e = np.zeros(1, GEAR_STATE)[0]
     for a in range(2):
-        e["cov"][a] = np.diag([q["prior_alpha"], q["prior_alpha"], q["prior_scale"]]) ** 2
+        stds = [q["prior_alpha"], q["prior_alpha"], q["prior_scale"], q["prior_offset"]]
+        e["cov"][a] = np.diag(stds) ** 2
     return e
 
 
 @compiled
-def _braking(e, q, a, speed):
-    """True while the motor brakes so hard that the arm may coast, and shortly after."""
+def _watch_braking(e, q, a, speed):
+    """Let the wait run down; begin it anew while the motor brakes hard: the arm may coast."""
     before = e.smooth[a]
     e.smooth[a] = q.decay * before + (1.0 - q.decay) * speed
     acceleration = (e.smooth[a] - before) / q.tick_s
@@ -81,13 +86,12 @@ def _braking(e, q, a, speed):
         e.wait[a] = AFTER_COASTING_S
         e.edges[a] = 0.0
     e.wait[a] = max(e.wait[a] - q.tick_s, 0.0)
-    return e.wait[a] > 0.0
 
 
 @compiled
 def observe_gear(e, q, reading):
     """One tick; without a tachometer nothing is learnt."""
-    row = np.empty(3)
+    row, t = np.empty(4), e.ticks * q.tick_s
     for a in range(2):
         speed, theta = reading[R_MOTOR + a], reading[R_THETA + a]
         if e.ticks == 0:
@@ -99,21 +103,26 @@ def observe_gear(e, q, reading):
         e.speed[a] = speed
         e.cov[a, 0, 0] += q.drift**2 * q.tick_s
         e.cov[a, 1, 1] += q.alpha_drift**2 * q.tick_s
-        e.twist[a] = e.motor[a] - theta - e.mean[a, 0] - e.mean[a, 2] * theta
+        known = e.mean[a, 0] + e.mean[a, 2] * theta + e.mean[a, 3] * t
+        e.twist[a] = e.motor[a] - theta - known
         moved = theta - e.edge_theta[a]
-        braking = _braking(e, q, a, speed)
+        _watch_braking(e, q, a, speed)
         if abs(moved) < 0.5 * q.encoder_step:
             continue
         e.edge_theta[a] = theta
         way = 1.0 if moved > 0.0 else -1.0
-        e.edges[a] = e.edges[a] + way if e.edges[a] * way > 0.0 else way
-        if braking or abs(e.edges[a]) < MOVING_EDGES:
+        if e.edges[a] * way > 0.0:
+            e.edges[a] += way
+        else:
+            e.edges[a] = way
+            e.wait[a] = max(e.wait[a], AFTER_STRIKE_S)
+        if e.wait[a] > 0.0 or abs(e.edges[a]) < MOVING_EDGES:
             continue
-        row[0], row[1], row[2] = 1.0, way, theta
+        row[0], row[1], row[2], row[3] = 1.0, way, theta, t
         # Slow, the edge has just been passed: the arm is half a count behind. Fast, rounding is
         # as often up as down.
         behind = max(0.5 * (q.encoder_step - abs(speed) * q.tick_s), 0.0)
         z = e.motor[a] - (theta - way * behind) - way * q.windup
-        innovation = z - (e.mean[a, 0] + way * e.mean[a, 1] + e.mean[a, 2] * theta)
+        innovation = z - (known + way * e.mean[a, 1])
         scalar_update(e.mean[a], e.cov[a], row, innovation, (2.0 * q.encoder_step) ** 2)
     e.ticks += 1
