@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from vision.frames import Frame, Track
     from vision.sources import Source
     from vision.tracker import Tracker
-    from vision.view import View
 
 PIXEL_COLUMNS = ("frame", "t_s", "state", "u_px", "v_px", "sigma_px")
 METRIC_COLUMNS = ("x_m", "y_m", "cov_xx_m2", "cov_xy_m2", "cov_yy_m2")
@@ -36,10 +35,10 @@ Progress = Callable[[int, int | None], None]
 class Calibration(Protocol):
     """What is used of a calibration bundle."""
 
+    ball_radius_m: float
+
     @property
-    def view(self) -> View: ...
-    @property
-    def ball_radius_m(self) -> float: ...
+    def view(self) -> Any: ...  # a View, also where it is computed once and kept
 
 
 def track_video(

@@ -13,7 +13,7 @@ from os import cpu_count
 
 import numpy as np
 
-from rig import pilot, plant, statistical_camera
+from rig import pilot, plant, plant_record, statistical_camera
 from rig.compiled import compiled
 from rig.limits import limit
 from rig.log import COLUMNS, Log
@@ -147,7 +147,7 @@ def simulate(rig: Rig, known: Rig, arm: int, course: Course, draws: Draws) -> Si
     flight = pilot.start(q, held=course.hold_s > 0)
     rows = np.full((_most_ticks(known, course), len(COLUMNS)), np.nan)
     filled, ending = _run(
-        plant.rest(course.start_m), plant.pack(rig), q, plant.no_volts(rig), flight,
+        plant.rest(course.start_m), plant_record.pack(rig), q, plant_record.no_volts(rig), flight,
         statistical_camera.start(rig.camera.rate_hz),
         np.ascontiguousarray(course.targets_m), np.ascontiguousarray(course.pushes_m_s2),
         course.hold_s, 1 / known.control_rate_hz, draws.camera, draws.tachometer, rows,

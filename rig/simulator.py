@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from rig import plant, statistical_camera
+from rig import plant, plant_record, statistical_camera
 from rig.compiled import compiled
 from rig.parameters import Rig
 from rig.plant import SEEN_SX, SEEN_SY, SEEN_T, SEEN_VX, SEEN_VY, SEEN_X, SEEN_Y
@@ -91,14 +91,14 @@ class SimulatedTable(LevelOnExit):
         self.period_s = 1 / rig.control_rate_hz
         self.held = held
         self.fallen = False
-        self._p = plant.pack(rig)
+        self._p = plant_record.pack(rig)
         self._s = plant.rest(start_m)
         self._camera = statistical_camera.start(rig.camera.rate_hz)
         self._eye = eye
         noise, drop, tachometer = rng.spawn(3)
         self._eyes = _Numbers(lambda n: camera_numbers(noise, drop, n))
         self._tachometer = _Numbers(lambda n: tachometer.standard_normal((n, 2)))
-        self._history = plant.no_volts(rig)
+        self._history = plant_record.no_volts(rig)
         self._applied, self._push = np.zeros(2), (0.0, 0.0)
         self._seen, self._tick = np.full(7, nan), -1
         self._covariances: dict[float, tuple[float, float, float]] = {}

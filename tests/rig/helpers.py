@@ -5,7 +5,7 @@ from math import radians
 
 import numpy as np
 
-from rig import plant, simulate
+from rig import plant, plant_record, simulate
 from rig.parameters import Ball, Drive, Rig, Servo
 
 TICK_S = 0.002
@@ -21,11 +21,13 @@ def smooth_rig(*, drive: Drive = SMOOTH, effects=None, **more) -> Rig:
     return Rig(drive=drive, ball=WEIGHTLESS, effects=effects or {}, **more)
 
 
-def moved(rig: Rig, volts, *, state=None, held=False, step_s=plant.STEP_S, pushes=None, t_s=0.0):
+def moved(
+    rig: Rig, volts, *, state=None, held=False, step_s=plant_record.STEP_S, pushes=None, t_s=0.0
+):
     """States (ticks + 1, STATE_ROWS, 2) of a plant under volts (ticks, 2); shorter when lost."""
-    p = plant.pack(rig, step_s=step_s)
+    p = plant_record.pack(rig, step_s=step_s)
     s = plant.rest() if state is None else state.copy()
-    history, seen = plant.no_volts(rig), np.full(7, np.nan)
+    history, seen = plant_record.no_volts(rig), np.full(7, np.nan)
     states = [s.copy()]
     for k, pair in enumerate(np.asarray(volts, float)):
         history[1:] = history[:-1].copy()

@@ -13,7 +13,7 @@ import pytest
 from helpers import TICK_S, WEIGHTLESS, ball_state, moved, smooth_rig, tilted
 from scipy.integrate import solve_ivp
 
-from rig import plant
+from rig import plant, plant_record
 from rig.ball import plate_rates, plate_sines, rolling, velocity
 from rig.parameters import GRAVITY_M_S2, Ball, Rig
 from rig.plant import BALL, BALL_W, PLATE, PLATE_RATE, SPIN
@@ -150,7 +150,7 @@ def test_moving_plate_is_the_rigid_body_model(sway, ball):
 
 def plant_ball(sway, ball, end_s, step_s):
     """x, y, spin of the plant's own ball step under a prescribed plate."""
-    p, s = plant.pack(Rig(ball=ball), step_s=step_s), plant.rest(START_M)
+    p, s = plant_record.pack(Rig(ball=ball), step_s=step_s), plant.rest(START_M)
     s[PLATE], s[PLATE_RATE] = sway.theta(0.0)[:2]
     _, _, o1, o2 = plant.plate_motion(s, p)
     r = ball.radius_m

@@ -16,7 +16,7 @@ from helpers import (
 )
 
 from rig import effect_equations as equations
-from rig import plant, simulate
+from rig import plant, plant_record, simulate
 from rig.controllers import WITH
 from rig.effects import BY_NAME, CATALOGUE, check, values
 from rig.parameters import Ball, CameraTiming, Gains, Rig
@@ -142,7 +142,7 @@ def test_the_catalogue_holds_the_agreed_names_sides_axes_and_keys():
     ],
 )
 def test_unknown_names_axes_and_keys_are_named_with_the_known_ones(effects, known):
-    for use in (check, values, lambda e: plant.pack(Rig(effects=e))):
+    for use in (check, values, lambda e: plant_record.pack(Rig(effects=e))):
         with pytest.raises(ValueError, match=known):
             use(effects)
 
@@ -380,7 +380,7 @@ def test_plate_feels_another_angle(name, pairs, felt, theta):
 
 @pytest.mark.parametrize("name", ["linkage_cubic", "transmission_ripple", "linkage_quadratic"])
 def test_plates_rate_is_the_derivative_of_the_felt_angle(name):
-    p = plant.pack(smooth_rig(effects=on(name)))
+    p = plant_record.pack(smooth_rig(effects=on(name)))
     s, e, rates = plant.rest(), 1e-5, (0.9, -0.6)
     s[PLATE] = 0.2, -0.15
     s[plant.PLATE_RATE] = rates

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from helpers import free_release, run
 
-from rig import observers, plant
+from rig import observers, plant, plant_record
 from rig.effects import check
 from rig.limits import limit
 from rig.parameters import CameraTiming, Rig
@@ -27,10 +27,10 @@ def test_an_observation_given_twice_changes_nothing():
 @pytest.mark.parametrize("rate_hz", [300.0, 500.0, 700.0, 5000.0])
 def test_simulated_time_keeps_up_with_any_tick(rate_hz: float):
     """A free ball at 0.1 m/s on a level plate is 0.1 m on after a second, whatever the tick."""
-    p = plant.pack(Rig(control_rate_hz=rate_hz))
+    p = plant_record.pack(Rig(control_rate_hz=rate_hz))
     s, seen = plant.rest(), np.full(7, np.nan)
     s[plant.BALL_W, 0] = 0.1
-    history = plant.no_volts(Rig())
+    history = plant_record.no_volts(Rig())
     for k in range(round(rate_hz)):
         t = k / rate_hz
         plant.advance(s, p, history, t, 1 / rate_hz, 0.0, 0.0, False, np.inf, seen)
@@ -44,11 +44,11 @@ def test_a_ball_lost_shortly_before_the_end_is_lost():
 
 
 def test_a_fallen_ball_loads_the_plate_no_more():
-    p, s = plant.pack(Rig()), plant.rest((0.2, 0.0))
+    p, s = plant_record.pack(Rig()), plant.rest((0.2, 0.0))
     before, seen = s.copy(), np.full(7, np.nan)
     for k in range(100):
         fell = plant.advance(
-            s, p, plant.no_volts(Rig()), k * 0.002, 0.002, 0.0, 0.0, False, np.inf, seen
+            s, p, plant_record.no_volts(Rig()), k * 0.002, 0.002, 0.0, 0.0, False, np.inf, seen
         )
         assert fell
     assert np.array_equal(s, before)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from helpers import DEGREE, SMOOTH, TICK_S, ball_state, constant_volts, moved, smooth_rig, tilted
 
-from rig import plant
+from rig import plant, plant_record
 from rig.ball import velocity
 from rig.parameters import Ball, Drive, Rig, Servo, Walls, torque_per_volt
 from rig.plant import (
@@ -69,7 +69,7 @@ UNDAMPED = Servo(gain_rad_s_V=1e4, time_constant_s=0.025 * 1e4 / 1.53)
 
 def drive_energy(states, rig, a):
     """Kinetic and spring energy of one axis [J]; the spring is theta_d - theta_b (Eq. 2)."""
-    p = plant.pack(rig)
+    p = plant_record.pack(rig)
     s = states[:, :, a]
     kinetic = 0.5 * (
         p["motor_inertia"][a] * s[:, MOTOR_RATE] ** 2
@@ -109,7 +109,7 @@ def test_undamped_shaft_keeps_its_energy():
     state = plant.rest()
     state[PLATE_RATE] = 3.0, -3.0
     states = moved(rig, constant_volts(0, 0, 1.0), state=state, held=True)
-    s, p = states[:, :, 0], plant.pack(rig)
+    s, p = states[:, :, 0], plant_record.pack(rig)
     half = 0.5 * DEGREE
 
     def spring(twist):
@@ -242,7 +242,7 @@ def test_input_delay_within_a_tick_shifts_by_that_part():
     late = moved(delayed, volts, held=True)[:, MOTOR, 0]
     fine = np.repeat(volts, 20, axis=0)
     shifted = np.concatenate([np.zeros((7, 2)), fine])[: len(fine)]
-    p, s, expected = plant.pack(smooth_rig()), plant.rest(), [0.0]
+    p, s, expected = plant_record.pack(smooth_rig()), plant.rest(), [0.0]
     for k, pair in enumerate(shifted):
         plant.drive_step(s, p, 0, pair[0], 0.0)
         if k % 20 == 19:
@@ -289,7 +289,7 @@ def test_held_ball_keeps_its_place_and_does_not_load_the_plate():
 def test_a_ball_let_go_on_a_moving_plate_starts_at_rest_on_it():
     rig = smooth_rig()
     state = moved(rig, swinging_volts(0.1), state=ball_state((0.1, -0.1)), held=True)[-1]
-    _, _, o1, o2 = plant.plate_motion(state, plant.pack(rig))
+    _, _, o1, o2 = plant.plate_motion(state, plant_record.pack(rig))
     assert min(abs(o1), abs(o2)) > 0.01
     w_x, w_y = state[BALL_W]
     np.testing.assert_allclose(velocity(w_x, w_y, o1, o2, rig.ball.radius_m), 0.0, atol=1e-15)

@@ -1,0 +1,81 @@
+"""The plant's parameters as one flat record that the compiled functions take, made from a rig."""
+
+from math import ceil
+
+import numpy as np
+
+from rig.effects import fields, values
+from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, Rig
+from rig.shaft import DEAD_ZONE, EXACT, NONE, relaxation
+
+STEP_S = 1e-4
+
+_MODELS = {"exact": EXACT, "dead_zone": DEAD_ZONE, "none": NONE}
+_PER_AXIS = (
+    "torque_per_volt motor_damping motor_inertia gear_k gear_c gear_decay gear_1 gear_2 "
+    "joint_k joint_c joint_decay joint_1 joint_2"
+).split()
+_SCALARS = (
+    "step_s arm_inertia plate_inertia arm_friction joint_friction stop_rad ratio radius mass "
+    "factor half_side wall_restitution encoder_step tachometer_scale tachometer_noise tachometer "
+    "camera_delay camera_noise camera_dropout"
+).split()
+PLANT = np.dtype(
+    [(name, np.float64, (2,)) for name in _PER_AXIS]
+    + [(name, np.float64, (2,)) for name, _, _ in fields()]
+    + [(name, np.float64) for name in _SCALARS]
+    + [("shaft_model", np.int64), ("walls", np.int64)]
+)
+
+
+def pack(rig: Rig, *, step_s: float = STEP_S) -> np.record:
+    """The plant's record (dtype PLANT) of a rig, effects included; raises ValueError as they do.
+
+    The step is at most `step_s` and divides the rig's control tick evenly.
+    """
+    tick_s = 1 / rig.control_rate_hz
+    step_s = tick_s / ceil(tick_s / step_s - 1e-9)
+    p = np.zeros(1, PLANT)[0]
+    servo, drive = rig.servo, rig.drive
+    for name, pair in values(rig.effects).items():
+        p[name] = pair
+    p["torque_per_volt"] = servo.torque_per_volt_nm
+    p["motor_damping"] = servo.damping_nm_s
+    load = GEARS_INERTIA_HIGH_KG_M2 + drive.plate_inertia_kg_m2
+    p["motor_inertia"] = servo.inertia_kg_m2 - load
+    p["arm_inertia"], p["plate_inertia"] = GEARS_INERTIA_HIGH_KG_M2, drive.plate_inertia_kg_m2
+    for shaft, k, c in (
+        ("gear", drive.gear_stiffness_nm_rad, drive.gear_damping_nm_s),
+        ("joint", drive.joint_stiffness_nm_rad, drive.joint_damping_nm_s),
+    ):
+        p[f"{shaft}_k"], p[f"{shaft}_c"], p[f"{shaft}_decay"] = k, c, relaxation(k, c, step_s)
+        half, centre = p[f"{shaft}_backlash_play_rad"] / 2, p[f"{shaft}_backlash_offset_rad"]
+        p[f"{shaft}_1"], p[f"{shaft}_2"] = centre + half, centre - half
+    p["step_s"], p["shaft_model"] = step_s, _MODELS[drive.shaft_model]
+    p["arm_friction"], p["joint_friction"] = drive.arm_friction_nm, drive.joint_friction_nm
+    p["stop_rad"], p["ratio"], p["half_side"] = (
+        servo.stop_rad,
+        rig.linkage.ratio,
+        rig.linkage.plate_side_m / 2,
+    )
+    p["radius"], p["mass"], p["factor"] = (
+        rig.ball.radius_m,
+        rig.ball.mass_kg,
+        rig.ball.rolling_factor,
+    )
+    p["walls"], p["wall_restitution"] = int(rig.walls.present), rig.walls.restitution
+    p["encoder_step"] = servo.encoder_step_rad
+    p["tachometer"] = float(servo.tachometer)
+    p["tachometer_scale"], p["tachometer_noise"] = (
+        servo.tachometer_scale,
+        servo.tachometer_noise_rad_s,
+    )
+    p["camera_delay"] = rig.camera.delay_s + p["camera_delay_extra_s"][0]
+    p["camera_noise"], p["camera_dropout"] = rig.camera.noise_m, rig.camera.dropout
+    return p
+
+
+def no_volts(rig: Rig) -> np.ndarray:
+    """A history (n, 2) of 0 V, as many ticks as the input delay needs, the newest first."""
+    delays = [axis.get("delay_s", 0.0) for axis in rig.effects.get("input_delay", {}).values()]
+    return np.zeros((ceil(max(delays, default=0.0) * rig.control_rate_hz) + 2, 2))
