@@ -190,6 +190,8 @@ class _Fit:
 
 def _solve(views: Sequence[SheetView], size_px: tuple[int, int]) -> _Fit:
     flags = sum(getattr(cv2, name) for name in FLAGS)
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)  # sums in the order of threads would give other last digits every time
     try:
         rms, matrix, lens, turns, shifts, std, _, per_view = cv2.calibrateCameraExtended(
             [view.points_m for view in views],
@@ -203,6 +205,8 @@ def _solve(views: Sequence[SheetView], size_px: tuple[int, int]) -> _Fit:
         raise CalibrationError(
             "the sheet's views do not determine the camera: tilt it, and show it at several places"
         ) from error
+    finally:
+        cv2.setNumThreads(threads)
     camera = Camera(matrix, np.asarray(lens).reshape(-1)[:5], *size_px)
     free = np.asarray(std).reshape(-1)[: len(PARAMETERS)] > 0
     poses = [(v.points_m, t, s) for v, t, s in zip(views, turns, shifts, strict=True)]

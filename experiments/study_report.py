@@ -114,14 +114,10 @@ def _regime(rig: Rig) -> str:
     """Whether friction holds the plate inside the joint's play against the ball's weight."""
     ball = rig.ball.mass_kg * GRAVITY_M_S2 * rig.linkage.ratio * 0.10
     held = rig.drive.joint_friction_nm > ball
-    what = (
-        "the plate keeps its place inside the play"
-        if held
-        else "the plate drops to the ball's side"
-    )
+    does = "keeps its place inside the play" if held else "drops to the ball's side"
     return (
         f"Regime: joint friction {rig.drive.joint_friction_nm:.3g} N m (assumed) against "
-        f"{ball:.2g} N m of a ball 10 cm out, both at the servo: the plate {what}."
+        f"{ball:.2g} N m of a ball 10 cm out, both at the servo: the plate {does}."
     )
 
 
