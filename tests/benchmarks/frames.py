@@ -48,9 +48,8 @@ def main() -> None:
         print("|---|---|")
         for name, ms in (("render 640x480", render), ("markers, tracking, ball centre", see)):
             print(f"| {name} | {np.median(ms):.2f} ({np.quantile(ms, 0.95):.2f}) |")
-        print(
-            f"\nseeing costs {np.median(see) / np.median(render):.2f} of rendering in the same run\n"
-        )
+        ratio = np.median(see) / np.median(render)
+        print(f"\nseeing costs {ratio:.2f} of rendering in the same run\n")
         print("| protocol | frames | seen | RMS x, y [mm] | worst [mm] | bias x, y [mm] |")
         print("|---|---|---|---|---|---|")
         for name in ("free-release", "pushed", "circle"):
