@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def texel_maps(rays, texel_from_ray, map_x, map_y):  # pragma: no cover - compiled
     """Where each pixel of a region looks in the texture, by the plane's homography (3, 3)."""
     h = texel_from_ray.astype(np.float32)
@@ -21,20 +21,25 @@ def texel_maps(rays, texel_from_ray, map_x, map_y):  # pragma: no cover - compil
             map_y[i, j] = (h[1, 0] * x + h[1, 1] * y + h[1, 2]) * w
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def lay_over(image, layer, gain):  # pragma: no cover - compiled
     """Premultiplied BGRA `layer` over a region of `image`, both (h, w, ..) uint8, in place."""
     scale = np.int32(round(gain * 65536.0))
     for i in range(image.shape[0]):
         for j in range(image.shape[1]):
             clear = 255 - np.int32(layer[i, j, 3])
+            if clear == 0:  # most of the plate: nothing shines through
+                for c in range(3):
+                    value = (np.int32(layer[i, j, c]) * scale + 32768) >> 16
+                    image[i, j, c] = np.uint8(min(value, 255))
+                continue
             for c in range(3):
                 under = (np.int32(image[i, j, c]) * clear * 257 + 32768) >> 16
                 value = under + ((np.int32(layer[i, j, c]) * scale + 32768) >> 16)
                 image[i, j, c] = np.uint8(min(value, 255))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def expose(clean, noise, brightness):  # pragma: no cover - compiled
     """Sensor: flat uint8 `clean` times brightness plus `noise` (int16, 1/64 DN), rounded."""
     out = np.empty(clean.size, np.uint8)
@@ -45,7 +50,7 @@ def expose(clean, noise, brightness):  # pragma: no cover - compiled
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _light_left(px, py, pz, light, radius, strength):  # pragma: no cover - compiled
     """Share of the light that reaches the plate at (px, py, pz) from the ball's centre.
 
@@ -65,7 +70,7 @@ def _light_left(px, py, pz, light, radius, strength):  # pragma: no cover - comp
     return 1.0 - strength * (1.0 - 0.5 * sky - 0.5 * lamp)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def cast_shadow(
     image, rays, cover, normal, centre, radius, light, strength
 ):  # pragma: no cover - compiled
@@ -89,7 +94,7 @@ def cast_shadow(
                 image[i, j, c] = np.uint8(image[i, j, c] * left + 0.5)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _lit(x, y, gap, along, centre, radius, light, half):  # pragma: no cover - compiled
     """Diffuse light and highlight where the ray (x, y, 1) meets the sphere."""
     reach = along - sqrt(gap)
@@ -107,7 +112,7 @@ def _lit(x, y, gap, along, centre, radius, light, half):  # pragma: no cover - c
     return 0.46 + 0.54 * max(facing, 0.0) + 0.08 * min(facing, 0.0), gloss * gloss
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def paint_ball(
     image, rays, centres, radius, px_per_m, soft_px, bgr, light, half
 ):  # pragma: no cover - compiled
