@@ -1,0 +1,155 @@
+"""The predictor on noise-free logs: innovations vanish with the tick, each in its channel."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from rig import plant, plant_record
+from rig.effect_equations import camera_map
+from rig.effects import BY_NAME, CATALOGUE
+from rig.parameters import Ball, Drive, Rig
+from rig.predict import Innovations, Signals, noise, predict, signals
+
+# Shafts so stiff and free of friction that the predictor's rigid ones are the truth; where play is
+# under test friction must hold the driven side.
+STIFF = Drive(
+    gear_stiffness_nm_rad=3000, joint_stiffness_nm_rad=3000, gear_damping_nm_s=0.2,
+    joint_damping_nm_s=0.2, arm_friction_nm=0, joint_friction_nm=0,
+)  # fmt: skip
+HELD = {
+    "gear_backlash": replace(STIFF, arm_friction_nm=0.002, joint_friction_nm=0.02),
+    "joint_backlash": replace(STIFF, joint_friction_nm=0.02),
+}
+SIZES = {
+    "friction_V": 0.2, "extra_V": 0.15, "speed_rad_s": 0.3, "half_width_V": 0.15, "fraction": 0.05,
+    "offset_V": 0.2, "limit_V": 0.8, "delay_s": 0.008, "amplitude_V": 0.2, "phase_rad": 0.5,
+    "periods_per_turn": 13.0, "rate_1_s": 0.05, "drop_1_V": 0.03, "play_rad": 0.02,
+    "amplitude_rad": 0.01, "coefficient_1_rad": 0.3, "coefficient_1_rad2": 1.0, "slope_rad": 0.005,
+    "rate_rad_s": 0.001, "stiffness_1_s2": 0.5, "deceleration_m_s2": 0.01, "extra_s": 0.015,
+    "angle_rad": 0.05, "k1_1_m2": 10.0,
+}  # fmt: skip
+SECONDS, SETTLED_S, SETTLED_FRAMES = 3.0, 0.4, 20
+LEVELS = noise(servo_process=0.05)
+
+
+def table(name: str | None, rate_hz: float) -> Rig:
+    effects = {}
+    if name is not None:
+        effect = BY_NAME[name]
+        keys = {p.key: SIZES[p.key] for p in effect.parameters if p.key in SIZES}
+        effects = {name: dict.fromkeys(effect.axes, keys)}
+    drive = HELD.get(name or "", STIFF)
+    return Rig(control_rate_hz=rate_hz, drive=drive, ball=Ball(mass_kg=1e-6), effects=effects)
+
+
+@cache
+def log(name: str | None, rate_hz: float) -> Signals:
+    """A closed-loop log without noise: exact angles, exact ball at 60 exposures a second."""
+    rig = table(name, rate_hz)
+    p, s = plant_record.pack(rig, step_s=2e-5), plant.rest((0.01, -0.02))
+    history, seen = plant_record.no_volts(rig), np.full(7, np.nan)
+    rows, frames = [], []
+    for k in range(round(SECONDS * rate_hz)):
+        t = k / rate_hz
+        swing = np.array([np.sin(7.1 * t) + 0.6 * np.sin(13.7 * t + 1), np.sin(5.9 * t + 2)])
+        wanted = 0.12 * swing - 1.5 * s[plant.BALL] - s[plant.BALL_W]
+        volts = 14 * (wanted - s[plant.ARM])
+        rows.append((t, *volts, *s[plant.ARM]))
+        history[1:] = history[:-1].copy()
+        history[0] = volts
+        due = (len(frames) + 1) / 60
+        plant.advance(s, p, history, t, 1 / rate_hz, 0.0, 0.0, False, due, seen)
+        if not np.isnan(seen[6]):
+            at = (p["camera_scale_fraction"][0], p["camera_yaw_angle_rad"][0])
+            measured = camera_map(seen[0], seen[1], *at, p["lens_distortion_k1_1_m2"][0])
+            frames.append((seen[6] + p["camera_delay_extra_s"][0], *measured))
+    r, f = np.array(rows), np.array(frames)
+    return Signals(
+        r[:, 0].copy(), r[:, 1:3].copy(), r[:, 3:].copy(), f[:, 0].copy(), f[:, 1:].copy()
+    )
+
+
+def sizes(found: Innovations, rate_hz: float) -> dict[str, float]:
+    """RMS innovations of both channels after the filters have settled."""
+    servo, ball = found.servo[round(SETTLED_S * rate_hz) :], found.ball[SETTLED_FRAMES:]
+    return {
+        "servo": float(np.sqrt(np.nanmean(servo**2))),
+        "ball": float(np.sqrt(np.nanmean(ball**2))),
+    }
+
+
+def channel(name: str) -> str:
+    return "servo" if BY_NAME[name].side == "servo" else "ball"
+
+
+def residual(name: str | None, rate_hz: float, *, believed: bool = True) -> dict[str, float]:
+    rig = table(name, rate_hz)
+    model = rig if believed else replace(rig, effects={})
+    return sizes(predict(model, log(name, rate_hz), LEVELS), rate_hz)
+
+
+@pytest.mark.parametrize("name", [effect.name for effect in CATALOGUE])
+def test_with_the_true_effect_the_innovations_shrink_with_the_tick(name: str):
+    coarse, fine = (residual(name, rate)[channel(name)] for rate in (500.0, 2000.0))
+    assert fine < 0.75 * coarse
+
+
+@pytest.mark.parametrize("name", [effect.name for effect in CATALOGUE])
+def test_without_the_effect_its_own_channel_shows_a_gap_and_the_other_does_not(name: str):
+    mine = channel(name)
+    other = "ball" if mine == "servo" else "servo"
+    true, without = residual(name, 2000.0), residual(name, 2000.0, believed=False)
+    # Where teeth strike, the arm bounces, which rigid shafts cannot: that much gap stays.
+    factor = 2 if name == "gear_backlash" else 10
+    assert without[mine] > factor * true[mine]
+    assert without[other] == pytest.approx(true[other], rel=1e-9)
+
+
+def test_a_healthy_table_leaves_micrometres_and_microradians():
+    found = residual(None, 500.0)
+    assert found["servo"] < 1e-5
+    assert found["ball"] < 1.5e-6
+
+
+@pytest.mark.parametrize("name", [effect.name for effect in CATALOGUE])
+def test_null_values_leave_the_predictor_unchanged_bit_for_bit(name: str):
+    effect = BY_NAME[name]
+    nulls = {name: {axis: {p.key: p.null for p in effect.parameters} for axis in effect.axes}}
+    rig = table(None, 500.0)
+    bare = predict(rig, log(None, 500.0), LEVELS)
+    told = predict(replace(rig, effects=nulls), log(None, 500.0), LEVELS)
+    assert np.array_equal(bare.servo, told.servo, equal_nan=True)
+    assert np.array_equal(bare.ball, told.ball, equal_nan=True)
+
+
+def test_the_moving_plate_matters():
+    """Without its Euler and centrifugal terms (a ball of no radius) the gap is a hundred times."""
+    rig = table(None, 500.0)
+    flat = replace(rig, ball=replace(rig.ball, radius_m=1e-9))
+    known = log(None, 500.0)
+    assert sizes(predict(flat, known, LEVELS), 500.0)["ball"] > 100 * residual(None, 500.0)["ball"]
+
+
+def test_a_log_of_the_loop_gives_signals_and_missing_channels_stay_empty():
+    from experiments.assemble import known as believed
+    from experiments.assemble import load_rig
+    from experiments.protocol import read_protocol
+    from experiments.runner import Order, simulate_order
+
+    rig = load_rig(None)
+    run = simulate_order(Order(rig, read_protocol("steps"), "with", 1, None)).log
+    found = signals(run, camera_delay_s=rig.camera.delay_s)
+    assert len(found.t_s) == len(run)
+    assert np.all(np.diff(found.exposed_s) > 0)
+    result = predict(rig, found, noise())
+    assert np.isfinite(result.servo[1:]).all()
+    z = result.ball[60:] / result.ball_std[60:, None]
+    assert 0.8 < np.sqrt(np.nanmean(z**2)) < 1.2  # the true model: white within its noise
+    wrong = predict(believed(rig), found, noise())
+    assert np.nanmean((wrong.ball[60:] / wrong.ball_std[60:, None]) ** 2) > 1.5 * np.nanmean(z**2)
+    silent = Signals(found.t_s, np.empty((0, 2)), found.theta_rad, found.exposed_s, found.ball_m)
+    only_ball = predict(rig, silent, noise())
+    assert np.isnan(only_ball.servo).all()
+    assert np.array_equal(only_ball.ball, result.ball, equal_nan=True)
