@@ -118,3 +118,15 @@ def camera_map(x, y, scale_fraction, yaw_rad, k1_1_m2):
     factor = (1.0 + scale_fraction) * (1.0 + k1_1_m2 * (x * x + y * y))
     c, s = cos(yaw_rad), sin(yaw_rad)
     return factor * (c * x - s * y), factor * (s * x + c * y)
+
+
+@compiled
+def camera_unmap(x, y, scale_fraction, yaw_rad, k1_1_m2):
+    """The true position of a measured one [m]: `camera_map` backwards, the lens by iteration."""
+    c, s = cos(yaw_rad), sin(yaw_rad)
+    u, v = (c * x + s * y) / (1.0 + scale_fraction), (c * y - s * x) / (1.0 + scale_fraction)
+    a, b = u, v
+    for _ in range(8):
+        factor = 1.0 + k1_1_m2 * (a * a + b * b)
+        a, b = u / factor, v / factor
+    return a, b

@@ -7,7 +7,8 @@ separate channels. Shafts are rigid here (a play is its operator); every effect 
 equation that the simulator calls. With true parameters and no noise the innovations vanish with
 the tick.
 
-*Servo*, per axis: first-order motor (K, tau) exactly over a tick, Kalman filter over (theta, omega).
+*Servo*, per axis: first-order motor (K, tau) exactly over a tick, Kalman filter over angle and
+speed.
 *Ball*: rolling on the moving plate, one midpoint step a tick between exposures, Kalman filter over
 (position, velocity) per axis.
 """
@@ -242,8 +243,8 @@ def predict_ball(p, levels, t, theta, exposed, ball, out, std):
             continue
         if not started or end - now > LONGEST_GAP_S:
             k = _tick_of(t, end)
-            s[0], s[1] = equations.camera_map(ball[i, 0], ball[i, 1], 0.0, -yaw, 0.0)
-            s[0], s[1], s[2], s[3], s[4] = s[0] / (1.0 + scale), s[1] / (1.0 + scale), 0.0, 0.0, 0.0
+            s[0], s[1] = equations.camera_unmap(ball[i, 0], ball[i, 1], scale, yaw, k1)
+            s[2] = s[3] = s[4] = 0.0
             for a in range(2):
                 angle = _angle(theta, t, k, a, end)
                 if not started:
@@ -267,14 +268,13 @@ def predict_ball(p, levels, t, theta, exposed, ball, out, std):
         p11 += q
         total = p00 + r
         m_x, m_y = equations.camera_map(s[0], s[1], scale, yaw, k1)
-        e_x, e_y = ball[i, 0] - m_x, ball[i, 1] - m_y
-        out[i, 0], out[i, 1], std[i] = e_x, e_y, sqrt(total)
-        e_x, e_y = equations.camera_map(e_x, e_y, 0.0, -yaw, 0.0)
+        out[i, 0], out[i, 1], std[i] = ball[i, 0] - m_x, ball[i, 1] - m_y, sqrt(total)
+        z_x, z_y = equations.camera_unmap(ball[i, 0], ball[i, 1], scale, yaw, k1)
         g0, g1 = p00 / total, p01 / total
-        s[0] += g0 * e_x
-        s[1] += g0 * e_y
-        s[2] += g1 * e_x
-        s[3] += g1 * e_y
+        s[2] += g1 * (z_x - s[0])
+        s[3] += g1 * (z_y - s[1])
+        s[0] += g0 * (z_x - s[0])
+        s[1] += g0 * (z_y - s[1])
         p11 -= g1 * p01
         p01 -= g0 * p01
         p00 -= g0 * p00
