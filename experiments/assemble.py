@@ -13,6 +13,7 @@ from rig.parameters import Rig
 from rig.rigfile import read_rig
 from rig.simulate import Course
 from rig.simulator import Eye, SimulatedTable
+from rig.unknown import Unknown
 
 # How real units of one kind differ from each other (source D of rig.parameters), half ranges.
 SPREAD_GAIN, SPREAD_TAU = 0.032, 0.043
@@ -29,9 +30,9 @@ def load_rig(path: Path | None) -> Rig:
 
 
 def known(rig: Rig) -> Rig:
-    """What controllers and estimators may see of a rig: everything but its effects."""
+    """What controllers and estimators may see of a rig: all but its effects and unnamed term."""
     servo = replace(rig.servo, tachometer_scale=0.0)
-    return replace(rig, servo=servo, effects={})
+    return replace(rig, servo=servo, effects={}, unknown=Unknown())
 
 
 def another_unit(rig: Rig, seed: int) -> Rig:

@@ -8,6 +8,8 @@ Angles, speeds, torques and inertias of the drive are those at the servo's load 
 from dataclasses import dataclass, field
 from math import pi
 
+from rig.unknown import Unknown
+
 GRAVITY_M_S2 = 9.81
 SHAFT_MODELS = ("exact", "dead_zone", "none")
 
@@ -161,7 +163,8 @@ class Gains:
 class Rig:
     """Everything a controller or estimator may know of a table; `effects` only the model's user.
 
-    `effects` maps a catalogue name to {"x" | "y" | "xy": {key: value}} (see `rig.effects`).
+    `unknown` is the unnamed term of the model, if any. `effects` maps a catalogue name to
+    {"x" | "y" | "xy": {key: value}} (see `rig.effects`).
     """
 
     servo: Servo = field(default_factory=Servo)
@@ -171,6 +174,7 @@ class Rig:
     drive: Drive = field(default_factory=Drive)
     walls: Walls = field(default_factory=Walls)
     gains: Gains = field(default_factory=Gains)
+    unknown: Unknown = field(default_factory=Unknown)
     control_rate_hz: float = 500.0
     effects: dict[str, dict[str, dict[str, float]]] = field(default_factory=dict)
 

@@ -15,6 +15,7 @@ from rig.ball import plate_rates, plate_sines, rolling, velocity
 from rig.compiled import compiled
 from rig.parameters import GRAVITY_M_S2
 from rig.shaft import backlash_angle, shaft_torque
+from rig.unknown import unknown_acceleration, unknown_volts
 
 # Rows of the state, one column per axis.
 MOTOR, MOTOR_RATE, ARM, ARM_RATE, PLATE, PLATE_RATE, GEAR_LOST, JOINT_LOST = range(8)
@@ -32,7 +33,7 @@ def rest(ball_xy_m: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
 
 
 @compiled
-def effective_volts(p, a, volts_x, volts_y, theta, t):
+def effective_volts(p, a, volts_x, volts_y, theta, omega, t):
     """Volts that turn motor `a` after every servo-side effect but friction and delay [V]."""
     v = volts_x if a == 0 else volts_y
     v = equations.saturation(v, p.saturation_limit_V[a])
@@ -41,6 +42,8 @@ def effective_volts(p, a, volts_x, volts_y, theta, t):
     v = equations.gain_asymmetry(v, p.gain_asymmetry_fraction[a])
     v = equations.gain_drift(v, t, p.gain_drift_rate_1_s[a])
     v = equations.voltage_offset(v, p.voltage_offset_offset_V[a])
+    if p.unknown.on:
+        v += unknown_volts(p.unknown, a, theta, omega, t)
     return equations.cogging(
         v,
         theta,
@@ -152,6 +155,10 @@ def ball_step(s, p, t, push_x, push_y, held):
     bowl, drag = p.plate_bowl_stiffness_1_s2[0], p.viscous_drag_rate_1_s[0]
     a_x += push_x + equations.plate_bowl(s[BALL, 0], bowl) + equations.viscous_drag(v_x, drag)
     a_y += push_y + equations.plate_bowl(s[BALL, 1], bowl) + equations.viscous_drag(v_y, drag)
+    if p.unknown.on:
+        x, y = s[BALL, 0] / p.half_side, s[BALL, 1] / p.half_side
+        a_x += unknown_acceleration(p.unknown, 0, x, y, v_x, t)
+        a_y += unknown_acceleration(p.unknown, 1, x, y, v_y, t)
     v_x, v_y = v_x + h * a_x, v_y + h * a_y
     kept = equations.rolling_resistance(v_x, v_y, p.rolling_resistance_deceleration_m_s2[0], h)
     v_x, v_y = v_x * kept, v_y * kept
@@ -197,7 +204,9 @@ def advance(s, p, history, t, ticks_s, push_x, push_y, held, exposure_s, seen):
         for a in range(2):
             late = p.input_delay_delay_s[a] - (i + 0.5) * h
             back = min(int(ceil(late / ticks_s)), history.shape[0] - 1) if late > 0.0 else 0
-            volts = effective_volts(p, a, history[back, 0], history[back, 1], s[ARM, a], now)
+            volts = effective_volts(
+                p, a, history[back, 0], history[back, 1], s[ARM, a], s[ARM_RATE, a], now
+            )
             load = 0.0 if held or fallen else weight * s[BALL, a]
             drive_step(s, p, a, volts, load)
         if not fallen:

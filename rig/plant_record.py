@@ -4,9 +4,11 @@ from math import ceil
 
 import numpy as np
 
+from rig import unknown
 from rig.effects import fields, values
 from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, Rig
 from rig.shaft import DEAD_ZONE, EXACT, NONE, relaxation
+from rig.unknown import UNKNOWN
 
 STEP_S = 1e-4
 
@@ -24,7 +26,7 @@ PLANT = np.dtype(
     [(name, np.float64, (2,)) for name in _PER_AXIS]
     + [(name, np.float64, (2,)) for name, _, _ in fields()]
     + [(name, np.float64) for name in _SCALARS]
-    + [("shaft_model", np.int64), ("walls", np.int64)]
+    + [("shaft_model", np.int64), ("walls", np.int64), ("unknown", UNKNOWN)]
 )
 
 
@@ -51,6 +53,7 @@ def pack(rig: Rig, *, step_s: float = STEP_S) -> np.record:
         p[f"{shaft}_k"], p[f"{shaft}_c"], p[f"{shaft}_decay"] = k, c, relaxation(k, c, step_s)
         half, centre = p[f"{shaft}_backlash_play_rad"] / 2, p[f"{shaft}_backlash_offset_rad"]
         p[f"{shaft}_1"], p[f"{shaft}_2"] = centre + half, centre - half
+    p["unknown"] = unknown.pack(rig.unknown)
     p["step_s"], p["shaft_model"] = step_s, _MODELS[drive.shaft_model]
     p["arm_friction"], p["joint_friction"] = drive.arm_friction_nm, drive.joint_friction_nm
     p["stop_rad"], p["ratio"], p["half_side"] = (

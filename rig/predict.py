@@ -26,6 +26,7 @@ from rig.parameters import Rig
 from rig.plant import effective_volts, felt_angle
 from rig.plant_record import pack
 from rig.shaft import play_operator
+from rig.unknown import unknown_acceleration
 
 NOISE = np.dtype(
     [
@@ -154,7 +155,7 @@ def predict_servo(p, levels, t, volts, theta, gain, tau, out, std):
             delay = p.input_delay_delay_s[a]
             v_x = delayed_volts(volts, k, 0, dt, delay)
             v_y = delayed_volts(volts, k, 1, dt, delay)
-            v = effective_volts(p, a, v_x, v_y, arm, t[k])
+            v = effective_volts(p, a, v_x, v_y, arm, speed, t[k])
             free_gap = motor - beta_1 < arm < motor - beta_2
             motor, speed = servo_step(p, a, motor, speed, v, gain, tau, dt, free_gap)
             arm = play_operator(arm, motor, beta_1, beta_2)
@@ -218,6 +219,10 @@ def ball_step(p, s, plate, sines, angle_x, angle_y, now, dt):
     bowl, drag = p.plate_bowl_stiffness_1_s2[0], p.viscous_drag_rate_1_s[0]
     a_x += equations.plate_bowl(x, bowl) + equations.viscous_drag(v_x + 0.5 * dt * a_x, drag)
     a_y += equations.plate_bowl(y, bowl) + equations.viscous_drag(v_y + 0.5 * dt * a_y, drag)
+    if p.unknown.on:
+        part_x, part_y = x / p.half_side, y / p.half_side
+        a_x += unknown_acceleration(p.unknown, 0, part_x, part_y, v_x + 0.5 * dt * a_x, now)
+        a_y += unknown_acceleration(p.unknown, 1, part_x, part_y, v_y + 0.5 * dt * a_y, now)
     n_x, n_y = v_x + dt * a_x, v_y + dt * a_y
     kept = equations.rolling_resistance(n_x, n_y, p.rolling_resistance_deceleration_m_s2[0], dt)
     n_x, n_y = n_x * kept, n_y * kept

@@ -11,7 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 from rig import effects
 from rig.parameters import Rig
 
-SECTIONS = ("servo", "linkage", "ball", "camera", "drive", "walls", "gains")
+SECTIONS = ("servo", "linkage", "ball", "camera", "drive", "walls", "gains", "unknown")
 # Values that must be above zero; everything else must be zero or more, but for free signs.
 _POSITIVE = (
     "gain_rad_s_V time_constant_s encoder_counts_per_rev voltage_limit_V angle_limit_rad stop_rad "
@@ -66,7 +66,7 @@ def _section(name: str, default: Any, given: Any) -> Any:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
         raise ValueError(f"{name}.{where} = {first['input']!r}: {first['msg']}") from None
-    for key in keys:
+    for key in keys if name != "unknown" else ():
         _check_value(f"{name}.{key}", key, getattr(section, key))
     return section
 
