@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from mujoco_table import Build, MujocoTable
+from mujoco_mechanism import Build
+from mujoco_table import MujocoTable
 
 from rig import plant, plant_record
 from rig.ball import velocity
