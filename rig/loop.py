@@ -110,7 +110,7 @@ class Loop:
         self._table, self._course, self._hand = table, course, hand or Hand()
         self._commands, self._keep, self._event = commands or CommandSlot(), keep, event
         self._q = pilot.settings(known, arm, servo_only=course.servo_only)
-        self._pilot = pilot.start(self._q, held=course.hold_s > 0)
+        self.pilot = pilot.start(self._q, held=course.hold_s > 0)
         self._wish, self._applied = np.zeros(2), np.zeros(2)
         self._row = np.full(len(COLUMNS), np.nan)
         self._target: tuple[float, float] | None = None
@@ -131,9 +131,9 @@ class Loop:
             self._obey(command, reading.t_s)
         row = reading.row()
         target = np.array(self._target or self._course.targets_m[self._ticks])
-        before = self._pilot["phase"]
-        pilot_tick(self._pilot, self._q, row, target, self._applied, self._wish)
-        if before == HOLD and self._pilot["phase"] != HOLD:
+        before = self.pilot["phase"]
+        pilot_tick(self.pilot, self._q, row, target, self._applied, self._wish)
+        if before == HOLD and self.pilot["phase"] != HOLD:
             self._event(reading.t_s, "released")
         push = self._hand.act(reading, self._push_now(reading.t_s))
         for a, theta in enumerate(reading.theta_rad):
@@ -144,7 +144,7 @@ class Loop:
         pushed = 1.0 if push != (0.0, 0.0) else 0.0
         fill_row(
             self._row,
-            self._pilot,
+            self.pilot,
             self._q,
             row,
             covariance,
@@ -161,11 +161,11 @@ class Loop:
         worst = max(map(abs, reading.theta_rad))
         if worst > self._q["angle_limit"] + ANGLE_MARGIN_RAD:
             return Ending("limit", f"servo angle {worst:.2f} rad is beyond the limit")
-        blind = self._pilot["phase"] == BLIND
+        blind = self.pilot["phase"] == BLIND
         self._blind = self._blind + 1 if blind else 0
         if self._blind * self._table.period_s > BLIND_LIMIT_S:
             return Ending("ball lost", f"the ball was not seen for {BLIND_LIMIT_S:g} s")
-        if self._pilot["phase"] != HOLD:
+        if self.pilot["phase"] != HOLD:
             self._ticks += 1
         elif reading.t_s > self._course.hold_s + self._hand.release_limit_s:
             return Ending(
@@ -176,7 +176,7 @@ class Loop:
         return Ending("ball lost", "the ball was out of sight at the end") if blind else DONE
 
     def _push_now(self, t_s: float) -> tuple[float, float]:
-        if self._pilot["phase"] == HOLD:
+        if self.pilot["phase"] == HOLD:
             return (0.0, 0.0)
         if t_s < self._push_until:
             return self._push
