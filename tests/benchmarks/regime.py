@@ -1,8 +1,9 @@
-"""Where the plate keeps its place inside the joint's play: `uv run python tests/benchmarks/regime.py`.
+"""Where the plate keeps its place inside the joint's play.
 
-Assumed values decide it (joint friction, stiffness, plate inertia): they are swept one by one on the
-default table with 1.5 degrees of joint play. Does a ball 10 cm out pull a resting plate to its side,
-and what does the joint's observer say of a closed-loop run?
+`uv run python tests/benchmarks/regime.py` (1 min). Assumed values decide it (joint friction and
+stiffness, plate inertia): they are swept one by one on the default table with 1.5 degrees of joint
+play. Does a ball 10 cm out pull a resting plate to its side, and what does the joint's observer
+say of a closed-loop run?
 """
 
 from dataclasses import replace
@@ -56,10 +57,8 @@ def main() -> None:
         for value in values:
             swept = replace(rig, drive=replace(rig.drive, **{name: value}))
             keeps, lost = np.median([believed(swept, seed) for seed in range(4)], axis=0)
-            share = dropped(swept)
-            print(
-                f"| {name} = {value:g} | {share:+.2f} of the half play | {keeps:.2f} | {lost:.2f} deg |"
-            )
+            moved = f"{dropped(swept):+.2f} of the half play"
+            print(f"| {name} = {value:g} | {moved} | {keeps:.2f} | {lost:.2f} deg |", flush=True)
 
 
 if __name__ == "__main__":
