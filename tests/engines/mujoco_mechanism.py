@@ -32,7 +32,7 @@ class Build:
     step_s: float = 1e-4
     universal: bool = False  # False: the plate does not turn about its normal
     grip: float = 20.0  # friction of ball and plate; the default never slips
-    wall_rate_rad_s: float = 1500.0  # of the walls' spring on the ball
+    wall_rate_rad_s: float = 600.0  # of the walls' spring on the ball
     crank_share: float = 0.1  # of the plate's inertia at the crank, the plate itself has the rest
 
 

@@ -113,6 +113,11 @@ class MujocoTable(LevelOnExit):
     def close(self) -> None:
         self._volts = (0.0, 0.0)
 
+    @property
+    def volts_V(self) -> tuple[float, float]:
+        """What stands at the motors' terminals."""
+        return self._volts
+
     def advance(self, volts: Sequence[float]) -> None:
         """One control tick under these volts, with the camera's exposures on the way."""
         self.data.ctrl[:] = volts
