@@ -1,6 +1,6 @@
 """The product's own pilot on both tables: free releases, the same gains, the same estimators."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from mujoco_mechanism import Build
@@ -23,6 +23,12 @@ def default_table(gear_deg: float, joint_deg: float) -> Rig:
     """The default table, as measured on real units, with this play on both axes."""
     wide = np.radians([gear_deg, joint_deg])
     return with_play(load_rig(None), gear_rad=float(wide[0]), joint_rad=float(wide[1]))
+
+
+def quiet(rig: Rig) -> Rig:
+    """The same table whose camera and tachometers have no noise (encoders still count)."""
+    camera = replace(rig.camera, noise_m=0.0)
+    return replace(rig, camera=camera, servo=replace(rig.servo, tachometer_noise_rad_s=0.0))
 
 
 def release(seconds: float) -> Course:

@@ -17,8 +17,9 @@ import pytest
 pytest.importorskip("mujoco", reason="the other engine is not installed: uv sync --group dev")
 
 from ball_windows import residuals, rms_mm
-from closed_loop import Cell, cell, default_table, on_mujoco, on_product
+from closed_loop import Cell, cell, default_table, on_mujoco, on_product, quiet
 from comparison import (
+    DEGREE,
     TICK_S,
     Gap,
     Start,
@@ -98,6 +99,20 @@ def test_what_is_left_is_the_plates_inertia():
     assert crank.arm_rad[0] < 0.6 * plate.arm_rad[0]
     assert crank.ball_m[0] < 0.5 * plate.ball_m[0]
     assert crank.ball_m[0] < 2e-5
+
+
+def test_a_loose_plate_drops_to_the_balls_side_in_the_same_time():
+    """No joint friction: the ball's weight takes the plate across the play, and it bounces there.
+
+    What is left are the two simplifications of a drive with constant loads: the plate's constant
+    inertia and the ball's weight where a ball pushes as it moves (1 % of the plate's inertia).
+    """
+    rig = table_with(joint_deg=2.0)
+    rig = replace(rig, drive=replace(rig.drive, joint_friction_nm=0.0))
+    start, volts = Start((0.06, -0.08)), np.zeros((400, 2))
+    ours, theirs = by_product(rig, volts, start), by_mujoco(rig, volts, start)
+    assert np.abs(ours.plate_rad[-1]).min() > 0.9 * DEGREE * rig.linkage.ratio
+    assert agree(gap(ours, theirs)), gap(ours, theirs)
 
 
 @pytest.mark.parametrize("hollow", [True, False])
@@ -230,6 +245,16 @@ def test_effects_that_the_mechanism_lacks_are_refused():
     rig = replace(Rig(), effects={"plate_bowl": {"xy": {"stiffness_1_s2": 1.0}}})
     with pytest.raises(ValueError, match="plate_bowl"):
         mujoco_table(rig)
+
+
+def test_without_noise_the_closed_loops_stay_together():
+    """Eight seconds of limit cycle through both plays: steps of 0.2 ms leave 1.2 mrad at 6 rad/s,
+    through the controller's 3.45 rad/m that is 0.35 mm of ball.
+    """
+    rig = quiet(default_table(1.0, 1.5))
+    (t, ours), (_, theirs) = (run(rig, "without", 8.0, 0).ball() for run in (on_product, on_mujoco))
+    assert np.ptp(ours[t > 3.0], axis=0).min() > 0.01
+    assert np.abs(ours - theirs).max() < 3.5e-4
 
 
 def release_cells(arm: str) -> tuple[Cell, Cell]:
