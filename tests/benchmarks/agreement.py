@@ -89,8 +89,8 @@ def closed_loops(seeds: int) -> None:
         f"\nFree releases of {SECONDS:g} s under the product's pilot, means over {seeds} seeds:\n"
     )
     print(
-        "| gear / joint play deg | arm | engine | amplitude mm | period s | spread mm "
-        "| servo mrad | gear found deg | joint found deg |\n|---|---|---|---|---|---|---|---|---|"
+        "| gear / joint play deg | arm | engine | axes that cycle | amplitude mm | period s "
+        "| spread mm | servo mrad | gear found deg | joint found deg |\n" + "|---" * 10 + "|"
     )
     for gear, joint in RELEASES:
         rig = default_table(gear, joint)
@@ -98,9 +98,9 @@ def closed_loops(seeds: int) -> None:
             for engine, run in (("product", on_product), ("MuJoCo", on_mujoco)):
                 c = cell([run(rig, arm, SECONDS, seed) for seed in range(seeds)])
                 print(
-                    f"| {gear:g} / {joint:g} | {arm} | {engine} | {c.amplitude_mm:.2f} "
-                    f"| {c.period_s:.2f} | {c.spread_mm:.2f} | {c.servo_mrad:.1f} "
-                    f"| {c.gear_deg:.2f} | {c.joint_deg:.2f} |",
+                    f"| {gear:g} / {joint:g} | {arm} | {engine} | {c.cycling} of {2 * seeds} "
+                    f"| {c.amplitude_mm:.2f} | {c.period_s:.2f} | {c.spread_mm:.2f} "
+                    f"| {c.servo_mrad:.1f} | {c.gear_deg:.2f} | {c.joint_deg:.2f} |",
                     flush=True,
                 )
 

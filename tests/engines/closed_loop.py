@@ -7,7 +7,8 @@ from mujoco_mechanism import Build
 from mujoco_table import MujocoTable
 
 from experiments.assemble import known, load_rig, with_play
-from experiments.metrics import RunMetrics, run_metrics
+from experiments.limit_cycle import limit_cycle
+from experiments.samples import ball_samples
 from rig.controllers import ARMS
 from rig.log import Log
 from rig.loop import Loop
@@ -16,6 +17,7 @@ from rig.simulate import Course, draw, simulate
 
 TICK_S = 0.002
 START_M = (-0.13, 0.13)
+CALM_S = 3.0  # the release is over, three cycles and more are left of 15 s
 COARSE = Build(step_s=2e-4)
 
 
@@ -59,7 +61,7 @@ def on_mujoco(rig: Rig, arm: str, seconds: float, seed: int, *, build: Build = C
 
 @dataclass(frozen=True)
 class Cell:
-    """Means over runs and axes of one arm on one table, and how many runs."""
+    """Means over runs and axes of one arm on one table; `cycling` axes have a limit cycle."""
 
     amplitude_mm: float
     period_s: float
@@ -67,20 +69,33 @@ class Cell:
     servo_mrad: float
     gear_deg: float
     joint_deg: float
-    runs: int
+    cycling: int
 
 
 def cell(logs: list[Log]) -> Cell:
-    """Medians of plays, means of the rest; an axis without a limit cycle has no part in its own."""
-    found: list[RunMetrics] = [run_metrics(log) for log in logs]
-    cycles = np.array([[(c.amplitude_m, c.period_s) for c in m.cycle] for m in found])
-    amplitude, period = np.nanmean(cycles.reshape(-1, 2), axis=0)
+    """Medians of plays, means of the rest; amplitude and period of those axes that cycle at all.
+
+    Everything from CALM_S on: a fixed time, so that what counts as settled decides nothing.
+    """
+    cycles, spread, servo, plays = [], [], [], []
+    for log in logs:
+        ball = ball_samples(log)
+        ball = ball.where(ball.t_s >= CALM_S)
+        found = [(c.amplitude_m, c.period_s) for c in limit_cycle(ball)]
+        cycles += [pair for pair in found if not np.isnan(pair[0])]
+        spread.append(np.sqrt(ball.xy_m.var(axis=0).sum()))
+        late = log["t_s"] >= CALM_S
+        servo += [log[f"theta_{a}_rad"][late].std() for a in "xy"]
+        names = [f"estimated_{p}_play_{a}_rad" for p in ("gear", "joint") for a in "xy"]
+        plays.append(np.degrees([log[name][-1] for name in names]).reshape(2, 2))
+    amplitude, period = np.mean(cycles, axis=0) if cycles else (np.nan, np.nan)
+    gear, joint = np.median(np.swapaxes(plays, 0, 1).reshape(2, -1), axis=1)
     return Cell(
-        amplitude_mm=1e3 * float(amplitude),
-        period_s=float(period),
-        spread_mm=1e3 * float(np.mean([m.settled.spread_m for m in found])),
-        servo_mrad=1e3 * float(np.mean([m.servo_activity_rad for m in found])),
-        gear_deg=float(np.degrees(np.median([m.gear_play_rad for m in found]))),
-        joint_deg=float(np.degrees(np.median([m.joint_play_rad for m in found]))),
-        runs=len(found),
+        1e3 * float(amplitude),
+        float(period),
+        1e3 * float(np.mean(spread)),
+        1e3 * float(np.mean(servo)),
+        float(gear),
+        float(joint),
+        cycling=len(cycles),
     )

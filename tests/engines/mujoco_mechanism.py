@@ -141,6 +141,8 @@ def mechanism(rig: Rig, build: Build) -> str:
     unknown = set(rig.effects) - KNOWN_EFFECTS
     if unknown:
         raise ValueError(f"not in the MuJoCo table: {', '.join(sorted(unknown))}")
+    if rig.drive.shaft_model != "exact":
+        raise ValueError(f"the MuJoCo table has no shaft '{rig.drive.shaft_model}': use exact")
     h = build.step_s
     hard = f'solref="{3 * h} 1" solimp="0.9999 0.9999 1"'
     stiff = "".join(

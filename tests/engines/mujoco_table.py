@@ -1,9 +1,10 @@
 """The MuJoCo mechanism behind the product's seam: read, drive, close; and its truth for tests."""
 
+import importlib
 from collections.abc import Sequence
 from math import sqrt
+from typing import Any
 
-import mujoco  # pyright: ignore[reportMissingImports]
 import numpy as np
 from mujoco_mechanism import Build, mechanism
 
@@ -11,6 +12,7 @@ from rig.parameters import Rig
 from rig.table import LevelOnExit, Reading
 from vision.frames import Observation
 
+mujoco: Any = importlib.import_module("mujoco")  # its compiled part has no types
 FLYWHEEL_KG_M2 = 1e3
 
 
@@ -33,6 +35,7 @@ class MujocoTable(LevelOnExit):
         theta_rad: Sequence[float] = (0.0, 0.0),
     ) -> None:
         self.period_s = 1 / rig.control_rate_hz
+        self.voltage_limit_V = rig.servo.voltage_limit_V
         self._rig, self._build, self._rng = rig, build or Build(), rng
         self.model = mujoco.MjModel.from_xml_string(mechanism(rig, self._build))
         if not self._build.universal:
