@@ -36,7 +36,10 @@ def known(rig: Rig) -> Rig:
 
 
 def another_unit(rig: Rig, seed: int) -> Rig:
-    """Another unit of the same kind: gain, lag, friction, offset, level and tachometer drawn."""
+    """Another unit of the same kind: gain, lag, friction, offset, level and tachometer drawn.
+
+    Its controllers still know the kind (`rig`), not the unit: see `runner.Order.kind`.
+    """
     rng = np.random.default_rng([seed, 2])
     one = rng.uniform
     servo = replace(
@@ -44,6 +47,12 @@ def another_unit(rig: Rig, seed: int) -> Rig:
         gain_rad_s_V=rig.servo.gain_rad_s_V * (1 + SPREAD_GAIN * one(-1, 1)),
         time_constant_s=rig.servo.time_constant_s * (1 + SPREAD_TAU * one(-1, 1)),
         tachometer_scale=SPREAD_TACHOMETER * one(-1, 1),
+    )
+    loose = 1 + SPREAD_FRICTION * one(-1, 1)
+    drive = replace(
+        rig.drive,
+        arm_friction_nm=rig.drive.arm_friction_nm * loose,
+        joint_friction_nm=rig.drive.joint_friction_nm * loose,
     )
     effects = {name: {a: dict(v) for a, v in by.items()} for name, by in rig.effects.items()}
     for name, key in (("coulomb_friction", "friction_V"), ("voltage_offset", "offset_V")):
@@ -54,7 +63,7 @@ def another_unit(rig: Rig, seed: int) -> Rig:
     for axis in ("x", "y"):
         slope = level.get(axis, {}).get("slope_rad", 0.0)
         level[axis] = {"slope_rad": slope + SPREAD_LEVEL_RAD * one(-1, 1)}
-    return replace(rig, servo=servo, effects=effects)
+    return replace(rig, servo=servo, drive=drive, effects=effects)
 
 
 def with_play(rig: Rig, *, gear_rad: float, joint_rad: float) -> Rig:

@@ -23,7 +23,7 @@ RigOption = Annotated[
     Path | None, typer.Option("--rig", help="rig.toml; without it the default virtual table.")
 ]
 SeedOption = Annotated[int, typer.Option(min=0, help="Seed of everything that is drawn.")]
-OutOption = Annotated[Path, typer.Option(help="Folder for what is made.")]
+OutOption = Annotated[Path, typer.Option("--out", help="Folder for what is made.")]
 
 
 class WorkFailedError(Exception):
@@ -64,7 +64,7 @@ def run(
     protocol: Annotated[str, typer.Argument(help="Shipped protocol or your own .toml file.")],
     arm: Annotated[str, typer.Option(help="with, without or both.")] = "both",
     rig: RigOption = None,
-    out: OutOption = Path("out"),
+    out: OutOption = Path("out/run"),
     seed: Annotated[int | None, typer.Option(min=0, help="Default: the protocol's own.")] = None,
     repetitions: Annotated[int | None, typer.Option(min=1, help="Default: the protocol's.")] = None,
     camera: Annotated[str, typer.Option(help="statistical, or frames (rendered).")] = "statistical",
@@ -103,7 +103,7 @@ def run(
 @app.command()
 def report(
     runs: Annotated[list[Path], typer.Argument(help="Run folders.")],
-    out: OutOption = Path("out"),
+    out: OutOption = Path("out/report"),
 ) -> None:
     """Figures and numbers of recorded runs, simulated or measured, as one HTML page."""
     from experiments.folders import writable
@@ -115,7 +115,7 @@ def report(
 @app.command()
 def track(
     video: Annotated[str, typer.Argument(help="Video file, image folder or stream address.")],
-    out: OutOption = Path("out"),
+    out: OutOption = Path("out/track"),
     calibration: Annotated[Path | None, typer.Option(help="Calibration bundle (JSON).")] = None,
     ball_colour: Annotated[
         str | None, typer.Option(help="Name or #rrggbb; default: found.")

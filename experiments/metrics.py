@@ -15,6 +15,7 @@ from experiments.samples import Place, Samples, ball_samples, mean_seen, pair, p
 from experiments.statistics import WithinRun, within_run_interval
 from rig.log import Log
 
+FEWEST_SAMPLES = 12
 GAP_S = 0.25  # a ball unseen for longer was not there
 
 
@@ -56,8 +57,10 @@ class RunMetrics:
 def run_metrics(
     log: Log, *, band_m: float = 0.02, stay_s: float = 1.0, servo_only: bool = False
 ) -> RunMetrics:
-    """Compute every number of one run; `band_m` and `stay_s` say what counts as settled.
+    """Compute every number of one run.
 
+    A run without pushes has settled when it is as near to its target as it ends: see
+    `final_settling_time`. A pushed one when it stays within `band_m` for `stay_s` the first time.
     `servo_only`: targets are servo angles, whatever the camera saw on the plate is left out.
     """
     run, ball = run_part(log), ball_samples(log)
@@ -67,7 +70,10 @@ def run_metrics(
     duration = float(t[-1] + np.median(np.diff(t))) if len(t) > 1 else 0.0
     unseen = duration - float(ball.until_s[-1]) if len(ball.t_s) else nan
     end = duration - unseen if unseen > GAP_S else duration
-    settling = settling_time(ball, band_m=band_m, stay_s=stay_s)
+    pushed = bool(ball.pushed.any())
+    settling = (
+        settling_time(ball, band_m=band_m, stay_s=stay_s) if pushed else final_settling_time(ball)
+    )
     begin = end / 2 if np.isnan(settling) else settling
     after = ball.where(ball.t_s >= begin)
     return RunMetrics(
@@ -76,7 +82,7 @@ def run_metrics(
         settling_s=settling,
         has_settled=not np.isnan(settling),
         settled=place(after),
-        cycle=limit_cycle(undisturbed(after, band_m)),
+        cycle=limit_cycle(undisturbed(after, band_m) if pushed else after),
         **_servos(run, run.where((t >= begin) & (t <= end))),
         pushes=_episodes(run["push"]) if run.has("push") else None,
         unseen_at_end_s=unseen,
@@ -126,12 +132,33 @@ def settled_interval(
     settled or too little is left. While the integral still drifts they are too narrow.
     """
     ball = ball_samples(log)
-    settling = settling_time(ball, band_m=band_m, stay_s=stay_s)
-    calm = undisturbed(ball.where(ball.t_s >= settling), band_m)
+    if ball.pushed.any():
+        settling = settling_time(ball, band_m=band_m, stay_s=stay_s)
+        calm = undisturbed(ball.where(ball.t_s >= settling), band_m)
+    else:
+        calm = ball.where(ball.t_s >= final_settling_time(ball))
     frame = float(np.median(np.diff(calm.t_s))) if len(calm.t_s) > 1 else nan
     periods = [c.period_s for c in limit_cycle(calm) if c.cycles >= FEWEST_CYCLES]
     period = max(periods, default=nan)
     return within_run_interval(calm.xy_m, sample_s=frame, period_s=period, rng=rng)
+
+
+def final_settling_time(ball: Samples) -> float:
+    """First time [s] from which the ball stays as near to its target as in the run's last third.
+
+    As near: within 1.2 times the largest distance there, and never asked to be nearer than 2 mm. A
+    fixed band would call the transient settled wherever the limit cycle is small. NaN where the
+    last third itself still comes closer (its first half is over 1.5 times as wide as its second).
+    """
+    if len(ball.t_s) < FEWEST_SAMPLES:
+        return nan
+    third = ball.t_s >= ball.t_s[-1] * 2 / 3
+    tail = ball.off_m[third]
+    early, late = np.array_split(tail, 2)
+    if len(late) < 2 or early.max() > 1.5 * max(late.max(), 0.002):
+        return nan
+    outside = np.flatnonzero(ball.off_m > max(1.2 * tail.max(), 0.002))
+    return float(ball.t_s[outside[-1] + 1]) if len(outside) else max(float(ball.t_s[0]), 0.0)
 
 
 def settling_time(ball: Samples, *, band_m: float = 0.02, stay_s: float = 1.0) -> float:

@@ -25,10 +25,11 @@ class Recorded:
     folder: Path
     log: Log
     metrics: RunMetrics
+    outcome: str
 
 
-def recorded(folder: Path, log: Log, *, servo_only: bool = False) -> Recorded:
-    return Recorded(folder, log, run_metrics(log, servo_only=servo_only))
+def recorded(folder: Path, log: Log, outcome: str, *, servo_only: bool = False) -> Recorded:
+    return Recorded(folder, log, run_metrics(log, servo_only=servo_only), outcome)
 
 
 def centroid_cm(run: Recorded) -> np.ndarray:
@@ -70,6 +71,7 @@ def run_numbers(run: Recorded) -> dict:
         "pushes": m.pushes,
         "estimated_gear_play_deg": _play(m.gear_play_rad, m.gear_play_std_rad),
         "estimated_joint_play_deg": _play(m.joint_play_rad, m.joint_play_std_rad),
+        "outcome": run.outcome,
         "folder": run.folder.name,
     }
 
@@ -130,8 +132,7 @@ MEASURES = {
     "settled_distance": ("cm", lambda m: CM * m.settled.distance_m),
     "settled_spread": ("cm", lambda m: CM * m.settled.spread_m),
     "settled_error": ("cm", lambda m: CM * m.settled.error_rms_m),
-    "cycle_amplitude": ("cm", lambda m: CM * _mean_or_zero([c.amplitude_m for c in m.cycle])),
-    "cycle_period": ("s", lambda m: _mean_seen([c.period_s for c in m.cycle])),
+    "cycle_amplitude": ("cm", lambda m: CM * _mean_seen([c.amplitude_m for c in m.cycle])),
     "settling": ("s", lambda m: m.settling_s),
     "servo_rms": ("rad", lambda m: float(m.servo_rms_rad.mean())),
     "servo_activity": ("rad", lambda m: float(m.servo_activity_rad.mean())),
@@ -139,12 +140,8 @@ MEASURES = {
 }
 
 
-def _mean_or_zero(values: Sequence[float]) -> float:
-    """Mean amplitude of both axes; an axis without a limit cycle counts as 0."""
-    return float(np.mean(np.nan_to_num(values)))
-
-
 def _mean_seen(values: Sequence[float]) -> float:
+    """Mean over the axes that showed a limit cycle; NaN where neither did."""
     seen = [value for value in values if np.isfinite(value)]
     return float(np.mean(seen)) if seen else float("nan")
 

@@ -2,6 +2,7 @@
 
 import tomllib
 from importlib.resources import files
+from inspect import signature
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,7 +17,7 @@ Arm = Literal["with", "without"]
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class Start(_Strict):
@@ -51,7 +52,7 @@ class Protocol(_Strict):
     start: Start = Start()
     pushes: Pushes = Pushes()
     operator: list[Literal["place", "hold", "release", "push"]] = []
-    arms: list[Arm] = ["without", "with"]
+    arms: list[Arm] = Field(default=["without", "with"], min_length=1)
     repetitions: int = Field(default=1, ge=1, le=1000)
     seed: int = Field(default=1, ge=0)
     servo_only: bool = False
@@ -102,11 +103,24 @@ def parse(data: dict[str, Any], *, label: str, name: str) -> Protocol:
     shape = protocol.reference.get("shape")
     if shape not in SHAPES:
         raise ValueError(f"{label}: reference.shape = '{shape}'; known: {', '.join(SHAPES)}")
-    try:
-        targets(protocol, 100.0, np.random.default_rng(0))
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{label}: reference: {error}") from None
+    _check_reference(protocol, label)
     return protocol
+
+
+def _check_reference(protocol: Protocol, label: str) -> None:
+    """Its shape's own parameters, numbers all, and periods above zero."""
+    shape = str(protocol.reference["shape"])
+    allowed = set(signature(SHAPES[shape]).parameters) - {"t_s", "rng"}
+    for key, value in protocol.reference.items():
+        if key == "shape":
+            continue
+        if key not in allowed:
+            known = ", ".join(sorted(allowed))
+            raise ValueError(f"{label}: unknown key 'reference.{key}'; {shape} knows: {known}")
+        if isinstance(value, str):
+            raise ValueError(f"{label}: reference.{key} = '{value}': must be a number")
+        if key.endswith(("_s", "_hz")) and value <= 0:
+            raise ValueError(f"{label}: reference.{key} = {value:g}: must be above 0")
 
 
 def targets(protocol: Protocol, rate_hz: float, rng: np.random.Generator) -> np.ndarray:
@@ -135,6 +149,19 @@ def pushes(protocol: Protocol, rate_hz: float, rng: np.random.Generator) -> np.n
     return push
 
 
+def _check_reach(protocol: Protocol, rig: Rig) -> None:
+    """ValueError where the reference leaves the plate (or a servo-only one its angle limit)."""
+    largest = np.abs(targets(protocol, 100.0, np.random.default_rng(0))).max()
+    limit, unit = rig.linkage.plate_side_m / 2, "m (half the plate's side)"
+    if protocol.servo_only:
+        limit, unit = rig.servo.angle_limit_rad, "rad (the servo's angle limit)"
+    if largest > limit:
+        raise ValueError(
+            f"protocol '{protocol.name}': the reference reaches {largest:.3g}, the limit is "
+            f"{limit:.3g} {unit}; make it smaller"
+        )
+
+
 def course(protocol: Protocol, rig: Rig, seed: int, *, place_std_m: float = 0.002) -> Course:
     """The protocol's course for a seed: both arms get the same one.
 
@@ -147,6 +174,7 @@ def course(protocol: Protocol, rig: Rig, seed: int, *, place_std_m: float = 0.00
             f"protocol '{protocol.name}': start ({start.x_m:g}, {start.y_m:g}) m is off the plate "
             f"(+-{half:g} m); correct [start]"
         )
+    _check_reach(protocol, rig)
     where, reference, hand = np.random.default_rng([seed, 1]).spawn(3)
     reach = half - 0.002
     placed = np.array([start.x_m, start.y_m]) + place_std_m * where.standard_normal(2)

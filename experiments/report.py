@@ -59,6 +59,7 @@ def write_page(
 RUN_HEAD = (
     "run",
     "run folder",
+    "outcome",
     "T [s]",
     "centroid (x, y) [cm]",
     "distance [cm]",
@@ -81,6 +82,7 @@ def run_row(name: str, numbers: dict) -> list[str]:
     return [
         name,
         numbers["folder"],
+        numbers["outcome"],
         f"{numbers['duration_s']:.1f}",
         ", ".join(f"{v:+.3f}" for v in numbers["centroid_cm"]),
         number(numbers["distance_cm"]),

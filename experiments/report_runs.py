@@ -11,8 +11,9 @@ from experiments.folders import write_results
 from experiments.numbers import Recorded, centroid_cm, recorded, run_numbers
 from experiments.recording import read_run
 from experiments.report import RUN_HEAD, Section, Shown, run_row, write_page
+from experiments.samples import run_part
 
-_INCOMPLETE = (None, "aborted", "interrupted", "killed")
+_WHOLE = ("completed", "done")
 
 
 def report_runs(folders: Sequence[Path], out: Path) -> Path:
@@ -23,14 +24,18 @@ def report_runs(folders: Sequence[Path], out: Path) -> Path:
         if "rejected" in run.meta:
             notes.append(f"{run.folder.name} was rejected: {run.meta['rejected']}.")
             continue
-        if run.meta.get("outcome") in _INCOMPLETE or run.meta["truncated"]:
+        outcome = str(run.meta.get("outcome"))
+        if not len(run_part(run.log)):
+            notes.append(f"{run.folder.name} never ran (outcome {outcome}): nothing to show.")
+            continue
+        if outcome not in _WHOLE or run.meta["truncated"]:
             notes.append(
-                f"{run.folder.name} did not run to its end (outcome {run.meta.get('outcome')}): "
+                f"{run.folder.name} did not run to its end (outcome {outcome}): "
                 "its numbers are those of a part."
             )
         protocol = run.meta.get("protocol")
         servo_only = isinstance(protocol, dict) and bool(protocol.get("servo_only"))
-        runs.append(recorded(run.folder, run.log, servo_only=servo_only))
+        runs.append(recorded(run.folder, run.log, outcome, servo_only=servo_only))
         metas.append(run.meta)
     if not runs:
         raise ValueError("no run to report: " + (" ".join(notes) or "name run folders"))

@@ -7,6 +7,7 @@ claims (other units of the same kind) and the grid of play; 5 figures, results.j
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import replace
 from itertools import product
 from math import radians
@@ -23,7 +24,9 @@ from experiments.folders import write_results
 from experiments.metrics import run_metrics
 from experiments.numbers import Recorded, completed_measures, recorded
 from experiments.protocol import read_protocol
-from experiments.recording import read_run
+from experiments.recording import read_run, recover
+from experiments.rivals import little_friction, measured, rivals
+from experiments.run_folder import read_meta
 from experiments.runner import Order, contract_columns, keep_simulated, run, simulate_order
 from experiments.runs import calibrate_camera
 from experiments.study_report import write_study
@@ -48,7 +51,11 @@ def reproduce(
     """Make the whole study in `out`; returns what results.json holds."""
     bundle = calibrate_camera(rig, out, seed) if frames else None
     progress("camera calibrated", 1, 1)
-    study, pairs_seen = _figure_runs(rig, out, seed, bundle, progress)
+    try:
+        study, pairs_seen = _figure_runs(rig, out, seed, bundle, progress)
+    except KeyboardInterrupt:
+        mend_unfinished(out / "runs")
+        raise
     fitted = fit_camera(rig, pairs_seen) if frames else rig
     study |= _simulated_figures(fitted, out, seed)
     table = _claim_runs(fitted, out, seed, pairs, progress)
@@ -66,6 +73,10 @@ def reproduce(
         },
         "claims": judge(table, seed),
         "grid": grid,
+        "rivals": {
+            "as it is": rivals(fitted, seed, pairs, _each),
+            "little friction": rivals(little_friction(fitted), seed, pairs, _each),
+        },
         "grid_pairs": grid_pairs,
     }
     results |= write_study(study, results, rig, out)
@@ -92,9 +103,17 @@ def _figure_runs(rig: Rig, out: Path, seed: int, bundle: Path | None, progress: 
     study: Study = {}
     for (figure, _, arm, _), one in zip(wanted, done, strict=True):
         runs_of_arm = study.setdefault(figure, {}).setdefault(arm, [])
-        runs_of_arm.append(recorded(one.folder, read_run(one.folder).log))
+        runs_of_arm.append(recorded(one.folder, read_run(one.folder).log, one.ending.outcome))
     study["11"] = study["10"]
     return study, np.concatenate([one.pairs for one in done])
+
+
+def mend_unfinished(runs: Path) -> None:
+    """Give runs whose process was ended in the middle an outcome; their rows are there anyway."""
+    for folder in sorted(runs.iterdir()) if runs.is_dir() else ():
+        with suppress(OSError, ValueError):
+            if read_meta(folder).get("outcome") is None:
+                recover(folder)
 
 
 def fit_camera(rig: Rig, pairs: np.ndarray) -> Rig:
@@ -118,15 +137,15 @@ def _simulated_figures(rig: Rig, out: Path, seed: int) -> Study:
     for arm in ARMS:
         order = Order(rig, protocol, arm, seed + 100, out / "runs")
         result = simulate_order(order)
-        runs[arm] = [recorded(keep_simulated(order, result), result.log)]
+        runs[arm] = [recorded(keep_simulated(order, result), result.log, result.outcome)]
     return {"7": runs, "8": runs}
 
 
 def _claim_runs(rig: Rig, out: Path, seed: int, pairs: int, progress: ProgressCall):
     """Paired repetitions on other units of the kind, recorded; measures by protocol and arm."""
     orders = [
-        Order(another_unit(rig, s), read_protocol(name), arm, s, out / "runs")
-        for name in ("free-release", "pushed")
+        Order(another_unit(rig, s), read_protocol(name), arm, s, out / "runs", kind=rig)
+        for name in ("free-release", "pushed", "hold")
         for s in range(seed + 1000, seed + 1000 + pairs)
         for arm in ARMS
     ]
@@ -149,17 +168,15 @@ def _grid_rows(rig: Rig, seed: int, pairs: int, cells: int, progress: ProgressCa
     """A function (gear, joint play in degrees) -> arm -> measures, one row a seed."""
     protocol, finished = read_protocol("free-release"), [0]
 
-    def one(order: Order) -> dict[str, float]:
-        result = simulate_order(order)
-        return completed_measures(run_metrics(result.log), result.outcome)
-
     def rows_of(gear_deg: float, joint_deg: float) -> dict[str, list[dict]]:
         played = with_play(rig, gear_rad=radians(gear_deg), joint_rad=radians(joint_deg))
         seeds = range(seed + 2000, seed + 2000 + pairs)
         orders = [
-            Order(another_unit(played, s), protocol, arm, s, Path()) for arm in ARMS for s in seeds
+            Order(another_unit(played, s), protocol, arm, s, Path(), kind=played)
+            for arm in ARMS
+            for s in seeds
         ]
-        rows = _each(one, orders)
+        rows = _each(measured, orders)
         finished[0] += 1
         progress("cells of play", finished[0], cells)
         return {"without": rows[:pairs], "with": rows[pairs:]}

@@ -1,7 +1,7 @@
 """Run protocols: one recorded run at a time tick by tick, or many at once in compiled code."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +24,11 @@ PROGRESS_EVERY = 250
 
 @dataclass(frozen=True)
 class Order:
-    """One run to make: everything that decides it. `bundle` switches the rendered camera on."""
+    """One run to make: everything that decides it. `bundle` switches the rendered camera on.
+
+    rig: the plant; kind: what the rig file says of it (the plant itself where nothing else is
+    said), of which controllers and estimators see all but the effects.
+    """
 
     rig: Rig
     protocol: Protocol
@@ -32,6 +36,12 @@ class Order:
     seed: int
     parent: Path
     bundle: Path | None = None
+    kind: Rig | None = None
+
+    @property
+    def believed(self) -> Rig:
+        """The rig as controllers and estimators know it."""
+        return known(self.kind or self.rig)
 
 
 @dataclass(frozen=True)
@@ -50,7 +60,7 @@ def start_record(order: Order) -> dict:
         "protocol": order.protocol.model_dump(),
         "arm": order.arm,
         "seed": order.seed,
-        "rig": to_dict(known(order.rig)),
+        "rig": to_dict(order.believed),
         "calibration": str(order.bundle.name) if order.bundle else None,
         "camera": "frames" if order.bundle else "statistical",
     }
@@ -114,7 +124,7 @@ def run(
         with table:
             ending = Loop(
                 table,
-                known(order.rig),
+                order.believed,
                 ARMS[order.arm],
                 way,
                 hand=simulated_hand(table, order.protocol, way, order.seed),
@@ -129,9 +139,10 @@ def run(
 def simulate_order(order: Order) -> Simulated:
     """The same run as `run` with the statistical camera, in compiled code and memory alone."""
     way = course(order.protocol, order.rig, order.seed)
-    seen = known(order.rig)
-    numbers = draw(np.random.default_rng([order.seed, 3]), seen, way)
-    return simulate(order.rig, seen, ARMS[order.arm], way, numbers)
+    if order.protocol.pushes.kind == "at-centre":
+        raise ValueError("pushes at-centre answer to the ball: run them tick by tick (rig run)")
+    numbers = draw(np.random.default_rng([order.seed, 3]), order.rig, way)
+    return simulate(order.rig, order.believed, ARMS[order.arm], way, numbers)
 
 
 def keep_simulated(order: Order, result: Simulated) -> Path:
@@ -158,7 +169,3 @@ def contract_columns(log: Log) -> Log:
     rows = np.full_like(log.rows, np.nan)
     rows[:, [*kept, _PHASE]] = log.rows[:, [*kept, _PHASE]]
     return Log.from_rows(rows)
-
-
-def with_arm(order: Order, arm: str) -> Order:
-    return replace(order, arm=arm)

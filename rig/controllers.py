@@ -14,23 +14,26 @@ from rig.parameters import Rig
 from rig.play_observer import lost_in_gear, lost_in_joint
 from rig.signals import R_THETA, R_TIME
 
-# Which inverse acts: bits, so that tests can put one in the wrong place.
+# Which inverse acts, as bits. An inverse also raises the gain at reversals, so the arm *with* has
+# controls: a *sham* (the same inverse in the wrong direction) and one *misplaced* (gear play undone
+# on the reference, where the loop already sees the load).
 WITHOUT = 0
 JOINT_INVERSE = 1
 GEAR_INVERSE = 2
-GEAR_INVERSE_ON_REFERENCE = 4  # the wrong place, for the test that shows the harm
+GEAR_INVERSE_ON_REFERENCE = 4
+BACKWARDS = 8
 WITH = JOINT_INVERSE | GEAR_INVERSE
-ARMS = {"without": WITHOUT, "with": WITH}
+SHAM = WITH | BACKWARDS
+MISPLACED = JOINT_INVERSE | GEAR_INVERSE_ON_REFERENCE
+ARMS = {"without": WITHOUT, "with": WITH, "sham": SHAM, "misplaced": MISPLACED}
 
 CONTROL = np.dtype(
     [
         ("integral", np.float64, (2,)),
         ("wanted_theta", np.float64, (2,)),
         ("reference", np.float64, (2,)),
-        ("joint_play", np.float64, (2,)),
-        ("gear_play", np.float64, (2,)),
         ("inverse", compensation.INVERSE),
-        ("wrong_inverse", compensation.INVERSE),
+        ("gear_inverse", compensation.INVERSE),
     ]
 )
 CONTROL_SETTINGS = np.dtype(
@@ -88,22 +91,23 @@ def control(c, g, belief, play, q_play, reading, target, volts):
         reference = wanted
         joint = lost_in_joint(play, q_play, a)
         gear = lost_in_gear(play, q_play, a)
-        c.joint_play[a], c.gear_play[a] = joint, gear
+        least = 2.0 * g.encoder_step
         if g.arm & JOINT_INVERSE:
-            reference = compensation.joint_reference(
-                c.inverse, a, reference, theta, joint, 2.0 * g.encoder_step
-            )
+            reference = compensation.joint_reference(c.inverse, a, wanted, theta, joint, least)
         if g.arm & GEAR_INVERSE_ON_REFERENCE:
             reference = compensation.joint_reference(
-                c.wrong_inverse, a, reference, theta, gear, 2.0 * g.encoder_step
+                c.gear_inverse, a, reference, theta, gear, least
             )
+        if g.arm & BACKWARDS:
+            reference = 2.0 * wanted - reference
         reference = min(max(reference, -g.angle_limit), g.angle_limit)
         c.reference[a] = reference
         v = g.servo_kp * (reference - theta) - g.servo_kd * belief.rate[a]
         if g.arm & GEAR_INVERSE:
-            v += compensation.gear_volts(
+            crossing = compensation.gear_volts(
                 reference - theta, play.gear.twist[a], gear, g.servo_kp, g.encoder_step
             )
+            v += -crossing if g.arm & BACKWARDS else crossing
         volts[a] = v
 
 

@@ -26,6 +26,7 @@ HISTORY = 256  # ticks of encoder angles kept for the camera's delay
 KEEPS, DROPS = 0, 1
 MISFIT_SHARE = 0.005  # of the last 200 or so innovations
 WORST_MISFIT = 1.25  # neither model explains the ball: what they say of the play is no knowledge
+MODEL_ERROR_M = 1e-4  # what the ball model and the encoder's counts leave out between two frames
 NEAR_M = 0.004  # a ball so near to the pivot does not say which side the plate is on
 
 JOINT_STATE = np.dtype(
@@ -175,7 +176,7 @@ def observe_joint(e, q, reading):
         e.theta[e.tick % HISTORY, a] = reading[R_THETA + a]
     if reading[R_NEW] == 0.0:
         return
-    t1, variance = reading[R_EXPOSED] - e.begin, reading[R_VARIANCE]
+    t1, variance = reading[R_EXPOSED] - e.begin, reading[R_VARIANCE] + MODEL_ERROR_M**2
     if t1 <= max(e.time, 0.0):
         return
     row = np.zeros(4)

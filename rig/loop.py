@@ -111,6 +111,7 @@ class Loop:
         self._commands, self._keep, self._event = commands or CommandSlot(), keep, event
         self._q = pilot.settings(known, arm, servo_only=course.servo_only)
         self.pilot = pilot.start(self._q, held=course.hold_s > 0)
+        self._reach_m = 0.5 * known.linkage.plate_side_m
         self._wish, self._applied = np.zeros(2), np.zeros(2)
         self._row = np.full(len(COLUMNS), np.nan)
         self._target: tuple[float, float] | None = None
@@ -188,8 +189,11 @@ class Loop:
             self._push, self._push_until = command.acceleration_m_s2, t_s + command.seconds
             self._event(t_s, "pushed by command")
         elif isinstance(command, Target):
-            self._target = command.xy_m
-            self._event(t_s, f"target {command.xy_m}")
+            if command.xy_m is None or np.all(np.abs(command.xy_m) <= self._reach_m):
+                self._target = command.xy_m
+                self._event(t_s, f"target {command.xy_m}")
+            else:  # off the plate, or no number
+                self._event(t_s, f"target {command.xy_m} refused")
         elif isinstance(command, SetGains):
             gains = (command.kp, command.ki, command.kd)
             for key, value, top in zip(("kp", "ki", "kd"), gains, HIGHEST_GAINS, strict=True):
@@ -203,6 +207,7 @@ class Paced(LevelOnExit):
     def __init__(self, table, *, clock=time.monotonic, sleep=time.sleep) -> None:
         self._table, self._clock, self._sleep = table, clock, sleep
         self.period_s = table.period_s
+        self.voltage_limit_V = table.voltage_limit_V
         self.late_ticks = 0
         self._due: float | None = None
 

@@ -5,11 +5,8 @@ number come in; one row a tick goes out. Runs are independent, so a batch is spl
 (the kernel holds no lock) and the answer does not depend on how many.
 """
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from math import ceil
-from os import cpu_count
 
 import numpy as np
 
@@ -153,18 +150,3 @@ def simulate(rig: Rig, known: Rig, arm: int, course: Course, draws: Draws) -> Si
         course.hold_s, 1 / known.control_rate_hz, draws.camera, draws.tachometer, rows,
     )  # fmt: skip
     return Simulated(Log.from_rows(rows[:filled]), ENDINGS[ending])
-
-
-def simulate_many(
-    jobs: Sequence[Callable[[], Simulated]], *, done: Callable[[], None] | None = None
-) -> list[Simulated]:
-    """Run jobs (calls of `simulate` with bound arguments) on all cores, in order."""
-
-    def one(job: Callable[[], Simulated]) -> Simulated:
-        result = job()
-        if done is not None:
-            done()
-        return result
-
-    with ThreadPoolExecutor(cpu_count() or 1) as pool:
-        return list(pool.map(one, jobs))

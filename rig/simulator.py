@@ -11,6 +11,7 @@ import numpy as np
 
 from rig import plant, plant_record, statistical_camera
 from rig.compiled import compiled
+from rig.effect_equations import camera_map
 from rig.parameters import Rig
 from rig.plant import SEEN_SX, SEEN_SY, SEEN_T, SEEN_VX, SEEN_VY, SEEN_X, SEEN_Y
 from rig.sensors import read_drives
@@ -76,7 +77,8 @@ def camera_numbers(noise: np.random.Generator, drop: np.random.Generator, n: int
 class SimulatedTable(LevelOnExit):
     """The plant of `rig` (effects included) with its sensors; every random number from `rng`.
 
-    `eye` replaces the statistical camera. The ball starts at `start_m`, held when `held`.
+    `eye` replaces the statistical camera (its noise and dropouts; effects and delay stay). The
+    ball starts at `start_m`, held when `held`.
     """
 
     def __init__(
@@ -89,6 +91,7 @@ class SimulatedTable(LevelOnExit):
         eye: Eye | None = None,
     ) -> None:
         self.period_s = 1 / rig.control_rate_hz
+        self.voltage_limit_V = rig.servo.voltage_limit_V
         self.held = held
         self.fallen = False
         self._p = plant_record.pack(rig)
@@ -180,11 +183,19 @@ class SimulatedTable(LevelOnExit):
         )
         if observation is None:
             return
-        exposed, cov = observation.exposed_s, observation.cov_m2
+        p = self._p  # what the catalogue says of the camera holds for a rendered one too
+        x, y = camera_map(
+            *observation.xy_m,
+            p["camera_scale_fraction"][0],
+            p["camera_yaw_angle_rad"][0],
+            p["lens_distortion_k1_1_m2"][0],
+        )
+        exposed = observation.exposed_s + float(p["camera_delay_extra_s"][0])
+        cov = observation.cov_m2
         self._covariances = {t: c for t, c in self._covariances.items() if t > exposed - 1}
         self._covariances[exposed] = cov
         usable = float(seen[SEEN_T]) + float(self._p["camera_delay"])
-        queue_observation(self._camera, *observation.xy_m, exposed, usable, 0.5 * (cov[0] + cov[2]))
+        queue_observation(self._camera, x, y, exposed, usable, 0.5 * (cov[0] + cov[2]))
 
     def _reading(self, row: np.ndarray) -> Reading:
         ball = None

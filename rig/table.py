@@ -58,6 +58,7 @@ class Table(Protocol):
     """
 
     period_s: float
+    voltage_limit_V: float
 
     def read(self) -> Reading: ...
 
@@ -69,7 +70,7 @@ class Table(Protocol):
 
 
 LEVEL_GAIN_V_RAD = 14.0
-LEVEL_LIMIT_V = 3.0
+LEVEL_LIMIT_V = 3.0  # at most, and never above the table's own limit
 
 
 class LevelOnExit:
@@ -94,11 +95,12 @@ class LevelOnExit:
 
 def bring_level(table: Table, seconds: float) -> None:
     """Drive both servos to zero for `seconds` of the table's time, then 0 V whatever happened."""
+    most = min(LEVEL_LIMIT_V, table.voltage_limit_V)
     try:
         first = table.read()
         now = first
         while now.t_s - first.t_s < seconds:
-            x, y = (limit(-LEVEL_GAIN_V_RAD * a, a, LEVEL_LIMIT_V, np.inf) for a in now.theta_rad)
+            x, y = (limit(-LEVEL_GAIN_V_RAD * a, a, most, np.inf) for a in now.theta_rad)
             table.drive((x, y))
             now = table.read()
     finally:
