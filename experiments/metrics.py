@@ -15,7 +15,7 @@ from experiments.samples import Place, Samples, ball_samples, mean_seen, pair, p
 from experiments.statistics import WithinRun, within_run_interval
 from rig.log import Log
 
-FEWEST_SAMPLES = 12
+NEAR_M, FAR_M = 0.002, 0.03
 GAP_S = 0.25  # a ball unseen for longer was not there
 
 
@@ -148,17 +148,20 @@ def final_settling_time(ball: Samples) -> float:
 
     As near: within 1.2 times the largest distance there, and never asked to be nearer than 2 mm. A
     fixed band would call the transient settled wherever the limit cycle is small. NaN where the
-    last third itself still comes closer (its first half is over 1.5 times as wide as its second).
+    last third ends over 3 cm away, still comes closer (its first half is over 1.5 times as wide as
+    its second), or was not seen throughout.
     """
-    if len(ball.t_s) < FEWEST_SAMPLES:
+    if not len(ball.t_s):
         return nan
-    third = ball.t_s >= ball.t_s[-1] * 2 / 3
-    tail = ball.off_m[third]
-    early, late = np.array_split(tail, 2)
-    if len(late) < 2 or early.max() > 1.5 * max(late.max(), 0.002):
+    tail = ball.off_m[ball.t_s >= ball.t_s[-1] * 2 / 3]
+    early, late = tail[: (len(tail) + 1) // 2], tail[len(tail) // 2 :]
+    if tail.max() > FAR_M or early.max() > 1.5 * max(late.max(), NEAR_M):
         return nan
-    outside = np.flatnonzero(ball.off_m > max(1.2 * tail.max(), 0.002))
-    return float(ball.t_s[outside[-1] + 1]) if len(outside) else max(float(ball.t_s[0]), 0.0)
+    stretches = _stretches(ball, ball.off_m <= max(1.2 * tail.max(), NEAR_M))
+    if not stretches or stretches[-1][1] != len(ball.t_s) - 1:
+        return nan
+    begin = max(float(ball.t_s[stretches[-1][0]]), 0.0)
+    return begin if begin <= ball.t_s[-1] * 2 / 3 else nan
 
 
 def settling_time(ball: Samples, *, band_m: float = 0.02, stay_s: float = 1.0) -> float:

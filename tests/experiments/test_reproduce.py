@@ -6,13 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.assemble import load_rig
+from experiments.assemble import known, load_rig
 from experiments.exporting import export_run
 from experiments.importing import read_log
 from experiments.metrics import run_metrics
 from experiments.numbers import MEASURES, measures
 from experiments.recording import read_run
 from experiments.reproduce import reproduce
+from rig.rigfile import to_dict
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +72,7 @@ def test_claims_are_recomputed_from_the_run_folders(study):
     out, results = study
     runs = [read_run(folder) for folder in (out / "runs").iterdir()]
     paired = [run for run in runs if run.meta["seed"] >= 1000]
-    assert len(paired) == 24
+    assert len(paired) == 36
     for claim in results["claims"]:
         values = {"with": {}, "without": {}}
         for run in paired:
@@ -88,11 +89,45 @@ def test_the_grid_covers_gear_and_joint_play_from_0_to_3_degrees(study):
     cells = {(cell["gear_deg"], cell["joint_deg"]) for cell in results["grid"]}
     assert {0.0, 3.0} <= {g for g, _ in cells}
     assert len(cells) == 16
-    by_joint = {cell["joint_deg"]: cell["settled_error"]["effect"] for cell in results["grid"]}
-    assert by_joint[3.0] > by_joint[0.0]  # more joint play, more to gain
+    effect = {
+        (c["gear_deg"], c["joint_deg"]): c["settled_error"]["effect"] for c in results["grid"]
+    }
+    for gear in (0.0, 1.0, 2.0, 3.0):
+        assert effect[gear, 3.0] > effect[gear, 0.0]  # more joint play, more to gain
 
 
-def test_a_second_study_in_the_same_folder_keeps_the_first_ones_runs(study):
+def test_the_runs_of_a_study_are_those_that_it_needs(study):
+    """12 of the figures, 2 simulated ones, 6 pairs of 3 protocols; none twice, none unfinished."""
+    out, results = study
+    runs = {folder.name: read_run(folder).meta["outcome"] for folder in (out / "runs").iterdir()}
+    assert len(runs) == 12 + 2 + 36
+    assert set(runs.values()) == {"completed"}
+    named = {run["folder"] for f in results["figures"].values() for a in f.values()
+             for run in a["runs_list"]}  # fmt: skip
+    assert named <= set(runs)
+    assert len(named) == 14
+
+
+def test_rivals_are_compared_on_both_frictions(study):
+    _, results = study
+    for friction in ("as it is", "little friction"):
+        arms = results["rivals"][friction]["arms"]
+        assert set(arms) == {"without", "with", "sham", "misplaced", "retuned", "no play, without"}
+        for arm, table in arms.items():
+            assert table["settled_error"]["n"] == 6
+            assert arm == "with" or table["settled_error"]["against_with"]["n"] == 6
+    little = {a: t["settled_error"]["value"] for a, t in
+              results["rivals"]["little friction"]["arms"].items()}  # fmt: skip
+    assert little["with"] < little["without"] < little["sham"]
+
+
+def test_controllers_of_other_units_know_the_kind_alone(study):
+    """run.json of a paired run says nothing of the unit that was drawn."""
     out, _ = study
-    before = {folder.name for folder in (out / "runs").iterdir()}
-    assert len(before) == 12 + 2 + 24
+    kind = to_dict(known(load_rig(None)))
+    for folder in (out / "runs").iterdir():
+        meta = read_run(folder).meta
+        if meta["seed"] >= 1000:
+            assert meta["rig"]["servo"] == kind["servo"]
+            assert meta["rig"]["drive"] == kind["drive"]
+            assert "tachometer_scale" in (folder / "truth.json").read_text()
