@@ -151,9 +151,10 @@ def final_settling_time(ball: Samples) -> float:
     last third ends over 3 cm away, still comes closer (its first half is over 1.5 times as wide as
     its second), or was not seen throughout.
     """
-    if not len(ball.t_s):
+    if not len(ball.t_s) or ball.until_s[-1] <= 0:
         return nan
-    tail = ball.off_m[ball.t_s >= ball.t_s[-1] * 2 / 3]
+    last_third_s = ball.until_s[-1] * 2 / 3  # a value that was held counts as long as it was
+    tail = ball.off_m[ball.until_s >= last_third_s]
     early, late = tail[: (len(tail) + 1) // 2], tail[len(tail) // 2 :]
     if tail.max() > FAR_M or early.max() > 1.5 * max(late.max(), NEAR_M):
         return nan
@@ -161,7 +162,7 @@ def final_settling_time(ball: Samples) -> float:
     if not stretches or stretches[-1][1] != len(ball.t_s) - 1:
         return nan
     begin = max(float(ball.t_s[stretches[-1][0]]), 0.0)
-    return begin if begin <= ball.t_s[-1] * 2 / 3 else nan
+    return begin if begin <= last_third_s else nan
 
 
 def settling_time(ball: Samples, *, band_m: float = 0.02, stay_s: float = 1.0) -> float:
