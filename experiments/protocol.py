@@ -14,6 +14,7 @@ from rig.reference import SHAPES
 from rig.simulate import Course
 
 Arm = Literal["with", "without"]
+STEPS = ("place", "hold", "release", "push")
 
 
 class _Strict(BaseModel):
@@ -44,7 +45,8 @@ class Pushes(_Strict):
 
 
 class Protocol(_Strict):
-    """One experiment. `reference` = {shape = one of rig.reference.SHAPES, its parameters}."""
+    """One experiment. `operator`: the steps that a person at a real table is asked for;
+    `reference` = {shape = one of rig.reference.SHAPES, its parameters}."""
 
     title: str
     duration_s: float = Field(gt=0.1, le=3600)
@@ -104,7 +106,17 @@ def parse(data: dict[str, Any], *, label: str, name: str) -> Protocol:
     if shape not in SHAPES:
         raise ValueError(f"{label}: reference.shape = '{shape}'; known: {', '.join(SHAPES)}")
     _check_reference(protocol, label)
+    _check_operator(protocol, label)
     return protocol
+
+
+def _check_operator(protocol: Protocol, label: str) -> None:
+    """Steps in the order in which they can happen, each at most once."""
+    steps = list(protocol.operator)
+    if steps != [step for step in STEPS if step in steps]:
+        raise ValueError(f"{label}: operator = {steps}: the order is {', '.join(STEPS)}, each once")
+    if "push" in steps and protocol.pushes.kind == "none":
+        raise ValueError(f"{label}: operator asks for pushes, but pushes.kind is 'none'")
 
 
 def _check_reference(protocol: Protocol, label: str) -> None:
@@ -186,4 +198,6 @@ def course(protocol: Protocol, rig: Rig, seed: int, *, place_std_m: float = 0.00
         (float(placed[0]), float(placed[1])),
         held,
         protocol.servo_only,
+        start.tolerance_m,
+        tuple(protocol.operator),
     )

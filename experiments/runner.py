@@ -8,8 +8,10 @@ import numpy as np
 
 from experiments.assemble import known, rendered_eye, simulated_hand, simulated_table
 from experiments.protocol import Protocol, course
+from experiments.push_detection import detect_pushes
 from experiments.recording import Recorder, write_run
 from experiments.run_folder import new_run_folder, write_truth
+from experiments.samples import run_part
 from rig.commands import CommandSlot, Stop
 from rig.controllers import ARMS
 from rig.log import INDEX, Log
@@ -76,13 +78,16 @@ class _Watch:
 
     def __init__(self, order: Order, recorder: Recorder, slot: CommandSlot, progress) -> None:
         self._start, self._recorder, self._slot = order.protocol.start, recorder, slot
-        self._progress, self._checked = progress, order.protocol.servo_only
+        self._progress, self._servo_only = progress, order.protocol.servo_only
+        self._checked = self._servo_only
         self._pushed, self._rows = False, 0
+        self._kept: list[np.ndarray] = []
 
     def keep(self, row: np.ndarray) -> None:
         self._recorder.append(row)
+        self._kept.append(row.copy())
         self._rows += 1
-        if not self._checked and not np.isnan(row[_BALL]):
+        if not self._checked and row[_PHASE] > 0 and not np.isnan(row[_BALL]):
             self._checked = True
             self._check_start(row)
         if (row[_PUSH] > 0) != self._pushed:
@@ -91,6 +96,14 @@ class _Watch:
                 self._recorder.event(float(row[_T]), "pushed")
         if self._progress is not None and self._rows % PROGRESS_EVERY == 0:
             self._progress(float(row[_T]))
+
+    def note_pushes(self, believed: Rig) -> None:
+        """Add the pushes that the ball itself shows, asked for or not."""
+        if self._kept and not self._servo_only:
+            log = Log.from_rows(np.array(self._kept))
+            begin = run_part(log)["t_s"][:1]
+            for t_s in detect_pushes(log, rig=believed):
+                self._recorder.event(float(begin[0] + t_s), "push detected")
 
     def _check_start(self, row: np.ndarray) -> None:
         off = float(np.hypot(row[_BALL] - self._start.x_m, row[_BALL + 1] - self._start.y_m))
@@ -132,6 +145,7 @@ def run(
                 keep=watch.keep,
                 event=recorder.event,
             ).run()
+        watch.note_pushes(order.believed)
         recorder.finish(ending.outcome, ending.reason)
     return Done(folder, ending, np.array(eye.pairs if eye else []).reshape(-1, 5))
 

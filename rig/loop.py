@@ -11,7 +11,7 @@ from rig.commands import Command, CommandSlot, Push, SetGains, Stop, Target
 from rig.limits import limit
 from rig.log import COLUMNS
 from rig.parameters import Rig
-from rig.pilot import BLIND, HOLD, pilot_tick
+from rig.pilot import BLIND, HOLD, PLACE, RUN, pilot_tick
 from rig.rows import fill_row
 from rig.simulate import ANGLE_MARGIN_RAD, BLIND_LIMIT_S, Course
 from rig.simulator import SimulatedTable
@@ -31,10 +31,26 @@ class Ending:
 DONE = Ending("completed")
 
 
-class Hand:
-    """Who places, releases and pushes the ball. This one is a person: it is told, and waits."""
+PLACED_S = 0.5  # so long a ball must lie at its start before it counts as placed
+SAY = {
+    "place": "place the ball at x = {x:.1f} cm, y = {y:.1f} cm",
+    "hold": "hold it there",
+    "release": "let it go",
+    "push": "push the ball now",
+}
 
+
+class Hand:
+    """Who places, releases and pushes the ball. This one is a person: told what to do, waited for.
+
+    `tell` shows a sentence to that person; the loop sees from the ball that it was done.
+    """
+
+    is_person = True
     release_limit_s = 120.0
+
+    def __init__(self, tell: Callable[[str], None] = lambda text: None) -> None:
+        self.tell = tell
 
     def act(self, reading: Reading, wanted_m_s2: tuple[float, float]) -> tuple[float, float]:
         """Called every tick with the push that the course (or a command) wants now.
@@ -47,9 +63,11 @@ class Hand:
 class SimulatedHand(Hand):
     """Lets a simulated ball go after `hold_s` and pushes it."""
 
+    is_person = False
     release_limit_s = 3.0
 
     def __init__(self, table: SimulatedTable, hold_s: float) -> None:
+        super().__init__()
         self._table, self._hold_s = table, hold_s
         table.held = hold_s > 0
 
@@ -117,6 +135,12 @@ class Loop:
         self._target: tuple[float, float] | None = None
         self._push, self._push_until = (0.0, 0.0), -1.0
         self._ticks = self._blind = 0
+        self._steps = [step for step in course.operator if self._hand.is_person]
+        self._placed_since: float | None = None
+        self._held_since: float | None = None
+        self._pushing = False
+        if "place" in self._steps:
+            self.pilot["phase"] = PLACE
 
     def run(self) -> Ending:
         """Tick until the course is done or something ends it; volts are the table's to stop."""
@@ -130,6 +154,7 @@ class Loop:
             if isinstance(command, Stop):
                 return Ending("aborted", command.reason)
             self._obey(command, reading.t_s)
+        self._guide(reading)
         row = reading.row()
         target = np.array(self._target or self._course.targets_m[self._ticks])
         before = self.pilot["phase"]
@@ -157,6 +182,35 @@ class Loop:
         self._keep(self._row)
         return self._ended(reading)
 
+    def _guide(self, reading: Reading) -> None:
+        """Ask the operator for the steps in turn; see from the ball when it is placed."""
+        t_s = reading.t_s
+        if self.pilot["phase"] == PLACE:
+            self._ask("place", t_s)
+            if reading.ball is not None:
+                off = np.hypot(*np.subtract(reading.ball.xy_m, self._course.start_m))
+                near = bool(off <= self._course.tolerance_m)
+                self._placed_since = (self._placed_since or t_s) if near else None
+            if self._placed_since is not None and t_s - self._placed_since >= PLACED_S:
+                self.pilot["phase"] = HOLD if self._course.hold_s > 0 else RUN
+                self._event(t_s, "placed")
+        if self.pilot["phase"] == HOLD:
+            self._held_since = t_s if self._held_since is None else self._held_since
+            self._ask("hold", t_s)
+            if t_s - self._held_since >= self._course.hold_s:
+                self._ask("release", t_s)
+
+    def _ask(self, step: str, t_s: float) -> None:
+        """Tell the operator a step once."""
+        if step not in self._steps:
+            return
+        if step != "push":
+            self._steps.remove(step)
+        x, y = (100 * v for v in self._course.start_m)
+        text = SAY[step].format(x=x, y=y)
+        self._hand.tell(text)
+        self._event(t_s, f"asked: {text}")
+
     def _ended(self, reading: Reading) -> Ending | None:
         """The ending that this tick brings, or None; counts the ticks since the release."""
         worst = max(map(abs, reading.theta_rad))
@@ -166,7 +220,7 @@ class Loop:
         self._blind = self._blind + 1 if blind else 0
         if self._blind * self._table.period_s > BLIND_LIMIT_S:
             return Ending("ball lost", f"the ball was not seen for {BLIND_LIMIT_S:g} s")
-        if self.pilot["phase"] != HOLD:
+        if self.pilot["phase"] not in (PLACE, HOLD):
             self._ticks += 1
         elif reading.t_s > self._course.hold_s + self._hand.release_limit_s:
             return Ending(
@@ -177,11 +231,15 @@ class Loop:
         return Ending("ball lost", "the ball was out of sight at the end") if blind else DONE
 
     def _push_now(self, t_s: float) -> tuple[float, float]:
-        if self.pilot["phase"] == HOLD:
+        if self.pilot["phase"] in (PLACE, HOLD):
             return (0.0, 0.0)
         if t_s < self._push_until:
             return self._push
         x, y = self._course.pushes_m_s2[self._ticks]
+        wanted = bool(x or y)
+        if wanted and not self._pushing:
+            self._ask("push", t_s)
+        self._pushing = wanted
         return float(x), float(y)
 
     def _obey(self, command: Command, t_s: float) -> None:

@@ -11,7 +11,7 @@ from rig.compiled import compiled
 from rig.parameters import Rig
 from rig.signals import R_BALL, R_NEW
 
-HOLD, RUN, BLIND = 1, 2, 3  # 0 = place belongs to the operator; BLIND: the ball is not seen
+PLACE, HOLD, RUN, BLIND = range(4)  # PLACE: the ball is still to come; BLIND: it is not seen
 RELEASE_M = 0.003  # a held ball that moved this far has been let go
 BLIND_S = 0.1
 
@@ -78,6 +78,9 @@ def pilot_tick(pilot, q, reading, target, applied, wish):
     """One tick: reading (READING_SIZE,), target (2,) [m] and the volts applied since the last tick
     (2,) in; wished volts (2,) out."""
     observers.observe(pilot.belief, q.belief, reading, applied)
+    if pilot.phase == PLACE:
+        controllers.level(q.control, pilot.belief, reading, wish)
+        return
     if pilot.phase == HOLD:
         _watch_release(pilot, reading)
         pilot.control.integral[0] = pilot.control.integral[1] = 0.0

@@ -4,7 +4,6 @@ from math import nan
 
 from rig.compiled import compiled
 from rig.log import INDEX
-from rig.pilot import HOLD
 from rig.play_observer import gear_play, joint_play
 from rig.signals import R_BALL, R_EXPOSED, R_MOTOR, R_NEW, R_THETA, R_TIME
 
@@ -24,7 +23,7 @@ def fill_row(row, pilot, q, reading, covariance, target, push, wish, applied):
     """Write the tick into `row` (len(COLUMNS),); covariance (3,) = xx, xy, yy [m2]."""
     new = reading[R_NEW] != 0.0
     row[_T], row[_PUSH] = reading[R_TIME], push
-    row[_PHASE] = 1.0 if pilot.phase == HOLD else 2.0
+    row[_PHASE] = min(float(pilot.phase), 2.0)  # a blind run is a run
     row[_EXPOSED] = reading[R_EXPOSED] if new else nan
     row[_XX] = covariance[0] if new else nan
     row[_XY] = covariance[1] if new else nan

@@ -35,7 +35,8 @@ class Course:
 
     targets_m (n, 2): where the ball should be (servo angles [rad] in a run on the servos alone);
     pushes_m_s2 (n, 2): the hand's pushes; start_m: where the ball is placed; it is held for
-    `hold_s` and then let go (0: free from the start).
+    `hold_s` and then let go (0: free from the start). operator: the steps that a person is asked
+    for (place, hold, release, push); placed is a ball within tolerance_m of its start.
     """
 
     targets_m: np.ndarray
@@ -43,6 +44,8 @@ class Course:
     start_m: tuple[float, float] = (0.0, 0.0)
     hold_s: float = 0.0
     servo_only: bool = False
+    tolerance_m: float = 0.015
+    operator: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

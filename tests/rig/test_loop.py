@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from experiments.assemble import known, load_rig
 from rig.commands import Command, CommandSlot, Push, SetGains, Stop, Target
 from rig.controllers import ARMS
-from rig.loop import Ending, Loop, PushingHand, SimulatedHand
+from rig.loop import Ending, Hand, Loop, PushingHand, SimulatedHand
 from rig.parameters import Rig
 from rig.simulate import Course, draw, simulate
 from rig.simulator import SimulatedTable
@@ -149,3 +149,43 @@ def test_the_slot_never_loses_a_stop_and_the_first_one_wins(given_: list[Command
     else:
         assert taken == given_[-64:]
         assert slot.take() == []
+
+
+def test_a_person_is_asked_step_by_step_and_waited_for():
+    """The ball first lies elsewhere, then at its start, then is let go: PLACE, HOLD, RUN."""
+    n = 1500
+    pushes = np.zeros((n, 2))
+    pushes[700:740] = (2.0, 0.0)
+    steps = ("place", "hold", "release", "push")
+    way = Course(np.zeros((n, 2)), pushes, (-0.06, 0.05), 0.4, operator=steps)
+    table = SimulatedTable(TABLE, np.random.default_rng(1), start_m=(0.03, 0.0), held=True)
+    told, events, phases = [], [], []
+
+    class Person(Hand):
+        def act(self, reading, wanted_m_s2):
+            if reading.t_s > 1.0 and phases[-1] == 0:
+                table.place((-0.055, 0.052))
+            if told[-1] == "let it go":
+                table.release()
+            table.push(wanted_m_s2)
+            return wanted_m_s2
+
+    def keep(row: np.ndarray) -> None:
+        phases.append(int(row[-1]))
+
+    phases.append(0)
+    with table:
+        ending = Loop(
+            table, known(TABLE), ARMS["with"], way, hand=Person(told.append), keep=keep,
+            event=lambda t, text: events.append(text),
+        ).run()  # fmt: skip
+    assert ending.outcome == "completed"
+    assert told == [
+        "place the ball at x = -6.0 cm, y = 5.0 cm", "hold it there", "let it go",
+        "push the ball now",
+    ]  # fmt: skip
+    assert phases == sorted(phases)
+    assert phases.count(0) > 700  # a second elsewhere, half a second at its place
+    assert 200 <= phases.count(1) < 600
+    assert phases.count(2) == n
+    assert {"placed", "released"} <= set(events)
