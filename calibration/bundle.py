@@ -104,14 +104,14 @@ class Bundle(_Strict):
 
 def load(path: str | Path) -> Bundle:
     """Read a bundle. Raises `BundleError` for anything else, `OSError` for an unreadable file."""
-    text = Path(path).read_text(encoding="utf-8")
     try:
+        text = Path(path).read_text(encoding="utf-8")
         bundle = Bundle.model_validate(json.loads(text))
         _ = bundle.view, bundle.layout  # shapes and dictionary
     except ValidationError as error:
         _explain(Path(path), error)
     except ValueError as error:
-        raise BundleError(f"{path}: {error}") from error
+        raise BundleError(f"{path} is no calibration bundle: {error}") from error
     return bundle
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from experiments.protocol import Protocol
-from rig.loop import Hand, PushingHand, SimulatedHand
+from rig.hands import Hand, PushingHand, SimulatedHand
 from rig.parameters import Rig
 from rig.rigfile import read_rig
 from rig.simulate import Course

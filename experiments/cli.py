@@ -129,6 +129,8 @@ def track(
     if calibration is not None:
         from calibration.bundle import load
 
+        if not calibration.is_file():
+            raise FileNotFoundError(f"--calibration {calibration}: no such file")
         bundle = load(calibration)
     summary = track_video(video, writable(out), calibration=bundle, ball_colour=ball_colour)
     for key, value in summary.items():
@@ -150,8 +152,15 @@ def export(
 ) -> None:
     """Write a run's log as CSV, Parquet or MAT."""
     from experiments.exporting import export_run
+    from experiments.recording import read_run
 
     typer.echo(str(export_run(run, out)))
+    whole = read_run(run)
+    if whole.meta["truncated"]:
+        raise WorkFailedError(
+            f"{run} is cut short: {len(whole.log)} of {whole.meta.get('rows') or 'unknown'} rows "
+            "were left and exported; the rest is lost"
+        )
 
 
 @app.command()
@@ -177,6 +186,8 @@ def reject(
 
 def main() -> None:
     """Entry point: errors become one line on standard error and an exit code."""
+    if len(sys.argv) == 1:
+        sys.argv.append("--help")
     try:
         code = app(standalone_mode=False)  # the parser turns an interruption into a returned 130
         if code == INTERRUPTED:

@@ -25,6 +25,8 @@ def export_run(run_folder: Path | str, out_path: Path | str) -> Path:
     """
     out_path = Path(out_path)
     _writer(out_path)  # a wrong name is said before a long run is read
+    if out_path.is_dir() or (out_path.parent.exists() and not out_path.parent.is_dir()):
+        raise ValueError(f"{out_path}: not a place for a file; name another")
     return export_log(read_run(run_folder).log, out_path)
 
 

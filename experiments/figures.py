@@ -216,7 +216,9 @@ def play_map(cells: Sequence[dict], measure: str, title: str, unit: str) -> Figu
     gears = sorted({cell["gear_deg"] for cell in cells})
     joints = sorted({cell["joint_deg"] for cell in cells})
     value = np.full((len(joints), len(gears)), np.nan)
-    top = max(max(abs(cell[measure]["effect"]) for cell in cells), 1e-9)
+    # Colour tells sizes that matter: the scale never ends below twice the relevant size.
+    largest = max(abs(cell[measure]["effect"]) for cell in cells)
+    top = max(largest, 2 * max(cell[measure]["relevant"] for cell in cells))
     figure, axis = plt.subplots(figsize=(1.3 * len(gears) + 1.8, 0.85 * len(joints) + 1.3))
     for cell in cells:
         i, j = joints.index(cell["joint_deg"]), gears.index(cell["gear_deg"])

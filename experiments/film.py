@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -63,3 +64,36 @@ class Film:
         if self._last >= 0:
             self._file.mux(self._stream.encode(None))
         self._file.close()
+
+
+class Overlay:
+    """A film that may fail without taking the tracking with it: the first error ends it.
+
+    `trouble` then says why in one line, and the unfinished file is removed.
+    """
+
+    def __init__(self, path: Path, size: tuple[int, int]) -> None:
+        self._path, self.trouble = path, ""
+        self._film: Film | None = None
+        self._try(lambda: setattr(self, "_film", Film(path, size)))
+
+    def __enter__(self) -> Overlay:
+        return self
+
+    def add(self, image: np.ndarray, t_s: float) -> None:
+        film = self._film
+        if film is not None:
+            self._try(lambda: film.add(image, t_s))
+
+    def __exit__(self, *error: object) -> None:
+        film = self._film
+        if film is not None:
+            self._try(lambda: film.__exit__(None, None, None))
+
+    def _try(self, work: Callable[[], object]) -> None:
+        try:
+            work()
+        except OSError as error:
+            self._film = None
+            self.trouble = f"no film: {self._path.name}: {error.strerror or error}"
+            self._path.unlink(missing_ok=True)

@@ -78,8 +78,8 @@ def run_numbers(run: Recorded) -> dict:
 
 def _within(run: Recorded) -> dict:
     """95 % intervals of this one run's settled spread and centroid; samples are correlated."""
-    if not run.metrics.has_settled:
-        return {}
+    if not run.metrics.has_settled or run.metrics.pushes:
+        return {}  # a pushed run is no stationary one: its value has no interval of its own
     w = settled_interval(run.log, rng=np.random.default_rng(12))
     centroid_low, centroid_high = CM * w.mean_low_m, CM * w.mean_high_m
     return {

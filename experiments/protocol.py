@@ -75,7 +75,7 @@ def read_protocol(name: str) -> Protocol:
     if path.suffix == ".toml":
         if not path.is_file():
             raise ValueError(f"protocol file {path} not found; shipped: {', '.join(shipped())}")
-        text, label = path.read_text(encoding="utf-8"), str(path)
+        text, label = path.read_bytes().decode("utf-8", "replace"), str(path)
     elif name in shipped():
         text = (files("experiments") / "protocols" / f"{name}.toml").read_text(encoding="utf-8")
         label = name
@@ -95,12 +95,15 @@ def parse(data: dict[str, Any], *, label: str, name: str) -> Protocol:
     try:
         protocol = Protocol.model_validate({"name": name} | data)
     except ValidationError as error:
-        first = error.errors()[0]
+        first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
         where = ".".join(str(part) for part in first["loc"])
         if first["type"] == "extra_forbidden":
             model = {"start": Start, "pushes": Pushes}.get(str(first["loc"][0]), Protocol)
             known = ", ".join(model.model_fields)
             raise ValueError(f"{label}: unknown key '{where}'; known: {known}") from None
+        if first["type"] == "missing":
+            known = ", ".join(Protocol.model_fields)
+            raise ValueError(f"{label}: key '{where}' is missing; known: {known}") from None
         raise ValueError(f"{label}: {where} = {first['input']!r}: {first['msg']}") from None
     shape = protocol.reference.get("shape")
     if shape not in SHAPES:
@@ -187,8 +190,14 @@ def course(protocol: Protocol, rig: Rig, seed: int, *, place_std_m: float = 0.00
             f"(+-{half:g} m); correct [start]"
         )
     _check_reach(protocol, rig)
+    inside = half - rig.ball.radius_m
+    if rig.walls.present and max(abs(start.x_m), abs(start.y_m)) > inside:
+        raise ValueError(
+            f"protocol '{protocol.name}': start ({start.x_m:g}, {start.y_m:g}) m lies in the wall; "
+            f"with walls the ball's centre stays within +-{inside:g} m; correct [start]"
+        )
     where, reference, hand = np.random.default_rng([seed, 1]).spawn(3)
-    reach = half - 0.002
+    reach = (inside if rig.walls.present else half) - 0.002
     placed = np.array([start.x_m, start.y_m]) + place_std_m * where.standard_normal(2)
     placed = np.clip(placed, -reach, reach)
     held = 0.0 if protocol.servo_only else start.hold_s

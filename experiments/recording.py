@@ -215,7 +215,8 @@ def read_run(folder: Path | str) -> Run:
         samples = read_samples((folder / "samples.mcap").read_bytes())
     except ValueError as error:
         raise ValueError(f"{folder} is not readable as a run: {error}") from error
-    meta["truncated"] = not samples.complete
+    rows = meta.get("rows")
+    meta["truncated"] = not samples.complete or (rows is not None and len(samples.rows) < rows)
     return Run(folder, meta, Log.from_rows(samples.rows), samples.events)
 
 
@@ -234,10 +235,14 @@ def recover(folder: Path | str) -> Run:
             raise ValueError(f"{run.folder} is still being recorded: stop that run first")
         start_ns = nanoseconds(run.meta["created"])
         _rewrite(path, Samples(run.log.rows, run.events), start_ns)
-    if run.meta["outcome"] is None:
+    if run.meta["outcome"] is None or run.meta["truncated"]:
         meta = {key: value for key, value in run.meta.items() if key != "truncated"}
         last_s = float(run.log["t_s"][-1]) if len(run.log) else None
-        meta = stop_record(meta, "killed", "recovered later", len(run.log), last_s)
+        outcome, reason = "killed", "recovered later"
+        if run.meta["outcome"] is not None:
+            outcome = "damaged"
+            reason = f"{len(run.log)} of {run.meta.get('rows')} rows left of a run that had ended"
+        meta = stop_record(meta, outcome, reason, len(run.log), last_s)
         replace_json(run.folder / "run.json", meta)
     return read_run(folder)
 

@@ -58,7 +58,7 @@ def reproduce(
         raise
     fitted = fit_camera(rig, pairs_seen) if frames else rig
     study |= _simulated_figures(fitted, out, seed)
-    table = _claim_runs(fitted, out, seed, pairs, progress)
+    table, paired_runs = _claim_runs(fitted, out, seed, pairs, progress)
     cells = list(product(GRID_DEG, GRID_DEG))
     progress("cells of play", 0, len(cells))
     grid = play_grid(_grid_rows(fitted, seed, grid_pairs, len(cells), progress), seed, cells)
@@ -72,6 +72,7 @@ def reproduce(
             "samples": len(pairs_seen),
         },
         "claims": judge(table, seed),
+        "paired_runs": paired_runs,
         "grid": grid,
         "rivals": {
             "as it is": rivals(fitted, seed, pairs, _each),
@@ -150,10 +151,12 @@ def _claim_runs(rig: Rig, out: Path, seed: int, pairs: int, progress: ProgressCa
         for arm in ARMS
     ]
 
+    folders: dict[tuple[str, int, str], str] = {}
+
     def one(order: Order) -> dict[str, float]:
         result = simulate_order(order)
         kept = replace(result, log=contract_columns(result.log))
-        keep_simulated(order, kept)
+        folders[order.arm, order.seed, order.protocol.name] = keep_simulated(order, kept).name
         return completed_measures(run_metrics(kept.log), kept.outcome)
 
     progress("paired repetitions", 0, len(orders))
@@ -161,7 +164,12 @@ def _claim_runs(rig: Rig, out: Path, seed: int, pairs: int, progress: ProgressCa
     table: dict[str, dict[str, list[dict]]] = {}
     for order, row in zip(orders, rows, strict=True):
         table.setdefault(order.protocol.name, {}).setdefault(order.arm, []).append(row)
-    return table
+    named = [
+        {"protocol": o.protocol.name, "arm": o.arm, "seed": o.seed}
+        | {"folder": folders[o.arm, o.seed, o.protocol.name]}
+        for o in orders
+    ]
+    return table, named
 
 
 def _grid_rows(rig: Rig, seed: int, pairs: int, cells: int, progress: ProgressCall):

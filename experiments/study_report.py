@@ -175,7 +175,11 @@ def _grid_section(results: dict, shown: dict[str, Path]) -> Section:
         f"(0/0) the distances are {_means(cells, 0, 0)}, with 3 degrees of both "
         f"{_means(cells, 3, 3)}."
     ]
-    lines += [f"The model {word} in {len(c)} cells: {', '.join(c)}." for word, c in tally.items()]
+    said = {"neutral": "is neutral", "unclear": "has no clear effect"}
+    lines += [
+        f"The model {said.get(word, word)} in {len(c)} of {len(cells)} cells: {', '.join(c)}."
+        for word, c in tally.items()
+    ]
     return Section(
         "Where the backlash model helps, is neutral, or hurts",
         lines,

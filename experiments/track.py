@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from vision.frames import Frame, Track
     from vision.sources import Source
     from vision.tracker import Tracker
+    from vision.view import View
 
 PIXEL_COLUMNS = ("frame", "t_s", "state", "u_px", "v_px", "sigma_px")
 METRIC_COLUMNS = ("x_m", "y_m", "cov_xx_m2", "cov_xy_m2", "cov_yy_m2")
@@ -33,12 +34,17 @@ Progress = Callable[[int, int | None], None]
 
 
 class Calibration(Protocol):
-    """What is used of a calibration bundle."""
+    """What is used of a calibration bundle (`calibration.bundle.Bundle`)."""
 
     ball_radius_m: float
 
     @property
     def view(self) -> Any: ...  # a View, also where it is computed once and kept
+
+    @property
+    def layout(self) -> Any: ...  # the plate's markers
+
+    def check_size(self, width_px: int, height_px: int) -> None: ...
 
 
 def track_video(
@@ -64,11 +70,14 @@ def track_video(
     with open_source(address) as source:
         if not source.live:
             looks = learn_looks(address, radius, colour=looks) or looks
+        if calibration is not None:
+            calibration.check_size(*source.size)
         out = Path(out_dir)
         out.mkdir(parents=True, exist_ok=True)
         tracker = Tracker(appearance=looks, radius_px=radius)
-        states, times = _follow(source, tracker, calibration, out, progress)
+        states, times, troubles = _follow(source, tracker, calibration, out, progress)
         summary = _summary(source, tracker, states, times, ball_colour)
+        summary["notes"] += troubles
     text = json.dumps(summary, indent=1, allow_nan=False)
     (out / "results.json").write_text(text + "\n", encoding="utf-8")
     return summary
@@ -107,46 +116,67 @@ def _follow(
     calibration: Calibration | None,
     out: Path,
     progress: Progress | None,
-) -> tuple[Counter[str], list[float]]:
-    """Track every frame into `track.csv`, `overlay.mp4` and `contact_sheet.png`."""
-    from experiments.film import Film
+) -> tuple[Counter[str], list[float], list[str]]:
+    """Track every frame into `track.csv`, `overlay.mp4` and `contact_sheet.png`.
+
+    The table of positions is what counts: where the disk is too small for the film, the film goes.
+    """
+    import numpy as np
+
+    from experiments.film import Overlay
+    from vision.ball_camera import BallCamera
     from vision.overlay import draw
 
     states: Counter[str] = Counter()
     times: list[float] = []
     trail: deque[tuple[float, float]] = deque(maxlen=TRAIL)
     sheet = Sheet()
+    camera = None
+    if calibration is not None:  # the plate's pose is seen in every frame, not taken as level
+        camera = BallCamera(
+            calibration.view, calibration.layout, tracker, calibration.ball_radius_m
+        )
     with (
         (out / "track.csv").open("w", newline="", encoding="utf-8") as file,
-        Film(out / "overlay.mp4", source.size) as film,
+        Overlay(out / "overlay.mp4", source.size) as film,
     ):
         rows = csv.writer(file)
         rows.writerow(PIXEL_COLUMNS + METRIC_COLUMNS)
         for frame in source:
-            track = tracker.step(frame)
+            if camera is None:
+                track, view = tracker.step(frame), None
+            else:
+                _, track, view = camera.step(frame, np.eye(3))
             states[track.state] += 1
             times.append(frame.t_s)
             trail.append((track.u_px, track.v_px))
-            rows.writerow(_row(frame, track, calibration))
+            rows.writerow(_row(frame, track, view, calibration))
+            file.flush()
             drawn = draw(frame.image, track, trail, note=f"{frame.index} {frame.t_s:.3f} s")
             film.add(drawn, frame.t_s)
             sheet.add(drawn)
             if progress is not None:
                 progress(frame.index + 1, source.frames_total)
-    sheet.write(out / "contact_sheet.png")
-    return states, times
+    troubles = [film.trouble] if film.trouble else []
+    try:
+        sheet.write(out / "contact_sheet.png")
+    except OSError as error:
+        troubles.append(f"no contact sheet: {error}")
+    return states, times, troubles
 
 
-def _row(frame: Frame, track: Track, calibration: Calibration | None) -> list[object]:
+def _row(
+    frame: Frame, track: Track, view: View | None, calibration: Calibration | None
+) -> list[object]:
     """One row of `track.csv`; cells that are not known are blank."""
     row: list[object] = [frame.index, f"{frame.t_s:.6f}", track.state]
     if not math.isfinite(track.u_px):
         return row + [""] * (len(PIXEL_COLUMNS) - 3 + len(METRIC_COLUMNS))
     row += [f"{track.u_px:.4f}", f"{track.v_px:.4f}", f"{track.sigma_px:.4f}"]
     metric: list[object] = [""] * len(METRIC_COLUMNS)
-    if calibration is not None:
+    if view is not None and calibration is not None:
         try:
-            xy, cov = calibration.view.ball_from_silhouette(
+            xy, cov = view.ball_from_silhouette(
                 (track.u_px, track.v_px), calibration.ball_radius_m, track.sigma_px
             )
         except ValueError:  # a prediction beyond the plate's horizon has no place on the plate

@@ -139,6 +139,7 @@ _NOT_NEGATIVE = (
 ).split()
 _ABOVE_ZERO = ("speed_rad_s", "periods_per_turn", "limit_V")
 LONGEST_INPUT_DELAY_S = 0.1
+GROSS = 30  # so many times beyond the sensible range is a slip of units or of the point
 
 
 def _check_number(name: str, axis: str, key: str, value: float) -> None:
@@ -150,6 +151,12 @@ def _check_number(name: str, axis: str, key: str, value: float) -> None:
         raise ValueError(f"{label}: must be >= 0")
     if key in _ABOVE_ZERO and value <= 0:
         raise ValueError(f"{label}: must be above 0")
+    parameter = next(p for p in BY_NAME[name].parameters if p.key == key)
+    if key != "phase_rad" and abs(value) != inf:
+        most = GROSS * max(abs(parameter.low), abs(parameter.high))
+        if abs(value) > most:
+            raise ValueError(f"{label}: no table is like that (sensible: {parameter.low:g} to "
+                             f"{parameter.high:g} {parameter.unit})")  # fmt: skip
     if name == "input_delay" and value > LONGEST_INPUT_DELAY_S:
         raise ValueError(f"{label}: must be at most {LONGEST_INPUT_DELAY_S:g} s")
     if name == "cross_coupling" and abs(value) >= 1:

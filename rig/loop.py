@@ -1,6 +1,5 @@
 """The loop: read, believe, wish, limit, drive, keep. No sleep, no clock, no `if simulated`."""
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -8,14 +7,14 @@ import numpy as np
 
 from rig import pilot
 from rig.commands import Command, CommandSlot, Push, SetGains, Stop, Target
+from rig.hands import SAY, Hand
 from rig.limits import limit
 from rig.log import COLUMNS
 from rig.parameters import Rig
 from rig.pilot import BLIND, HOLD, PLACE, RUN, pilot_tick
 from rig.rows import fill_row
 from rig.simulate import ANGLE_MARGIN_RAD, BLIND_LIMIT_S, Course
-from rig.simulator import SimulatedTable
-from rig.table import LevelOnExit, Reading, Table
+from rig.table import Reading, Table
 
 HIGHEST_GAINS = (20.0, 20.0, 20.0)  # rad/m, rad/(m s), rad s/m: what a setpoint page may ask for
 
@@ -32,82 +31,6 @@ DONE = Ending("completed")
 
 
 PLACED_S = 0.5  # so long a ball must lie at its start before it counts as placed
-SAY = {
-    "place": "place the ball at x = {x:.1f} cm, y = {y:.1f} cm",
-    "hold": "hold it there",
-    "release": "let it go",
-    "push": "push the ball now",
-}
-
-
-class Hand:
-    """Who places, releases and pushes the ball. This one is a person: told what to do, waited for.
-
-    `tell` shows a sentence to that person; the loop sees from the ball that it was done.
-    """
-
-    is_person = True
-    release_limit_s = 120.0
-
-    def __init__(self, tell: Callable[[str], None] = lambda text: None) -> None:
-        self.tell = tell
-
-    def act(self, reading: Reading, wanted_m_s2: tuple[float, float]) -> tuple[float, float]:
-        """Called every tick with the push that the course (or a command) wants now.
-
-        Returns the push that the recording shall name.
-        """
-        return wanted_m_s2
-
-
-class SimulatedHand(Hand):
-    """Lets a simulated ball go after `hold_s` and pushes it."""
-
-    is_person = False
-    release_limit_s = 3.0
-
-    def __init__(self, table: SimulatedTable, hold_s: float) -> None:
-        super().__init__()
-        self._table, self._hold_s = table, hold_s
-        table.held = hold_s > 0
-
-    def act(self, reading: Reading, wanted_m_s2: tuple[float, float]) -> tuple[float, float]:
-        if reading.t_s >= self._hold_s:
-            self._table.release()
-        self._table.push(wanted_m_s2)
-        return wanted_m_s2
-
-
-class PushingHand(SimulatedHand):
-    """Pushes the ball away whenever it has stayed near the centre: the paper's own way."""
-
-    near_m, stays_s = 0.01, 0.5
-
-    def __init__(
-        self,
-        table: SimulatedTable,
-        hold_s: float,
-        *,
-        speed_m_s: float,
-        seconds: float,
-        rng: np.random.Generator,
-    ) -> None:
-        super().__init__(table, hold_s)
-        self._acceleration, self._seconds, self._rng = speed_m_s / seconds, seconds, rng
-        self._near_since: float | None = None
-        self._until, self._now = -1.0, (0.0, 0.0)
-
-    def act(self, reading: Reading, wanted_m_s2: tuple[float, float]) -> tuple[float, float]:
-        t_s = reading.t_s
-        if reading.ball is not None:
-            near = float(np.hypot(*reading.ball.xy_m)) < self.near_m
-            self._near_since = (self._near_since or t_s) if near else None
-        if self._near_since is not None and t_s - self._near_since > self.stays_s:
-            angle = self._rng.uniform(0, 2 * np.pi)
-            push = self._acceleration * np.array([np.cos(angle), np.sin(angle)])
-            self._now, self._until = (float(push[0]), float(push[1])), t_s + self._seconds
-            self._near_since = None
-        return super().act(reading, self._now if t_s < self._until else wanted_m_s2)
 
 
 class Loop:
@@ -257,32 +180,3 @@ class Loop:
             for key, value, top in zip(("kp", "ki", "kd"), gains, HIGHEST_GAINS, strict=True):
                 self._q["control"][key] = min(max(value, 0.0), top) if np.isfinite(value) else 0.0
             self._event(t_s, f"gains {gains}")
-
-
-class Paced(LevelOnExit):
-    """Holds a simulated table to the wall clock: absolute deadlines, late ticks counted."""
-
-    def __init__(self, table, *, clock=time.monotonic, sleep=time.sleep) -> None:
-        self._table, self._clock, self._sleep = table, clock, sleep
-        self.period_s = table.period_s
-        self.voltage_limit_V = table.voltage_limit_V
-        self.late_ticks = 0
-        self._due: float | None = None
-
-    def read(self) -> Reading:
-        now = self._clock()
-        if self._due is None:
-            self._due = now
-        elif now > self._due + self.period_s:  # never caught up in a burst: start counting anew
-            self.late_ticks += 1
-            self._due = now
-        if self._due > now:
-            self._sleep(self._due - now)
-        self._due += self.period_s
-        return self._table.read()
-
-    def drive(self, volts: tuple[float, float]) -> None:
-        self._table.drive(volts)
-
-    def close(self) -> None:
-        self._table.close()

@@ -15,8 +15,9 @@ from experiments.assemble import known, load_rig
 from experiments.protocol import course, read_protocol
 from rig import plant, plant_record
 from rig.controllers import ARMS
+from rig.hands import SimulatedHand
 from rig.joint_observer import KEEPS
-from rig.loop import Loop, SimulatedHand
+from rig.loop import Loop
 from rig.parameters import Rig
 from rig.simulator import SimulatedTable
 

@@ -70,7 +70,7 @@ def test_a_users_own_file(tmp_path: Path):
         ('title = "a"\nduration_s = 3\nspeed = 1', ["unknown key 'speed'", "duration_s"]),
         ('title = "a"\nduration_s = 3\n[start]\nz = 1', ["start.z", "x_m, y_m"]),
         ('title = "a"\nduration_s = -3', ["duration_s", "greater than"]),
-        ('title = "a"', ["duration_s", "required"]),
+        ('title = "a"', ["duration_s", "missing"]),
         ('title = "a"\nduration_s = 3\n[reference]\nshape = "star"', ["'star'", "circle"]),
         ('title = "a"\nduration_s = 3\n[reference]\nshape = "circle"\nr = 1', ["reference", "r"]),
         ('title = "a"\nduration_s = 3\narms = ["maybe"]', ["arms", "'with' or 'without'"]),

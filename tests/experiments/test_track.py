@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from experiments.track import METRIC_COLUMNS, PIXEL_COLUMNS, learn_looks, track_video
+from vision.markers import default_layout
 from vision.view import Camera, View
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "vision"))
@@ -94,10 +95,17 @@ def test_calibration_gives_metres(tmp_path, film):
     pose[:3, :3] = np.diag([1.0, -1.0, -1.0])  # the camera looks down, plate +y is up in the image
     pose[2, 3] = 0.75
     camera = Camera(np.array([[750.0, 0, 320], [0, 750.0, 240], [0, 0, 1]]), np.zeros(5), 640, 480)
-    bundle = SimpleNamespace(view=View(camera, pose), ball_radius_m=0.0137)
+    sizes = []
+    bundle = SimpleNamespace(
+        view=View(camera, pose),
+        ball_radius_m=0.0137,
+        layout=default_layout(0.275),  # not in these pictures: the stored pose is taken
+        check_size=lambda *size: sizes.append(size),
+    )
     track_video(
         write(tmp_path / "v.mp4", film), tmp_path / "out", calibration=bundle, ball_colour="orange"
     )
+    assert sizes == [(640, 480)]
     rows = [row for row in rows_of(tmp_path / "out") if row["state"] == "track"]
     assert len(rows) > 20
     for row in rows:

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from experiments.assemble import known, load_rig
 from rig.commands import Command, CommandSlot, Push, SetGains, Stop, Target
 from rig.controllers import ARMS
-from rig.loop import Ending, Hand, Loop, PushingHand, SimulatedHand
+from rig.hands import Hand, PushingHand, SimulatedHand
+from rig.loop import Ending, Loop
 from rig.parameters import Rig
 from rig.simulate import Course, draw, simulate
 from rig.simulator import SimulatedTable

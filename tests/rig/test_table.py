@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from experiments.assemble import load_rig
-from rig.loop import Paced
+from rig.paced import Paced
 from rig.parameters import Rig
 from rig.simulator import SimulatedTable
 from rig.table import Table
