@@ -87,7 +87,9 @@ class Loop:
         push = self._hand.act(reading, self._push_now(reading.t_s))
         for a, theta in enumerate(reading.theta_rad):
             q = self._q
-            self._applied[a] = limit(self._wish[a], theta, q["voltage_limit"], q["angle_limit"])
+            rate = self.pilot["belief"]["rate"][a]
+            last, bounds = self._applied[a], (q["voltage_limit"], q["angle_limit"], q["slew"])
+            self._applied[a] = limit(self._wish[a], theta, rate, last, *bounds)
         self._table.drive((float(self._applied[0]), float(self._applied[1])))
         covariance = np.array(reading.ball.cov_m2 if reading.ball else (np.nan,) * 3)
         pushed = 1.0 if push != (0.0, 0.0) else 0.0

@@ -8,6 +8,7 @@ import numpy as np
 
 from rig import controllers, observers, play_observer
 from rig.compiled import compiled
+from rig.limits import SLEW_V_S
 from rig.parameters import Rig
 from rig.signals import R_BALL, R_NEW
 
@@ -33,6 +34,7 @@ PILOT_SETTINGS = np.dtype(
         ("servo_only", np.int64),  # the target is the servos' angle [rad]; no ball is needed
         ("voltage_limit", np.float64),
         ("angle_limit", np.float64),
+        ("slew", np.float64),  # V a tick
     ]
 )
 
@@ -46,6 +48,7 @@ def settings(rig: Rig, arm: int, *, servo_only: bool = False) -> np.record:
     q["servo_only"] = int(servo_only)
     q["voltage_limit"] = rig.servo.voltage_limit_V
     q["angle_limit"] = rig.servo.angle_limit_rad
+    q["slew"] = SLEW_V_S / rig.control_rate_hz
     return q
 
 

@@ -87,7 +87,10 @@ def _run(s, p, q, history, flight, camera, targets, pushes, hold_s, tick_s, eyes
             push_x = push_y = 0.0
         runaway = False
         for a in range(2):
-            applied[a] = limit(wish[a], reading[R_THETA + a], q.voltage_limit, q.angle_limit)
+            applied[a] = limit(
+                wish[a], reading[R_THETA + a], flight.belief.rate[a], applied[a],
+                q.voltage_limit, q.angle_limit, q.slew,
+            )  # fmt: skip
             runaway = runaway or abs(reading[R_THETA + a]) > q.angle_limit + ANGLE_MARGIN_RAD
         covariance[0] = covariance[2] = reading[R_VARIANCE]
         pushed = 1.0 if push_x != 0.0 or push_y != 0.0 else 0.0

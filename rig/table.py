@@ -100,7 +100,9 @@ def bring_level(table: Table, seconds: float) -> None:
         first = table.read()
         now = first
         while now.t_s - first.t_s < seconds:
-            x, y = (limit(-LEVEL_GAIN_V_RAD * a, a, most, np.inf) for a in now.theta_rad)
+            x, y = (
+                limit(-LEVEL_GAIN_V_RAD * a, a, 0.0, 0.0, most, np.inf, most) for a in now.theta_rad
+            )
             table.drive((x, y))
             now = table.read()
     finally:

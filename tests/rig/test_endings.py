@@ -94,5 +94,5 @@ def test_effects_out_of_range_are_refused(name: str, key: str, value: float):
 
 
 def test_the_limiter_does_not_trip_over_the_smallest_numbers():
-    assert limit(5e-324, 0.3, 6.0, 0.1) == 0.0
-    assert limit(-5e-324, 0.3, 6.0, 0.1) == -5e-324
+    assert limit(5e-324, 0.3, 0.0, 0.0, 6.0, 0.1, 1.0) == 0.0
+    assert limit(-5e-324, 0.3, 0.0, 0.0, 6.0, 0.1, 1.0) == -5e-324

@@ -2,11 +2,21 @@
 
 import math
 
+import numpy as np
 import pytest
+from helpers import run
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from rig.limits import limit
+from rig import simulate
+from rig.limits import LOOK_AHEAD_S, limit
+from rig.parameters import Gains, Rig
+
+
+def clip(wish, theta, volts, angle):
+    """The limiter at rest, without a slew limit: volts and angle alone."""
+    return limit(wish, theta, 0.0, 0.0, volts, angle, math.inf)
+
 
 NO_DEADLINE = settings(deadline=None)  # a first call may have to compile
 ANY = st.floats(allow_nan=True, allow_infinity=True, width=64)
@@ -22,8 +32,8 @@ SMALLEST_V = 1e-200
 @example(math.inf, 0.0, 6.0, 0.5)
 @example(1.0, math.nan, 6.0, 0.5)
 @example(1.0, -math.inf, 6.0, 0.5)
-def test_what_comes_out_is_finite_and_within_the_limit(wish, theta, volts, angle):
-    out = limit(wish, theta, volts, angle)
+def test_what_comes_out_is_finite_and_within_the_clip(wish, theta, volts, angle):
+    out = clip(wish, theta, volts, angle)
     assert math.isfinite(out)
     assert abs(out) <= volts
 
@@ -32,13 +42,13 @@ def test_what_comes_out_is_finite_and_within_the_limit(wish, theta, volts, angle
 @given(ANY, ANY, VOLTAGE_LIMIT, ANGLE_LIMIT)
 def test_anything_unclear_is_zero(wish, theta, volts, angle):
     if not (math.isfinite(wish) and math.isfinite(theta)):
-        assert limit(wish, theta, volts, angle) == 0.0
+        assert clip(wish, theta, volts, angle) == 0.0
 
 
 @NO_DEADLINE
 @given(ANY, ANY, VOLTAGE_LIMIT, ANGLE_LIMIT)
 def test_sign_never_turns_and_size_never_grows(wish, theta, volts, angle):
-    out = limit(wish, theta, volts, angle)
+    out = clip(wish, theta, volts, angle)
     if math.isfinite(wish):
         assert out == 0.0 or math.copysign(1, out) == math.copysign(1, wish)
         assert abs(out) <= abs(wish)
@@ -49,7 +59,7 @@ def test_sign_never_turns_and_size_never_grows(wish, theta, volts, angle):
 @NO_DEADLINE
 @given(st.floats(allow_nan=False, allow_infinity=False), st.floats(-1.5, 1.5), VOLTAGE_LIMIT)
 def test_inside_the_angle_limit_it_is_the_plain_clip(wish, theta, volts):
-    assert limit(wish, theta, volts, 1.5) == min(max(wish, -volts), volts)
+    assert clip(wish, theta, volts, 1.5) == min(max(wish, -volts), volts)
 
 
 @NO_DEADLINE
@@ -60,7 +70,7 @@ def test_inside_the_angle_limit_it_is_the_plain_clip(wish, theta, volts):
     ANGLE_LIMIT,
 )
 def test_beyond_the_angle_limit_only_volts_that_lead_back(wish, theta, volts, angle):
-    out = limit(wish, theta, volts, angle)
+    out = clip(wish, theta, volts, angle)
     if abs(theta) > angle:
         away = (wish > 0) == (theta > 0)
         assert out == (0.0 if away else min(max(wish, -volts), volts))
@@ -69,14 +79,14 @@ def test_beyond_the_angle_limit_only_volts_that_lead_back(wish, theta, volts, an
 @NO_DEADLINE
 @given(ANY, ANY, VOLTAGE_LIMIT, ANGLE_LIMIT)
 def test_mirrored_question_gives_the_mirrored_answer(wish, theta, volts, angle):
-    assert limit(-wish, -theta, volts, angle) == -limit(wish, theta, volts, angle)
+    assert clip(-wish, -theta, volts, angle) == -clip(wish, theta, volts, angle)
 
 
 @NO_DEADLINE
 @given(ANY, ANY, VOLTAGE_LIMIT, ANGLE_LIMIT)
 def test_limiting_twice_changes_nothing(wish, theta, volts, angle):
-    once = limit(wish, theta, volts, angle)
-    assert limit(once, theta, volts, angle) == once
+    once = clip(wish, theta, volts, angle)
+    assert clip(once, theta, volts, angle) == once
 
 
 @pytest.mark.parametrize(
@@ -98,6 +108,49 @@ def test_limiting_twice_changes_nothing(wish, theta, volts, angle):
     ],
 )
 def test_every_branch(wish, theta, expected):
-    assert limit(wish, theta, 6.0, 0.5) == expected
+    assert clip(wish, theta, 6.0, 0.5) == expected
     plain = getattr(limit, "py_func")  # noqa: B009, the same without the compiler
-    assert plain(wish, theta, 6.0, 0.5) == expected
+    assert plain(wish, theta, 0.0, 0.0, 6.0, 0.5, math.inf) == expected
+
+
+FINITE = st.floats(-1e6, 1e6)
+
+
+@NO_DEADLINE
+@given(ANY, FINITE, FINITE, FINITE, VOLTAGE_LIMIT, ANGLE_LIMIT, st.floats(1e-3, 100))
+def test_size_grows_by_the_slew_at_most_and_may_always_fall(w, theta, rate, last, v, angle, slew):
+    out = limit(w, theta, rate, last, v, angle, slew)
+    assert abs(out) <= max(abs(last), 0.0) + slew
+    if out * last < 0:
+        assert abs(out) <= slew
+    assert limit(0.0, theta, rate, last, v, angle, slew) == 0.0
+
+
+@NO_DEADLINE
+@given(FINITE, FINITE, FINITE, FINITE, st.sampled_from([math.nan, math.inf, -math.inf]))
+def test_an_unknown_rate_or_last_voltage_is_zero(wish, theta, rate, last, bad):
+    assert limit(wish, theta, bad, last, 6.0, 0.5, 3.0) == 0.0
+    assert limit(wish, theta, rate, bad, 6.0, 0.5, 3.0) == 0.0
+
+
+@NO_DEADLINE
+@given(st.floats(-0.5, 0.5), st.floats(-30, 30), st.floats(-6, 6))
+def test_an_arm_that_is_about_to_pass_the_limit_is_not_pushed_further(theta, rate, wish):
+    out = limit(wish, theta, rate, 0.0, 6.0, 0.5, 12.0)
+    ahead = theta + LOOK_AHEAD_S * rate
+    if ahead > 0.5:
+        assert out <= 0.0
+    elif ahead < -0.5:
+        assert out >= 0.0
+    else:
+        assert out == wish
+
+
+def test_full_volts_end_before_the_stop():
+    """Whatever is asked, the servo does not reach its mechanical stop."""
+    n = 1500
+    wild = np.where((np.arange(n)[:, None] // 300) % 2 == 0, 30.0, -30.0) * np.ones((n, 2))
+    way = simulate.Course(wild, np.zeros((n, 2)), (0.0, 0.0), 0.0, True)
+    log = run(Rig(gains=Gains(servo_proportional_V_rad=1e3)), 0, way, 0).log
+    assert np.abs(log["theta_x_rad"]).max() > 0.4
+    assert np.abs(log["theta_x_rad"]).max() < Rig().servo.stop_rad - 0.02
