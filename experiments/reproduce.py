@@ -75,7 +75,7 @@ def reproduce(
         "paired_runs": paired_runs,
         "grid": grid,
         "rivals": {
-            "as it is": rivals(fitted, seed, pairs, _each),
+            "friction as it is": rivals(fitted, seed, pairs, _each),
             "little friction": rivals(little_friction(fitted), seed, pairs, _each),
         },
         "grid_pairs": grid_pairs,

@@ -23,8 +23,8 @@ from experiments.runner import Order, simulate_order
 from experiments.statistics import mean_interval
 from rig.parameters import Gains, Rig
 
-TUNING_SEEDS = 4
-HOLD_S = 30.0
+TUNING_SEEDS = 3
+HOLD_S = 24.0
 GAIN_GRID = {"proportional_rad_m": (2.5, 3.45, 4.5), "derivative_rad_s_m": (2.11, 3.0, 4.0, 5.0)}
 JUDGED = ("settled_error", "servo_activity", "cycle_amplitude")
 LITTLE_FRICTION = {"joint_friction_nm": 2e-3, "arm_friction_nm": 2e-4}

@@ -9,7 +9,7 @@ def rivals_section(results: dict) -> Section:
     """Is it the model, or would anything help? Sham, misplaced inverse, retuned PID, no play."""
     lines = [
         "An inverse also raises the gain at reversals and shakes what dry friction holds. The ball "
-        "is held at the centre for 30 s on paired other units; the sham is the same inverse "
+        "is held at the centre for 24 s on paired other units; the sham is the same inverse "
         "backwards, the misplaced one undoes gear play on the reference, retuned is the PID alone "
         "tuned on other seeds to the best ball at the servo activity of the arm with the model.",
     ]
@@ -17,13 +17,13 @@ def rivals_section(results: dict) -> Section:
     for friction, found in results["rivals"].items():
         gains = found["retuned_gains"]
         lines.append(
-            f"Friction {friction}: {_verdict_on_rivals(found['arms'])} Retuned gains: "
+            f"With {friction}: {_verdict_on_rivals(found['arms'])} Retuned gains: "
             f"K_p = {gains['proportional_rad_m']:g} rad/m, K_d = {gains['derivative_rad_s_m']:g} "
             "rad s/m."
         )
         for arm, table in found["arms"].items():
             rows.append([f"{friction}: {arm}", *(_with_interval(table[m]) for m in JUDGED)])
-    head = ["friction: arm", "RMS distance [cm]", "servo activity [rad]", "limit cycle [cm]"]
+    head = ["table: arm", "RMS distance [cm]", "servo activity [rad]", "limit cycle [cm]"]
     return Section("Is it the model? Sham, misplaced, retuned", lines, [], head, rows)
 
 

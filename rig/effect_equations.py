@@ -36,6 +36,8 @@ def saturation(volts, limit_V):
 @compiled
 def cogging(volts, theta, amplitude_V, phase_rad, periods_per_turn):
     """V + A sin(n theta + phase) [V]."""
+    if amplitude_V == 0.0:  # a sine each step is a fifth of the whole simulation
+        return volts
     return volts + amplitude_V * sin(periods_per_turn * theta + phase_rad)
 
 

@@ -110,7 +110,7 @@ def test_the_runs_of_a_study_are_those_that_it_needs(study):
 
 def test_rivals_are_compared_on_both_frictions(study):
     _, results = study
-    for friction in ("as it is", "little friction"):
+    for friction in ("friction as it is", "little friction"):
         arms = results["rivals"][friction]["arms"]
         assert set(arms) == {"without", "with", "sham", "misplaced", "retuned", "no play, without"}
         for arm, table in arms.items():
