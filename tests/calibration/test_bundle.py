@@ -2,7 +2,6 @@
 
 import json
 from datetime import UTC, datetime
-from time import process_time
 
 import numpy as np
 import pytest
@@ -19,14 +18,12 @@ RADIUS_M = 0.019625
 def made():
     renderer = Renderer(Scene(), virtual_view(), np.random.default_rng(1))
     renderer.render(np.eye(3), (0, 0))
-    start = process_time()
     bundle = calibrate_virtual(renderer, np.random.default_rng(2), made=MADE)
-    return renderer, bundle, process_time() - start
+    return renderer, bundle
 
 
 def test_virtual_calibration_recovers_the_camera_within_its_uncertainty(made):
-    renderer, bundle, seconds = made
-    assert seconds < 8  # measured 1.0; room for slower machines
+    renderer, bundle = made
     truth = [*renderer.view.camera.pinhole, *renderer.view.camera.lens]
     found = [*bundle.view.camera.pinhole, *bundle.view.camera.lens]
     for name, t, f in zip(PARAMETERS, truth, found, strict=True):
@@ -38,7 +35,7 @@ def test_virtual_calibration_recovers_the_camera_within_its_uncertainty(made):
 
 def test_ball_is_measured_right_with_the_calibrated_view(made):
     """Pixels from the true view, metres from the calibrated one: the error of the calibration."""
-    renderer, bundle, _ = made
+    renderer, bundle = made
     grid = np.linspace(-0.13, 0.13, 7)
     errors = []
     for x in grid:
@@ -51,7 +48,7 @@ def test_ball_is_measured_right_with_the_calibrated_view(made):
 
 
 def test_file_holds_everything_and_comes_back(made, tmp_path):
-    _, bundle, _ = made
+    _, bundle = made
     path = tmp_path / "camera.json"
     bundle.save(path)
     again = load(path)

@@ -1,7 +1,5 @@
 """Intervals hold the truth as often as they say; verdicts follow the relevant size."""
 
-from time import perf_counter
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -149,17 +147,11 @@ def test_equal_differences_are_their_own_interval():
         assert (none.effect, none.p, none.holds) == (0.0, 1.0, False)
 
 
-def test_a_comparison_is_repeatable_and_takes_less_than_5_ms():
+def test_a_comparison_is_repeatable():
     a, b = rng(1).normal(1, 1, 24), rng(2).normal(0, 1, 24)
     first = paired(a, b, relevant=0.1, rng=rng(5))
     assert first == paired(a, b, relevant=0.1, rng=rng(5))
     assert first.p >= 2 / (SUBSETS + 1)
-    times = []
-    for _ in range(10):
-        start = perf_counter()
-        paired(a, b, relevant=0.1, rng=rng(5))
-        times.append(perf_counter() - start)
-    assert min(times) < 0.005
 
 
 def test_bad_input_is_refused():

@@ -1,7 +1,5 @@
 """The plate's pose from its markers: exact, honest about its error, refused when wrong."""
 
-from time import process_time
-
 import cv2
 import numpy as np
 import pytest
@@ -155,15 +153,3 @@ def test_layout_leaves_the_middle_free_and_rejects_nonsense():
         MarkerLayout(np.array([1, 1]), np.zeros((2, 4, 2)))
     with pytest.raises(ValueError, match="no dictionary"):
         MarkerLayout(np.array([1]), np.zeros((1, 4, 2)), "DICT_9X9")
-
-
-def test_a_pose_costs_well_under_a_millisecond(renderer):
-    image = renderer.render(np.eye(3), (0, 0))
-    track_pose(image, renderer.scene.layout, renderer.view)
-    costs = []
-    for _ in range(5):
-        start = process_time()
-        for _ in range(20):
-            track_pose(image, renderer.scene.layout, renderer.view)
-        costs.append((process_time() - start) / 20)
-    assert min(costs) < 0.0015  # measured 0.00025; room for slower machines
