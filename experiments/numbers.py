@@ -11,7 +11,7 @@ import numpy as np
 
 from experiments.centroids import centroid
 from experiments.metrics import RunMetrics, run_metrics, settled_interval
-from experiments.samples import Place, ball_samples, place
+from experiments.samples import Place, ball_samples, pair, place, run_part
 from experiments.statistics import mean_interval
 from rig.log import Log
 
@@ -53,7 +53,7 @@ def run_numbers(run: Recorded) -> dict:
     whole = Place(m.centroid_m, m.distance_m, m.spread_m, m.error_rms_m, m.samples)
     return {
         **_place_cm(whole),
-        "settled": _place_cm(m.settled) | _within(run) | {"has_settled": m.has_settled},
+        "settled": _place_cm(m.settled) | _within(run) | _settled_servos(m),
         "settling_s": m.settling_s,
         "duration_s": m.duration_s,
         "limit_cycle": {
@@ -65,14 +65,28 @@ def run_numbers(run: Recorded) -> dict:
             }
             for axis, c in zip("xy", m.cycle, strict=True)
         },
-        "servo_rms_rad": m.servo_rms_rad.tolist(),
-        "servo_activity_rad": m.servo_activity_rad.tolist(),
-        "servo_tracking_rad": m.servo_tracking_rad.tolist(),
+        "servo_rms_rad": whole_servo_rms(run.log).tolist(),
+        "servo_tracking_rad": m.servo_tracking_whole_rad.tolist(),
         "pushes": m.pushes,
         "estimated_gear_play_deg": _play(m.gear_play_rad, m.gear_play_std_rad),
         "estimated_joint_play_deg": _play(m.joint_play_rad, m.joint_play_std_rad),
         "outcome": run.outcome,
         "folder": run.folder.name,
+    }
+
+
+def whole_servo_rms(log: Log) -> np.ndarray:
+    """RMS of the servo angles about zero over the whole run, (2,) [rad]."""
+    return np.sqrt(np.mean(pair(run_part(log), "theta_{}_rad") ** 2, axis=0))
+
+
+def _settled_servos(m: RunMetrics) -> dict:
+    """What the servos did after settling: RMS about zero, standard deviation, RMS of the error."""
+    return {
+        "has_settled": m.has_settled,
+        "servo_rms_rad": m.servo_rms_rad.tolist(),
+        "servo_activity_rad": m.servo_activity_rad.tolist(),
+        "servo_tracking_rad": m.servo_tracking_rad.tolist(),
     }
 
 
@@ -105,11 +119,14 @@ def arm_numbers(runs: Sequence[Recorded]) -> dict:
     settled = [s.where(s.t_s >= _settled_from(run)) for s, run in zip(samples, runs, strict=True)]
     numbers = _place_cm(place(_joined(samples)))
     numbers["settled"] = _place_cm(place(_joined(settled)))
+    each = [run_numbers(run) for run in runs]
+    for key in ("servo_rms_rad", "servo_tracking_rad"):
+        numbers[key] = np.mean([one[key] for one in each], axis=0).tolist()
     for key in ("servo_rms_rad", "servo_activity_rad", "servo_tracking_rad"):
-        values = np.array([getattr(run.metrics, key) for run in runs])
-        numbers[key] = values.mean(axis=0).tolist()
+        mean = np.mean([one["settled"][key] for one in each], axis=0)
+        numbers["settled"][key] = mean.tolist()
     numbers["runs"] = len(runs)
-    numbers["runs_list"] = [run_numbers(run) for run in runs]
+    numbers["runs_list"] = each
     if len(runs) > 1:
         numbers["intervals"] = _intervals(runs)
     return numbers

@@ -68,8 +68,8 @@ RUN_HEAD = (
     "settled spread [cm] [95 %]",
     "limit cycle x, y [cm]",
     "period x, y [s]",
-    "servo about 0 [rad]",
-    "servo - desired [rad]",
+    "settled servo about 0 [rad]",
+    "settled servo - desired [rad]",
     "pushes",
 )
 
@@ -91,8 +91,8 @@ def run_row(name: str, numbers: dict) -> list[str]:
         number(settled["spread_cm"]) + interval,
         ", ".join(number(cycle[a]["amplitude_cm"], 2) for a in "xy"),
         ", ".join(number(cycle[a]["period_s"], 2) for a in "xy"),
-        ", ".join(number(v, 4) for v in numbers["servo_rms_rad"]),
-        ", ".join(number(v, 4) for v in numbers["servo_tracking_rad"]),
+        ", ".join(number(v, 4) for v in settled["servo_rms_rad"]),
+        ", ".join(number(v, 4) for v in settled["servo_tracking_rad"]),
         "-" if numbers["pushes"] is None else str(numbers["pushes"]),
     ]
 

@@ -66,6 +66,9 @@ def test_figure_numbers_are_recomputed_from_an_exported_run(study, tmp_path: Pat
                 xy = 100 * xy[~np.isnan(xy[:, 0])]
                 assert xy.mean(axis=0) == pytest.approx(run["centroid_cm"], abs=1e-6)
                 assert np.hypot(*xy.mean(axis=0)) == pytest.approx(run["distance_cm"], abs=1e-6)
+                theta = np.column_stack([log["theta_x_rad"], log["theta_y_rad"]])[rows]
+                rms = np.sqrt((theta**2).mean(axis=0))
+                assert rms == pytest.approx(run["servo_rms_rad"], abs=1e-9)
 
 
 def test_claims_are_recomputed_from_the_run_folders(study):
