@@ -4,6 +4,7 @@ Exit codes: 0 done, 1 the work failed, 2 bad input, 130 interrupted. Heavy impor
 the commands, so that `--help` answers at once.
 """
 
+import errno
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -201,7 +202,9 @@ def main() -> None:
     except (ValueError, FileNotFoundError, NotADirectoryError, PermissionError) as error:
         _fail(str(error), 2)
     except OSError as error:
-        _fail(str(error), 1)
+        full = error.errno in (errno.ENOSPC, errno.EDQUOT) and "free" not in str(error)
+        cure = "; free some space: what was recorded so far is kept" if full else ""
+        _fail(f"{error}{cure}", 1)
     except Exception as error:
         if hasattr(error, "format_message"):  # the parser's own usage errors
             _fail(error.format_message(), 2)  # pyright: ignore[reportAttributeAccessIssue]
