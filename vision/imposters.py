@@ -39,11 +39,6 @@ class Imposters:
         cv2.circle(weight, centre, int(1.5 * radius_px / STEP) + 2, 0.0, -1)
         self._map += weight * (seen - self._map)
 
-    def forget(self, u_px: float, v_px: float, radius_px: float) -> None:
-        """The spot was the ball after all."""
-        centre = (round(u_px / STEP), round(v_px / STEP))
-        cv2.circle(self._map, centre, int(1.5 * radius_px / STEP) + 2, 0.0, -1)
-
     def add(self, u_px: float, v_px: float, radius_px: float) -> None:
         """The spot holds something that is known not to be the ball."""
         centre = (round(u_px / STEP), round(v_px / STEP))
