@@ -99,7 +99,8 @@ def _summary(results: dict, rig: Rig) -> list[str]:
         f"The runs of Figs. 10 to 14 went through rendered camera frames; the statistical camera "
         f"of all others has the noise fitted to them: {1000 * camera['noise_m']:.3f} mm RMS a "
         f"coordinate, {100 * camera['dropout']:.2f} % of the frames without a ball "
-        f"(n = {camera['samples']} frames)."
+        f"(n = {camera['samples']} frames). That is far quieter than the rig file's "
+        f"{1000 * rig.camera.noise_m:.1f} mm, and noise acts as dither."
     )
     return [
         f"Of {len(results['claims'])} tests of the paper's claims {', '.join(tally)} on this table "
