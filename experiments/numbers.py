@@ -34,7 +34,8 @@ def recorded(folder: Path, log: Log, outcome: str, *, servo_only: bool = False) 
 
 def centroid_cm(run: Recorded) -> np.ndarray:
     """The run's centroid as the paper makes it (k-means, one cluster) [cm]."""
-    return CM * centroid(ball_samples(run.log).xy_m)
+    xy_m = ball_samples(run.log).xy_m
+    return CM * centroid(xy_m) if np.isfinite(xy_m).all(axis=1).any() else np.full(2, np.nan)
 
 
 def _place_cm(where: Place) -> dict:

@@ -27,12 +27,17 @@ def write_study(study: Study, results: dict, rig: Rig, out: Path) -> dict:
         figure: {arm: arm_numbers(runs) for arm, runs in study[figure].items()}
         for figure in ("7", "8", "10", "11", "12", "13", "14")
     }
-    centroids = _centroid_facts(study, rig)
+    try:
+        centroids = _centroid_facts(study, rig)
+        about_centroids = _centroid_section(centroids, rig)
+    except ValueError as error:  # a run of Fig. 10 was too short for it
+        centroids = {"missing": str(error)}
+        about_centroids = Section("What the centroid can and cannot show", [f"Not said: {error}."])
     sections = [
         *_figure_sections(shown),
         rivals_section(results),
         _grid_section(results, shown),
-        _centroid_section(centroids, rig),
+        about_centroids,
         _play_section(study, rig, shown),
         _runs_section(study, numbers),
     ]
@@ -40,7 +45,7 @@ def write_study(study: Study, results: dict, rig: Rig, out: Path) -> dict:
         out / "report.html",
         title="Backlash on a 2-DOF balancing table: the paper's study, reproduced",
         source="virtual rig",
-        summary=_summary(results, rig),
+        summary=[*_summary(results, rig), *unfinished(study)],
         claims=results["claims"],
         sections=sections,
         recompute=(
@@ -79,6 +84,19 @@ def _draw(study: Study, grid: list[dict], rig: Rig, out: Path) -> dict[str, Path
         "grid_centroid": figures.play_map(grid, "distance", "distance of the centroid", "cm"),
     }
     return {name: save(figure, out, name, _VIRTUAL) for name, figure in drawn.items()}
+
+
+def unfinished(study: Study) -> list[str]:
+    """One sentence for each figure's run that did not complete."""
+    return [
+        f"Fig. {figure} {arm}: {run.folder.name} ended as '{run.outcome}'; what is shown of it "
+        "is a part, not a whole run."
+        for figure, arms in study.items()
+        if figure not in ("8", "11")  # the runs of 7 and 10
+        for arm, runs in arms.items()
+        for run in runs
+        if run.outcome != "completed"
+    ]
 
 
 def plant_play_deg(rig: Rig) -> dict[str, float]:

@@ -76,7 +76,8 @@ class PushingHand(SimulatedHand):
         t_s = reading.t_s
         if reading.ball is not None:
             near = float(np.hypot(*reading.ball.xy_m)) < self.near_m
-            self._near_since = (self._near_since or t_s) if near else None
+            begin = t_s if self._near_since is None else self._near_since
+            self._near_since = begin if near else None
         if self._near_since is not None and t_s - self._near_since > self.stays_s:
             angle = self._rng.uniform(0, 2 * np.pi)
             push = self._acceleration * np.array([np.cos(angle), np.sin(angle)])

@@ -115,7 +115,8 @@ class Loop:
             if reading.ball is not None:
                 off = np.hypot(*np.subtract(reading.ball.xy_m, self._course.start_m))
                 near = bool(off <= self._course.tolerance_m)
-                self._placed_since = (self._placed_since or t_s) if near else None
+                begin = t_s if self._placed_since is None else self._placed_since
+                self._placed_since = begin if near else None
             if self._placed_since is not None and t_s - self._placed_since >= PLACED_S:
                 self.pilot["phase"] = HOLD if self._course.hold_s > 0 else RUN
                 self._event(t_s, "placed")

@@ -1,6 +1,7 @@
 """The study from end to end, small: its numbers can be recomputed from the recorded runs."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -134,3 +135,15 @@ def test_controllers_of_other_units_know_the_kind_alone(study):
             assert meta["rig"]["servo"] == kind["servo"]
             assert meta["rig"]["drive"] == kind["drive"]
             assert "tachometer_scale" in (folder / "truth.json").read_text()
+
+
+def test_a_study_of_a_table_that_loses_its_ball_says_so_and_claims_nothing(tmp_path: Path):
+    rig = load_rig(None)
+    wild = replace(rig, gains=replace(rig.gains, proportional_rad_m=9.0, derivative_rad_s_m=0.3))
+    reproduce(wild, tmp_path, frames=False, pairs=6, grid_pairs=6)
+    results = json.loads((tmp_path / "results.json").read_text())
+    assert all(claim["holds"] is None and claim["runs"] == 0 for claim in results["claims"])
+    assert all(claim["left_out"] == 6 for claim in results["claims"])
+    ends = {run["outcome"] for run in results["figures"]["10"]["with"]["runs_list"]}
+    assert "completed" not in ends
+    assert "is a part, not a whole run" in (tmp_path / "report.html").read_text()

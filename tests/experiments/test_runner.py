@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.assemble import another_unit, known, load_rig
+from experiments.assemble import another_unit, known, load_rig, rendered_eye
 from experiments.metrics import run_metrics
 from experiments.protocol import Protocol, Pushes, Start, read_protocol
 from experiments.recording import read_run
@@ -135,15 +135,17 @@ def test_the_fitted_statistical_camera_agrees_with_the_frames(seen_runs):
     assert np.ptp(sizes) < 0.05 * np.mean(sizes)
 
 
-def test_the_tracker_gets_pixels_alone(seen_runs):
-    """The eye hands the vision chain an image and the encoders' hint: nothing of the plant."""
-    import inspect
-
-    from rig.rendered_eye import RenderedEye
-
-    source = inspect.getsource(RenderedEye.see)
-    step = source[source.index("self.ball_camera.step") :].split("\n")[0]
-    assert step.strip().startswith("self.ball_camera.step(frame, hint)")
-    hint = source[source.index("hint =") :].split("\n")[0]
-    assert "theta_rad" in hint
-    assert "true" not in hint
+def test_the_same_pixels_give_the_same_observation_whatever_the_truth(seen_runs):
+    """Hidden truth changes while the picture does not: nothing of it may come through."""
+    bundle = seen_runs[0].folder.parent / "calibration.json"
+    eyes = [rendered_eye(TABLE, bundle, 1) for _ in range(2)]
+    picture = eyes[0].renderer.render(np.eye(3), (0.02, -0.03))
+    truths = [((0.02, -0.03), (0.0, 0.0)), ((-0.1, 0.1), (0.05, -0.05))]
+    seen = []
+    for eye, (ball, tilt) in zip(eyes, truths, strict=True):
+        eye.renderer.render = lambda *_, **__: picture
+        seen.append([eye.see(k / 60, ball, tilt, (0.3, 0.0), (0.0, 0.0)) for k in range(6)])
+    told = [[o and (o.xy_m, o.cov_m2, o.exposed_s) for o in one] for one in seen]
+    assert told[0] == told[1]
+    assert seen[0][-1] is not None
+    assert seen[0][-1].xy_m == pytest.approx((0.02, -0.03), abs=2e-4)
