@@ -4,16 +4,12 @@ from collections.abc import Mapping, Sequence
 from math import degrees
 from pathlib import Path
 
-import numpy as np
-
 from experiments import figures
-from experiments.centroids import two_clusters
+from experiments.centroid_report import centroid_facts, centroid_section
 from experiments.figures import save, verdict_word
-from experiments.mean_of_run import expected_mean_m, integral_identity
 from experiments.numbers import Recorded, arm_numbers, centroid_cm
 from experiments.report import RUN_HEAD, Section, Shown, run_row, write_page
 from experiments.rivals_report import rivals_section
-from experiments.samples import ball_samples
 from rig.parameters import GRAVITY_M_S2, Rig
 
 Study = Mapping[str, Mapping[str, Sequence[Recorded]]]
@@ -28,8 +24,8 @@ def write_study(study: Study, results: dict, rig: Rig, out: Path) -> dict:
         for figure in ("7", "8", "10", "11", "12", "13", "14")
     }
     try:
-        centroids = _centroid_facts(study, rig)
-        about_centroids = _centroid_section(centroids, rig)
+        centroids = centroid_facts(study, rig)
+        about_centroids = centroid_section(centroids, rig)
     except ValueError as error:  # a run of Fig. 10 was too short for it
         centroids = {"missing": str(error)}
         about_centroids = Section("What the centroid can and cannot show", [f"Not said: {error}."])
@@ -208,60 +204,6 @@ def _grid_section(results: dict, shown: dict[str, Path]) -> Section:
             Shown(shown["grid_centroid"], "Effect on the centroid's distance (whole run)."),
         ],
     )
-
-
-def _centroid_facts(study: Study, rig: Rig) -> dict:
-    """What ties the centroid down: the integral identity of Fig. 10's runs, two clusters pooled."""
-    gains, facts = rig.gains, {}
-    for arm, runs in study["10"].items():
-        found = integral_identity(runs[0].log, gains.integral_rad_m_s, rig=rig)
-        facts[arm] = {
-            "mean_error_cm": (100 * found.mean_error_m).tolist(),
-            "predicted_cm": (100 * found.predicted_m).tolist(),
-            "T_s": found.duration_s,
-            "ki_rad_m_s": found.ki_rad_m_s,
-            "clipped_share": found.clipped.tolist(),
-        }
-    samples = {arm: ball_samples(runs[0].log).xy_m for arm, runs in study["10"].items()}
-    pooled = np.concatenate(list(samples.values()))
-    labels = np.repeat(np.arange(len(samples)), [len(s) for s in samples.values()])
-    two = two_clusters(pooled, labels)
-    first = ball_samples(study["10"]["without"][0].log).where(slice(0, 8))
-    speed, start = np.polyfit(first.t_s, first.xy_m, 1)
-    duration = facts["without"]["T_s"]
-    pd_only = expected_mean_m(duration, start_m=start, speed_m_s=speed, rig=rig)
-    facts["pd_only_cm"] = (100 * pd_only).tolist()
-    facts["two_clusters"] = {
-        "centres_cm": (100 * two.centres_m).tolist(),
-        "adjusted_rand_index": two.adjusted_rand_index,
-        "samples": two.samples,
-    }
-    return facts
-
-
-def _centroid_section(facts: dict, rig: Rig) -> Section:
-    t = facts["without"]["T_s"]
-    pd_only = ", ".join(f"{v:+.2f}" for v in facts["pd_only_cm"])
-    two = facts["two_clusters"]
-    lines = [
-        f"The centroid hardly measures play. Over T = {t:.1f} s with PD alone it would lie "
-        f"at ({pd_only}) cm with no play at all; with the integral "
-        f"(K_i = {rig.gains.integral_rad_m_s:g} rad/(m s)) the mean error is (change of the "
-        "integral)/(K_i T) where it was not clipped. Both sides of that identity, for Fig. 10:",
-        f"k-means with two clusters on the pooled samples separates the arms with an adjusted Rand "
-        f"index of {two['adjusted_rand_index']:.3f} (0 = chance, 1 = fully; n = {two['samples']}).",
-    ]
-    rows = [
-        [
-            arm,
-            ", ".join(f"{v:+.3f}" for v in facts[arm]["mean_error_cm"]),
-            ", ".join(f"{v:+.3f}" for v in facts[arm]["predicted_cm"]),
-            ", ".join(f"{100 * v:.0f} %" for v in facts[arm]["clipped_share"]),
-        ]
-        for arm in ("without", "with")
-    ]
-    head = ["arm", "mean error x, y [cm]", "from the integral x, y [cm]", "ticks clipped x, y"]
-    return Section("What the centroid can and cannot show", lines, [], head, rows)
 
 
 def _play_section(study: Study, rig: Rig, shown: dict[str, Path]) -> Section:
