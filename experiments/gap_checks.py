@@ -24,6 +24,10 @@ CLOCKS_S = 2.0  # an exposure is not further from its row
 LEVELS = 12  # encoder readings that must differ before their step can be told
 
 
+class TooShortError(ValueError):
+    """A log that is good but too short; among others it may be left out."""
+
+
 def check(log: Log, rig: Rig) -> list[str]:
     """Return notes on what is odd in a log of the believed rig. ValueError: it cannot be used."""
     _check_channels(log)
@@ -45,7 +49,7 @@ def check(log: Log, rig: Rig) -> list[str]:
 def _check_channels(log: Log) -> None:
     """ValueError where no axis has both ends of a channel, or the log is too short."""
     if len(log) < ROWS:
-        raise ValueError(
+        raise TooShortError(
             f"too short: {len(log)} row{'s' if len(log) > 1 else ''} (limit: {ROWS}); record longer"
         )
     for axis in "xy":
@@ -70,7 +74,7 @@ def _check_time(log: Log) -> None:
             f"{FASTEST_HZ:g} Hz): {slow if tick > 1 / SLOWEST_HZ else 'resample the log'}"
         )
     if length < SECONDS:
-        raise ValueError(f"too short: {length:.3g} s (limit: {SECONDS:g} s); record longer")
+        raise TooShortError(f"too short: {length:.3g} s (limit: {SECONDS:g} s); record longer")
     late = (t_s - log["ball_exposed_s"])[~np.isnan(log["ball_exposed_s"])]
     if len(late) and not -tick <= float(np.median(late)) <= CLOCKS_S:
         raise ValueError(

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from experiments.assemble import load_rig
-from experiments.gap_checks import check, step_of
+from experiments.gap_checks import TooShortError, check, step_of
 from experiments.importing import read_log
 from experiments.run_folder import read_meta
 from rig.log import INDEX, Log, Phase
@@ -65,19 +65,15 @@ def read_evidence(paths: Sequence[Path], rig_file: Path | None = None) -> GapInp
     names = _names([one.path for one in read])
     rig, more = _believed(read, names, given)
     notes += more
-    logs = []
-    for one, name in zip(read, names, strict=True):
-        log = released(one.log, rig.camera.delay_s)
-        try:
-            odd = check(log, rig)
-        except ValueError as error:
-            raise ValueError(f"{one.path}: {error}") from error
-        notes += [f"{name}: {text}" for text in (*log.notes, *odd)]
-        logs.append(log)
-    _check_alike(logs, names)
+    logs, odd = _checked(read, names, rig)
+    notes += odd
+    read = [one for one, log in zip(read, logs, strict=True) if log is not None]
+    names = [name for name, log in zip(names, logs, strict=True) if log is not None]
+    whole = tuple(log for log in logs if log is not None)
+    _check_alike(whole, names)
     metas = [one.meta or {} for one in read]
     return GapInput(
-        logs=tuple(logs),
+        logs=whole,
         rig=rig,
         rigs=tuple(_of_run(rig, one.rig) for one in read),
         names=tuple(names),
@@ -105,6 +101,32 @@ def _read(path: Path) -> _One:
     except ValueError as error:
         raise ValueError(f"{folder}: the rig of run.json cannot be used: {error}") from error
     return _One(folder, log, meta, rig)
+
+
+def _checked(
+    read: Sequence[_One], names: Sequence[str], rig: Rig
+) -> tuple[list[Log | None], list[str]]:
+    """Return the logs without what a hand did, None for one too short, and what is odd in them.
+
+    ValueError: a log cannot be used, or every one is too short.
+    """
+    logs: list[Log | None] = []
+    notes: list[str] = []
+    for one, name in zip(read, names, strict=True):
+        log = released(one.log, rig.camera.delay_s)
+        try:
+            odd = check(log, rig)
+        except TooShortError as error:
+            if name == names[-1] and all(log is None for log in logs):
+                raise TooShortError(f"{one.path}: {error}") from error
+            logs.append(None)
+            notes.append(f"{name} is left out: {error}")
+        except ValueError as error:
+            raise ValueError(f"{one.path}: {error}") from error
+        else:
+            logs.append(log)
+            notes += [f"{name}: {text}" for text in (*log.notes, *odd)]
+    return logs, notes
 
 
 def _kept(read: list[_One]) -> tuple[list[_One], list[str]]:

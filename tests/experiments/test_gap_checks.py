@@ -1,6 +1,7 @@
 """Wrong units, signs and axes are found by what they do; odd but possible logs get a note."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from experiments.gap_checks import check, step_of
+from experiments.gap_input import released
 from experiments.gap_physics import ball_response, servo_response
+from experiments.protocol import read_protocol
+from experiments.runner import Order, simulate_order
 from rig.parameters import Linkage, Servo
 
 
@@ -44,6 +48,22 @@ def test_the_answers_have_the_believed_gains():
     assert servo.gain == pytest.approx(RIG.servo.gain_rad_s_V, rel=0.1)
     assert ball.rank > 0.9
     assert ball.gain == pytest.approx(RIG.ball_gain_m_s2, rel=0.1)
+
+
+@pytest.mark.parametrize("protocol", ["steps", "free-release", "servo-squares"])
+def test_a_table_with_faults_is_not_refused(protocol):
+    """Play, friction, a turned and late camera, a weak drive: all that is for the workflow."""
+    effects = {
+        "joint_backlash": {"x": {"play_rad": 0.06}, "y": {"play_rad": 0.06}},
+        "coulomb_friction": {"x": {"friction_V": 0.1}},
+        "gear_backlash": {"x": {"play_rad": 0.04}},
+        "camera_yaw": {"xy": {"angle_rad": 0.15}},
+        "camera_delay": {"xy": {"extra_s": 0.04}},
+        "cross_coupling": {"x": {"fraction": 0.15}},
+    }
+    rig = replace(RIG, effects=effects, servo=Servo(gain_rad_s_V=2.9, time_constant_s=0.05))
+    order = Order(rig, read_protocol(protocol), "without", 3, Path(), kind=RIG)
+    assert check(released(simulate_order(order).log, RIG.camera.delay_s), RIG) == []
 
 
 @pytest.mark.parametrize(

@@ -154,6 +154,19 @@ def test_rejected_runs_are_left_out(tmp_path):
     refused(bad, "no log left.*bumped")
 
 
+def test_a_run_that_ended_at_once_does_not_stop_the_others(tmp_path):
+    short = {name: values[:100] for name, values in table_log(seed=3).items()}
+    one, other = csv(tmp_path, short, "lost.csv"), csv(tmp_path, table_log())
+    found = read_evidence([one, other])
+    assert found.names == ("log.csv",)
+    assert len(found.logs) == len(found.rigs) == 1
+    assert found.notes[1] == "lost.csv is left out: too short: 0.198 s (limit: 1 s); record longer"
+    assert read_evidence([other, one]).names == ("log.csv",)
+    refused(
+        [one, csv(tmp_path, {k: v[50:] for k, v in short.items()}, "b.csv")], "b.csv: too short"
+    )
+
+
 def test_folders_that_are_no_runs_are_refused(tmp_path):
     refused(tmp_path, "no run folder")
     run_folder(tmp_path / "study" / "a")
