@@ -82,7 +82,7 @@ def short(found: Findings) -> list[str]:
             f"{', '.join(closed[:SHORT_CHANNELS])} noise floors (1.0 is perfect)."
         )
     ahead = gap.ahead_1s_mm
-    if "before" in ahead and "after" in ahead:
+    if "before" in ahead and "after" in ahead and ahead["after"] < 0.98 * ahead["before"]:
         floor = (
             f"; no model can do better than about {sig(ahead['floor'])} mm"
             if "floor" in ahead

@@ -228,7 +228,7 @@ def _proof_table(found: Findings) -> Table:
     ]
     strong = frozenset(i for i, row in enumerate(found.proof) if row.model.startswith("named"))
     head = ("model", *(f"{channel_words(c)} [floors]" for c in channels), "1 s ahead [mm]")
-    return Table(head, rows, "Four models on the same held-out data.", strong=strong)
+    return Table(head, rows, "The models on the same held-out data.", strong=strong)
 
 
 def following(found: Findings, command: Callable[[str], str]) -> Stage:

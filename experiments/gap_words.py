@@ -159,7 +159,12 @@ def added_toml(found: Findings) -> str:
         }
     if effects:
         changed["effects"] = effects
-    return tomli_w.dumps(_rounded(changed)).strip() if changed else ""
+    text = tomli_w.dumps(_rounded(changed)).strip() if changed else ""
+    return re.sub(r"\[\n([^\]]*?),?\n\]", lambda found: f"[{_one_line(found[1])}]", text)
+
+
+def _one_line(numbers: str) -> str:
+    return " ".join(numbers.split())
 
 
 def _rounded(value: Any) -> Any:

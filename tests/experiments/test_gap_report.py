@@ -94,13 +94,14 @@ def test_stages_that_did_not_run_say_so(pages):
     assert words(pages["no_motion"][0]).count("This stage did not run") == 4
     assert pages["no_motion"][0].count('<h2 class="off">') == 4
     assert "Recalibrate" not in words(pages["nothing"][0])
+    assert "instead of" not in words(pages["nothing"][0])
     assert pages["named"][0].count('<h2 class="off">') == 1  # no next experiment
 
 
 def test_what_has_no_name_is_described(pages):
     text = words(pages["unknown"][0])
     assert "Something is left that no name explains, in ball x: a rhythm of 1.3 Hz" in text
-    assert "[unknown] ball_rhythm_x" in text
+    assert "[unknown] ball_rhythm_x = [0.02, -0.01] ball_rhythm_hz = 1.3" in text
     besides = replace(named(), unknown=unknown().unknown)
     assert "that no name explains" not in words(pages["named"][0])
     assert summary_lines(besides)[4].startswith("  unnamed    ball x: a rhythm")
