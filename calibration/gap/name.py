@@ -1,0 +1,147 @@
+"""Name what is missing: add the effect that helps most while one is significant, then defend it.
+
+Refine before adding: an effect's inner shape and the noise are settled before another may enter.
+Each name is then taken out again and its rivals tried in its place, at the noise of the final
+model: names that no longer pay leave, better ones take over, close ones are told as "A or B".
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from math import exp
+
+from calibration.gap import noise
+from calibration.gap.evidence import Evidence
+from calibration.gap.fit import evaluate
+from calibration.gap.knobs import Believed
+from calibration.gap.menu import shape
+from calibration.gap.search import PER_KNOB, Key, State, Trial, baseline, parts_of, rank, refit
+from calibration.gap.search import with_levels as at_levels
+from rig.effects import BY_NAME
+
+THRESHOLD = 8.0  # of a score (log-likelihood beyond its knobs' own) for an effect to be missing
+MARGIN = 5.0  # between two names below which neither is told alone
+MOST = 7
+RIVALS = 3
+TEMPERATURE = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """Another name in the place of an accepted one: how much worse it does (its margin)."""
+
+    name: str
+    margin: float
+    state: State
+
+
+@dataclass(frozen=True, eq=False)
+class Accepted:
+    """A name, the axes on which it is released, its score, and its rivals, best first."""
+
+    name: str
+    axes: tuple[str, ...]
+    score: float
+    rivals: tuple[Rival, ...]
+
+    @property
+    def probability(self) -> float:
+        odds = [exp(-min(max(r.margin, -200.0), 200.0) / TEMPERATURE) for r in self.rivals]
+        nothing = exp(-max(self.score, 0.0) / TEMPERATURE)
+        return 1.0 / (1.0 + sum(odds) + nothing)
+
+    @property
+    def margin(self) -> float:
+        return min((r.margin for r in self.rivals), default=float("inf"))
+
+
+@dataclass(frozen=True, eq=False)
+class Naming:
+    """The baseline, the final state, what was accepted in its order, and the last ranking."""
+
+    before: State
+    after: State
+    accepted: tuple[Accepted, ...]
+    last: tuple[Trial, ...]
+    path: tuple[tuple[str, State], ...]
+
+
+def settled_baseline(evidence: Evidence, believed: Believed) -> State:
+    """The baseline at the noise that the log itself shows."""
+    state = baseline(evidence, believed, iterations=3)
+    return settle(state, state.evidence.parts)
+
+
+def settle(state: State, parts: Iterable[str]) -> State:
+    """Estimate the noise of some parts anew and fit everything that is free on them."""
+    parts = tuple(part for part in parts if part in state.evidence.parts)
+    model = state.believed.model(state.fit.setting)
+    state = at_levels(state, noise.estimate(state.evidence, model, parts))
+    return refit(state, state.bounds(parts))
+
+
+def name_effects(state: State) -> Naming:
+    """Add, refine, defend; `state` is the settled baseline."""
+    before, path = state, [("", state)]
+    last: list[Trial] = []
+    while len({effect for effect, _ in state.named}) < MOST:
+        last = rank(state)
+        if not last or last[0].score < THRESHOLD:
+            break
+        best = last[0]
+        parts = parts_of(BY_NAME[best.name], best.axes)
+        state = settle(_shaped(best.state, best), parts)
+        path.append((best.name, state))
+    accepted: list[Accepted] = []
+    for name in dict.fromkeys(effect for effect, _ in state.named):
+        state, found = _defend(state, name)
+        if found:
+            accepted.append(found)
+    return Naming(before, state, tuple(accepted), tuple(last), tuple(path))
+
+
+def _shaped(state: State, trial: Trial) -> State:
+    """Free the effect's inner shape where that pays for its knobs."""
+    for axis in trial.axes:
+        knobs = shape(trial.name, axis, state.believed)
+        if not knobs:
+            continue
+        bounds = state.bounds(parts_of(BY_NAME[trial.name], (axis,)))
+        tried = refit(state, bounds | {k.name: k.range for k in knobs})
+        if state.fit.cost - tried.fit.cost > PER_KNOB * len(knobs):
+            state = tried
+    return state
+
+
+def without(state: State, keys: Iterable[Key]) -> State:
+    """The state with some effects back inside their boxes, refitted."""
+    keys = set(keys)
+    parts = {p for name, axis in keys for p in parts_of(BY_NAME[name], (axis,))}
+    knobs = state.believed.knobs
+    setting = {
+        name: value
+        for name, value in state.fit.setting.items()
+        if (knobs[name].effect, knobs[name].axis) not in keys
+    }
+    moved = evaluate(state.evidence, state.believed, setting, parts)
+    fit = replace(state.fit, setting=setting, rolls=state.fit.rolls | moved.rolls,
+                  costs=state.fit.costs | moved.costs)  # fmt: skip
+    bare = replace(state, fit=fit, named=tuple(k for k in state.named if k not in keys))
+    return refit(bare, bare.bounds(parts))
+
+
+def _defend(state: State, name: str) -> tuple[State, Accepted | None]:
+    """Try the name's place with its rivals: it stays, leaves, or hands over."""
+    keys = [key for key in state.named if key[0] == name]
+    bare = without(state, keys)
+    trials = rank(bare, without=keys, most=RIVALS)
+    own = Trial(name, tuple(axis for _, axis in keys), state, bare.fit.cost - state.fit.cost)
+    if trials and trials[0].score > own.score and trials[0].score >= THRESHOLD:
+        winner = trials[0]
+        state = settle(_shaped(winner.state, winner), parts_of(BY_NAME[winner.name], winner.axes))
+        trials = [own, *trials[1:]]
+        own = winner
+    if own.score < THRESHOLD:
+        return bare, None
+    rivals = [Rival(t.name, own.score - t.score, t.state) for t in trials]
+    rivals.sort(key=lambda rival: rival.margin)
+    return state, Accepted(own.name, own.axes, own.score, tuple(rivals))
