@@ -21,10 +21,11 @@ BALL_PROCESS = 0.002  # m/s/sqrt(s)
 SERVO_PROCESS = 5e-4  # V sqrt(s)
 TACHOMETER_RAD_S = 0.005
 NOMINAL_GAIN, NOMINAL_TAU = (1.53, 1.53), (0.025, 0.025)
-COLUMNS: list[str] = (
-    "t_s voltage_x_V voltage_y_V theta_x_rad theta_y_rad ball_x_m ball_y_m motor_speed_x_rad_s "
-    "motor_speed_y_rad_s target_x_m target_y_m push ball_exposed_s"
-).split()
+COLUMNS: tuple[str, ...] = (
+    *("t_s", "voltage_x_V", "voltage_y_V", "theta_x_rad", "theta_y_rad", "ball_x_m", "ball_y_m"),
+    *("motor_speed_x_rad_s", "motor_speed_y_rad_s", "target_x_m", "target_y_m", "push"),
+    "ball_exposed_s",
+)
 
 
 class Hidden(NamedTuple):

@@ -67,7 +67,7 @@ SERVO_SPREAD = 0.03  # K and tau of a unit differ by so much from their nominal 
 
 STRANGERS = {  # name -> unit and a size that a lab would notice
     "dent": ("m/s2", 0.05),
-    "rhythm": ("m/s2", 0.05),
+    "rhythm": ("m/s2", 0.15),
     "bump": ("rad", 0.008),
     "unbalanced": ("m", 1e-4),
     "cable": ("V/rad", 1.5),
