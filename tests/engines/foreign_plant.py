@@ -112,7 +112,7 @@ def _odd_forces(odd, factor, x, y, vx, vy, heavy, t):
         ax, ay = ax + odd.shake[0] * beat, ay + odd.shake[1] * beat
     if odd.bump_from <= t < odd.bump_to:
         ax, ay = ax + factor * G * odd.bump[0], ay + factor * G * odd.bump[1]
-    if heavy[0] != 0.0 or heavy[1] != 0.0:  # the lever swings with the ball
+    if heavy[0] != 0.0 or heavy[1] != 0.0:  # first order in lever/radius
         weight = factor * (G + (vx * vx + vy * vy) / RADIUS_M) / RADIUS_M
         ax, ay = ax + weight * heavy[0], ay + weight * heavy[1]
     if odd.draught != 0.0:

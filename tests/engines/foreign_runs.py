@@ -1,12 +1,15 @@
 """Single quiet runs of the foreign table with everything set by hand: what closed forms need."""
 
+from collections.abc import Callable
+
 import numpy as np
-from foreign_parts import Course, Odd, Pilot, packed
+from foreign_parts import Course, Eye, Odd, Pilot, Plant, packed
 from foreign_plant import run
-from foreign_table import CAMERA_DELAY_S, COLUMNS, NOMINAL_GAIN, NOMINAL_TAU
+from foreign_table import CAMERA_DELAY_S, COLUMNS, NOMINAL_GAIN, NOMINAL_TAU, STEP_S
 from foreign_truth import plant_and_eye, strange
 
 DT = 0.002
+Engine = Callable[[Plant, Eye, Odd, Pilot, Course], np.ndarray]
 SLACK = Pilot(volts=0.0)  # never moves a servo
 
 
@@ -19,6 +22,12 @@ def nothing_odd() -> Odd:
     return strange(None, np.random.default_rng(0), 1.0)
 
 
+def foreign(plant: Plant, eye: Eye, odd: Odd, pilot: Pilot, course: Course) -> np.ndarray:
+    """Rows of a course on the foreign table."""
+    rows, n = run(packed(plant), packed(eye), packed(odd), packed(pilot), course)
+    return rows[:n]
+
+
 def quiet(
     effects=None,
     *,
@@ -29,12 +38,16 @@ def quiet(
     odd: Odd | None = None,
     push=(0.0, 0.0),
     dt: float = DT,
-    left=(0.0, 0.0, 0.0, 0.0),
+    gain=NOMINAL_GAIN,
+    tau=NOMINAL_TAU,
+    engine: Engine = foreign,
+    step_s: float = STEP_S,
 ) -> dict[str, np.ndarray]:
     """Columns of a run without any noise. `way` (2,) or (n, 2): signs of the volts; `ball`: x, y,
-    x', y' and spin at the start, None = servos alone. Nominal K and tau, hollow ball.
+    x', y' and spin at the start, None = servos alone. Hollow ball. `engine`: whose table, in
+    steps of `step_s`.
     """
-    n, sub = round(seconds / dt), max(round(dt / 2.5e-4), 1)
+    n, sub = round(seconds / dt), max(round(dt / step_s), 1)
     frames = np.zeros((int(60 * seconds), 4))
     frames[:, 0] = (np.arange(len(frames)) + 0.37) / 60
     course = Course(
@@ -47,14 +60,11 @@ def quiet(
         frames=frames,
         volts_noise=np.zeros((round(seconds / 0.002) + 2, 2)),
         kicks=np.zeros((n * sub, 2)),
-        left=np.array(left, float),
+        left=np.zeros(4),
     )
-    plant, eye = plant_and_eye(
-        effects or {}, NOMINAL_GAIN, NOMINAL_TAU, delay_s=CAMERA_DELAY_S, factor=0.6
-    )
-    parts = plant, eye, odd or nothing_odd(), pilot
-    rows, n = run(*(packed(part) for part in parts), course)  # pyright: ignore[reportCallIssue]
-    return dict(zip(COLUMNS, rows[:n].T, strict=True))
+    plant, eye = plant_and_eye(effects or {}, gain, tau, delay_s=CAMERA_DELAY_S, factor=0.6)
+    rows = engine(plant, eye, odd or nothing_odd(), pilot, course)
+    return dict(zip(COLUMNS, rows.T, strict=True))
 
 
 def seen(log: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

@@ -37,7 +37,7 @@ class Hidden(NamedTuple):
     odd: Odd
 
 
-def _streams(seed: int) -> list[np.random.Generator]:
+def streams_of(seed: int) -> list[np.random.Generator]:
     """Truth, strangers, protocol, camera, process, start: one draw more in one moves no other."""
     return [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6)]
 
@@ -53,7 +53,7 @@ def hidden(
     stranger: tuple[str, float] | None = None,
 ) -> Hidden:
     """What `make_log` with the same arguments hides in a log of this length."""
-    truth, others, *_ = _streams(seed)
+    truth, others, *_ = streams_of(seed)
     spread = truth.uniform(-SERVO_SPREAD, SERVO_SPREAD, (2, 2)) * (1.0 if imperfect else 0.0)
     small = imperfections(truth) if imperfect else {}
     gains, taus = np.array([gain, tau]) * (1 + spread)
@@ -71,11 +71,14 @@ def _frames(rng, seconds: float, *, noise_m: float, colour: float, dropout: floa
     return np.column_stack([at, noise_m * noise, lost.astype(float)])
 
 
-def _course(protocol, streams, rate_hz, duration_s, process, camera) -> Course:
+def course_of(
+    protocol: str, streams, rate_hz: float, duration_s, process: float, camera, step_s: float
+) -> Course:
+    """Everything drawn for a run, in steps of at most `step_s`; `camera`: see `_frames`."""
     _, _, draws, eye, kicks, start = streams
     asked = ask(protocol, draws, rate_hz, duration_s)
     n, dt = len(asked.target), 1.0 / rate_hz
-    sub = max(ceil(dt / STEP_S - 1e-9), 1)
+    sub = max(ceil(dt / step_s - 1e-9), 1)
     slots = ceil(n * dt / VOLTS_HOLD_S) + 1
     return Course(
         dt=dt,
@@ -117,9 +120,9 @@ def make_log(
     colour: of the camera's noise from frame to frame (AR(1)); dropout: share of frames lost.
     ValueError: unknown protocol, effect or stranger.
     """
-    streams = _streams(seed)
+    streams = streams_of(seed)
     camera = {"noise_m": NOISE_M * noise_scale, "colour": colour, "dropout": dropout}
-    course = _course(protocol, streams, rate_hz, duration_s, process_scale, camera)
+    course = course_of(protocol, streams, rate_hz, duration_s, process_scale, camera, STEP_S)
     truth = hidden(
         effects=effects,
         seed=seed,
@@ -138,13 +141,20 @@ def make_log(
     )
     pilot = pilot or Pilot()
     rows, n = run(packed(plant), packed(eye), packed(truth.odd), packed(pilot), course)
-    log: dict[str, np.ndarray] = dict(zip(COLUMNS, rows[:n].T.copy(), strict=True))
+    return columns_of(rows[:n], streams[-1] if tachometer else None, course.has_ball)
+
+
+def columns_of(
+    rows: np.ndarray, tachometer: np.random.Generator | None, has_ball: bool
+) -> dict[str, np.ndarray]:
+    """Columns (n,) by name from rows (n, 13) in the order of COLUMNS; None: no tachometers."""
+    log: dict[str, np.ndarray] = dict(zip(COLUMNS, rows.T.copy(), strict=True))
     for a in "xy":
         speed = log.pop(f"motor_speed_{a}_rad_s")
-        if tachometer:
-            noise = TACHOMETER_RAD_S * streams[-1].standard_normal(n)
+        if tachometer is not None:
+            noise = TACHOMETER_RAD_S * tachometer.standard_normal(len(speed))
             log[f"motor_speed_{a}_rad_s"] = speed + noise
-        if not course.has_ball:
+        if not has_ball:
             log[f"target_{a}_m"][:] = np.nan
     return log
 

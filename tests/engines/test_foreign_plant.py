@@ -194,7 +194,7 @@ def test_what_a_wrong_camera_says(name: str):
     pairs, wrong = CAMERA[name]
     t, xy = seen(quiet(slope(0.01, 0.02) | {name: {"xy": pairs}}, ball=(0, 0, 0, 0, 0)))
     true = np.outer(t**2 / 2, FACTOR * G * np.array([0.01, 0.02]))
-    np.testing.assert_allclose(xy, np.column_stack(wrong(*true.T, t)), atol=1e-9)
+    np.testing.assert_allclose(xy, np.column_stack(wrong(*true.T, t)), atol=1e-9)  # pyright: ignore[reportCallIssue]
 
 
 def test_level_drift_grows():
