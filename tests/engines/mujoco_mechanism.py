@@ -19,6 +19,7 @@ from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, GRAVITY_M_S2, Rig
 
 ROD_M = 100.0
 PLATE_HALF_THICKNESS_M = 0.004
+CAM_SHARE = 0.2  # of the gears' inertia
 SOFT = 1e-3  # impedance of a limit that acts as a spring: 0.1 % of other forces leaks in
 KNOWN_EFFECTS = {
     "coulomb_friction", "voltage_offset", "level_offset", "gear_backlash", "joint_backlash",
@@ -34,6 +35,9 @@ class Build:
     grip: float = 20.0  # friction of ball and plate; the default never slips
     wall_rate_rad_s: float = 600.0  # of the walls' spring on the ball
     crank_share: float = 0.1  # of the plate's inertia at the crank, the plate itself has the rest
+    cam: bool = False  # between arm and joint, a hinge whose angle is a function of the arm's
+    cross: tuple[float, float] = (0.0, 0.0)  # share of the other axis's rod in each axis's
+    heavy_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  # the ball's mass off its centre
 
 
 def effect(rig: Rig, name: str, key: str, axis: str) -> float:
@@ -69,6 +73,17 @@ def _shaft(rig: Rig, place: str, axis: str, ends: tuple[str, str], apart: float)
     return f'<fixed name="{place}_{axis}" {how}>{pair}</fixed>'
 
 
+def _crossing(share: float, other: str) -> str:
+    """A rod's second branch over a pulley, to the other crank's pin (or to its far side)."""
+    if share == 0:
+        return ""
+    end = "pin" if share > 0 else "back"
+    return (
+        f'<pulley divisor="{1 / abs(share)}"/><site site="over_{end}_{other}"/>'
+        f'<site site="{end}_crank_{other}"/>'
+    )
+
+
 def _axis(rig: Rig, build: Build, a: int, stiff: str) -> tuple[str, str, str, str]:
     """Bodies, tendons, equality and actuator of one axis."""
     servo, drive, n = rig.servo, rig.drive, "xy"[a]
@@ -78,10 +93,14 @@ def _axis(rig: Rig, build: Build, a: int, stiff: str) -> tuple[str, str, str, st
         "arm": GEARS_INERTIA_HIGH_KG_M2,
         "crank": build.crank_share * plate,
     }
+    if build.cam:
+        inertia["cam"] = CAM_SHARE * inertia["arm"]
+        inertia["arm"] -= inertia["cam"]
     dry = {
         "motor": servo.torque_per_volt_nm * effect(rig, "coulomb_friction", "friction_V", n),
         "arm": drive.arm_friction_nm,
         "crank": drive.joint_friction_nm,
+        "cam": 0.0,
     }
     radius, half = rig.linkage.arm_radius_m, rig.linkage.plate_side_m / 2
     edge = (half, 0) if a == 0 else (0, half)
@@ -90,20 +109,25 @@ def _axis(rig: Rig, build: Build, a: int, stiff: str) -> tuple[str, str, str, st
         f'diaginertia="1e-12 1e-12 1e-12"/><joint name="{part}_{n}" axis="0 1 0" '
         f'armature="{inertia[part]}" frictionloss="{dry[part]}" {stiff} '
         + (f'limited="true" range="{-servo.stop_rad} {servo.stop_rad}"' if part == "motor" else "")
-        + f'/><site name="pin_{part}_{n}" pos="{radius} 0 0"/></body>'
+        + f'/><site name="pin_{part}_{n}" pos="{radius} 0 0"/>'
+        f'<site name="back_{part}_{n}" pos="{-radius} 0 0"/></body>'
         for part in inertia
     ) + (
         f'<site name="over_pin_{n}" pos="{radius} {a} {ROD_M - 1}"/>'
+        f'<site name="over_back_{n}" pos="{-radius} {a} {ROD_M - 1}"/>'
         f'<site name="over_edge_{n}" pos="{edge[0]} {edge[1]} {ROD_M}"/>'
     )
+    before = "cam" if build.cam else "arm"
     tendons = (
         _shaft(rig, "gear", n, ("motor", "arm"), 1 / inertia["motor"] + 1 / inertia["arm"])
-        + _shaft(rig, "joint", n, ("arm", "crank"), 1 / inertia["arm"] + 1 / inertia["crank"])
+        + _shaft(rig, "joint", n, (before, "crank"), 1 / inertia[before] + 1 / inertia["crank"])
         + f'<spatial name="rod_{n}"><site site="over_pin_{n}"/><site site="pin_crank_{n}"/>'
-        f'</spatial><spatial name="edge_{n}"><site site="over_edge_{n}"/><site site="edge_{n}"/>'
-        "</spatial>"
+        f"{_crossing(build.cross[a], 'yx'[a])}</spatial>"
+        f'<spatial name="edge_{n}"><site site="over_edge_{n}"/><site site="edge_{n}"/></spatial>'
     )
     equal = f'<tendon tendon1="edge_{n}" tendon2="rod_{n}" polycoef="0 1 0 0 0"/>'
+    if build.cam:
+        equal += f'<joint name="cam_{n}" joint1="cam_{n}" joint2="arm_{n}" polycoef="0 1 0 0 0"/>'
     per_volt = servo.torque_per_volt_nm
     actuator = (
         f'<general name="volts_{n}" joint="motor_{n}" gainprm="{per_volt}" biastype="affine" '
@@ -136,8 +160,11 @@ def _plate(rig: Rig, build: Build) -> str:
     )
 
 
-def mechanism(rig: Rig, build: Build) -> str:
-    """The MJCF of a rig. ValueError: it has effects that this table does not model."""
+def mechanism(rig: Rig, build: Build, drive_y: Rig | None = None) -> str:
+    """The MJCF of a rig, whose y axis is driven as that of `drive_y` where given.
+
+    ValueError: it has effects that this table does not model.
+    """
     unknown = set(rig.effects) - KNOWN_EFFECTS
     if unknown:
         raise ValueError(f"not in the MuJoCo table: {', '.join(sorted(unknown))}")
@@ -148,12 +175,13 @@ def mechanism(rig: Rig, build: Build) -> str:
     stiff = "".join(
         f' solref{k}="{3 * h} 1" solimp{k}="0.9999 0.9999 1"' for k in ("friction", "limit")
     )
-    axes = [_axis(rig, build, a, stiff) for a in range(2)]
+    axes = [_axis(one, build, a, stiff) for a, one in enumerate((rig, drive_y or rig))]
     slope = [effect(rig, "level_offset", "slope_rad", n) for n in "xy"]
     g = GRAVITY_M_S2 * np.array([*slope, -sqrt(1 - slope[0] ** 2 - slope[1] ** 2)])
     ball, m = rig.ball, max(rig.ball.mass_kg, 1e-6)
     i = (2 / 3 if ball.hollow else 2 / 5) * m * ball.radius_m**2
     touch = f'condim="3" friction="{build.grip} {build.grip} 1e-9 1e-9 1e-9" {hard}'
+    heavy = " ".join(str(float(part)) for part in build.heavy_m)
     e, w = rig.walls.restitution, build.wall_rate_rad_s
     bounce = f'condim="1" solimp="0.9999 0.9999 1" solref="{-w * w} {-2 * w * damping_ratio(e)}"'
     pairs = f'<pair geom1="top" geom2="ball" {touch}/>' + "".join(
@@ -165,7 +193,7 @@ def mechanism(rig: Rig, build: Build) -> str:
  warmstart="enable"/></option>
 <default><geom contype="0" conaffinity="0"/><equality {hard}/></default>
 <worldbody>{axes[0][0]}{axes[1][0]}{_plate(rig, build)}
-<body name="ball" pos="0 0 {ball.radius_m}"><freejoint/><inertial pos="0 0 0" mass="{m}"
+<body name="ball" pos="0 0 {ball.radius_m}"><freejoint/><inertial pos="{heavy}" mass="{m}"
  diaginertia="{i} {i} {i}"/><geom name="ball" type="sphere" size="{ball.radius_m}"/></body>
 </worldbody>
 <tendon>{axes[0][1]}{axes[1][1]}</tendon><equality>{axes[0][2]}{axes[1][2]}</equality>

@@ -33,16 +33,20 @@ class MujocoTable(LevelOnExit):
         velocity_m_s: Sequence[float] = (0.0, 0.0),
         spin_rad_s: float = 0.0,
         theta_rad: Sequence[float] = (0.0, 0.0),
+        drive_y: Rig | None = None,
     ) -> None:
         self.period_s = 1 / rig.control_rate_hz
         self.voltage_limit_V = rig.servo.voltage_limit_V
         self._rig, self._build, self._rng = rig, build or Build(), rng
-        self.model = mujoco.MjModel.from_xml_string(mechanism(rig, self._build))
+        self.model = mujoco.MjModel.from_xml_string(mechanism(rig, self._build, drive_y))
         if not self._build.universal:
             self.model.dof_armature[int(self.model.joint("tilt").dofadr[0]) + 2] = FLYWHEEL_KG_M2
         self.data = mujoco.MjData(self.model)
         mujoco.mj_setConst(self.model, self.data)  # the inertia that MuJoCo keeps of a change
+        self.plate = int(self.model.body("plate").id)
         names = [f"{part}_{n}" for part in ("motor", "arm", "crank") for n in "xy"]
+        cams = [f"cam_{n}" for n in "xy"] if self._build.cam else []
+        self._cams = np.array([self.model.joint(n).qposadr[0] for n in cams], dtype=int)
         self._hinges = np.array([self.model.joint(n).qposadr[0] for n in names])
         self._rates = np.array([self.model.joint(n).dofadr[0] for n in names])
         self._place(theta_rad, start_m, velocity_m_s, spin_rad_s)
@@ -52,6 +56,7 @@ class MujocoTable(LevelOnExit):
     def _place(self, theta, xy, velocity, spin) -> None:
         d, m, r = self.data, self.model, self._rig.ball.radius_m
         d.qpos[self._hinges] = np.tile(theta, 3)
+        d.qpos[self._cams] = theta if len(self._cams) else ()
         s_x, s_y = self._rig.linkage.ratio * np.sin(theta)
         if self._build.universal:
             d.qpos[m.joint("tilt_x").qposadr[0]] = np.arcsin(s_x)
