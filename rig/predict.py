@@ -16,7 +16,7 @@ import numpy as np
 from rig.log import Log
 from rig.parameters import Rig
 from rig.plant_record import pack
-from rig.predict_ball import predict_ball
+from rig.predict_ball import LONGEST_GAP_S, look_ahead, predict_ball
 from rig.predict_servo import predict_axis
 
 NOISE = np.dtype(
@@ -127,6 +127,25 @@ def ball_innovations(
     if k:
         fresh = known.fresh if known.fresh is not None else np.zeros(k, np.bool_)
         predict_ball(
-            p, levels, known.t_s, known.theta_rad, known.exposed_s, known.ball_m, fresh, out, std
-        )
+            p, levels, known.t_s, known.theta_rad, known.exposed_s, known.ball_m, fresh,
+            LONGEST_GAP_S, out, std,
+        )  # fmt: skip
     return out, std
+
+
+def ball_ahead(
+    p: np.record, known: Signals, levels: np.record, *, horizon_s: float = 1.0, every_s: float = 0.5
+) -> np.ndarray:
+    """Errors (k, 2) [m] of the ball's place predicted `horizon_s` ahead from the angles alone.
+
+    Row i belongs to the exposure in which the prediction ends; NaN where none does.
+    """
+    k = len(known.exposed_s)
+    errors = np.full((k, 2), np.nan)
+    if k:
+        fresh = known.fresh if known.fresh is not None else np.zeros(k, np.bool_)
+        look_ahead(
+            p, levels, known.t_s, known.theta_rad, known.exposed_s, known.ball_m, fresh,
+            horizon_s, every_s, errors,
+        )  # fmt: skip
+    return errors

@@ -16,6 +16,7 @@ from rig.plant import felt_angle
 from rig.shaft import play_operator
 from rig.unknown import unknown_acceleration
 
+FILTER_S = 1.0  # of observations before a look ahead
 LONGEST_GAP_S = 0.25  # unseen for longer, the filter starts anew
 FIRST_SPEED_M_S = 0.5
 
@@ -119,10 +120,11 @@ def _gains(c, g):
 
 
 @compiled
-def predict_ball(p, levels, t, theta, exposed, ball, fresh, out, std):
+def predict_ball(p, levels, t, theta, exposed, ball, fresh, longest_gap_s, out, std):
     """Fill `out` (m, 2) [m] and `std` (m,): the camera's innovations at the exposures.
 
-    Where `fresh` (m,) is true the filter starts anew (after a push, in another run).
+    Where `fresh` (m,) is true the filter starts anew (after a push, in another run), and where the
+    ball was unseen for longer than `longest_gap_s`.
     """
     s, plate, sines = np.zeros(5), np.zeros(2), np.zeros(2)
     noise, c, g = np.zeros(2), np.zeros(6), np.zeros(3)
@@ -136,7 +138,7 @@ def predict_ball(p, levels, t, theta, exposed, ball, fresh, out, std):
         if end < t[0] or not (ball[i, 0] - ball[i, 0] == 0.0 and ball[i, 1] - ball[i, 1] == 0.0):
             continue
         z_x, z_y = equations.camera_unmap(ball[i, 0], ball[i, 1], scale, yaw, k1)
-        if not started or fresh[i] or end - now > LONGEST_GAP_S:
+        if not started or fresh[i] or end - now > longest_gap_s:
             k = _tick_of(t, end)
             s[0], s[1] = z_x, z_y
             s[2] = s[3] = s[4] = noise[0] = noise[1] = 0.0
@@ -168,3 +170,39 @@ def predict_ball(p, levels, t, theta, exposed, ball, fresh, out, std):
         s[0], s[1] = s[0] + g[0] * miss_x, s[1] + g[0] * miss_y
         s[2], s[3] = s[2] + g[1] * miss_x, s[3] + g[1] * miss_y
         noise[0], noise[1] = noise[0] + g[2] * miss_x, noise[1] + g[2] * miss_y
+
+
+@compiled
+def look_ahead(p, levels, t, theta, exposed, ball, fresh, horizon_s, every_s, errors):
+    """Fill `errors` (m, 2) [m]: measured minus predicted `horizon_s` ahead, once every `every_s`.
+
+    From a filtered state on only the angles are used; NaN where no window ends. A window that
+    crosses a fresh start is left out.
+    """
+    m = exposed.shape[0]
+    out, std = np.full((m, 2), np.nan), np.full(m, np.nan)
+    seen = ball.copy()
+    last = 0
+    for i in range(m):
+        if fresh[i]:
+            last = i
+        if exposed[i] - exposed[last] < every_s or i - last < 10:
+            continue
+        last = i
+        # Blind the filter for the horizon: what it says at its end is the prediction.
+        j = i
+        while j + 1 < m and exposed[j + 1] - exposed[i] <= horizon_s and not fresh[j + 1]:
+            j += 1
+        if j == i or exposed[j] - exposed[i] < 0.9 * horizon_s:
+            continue
+        begin = i
+        while begin > 0 and exposed[i] - exposed[begin] < FILTER_S and not fresh[begin]:
+            begin -= 1
+        for n in range(i + 1, j):
+            seen[n] = np.nan
+        predict_ball(
+            p, levels, t, theta, exposed[begin : j + 1], seen[begin : j + 1],
+            fresh[begin : j + 1], 2.0 * horizon_s, out[begin : j + 1], std[begin : j + 1],
+        )  # fmt: skip
+        errors[j] = out[j]
+        seen[i + 1 : j] = ball[i + 1 : j]

@@ -6,7 +6,8 @@ by its sine and cosine parts, A cos(phi) and A sin(phi), in which the model is l
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from math import atan2, cos, hypot, inf, sin
 
 import numpy as np
@@ -14,6 +15,8 @@ import numpy as np
 from rig.effects import BY_NAME, CATALOGUE, Effect, values
 from rig.parameters import Rig
 from rig.plant_record import pack
+from rig.unknown import Unknown
+from rig.unknown import pack as pack_unknown
 
 PERIODIC = {"cogging": "amplitude_V", "transmission_ripple": "amplitude_rad"}
 SERVO, BALL = ("servo_x", "servo_y"), "ball"
@@ -138,6 +141,14 @@ class Believed:
         if name == "dead_zone" and key != "half_width_V":
             return self._start[f"{name}_{key}"][a] - self._start["dead_zone_half_width_V"][a]
         return float(self._start[f"{name}_{key}"][a])
+
+    def with_unknown(self, unknown: Unknown) -> "Believed":
+        """The same with an unnamed term in the model."""
+        other = copy(self)
+        other.rig = replace(self.rig, unknown=unknown)
+        other._record = self._record.copy()
+        other._record["unknown"] = pack_unknown(unknown)
+        return other
 
     def of(self, name: str, axis: str | None = None) -> list[Knob]:
         """The knobs of an effect, all axes or one."""

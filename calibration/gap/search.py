@@ -18,7 +18,6 @@ from calibration.gap.fit import (
     evaluate,
     fit,
     normal_equations,
-    weights,
 )
 from calibration.gap.knobs import BALL, SERVO, Believed, Knob
 from calibration.gap.menu import Start, released, starts
@@ -26,6 +25,7 @@ from rig.effects import BY_NAME, CATALOGUE, Effect
 
 PER_KNOB = 3.0  # log-likelihood that a released knob costs
 WORTH_AN_AXIS = 6.0  # gain on an axis below which the effect is not released there
+SEEN = 12.0
 REFITS = 5  # so many of the screened effects are fitted exactly
 Key = tuple[str, str]  # effect, axis
 
@@ -118,14 +118,15 @@ def with_levels(state: State, levels: np.record) -> State:
 
 @dataclass(frozen=True, eq=False)
 class Screened:
-    """What the linear screen says of an effect on one axis: gain, the start that gave it, and
-    information: half the squared length of what one unit of the start does to the residuals."""
+    """What the linear screen says of an effect on one axis: the gain that it promises, the start
+    that gave it, and the smallest size of its first knob that the log would have shown (a score
+    of SEEN)."""
 
     name: str
     axis: str
     gain: float
     start: Start
-    information: float
+    smallest: float
 
 
 def screen(state: State, *, without: Iterable[Key] = ()) -> list[Screened]:
@@ -137,8 +138,8 @@ def screen(state: State, *, without: Iterable[Key] = ()) -> list[Screened]:
     for one in found:  # an effect on both servos gains on both
         key = (one.name, one.axis)
         if key in merged:
-            one = replace(one, gain=one.gain + merged[key].gain,
-                          information=one.information + merged[key].information)  # fmt: skip
+            smallest = min(one.smallest, merged[key].smallest)
+            one = replace(one, gain=one.gain + merged[key].gain, smallest=smallest)
         merged[key] = one
     return sorted(merged.values(), key=lambda one: -one.gain)
 
@@ -188,8 +189,22 @@ def _gain(state: State, part: str, knobs: list[Knob], bounds: Mapping, nuisance:
     step = bounded_step(a, b, low, high, scale)
     gain = -float(0.5 * step @ a @ step + b @ step)
     start = _scaled(state.believed, group, step[-k:])
-    w = weights(base.rolls[part].z, state.evidence.masks[part])
-    return Screened(name, axis, gain, start, 0.5 * float(np.sum(w * columns[:, 0] ** 2)))
+    smallest = abs(next(iter(group[0].values())) - _null(first)) * _units_to_see(a, low, high, k)
+    return Screened(name, axis, gain, start, smallest)
+
+
+def _null(knob: Knob) -> float:
+    return knob.believed if np.isfinite(knob.believed) else 0.0
+
+
+def _units_to_see(a: np.ndarray, low: np.ndarray, high: np.ndarray, k: int) -> float:
+    """Units of the start at which the gain would reach SEEN, the nuisance taking its share."""
+    prior = np.zeros(len(a))
+    prior[:-k] = 12.0 / np.maximum(high - low, 1e-12)[:-k] ** 2  # a box of this width
+    h = a + np.diag(prior)
+    own, cross, rest = h[-k, -k], h[-k, :-k], h[:-k, :-k]
+    seen = own - cross @ np.linalg.solve(rest + 1e-9 * np.diag(np.diag(rest) + 1e-12), cross)
+    return float(np.sqrt(2.0 * SEEN / seen)) if seen > 1e-12 * max(own, 1e-30) else float("inf")
 
 
 def _scaled(believed: Believed, group: list[Start], sizes: np.ndarray) -> Start:

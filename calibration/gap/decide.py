@@ -1,0 +1,65 @@
+"""The verdict: names, something unnamed, both, neither, or two names between which no log decides.
+
+What is left after the names is looked at without names (see `unknown`). Where something is left,
+the unnamed term goes into the model first and every name has to earn its place beside it: a name
+that only stood in for the unnamed term goes.
+"""
+
+from dataclasses import dataclass, replace
+
+from calibration.gap.name import MARGIN, THRESHOLD, Accepted, Naming, name_effects, without
+from calibration.gap.search import State
+from calibration.gap.unknown import Shape, shapes
+
+UNKNOWN_THRESHOLD = 8.0
+SHARE = 1.0  # of the unnamed term's score that a name beside it has to reach
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """verdict as in `findings.VERDICTS`; the names that stand, the unnamed term, the last state."""
+
+    verdict: str
+    naming: Naming
+    accepted: tuple[Accepted, ...]
+    shape: Shape | None
+    state: State
+
+
+def decide(before: State) -> Decision:
+    """Name, look at what is left, and weigh the two against each other."""
+    naming = name_effects(before)
+    accepted, state = naming.accepted, naming.after
+    left = _first(shapes(state))
+    if left is None:
+        verdict = "named" if accepted else "nothing-missing"
+        if accepted and any(a.margin < MARGIN for a in accepted):
+            verdict = "undecided"
+        return Decision(verdict, naming, accepted, None, state)
+    accepted, state = _beside(left, accepted, state)
+    if not accepted:
+        alone = _first(shapes(before)) or left
+        return Decision("unknown-effect", naming, (), alone, alone.state)
+    verdict = "undecided" if any(a.margin < MARGIN for a in accepted) else "named"
+    return Decision(verdict, naming, accepted, left, left.state)
+
+
+def _first(found: list[Shape]) -> Shape | None:
+    return found[0] if found and found[0].score >= UNKNOWN_THRESHOLD else None
+
+
+def _beside(left: Shape, accepted: tuple[Accepted, ...],
+            state: State) -> tuple[tuple[Accepted, ...], State]:  # fmt: skip
+    """The names that still pay beside an unnamed term that may take their place."""
+    kept: list[Accepted] = []
+    for one in accepted:
+        keys = [(one.name, axis) for axis in one.axes]
+        bare = without(state, keys)
+        rival = _first(shapes(bare))
+        need = max(THRESHOLD, SHARE * left.score)
+        gain = one.score + left.score - (rival.score if rival is not None else 0.0)
+        if gain >= need:
+            kept.append(one)
+        else:
+            state = bare
+    return tuple(kept), replace(state)
