@@ -7,7 +7,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from experiments.blind.draws import EVERY, MIXTURE, Plan, plan_trials
-from experiments.blind.logs import write_logs
+from experiments.blind.logs import LogMaker, write_logs
 from experiments.blind.marks import Mark, mark
 from experiments.blind.score import summary
 from experiments.blind.seal import hash_of, open_seal, seal, sealed_hash
@@ -19,16 +19,18 @@ from experiments.folders import write_results
 Say = Callable[[str], None]
 
 
-def maker(trials: Sequence[Trial], keep: Path | None = None) -> Callable[[str], Packed]:
+def maker(
+    trials: Sequence[Trial], keep: Path | None = None, make_log: LogMaker | None = None
+) -> Callable[[str], Packed]:
     """name -> the trial's logs, packed; with `keep` its folder of logs stays there."""
     by_name = {trial.name: trial for trial in trials}
 
     def make(name: str) -> Packed:
         if keep is not None:
-            write_logs(by_name[name], keep / name)
+            write_logs(by_name[name], keep / name, make=make_log)
             return pack(keep / name)
         with TemporaryDirectory(prefix="blind-") as place:
-            write_logs(by_name[name], Path(place))
+            write_logs(by_name[name], Path(place), make=make_log)
             return pack(Path(place))
 
     return make
@@ -42,6 +44,7 @@ def run_trials(
     jobs: int | None = None,
     cluster: str | None = None,
     keep_logs: bool = False,
+    make_log: LogMaker | None = None,
     say: Say = print,
     progress: ProgressCall = silent,
 ) -> list[Mark]:
@@ -54,7 +57,7 @@ def run_trials(
         raise ValueError(f"{out}: other trials are sealed there; choose another folder")
     digest = seal(trials, out)
     say(f"sealed truth of {len(trials)} trials: SHA-256 {digest}")
-    make = maker(trials, out / "logs" if keep_logs else None)
+    make = maker(trials, out / "logs" if keep_logs else None, make_log)
     answers = work(
         [t.name for t in trials], make, out / "answers",
         answer=answer, jobs=jobs, cluster=cluster, progress=progress,

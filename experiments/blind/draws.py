@@ -28,6 +28,7 @@ NOTHING: dict[str, tuple[float, Noise]] = {  # variant: share, noise
     "camera coloured": (0.1, Noise(colour=0.6)),
     "frames dropped": (0.1, Noise(dropped=0.15)),
 }
+RUNS = 2  # of a single protocol: the 60 s of the smallest amplitudes, where it lasts 30 s
 ON_TOP = (1, 3, 5)  # effects on top of a realistic rig
 APART = ({"camera_yaw", "cross_coupling"},)  # together they are each other's other half
 EVERY = tuple(effect.name for effect in CATALOGUE)
@@ -88,7 +89,7 @@ def draw_trial(plan: Plan, number: int, kind: str) -> Trial:
     """Trial `number` (from 1) of a plan, of this kind."""
     rng = np.random.default_rng([plan.seed, number])
     choice = plan.protocols[rng.integers(len(plan.protocols))]
-    protocols = BATTERY if choice == "battery" else (choice,)
+    protocols = BATTERY if choice == "battery" else (choice,) * RUNS
     seeds = tuple(int(n) for n in rng.integers(1, 2**31, len(protocols)))
     believed = replace(load_rig(None), effects={})
     trial = Trial(f"trial-{number:05d}", kind, "", protocols, seeds, {}, {})

@@ -114,8 +114,10 @@ def _right(
     answer: Mapping[str, Any],
 ) -> bool:
     """All that was hidden and nothing else; of a stranger: unknown and no name."""
-    if trial.kind == "nothing":
+    if trial.kind == "nothing" or (trial.kind == "camera" and not trial.hidden):
         return verdict == "nothing-missing"
+    if trial.variant == "ball height" and verdict == "unknown-effect":
+        return True
     if trial.kind == "stranger":
         return verdict == "unknown-effect"
     if trial.kind == "untestable":

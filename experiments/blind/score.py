@@ -32,6 +32,7 @@ def summary(marks: Sequence[Mark]) -> dict[str, Any]:
         "protocols": _by(by_kind.get("single", []), lambda m: m.trial.battery),
         "effects": _by(by_kind.get("single", []), lambda m: next(iter(m.trial.hidden))),
         "strangers": _by(by_kind.get("stranger", []), lambda m: m.trial.variant),
+        "camera": _by(by_kind.get("camera", []), lambda m: m.trial.variant),
         "realistic": _by(by_kind.get("realistic", []), lambda m: m.trial.variant),
         "nothing": _nothing(by_kind.get("nothing", [])),
         "axes": share([m for m in hidden if m.right], lambda m: m.axes_right),

@@ -1,7 +1,7 @@
 """How large a hidden effect is: one table, fixed before any trial.
 
 A trial's amplitude is log-uniform from 1.5 to 6 times the larger of the effect's tolerance and its
-smallest amplitude below, whatever the protocol.
+smallest amplitude below, whatever the protocol, but never beyond the catalogue's sensible range.
 """
 
 from math import radians
@@ -24,13 +24,13 @@ SMALLEST: dict[str, float] = {
     "saturation": 0.1,  # share by which the peaks are cut, see `saturation_limit`
     "input_delay": 0.0002,
     "cogging": 0.03,  # as stribeck_friction
-    "gain_drift": 0.002,  # 6 % in 30 s
+    "gain_drift": 0.0015,  # 4.5 % in 30 s
     "supply_sag": 0.01,  # 2 % at 2 V
     "gear_backlash": radians(0.26),  # as joint_backlash
     "joint_backlash": radians(0.26),
     "transmission_ripple": radians(0.23),
     "linkage_quadratic": 0.09,
-    "linkage_cubic": 0.5,  # 2 % of the angle at 0.2 rad
+    "linkage_cubic": 1.0,  # 4 % of the angle at 0.2 rad
     "cross_coupling": 0.019,
     "level_offset": radians(0.015),
     "level_drift": 2.5e-5,  # 0.04 degree in 30 s: two level tolerances
@@ -58,9 +58,12 @@ def smallest(name: str) -> float:
     return max(SMALLEST[name], BY_NAME[name].tolerance)
 
 
-def factor(rng: np.random.Generator, within: tuple[float, float] = FACTORS) -> float:
-    """Log-uniform within the two."""
-    return float(np.exp(rng.uniform(*np.log(within))))
+def factor(
+    rng: np.random.Generator, within: tuple[float, float] = FACTORS, most: float = np.inf
+) -> float:
+    """Log-uniform within the two, the upper one at most `most`."""
+    low, high = within
+    return float(np.exp(rng.uniform(np.log(low), np.log(max(min(high, most), low)))))
 
 
 def saturation_limit(peak_V: float, times: float) -> float:
@@ -91,8 +94,9 @@ def draw_effect(
     first = BY_NAME[name].parameters[0]
     common = -1.0 if rng.random() < 0.5 else 1.0
     factors = []
+    most = np.inf if name == "saturation" else first.high / smallest(name)
     for axis in draw_axes(name, rng):
-        times = factor(rng, within)
+        times = factor(rng, within, most)
         sign = common if name == "cross_coupling" else (-1.0 if rng.random() < 0.5 else 1.0)
         if first.low >= 0 or name in POSITIVE:
             sign = 1.0

@@ -8,6 +8,7 @@ from rig.parameters import Rig
 from rig.rigfile import from_dict, to_dict
 
 KINDS = ("single", "pair", "shape", "stranger", "nothing", "realistic", "weak", "untestable")
+KINDS += ("camera",)
 ENGINES = ("own", "foreign", "mujoco", "camera")
 BATTERY = ("steps", "pushed", "free-release", "sine-sweep")
 Effects = dict[str, dict[str, dict[str, float]]]
@@ -29,8 +30,9 @@ class Trial:
 
     hidden: the effects to find, with their values; plant: the whole table; protocols: one log each.
     factor: amplitude over the smallest that counts (`sizes.smallest`), of the first hidden effect.
-    excused: effects of the plant within their tolerance (or in the rig file with a small error):
-    naming them is an error all the same; variant: which stranger, noise or count.
+    Other effects of the plant lie within their tolerance of what the rig file says: naming them is
+    an error. variant: which stranger, noise or count; camera: how a
+    rendered camera is mounted (`through_camera.py`).
     """
 
     name: str
@@ -45,11 +47,12 @@ class Trial:
     noise: Noise = Noise()
     stranger: dict[str, Any] | None = None
     engine: str = "own"
+    camera: dict[str, Any] | None = None
 
     @property
     def battery(self) -> str:
         """What it was recorded with: a protocol's name, or "battery"."""
-        return self.protocols[0] if len(self.protocols) == 1 else "battery"
+        return self.protocols[0] if len(set(self.protocols)) == 1 else "battery"
 
     @property
     def plant_rig(self) -> Rig:

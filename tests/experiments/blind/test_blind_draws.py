@@ -53,6 +53,7 @@ def test_sizes_lie_between_1_5_and_6_times_the_smallest(name: str):
         for values in trial.hidden[name].values():
             times = abs(values[key]) / max(sizes.SMALLEST[name], BY_NAME[name].tolerance)
             assert 1.5 <= times <= 6.0
+            assert abs(values[key]) <= BY_NAME[name].parameters[0].high
         assert 1.5 <= trial.factor <= 6.0
     weak = [trial.factor for trial in of_kind("weak", 20, (name,))]
     assert 0.15 <= min(weak) < max(weak) <= 1.5

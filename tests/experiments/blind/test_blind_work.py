@@ -19,7 +19,11 @@ TRIALS = plan_trials(Plan(3, 1, 2, protocols=("steps",), kinds=("single", "stran
 
 def test_a_folder_holds_logs_and_rig_file_and_nothing_else(tmp_path: Path):
     paths = write_logs(TRIALS[0], tmp_path / "one")
-    assert sorted(p.name for p in (tmp_path / "one").iterdir()) == ["log-1.csv", "rig.toml"]
+    assert sorted(p.name for p in (tmp_path / "one").iterdir()) == [
+        "log-1.csv",
+        "log-2.csv",
+        "rig.toml",
+    ]
     header = paths[0].read_text(encoding="utf-8").split("\n", 1)[0].split(",")
     assert set(header) <= set(CONTRACT)
     log = read_log(paths[0])
@@ -54,7 +58,7 @@ def test_trials_run_elsewhere_and_go_on_where_they_stopped(tmp_path: Path):
     assert shown == [(0, 4), (1, 4), (2, 4), (3, 4), (4, 4)]
     files = sorted((tmp_path / "answers").iterdir())
     seen = [json.loads(path.read_text(encoding="utf-8"))["answer"]["files"] for path in files]
-    assert all(names == ["log-1.csv", "rig.toml"] for names in seen)
+    assert all(names == ["log-1.csv", "log-2.csv", "rig.toml"] for names in seen)
     kept = files[0].read_bytes()
     files[1].unlink()
     shown.clear()
@@ -76,7 +80,7 @@ def test_a_failed_analysis_is_an_answer_in_one_line(tmp_path: Path):
 
 def test_nobody_stays_behind(tmp_path: Path):
     packed = maker(TRIALS)(TRIALS[0].name)
-    assert sorted(packed) == ["log-1.csv", "rig.toml"]
+    assert sorted(packed) == ["log-1.csv", "log-2.csv", "rig.toml"]
     assert sorted(maker(TRIALS, tmp_path)(TRIALS[0].name)) == sorted(packed)
     assert (tmp_path / TRIALS[0].name / "log-1.csv").read_bytes() == packed["log-1.csv"]
 
