@@ -4,9 +4,9 @@ import json
 from pathlib import Path
 
 import pytest
-from blind_fakes import failing_one, silent_one
+from blind_fakes import failing_one, one_who_peeks, silent_one
 
-from experiments.blind.command import maker, run_trials
+from experiments.blind.command import Means, blind_trial, maker, run_trials
 from experiments.blind.draws import Plan, plan_trials
 from experiments.blind.logs import write_logs
 from experiments.blind.seal import SEAL, TRUTH, hash_of, open_seal, seal, sealed_hash
@@ -51,7 +51,7 @@ def test_trials_run_elsewhere_and_go_on_where_they_stopped(tmp_path: Path):
         shown.append((done, total))
 
     marks = run_trials(
-        TRIALS, tmp_path, answer=silent_one, jobs=1, say=said.append, progress=progress
+        TRIALS, tmp_path, Means(silent_one, jobs=1, say=said.append, progress=progress)
     )
     assert hash_of(TRIALS) in said[0]
     assert [m.trial for m in marks] == TRIALS
@@ -62,11 +62,11 @@ def test_trials_run_elsewhere_and_go_on_where_they_stopped(tmp_path: Path):
     kept = files[0].read_bytes()
     files[1].unlink()
     shown.clear()
-    run_trials(TRIALS, tmp_path, answer=silent_one, jobs=1, say=said.append, progress=progress)
+    run_trials(TRIALS, tmp_path, Means(silent_one, jobs=1, say=said.append, progress=progress))
     assert shown == [(3, 4), (4, 4)]
     assert files[0].read_bytes() == kept
     with pytest.raises(ValueError, match="other trials"):
-        run_trials(TRIALS[:2], tmp_path, answer=silent_one, say=said.append)
+        run_trials(TRIALS[:2], tmp_path, Means(silent_one, say=said.append))
     assert json.loads((tmp_path / SEAL).read_text(encoding="utf-8"))["trials"] == 4
 
 
@@ -88,3 +88,35 @@ def test_nobody_stays_behind(tmp_path: Path):
 def test_a_cluster_that_is_not_there_is_said_in_one_line():
     with pytest.raises(ValueError, match="--cluster tcp://localhost:1"):
         dask_client("tcp://localhost:1")
+
+
+def test_the_command_writes_table_figures_and_results(tmp_path: Path):
+    said: list[str] = []
+    results = blind_trial(
+        trials=6, out=tmp_path, seed=4, effects=("dead_zone", "viscous_drag"),
+        protocols=("servo-squares",), answer=one_who_peeks, jobs=1, say=said.append,
+    )  # fmt: skip
+    assert results["trials"] == 12
+    assert set(results["effects"]) <= {"dead_zone", "viscous_drag"}
+    names = {path.name for path in tmp_path.iterdir()}
+    assert {"table.md", "confusion.png", "power.png", "results.json", "seal.json"} <= names
+    assert (
+        "| right name, one hidden effect | at least 99 % |" in (tmp_path / "table.md").read_text()
+    )
+    again = blind_trial(trials=9, out=tmp_path, answer=one_who_peeks, jobs=1, say=said.append)
+    assert again["trials"] == 12  # without a seed, what is sealed there
+    assert said[0] == said[1]
+
+
+def test_onto_a_recorded_log(tmp_path: Path):
+    path = write_logs(TRIALS[0], tmp_path / "own")[0]
+    short = tmp_path / "log.csv"
+    short.write_text("\n".join(path.read_text(encoding="utf-8").split("\n")[:1500]) + "\n")
+    results = blind_trial(
+        trials=1, out=tmp_path / "out", seed=4, onto=[short], answer=one_who_peeks, jobs=1,
+        rig_file=tmp_path / "own" / "rig.toml", say=lambda text: None,
+    )  # fmt: skip
+    assert len(results["lines"]) == 2 * 16
+    assert results["named"]["n"] == 32
+    assert {line["effect"] for line in results["lines"]} >= {"dead_zone", "camera_yaw", "cogging"}
+    assert (tmp_path / "out" / "table.md").read_text().startswith("As they came: ")
