@@ -13,7 +13,7 @@ from experiments.blind.logs import LogMaker, write_logs
 from experiments.blind.marks import Mark, mark
 from experiments.blind.score import summary
 from experiments.blind.seal import hash_of, open_seal, seal, sealed_hash
-from experiments.blind.table import effects_markdown, markdown, rows
+from experiments.blind.table import effects_markdown, failures_markdown, markdown, rows
 from experiments.blind.trial import Trial
 from experiments.blind.work import Answer, Packed, analyse, answers_of, pack, work
 from experiments.console import ProgressCall, silent
@@ -25,32 +25,48 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Means:
-    """How the work is done: who answers, on how many processes or which cluster, what is shown."""
+    """How the work is done: who answers, on how many processes or which cluster, what is kept, in
+    which form logs travel (.csv, .parquet), what is shown."""
 
     answer: Answer = analyse
     jobs: int | None = None
     cluster: str | None = None
     keep_logs: bool = False
     make_log: LogMaker | None = None
+    suffix: str = ".csv"
     say: Say = print
     progress: ProgressCall = silent
 
 
 def maker(
-    trials: Sequence[Trial], keep: Path | None = None, make_log: LogMaker | None = None
+    trials: Sequence[Trial],
+    keep: Path | None = None,
+    make_log: LogMaker | None = None,
+    suffix: str = ".csv",
 ) -> Callable[[str], Packed]:
     """name -> the trial's logs, packed; with `keep` its folder of logs stays there."""
     by_name = {trial.name: trial for trial in trials}
 
     def make(name: str) -> Packed:
         if keep is not None:
-            write_logs(by_name[name], keep / name, make=make_log)
-            return pack(keep / name)
+            return pack(keep_logs(by_name[name], keep, make_log, suffix))
         with TemporaryDirectory(prefix="blind-") as place:
-            write_logs(by_name[name], Path(place), make=make_log)
+            write_logs(by_name[name], Path(place), make=make_log, suffix=suffix)
             return pack(Path(place))
 
     return make
+
+
+def keep_logs(
+    trial: Trial, keep: Path, make_log: LogMaker | None = None, suffix: str = ".csv"
+) -> Path:
+    """The trial's folder below `keep`, its logs made if they are not there yet."""
+    folder = keep / trial.name
+    if not folder.is_dir():
+        part = keep / f".{trial.name}"
+        write_logs(trial, part, make=make_log, suffix=suffix)
+        part.rename(folder)
+    return folder
 
 
 def run_trials(trials: Sequence[Trial], out: Path, means: Means) -> list[Mark]:
@@ -63,7 +79,8 @@ def run_trials(trials: Sequence[Trial], out: Path, means: Means) -> list[Mark]:
         raise ValueError(f"{out}: other trials are sealed there; choose another folder")
     digest = seal(trials, out)
     means.say(f"sealed truth of {len(trials)} trials: SHA-256 {digest}")
-    make = maker(trials, out / "logs" if means.keep_logs else None, means.make_log)
+    keep = out / "logs" if means.keep_logs else None
+    make = maker(trials, keep, means.make_log, means.suffix)
     answers = work(
         [t.name for t in trials], make, out / "answers",
         answer=means.answer, jobs=means.jobs, cluster=means.cluster, progress=means.progress,
@@ -124,6 +141,7 @@ def publish(
     lines = rows(results, right_goal=right_goal)
     text = f"# {title}\n\n{markdown(lines)}\n{effects_markdown(results)}"
     (out / "table.md").write_text(text, encoding="utf-8")
+    (out / "failures.md").write_text(failures_markdown(marks), encoding="utf-8")
     if results["confusion"]:
         confusion_figure(results["confusion"], out / "confusion.png")
         power_figure(results["power"], out / "power.png")

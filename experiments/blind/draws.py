@@ -36,7 +36,8 @@ EVERY = tuple(effect.name for effect in CATALOGUE)
 
 @dataclass(frozen=True)
 class Plan:
-    """How many trials of which kinds. effects: those that may be hidden; protocols: drawn from."""
+    """How many trials of which kinds. effects: those that may be hidden; protocols: drawn from;
+    table: what a trial's rig file says where it is well kept (default: the shipped table)."""
 
     hidden: int
     nothing: int
@@ -44,6 +45,11 @@ class Plan:
     effects: tuple[str, ...] = EVERY
     kinds: tuple[str, ...] = tuple(MIXTURE)
     protocols: tuple[str, ...] = ("steps", "battery")
+    table: Rig | None = None
+
+    @property
+    def kind(self) -> Rig:
+        return replace(self.table or load_rig(None), effects={})
 
 
 def plan_trials(plan: Plan) -> list[Trial]:
@@ -91,7 +97,7 @@ def draw_trial(plan: Plan, number: int, kind: str) -> Trial:
     choice = plan.protocols[rng.integers(len(plan.protocols))]
     protocols = BATTERY if choice == "battery" else (choice,) * RUNS
     seeds = tuple(int(n) for n in rng.integers(1, 2**31, len(protocols)))
-    believed = replace(load_rig(None), effects={})
+    believed = plan.kind
     trial = Trial(f"trial-{number:05d}", kind, "", protocols, seeds, {}, {})
     if kind == "realistic":
         return _realistic(plan, trial, rng)
@@ -160,7 +166,7 @@ def _finish(trial: Trial, plant: Rig, believed: Rig) -> Trial:
 
 def _realistic(plan: Plan, trial: Trial, rng: np.random.Generator) -> Trial:
     """1, 3 or 5 effects on top of a table as measured, which the rig file knows with an error."""
-    plant, believed = calibrated_table(load_rig(None), rng)
+    plant, believed = calibrated_table(replace(plan.kind, effects=load_rig(None).effects), rng)
     pool = [name for name in plan.effects if name not in believed.effects]
     count = min(int(rng.choice(ON_TOP)), len(pool))
     while True:

@@ -122,6 +122,17 @@ def _command(flight, q, reading, applied, wish):
 
 
 @compiled
+def _expose(camera, p, seen, eyes, fallen):
+    """Take the tick's picture, if one was due; of a fallen ball there is none."""
+    if np.isnan(seen[SEEN_T]):
+        return
+    if fallen:
+        camera.frame += 1
+    else:
+        look(camera, p, seen, eyes[camera.frame])
+
+
+@compiled
 def _run(
     s, p, q, history, flight, camera, targets, pushes, noise, stranger, hold_s, tick_s, eyes,
     tachometer, rows,
@@ -157,11 +168,7 @@ def _run(
         fallen = fallen | table_tick(
             s, p, history, volts, out[0], out[1], t < hold_s, t, tick_s, next_exposure(camera), seen
         )
-        if not np.isnan(seen[SEEN_T]):
-            if fallen:
-                camera.frame += 1
-            else:
-                look(camera, p, seen, eyes[camera.frame])
+        _expose(camera, p, seen, eyes, fallen)
     return rows.shape[0], 3
 
 

@@ -3,11 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from experiments.blind.logs import LogMaker, write_logs
 from experiments.blind.marks import Mark, mark
 from experiments.blind.score import share
+from experiments.blind.trial import Trial
 from experiments.blind.work import Answer, Packed, analyse, pack, work
 from experiments.console import ProgressCall, silent
 from experiments.protocol import shipped
@@ -28,18 +30,9 @@ def follow(
     Share of those in which the pair is then separated (all right), and of those named wrongly.
     """
     open_ = [m for m in marks if m.verdict == "undecided" and m.among and m.following in shipped()]
-    later = {
-        m.trial.name: replace(
-            m.trial,
-            protocols=(*m.trial.protocols, m.following),
-            seeds=(*m.trial.seeds, m.trial.seeds[0] + 1),
-        )
-        for m in open_
-    }
+    later = {m.trial.name: _one_more(m.trial, m.following) for m in open_}
 
     def make(name: str) -> Packed:
-        from tempfile import TemporaryDirectory
-
         with TemporaryDirectory(prefix="blind-") as place:
             write_logs(later[name], Path(place), make=make_log)
             return pack(Path(place))
@@ -53,3 +46,9 @@ def follow(
         "separated": share(again, lambda m: m.right),
         "wrong name": share(again, lambda m: bool(m.extra)),
     }
+
+
+def _one_more(trial: Trial, protocol: str) -> Trial:
+    """The trial with one more log of the same table."""
+    seed = trial.seeds[0] + 1
+    return replace(trial, protocols=(*trial.protocols, protocol), seeds=(*trial.seeds, seed))

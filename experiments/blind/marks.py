@@ -19,14 +19,17 @@ TWINS: dict[str, frozenset[str]] = {
 
 @dataclass(frozen=True)
 class Mark:
-    """How one trial went. named: the names that it was given ("named" verdicts alone); found: the
-    hidden effects among them; extra: the names that are wrong; said: (probability, right) of every
-    name in the answer; errors: relative, of the sizes; covered: does each interval hold the truth;
-    closed, ahead: held-out share of the gap closed, error 1 s ahead over its floor (NaN: not said).
+    """How one trial went.
+
+    answered: every name in the answer; named: those that count (of a "named" verdict); found: the
+    hidden effects among them; extra: the wrong names; said: (probability, right) of every answered
+    one; errors: relative, of the sizes; covered: does each interval hold the truth; closed, ahead:
+    share of the held-out gap closed, error 1 s ahead over its floor (NaN: not said).
     """
 
     trial: Trial
     verdict: str
+    answered: tuple[str, ...]
     named: tuple[str, ...]
     found: tuple[str, ...]
     extra: tuple[str, ...]
@@ -63,6 +66,7 @@ def mark(trial: Trial, answer: Mapping[str, Any], seconds: float = nan) -> Mark:
     return Mark(
         trial,
         verdict,
+        tuple(effect["name"] for effect in effects),
         tuple(effect["name"] for effect, _ in named),
         found,
         extra,

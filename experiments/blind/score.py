@@ -12,6 +12,7 @@ from experiments.blind.marks import Mark
 from experiments.statistics import wilson
 from rig.effects import CATALOGUE
 
+GOAL_PROTOCOLS = ("steps", "battery")  # the others are reported beside
 EDGES = (0.15, 0.3, 0.6, 1.0, 1.5, 2.5, 4.0, 6.0)  # of amplitude over smallest
 Share = dict[str, Any]
 
@@ -23,13 +24,19 @@ def share(marks: Sequence[Mark], test: Callable[[Mark], bool]) -> Share:
 
 
 def summary(marks: Sequence[Mark]) -> dict[str, Any]:
-    """Every number of the table, of marks of one engine."""
+    """Every number of the table, of marks of one engine.
+
+    The goals are for the protocols of `GOAL_PROTOCOLS`, where there are any such trials.
+    """
+    single = [m for m in marks if m.trial.kind == "single"]
+    goals = [m for m in single if m.trial.battery in GOAL_PROTOCOLS] or single
+    every, marks = marks, [m for m in marks if m.trial.kind != "single"] + goals
     by_kind = {k: [m for m in marks if m.trial.kind == k] for k in _kinds(marks)}
     hidden = [m for m in marks if m.trial.kind in ("single", "pair", "shape")]
     return {
-        "trials": len(marks),
+        "trials": len(every),
         "kinds": {kind: _of_kind(group) for kind, group in by_kind.items()},
-        "protocols": _by(by_kind.get("single", []), lambda m: m.trial.battery),
+        "protocols": _by(single, lambda m: m.trial.battery),
         "effects": _by(by_kind.get("single", []), lambda m: next(iter(m.trial.hidden))),
         "strangers": _by(by_kind.get("stranger", []), lambda m: m.trial.variant),
         "camera": _by(by_kind.get("camera", []), lambda m: m.trial.variant),
@@ -41,8 +48,8 @@ def summary(marks: Sequence[Mark]) -> dict[str, Any]:
         "sizes": _sizes([m for m in hidden if m.right]),
         "proof": _proof([m for m in hidden if m.right]),
         "calibration": calibration([pair for m in marks for pair in m.said]),
-        "power": power([m for m in marks if m.trial.kind in ("single", "weak")]),
-        "seconds": _quantiles([m.seconds for m in marks]),
+        "power": power([m for m in every if m.trial.kind in ("single", "weak")]),
+        "seconds": _quantiles([m.seconds for m in every]),
     }
 
 
@@ -83,8 +90,8 @@ def _by(marks: Sequence[Mark], key: Callable[[Mark], str]) -> dict[str, Any]:
 def _nothing(marks: Sequence[Mark]) -> dict[str, Any]:
     """False alarms by variant of the noise, and over all."""
     groups: dict[str, list[Mark]] = {"all": list(marks)} if marks else {}
-    for m in marks:
-        groups.setdefault(m.trial.variant, []).append(m)
+    for variant in sorted({m.trial.variant for m in marks}, key=lambda v: (v != "plain", v)):
+        groups[variant] = [m for m in marks if m.trial.variant == variant]
     return {
         variant: {
             "named": share(group, lambda m: bool(m.named)),
@@ -92,7 +99,7 @@ def _nothing(marks: Sequence[Mark]) -> dict[str, Any]:
             "undecided": share(group, lambda m: m.verdict == "undecided"),
             "names": dict(Counter(name for m in group for name in m.named)),
         }
-        for variant, group in sorted(groups.items())
+        for variant, group in groups.items()
     }
 
 

@@ -1,9 +1,11 @@
 """The blind trials' table: goal beside what was reached, for the terminal and for the page."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
+
+from experiments.blind.marks import Mark
 
 
 @dataclass(frozen=True)
@@ -152,6 +154,21 @@ def effects_markdown(results: Mapping[str, Any]) -> str:
         missed = group["verdicts"].get("nothing-missing", 0)
         texts = [f"{cell['k']}/{cell['n']}" for cell in cells]
         body.append(f"| {name} | {' | '.join(texts)} | {missed}/{cells[0]['n']} |")
+    return "\n".join(body) + "\n"
+
+
+def failures_markdown(marks: Sequence[Mark]) -> str:
+    """Every trial that went wrong: what was hidden, how large, what was said (with probability)."""
+    body = ["| trial | kind | hidden | times the smallest | recorded with | verdict | said |"]
+    body += ["|---|---|---|---|---|---|---|"]
+    for m in marks:
+        if m.right or m.trial.kind == "weak":
+            continue
+        said = ", ".join(
+            f"{name} ({p:.2f})" for name, (p, _) in zip(m.answered, m.said, strict=True)
+        )
+        cells = [m.trial.name, m.trial.kind, m.trial.variant, f"{m.trial.factor:.2f}"]
+        body.append(f"| {' | '.join([*cells, m.trial.battery, m.verdict, said])} |")
     return "\n".join(body) + "\n"
 
 

@@ -161,6 +161,19 @@ def test_power_is_sorted_into_amplitudes():
     ]
 
 
+def test_other_protocols_are_reported_beside_the_goals():
+    marks = [mark(FRICTION, named(RIGHT)) for _ in range(4)]
+    marks.append(mark(replace(FRICTION, protocols=("hold",)), {"verdict": "nothing-missing"}))
+    numbers = summary(marks)
+    assert numbers["kinds"]["single"]["right"]["n"] == 4
+    assert {name: group["right"]["k"] for name, group in numbers["protocols"].items()} == {
+        "steps": 4,
+        "hold": 0,
+    }
+    alone = summary(marks[-1:])
+    assert alone["kinds"]["single"]["right"]["n"] == 1
+
+
 def test_the_table_has_its_goals_and_the_numbers():
     marks = [mark(FRICTION, named(RIGHT)) for _ in range(99)]
     marks.append(mark(FRICTION, {"verdict": "failed"}))
