@@ -5,7 +5,6 @@ what else is missing, or unknown and left out, stands in the log's `notes`.
 """
 
 import csv
-import importlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,10 +12,12 @@ from typing import Any
 import numpy as np
 
 from experiments.exporting import ALWAYS
+from experiments.mat_files import read_mat
 from experiments.recording import read_run
 from rig.log import INDEX, NAMES, Log
 
 ONE_OF = ("theta_x_rad", "theta_y_rad", "ball_x_m", "ball_y_m")
+FEW = 0.01  # share of rows that may lack an angle or a voltage and are then left out
 GAPLESS = tuple(name for name in ALWAYS if name.startswith(("theta", "voltage")))
 
 
@@ -24,7 +25,7 @@ def read_log(path: Path | str) -> Log:
     """Read and check the log at `path`: a run folder (or its samples.mcap), .csv, .parquet, .mat.
 
     FileNotFoundError: nothing is there. ValueError: not readable, a column is missing, a time is
-    missing or runs backwards, an angle or a voltage is missing in some rows only.
+    missing or runs backwards, an angle or a voltage is missing in more than a few rows.
     """
     path = Path(path)
     if path.name == "samples.mcap":
@@ -35,7 +36,7 @@ def read_log(path: Path | str) -> Log:
         return _checked(path, run.log.columns, notes)
     if not path.exists():
         raise FileNotFoundError(f"{path} does not exist")
-    readers = {".csv": _read_csv, ".parquet": _read_parquet, ".mat": _read_mat}
+    readers = {".csv": _read_csv, ".parquet": _read_parquet, ".mat": read_mat}
     if path.suffix.lower() not in readers:
         raise ValueError(f"{path}: a log is a run folder or a file {', '.join(readers)}")
     try:
@@ -54,10 +55,10 @@ def _checked(path: Path, columns: Mapping[str, Any], notes: list[str]) -> Log:
         _check_names(list(columns), known)
         log = Log.from_columns(known)
         _check_times(log["t_s"])
-        for name in ALWAYS:
-            _check_gaps(name, log[name])
+        log, bridged = _bridged(log)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
+    notes = [*notes, *bridged]
     missing = [name for name in ALWAYS if not log.has(name)]
     if missing:
         notes = [*notes, f"no values of {', '.join(missing)}: what needs them is skipped"]
@@ -97,16 +98,30 @@ def _check_times(t_s: np.ndarray) -> None:
         )
 
 
-def _check_gaps(name: str, values: np.ndarray) -> None:
-    """ValueError where `values` are infinite, or missing in some rows where all are needed."""
-    bad = np.flatnonzero(np.isinf(values))
-    if len(bad):
-        raise ValueError(f"{name} is infinite in {_where(bad)}")
-    bad = np.flatnonzero(np.isnan(values))
-    if name in GAPLESS and 0 < len(bad) < len(values):
-        raise ValueError(
-            f"{name} is blank in {_where(bad)}: give it in every row, or leave the column out"
-        )
+def _bridged(log: Log) -> tuple[Log, list[str]]:
+    """Return the log without the few rows where an angle or a voltage is blank, and what to say.
+
+    Such a row becomes a gap in time: the voltage before it holds until the row after it. ValueError
+    where a value is infinite, or where too many rows are blank to be called a few.
+    """
+    blank = np.zeros(len(log), bool)
+    for name in ALWAYS:
+        bad = np.flatnonzero(np.isinf(log[name]))
+        if len(bad):
+            raise ValueError(f"{name} is infinite in {_where(bad)}")
+        bad = np.flatnonzero(np.isnan(log[name]))
+        if name in GAPLESS and FEW * len(log) < len(bad) < len(log):
+            raise ValueError(
+                f"{name} is blank in {_where(bad)} (limit: {100 * FEW:g} % of the rows): "
+                "give it in every row, or leave the column out"
+            )
+        if name in GAPLESS and len(bad) < len(log):
+            blank[bad] = True
+    if not blank.any():
+        return log, []
+    rows = np.flatnonzero(blank)
+    note = f"left out {_where(rows)} of {len(log)}, where an angle or a voltage is blank"
+    return log.where(~blank), [note]
 
 
 def _where(rows: np.ndarray) -> str:
@@ -167,33 +182,3 @@ def _read_parquet(path: Path) -> dict[str, np.ndarray]:
         }
     except (pa.ArrowException, KeyError) as error:
         raise ValueError(str(error)) from error
-
-
-def _read_mat(path: Path) -> dict[str, Any]:
-    """Read the variables of a MAT file, or the fields of the one struct that has t_s."""
-    from scipy.io import loadmat
-
-    try:
-        found = loadmat(path, appendmat=False)
-    except NotImplementedError:  # what scipy raises for version 7.3
-        return _read_hdf5(path)
-    except Exception as error:  # of damaged bytes scipy raises whatever it meets
-        raise ValueError(f"not readable as a MAT file ({error})") from error
-    found = {name: value for name, value in found.items() if not name.startswith("__")}
-    if "t_s" not in found:
-        for value in found.values():
-            if "t_s" in (value.dtype.names or ()) and value.size == 1:
-                return {name: value[name].item() for name in value.dtype.names}
-    return found
-
-
-def _read_hdf5(path: Path) -> dict[str, np.ndarray]:
-    """Read the columns of a MAT file of version 7.3, which is HDF5, where h5py is installed."""
-    try:
-        h5py = importlib.import_module("h5py")
-    except ImportError as error:
-        raise ValueError(
-            "a MAT file of version 7.3: save it in MATLAB with save(name, '-v7'), or install h5py"
-        ) from error
-    with h5py.File(path, "r") as file:
-        return {name: np.asarray(file[name]) if name in INDEX else np.empty(0) for name in file}

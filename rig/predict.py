@@ -8,6 +8,7 @@ equation that the simulator calls. With true parameters and no noise the innovat
 the tick.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,17 +17,15 @@ from rig.log import Log
 from rig.parameters import Rig
 from rig.plant_record import pack
 from rig.predict_ball import predict_ball
-from rig.predict_servo import predict_servo
+from rig.predict_servo import predict_axis
 
 NOISE = np.dtype(
     [
-        (name, np.float64)
-        for name in (
-            "servo_process "  # of the speed, rad/s/sqrt(s)
-            "servo_measured "  # of the encoder, rad
-            "ball_process "  # of the velocity, m/s/sqrt(s)
-            "ball_measured"  # of the camera, m
-        ).split()
+        ("servo_process", np.float64, (2,)),  # of the speed, rad/s/sqrt(s)
+        ("servo_measured", np.float64, (2,)),  # of the encoder, rad
+        ("ball_process", np.float64),  # of the velocity, m/s/sqrt(s)
+        ("ball_measured", np.float64),  # of the camera, m
+        ("ball_memory_s", np.float64),  # in which the camera's noise forgets itself; 0: white
     ]
 )
 
@@ -35,7 +34,8 @@ NOISE = np.dtype(
 class Signals:
     """What a log gives to predict from; a channel that it lacks is empty.
 
-    t_s (n,), volts_V and theta_rad (n, 2), exposed_s (k,), ball_m (k, 2).
+    t_s (n,), volts_V and theta_rad (n, 2), exposed_s (k,), ball_m (k, 2); fresh (k,): exposures at
+    which the ball's filter starts anew, if any.
     """
 
     t_s: np.ndarray
@@ -43,6 +43,13 @@ class Signals:
     theta_rad: np.ndarray
     exposed_s: np.ndarray
     ball_m: np.ndarray
+    fresh: np.ndarray | None = None
+
+    def has_servo(self, a: int) -> bool:
+        """Volts and angle of axis `a` are there in every row."""
+        pair = self.volts_V, self.theta_rad
+        n = len(self.t_s)
+        return n > 1 and all(len(p) == n and np.isfinite(p[:, a]).all() for p in pair)
 
 
 def signals(log: Log, *, camera_delay_s: float) -> Signals:
@@ -68,31 +75,58 @@ class Innovations:
 
 def noise(
     *,
-    servo_process: float = 0.2,
-    servo_measured: float = 4.4e-4,
+    servo_process: float | tuple[float, float] = 0.2,
+    servo_measured: float | tuple[float, float] = 4.4e-4,
     ball_process: float = 0.002,
     ball_measured: float = 3e-4,
+    ball_memory_s: float = 0.0,
 ) -> np.record:
     """Noise levels of the filters; the encoder's is a count over sqrt(12)."""
     record = np.zeros(1, NOISE)[0]
     record["servo_process"], record["servo_measured"] = servo_process, servo_measured
     record["ball_process"], record["ball_measured"] = ball_process, ball_measured
+    record["ball_memory_s"] = ball_memory_s
     return record
 
 
 def predict(rig: Rig, known: Signals, levels: np.record) -> Innovations:
     """Innovations of a log under the model `rig`, effects included."""
     p = pack(rig)
-    n, k = len(known.t_s), len(known.exposed_s)
-    servo, servo_std = np.full((n, 2), np.nan), np.full((n, 2), np.nan)
-    ball, ball_std = np.full((k, 2), np.nan), np.full(k, np.nan)
-    if known.volts_V.size and np.isfinite(known.volts_V).all():
-        predict_servo(
-            p, levels, known.t_s, known.volts_V, known.theta_rad, rig.servo.gain_rad_s_V,
-            rig.servo.time_constant_s, servo, servo_std,
-        )  # fmt: skip
+    servo = servo_innovations(
+        p, known, levels, (rig.servo.gain_rad_s_V,) * 2, (rig.servo.time_constant_s,) * 2
+    )
+    return Innovations(*servo, *ball_innovations(p, known, levels))
+
+
+def servo_innovations(
+    p: np.record,
+    known: Signals,
+    levels: np.record,
+    gain_rad_s_V: Sequence[float],
+    time_constant_s: Sequence[float],
+    axes: tuple[int, ...] = (0, 1),
+) -> tuple[np.ndarray, np.ndarray]:
+    """Innovations and their expected deviations, (n, 2) each [rad]; NaN where nothing is known."""
+    shape = known.theta_rad.shape
+    out, std = np.full(shape, np.nan), np.full(shape, np.nan)
+    for a in axes:
+        if known.has_servo(a):
+            predict_axis(
+                p, levels, a, known.t_s, known.volts_V, known.theta_rad,
+                gain_rad_s_V[a], time_constant_s[a], out, std,
+            )  # fmt: skip
+    return out, std
+
+
+def ball_innovations(
+    p: np.record, known: Signals, levels: np.record
+) -> tuple[np.ndarray, np.ndarray]:
+    """Innovations (k, 2) [m] of the camera and their expected deviation (k,)."""
+    k = len(known.exposed_s)
+    out, std = np.full((k, 2), np.nan), np.full(k, np.nan)
     if k:
+        fresh = known.fresh if known.fresh is not None else np.zeros(k, np.bool_)
         predict_ball(
-            p, levels, known.t_s, known.theta_rad, known.exposed_s, known.ball_m, ball, ball_std
+            p, levels, known.t_s, known.theta_rad, known.exposed_s, known.ball_m, fresh, out, std
         )
-    return Innovations(servo, servo_std, ball, ball_std)
+    return out, std

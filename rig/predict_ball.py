@@ -5,7 +5,7 @@ camera-side effect by the simulator's own equation, and a Kalman filter over pos
 per axis.
 """
 
-from math import sqrt
+from math import exp, sqrt
 
 import numpy as np
 
@@ -88,29 +88,66 @@ def _sines(p, plate):
 
 
 @compiled
-def predict_ball(p, levels, t, theta, exposed, ball, out, std):
-    """Fill `out` (m, 2) [m] and `std` (m,): the camera's innovations at the exposures."""
+def _cover(c, dt, q, r, memory_s):
+    """Covariance c (6,) = xx, xv, vv, xn, vn, nn of position, velocity and camera noise dt later.
+
+    White acceleration of density q; the noise is an AR(1) of variance r that forgets in memory_s.
+    """
+    keep = exp(-dt / memory_s) if memory_s > 0.0 else 0.0
+    c[0] += 2.0 * dt * c[1] + dt * dt * c[2] + q * dt * dt / 3.0
+    c[1] += dt * c[2] + 0.5 * q * dt
+    c[2] += q
+    c[3] = keep * (c[3] + dt * c[4])
+    c[4] *= keep
+    c[5] = keep * keep * c[5] + (1.0 - keep * keep) * r
+    return keep
+
+
+@compiled
+def _gains(c, g):
+    """Gains g (3,) of a measurement x + n, the covariance after it in `c`; returns its variance."""
+    h0, h1, h2 = c[0] + c[3], c[1] + c[4], c[3] + c[5]
+    total = h0 + h2
+    g[0], g[1], g[2] = h0 / total, h1 / total, h2 / total
+    c[0] -= g[0] * h0
+    c[1] -= g[0] * h1
+    c[2] -= g[1] * h1
+    c[3] -= g[0] * h2
+    c[4] -= g[1] * h2
+    c[5] -= g[2] * h2
+    return total
+
+
+@compiled
+def predict_ball(p, levels, t, theta, exposed, ball, fresh, out, std):
+    """Fill `out` (m, 2) [m] and `std` (m,): the camera's innovations at the exposures.
+
+    Where `fresh` (m,) is true the filter starts anew (after a push, in another run).
+    """
     s, plate, sines = np.zeros(5), np.zeros(2), np.zeros(2)
+    noise, c, g = np.zeros(2), np.zeros(6), np.zeros(3)
     extra = p.camera_delay_extra_s[0]
     scale, yaw = p.camera_scale_fraction[0], p.camera_yaw_angle_rad[0]
     k1 = p.lens_distortion_k1_1_m2[0]
     r = levels.ball_measured**2
-    p00, p01, p11 = 0.0, 0.0, 0.0
     now, started, k = 0.0, False, 0
     for i in range(exposed.shape[0]):
         end = exposed[i] - extra
         if end < t[0] or not (ball[i, 0] - ball[i, 0] == 0.0 and ball[i, 1] - ball[i, 1] == 0.0):
             continue
-        if not started or end - now > LONGEST_GAP_S:
+        z_x, z_y = equations.camera_unmap(ball[i, 0], ball[i, 1], scale, yaw, k1)
+        if not started or fresh[i] or end - now > LONGEST_GAP_S:
             k = _tick_of(t, end)
-            s[0], s[1] = equations.camera_unmap(ball[i, 0], ball[i, 1], scale, yaw, k1)
-            s[2] = s[3] = s[4] = 0.0
+            s[0], s[1] = z_x, z_y
+            s[2] = s[3] = s[4] = noise[0] = noise[1] = 0.0
             for a in range(2):
                 angle = _angle(theta, t, k, a, end)
                 if not started:
                     plate[a] = angle
                 _, plate[a] = _plate(p, a, angle, plate[a])
-            p00, p01, p11, now, started = r, 0.0, FIRST_SPEED_M_S**2, end, True
+            # A first position is the truth plus the noise: the two err by the same, opposed.
+            c[0], c[1], c[2], c[3], c[4], c[5] = r, 0.0, FIRST_SPEED_M_S**2, -r, 0.0, r
+            now, started = end, True
             sines[0], sines[1] = _sines(p, plate)
             continue
         before = now
@@ -122,19 +159,12 @@ def predict_ball(p, levels, t, theta, exposed, ball, out, std):
             ball_step(p, s, plate, sines, angle_x, angle_y, 0.5 * (now + until), until - now)
             now = until
         dt = end - before
-        q = levels.ball_process**2 * dt
-        p00 += 2.0 * dt * p01 + dt * dt * p11 + q * dt * dt / 3.0
-        p01 += dt * p11 + 0.5 * q * dt
-        p11 += q
-        total = p00 + r
-        m_x, m_y = equations.camera_map(s[0], s[1], scale, yaw, k1)
+        keep = _cover(c, dt, levels.ball_process**2 * dt, r, levels.ball_memory_s)
+        total = _gains(c, g)
+        noise[0], noise[1] = keep * noise[0], keep * noise[1]
+        miss_x, miss_y = z_x - s[0] - noise[0], z_y - s[1] - noise[1]
+        m_x, m_y = equations.camera_map(s[0] + noise[0], s[1] + noise[1], scale, yaw, k1)
         out[i, 0], out[i, 1], std[i] = ball[i, 0] - m_x, ball[i, 1] - m_y, sqrt(total)
-        z_x, z_y = equations.camera_unmap(ball[i, 0], ball[i, 1], scale, yaw, k1)
-        g0, g1 = p00 / total, p01 / total
-        s[2] += g1 * (z_x - s[0])
-        s[3] += g1 * (z_y - s[1])
-        s[0] += g0 * (z_x - s[0])
-        s[1] += g0 * (z_y - s[1])
-        p11 -= g1 * p01
-        p01 -= g0 * p01
-        p00 -= g0 * p00
+        s[0], s[1] = s[0] + g[0] * miss_x, s[1] + g[0] * miss_y
+        s[2], s[3] = s[2] + g[1] * miss_x, s[3] + g[1] * miss_y
+        noise[0], noise[1] = noise[0] + g[2] * miss_x, noise[1] + g[2] * miss_y

@@ -5,12 +5,16 @@ simulator's own equation, and a Kalman filter over angle and speed. Inside a gap
 motor is alone and unseen.
 """
 
-from math import exp, sqrt
+from math import ceil, exp, sqrt
 
 from rig import effect_equations as equations
 from rig.compiled import compiled
 from rig.plant import effective_volts
-from rig.shaft import play_operator
+from rig.shaft import dead_zone, play_operator
+
+LONGEST_STEP_S = 0.0025  # dry friction is one decision a step: at a slow tick take several
+WINDING_STEP_S = 0.001  # a shaft that winds up against friction swings
+TOUCH_RAD = 1e-4  # ends of the gap closer than this are touching
 
 
 @compiled
@@ -24,20 +28,19 @@ def delayed_volts(volts, k, a, dt, delay_s):
 
 @compiled
 def servo_step(p, a, motor, speed, volts, gain, tau, dt, free_gap):
-    """Motor angle and speed a tick later: first order exactly, then dry friction.
+    """Motor angle and speed `dt` later.
 
-    In contact the motor also turns arm and plate and their friction; inside a gap it is alone.
+    First order exactly, then dry friction: the motor's and the arm's; inside a gap it turns alone.
     """
     if free_gap:
         tau *= p.motor_inertia[a] / (p.motor_inertia[a] + p.arm_inertia + p.plate_inertia)
     decay = exp(-dt / tau)
-    load = 0.0 if free_gap else (p.arm_friction + p.joint_friction) / p.torque_per_volt[a]
-    dry = load + equations.friction_volts(
+    dry = equations.friction_volts(
         speed,
         p.coulomb_friction_friction_V[a],
         p.stribeck_friction_extra_V[a],
         p.stribeck_friction_speed_rad_s[a],
-    )
+    ) + (0.0 if free_gap else p.arm_friction / p.torque_per_volt[a])
     target = gain * volts
     free = target + (speed - target) * decay
     after = equations.stick(free, gain * dry * (1.0 - decay))
@@ -47,39 +50,72 @@ def servo_step(p, a, motor, speed, volts, gain, tau, dt, free_gap):
 
 
 @compiled
-def predict_servo(p, levels, t, volts, theta, gain, tau, out, std):
-    """Fill `out` and `std` (n, 2): the encoder's innovations [rad] and what the filter expects."""
-    n = t.shape[0]
-    r = levels.servo_measured**2
-    for a in range(2):
-        beta_1, beta_2 = p.gear_1[a], p.gear_2[a]
-        arm, motor, speed = theta[0, a], theta[0, a], 0.0
-        p00, p01, p11 = r, 0.0, 1.0
-        for k in range(n - 1):
-            dt = t[k + 1] - t[k]
-            delay = p.input_delay_delay_s[a]
-            v_x = delayed_volts(volts, k, 0, dt, delay)
-            v_y = delayed_volts(volts, k, 1, dt, delay)
-            v = effective_volts(p, a, v_x, v_y, arm, speed, t[k])
-            free_gap = motor - beta_1 < arm < motor - beta_2
-            motor, speed = servo_step(p, a, motor, speed, v, gain, tau, dt, free_gap)
-            arm = play_operator(arm, motor, beta_1, beta_2)
-            decay = exp(-dt / tau)
-            reach = tau * (1.0 - decay)
-            q = levels.servo_process**2 * dt
-            p00 += 2.0 * reach * p01 + reach * reach * p11 + q * dt * dt / 3.0
-            p01 = decay * (p01 + reach * p11) + 0.5 * q * dt
+def plate_torque(p, a, motor, anchor):
+    """Torque with which a plate that sticks at `anchor` loads the motor [N m], and the anchor.
+
+    Between them lie both shafts with their play; they wind up until the joint's friction lets go.
+    """
+    friction = p.joint_friction
+    if friction == 0.0:
+        return 0.0, motor
+    k = p.gear_k[a] * p.joint_k[a] / (p.gear_k[a] + p.joint_k[a])
+    half = 0.5 * p.joint_backlash_play_rad[a]
+    up = p.gear_1[a] + p.joint_backlash_offset_rad[a] + half
+    down = p.gear_2[a] + p.joint_backlash_offset_rad[a] - half
+    anchor = play_operator(anchor, motor, up + friction / k, down - friction / k)
+    return k * dead_zone(motor - anchor, up, down), anchor
+
+
+@compiled
+def _depth(motor, arm, beta_1, beta_2):
+    """How far inside the gap the arm is, from the nearer end [rad]; 0 in contact."""
+    return max(min(arm - motor + beta_1, motor - beta_2 - arm), 0.0)
+
+
+@compiled
+def predict_axis(p, levels, a, t, volts, theta, gain, tau, out, std):
+    """Fill column `a` of `out` and `std` (n, 2): the encoder's innovations [rad], and what the
+    filter expects. Ticks longer than LONGEST_STEP_S are cut in equal parts."""
+    r = levels.servo_measured[a] ** 2
+    beta_1, beta_2 = p.gear_1[a], p.gear_2[a]
+    arm, motor, speed = theta[0, a], theta[0, a], 0.0
+    p00, p01, p11, still = r, 0.0, 1.0, r
+    delay = p.input_delay_delay_s[a]
+    torque, anchor = 0.0, motor
+    longest = WINDING_STEP_S if p.joint_friction > 0.0 else LONGEST_STEP_S
+    for k in range(t.shape[0] - 1):
+        dt = t[k + 1] - t[k]
+        parts = int(ceil(dt / longest))
+        h = dt / parts
+        q = levels.servo_process[a] ** 2 * h
+        reach, decay = tau * (1.0 - exp(-h / tau)), exp(-h / tau)
+        v_x = delayed_volts(volts, k, 0, dt, delay)
+        v_y = delayed_volts(volts, k, 1, dt, delay)
+        for i in range(parts):
+            v = effective_volts(p, a, v_x, v_y, arm, speed, t[k] + i * h)
+            free_gap = _depth(motor, arm, beta_1, beta_2) > TOUCH_RAD + sqrt(p00)
+            p00 += max(2.0 * reach * p01 + reach * reach * p11, -0.5 * p00) + q * h * h / 3.0
+            p01 = decay * (p01 + reach * p11) + 0.5 * q * h
             p11 = decay * decay * p11 + q
-            total = p00 + r
-            miss = theta[k + 1, a] - arm
-            out[k + 1, a], std[k + 1, a] = miss, sqrt(total)
-            held = motor - beta_1 < arm < motor - beta_2
-            g0, g1 = p00 / total, p01 / total
-            arm += g0 * miss
-            if held:  # inside the gap the encoder says nothing of the motor
-                continue
-            motor += g0 * miss
-            speed += g1 * miss
-            p11 -= g1 * p01
-            p01 -= g0 * p01
-            p00 -= g0 * p00
+            torque, anchor = plate_torque(p, a, motor, anchor)
+            motor, speed = servo_step(
+                p, a, motor, speed, v - torque / p.torque_per_volt[a], gain, tau, h, free_gap
+            )
+            arm = play_operator(arm, motor - torque / p.gear_k[a], beta_1, beta_2)
+        # Inside the gap the arm stands still and says nothing of the motor; at its ends the two are
+        # one. `c` is how surely they touch, as far as the motor's place is known.
+        depth = _depth(motor, arm, beta_1, beta_2)
+        c = exp(-0.5 * depth * depth / (p00 + TOUCH_RAD**2)) if depth > 0.0 else 1.0
+        spread = c * c * p00 + (1.0 - c) * (1.0 - c) * still
+        total = spread + r
+        miss = theta[k + 1, a] - arm
+        out[k + 1, a], std[k + 1, a] = miss, sqrt(total)
+        arm += spread / total * miss
+        still = spread * r / total
+        g0, g1 = c * p00 / total, c * p01 / total
+        motor += g0 * miss
+        anchor += g0 * miss  # the twist is known from the motion, better than from the encoder
+        speed += g1 * miss
+        p11 -= g1 * c * p01
+        p01 -= g0 * c * p01
+        p00 -= g0 * c * p00

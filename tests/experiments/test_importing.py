@@ -1,8 +1,5 @@
 """What was exported is read back bit for bit; what others wrote is checked and explained."""
 
-import sys
-from types import SimpleNamespace
-
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -190,33 +187,6 @@ def test_mat_of_other_programs(tmp_path):
         savemat(path, {**columns, "theta_x_rad": wrong})
         with pytest.raises(ValueError, match="theta_x_rad is no column of numbers"):
             read_log(path)
-
-
-def mat_7_3(path):
-    """The first bytes of a MAT file of version 7.3."""
-    header = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM"
-    path.write_bytes(header.ljust(512, b"\0") + b"\x89HDF\r\n\x1a\n")
-    return path
-
-
-def test_mat_7_3_names_the_cure(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "h5py", None)
-    with pytest.raises(ValueError, match=r"7\.3.*'-v7'.*h5py"):
-        read_log(mat_7_3(tmp_path / "log.mat"))
-
-
-def test_mat_7_3_is_read_where_h5py_is_there(tmp_path, monkeypatch):
-    class File(dict):
-        def __init__(self, path, mode):
-            super().__init__(t_s=np.arange(3.0)[None], ball_x_m=np.ones((1, 3)), extra=object())
-
-        __enter__ = lambda self: self  # noqa: E731
-        __exit__ = lambda self, *_: None  # noqa: E731
-
-    monkeypatch.setitem(sys.modules, "h5py", SimpleNamespace(File=File))
-    log = read_log(mat_7_3(tmp_path / "log.mat"))
-    np.testing.assert_array_equal(log["t_s"], [0, 1, 2])
-    assert "extra" in log.notes[0]
 
 
 @pytest.mark.parametrize("suffix", ["parquet", "mat"])

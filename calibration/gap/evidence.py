@@ -1,0 +1,155 @@
+"""The recordings as the workflow sees them: signals by run, what is masked, and roll-outs.
+
+Two separate channels (see `rig.predict`): `servo_x`, `servo_y` (volts to encoder) and `ball`
+(encoder to camera, both axes in one vector). A residual is an innovation over the deviation that
+its filter expects; where a run lacks a signal or a push is masked it weighs nothing.
+"""
+
+from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from calibration.gap.knobs import BALL, SERVO, Model
+from rig.log import Log
+from rig.predict import Signals, ball_innovations, servo_innovations, signals
+
+FASTEST_HZ = 600.0  # above it the encoder's counts drown a tick: several become one
+AFTER_PUSH_S = 0.05
+SETTLE = {BALL: 4, "servo_x": 5, "servo_y": 5}  # first innovations of a filter that knows nothing
+PARTS = (*SERVO, BALL)
+
+
+@dataclass(frozen=True, eq=False)
+class Roll:
+    """A roll-out's residuals (n,) and the logarithm of their deviations (n,)."""
+
+    z: np.ndarray
+    log_std: np.ndarray
+
+
+def usable(log: Log, *, camera_delay_s: float) -> Signals:
+    """A log's signals: fast ones thinned, missing axes 0 or NaN, held and pushed balls left out."""
+    known = _thinned(signals(log, camera_delay_s=camera_delay_s))
+    theta = np.where(np.isnan(known.theta_rad).all(axis=0), 0.0, known.theta_rad)
+    seen = ~np.isnan(known.ball_m)
+    ball = np.where(seen.any(axis=0), known.ball_m, 0.0)
+    kept = np.isfinite(ball).all(axis=1) & seen.any()
+    touched = _touched(log, known.exposed_s)
+    fresh = np.concatenate([[True], touched[:-1] & ~touched[1:]])[: len(touched)]
+    kept &= ~touched
+    return replace(known, theta_rad=theta, exposed_s=known.exposed_s[kept], ball_m=ball[kept],
+                   fresh=fresh[kept])  # fmt: skip
+
+
+def _touched(log: Log, exposed_s: np.ndarray) -> np.ndarray:
+    """Exposures (k,) in which a hand had the ball: placed, held or pushed."""
+    if not len(exposed_s):
+        return np.zeros(0, bool)
+    t = log["t_s"]
+    hand = (np.nan_to_num(log["push"]) != 0) | (log["phase"] < 2)
+    if not hand.any():
+        return np.zeros(len(exposed_s), bool)
+    at = np.clip(np.searchsorted(t, exposed_s), 0, len(t) - 1)
+    back = np.clip(np.searchsorted(t, exposed_s - AFTER_PUSH_S), 0, len(t) - 1)
+    so_far = np.concatenate([[0], np.cumsum(hand)])
+    return so_far[at + 1] > so_far[back]
+
+
+def _thinned(known: Signals) -> Signals:
+    """At most FASTEST_HZ: angles of every m-th row, volts their mean until the next."""
+    step = float(np.median(np.diff(known.t_s))) if len(known.t_s) > 1 else 1.0
+    m = int(np.ceil(1.0 / (FASTEST_HZ * step) - 1e-9))
+    if m <= 1:
+        return known
+    n = len(known.t_s) // m * m
+    volts = known.volts_V[:n].reshape(-1, m, 2).mean(axis=1)
+    return replace(known, t_s=known.t_s[:n:m].copy(), theta_rad=known.theta_rad[:n:m].copy(),
+                   volts_V=volts)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Runs of one table with the noise levels of its filters.
+
+    ball_axes: whether x and y of the ball were seen; masks: part -> weights (n,) of its residuals.
+    """
+
+    runs: tuple[Signals, ...]
+    levels: np.record
+    ball_axes: tuple[bool, bool]
+    masks: dict[str, np.ndarray]
+    threads: int = 1
+
+    @cached_property
+    def parts(self) -> tuple[str, ...]:
+        """The parts for which there are signals and motion."""
+        return tuple(part for part in PARTS if part in self.masks and self.masks[part].any())
+
+    def roll(self, model: Model, part: str) -> Roll:
+        """Residuals of a part under a model, all runs one after the other."""
+        found = [self._run(run, model, part) for run in self.runs]
+        z, log_std = (np.concatenate(column) for column in zip(*found, strict=True))
+        blind = ~np.isfinite(z)
+        z[blind] = 0.0
+        log_std[blind] = 0.0
+        return Roll(z, log_std)
+
+    def _run(self, run: Signals, model: Model, part: str) -> tuple[np.ndarray, np.ndarray]:
+        if part == BALL:
+            out, std = ball_innovations(model.record, run, self.levels)
+            spread = np.repeat(std, 2)
+            return out.ravel() / spread, np.log(spread)
+        a = SERVO.index(part)
+        out, std = servo_innovations(
+            model.record, run, self.levels, model.gain_rad_s_V, model.time_constant_s, (a,)
+        )
+        return out[:, a] / std[:, a], np.log(std[:, a])
+
+    def rolls(self, wanted: Iterable[tuple[Model, str]]) -> list[Roll]:
+        """Many roll-outs, on as many threads as allowed; the order is kept."""
+        wanted = list(wanted)
+        if self.threads == 1 or len(wanted) < 2:
+            return [self.roll(model, part) for model, part in wanted]
+        with ThreadPoolExecutor(self.threads) as pool:
+            return list(pool.map(lambda pair: self.roll(*pair), wanted))
+
+    def times(self, part: str) -> tuple[np.ndarray, np.ndarray]:
+        """Time [s] and run number of every residual of a part, (n,) each."""
+        t = [np.repeat(run.exposed_s, 2) if part == BALL else run.t_s for run in self.runs]
+        return np.concatenate(t), np.repeat(np.arange(len(t)), [len(x) for x in t])
+
+    def with_levels(self, levels: np.record) -> "Evidence":
+        return replace(self, levels=levels)
+
+    def only(self, chosen: np.ndarray, part: str) -> "Evidence":
+        """The same with the residuals of a part outside `chosen` (n,) weighing nothing."""
+        return replace(self, masks=self.masks | {part: self.masks[part] * chosen})
+
+
+def gather(runs: Sequence[Signals], levels: np.record, *, threads: int = 1) -> Evidence:
+    """Evidence of runs: all that is there counts but the filters' first innovations."""
+    masks = {}
+    for a, part in enumerate(SERVO):
+        weights = [_servo_weights(run, a) for run in runs]
+        masks[part] = np.concatenate(weights)
+    seen = tuple(bool(any(np.any(run.ball_m[:, a]) for run in runs)) for a in range(2))
+    masks[BALL] = np.concatenate([_ball_weights(run, seen) for run in runs])
+    return Evidence(tuple(runs), levels, (seen[0], seen[1]), masks, threads)
+
+
+def _servo_weights(run: Signals, a: int) -> np.ndarray:
+    weights = np.full(len(run.t_s), float(run.has_servo(a)))
+    weights[: SETTLE["servo_x"]] = 0.0
+    return weights
+
+
+def _ball_weights(run: Signals, seen: tuple[bool, ...]) -> np.ndarray:
+    weights = np.ones((len(run.exposed_s), 2)) * np.array(seen, float)
+    fresh = run.fresh if run.fresh is not None else np.zeros(len(weights), bool)
+    gaps = np.flatnonzero(fresh | (np.diff(run.exposed_s, prepend=-1e9) > 0.25))
+    for first in gaps:
+        weights[first : first + SETTLE[BALL]] = 0.0
+    return weights.ravel()

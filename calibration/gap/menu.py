@@ -1,0 +1,66 @@
+"""What each effect is tried with: the sizes at which the search for it starts.
+
+Several where it matters (play, friction and delays have no derivative at zero, and a period along
+the turn has to be found), one where the model is linear in it.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from calibration.gap.evidence import Evidence
+from calibration.gap.knobs import PERIODIC, SERVO, Believed, Knob
+from rig.effects import Effect
+
+PERIODS = (3.0, 4.5, 6.5, 9.0, 13.0, 18.0, 25.0, 35.0, 50.0, 70.0)
+SIZES: Mapping[str, tuple[float, ...]] = {
+    "friction_V": (0.03, 0.1), "half_width_V": (0.03, 0.1), "fraction": (0.02,),
+    "offset_V": (0.05,), "delay_s": (0.003, 0.01), "rate_1_s": (0.002,), "drop_1_V": (0.01,),
+    "play_rad": (0.005, 0.012, 0.03), "coefficient_1_rad": (0.1,), "coefficient_1_rad2": (0.5,),
+    "slope_rad": (0.001,), "rate_rad_s": (5e-5,), "stiffness_1_s2": (0.05,),
+    "deceleration_m_s2": (0.004, 0.015), "extra_s": (0.006, -0.006, 0.02), "angle_rad": (0.02,),
+    "k1_1_m2": (0.5,),
+}  # fmt: skip
+OWN_SIZES = {"viscous_drag.rate_1_s": (0.05,)}
+Start = dict[str, float]
+
+
+def starts(effect: Effect, axis: str, believed: Believed, evidence: Evidence) -> list[list[Start]]:
+    """Groups of settings of the effect's knobs; those of a group are tried as one (they add)."""
+    name = effect.name
+    if name in PERIODIC:
+        size = {"cogging": 0.03, "transmission_ripple": 0.003}[name]
+        return [
+            [{f"{name}.{part}.{axis}": size, f"{name}.periods_per_turn.{axis}": n}
+             for part in ("sine", "cosine")]
+            for n in PERIODS
+        ]  # fmt: skip
+    first = believed.of(name, axis)[0]
+    if name == "stribeck_friction":
+        return [[{first.name: 0.05, f"{name}.speed_rad_s.{axis}": v}] for v in (0.03, 0.1, 0.3)]
+    if name == "saturation":
+        return [[{first.name: v}] for v in _largest_volts(evidence, axis)]
+    sizes = OWN_SIZES.get(f"{name}.{first.key}", SIZES.get(first.key, ()))
+    return [[{first.name: first.believed + size}] for size in sizes]
+
+
+def _largest_volts(evidence: Evidence, axis: str) -> list[float]:
+    """Limits that the log would feel: a tenth and a third below the largest volts it used."""
+    a = SERVO.index(f"servo_{axis}")
+    volts = np.concatenate([run.volts_V[:, a] for run in evidence.runs if run.has_servo(a)])
+    return [0.9 * float(np.abs(volts).max()), 0.6 * float(np.abs(volts).max())]
+
+
+def released(effect: Effect, axis: str, believed: Believed) -> list[Knob]:
+    """The knobs that are free when the effect is tried (its inner shape comes later)."""
+    knobs = believed.of(effect.name, axis)
+    if effect.name in (*PERIODIC, "stribeck_friction"):
+        return knobs
+    return knobs[:1]
+
+
+def shape(name: str, axis: str, believed: Believed) -> list[Knob]:
+    """The knobs of an effect's inner shape, freed before another effect may enter."""
+    if name == "dead_zone":
+        return believed.of(name, axis)[1:]
+    return []

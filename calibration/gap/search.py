@@ -1,0 +1,235 @@
+"""Which effect helps most: the baseline inside its tolerances, a screen over all, exact refits.
+
+The baseline is the believed model with every knob free inside its tolerance (K, tau and noise free
+always). Releasing an effect's knobs from their box gains log-likelihood; an effect is missing when
+that gain is beyond what chance and small faults of the model give.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calibration.gap.evidence import Evidence
+from calibration.gap.fit import (
+    Fit,
+    bounded_step,
+    differences,
+    evaluate,
+    fit,
+    normal_equations,
+    weights,
+)
+from calibration.gap.knobs import BALL, SERVO, Believed, Knob
+from calibration.gap.menu import Start, released, starts
+from rig.effects import BY_NAME, CATALOGUE, Effect
+
+PER_KNOB = 3.0  # log-likelihood that a released knob costs
+WORTH_AN_AXIS = 6.0  # gain on an axis below which the effect is not released there
+REFITS = 5  # so many of the screened effects are fitted exactly
+Key = tuple[str, str]  # effect, axis
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Where the search stands: evidence at its noise levels, the fit, the effects released."""
+
+    evidence: Evidence
+    believed: Believed
+    fit: Fit
+    named: tuple[Key, ...] = ()
+
+    def bounds(self, parts: Iterable[str], named: Iterable[Key] | None = None) -> dict:
+        """Name -> (low, high) of every knob that is free on some of the parts."""
+        chosen = set(self.named if named is None else named)
+        parts, found = set(parts), {}
+        for knob in self.believed.knobs.values():
+            if not parts & set(knob.parts):
+                continue
+            effect = BY_NAME.get(knob.effect)
+            shape = knob.name in self.fit.setting
+            if effect is not None and (knob.effect, knob.axis) in chosen:
+                if knob in released(effect, knob.axis, self.believed) or shape:
+                    found[knob.name] = knob.range
+            elif knob.tolerance > 0:
+                found[knob.name] = knob.box
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """An effect released on some axes and refitted: its gain beyond what its knobs cost."""
+
+    name: str
+    axes: tuple[str, ...]
+    state: State
+    gain: float
+
+    @property
+    def keys(self) -> tuple[Key, ...]:
+        return tuple((self.name, axis) for axis in self.axes)
+
+    @property
+    def score(self) -> float:
+        knobs = sum(
+            len(released(BY_NAME[self.name], axis, self.state.believed)) for axis in self.axes
+        )
+        return self.gain - PER_KNOB * knobs
+
+
+def parts_of(effect: Effect, axes: Iterable[str]) -> tuple[str, ...]:
+    if effect.side != "servo":
+        return (BALL,)
+    return SERVO if "xy" in axes else tuple(f"servo_{axis}" for axis in axes)
+
+
+def refit(state: State, bounds: Mapping[str, tuple[float, float]], *, iterations: int = 6) -> State:
+    """Fit the knobs of `bounds` on the parts that they feel; the rest stays."""
+    felt = {part for name in bounds for part in state.believed.knobs[name].parts}
+    old = state.fit
+    start = Fit(
+        old.setting,
+        {p: r for p, r in old.rolls.items() if p in felt},
+        {p: c for p, c in old.costs.items() if p in felt},
+    )
+    done = fit(state.evidence, state.believed, start, bounds, iterations=iterations)
+    merged = Fit(
+        done.setting,
+        old.rolls | done.rolls,
+        old.costs | done.costs,
+    )
+    return replace(state, fit=merged)
+
+
+def baseline(evidence: Evidence, believed: Believed, *, iterations: int = 6) -> State:
+    """The believed model, every knob free inside its box, part by part."""
+    state = State(evidence, believed, evaluate(evidence, believed, {}, evidence.parts))
+    for part in evidence.parts:
+        state = refit(state, state.bounds((part,)), iterations=iterations)
+    return state
+
+
+def with_levels(state: State, levels: np.record) -> State:
+    """The same at other noise levels (costs are those of the new filters)."""
+    evidence = state.evidence.with_levels(levels)
+    found = evaluate(evidence, state.believed, state.fit.setting, state.fit.rolls)
+    return replace(state, evidence=evidence, fit=found)
+
+
+@dataclass(frozen=True, eq=False)
+class Screened:
+    """What the linear screen says of an effect on one axis: gain, the start that gave it, and
+    information: half the squared length of what one unit of the start does to the residuals."""
+
+    name: str
+    axis: str
+    gain: float
+    start: Start
+    information: float
+
+
+def screen(state: State, *, without: Iterable[Key] = ()) -> list[Screened]:
+    """Every effect and axis that is not released yet, by the gain that a linear fit promises."""
+    found = []
+    for part in state.evidence.parts:
+        found += _screen_part(state, part, set(state.named) | set(without))
+    merged: dict[Key, Screened] = {}
+    for one in found:  # an effect on both servos gains on both
+        key = (one.name, one.axis)
+        if key in merged:
+            one = replace(one, gain=one.gain + merged[key].gain,
+                          information=one.information + merged[key].information)  # fmt: skip
+        merged[key] = one
+    return sorted(merged.values(), key=lambda one: -one.gain)
+
+
+def _screen_part(state: State, part: str, skip: set[Key]) -> list[Screened]:
+    bounds = state.bounds((part,))
+    knobs = [state.believed.knobs[name] for name in bounds]
+    base = state.fit
+    only = Fit(base.setting, {part: base.rolls[part]}, {part: base.costs[part]})
+    nuisance = differences(state.evidence, state.believed, only, knobs, bounds)[part]
+    tried: list[tuple[str, str, list[Start]]] = []
+    for effect in CATALOGUE:
+        for axis in effect.axes:
+            if part in parts_of(effect, (axis,)) and (effect.name, axis) not in skip:
+                groups = starts(effect, axis, state.believed, state.evidence)
+                tried += [(effect.name, axis, group) for group in groups]
+    rolls = iter(state.evidence.rolls(
+        [(state.believed.model(base.setting | s), part) for _, _, group in tried for s in group]
+    ))  # fmt: skip
+    best: dict[Key, Screened] = {}
+    for name, axis, group in tried:
+        columns = np.column_stack([next(rolls).z - base.rolls[part].z for _ in group])
+        one = _gain(state, part, knobs, bounds, nuisance, name, axis, group, columns)
+        if (name, axis) not in best or one.gain > best[name, axis].gain:
+            best[name, axis] = one
+    return list(best.values())
+
+
+def _gain(state: State, part: str, knobs: list[Knob], bounds: Mapping, nuisance: np.ndarray,
+          name: str, axis: str, group: list[Start], columns: np.ndarray) -> Screened:  # fmt: skip
+    """Minimise the linearised cost over the nuisance in its boxes and the sizes of the group."""
+    base = state.fit
+    own = [knob.effect == name and knob.axis == axis for knob in knobs]
+    keep = np.flatnonzero(~np.array(own))
+    both = {part: np.column_stack([nuisance[:, keep], columns])}
+    only = Fit(base.setting, {part: base.rolls[part]}, {})
+    a, b = normal_equations(state.evidence, only, both)
+    value = np.array([base.setting.get(knobs[i].name, knobs[i].believed) for i in keep])
+    low = np.array([bounds[knobs[i].name][0] for i in keep]) - value
+    high = np.array([bounds[knobs[i].name][1] for i in keep]) - value
+    k = columns.shape[1]
+    first = state.believed.of(name, axis)[0]
+    two_sided = k > 1 or first.range[0] < first.believed
+    low = np.append(low, np.full(k, -6.0 if two_sided else 0.0))
+    high = np.append(high, np.full(k, 6.0))
+    scale = np.append([knobs[i].step for i in keep], np.ones(k))
+    step = bounded_step(a, b, low, high, scale)
+    gain = -float(0.5 * step @ a @ step + b @ step)
+    start = _scaled(state.believed, group, step[-k:])
+    w = weights(base.rolls[part].z, state.evidence.masks[part])
+    return Screened(name, axis, gain, start, 0.5 * float(np.sum(w * columns[:, 0] ** 2)))
+
+
+def _scaled(believed: Believed, group: list[Start], sizes: np.ndarray) -> Start:
+    """The start with its sizes as the linear fit has them (the first knob of each member)."""
+    start: Start = {}
+    for member, size in zip(group, sizes, strict=True):
+        for i, (name, value) in enumerate(member.items()):
+            knob = believed.knobs[name]
+            absolute = i > 0 or knob.key == "limit_V"
+            start[name] = value if absolute else knob.believed + size * (value - knob.believed)
+    return start
+
+
+def rank(state: State, *, without: Iterable[Key] = (), most: int = REFITS) -> list[Trial]:
+    """The effects that the screen puts first, each released on the axes that need it; refitted."""
+    by_name: dict[str, list[Screened]] = {}
+    for one in screen(state, without=without):
+        by_name.setdefault(one.name, []).append(one)
+    promise = {name: sum(max(o.gain, 0.0) for o in found) for name, found in by_name.items()}
+    first = sorted(promise, key=lambda name: -promise[name])[:most]
+    trials = [_release(state, name, by_name[name]) for name in first]
+    return sorted(trials, key=lambda trial: -trial.score)
+
+
+def _release(state: State, name: str, found: list[Screened]) -> Trial:
+    chosen = [one for one in found if one.gain > WORTH_AN_AXIS] or found[:1]
+    axes = tuple(one.axis for one in chosen)
+    keys = tuple((name, axis) for axis in axes)
+    parts = parts_of(BY_NAME[name], axes)
+    start = {k: v for one in chosen for k, v in one.start.items()}
+    setting = state.fit.setting | {
+        k: min(max(v, state.believed.knobs[k].range[0]), state.believed.knobs[k].range[1])
+        for k, v in start.items()
+    }
+    moved = evaluate(state.evidence, state.believed, setting, parts)
+    begun = replace(
+        state,
+        named=(*state.named, *keys),
+        fit=replace(state.fit, setting=setting, rolls=state.fit.rolls | moved.rolls,
+                    costs=state.fit.costs | moved.costs),
+    )  # fmt: skip
+    done = refit(begun, begun.bounds(parts))
+    return Trial(name, axes, done, state.fit.cost - done.fit.cost)

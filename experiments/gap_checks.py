@@ -1,0 +1,235 @@
+"""Is a log what it says it is? Units, signs, swapped axes, encoder, rate, length.
+
+Refused (ValueError) is what is certain; what is only suspicious, or makes a channel useless, is
+said in notes. Physics decides where a range cannot: a wrong unit shows as an absurd gain.
+"""
+
+from collections.abc import Callable
+from math import degrees, log10
+
+import numpy as np
+
+from experiments.gap_physics import Response, ball_response, servo_response
+from rig.log import Log
+from rig.parameters import Rig
+
+ROWS, SECONDS, OBSERVATIONS = 20, 1.0, 10
+SLOWEST_HZ, FASTEST_HZ = 10.0, 5000.0
+RATE_TOLERANCE = 1.1
+LARGEST_V = 100.0  # no motor of such a table takes more: counts of a converter, or millivolts
+FARTHEST_M = 2.0  # no plate or beam is longer
+BEYOND = 1.3  # so many half plates, or ends of travel, are more than a slip
+ABSURD = 15.0  # a gain so far from the believed one is a wrong unit, not another table
+CLOCKS_S = 2.0  # an exposure is not further from its row
+LEVELS = 12  # encoder readings that must differ before their step can be told
+
+
+class TooShortError(ValueError):
+    """A log that is good but too short; among others it may be left out."""
+
+
+def check(log: Log, rig: Rig) -> list[str]:
+    """Return notes on what is odd in a log of the believed rig. ValueError: it cannot be used."""
+    _check_channels(log)
+    _check_time(log)
+    notes = [*_still(log), *_volts(log, rig)]
+    servo = {axis: servo_response(log, axis, axis) for axis in "xy"}
+    ball = {axis: ball_response(log, axis, axis, rig.camera.delay_s) for axis in "xy"}
+    notes += _units(log, rig, ball, servo)
+    _check_signs(servo, "voltage_{}_V", "theta_{}_rad", lambda a, b: servo_response(log, a, b))
+    _check_signs(
+        ball,
+        "theta_{}_rad",
+        "ball_{}_m",
+        lambda a, b: ball_response(log, a, b, rig.camera.delay_s),
+    )
+    return notes
+
+
+def _check_channels(log: Log) -> None:
+    """ValueError where no axis has both ends of a channel, or the log is too short."""
+    if len(log) < ROWS:
+        raise TooShortError(
+            f"too short: {len(log)} row{'s' if len(log) > 1 else ''} (limit: {ROWS}); record longer"
+        )
+    for axis in "xy":
+        theta = f"theta_{axis}_rad"
+        if log.has(theta) and (log.has(f"voltage_{axis}_V") or log.has(f"ball_{axis}_m")):
+            return
+    there = [name for name in log.columns if name != "t_s" and log.has(name)]
+    raise ValueError(
+        "nothing to compare: one axis needs its theta_rad and either its voltage_V or its ball_m "
+        f"(there are {', '.join(there) or 'no values'})"
+    )
+
+
+def _check_time(log: Log) -> None:
+    """ValueError: time in other units, another clock for exposures, too short."""
+    t_s = log["t_s"]
+    tick, length = float(np.median(np.diff(t_s))), float(t_s[-1] - t_s[0])
+    if not 1 / (FASTEST_HZ * RATE_TOLERANCE) <= tick <= RATE_TOLERANCE / SLOWEST_HZ:
+        slow = "is t_s in milliseconds? then divide it by 1000"
+        raise ValueError(
+            f"rows come every {tick:.4g} s, at {1 / tick:.5g} Hz (limit: {SLOWEST_HZ:g} to "
+            f"{FASTEST_HZ:g} Hz): {slow if tick > 1 / SLOWEST_HZ else 'resample the log'}"
+        )
+    if length < SECONDS:
+        raise TooShortError(f"too short: {length:.3g} s (limit: {SECONDS:g} s); record longer")
+    late = (t_s - log["ball_exposed_s"])[~np.isnan(log["ball_exposed_s"])]
+    if len(late) and not -tick <= float(np.median(late)) <= CLOCKS_S:
+        raise ValueError(
+            f"ball_exposed_s lies {float(np.median(late)):.3g} s before its row's t_s (limit: 0 to "
+            f"{CLOCKS_S:g} s): give it on the clock of t_s, or leave the column out"
+        )
+
+
+def _still(log: Log) -> list[str]:
+    """Notes on signals that never change, and on a ball that was hardly ever seen."""
+    notes = []
+    for name in ("voltage_{}_V", "theta_{}_rad", "ball_{}_m"):
+        for axis in "xy":
+            values = log[name.format(axis)]
+            values = values[~np.isnan(values)]
+            if len(values) and np.ptp(values) == 0:
+                notes.append(f"{name.format(axis)} never changes: it says nothing")
+    if log.has("ball_x_m") or log.has("ball_y_m"):
+        seen = len(log.ball()[0])
+        if seen < OBSERVATIONS:
+            notes.append(f"the ball was seen only {seen} times")
+    return notes
+
+
+def _volts(log: Log, rig: Rig) -> list[str]:
+    """Notes on volts beyond the rig's limit. ValueError: they are no volts."""
+    notes = []
+    for axis in "xy":
+        name = f"voltage_{axis}_V"
+        most = _most(log[name])
+        if most > LARGEST_V:
+            raise ValueError(
+                f"{name} reaches {most:.4g} (limit: {LARGEST_V:g} V): these look like a "
+                "converter's counts or millivolts; give the volts at the motor's terminals"
+            )
+        if most > 1.02 * rig.servo.voltage_limit_V:
+            notes.append(
+                f"{name} reaches {most:.3g} V, above the rig's voltage_limit_V = "
+                f"{rig.servo.voltage_limit_V:g}: volts before limits or gain, or counts?"
+            )
+    return notes
+
+
+def _units(
+    log: Log, rig: Rig, ball: dict[str, Response | None], servo: dict[str, Response | None]
+) -> list[str]:
+    """Notes on angles and positions that may be in other units. ValueError: they surely are."""
+    notes = []
+    for axis in "xy":
+        notes += _position_unit(log, rig, axis, ball[axis])
+    for axis in "xy":
+        notes += _angle_unit(log, rig, axis, ball[axis], servo[axis])
+    return notes
+
+
+def _position_unit(log: Log, rig: Rig, axis: str, ball: Response | None) -> list[str]:
+    name, half = f"ball_{axis}_m", rig.linkage.plate_side_m / 2
+    most = _most(log[name])
+    if most <= BEYOND * half:
+        return []
+    times = abs(ball.gain) / rig.ball_gain_m_s2 if ball is not None and ball.clear else 0.0
+    if most > FARTHEST_M or times > ABSURD:
+        unit, factor = "millimetres, centimetres or pixels", ""
+        if times > ABSURD:  # the ball is that much faster than a table can make it
+            millimetres = times > 300
+            unit = "millimetres" if millimetres else "centimetres"
+            factor = f" (times {0.001 if millimetres else 0.01:g})"
+        raise ValueError(
+            f"{name} reaches {most:.4g}, but half the plate is {half:.4g} m: this looks like "
+            f"{unit}; give metres{factor}"
+        )
+    return [
+        f"{name} reaches {most:.3g} m, beyond half the plate ({half:.4g} m): another unit, or "
+        "linkage.plate_side_m of another table"
+    ]
+
+
+def _angle_unit(
+    log: Log, rig: Rig, axis: str, ball: Response | None, servo: Response | None
+) -> list[str]:
+    """Degrees make every angle 57 times too large: the range, the encoder and the gains show it."""
+    name = f"theta_{axis}_rad"
+    most, step = _most(log[name]), step_of(log[name])
+    beyond = most > rig.servo.stop_rad * BEYOND
+    ratio = step / rig.servo.encoder_step_rad if step else 1.0
+    signs = [
+        abs(ratio / degrees(1) - 1) < 0.03,
+        ball is not None and ball.clear and abs(ball.gain) < rig.ball_gain_m_s2 / ABSURD,
+        servo is not None and servo.clear and abs(servo.gain) > 25 * rig.servo.gain_rad_s_V,
+    ]
+    if sum(signs) + beyond >= 2:
+        raise ValueError(
+            f"{name} reaches {most:.4g}: this looks like degrees (the servo's stop is at "
+            f"{rig.servo.stop_rad:.3g} rad); give radians (times 0.01745)"
+        )
+    notes = []
+    if beyond:
+        notes.append(
+            f"{name} reaches {most:.3g} rad, beyond the rig's stop ({rig.servo.stop_rad:.3g} rad): "
+            "degrees, or the servo of another table"
+        )
+    if step and abs(ratio - 1) > 0.02:
+        notes.append(
+            f"{name} moves in steps of {step:.3g} rad ({2 * np.pi / step:.0f} a turn), the rig "
+            f"file says encoder_counts_per_rev = {rig.servo.encoder_counts_per_rev}"
+        )
+    return notes
+
+
+def _check_signs(
+    own: dict[str, Response | None],
+    cause: str,
+    result: str,
+    across: Callable[[str, str], Response | None],
+) -> None:
+    """ValueError where an axis surely answers the other one, or the wrong way round."""
+    crossed = [across("x", "y"), across("y", "x")]
+    both = [one.rank for one in crossed if one is not None and one.clear]
+    mine = [one.rank for one in own.values() if one is not None]
+    if len(both) == 2 == len(mine):
+        stronger = min(map(abs, both)) > max(map(abs, mine)) + 0.3
+        if stronger or (min(both) > 0 and max(mine) < 0):
+            raise ValueError(
+                f"{result.format('x')} follows {cause.format('y')} and {result.format('y')} "
+                f"follows {cause.format('x')} (correlations {both[1]:+.2f}, {both[0]:+.2f}): "
+                "swap the axes of one of them"
+            )
+    for axis, one in own.items():
+        if one is not None and one.clear and one.rank < 0:
+            raise ValueError(
+                f"{result.format(axis)} answers {cause.format(axis)} the wrong way round "
+                f"(correlation {one.rank:+.2f}): reverse the sign of one of them, so that "
+                "+voltage raises theta and +theta accelerates the ball towards +"
+            )
+
+
+def _most(values: np.ndarray) -> float:
+    """Largest magnitude, outliers aside; 0 without values."""
+    values = np.abs(values[~np.isnan(values)])
+    return float(np.quantile(values, 0.999)) if len(values) else 0.0
+
+
+def step_of(theta_rad: np.ndarray) -> float | None:
+    """Return the step [rad] in which an encoder's angle moves; None where none can be told.
+
+    Steps of a power of ten are how the numbers were written, not how they were measured.
+    """
+    values = np.unique(theta_rad[~np.isnan(theta_rad)])
+    gaps = np.diff(values)
+    gaps = gaps[gaps > 1e-9]
+    if len(gaps) < LEVELS or len(theta_rad) < 3 * len(gaps):
+        return None
+    count = np.round(gaps / gaps.min())
+    step = float(gaps.sum() / count.sum())
+    whole = np.abs(gaps / step - np.round(gaps / step)) < 0.15
+    if whole.mean() < 0.98 or abs(log10(step) - round(log10(step))) < 1e-3:
+        return None
+    return step

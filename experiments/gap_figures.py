@@ -1,0 +1,247 @@
+"""The pictures of a gap report, each one plain function of the findings; PNG files.
+
+Gaps are in noise floors: the line at 1 is a perfect model. Angles in degrees, lengths in mm.
+"""
+
+from collections.abc import Sequence
+from math import ceil, degrees
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullLocator
+
+from calibration.gap.findings import CHANNELS, Candidate, PlateMap, Profile, ProofRow, Step
+from experiments.figures import CENTRE, WITH, WITHOUT, plt
+from experiments.gap_words import channel_words, percent, sig
+
+COLOURS: dict[str, str] = dict(
+    zip(CHANNELS, ("#1f4fd8", "#56b4e9", "#d62728", "#e69f00"), strict=True)
+)
+STYLES: dict[str, str] = dict(zip(CHANNELS, ("-", "--", "-", "--"), strict=True))
+_UNITS = {  # of profiles: unit shown, factor
+    "rad": ("deg", degrees(1)),
+    "rad/s": ("deg/s", degrees(1)),
+    "m": ("mm", 1000.0),
+    "m/s": ("mm/s", 1000.0),
+}
+LOG_BEYOND = 8.0  # gaps that differ by more are drawn on a logarithmic axis
+SHOWN_NAMES = 10
+WIDE = 8.6
+
+
+def save(figure: Figure, folder: Path, name: str) -> Path:
+    """Write NAME.png in `folder`; nothing is cut off."""
+    path = folder / f"{name}.png"
+    figure.savefig(path, bbox_inches="tight", pad_inches=0.08)
+    plt.close(figure)
+    return path
+
+
+def _floor_line(axis: Axes) -> None:
+    axis.axhline(1.0, color=CENTRE, lw=1.2, ls=":", label="perfect model (1.0)")
+
+
+def _gap_scale(axis: Axes, largest: float) -> None:
+    """A gap axis that starts below the floor; logarithmic where gaps differ much."""
+    if largest > LOG_BEYOND:
+        axis.set_yscale("log")
+        axis.set_ylim(0.7, 1.25 * largest)
+        ticks = [t for t in (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000) if t <= 1.25 * largest]
+        axis.set_yticks(ticks)
+        axis.yaxis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:g}"))
+        axis.yaxis.set_minor_locator(NullLocator())
+    else:
+        axis.set_ylim(0, 1.12 * max(largest, 1.2))
+
+
+def _largest(profiles: Sequence[Profile]) -> float:
+    values = np.concatenate([p.gap for p in profiles])
+    values = values[np.isfinite(values)]
+    return float(values.max()) if len(values) else 1.0
+
+
+def _curve(axis: Axes, profile: Profile, factor: float) -> None:
+    """One channel's gap as steps; a bin without samples is a hole."""
+    axis.stairs(
+        profile.gap,
+        factor * np.asarray(profile.edges),
+        baseline=None,
+        color=COLOURS.get(profile.channel, "0.3"),
+        ls=STYLES.get(profile.channel, "-"),
+        lw=1.5,
+        label=channel_words(profile.channel),
+    )
+
+
+def over_time(profiles: Sequence[Profile]) -> Figure:
+    """The gap of every channel over the time of the logs."""
+    figure, axis = plt.subplots(figsize=(WIDE, 2.9))
+    for profile in profiles:
+        _curve(axis, profile, 1.0)
+    _floor_line(axis)
+    _gap_scale(axis, _largest(profiles))
+    axis.set(xlabel="time [s]", ylabel="gap [noise floors]")
+    axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False)
+    return figure
+
+
+def over_state(profiles: Sequence[Profile]) -> Figure:
+    """The gap of one side over position, speed, direction, reversals, voltage: a panel each."""
+    panels: dict[tuple[str, str], list[Profile]] = {}
+    for profile in profiles:
+        panels.setdefault((profile.quantity, profile.unit), []).append(profile)
+    columns = 2 if len(panels) == 4 else min(3, len(panels))
+    rows = ceil(len(panels) / columns)
+    figure, axes = plt.subplots(rows, columns, figsize=(WIDE, 2.5 * rows), squeeze=False)
+    for axis in axes.flat[len(panels) :]:
+        axis.set_axis_off()
+    largest = _largest(profiles)
+    for axis, ((_, unit), curves) in zip(axes.flat, panels.items(), strict=False):
+        _panel(axis, unit, curves)
+        _gap_scale(axis, largest)
+    for row in axes:
+        row[0].set_ylabel("gap [noise floors]")
+    handles = {}
+    for axis in axes.flat:
+        handles |= {label: h for h, label in zip(*axis.get_legend_handles_labels(), strict=True)}
+    figure.legend(
+        handles.values(), handles.keys(), loc="outside upper center", ncols=5, frameon=False
+    )
+    return figure
+
+
+def _panel(axis: Axes, unit: str, curves: Sequence[Profile]) -> None:
+    shown, factor = _UNITS.get(unit, ("" if unit == "1" else unit, 1.0))
+    quantity = curves[0].quantity
+    if quantity == "after reversal" and unit == "s":
+        shown, factor, quantity = "ms", 1000.0, "time since the last reversal"
+    for profile in curves:
+        _curve(axis, profile, factor)
+    _floor_line(axis)
+    axis.set_xlabel(f"{quantity} [{shown}]" if shown else quantity)
+    if quantity == "direction":
+        edges = np.asarray(curves[0].edges, float)
+        words = {2: ("backwards", "forwards"), 3: ("backwards", "still", "forwards")}
+        if len(edges) - 1 in words:
+            axis.set_xticks((edges[1:] + edges[:-1]) / 2, words[len(edges) - 1])
+
+
+def plate_map(found: PlateMap) -> Figure:
+    """The mean innovation of the ball over the plate, x and y channel, in floors."""
+    figure, axes = plt.subplots(1, 2, figsize=(WIDE, 3.9), sharey=True)
+    mean = np.where(np.asarray(found.count)[..., None] > 0, found.mean, np.nan)
+    finite = mean[np.isfinite(mean)]
+    top = max(1.0, float(np.abs(finite).max())) if len(finite) else 1.0
+    mesh = None
+    for a, axis in enumerate(axes):
+        axis.set_facecolor("0.88")
+        mesh = axis.pcolormesh(
+            100 * found.x_edges,
+            100 * found.y_edges,
+            mean[..., a],
+            cmap="RdBu_r",
+            vmin=-top,
+            vmax=top,
+        )
+        axis.set(xlabel="ball x [cm]", aspect="equal", title=f"ball {'xy'[a]}")
+        axis.grid(False)
+    axes[0].set_ylabel("ball y [cm]")
+    if mesh is not None:
+        figure.colorbar(mesh, ax=axes, label="mean error [noise floors]", shrink=0.85)
+    return figure
+
+
+def ranking(candidates: Sequence[Candidate], accepted: Sequence[str]) -> Figure:
+    """The probability of the likeliest names, with what each explains (score)."""
+    shown = sorted(candidates, key=lambda c: (-c.probability, -c.score))[:SHOWN_NAMES]
+    figure, axis = plt.subplots(figsize=(WIDE, 0.36 * len(shown) + 1.0))
+    for row, c in enumerate(shown):
+        colour = WITH if c.name in accepted else "0.6"
+        axis.barh(row, 100 * c.probability, color=colour, height=0.7)
+        text = f"{percent(c.probability)}   (score {sig(c.score)})"
+        axis.text(100 * c.probability + 1.2, row, text, va="center", fontsize=8)
+    labels = [c.name + (f" = {' = '.join(c.twins)}" if c.twins else "") for c in shown]
+    axis.set_yticks(range(len(shown)), [_wrapped(label) for label in labels])
+    axis.set(xlabel="probability [%]", xlim=(0, 130), xticks=range(0, 101, 20))
+    axis.invert_yaxis()
+    axis.grid(axis="y", visible=False)
+    return figure
+
+
+def _wrapped(label: str, width: int = 38) -> str:
+    """A long class of twins in two lines."""
+    if len(label) <= width:
+        return label
+    cut = label.rfind(" = ", 0, width)
+    return label if cut < 0 else f"{label[: cut + 2]}\n{label[cut + 3 :]}"
+
+
+def shrinking(steps: Sequence[Step]) -> Figure:
+    """The gap of every channel, effect by effect, down to the floor."""
+    figure, axis = plt.subplots(figsize=(WIDE, 3.6))
+    channels = [c for c in CHANNELS if any(c in step.gap for step in steps)]
+    at = np.arange(len(steps))
+    width = 0.8 / max(len(channels), 1)
+    largest = max((v for step in steps for v in step.gap.values() if np.isfinite(v)), default=1.0)
+    _gap_scale(axis, largest)
+    bottom = axis.get_ylim()[0]
+    for i, channel in enumerate(channels):
+        gaps = np.array([step.gap.get(channel, np.nan) for step in steps])
+        where = at + (i - (len(channels) - 1) / 2) * width
+        axis.bar(
+            where,
+            gaps - bottom,
+            width * 0.9,
+            bottom=bottom,
+            color=COLOURS[channel],
+            label=channel_words(channel),
+        )
+        for x, gap in zip(where, gaps, strict=True):
+            if np.isfinite(gap):
+                axis.text(
+                    x,
+                    gap,
+                    f"{gap:.3g}" if gap >= 10 else f"{gap:.1f}",
+                    ha="center",
+                    va="bottom",
+                    fontsize=7.5,
+                )
+    _floor_line(axis)
+    axis.set_xticks(at, [_step_label(step.added, len(steps)) for step in steps])
+    axis.set_ylim(top=axis.get_ylim()[1] * (1.15 if largest > LOG_BEYOND else 1.05))
+    axis.set_ylabel("gap [noise floors]")
+    axis.grid(axis="x", visible=False)
+    axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False)
+    return figure
+
+
+def _step_label(added: str, steps: int) -> str:
+    """What a step added, in narrow lines where there are many steps."""
+    if not added:
+        return "model\nas it came"
+    label = "+ " + added.replace(" + ", "\n+ ")
+    return (
+        label.replace("_", "_\n").replace(" x", "\nx").replace(" y", "\ny") if steps > 4 else label
+    )
+
+
+def ahead(rows: Sequence[ProofRow], floor_mm: float | None) -> Figure:
+    """Error one second ahead of each model on data that it has not seen."""
+    shown = [row for row in rows if row.ahead_1s_mm is not None]
+    figure, axis = plt.subplots(figsize=(WIDE, 0.42 * len(shown) + 1.1))
+    values = [float(row.ahead_1s_mm or 0.0) for row in shown]
+    colours = [WITH if row.model.startswith("named") else "0.6" for row in shown]
+    axis.barh(range(len(shown)), values, color=colours, height=0.65)
+    top = max([*values, floor_mm or 0.0])
+    for i, value in enumerate(values):
+        axis.text(value + 0.01 * top, i, f"{sig(value)} mm", va="center", fontsize=8)
+    if floor_mm is not None:
+        axis.axvline(floor_mm, color=WITHOUT, ls=":", lw=1.4, label=f"floor {sig(floor_mm)} mm")
+        axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
+    axis.set_yticks(range(len(shown)), [row.model for row in shown])
+    axis.set(xlabel="error 1 s ahead, ball [mm RMS]", xlim=(0, 1.18 * top or 1))
+    axis.invert_yaxis()
+    axis.grid(axis="y", visible=False)
+    return figure

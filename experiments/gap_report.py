@@ -1,0 +1,178 @@
+"""`gap.html`: what is missing from the model, for someone who knows the lab but not the method."""
+
+from collections.abc import Sequence
+from importlib.resources import files
+from pathlib import Path
+
+from jinja2 import Environment
+
+from calibration.gap.findings import Findings
+from experiments.gap_stages import Block, Code, Stage, Table, Text, following, locate, name, prove
+from experiments.gap_stages import stage as stage_of
+from experiments.gap_words import (
+    VERDICT_WORDS,
+    added_toml,
+    channel_words,
+    floors,
+    interval_words,
+    key_words,
+    nominal_of,
+    parameter_unit,
+    recalibration,
+    sentence_of,
+    shown_unit,
+    sig,
+)
+from rig.effects import BY_NAME
+
+SHORT_CHANNELS = 4
+
+
+def write_gap_report(found: Findings, folder: Path, *, names: Sequence[str]) -> Path:
+    """Write gap.html, self-contained, and its figures (PNG) in `folder`; return the page's path.
+
+    names: of the logs. OSError: the folder cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    stages = [
+        locate(found, folder),
+        name(found, folder),
+        add(found),
+        prove(found, folder),
+        following(found, next_command),
+    ]
+    template = files("experiments") / "templates" / "gap.html"
+    page = Environment(autoescape=True).from_string(template.read_text(encoding="utf-8"))
+    text = page.render(
+        title="Where model and table disagree",
+        verdict=found.verdict,
+        verdict_words=VERDICT_WORDS.get(found.verdict, found.verdict),
+        sentence=found.sentence,
+        names=list(names),
+        short=short(found),
+        stages=stages,
+        notes=found.notes,
+    )
+    path = folder / "gap.html"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def next_command(protocol: str) -> str:
+    """What to type for the next experiment."""
+    return (
+        f"rig run {protocol} --arm with --rig rig.toml --out next\n"
+        "rig gap LOG... next/runs/* --rig rig.toml"
+    )
+
+
+def short(found: Findings) -> list[str]:
+    """The numbers that a hurried reader wants, in one or two sentences."""
+    lines = []
+    gap = found.gap
+    closed = [
+        f"{channel_words(c)} from {floors(before)} to {floors(gap.after[c])}"
+        for c, before in gap.before.items()
+        if c in gap.after and before >= 1.05
+    ]
+    if closed and found.steps[1:]:
+        where = "data not used for the fit" if gap.held_out else "the data of the fit"
+        lines.append(
+            f"With the model extended, the gap shrinks on {where}: "
+            f"{', '.join(closed[:SHORT_CHANNELS])} noise floors (1.0 is perfect)."
+        )
+    ahead = gap.ahead_1s_mm
+    if "before" in ahead and "after" in ahead and ahead["after"] < 0.98 * ahead["before"]:
+        floor = (
+            f"; no model can do better than about {sig(ahead['floor'])} mm"
+            if "floor" in ahead
+            else ""
+        )
+        lines.append(
+            f"One second ahead the ball is predicted to within {sig(ahead['after'])} mm instead of "
+            f"{sig(ahead['before'])} mm{floor}."
+        )
+    return lines
+
+
+def add(found: Findings) -> Stage:
+    """The effect's numbers, the servo's, and what was written to the rig file."""
+    blocks: list[Block] = []
+    if found.effects:
+        blocks.append(_parameter_table(found))
+        blocks += [
+            Text(f"{effect.name}: {sentence_of(effect.name)}")
+            for effect in found.effects
+            if sentence_of(effect.name)
+        ]
+    if found.calibrated:
+        blocks += _servo_blocks(found)
+    toml = added_toml(found)
+    if toml:
+        blocks.append(Text("What was added to the model, as it stands in the new rig.toml:"))
+        blocks.append(Code(toml))
+    if found.unknown is not None and found.unknown.formula:
+        blocks.append(Text(f"The unnamed term in formula: {found.unknown.formula}."))
+    if found.noise:
+        blocks.append(_noise_table(found))
+    question = (
+        "How large is it? The effect's numbers with 95 % intervals, beside what a well-kept rig "
+        "stays within (tolerance) and what any rig could have (range)."
+    )
+    return stage_of("Add", question, blocks, "This stage did not run: there is nothing to add.")
+
+
+def _parameter_table(found: Findings) -> Table:
+    rows = []
+    for effect in found.effects:
+        known = BY_NAME.get(effect.name)
+        for axis, pairs in effect.parameters.items():
+            for key, interval in pairs.items():
+                unit, factor = parameter_unit(effect.name, key)
+                tolerance, span = "-", "-"
+                for i, p in enumerate(known.parameters if known else ()):
+                    if p.key == key:
+                        span = f"{sig(factor * p.low)} to {sig(factor * p.high)} {unit}".strip()
+                        if i == 0 and known and known.tolerance:
+                            tolerance = f"{sig(factor * known.tolerance)} {unit}".strip()
+                both = "both" if axis == "xy" else axis
+                value = interval_words(interval, unit, factor)
+                rows.append([effect.name, both, key_words(key), value, tolerance, span])
+    head = ("effect", "axis", "quantity", "value [95 %]", "tolerance", "range")
+    caption = "Sizes as fitted" + (
+        "; the rivals' too, of which at most one is right." if found.verdict == "undecided" else "."
+    )
+    return Table(head, rows, caption, words=3)
+
+
+def _servo_blocks(found: Findings) -> list[Block]:
+    """The calibrated numbers beside the rig file's, and what to do about them."""
+    rows, far, strong = [], [], set()
+    for key, interval in found.calibrated.items():
+        unit, factor = ("ms", 1000.0) if key.endswith("_s") else ("", 1.0)
+        label = key.removesuffix("_s") if unit == "ms" else key
+        if key.endswith("_rad_s_V"):
+            unit, label = "rad/s/V", key.removesuffix("_rad_s_V")
+        elif key.endswith(("_rad", "_m")):
+            unit, factor = shown_unit(key.rpartition("_")[2])
+            label = key.rpartition("_")[0]
+        off, too_far = recalibration(key, interval, found.rig_before)
+        nominal = nominal_of(key, found.rig_before)
+        told = f"{sig(factor * nominal)} {unit}" if nominal is not None else "-"
+        by = f"{100 * off:+.1f} %" if off is not None else "-"
+        if too_far:
+            far.append(f"{label.replace('_', ' ')} is off by {by}")
+            strong.add(len(rows))
+        rows.append([label.replace("_", " "), interval_words(interval, unit, factor), told, by])
+    head = ("servo", "fitted [95 %]", "rig file", "off by")
+    caption = "Gain K and time constant of the servos are always fitted and never an effect."
+    blocks: list[Block] = [Table(head, rows, caption, strong=frozenset(strong))]
+    if far:
+        said = f"Recalibrate the servo: {'; '.join(far)} (limits: 5 % for the gain, 10 % for the "
+        blocks.append(Text(f"{said}time constant)."))
+    return blocks
+
+
+def _noise_table(found: Findings) -> Table:
+    rows = [[key.replace("_", " "), sig(value)] for key, value in found.noise.items()]
+    return Table(("noise, as estimated on the logs (SI units)", "value"), rows)

@@ -1,0 +1,260 @@
+"""The five stages of a gap report as titled blocks: what was asked, what was found, in words."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from math import isfinite, nan
+from pathlib import Path
+
+from calibration.gap.findings import CHANNELS, UNITS, Findings
+from experiments import gap_figures as figures
+from experiments.gap_words import (
+    channel_words,
+    closed_share,
+    floors,
+    percent,
+    shown_unit,
+    sig,
+    smallest_words,
+)
+from experiments.report import Shown
+
+
+@dataclass(frozen=True)
+class Text:
+    text: str
+    kind: str = "text"
+
+
+@dataclass(frozen=True)
+class Code:
+    text: str
+    kind: str = "code"
+
+
+@dataclass(frozen=True)
+class Picture:
+    shown: Shown
+    kind: str = "figure"
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of cells: the first `words` columns are text; rows in `strong` stand out."""
+
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    caption: str = ""
+    words: int = 1
+    strong: frozenset[int] = field(default_factory=frozenset)
+    kind: str = "table"
+
+
+Block = Text | Code | Picture | Table
+
+
+@dataclass(frozen=True)
+class Stage:
+    title: str
+    question: str
+    blocks: Sequence[Block]
+    ran: bool = True
+
+
+def stage(title: str, question: str, blocks: Sequence[Block], missing: str) -> Stage:
+    """A stage of `blocks`; without any it says that it did not run, and why."""
+    return Stage(title, question, blocks or [Text(missing)], bool(blocks))
+
+
+def channels_of(*gaps: dict[str, float]) -> list[str]:
+    """The channels that appear, in their order."""
+    return [c for c in CHANNELS if any(c in gap for gap in gaps)]
+
+
+def picture(figure, folder: Path, name: str, caption: str) -> Picture:
+    return Picture(Shown(figures.save(figure, folder, name), caption))
+
+
+def locate(found: Findings, folder: Path) -> Stage:
+    """Where the model is wrong."""
+    blocks: list[Block] = []
+    if found.where:
+        rows = [[channel_words(w.channel), w.region, floors(w.gap)] for w in found.where]
+        blocks.append(
+            Table(("channel", "where", "gap [floors]"), rows, "Where it is worst.", words=2)
+        )
+    if found.gap.before:
+        blocks.append(_level_table(found))
+    moments = [p for p in found.profiles if p.quantity == "time"]
+    states = [p for p in found.profiles if p.quantity != "time"]
+    if moments:
+        caption = "The gap over time: a steady gap is a steady cause, a burst is an event."
+        blocks.append(picture(figures.over_time(moments), folder, "gap-over-time", caption))
+    for side in ("servo", "ball"):
+        mine = [p for p in states if p.channel.startswith(side)]
+        if mine:
+            caption = f"{side.capitalize()} channels: the same errors sorted by what the table did."
+            if side == "ball":
+                caption += (
+                    " A cause betrays itself by where it rises: play after reversals, friction at "
+                    "low speed, a bent linkage at large angles."
+                )
+            figure = figures.over_state(mine)
+            blocks.append(picture(figure, folder, f"gap-over-state-{side}", caption))
+    for i, found_map in enumerate(found.maps):
+        caption = "Mean error over the plate, seen from above: a pattern is a force or a lens."
+        figure = figures.plate_map(found_map)
+        blocks.append(picture(figure, folder, f"plate-map-{i + 1}", caption))
+    question = (
+        "Where does the model fail? Its one-step errors are sorted by channel, time and state. "
+        "Below about 1.05 floors there is nothing to find in a channel."
+    )
+    return stage("Locate", question, blocks, "This stage did not run.")
+
+
+def _level_table(found: Findings) -> Table:
+    """The gaps of every channel in floors and in units."""
+    rows = []
+    for channel in channels_of(found.gap.before):
+        unit, factor = shown_unit(UNITS[channel])
+        floor = found.gap.floors.get(channel, nan)
+        before = found.gap.before[channel]
+        small = f"{sig(factor * floor)} {unit}" if isfinite(floor) else "-"
+        size = f"{sig(factor * floor * before)} {unit}" if isfinite(floor) else "-"
+        rows.append([channel_words(channel), floors(before), size, small])
+    head = ("channel", "gap [floors]", "error (RMS)", "noise floor")
+    return Table(head, rows, f"The model as it came; the floor is that of: {found.gap.floor}.")
+
+
+def name(found: Findings, folder: Path) -> Stage:
+    """Which effect it is."""
+    blocks: list[Block] = []
+    accepted = [effect.name for effect in found.effects] if found.verdict == "named" else []
+    if found.ranking:
+        caption = (
+            "The likeliest names. The score is how much better the errors are explained "
+            "(log-likelihood) than by deviations within the tolerances; names joined by = make "
+            "the same data and cannot be told apart by any experiment."
+        )
+        figure = figures.ranking(found.ranking, accepted)
+        blocks.append(picture(figure, folder, "ranking", caption))
+    for effect in found.effects:
+        if effect.twins:
+            blocks.append(
+                Text(
+                    f"{effect.name} has structural twins: {', '.join(effect.twins)}. Any of them "
+                    "makes the same data; look at the hardware to tell."
+                )
+            )
+    if found.verdict == "undecided" and found.effects:
+        rivals = " or ".join(f"{e.name} ({percent(e.probability)})" for e in found.effects)
+        blocks.append(Text(f"It is {rivals}: these logs do not tell them apart."))
+    if found.unknown is not None:
+        left = found.unknown
+        formula = f" A formula that holds on held-out data: {left.formula}." if left.formula else ""
+        start = "Besides, something" if found.verdict == "named" else "Something"
+        channel = channel_words(left.channel)
+        blocks.append(
+            Text(f"{start} is left that no name explains, in {channel}: {left.shape}.{formula}")
+        )
+    if found.untestable:
+        rows = [[u.name, u.why, smallest_words(u.name, u.smallest)] for u in found.untestable]
+        caption = "What these logs cannot show: such an effect may be there all the same."
+        head = ("effect", "why", "smallest that would have shown")
+        blocks.append(Table(head, rows, caption, words=3))
+    question = "Which physical effect makes those errors? Every effect of the catalogue is tried."
+    return stage("Name", question, blocks, "This stage did not run.")
+
+
+def prove(found: Findings, folder: Path) -> Stage:
+    """Does the gap close on data that was not used?"""
+    blocks: list[Block] = []
+    if len(found.steps) > 1:
+        caption = "The gap effect by effect. The dotted line is a perfect model."
+        figure = figures.shrinking(found.steps)
+        blocks.append(picture(figure, folder, "gap-shrinking", caption))
+    if found.gap.after:
+        blocks.append(_before_after(found))
+    if found.proof:
+        blocks.append(_proof_table(found))
+    if any(row.ahead_1s_mm is not None for row in found.proof):
+        caption = "How far off the predicted ball is after one second, on the same held-out data."
+        floor = found.gap.ahead_1s_mm.get("floor")
+        figure = figures.ahead(found.proof, floor)
+        blocks.append(picture(figure, folder, "error-1s-ahead", caption))
+    if found.closed_loop:
+        rows = [
+            [r.quantity, r.unit, sig(r.measured), sig(r.before), sig(r.after)]
+            for r in found.closed_loop
+        ]
+        head = ("quantity", "unit", "recorded", "model before", "model after")
+        caption = (
+            "The recorded protocol simulated in closed loop with the recorded controller settings: "
+            "does the model now behave like the table?"
+        )
+        blocks.append(Table(head, rows, caption, words=2))
+    question = (
+        "Does the named effect close the gap on data that was not used to find it? A named effect "
+        "must do at least as well as a rival name, and as an unnamed curve fitted to the errors."
+    )
+    missing = "This stage did not run: nothing was added to the model."
+    return stage("Prove", question, blocks, missing)
+
+
+def _before_after(found: Findings) -> Table:
+    rows = []
+    for channel in channels_of(found.gap.before, found.gap.after):
+        before = found.gap.before.get(channel, nan)
+        after = found.gap.after.get(channel, nan)
+        share = closed_share(before, after)
+        rows.append([channel_words(channel), floors(before), floors(after), share])
+    where = (
+        "On data not used for the fit"
+        if found.gap.held_out
+        else "On the data of the fit itself (there was none to hold out)"
+    )
+    head = ("channel", "before [floors]", "after [floors]", "gap closed")
+    return Table(head, rows, f"{where}, over the same floor before and after.")
+
+
+def _proof_table(found: Findings) -> Table:
+    channels = channels_of(*(row.gap for row in found.proof))
+    rows = [
+        [
+            row.model,
+            *(floors(row.gap.get(channel, nan)) for channel in channels),
+            sig(row.ahead_1s_mm),
+        ]
+        for row in found.proof
+    ]
+    strong = frozenset(i for i, row in enumerate(found.proof) if row.model.startswith("named"))
+    head = ("model", *(f"{channel_words(c)} [floors]" for c in channels), "1 s ahead [mm]")
+    return Table(head, rows, "The models on the same held-out data.", strong=strong)
+
+
+def following(found: Findings, command: Callable[[str], str]) -> Stage:
+    """What to do next."""
+    question = "Which experiment would tell more, for the least time on the rig?"
+    plan = found.next_experiment
+    if plan is None:
+        said = {
+            "named": "No experiment is needed: one name is left.",
+            "nothing-missing": "No experiment is needed: nothing is missing.",
+            "unknown-effect": "No experiment is proposed: no two names are left to tell apart.",
+            "undecided": "This stage did not run: there are no two names to tell apart yet. Record "
+            "a log with more motion, such as the one made by the command below.",
+        }
+        blocks: list[Block] = [Text(said[found.verdict])]
+        if found.verdict == "undecided":
+            blocks.append(Code(command("steps")))
+        return Stage("Next", question, blocks, ran=False)
+    one, other = plan.separates
+    expected = (
+        f" The expected separation is {sig(plan.separation)} (10 decides)."
+        if plan.separation
+        else ""
+    )
+    text = (
+        f"Run the protocol {plan.protocol} ({sig(plan.seconds)} s on the rig): it separates {one} "
+        f"from {other} best.{expected} Then give the new run to rig gap together with these logs."
+    )
+    return Stage("Next", question, [Text(text), Code(command(plan.protocol))])

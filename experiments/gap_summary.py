@@ -1,0 +1,96 @@
+"""What `rig gap` prints: the answer in about a dozen lines.
+
+What the logs cannot show stands with the smallest amplitude that they would have shown.
+"""
+
+from calibration.gap.findings import Findings, Named
+from experiments.gap_words import (
+    channel_words,
+    floors,
+    interval_words,
+    key_words,
+    parameter_unit,
+    percent,
+    recalibration,
+    sig,
+    smallest_words,
+)
+
+UNTESTABLE_SHOWN, NOTES_SHOWN, WHERE_SHOWN = 4, 3, 2
+
+
+def summary_lines(found: Findings) -> list[str]:
+    """Return the answer for a terminal: verdict, where, name, gap, what else."""
+    lines = [f"{found.verdict}: {found.sentence}"]
+    for w in found.where[:WHERE_SHOWN]:
+        lines.append(_line("where", f"{channel_words(w.channel)}, {w.region}: gap {floors(w.gap)}"))
+    label = "rival" if found.verdict == "undecided" else "effect"
+    lines += [_line(label, effect_words(effect)) for effect in found.effects]
+    if found.unknown is not None:
+        left = found.unknown
+        formula = f"; {left.formula}" if left.formula else ""
+        lines.append(_line("unnamed", f"{channel_words(left.channel)}: {left.shape}{formula}"))
+    lines += _gap_lines(found)
+    lines += _servo_lines(found)
+    if found.untestable:
+        names = [
+            f"{u.name} ({smallest_words(u.name, u.smallest)})" if u.smallest else u.name
+            for u in found.untestable[:UNTESTABLE_SHOWN]
+        ]
+        more = len(found.untestable) - len(names)
+        names += [f"{more} more"] if more > 0 else []
+        lines.append(_line("cannot see", ", ".join(names)))
+    if found.next_experiment is not None:
+        n = found.next_experiment
+        told = " from ".join(n.separates)
+        lines.append(_line("next", f"rig run {n.protocol} ({sig(n.seconds)} s) tells {told}"))
+    lines += [_line("note", note) for note in found.notes[:NOTES_SHOWN]]
+    if len(found.notes) > NOTES_SHOWN:
+        lines.append(_line("note", f"{len(found.notes) - NOTES_SHOWN} more in the report"))
+    return lines
+
+
+def _line(label: str, text: str) -> str:
+    return f"  {label:10s} {text}"
+
+
+def effect_words(effect: Named) -> str:
+    """A name with its probability, parameters and twins."""
+    parts = []
+    for axis, pairs in effect.parameters.items():
+        for key, interval in pairs.items():
+            where = "" if axis == "xy" else f"{axis} "
+            unit, factor = parameter_unit(effect.name, key)
+            parts.append(f"{where}{key_words(key)} {interval_words(interval, unit, factor)}")
+    twins = f"; or its twins {', '.join(effect.twins)}" if effect.twins else ""
+    sizes = f": {', '.join(parts)}" if parts else ""
+    return f"{effect.name} ({percent(effect.probability)}){sizes}{twins}"
+
+
+def _gap_lines(found: Findings) -> list[str]:
+    """Before and after by channel, and one second ahead."""
+    lines = []
+    gap = found.gap
+    if gap.before:
+        pairs = []
+        for channel, before in gap.before.items():
+            after = f" -> {floors(gap.after[channel])}" if channel in gap.after else ""
+            pairs.append(f"{channel_words(channel)} {floors(before)}{after}")
+        where = "on data not used for the fit" if gap.held_out else "on the data of the fit"
+        lines.append(_line("gap", f"{', '.join(pairs)} ({where}; 1.0 = noise, {gap.floor})"))
+    ahead = gap.ahead_1s_mm
+    if "before" in ahead:
+        after = f" -> {sig(ahead['after'])}" if "after" in ahead else ""
+        floor = f" (floor {sig(ahead['floor'])})" if "floor" in ahead else ""
+        lines.append(_line("1 s ahead", f"{sig(ahead['before'])}{after} mm{floor}"))
+    return lines
+
+
+def _servo_lines(found: Findings) -> list[str]:
+    """Calibrated numbers that are too far from the rig file's."""
+    far = []
+    for key, interval in found.calibrated.items():
+        off, too_far = recalibration(key, interval, found.rig_before)
+        if too_far and off is not None:
+            far.append(f"{key} = {sig(interval.value)} ({100 * off:+.0f} %)")
+    return [_line("servo", f"recalibrate the servo: {', '.join(far)}")] if far else []

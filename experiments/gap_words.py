@@ -1,0 +1,176 @@
+"""Words, units and numbers of the gap workflow for people: degrees and millimetres, no jargon."""
+
+import re
+from dataclasses import asdict
+from math import degrees, floor, isfinite, log10
+from typing import Any
+
+import tomli_w
+
+from calibration.gap.findings import Findings, Interval
+from rig.effects import BY_NAME
+from rig.parameters import Rig
+from rig.rigfile import SECTIONS
+
+VERDICT_WORDS = {
+    "named": "an effect is missing, and it has a name",
+    "nothing-missing": "nothing is missing",
+    "unknown-effect": "something is missing that has no name",
+    "undecided": "undecided",
+}
+# SI unit -> unit shown, factor
+_SHOWN = {
+    "rad": ("deg", degrees(1)),
+    "rad/s": ("deg/s", degrees(1)),
+    "m": ("mm", 1000.0),
+    "m/s": ("mm/s", 1000.0),
+    "m/s2": ("mm/s²", 1000.0),
+    "s": ("ms", 1000.0),
+    "1/s2": ("1/s²", 1.0),
+    "1/m2": ("1/m²", 1.0),
+    "1/rad2": ("1/rad²", 1.0),
+}
+RECALIBRATE = {"gain": 0.05, "time_constant": 0.10}
+
+
+def channel_words(channel: str) -> str:
+    """`ball_x` -> `ball x`."""
+    return channel.replace("_", " ")
+
+
+def sig(value: float | None, digits: int = 3) -> str:
+    """A number with so many figures, never as 1e-05; a dash where there is none."""
+    if value is None or not isfinite(value):
+        return "-"
+    if value and abs(value) < 1e-4:
+        return f"{value:.1e}"
+    text = f"{value:.{digits}g}"
+    return f"{float(text):.0f}" if "e" in text else text
+
+
+def floors(gap: float | None) -> str:
+    """A gap in noise floors: 1.04, 7.90, 41."""
+    if gap is None or not isfinite(gap):
+        return "-"
+    return f"{gap:.2f}" if abs(gap) < 10 else f"{gap:.1f}" if abs(gap) < 100 else f"{gap:.0f}"
+
+
+def percent(probability: float) -> str:
+    """A probability; never 100 %, which nothing is."""
+    if not isfinite(probability):
+        return "-"
+    if probability > 0.99:
+        return "> 99 %"
+    return "< 1 %" if probability < 0.01 else f"{100 * probability:.0f} %"
+
+
+def shown_unit(unit: str, key: str = "") -> tuple[str, float]:
+    """Return the unit that people read, and the factor to it; a fraction is given in %."""
+    if key.rpartition(".")[2] == "fraction":
+        return "%", 100.0
+    return _SHOWN.get(unit, ("" if unit == "1" else unit, 1.0))
+
+
+def parameter_unit(effect: str, key: str) -> tuple[str, float]:
+    """The same for a catalogue effect's parameter, by its key."""
+    key = key.rpartition(".")[2]
+    known = BY_NAME[effect].parameters if effect in BY_NAME else ()
+    return shown_unit(next((p.unit for p in known if p.key == key), ""), key)
+
+
+def key_words(key: str) -> str:
+    """`play_rad` -> `play`: the unit stands with the number."""
+    words = re.sub(r"_(rad_s|1_rad2|1_rad|m_s2|1_m2|1_s2|1_s|1_V|rad|V|s|m)$", "", key)
+    return words.replace("_", " ")
+
+
+def interval_words(interval: Interval, unit: str, factor: float) -> str:
+    """`2.01 [1.93, 2.09] deg`: as many decimals as the interval's width deserves, in all three."""
+    numbers = [factor * v for v in (interval.value, interval.low, interval.high)]
+    half = abs(numbers[2] - numbers[1]) / 2
+    if not all(map(isfinite, numbers)) or half == 0:
+        value, low, high = map(sig, numbers)
+    else:
+        decimals = -floor(log10(half))
+        if half * 10.0**decimals < 2:  # 0.1 would say too little of 0.14
+            decimals += 1
+        decimals = min(max(0, decimals), 8)
+        value, low, high = (f"{number:.{decimals}f}" for number in numbers)
+    return f"{value} [{low}, {high}] {unit}".strip()
+
+
+def smallest_words(effect: str, smallest: dict[str, float]) -> str:
+    """What amplitude a log would have shown, in the units people read."""
+    parts = []
+    for key, value in smallest.items():
+        unit, factor = parameter_unit(effect, key)
+        parts.append(f"{key_words(key)} {sig(factor * value)} {unit}".strip())
+    return ", ".join(parts) or "-"
+
+
+def sentence_of(effect: str) -> str:
+    """What an effect is, from the catalogue."""
+    return BY_NAME[effect].sentence if effect in BY_NAME else ""
+
+
+def nominal_of(key: str, rig: Rig | None) -> float | None:
+    """What the rig file says of a calibrated number such as `gain_x_rad_s_V`."""
+    plain = re.sub(r"_(x|y|xy)_", "_", key)
+    return getattr(rig.servo, plain, None) if rig is not None else None
+
+
+def recalibration(key: str, interval: Interval, rig: Rig | None) -> tuple[float | None, bool]:
+    """How far a calibrated number is from the rig file's, as a share; and is that too far?"""
+    nominal = nominal_of(key, rig)
+    if not nominal:
+        return None, False
+    off = interval.value / nominal - 1
+    limit = next((v for k, v in RECALIBRATE.items() if key.startswith(k)), None)
+    return off, limit is not None and abs(off) > limit
+
+
+def closed_share(before: float, after: float) -> str:
+    """How much of a gap is closed, where there was one: (before - after)/(before - 1)."""
+    if not (isfinite(before) and isfinite(after)) or before < 1.05:
+        return "no gap to close"
+    return f"{100 * (before - after) / (before - 1):.0f} %"
+
+
+def added_toml(found: Findings) -> str:
+    """The part of rig.toml that differs from what was believed: what was added to the model."""
+    changed: dict[str, Any] = {}
+    before, after = found.rig_before, found.rig_after
+    if before is not None and after is not None:
+        for section in SECTIONS:
+            old, new = asdict(getattr(before, section)), asdict(getattr(after, section))
+            other = {key: value for key, value in new.items() if value != old[key]}
+            if other:
+                changed[section] = other
+        effects = {k: v for k, v in after.effects.items() if before.effects.get(k) != v}
+    else:
+        effects = {
+            e.name: {
+                axis: {key: i.value for key, i in pairs.items()}
+                for axis, pairs in e.parameters.items()
+                if pairs
+            }
+            for e in found.effects
+            if found.verdict == "named"
+        }
+    if effects:
+        changed["effects"] = effects
+    text = tomli_w.dumps(_rounded(changed)).strip() if changed else ""
+    return re.sub(r"\[\n([^\]]*?),?\n\]", lambda found: f"[{_one_line(found[1])}]", text)
+
+
+def _one_line(numbers: str) -> str:
+    return " ".join(numbers.split())
+
+
+def _rounded(value: Any) -> Any:
+    """Five figures are more than the intervals allow."""
+    if isinstance(value, dict):
+        return {key: _rounded(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(item) for item in value]
+    return float(f"{value:.5g}") if isinstance(value, float) and isfinite(value) else value

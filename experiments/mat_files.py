@@ -1,0 +1,79 @@
+"""Read the variables of a MAT file: version 5 through scipy, version 7.3 (which is HDF5) by h5py.
+
+Columns may be variables of their own, or the fields of one struct that has `t_s`.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rig.log import INDEX
+
+
+def read_mat(path: Path) -> dict[str, Any]:
+    """Return name -> values of the file's variables. ValueError: damaged, or no MAT file."""
+    from scipy.io import loadmat
+
+    try:
+        found = loadmat(path, appendmat=False)
+    except NotImplementedError:  # what scipy raises for version 7.3
+        return _read_hdf5(path)
+    except Exception as error:  # of damaged bytes scipy raises whatever it meets
+        raise ValueError(f"not readable as a MAT file ({error})") from error
+    found = {name: value for name, value in found.items() if not name.startswith("__")}
+    if "t_s" not in found:
+        for value in found.values():
+            fields = value.dtype.names or ()
+            if "t_s" in fields and value.size == 1:
+                return {name: value[name].item() for name in fields}
+            _refuse_object({"s0", "arr"} <= set(fields))
+    return found
+
+
+def _refuse_object(is_object: bool) -> None:
+    """ValueError where a table or timetable was saved: only MATLAB itself can read those."""
+    if is_object:
+        raise ValueError(
+            "it holds a MATLAB table or object: save a struct, as of table2struct(T, 'ToScalar', 1)"
+        )
+
+
+def _read_hdf5(path: Path) -> dict[str, Any]:
+    """Read a file of version 7.3; every array lies there transposed, which a column survives."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            _refuse_object("#subsystem#" in file and "t_s" not in file)
+            return _columns(_with_time(file, h5py.Group))
+    except (OSError, RuntimeError, KeyError) as error:
+        raise ValueError(f"not readable as a MAT file of version 7.3 ({error})") from error
+
+
+def _with_time(file: Any, group: type) -> Any:
+    """Return the group that has `t_s`: the file itself, or the one struct that does."""
+    if "t_s" not in file:
+        for name, value in file.items():
+            if not name.startswith("#") and isinstance(value, group) and "t_s" in value:
+                return value
+    return file
+
+
+def _columns(group: Any) -> dict[str, Any]:
+    """Name -> array of a group's datasets; of names that nobody asks for only the name."""
+    found: dict[str, Any] = {}
+    for name, value in group.items():
+        if name.startswith("#"):
+            continue
+        if name not in INDEX:
+            found[name] = np.empty(0)
+        elif not hasattr(value, "dtype"):  # a group: a struct or an object
+            raise ValueError(f"{name} is no column of numbers (it is a struct or an object)")
+        elif value.attrs.get("MATLAB_empty", 0):  # the sizes are stored in the place of numbers
+            found[name] = np.empty(0)
+        elif value.attrs.get("MATLAB_class") == b"char":
+            found[name] = np.array("text")
+        else:
+            found[name] = value[()]
+    return found

@@ -1,0 +1,171 @@
+"""Wrong units, signs and axes are found by what they do; odd but possible logs get a note."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from gap_logs import RIG, log_of, table_log
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from experiments.gap_checks import check, step_of
+from experiments.gap_input import released
+from experiments.gap_physics import ball_response, servo_response
+from experiments.protocol import read_protocol
+from experiments.runner import Order, simulate_order
+from rig.parameters import Linkage, Servo
+
+
+def scaled(**factors):
+    """The usual log with columns multiplied: `theta=57.3` scales both axes."""
+    columns = table_log()
+    for name in columns:
+        for start, factor in factors.items():
+            if name.startswith(start):
+                columns[name] = columns[name] * factor
+    return columns
+
+
+def refused(columns, words, rig=RIG):
+    with pytest.raises(ValueError, match=words) as caught:
+        check(log_of(columns), rig)
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 300
+
+
+def test_a_good_log_gets_no_note():
+    for seed in range(5):
+        assert check(log_of(table_log(seed=seed)), RIG) == []
+
+
+def test_the_answers_have_the_believed_gains():
+    log = log_of(table_log())
+    servo, ball = servo_response(log, "x", "x"), ball_response(log, "y", "y", 0.0)
+    assert servo is not None
+    assert ball is not None
+    assert servo.rank > 0.9
+    assert servo.gain == pytest.approx(RIG.servo.gain_rad_s_V, rel=0.1)
+    assert ball.rank > 0.9
+    assert ball.gain == pytest.approx(RIG.ball_gain_m_s2, rel=0.1)
+
+
+@pytest.mark.parametrize("protocol", ["steps", "free-release", "servo-squares"])
+def test_a_table_with_faults_is_not_refused(protocol):
+    """Play, friction, a turned and late camera, a weak drive: all that is for the workflow."""
+    effects = {
+        "joint_backlash": {"x": {"play_rad": 0.06}, "y": {"play_rad": 0.06}},
+        "coulomb_friction": {"x": {"friction_V": 0.1}},
+        "gear_backlash": {"x": {"play_rad": 0.04}},
+        "camera_yaw": {"xy": {"angle_rad": 0.15}},
+        "camera_delay": {"xy": {"extra_s": 0.04}},
+        "cross_coupling": {"x": {"fraction": 0.15}},
+    }
+    rig = replace(RIG, effects=effects, servo=Servo(gain_rad_s_V=2.9, time_constant_s=0.05))
+    order = Order(rig, read_protocol(protocol), "without", 3, Path(), kind=RIG)
+    assert check(released(simulate_order(order).log, RIG.camera.delay_s), RIG) == []
+
+
+@pytest.mark.parametrize(
+    ("factors", "words"),
+    [
+        ({"theta": 57.29578}, "theta_x_rad reaches 6.* degrees .*times 0.01745"),
+        ({"ball": 1000.0}, "ball_x_m reaches .* like millimetres; give metres .times 0.001"),
+        ({"ball": 100.0}, "ball_x_m reaches .* like centimetres; give metres .times 0.01"),
+        ({"ball": 1000.0, "theta": 0.0}, "like millimetres, centimetres or pixels; give metres$"),
+        ({"t_s": 1000.0}, "rows come every 2 s, at 0.5 Hz .limit: 10 to 5000 Hz.* milliseconds"),
+        ({"t_s": 0.01}, "50000 Hz .limit.* resample"),
+        ({"voltage": 2048 / 6}, "voltage_x_V reaches .*limit: 100 V.*counts"),
+        ({"theta_x": -1.0}, "theta_x_rad answers voltage_x_V the wrong way round .correlation -"),
+        ({"voltage_y": -1.0}, "theta_y_rad answers voltage_y_V the wrong way round"),
+        ({"ball_y": -1.0}, "ball_y_m answers theta_y_rad the wrong way round"),
+    ],
+)
+def test_wrong_units_and_signs_are_refused(factors, words):
+    refused(scaled(**factors), words)
+
+
+def test_degrees_without_a_ball_are_refused_too():
+    columns = {k: v for k, v in scaled(theta=57.29578).items() if not k.startswith("ball")}
+    refused(columns, "degrees")
+    for axis in "xy":  # nor is the encoder's step needed
+        columns[f"theta_{axis}_rad"] = columns[f"theta_{axis}_rad"] + 1e-4 * np.sin(
+            np.arange(len(columns["t_s"]))
+        )
+    refused(columns, "degrees")
+
+
+@pytest.mark.parametrize("name", ["voltage_{}_V", "ball_{}_m"])
+def test_swapped_axes_are_refused(name):
+    columns = table_log()
+    x, y = name.format("x"), name.format("y")
+    columns[x], columns[y] = columns[y], columns[x]
+    refused(columns, "swap the axes")
+
+
+def test_swapped_axes_of_mirrored_motion_are_refused():
+    """A release from a corner moves both axes alike but for the sign."""
+    columns = table_log()
+    for name in ("voltage_{}_V", "theta_{}_rad", "ball_{}_m"):
+        columns[name.format("y")] = -columns[name.format("x")]
+    assert check(log_of(columns), RIG) == []
+    columns["voltage_x_V"], columns["voltage_y_V"] = columns["voltage_y_V"], columns["voltage_x_V"]
+    refused(columns, "theta_x_rad follows voltage_y_V")
+
+
+def test_suspicions_are_notes():
+    assert "voltage_x_V reaches" in check(log_of(scaled(voltage=30.0)), RIG)[0]
+    far = check(log_of(scaled(ball=10.0)), replace(RIG, linkage=Linkage(0.0254 * 10, 0.6)))
+    assert len(far) == 0
+    servo = {k: v for k, v in scaled(theta=10.0).items() if not k.startswith("ball")}
+    notes = check(log_of(servo), RIG)
+    assert any("beyond the rig's stop" in note for note in notes)
+    assert any("encoder_counts_per_rev = 4096" in note for note in notes)
+    other = replace(RIG, servo=Servo(encoder_counts_per_rev=2048))
+    notes = check(log_of(table_log()), other)
+    assert notes[0].startswith("theta_x_rad moves in steps of 0.00153 rad (4096 a turn)")
+
+
+def test_no_motion_is_a_note_not_an_error():
+    columns = {name: np.zeros(3000) for name in table_log()}
+    columns["t_s"] = np.arange(3000) / 500
+    notes = check(log_of(columns), RIG)
+    assert sum("never changes" in note for note in notes) == 6
+    assert notes[-1] == "the ball was seen only 1 times"
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [(1, "too short: 1 row .limit: 20"), (19, "19 rows"), (400, "too short: 0.798 s .limit: 1 s")],
+)
+def test_short_logs_are_refused(rows, words):
+    refused({name: values[:rows] for name, values in table_log().items()}, words)
+
+
+def test_nothing_to_compare_is_refused():
+    columns = table_log()
+    refused({k: columns[k] for k in ("t_s", "theta_x_rad", "ball_y_m")}, "nothing to compare")
+    refused({k: columns[k] for k in ("t_s", "ball_x_m", "voltage_x_V")}, "there are voltage_x_V")
+
+
+def test_exposures_of_another_clock_are_refused():
+    columns = table_log()
+    columns["ball_exposed_s"] = np.where(np.isnan(columns["ball_x_m"]), np.nan, 1.7e9)
+    refused(columns, "ball_exposed_s lies -1.7e.* clock of t_s")
+
+
+@settings(max_examples=30, deadline=None)
+@given(counts=st.integers(200, 20000), seed=st.integers(0, 999))
+def test_the_encoders_step_is_told(counts, seed):
+    step = 2 * np.pi / counts
+    theta = np.cumsum(np.random.default_rng(seed).normal(0, step / 2, 4000))
+    assert step_of(step * np.round(theta / step)) == pytest.approx(step, rel=1e-6)
+    assert step_of(np.round(step * np.round(theta / step), 6)) == pytest.approx(step, rel=0.02)
+
+
+def test_no_step_is_told_where_there_is_none():
+    theta = 0.1 * np.sin(np.arange(3000) / 50)
+    assert step_of(theta) is None  # smooth
+    assert step_of(np.round(theta, 3)) is None  # rounded in writing
+    assert step_of(np.zeros(3000)) is None
+    assert step_of(np.full(3000, np.nan)) is None

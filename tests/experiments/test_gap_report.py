@@ -1,0 +1,244 @@
+"""The report tells people what was found, in their units, and says what was not done."""
+
+import re
+import tomllib
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from gap_findings import ALL, RANKING, around, named, no_motion, nothing, rivals, unknown
+from hypothesis import given
+from hypothesis import strategies as st
+
+from calibration.gap.findings import (
+    CHANNELS,
+    Findings,
+    Gap,
+    Interval,
+    Named,
+    PlateMap,
+    Profile,
+    ProofRow,
+    Step,
+)
+from experiments import gap_figures as figures
+from experiments.gap_report import write_gap_report
+from experiments.gap_summary import summary_lines
+from experiments.gap_words import (
+    added_toml,
+    closed_share,
+    floors,
+    interval_words,
+    key_words,
+    parameter_unit,
+    percent,
+    sig,
+    smallest_words,
+)
+from rig.effects import CATALOGUE
+from rig.parameters import Rig
+from rig.rigfile import from_dict
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory):
+    """Every kind of findings as text of its page, and its folder."""
+    found = {}
+    for name, make in ALL.items():
+        folder = tmp_path_factory.mktemp(name)
+        path = write_gap_report(make(), folder, names=["a <log>.csv", "20261120-steps-with"])
+        assert path == folder / "gap.html"
+        found[name] = path.read_text(encoding="utf-8"), folder
+    return found
+
+
+def words(page):
+    """The page without pictures and tags, on one line."""
+    page = re.sub(r'src="data:[^"]*"', "", page.split("</style>")[1])
+    return " ".join(re.sub(r"<[^>]+>", " ", page).split())
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_page_is_whole_and_self_contained(pages, name):
+    page, folder = pages[name]
+    pictures = sorted(folder.glob("*.png"))
+    assert page.count('src="data:image/png;base64,') == len(pictures)
+    assert page.count("src=") == len(pictures)
+    assert "<script" not in page
+    assert "http" not in page
+    assert "a &lt;log&gt;.csv" in page
+    assert not re.search(r"\bnan\b|\binf\b|None", words(page))
+    for title in ("Locate", "Name", "Add", "Prove", "Next"):
+        assert re.search(rf"<h2[^>]*><span class=\"n\">\d</span>{title}</h2>", page)
+    assert ALL[name]().sentence in page
+    assert all(path.stat().st_size > 8000 for path in pictures)
+
+
+def test_a_named_effect_is_told_in_degrees_and_millimetres(pages):
+    text = words(pages["named"][0])
+    assert "joint_backlash x play 2.01 [1.93, 2.09] deg 0.08 deg 0 to 5.73 deg" in text
+    assert "ball x 7.90 2.53 mm 0.32 mm" in text
+    assert "ball x 7.90 1.04 99 %" in text
+    assert "servo x 1.03 1.02 no gap to close" in text
+    assert "named: joint_backlash 1.02 1.01 1.04 1.06 2.4" in text
+    assert "limit cycle period x s 1.82 - 1.79" in text
+    assert "Recalibrate the servo: gain x is off by +5.2 %" in text
+    assert "[effects.joint_backlash.x] play_rad = 0.035012" in text
+    assert "saturation the volts stay below 3.1 V limit 3.1 V" in text
+    assert "No experiment is needed: one name is left." in text
+    assert "predicted to within 2.4 mm instead of 6.1 mm" in text
+
+
+def test_stages_that_did_not_run_say_so(pages):
+    assert words(pages["no_motion"][0]).count("This stage did not run") == 4
+    assert pages["no_motion"][0].count('<h2 class="off">') == 4
+    assert "Recalibrate" not in words(pages["nothing"][0])
+    assert "instead of" not in words(pages["nothing"][0])
+    assert pages["named"][0].count('<h2 class="off">') == 1  # no next experiment
+
+
+def test_what_has_no_name_is_described(pages):
+    text = words(pages["unknown"][0])
+    assert "Something is left that no name explains, in ball x: a rhythm of 1.3 Hz" in text
+    assert "[unknown] ball_rhythm_x = [0.02, -0.01] ball_rhythm_hz = 1.3" in text
+    besides = replace(named(), unknown=unknown().unknown)
+    assert "that no name explains" not in words(pages["named"][0])
+    assert summary_lines(besides)[4].startswith("  unnamed    ball x: a rhythm")
+
+
+def test_rivals_get_an_experiment_and_its_command(pages):
+    text = words(pages["rivals"][0])
+    assert "camera_delay (57 %) or linkage_cubic (41 %): these logs do not tell" in text
+    assert "steps (30 s on the rig): it separates camera_delay from linkage_cubic" in text
+    assert "expected separation is 27 (10 decides)" in text
+    assert "rig run steps --arm with --rig rig.toml" in text
+    assert "structural twins: a pure delay from encoder to plate" in text
+
+
+@pytest.mark.parametrize("make", [named, unknown, nothing])
+def test_the_toml_of_what_was_added_is_read_by_the_rig(make):
+    found = make()
+    text = added_toml(found)
+    if make is nothing:
+        assert text == ""
+        return
+    rig = from_dict(tomllib.loads(text))
+    for name, by_axis in found.rig_after.effects.items():
+        for axis, pairs in by_axis.items():
+            assert rig.effects[name][axis] == pytest.approx(pairs, rel=1e-4)
+    assert rig.unknown == found.rig_after.unknown
+
+
+def test_the_toml_of_a_name_alone_needs_no_rigs():
+    found = replace(named(), rig_before=None, rig_after=None)
+    assert tomllib.loads(added_toml(found))["effects"]["joint_backlash"]["y"]["play_rad"] == 0.02
+    assert added_toml(replace(found, verdict="undecided")) == ""
+
+
+def test_a_summary_is_short_and_says_the_same(pages):
+    for make in ALL.values():
+        lines = summary_lines(make())
+        assert 2 <= len(lines) <= 15
+        assert lines[0] == f"{make().verdict}: {make().sentence}"
+        assert all("\n" not in line for line in lines)
+    lines = "\n".join(summary_lines(named()))
+    assert "joint_backlash (98 %): x play 2.01 [1.93, 2.09] deg, y play 1.15 [1.10, 1.19]" in lines
+    assert "ball x 7.90 -> 1.04" in lines
+    assert "6.1 -> 2.4 mm (floor 2.2)" in lines
+    assert "recalibrate the servo: gain_x_rad_s_V = 1.61 (+5 %)" in lines
+    assert "4.1" not in lines
+    assert "rig run steps (30 s) tells camera_delay from linkage_cubic" in "\n".join(
+        summary_lines(rivals())
+    )
+
+
+def test_many_notes_are_counted():
+    lines = summary_lines(replace(no_motion(), notes=tuple("abcdefg")))
+    assert lines[-1] == "  note       4 more in the report"
+
+
+def test_odd_findings_still_make_a_page(tmp_path):
+    """Empty bins, one channel, a gap of nothing, a name of tomorrow's catalogue."""
+    gone = np.full(4, np.nan)
+    profile = Profile("ball_x", "time", "s", np.arange(5.0), gone, np.zeros(4))
+    other = Profile("servo_y", "voltage", "V", np.arange(5.0), gone, np.zeros(4))
+    empty = PlateMap(np.arange(3.0), np.arange(3.0), np.full((2, 2, 2), np.nan), np.zeros((2, 2)))
+    found = Findings(
+        verdict="named",
+        sentence="x",
+        effects=(Named("bad_karma", 1.0, (), {"x": {"size_m": around(0.001)}}),),
+        gap=Gap({"ball_x": np.nan}, {"ball_x": 1.0}),
+        profiles=(profile, other),
+        maps=(empty,),
+        ranking=(replace(RANKING[0], probability=0.0),),
+        steps=(Step("", {"ball_x": np.nan}), Step("bad_karma", {"ball_x": 1000.0})),
+        proof=(ProofRow("nothing added", {}, None), ProofRow("named: bad_karma", {}, 0.0)),
+        calibrated={"gain_x_rad_s_V": Interval(22.0, 22.0, 22.0)},
+        rig_before=Rig(),
+    )
+    page = words(write_gap_report(found, tmp_path, names=[]).read_text(encoding="utf-8"))
+    assert "bad_karma x size" in page
+    assert "22 [22, 22] rad/s/V" in page
+    assert summary_lines(found)
+
+
+def texts_inside(figure):
+    """Every text of a figure lies in the picture as it is saved, and no tick labels overlap."""
+    figure.canvas.draw()
+    tight = figure.get_tightbbox()
+    for axis in figure.axes:
+        boxes = [t.get_window_extent() for t in axis.get_xticklabels() if t.get_text()]
+        shown = [b for b in boxes if b.width]
+        for left, right in pairwise(shown):
+            assert left.x1 <= right.x0 + 1, "labels overlap"
+        assert axis.get_xlabel() or axis.get_xticklabels()
+    assert tight.width < 1.25 * figure.get_figwidth()
+    figures.plt.close(figure)
+
+
+def test_figures_have_room_for_their_words():
+    names = [e.name for e in CATALOGUE[:6]]
+    steps = [Step("", dict.fromkeys(CHANNELS, 60.0))]
+    steps += [Step(f"{n} x", dict.fromkeys(CHANNELS, 20.0 / (i + 1))) for i, n in enumerate(names)]
+    texts_inside(figures.shrinking(steps))
+    texts_inside(figures.shrinking(steps[:3]))
+    texts_inside(figures.over_state([p for p in named().profiles if p.quantity != "time"]))
+    long = [replace(c, twins=("encoder_to_plate_delay", "asymmetric_play")) for c in RANKING]
+    texts_inside(figures.ranking(long, ["joint_backlash"]))
+    rows = [ProofRow("named: transmission_ripple + joint_backlash + level_offset", {}, 3.0)]
+    texts_inside(figures.ahead(rows, 2.0))
+
+
+def test_every_parameter_of_the_catalogue_has_a_unit_and_words():
+    for effect in CATALOGUE:
+        for p in effect.parameters:
+            unit, factor = parameter_unit(effect.name, p.key)
+            assert "rad" not in unit or "1/rad" in unit
+            assert factor >= 1
+            assert not re.search(r"_(rad|V|s|m)\b", key_words(p.key))
+    assert smallest_words("camera_delay", {"extra_s": 0.0034}) == "extra 3.4 ms"
+    assert smallest_words("camera_scale", {"fraction": 0.014}) == "fraction 1.4 %"
+    assert smallest_words("joint_backlash", {"x.play_rad": 0.0045}) == "x.play 0.258 deg"
+
+
+def test_numbers_for_people():
+    assert [sig(v) for v in (1234567.0, 0.00001, 0.0, float("nan"), None)] == [
+        "1230000", "1.0e-05", "0", "-", "-",
+    ]  # fmt: skip
+    assert [percent(p) for p in (1.0, 0.985, 0.004, float("nan"))] == [
+        "> 99 %",
+        "98 %",
+        "< 1 %",
+        "-",
+    ]
+    assert [floors(g) for g in (1.0, 41.26, 412.3, None)] == ["1.00", "41.3", "412", "-"]
+    assert closed_share(1.04, 1.0) == "no gap to close"
+    assert closed_share(3.0, 1.1) == "95 %"
+
+
+@given(value=st.floats(-1e3, 1e3), half=st.floats(1e-6, 1e3))
+def test_an_interval_in_words_is_the_interval(value, half):
+    text = interval_words(Interval(value, value - half, value + half), "V", 1.0)
+    shown = [float(n) for n in re.findall(r"-?[\d.]+", text)]
+    assert shown == pytest.approx([value, value - half, value + half], abs=0.26 * half)

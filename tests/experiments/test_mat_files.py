@@ -1,0 +1,87 @@
+"""MAT files of version 7.3 are HDF5 with every array transposed, as MATLAB writes them."""
+
+import h5py
+import numpy as np
+import pytest
+from gap_logs import log_of, table_log
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from experiments.importing import read_log
+
+HEADER = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM"
+
+
+def write_7_3(path, columns, *, struct=None, row_vectors=False):
+    """Write `columns` as MATLAB's save(..., '-v7.3') lays them out."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        group = file.create_group(struct) if struct else file
+        if struct:
+            group.attrs["MATLAB_class"] = np.bytes_("struct")
+        for name, values in columns.items():
+            values = np.asarray(values)
+            shape = (len(values), 1) if row_vectors else (1, len(values))
+            data = group.create_dataset(name, data=values.reshape(shape))
+            data.attrs["MATLAB_class"] = np.bytes_("double")
+        file.create_group("#refs#")
+    with path.open("r+b") as file:
+        file.write(HEADER.ljust(512, b"\0"))
+    return path
+
+
+@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(
+    order=st.permutations(list(table_log(seconds=0.01))),
+    struct=st.sampled_from([None, "log"]),
+    rows=st.booleans(),
+)
+def test_columns_and_structs_are_read_exactly(tmp_path_factory, order, struct, rows):
+    columns = table_log(seconds=1.0)
+    path = tmp_path_factory.mktemp("mat") / "log.mat"
+    write_7_3(path, {name: columns[name] for name in order}, struct=struct, row_vectors=rows)
+    log = read_log(path)
+    np.testing.assert_array_equal(log.rows, log_of(columns).rows)
+
+
+def test_unknown_names_are_said_and_not_read(tmp_path):
+    columns = {"t_s": np.arange(3.0), "ball_x_m": np.ones(3), "mood": np.ones(7)}
+    log = read_log(write_7_3(tmp_path / "log.mat", columns))
+    assert log.notes[0] == "unknown columns left out: mood"
+
+
+def test_what_is_no_column_is_refused_in_one_line(tmp_path):
+    path = write_7_3(tmp_path / "log.mat", {"t_s": np.arange(4.0)})
+    with h5py.File(path, "r+") as file:
+        file.create_group("theta_x_rad")
+    with pytest.raises(ValueError, match="theta_x_rad is no column of numbers"):
+        read_log(path)
+    with h5py.File(path, "r+") as file:
+        del file["theta_x_rad"]
+        file["theta_x_rad"] = np.array([[72, 105]], np.uint16)
+        file["theta_x_rad"].attrs["MATLAB_class"] = np.bytes_("char")
+    with pytest.raises(ValueError, match="theta_x_rad is no column of numbers"):
+        read_log(path)
+    with h5py.File(path, "r+") as file:
+        del file["theta_x_rad"]
+        file["theta_x_rad"] = np.array([0, 0], np.uint64)
+        file["theta_x_rad"].attrs["MATLAB_empty"] = 1
+    with pytest.raises(ValueError, match="no values in any of"):
+        read_log(path)
+
+
+def test_a_matlab_table_names_the_cure(tmp_path):
+    path = write_7_3(tmp_path / "log.mat", {"T": np.arange(6.0)})
+    with h5py.File(path, "r+") as file:
+        file.create_group("#subsystem#")
+    with pytest.raises(ValueError, match="table2struct"):
+        read_log(path)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.95])
+def test_damaged_files_are_refused_in_one_line(tmp_path, share):
+    path = write_7_3(tmp_path / "log.mat", table_log(seconds=2.0))
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises(ValueError, match="log") as caught:
+        read_log(path)
+    assert "\n" not in str(caught.value)
