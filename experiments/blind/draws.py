@@ -1,0 +1,204 @@
+"""From a sealed seed to trials: what is hidden, how large, in which table, seen by which protocol.
+
+Every trial has its own generator [seed, number], so any of them can be drawn alone.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from experiments.assemble import load_rig
+from experiments.blind import sizes, strangers
+from experiments.blind.tables import calibrated_table, merged, well_kept
+from experiments.blind.trial import BATTERY, Effects, Noise, Trial, rig_data
+from experiments.protocol import read_protocol
+from rig.effects import CATALOGUE
+from rig.parameters import Rig
+
+# Shares of the trials with something hidden.
+MIXTURE = {"single": 0.5, "pair": 0.15, "shape": 0.1, "stranger": 0.12, "realistic": 0.09}
+MIXTURE |= {"untestable": 0.04}
+NOTHING: dict[str, tuple[float, Noise]] = {  # variant: share, noise
+    "plain": (0.5, Noise()),
+    "process doubled": (0.1, Noise(process=2.0)),
+    "process halved": (0.05, Noise(process=0.5)),
+    "noise doubled": (0.1, Noise(process=2.0, camera=2.0)),
+    "noise halved": (0.05, Noise(process=0.5, camera=0.5)),
+    "camera coloured": (0.1, Noise(colour=0.6)),
+    "frames dropped": (0.1, Noise(dropped=0.15)),
+}
+RUNS = 2  # of a single protocol: the 60 s of the smallest amplitudes, where it lasts 30 s
+ON_TOP = (1, 3, 5)  # effects on top of a realistic rig
+APART = ({"camera_yaw", "cross_coupling"},)  # together they are each other's other half
+EVERY = tuple(effect.name for effect in CATALOGUE)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How many trials of which kinds. effects: those that may be hidden; protocols: drawn from;
+    table: what a trial's rig file says where it is well kept (default: the shipped table)."""
+
+    hidden: int
+    nothing: int
+    seed: int
+    effects: tuple[str, ...] = EVERY
+    kinds: tuple[str, ...] = tuple(MIXTURE)
+    protocols: tuple[str, ...] = ("steps", "battery")
+    table: Rig | None = None
+
+    @property
+    def kind(self) -> Rig:
+        return replace(self.table or load_rig(None), effects={})
+
+
+def plan_trials(plan: Plan) -> list[Trial]:
+    """The trials of a plan in an order that says nothing of their kinds."""
+    _check(plan)
+    kinds = [*_kinds(plan), *["nothing"] * plan.nothing]
+    order = np.random.default_rng([plan.seed, 0]).permutation(len(kinds))
+    return [draw_trial(plan, number + 1, kinds[i]) for number, i in enumerate(order)]
+
+
+def _check(plan: Plan) -> None:
+    unknown = [name for name in plan.effects if name not in EVERY]
+    if unknown:
+        raise ValueError(f"unknown effect '{unknown[0]}'; known: {', '.join(EVERY)}")
+    if not plan.effects or not plan.protocols or not plan.kinds:
+        raise ValueError("a blind trial needs at least one effect, one protocol and one kind")
+    for name in plan.protocols:
+        if name != "battery":
+            read_protocol(name)
+    if "pair" in plan.kinds and not _pairs(plan.effects):
+        raise ValueError("a pair needs two effects that can be told apart: name more")
+
+
+def _kinds(plan: Plan) -> list[str]:
+    """`plan.hidden` kinds in the mixture's shares (equal ones for kinds that it does not hold)."""
+    share = np.array([MIXTURE.get(kind, 0.1) for kind in plan.kinds])
+    edges = np.concatenate([[0.0], np.cumsum(share / share.sum())])
+    counts = np.diff(np.round(edges * plan.hidden).astype(int))
+    return [kind for kind, n in zip(plan.kinds, counts, strict=True) for _ in range(n)]
+
+
+def _pairs(names: Sequence[str]) -> list[tuple[str, str]]:
+    return [
+        (a, b) for i, a in enumerate(names) for b in names[i + 1 :] if not _twins({a, b})
+    ]  # fmt: skip
+
+
+def _twins(names: set[str]) -> bool:
+    return any(apart <= names for apart in APART)
+
+
+def draw_trial(plan: Plan, number: int, kind: str) -> Trial:
+    """Trial `number` (from 1) of a plan, of this kind."""
+    rng = np.random.default_rng([plan.seed, number])
+    choice = plan.protocols[rng.integers(len(plan.protocols))]
+    protocols = BATTERY if choice == "battery" else (choice,) * RUNS
+    seeds = tuple(int(n) for n in rng.integers(1, 2**31, len(protocols)))
+    believed = plan.kind
+    trial = Trial(f"trial-{number:05d}", kind, "", protocols, seeds, {}, {})
+    if kind == "realistic":
+        return _realistic(plan, trial, rng)
+    plant = well_kept(believed, rng)
+    if kind == "nothing":
+        variant = str(rng.choice(list(NOTHING), p=[share for share, _ in NOTHING.values()]))
+        trial = replace(trial, variant=variant, noise=NOTHING[variant][1])
+    elif kind == "stranger":
+        name = strangers.NAMES[rng.integers(len(strangers.NAMES))]
+        seconds = min(read_protocol(p).duration_s for p in protocols)
+        times = sizes.factor(rng)
+        stranger = strangers.draw(name, times, rng, seconds=seconds)
+        trial = replace(trial, variant=name, stranger=stranger, factor=times)
+    elif kind == "untestable":
+        return _untestable(trial, plant, believed, rng)
+    else:
+        names, within, other = _names(plan, kind, rng)
+        trial = _hide(trial, names, rng, within, other)
+    return _finish(trial, plant, believed)
+
+
+def _names(plan: Plan, kind: str, rng: np.random.Generator):
+    """What is hidden in a single, pair, shape or weak trial: names, factors, whether reshaped."""
+    if kind == "pair":
+        pairs = _pairs(plan.effects)
+        return pairs[rng.integers(len(pairs))], sizes.FACTORS, False
+    pool = plan.effects
+    if kind == "shape":
+        pool = tuple(name for name in pool if name in sizes.SHAPES) or tuple(sizes.SHAPES)
+    within = sizes.WEAK_FACTORS if kind == "weak" else sizes.FACTORS
+    return (pool[rng.integers(len(pool))],), within, kind == "shape"
+
+
+def _hide(
+    trial: Trial,
+    names: Sequence[str],
+    rng: np.random.Generator,
+    within: tuple[float, float] = sizes.FACTORS,
+    other_shape: bool = False,
+) -> Trial:
+    """The trial with these effects drawn into `hidden`."""
+    hidden, factors = {}, []
+    for name in names:
+        hidden[name], times = sizes.draw_effect(name, rng, within=within, other_shape=other_shape)
+        factors.append(times)
+    return replace(trial, variant=" + ".join(names), hidden=hidden, factor=factors[0])
+
+
+def _finish(trial: Trial, plant: Rig, believed: Rig) -> Trial:
+    """Put what is hidden into the plant; a saturation's limit follows from the volts in use."""
+    from experiments.blind.logs import peak_volts
+
+    hidden: Effects = dict(trial.hidden)
+    trial = replace(trial, believed=rig_data(believed))
+    if "saturation" in hidden:
+        rest: Effects = {n: v for n, v in hidden.items() if n != "saturation"}
+        free = replace(plant, effects=merged(plant.effects, rest))
+        peaks = peak_volts(replace(trial, plant=rig_data(free)))
+        hidden["saturation"] = {
+            axis: {"limit_V": sizes.saturation_limit(peaks[axis], values["limit_V"])}
+            for axis, values in hidden["saturation"].items()
+        }
+    plant = replace(plant, effects=merged(plant.effects, hidden))
+    return replace(trial, hidden=hidden, plant=rig_data(plant))
+
+
+def _realistic(plan: Plan, trial: Trial, rng: np.random.Generator) -> Trial:
+    """1, 3 or 5 effects on top of a table as measured, which the rig file knows with an error."""
+    plant, believed = calibrated_table(replace(plan.kind, effects=load_rig(None).effects), rng)
+    pool = [name for name in plan.effects if name not in believed.effects]
+    count = min(int(rng.choice(ON_TOP)), len(pool))
+    while True:
+        names = tuple(str(n) for n in rng.choice(pool, count, replace=False))
+        if not _twins(set(names)):
+            break
+    trial = replace(_hide(trial, names, rng), variant=f"{count} on top")
+    return _finish(trial, plant, believed)
+
+
+def _untestable(trial: Trial, plant: Rig, believed: Rig, rng: np.random.Generator) -> Trial:
+    """An effect that these logs cannot show: a limit above the volts used, a joint without ball."""
+    if rng.random() < 0.5:
+        peak = max(peak for peak in _highest(trial, plant, believed).values())
+        hidden: Effects = {"saturation": {"x": {"limit_V": min(1.3 * peak, 5.9)}}}
+        return _finish_as_is(trial, hidden, plant, believed)
+    name = ("joint_backlash", "camera_scale", "level_offset")[rng.integers(3)]
+    hidden = {name: sizes.draw_effect(name, rng)[0]}
+    trial = replace(trial, protocols=("servo-squares",), seeds=trial.seeds[:1])
+    return _finish_as_is(trial, hidden, plant, believed)
+
+
+def _highest(trial: Trial, plant: Rig, believed: Rig) -> dict[str, float]:
+    from experiments.blind.logs import peak_volts
+
+    whole = replace(trial, plant=rig_data(plant), believed=rig_data(believed))
+    return peak_volts(whole, share=1.0)
+
+
+def _finish_as_is(trial: Trial, hidden: Effects, plant: Rig, believed: Rig) -> Trial:
+    plant = replace(plant, effects=merged(plant.effects, hidden))
+    return replace(
+        trial, variant=next(iter(hidden)), hidden=hidden, plant=rig_data(plant),
+        believed=rig_data(believed),
+    )  # fmt: skip

@@ -1,0 +1,180 @@
+"""One answer against the truth of its trial."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite, nan, pi
+from typing import Any
+
+from experiments.blind.trial import Trial
+from rig.effects import BY_NAME
+
+SURE = 0.95
+# Names that stand for the same data as a catalogue name, whatever the motion.
+TWINS: dict[str, frozenset[str]] = {
+    "level_offset": frozenset({"encoder_zero", "asymmetric_play"}),
+    "camera_scale": frozenset({"linkage_gain", "ball_inertia"}),
+    "camera_delay": frozenset({"ball_delay", "plate_delay"}),
+}
+
+
+@dataclass(frozen=True)
+class Mark:
+    """How one trial went.
+
+    answered: every name in the answer; named: those that count (of a "named" verdict); found: the
+    hidden effects among them; extra: the wrong names; said: (probability, right) of every answered
+    one; errors: relative, of the sizes; covered: does each interval hold the truth; closed, ahead:
+    share of the held-out gap closed, error 1 s ahead over its floor (NaN: not said).
+    """
+
+    trial: Trial
+    verdict: str
+    answered: tuple[str, ...]
+    named: tuple[str, ...]
+    found: tuple[str, ...]
+    extra: tuple[str, ...]
+    right: bool
+    axes_right: bool
+    unknown: bool
+    among: bool
+    said: tuple[tuple[float, bool], ...]
+    errors: tuple[float, ...]
+    shape_errors: tuple[float, ...]
+    covered: tuple[bool, ...]
+    closed: float
+    ahead: float
+    seconds: float
+    following: str
+
+    @property
+    def confident_wrong(self) -> bool:
+        """A name with a probability above 0.95 that is none of those hidden."""
+        return self.verdict == "named" and any(p > SURE and not right for p, right in self.said)
+
+
+def mark(trial: Trial, answer: Mapping[str, Any], seconds: float = nan) -> Mark:
+    """Judge an answer (the JSON of `rig gap`)."""
+    verdict = answer.get("verdict", "failed")
+    effects = answer.get("effects") or []
+    pairs = [(effect, same_as(trial, effect)) for effect in effects]
+    named = [pair for pair in pairs if verdict == "named"]
+    found = tuple(sorted({hidden for _, hidden in named if hidden}))
+    extra = tuple(effect["name"] for effect, hidden in named if not hidden)
+    unknown = answer.get("unknown") is not None or verdict == "unknown-effect"
+    sizes = [_sizes(trial, effect, hidden) for effect, hidden in named if hidden]
+    axes = [_axes(effect) == set(trial.hidden[h]) for effect, h in named if effect["name"] == h]
+    return Mark(
+        trial,
+        verdict,
+        tuple(effect["name"] for effect in effects),
+        tuple(effect["name"] for effect, _ in named),
+        found,
+        extra,
+        _right(trial, verdict, found, extra, unknown, answer),
+        bool(named) and all(axes),
+        unknown,
+        any(hidden for _, hidden in pairs),
+        tuple((float(e.get("probability") or nan), bool(hidden)) for e, hidden in pairs),
+        tuple(v for one in sizes for v in one[0]),
+        tuple(v for one in sizes for v in one[1]),
+        tuple(v for one in sizes for v in one[2]),
+        *_proof(answer.get("gap") or {}),
+        seconds,
+        (answer.get("next_experiment") or {}).get("protocol", ""),
+    )
+
+
+def same_as(trial: Trial, effect: Mapping[str, Any]) -> str:
+    """The hidden effect that an answered one stands for, by its own name or a twin's; "" if none.
+
+    An antisymmetric cross coupling is a turned camera.
+    """
+    name = effect["name"]
+    for hidden in trial.hidden:
+        if name == hidden or name in TWINS.get(hidden, ()):
+            return hidden
+        if (name, hidden) == ("cross_coupling", "camera_yaw"):
+            x, y = (_value(effect, axis, "fraction") for axis in ("x", "y"))
+            if x * y < 0 and abs(x + y) < 0.3 * abs(x - y):
+                return hidden
+    return ""
+
+
+def _value(effect: Mapping[str, Any], axis: str, key: str) -> float:
+    interval = (effect.get("parameters") or {}).get(axis, {}).get(key)
+    return nan if interval is None else float(interval["value"])
+
+
+def _axes(effect: Mapping[str, Any]) -> set[str]:
+    return {axis for axis, values in (effect.get("parameters") or {}).items() if values}
+
+
+def _right(
+    trial: Trial,
+    verdict: str,
+    found: tuple[str, ...],
+    extra: tuple[str, ...],
+    unknown: bool,
+    answer: Mapping[str, Any],
+) -> bool:
+    """All that was hidden and nothing else; of a stranger: unknown and no name."""
+    if trial.kind == "nothing" or (trial.kind == "camera" and not trial.hidden):
+        return verdict == "nothing-missing"
+    if trial.variant == "ball height" and verdict == "unknown-effect":
+        return True
+    if trial.kind == "stranger":
+        return verdict == "unknown-effect"
+    if trial.kind == "untestable":
+        said = {u["name"]: u.get("smallest") for u in answer.get("untestable") or []}
+        quiet = verdict in ("nothing-missing", "undecided")
+        return quiet and all(bool(said.get(name)) for name in trial.hidden)
+    return verdict == "named" and not extra and set(found) == set(trial.hidden)
+
+
+def comparable(name: str, values: Mapping[str, float]) -> dict[str, float]:
+    """An effect's values under keys that can be compared: a dead zone by its two sides."""
+    if name != "dead_zone":
+        return dict(values)
+    half = values.get("half_width_V", 0.0)
+    sides = ("positive_V", "negative_V")
+    return {side: half + values.get(side, 0.0) for side in sides}
+
+
+def _sizes(trial: Trial, effect: Mapping[str, Any], hidden: str):
+    """Relative errors of the size, of the shape, and whether each interval holds the truth."""
+    errors, shapes, covered = [], [], []
+    if effect["name"] != hidden:
+        return errors, shapes, covered
+    first = BY_NAME[hidden].parameters[0].key
+    for axis, true in trial.hidden[hidden].items():
+        answered = (effect.get("parameters") or {}).get(axis) or {}
+        parts = [
+            comparable(hidden, {key: float(i[part]) for key, i in answered.items()})
+            for part in ("value", "low", "high")
+        ]
+        for key, truth in comparable(hidden, true).items():
+            if not answered or key not in parts[0]:
+                continue
+            value, low, high = (part[key] for part in parts)
+            if key == "phase_rad":
+                truth += 2 * pi * round((value - truth) / (2 * pi))
+            elif key == first or hidden == "dead_zone":
+                errors.append(abs(value - truth) / abs(truth))
+            else:
+                shapes.append(abs(value - truth) / abs(truth))
+            covered.append(low <= truth <= high)
+    return errors, shapes, covered
+
+
+def _proof(gap: Mapping[str, Any]) -> tuple[float, float]:
+    """Share of the gap closed in the worst channel as it came, and the error 1 s ahead / floor."""
+    before, after = gap.get("before") or {}, gap.get("after") or {}
+    open_ = {c: b for c, b in before.items() if c in after and b is not None and b >= 1.05}
+    closed = nan
+    if open_ and gap.get("held_out"):
+        worst = max(open_, key=lambda c: open_[c])
+        closed = (open_[worst] - after[worst]) / (open_[worst] - 1.0)
+    ahead = gap.get("ahead_1s_mm") or {}
+    floor, last = ahead.get("floor"), ahead.get("after")
+    ratio = last / floor if floor and last is not None and isfinite(floor) else nan
+    return float(closed), float(ratio)

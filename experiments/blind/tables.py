@@ -1,0 +1,81 @@
+"""Which table a trial runs on: a well-kept one, or one as measured and calibrated with an error."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from experiments.assemble import SPREAD_GAIN, SPREAD_TACHOMETER, SPREAD_TAU, another_unit
+from experiments.blind.trial import Effects
+from rig.effects import BY_NAME, CATALOGUE
+from rig.parameters import Rig
+
+# Of a realistic table, what its rig file knows (with an error inside the tolerances): the uneven
+# breakaway and the level. Plays are left to be hidden.
+KNOWN = ("coulomb_friction", "voltage_offset", "level_offset")
+
+
+def merged(effects: Effects, more: Effects) -> Effects:
+    """`effects` with `more` in the place of what is said twice, axis by axis.
+
+    A hidden dead zone replaces a small one whichever keys they use.
+    """
+    result = {name: {a: dict(v) for a, v in by.items()} for name, by in effects.items()}
+    for name, by_axis in more.items():
+        for axis, values in by_axis.items():
+            result.setdefault(name, {})[axis] = dict(values)
+    return result
+
+
+def boxed(rng: np.random.Generator, share: float = 1.0) -> Effects:
+    """Every effect that has a tolerance, uniform inside `share` of its box, on all its axes."""
+    effects: Effects = {}
+    for effect in CATALOGUE:
+        if effect.tolerance == 0:
+            continue
+        first = effect.parameters[0]
+        most = share * effect.tolerance
+        low = 0.0 if first.low >= 0 else -most
+        effects[effect.name] = {
+            axis: {first.key: float(rng.uniform(low, most))} for axis in effect.axes
+        }
+    return effects
+
+
+def well_kept(believed: Rig, rng: np.random.Generator) -> Rig:
+    """A table that differs from its rig file by small imperfections alone: K and tau by a few
+    percent, every box of the tolerances anywhere inside."""
+    one = rng.uniform
+    servo = replace(
+        believed.servo,
+        gain_rad_s_V=believed.servo.gain_rad_s_V * (1 + SPREAD_GAIN * one(-1, 1)),
+        time_constant_s=believed.servo.time_constant_s * (1 + SPREAD_TAU * one(-1, 1)),
+        tachometer_scale=SPREAD_TACHOMETER * one(-1, 1),
+    )
+    return replace(believed, servo=servo, effects=merged(believed.effects, boxed(rng)))
+
+
+def calibrated_table(kind: Rig, rng: np.random.Generator) -> tuple[Rig, Rig]:
+    """A unit of `kind` as FACTS.md D measured them, and the rig file of a calibration with errors.
+
+    K and tau within their spread, uneven breakaway, level; the errors lie inside the tolerances,
+    as do the other imperfections.
+    """
+    base = replace(kind, effects={n: v for n, v in kind.effects.items() if n in KNOWN})
+    unit = another_unit(base, int(rng.integers(2**31)))
+    errors = boxed(rng)
+    found: Effects = {}
+    for name in KNOWN:
+        key = BY_NAME[name].parameters[0].key
+        for axis, values in unit.effects[name].items():
+            value = values[key] - errors[name][axis][key]
+            least = 0.0 if BY_NAME[name].parameters[0].low >= 0 else -np.inf
+            found.setdefault(name, {})[axis] = {key: float(max(value, least))}
+    rest = {name: by_axis for name, by_axis in errors.items() if name not in KNOWN}
+    # A calibration finds K and tau of the unit itself to a percent or two.
+    servo = replace(
+        kind.servo,
+        gain_rad_s_V=unit.servo.gain_rad_s_V * (1 + 0.015 * rng.uniform(-1, 1)),
+        time_constant_s=unit.servo.time_constant_s * (1 + 0.03 * rng.uniform(-1, 1)),
+    )
+    plant = replace(unit, effects=merged(unit.effects, rest), drive=kind.drive)
+    return plant, replace(kind, servo=servo, effects=found)

@@ -1,0 +1,132 @@
+"""Blind trials through the camera: rendered frames, the real vision chain, a wrong mounting.
+
+Hidden is a wrong camera delay, a turned camera (the marker sheet sits turned on the plate, so that
+every frame agrees with the wrong frame), a shifted one (which no log can show: nothing missing), or
+a ball whose height the rig does not know (distances come out too long: the class of camera_scale,
+or unknown).
+"""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from experiments.assemble import known, load_rig, simulated_hand, simulated_table, virtual_scene
+from experiments.blind import sizes
+from experiments.blind.tables import merged, well_kept
+from experiments.blind.trial import Effects, Trial, rig_data
+from experiments.protocol import course, read_protocol
+from experiments.runs import calibrate_camera
+from rig.controllers import ARMS
+from rig.log import Log
+from rig.loop import Loop
+from rig.parameters import Rig
+from rig.pilot import RUN
+
+VARIANTS = ("delayed", "turned", "shifted", "ball height", "as it should be")
+FLAT_M = 1e-4  # the radius that a rig believes whose ball has no height
+SHIFTS_M = (0.003, 0.012)
+
+
+def draw_camera_trials(seed: int, each: int, *, protocol: str = "steps") -> list[Trial]:
+    """`each` trials of every variant; what lies off the camera is a well-kept table."""
+    trials = []
+    for number in range(each * len(VARIANTS)):
+        rng = np.random.default_rng([seed, 1, number])
+        variant = VARIANTS[number % len(VARIANTS)]
+        believed = replace(load_rig(None), effects={})
+        plant = well_kept(believed, rng)
+        hidden, mounting = _hidden(variant, believed, rng)
+        if variant == "delayed":
+            plant = replace(plant, effects=merged(plant.effects, hidden))
+        if variant == "turned":  # by the sheet, not by the catalogue's equation
+            plant.effects.pop("camera_yaw")
+        seeds = (int(rng.integers(1, 2**31)),)
+        name = f"camera-{number + 1:04d}"
+        trial = Trial(name, "camera", variant, (protocol,), seeds, rig_data(plant), {}, hidden)
+        told = rig_data(believed)
+        trials.append(replace(trial, believed=told, engine="camera", camera=mounting))
+    return trials
+
+
+def _hidden(variant: str, rig: Rig, rng: np.random.Generator) -> tuple[Effects, dict]:
+    """What is to be found, and how the camera is mounted."""
+    mounting = {"yaw_rad": 0.0, "shift_m": [0.0, 0.0], "radius_m": rig.ball.radius_m}
+    if variant == "delayed":
+        return {"camera_delay": sizes.draw_effect("camera_delay", rng)[0]}, mounting
+    if variant == "turned":
+        by_axis = sizes.draw_effect("camera_yaw", rng)[0]
+        return {"camera_yaw": by_axis}, mounting | {"yaw_rad": by_axis["xy"]["angle_rad"]}
+    if variant == "shifted":
+        way = rng.uniform(0, 2 * np.pi)
+        shift = rng.uniform(*SHIFTS_M) * np.array([np.cos(way), np.sin(way)])
+        return {}, mounting | {"shift_m": [float(v) for v in shift]}
+    if variant == "ball height":
+        from vision.synthetic import virtual_view
+
+        height = float(virtual_view().camera_from_plate[2, 3])
+        fraction = rig.ball.radius_m / (height - rig.ball.radius_m)
+        return {"camera_scale": {"xy": {"fraction": fraction}}}, mounting | {"radius_m": FLAT_M}
+    return {}, mounting
+
+
+@cache
+def _bundle():
+    """The calibration of the virtual camera, made once a process."""
+    from calibration.bundle import load
+
+    with TemporaryDirectory() as place:
+        return load(calibrate_camera(replace(load_rig(None), effects={}), Path(place), 1))
+
+
+def mounted(view, layout, yaw_rad: float, shift_m):
+    """View and marker layout of a plate frame that sits turned and shifted: measured positions are
+    R(yaw) true + shift, in every frame, whatever the tilt."""
+    from vision.markers import MarkerLayout
+
+    wrong_from_true = np.eye(4)
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    wrong_from_true[:2, :2], wrong_from_true[:2, 3] = [[c, -s], [s, c]], shift_m
+    pose = view.camera_from_plate @ np.linalg.inv(wrong_from_true)
+    corners = layout.corners_m @ wrong_from_true[:2, :2].T + wrong_from_true[:2, 3]
+    return replace(view, camera_from_plate=pose), MarkerLayout(
+        layout.ids, corners, layout.dictionary
+    )
+
+
+def _eye(trial: Trial, seed: int):
+    """The rendered camera over the trial's table, with the mounting's mistakes."""
+    from rig.rendered_eye import RenderedEye
+    from vision.appearance import Appearance
+    from vision.ball_camera import BallCamera, ball_mask, radius_range
+    from vision.synthetic import Renderer, virtual_view
+    from vision.tracker import Tracker
+
+    rig, bundle, how = trial.believed_rig, _bundle(), trial.camera or {}
+    side = rig.linkage.plate_side_m
+    view, layout = mounted(bundle.view, bundle.layout, how["yaw_rad"], how["shift_m"])
+    tracker = Tracker(
+        appearance=Appearance.of_colour(rig.ball.colour),
+        radius_px=radius_range(bundle.view, bundle.ball_radius_m, side),
+        mask=ball_mask(bundle.view, bundle.ball_radius_m, side),
+    )
+    camera = BallCamera(view, layout, tracker, how["radius_m"], plate_side_m=side)
+    renderer = Renderer(virtual_scene(rig), virtual_view(), np.random.default_rng([seed, 5]))
+    return RenderedEye(renderer, camera, rig.linkage.ratio)
+
+
+def camera_log(trial: Trial, protocol: str, seed: int) -> Log:
+    """One log of a camera trial: the real loop, tick by tick; a `logs.LogMaker`."""
+    plant, plan = trial.plant_rig, read_protocol(protocol)
+    way = course(plan, plant, seed)
+    table = simulated_table(plant, way, seed, _eye(trial, seed))
+    rows: list[np.ndarray] = []
+    with table:
+        Loop(
+            table, known(trial.believed_rig), ARMS["without"], way,
+            hand=simulated_hand(table, plan, way, seed), keep=lambda row: rows.append(row.copy()),
+        ).run()  # fmt: skip
+    log = Log.from_rows(np.array(rows))
+    return log.where(log["phase"] == RUN)
