@@ -25,10 +25,7 @@ def split(evidence: Evidence) -> tuple[Evidence, Evidence]:
     first: dict[str, np.ndarray] = {}
     for part in evidence.parts:
         t, run = evidence.times(part)
-        if len(evidence.runs) > 1:
-            chosen = run % 2 == 0
-        else:
-            chosen = t < 0.5 * (t[0] + t[-1])
+        chosen = run % 2 == 0 if len(evidence.runs) > 1 else t < 0.5 * (t[0] + t[-1])
         first[part] = chosen.astype(float)
     other = {part: evidence.masks[part] * (1 - chosen) for part, chosen in first.items()}
     mine = {part: evidence.masks[part] * chosen for part, chosen in first.items()}

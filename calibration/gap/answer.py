@@ -1,0 +1,165 @@
+"""From a decision to the answer's pieces: parameters with intervals, what the log cannot show,
+the ranking, the calibrated servo, and the rig file that the simulator then runs."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from math import atan2, cos, hypot, inf, sin
+
+from calibration.gap.decide import Decision
+from calibration.gap.findings import Candidate, Interval, Named, Untestable
+from calibration.gap.intervals import interval
+from calibration.gap.knobs import BALL, CALIBRATED, PERIODIC, SERVO, Believed
+from calibration.gap.name import Accepted
+from calibration.gap.search import Screened, State
+from rig.effects import BY_NAME, CATALOGUE
+from rig.parameters import Rig
+
+TWINS: Mapping[str, tuple[str, ...]] = {
+    "level_offset": ("encoder_zero", "asymmetric_play"),
+    "camera_scale": ("linkage_gain", "ball_inertia"),
+    "camera_delay": ("delay_encoder_to_plate",),
+    "camera_yaw": ("antisymmetric_cross_coupling",),
+}
+Parameters = dict[str, dict[str, Interval]]
+
+
+def parameters(state: State, name: str, axes: tuple[str, ...],
+               spread: Mapping[str, tuple[float, int]]) -> Parameters:  # fmt: skip
+    """axis -> catalogue key -> interval of a named effect."""
+    found: Parameters = {}
+    for axis in axes:
+        by_key = {
+            knob.key: interval(state.fit.setting[knob.name], spread.get(knob.name, (inf, 2)))
+            for knob in state.believed.of(name, axis)
+            if knob.name in state.fit.setting
+        }
+        found[axis] = _catalogue_keys(name, by_key)
+    return found
+
+
+def _catalogue_keys(name: str, by_key: dict[str, Interval]) -> dict[str, Interval]:
+    """Sine and cosine back to amplitude and phase; a dead zone's sides to widths of their own."""
+    if name in PERIODIC:
+        s, c = by_key["sine"], by_key["cosine"]
+        size, phase = hypot(s.value, c.value), atan2(c.value, s.value)
+        reach_s, reach_c = s.high - s.value, c.high - c.value
+        along = hypot(reach_s * cos(phase), reach_c * sin(phase))
+        across = hypot(reach_s * sin(phase), reach_c * cos(phase)) / max(size, 1e-12)
+        return {
+            PERIODIC[name]: Interval(size, size - along, size + along),
+            "phase_rad": Interval(phase, phase - across, phase + across),
+            "periods_per_turn": by_key["periods_per_turn"],
+        }
+    if name == "dead_zone" and "positive_V" in by_key:
+        both = by_key["half_width_V"].value
+        return {
+            key: Interval(both + side.value, both + side.low, both + side.high)
+            for key, side in by_key.items()
+            if key != "half_width_V"
+        }
+    return by_key
+
+
+def named(decision: Decision, accepted: Accepted,
+          spread: Mapping[str, tuple[float, int]]) -> Named:  # fmt: skip
+    found = parameters(decision.state, accepted.name, accepted.axes, spread)
+    return Named(accepted.name, accepted.probability, TWINS.get(accepted.name, ()), found)
+
+
+def ranking(decision: Decision) -> tuple[Candidate, ...]:
+    """The accepted names and their rivals, each once, best first."""
+    found: dict[str, Candidate] = {}
+    for one in decision.naming.accepted:
+        found[one.name] = Candidate(one.name, one.score, one.probability, TWINS.get(one.name, ()))
+        for rival in one.rivals:
+            share = (1.0 - one.probability) / max(len(one.rivals), 1)
+            found.setdefault(rival.name, Candidate(rival.name, one.score - rival.margin, share))
+    for trial in decision.naming.last:
+        found.setdefault(trial.name, Candidate(trial.name, trial.score, 0.0))
+    return tuple(sorted(found.values(), key=lambda c: -c.score))
+
+
+def calibrated(state: State, spread: Mapping[str, tuple[float, int]]) -> dict[str, Interval]:
+    """K and tau of each axis that has a servo channel."""
+    found = {}
+    for key in CALIBRATED:
+        for axis in "xy":
+            name = f".{key}.{axis}"
+            if f"servo_{axis}" in state.evidence.parts and name in state.fit.setting:
+                label = key.replace("gain_", f"gain_{axis}_").replace(
+                    "constant_", f"constant_{axis}_"
+                )
+                found[label] = interval(state.fit.setting[name], spread.get(name, (inf, 2)))
+    return found
+
+
+def untestable(state: State, screened: list[Screened]) -> tuple[Untestable, ...]:
+    """Effects that this log would not have shown inside their sensible range."""
+    smallest: dict[str, float] = {}
+    for one in screened:
+        smallest[one.name] = min(one.smallest, smallest.get(one.name, inf))
+    found = []
+    known = {name for name, _ in state.named}
+    for effect in CATALOGUE:
+        first = effect.parameters[0]
+        if effect.name in known:
+            continue
+        size = smallest.get(effect.name)
+        key = PERIODIC.get(effect.name, first.key)
+        if size is None:
+            channel = "volts and angles" if effect.side == "servo" else "the ball"
+            found.append(Untestable(effect.name, f"the log lacks {channel}", {}))
+        elif effect.name == "saturation":
+            volts = _largest_volts(state)
+            if volts < 0.9 * state.believed.rig.servo.voltage_limit_V:
+                found.append(Untestable(effect.name, f"the log never used more than {volts:.2f} V",
+                                        {key: volts}))  # fmt: skip
+        elif size > max(abs(first.low), abs(first.high)):
+            why = "too little motion of the kind that shows it"
+            found.append(Untestable(effect.name, why, {key: size} if size < inf else {}))
+    return tuple(found)
+
+
+def _largest_volts(state: State) -> float:
+    runs = state.evidence.runs
+    volts = [abs(r.volts_V[:, a]).max() for r in runs for a in range(2) if r.has_servo(a)]
+    return float(max(volts, default=0.0))
+
+
+def extended(decision: Decision, found: tuple[Named, ...],
+             servo: Mapping[str, Interval]) -> Rig:  # fmt: skip
+    """The believed rig with the named effects, the unnamed term, and K and tau as calibrated."""
+    believed: Believed = decision.state.believed
+    rig = believed.rig
+    effects = {n: {a: dict(p) for a, p in by.items()} for n, by in rig.effects.items()}
+    for one in found:
+        for axis, pairs in one.parameters.items():
+            into = effects.setdefault(one.name, {}).setdefault(axis, {})
+            if "positive_V" in pairs:
+                into.pop("half_width_V", None)
+            into |= {key: _allowed(one.name, key, value.value) for key, value in pairs.items()}
+    mean = {
+        key: [v.value for label, v in servo.items() if label.startswith(key.split("_")[0])]
+        for key in CALIBRATED
+    }
+    fitted = {key: sum(v) / len(v) for key, v in mean.items() if v}
+    return replace(rig, effects=effects, servo=replace(rig.servo, **fitted))
+
+
+def _allowed(name: str, key: str, value: float) -> float:
+    """A value that a rig file takes: sizes that cannot be negative are not."""
+    parameter = next(p for p in BY_NAME[name].parameters if p.key == key)
+    return float(max(value, 0.0) if parameter.low >= 0 else value)
+
+
+def enough_motion(state: State) -> str | None:
+    """What the log lacks to name anything, or None."""
+    theta = [r.theta_rad for r in state.evidence.runs]
+    step = state.believed.rig.servo.encoder_step_rad
+    moved = any(float(t[:, a].max() - t[:, a].min()) > 8 * step for t in theta for a in range(2))
+    if not state.evidence.parts:
+        return "no channel has signals enough"
+    servo = [part for part in SERVO if part in state.evidence.parts]
+    if not moved and (servo or BALL in state.evidence.parts):
+        return "the servos hardly move"
+    return None

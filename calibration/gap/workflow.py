@@ -1,0 +1,200 @@
+"""From the logs of one table to the answer: locate, name, add, prove.
+
+Pure: logs and a rig in, `Findings` out. The next experiment and the closed loop are asked for by
+the caller, who knows the protocols.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calibration.gap import answer, unknown
+from calibration.gap.decide import Decision, decide
+from calibration.gap.evidence import Evidence, gather, usable
+from calibration.gap.findings import Findings, Gap, Leftover, Named, ProofRow, Step
+from calibration.gap.fit import evaluate
+from calibration.gap.intervals import deviations
+from calibration.gap.knobs import CALIBRATED, SERVO, Believed
+from calibration.gap.name import MARGIN, Accepted, settled_baseline
+from calibration.gap.prove import model_of, prove, rms, steps
+from calibration.gap.search import State, baseline, refit, screen
+from rig.effects import BY_NAME
+from rig.log import Log
+from rig.parameters import Rig
+from rig.predict import noise
+
+STAGES = ("locate", "name", "add", "prove", "next")
+
+
+@dataclass(frozen=True, eq=False)
+class Investigation:
+    """The answer with what stands behind it, for the stages that need a simulator."""
+
+    findings: Findings
+    decision: Decision | None = None
+
+
+def investigate_logs(logs: Sequence[Log], rig: Rig, *, notes: tuple[str, ...] = (),
+                     until: str = "prove", tolerances: Mapping[str, float] | None = None,
+                     threads: int = 1) -> Investigation:  # fmt: skip
+    """Run the stages up to `until` on logs of one table under the believed rig.
+
+    tolerances: name -> half width of the first key, over the catalogue's. ValueError: bad stage.
+    """
+    if until not in STAGES:
+        raise ValueError(f"stage '{until}'; known: {', '.join(STAGES)}")
+    runs = [usable(log, camera_delay_s=rig.camera.delay_s) for log in logs]
+    levels = noise(
+        servo_measured=rig.servo.encoder_step_rad / 12**0.5,
+        ball_measured=max(rig.camera.noise_m, 1e-5),
+    )
+    evidence = gather(runs, levels, threads=threads)
+    believed = believe(evidence, rig, tolerances)
+    still = State(evidence, believed, evaluate(evidence, believed, {}, evidence.parts))
+    lacking = answer.enough_motion(still)
+    if lacking:
+        return Investigation(_nothing_to_see(still, lacking, notes))
+    before = settled_baseline(evidence, believed)
+    decision = decide(before)
+    return Investigation(_findings(decision, until, notes), decision)
+
+
+def believe(evidence: Evidence, rig: Rig, tolerances: Mapping[str, float] | None) -> Believed:
+    """Does the friction of arm and joints, an assumed value, load the motors? The logs decide.
+
+    Against it stands a table without it whose motors have whatever Coulomb friction fits best.
+    """
+    without = Believed(rig, load_friction=False, tolerances=tolerances)
+    if rig.drive.joint_friction_nm == 0.0 or not set(evidence.parts) & set(SERVO):
+        return without
+    loaded = Believed(rig, load_friction=True, tolerances=tolerances)
+    parts = tuple(p for p in evidence.parts if p in SERVO)
+    servo = replace(evidence, masks={p: evidence.masks[p] for p in parts})
+    with_it = baseline(servo, loaded, iterations=3)
+    bare = baseline(servo, without, iterations=3)
+    keys = tuple(("coulomb_friction", part[-1]) for part in parts)
+    bare = replace(bare, named=keys)
+    free = refit(bare, bare.bounds(parts), iterations=4)
+    return loaded if with_it.fit.cost < free.fit.cost else without
+
+
+def _nothing_to_see(state: State, lacking: str, notes: tuple[str, ...]) -> Findings:
+    found = answer.untestable(state, [])
+    found = tuple(replace(one, why=lacking) for one in found)
+    return Findings(
+        "undecided", f"not enough excitation: {lacking}; nothing can be said about the model",
+        untestable=found, notes=notes, rig_before=state.believed.rig,
+    )  # fmt: skip
+
+
+def _findings(decision: Decision, until: str, notes: tuple[str, ...]) -> Findings:
+    state = decision.state
+    spread = deviations(state)
+    names = tuple(answer.named(decision, one, spread) for one in decision.accepted)
+    servo = answer.calibrated(state, spread)
+    rig_after = answer.extended(decision, names, servo)
+    effects = names if decision.verdict != "undecided" else _with_rivals(decision, names)
+    levels = state.evidence.levels
+    known = Findings(
+        decision.verdict,
+        sentence(decision, names),
+        effects=effects,
+        unknown=_leftover(decision),
+        untestable=answer.untestable(state, screen(state)),
+        calibrated=servo,
+        ranking=answer.ranking(decision),
+        notes=notes + _servo_notes(state, servo),
+        noise={n: float(np.mean(levels[n])) for n in levels.dtype.names or ()},
+        rig_before=state.believed.rig,
+        rig_after=rig_after,
+    )
+    if until in ("locate", "name", "add"):
+        return known
+    gap, rows, path = _proof(decision)
+    return replace(known, gap=gap, proof=rows, steps=path)
+
+
+def _proof(decision: Decision) -> tuple[Gap, tuple[ProofRow, ...], tuple[Step, ...]]:
+    """Judge nothing, the best rival, an unnamed term and the names; the path between them."""
+    state, levels = decision.state, decision.state.evidence.levels
+    before = replace(decision.naming.before, evidence=state.evidence)
+    models = {"nothing added": before}
+    last = "nothing added"
+    if decision.accepted:
+        rivals = decision.accepted[0].rivals
+        if rivals:
+            models[f"best rival: {rivals[0].name}"] = rivals[0].state
+        shapes = unknown.shapes(decision.naming.before)
+        if shapes:
+            models["unnamed term"] = shapes[0].state
+        last = "named: " + " + ".join(one.name for one in decision.accepted)
+        models[last] = state
+    elif decision.shape is not None:
+        last = "unnamed term"
+        models[last] = state
+    proof = prove(models, last, levels)
+    floor = rms(state.evidence, model_of(state))
+    accepted = {one.name for one in decision.accepted}
+    path = tuple(s for s in decision.naming.path if not s[0] or s[0] in accepted)
+    if decision.shape is not None:
+        path = (*path, ("an unnamed term", state))
+    return proof.gap, proof.rows, steps(path, levels, floor)
+
+
+def _with_rivals(decision: Decision, names: tuple[Named, ...]) -> tuple[Named, ...]:
+    """The accepted names, each followed by the rivals that the log cannot tell from it."""
+    found: list[Named] = []
+    for one, name in zip(decision.accepted, names, strict=True):
+        found.append(name)
+        for rival in one.rivals:
+            if rival.margin < MARGIN and rival.name not in {n.name for n in found}:
+                spread = deviations(rival.state)
+                axes = tuple(a for n, a in rival.state.named if n == rival.name)
+                parameters = answer.parameters(rival.state, rival.name, axes, spread)
+                twins = answer.TWINS.get(rival.name, ())
+                found.append(Named(rival.name, 1.0 - name.probability, twins, parameters))
+    return tuple(found)
+
+
+def _leftover(decision: Decision) -> Leftover | None:
+    shape = decision.shape
+    return Leftover(shape.channel, unknown.describe(shape)) if shape else None
+
+
+def _servo_notes(state: State, servo: Mapping) -> tuple[str, ...]:
+    """K or tau outside what a rig file may differ: say "recalibrate the servo"."""
+    rig, found = state.believed.rig.servo, []
+    for label, value in servo.items():
+        key = "gain_rad_s_V" if label.startswith("gain") else "time_constant_s"
+        nominal = getattr(rig, key)
+        limit = CALIBRATED[key]
+        if abs(value.value / nominal - 1) > limit:
+            found.append(f"recalibrate the servo: {label} is {value.value:.4g}, the rig file says "
+                         f"{nominal:.4g} (tolerance {100 * limit:.0f} %)")  # fmt: skip
+    return tuple(found)
+
+
+def sentence(decision: Decision, names: tuple[Named, ...]) -> str:
+    """What is wrong, in plain words."""
+    told = [_told(one, name) for one, name in zip(decision.accepted, names, strict=True)]
+    left = decision.shape and unknown.describe(decision.shape)
+    if decision.verdict == "nothing-missing":
+        return "Nothing is missing: the model explains the log within the declared tolerances."
+    if decision.verdict == "unknown-effect":
+        channel = decision.shape.channel if decision.shape else "the log"
+        return f"Something that has no name in the catalogue acts on {channel}: {left}."
+    if decision.verdict == "undecided":
+        rivals = [r.name for one in decision.accepted for r in one.rivals[:1]]
+        return f"{'; '.join(told)}, or {' or '.join(rivals)}: this log cannot tell them apart."
+    text = "The model lacks " + " and ".join(told) + "."
+    return text + (f" Something without a name is left: {left}." if left else "")
+
+
+def _told(accepted: Accepted, name: Named) -> str:
+    words = BY_NAME[accepted.name].sentence.rstrip(".").lower()
+    sizes = []
+    for axis, pairs in name.parameters.items():
+        key, value = next(iter(pairs.items()))
+        sizes.append(f"{axis} {key} = {value.value:.4g} [{value.low:.4g}, {value.high:.4g}]")
+    return f"{accepted.name} ({words}): {', '.join(sizes)}"
