@@ -26,7 +26,20 @@ from rig.statistical_camera import deliver, look, next_exposure
 BLIND_LIMIT_S = 1.0  # a ball unseen for so long ends the run
 RELEASE_LIMIT_S = 3.0  # in a simulation, a release not detected by then ends the run
 ENDINGS = ("completed", "ball lost", "limit", "not released")
+NOT_RELEASED = 3
 ANGLE_MARGIN_RAD = 0.08  # further beyond the angle limit is a runaway (the stop is at 0.086)
+
+
+DESK = np.dtype(
+    [
+        ("reading", np.float64, (READING_SIZE,)),
+        ("wish", np.float64, (2,)),
+        ("applied", np.float64, (2,)),
+        ("covariance", np.float64, (3,)),
+        ("blind", np.int64),
+        ("since_release", np.int64),
+    ]
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,59 +83,71 @@ def _most_ticks(rig: Rig, course: Course) -> int:
 
 
 @compiled
-def _run(s, p, q, history, flight, camera, targets, pushes, hold_s, tick_s, eyes, tachometer, rows):
+def think(k, s, p, q, flight, camera, targets, pushes, tick_s, tachometer, desk, row):
+    """Tick k up to the volts applied: sensors, pilot, limits, row. Returns how the run has ended,
+    an index of ENDINGS or -1, and the hand's push.
+
+    targets and pushes (n, 2), tachometer (2,); desk: what a run remembers from tick to tick (DESK).
+    """
+    t, now = k * tick_s, desk.since_release
+    target, reading, applied, wish = targets[now], desk.reading, desk.applied, desk.wish
+    push_x, push_y = pushes[now, 0], pushes[now, 1]
+    reading[R_TIME] = t
+    read_drives(s, p, tachometer, reading)
+    deliver(camera, reading)
+    pilot_tick(flight, q, reading, target, applied, wish)
+    if flight.phase == HOLD:
+        push_x = push_y = 0.0
+    runaway = False
+    for a in range(2):
+        applied[a] = limit(
+            wish[a], reading[R_THETA + a], flight.belief.rate[a], applied[a],
+            q.voltage_limit, q.angle_limit, q.slew,
+        )  # fmt: skip
+        runaway = runaway or abs(reading[R_THETA + a]) > q.angle_limit + ANGLE_MARGIN_RAD
+    desk.covariance[0] = desk.covariance[2] = reading[R_VARIANCE]
+    pushed = 1.0 if push_x != 0.0 or push_y != 0.0 else 0.0
+    fill_row(row, flight, q, reading, desk.covariance, target, pushed, wish, applied)
+    if runaway:
+        return 2, push_x, push_y
+    desk.blind = desk.blind + 1 if flight.phase == BLIND else 0
+    if desk.blind * tick_s > BLIND_LIMIT_S:
+        return 1, push_x, push_y
+    if flight.phase != HOLD:
+        desk.since_release += 1
+    if desk.since_release == targets.shape[0]:
+        return 1 if flight.phase == BLIND else 0, push_x, push_y
+    return -1, push_x, push_y
+
+
+@compiled
+def expose(camera, p, seen, fallen, eyes):
+    """The camera's part of a tick whose exposure, if any, is in `seen`; eyes (k, 3)."""
+    if np.isnan(seen[SEEN_T]):
+        return
+    if fallen:
+        camera.frame += 1
+    else:
+        look(camera, p, seen, eyes[camera.frame])
+
+
+@compiled
+def _run(s, p, q, history, flight, camera, targets, pushes, hold_s, tick_s, eyes, tachometer, desk,
+         rows):  # fmt: skip
     """Fill `rows` (m, columns) tick by tick; returns how many are filled and how it ended."""
-    reading, seen = np.full(READING_SIZE, np.nan), np.full(7, np.nan)
-    wish, applied, covariance = np.zeros(2), np.zeros(2), np.zeros(3)
-    blind, since_release, fallen = 0, 0, False
+    seen, fallen = np.full(7, np.nan), False
     for k in range(rows.shape[0]):
-        t = k * tick_s
-        target = targets[since_release]
-        push_x, push_y = pushes[since_release, 0], pushes[since_release, 1]
-        reading[R_TIME] = t
-        read_drives(s, p, tachometer[k], reading)
-        deliver(camera, reading)
-        pilot_tick(flight, q, reading, target, applied, wish)
-        if flight.phase == HOLD:
-            push_x = push_y = 0.0
-        runaway = False
-        for a in range(2):
-            applied[a] = limit(
-                wish[a], reading[R_THETA + a], flight.belief.rate[a], applied[a],
-                q.voltage_limit, q.angle_limit, q.slew,
-            )  # fmt: skip
-            runaway = runaway or abs(reading[R_THETA + a]) > q.angle_limit + ANGLE_MARGIN_RAD
-        covariance[0] = covariance[2] = reading[R_VARIANCE]
-        pushed = 1.0 if push_x != 0.0 or push_y != 0.0 else 0.0
-        fill_row(rows[k], flight, q, reading, covariance, target, pushed, wish, applied)
-        if runaway:
-            return k + 1, 2
-        blind = blind + 1 if flight.phase == BLIND else 0
-        if blind * tick_s > BLIND_LIMIT_S:
-            return k + 1, 1
-        if flight.phase != HOLD:
-            since_release += 1
-        if since_release == targets.shape[0]:
-            return k + 1, 1 if flight.phase == BLIND else 0
-        fallen = fallen | table_tick(
-            s,
-            p,
-            history,
-            applied,
-            push_x,
-            push_y,
-            t < hold_s,
-            t,
-            tick_s,
-            next_exposure(camera),
-            seen,
+        ending, push_x, push_y = think(
+            k, s, p, q, flight, camera, targets, pushes, tick_s, tachometer[k], desk, rows[k]
         )
-        if not np.isnan(seen[SEEN_T]):
-            if fallen:
-                camera.frame += 1
-            else:
-                look(camera, p, seen, eyes[camera.frame])
-    return rows.shape[0], 3
+        if ending >= 0:
+            return k + 1, ending
+        t, due = k * tick_s, next_exposure(camera)
+        fallen = fallen | table_tick(
+            s, p, history, desk.applied, push_x, push_y, t < hold_s, t, tick_s, due, seen
+        )
+        expose(camera, p, seen, fallen, eyes)
+    return rows.shape[0], NOT_RELEASED
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,26 +158,59 @@ class Simulated:
     outcome: str
 
 
+@dataclass(frozen=True, eq=False)
+class Task:
+    """Everything that decides one run: the plant, what its controller knows, arm, course, draws."""
+
+    rig: Rig
+    known: Rig
+    arm: int
+    course: Course
+    draws: Draws
+
+    @property
+    def ticks(self) -> int:
+        """As many as the run may take."""
+        return _most_ticks(self.known, self.course)
+
+    def check(self) -> None:
+        """ValueError where plant and controller differ in their tick or the draws are too few."""
+        rig, known, draws = self.rig, self.known, self.draws
+        if rig.control_rate_hz != known.control_rate_hz:
+            raise ValueError(
+                f"plant ticks at {rig.control_rate_hz:g} Hz, controller at "
+                f"{known.control_rate_hz:g} Hz: give both the same control_rate_hz"
+            )
+        frames = int(self.ticks / rig.control_rate_hz * rig.camera.rate_hz)
+        if len(draws.camera) < frames or len(draws.tachometer) < self.ticks:
+            raise ValueError("draws are too few for this rig and course: take those of draw()")
+
+    def pilot(self) -> tuple[np.record, np.record]:
+        """The pilot's settings and its state at the start."""
+        q = pilot.settings(self.known, self.arm, servo_only=self.course.servo_only)
+        return q, pilot.start(q, held=self.course.hold_s > 0)
+
+
 def simulate(rig: Rig, known: Rig, arm: int, course: Course, draws: Draws) -> Simulated:
     """One closed-loop run of the plant `rig` under a controller that knows `known` (no effects).
 
     `draws` are those of `draw(rng, rig, course)`. ValueError where the two differ in their tick.
     """
-    if rig.control_rate_hz != known.control_rate_hz:
-        raise ValueError(
-            f"plant ticks at {rig.control_rate_hz:g} Hz, controller at "
-            f"{known.control_rate_hz:g} Hz: give both the same control_rate_hz"
-        )
-    frames = int(_most_ticks(rig, course) / rig.control_rate_hz * rig.camera.rate_hz)
-    if len(draws.camera) < frames or len(draws.tachometer) < _most_ticks(rig, course):
-        raise ValueError("draws are too few for this rig and course: take those of draw()")
-    q = pilot.settings(known, arm, servo_only=course.servo_only)
-    flight = pilot.start(q, held=course.hold_s > 0)
-    rows = np.full((_most_ticks(known, course), len(COLUMNS)), np.nan)
+    task = Task(rig, known, arm, course, draws)
+    task.check()
+    q, flight = task.pilot()
+    rows = np.full((task.ticks, len(COLUMNS)), np.nan)
     filled, ending = _run(
         plant.rest(course.start_m), plant_record.pack(rig), q, plant_record.no_volts(rig), flight,
         statistical_camera.start(rig.camera.rate_hz),
         np.ascontiguousarray(course.targets_m), np.ascontiguousarray(course.pushes_m_s2),
-        course.hold_s, 1 / known.control_rate_hz, draws.camera, draws.tachometer, rows,
+        course.hold_s, 1 / known.control_rate_hz, draws.camera, draws.tachometer, desk(), rows,
     )  # fmt: skip
     return Simulated(Log.from_rows(rows[:filled]), ENDINGS[ending])
+
+
+def desk() -> np.record:
+    """What a run remembers from tick to tick, at its start."""
+    one = np.zeros(1, DESK)[0]
+    one["reading"] = np.nan
+    return one
