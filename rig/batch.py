@@ -9,12 +9,33 @@ from collections.abc import Sequence
 import numpy as np
 
 from rig import plant_record, statistical_camera
-from rig.compiled import compiled
+from rig.compiled import compiled, inlined
 from rig.constants import LANES, UNIFORM
-from rig.lanes import FALLEN, HELD, PUSH_X, PUSH_Y, X, advance_block, block_of, is_costly, is_delayed
+from rig.lanes import (
+    FALLEN,
+    HELD,
+    PUSH_X,
+    PUSH_Y,
+    X,
+    advance_block,
+    block_of,
+    is_costly,
+    is_delayed,
+)
 from rig.log import COLUMNS, Log
 from rig.plant import ARM, MOTOR_RATE, STATE_ROWS
-from rig.simulate import ENDINGS, NOT_RELEASED, Simulated, Task, desk, expose, simulate, think
+from rig.simulate import (
+    ENDINGS,
+    NOT_RELEASED,
+    Simulated,
+    Task,
+    desk,
+    expose,
+    file_away,
+    lay_out,
+    simulate,
+    think,
+)
 from rig.statistical_camera import next_exposure
 
 
@@ -26,8 +47,7 @@ def _run_block(b, plants, q, history, flights, cameras, desks, costly, delayed, 
     A lane whose ending is not -1 at the start is empty. lengths (LANES, 2): of its course, of its
     rows; history (LANES, n, 2), targets and pushes (LANES, n, 2), eyes (LANES, k, 3).
     """
-    seen, exposures_s = np.full((LANES, 7), np.nan), np.full(LANES, np.inf)
-    s = np.zeros((STATE_ROWS, 2))
+    exposures_s, s = np.full(LANES, np.inf), np.zeros((STATE_ROWS, 2))
     for k in range(rows.shape[1]):
         running, t = 0, k * tick_s
         for lane in range(LANES):
@@ -37,29 +57,38 @@ def _run_block(b, plants, q, history, flights, cameras, desks, costly, delayed, 
             if k == lengths[lane, 1]:
                 endings[lane] = NOT_RELEASED
                 continue
+            desk = desks[lane]
             for a in range(2):
                 s[MOTOR_RATE, a] = b[(X + 8 * a + MOTOR_RATE) * LANES + lane]
                 s[ARM, a] = b[(X + 8 * a + ARM) * LANES + lane]
-            n = lengths[lane, 0]
-            endings[lane], push_x, push_y = think(
-                k, s, plants[lane], q[lane], flights[lane], cameras[lane], targets[lane, :n],
-                pushes[lane, :n], tick_s, tachometer[lane, k], desks[lane], rows[lane, k],
+            lay_out(desk, targets, pushes, tachometer, lane, k)
+            endings[lane] = think(
+                k, s, plants[lane], q[lane], flights[lane], cameras[lane], lengths[lane, 0],
+                tick_s, desk,
             )  # fmt: skip
+            file_away(desk, rows, lane, k)
             filled[lane] = k + 1
-            b[PUSH_X * LANES + lane], b[PUSH_Y * LANES + lane] = push_x, push_y
-            b[HELD * LANES + lane] = 1.0 if t < hold_s[lane] else 0.0
-            for i in range(history.shape[1] - 1, 0, -1):
-                history[lane, i] = history[lane, i - 1]
-            history[lane, 0] = desks[lane].applied
+            _act(b, history, lane, desk, t < hold_s[lane])
             if endings[lane] < 0:
                 running += 1
                 exposures_s[lane] = next_exposure(cameras[lane])
         if running == 0:
             return
-        advance_block(b, plants, history, costly, delayed, t, tick_s, exposures_s, seen)
+        advance_block(b, plants, history, costly, delayed, t, tick_s, exposures_s, desks)
         for lane in range(LANES):
             fallen = b[FALLEN * LANES + lane] != 0.0
-            expose(cameras[lane], plants[lane], seen[lane], fallen, eyes[lane])
+            expose(cameras[lane], plants[lane], fallen, eyes, lane, desks[lane])
+
+
+@inlined
+def _act(b, history, lane, desk, held):
+    """What the tick's thinking and the hand do to the plant."""
+    b[PUSH_X * LANES + lane], b[PUSH_Y * LANES + lane] = desk.push[0], desk.push[1]
+    b[HELD * LANES + lane] = 1.0 if held else 0.0
+    for a in range(2):
+        for i in range(history.shape[1] - 1, 0, -1):
+            history[lane, i, a] = history[lane, i - 1, a]
+        history[lane, 0, a] = desk.applied[a]
 
 
 def _stacked(arrays: Sequence[np.ndarray]) -> np.ndarray:
@@ -82,7 +111,7 @@ def _simulate_block(tasks: Sequence[Task], plants: Sequence[np.record]) -> list[
     pilots = [task.pilot() for task in tasks]
     lengths = np.zeros((LANES, 2), np.int64)
     lengths[: len(tasks)] = [(len(task.course.targets_m), task.ticks) for task in tasks]
-    rows = np.full((LANES, lengths[:, 1].max(), len(COLUMNS)), np.nan)
+    rows = np.empty((LANES, lengths[:, 1].max(), len(COLUMNS)))
     filled, endings = np.zeros(LANES, np.int64), np.full(LANES, NOT_RELEASED)
     endings[: len(tasks)] = -1
     hold_s = np.zeros(LANES)
@@ -94,14 +123,14 @@ def _simulate_block(tasks: Sequence[Task], plants: Sequence[np.record]) -> list[
     _run_block(
         block_of(list(records), starts), records, _records([q for q, _ in pilots]),
         _stacked([plant_record.no_volts(task.rig) for task in tasks]),
-        _records([flight for _, flight in pilots]), _records(cameras), _records([desk()]),
+        _records([flight for _, flight in pilots]), _records(cameras), _records([desk()] * LANES),
         any(map(is_costly, plants)), any(map(is_delayed, plants)),
         _stacked([course.targets_m for course in courses]),
         _stacked([course.pushes_m_s2 for course in courses]), lengths, hold_s,
         1 / tasks[0].known.control_rate_hz, _stacked([task.draws.camera for task in tasks]),
         _stacked([task.draws.tachometer for task in tasks]), rows, filled, endings,
     )  # fmt: skip
-    logs = [Log.from_rows(rows[lane, : filled[lane]].copy()) for lane in range(len(tasks))]
+    logs = [Log.from_rows(rows[lane, : filled[lane]]) for lane in range(len(tasks))]
     return [Simulated(log, ENDINGS[end]) for log, end in zip(logs, endings, strict=False)]
 
 

@@ -38,7 +38,7 @@ COSTLY = (
     "rolling_resistance_deceleration_m_s2",
 )
 LANES = 8
-Constants = namedtuple("Constants", (*PAIRS, *SINGLES, *UNIFORM))  # noqa: PYI024
+Constants = namedtuple("Constants", (*PAIRS, *SINGLES, *UNIFORM))
 ROWS = 2 * len(PAIRS) + len(SINGLES)
 
 

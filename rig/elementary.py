@@ -5,6 +5,8 @@ bits. Within 1 ulp or so: ranges are reduced by Cody and Waite's splitting of pi
 polynomials for sine and cosine are fdlibm's (Sun Microsystems, 1993), that of exp is Taylor's.
 """
 
+from typing import Any
+
 import numpy as np
 from llvmlite import ir
 from numba.core import types
@@ -19,15 +21,25 @@ S9, S11, S13 = 2.75573137070700676789e-06, -2.50507602534068634195e-08, 1.589690
 C4, C6, C8 = 4.16666666666666019037e-02, -1.38888888888741095749e-03, 2.48015872894767294178e-05
 C10, C12, C14 = -2.75573143513906633035e-07, 2.08757232129817482790e-09, -1.13596475577881948265e-11
 
-PER_LN2, LN2_HIGH, LN2_LOW = 1.4426950408889634, 6.93147180369123816490e-01, 1.90821492927058770002e-10
+PER_LN2, LN2_HIGH, LN2_LOW = (
+    1.4426950408889634,
+    6.93147180369123816490e-01,
+    1.90821492927058770002e-10,
+)
 E2, E3, E4, E5, E6, E7 = 1 / 2, 1 / 6, 1 / 24, 1 / 120, 1 / 720, 1 / 5040
-E8, E9, E10, E11, E12, E13 = 1 / 40320, 1 / 362880, 1 / 3628800, 1 / 39916800, 1 / 479001600, 1 / 6227020800
+E8, E9, E10, E11, E12, E13 = (
+    1 / 40320,
+    1 / 362880,
+    1 / 3628800,
+    1 / 39916800,
+    1 / 479001600,
+    1 / 6227020800,
+)
 SMALLEST_EXPONENT = 708.0  # exp(-708) = 3e-308 is the last normal number
 WHOLE = 6755399441055744.0  # 1.5 * 2^52: adding it leaves a whole number in the last bits
 
 
-@intrinsic
-def fma(typingctx, a, b, c):  # noqa: ANN
+def _fma(typingctx, a, b, c):
     """a * b + c, rounded once: said in the source, so that it is the same everywhere."""
 
     def generate(context, builder, signature, args):
@@ -36,8 +48,7 @@ def fma(typingctx, a, b, c):  # noqa: ANN
     return types.float64(types.float64, types.float64, types.float64), generate
 
 
-@intrinsic
-def _two_to(typingctx, n):
+def _power(typingctx, n):
     """2.0**n for a whole number n in [-1022, 1023], written into the exponent's bits."""
 
     def generate(context, builder, signature, args):
@@ -47,6 +58,10 @@ def _two_to(typingctx, n):
         return builder.bitcast(bits, double)
 
     return types.float64(types.float64), generate
+
+
+fma: Any = intrinsic(_fma)  # Any: callers leave the first argument out
+_two_to: Any = intrinsic(_power)
 
 
 @inlined

@@ -83,18 +83,18 @@ def _command(b, plants, history, into_tick_s, ticks_s):
     for lane in range(LANES):
         p = plants[lane]
         for a in range(2):
-            back = late_row(history[lane], p.input_delay_delay_s[a], into_tick_s, ticks_s)
+            back = late_row(history.shape[1], p.input_delay_delay_s[a], into_tick_s, ticks_s)
             volts_x, volts_y = history[lane, back, 0], history[lane, back, 1]
             b[(COMMAND_X + a) * LANES + lane] = commanded(p, a, volts_x, volts_y)
 
 
 @compiled
-def _see(b, plants, now, exposures_s, seen):
-    """Fill `seen` of the lanes whose exposure has come; returns the time of the next one."""
+def _see(b, plants, now, exposures_s, desks):
+    """Fill `seen` of the desks whose exposure has come; returns the time of the next one."""
     due = inf
     for lane in range(LANES):
-        p, exposure_s = plants[lane], exposures_s[lane]
-        if not np.isnan(seen[lane, SEEN_T]):
+        p, exposure_s, seen = plants[lane], exposures_s[lane], desks[lane].seen
+        if not np.isnan(seen[SEEN_T]):
             continue
         if exposure_s > now + p.step_s:
             due = min(due, exposure_s)
@@ -104,14 +104,14 @@ def _see(b, plants, now, exposures_s, seen):
         x, y = b[BEFORE_X * LANES + lane], b[BEFORE_Y * LANES + lane]
         shown = sight(p, now, exposure_s, x, y, motion, ball)
         for k in range(7):
-            seen[lane, k] = shown[k]
+            seen[k] = shown[k]
     return due
 
 
 @compiled
-def advance_block(b, plants, history, costly, delayed, t, ticks_s, exposures_s, seen):
+def advance_block(b, plants, history, costly, delayed, t, ticks_s, exposures_s, desks):
     """`plant.advance` for a block b (BLOCK_ROWS * LANES,): plants (LANES,) of dtype PLANT, history
-    (LANES, n, 2), exposures_s (LANES,), seen (LANES, 7).
+    (LANES, n, 2), exposures_s (LANES,), desks (LANES,) with a field `seen` (7,).
 
     costly: some lane has an effect of `constants.COSTLY`; delayed: some lane delays its volts.
     Pushes, held and fallen balls stand in the block's rows; a fallen one is marked there.
@@ -119,7 +119,7 @@ def advance_block(b, plants, history, costly, delayed, t, ticks_s, exposures_s, 
     p, due = plants[0], inf
     h = p.step_s
     for lane in range(LANES):
-        seen[lane, SEEN_T] = nan
+        desks[lane].seen[SEEN_T] = nan
         due = min(due, exposures_s[lane])
         if off_plate(plants[lane], _ball(b, lane)):
             b[FALLEN * LANES + lane] = 1.0
@@ -128,13 +128,14 @@ def advance_block(b, plants, history, costly, delayed, t, ticks_s, exposures_s, 
         if i == 0 or delayed:
             _command(b, plants, history, (i + 0.5) * h, ticks_s)
         if due <= now + h:
-            b[BEFORE_X * LANES : (BEFORE_Y + 1) * LANES] = b[BALL * LANES : (BALL + 2) * LANES]
+            for i in range(2 * LANES):
+                b[BEFORE_X * LANES + i] = b[BALL * LANES + i]
         if costly:
             _full_step(b, now, h, p.shaft_model, p.walls)
         else:
             _cheap_step(b, now, h, p.shaft_model, p.walls)
         if due <= now + h:
-            due = _see(b, plants, now, exposures_s, seen)
+            due = _see(b, plants, now, exposures_s, desks)
 
 
 def block_of(plants: Sequence[np.record], balls_m: Sequence[Sequence[float]]) -> np.ndarray:

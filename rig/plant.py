@@ -72,10 +72,10 @@ def _keep(s, axis_x, axis_y, ball):
 
 
 @inlined
-def late_row(history, delay_s, into_tick_s, ticks_s):
-    """Row of the history that reaches a motor `delay_s` late, `into_tick_s` after the tick."""
+def late_row(rows, delay_s, into_tick_s, ticks_s):
+    """Row of a history that reaches a motor `delay_s` late, `into_tick_s` after the tick."""
     late = delay_s - into_tick_s
-    return min(int(ceil(late / ticks_s)), history.shape[0] - 1) if late > 0.0 else 0
+    return min(int(ceil(late / ticks_s)), rows - 1) if late > 0.0 else 0
 
 
 @inlined
@@ -104,7 +104,7 @@ def _unnamed(p, ball, motion, t):
 @inlined
 def _motor_volts(p, a, history, i, ticks_s, now, axis):
     """Volts at motor `a` in step i of the tick [V]."""
-    back = late_row(history, p.input_delay_delay_s[a], (i + 0.5) * p.step_s, ticks_s)
+    back = late_row(history.shape[0], p.input_delay_delay_s[a], (i + 0.5) * p.step_s, ticks_s)
     return effective_volts(p, a, history[back, 0], history[back, 1], axis[2], axis[3], now)
 
 

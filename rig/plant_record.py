@@ -14,8 +14,8 @@ STEP_S = 1e-4
 
 _MODELS = {"exact": EXACT, "dead_zone": DEAD_ZONE, "none": NONE}
 _PER_AXIS = (
-    "torque_per_volt motor_damping motor_inertia motor_per_torque motor_per_volt gear_k gear_c gear_decay gear_1 gear_2 "
-    "joint_k joint_c joint_decay joint_1 joint_2"
+    "torque_per_volt motor_damping motor_inertia motor_per_torque motor_per_volt gear_k gear_c "
+    "gear_decay gear_1 gear_2 joint_k joint_c joint_decay joint_1 joint_2"
 ).split()
 _SCALARS = (
     "step_s arm_inertia plate_inertia arm_friction joint_friction arm_per_torque plate_per_torque "

@@ -11,7 +11,7 @@ from math import ceil
 import numpy as np
 
 from rig import pilot, plant, plant_record, statistical_camera
-from rig.compiled import compiled
+from rig.compiled import compiled, inlined
 from rig.limits import limit
 from rig.log import COLUMNS, Log
 from rig.parameters import Rig
@@ -33,9 +33,15 @@ ANGLE_MARGIN_RAD = 0.08  # further beyond the angle limit is a runaway (the stop
 DESK = np.dtype(
     [
         ("reading", np.float64, (READING_SIZE,)),
+        ("target", np.float64, (2,)),
+        ("push", np.float64, (2,)),
+        ("noise", np.float64, (2,)),  # of the tachometers
         ("wish", np.float64, (2,)),
         ("applied", np.float64, (2,)),
         ("covariance", np.float64, (3,)),
+        ("row", np.float64, (len(COLUMNS),)),
+        ("seen", np.float64, (7,)),
+        ("draws", np.float64, (3,)),  # of an exposure
         ("blind", np.int64),
         ("since_release", np.int64),
     ]
@@ -83,21 +89,17 @@ def _most_ticks(rig: Rig, course: Course) -> int:
 
 
 @compiled
-def think(k, s, p, q, flight, camera, targets, pushes, tick_s, tachometer, desk, row):
+def think(k, s, p, q, flight, camera, ticks, tick_s, desk):
     """Tick k up to the volts applied: sensors, pilot, limits, row. Returns how the run has ended,
-    an index of ENDINGS or -1, and the hand's push.
-
-    targets and pushes (n, 2), tachometer (2,); desk: what a run remembers from tick to tick (DESK).
+    an index of ENDINGS or -1. What comes and goes lies on the desk (DESK); ticks: of the course.
     """
-    t, now = k * tick_s, desk.since_release
-    target, reading, applied, wish = targets[now], desk.reading, desk.applied, desk.wish
-    push_x, push_y = pushes[now, 0], pushes[now, 1]
-    reading[R_TIME] = t
-    read_drives(s, p, tachometer, reading)
+    reading, applied, wish, push = desk.reading, desk.applied, desk.wish, desk.push
+    reading[R_TIME] = k * tick_s
+    read_drives(s, p, desk.noise, reading)
     deliver(camera, reading)
-    pilot_tick(flight, q, reading, target, applied, wish)
+    pilot_tick(flight, q, reading, desk.target, applied, wish)
     if flight.phase == HOLD:
-        push_x = push_y = 0.0
+        push[0] = push[1] = 0.0
     runaway = False
     for a in range(2):
         applied[a] = limit(
@@ -106,48 +108,67 @@ def think(k, s, p, q, flight, camera, targets, pushes, tick_s, tachometer, desk,
         )  # fmt: skip
         runaway = runaway or abs(reading[R_THETA + a]) > q.angle_limit + ANGLE_MARGIN_RAD
     desk.covariance[0] = desk.covariance[2] = reading[R_VARIANCE]
-    pushed = 1.0 if push_x != 0.0 or push_y != 0.0 else 0.0
-    fill_row(row, flight, q, reading, desk.covariance, target, pushed, wish, applied)
+    pushed = 1.0 if push[0] != 0.0 or push[1] != 0.0 else 0.0
+    fill_row(desk.row, flight, q, reading, desk.covariance, desk.target, pushed, wish, applied)
     if runaway:
-        return 2, push_x, push_y
+        return 2
     desk.blind = desk.blind + 1 if flight.phase == BLIND else 0
     if desk.blind * tick_s > BLIND_LIMIT_S:
-        return 1, push_x, push_y
+        return 1
     if flight.phase != HOLD:
         desk.since_release += 1
-    if desk.since_release == targets.shape[0]:
-        return 1 if flight.phase == BLIND else 0, push_x, push_y
-    return -1, push_x, push_y
+    if desk.since_release == ticks:
+        return 1 if flight.phase == BLIND else 0
+    return -1
 
 
-@compiled
-def expose(camera, p, seen, fallen, eyes):
-    """The camera's part of a tick whose exposure, if any, is in `seen`; eyes (k, 3)."""
-    if np.isnan(seen[SEEN_T]):
+@inlined
+def lay_out(desk, targets, pushes, tachometer, lane, k):
+    """Put a tick's inputs on the desk: by number, since a view of an array costs more than that."""
+    now = desk.since_release
+    for a in range(2):
+        desk.target[a] = targets[lane, now, a]
+        desk.push[a] = pushes[lane, now, a]
+        desk.noise[a] = tachometer[lane, k, a]
+
+
+@inlined
+def file_away(desk, rows, lane, k):
+    """The desk's row into rows[lane, k]."""
+    for i in range(rows.shape[2]):
+        rows[lane, k, i] = desk.row[i]
+
+
+@inlined
+def expose(camera, p, fallen, eyes, lane, desk):
+    """The camera's part of a tick whose exposure, if any, is in the desk's `seen`."""
+    if np.isnan(desk.seen[SEEN_T]):
         return
     if fallen:
         camera.frame += 1
-    else:
-        look(camera, p, seen, eyes[camera.frame])
+        return
+    for i in range(3):
+        desk.draws[i] = eyes[lane, camera.frame, i]
+    look(camera, p, desk.seen, desk.draws)
 
 
 @compiled
 def _run(s, p, q, history, flight, camera, targets, pushes, hold_s, tick_s, eyes, tachometer, desk,
          rows):  # fmt: skip
-    """Fill `rows` (m, columns) tick by tick; returns how many are filled and how it ended."""
-    seen, fallen = np.full(7, np.nan), False
-    for k in range(rows.shape[0]):
-        ending, push_x, push_y = think(
-            k, s, p, q, flight, camera, targets, pushes, tick_s, tachometer[k], desk, rows[k]
-        )
+    """Fill `rows` (1, m, columns) tick by tick; returns how many are filled and how it ended."""
+    fallen, push = False, desk.push
+    for k in range(rows.shape[1]):
+        lay_out(desk, targets, pushes, tachometer, 0, k)
+        ending = think(k, s, p, q, flight, camera, targets.shape[1], tick_s, desk)
+        file_away(desk, rows, 0, k)
         if ending >= 0:
             return k + 1, ending
         t, due = k * tick_s, next_exposure(camera)
         fallen = fallen | table_tick(
-            s, p, history, desk.applied, push_x, push_y, t < hold_s, t, tick_s, due, seen
+            s, p, history, desk.applied, push[0], push[1], t < hold_s, t, tick_s, due, desk.seen
         )
-        expose(camera, p, seen, fallen, eyes)
-    return rows.shape[0], NOT_RELEASED
+        expose(camera, p, fallen, eyes, 0, desk)
+    return rows.shape[1], NOT_RELEASED
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,18 +220,22 @@ def simulate(rig: Rig, known: Rig, arm: int, course: Course, draws: Draws) -> Si
     task = Task(rig, known, arm, course, draws)
     task.check()
     q, flight = task.pilot()
-    rows = np.full((task.ticks, len(COLUMNS)), np.nan)
+    rows = np.empty((1, task.ticks, len(COLUMNS)))
+    targets, pushes = (
+        np.ascontiguousarray(course.targets_m),
+        np.ascontiguousarray(course.pushes_m_s2),
+    )
     filled, ending = _run(
         plant.rest(course.start_m), plant_record.pack(rig), q, plant_record.no_volts(rig), flight,
         statistical_camera.start(rig.camera.rate_hz),
-        np.ascontiguousarray(course.targets_m), np.ascontiguousarray(course.pushes_m_s2),
-        course.hold_s, 1 / known.control_rate_hz, draws.camera, draws.tachometer, desk(), rows,
+        targets[None], pushes[None], course.hold_s, 1 / known.control_rate_hz,
+        draws.camera[None], draws.tachometer[None], desk(), rows,
     )  # fmt: skip
-    return Simulated(Log.from_rows(rows[:filled]), ENDINGS[ending])
+    return Simulated(Log.from_rows(rows[0, :filled]), ENDINGS[ending])
 
 
 def desk() -> np.record:
     """What a run remembers from tick to tick, at its start."""
     one = np.zeros(1, DESK)[0]
-    one["reading"] = np.nan
+    one["reading"] = one["seen"] = one["row"] = np.nan
     return one
