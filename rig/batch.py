@@ -121,7 +121,7 @@ def _simulate_block(tasks: Sequence[Task], plants: Sequence[np.record]) -> list[
     records = _records(plants)
     cameras = [statistical_camera.start(task.rig.camera.rate_hz) for task in tasks]
     _run_block(
-        block_of(list(records), starts), records, _records([q for q, _ in pilots]),
+        block_of(records, starts), records, _records([q for q, _ in pilots]),
         _stacked([plant_record.no_volts(task.rig) for task in tasks]),
         _records([flight for _, flight in pilots]), _records(cameras), _records([desk()] * LANES),
         any(map(is_costly, plants)), any(map(is_delayed, plants)),

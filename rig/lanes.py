@@ -138,11 +138,11 @@ def advance_block(b, plants, history, costly, delayed, t, ticks_s, exposures_s, 
             due = _see(b, plants, now, exposures_s, desks)
 
 
-def block_of(plants: Sequence[np.record], balls_m: Sequence[Sequence[float]]) -> np.ndarray:
-    """A block (BLOCK_ROWS * LANES,) of tables at rest, the ball of each where it is placed."""
+def block_of(plants: np.ndarray, balls_m: Sequence[Sequence[float]]) -> np.ndarray:
+    """A block (BLOCK_ROWS * LANES,) of tables at rest: plants (LANES,) of dtype PLANT, the ball of
+    each where it is placed."""
     b = np.zeros((BLOCK_ROWS, LANES))
-    for lane, (p, ball_m) in enumerate(zip(plants, balls_m, strict=True)):
-        b[:ROWS, lane], b[BALL : BALL + 2, lane] = rows_of(p), ball_m
+    b[:ROWS], b[BALL : BALL + 2] = rows_of(plants), np.transpose(balls_m)
     return b.ravel()
 
 

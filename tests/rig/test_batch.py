@@ -132,7 +132,7 @@ def test_open_loop_block_moves_as_the_plant_alone():
     rigs = [realistic(0.3 * i, 0.2 * i) for i in range(LANES)]
     rigs[3] = replace(rigs[3], effects={"input_delay": {"x": {"delay_s": 0.0031}}})
     plants = np.array([plant_record.pack(rig) for rig in rigs])
-    b = block_of(list(plants), [(0.01 * i, 0.0) for i in range(LANES)])
+    b = block_of(plants, [(0.01 * i, 0.0) for i in range(LANES)])
     history, desks = np.zeros((LANES, 4, 2)), np.zeros(LANES, DESK)
     volts = constant_volts(0.7, -0.4, 0.1)
     for k, pair in enumerate(volts):
