@@ -23,6 +23,7 @@ from experiments.metrics import run_metrics
 from experiments.numbers import Recorded, completed_measures, recorded
 from experiments.protocol import read_protocol
 from experiments.recording import read_run, recover
+from experiments.regime import regime
 from experiments.rivals import little_friction, measured, rivals
 from experiments.run_folder import read_meta
 from experiments.runner import (
@@ -77,6 +78,7 @@ def reproduce(
             "dropout": fitted.camera.dropout,
             "samples": len(pairs_seen),
         },
+        "regime": regime(rig),
         "claims": judge(table, seed),
         "paired_runs": paired_runs,
         "grid": grid,
