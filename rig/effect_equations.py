@@ -125,9 +125,9 @@ def viscous_drag(speed_m_s, rate_1_s):
 @inlined
 def rolling_resistance(speed_x, speed_y, deceleration_m_s2, step_s):
     """Factor on the velocity after a step of constant deceleration along it; 0 when it sticks."""
-    lost = deceleration_m_s2 * step_s
-    if lost <= 0.0:
+    if deceleration_m_s2 <= 0.0:
         return 1.0
+    lost = deceleration_m_s2 * step_s
     speed = sqrt(speed_x * speed_x + speed_y * speed_y)
     return 0.0 if speed <= lost else 1.0 - lost / speed
 

@@ -15,6 +15,7 @@ import numpy as np
 from rig.compiled import compiled, inlined
 from rig.constants import COSTLY, LANES, ROWS, cheap_constants_of, constants_of, rows_of
 from rig.plant import SEEN_T, late_row, sight
+from rig.shaft import EXACT
 from rig.step import ball_step, cogged, commanded, delivered, drive_step, held_ball, off_plate, tilt
 
 # Rows of a block after the constants: both axes' state, the ball's, inputs.
@@ -66,9 +67,9 @@ def _lane_step(b, c, lane, now):
 
 
 @compiled
-def _cheap_step(b, now, step_s, shaft_model, walls):
+def _cheap_step(b, now, step_s):
     for lane in range(LANES):
-        _lane_step(b, cheap_constants_of(b, lane, step_s, shaft_model, walls), lane, now)
+        _lane_step(b, cheap_constants_of(b, lane, step_s, EXACT, 0), lane, now)
 
 
 @compiled
@@ -113,7 +114,7 @@ def advance_block(b, plants, history, costly, delayed, t, ticks_s, exposures_s, 
     """`plant.advance` for a block b (BLOCK_ROWS * LANES,): plants (LANES,) of dtype PLANT, history
     (LANES, n, 2), exposures_s (LANES,), desks (LANES,) with a field `seen` (7,).
 
-    costly: some lane has an effect of `constants.COSTLY`; delayed: some lane delays its volts.
+    costly: some lane is (`is_costly`); delayed: some lane delays its volts.
     Pushes, held and fallen balls stand in the block's rows; a fallen one is marked there.
     """
     p, due = plants[0], inf
@@ -133,7 +134,7 @@ def advance_block(b, plants, history, costly, delayed, t, ticks_s, exposures_s, 
         if costly:
             _full_step(b, now, h, p.shaft_model, p.walls)
         else:
-            _cheap_step(b, now, h, p.shaft_model, p.walls)
+            _cheap_step(b, now, h)
         if due <= now + h:
             due = _see(b, plants, now, exposures_s, desks)
 
@@ -147,8 +148,9 @@ def block_of(plants: np.ndarray, balls_m: Sequence[Sequence[float]]) -> np.ndarr
 
 
 def is_costly(p: np.record) -> bool:
-    """Whether a plant has an effect that costs a sine, an exponential or a root a step."""
-    return any(np.any(p[name]) for name in COSTLY)
+    """Whether a plant has what `_cheap_step` leaves out: an effect with a sine, an exponential or a
+    root a step, another shaft model than the exact one, or walls."""
+    return bool(any(np.any(p[name]) for name in COSTLY) or p["shaft_model"] != EXACT or p["walls"])
 
 
 def is_delayed(p: np.record) -> bool:
