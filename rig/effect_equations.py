@@ -5,7 +5,7 @@ theta servo angle [rad], omega its rate [rad/s], V motor volts, t the run's time
 
 from math import sqrt
 
-from rig.compiled import inlined
+from rig.compiled import compiled, inlined
 from rig.elementary import cosine, decaying, sine, sine_cosine
 
 # --- servo side: what becomes of the volts ---------------------------------------------------
@@ -135,7 +135,7 @@ def rolling_resistance(speed_x, speed_y, deceleration_m_s2, step_s):
 # --- camera side: what is measured of a true position -----------------------------------------
 
 
-@inlined
+@compiled
 def camera_map(x, y, scale_fraction, yaw_rad, k1_1_m2):
     """Measured position R(yaw) (1 + s)(1 + k1 r^2) true, counter-clockwise [m]."""
     factor = (1.0 + scale_fraction) * (1.0 + k1_1_m2 * (x * x + y * y))
@@ -143,7 +143,7 @@ def camera_map(x, y, scale_fraction, yaw_rad, k1_1_m2):
     return factor * (c * x - s * y), factor * (s * x + c * y)
 
 
-@inlined
+@compiled
 def camera_unmap(x, y, scale_fraction, yaw_rad, k1_1_m2):
     """The true position of a measured one [m]: `camera_map` backwards, the lens by iteration."""
     s, c = sine_cosine(yaw_rad)
