@@ -10,6 +10,7 @@ from experiments.figures import SOURCES, save
 from experiments.folders import write_results
 from experiments.numbers import Recorded, centroid_cm, recorded, run_numbers
 from experiments.recording import read_run
+from experiments.regime import regime_of_record
 from experiments.report import RUN_HEAD, Section, Shown, run_row, write_page
 from experiments.samples import run_part
 
@@ -53,7 +54,7 @@ def report_runs(folders: Sequence[Path], out: Path) -> Path:
             "notes": notes,
             "runs": [
                 {"protocol": _name(meta), "arm": meta["arm"], "seed": meta["seed"]}
-                | {"outcome": meta.get("outcome")}
+                | {"outcome": meta.get("outcome"), "regime": regime_of_record(meta.get("rig"))}
                 | found
                 for meta, found in zip(metas, numbers, strict=True)
             ],
@@ -89,4 +90,5 @@ def _run_section(run: Recorded, meta: dict, out: Path) -> Section:
         Shown(save(figure, out, f"{run.folder.name}-{name}", meta["source"]), captions[name])
         for name, figure in drawn.items()
     ]
-    return Section(f"{_name(meta)}, {meta['arm']}, seed {meta['seed']}", [], shown)
+    lines = [regime_of_record(meta.get("rig"))]
+    return Section(f"{_name(meta)}, {meta['arm']}, seed {meta['seed']}", lines, shown)

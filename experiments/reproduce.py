@@ -5,8 +5,6 @@ frames; 3 a statistical camera fitted to them; 4 with it Figs. 7 and 8, paired r
 claims (other units of the same kind) and the grid of play; 5 figures, results.json, report.html.
 """
 
-from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 from itertools import product
@@ -25,12 +23,21 @@ from experiments.metrics import run_metrics
 from experiments.numbers import Recorded, completed_measures, recorded
 from experiments.protocol import read_protocol
 from experiments.recording import read_run, recover
+from experiments.regime import regime
 from experiments.rivals import little_friction, measured, rivals
 from experiments.run_folder import read_meta
-from experiments.runner import Order, contract_columns, keep_simulated, run, simulate_order
+from experiments.runner import (
+    Order,
+    contract_columns,
+    keep_simulated,
+    run,
+    simulate_order,
+    simulate_orders,
+)
 from experiments.runs import calibrate_camera
 from experiments.study_report import write_study
 from rig.parameters import Rig
+from rig.simulate import Simulated
 
 PAIRS = 24  # paired seeds a claim
 GRID_PAIRS = 20  # paired seeds a cell
@@ -71,12 +78,13 @@ def reproduce(
             "dropout": fitted.camera.dropout,
             "samples": len(pairs_seen),
         },
+        "regime": regime(rig),
         "claims": judge(table, seed),
         "paired_runs": paired_runs,
         "grid": grid,
         "rivals": {
-            "friction as it is": rivals(fitted, seed, pairs, _each),
-            "little friction": rivals(little_friction(fitted), seed, pairs, _each),
+            "friction as it is": rivals(fitted, seed, pairs),
+            "little friction": rivals(little_friction(fitted), seed, pairs),
         },
         "grid_pairs": grid_pairs,
     }
@@ -153,14 +161,13 @@ def _claim_runs(rig: Rig, out: Path, seed: int, pairs: int, progress: ProgressCa
 
     folders: dict[tuple[str, int, str], str] = {}
 
-    def one(order: Order) -> dict[str, float]:
-        result = simulate_order(order)
+    def one(order: Order, result: Simulated) -> dict[str, float]:
         kept = replace(result, log=contract_columns(result.log))
         folders[order.arm, order.seed, order.protocol.name] = keep_simulated(order, kept).name
         return completed_measures(run_metrics(kept.log), kept.outcome)
 
     progress("paired repetitions", 0, len(orders))
-    rows = _each(one, orders, lambda k: progress("paired repetitions", k, len(orders)))
+    rows = simulate_orders(orders, one, lambda k: progress("paired repetitions", k, len(orders)))
     table: dict[str, dict[str, list[dict]]] = {}
     for order, row in zip(orders, rows, strict=True):
         table.setdefault(order.protocol.name, {}).setdefault(order.arm, []).append(row)
@@ -184,19 +191,9 @@ def _grid_rows(rig: Rig, seed: int, pairs: int, cells: int, progress: ProgressCa
             for arm in ARMS
             for s in seeds
         ]
-        rows = _each(measured, orders)
+        rows = simulate_orders(orders, measured)
         finished[0] += 1
         progress("cells of play", finished[0], cells)
         return {"without": rows[:pairs], "with": rows[pairs:]}
 
     return rows_of
-
-
-def _each(work, orders: Sequence[Order], done=lambda count: None) -> list[dict]:
-    """Do the work for every order on all cores (the kernels hold no lock), in order."""
-    with ThreadPoolExecutor(cpu_count() or 1) as pool:
-        rows = []
-        for row in pool.map(work, orders):
-            rows.append(row)
-            done(len(rows))
-        return rows

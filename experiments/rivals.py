@@ -7,7 +7,7 @@ ball at the centre, once on the table as it is and once with next to no dry fric
 alone is left.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from itertools import product
 from pathlib import Path
@@ -19,21 +19,20 @@ from experiments.claims import compare
 from experiments.metrics import run_metrics
 from experiments.numbers import MEASURES, completed_measures
 from experiments.protocol import read_protocol
-from experiments.runner import Order, simulate_order
+from experiments.runner import Order, simulate_orders
 from experiments.statistics import mean_interval
 from rig.parameters import Gains, Rig
+from rig.simulate import Simulated
 
 TUNING_SEEDS = 3
 HOLD_S = 24.0
 GAIN_GRID = {"proportional_rad_m": (2.5, 3.45, 4.5), "derivative_rad_s_m": (2.11, 3.0, 4.0, 5.0)}
 JUDGED = ("settled_error", "servo_activity", "cycle_amplitude")
 LITTLE_FRICTION = {"joint_friction_nm": 2e-3, "arm_friction_nm": 2e-4}
-Each = Callable[[Callable[[Order], dict[str, float]], Sequence[Order]], list[dict[str, float]]]
 
 
-def measured(order: Order) -> dict[str, float]:
+def measured(order: Order, result: Simulated) -> dict[str, float]:
     """Measures of one simulated run; NaN where it did not complete."""
-    result = simulate_order(order)
     return completed_measures(run_metrics(result.log), result.outcome)
 
 
@@ -44,15 +43,25 @@ def orders(rig: Rig, arm: str, seeds: Sequence[int], gains: Gains | None = None)
     return [Order(another_unit(rig, s), plan, arm, s, Path(), kind=kind) for s in seeds]
 
 
-def retuned(rig: Rig, seed: int, each: Each) -> Gains:
+def _rows(wanted: Sequence[Sequence[Order]]) -> list[list[dict[str, float]]]:
+    """Measures of groups of orders, made all at once."""
+    rows = iter(simulate_orders([order for group in wanted for order in group], measured))
+    return [[next(rows) for _ in group] for group in wanted]
+
+
+def retuned(rig: Rig, seed: int) -> Gains:
     """Gains of the PID alone, tuned on seeds of its own: the best ball of those that move the servo
     no more than the arm *with* does (where none does, the calmest servo)."""
     seeds = range(seed + 3000, seed + 3000 + TUNING_SEEDS)
-    effort = np.mean([row["servo_activity"] for row in each(measured, orders(rig, "with", seeds))])
-    tried = []
-    for values in product(*GAIN_GRID.values()):
-        gains = replace(rig.gains, **dict(zip(GAIN_GRID, values, strict=True)))
-        rows = each(measured, orders(rig, "without", seeds, gains))
+    grid = [
+        replace(rig.gains, **dict(zip(GAIN_GRID, values, strict=True)))
+        for values in product(*GAIN_GRID.values())
+    ]
+    first, *others = _rows(
+        [orders(rig, "with", seeds)] + [orders(rig, "without", seeds, gains) for gains in grid]
+    )
+    effort, tried = np.mean([row["servo_activity"] for row in first]), []
+    for gains, rows in zip(grid, others, strict=True):
         activity, error = (
             np.mean([r[k] for r in rows]) for k in ("servo_activity", "settled_error")
         )
@@ -61,14 +70,14 @@ def retuned(rig: Rig, seed: int, each: Each) -> Gains:
     return min(tried, key=lambda t: t[:2])[2]
 
 
-def rivals(rig: Rig, seed: int, pairs: int, each: Each) -> dict:
+def rivals(rig: Rig, seed: int, pairs: int) -> dict:
     """Every arm's measures with intervals, and what each rival loses against the arm *with*."""
-    gains, seeds = retuned(rig, seed, each), range(seed + 4000, seed + 4000 + pairs)
-    rows = {arm: each(measured, orders(rig, arm, seeds)) for arm in ("without", "with", "sham",
-                                                                     "misplaced")}  # fmt: skip
-    rows["retuned"] = each(measured, orders(rig, "without", seeds, gains))
+    gains, seeds = retuned(rig, seed), range(seed + 4000, seed + 4000 + pairs)
+    wanted = {arm: orders(rig, arm, seeds) for arm in ("without", "with", "sham", "misplaced")}
+    wanted["retuned"] = orders(rig, "without", seeds, gains)
     bare = with_play(rig, gear_rad=0.0, joint_rad=0.0)
-    rows["no play, without"] = each(measured, orders(bare, "without", seeds))
+    wanted["no play, without"] = orders(bare, "without", seeds)
+    rows = dict(zip(wanted, _rows(list(wanted.values())), strict=True))
     table = {}
     for arm, found in rows.items():
         table[arm] = {}

@@ -1,8 +1,11 @@
 """Run protocols: one recorded run at a time tick by tick, or many at once in compiled code."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from os import cpu_count
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -12,16 +15,19 @@ from experiments.push_detection import detect_pushes
 from experiments.recording import Recorder, write_run
 from experiments.run_folder import new_run_folder, write_truth
 from experiments.samples import run_part
+from rig.batch import simulate_many
 from rig.commands import CommandSlot, Stop
+from rig.constants import LANES
 from rig.controllers import ARMS
 from rig.log import INDEX, Log
 from rig.loop import Ending, Loop
 from rig.parameters import Rig
 from rig.rigfile import to_dict
-from rig.simulate import Simulated, draw, simulate
+from rig.simulate import Simulated, Task, draw, simulate
 
 _T, _BALL, _PHASE, _PUSH = (INDEX[n] for n in ("t_s", "ball_x_m", "phase", "push"))
 PROGRESS_EVERY = 250
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -150,13 +156,38 @@ def run(
     return Done(folder, ending, np.array(eye.pairs if eye else []).reshape(-1, 5))
 
 
-def simulate_order(order: Order) -> Simulated:
-    """The same run as `run` with the statistical camera, in compiled code and memory alone."""
-    way = course(order.protocol, order.rig, order.seed)
+def _task(order: Order) -> Task:
+    """The order as the simulator takes it, with the numbers that `run` would draw."""
     if order.protocol.pushes.kind == "at-centre":
         raise ValueError("pushes at-centre answer to the ball: run them tick by tick (rig run)")
+    way = course(order.protocol, order.rig, order.seed)
     numbers = draw(np.random.default_rng([order.seed, 3]), order.rig, way)
-    return simulate(order.rig, order.believed, ARMS[order.arm], way, numbers)
+    return Task(order.rig, order.believed, ARMS[order.arm], way, numbers)
+
+
+def simulate_order(order: Order) -> Simulated:
+    """The same run as `run` with the statistical camera, in compiled code and memory alone."""
+    task = _task(order)
+    return simulate(task.rig, task.known, task.arm, task.course, task.draws)
+
+
+def simulate_orders(
+    orders: Sequence[Order], work: Callable[[Order, Simulated], T], done=lambda count: None
+) -> list[T]:
+    """`work` of every order and its run, in order: blocks of runs on all cores, the same runs as
+    `simulate_order` makes. `done` is told how many are finished."""
+    blocks = [orders[i : i + LANES] for i in range(0, len(orders), LANES)]
+
+    def some(block: Sequence[Order]) -> list[T]:
+        runs = simulate_many([_task(order) for order in block])
+        return [work(order, run) for order, run in zip(block, runs, strict=True)]
+
+    found: list[T] = []
+    with ThreadPoolExecutor(cpu_count() or 1) as pool:  # the kernels hold no lock
+        for part in pool.map(some, blocks):
+            found += part
+            done(len(found))
+    return found
 
 
 def keep_simulated(order: Order, result: Simulated) -> Path:

@@ -8,9 +8,11 @@ from experiments import figures
 from experiments.centroid_report import centroid_facts, centroid_section
 from experiments.figures import save, verdict_word
 from experiments.numbers import Recorded, arm_numbers, centroid_cm
+from experiments.regime import regime_sentence
 from experiments.report import RUN_HEAD, Section, Shown, run_row, write_page
+from experiments.rivals import little_friction
 from experiments.rivals_report import rivals_section
-from rig.parameters import GRAVITY_M_S2, Rig
+from rig.parameters import Rig
 
 Study = Mapping[str, Mapping[str, Sequence[Recorded]]]
 _VIRTUAL = "simulated"
@@ -123,19 +125,11 @@ def _summary(results: dict, rig: Rig) -> list[str]:
         seen
         if camera["frames"]
         else "No frames were rendered: all runs used a statistical camera.",
-        _regime(rig),
+        regime_sentence(rig),
+        regime_sentence(
+            little_friction(rig), "With little friction (one of the tables of the rivals)"
+        ),
     ]
-
-
-def _regime(rig: Rig) -> str:
-    """Whether friction holds the plate inside the joint's play against the ball's weight."""
-    ball = rig.ball.mass_kg * GRAVITY_M_S2 * rig.linkage.ratio * 0.10
-    held = rig.drive.joint_friction_nm > ball
-    does = "keeps its place inside the play" if held else "drops to the ball's side"
-    return (
-        f"Regime: joint friction {rig.drive.joint_friction_nm:.3g} N m (assumed) against "
-        f"{ball:.2g} N m of a ball 10 cm out, both at the servo: the plate {does}."
-    )
 
 
 def _figure_sections(shown: dict[str, Path]) -> list[Section]:

@@ -19,37 +19,38 @@ w = (x' + r omega_2, y' - r omega_1) instead of the velocity: the plate's angula
 which rings in the shafts, is then never needed.
 """
 
-from math import cos, sin, sqrt
+from math import sqrt
 
-from rig.compiled import compiled
+from rig.compiled import inlined
+from rig.elementary import cosine, sine
 from rig.parameters import GRAVITY_M_S2
 
 
-@compiled
+@inlined
 def plate_sines(theta_x, theta_y, ratio, cross_x, cross_y):
     """Eq. 14 for both axes: sin(phi_x), sin(phi_y) from the angles that the plate feels [rad].
 
     `ratio` = 2 R_d/L; `cross_x` is the share of the other axis's motion that axis x receives.
     """
-    a, b = sin(theta_x), sin(theta_y)
+    a, b = sine(theta_x), sine(theta_y)
     return ratio * (a + cross_x * b), ratio * (b + cross_y * a)
 
 
-@compiled
+@inlined
 def plate_rates(theta_x, theta_y, omega_x, omega_y, ratio, cross_x, cross_y, s_x, s_y):
     """omega_1, omega_2 [rad/s]: the plate's angular velocity in its own frame."""
-    a, b = cos(theta_x) * omega_x, cos(theta_y) * omega_y
-    c = sqrt(1.0 - s_x * s_x - s_y * s_y)
-    return -ratio * (b + cross_y * a) / c, ratio * (a + cross_x * b) / c
+    a, b = cosine(theta_x) * omega_x, cosine(theta_y) * omega_y
+    per_c = ratio / sqrt(1.0 - s_x * s_x - s_y * s_y)
+    return -(b + cross_y * a) * per_c, (a + cross_x * b) * per_c
 
 
-@compiled
+@inlined
 def velocity(w_x, w_y, omega_1, omega_2, radius):
     """x', y' of the ball's centre in the plate's frame [m/s]."""
     return w_x - radius * omega_2, w_y + radius * omega_1
 
 
-@compiled
+@inlined
 def rolling(x, y, v_x, v_y, spin, slope_x, slope_y, omega_1, omega_2, factor, radius):
     """d(w_x)/dt, d(w_y)/dt [m/s2] and d(sigma)/dt [rad/s2] of the equations above.
 

@@ -38,4 +38,8 @@ if "NUMBA_CACHE_DIR" not in os.environ:
     os.environ["NUMBA_CACHE_DIR"] = str(_cache_root() / "balancing-table-rig" / _source_hash())
     reload_config()
 
-compiled = partial(numba.njit, cache=True, error_model="numpy", nogil=True)()
+_options = {"error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True}
+compiled = partial(numba.njit, cache=True, **_options)()
+# For what stands inside a kernel's innermost loop: a call there would keep the compiler from
+# working on several runs at once. It lives in its callers' cache.
+inlined = partial(numba.njit, forceinline=True, **_options)()

@@ -3,65 +3,66 @@
 theta servo angle [rad], omega its rate [rad/s], V motor volts, t the run's time [s].
 """
 
-from math import cos, exp, sin, sqrt
+from math import sqrt
 
-from rig.compiled import compiled
+from rig.compiled import compiled, inlined
+from rig.elementary import cosine, decaying, sine, sine_cosine
 
 # --- servo side: what becomes of the volts ---------------------------------------------------
 
 
-@compiled
+@inlined
 def dead_zone(volts, positive_V, negative_V):
     """sgn(V) max(|V| - w, 0), with a width of its own on each side [V]."""
     return max(volts - positive_V, 0.0) + min(volts + negative_V, 0.0)
 
 
-@compiled
+@inlined
 def gain_asymmetry(volts, fraction):
     """V (1 + a) for V > 0, V (1 - a) for V < 0 [V]."""
     return volts * (1.0 + fraction) if volts > 0.0 else volts * (1.0 - fraction)
 
 
-@compiled
+@inlined
 def voltage_offset(volts, offset_V):
     return volts + offset_V
 
 
-@compiled
+@inlined
 def saturation(volts, limit_V):
     """clip(V, -limit, limit) [V]."""
     return min(max(volts, -limit_V), limit_V)
 
 
-@compiled
+@inlined
 def cogging(volts, theta, amplitude_V, phase_rad, periods_per_turn):
     """V + A sin(n theta + phase) [V]."""
-    if amplitude_V == 0.0:  # a sine each step is a fifth of the whole simulation
+    if amplitude_V == 0.0:  # saves one run the sine; of many, the compiler takes both and selects
         return volts
-    return volts + amplitude_V * sin(periods_per_turn * theta + phase_rad)
+    return volts + amplitude_V * sine(periods_per_turn * theta + phase_rad)
 
 
-@compiled
+@inlined
 def gain_drift(volts, t, rate_1_s):
     """V (1 - rate t) [V]."""
     return volts * (1.0 - rate_1_s * t)
 
 
-@compiled
+@inlined
 def supply_sag(volts, volts_x, volts_y, drop_1_V):
     """V (1 - drop (|V_x| + |V_y|)) [V]."""
     return volts * (1.0 - drop_1_V * (abs(volts_x) + abs(volts_y)))
 
 
-@compiled
+@inlined
 def friction_volts(omega, friction_V, extra_V, speed_rad_s):
     """Size of dry friction: Coulomb plus the Stribeck excess extra exp(-(omega/speed)^2) [V]."""
     if extra_V == 0.0:
         return friction_V
-    return friction_V + extra_V * exp(-((omega / speed_rad_s) ** 2))
+    return friction_V + extra_V * decaying((omega / speed_rad_s) ** 2)
 
 
-@compiled
+@inlined
 def stick(speed, largest_change):
     """Speed after dry friction that can change it by at most `largest_change`: it never reverses.
 
@@ -73,42 +74,62 @@ def stick(speed, largest_change):
 # --- ball side: the angle that the plate feels, and forces on the ball ------------------------
 
 
-@compiled
+@inlined
 def transmission_ripple(theta, amplitude_rad, phase_rad, periods_per_turn):
     """Kinematic error A (sin(n theta + phase) - sin(phase)) [rad], as of a harmonic drive."""
     if amplitude_rad == 0.0:
         return 0.0
-    return amplitude_rad * (sin(periods_per_turn * theta + phase_rad) - sin(phase_rad))
+    return amplitude_rad * (sine(periods_per_turn * theta + phase_rad) - sine(phase_rad))
 
 
-@compiled
+@inlined
+def transmission_ripple_slope(theta, amplitude_rad, phase_rad, periods_per_turn):
+    """Its derivative A n cos(n theta + phase) [1]."""
+    if amplitude_rad == 0.0:
+        return 0.0
+    return amplitude_rad * periods_per_turn * cosine(periods_per_turn * theta + phase_rad)
+
+
+@inlined
 def linkage_quadratic(theta, coefficient_1_rad):
     return coefficient_1_rad * theta * theta
 
 
-@compiled
+@inlined
+def linkage_quadratic_slope(theta, coefficient_1_rad):
+    return 2.0 * coefficient_1_rad * theta
+
+
+@inlined
 def linkage_cubic(theta, coefficient_1_rad2):
     return coefficient_1_rad2 * theta * theta * theta
 
 
-@compiled
+@inlined
+def linkage_cubic_slope(theta, coefficient_1_rad2):
+    return 3.0 * coefficient_1_rad2 * theta * theta
+
+
+@inlined
 def plate_bowl(position_m, stiffness_1_s2):
     """Acceleration -stiffness * position [m/s2]."""
     return -stiffness_1_s2 * position_m
 
 
-@compiled
+@inlined
 def viscous_drag(speed_m_s, rate_1_s):
     """Acceleration -rate v [m/s2]."""
     return -rate_1_s * speed_m_s
 
 
-@compiled
+@inlined
 def rolling_resistance(speed_x, speed_y, deceleration_m_s2, step_s):
     """Factor on the velocity after a step of constant deceleration along it; 0 when it sticks."""
-    speed = sqrt(speed_x * speed_x + speed_y * speed_y)
+    if deceleration_m_s2 <= 0.0:
+        return 1.0
     lost = deceleration_m_s2 * step_s
-    return 0.0 if speed <= lost and lost > 0.0 else 1.0 - (lost / speed if lost > 0.0 else 0.0)
+    speed = sqrt(speed_x * speed_x + speed_y * speed_y)
+    return 0.0 if speed <= lost else 1.0 - lost / speed
 
 
 # --- camera side: what is measured of a true position -----------------------------------------
@@ -118,14 +139,14 @@ def rolling_resistance(speed_x, speed_y, deceleration_m_s2, step_s):
 def camera_map(x, y, scale_fraction, yaw_rad, k1_1_m2):
     """Measured position R(yaw) (1 + s)(1 + k1 r^2) true, counter-clockwise [m]."""
     factor = (1.0 + scale_fraction) * (1.0 + k1_1_m2 * (x * x + y * y))
-    c, s = cos(yaw_rad), sin(yaw_rad)
+    s, c = sine_cosine(yaw_rad)
     return factor * (c * x - s * y), factor * (s * x + c * y)
 
 
 @compiled
 def camera_unmap(x, y, scale_fraction, yaw_rad, k1_1_m2):
     """The true position of a measured one [m]: `camera_map` backwards, the lens by iteration."""
-    c, s = cos(yaw_rad), sin(yaw_rad)
+    s, c = sine_cosine(yaw_rad)
     u, v = (c * x + s * y) / (1.0 + scale_fraction), (c * y - s * x) / (1.0 + scale_fraction)
     a, b = u, v
     for _ in range(8):

@@ -91,7 +91,7 @@ def _watch_braking(e, q, a, speed):
 @compiled
 def observe_gear(e, q, reading):
     """One tick; without a tachometer nothing is learnt."""
-    row, t = np.empty(4), e.ticks * q.tick_s
+    t = e.ticks * q.tick_s
     for a in range(2):
         speed, theta = reading[R_MOTOR + a], reading[R_THETA + a]
         if e.ticks == 0:
@@ -118,7 +118,7 @@ def observe_gear(e, q, reading):
             e.wait[a] = max(e.wait[a], AFTER_STRIKE_S)
         if e.wait[a] > 0.0 or abs(e.edges[a]) < MOVING_EDGES:
             continue
-        row[0], row[1], row[2], row[3] = 1.0, way, theta, t
+        row = (1.0, way, theta, t)
         # Slow, the edge has just been passed: the arm is half a count behind. Fast, rounding is
         # as often up as down.
         behind = max(0.5 * (q.encoder_step - abs(speed) * q.tick_s), 0.0)

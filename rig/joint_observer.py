@@ -13,11 +13,12 @@ friction; the reported play does not. An asymmetric play is a twin of the level 
 width shows.
 """
 
-from math import exp, log, pi, sin
+from math import exp, log, pi
 
 import numpy as np
 
 from rig.compiled import compiled
+from rig.elementary import sine
 from rig.kalman import scalar_update
 from rig.parameters import Rig
 from rig.signals import R_BALL, R_EXPOSED, R_NEW, R_THETA, R_TIME, R_VARIANCE
@@ -114,7 +115,7 @@ def _predict(e, q, m, a, t0, t1):
         after = _believed_plate(e, q, m, a, low + part * (high - low))
         if first:
             before, first = after, False
-        acceleration = q.gain * sin(after) + mean[2]
+        acceleration = q.gain * sine(after) + mean[2]
         x += dt * (v + 0.5 * dt * acceleration)
         v += dt * acceleration
         s_x += dt * (s_v + 0.5 * dt * e.side[m, a])
@@ -123,11 +124,14 @@ def _predict(e, q, m, a, t0, t1):
     mean[0] = x - q.radius_ratio * (after - before)  # the Euler term of the moving plate
     mean[1] = v
     T = t1 - t0
-    F = np.eye(4)
-    F[0, 1], F[0, 2], F[1, 2] = T, 0.5 * T * T, T
-    F[0, 3] = -q.gain * s_x + q.radius_ratio * (e.side[m, a] - side_before)
-    F[1, 3] = -q.gain * s_v
-    P = F @ e.cov[m, a] @ F.T
+    P, x_alpha = e.cov[m, a], -q.gain * s_x + q.radius_ratio * (e.side[m, a] - side_before)
+    v_alpha = -q.gain * s_v
+    for i in range(4):  # F P, then (F P) F'
+        P[0, i] += T * P[1, i] + 0.5 * T * T * P[2, i] + x_alpha * P[3, i]
+        P[1, i] += T * P[2, i] + v_alpha * P[3, i]
+    for i in range(4):
+        P[i, 0] += T * P[i, 1] + 0.5 * T * T * P[i, 2] + x_alpha * P[i, 3]
+        P[i, 1] += T * P[i, 2] + v_alpha * P[i, 3]
     noise = q.velocity_noise**2 * T
     P[1, 1] += noise
     P[0, 1] += 0.5 * noise * T
@@ -135,7 +139,6 @@ def _predict(e, q, m, a, t0, t1):
     P[0, 0] += noise * T * T / 3
     P[2, 2] += q.level_noise**2 * T
     P[3, 3] += q.alpha_noise**2 * T
-    e.cov[m, a] = P
 
 
 @compiled
@@ -179,8 +182,7 @@ def observe_joint(e, q, reading):
     t1, variance = reading[R_EXPOSED] - e.begin, reading[R_VARIANCE] + MODEL_ERROR_M**2
     if t1 <= max(e.time, 0.0):
         return
-    row = np.zeros(4)
-    row[0] = 1.0
+    row = (1.0, 0.0, 0.0, 0.0)
     away = e.time < max((e.tick - HISTORY + 2) * q.tick_s, 0.0)  # first seen, or too long ago
     for a in range(2):
         z = reading[R_BALL + a]

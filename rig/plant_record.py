@@ -6,7 +6,7 @@ import numpy as np
 
 from rig import unknown
 from rig.effects import fields, values
-from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, Rig
+from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, GRAVITY_M_S2, Rig
 from rig.shaft import DEAD_ZONE, EXACT, NONE, relaxation
 from rig.unknown import UNKNOWN
 
@@ -14,12 +14,13 @@ STEP_S = 1e-4
 
 _MODELS = {"exact": EXACT, "dead_zone": DEAD_ZONE, "none": NONE}
 _PER_AXIS = (
-    "torque_per_volt motor_damping motor_inertia gear_k gear_c gear_decay gear_1 gear_2 "
-    "joint_k joint_c joint_decay joint_1 joint_2"
+    "torque_per_volt motor_damping motor_inertia motor_per_torque motor_per_volt gear_k gear_c "
+    "gear_decay gear_1 gear_2 joint_k joint_c joint_decay joint_1 joint_2"
 ).split()
 _SCALARS = (
-    "step_s arm_inertia plate_inertia arm_friction joint_friction stop_rad ratio radius mass "
-    "factor half_side wall_restitution encoder_step tachometer_scale tachometer_noise tachometer "
+    "step_s arm_inertia plate_inertia arm_friction joint_friction arm_per_torque plate_per_torque "
+    "arm_stick plate_stick stop_rad ratio radius mass weight factor half_side wall_restitution "
+    "encoder_step tachometer_scale tachometer_noise tachometer "
     "camera_delay camera_noise camera_dropout"
 ).split()
 PLANT = np.dtype(
@@ -66,6 +67,7 @@ def pack(rig: Rig, *, step_s: float = STEP_S) -> np.record:
         rig.ball.mass_kg,
         rig.ball.rolling_factor,
     )
+    _per_step(p)
     p["walls"], p["wall_restitution"] = int(rig.walls.present), rig.walls.restitution
     p["encoder_step"] = servo.encoder_step_rad
     p["tachometer"] = float(servo.tachometer)
@@ -76,6 +78,17 @@ def pack(rig: Rig, *, step_s: float = STEP_S) -> np.record:
     p["camera_delay"] = rig.camera.delay_s + p["camera_delay_extra_s"][0]
     p["camera_noise"], p["camera_dropout"] = rig.camera.noise_m, rig.camera.dropout
     return p
+
+
+def _per_step(p: np.record) -> None:
+    """What one step makes of a torque: speeds, not accelerations, so that no step divides."""
+    h = p["step_s"]
+    p["motor_per_torque"] = h / p["motor_inertia"]
+    p["motor_per_volt"] = p["torque_per_volt"] * p["motor_per_torque"]
+    p["arm_per_torque"], p["plate_per_torque"] = h / p["arm_inertia"], h / p["plate_inertia"]
+    p["arm_stick"] = p["arm_friction"] * p["arm_per_torque"]
+    p["plate_stick"] = p["joint_friction"] * p["plate_per_torque"]
+    p["weight"] = p["mass"] * GRAVITY_M_S2 * p["ratio"]  # torque at the servo per metre of offset
 
 
 def no_volts(rig: Rig) -> np.ndarray:

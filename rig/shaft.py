@@ -7,7 +7,7 @@ beta_1 - beta_2 = 2 alpha), k stiffness [N m/rad], c damping [N m s/rad], T_s sh
 
 from math import exp
 
-from rig.compiled import compiled
+from rig.compiled import inlined
 
 EXACT, DEAD_ZONE, NONE = 0, 1, 2
 
@@ -20,13 +20,13 @@ def relaxation(stiffness: float, damping: float, step_s: float) -> float:
     return exp(-stiffness * step_s / damping) if damping > 0 else 0.0
 
 
-@compiled
+@inlined
 def dead_zone(theta_d, beta_1, beta_2):
     """D_alpha of Eq. 8: what is left of the twist outside the play [rad]."""
     return max(theta_d - beta_1, 0.0) + min(theta_d - beta_2, 0.0)
 
 
-@compiled
+@inlined
 def shaft_torque(model, theta_d, omega_d, theta_b, beta_1, beta_2, k, c):
     """T_s [N m]: Eq. 1 with Eq. 2 in contact and 0 out of it, Eq. 7, or a shaft without play.
 
@@ -43,7 +43,7 @@ def shaft_torque(model, theta_d, omega_d, theta_b, beta_1, beta_2, k, c):
     return up * max(torque, 0.0) + down * min(torque, 0.0)
 
 
-@compiled
+@inlined
 def backlash_angle(theta_d_before, theta_d_after, theta_b, beta_1, beta_2, decay):
     """theta_b one step later (Eq. 6 by its exact solution, Eq. 5, held at the ends) [rad].
 
@@ -53,7 +53,7 @@ def backlash_angle(theta_d_before, theta_d_after, theta_b, beta_1, beta_2, decay
     return min(max(free, beta_2), beta_1)
 
 
-@compiled
+@inlined
 def play_operator(theta_p, theta, beta_1, beta_2):
     """The angle behind a play whose driven side stays where it was left (friction holds it) [rad].
 

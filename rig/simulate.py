@@ -11,7 +11,7 @@ from math import ceil
 import numpy as np
 
 from rig import pilot, plant, plant_record, statistical_camera
-from rig.compiled import compiled
+from rig.compiled import compiled, inlined
 from rig.limits import limit
 from rig.log import COLUMNS, Log
 from rig.parameters import Rig
@@ -26,7 +26,26 @@ from rig.statistical_camera import deliver, look, next_exposure
 BLIND_LIMIT_S = 1.0  # a ball unseen for so long ends the run
 RELEASE_LIMIT_S = 3.0  # in a simulation, a release not detected by then ends the run
 ENDINGS = ("completed", "ball lost", "limit", "not released")
+NOT_RELEASED = 3
 ANGLE_MARGIN_RAD = 0.08  # further beyond the angle limit is a runaway (the stop is at 0.086)
+
+
+DESK = np.dtype(
+    [
+        ("reading", np.float64, (READING_SIZE,)),
+        ("target", np.float64, (2,)),
+        ("push", np.float64, (2,)),
+        ("noise", np.float64, (2,)),  # of the tachometers
+        ("wish", np.float64, (2,)),
+        ("applied", np.float64, (2,)),
+        ("covariance", np.float64, (3,)),
+        ("row", np.float64, (len(COLUMNS),)),
+        ("seen", np.float64, (7,)),
+        ("draws", np.float64, (3,)),  # of an exposure
+        ("blind", np.int64),
+        ("since_release", np.int64),
+    ]
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,59 +89,86 @@ def _most_ticks(rig: Rig, course: Course) -> int:
 
 
 @compiled
-def _run(s, p, q, history, flight, camera, targets, pushes, hold_s, tick_s, eyes, tachometer, rows):
-    """Fill `rows` (m, columns) tick by tick; returns how many are filled and how it ended."""
-    reading, seen = np.full(READING_SIZE, np.nan), np.full(7, np.nan)
-    wish, applied, covariance = np.zeros(2), np.zeros(2), np.zeros(3)
-    blind, since_release, fallen = 0, 0, False
-    for k in range(rows.shape[0]):
-        t = k * tick_s
-        target = targets[since_release]
-        push_x, push_y = pushes[since_release, 0], pushes[since_release, 1]
-        reading[R_TIME] = t
-        read_drives(s, p, tachometer[k], reading)
-        deliver(camera, reading)
-        pilot_tick(flight, q, reading, target, applied, wish)
-        if flight.phase == HOLD:
-            push_x = push_y = 0.0
-        runaway = False
-        for a in range(2):
-            applied[a] = limit(
-                wish[a], reading[R_THETA + a], flight.belief.rate[a], applied[a],
-                q.voltage_limit, q.angle_limit, q.slew,
-            )  # fmt: skip
-            runaway = runaway or abs(reading[R_THETA + a]) > q.angle_limit + ANGLE_MARGIN_RAD
-        covariance[0] = covariance[2] = reading[R_VARIANCE]
-        pushed = 1.0 if push_x != 0.0 or push_y != 0.0 else 0.0
-        fill_row(rows[k], flight, q, reading, covariance, target, pushed, wish, applied)
-        if runaway:
-            return k + 1, 2
-        blind = blind + 1 if flight.phase == BLIND else 0
-        if blind * tick_s > BLIND_LIMIT_S:
-            return k + 1, 1
-        if flight.phase != HOLD:
-            since_release += 1
-        if since_release == targets.shape[0]:
-            return k + 1, 1 if flight.phase == BLIND else 0
+def think(k, s, p, q, flight, camera, ticks, tick_s, desk):
+    """Tick k up to the volts applied: sensors, pilot, limits, row. Returns how the run has ended,
+    an index of ENDINGS or -1. What comes and goes lies on the desk (DESK); ticks: of the course.
+    """
+    reading, applied, wish, push = desk.reading, desk.applied, desk.wish, desk.push
+    reading[R_TIME] = k * tick_s
+    read_drives(s, p, desk.noise, reading)
+    deliver(camera, reading)
+    pilot_tick(flight, q, reading, desk.target, applied, wish)
+    if flight.phase == HOLD:
+        push[0] = push[1] = 0.0
+    runaway = False
+    for a in range(2):
+        applied[a] = limit(
+            wish[a], reading[R_THETA + a], flight.belief.rate[a], applied[a],
+            q.voltage_limit, q.angle_limit, q.slew,
+        )  # fmt: skip
+        runaway = runaway or abs(reading[R_THETA + a]) > q.angle_limit + ANGLE_MARGIN_RAD
+    desk.covariance[0] = desk.covariance[2] = reading[R_VARIANCE]
+    pushed = 1.0 if push[0] != 0.0 or push[1] != 0.0 else 0.0
+    fill_row(desk.row, flight, q, reading, desk.covariance, desk.target, pushed, wish, applied)
+    if runaway:
+        return 2
+    desk.blind = desk.blind + 1 if flight.phase == BLIND else 0
+    if desk.blind * tick_s > BLIND_LIMIT_S:
+        return 1
+    if flight.phase != HOLD:
+        desk.since_release += 1
+    if desk.since_release == ticks:
+        return 1 if flight.phase == BLIND else 0
+    return -1
+
+
+@inlined
+def lay_out(desk, targets, pushes, tachometer, lane, k):
+    """Put a tick's inputs on the desk: by number, since a view of an array costs more than that."""
+    now = desk.since_release
+    for a in range(2):
+        desk.target[a] = targets[lane, now, a]
+        desk.push[a] = pushes[lane, now, a]
+        desk.noise[a] = tachometer[lane, k, a]
+
+
+@inlined
+def file_away(desk, rows, lane, k):
+    """The desk's row into rows[lane, k]."""
+    for i in range(rows.shape[2]):
+        rows[lane, k, i] = desk.row[i]
+
+
+@inlined
+def expose(camera, p, fallen, eyes, lane, desk):
+    """The camera's part of a tick whose exposure, if any, is in the desk's `seen`."""
+    if np.isnan(desk.seen[SEEN_T]):
+        return
+    if fallen:
+        camera.frame += 1
+        return
+    for i in range(3):
+        desk.draws[i] = eyes[lane, camera.frame, i]
+    look(camera, p, desk.seen, desk.draws)
+
+
+@compiled
+def _run(s, p, q, history, flight, camera, targets, pushes, hold_s, tick_s, eyes, tachometer, desk,
+         rows):  # fmt: skip
+    """Fill `rows` (1, m, columns) tick by tick; returns how many are filled and how it ended."""
+    fallen, push = False, desk.push
+    for k in range(rows.shape[1]):
+        lay_out(desk, targets, pushes, tachometer, 0, k)
+        ending = think(k, s, p, q, flight, camera, targets.shape[1], tick_s, desk)
+        file_away(desk, rows, 0, k)
+        if ending >= 0:
+            return k + 1, ending
+        t, due = k * tick_s, next_exposure(camera)
         fallen = fallen | table_tick(
-            s,
-            p,
-            history,
-            applied,
-            push_x,
-            push_y,
-            t < hold_s,
-            t,
-            tick_s,
-            next_exposure(camera),
-            seen,
+            s, p, history, desk.applied, push[0], push[1], t < hold_s, t, tick_s, due, desk.seen
         )
-        if not np.isnan(seen[SEEN_T]):
-            if fallen:
-                camera.frame += 1
-            else:
-                look(camera, p, seen, eyes[camera.frame])
-    return rows.shape[0], 3
+        expose(camera, p, fallen, eyes, 0, desk)
+    return rows.shape[1], NOT_RELEASED
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,26 +179,63 @@ class Simulated:
     outcome: str
 
 
+@dataclass(frozen=True, eq=False)
+class Task:
+    """Everything that decides one run: the plant, what its controller knows, arm, course, draws."""
+
+    rig: Rig
+    known: Rig
+    arm: int
+    course: Course
+    draws: Draws
+
+    @property
+    def ticks(self) -> int:
+        """As many as the run may take."""
+        return _most_ticks(self.known, self.course)
+
+    def check(self) -> None:
+        """ValueError where plant and controller differ in their tick or the draws are too few."""
+        rig, known, draws = self.rig, self.known, self.draws
+        if rig.control_rate_hz != known.control_rate_hz:
+            raise ValueError(
+                f"plant ticks at {rig.control_rate_hz:g} Hz, controller at "
+                f"{known.control_rate_hz:g} Hz: give both the same control_rate_hz"
+            )
+        frames = int(self.ticks / rig.control_rate_hz * rig.camera.rate_hz)
+        if len(draws.camera) < frames or len(draws.tachometer) < self.ticks:
+            raise ValueError("draws are too few for this rig and course: take those of draw()")
+
+    def pilot(self) -> tuple[np.record, np.record]:
+        """The pilot's settings and its state at the start."""
+        q = pilot.settings(self.known, self.arm, servo_only=self.course.servo_only)
+        return q, pilot.start(q, held=self.course.hold_s > 0)
+
+
 def simulate(rig: Rig, known: Rig, arm: int, course: Course, draws: Draws) -> Simulated:
     """One closed-loop run of the plant `rig` under a controller that knows `known` (no effects).
 
     `draws` are those of `draw(rng, rig, course)`. ValueError where the two differ in their tick.
     """
-    if rig.control_rate_hz != known.control_rate_hz:
-        raise ValueError(
-            f"plant ticks at {rig.control_rate_hz:g} Hz, controller at "
-            f"{known.control_rate_hz:g} Hz: give both the same control_rate_hz"
-        )
-    frames = int(_most_ticks(rig, course) / rig.control_rate_hz * rig.camera.rate_hz)
-    if len(draws.camera) < frames or len(draws.tachometer) < _most_ticks(rig, course):
-        raise ValueError("draws are too few for this rig and course: take those of draw()")
-    q = pilot.settings(known, arm, servo_only=course.servo_only)
-    flight = pilot.start(q, held=course.hold_s > 0)
-    rows = np.full((_most_ticks(known, course), len(COLUMNS)), np.nan)
+    task = Task(rig, known, arm, course, draws)
+    task.check()
+    q, flight = task.pilot()
+    rows = np.empty((1, task.ticks, len(COLUMNS)))
+    targets, pushes = (
+        np.ascontiguousarray(course.targets_m),
+        np.ascontiguousarray(course.pushes_m_s2),
+    )
     filled, ending = _run(
         plant.rest(course.start_m), plant_record.pack(rig), q, plant_record.no_volts(rig), flight,
         statistical_camera.start(rig.camera.rate_hz),
-        np.ascontiguousarray(course.targets_m), np.ascontiguousarray(course.pushes_m_s2),
-        course.hold_s, 1 / known.control_rate_hz, draws.camera, draws.tachometer, rows,
+        targets[None], pushes[None], course.hold_s, 1 / known.control_rate_hz,
+        draws.camera[None], draws.tachometer[None], desk(), rows,
     )  # fmt: skip
-    return Simulated(Log.from_rows(rows[:filled]), ENDINGS[ending])
+    return Simulated(Log.from_rows(rows[0, :filled]), ENDINGS[ending])
+
+
+def desk() -> np.record:
+    """What a run remembers from tick to tick, at its start."""
+    one = np.zeros(1, DESK)[0]
+    one["reading"] = one["seen"] = one["row"] = np.nan
+    return one

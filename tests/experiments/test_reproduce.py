@@ -32,6 +32,7 @@ def test_the_promised_files_are_there(study):
     page = (out / "report.html").read_text()
     assert page.count("data:image/png;base64,") >= 11
     assert "<script" not in page
+    assert page.count("the plate keeps its place inside the play") == 2  # with little friction too
 
 
 def test_results_have_the_contracts_shape(study):

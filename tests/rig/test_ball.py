@@ -157,7 +157,9 @@ def plant_ball(sway, ball, end_s, step_s):
     s[BALL_W] = START_M_S[0] + r * o2, START_M_S[1] - r * o1
     for i in range(round(end_s / step_s)):
         s[PLATE], s[PLATE_RATE] = sway.theta((i + 1) * step_s)[:2]
-        plant.ball_step(s, p, i * step_s, 0.0, 0.0, False)
+        motion = plant.plate_motion(s, p)
+        done = plant.ball_step(p, i * step_s, 0.0, 0.0, motion, plant.ball_of(s))
+        s[BALL], s[BALL_W], s[SPIN, 0] = done[:2], done[2:4], done[4]
     return np.array([*s[BALL], s[SPIN, 0]])
 
 

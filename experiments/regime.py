@@ -1,0 +1,52 @@
+"""Which regime a table is in: whether its plate keeps its place inside the joint's play.
+
+Friction in the plate's pivots decides against the ball's weight, and it is an assumed number: what
+is said here follows from the rig file, not from the run. In between, neither of the observer's two
+plate models is right (see `tests/benchmarks/regime.py`).
+"""
+
+from dataclasses import replace
+
+from rig.parameters import GRAVITY_M_S2, Rig
+
+KEEPS = "the plate keeps its place inside the play"
+DROPS = "the plate drops to the ball's side"
+BETWEEN = (
+    "between the two regimes: the ball moves the plate at times, and the play that the observer "
+    "finds is too low"
+)
+FAR_OUT_M = 0.10  # a ball as far out as protocols put it for long
+
+
+def ball_torque_nm(rig: Rig) -> float:
+    """Torque at the servo of a ball FAR_OUT_M from the centre [N m]."""
+    return rig.ball.mass_kg * GRAVITY_M_S2 * rig.linkage.ratio * FAR_OUT_M
+
+
+def regime(rig: Rig) -> str:
+    """KEEPS, DROPS or BETWEEN."""
+    share = rig.drive.joint_friction_nm / ball_torque_nm(rig) if rig.ball.mass_kg > 0 else 2.0
+    if share >= 2.0:
+        return KEEPS
+    return BETWEEN if share > 0.5 else DROPS
+
+
+def regime_sentence(rig: Rig, what: str = "Regime") -> str:
+    """The regime with the two numbers that decide it."""
+    return (
+        f"{what}: joint friction {rig.drive.joint_friction_nm:.3g} N m (assumed) against "
+        f"{ball_torque_nm(rig):.2g} N m of a ball {100 * FAR_OUT_M:.0f} cm out, both at the servo: "
+        f"{regime(rig)}."
+    )
+
+
+def regime_of_record(rig: dict | None) -> str:
+    """The same from a run's start record, whose rig file stands for the table."""
+    if not rig:
+        return "Regime: not known, the run folder holds no rig."
+    known = Rig()
+    for section in ("ball", "linkage", "drive"):
+        mine = getattr(known, section)
+        given = {k: v for k, v in rig.get(section, {}).items() if k in vars(mine)}
+        known = replace(known, **{section: replace(mine, **given)})
+    return regime_sentence(known)

@@ -1,0 +1,157 @@
+"""Many plants at once: LANES of them side by side, one vector instruction for all.
+
+A block is one array in which the lanes of each number lie next to each other and `lane` is the
+innermost index. The equations are those of `step.py`, called with one lane's numbers inside the
+innermost loop, which the compiler turns into vector instructions (512 bits where the machine has
+them). It reorders nothing, so a run gives the same bits here and in `plant.advance`. Lanes of a
+block share the step, the shaft model and the walls; an unnamed term (`unknown.py`) has no lanes.
+"""
+
+from collections.abc import Sequence
+from math import inf, nan
+
+import numpy as np
+
+from rig.compiled import compiled, inlined
+from rig.constants import COSTLY, LANES, ROWS, cheap_constants_of, constants_of, rows_of
+from rig.plant import SEEN_T, late_row, sight
+from rig.shaft import EXACT
+from rig.step import ball_step, cogged, commanded, delivered, drive_step, held_ball, off_plate, tilt
+
+# Rows of a block after the constants: both axes' state, the ball's, inputs.
+X, Y, BALL = ROWS, ROWS + 8, ROWS + 16
+COMMAND_X, COMMAND_Y, PUSH_X, PUSH_Y, HELD, FALLEN, BEFORE_X, BEFORE_Y = range(BALL + 5, BALL + 13)
+BLOCK_ROWS = BALL + 13
+
+
+@inlined
+def _axis(b, row, lane):
+    i = row * LANES + lane
+    return (
+        b[i], b[i + LANES], b[i + 2 * LANES], b[i + 3 * LANES],
+        b[i + 4 * LANES], b[i + 5 * LANES], b[i + 6 * LANES], b[i + 7 * LANES],
+    )  # fmt: skip
+
+
+@inlined
+def _ball(b, lane):
+    i = BALL * LANES + lane
+    return b[i], b[i + LANES], b[i + 2 * LANES], b[i + 3 * LANES], b[i + 4 * LANES]
+
+
+@inlined
+def _put(b, row, lane, values):
+    i = row * LANES + lane
+    for k in range(len(values)):
+        b[i + k * LANES] = values[k]
+
+
+@inlined
+def _lane_step(b, c, lane, now):
+    axis_x, axis_y, ball = _axis(b, X, lane), _axis(b, Y, lane), _ball(b, lane)
+    held, fallen = b[HELD * LANES + lane] != 0.0, b[FALLEN * LANES + lane] != 0.0
+    load = 0.0 if held or fallen else c.weight
+    volts_x = cogged(c, 0, delivered(c, 0, b[COMMAND_X * LANES + lane], now), axis_x[2])
+    volts_y = cogged(c, 1, delivered(c, 1, b[COMMAND_Y * LANES + lane], now), axis_y[2])
+    axis_x = drive_step(c, 0, volts_x, load * ball[0], axis_x)
+    axis_y = drive_step(c, 1, volts_y, load * ball[1], axis_y)
+    motion = tilt(c, axis_x[4], axis_x[5], axis_y[4], axis_y[5])
+    rolled = ball_step(c, now, b[PUSH_X * LANES + lane], b[PUSH_Y * LANES + lane], motion, ball)
+    resting = held_ball(c, motion, ball)
+    done = resting if held else rolled
+    done = ball if fallen else done
+    _put(b, X, lane, axis_x)
+    _put(b, Y, lane, axis_y)
+    _put(b, BALL, lane, done)
+    b[FALLEN * LANES + lane] = 1.0 if fallen or off_plate(c, done) else 0.0
+
+
+@compiled
+def _cheap_step(b, now, step_s):
+    for lane in range(LANES):
+        _lane_step(b, cheap_constants_of(b, lane, step_s, EXACT, 0), lane, now)
+
+
+@compiled
+def _full_step(b, now, step_s, shaft_model, walls):
+    for lane in range(LANES):
+        _lane_step(b, constants_of(b, lane, step_s, shaft_model, walls), lane, now)
+
+
+@compiled
+def _command(b, plants, history, into_tick_s, ticks_s):
+    """Volts that reach the amplifiers' far side `into_tick_s` after the tick, lane by lane."""
+    for lane in range(LANES):
+        p = plants[lane]
+        for a in range(2):
+            back = late_row(history.shape[1], p.input_delay_delay_s[a], into_tick_s, ticks_s)
+            volts_x, volts_y = history[lane, back, 0], history[lane, back, 1]
+            b[(COMMAND_X + a) * LANES + lane] = commanded(p, a, volts_x, volts_y)
+
+
+@compiled
+def _see(b, plants, now, exposures_s, desks):
+    """Fill `seen` of the desks whose exposure has come; returns the time of the next one."""
+    due = inf
+    for lane in range(LANES):
+        p, exposure_s, seen = plants[lane], exposures_s[lane], desks[lane].seen
+        if not np.isnan(seen[SEEN_T]):
+            continue
+        if exposure_s > now + p.step_s:
+            due = min(due, exposure_s)
+            continue
+        axis_x, axis_y, ball = _axis(b, X, lane), _axis(b, Y, lane), _ball(b, lane)
+        motion = tilt(p, axis_x[4], axis_x[5], axis_y[4], axis_y[5])
+        x, y = b[BEFORE_X * LANES + lane], b[BEFORE_Y * LANES + lane]
+        shown = sight(p, now, exposure_s, x, y, motion, ball)
+        for k in range(7):
+            seen[k] = shown[k]
+    return due
+
+
+@compiled
+def advance_block(b, plants, history, costly, delayed, t, ticks_s, exposures_s, desks):
+    """`plant.advance` for a block b (BLOCK_ROWS * LANES,): plants (LANES,) of dtype PLANT, history
+    (LANES, n, 2), exposures_s (LANES,), desks (LANES,) with a field `seen` (7,).
+
+    costly: some lane is (`is_costly`); delayed: some lane delays its volts.
+    Pushes, held and fallen balls stand in the block's rows; a fallen one is marked there.
+    """
+    p, due = plants[0], inf
+    h = p.step_s
+    for lane in range(LANES):
+        desks[lane].seen[SEEN_T] = nan
+        due = min(due, exposures_s[lane])
+        if off_plate(plants[lane], _ball(b, lane)):
+            b[FALLEN * LANES + lane] = 1.0
+    for i in range(int(round(ticks_s / h))):
+        now = t + i * h
+        if i == 0 or delayed:
+            _command(b, plants, history, (i + 0.5) * h, ticks_s)
+        if due <= now + h:
+            for i in range(2 * LANES):
+                b[BEFORE_X * LANES + i] = b[BALL * LANES + i]
+        if costly:
+            _full_step(b, now, h, p.shaft_model, p.walls)
+        else:
+            _cheap_step(b, now, h)
+        if due <= now + h:
+            due = _see(b, plants, now, exposures_s, desks)
+
+
+def block_of(plants: np.ndarray, balls_m: Sequence[Sequence[float]]) -> np.ndarray:
+    """A block (BLOCK_ROWS * LANES,) of tables at rest: plants (LANES,) of dtype PLANT, the ball of
+    each where it is placed."""
+    b = np.zeros((BLOCK_ROWS, LANES))
+    b[:ROWS], b[BALL : BALL + 2] = rows_of(plants), np.transpose(balls_m)
+    return b.ravel()
+
+
+def is_costly(p: np.record) -> bool:
+    """Whether a plant has what `_cheap_step` leaves out: an effect with a sine, an exponential or a
+    root a step, another shaft model than the exact one, or walls."""
+    return bool(any(np.any(p[name]) for name in COSTLY) or p["shaft_model"] != EXACT or p["walls"])
+
+
+def is_delayed(p: np.record) -> bool:
+    return bool(np.any(p["input_delay_delay_s"] > 0))
