@@ -29,6 +29,6 @@ def investigate(
     with threadpool_limits(1):  # small matrices: threads of the linear algebra only get in the way
         found = investigate_logs(
             inputs.logs, inputs.rig, notes=inputs.notes, until=stage, tolerances=tolerances,
-            threads=threads,
+            quick=quick, threads=threads,
         )  # fmt: skip
     return replace(found.findings)

@@ -6,8 +6,8 @@ C is minus the log-likelihood, so a difference of C is a log-likelihood ratio. D
 secants of a step that matters (backlash and friction have no derivative at zero).
 """
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -37,11 +37,15 @@ def weights(z: np.ndarray, mask: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A setting of the knobs, its roll-outs and costs by part."""
+    """A setting of the knobs, its roll-outs and costs by part.
+
+    columns: secants d z/d knob, (part, knob) -> (n,), as far as they are known near this setting.
+    """
 
     setting: dict[str, float]
     rolls: dict[str, Roll]
     costs: dict[str, float]
+    columns: Mapping[tuple[str, str], np.ndarray] = field(default_factory=dict)
 
     @property
     def cost(self) -> float:
@@ -62,19 +66,36 @@ def evaluate(evidence: Evidence, believed: Believed, setting: Mapping[str, float
 
 def differences(evidence: Evidence, believed: Believed, at: Fit,
                 knobs: Sequence[Knob], bounds: Bounds) -> dict[str, np.ndarray]:  # fmt: skip
-    """Secants d z/d knob: part -> (n, k)."""
+    """Secants d z/d knob: part -> (n, k). Those that `at` knows are taken from there."""
     columns = {part: np.zeros((len(roll.z), len(knobs))) for part, roll in at.rolls.items()}
     todo = []
     for i, knob in enumerate(knobs):
+        for part in knob.parts:
+            if part in columns and (part, knob.name) in at.columns:
+                columns[part][:, i] = at.columns[part, knob.name]
+        parts = [p for p in knob.parts if p in columns and (p, knob.name) not in at.columns]
+        if not parts:
+            continue
         value = at.setting.get(knob.name, knob.believed)
         low, high = bounds[knob.name]
         step = knob.step if value + knob.step <= high or value - knob.step < low else -knob.step
         model = believed.model(at.setting | {knob.name: value + step})
-        todo += [(i, step, model, part) for part in knob.parts if part in columns]
+        todo += [(i, step, model, part) for part in parts]
     rolls = evidence.rolls([(model, part) for _, _, model, part in todo])
     for (i, step, _, part), roll in zip(todo, rolls, strict=True):
         columns[part][:, i] = (roll.z - at.rolls[part].z) / step
     return columns
+
+
+def known(columns: Mapping[str, np.ndarray], knobs: Sequence[Knob],
+          without: Collection[str]) -> dict[tuple[str, str], np.ndarray]:  # fmt: skip
+    """Columns by part and knob, those of the effects `without` left out (they bend too much)."""
+    return {
+        (part, knob.name): columns[part][:, i]
+        for part in columns
+        for i, knob in enumerate(knobs)
+        if part in knob.parts and knob.effect not in without
+    }
 
 
 def normal_equations(
@@ -106,13 +127,17 @@ def bounded_step(a: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray
 
 
 def fit(evidence: Evidence, believed: Believed, start: Fit, bounds: Bounds, *,
-        iterations: int = ITERATIONS) -> Fit:  # fmt: skip
-    """Turn the knobs of `bounds` (name -> low, high) from `start` until C stops falling."""
+        iterations: int = ITERATIONS, bent: Collection[str] = ()) -> Fit:  # fmt: skip
+    """Turn the knobs of `bounds` (name -> low, high) from `start` until C stops falling.
+
+    Secants are taken once, those of the effects `bent` (play, delays, periods) at every step.
+    """
     knobs = [believed.knobs[name] for name in bounds]
     best = _inside(evidence, believed, start, bounds)
     scale = np.array([knob.step for knob in knobs])
     for _ in range(iterations):
         columns = differences(evidence, believed, best, knobs, bounds)
+        best = replace(best, columns={**best.columns, **known(columns, knobs, bent)})
         a, b = normal_equations(evidence, best, columns)
         value = np.array([best.setting.get(k.name, k.believed) for k in knobs])
         low, high = (np.array([bounds[k.name][i] for k in knobs]) for i in (0, 1))
@@ -134,7 +159,8 @@ def _inside(evidence: Evidence, believed: Believed, start: Fit, bounds: Bounds) 
         moved[name] = min(max(value, low), high)
     if all(start.setting.get(n, believed.knobs[n].believed) == v for n, v in moved.items()):
         return start
-    return evaluate(evidence, believed, start.setting | moved, start.rolls)
+    inside = evaluate(evidence, believed, start.setting | moved, start.rolls)
+    return replace(inside, columns=start.columns)
 
 
 def _along(evidence: Evidence, believed: Believed, at: Fit, knobs: Sequence[Knob],
@@ -143,6 +169,7 @@ def _along(evidence: Evidence, believed: Believed, at: Fit, knobs: Sequence[Knob
     for part in (1.0, 0.33, 0.1):
         setting = dict(zip((k.name for k in knobs), (value + part * step).tolist(), strict=True))
         tried = evaluate(evidence, believed, at.setting | setting, at.rolls)
+        tried = replace(tried, columns=at.columns)
         if tried.cost < at.cost:
             return tried
     return None

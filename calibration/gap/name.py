@@ -14,7 +14,19 @@ from calibration.gap.evidence import Evidence
 from calibration.gap.fit import evaluate
 from calibration.gap.knobs import Believed
 from calibration.gap.menu import shape
-from calibration.gap.search import PER_KNOB, Key, State, Trial, baseline, parts_of, rank, refit
+from calibration.gap.search import (
+    PER_KNOB,
+    Key,
+    Screened,
+    Screens,
+    State,
+    Trial,
+    baseline,
+    parts_of,
+    rank,
+    refit,
+    screen,
+)
 from calibration.gap.search import with_levels as at_levels
 from rig.effects import BY_NAME
 
@@ -56,13 +68,15 @@ class Accepted:
 
 @dataclass(frozen=True, eq=False)
 class Naming:
-    """The baseline, the final state, what was accepted in its order, and the last ranking."""
+    """The baseline, the final state, what was accepted in its order, and the last ranking,
+    the path of additions, and the last screen."""
 
     before: State
     after: State
     accepted: tuple[Accepted, ...]
     last: tuple[Trial, ...]
     path: tuple[tuple[str, State], ...]
+    screened: list[Screened]
 
 
 def settled_baseline(evidence: Evidence, believed: Believed) -> State:
@@ -75,7 +89,7 @@ def settle(state: State, parts: Iterable[str]) -> State:
     """Estimate the noise of some parts anew and fit everything that is free on them."""
     parts = tuple(part for part in parts if part in state.evidence.parts)
     model = state.believed.model(state.fit.setting)
-    state = at_levels(state, noise.estimate(state.evidence, model, parts))
+    state = at_levels(state, noise.estimate(state.evidence, model, parts), parts)
     return refit(state, state.bounds(parts))
 
 
@@ -83,8 +97,11 @@ def name_effects(state: State) -> Naming:
     """Add, refine, defend; `state` is the settled baseline."""
     before, path = state, [("", state)]
     last: list[Trial] = []
+    screened: list[Screened] = []
+    screens: Screens = {}
     while len({effect for effect, _ in state.named}) < MOST:
-        last = rank(state)
+        screened = screen(state, state.evidence.parts, known=screens)
+        last = rank(state, screened)
         if not last or last[0].score < THRESHOLD:
             break
         best = last[0]
@@ -96,7 +113,7 @@ def name_effects(state: State) -> Naming:
         state, found = _defend(state, name)
         if found:
             accepted.append(found)
-    return Naming(before, state, tuple(accepted), tuple(last), tuple(path))
+    return Naming(before, state, tuple(accepted), tuple(last), tuple(path), screened)
 
 
 def _shaped(state: State, trial: Trial) -> State:
@@ -133,7 +150,8 @@ def _defend(state: State, name: str) -> tuple[State, Accepted | None]:
     """Try the name's place with its rivals: it stays, leaves, or hands over."""
     keys = [key for key in state.named if key[0] == name]
     bare = without(state, keys)
-    trials = rank(bare, without=keys, most=RIVALS)
+    parts = [p for p in parts_of(BY_NAME[name], [a for _, a in keys]) if p in bare.fit.rolls]
+    trials = rank(bare, screen(bare, parts, without=keys), most=RIVALS)
     own = Trial(name, tuple(axis for _, axis in keys), state, bare.fit.cost - state.fit.cost)
     if trials and trials[0].score > own.score and trials[0].score >= THRESHOLD:
         winner = trials[0]

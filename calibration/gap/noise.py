@@ -32,7 +32,7 @@ def _search(cost: Callable[[np.ndarray], float], start: list[float]) -> np.ndarr
     """Nelder and Mead in logarithms: a factor of 2 first, a few per cent at the end."""
     simplex = np.array([start] + [[v + 0.7 * (i == j) for j, v in enumerate(start)]
                                   for i in range(len(start))])  # fmt: skip
-    options = {"initial_simplex": simplex, "xatol": 0.03, "fatol": 0.3, "maxfev": 60}
+    options = {"initial_simplex": simplex, "xatol": 0.05, "fatol": 0.5, "maxfev": 60}
     return minimize(cost, start, method="Nelder-Mead", options=options).x
 
 
@@ -65,5 +65,17 @@ def _ball(evidence: Evidence, model: Model, levels: np.record) -> None:
         return loss(evidence.with_levels(levels).roll(model, BALL), evidence.masks[BALL]) + penalty
 
     white = _search(cost, [float(np.log(levels[n])) for n in ("ball_process", "ball_measured")])
-    coloured = _search(cost, [*white, -0.5])
-    put(coloured if cost(coloured) < cost(white) - LEAST_GAIN else white)
+    put(white)
+    if _coloured(evidence.with_levels(levels), model):
+        coloured = _search(cost, [*white, 0.0])
+        put(coloured if cost(coloured) < cost(white) - LEAST_GAIN else white)
+
+
+def _coloured(evidence: Evidence, model: Model) -> bool:
+    """Do the residuals of neighbouring frames still hang together under white camera noise?"""
+    z = (evidence.roll(model, BALL).z * evidence.masks[BALL]).reshape(-1, 2)
+    for lag in (1, 2, 3):
+        hang = np.sum(z[lag:] * z[:-lag], axis=0) / np.maximum(np.sum(z**2, axis=0), 1e-30)
+        if np.abs(hang).max() > 3.5 / np.sqrt(len(z)):
+            return True
+    return False

@@ -5,12 +5,12 @@ always). Releasing an effect's knobs from their box gains log-likelihood; an eff
 that gain is beyond what chance and small faults of the model give.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.gap.evidence import Evidence
+from calibration.gap.evidence import Evidence, Roll
 from calibration.gap.fit import (
     Fit,
     bounded_step,
@@ -26,6 +26,7 @@ from rig.effects import BY_NAME, CATALOGUE, Effect
 PER_KNOB = 3.0  # log-likelihood that a released knob costs
 WORTH_AN_AXIS = 6.0  # gain on an axis below which the effect is not released there
 SEEN = 12.0
+LEAST_PROMISE, FAR_BEHIND = 4.0, 0.1  # a screened gain below is not worth a fit
 REFITS = 5  # so many of the screened effects are fitted exactly
 Key = tuple[str, str]  # effect, axis
 
@@ -91,12 +92,15 @@ def refit(state: State, bounds: Mapping[str, tuple[float, float]], *, iterations
         old.setting,
         {p: r for p, r in old.rolls.items() if p in felt},
         {p: c for p, c in old.costs.items() if p in felt},
+        old.columns,
     )
-    done = fit(state.evidence, state.believed, start, bounds, iterations=iterations)
+    bent = {effect for effect, _ in state.named}
+    done = fit(state.evidence, state.believed, start, bounds, iterations=iterations, bent=bent)
     merged = Fit(
         done.setting,
         old.rolls | done.rolls,
         old.costs | done.costs,
+        done.columns,
     )
     return replace(state, fit=merged)
 
@@ -109,11 +113,13 @@ def baseline(evidence: Evidence, believed: Believed, *, iterations: int = 6) -> 
     return state
 
 
-def with_levels(state: State, levels: np.record) -> State:
-    """The same at other noise levels (costs are those of the new filters)."""
-    evidence = state.evidence.with_levels(levels)
-    found = evaluate(evidence, state.believed, state.fit.setting, state.fit.rolls)
-    return replace(state, evidence=evidence, fit=found)
+def with_levels(state: State, levels: np.record, parts: Collection[str]) -> State:
+    """The same at other noise levels of some parts (their costs are those of the new filters)."""
+    evidence, old = state.evidence.with_levels(levels), state.fit
+    new = evaluate(evidence, state.believed, old.setting, parts)
+    columns = {key: column for key, column in old.columns.items() if key[0] not in parts}
+    fit = Fit(old.setting, old.rolls | new.rolls, old.costs | new.costs, columns)
+    return replace(state, evidence=evidence, fit=fit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,11 +135,22 @@ class Screened:
     smallest: float
 
 
-def screen(state: State, *, without: Iterable[Key] = ()) -> list[Screened]:
-    """Every effect and axis that is not released yet, by the gain that a linear fit promises."""
-    found = []
-    for part in state.evidence.parts:
-        found += _screen_part(state, part, set(state.named) | set(without))
+Screens = dict[str, tuple[Roll, list[Screened]]]
+
+
+def screen(state: State, parts: Iterable[str], *, without: Iterable[Key] = (),
+           known: Screens | None = None) -> list[Screened]:  # fmt: skip
+    """Every effect and axis that is not released yet, by the gain that a linear fit promises.
+
+    known: earlier screens by part, good while the part's roll-out is the same; filled in here.
+    """
+    found: list[Screened] = []
+    known = {} if known is None else known
+    for part in parts:
+        roll = state.fit.rolls[part]
+        if part not in known or known[part][0] is not roll:
+            known[part] = roll, _screen_part(state, part, set(state.named) | set(without))
+        found += known[part][1]
     merged: dict[Key, Screened] = {}
     for one in found:  # an effect on both servos gains on both
         key = (one.name, one.axis)
@@ -148,7 +165,7 @@ def _screen_part(state: State, part: str, skip: set[Key]) -> list[Screened]:
     bounds = state.bounds((part,))
     knobs = [state.believed.knobs[name] for name in bounds]
     base = state.fit
-    only = Fit(base.setting, {part: base.rolls[part]}, {part: base.costs[part]})
+    only = Fit(base.setting, {part: base.rolls[part]}, {part: base.costs[part]}, base.columns)
     nuisance = differences(state.evidence, state.believed, only, knobs, bounds)[part]
     tried: list[tuple[str, str, list[Start]]] = []
     for effect in CATALOGUE:
@@ -218,13 +235,15 @@ def _scaled(believed: Believed, group: list[Start], sizes: np.ndarray) -> Start:
     return start
 
 
-def rank(state: State, *, without: Iterable[Key] = (), most: int = REFITS) -> list[Trial]:
+def rank(state: State, screened: list[Screened], *, most: int = REFITS) -> list[Trial]:
     """The effects that the screen puts first, each released on the axes that need it; refitted."""
     by_name: dict[str, list[Screened]] = {}
-    for one in screen(state, without=without):
+    for one in screened:
         by_name.setdefault(one.name, []).append(one)
     promise = {name: sum(max(o.gain, 0.0) for o in found) for name, found in by_name.items()}
     first = sorted(promise, key=lambda name: -promise[name])[:most]
+    least = max(LEAST_PROMISE, FAR_BEHIND * max(promise.values(), default=0.0))
+    first = [name for name in first if promise[name] >= least]
     trials = [_release(state, name, by_name[name]) for name in first]
     return sorted(trials, key=lambda trial: -trial.score)
 

@@ -97,7 +97,7 @@ def _nuisance(state: State, part: str) -> tuple[np.ndarray, np.ndarray, np.ndarr
     """Columns (n, k) of the free knobs of a part, their lower and upper room, their steps."""
     bounds = state.bounds((part,))
     knobs = [state.believed.knobs[name] for name in bounds]
-    only = Fit(state.fit.setting, {part: state.fit.rolls[part]}, {})
+    only = Fit(state.fit.setting, {part: state.fit.rolls[part]}, {}, state.fit.columns)
     columns = differences(state.evidence, state.believed, only, knobs, bounds)[part]
     value = np.array([state.fit.setting.get(k.name, k.believed) for k in knobs])
     low, high = (np.array([bounds[k.name][i] for k in knobs]) for i in (0, 1))

@@ -18,7 +18,7 @@ from calibration.gap.intervals import deviations
 from calibration.gap.knobs import CALIBRATED, SERVO, Believed
 from calibration.gap.name import MARGIN, Accepted, settled_baseline
 from calibration.gap.prove import model_of, prove, rms, steps
-from calibration.gap.search import State, baseline, refit, screen
+from calibration.gap.search import State, baseline, refit
 from rig.effects import BY_NAME
 from rig.log import Log
 from rig.parameters import Rig
@@ -37,10 +37,11 @@ class Investigation:
 
 def investigate_logs(logs: Sequence[Log], rig: Rig, *, notes: tuple[str, ...] = (),
                      until: str = "prove", tolerances: Mapping[str, float] | None = None,
-                     threads: int = 1) -> Investigation:  # fmt: skip
+                     quick: bool = False, threads: int = 1) -> Investigation:  # fmt: skip
     """Run the stages up to `until` on logs of one table under the believed rig.
 
-    tolerances: name -> half width of the first key, over the catalogue's. ValueError: bad stage.
+    tolerances: name -> half width of the first key, over the catalogue's. quick: no rivals in the
+    proof. ValueError: bad stage.
     """
     if until not in STAGES:
         raise ValueError(f"stage '{until}'; known: {', '.join(STAGES)}")
@@ -57,7 +58,7 @@ def investigate_logs(logs: Sequence[Log], rig: Rig, *, notes: tuple[str, ...] = 
         return Investigation(_nothing_to_see(still, lacking, notes))
     before = settled_baseline(evidence, believed)
     decision = decide(before)
-    return Investigation(_findings(decision, until, notes), decision)
+    return Investigation(_findings(decision, until, notes, quick=quick), decision)
 
 
 def believe(evidence: Evidence, rig: Rig, tolerances: Mapping[str, float] | None) -> Believed:
@@ -88,7 +89,7 @@ def _nothing_to_see(state: State, lacking: str, notes: tuple[str, ...]) -> Findi
     )  # fmt: skip
 
 
-def _findings(decision: Decision, until: str, notes: tuple[str, ...]) -> Findings:
+def _findings(decision: Decision, until: str, notes: tuple[str, ...], *, quick: bool) -> Findings:
     state = decision.state
     spread = deviations(state)
     names = tuple(answer.named(decision, one, spread) for one in decision.accepted)
@@ -101,7 +102,7 @@ def _findings(decision: Decision, until: str, notes: tuple[str, ...]) -> Finding
         sentence(decision, names),
         effects=effects,
         unknown=_leftover(decision),
-        untestable=answer.untestable(state, screen(state)),
+        untestable=answer.untestable(state, decision.naming.screened),
         calibrated=servo,
         ranking=answer.ranking(decision),
         notes=notes + _servo_notes(state, servo),
@@ -111,23 +112,28 @@ def _findings(decision: Decision, until: str, notes: tuple[str, ...]) -> Finding
     )
     if until in ("locate", "name", "add"):
         return known
-    gap, rows, path = _proof(decision)
+    gap, rows, path = _proof(decision, rivals=not quick)
     return replace(known, gap=gap, proof=rows, steps=path)
 
 
-def _proof(decision: Decision) -> tuple[Gap, tuple[ProofRow, ...], tuple[Step, ...]]:
+def _proof(
+    decision: Decision, *, rivals: bool
+) -> tuple[Gap, tuple[ProofRow, ...], tuple[Step, ...]]:
     """Judge nothing, the best rival, an unnamed term and the names; the path between them."""
     state, levels = decision.state, decision.state.evidence.levels
+    if decision.verdict == "nothing-missing":
+        floors = rms(state.evidence, model_of(state))
+        ones = dict.fromkeys(floors, 1.0)
+        return Gap(ones, ones, "fullest model", False, floors), (), ()
     before = replace(decision.naming.before, evidence=state.evidence)
     models = {"nothing added": before}
     last = "nothing added"
     if decision.accepted:
-        rivals = decision.accepted[0].rivals
+        others = decision.accepted[0].rivals if rivals else ()
+        if others:
+            models[f"best rival: {others[0].name}"] = others[0].state
         if rivals:
-            models[f"best rival: {rivals[0].name}"] = rivals[0].state
-        shapes = unknown.shapes(decision.naming.before)
-        if shapes:
-            models["unnamed term"] = shapes[0].state
+            models["unnamed term"] = unknown.shapes(decision.naming.before)[0].state
         last = "named: " + " + ".join(one.name for one in decision.accepted)
         models[last] = state
     elif decision.shape is not None:
