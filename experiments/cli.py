@@ -11,6 +11,8 @@ from typing import Annotated
 
 import typer
 
+from experiments.gap_command import gap
+
 INTERRUPTED = 130
 app = typer.Typer(
     add_completion=False,
@@ -183,6 +185,9 @@ def reject(
 
     mark(run, reason)
     typer.echo(f"{run}: rejected ({reason})")
+
+
+app.command()(gap)
 
 
 def main() -> None:

@@ -25,8 +25,13 @@ def writable(folder: Path) -> Path:
 def write_results(folder: Path, results: dict) -> Path:
     """Write results.json; a number that there is not (NaN) is null."""
     path = folder / "results.json"
-    replace_json(path, _without_nan(plain(results)))
+    write_json(path, results)
     return path
+
+
+def write_json(path: Path, results: dict) -> None:
+    """Write a JSON file that is whole or not there; a number that there is not is null."""
+    replace_json(path, _without_nan(plain(results)))
 
 
 def _without_nan(value: Any) -> Any:

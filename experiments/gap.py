@@ -8,6 +8,7 @@ from threadpoolctl import threadpool_limits
 
 from calibration.gap.findings import Findings
 from calibration.gap.workflow import investigate_logs
+from experiments.console import ProgressCall, silent
 from experiments.gap_input import read_evidence
 
 
@@ -19,6 +20,7 @@ def investigate(
     until: str = "next",
     tolerances: Mapping[str, float] | None = None,
     threads: int = 1,
+    progress: ProgressCall = silent,
 ) -> Findings:
     """The answer for logs of one table. quick: without closed loop and next experiment.
 
@@ -29,6 +31,6 @@ def investigate(
     with threadpool_limits(1):  # small matrices: threads of the linear algebra only get in the way
         found = investigate_logs(
             inputs.logs, inputs.rig, notes=inputs.notes, until=stage, tolerances=tolerances,
-            quick=quick, threads=threads,
+            quick=quick, threads=threads, progress=progress,
         )  # fmt: skip
     return replace(found.findings)

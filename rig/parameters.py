@@ -170,7 +170,8 @@ class Rig:
     """Everything a controller or estimator may know of a table; `effects` only the model's user.
 
     `unknown` is the unnamed term of the model, if any. `effects` maps a catalogue name to
-    {"x" | "y" | "xy": {key: value}} (see `rig.effects`).
+    {"x" | "y" | "xy": {key: value}} (see `rig.effects`); `tolerances` a name to the half width of
+    its first parameter that counts as nothing missing on this table.
     """
 
     servo: Servo = field(default_factory=Servo)
@@ -183,6 +184,7 @@ class Rig:
     unknown: Unknown = field(default_factory=Unknown)
     control_rate_hz: float = 500.0
     effects: dict[str, dict[str, dict[str, float]]] = field(default_factory=dict)
+    tolerances: dict[str, float] = field(default_factory=dict)
 
     @property
     def ball_gain_m_s2(self) -> float:

@@ -35,7 +35,7 @@ def read_rig(path: Path) -> Rig:
 
 def from_dict(data: dict[str, Any]) -> Rig:
     """The rig of a parsed TOML document or of `to_dict`. ValueError on any mistake."""
-    known = (*SECTIONS, "control_rate_hz", "effects")
+    known = (*SECTIONS, "control_rate_hz", "effects", "tolerances")
     for key in data:
         if key not in known:
             raise ValueError(f"unknown key '{key}'; known: {', '.join(known)}")
@@ -50,7 +50,21 @@ def from_dict(data: dict[str, Any]) -> Rig:
     found = data.get("effects", {})
     _check_effects_shape(found)
     effects.check(found)
-    return Rig(**sections, control_rate_hz=float(rate), effects=found)
+    tolerances = data.get("tolerances", {})
+    _check_tolerances(tolerances)
+    return Rig(**sections, control_rate_hz=float(rate), effects=found, tolerances=tolerances)
+
+
+def _check_tolerances(found: Any) -> None:
+    """tolerances.NAME = number above zero, NAME of the catalogue."""
+    if not isinstance(found, dict):
+        raise ValueError("[tolerances] must hold lines such as joint_backlash = 0.0014")
+    for name, value in found.items():
+        if name not in effects.BY_NAME:
+            known = ", ".join(effects.BY_NAME)
+            raise ValueError(f"tolerances: unknown effect '{name}'; known: {known}")
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e6:
+            raise ValueError(f"tolerances.{name} = {value}: must be a number above 0")
 
 
 def _section(name: str, default: Any, given: Any) -> Any:

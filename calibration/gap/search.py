@@ -248,6 +248,11 @@ def rank(state: State, screened: list[Screened], *, most: int = REFITS) -> list[
     return sorted(trials, key=lambda trial: -trial.score)
 
 
+def rank_one(state: State, one: Screened) -> State:
+    """The state with one screened effect released on its axis and fitted."""
+    return _release(state, one.name, [one]).state
+
+
 def _release(state: State, name: str, found: list[Screened]) -> Trial:
     chosen = [one for one in found if one.gain > WORTH_AN_AXIS] or found[:1]
     axes = tuple(one.axis for one in chosen)

@@ -4,7 +4,7 @@ Pure: logs and a rig in, `Findings` out. The next experiment and the closed loop
 the caller, who knows the protocols.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +22,14 @@ from calibration.gap.search import State, baseline, refit
 from rig.effects import BY_NAME
 from rig.log import Log
 from rig.parameters import Rig
-from rig.predict import noise
+from rig.predict import Signals, noise
+
+Progress = Callable[[str, int, int], None]
+
+
+def silent(stage: str, done: int, total: int) -> None:
+    """Progress that nobody wants to see."""
+
 
 STAGES = ("locate", "name", "add", "prove", "next")
 
@@ -37,7 +44,8 @@ class Investigation:
 
 def investigate_logs(logs: Sequence[Log], rig: Rig, *, notes: tuple[str, ...] = (),
                      until: str = "prove", tolerances: Mapping[str, float] | None = None,
-                     quick: bool = False, threads: int = 1) -> Investigation:  # fmt: skip
+                     quick: bool = False, threads: int = 1,
+                     progress: Progress = silent) -> Investigation:  # fmt: skip
     """Run the stages up to `until` on logs of one table under the believed rig.
 
     tolerances: name -> half width of the first key, over the catalogue's. quick: no rivals in the
@@ -45,20 +53,31 @@ def investigate_logs(logs: Sequence[Log], rig: Rig, *, notes: tuple[str, ...] = 
     """
     if until not in STAGES:
         raise ValueError(f"stage '{until}'; known: {', '.join(STAGES)}")
-    runs = [usable(log, camera_delay_s=rig.camera.delay_s) for log in logs]
-    levels = noise(
-        servo_measured=rig.servo.encoder_step_rad / 12**0.5,
-        ball_measured=max(rig.camera.noise_m, 1e-5),
-    )
-    evidence = gather(runs, levels, threads=threads)
+    progress("baseline", 0, 4)
+    evidence = gather(usable_runs(logs, rig), levels_of(rig), threads=threads)
+    tolerances = {**rig.tolerances, **(tolerances or {})}
     believed = believe(evidence, rig, tolerances)
     still = State(evidence, believed, evaluate(evidence, believed, {}, evidence.parts))
     lacking = answer.enough_motion(still)
     if lacking:
         return Investigation(_nothing_to_see(still, lacking, notes))
     before = settled_baseline(evidence, believed)
+    progress("name", 1, 4)
     decision = decide(before)
+    progress("add and prove", 3, 4)
     return Investigation(_findings(decision, until, notes, quick=quick), decision)
+
+
+def usable_runs(logs: Sequence[Log], rig: Rig) -> list[Signals]:
+    return [usable(log, camera_delay_s=rig.camera.delay_s) for log in logs]
+
+
+def levels_of(rig: Rig) -> np.record:
+    """Noise levels to start from: an encoder's count over sqrt(12), the believed camera."""
+    return noise(
+        servo_measured=rig.servo.encoder_step_rad / 12**0.5,
+        ball_measured=max(rig.camera.noise_m, 1e-5),
+    )
 
 
 def believe(evidence: Evidence, rig: Rig, tolerances: Mapping[str, float] | None) -> Believed:
