@@ -34,6 +34,18 @@ OWN_STEPS = {"transmission_ripple.sine": 0.001, "transmission_ripple.cosine": 0.
              "viscous_drag.rate_1_s": 0.01}  # fmt: skip
 
 
+# Sizes below which an effect without a box is no effect: it stands in for small faults elsewhere.
+LEAST = {
+    "stribeck_friction": 0.015, "cogging": 0.012, "gain_drift": 8e-4, "supply_sag": 0.004,
+    "transmission_ripple": 0.0015, "linkage_cubic": 0.25, "level_drift": 8e-6,
+    "plate_bowl": 0.015, "viscous_drag": 0.014, "lens_distortion": 0.3,
+}  # fmt: skip
+CLEARLY = (
+    1.2  # times its tolerance: a name needs as much, at the edge of a box anything may stand in
+)
+ASSUMED_FRICTION = 0.05  # share by which the assumed friction of arm and joints may err
+
+
 @dataclass(frozen=True)
 class Knob:
     """One number: its effect ("" for K and tau), key, axis ("x", "y", "xy"), believed value and
@@ -107,6 +119,13 @@ class Believed:
         if not load_friction:
             self._record["arm_friction"] = self._record["joint_friction"] = self._wound = 0.0
         self._tolerances = {e.name: e.tolerance for e in CATALOGUE} | dict(tolerances or {})
+        # What the motor's friction is taken for cannot be better than the assumed load's.
+        self.friction_slack_V = 0.0
+        if load_friction:
+            held = rig.drive.joint_friction_nm + rig.drive.arm_friction_nm
+            self.friction_slack_V = ASSUMED_FRICTION * held / rig.servo.torque_per_volt_nm
+            if "coulomb_friction" not in (tolerances or {}):
+                self._tolerances["coulomb_friction"] += self.friction_slack_V
         self._start = {name: tuple(pair) for name, pair in values(rig.effects).items()}
         self.knobs = {knob.name: knob for knob in self._all()}
 
@@ -125,6 +144,8 @@ class Believed:
     def _knob(self, effect: Effect, key: str, axis: str) -> Knob:
         first = _keys(effect)[0] == key
         tolerance = self._tolerances[effect.name] if first and effect.name not in PERIODIC else 0.0
+        if effect.name == "gear_backlash" and max(self._start["gear_backlash_play_rad"]) == 0.0:
+            tolerance = 0.0  # a gap below the encoder's count only roughens the likelihood
         low, high = _range(effect, key)
         if key == "limit_V":
             high = inf
@@ -141,6 +162,14 @@ class Believed:
         if name == "dead_zone" and key != "half_width_V":
             return self._start[f"{name}_{key}"][a] - self._start["dead_zone_half_width_V"][a]
         return float(self._start[f"{name}_{key}"][a])
+
+    def beyond(self, name: str, axis: str, setting: Mapping[str, float]) -> bool:
+        """Is the effect on this axis larger than what counts as no effect?"""
+        size = [abs(setting.get(k.name, k.believed) - k.believed) for k in self.of(name, axis)]
+        least = max(LEAST.get(name, 0.0), CLEARLY * self._tolerances[name])
+        if name == "stribeck_friction":
+            least += self.friction_slack_V
+        return (hypot(*size[:2]) if name in PERIODIC else size[0]) >= least
 
     def with_unknown(self, unknown: Unknown) -> "Believed":
         """The same with an unnamed term in the model."""

@@ -243,7 +243,7 @@ def _starts(evidence: Evidence, believed: Believed, name: _Name, shared: Mapping
     """Where the wrong name starts: as given and as the screen finds it, the better one first."""
     others = {(effect.name, axis) for effect in CATALOGUE for axis in effect.axes} - set(name.keys)
     bare = State(evidence, believed, evaluate(evidence, believed, shared, parts))
-    found = screen(bare, without=others)
+    found = screen(bare, parts, without=others)
     screened = {k: v for one in found for k, v in one.start.items()}
     settings = ({**shared, **start} for start in (name.setting, screened))
     fits = [evaluate(evidence, believed, setting, parts) for setting in settings]

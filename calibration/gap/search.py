@@ -72,6 +72,9 @@ class Trial:
 
     @property
     def score(self) -> float:
+        believed, setting = self.state.believed, self.state.fit.setting
+        if not any(believed.beyond(self.name, axis, setting) for axis in self.axes):
+            return -float("inf")
         knobs = sum(
             len(released(BY_NAME[self.name], axis, self.state.believed)) for axis in self.axes
         )

@@ -15,11 +15,13 @@ from calibration.gap.evidence import Evidence
 from calibration.gap.fit import Fit, bounded_step, differences, normal_equations, weights
 from calibration.gap.knobs import BALL, SERVO
 from calibration.gap.search import PER_KNOB, State
-from rig.unknown import Unknown
+from rig.unknown import Unknown, pack, unknown_acceleration, unknown_volts
 
 WINDOWS_S = (0.3, 0.6, 1.2, 2.5, 5.0, 10.0)
 SEARCHED = 7.0  # log-likelihood that the choice of a frequency or a window costs
 ORDERS = (1, 2, 3)
+# RMS [m/s2, V] below which it is no effect: the tolerances of rolling, of friction and dead zone.
+LEAST_FELT = {"ball": 0.0015, "servo": 0.025}
 UNIT = {"ball": 0.02, "servo": 0.02}  # m/s2 and V: size of the trial coefficients
 
 
@@ -127,8 +129,31 @@ def _fitted(state: State, part: str, kind: str, units: list[Unit], nuisance: tup
     alone = bounded_step(a[:-k, :-k], b[:-k], nuisance[1], nuisance[2], nuisance[3])
     gain += float(0.5 * alone @ a[:-k, :-k] @ alone + b[:-k] @ alone)
     unknown = _term(units, step[-k:], fixed, have)
+    felt = float(np.sqrt(np.mean(np.square(_felt(state, part, unknown)))))
+    least = LEAST_FELT["ball" if part == BALL else "servo"]
+    if felt < least + (state.believed.friction_slack_V if part != BALL else 0.0):
+        gain = 0.0
     new = replace(state, believed=believed.with_unknown(unknown))
     return Shape(part, kind, gain - PER_KNOB * k - searched, unknown, new)
+
+
+def _felt(state: State, part: str, unknown: Unknown) -> np.ndarray:
+    """The unnamed term along the recorded motion [V or m/s2], (n,)."""
+    u, half = pack(unknown), state.believed.rig.linkage.plate_side_m / 2
+    values: list[float] = []
+    for run in state.evidence.runs:
+        if part == BALL:
+            v = np.gradient(run.ball_m, run.exposed_s, axis=0) if len(run.exposed_s) > 2 else None
+            for i in range(0, len(run.exposed_s) if v is not None else 0, 5):
+                x, y = run.ball_m[i] / half
+                values += [unknown_acceleration(u, a, x, y, v[i, a], run.exposed_s[i])
+                           for a in range(2)]  # fmt: skip
+        else:
+            a = SERVO.index(part)
+            omega = np.gradient(run.theta_rad[:, a], run.t_s)
+            values += [unknown_volts(u, a, run.theta_rad[i, a], omega[i], run.t_s[i])
+                       for i in range(0, len(run.t_s), 20)]  # fmt: skip
+    return np.array(values)
 
 
 def _peaks(state: State, part: str) -> list[float]:
