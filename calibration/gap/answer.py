@@ -60,6 +60,18 @@ def _catalogue_keys(name: str, by_key: dict[str, Interval]) -> dict[str, Interva
     return by_key
 
 
+def effects_of(state: State, name: str) -> dict[str, dict[str, dict[str, float]]]:
+    """A named effect as a rig file has it: {name: {axis: {key: value}}}."""
+    axes = tuple(axis for effect, axis in state.named if effect == name)
+    found = parameters(state, name, axes, {})
+    return {
+        name: {
+            axis: {key: _allowed(name, key, value.value) for key, value in pairs.items()}
+            for axis, pairs in found.items()
+        }
+    }
+
+
 def named(decision: Decision, accepted: Accepted,
           spread: Mapping[str, tuple[float, int]]) -> Named:  # fmt: skip
     found = parameters(decision.state, accepted.name, accepted.axes, spread)
@@ -143,7 +155,10 @@ def extended(decision: Decision, found: tuple[Named, ...],
         for key in CALIBRATED
     }
     fitted = {key: sum(v) / len(v) for key, v in mean.items() if v}
-    return replace(rig, effects=effects, servo=replace(rig.servo, **fitted))
+    drive = rig.drive
+    if not believed.load_friction:  # the logs do not show the assumed friction of arm and joints
+        drive = replace(drive, arm_friction_nm=0.0, joint_friction_nm=0.0)
+    return replace(rig, effects=effects, servo=replace(rig.servo, **fitted), drive=drive)
 
 
 def _allowed(name: str, key: str, value: float) -> float:

@@ -142,13 +142,13 @@ def _felt(state: State, part: str, unknown: Unknown) -> np.ndarray:
     u, half = pack(unknown), state.believed.rig.linkage.plate_side_m / 2
     values: list[float] = []
     for run in state.evidence.runs:
-        if part == BALL:
-            v = np.gradient(run.ball_m, run.exposed_s, axis=0) if len(run.exposed_s) > 2 else None
-            for i in range(0, len(run.exposed_s) if v is not None else 0, 5):
+        if part == BALL and len(run.exposed_s) > 2:
+            v = np.gradient(run.ball_m, run.exposed_s, axis=0)
+            for i in range(0, len(v), 5):
                 x, y = run.ball_m[i] / half
                 values += [unknown_acceleration(u, a, x, y, v[i, a], run.exposed_s[i])
                            for a in range(2)]  # fmt: skip
-        else:
+        elif part != BALL:
             a = SERVO.index(part)
             omega = np.gradient(run.theta_rad[:, a], run.t_s)
             values += [unknown_volts(u, a, run.theta_rad[i, a], omega[i], run.t_s[i])

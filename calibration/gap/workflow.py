@@ -16,7 +16,8 @@ from calibration.gap.findings import Findings, Gap, Leftover, Named, ProofRow, S
 from calibration.gap.fit import evaluate
 from calibration.gap.intervals import deviations
 from calibration.gap.knobs import CALIBRATED, SERVO, Believed
-from calibration.gap.name import MARGIN, Accepted, settled_baseline
+from calibration.gap.locate import locate
+from calibration.gap.name import MARGIN, Accepted, Rival, settled_baseline
 from calibration.gap.prove import model_of, prove, rms, steps
 from calibration.gap.search import State, baseline, refit
 from rig.effects import BY_NAME
@@ -40,6 +41,13 @@ class Investigation:
 
     findings: Findings
     decision: Decision | None = None
+
+    @property
+    def rivals(self) -> tuple[Accepted, Rival] | None:
+        """The name and the rival that the logs cannot tell apart, if there are two."""
+        accepted = self.decision.accepted if self.decision else ()
+        close = [(one, r) for one in accepted for r in one.rivals if r.margin < MARGIN]
+        return min(close, key=lambda pair: pair[1].margin) if close else None
 
 
 def investigate_logs(logs: Sequence[Log], rig: Rig, *, notes: tuple[str, ...] = (),
@@ -129,6 +137,9 @@ def _findings(decision: Decision, until: str, notes: tuple[str, ...], *, quick: 
         rig_before=state.believed.rig,
         rig_after=rig_after,
     )
+    place = locate(decision.naming.before, rms(state.evidence, model_of(state)),
+                   evidence=state.evidence)  # fmt: skip
+    known = replace(known, where=place.where, profiles=place.profiles, maps=place.maps)
     if until in ("locate", "name", "add"):
         return known
     gap, rows, path = _proof(decision, rivals=not quick)
