@@ -144,8 +144,9 @@ class Believed:
     def _knob(self, effect: Effect, key: str, axis: str) -> Knob:
         first = _keys(effect)[0] == key
         tolerance = self._tolerances[effect.name] if first and effect.name not in PERIODIC else 0.0
-        if effect.name == "gear_backlash" and max(self._start["gear_backlash_play_rad"]) == 0.0:
-            tolerance = 0.0  # a gap below the encoder's count only roughens the likelihood
+        gear = effect.name == "gear_backlash" and max(self._start["gear_backlash_play_rad"]) == 0.0
+        if gear and self.load_friction:
+            tolerance = 0.0  # below the encoder's count, beside winding shafts, it fits anything
         low, high = _range(effect, key)
         if key == "limit_V":
             high = inf

@@ -13,6 +13,7 @@ from calibration.gap.knobs import PERIODIC, SERVO, Believed, Knob
 from rig.effects import Effect
 
 PERIODS = (3.0, 4.5, 6.5, 9.0, 13.0, 18.0, 25.0, 35.0, 50.0, 70.0)
+LEAST_PHASE_RAD = 2.0  # of a period that must fit into the motion to be more than an offset
 SIZES: Mapping[str, tuple[float, ...]] = {
     "friction_V": (0.03, 0.1), "half_width_V": (0.03, 0.1), "fraction": (0.02,),
     "offset_V": (0.05,), "delay_s": (0.003, 0.01), "rate_1_s": (0.002,), "drop_1_V": (0.01,),
@@ -34,6 +35,7 @@ def starts(effect: Effect, axis: str, believed: Believed, evidence: Evidence) ->
             [{f"{name}.{part}.{axis}": size, f"{name}.periods_per_turn.{axis}": n}
              for part in ("sine", "cosine")]
             for n in PERIODS
+            if n * _reach(evidence, axis) > LEAST_PHASE_RAD
         ]  # fmt: skip
     first = believed.of(name, axis)[0]
     if name == "stribeck_friction":
@@ -49,6 +51,12 @@ def _largest_volts(evidence: Evidence, axis: str) -> list[float]:
     a = SERVO.index(f"servo_{axis}")
     volts = np.concatenate([run.volts_V[:, a] for run in evidence.runs if run.has_servo(a)])
     return [0.9 * float(np.abs(volts).max()), 0.6 * float(np.abs(volts).max())]
+
+
+def _reach(evidence: Evidence, axis: str) -> float:
+    """How much of the turn the servo uses [rad]."""
+    a = SERVO.index(f"servo_{axis}")
+    return max((float(np.ptp(run.theta_rad[:, a])) for run in evidence.runs), default=0.0)
 
 
 def released(effect: Effect, axis: str, believed: Believed) -> list[Knob]:

@@ -24,6 +24,7 @@ from calibration.gap.menu import Start, released, starts
 from rig.effects import BY_NAME, CATALOGUE, Effect
 
 PER_KNOB = 3.0  # log-likelihood that a released knob costs
+MISFIT = 0.004  # of the gain, per knob: the rest of the model is only nearly right
 WORTH_AN_AXIS = 6.0  # gain on an axis below which the effect is not released there
 SEEN = 12.0
 LEAST_PROMISE, FAR_BEHIND = 4.0, 0.1  # a screened gain below is not worth a fit
@@ -78,7 +79,7 @@ class Trial:
         knobs = sum(
             len(released(BY_NAME[self.name], axis, self.state.believed)) for axis in self.axes
         )
-        return self.gain - PER_KNOB * knobs
+        return self.gain - (PER_KNOB + MISFIT * max(self.gain, 0.0)) * knobs
 
 
 def parts_of(effect: Effect, axes: Iterable[str]) -> tuple[str, ...]:
