@@ -1,0 +1,172 @@
+"""Every knob turns the model exactly as a rig file with the same numbers would."""
+
+from dataclasses import replace
+from math import cos, hypot, inf, sin
+
+import numpy as np
+import pytest
+from gap_tables import RIG, evidence_of, foreign
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from calibration.gap.knobs import BALL, PERIODIC, SERVO, Believed
+from experiments.assemble import load_rig
+from rig.effects import BY_NAME, CATALOGUE, Effect
+from rig.parameters import Rig
+from rig.plant_record import pack
+
+TABLE = load_rig(None)  # plays, friction, offsets and a slope are believed
+NAMES = [effect.name for effect in CATALOGUE]
+# What no equation of the predictor reads: derived for a simulated table, or split by sides.
+IDLE = ("arm_stick", "plate_stick", "camera_delay", "dead_zone_half_width_V")
+RIGS = {"bare": RIG, "shipped": TABLE}
+KEYS = [(e, axis) for e in CATALOGUE for axis in e.axes]
+# Sizes at which every first knob must show in its own part.
+SIZES = {"limit_V": 1.0, "extra_V": 0.1, "sine": 0.02}
+
+
+def without_load(rig: Rig) -> Rig:
+    return replace(rig, drive=replace(rig.drive, arm_friction_nm=0.0, joint_friction_nm=0.0))
+
+
+def with_effect(rig: Rig, name: str, axis: str, pairs: dict[str, float]) -> Rig:
+    effects = {n: {a: dict(p) for a, p in by.items()} for n, by in rig.effects.items()}
+    effects.setdefault(name, {}).setdefault(axis, {}).update(pairs)
+    return replace(rig, effects=effects)
+
+
+def turned(name: str, axis: str, pairs: dict[str, float]) -> dict[str, float]:
+    """The knobs' setting that means the same as `pairs` of a rig file."""
+    knobs = dict(pairs)
+    if name in PERIODIC:
+        size, phase = knobs.pop(PERIODIC[name]), knobs.pop("phase_rad")
+        knobs |= {"sine": size * cos(phase), "cosine": size * sin(phase)}
+    return {f"{name}.{key}.{axis}": value for key, value in knobs.items()}
+
+
+def assert_same(one: np.record, other: np.record) -> None:
+    for field in one.dtype.names or ():
+        if field == "unknown":
+            assert one[field] == other[field]
+        elif field not in IDLE:
+            np.testing.assert_allclose(
+                one[field], other[field], rtol=1e-12, atol=1e-15, err_msg=field
+            )
+
+
+def drawn(data: st.DataObject, effect: Effect) -> dict[str, float]:
+    """Values of all keys of an effect within their sensible ranges; a play holds its middle."""
+    pairs = {p.key: data.draw(st.floats(p.low, p.high), label=p.key) for p in effect.parameters}
+    if effect.name in PERIODIC:
+        pairs[PERIODIC[effect.name]] += 1e-3  # without an amplitude a phase is nothing
+        pairs["phase_rad"] *= 0.999  # one turn, once
+    if "play_rad" in pairs:
+        pairs["offset_rad"] = data.draw(st.floats(-0.49, 0.49)) * pairs["play_rad"]
+    return pairs
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("which", RIGS)
+@settings(max_examples=12, deadline=None)
+@given(data=st.data())
+def test_a_setting_is_the_rig_file_with_the_same_numbers(
+    name: str, which: str, data: st.DataObject
+):
+    effect, rig = BY_NAME[name], RIGS[which]
+    axis = data.draw(st.sampled_from(effect.axes))
+    pairs = drawn(data, effect)
+    model = Believed(rig, load_friction=False).model(turned(name, axis, pairs))
+    assert_same(model.record, pack(with_effect(without_load(rig), name, axis, pairs)))
+    assert model.gain_rad_s_V == (rig.servo.gain_rad_s_V,) * 2
+
+
+@pytest.mark.parametrize("rig", [RIG, TABLE], ids=["bare", "shipped"])
+def test_no_setting_and_all_knobs_at_rest_are_the_believed_rig(rig: Rig):
+    believed = Believed(rig, load_friction=False)
+    assert_same(believed.model({}).record, pack(without_load(rig)))
+    rest = {name: knob.believed for name, knob in believed.knobs.items()}
+    assert_same(believed.model(rest).record, pack(without_load(rig)))
+
+
+def test_gain_and_time_constant_belong_to_their_axis():
+    model = Believed(RIG, load_friction=False).model(
+        {".gain_rad_s_V.y": 1.9, ".time_constant_s.x": 0.04}
+    )
+    assert model.gain_rad_s_V == (RIG.servo.gain_rad_s_V, 1.9)
+    assert model.time_constant_s == (0.04, RIG.servo.time_constant_s)
+    assert_same(model.record, pack(without_load(RIG)))
+
+
+def test_under_load_the_friction_stays_and_the_joint_feels_its_wound_up_shaft():
+    believed = Believed(TABLE, load_friction=True)
+    model = believed.model({"joint_backlash.play_rad.x": 0.04}).record
+    truth = pack(with_effect(TABLE, "joint_backlash", "x", {"play_rad": 0.04}))
+    drive = TABLE.drive
+    wound = 2 * drive.joint_friction_nm / drive.joint_stiffness_nm_rad
+    assert model["joint_friction"] == truth["joint_friction"] > 0
+    assert model["arm_friction"] == truth["arm_friction"] > 0
+    width, true_width = (r["joint_1"] - r["joint_2"] for r in (model, truth))
+    np.testing.assert_allclose(width - true_width, wound, rtol=1e-9)
+    np.testing.assert_allclose(model["gear_1"], truth["gear_1"])
+
+
+def test_every_parameter_has_its_knob_and_starts_where_the_rig_file_has_it():
+    believed = Believed(TABLE, load_friction=False)
+    for effect, axis in KEYS:
+        keys = {knob.key for knob in believed.of(effect.name, axis)}
+        catalogue = {p.key for p in effect.parameters}
+        if effect.name in PERIODIC:
+            catalogue = catalogue - {PERIODIC[effect.name], "phase_rad"} | {"sine", "cosine"}
+        assert keys == catalogue
+    assert len(believed.knobs) == 4 + sum(len(believed.of(e.name, a)) for e, a in KEYS)
+    for name, by_axis in TABLE.effects.items():
+        for axis, pairs in by_axis.items():
+            for key, value in pairs.items():
+                assert believed.knobs[f"{name}.{key}.{axis}"].believed == value
+    ripple = {"amplitude_rad": 0.01, "phase_rad": 0.7, "periods_per_turn": 9.0}
+    rippled = Believed(with_effect(RIG, "transmission_ripple", "y", ripple), load_friction=False)
+    knobs = [rippled.knobs[f"transmission_ripple.{k}.y"].believed for k in ("sine", "cosine")]
+    assert hypot(*knobs) == pytest.approx(0.01)
+    assert knobs[0] == pytest.approx(0.01 * cos(0.7))
+
+
+def test_boxes_hold_the_believed_value_and_lie_within_tolerance_and_range():
+    for rig in (RIG, TABLE):
+        for knob in Believed(rig, load_friction=False).knobs.values():
+            (low, high), (least, most) = knob.box, knob.range
+            assert least <= low <= knob.believed <= high <= most, knob.name
+            assert knob.believed == inf or high - low <= 2.0001 * knob.tolerance
+            assert knob.step > 0
+    play = Believed(RIG, load_friction=False).knobs["joint_backlash.play_rad.x"]
+    assert play.box == (0.0, BY_NAME["joint_backlash"].tolerance)  # a play has no negative side
+
+
+def test_tolerances_are_the_catalogues_or_those_given():
+    usual = Believed(RIG, load_friction=False)
+    wide = Believed(RIG, load_friction=False, tolerances={"voltage_offset": 0.3})
+    for effect, axis in KEYS:
+        first, *rest = usual.of(effect.name, axis)
+        assert first.tolerance == effect.tolerance or effect.name in PERIODIC
+        assert all(knob.tolerance == 0 for knob in rest)
+    assert wide.knobs["voltage_offset.offset_V.x"].box == (-0.3, 0.3)
+    assert wide.knobs["level_offset.slope_rad.x"] == usual.knobs["level_offset.slope_rad.x"]
+    setting = {"voltage_offset.offset_V.x": 0.1}
+    assert usual.beyond("voltage_offset", "x", setting)
+    assert not usual.beyond("voltage_offset", "y", setting)
+    assert not wide.beyond("voltage_offset", "x", setting)
+
+
+@pytest.fixture(scope="module")
+def evidence():
+    return evidence_of(foreign("steps", seed=2, duration_s=5.0))
+
+
+@pytest.mark.parametrize(("effect", "axis"), KEYS, ids=lambda v: getattr(v, "name", v))
+def test_a_knob_is_felt_in_its_own_parts_alone(evidence, effect: Effect, axis: str):
+    believed = Believed(RIG, load_friction=False)
+    first = believed.of(effect.name, axis)[0]
+    size = SIZES.get(first.key, first.believed + 3 * first.step)
+    model, bare = believed.model({first.name: size}), believed.model({})
+    for part in (*SERVO, BALL):
+        same = np.array_equal(evidence.roll(model, part).z, evidence.roll(bare, part).z)
+        assert same == (part not in first.parts), (part, first.parts)
