@@ -19,7 +19,8 @@ from calibration.gap.knobs import CALIBRATED, SERVO, Believed
 from calibration.gap.locate import locate
 from calibration.gap.name import MARGIN, Accepted, Rival, settled_baseline
 from calibration.gap.prove import model_of, prove, rms, steps
-from calibration.gap.search import State, baseline, refit
+from calibration.gap.state import State, baseline, refit
+from calibration.gap.unknown_words import describe
 from rig.effects import BY_NAME
 from rig.log import Log
 from rig.parameters import Rig
@@ -108,7 +109,7 @@ def believe(evidence: Evidence, rig: Rig, tolerances: Mapping[str, float] | None
 
 
 def _nothing_to_see(state: State, lacking: str, notes: tuple[str, ...]) -> Findings:
-    found = answer.untestable(state, [])
+    found = answer.untestable(state, None)
     found = tuple(replace(one, why=lacking) for one in found)
     return Findings(
         "undecided", f"not enough excitation: {lacking}; nothing can be said about the model",
@@ -195,7 +196,7 @@ def _with_rivals(decision: Decision, names: tuple[Named, ...]) -> tuple[Named, .
 
 def _leftover(decision: Decision) -> Leftover | None:
     shape = decision.shape
-    return Leftover(shape.channel, unknown.describe(shape)) if shape else None
+    return Leftover(shape.channel, describe(shape)) if shape else None
 
 
 def _servo_notes(state: State, servo: Mapping) -> tuple[str, ...]:
@@ -214,7 +215,7 @@ def _servo_notes(state: State, servo: Mapping) -> tuple[str, ...]:
 def sentence(decision: Decision, names: tuple[Named, ...]) -> str:
     """What is wrong, in plain words."""
     told = [_told(one, name) for one, name in zip(decision.accepted, names, strict=True)]
-    left = decision.shape and unknown.describe(decision.shape)
+    left = decision.shape and describe(decision.shape)
     if decision.verdict == "nothing-missing":
         return "Nothing is missing: the model explains the log within the declared tolerances."
     if decision.verdict == "unknown-effect":
