@@ -20,7 +20,7 @@ from calibration.gap.locate import locate
 from calibration.gap.name import MARGIN, Accepted, Rival, settled_baseline
 from calibration.gap.prove import model_of, prove, rms, steps
 from calibration.gap.state import State, baseline, refit
-from calibration.gap.unknown_words import describe
+from calibration.gap.unknown_words import describe, formula
 from rig.effects import BY_NAME
 from rig.log import Log
 from rig.parameters import Rig
@@ -144,7 +144,16 @@ def _findings(decision: Decision, until: str, notes: tuple[str, ...], *, quick: 
     if until in ("locate", "name", "add"):
         return known
     gap, rows, path = _proof(decision, rivals=not quick)
-    return replace(known, gap=gap, proof=rows, steps=path)
+    left = known.unknown
+    if left is not None and decision.shape is not None and _holds(gap, left.channel):
+        left = replace(left, formula=formula(decision.shape))
+    return replace(known, gap=gap, proof=rows, steps=path, unknown=left)
+
+
+def _holds(gap: Gap, channel: str) -> bool:
+    """Does the model with the term do clearly better on data that its fit has not seen?"""
+    before, after = gap.before.get(channel, 1.0), gap.after.get(channel, 1.0)
+    return before - after > 0.3 * max(before - 1.0, 0.0) and before > after
 
 
 def _proof(

@@ -158,5 +158,6 @@ def test_a_floor_of_nothing_is_refused():
 
 def test_without_the_final_levels_the_channel_is_still_right():
     state = state_of(hidden_log("dent"))
-    found = locate(with_levels(state, state.evidence.levels, state.evidence.parts), floors_of(clean(SEED)))
+    same = with_levels(state, state.evidence.levels, state.evidence.parts)
+    found = locate(same, floors_of(clean(SEED)))
     assert {w.channel for w in found.where} == {"ball_x", "ball_y"}
