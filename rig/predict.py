@@ -35,7 +35,8 @@ class Signals:
     """What a log gives to predict from; a channel that it lacks is empty.
 
     t_s (n,), volts_V and theta_rad (n, 2), exposed_s (k,), ball_m (k, 2); fresh (k,): exposures at
-    which the ball's filter starts anew, if any.
+    which the ball's filter starts anew, if any; driven: axes with a servo channel (the others'
+    volts are taken as 0).
     """
 
     t_s: np.ndarray
@@ -44,9 +45,12 @@ class Signals:
     exposed_s: np.ndarray
     ball_m: np.ndarray
     fresh: np.ndarray | None = None
+    driven: tuple[bool, bool] = (True, True)
 
     def has_servo(self, a: int) -> bool:
         """Volts and angle of axis `a` are there in every row."""
+        if not self.driven[a]:
+            return False
         pair = self.volts_V, self.theta_rad
         n = len(self.t_s)
         return n > 1 and all(len(p) == n and np.isfinite(p[:, a]).all() for p in pair)

@@ -10,7 +10,8 @@ from calibration.gap.findings import Candidate, Interval, Named, Untestable
 from calibration.gap.intervals import interval
 from calibration.gap.knobs import BALL, CALIBRATED, PERIODIC, SERVO, Believed
 from calibration.gap.name import Accepted
-from calibration.gap.search import Screened, State
+from calibration.gap.screen import Screened
+from calibration.gap.state import State, parts_of
 from rig.effects import BY_NAME, CATALOGUE
 from rig.parameters import Rig
 
@@ -50,14 +51,21 @@ def _catalogue_keys(name: str, by_key: dict[str, Interval]) -> dict[str, Interva
             "phase_rad": Interval(phase, phase - across, phase + across),
             "periods_per_turn": by_key["periods_per_turn"],
         }
-    if name == "dead_zone" and "positive_V" in by_key:
-        both = by_key["half_width_V"].value
-        return {
-            key: Interval(both + side.value, both + side.low, both + side.high)
-            for key, side in by_key.items()
-            if key != "half_width_V"
-        }
-    return by_key
+    return _dead_zone(by_key) if name == "dead_zone" else by_key
+
+
+def _dead_zone(by_key: dict[str, Interval]) -> dict[str, Interval]:
+    """One width where the two sides agree, else a width a side."""
+    both = by_key["half_width_V"].value if "half_width_V" in by_key else 0.0
+    plus, minus = by_key["positive_V"], by_key["negative_V"]
+    reach = hypot(plus.high - plus.value, minus.high - minus.value)
+    if abs(plus.value - minus.value) < 1.3 * reach:
+        middle = both + 0.5 * (plus.value + minus.value)
+        return {"half_width_V": Interval(middle, middle - 0.5 * reach, middle + 0.5 * reach)}
+    return {
+        key: Interval(both + side.value, both + side.low, both + side.high)
+        for key, side in (("positive_V", plus), ("negative_V", minus))
+    }
 
 
 def effects_of(state: State, name: str) -> dict[str, dict[str, dict[str, float]]]:
@@ -105,10 +113,10 @@ def calibrated(state: State, spread: Mapping[str, tuple[float, int]]) -> dict[st
     return found
 
 
-def untestable(state: State, screened: list[Screened]) -> tuple[Untestable, ...]:
-    """Effects that this log would not have shown inside their sensible range."""
+def untestable(state: State, screened: list[Screened] | None) -> tuple[Untestable, ...]:
+    """Effects that this log would not have shown inside their sensible range; None: none tried."""
     smallest: dict[str, float] = {}
-    for one in screened:
+    for one in screened or ():
         smallest[one.name] = min(one.smallest, smallest.get(one.name, inf))
     found = []
     known = {name for name, _ in state.named}
@@ -118,6 +126,9 @@ def untestable(state: State, screened: list[Screened]) -> tuple[Untestable, ...]
             continue
         size = smallest.get(effect.name)
         key = PERIODIC.get(effect.name, first.key)
+        there = set(state.evidence.parts) & set(parts_of(effect, effect.axes))
+        if size is None and there and screened is not None:  # it was tried in the model
+            continue
         if size is None:
             channel = "volts and angles" if effect.side == "servo" else "the ball"
             found.append(Untestable(effect.name, f"the log lacks {channel}", {}))
@@ -147,8 +158,8 @@ def extended(decision: Decision, found: tuple[Named, ...],
     for one in found:
         for axis, pairs in one.parameters.items():
             into = effects.setdefault(one.name, {}).setdefault(axis, {})
-            if "positive_V" in pairs:
-                into.pop("half_width_V", None)
+            if one.name == "dead_zone":
+                into.clear()
             into |= {key: _allowed(one.name, key, value.value) for key, value in pairs.items()}
     mean = {
         key: [v.value for label, v in servo.items() if label.startswith(key.split("_")[0])]

@@ -10,7 +10,7 @@ from calibration.gap import coordinates, pushes
 from calibration.gap.evidence import Evidence
 from calibration.gap.knobs import BALL, SERVO
 from calibration.gap.pushes import Coordinate, Series
-from calibration.gap.search import State
+from calibration.gap.state import State
 from rig.predict_ball import LONGEST_GAP_S
 
 

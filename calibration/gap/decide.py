@@ -8,7 +8,7 @@ that only stood in for the unnamed term goes.
 from dataclasses import dataclass, replace
 
 from calibration.gap.name import MARGIN, THRESHOLD, Accepted, Naming, name_effects, without
-from calibration.gap.search import State
+from calibration.gap.state import State
 from calibration.gap.unknown import Shape, shapes
 
 UNKNOWN_THRESHOLD = 8.0

@@ -33,15 +33,17 @@ class Roll:
 def usable(log: Log, *, camera_delay_s: float) -> Signals:
     """A log's signals: fast ones thinned, missing axes 0 or NaN, held and pushed balls left out."""
     known = _thinned(signals(log, camera_delay_s=camera_delay_s))
+    driven = known.has_servo(0), known.has_servo(1)
     theta = np.where(np.isnan(known.theta_rad).all(axis=0), 0.0, known.theta_rad)
+    volts = np.where(np.array(driven), known.volts_V, 0.0)
     seen = ~np.isnan(known.ball_m)
     ball = np.where(seen.any(axis=0), known.ball_m, 0.0)
     kept = np.isfinite(ball).all(axis=1) & seen.any()
     touched = _touched(log, known.exposed_s)
     fresh = np.concatenate([[True], touched[:-1] & ~touched[1:]])[: len(touched)]
     kept &= ~touched
-    return replace(known, theta_rad=theta, exposed_s=known.exposed_s[kept], ball_m=ball[kept],
-                   fresh=fresh[kept])  # fmt: skip
+    return replace(known, theta_rad=theta, volts_V=volts, driven=driven, fresh=fresh[kept],
+                   exposed_s=known.exposed_s[kept], ball_m=ball[kept])  # fmt: skip
 
 
 def _touched(log: Log, exposed_s: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from scipy.stats import t as student
 
 from calibration.gap.findings import Interval
 from calibration.gap.fit import Fit, differences, weights
-from calibration.gap.search import State
+from calibration.gap.state import State
 from rig.effects import BY_NAME
 
 BLOCK_S = 1.0

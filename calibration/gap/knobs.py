@@ -43,7 +43,7 @@ LEAST = {
 CLEARLY = (
     1.2  # times its tolerance: a name needs as much, at the edge of a box anything may stand in
 )
-ASSUMED_FRICTION = 0.05  # share by which the assumed friction of arm and joints may err
+ASSUMED_FRICTION = 0.08  # share by which the assumed friction of arm and joints may err
 
 
 @dataclass(frozen=True)
@@ -170,6 +170,8 @@ class Believed:
         least = max(LEAST.get(name, 0.0), CLEARLY * self._tolerances[name])
         if name == "stribeck_friction":
             least += self.friction_slack_V
+        if name == "dead_zone":
+            return size[0] + max(size[1:]) >= least
         return (hypot(*size[:2]) if name in PERIODIC else size[0]) >= least
 
     def with_unknown(self, unknown: Unknown) -> "Believed":

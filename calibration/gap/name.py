@@ -1,6 +1,7 @@
 """Name what is missing: add the effect that helps most while one is significant, then defend it.
 
-Refine before adding: an effect's inner shape and the noise are settled before another may enter.
+Refine before adding: an effect is tried with its inner shape (period, Stribeck speed, a dead zone's
+two sides), and the noise is settled anew before another may enter.
 Each name is then taken out again and its rivals tried in its place, at the noise of the final
 model: names that no longer pay leave, better ones take over, close ones are told as "A or B".
 """
@@ -13,21 +14,10 @@ from calibration.gap import noise
 from calibration.gap.evidence import Evidence
 from calibration.gap.fit import evaluate
 from calibration.gap.knobs import Believed
-from calibration.gap.menu import shape
-from calibration.gap.search import (
-    PER_KNOB,
-    Key,
-    Screened,
-    Screens,
-    State,
-    Trial,
-    baseline,
-    parts_of,
-    rank,
-    refit,
-    screen,
-)
-from calibration.gap.search import with_levels as at_levels
+from calibration.gap.screen import Screened, Screens, screen
+from calibration.gap.search import Trial, rank
+from calibration.gap.state import Key, State, baseline, parts_of, refit
+from calibration.gap.state import with_levels as at_levels
 from rig.effects import BY_NAME
 
 THRESHOLD = 8.0  # of a score (log-likelihood beyond its knobs' own) for an effect to be missing
@@ -106,7 +96,7 @@ def name_effects(state: State) -> Naming:
             break
         best = last[0]
         parts = parts_of(BY_NAME[best.name], best.axes)
-        state = settle(_shaped(best.state, best), parts)
+        state = settle(best.state, parts)
         path.append((best.name, state))
     accepted: list[Accepted] = []
     for name in dict.fromkeys(effect for effect, _ in state.named):
@@ -114,19 +104,6 @@ def name_effects(state: State) -> Naming:
         if found:
             accepted.append(found)
     return Naming(before, state, tuple(accepted), tuple(last), tuple(path), screened)
-
-
-def _shaped(state: State, trial: Trial) -> State:
-    """Free the effect's inner shape where that pays for its knobs."""
-    for axis in trial.axes:
-        knobs = shape(trial.name, axis, state.believed)
-        if not knobs:
-            continue
-        bounds = state.bounds(parts_of(BY_NAME[trial.name], (axis,)))
-        tried = refit(state, bounds | {k.name: k.range for k in knobs})
-        if state.fit.cost - tried.fit.cost > PER_KNOB * len(knobs):
-            state = tried
-    return state
 
 
 def without(state: State, keys: Iterable[Key]) -> State:
@@ -155,7 +132,7 @@ def _defend(state: State, name: str) -> tuple[State, Accepted | None]:
     own = Trial(name, tuple(axis for _, axis in keys), state, bare.fit.cost - state.fit.cost)
     if trials and trials[0].score > own.score and trials[0].score >= THRESHOLD:
         winner = trials[0]
-        state = settle(_shaped(winner.state, winner), parts_of(BY_NAME[winner.name], winner.axes))
+        state = settle(winner.state, parts_of(BY_NAME[winner.name], winner.axes))
         trials = [own, *trials[1:]]
         own = winner
     if own.score < THRESHOLD:

@@ -14,7 +14,7 @@ from calibration.gap.evidence import Evidence
 from calibration.gap.findings import CHANNELS, Gap, ProofRow, Step
 from calibration.gap.fit import evaluate
 from calibration.gap.knobs import BALL, SERVO, Model
-from calibration.gap.search import State, refit
+from calibration.gap.state import State, refit
 from rig.predict import ball_ahead
 
 OUTLIER = 6.0  # residuals beyond are left out of every RMS (a push not seen as one)

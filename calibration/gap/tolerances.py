@@ -11,7 +11,8 @@ from scipy.stats import t as student
 
 from calibration.gap.evidence import gather
 from calibration.gap.name import settled_baseline
-from calibration.gap.search import rank_one, screen
+from calibration.gap.screen import screen
+from calibration.gap.search import rank_one
 from calibration.gap.workflow import believe, levels_of, usable_runs
 from rig.effects import CATALOGUE
 from rig.log import Log

@@ -6,28 +6,32 @@ frequency or a window has to be found, the periodogram and a matched filter prop
 is the gain in log-likelihood beyond what the coefficients and the places looked at cost.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from calibration.gap.attitude import attitude
 from calibration.gap.evidence import Evidence
 from calibration.gap.fit import Fit, bounded_step, differences, normal_equations, weights
 from calibration.gap.knobs import BALL, SERVO
-from calibration.gap.search import PER_KNOB, State
+from calibration.gap.search import PER_KNOB
+from calibration.gap.state import State
 from rig.unknown import Unknown, pack, unknown_acceleration, unknown_volts
 
 WINDOWS_S = (0.3, 0.6, 1.2, 2.5, 5.0, 10.0)
 SEARCHED = 7.0  # log-likelihood that the choice of a frequency or a window costs
 ORDERS = (1, 2, 3)
 # RMS [m/s2, V] below which it is no effect: the tolerances of rolling, of friction and dead zone.
+SMOOTHED = 15
 LEAST_FELT = {"ball": 0.0015, "servo": 0.025}
 UNIT = {"ball": 0.02, "servo": 0.02}  # m/s2 and V: size of the trial coefficients
 
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """An unnamed term: its part, its kind (map, speed, rhythm, segment), score and coefficients."""
+    """An unnamed term: its part, its kind (map, speed, rhythm, segment, turning), score and
+    coefficients. The model has no room for a turning one: it is told, not added."""
 
     part: str
     kind: str
@@ -72,6 +76,8 @@ def _of_part(state: State, part: str) -> Iterator[Shape]:
     units = [_unit(f"{side}_rhythm_{a}", i) for a in axes for i in range(2)]
     for hz in _peaks(state, part):
         yield _fitted(state, part, "rhythm", units, nuisance, {f"{side}_rhythm_hz": hz}, SEARCHED)
+    if part == BALL and all(state.evidence.ball_axes):
+        yield turning(state, nuisance)
     units = [_unit(f"{side}_segment", "xy".index(a)) for a in axes]
     for window in _windows(state, part, side):
         fixed = {f"{side}_segment_s": window}
@@ -151,6 +157,7 @@ def _felt(state: State, part: str, unknown: Unknown) -> np.ndarray:
         elif part != BALL:
             a = SERVO.index(part)
             omega = np.gradient(run.theta_rad[:, a], run.t_s)
+            omega = np.convolve(omega, np.ones(SMOOTHED) / SMOOTHED, "same")  # counts are steps
             values += [unknown_volts(u, a, run.theta_rad[i, a], omega[i], run.t_s[i])
                        for i in range(0, len(run.t_s), 20)]  # fmt: skip
     return np.array(values)
@@ -222,31 +229,36 @@ def _response(evidence: Evidence, state: State, part: str, side: str, length: fl
     return z[i : i + keep]
 
 
-def describe(shape: Shape) -> str:
-    """The shape in a lab's words."""
-    u, side = shape.unknown, "ball" if shape.part == BALL else "servo"
-    unit = "m/s2" if side == "ball" else "V"
-    words: dict[str, Callable[[], str]] = {
-        "map": lambda: _map_words(shape),
-        "speed": lambda: f"a {'force' if side == 'ball' else 'voltage'} that depends on speed",
-        "rhythm": lambda: (
-            f"a rhythm of {getattr(u, f'{side}_rhythm_hz'):.2f} Hz, "
-            f"{_largest(u, side, 'rhythm'):.2g} {unit}"
-        ),
-        "segment": lambda: (
-            f"from {getattr(u, f'{side}_segment_s')[0]:.1f} to "
-            f"{getattr(u, f'{side}_segment_s')[1]:.1f} s only, "
-            f"{max(abs(v) for v in getattr(u, f'{side}_segment')):.2g} {unit}"
-        ),
-    }
-    return words[shape.kind]()
+def turning(state: State, nuisance: tuple) -> Shape:
+    """A force that turns with the ball: a heavy side, of which each run has its own direction.
 
-
-def _largest(u: Unknown, side: str, part: str) -> float:
-    return max(float(np.hypot(*getattr(u, f"{side}_{part}_{a}"))) for a in "xy")
-
-
-def _map_words(shape: Shape) -> str:
-    if shape.part != BALL:
-        return f"volts on {shape.part[-1]} that depend on the servo's angle"
-    return "a force that depends on the place on the plate"
+    The ball rolls, so its attitude follows from its path: dR = [(-dy, dx, 0)/r]x R. The force is
+    c (R e)_xy, linear in e; its effect on the innovations is the filter's answer to a short push.
+    """
+    kernel = _response(state.evidence, state, BALL, "ball", 0.05, 2)
+    found: list[np.ndarray] = []
+    total = sum(len(run.exposed_s) for run in state.evidence.runs)
+    begin = 0
+    for run in state.evidence.runs:
+        n = len(run.exposed_s)
+        turned = attitude(run.ball_m, state.believed.rig.ball.radius_m)
+        for j in range(3):
+            column = np.zeros((total, 2))
+            for a in range(2):
+                answer = np.convolve(turned[:, a, j], kernel if kernel is not None else [0.0])
+                column[begin : begin + n, a] = answer[:n] / (3 * UNIT["ball"])
+            found.append(column.ravel())
+        begin += n
+    k = len(found)
+    columns = np.column_stack([nuisance[0], *found])
+    only = Fit(state.fit.setting, {BALL: state.fit.rolls[BALL]}, {})
+    a, b = normal_equations(state.evidence, only, {BALL: columns})
+    low, high = (
+        np.append(side, np.full(k, s * np.inf))
+        for side, s in zip(nuisance[1:3], (-1, 1), strict=True)
+    )
+    step = bounded_step(a, b, low, high, np.append(nuisance[3], np.full(k, UNIT["ball"])))
+    gain = -float(0.5 * step @ a @ step + b @ step)
+    if np.linalg.norm(step[-k:]) / k**0.5 < LEAST_FELT["ball"]:
+        gain = 0.0
+    return Shape(BALL, "turning", gain - PER_KNOB * k, state.believed.rig.unknown, state)

@@ -19,7 +19,8 @@ from calibration.gap.knobs import CALIBRATED, SERVO, Believed
 from calibration.gap.locate import locate
 from calibration.gap.name import MARGIN, Accepted, Rival, settled_baseline
 from calibration.gap.prove import model_of, prove, rms, steps
-from calibration.gap.search import State, baseline, refit
+from calibration.gap.state import State, baseline, refit
+from calibration.gap.unknown_words import describe, formula
 from rig.effects import BY_NAME
 from rig.log import Log
 from rig.parameters import Rig
@@ -108,7 +109,7 @@ def believe(evidence: Evidence, rig: Rig, tolerances: Mapping[str, float] | None
 
 
 def _nothing_to_see(state: State, lacking: str, notes: tuple[str, ...]) -> Findings:
-    found = answer.untestable(state, [])
+    found = answer.untestable(state, None)
     found = tuple(replace(one, why=lacking) for one in found)
     return Findings(
         "undecided", f"not enough excitation: {lacking}; nothing can be said about the model",
@@ -143,7 +144,16 @@ def _findings(decision: Decision, until: str, notes: tuple[str, ...], *, quick: 
     if until in ("locate", "name", "add"):
         return known
     gap, rows, path = _proof(decision, rivals=not quick)
-    return replace(known, gap=gap, proof=rows, steps=path)
+    left = known.unknown
+    if left is not None and decision.shape is not None and _holds(gap, left.channel):
+        left = replace(left, formula=formula(decision.shape))
+    return replace(known, gap=gap, proof=rows, steps=path, unknown=left)
+
+
+def _holds(gap: Gap, channel: str) -> bool:
+    """Does the model with the term do clearly better on data that its fit has not seen?"""
+    before, after = gap.before.get(channel, 1.0), gap.after.get(channel, 1.0)
+    return before - after > 0.3 * max(before - 1.0, 0.0) and before > after
 
 
 def _proof(
@@ -195,7 +205,7 @@ def _with_rivals(decision: Decision, names: tuple[Named, ...]) -> tuple[Named, .
 
 def _leftover(decision: Decision) -> Leftover | None:
     shape = decision.shape
-    return Leftover(shape.channel, unknown.describe(shape)) if shape else None
+    return Leftover(shape.channel, describe(shape)) if shape else None
 
 
 def _servo_notes(state: State, servo: Mapping) -> tuple[str, ...]:
@@ -214,7 +224,7 @@ def _servo_notes(state: State, servo: Mapping) -> tuple[str, ...]:
 def sentence(decision: Decision, names: tuple[Named, ...]) -> str:
     """What is wrong, in plain words."""
     told = [_told(one, name) for one, name in zip(decision.accepted, names, strict=True)]
-    left = decision.shape and unknown.describe(decision.shape)
+    left = decision.shape and describe(decision.shape)
     if decision.verdict == "nothing-missing":
         return "Nothing is missing: the model explains the log within the declared tolerances."
     if decision.verdict == "unknown-effect":

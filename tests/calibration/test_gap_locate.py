@@ -15,7 +15,7 @@ from calibration.gap import evidence, knobs, name
 from calibration.gap.channels import channel, present
 from calibration.gap.findings import CHANNELS, Where
 from calibration.gap.locate import QUIET, Located, locate, rms, sentence
-from calibration.gap.search import State, with_levels
+from calibration.gap.state import State, with_levels
 from rig import predict
 from rig.log import Log
 from rig.parameters import Rig
@@ -158,5 +158,6 @@ def test_a_floor_of_nothing_is_refused():
 
 def test_without_the_final_levels_the_channel_is_still_right():
     state = state_of(hidden_log("dent"))
-    found = locate(with_levels(state, state.evidence.levels), floors_of(clean(SEED)))
+    same = with_levels(state, state.evidence.levels, state.evidence.parts)
+    found = locate(same, floors_of(clean(SEED)))
     assert {w.channel for w in found.where} == {"ball_x", "ball_y"}

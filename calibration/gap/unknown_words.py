@@ -1,0 +1,87 @@
+"""An unnamed term in a lab's words."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from calibration.gap.knobs import BALL
+from calibration.gap.unknown import Shape
+from rig.unknown import Unknown
+
+
+def describe(shape: Shape) -> str:
+    """The shape in a lab's words."""
+    u, side = shape.unknown, "ball" if shape.part == BALL else "servo"
+    unit = "m/s2" if side == "ball" else "V"
+    words: dict[str, Callable[[], str]] = {
+        "map": lambda: _map_words(shape),
+        "speed": lambda: f"a {'force' if side == 'ball' else 'voltage'} that depends on speed",
+        "rhythm": lambda: (
+            f"a rhythm of {getattr(u, f'{side}_rhythm_hz'):.2f} Hz, "
+            f"{_largest(u, side, 'rhythm'):.2g} {unit}"
+        ),
+        "turning": lambda: "a force that turns with the ball, as of one that is heavier on a side",
+        "segment": lambda: (
+            f"from {getattr(u, f'{side}_segment_s')[0]:.1f} to "
+            f"{getattr(u, f'{side}_segment_s')[1]:.1f} s only, "
+            f"{max(abs(v) for v in getattr(u, f'{side}_segment')):.2g} {unit}"
+        ),
+    }
+    return words[shape.kind]()
+
+
+def _largest(u: Unknown, side: str, part: str) -> float:
+    return max(float(np.hypot(*getattr(u, f"{side}_{part}_{a}"))) for a in "xy")
+
+
+def _map_words(shape: Shape) -> str:
+    if shape.part != BALL:
+        return f"volts on {shape.part[-1]} that depend on the servo's angle"
+    return "a force that depends on the place on the plate"
+
+
+SPARSE = 0.15  # of the largest term: smaller ones are left out of a formula
+SPEEDS = {"ball": ("tanh(v/0.01)", "v", "v|v|", "|v|"),
+          "servo": ("tanh(w/0.05)", "w", "w|w|", "|w|")}  # fmt: skip
+
+
+def formula(shape: Shape) -> str | None:
+    """The few terms that carry the unnamed term, axis by axis; None where it has no formula.
+
+    Ball [m/s2]: x, y over half the plate's side, v its speed [m/s]; servo [V]: q = angle over 30
+    degrees, w its speed [rad/s]; T2, T3 .. Chebyshev polynomials; t the run's time [s].
+    """
+    side = "ball" if shape.part == BALL else "servo"
+    axes = "xy" if shape.part == BALL else shape.part[-1]
+    told = []
+    for axis in axes:
+        terms = [(c, w) for c, w in _terms(shape.unknown, side, axis) if c != 0.0]
+        largest = max((abs(c) for c, _ in terms), default=0.0)
+        kept = [f"{c:+.2g} {w}".strip() for c, w in terms if abs(c) >= SPARSE * largest]
+        if kept:
+            told.append(f"{'a' if side == 'ball' else 'V'}_{axis} = {' '.join(kept)}")
+    return "; ".join(told) or None
+
+
+def _terms(u: Unknown, side: str, axis: str) -> list[tuple[float, str]]:
+    """Every coefficient of an axis with its term in words."""
+    coefficients = getattr(u, f"{side}_map_{axis}")
+    if side == "ball":
+        places = [(_power("x", i), _power("y", j)) for i in range(4) for j in range(4)]
+        found = [
+            (c, " ".join(p for p in pair if p))
+            for c, pair in zip(coefficients, places, strict=True)
+        ]
+    else:
+        found = [(c, _power("q", i + 1)) for i, c in enumerate(coefficients)]
+    found += list(zip(getattr(u, f"{side}_speed_{axis}"), SPEEDS[side], strict=True))
+    hz = getattr(u, f"{side}_rhythm_hz")
+    waves = (f"sin(2 pi {hz:.3g} t)", f"cos(2 pi {hz:.3g} t)")
+    found += list(zip(getattr(u, f"{side}_rhythm_{axis}"), waves, strict=True))
+    begin, end = getattr(u, f"{side}_segment_s")
+    constant = getattr(u, f"{side}_segment")["xy".index(axis)]
+    return [*found, (constant, f"for {begin:.1f} < t < {end:.1f}")]
+
+
+def _power(name: str, order: int) -> str:
+    return "" if order == 0 else name if order == 1 else f"T{order}({name})"
