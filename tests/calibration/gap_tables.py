@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "engines"))
-from foreign_table import make_log  # pyright: ignore[reportMissingImports]
+import foreign_table  # pyright: ignore[reportMissingImports]
+
 
 from calibration.gap.evidence import Evidence, gather
 from calibration.gap.findings import Findings
 from calibration.gap.fit import evaluate
 from calibration.gap.knobs import Believed
-from calibration.gap.search import Key, State
+from calibration.gap.state import Key, State
 from calibration.gap.workflow import investigate_logs, levels_of, usable_runs
 from rig.log import Log
 from rig.parameters import Rig
@@ -23,7 +24,7 @@ RIG = Rig()
 
 def foreign(protocol: str, **hidden) -> Log:
     """A log of the foreign table; `hidden` as `make_log` takes it."""
-    return Log.from_columns(make_log(protocol, **hidden))
+    return Log.from_columns(foreign_table.make_log(protocol, **hidden))
 
 
 def evidence_of(*logs: Log, rig: Rig = RIG) -> Evidence:

@@ -6,7 +6,7 @@ from math import inf
 
 import numpy as np
 import pytest
-from gap_tables import RIG, evidence_of, foreign, released
+from gap_tables import RIG, evidence_of, foreign, released, without_columns
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
@@ -25,7 +25,7 @@ from calibration.gap.fit import (
     weights,
 )
 from calibration.gap.knobs import BALL, SERVO
-from calibration.gap.search import State
+from calibration.gap.state import State
 
 GAIN, TAU = (1.72, 1.40), (0.031, 0.021)
 OFFSET = {"x": 0.08, "y": -0.05}
@@ -35,8 +35,8 @@ OFFSET = {"x": 0.08, "y": -0.05}
 def servos() -> State:
     """Servos with other K, tau and a constant voltage, at their own noise levels."""
     hidden = {"voltage_offset": {a: {"offset_V": v} for a, v in OFFSET.items()}}
-    log = foreign("squares", seed=5, imperfect=False, gain=GAIN, tau=TAU, effects=hidden)
-    state = released(evidence_of(log))
+    log = foreign("steps", seed=5, imperfect=False, gain=GAIN, tau=TAU, effects=hidden)
+    state = released(evidence_of(without_columns(log, "ball", "target")))
     truth = {f".gain_rad_s_V.{a}": g for a, g in zip("xy", GAIN, strict=True)}
     truth |= {f".time_constant_s.{a}": t for a, t in zip("xy", TAU, strict=True)}
     truth |= {f"voltage_offset.offset_V.{a}": v for a, v in OFFSET.items()}

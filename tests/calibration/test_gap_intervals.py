@@ -1,0 +1,136 @@
+"""Intervals that hold what they promise, counted on many cheap fits of a foreign table's logs."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from gap_tables import evidence_of, foreign, foreign_table, released, without_columns
+
+from calibration.gap import answer
+from calibration.gap.findings import Interval
+from calibration.gap.fit import evaluate
+from calibration.gap.intervals import deviations, interval
+from calibration.gap.name import settle
+from calibration.gap.state import State, refit
+
+SEEDS, SECONDS = range(20), 12.0
+FINE_STEP_S = 5e-5  # of the foreign table, so that its own error is not taken for the fit's
+Found = dict[str, list[tuple[Interval, float]]]
+
+
+def fitted(name: str, key: str, sizes: dict[str, float], seed: int, channel: str,
+           protocol: str) -> State:  # fmt: skip
+    """A log with the effect on both axes, the effect released there, fitted and settled."""
+    effects = {name: {axis: {key: size} for axis, size in sizes.items()}}
+    log = foreign(protocol, seed=seed, effects=effects, duration_s=SECONDS)
+    other = {"servo": ("ball", "target"), "ball": ("voltage",)}[channel]
+    state = released(evidence_of(without_columns(log, *other)), *((name, a) for a in sizes))
+    start = {state.believed.of(name, axis)[0].name: 0.6 * size for axis, size in sizes.items()}
+    begun = evaluate(state.evidence, state.believed, start, state.evidence.parts)
+    state = replace(state, fit=begun)
+    return settle(refit(state, state.bounds(state.evidence.parts)), state.evidence.parts)
+
+
+@cache
+def intervals(name: str, key: str, low: float, high: float, channel: str,
+              protocol: str = "steps") -> Found:  # fmt: skip
+    """Intervals with their truths, by key, over all seeds and both axes."""
+    found: Found = {}
+    usual, foreign_table.STEP_S = foreign_table.STEP_S, FINE_STEP_S
+    try:
+        for seed in SEEDS:
+            pair = np.random.default_rng(seed).uniform(low, high, 2)
+            sizes = {axis: float(size) for axis, size in zip("xy", pair, strict=True)}
+            state = fitted(name, key, sizes, seed, channel, protocol)
+            spread = deviations(state)
+            truth = foreign_table.hidden(effects=None, seed=seed, seconds=SECONDS)
+            servo = answer.calibrated(state, spread)
+            for i, (axis, size) in enumerate(sizes.items()):
+                one = answer.parameters(state, name, (axis,), spread)[axis][key]
+                found.setdefault(key, []).append((one, size))
+                if servo:
+                    for label, value in (
+                        (f"gain_{axis}_rad_s_V", truth.gain[i]),
+                        (f"time_constant_{axis}_s", truth.tau[i]),
+                    ):
+                        found.setdefault(label[:4], []).append((servo[label], float(value)))
+    finally:
+        foreign_table.STEP_S = usual
+    return found
+
+
+CASES = {
+    "voltage_offset": ("voltage_offset", "offset_V", 0.05, 0.2, "servo"),
+    "joint_backlash": ("joint_backlash", "play_rad", 0.02, 0.05, "ball"),
+    "level_offset": ("level_offset", "slope_rad", 0.001, 0.005, "ball"),
+    "rests": ("voltage_offset", "offset_V", 0.05, 0.2, "servo", "squares"),
+}
+
+
+RESTS = pytest.mark.xfail(
+    strict=True, reason="errors of a resting encoder are taken for white: K and tau come out short"
+)
+
+
+@pytest.mark.parametrize("case", [*list(CASES)[:3], pytest.param("rests", marks=RESTS)])
+def test_forty_intervals_hold_their_truth_about_as_often_as_they_say(case: str):
+    for key, pairs in intervals(*CASES[case]).items():
+        held = np.mean([one.low <= truth <= one.high for one, truth in pairs])
+        assert len(pairs) == 2 * len(SEEDS)
+        assert held >= 0.80, (key, held)
+        # Half as wide they must miss often: an interval that always holds says nothing.
+        half = np.mean(
+            [abs(one.value - truth) < 0.25 * (one.high - one.value) for one, truth in pairs]
+        )
+        assert half < 0.85, (key, half)
+        error = [abs(one.value / truth - 1) for one, truth in pairs]
+        assert np.median(error) < 0.05, (key, error)
+
+
+def test_the_width_of_students_t():
+    one = interval(2.0, (0.5, 13))
+    assert (one.low, one.value, one.high) == pytest.approx(
+        (2 - 1.08941, 2.0, 2 + 1.08941), abs=1e-4
+    )
+    wide = interval(2.0, (0.5, 3))
+    assert wide.high - wide.low > 2 * (one.high - one.low) * 0.95
+
+
+@pytest.mark.parametrize("seconds", [12.0, 48.0])
+def test_deviations_are_known_for_every_free_knob_and_are_finite(seconds: float):
+    log = without_columns(foreign("steps", seed=4, duration_s=seconds), "ball", "target")
+    state = released(evidence_of(log))
+    state = refit(state, state.bounds(state.evidence.parts))
+    spread = deviations(state)
+    assert set(spread) == set(state.bounds(state.evidence.parts))
+    blocks = {n for _, n in spread.values()}
+    assert max(blocks) == pytest.approx(seconds, abs=1)
+    assert all(0 < std < 1 for std, _ in spread.values())
+
+
+def test_four_times_the_data_make_a_clearly_smaller_interval():
+    reach = []
+    for seconds in (12.0, 48.0):
+        log = without_columns(foreign("steps", seed=4, duration_s=seconds), "ball", "target")
+        state = released(evidence_of(log))
+        state = settle(refit(state, state.bounds(state.evidence.parts)), state.evidence.parts)
+        reach.append(deviations(state)[".gain_rad_s_V.x"][0])
+    assert 0.3 * reach[0] < reach[1] < 0.85 * reach[0]  # half, but for what the boxes leave open
+
+
+@pytest.mark.xfail(
+    strict=True,
+    reason="the sides' widths and what both share are correlated; their covariance is left out",
+)
+def test_a_clear_dead_zone_has_a_narrow_interval():
+    log = foreign("steps", seed=3, effects={"dead_zone": {"x": {"half_width_V": 0.06}}})
+    state = released(evidence_of(without_columns(log, "ball", "target")), ("dead_zone", "x"))
+    begun = {f"dead_zone.{key}.x": 0.05 for key in ("positive_V", "negative_V")}
+    start = evaluate(state.evidence, state.believed, begun, state.evidence.parts)
+    state = replace(state, fit=start)
+    state = settle(refit(state, state.bounds(state.evidence.parts)), state.evidence.parts)
+    found = answer.parameters(state, "dead_zone", ("x",), deviations(state))["x"]
+    for one in found.values():
+        assert one.value == pytest.approx(0.06, abs=0.006)
+        assert one.high - one.low < 0.02
