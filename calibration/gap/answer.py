@@ -95,7 +95,9 @@ def effects_of(state: State, name: str) -> dict[str, dict[str, dict[str, float]]
 
 def named(decision: Decision, accepted: Accepted,
           spread: Mapping[str, tuple[float, int]]) -> Named:  # fmt: skip
-    found = parameters(decision.state, accepted.name, accepted.axes, spread)
+    believed, setting = decision.state.believed, decision.state.fit.setting
+    axes = tuple(a for a in accepted.axes if believed.beyond(accepted.name, a, setting))
+    found = parameters(decision.state, accepted.name, axes or accepted.axes, spread)
     return Named(accepted.name, accepted.probability, TWINS.get(accepted.name, ()), found)
 
 

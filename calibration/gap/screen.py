@@ -17,9 +17,9 @@ SEEN = 12.0  # gain that an effect of its smallest visible size would bring
 
 @dataclass(frozen=True, eq=False)
 class Screened:
-    """What the linear screen says of an effect on one axis: the gain that it promises, the start
-    that gave it (scaled as the linear fit has it, and as tried), and the smallest size of its first knob that the log would have shown (a score
-    of SEEN)."""
+    """What the linear screen says of an effect on one axis: the gain that it promises; the start
+    as the linear fit scales it, and as tried; and the smallest size of its first knob that the log
+    would have shown (a score of SEEN)."""
 
     name: str
     axis: str
