@@ -51,21 +51,34 @@ def _catalogue_keys(name: str, by_key: dict[str, Interval]) -> dict[str, Interva
             "phase_rad": Interval(phase, phase - across, phase + across),
             "periods_per_turn": by_key["periods_per_turn"],
         }
-    return _dead_zone(by_key) if name == "dead_zone" else by_key
+    return by_key
 
 
-def _dead_zone(by_key: dict[str, Interval]) -> dict[str, Interval]:
-    """One width where the two sides agree, else a width a side."""
-    both = by_key["half_width_V"].value if "half_width_V" in by_key else 0.0
-    plus, minus = by_key["positive_V"], by_key["negative_V"]
-    reach = hypot(plus.high - plus.value, minus.high - minus.value)
-    if abs(plus.value - minus.value) < 1.3 * reach:
-        middle = both + 0.5 * (plus.value + minus.value)
-        return {"half_width_V": Interval(middle, middle - 0.5 * reach, middle + 0.5 * reach)}
-    return {
-        key: Interval(both + side.value, both + side.low, both + side.high)
-        for key, side in (("positive_V", plus), ("negative_V", minus))
-    }
+def one_dead_zone(found: tuple[Named, ...]) -> tuple[Named, ...]:
+    """A dead zone of width w with an offset |o| < w is a dead zone with two sides: w - o, w + o.
+
+    The two are the same volts for every command; the simpler words are preferred.
+    """
+    by_name = {one.name: one for one in found}
+    dead, offset = by_name.get("dead_zone"), by_name.get("voltage_offset")
+    if dead is None or offset is None or not set(offset.parameters) <= set(dead.parameters):
+        return found
+    sides: Parameters = {}
+    for axis, pairs in dead.parameters.items():
+        w = pairs["half_width_V"]
+        o = offset.parameters.get(axis, {}).get("offset_V")
+        if o is None:
+            sides[axis] = pairs
+            continue
+        if abs(o.value) >= w.value:
+            return found
+        reach = hypot(w.high - w.value, o.high - o.value)
+        sides[axis] = {
+            key: Interval(size, size - reach, size + reach)
+            for key, size in (("positive_V", w.value - o.value), ("negative_V", w.value + o.value))
+        }
+    joined = replace(dead, parameters=sides)
+    return tuple(joined if one is dead else one for one in found if one is not offset)
 
 
 def effects_of(state: State, name: str) -> dict[str, dict[str, dict[str, float]]]:
@@ -82,7 +95,9 @@ def effects_of(state: State, name: str) -> dict[str, dict[str, dict[str, float]]
 
 def named(decision: Decision, accepted: Accepted,
           spread: Mapping[str, tuple[float, int]]) -> Named:  # fmt: skip
-    found = parameters(decision.state, accepted.name, accepted.axes, spread)
+    believed, setting = decision.state.believed, decision.state.fit.setting
+    axes = tuple(a for a in accepted.axes if believed.beyond(accepted.name, a, setting))
+    found = parameters(decision.state, accepted.name, axes or accepted.axes, spread)
     return Named(accepted.name, accepted.probability, TWINS.get(accepted.name, ()), found)
 
 

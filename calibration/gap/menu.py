@@ -38,9 +38,6 @@ def starts(effect: Effect, axis: str, believed: Believed, evidence: Evidence) ->
             if n * _reach(evidence, axis) > LEAST_PHASE_RAD
         ]  # fmt: skip
     first = believed.of(name, axis)[0]
-    if name == "dead_zone":
-        return [[{k.name: k.believed + size} for k in believed.of(name, axis)[1:]]
-                for size in SIZES["half_width_V"]]  # fmt: skip
     if name == "stribeck_friction":
         return [[{first.name: 0.05, f"{name}.speed_rad_s.{axis}": v}] for v in (0.03, 0.1, 0.3)]
     if name == "saturation":
@@ -67,6 +64,4 @@ def released(effect: Effect, axis: str, believed: Believed) -> list[Knob]:
     knobs = believed.of(effect.name, axis)
     if effect.name in (*PERIODIC, "stribeck_friction"):
         return knobs
-    if effect.name == "dead_zone":  # each side has its width; what both share stays in its box
-        return knobs[1:]
     return knobs[:1]

@@ -18,10 +18,12 @@ from calibration.gap.screen import Screened, Screens, screen
 from calibration.gap.search import Trial, rank
 from calibration.gap.state import Key, State, baseline, parts_of, refit
 from calibration.gap.state import with_levels as at_levels
+from calibration.gap.unknown import shapes
 from rig.effects import BY_NAME
 
 THRESHOLD = 8.0  # of a score (log-likelihood beyond its knobs' own) for an effect to be missing
 MARGIN = 5.0  # between two names below which neither is told alone
+SMALL = 0.05  # of all that is explained: a further effect below must not stand in for another
 MOST = 7
 RIVALS = 3
 TEMPERATURE = 2.0
@@ -89,12 +91,16 @@ def name_effects(state: State) -> Naming:
     last: list[Trial] = []
     screened: list[Screened] = []
     screens: Screens = {}
+    total = 0.0
     while len({effect for effect, _ in state.named}) < MOST:
         screened = screen(state, state.evidence.parts, known=screens)
         last = rank(state, screened)
         if not last or last[0].score < THRESHOLD:
             break
         best = last[0]
+        if total and best.score < SMALL * total and _stands_in(state, best):
+            break
+        total += best.score
         parts = parts_of(BY_NAME[best.name], best.axes)
         state = settle(best.state, parts)
         path.append((best.name, state))
@@ -104,6 +110,13 @@ def name_effects(state: State) -> Naming:
         if found:
             accepted.append(found)
     return Naming(before, state, tuple(accepted), tuple(last), tuple(path), screened)
+
+
+def _stands_in(state: State, best: Trial) -> bool:
+    """Would a term without a name explain far more of what is left than this small addition?"""
+    parts = {part for name, axis in best.keys for part in parts_of(BY_NAME[name], (axis,))}
+    rivals = [shape.score for shape in shapes(state) if shape.part in parts]
+    return max(rivals, default=0.0) > 2.0 * best.score
 
 
 def without(state: State, keys: Iterable[Key]) -> State:

@@ -17,15 +17,16 @@ SEEN = 12.0  # gain that an effect of its smallest visible size would bring
 
 @dataclass(frozen=True, eq=False)
 class Screened:
-    """What the linear screen says of an effect on one axis: the gain that it promises, the start
-    that gave it, and the smallest size of its first knob that the log would have shown (a score
-    of SEEN)."""
+    """What the linear screen says of an effect on one axis: the gain that it promises; the start
+    as the linear fit scales it, and as tried; and the smallest size of its first knob that the log
+    would have shown (a score of SEEN)."""
 
     name: str
     axis: str
     gain: float
     start: Start
     smallest: float
+    tried: Start
 
 
 Screens = dict[str, tuple[Roll, list[Screened]]]
@@ -100,7 +101,7 @@ def _gain(state: State, part: str, knobs: list[Knob], bounds: Mapping, nuisance:
     gain = -float(0.5 * step @ a @ step + b @ step)
     start = _scaled(state.believed, group, step[-k:])
     smallest = abs(next(iter(group[0].values())) - _null(first)) * _units_to_see(a, low, high, k)
-    return Screened(name, axis, gain, start, smallest)
+    return Screened(name, axis, gain, start, smallest, {k: v for m in group for k, v in m.items()})
 
 
 def _null(knob: Knob) -> float:

@@ -7,7 +7,7 @@ gain is beyond what chance and small faults of the model give.
 from dataclasses import dataclass, replace
 
 from calibration.gap.fit import evaluate
-from calibration.gap.menu import released
+from calibration.gap.menu import Start, released
 from calibration.gap.screen import Screened
 from calibration.gap.state import Key, State, refit
 from rig.effects import BY_NAME
@@ -67,17 +67,29 @@ def _release(state: State, name: str, found: list[Screened]) -> Trial:
     keys = tuple((name, axis) for axis in axes)
     felt = {part for axis in axes for k in state.believed.of(name, axis) for part in k.parts}
     parts = tuple(part for part in state.evidence.parts if part in felt)
-    start = {k: v for one in chosen for k, v in one.start.items()}
-    setting = state.fit.setting | {
-        k: min(max(v, state.believed.knobs[k].range[0]), state.believed.knobs[k].range[1])
-        for k, v in start.items()
-    }
-    moved = evaluate(state.evidence, state.believed, setting, parts)
+    starts = [
+        {k: v for one in chosen for k, v in getattr(one, which).items()}
+        for which in ("start", "tried")
+    ]
+    moved = min(
+        (
+            evaluate(state.evidence, state.believed, _inside(state, start), parts)
+            for start in starts
+        ),
+        key=lambda found: found.cost,
+    )
     begun = replace(
         state,
         named=(*state.named, *keys),
-        fit=replace(state.fit, setting=setting, rolls=state.fit.rolls | moved.rolls,
+        fit=replace(state.fit, setting=moved.setting, rolls=state.fit.rolls | moved.rolls,
                     costs=state.fit.costs | moved.costs),
     )  # fmt: skip
     done = refit(begun, begun.bounds(parts))
     return Trial(name, axes, done, state.fit.cost - done.fit.cost)
+
+
+def _inside(state: State, start: Start) -> dict[str, float]:
+    """The state's setting with a start in it, every knob in its range."""
+    knobs = state.believed.knobs
+    clipped = {k: min(max(v, knobs[k].range[0]), knobs[k].range[1]) for k, v in start.items()}
+    return state.fit.setting | clipped

@@ -121,6 +121,7 @@ def _findings(decision: Decision, until: str, notes: tuple[str, ...], *, quick: 
     state = decision.state
     spread = deviations(state)
     names = tuple(answer.named(decision, one, spread) for one in decision.accepted)
+    names = answer.one_dead_zone(names)
     servo = answer.calibrated(state, spread)
     rig_after = answer.extended(decision, names, servo)
     effects = names if decision.verdict != "undecided" else _with_rivals(decision, names)
@@ -191,9 +192,10 @@ def _proof(
 def _with_rivals(decision: Decision, names: tuple[Named, ...]) -> tuple[Named, ...]:
     """The accepted names, each followed by the rivals that the log cannot tell from it."""
     found: list[Named] = []
-    for one, name in zip(decision.accepted, names, strict=True):
+    by_name = {one.name: one for one in decision.accepted}
+    for name in names:
         found.append(name)
-        for rival in one.rivals:
+        for rival in by_name[name.name].rivals:
             if rival.margin < MARGIN and rival.name not in {n.name for n in found}:
                 spread = deviations(rival.state)
                 axes = tuple(a for n, a in rival.state.named if n == rival.name)
@@ -223,7 +225,7 @@ def _servo_notes(state: State, servo: Mapping) -> tuple[str, ...]:
 
 def sentence(decision: Decision, names: tuple[Named, ...]) -> str:
     """What is wrong, in plain words."""
-    told = [_told(one, name) for one, name in zip(decision.accepted, names, strict=True)]
+    told = [_told(name) for name in names]
     left = decision.shape and describe(decision.shape)
     if decision.verdict == "nothing-missing":
         return "Nothing is missing: the model explains the log within the declared tolerances."
@@ -237,10 +239,10 @@ def sentence(decision: Decision, names: tuple[Named, ...]) -> str:
     return text + (f" Something without a name is left: {left}." if left else "")
 
 
-def _told(accepted: Accepted, name: Named) -> str:
-    words = BY_NAME[accepted.name].sentence.rstrip(".").lower()
+def _told(name: Named) -> str:
+    words = BY_NAME[name.name].sentence.rstrip(".").lower()
     sizes = []
     for axis, pairs in name.parameters.items():
         key, value = next(iter(pairs.items()))
         sizes.append(f"{axis} {key} = {value.value:.4g} [{value.low:.4g}, {value.high:.4g}]")
-    return f"{accepted.name} ({words}): {', '.join(sizes)}"
+    return f"{name.name} ({words}): {', '.join(sizes)}"
