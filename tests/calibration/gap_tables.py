@@ -1,7 +1,6 @@
 """Logs of a table that shares no code with the model, as evidence, for the gap workflow's tests."""
 
 import sys
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -9,13 +8,11 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1] / "engines"))
 import foreign_table  # pyright: ignore[reportMissingImports]
 
-
 from calibration.gap.evidence import Evidence, gather
-from calibration.gap.findings import Findings
 from calibration.gap.fit import evaluate
 from calibration.gap.knobs import Believed
 from calibration.gap.state import Key, State
-from calibration.gap.workflow import investigate_logs, levels_of, usable_runs
+from calibration.gap.workflow import levels_of, usable_runs
 from rig.log import Log
 from rig.parameters import Rig
 
@@ -45,13 +42,3 @@ def without_columns(log: Log, *starts: str) -> Log:
         if name.startswith(starts):
             rows[:, i] = np.nan
     return Log.from_rows(rows)
-
-
-@cache
-def found(what: tuple, *, seed: int = 3, until: str = "name", protocol: str = "steps") -> Findings:
-    """The answer for one log in which `what` = ((effect, axis, ((key, value), ...)), ...) hides."""
-    effects: dict = {}
-    for name, axis, pairs in what:
-        effects.setdefault(name, {})[axis] = dict(pairs)
-    log = foreign(protocol, seed=seed, effects=effects)
-    return investigate_logs([log], RIG, until=until, quick=True).findings
