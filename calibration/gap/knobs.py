@@ -38,8 +38,8 @@ OWN_STEPS = {"transmission_ripple.sine": 0.001, "transmission_ripple.cosine": 0.
 # Sizes below which an effect without a box is no effect: it stands in for small faults elsewhere.
 LEAST = {
     "stribeck_friction": 0.015, "cogging": 0.012, "gain_drift": 8e-4, "supply_sag": 0.007,
-    "gear_backlash": 0.0012, "transmission_ripple": 0.0015, "linkage_cubic": 0.25, "level_drift": 8e-6,
-    "plate_bowl": 0.015, "viscous_drag": 0.014, "lens_distortion": 0.3,
+    "gear_backlash": 0.0012, "transmission_ripple": 0.0015, "linkage_cubic": 0.25,
+    "level_drift": 8e-6, "plate_bowl": 0.015, "viscous_drag": 0.014, "lens_distortion": 0.3,
 }  # fmt: skip
 CLEARLY = (
     1.2  # times its tolerance: a name needs as much, at the edge of a box anything may stand in
