@@ -72,7 +72,7 @@ CATALOGUE: tuple[Effect, ...] = (
     Effect("supply_sag", "servo", SHARED, (_p("drop_1_V", "1/V", 0, 0.05),), 0.0,
            "The supply drops when both motors draw current at once."),
     Effect("gear_backlash", "servo", PER_AXIS,
-           (_p("play_rad", "rad", 0, 0.1), _p("offset_rad", "rad", -0.05, 0.05)), 0.08 * _DEG,
+           (_p("play_rad", "rad", 0, 0.1), _p("offset_rad", "rad", -0.05, 0.05)), 0.02 * _DEG,
            "Free play in the gears, between motor and encoder (full width)."),
     Effect("joint_backlash", "ball", PER_AXIS,
            (_p("play_rad", "rad", 0, 0.1), _p("offset_rad", "rad", -0.05, 0.05)), 0.08 * _DEG,

@@ -30,15 +30,16 @@ STEPS = {
     "coefficient_1_rad2": 0.1, "slope_rad": 2e-4, "rate_rad_s": 1e-5, "stiffness_1_s2": 0.02,
     "deceleration_m_s2": 0.001, "extra_s": 0.001, "angle_rad": 0.003, "k1_1_m2": 0.1,
 }  # fmt: skip
+SLOWEST_STRIBECK_RAD_S = 0.04  # below, an encoder's counts cannot tell it from how friction sets in
 OWN_STEPS = {"transmission_ripple.sine": 0.001, "transmission_ripple.cosine": 0.001,
              "viscous_drag.rate_1_s": 0.01}  # fmt: skip
 
 
 # Sizes below which an effect without a box is no effect: it stands in for small faults elsewhere.
 LEAST = {
-    "stribeck_friction": 0.015, "cogging": 0.012, "gain_drift": 8e-4, "supply_sag": 0.004,
-    "transmission_ripple": 0.0015, "linkage_cubic": 0.25, "level_drift": 8e-6,
-    "plate_bowl": 0.015, "viscous_drag": 0.014, "lens_distortion": 0.3,
+    "stribeck_friction": 0.015, "cogging": 0.012, "gain_drift": 8e-4, "supply_sag": 0.007,
+    "gear_backlash": 0.0012, "transmission_ripple": 0.0015, "linkage_cubic": 0.25,
+    "level_drift": 8e-6, "plate_bowl": 0.015, "viscous_drag": 0.014, "lens_distortion": 0.3,
 }  # fmt: skip
 CLEARLY = (
     1.2  # times its tolerance: a name needs as much, at the edge of a box anything may stand in
@@ -150,6 +151,8 @@ class Believed:
         low, high = _range(effect, key)
         if key == "limit_V":
             high = inf
+        if key == "speed_rad_s":
+            low = SLOWEST_STRIBECK_RAD_S
         step = OWN_STEPS.get(f"{effect.name}.{key}", STEPS[key])
         believed = self._believed(effect.name, key, 1 if axis == "y" else 0)
         return Knob(

@@ -39,18 +39,19 @@ def starts(effect: Effect, axis: str, believed: Believed, evidence: Evidence) ->
         ]  # fmt: skip
     first = believed.of(name, axis)[0]
     if name == "stribeck_friction":
-        return [[{first.name: 0.05, f"{name}.speed_rad_s.{axis}": v}] for v in (0.03, 0.1, 0.3)]
+        return [[{first.name: 0.05, f"{name}.speed_rad_s.{axis}": v}] for v in (0.05, 0.12, 0.3)]
     if name == "saturation":
-        return [[{first.name: v}] for v in _largest_volts(evidence, axis)]
+        reached = largest_volts(evidence, axis)
+        return [[{first.name: share * reached}] for share in (0.9, 0.6)]
     sizes = OWN_SIZES.get(f"{name}.{first.key}", SIZES.get(first.key, ()))
     return [[{first.name: first.believed + size}] for size in sizes]
 
 
-def _largest_volts(evidence: Evidence, axis: str) -> list[float]:
-    """Limits that the log would feel: a tenth and a third below the largest volts it used."""
+def largest_volts(evidence: Evidence, axis: str) -> float:
+    """Volts that a log reached, but for a two-hundredth of it."""
     a = SERVO.index(f"servo_{axis}")
     volts = np.concatenate([run.volts_V[:, a] for run in evidence.runs if run.has_servo(a)])
-    return [0.9 * float(np.abs(volts).max()), 0.6 * float(np.abs(volts).max())]
+    return float(np.quantile(np.abs(volts), 0.995))
 
 
 def _reach(evidence: Evidence, axis: str) -> float:

@@ -7,7 +7,7 @@ gain is beyond what chance and small faults of the model give.
 from dataclasses import dataclass, replace
 
 from calibration.gap.fit import evaluate
-from calibration.gap.menu import Start, released
+from calibration.gap.menu import Start, largest_volts, released
 from calibration.gap.screen import Screened
 from calibration.gap.state import Key, State, refit
 from rig.effects import BY_NAME
@@ -16,6 +16,7 @@ PER_KNOB = 3.0  # log-likelihood that a released knob costs
 MISFIT = 0.004  # of the gain, per knob: the rest of the model is only nearly right
 WORTH_AN_AXIS = 6.0  # gain on an axis below which the effect is not released there
 LEAST_PROMISE, FAR_BEHIND = 4.0, 0.1  # a screened gain below is not worth a fit
+CUTS = 1.03  # of the volts that a log reached: a limit above has hardly cut anything
 REFITS = 5  # so many of the screened effects are fitted exactly
 
 
@@ -35,6 +36,11 @@ class Trial:
     @property
     def score(self) -> float:
         believed, setting = self.state.believed, self.state.fit.setting
+        if self.name == "saturation" and not any(
+            setting[f"saturation.limit_V.{a}"] < CUTS * largest_volts(self.state.evidence, a)
+            for a in self.axes
+        ):
+            return -float("inf")
         if not any(believed.beyond(self.name, axis, setting) for axis in self.axes):
             return -float("inf")
         knobs = sum(

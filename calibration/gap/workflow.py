@@ -122,6 +122,11 @@ def _findings(decision: Decision, until: str, notes: tuple[str, ...], *, quick: 
     spread = deviations(state)
     names = tuple(answer.named(decision, one, spread) for one in decision.accepted)
     names = answer.one_dead_zone(names)
+    told = {name.name for name in names}
+    if decision.verdict == "undecided" and not any(
+        one.margin < MARGIN for one in decision.accepted if one.name in told
+    ):
+        decision = replace(decision, verdict="named")
     servo = answer.calibrated(state, spread)
     rig_after = answer.extended(decision, names, servo)
     effects = names if decision.verdict != "undecided" else _with_rivals(decision, names)
