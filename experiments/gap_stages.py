@@ -193,8 +193,9 @@ def prove(found: Findings, folder: Path) -> Stage:
         )
         blocks.append(Table(head, rows, caption, words=2))
     question = (
-        "Does the named effect close the gap on data that was not used to find it? A named effect "
-        "must do at least as well as a rival name, and as an unnamed curve fitted to the errors."
+        "Fitted on one part of the data, does the named effect close the gap on the other? (The "
+        "name was looked for in all of it, the numbers were not.) A named effect must do at least "
+        "as well as a rival name, and as an unnamed curve fitted to the errors."
     )
     missing = "This stage did not run: nothing was added to the model."
     return stage("Prove", question, blocks, missing)

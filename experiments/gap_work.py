@@ -57,7 +57,7 @@ def tolerances(logs: Sequence[Path], *, rig_file: Path | None, out: Path) -> Non
 
 
 def demo(*, out: Path, json_file: Path | None, seed: int) -> None:
-    """Record two runs of a table with a hidden joint play, and let the workflow find it."""
+    """Record three runs of a table with a hidden joint play, and let the workflow find it."""
     from experiments.protocol import read_protocol
     from experiments.runner import Order, keep_simulated, simulate_order
 
@@ -66,7 +66,7 @@ def demo(*, out: Path, json_file: Path | None, seed: int) -> None:
     plays = {axis: {"play_rad": play} for axis, play in DEMO_PLAY_RAD.items()}
     plant = replace(believed, effects={"joint_backlash": plays})
     runs = []
-    for name, number in (("steps", seed), ("steps", seed + 1), ("sine-sweep", seed + 2)):
+    for name, number in (("steps", seed), ("sine-sweep", seed + 1), ("free-release", seed + 2)):
         order = Order(plant, read_protocol(name), "without", number, folder / "runs", kind=believed)
         runs.append(keep_simulated(order, simulate_order(order)))
     typer.echo(

@@ -57,7 +57,8 @@ def _catalogue_keys(name: str, by_key: dict[str, Interval]) -> dict[str, Interva
 def one_dead_zone(found: tuple[Named, ...]) -> tuple[Named, ...]:
     """A dead zone of width w with an offset |o| < w is a dead zone with two sides: w - o, w + o.
 
-    The two are the same volts for every command; the simpler words are preferred.
+    The two are the same volts for every command; the simpler words are preferred, also where the
+    offset exceeds w by no more than its own tolerance.
     """
     by_name = {one.name: one for one in found}
     dead, offset = by_name.get("dead_zone"), by_name.get("voltage_offset")
@@ -70,12 +71,15 @@ def one_dead_zone(found: tuple[Named, ...]) -> tuple[Named, ...]:
         if o is None:
             sides[axis] = pairs
             continue
-        if abs(o.value) >= w.value:
+        if abs(o.value) >= w.value + BY_NAME["voltage_offset"].tolerance:
             return found
         reach = hypot(w.high - w.value, o.high - o.value)
         sides[axis] = {
             key: Interval(size, size - reach, size + reach)
-            for key, size in (("positive_V", w.value - o.value), ("negative_V", w.value + o.value))
+            for key, size in (
+                ("positive_V", max(w.value - o.value, 0.0)),
+                ("negative_V", max(w.value + o.value, 0.0)),
+            )
         }
     joined = replace(dead, parameters=sides)
     return tuple(joined if one is dead else one for one in found if one is not offset)

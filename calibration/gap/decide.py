@@ -5,7 +5,7 @@ the unnamed term goes into the model first and every name has to earn its place 
 that only stood in for the unnamed term goes.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from calibration.gap.name import MARGIN, THRESHOLD, Accepted, Naming, name_effects, without
 from calibration.gap.state import State
@@ -62,4 +62,4 @@ def _beside(left: Shape, accepted: tuple[Accepted, ...],
             kept.append(one)
         else:
             state = bare
-    return tuple(kept), replace(state)
+    return tuple(kept), state

@@ -126,10 +126,6 @@ class Evidence:
     def with_levels(self, levels: np.record) -> "Evidence":
         return replace(self, levels=levels)
 
-    def only(self, chosen: np.ndarray, part: str) -> "Evidence":
-        """The same with the residuals of a part outside `chosen` (n,) weighing nothing."""
-        return replace(self, masks=self.masks | {part: self.masks[part] * chosen})
-
 
 def gather(runs: Sequence[Signals], levels: np.record, *, threads: int = 1) -> Evidence:
     """Evidence of runs: all that is there counts but the filters' first innovations."""

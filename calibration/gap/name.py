@@ -136,6 +136,14 @@ def without(state: State, keys: Iterable[Key]) -> State:
     return refit(bare, bare.bounds(parts))
 
 
+def _twins(own: Trial, other: Trial) -> bool:
+    """A turned camera and an antisymmetric cross coupling are the same data, and no rivals."""
+    if (own.name, other.name) != ("camera_yaw", "cross_coupling") or len(other.axes) < 2:
+        return False
+    x, y = (other.state.fit.setting[f"cross_coupling.fraction.{axis}"] for axis in "xy")
+    return x * y < 0.0
+
+
 def _defend(state: State, name: str) -> tuple[State, Accepted | None]:
     """Try the name's place with its rivals: it stays, leaves, or hands over."""
     keys = [key for key in state.named if key[0] == name]
@@ -150,6 +158,6 @@ def _defend(state: State, name: str) -> tuple[State, Accepted | None]:
         own = winner
     if own.score < THRESHOLD:
         return bare, None
-    rivals = [Rival(t.name, own.score - t.score, t.state) for t in trials]
+    rivals = [Rival(t.name, own.score - t.score, t.state) for t in trials if not _twins(own, t)]
     rivals.sort(key=lambda rival: rival.margin)
     return state, Accepted(own.name, own.axes, own.score, tuple(rivals))
