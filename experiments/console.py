@@ -25,15 +25,21 @@ def bars() -> Iterator[ProgressCall]:
         MofNCompleteColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True)) as progress:
-        tasks: dict[str, int] = {}
+    progress = Progress(*columns, console=Console(stderr=True))
+    tasks: dict[str, int] = {}
 
-        def show(stage: str, done: int, total: int) -> None:
-            if stage not in tasks:
-                tasks[stage] = progress.add_task(stage, total=total)
-            progress.update(tasks[stage], completed=done, total=total)  # pyright: ignore
+    def show(stage: str, done: int, total: int) -> None:
+        if not tasks:  # bad input stays one line: nothing is drawn before there is something to see
+            progress.start()
+        if stage not in tasks:
+            tasks[stage] = progress.add_task(stage, total=total)
+        progress.update(tasks[stage], completed=done, total=total)  # pyright: ignore
 
+    try:
         yield show
+    finally:
+        if tasks:
+            progress.stop()
 
 
 def effects_table() -> None:
