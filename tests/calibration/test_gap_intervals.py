@@ -14,7 +14,7 @@ from calibration.gap.intervals import deviations, interval
 from calibration.gap.name import settle
 from calibration.gap.state import State, refit
 
-SEEDS, SECONDS = range(20), 12.0
+SEEDS, SECONDS = range(20), 10.0
 FINE_STEP_S = 5e-5  # of the foreign table, so that its own error is not taken for the fit's
 Found = dict[str, list[tuple[Interval, float]]]
 
@@ -63,7 +63,6 @@ def intervals(name: str, key: str, low: float, high: float, channel: str,
 CASES = {
     "voltage_offset": ("voltage_offset", "offset_V", 0.05, 0.2, "servo"),
     "joint_backlash": ("joint_backlash", "play_rad", 0.02, 0.05, "ball"),
-    "level_offset": ("level_offset", "slope_rad", 0.001, 0.005, "ball"),
     "rests": ("voltage_offset", "offset_V", 0.05, 0.2, "servo", "squares"),
 }
 
@@ -73,7 +72,7 @@ RESTS = pytest.mark.xfail(
 )
 
 
-@pytest.mark.parametrize("case", [*list(CASES)[:3], pytest.param("rests", marks=RESTS)])
+@pytest.mark.parametrize("case", [*list(CASES)[:2], pytest.param("rests", marks=RESTS)])
 def test_forty_intervals_hold_their_truth_about_as_often_as_they_say(case: str):
     for key, pairs in intervals(*CASES[case]).items():
         held = np.mean([one.low <= truth <= one.high for one, truth in pairs])

@@ -23,8 +23,10 @@ ONE: dict[str, Hidden] = {
     "camera_delay": {"camera_delay": {"xy": {"extra_s": 0.015}}},
     "rolling_resistance": {"rolling_resistance": {"xy": {"deceleration_m_s2": 0.012}}},
 }
+TURNED: Hidden = {"camera_yaw": {"xy": {"angle_rad": 0.05}}}
+DRAG: Hidden = {"viscous_drag": {"xy": {"rate_1_s": 0.1}}}
 LATE: Hidden = {"input_delay": {"x": {"delay_s": 0.008}}}
-TWO = ("joint_backlash", "coulomb_friction"), ("voltage_offset", "rolling_resistance")
+TWO = [("coulomb_friction", "rolling_resistance")]
 STRANGERS = {"rhythm": 0.15, "bump": 0.008}
 
 
@@ -139,6 +141,25 @@ def test_structural_twins_are_told_beside_the_name():
         assert set(effect.twins).isdisjoint(BY_NAME)  # else it would be a rival
         assert next(c for c in one(name).ranking if c.name == name).twins == effect.twins
     assert one("coulomb_friction").effects[0].twins == ()
+
+
+def test_a_turned_camera_is_named_with_its_twin_beside_it():
+    log = without_columns(foreign("steps", seed=3, effects=TURNED), "voltage")
+    found = investigate_logs([log], RIG, until="name").findings
+    assert found.verdict == "named", found.sentence
+    assert found.effects[0].twins == ("antisymmetric_cross_coupling",)
+
+
+@pytest.mark.xfail(
+    strict=True, reason="every rival is given all that the name leaves, one name's or another's"
+)
+def test_probabilities_of_rivals_are_shares_of_one():
+    """At a steady speed around a circle all that slows the ball looks alike."""
+    log = foreign("circle", seed=3, duration_s=12.0, effects=DRAG)
+    found = investigate_logs([without_columns(log, "voltage")], RIG, until="name").findings
+    assert found.verdict == "undecided"
+    assert "viscous_drag" in by_name(found)
+    assert sum(effect.probability for effect in found.effects) < 1.05
 
 
 def test_what_the_log_cannot_show_is_said_with_the_amplitude_it_would_have_shown():

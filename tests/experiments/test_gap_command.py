@@ -1,0 +1,154 @@
+"""`rig gap` from the command line: what it takes, what it writes, how it ends."""
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from gap_calls import RIG, SERVO_ONLY, answer, assert_contract, call, foreign, written
+
+from experiments import protocol
+from experiments.protocol import read_protocol
+from experiments.recording import read_run
+from experiments.runner import Order, keep_simulated, simulate_order
+from rig.rigfile import read_rig, write_rig
+
+PLAY = {"joint_backlash": {"x": {"play_rad": 0.04}}}
+
+
+@pytest.fixture(scope="module")
+def rig_file(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("rig") / "rig.toml"
+    write_rig(RIG, path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def run_folder(tmp_path_factory) -> Path:
+    """A run folder of a simulated table with play in a joint that its rig file does not know."""
+    steps = read_protocol("steps").model_copy(update={"duration_s": 10.0})
+    plant, folder = replace(RIG, effects=PLAY), tmp_path_factory.mktemp("runs")
+    order = Order(plant, steps, "without", 5, folder, kind=RIG)
+    return keep_simulated(order, simulate_order(order))
+
+
+@pytest.fixture(scope="module")
+def whole(run_folder, tmp_path_factory) -> Path:
+    """All five stages on the run folder, once: the folder of what was made."""
+    out = tmp_path_factory.mktemp("out")
+    assert call("gap", run_folder, "--out", out, "--json", out / "a.json") == 0
+    return out
+
+
+def test_a_run_folder_gives_report_json_and_an_extended_rig_file(whole: Path):
+    found = answer(whole)
+    assert_contract(found)
+    assert json.loads((whole / "a.json").read_text()) == found
+    assert found["verdict"] == "named"
+    (effect,) = found["effects"]
+    assert effect["name"] == "joint_backlash"
+    play = effect["parameters"]["x"]["play_rad"]
+    assert play["value"] == pytest.approx(0.04, rel=0.05)
+    assert effect["parameters"]["y"] == {}
+    assert found["gap"]["held_out"]
+    assert found["gap"]["after"]["ball_x"] < 1.1 < found["gap"]["before"]["ball_x"]
+    page = (whole / "gap.html").read_text()
+    assert "joint_backlash" in page
+    assert "http" not in page.replace("http-equiv", "").replace("http://www.w3.org", "")
+    believed = read_rig(whole / "rig.toml")
+    assert believed.effects["joint_backlash"]["x"]["play_rad"] == pytest.approx(play["value"])
+
+
+def test_rig_run_takes_the_extended_rig_file_and_the_simulated_table_has_the_play(
+    whole: Path, tmp_path: Path
+):
+    quick = tmp_path / "quick.toml"
+    quick.write_text('title = "quick"\nduration_s = 1.0\n[start]\nhold_s = 0.0\n')
+    assert call("run", quick, "--rig", whole / "rig.toml", "--out", tmp_path, "--arm", "with") == 0
+    (folder,) = (tmp_path / "runs").iterdir()
+    plant = json.loads((folder / "truth.json").read_text())["rig"]["effects"]
+    known = read_run(folder).meta["rig"]["effects"]
+    added = read_rig(whole / "rig.toml").effects["joint_backlash"]["x"]["play_rad"]
+    assert plant["joint_backlash"]["x"]["play_rad"] == added
+    assert not known  # controllers see everything but the effects
+
+
+def test_without_the_truth_the_answer_is_the_same(whole: Path, run_folder, tmp_path: Path):
+    copy = tmp_path / run_folder.name
+    shutil.copytree(run_folder, copy)
+    (copy / "truth.json").unlink()
+    assert call("gap", copy, "--out", tmp_path / "out", "--until", "name") == 0
+    blind, full = answer(tmp_path / "out"), answer(whole)
+    for key in ("verdict", "sentence", "effects", "calibrated", "untestable", "ranking"):
+        assert blind[key] == full[key]
+
+
+@pytest.mark.parametrize("stage", ["locate", "name", "prove"])
+def test_a_csv_stops_at_the_stage_that_is_asked_for(stage: str, tmp_path: Path, rig_file):
+    path = written(tmp_path, foreign(hidden="offset"), *SERVO_ONLY)
+    assert call("gap", path, "--rig", rig_file, "--out", tmp_path, "--until", stage) == 0
+    found = answer(tmp_path)
+    assert_contract(found)
+    assert found["where"][0]["channel"] == "servo_y"
+    assert (found["gap"]["after"] != {}) == (stage == "prove")
+    assert found["next_experiment"] is None
+    if stage == "name":
+        assert [effect["name"] for effect in found["effects"]] == ["voltage_offset"]
+
+
+def test_tolerances_come_from_five_clean_runs(capsys, tmp_path: Path, rig_file):
+    names = []
+    for seed in range(1, 6):
+        log = foreign(6.0, seed=seed)
+        names.append(written(tmp_path, log, *SERVO_ONLY, name=f"log-{seed}.csv"))
+    out = tmp_path / "out"
+    assert call("gap", "--tolerances-from", *names, "--rig", rig_file, "--out", out) == 0
+    learned = read_rig(out / "rig.toml").tolerances
+    assert learned["coulomb_friction"] >= 0.015
+    assert learned["voltage_offset"] >= 0.02
+    assert "rolling_resistance" not in learned  # nobody saw a ball
+    assert call("gap", "--tolerances-from", *names[:4], "--rig", rig_file, "--out", out) == 2
+    assert "at least 5" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], ["no log given"]),
+        (["no-such.csv"], ["no-such.csv"]),
+        (["log.csv", "--until", "guess"], ["--until guess", "locate, name, add, prove, next"]),
+        (["log.csv", "--rig", "no.toml"], ["no.toml", "not found"]),
+        (["log.csv", "log.csv"], ["named twice"]),
+        (["log.csv", "--demo"], ["--demo"]),
+        (["log.csv", "--blind-trial"], ["--blind-trial"]),
+        (["--blind-trial", "--onto"], ["--onto"]),
+        (["log.csv", "--out", "log.csv"], ["log.csv", "folder"]),
+    ],
+)
+def test_bad_input_is_exit_2_and_one_line(arguments, words, capsys, monkeypatch, tmp_path: Path):
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path, foreign(), *SERVO_ONLY)
+    assert call("gap", *arguments) == 2
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.strip()]
+    assert len(lines) == 1, lines
+    for word in words:
+        assert word in lines[0]
+
+
+def test_the_demo_finds_names_adds_and_closes_its_play(capsys, monkeypatch, tmp_path: Path):
+    def short(name: str) -> protocol.Protocol:  # as shipped, but for the time that it takes
+        return read_protocol(name).model_copy(update={"duration_s": 12.0})
+
+    monkeypatch.setattr(protocol, "read_protocol", short)
+    assert call("gap", "--demo", "--out", tmp_path, "--seed", "2") == 0
+    found = answer(tmp_path)
+    assert_contract(found)
+    assert [effect["name"] for effect in found["effects"]] == ["joint_backlash"]
+    for axis, play in (("x", 0.035), ("y", 0.020)):
+        size = found["effects"][0]["parameters"][axis]["play_rad"]["value"]
+        assert size == pytest.approx(play, rel=0.1)
+        assert found["gap"]["after"][f"ball_{axis}"] < 1.1 < found["gap"]["before"][f"ball_{axis}"]
+    ahead = found["gap"]["ahead_1s_mm"]
+    assert ahead["after"] < 1.2 * ahead["floor"] < ahead["before"]
+    assert "hidden in the simulated table" in capsys.readouterr().out
