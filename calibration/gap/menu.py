@@ -35,7 +35,7 @@ def starts(effect: Effect, axis: str, believed: Believed, evidence: Evidence) ->
             [{f"{name}.{part}.{axis}": size, f"{name}.periods_per_turn.{axis}": n}
              for part in ("sine", "cosine")]
             for n in PERIODS
-            if n * _reach(evidence, axis) > LEAST_PHASE_RAD
+            if n * reach(evidence, axis) > LEAST_PHASE_RAD
         ]  # fmt: skip
     first = believed.of(name, axis)[0]
     if name == "stribeck_friction":
@@ -54,7 +54,7 @@ def largest_volts(evidence: Evidence, axis: str) -> float:
     return float(np.quantile(np.abs(volts), 0.995))
 
 
-def _reach(evidence: Evidence, axis: str) -> float:
+def reach(evidence: Evidence, axis: str) -> float:
     """How much of the turn the servo uses [rad]."""
     a = SERVO.index(f"servo_{axis}")
     return max((float(np.ptp(run.theta_rad[:, a])) for run in evidence.runs), default=0.0)

@@ -7,7 +7,8 @@ gain is beyond what chance and small faults of the model give.
 from dataclasses import dataclass, replace
 
 from calibration.gap.fit import evaluate
-from calibration.gap.menu import Start, largest_volts, released
+from calibration.gap.knobs import PERIODIC
+from calibration.gap.menu import LEAST_PHASE_RAD, Start, largest_volts, reach, released
 from calibration.gap.screen import Screened
 from calibration.gap.state import Key, State, refit
 from rig.effects import BY_NAME
@@ -35,18 +36,24 @@ class Trial:
 
     @property
     def score(self) -> float:
-        believed, setting = self.state.believed, self.state.fit.setting
-        if self.name == "saturation" and not any(
-            setting[f"saturation.limit_V.{a}"] < CUTS * largest_volts(self.state.evidence, a)
-            for a in self.axes
-        ):
-            return -float("inf")
-        if not any(believed.beyond(self.name, axis, setting) for axis in self.axes):
+        if not any(self._is_one(axis) for axis in self.axes):
             return -float("inf")
         knobs = sum(
             len(released(BY_NAME[self.name], axis, self.state.believed)) for axis in self.axes
         )
         return self.gain - (PER_KNOB + MISFIT * max(self.gain, 0.0)) * knobs
+
+    def _is_one(self, axis: str) -> bool:
+        """Is it on this axis what its name says, and larger than nothing?"""
+        believed, setting = self.state.believed, self.state.fit.setting
+        if self.name == "saturation":
+            reached = largest_volts(self.state.evidence, axis)
+            return setting[f"saturation.limit_V.{axis}"] < CUTS * reached
+        if self.name in PERIODIC:  # a fraction of a period is a curve, and no ripple
+            turns = setting[f"{self.name}.periods_per_turn.{axis}"]
+            if turns * reach(self.state.evidence, axis) < LEAST_PHASE_RAD:
+                return False
+        return believed.beyond(self.name, axis, setting)
 
 
 def rank(state: State, screened: list[Screened], *, most: int = REFITS) -> list[Trial]:
