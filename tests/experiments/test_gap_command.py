@@ -33,15 +33,16 @@ def run_folder(tmp_path_factory) -> Path:
     return keep_simulated(order, simulate_order(order))
 
 
-@pytest.fixture(scope="module")
-def whole(run_folder, tmp_path_factory) -> Path:
-    """All five stages on the run folder, once: the folder of what was made."""
-    out = tmp_path_factory.mktemp("out")
+def test_a_run_folder_from_end_to_end(run_folder: Path, tmp_path: Path):
+    """One long call, then: what it wrote, that the rig file runs, and that it needed no truth."""
+    out = tmp_path / "out"
     assert call("gap", run_folder, "--out", out, "--json", out / "a.json") == 0
-    return out
+    assert_report_json_and_rig_file(out)
+    assert_the_simulated_table_has_the_play(out / "rig.toml", tmp_path)
+    assert_the_same_without_the_truth(run_folder, answer(out), tmp_path)
 
 
-def test_a_run_folder_gives_report_json_and_an_extended_rig_file(whole: Path):
+def assert_report_json_and_rig_file(whole: Path) -> None:
     found = answer(whole)
     assert_contract(found)
     assert json.loads((whole / "a.json").read_text()) == found
@@ -60,26 +61,24 @@ def test_a_run_folder_gives_report_json_and_an_extended_rig_file(whole: Path):
     assert believed.effects["joint_backlash"]["x"]["play_rad"] == pytest.approx(play["value"])
 
 
-def test_rig_run_takes_the_extended_rig_file_and_the_simulated_table_has_the_play(
-    whole: Path, tmp_path: Path
-):
+def assert_the_simulated_table_has_the_play(rig_file: Path, tmp_path: Path) -> None:
     quick = tmp_path / "quick.toml"
     quick.write_text('title = "quick"\nduration_s = 1.0\n[start]\nhold_s = 0.0\n')
-    assert call("run", quick, "--rig", whole / "rig.toml", "--out", tmp_path, "--arm", "with") == 0
+    assert call("run", quick, "--rig", rig_file, "--out", tmp_path, "--arm", "with") == 0
     (folder,) = (tmp_path / "runs").iterdir()
     plant = json.loads((folder / "truth.json").read_text())["rig"]["effects"]
     known = read_run(folder).meta["rig"]["effects"]
-    added = read_rig(whole / "rig.toml").effects["joint_backlash"]["x"]["play_rad"]
+    added = read_rig(rig_file).effects["joint_backlash"]["x"]["play_rad"]
     assert plant["joint_backlash"]["x"]["play_rad"] == added
     assert not known  # controllers see everything but the effects
 
 
-def test_without_the_truth_the_answer_is_the_same(whole: Path, run_folder, tmp_path: Path):
+def assert_the_same_without_the_truth(run_folder: Path, full: dict, tmp_path: Path) -> None:
     copy = tmp_path / run_folder.name
     shutil.copytree(run_folder, copy)
     (copy / "truth.json").unlink()
-    assert call("gap", copy, "--out", tmp_path / "out", "--until", "name") == 0
-    blind, full = answer(tmp_path / "out"), answer(whole)
+    assert call("gap", copy, "--out", tmp_path / "blind", "--until", "name") == 0
+    blind = answer(tmp_path / "blind")
     for key in ("verdict", "sentence", "effects", "calibrated", "untestable", "ranking"):
         assert blind[key] == full[key]
 
@@ -138,7 +137,7 @@ def test_bad_input_is_exit_2_and_one_line(arguments, words, capsys, monkeypatch,
 
 def test_the_demo_finds_names_adds_and_closes_its_play(capsys, monkeypatch, tmp_path: Path):
     def short(name: str) -> protocol.Protocol:  # as shipped, but for the time that it takes
-        return read_protocol(name).model_copy(update={"duration_s": 12.0})
+        return read_protocol(name).model_copy(update={"duration_s": 10.0})
 
     monkeypatch.setattr(protocol, "read_protocol", short)
     assert call("gap", "--demo", "--out", tmp_path, "--seed", "2") == 0
