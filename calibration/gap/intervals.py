@@ -14,6 +14,10 @@ from calibration.gap.state import State
 from rig.effects import BY_NAME
 
 BLOCK_S = 1.0
+# What no log knows better, for the model is only nearly right: how friction sets in [V] and, in
+# encoder counts, where a play's teeth meet while its shafts wind up.
+LEAST_DEVIATION = {"extra_V": 0.003, "friction_V": 0.001}
+LEAST_COUNTS = {"play_rad": 0.25}
 
 
 def covariance(state: State, parts: tuple[str, ...]) -> tuple[list[str], np.ndarray, int]:
@@ -59,8 +63,14 @@ def deviations(state: State) -> dict[str, tuple[float, int]]:
     for parts in groups:
         names, cov, blocks = covariance(state, parts)
         for name, variance in zip(names, np.diag(cov), strict=True):
-            found[name] = (float(np.sqrt(max(variance, 0.0))), blocks)
+            least = _least(state, state.believed.knobs[name].key)
+            found[name] = (float(np.sqrt(max(variance, 0.0) + least**2)), blocks)
     return found
+
+
+def _least(state: State, key: str) -> float:
+    count = state.believed.rig.servo.encoder_step_rad
+    return LEAST_DEVIATION.get(key, LEAST_COUNTS.get(key, 0.0) * count)
 
 
 def _coupled(state: State) -> bool:
