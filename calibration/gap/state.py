@@ -15,6 +15,7 @@ from calibration.gap.knobs import BALL, CALIBRATED, SERVO, Believed
 from calibration.gap.menu import released
 from rig.effects import BY_NAME, Effect
 
+FAR = 1.7  # times the nominal K or tau: beyond, other starts are tried, too
 GUESSES = (0.2, 0.5, 1.0, 2.0, 5.0)  # of the nominal K and tau
 Key = tuple[str, str]  # effect, axis
 
@@ -73,8 +74,18 @@ def refit(state: State, bounds: Mapping[str, tuple[float, float]], *, iterations
 
 def baseline(evidence: Evidence, believed: Believed, *, iterations: int = 6) -> State:
     """The believed model, every knob free inside its box, part by part."""
-    state = State(evidence, believed, _servo_guess(evidence, believed))
-    for part in evidence.parts:
+    begun = State(evidence, believed, evaluate(evidence, believed, {}, evidence.parts))
+    state = _within_boxes(begun, iterations)
+    servo = [knob for knob in believed.knobs.values() if not knob.effect]
+    ratio = [state.fit.setting.get(k.name, k.believed) / k.believed for k in servo]
+    if all(1 / FAR < r < FAR for r in ratio):
+        return state
+    other = _within_boxes(replace(state, fit=_servo_guess(evidence, believed)), iterations)
+    return other if other.fit.cost < state.fit.cost else state
+
+
+def _within_boxes(state: State, iterations: int) -> State:
+    for part in state.evidence.parts:
         state = refit(state, state.bounds((part,)), iterations=iterations)
     return state
 

@@ -200,13 +200,15 @@ def _with_rivals(decision: Decision, names: tuple[Named, ...]) -> tuple[Named, .
     by_name = {one.name: one for one in decision.accepted}
     for name in names:
         found.append(name)
-        for rival in by_name[name.name].rivals:
-            if rival.margin < MARGIN and rival.name not in {n.name for n in found}:
+        close = [r for r in by_name[name.name].rivals if r.margin < MARGIN]
+        for rival in close:
+            if rival.name not in {n.name for n in found}:
                 spread = deviations(rival.state)
                 axes = tuple(a for n, a in rival.state.named if n == rival.name)
                 parameters = answer.parameters(rival.state, rival.name, axes, spread)
                 twins = answer.TWINS.get(rival.name, ())
-                found.append(Named(rival.name, 1.0 - name.probability, twins, parameters))
+                share = (1.0 - name.probability) / len(close)
+                found.append(Named(rival.name, share, twins, parameters))
     return tuple(found)
 
 

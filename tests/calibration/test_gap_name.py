@@ -145,9 +145,6 @@ def test_a_turned_camera_is_named_with_its_twin_beside_it():
     assert found.effects[0].twins == ("antisymmetric_cross_coupling",)
 
 
-@pytest.mark.xfail(
-    strict=True, reason="every rival is given all that the name leaves, one name's or another's"
-)
 def test_probabilities_of_rivals_are_shares_of_one():
     """At a steady speed around a circle all that slows the ball looks alike."""
     log = foreign("circle", seed=3, duration_s=12.0, effects=DRAG)
