@@ -24,6 +24,7 @@ from rig.effects import BY_NAME
 THRESHOLD = 8.0  # of a score (log-likelihood beyond its knobs' own) for an effect to be missing
 MARGIN = 5.0  # between two names below which neither is told alone
 SMALL = 0.05  # of all that is explained: a further effect below must not stand in for another
+TINY = 0.01  # of what is explained on the same channel: the model is no better than that
 MOST = 7
 RIVALS = 3
 TEMPERATURE = 2.0
@@ -91,17 +92,19 @@ def name_effects(state: State) -> Naming:
     last: list[Trial] = []
     screened: list[Screened] = []
     screens: Screens = {}
-    total = 0.0
+    total, explained = 0.0, {}
     while len({effect for effect, _ in state.named}) < MOST:
         screened = screen(state, state.evidence.parts, known=screens)
         last = rank(state, screened)
         if not last or last[0].score < THRESHOLD:
             break
         best = last[0]
-        if total and best.score < SMALL * total and _stands_in(state, best):
+        parts = parts_of(BY_NAME[best.name], best.axes)
+        there = max(explained.get(part, 0.0) for part in parts)
+        if best.score < TINY * there or (best.score < SMALL * total and _stands_in(state, best)):
             break
         total += best.score
-        parts = parts_of(BY_NAME[best.name], best.axes)
+        explained |= {part: explained.get(part, 0.0) + best.score for part in parts}
         state = settle(best.state, parts)
         path.append((best.name, state))
     accepted: list[Accepted] = []
