@@ -18,7 +18,6 @@ from rig.predict import Signals, ball_innovations, servo_innovations, signals
 
 FASTEST_HZ = 600.0  # above it the encoder's counts drown a tick: several become one
 AFTER_PUSH_S = 0.05
-RESTING_S = 0.05
 SETTLE = {BALL: 4, "servo_x": 5, "servo_y": 5}  # first innovations of a filter that knows nothing
 PARTS = (*SERVO, BALL)
 
@@ -142,17 +141,7 @@ def gather(runs: Sequence[Signals], levels: np.record, *, threads: int = 1) -> E
 def _servo_weights(run: Signals, a: int) -> np.ndarray:
     weights = np.full(len(run.t_s), float(run.has_servo(a)))
     weights[: SETTLE["servo_x"]] = 0.0
-    return weights * ~_resting(run.theta_rad[:, a], run.t_s)
-
-
-def _resting(theta: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Rows (n,) of a servo that has stood on one count for longer than RESTING_S.
-
-    They say nothing but that it rests, and a count that never changes is no noise.
-    """
-    changed = np.flatnonzero(np.diff(theta, prepend=np.nan) != 0.0)
-    since = t - t[changed[np.searchsorted(changed, np.arange(len(t)), side="right") - 1]]
-    return since > RESTING_S
+    return weights
 
 
 def _ball_weights(run: Signals, seen: tuple[bool, ...]) -> np.ndarray:
