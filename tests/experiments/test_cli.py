@@ -124,7 +124,7 @@ def test_ctrl_c_is_exit_130_and_keeps_what_was_recorded(tmp_path: Path):
     protocol, out = tmp_path / "long.toml", tmp_path / "out"
     protocol.write_text('title = "long"\nduration_s = 3000\n[start]\nhold_s = 0.0\n')
     child = _start(["run", str(protocol), "--arm", "with", "--out", str(out)])
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 240  # a busy machine with an empty cache compiles first
     while _rows(out) < 1000 and time.monotonic() < deadline:
         time.sleep(0.2)
     child.send_signal(signal.SIGINT)
