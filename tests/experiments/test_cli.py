@@ -120,10 +120,15 @@ def _rows(out: Path) -> int:
         return 0
 
 
+def _heeds() -> None:
+    """A runner in the background ignores Ctrl-C, and its children would, too."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def test_ctrl_c_is_exit_130_and_keeps_what_was_recorded(tmp_path: Path):
     protocol, out = tmp_path / "long.toml", tmp_path / "out"
     protocol.write_text('title = "long"\nduration_s = 3000\n[start]\nhold_s = 0.0\n')
-    child = _start(["run", str(protocol), "--arm", "with", "--out", str(out)])
+    child = _start(["run", str(protocol), "--arm", "with", "--out", str(out)], preexec_fn=_heeds)
     deadline = time.monotonic() + 240  # a busy machine with an empty cache compiles first
     while _rows(out) < 1000 and time.monotonic() < deadline:
         time.sleep(0.2)
