@@ -27,19 +27,23 @@ def delayed_volts(volts, k, a, dt, delay_s):
 
 
 @compiled
-def servo_step(p, a, motor, speed, volts, gain, tau, dt, free_gap):
-    """Motor angle and speed `dt` later.
+def servo_step(p, a, motor, speed, variance, volts, gain, tau, dt, free_gap):
+    """Motor angle and speed `dt` later; `variance` is how surely the speed is known [rad2/s2].
 
     First order exactly, then dry friction: the motor's and the arm's; inside a gap it turns alone.
+    A speed known to s feels the mean of the Stribeck excess around it: that of N(omega, s^2) is
+    the same bell, sqrt(v^2 + 2 s^2) wide and lower by as much.
     """
     if free_gap:
         tau *= p.motor_inertia[a] / (p.motor_inertia[a] + p.arm_inertia + p.plate_inertia)
     decay = exp(-dt / tau)
+    bell = p.stribeck_friction_speed_rad_s[a]
+    wide = sqrt(bell * bell + 2.0 * variance)
     dry = equations.friction_volts(
         speed,
         p.coulomb_friction_friction_V[a],
-        p.stribeck_friction_extra_V[a],
-        p.stribeck_friction_speed_rad_s[a],
+        p.stribeck_friction_extra_V[a] * bell / wide,
+        wide,
     ) + (0.0 if free_gap else p.arm_friction / p.torque_per_volt[a])
     target = gain * volts
     free = target + (speed - target) * decay
@@ -64,6 +68,15 @@ def plate_torque(p, a, motor, anchor):
     down = p.gear_2[a] + p.joint_backlash_offset_rad[a] - half
     anchor = play_operator(anchor, motor, up + friction / k, down - friction / k)
     return k * dead_zone(motor - anchor, up, down), anchor
+
+
+@compiled
+def held_arm(p, a, arm, anchor, torque):
+    """The arm in the gap: a plate that sticks at `anchor` holds it there, its shaft unwound."""
+    if p.joint_friction == 0.0 or torque != 0.0:
+        return arm
+    middle, half = p.joint_backlash_offset_rad[a], 0.5 * p.joint_backlash_play_rad[a]
+    return min(max(arm, anchor + middle - half), anchor + middle + half)
 
 
 @compiled
@@ -99,9 +112,10 @@ def predict_axis(p, levels, a, t, volts, theta, gain, tau, out, std):
             p11 = decay * decay * p11 + q
             torque, anchor = plate_torque(p, a, motor, anchor)
             motor, speed = servo_step(
-                p, a, motor, speed, v - torque / p.torque_per_volt[a], gain, tau, h, free_gap
+                p, a, motor, speed, p11, v - torque / p.torque_per_volt[a], gain, tau, h, free_gap
             )
             arm = play_operator(arm, motor - torque / p.gear_k[a], beta_1, beta_2)
+            arm = held_arm(p, a, arm, anchor, torque)
         # Inside the gap the arm stands still and says nothing of the motor; at its ends the two are
         # one. `c` is how surely they touch, as far as the motor's place is known.
         depth = _depth(motor, arm, beta_1, beta_2)

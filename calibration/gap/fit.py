@@ -18,6 +18,7 @@ from calibration.gap.knobs import Believed, Knob
 HUBER = 3.0
 ITERATIONS = 6
 CLOSE = 0.05  # a gain in C below this ends the fit
+FAR = 5.0  # a gain in C beyond which the secants are old
 Bounds = Mapping[str, tuple[float, float]]
 
 
@@ -130,11 +131,13 @@ def fit(evidence: Evidence, believed: Believed, start: Fit, bounds: Bounds, *,
         iterations: int = ITERATIONS, bent: Collection[str] = ()) -> Fit:  # fmt: skip
     """Turn the knobs of `bounds` (name -> low, high) from `start` until C stops falling.
 
-    Secants are taken once, those of the effects `bent` (play, delays, periods) at every step.
+    Secants are taken once, those of the effects `bent` (play, delays, periods) at every step; where
+    the cost stalls after a way that mattered, all are taken anew.
     """
     knobs = [believed.knobs[name] for name in bounds]
     best = _inside(evidence, believed, start, bounds)
     scale = np.array([knob.step for knob in knobs])
+    taken_at = start.cost
     for _ in range(iterations):
         columns = differences(evidence, believed, best, knobs, bounds)
         best = replace(best, columns={**best.columns, **known(columns, knobs, bent)})
@@ -143,11 +146,12 @@ def fit(evidence: Evidence, believed: Believed, start: Fit, bounds: Bounds, *,
         low, high = (np.array([bounds[k.name][i] for k in knobs]) for i in (0, 1))
         step = bounded_step(a, b, low - value, high - value, scale)
         better = _along(evidence, believed, best, knobs, value, step)
-        if better is None:
-            break
-        gain, best = best.cost - better.cost, better
+        gain = best.cost - better.cost if better is not None else 0.0
+        best = better or best
         if gain < CLOSE:
-            break
+            if taken_at - best.cost < FAR:
+                break
+            best, taken_at = replace(best, columns={}), best.cost
     return best
 
 

@@ -37,14 +37,12 @@ OWN_STEPS = {"transmission_ripple.sine": 0.001, "transmission_ripple.cosine": 0.
 
 # Sizes below which an effect without a box is no effect: it stands in for small faults elsewhere.
 LEAST = {
-    "stribeck_friction": 0.015, "cogging": 0.012, "gain_drift": 8e-4, "supply_sag": 0.007,
+    "stribeck_friction": 0.018, "cogging": 0.015, "gain_drift": 8e-4, "supply_sag": 0.0105,
     "gear_backlash": 0.0012, "transmission_ripple": 0.0015, "linkage_cubic": 0.25,
     "level_drift": 8e-6, "plate_bowl": 0.015, "viscous_drag": 0.014, "lens_distortion": 0.3,
 }  # fmt: skip
-CLEARLY = (
-    1.2  # times its tolerance: a name needs as much, at the edge of a box anything may stand in
-)
-ASSUMED_FRICTION = 0.08  # share by which the assumed friction of arm and joints may err
+CLEARLY = 1.2  # times its tolerance: a name needs as much; at its edge anything may stand in
+ASSUMED_FRICTION = 0.04  # share by which the assumed friction of arm and joints may err
 
 
 @dataclass(frozen=True)
@@ -121,12 +119,11 @@ class Believed:
             self._record["arm_friction"] = self._record["joint_friction"] = self._wound = 0.0
         self._tolerances = {e.name: e.tolerance for e in CATALOGUE} | dict(tolerances or {})
         # What the motor's friction is taken for cannot be better than the assumed load's.
-        self.friction_slack_V = 0.0
-        if load_friction:
-            held = rig.drive.joint_friction_nm + rig.drive.arm_friction_nm
-            self.friction_slack_V = ASSUMED_FRICTION * held / rig.servo.torque_per_volt_nm
-            if "coulomb_friction" not in (tolerances or {}):
-                self._tolerances["coulomb_friction"] += self.friction_slack_V
+        held = rig.drive.joint_friction_nm + rig.drive.arm_friction_nm
+        self.assumed_friction_V = held / rig.servo.torque_per_volt_nm if load_friction else 0.0
+        self.friction_slack_V = ASSUMED_FRICTION * self.assumed_friction_V
+        if load_friction and "coulomb_friction" not in (tolerances or {}):
+            self._tolerances["coulomb_friction"] += self.friction_slack_V
         self._start = {name: tuple(pair) for name, pair in values(rig.effects).items()}
         self.knobs = {knob.name: knob for knob in self._all()}
 

@@ -60,6 +60,17 @@ def reach(evidence: Evidence, axis: str) -> float:
     return max((float(np.ptp(run.theta_rad[:, a])) for run in evidence.runs), default=0.0)
 
 
+def fastest(evidence: Evidence, axis: str) -> float:
+    """Speed of the servo that a log reached, but for a hundredth of it [rad/s]."""
+    a, step = SERVO.index(f"servo_{axis}"), 0.04  # counts are steps: over so many seconds
+    speeds = [np.zeros(1)]
+    for run in evidence.runs:
+        m = max(1, round(step / float(np.median(np.diff(run.t_s)))))
+        moved = run.theta_rad[m:, a] - run.theta_rad[:-m, a]
+        speeds.append(np.abs(moved) / (run.t_s[m:] - run.t_s[:-m]))
+    return float(np.quantile(np.concatenate(speeds), 0.99))
+
+
 def released(effect: Effect, axis: str, believed: Believed) -> list[Knob]:
     """The knobs that are free when the effect is tried, its inner shape among them."""
     knobs = believed.of(effect.name, axis)

@@ -1,7 +1,7 @@
 """Name what is missing: add the effect that helps most while one is significant, then defend it.
 
-Refine before adding: an effect is tried with its inner shape (period, Stribeck speed, a dead zone's
-two sides), and the noise is settled anew before another may enter.
+Refine before adding: an effect is tried with its inner shape (period, Stribeck speed), and the
+noise is settled anew before another may enter.
 Each name is then taken out again and its rivals tried in its place, at the noise of the final
 model: names that no longer pay leave, better ones take over, close ones are told as "A or B".
 """

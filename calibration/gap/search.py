@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from calibration.gap.fit import evaluate
 from calibration.gap.knobs import PERIODIC
-from calibration.gap.menu import LEAST_PHASE_RAD, Start, largest_volts, reach, released
+from calibration.gap.menu import LEAST_PHASE_RAD, Start, fastest, largest_volts, reach, released
 from calibration.gap.screen import Screened
 from calibration.gap.state import Key, State, refit
 from rig.effects import BY_NAME
@@ -16,6 +16,9 @@ from rig.effects import BY_NAME
 PER_KNOB = 3.0  # log-likelihood that a released knob costs
 MISFIT = 0.004  # of the gain, per knob: the rest of the model is only nearly right
 WORTH_AN_AXIS = 6.0  # gain on an axis below which the effect is not released there
+OUTDONE = 0.8  # of what the best effect promises on an axis, below which it is left to that one
+WORTH_ANOTHER = 12.0  # promise of one behind that is still tried while none before keeps its own
+FALLS = 0.4  # of the fastest motion: a Stribeck speed beyond is Coulomb friction
 LEAST_PROMISE, FAR_BEHIND = 4.0, 0.1  # a screened gain below is not worth a fit
 CUTS = 1.03  # of the volts that a log reached: a limit above has hardly cut anything
 REFITS = 5  # so many of the screened effects are fitted exactly
@@ -36,14 +39,14 @@ class Trial:
 
     @property
     def score(self) -> float:
-        if not any(self._is_one(axis) for axis in self.axes):
+        if not any(self.is_one(axis) for axis in self.axes):
             return -float("inf")
         knobs = sum(
             len(released(BY_NAME[self.name], axis, self.state.believed)) for axis in self.axes
         )
         return self.gain - (PER_KNOB + MISFIT * max(self.gain, 0.0)) * knobs
 
-    def _is_one(self, axis: str) -> bool:
+    def is_one(self, axis: str) -> bool:
         """Is it on this axis what its name says, and larger than nothing?"""
         believed, setting = self.state.believed, self.state.fit.setting
         if self.name == "saturation":
@@ -52,6 +55,10 @@ class Trial:
         if self.name in PERIODIC:  # a fraction of a period is a curve, and no ripple
             turns = setting[f"{self.name}.periods_per_turn.{axis}"]
             if turns * reach(self.state.evidence, axis) < LEAST_PHASE_RAD:
+                return False
+        if self.name == "stribeck_friction":  # one that does not fall with speed is Coulomb's
+            falls = setting[f"stribeck_friction.speed_rad_s.{axis}"]
+            if falls > FALLS * fastest(self.state.evidence, axis):
                 return False
         return believed.beyond(self.name, axis, setting)
 
@@ -62,10 +69,15 @@ def rank(state: State, screened: list[Screened], *, most: int = REFITS) -> list[
     for one in screened:
         by_name.setdefault(one.name, []).append(one)
     promise = {name: sum(max(o.gain, 0.0) for o in found) for name, found in by_name.items()}
-    first = sorted(promise, key=lambda name: -promise[name])[:most]
+    order = sorted(promise, key=lambda name: -promise[name])
     least = max(LEAST_PROMISE, FAR_BEHIND * max(promise.values(), default=0.0))
-    first = [name for name in first if promise[name] >= least]
-    trials = [_release(state, name, by_name[name]) for name in first]
+    trials: list[Trial] = []
+    for i, name in enumerate(order):
+        best = max((trial.score for trial in trials), default=0.0)
+        if promise[name] < least or (i >= most and best >= promise[name]):
+            break
+        if i < most or promise[name] >= WORTH_ANOTHER:
+            trials.append(_release(state, name, _axes(by_name[name], screened)))
     return sorted(trials, key=lambda trial: -trial.score)
 
 
@@ -74,8 +86,14 @@ def rank_one(state: State, one: Screened) -> State:
     return _release(state, one.name, [one]).state
 
 
-def _release(state: State, name: str, found: list[Screened]) -> Trial:
-    chosen = [one for one in found if one.gain > WORTH_AN_AXIS] or found[:1]
+def _axes(found: list[Screened], screened: list[Screened]) -> list[Screened]:
+    """The axes on which an effect is worth its release: another does not promise far more there."""
+    best = {one.axis: one.gain for one in reversed(screened)}  # best first
+    worth = [one for one in found if one.gain > max(WORTH_AN_AXIS, OUTDONE * best[one.axis])]
+    return worth or found[:1]
+
+
+def _release(state: State, name: str, chosen: list[Screened]) -> Trial:
     axes = tuple(one.axis for one in chosen)
     keys = tuple((name, axis) for axis in axes)
     felt = {part for axis in axes for k in state.believed.of(name, axis) for part in k.parts}
@@ -98,7 +116,9 @@ def _release(state: State, name: str, found: list[Screened]) -> Trial:
                     costs=state.fit.costs | moved.costs),
     )  # fmt: skip
     done = refit(begun, begun.bounds(parts))
-    return Trial(name, axes, done, state.fit.cost - done.fit.cost)
+    trial = Trial(name, axes, done, state.fit.cost - done.fit.cost)
+    real = [one for one in chosen if trial.is_one(one.axis)]
+    return _release(state, name, real) if 0 < len(real) < len(chosen) else trial
 
 
 def _inside(state: State, start: Start) -> dict[str, float]:

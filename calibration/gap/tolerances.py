@@ -9,11 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.stats import t as student
 
+from calibration.gap.believe import believe
 from calibration.gap.evidence import gather
 from calibration.gap.name import settled_baseline
 from calibration.gap.screen import screen
 from calibration.gap.search import rank_one
-from calibration.gap.workflow import believe, levels_of, usable_runs
+from calibration.gap.workflow import levels_of, usable_runs
 from rig.effects import CATALOGUE
 from rig.log import Log
 from rig.parameters import Rig

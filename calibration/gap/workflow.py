@@ -10,16 +10,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.gap import answer, unknown
+from calibration.gap.believe import believe
 from calibration.gap.decide import Decision, decide
-from calibration.gap.evidence import Evidence, gather, usable
+from calibration.gap.evidence import gather, usable
 from calibration.gap.findings import Findings, Gap, Leftover, Named, ProofRow, Step
 from calibration.gap.fit import evaluate
 from calibration.gap.intervals import deviations
-from calibration.gap.knobs import CALIBRATED, SERVO, Believed
+from calibration.gap.knobs import CALIBRATED
 from calibration.gap.locate import locate
 from calibration.gap.name import MARGIN, Accepted, Rival, settled_baseline
 from calibration.gap.prove import model_of, prove, rms, steps
-from calibration.gap.state import State, baseline, refit
+from calibration.gap.state import State
 from calibration.gap.unknown_words import describe, formula
 from rig.effects import BY_NAME
 from rig.log import Log
@@ -87,25 +88,6 @@ def levels_of(rig: Rig) -> np.record:
         servo_measured=rig.servo.encoder_step_rad / 12**0.5,
         ball_measured=max(rig.camera.noise_m, 1e-5),
     )
-
-
-def believe(evidence: Evidence, rig: Rig, tolerances: Mapping[str, float] | None) -> Believed:
-    """Does the friction of arm and joints, an assumed value, load the motors? The logs decide.
-
-    Against it stands a table without it whose motors have whatever Coulomb friction fits best.
-    """
-    without = Believed(rig, load_friction=False, tolerances=tolerances)
-    if rig.drive.joint_friction_nm == 0.0 or not set(evidence.parts) & set(SERVO):
-        return without
-    loaded = Believed(rig, load_friction=True, tolerances=tolerances)
-    parts = tuple(p for p in evidence.parts if p in SERVO)
-    servo = replace(evidence, masks={p: evidence.masks[p] for p in parts})
-    with_it = baseline(servo, loaded, iterations=3)
-    bare = baseline(servo, without, iterations=3)
-    keys = tuple(("coulomb_friction", part[-1]) for part in parts)
-    bare = replace(bare, named=keys)
-    free = refit(bare, bare.bounds(parts), iterations=4)
-    return loaded if with_it.fit.cost < free.fit.cost else without
 
 
 def _nothing_to_see(state: State, lacking: str, notes: tuple[str, ...]) -> Findings:
