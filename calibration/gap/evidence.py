@@ -18,6 +18,9 @@ from rig.predict import Signals, ball_innovations, servo_innovations, signals
 
 FASTEST_HZ = 600.0  # above it the encoder's counts drown a tick: several become one
 AFTER_PUSH_S = 0.05
+# Counts within MEMORY_S before and after from which on their errors average out.
+MEMORY_S, ENOUGH_COUNTS, LEAST_WORTH = 0.05, 8.0, 0.1
+ALIKE = 0.995  # correlation of cycles that repeat each other
 SETTLE = {BALL: 4, "servo_x": 5, "servo_y": 5}  # first innovations of a filter that knows nothing
 PARTS = (*SERVO, BALL)
 
@@ -128,18 +131,54 @@ class Evidence:
 
 
 def gather(runs: Sequence[Signals], levels: np.record, *, threads: int = 1) -> Evidence:
-    """Evidence of runs: all that is there counts but the filters' first innovations."""
-    masks = {}
+    """Evidence of runs: all that is there counts but the filters' first innovations.
+
+    `levels` as a start: an encoder's level is its count over sqrt(12).
+    """
+    masks, count_rad = {}, 12**0.5 * float(np.mean(levels["servo_measured"]))
     for a, part in enumerate(SERVO):
-        weights = [_servo_weights(run, a) for run in runs]
+        weights = [_servo_weights(run, a, count_rad) for run in runs]
         masks[part] = np.concatenate(weights)
     seen = tuple(bool(any(np.any(run.ball_m[:, a]) for run in runs)) for a in range(2))
     masks[BALL] = np.concatenate([_ball_weights(run, seen) for run in runs])
     return Evidence(tuple(runs), levels, (seen[0], seen[1]), masks, threads)
 
 
-def _servo_weights(run: Signals, a: int) -> np.ndarray:
-    weights = np.full(len(run.t_s), float(run.has_servo(a)))
+def _tells(angle: np.ndarray, step_s: float, count_rad: float) -> np.ndarray:
+    """How much of a sample each reading (n,) of an encoder is worth, at least LEAST_WORTH.
+
+    Between two counts of a slow servo the error is one constant, and no noise that averages out.
+    """
+    half = max(1, round(MEMORY_S / step_s))
+    counted = np.abs(np.diff(angle, prepend=angle[0])) / count_rad
+    near = np.convolve(counted, np.ones(2 * half + 1), "full")[half : half + len(counted)]
+    return np.clip(near / ENOUGH_COUNTS, LEAST_WORTH, 1.0)
+
+
+def _cycles(angle: np.ndarray) -> float:
+    """How often a run repeats one motion exactly, 1 for one that does not.
+
+    Cycles that are alike show the same small faults of the model again, and nothing new.
+    """
+    x = angle - angle.mean()
+    n = len(x)
+    if n < 8 or not x.any():
+        return 1.0
+    lag = np.arange(1, n // 2)
+    product = np.fft.irfft(np.abs(np.fft.rfft(x, 2 * n)) ** 2)[lag]
+    power = np.concatenate([[0.0], np.cumsum(x * x)])
+    alike = product / np.maximum(np.sqrt(power[n - lag] * (power[n] - power[lag])), 1e-30)
+    other = np.flatnonzero(alike < 0.5)  # before, it is only slow
+    again = np.flatnonzero(alike > ALIKE)
+    again = again[again > other[0]] if len(other) else again[:0]
+    return n / int(lag[again[0]]) if len(again) else 1.0
+
+
+def _servo_weights(run: Signals, a: int, count_rad: float) -> np.ndarray:
+    if not run.has_servo(a) or len(run.t_s) < 2:
+        return np.zeros(len(run.t_s))
+    step_s = float(np.median(np.diff(run.t_s)))
+    weights = _tells(run.theta_rad[:, a], step_s, count_rad) / _cycles(run.theta_rad[:, a])
     weights[: SETTLE["servo_x"]] = 0.0
     return weights
 
