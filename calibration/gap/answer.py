@@ -58,9 +58,9 @@ def one_dead_zone(found: tuple[Named, ...]) -> tuple[Named, ...]:
     """A dead zone of width w with an offset |o| < w is a dead zone with two sides: w - o, w + o.
 
     The two are the same volts for every command; the simpler words are preferred, also where the
-    offset exceeds w by no more than its own tolerance.
+    offset exceeds w by no more than its own tolerance, which no log takes off the two sides either.
     """
-    by_name = {one.name: one for one in found}
+    by_name, tolerance = {one.name: one for one in found}, BY_NAME["voltage_offset"].tolerance
     dead, offset = by_name.get("dead_zone"), by_name.get("voltage_offset")
     if dead is None or offset is None or not set(offset.parameters) <= set(dead.parameters):
         return found
@@ -71,9 +71,9 @@ def one_dead_zone(found: tuple[Named, ...]) -> tuple[Named, ...]:
         if o is None:
             sides[axis] = pairs
             continue
-        if abs(o.value) >= w.value + BY_NAME["voltage_offset"].tolerance:
+        if abs(o.value) >= w.value + tolerance:
             return found
-        reach = hypot(w.high - w.value, o.high - o.value)
+        reach = hypot(w.high - w.value, o.high - o.value, 0.95 * tolerance)
         sides[axis] = {
             key: Interval(size, size - reach, size + reach)
             for key, size in (

@@ -19,7 +19,7 @@ from rig.predict import Signals, ball_innovations, servo_innovations, signals
 FASTEST_HZ = 600.0  # above it the encoder's counts drown a tick: several become one
 AFTER_PUSH_S = 0.05
 # Counts within MEMORY_S before and after from which on their errors average out.
-MEMORY_S, ENOUGH_COUNTS, LEAST_WORTH = 0.05, 8.0, 0.1
+MEMORY_S, ENOUGH_COUNTS, LEAST_WORTH = 0.05, 8.0, 0.4
 ALIKE = 0.995  # correlation of cycles that repeat each other
 SETTLE = {BALL: 4, "servo_x": 5, "servo_y": 5}  # first innovations of a filter that knows nothing
 PARTS = (*SERVO, BALL)
