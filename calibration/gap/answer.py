@@ -54,7 +54,8 @@ def _catalogue_keys(name: str, by_key: dict[str, Interval]) -> dict[str, Interva
     return by_key
 
 
-def one_dead_zone(found: tuple[Named, ...]) -> tuple[Named, ...]:
+def one_dead_zone(found: tuple[Named, ...], state: State,
+                  spread: Mapping[str, tuple[float, int]]) -> tuple[Named, ...]:  # fmt: skip
     """A dead zone of width w with an offset |o| < w is a dead zone with two sides: w - o, w + o.
 
     The two are the same volts for every command; the simpler words are preferred, also where the
@@ -62,23 +63,24 @@ def one_dead_zone(found: tuple[Named, ...]) -> tuple[Named, ...]:
     """
     by_name, tolerance = {one.name: one for one in found}, BY_NAME["voltage_offset"].tolerance
     dead, offset = by_name.get("dead_zone"), by_name.get("voltage_offset")
-    if dead is None or offset is None or not set(offset.parameters) <= set(dead.parameters):
+    if dead is None or (offset and not set(offset.parameters) <= set(dead.parameters)):
         return found
     sides: Parameters = {}
     for axis, pairs in dead.parameters.items():
-        w = pairs["half_width_V"]
-        o = offset.parameters.get(axis, {}).get("offset_V")
-        if o is None:
+        w, knob = pairs["half_width_V"], state.believed.knobs[f"voltage_offset.offset_V.{axis}"]
+        o = state.fit.setting.get(knob.name, knob.believed)
+        if abs(o - knob.believed) < 1.1 * knob.tolerance:
             sides[axis] = pairs
             continue
-        if abs(o.value) >= w.value + tolerance:
+        if abs(o) >= w.value + tolerance:
             return found
-        reach = hypot(w.high - w.value, o.high - o.value, 0.95 * tolerance)
+        one = interval(o, spread.get(knob.name, (0.0, 2)))
+        reach = hypot(w.high - w.value, one.high - o, 0.95 * tolerance)
         sides[axis] = {
             key: Interval(size, size - reach, size + reach)
             for key, size in (
-                ("positive_V", max(w.value - o.value, 0.0)),
-                ("negative_V", max(w.value + o.value, 0.0)),
+                ("positive_V", max(w.value - o, 0.0)),
+                ("negative_V", max(w.value + o, 0.0)),
             )
         }
     joined = replace(dead, parameters=sides)

@@ -21,7 +21,7 @@ from calibration.gap.state import with_levels as at_levels
 from calibration.gap.unknown import shapes
 from rig.effects import BY_NAME
 
-THRESHOLD = 8.0  # of a score (log-likelihood beyond its knobs' own) for an effect to be missing
+THRESHOLD = 5.0  # of a score (log-likelihood beyond its knobs' own) for an effect to be missing
 MARGIN = 5.0  # between two names below which neither is told alone
 SMALL = 0.05  # of all that is explained: a further effect below must not stand in for another
 TINY = 0.01  # of what is explained on the same channel: the model is no better than that

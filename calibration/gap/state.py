@@ -41,7 +41,11 @@ class State:
             if effect and key in chosen and knob in released(effect, knob.axis, self.believed):
                 found[knob.name] = knob.range
             elif knob.tolerance > 0:
-                found[knob.name] = knob.box
+                low, high = knob.box
+                if knob.effect == "voltage_offset" and ("dead_zone", knob.axis) in chosen:
+                    width = self.fit.setting.get(f"dead_zone.half_width_V.{knob.axis}", 0.0)
+                    low, high = low - width, high + width  # its inner shape: a side of its own each
+                found[knob.name] = low, high
         return found
 
 

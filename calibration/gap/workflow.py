@@ -103,7 +103,7 @@ def _findings(decision: Decision, until: str, notes: tuple[str, ...], *, quick: 
     state = decision.state
     spread = deviations(state)
     names = tuple(answer.named(decision, one, spread) for one in decision.accepted)
-    names = answer.one_dead_zone(names)
+    names = answer.one_dead_zone(names, state, spread)
     told = {name.name for name in names}
     if decision.verdict == "undecided" and not any(
         one.margin < MARGIN for one in decision.accepted if one.name in told
