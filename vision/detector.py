@@ -1,8 +1,8 @@
 """Find one ball in an image, and locate it to a hundredth of a pixel. Pure functions.
 
 `find` asks each pixel's colour whether it is the ball's and groups the answers: robust, coarse.
-`locate` casts rays from a guess, takes the sub-pixel edge on each and fits an ellipse robustly:
-exact, local. Nothing here decides whether to believe a result; `vision.gate` does.
+`locate` casts rays from a guess, takes the edge on each, fits an ellipse robustly, and then the
+rim's pixels: exact, local. Nothing here decides whether to believe a result; `vision.gate` does.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ import cv2
 import numpy as np
 
 from vision.appearance import SIGNED_ABOVE, Appearance
-from vision.outline import Outline, trace
+from vision.outline import BLURRED_STD, FLAT_STD, Outline, trace
 from vision.pixels import lookup, share
+from vision.rim import polish
 
 __all__ = ["Appearance", "Blob", "Detection", "find", "locate"]
 
@@ -25,6 +26,10 @@ OUTLINE_SHARE = 0.05
 # Light from one side makes one edge stronger and lays a shadow at the other; the centre then leans
 # by about this much (px) per relative first harmonic of the edge's strength.
 LIGHT_SHARE_PX = 0.06
+# The same of a fitted rim. Its levels carry noise too, which neighbouring sectors share.
+RIM_ROUNDS = 3
+LEVELS_SHARE = 1.8
+SLOPE_SHARE, CONTRAST_SHARE_PX, CLIPPED_SHARE_PX = 0.4, 0.01, 0.06
 UNSIGNED_REACH = 0.25
 WHOLE = 0.85  # share of the rays from which an outline counts as free all round
 REACH = 0.6  # rays search from (1 - REACH) to (1 + REACH) radii
@@ -51,7 +56,8 @@ class Detection:
     on the ellipse; `coverage` share of the full turn so covered, by eighths with at least one in
     three rays good; `contrast` 1 where ball and plate differ as in the appearance, negative where
     the sign is wrong; `residual_px` rms of the inliers; `fill` and `spill` the mean P(ball) of the
-    colours inside and just outside.
+    colours inside and just outside; `blur_px` the edge's standard deviation, NaN where the rim was
+    not fitted.
     """
 
     u_px: float
@@ -64,6 +70,7 @@ class Detection:
     residual_px: float
     fill: float
     spill: float
+    blur_px: float = math.nan
 
 
 def find(
@@ -134,35 +141,74 @@ def locate(
 ) -> Detection | None:
     """The disc near a guess, or None where too few edges lie on any ellipse.
 
-    The first outline is measured along the appearance's direction in colour space, about the guess;
-    the next along the direction found at the spot, about the first's centre. Sigma from the
-    residuals: C = s^2 (A' W A + P)^-1 of the ellipse's five parameters, a share of s for what is
-    common to all rays, and another for light from one side.
+    A first outline is traced along the appearance's direction in colour space, about the guess.
+    Where it is not whole, another follows along the direction found at the spot. Then the rim's
+    pixels are fitted (`vision.rim`); where that fails, the outline stays.
     """
     direction, signed = appearance.direction, appearance.signed
     if not appearance.learned:
         direction = appearance.here(image, u_px, v_px, radius_px)[0]
     # Edges of either sign are found inside a mirroring ball too: look for its rim alone.
     reach = reach if signed else min(reach, UNSIGNED_REACH)
-    first = _settled(image, direction, signed, (u_px, v_px, radius_px), reach)
-    if first is None:
+    line = _settled(image, direction, signed, (u_px, v_px, radius_px), reach)
+    if line is None:
         return None
-    line, contrast = _refined(image, appearance, first, direction, signed)
-    u, v, radius = line.u_px, line.v_px, line.radius_px
-    common = math.hypot(OUTLINE_SHARE * line.residual_px, LIGHT_SHARE_PX * line.lopsided)
-    octants = line.good[: len(line.good) // 8 * 8].reshape(8, -1).mean(1) > 0.34
+    contrast = None
+    if not _plain(line):
+        line, contrast = _refined(image, appearance, line, direction, signed)
+    rim = _fitted(image, appearance, line)
+    u, v, radius, sigma = line.u_px, line.v_px, line.radius_px, _line_sigma(line)
+    if rim is not None:
+        u, v, radius = float(rim[0]), float(rim[1]), float(rim[2])
+        sigma = _rim_sigma(rim) if _plain(line) else math.hypot(_rim_sigma(rim), 0.5 * sigma)
+        contrast = float(appearance.direction @ (rim[11:14] - rim[14:17]))
+    elif contrast is None:
+        contrast = appearance.here(image, u, v, radius)[2]
     return Detection(
         u_px=u,
         v_px=v,
         radius_px=radius,
-        sigma_px=math.hypot(math.sqrt(line.variance_px2), common),
+        sigma_px=sigma,
         inliers=line.share,
-        coverage=float(octants.mean()),
-        contrast=contrast if appearance.learned and appearance.signed else 1.0,
+        coverage=line.coverage,
+        contrast=contrast if appearance.learned and signed else 1.0,
         residual_px=line.residual_px,
         fill=share(image, appearance.table, u, v, 0.0, 0.85 * radius),
         spill=share(image, appearance.table, u, v, 1.2 * radius + 1.0, 1.6 * radius + 2.0),
+        blur_px=math.nan if rim is None else float(rim[6]),
     )
+
+
+def _plain(line: Outline) -> bool:
+    """Whether the outline is seen all round and is smooth."""
+    smooth = line.residual_px < max(0.25, 0.02 * line.radius_px)
+    return line.share > WHOLE and line.coverage == 1.0 and smooth
+
+
+def _fitted(image: np.ndarray, appearance: Appearance, line: Outline) -> np.ndarray | None:
+    """What `vision.rim.polish` makes of the outline, or None where it is not to be trusted."""
+    radius, flat = line.radius_px, BLURRED_STD if _plain(line) else FLAT_STD
+    guess = line.u_px, line.v_px, radius
+    rim = polish(image, *guess, appearance.blur_px, flat, appearance.smeared, RIM_ROUNDS)
+    if not (math.isfinite(rim[3]) and rim[5] > 0.7 and rim[10] == 0.0):
+        return None
+    moved = math.hypot(rim[0] - line.u_px, rim[1] - line.v_px)
+    return rim if moved < 0.3 + 0.04 * radius and abs(rim[2] - radius) < 0.4 + 0.06 * radius else None
+
+
+def _rim_sigma(rim: np.ndarray) -> float:
+    """Std of the fitted centre per axis: noise, more of it where sectors disagree, and shares of
+    what the slopes beside the edge, unequal contrast and clipped pixels may have left."""
+    noise = LEVELS_SHARE * float(rim[3]) * max(1.0, float(rim[4]))
+    left = SLOPE_SHARE * rim[8], CONTRAST_SHARE_PX * rim[7], CLIPPED_SHARE_PX * rim[9]
+    return math.sqrt(noise + sum(float(x) ** 2 for x in left))
+
+
+def _line_sigma(line: Outline) -> float:
+    """Std of a traced outline's centre per axis: from the residuals, a share of them for what is
+    common to all rays, and another for light from one side."""
+    common = math.hypot(OUTLINE_SHARE * line.residual_px, LIGHT_SHARE_PX * line.lopsided)
+    return math.hypot(math.sqrt(line.variance_px2), common)
 
 
 def _settled(

@@ -35,6 +35,12 @@ class Outline(NamedTuple):
         """Of the rays in the image, how many lie on the ellipse."""
         return float(self.good.sum()) / max(self.inside, 1)
 
+    @property
+    def coverage(self) -> float:
+        """Share of the full turn, by eighths with at least one in three rays on the ellipse."""
+        octants = self.good[: len(self.good) // 8 * 8].reshape(8, -1).mean(1) > 0.34
+        return float(octants.mean())
+
 
 def trace(
     image: np.ndarray,

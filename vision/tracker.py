@@ -117,7 +117,9 @@ class Tracker:
         self._state, self._good_s = "track", frame.t_s
         if found.inliers > 0.85 and found.coverage == 1.0:
             self._radius_px += ADAPT_SHARE * (found.radius_px - self._radius_px)
-            self.appearance = looks.adapted(frame.image, u, v, found.radius_px, ADAPT_SHARE)
+            self.appearance = looks.adapted(
+                frame.image, u, v, found.radius_px, ADAPT_SHARE, found.blur_px
+            )
         if looks.fill >= TELLING_FILL:
             imposters.update(frame.image, looks, u, v, self._radius_px, dt)
         span = math.hypot(found.u_px - self._lock_px[0], found.v_px - self._lock_px[1])

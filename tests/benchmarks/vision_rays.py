@@ -8,7 +8,7 @@ from math import sqrt
 import numpy as np
 from numba import njit
 
-FINE = 16  # samples a side of an edge pixel
+FINE = 576  # samples of an edge pixel, on a lattice of irrational strides in u, v and time
 
 
 @njit(cache=True)
@@ -100,8 +100,8 @@ def trace_ball(
     """Lay the ball over an image (h, w, 3) float32, in place.
 
     `path` (4,) px is where its centre goes during the exposure, `reach` its radius in px; `move`
-    (3,) m the same in space. Samples of a pixel are spread over the exposure by a stride that is
-    prime to their number, so that space and time are covered evenly together.
+    (3,) m the same in space. The samples' lattice covers space and time evenly together, and
+    edges along the rows and columns as well as slanted ones.
     """
     length = sqrt((path[2] - path[0]) ** 2 + (path[3] - path[1]) ** 2)
     i0, i1 = int(min(path[1], path[3]) - reach) - 3, int(max(path[1], path[3]) + reach) + 4
@@ -111,15 +111,17 @@ def trace_ball(
         for j in range(max(j0, 0), min(j1, image.shape[1])):
             mu, mv = 0.5 * (path[0] + path[2]), 0.5 * (path[1] + path[3])
             far = sqrt((j - mu) ** 2 + (i - mv) ** 2)
-            n = FINE if far > reach - 2.5 - 0.5 * length else 4
+            count = FINE if far > reach - 1.2 - 0.5 * length else 26
             out[:] = 0.0
-            hits, count = 0, n * n
+            hits = 0
             for k in range(count):
-                when = (((k * 97 + 31) % count) + 0.5) / count - 0.5
+                # Each sample has its opposite, so that their middle is the pixel's and the instant's.
+                side, m = 1.0 - 2.0 * (k % 2), k // 2 + 1
+                when = side * ((m * 0.5497004779) % 1.0 - 0.5)
                 for c in range(3):
                     at[c] = centre[c] + when * move[c]
-                x = (j + (k % n + 0.5) / n - 0.5 - middle[0]) / focal
-                y = (i + (k // n + 0.5) / n - 0.5 - middle[1]) / focal
+                x = (j + side * ((m * 0.8191725134) % 1.0 - 0.5) - middle[0]) / focal
+                y = (i + side * ((m * 0.6710436067) % 1.0 - 0.5) - middle[1]) / focal
                 if _seen(x, y, at, radius, light, lamps, ball, plate, steel, out):
                     hits += 1
             clear = 1.0 - hits / count

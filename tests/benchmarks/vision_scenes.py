@@ -1,6 +1,6 @@
 """Scenes with exact truth for judging detectors: a supersampled ray tracer of its own.
 
-It shares no code with `vision`: rays of every edge pixel are tested against the sphere 256 times
+It shares no code with `vision`: rays of every edge pixel are tested against the sphere 576 times
 (each at its own instant of the exposure), so edges are right to 0.0005 px whatever the shading. A
 camera looks straight down from 0.75 m, 1.5 px/mm at 480 rows. The truth is the centre of the
 silhouette's ellipse at mid exposure, m = (X, Y) Z / (Z^2 - r^2) in normalised coordinates.
@@ -40,7 +40,8 @@ class Look:
 
     `ambient` + `diffuse` light, `gloss` of the ball's highlight, `noise_dn` of every pixel and
     channel, `blur_px` of the lens, `jpeg` quality or None, `things` of the ball's colour beside the
-    plate, `shadow` whether the ball takes light off the plate, `glare` of a window on the plate, `gain` (3,) of the sensor's channels.
+    plate, `shadow` whether the ball takes light off the plate, `grain`
+    the plate's texture (share of its brightness), `glare` of a window on the plate, `gain` (3,) of the sensor's channels.
     """
 
     name: str
@@ -52,6 +53,7 @@ class Look:
     diffuse: float = 0.4
     gloss: float = 0.0
     shadow: bool = True
+    grain: float = 0.012
     noise_dn: float = 2.0
     blur_px: float = 0.6
     jpeg: int | None = None
@@ -63,7 +65,7 @@ class Look:
 
 
 SIDE = (-0.75, 0.35, 0.55)
-CLEAN = Look("clean", shadow=False)  # as over a luminous plate
+CLEAN = Look("clean", shadow=False, grain=0.0)  # as over a luminous plate
 SHADED = Look("shaded", light=SIDE, ambient=0.35, diffuse=0.65, gloss=0.5)
 STANDARD = (
     CLEAN,
@@ -230,7 +232,7 @@ def _lay_plate(image: np.ndarray, look: Look, scale: float, rng: np.random.Gener
     if look.plate == "transparent":
         image[rows, cols] = 0.8 * part + 34.0
         return
-    amount = 0.12 if look.plate == "textured" else 0.012
+    amount = 0.12 if look.plate == "textured" else look.grain
     shape = part.shape[:2]
     grain = np.zeros(shape, np.float32)
     for cell, share in ((48, 0.5), (12, 0.4), (3, 0.35)):
