@@ -16,7 +16,7 @@ from vision.appearance import Appearance
 from vision.detector import Detection, locate
 from vision.frames import Frame
 from vision.gate import believable, weight
-from vision.pixels import mean_between, share
+from vision.pixels import mean_between, moments, share
 from vision.repeats import noise_level
 from vision.votes import Circle, circles
 
@@ -29,6 +29,7 @@ LEAST_WEIGHT = 7.0
 # A ball's outline is whole and sharp. Its shadow on a bright plate is round and moves as well,
 # but its edge is soft here and hidden by the ball there.
 LEAST_QUALITY = 0.83
+DARK = 80.0  # brightest channel's mean below which a disc counts as badly lit
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +185,14 @@ class Acquisition:
         if self._colour is None:
             return True
         u, v, r = found.u_px, found.v_px, 0.85 * found.radius_px
-        return share(image, self._colour.table, u, v, 0.0, r) > 0.35
+        if share(image, self._colour.table, u, v, 0.0, r) > 0.35:
+            return True
+        # In the dark noise hides a pixel's colour, not the disc's: ask its mean, brightened.
+        mean = moments(image, u, v, 0.0, r)[1]
+        if mean.max() > DARK:
+            return False
+        lit = np.clip(mean * (2.0 * DARK / max(float(mean.max()), 1.0)), 0, 255).astype(int) >> 3
+        return self._colour.table[lit[0] << 10 | lit[1] << 5 | lit[2]] > 255 * 0.35
 
     def _alone(self, found: Detection) -> bool:
         """Whether still background lies about it: not a highlight on a ball, nor a knuckle."""

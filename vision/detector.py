@@ -27,7 +27,7 @@ OUTLINE_SHARE = 0.05
 # by about this much (px) per relative first harmonic of the edge's strength.
 LIGHT_SHARE_PX = 0.06
 # The same of a fitted rim. Its levels carry noise too, which neighbouring sectors share.
-RIM_ROUNDS = 3
+RIM_ROUNDS = 4
 LEVELS_SHARE = 1.8
 SLOPE_SHARE, CONTRAST_SHARE_PX, CLIPPED_SHARE_PX = 0.4, 0.01, 0.06
 UNSIGNED_REACH = 0.25

@@ -206,7 +206,10 @@ def fit(points, weight, u, v, radius, scale, flat_std, rounds):
         q, inverse = _solve(A, b)
         u, v = u + q[1], v + q[2]
         fresh = _after(points, used, q, u, v)
+        last = scale
         scale = max(_scale(fresh, used, 0.02), 0.25 * scale)
+        if scale > 0.9 * last and abs(q[1]) + abs(q[2]) < 0.01:
+            break
     residual = _after(points, used, q, u, v)
     good = used & (np.abs(residual) < 3.0 * scale)
     count = good.sum()
@@ -228,3 +231,68 @@ def _after(points, used, q, u, v):
             c, s = du / r, dv / r
             out[i] = r - (q[0] + q[3] * (c * c - s * s) + q[4] * 2.0 * c * s)
     return out
+
+
+@numba.njit(cache=True)
+def _best_fit(points, outer, weight, u, v, radius, inside, flat_std, blurred_std, rounds):
+    """`fit` of a ball, of a mirroring ball, or of a blurred one."""
+    best = fit(points, weight, u, v, radius, 0.15 * radius, flat_std, rounds)
+    double = 0
+    for i in range(points.shape[0]):
+        apart = max(abs(outer[i, 0] - points[i, 0]), abs(outer[i, 1] - points[i, 1]))
+        double += apart > 0.03 * radius
+    if double > 0.2 * inside:
+        # Two edges on many rays: a mirroring ball's rim reflects the plate. The outer one is its.
+        rim = fit(outer, weight, u, v, 1.1 * radius, 0.15 * radius, flat_std, rounds)
+        if rim[5].sum() >= 0.8 * inside and rim[4] < 0.03 * radius and rim[2] > 1.03 * best[2]:
+            best = rim
+    if best[5].sum() < 0.9 * inside or best[4] > 0.03 * radius:
+        blurred = fit(points, weight, u, v, radius, 0.3 * radius, blurred_std, rounds)
+        if blurred[5].sum() >= 0.9 * inside:
+            best = blurred
+    return best
+
+
+@numba.njit(cache=True)
+def trace_rays(
+    image, u, v, radius, reach, w, n_rays, signed, kernel, flat_std, blurred_std, rounds
+):
+    """Edges along rays about a guess and the ellipse through them (`cast`, `fit`).
+
+    Returns an array: 0 u, 1 v, 2 radius, 3 variance per axis, 4 rms of the inliers, 5 how many, 6
+    rays inside the image, 7 first harmonic of the edge's strength over its mean, 8 coverage by
+    eighths with at least one in three rays good; and whether an ellipse was found.
+    """
+    out = np.zeros(9)
+    points, outer, strength, inside = cast(
+        image, u, v, radius, reach, w, n_rays, signed, kernel
+    )
+    typical = np.median(strength)
+    if not typical > 0.0:
+        return out, False
+    weight = np.minimum(np.maximum((strength / typical - 0.15) / 0.35, 0.0), 1.0)
+    u2, v2, radius2, variance, residual, good = _best_fit(
+        points, outer, weight, u, v, radius, inside, flat_std, blurred_std, rounds
+    )
+    limit = (1.0 + reach) * radius
+    off = np.sqrt((u2 - u) ** 2 + (v2 - v) ** 2)
+    # Comparisons that are false for NaN refuse it too.
+    if not (off < limit and 0.3 * radius < radius2 < 2.0 * radius):
+        return out, False
+    count = good.sum()
+    if count < 10 or not np.isfinite(variance):
+        return out, False
+    # Rays closer than a pixel's diagonal or so share their pixels, and so their noise.
+    variance *= max(1.0, 2.2 * n_rays / (2.0 * np.pi * radius2))
+    c, s, total = 0.0, 0.0, 1e-9
+    for i in range(n_rays):
+        c += strength[i] * np.cos(2.0 * np.pi * i / n_rays)
+        s += strength[i] * np.sin(2.0 * np.pi * i / n_rays)
+        total += strength[i]
+    per, covered = n_rays // 8, 0
+    for i in range(8):
+        covered += good[i * per : (i + 1) * per].mean() > 0.34
+    out[0], out[1], out[2], out[3], out[4] = u2, v2, radius2, variance, residual
+    out[5], out[6], out[8] = count, inside, covered / 8.0
+    out[7] = 2.0 * np.sqrt(c * c + s * s) / total
+    return out, True

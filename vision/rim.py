@@ -475,7 +475,7 @@ def polish(image, u, v, radius, guess_px, flat_std, smeared, rounds):
     blur was too wide to be trusted, 11-13 and 14-16 mean BGR inside and outside.
     """
     out = np.zeros(17)
-    out[:4] = u, v, radius, np.inf
+    out[0], out[1], out[2], out[3] = u, v, radius, np.inf
     k = 8 * max(1, min(6, int(round(2.0 * math.pi * radius / ARC_PX / 8.0))))
     q = np.array([radius, 0.0, 0.0])
     most = 0.12 * radius + 0.6
@@ -530,7 +530,7 @@ def polish(image, u, v, radius, guess_px, flat_std, smeared, rounds):
             _moved(px, n, move)
         wide = blur.mean()
         _blurs(shifts, 2.0 * math.pi * q[0] / k, blur, most)
-        if turn > 0 and step < 0.004 and abs(blur.mean() - wide) < 0.05 * wide:
+        if turn > 0 and step < 0.03 and abs(blur.mean() - wide) < 0.15 * wide:
             break
     out[0], out[1], out[2], out[3], out[5], out[6] = u, v, q[0], variance, good.mean(), blur.mean()
     out[7], out[8] = _relief(a0, a1, b0, b1, bend, blur)
@@ -556,6 +556,7 @@ def colour_is_smeared(image: np.ndarray, u_px: float, v_px: float, radius_px: fl
     """Whether colour differences blur the edge more than brightness does (4:2:0 and the like)."""
     blurs = []
     for smeared in (False, True):
-        got = polish(image, u_px, v_px, radius_px, BLUR0, 0.03, smeared, 4)
+        place = float(u_px), float(v_px), float(radius_px)
+        got = polish(image, *place, BLUR0, 0.03, smeared, 4)
         blurs.append(float(got[6]) if np.isfinite(got[3]) else 0.0)
     return blurs[1] > 0.0 and blurs[0] > 1.2 * blurs[1]

@@ -16,7 +16,7 @@ import numpy as np
 from vision.acquisition import Acquisition
 from vision.appearance import Appearance
 from vision.candidates import KNOWN_STILL, Candidate, chosen, discs, follow, rough_places
-from vision.detector import Detection, locate
+from vision.detector import REACH, Detection, locate
 from vision.frames import Frame, Track
 from vision.gate import TELLING_FILL, believable
 from vision.imposters import Imposters
@@ -27,7 +27,8 @@ COAST_S = 0.100
 # a wide lens and motion blur do the rest.
 RADIUS_SLACK = 0.25
 GATE_SIGMAS = 4.0
-ADAPT_SHARE = 0.03  # of every whole view of the ball, into its looks and size
+ADAPT_SHARE = 0.03  # of every whole view of the ball, into its size
+ADAPT_EVERY, LOOKS_SHARE = 4, 0.1  # and of every fourth into its looks
 # Looks that the tracker taught itself and has not seen for so long may have been a hand's.
 DOUBT_S = 1.0
 
@@ -61,6 +62,7 @@ class Tracker:
         self._proven = False  # has moved since it was locked
         self._state = "search"
         self._good_s = -math.inf
+        self._views = 0
 
     @property
     def radius_px(self) -> float:
@@ -117,9 +119,10 @@ class Tracker:
         self._state, self._good_s = "track", frame.t_s
         if found.inliers > 0.85 and found.coverage == 1.0:
             self._radius_px += ADAPT_SHARE * (found.radius_px - self._radius_px)
-            self.appearance = looks.adapted(
-                frame.image, u, v, found.radius_px, ADAPT_SHARE, found.blur_px
-            )
+            self._views += 1
+            if self._views % ADAPT_EVERY == 0:
+                place = u, v, found.radius_px
+                self.appearance = looks.adapted(frame.image, *place, LOOKS_SHARE, found.blur_px)
         if looks.fill >= TELLING_FILL:
             imposters.update(frame.image, looks, u, v, self._radius_px, dt)
         span = math.hypot(found.u_px - self._lock_px[0], found.v_px - self._lock_px[1])
@@ -229,7 +232,9 @@ class Tracker:
             on = imposters.at(found.u_px, found.v_px, radius)
             return on <= KNOWN_STILL or was_on > 0.1
 
-        found = locate(image, looks, *origins[0], radius)
+        # Where it is as predicted, short rays will do.
+        short = min(0.25 + 3.0 * ahead.sigma_px / radius, REACH)
+        found = locate(image, looks, *origins[0], radius, reach=short)
         if good(found):
             return found
         for origin in origins:
