@@ -193,7 +193,9 @@ def _fitted(image: np.ndarray, appearance: Appearance, line: Outline) -> np.ndar
     if not (math.isfinite(rim[3]) and rim[5] > 0.7 and rim[10] == 0.0):
         return None
     moved = math.hypot(rim[0] - line.u_px, rim[1] - line.v_px)
-    return rim if moved < 0.3 + 0.04 * radius and abs(rim[2] - radius) < 0.4 + 0.06 * radius else None
+    return (
+        rim if moved < 0.3 + 0.04 * radius and abs(rim[2] - radius) < 0.4 + 0.06 * radius else None
+    )
 
 
 def _rim_sigma(rim: np.ndarray) -> float:

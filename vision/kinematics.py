@@ -14,8 +14,8 @@ START_SPEED_RADII_S = 25.0
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Kalman state of both image axes: `place`, `speed` (2,) px and px/s, `cov` per axis: (place, place and
-    speed, speed)."""
+    """Kalman state of both image axes: `place`, `speed` (2,) px and px/s; `cov` of either axis:
+    (place, place and speed, speed)."""
 
     place: np.ndarray
     speed: np.ndarray

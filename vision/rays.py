@@ -264,9 +264,7 @@ def trace_rays(
     eighths with at least one in three rays good; and whether an ellipse was found.
     """
     out = np.zeros(9)
-    points, outer, strength, inside = cast(
-        image, u, v, radius, reach, w, n_rays, signed, kernel
-    )
+    points, outer, strength, inside = cast(image, u, v, radius, reach, w, n_rays, signed, kernel)
     typical = np.median(strength)
     if not typical > 0.0:
         return out, False

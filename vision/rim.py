@@ -1,4 +1,4 @@
-"""The ball's edge to the last hundredth of a pixel: a model of the rim, fitted to every pixel of it.
+"""The ball's edge to a hundredth of a pixel: a model of the rim, fitted to all its pixels.
 
 Along the radius x (0 on the outline) the projected image is modelled as
 
@@ -456,11 +456,7 @@ def _moved(px, n, move):
     for m in range(n):
         c, s = px[m, 6], px[m, 7]
         px[m, 0] -= (
-            move[0]
-            + move[1] * c
-            + move[2] * s
-            + move[3] * (c * c - s * s)
-            + move[4] * 2.0 * c * s
+            move[0] + move[1] * c + move[2] * s + move[3] * (c * c - s * s) + move[4] * 2.0 * c * s
         )
 
 

@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 
 # This file is named like the package: its folder comes last.
-sys.path = [p for p in sys.path if Path(p) != Path(__file__).parent] + [str(Path(__file__).parent)]
+sys.path.sort(key=lambda p: Path(p) == Path(__file__).parent)
 
 from vision_peers import PEERS  # pyright: ignore[reportMissingImports]
 from vision_scenes import STANDARD, Look, Shot, Studio, rolling  # pyright: ignore[reportMissingImports]

@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 # A file beside this one is named like the package `vision`: this folder comes last.
-sys.path = [p for p in sys.path if Path(p) != Path(__file__).parent] + [str(Path(__file__).parent)]
+sys.path.sort(key=lambda p: Path(p) == Path(__file__).parent)
 
 from vision_scenes import BALLS, PLATES, SHADED, Look, Shot, Studio, rolling  # pyright: ignore[reportMissingImports]
 
@@ -52,7 +52,8 @@ class Figure:
         rmse = f"{np.sqrt(np.mean(np.square(self.errors)) / 2):.3f}" if self.errors else "-"
         score = f"{np.sqrt(np.mean(np.square(self.scores)) / 2):.2f}" if self.errors else "-"
         first = str(self.first) if self.first >= 0 else "never"
-        return f"| {self.name} | {first} | {share} | {self.wrong} of {self.frames} | {rmse} | {score} |"
+        wrong = f"{self.wrong} of {self.frames}"
+        return f"| {self.name} | {first} | {share} | {wrong} | {rmse} | {score} |"
 
 
 def plain(look: Look, n: int, *, fps: float = 60.0, size: tuple[int, int] = (640, 480)) -> Script:
@@ -89,7 +90,7 @@ def hand(n: int) -> Script:
 
 
 def second_ball(n: int) -> Script:
-    """Another ball of the same kind rolls on the plate too; the first is the one that came first."""
+    """Another ball of the same kind comes to roll on the plate too; the first is the ball."""
     studio = Studio(SHADED)
     places, speeds, times = rolling(0.25, n)
     others, _, _ = rolling(0.35, n, span_m=0.07)
@@ -142,7 +143,7 @@ def duplicated(n: int) -> Script:
 
 
 def corrupt(n: int) -> Script:
-    """Every fifth frame is broken: its lower half grey or shifted, blocks of noise, or all black."""
+    """Every fifth frame is broken: its lower half grey or shifted, all noise, or all black."""
     rng = np.random.default_rng(5)
     for k, (shot, clear) in enumerate(plain(replace(SHADED, speed_m_s=0.3), n)):
         image, kind = shot.image.copy(), (k // 5) % 4

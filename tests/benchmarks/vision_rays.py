@@ -64,10 +64,8 @@ def _mirrored(dx, dy, dz, hit_z, x, y, plate, c):  # pragma: no cover - compiled
 
 
 @njit(cache=True)
-def _seen(
-    px, py, at, radius, light, lamps, ball, plate, steel, out
-):  # pragma: no cover - compiled
-    """Colour of the sphere along the ray (px, py, 1), added to `out` (3,); False where it misses."""
+def _seen(px, py, at, radius, light, lamps, ball, plate, steel, out):  # pragma: no cover - compiled
+    """Colour of the sphere along the ray (px, py, 1), added to `out` (3,); False: it misses."""
     dd = px * px + py * py + 1.0
     dc = px * at[0] + py * at[1] + at[2]
     gap = dc * dc - dd * (at[0] ** 2 + at[1] ** 2 + at[2] ** 2 - radius * radius)
@@ -115,7 +113,7 @@ def trace_ball(
             out[:] = 0.0
             hits = 0
             for k in range(count):
-                # Each sample has its opposite, so that their middle is the pixel's and the instant's.
+                # Each sample has its opposite: their middle is the pixel's and the instant's.
                 side, m = 1.0 - 2.0 * (k % 2), k // 2 + 1
                 when = side * ((m * 0.5497004779) % 1.0 - 0.5)
                 for c in range(3):

@@ -40,8 +40,8 @@ class Look:
 
     `ambient` + `diffuse` light, `gloss` of the ball's highlight, `noise_dn` of every pixel and
     channel, `blur_px` of the lens, `jpeg` quality or None, `things` of the ball's colour beside the
-    plate, `shadow` whether the ball takes light off the plate, `grain`
-    the plate's texture (share of its brightness), `glare` of a window on the plate, `gain` (3,) of the sensor's channels.
+    plate, `shadow` whether the ball takes light off the plate, `grain` the plate's texture (share
+    of its brightness), `glare` of a window on the plate, `gain` (3,) of the sensor's channels.
     """
 
     name: str
@@ -246,7 +246,8 @@ def _window(image: np.ndarray, scale: float) -> None:
     h, w = image.shape[:2]
     glow = np.zeros((h, w), np.float32)
     for dx, dy in ((-0.045, -0.03), (-0.005, -0.03), (-0.045, 0.02), (-0.005, 0.02)):
-        corner = np.array([(0, 0), (0.035, 0.006), (0.033, 0.046), (-0.002, 0.042)]) + (dx, dy)
+        corner = np.array([(0, 0), (0.035, 0.006), (0.033, 0.046), (-0.002, 0.042)])
+        corner += np.array((dx, dy))
         cv2.fillConvexPoly(
             glow,
             np.rint(16 * (corner * scale + (w / 2, h / 2))).astype(np.int32),
