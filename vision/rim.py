@@ -347,7 +347,7 @@ def _lit(a0, radius, lean):
         lean[i] = (a0[i] - dark) / radius
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True)
 def _agreed(shifts, noise, rows, q, flat_std, good):
     """The ellipse's motion (5,) that the sectors agree on (Tukey's weights), the centre's variance
     per axis, and the rms of the residuals over what the noise explains; `good` (k,) is filled.

@@ -1,4 +1,4 @@
-"""The benchmark's hard cases in short, and the fitted rim where light and storage work against it."""
+"""The benchmark's hard cases in short, and the fitted rim in bad light and JPEG."""
 
 import sys
 from dataclasses import replace
@@ -10,8 +10,9 @@ import pytest
 
 sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
 
-from vision_cases import cases, followed  # pyright: ignore[reportMissingImports]
+from vision_cases import followed  # pyright: ignore[reportMissingImports]
 from vision_scenes import SHADED, Studio  # pyright: ignore[reportMissingImports]
+from vision_scripts import cases  # pyright: ignore[reportMissingImports]
 
 from vision.appearance import Appearance
 from vision.detector import locate
