@@ -186,7 +186,12 @@ def _plain(line: Outline) -> bool:
 
 
 def _fitted(image: np.ndarray, appearance: Appearance, line: Outline) -> np.ndarray | None:
-    """What `vision.rim.polish` makes of the outline, or None where it is not to be trusted."""
+    """What `vision.rim.polish` makes of the outline, or None where it is not to be trusted.
+
+    A stick or a hand across the outline has edges and levels of its own: rays tell them better.
+    """
+    if line.share <= WHOLE or line.coverage < 1.0:
+        return None
     radius, flat = line.radius_px, BLURRED_STD if _plain(line) else FLAT_STD
     guess = line.u_px, line.v_px, radius
     rim = polish(image, *guess, appearance.blur_px, flat, appearance.smeared, RIM_ROUNDS)

@@ -232,9 +232,12 @@ class Tracker:
             on = imposters.at(found.u_px, found.v_px, radius)
             return on <= KNOWN_STILL or was_on > 0.1
 
-        # Where it is as predicted, short rays will do.
+        # Where it is as predicted, short rays will do; beside it they see a part of it.
         short = min(0.25 + 3.0 * ahead.sigma_px / radius, REACH)
         found = locate(image, looks, *origins[0], radius, reach=short)
+        if found is not None and found.coverage == 1.0 and found.inliers > 0.85 and good(found):
+            return found
+        found = locate(image, looks, *origins[0], radius)
         if good(found):
             return found
         for origin in origins:
