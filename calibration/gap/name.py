@@ -22,6 +22,7 @@ from calibration.gap.unknown import shapes
 from rig.effects import BY_NAME
 
 THRESHOLD = 5.0  # of a score (log-likelihood beyond its knobs' own) for an effect to be missing
+KIN, FRICTIONS = 15.0, ("coulomb_friction", "stribeck_friction", "dead_zone")
 MARGIN = 5.0  # between two names below which neither is told alone
 SMALL = 0.05  # of all that is explained: a further effect below must not stand in for another
 TINY = 0.01  # of what is explained on the same channel: the model is no better than that
@@ -101,7 +102,11 @@ def name_effects(state: State) -> Naming:
         best = last[0]
         parts = parts_of(BY_NAME[best.name], best.axes)
         there = max(explained.get(part, 0.0) for part in parts)
-        if best.score < TINY * there or (best.score < SMALL * total and _stands_in(state, best)):
+        if (
+            best.score < _needed(state, best)
+            or best.score < TINY * there
+            or (best.score < SMALL * total and _stands_in(state, best))
+        ):
             break
         total += best.score
         explained |= {part: explained.get(part, 0.0) + best.score for part in parts}
@@ -113,6 +118,12 @@ def name_effects(state: State) -> Naming:
         if found:
             accepted.append(found)
     return Naming(before, state, tuple(accepted), tuple(last), tuple(path), screened)
+
+
+def _needed(state: State, best: Trial) -> float:
+    """Beside another dry friction on the same axis one more has to be sure of itself."""
+    kin = {axis for name, axis in state.named if name in FRICTIONS}
+    return KIN if best.name in FRICTIONS and kin & set(best.axes) else THRESHOLD
 
 
 def _stands_in(state: State, best: Trial) -> bool:

@@ -178,12 +178,12 @@ def _realistic(plan: Plan, trial: Trial, rng: np.random.Generator) -> Trial:
 
 
 def _untestable(trial: Trial, plant: Rig, believed: Rig, rng: np.random.Generator) -> Trial:
-    """An effect that these logs cannot show: a limit above the volts used, a joint without ball."""
+    """What these logs cannot show: a limit above the volts used, the ball of a log without one."""
     if rng.random() < 0.5:
         peak = max(peak for peak in _highest(trial, plant, believed).values())
         hidden: Effects = {"saturation": {"x": {"limit_V": min(1.3 * peak, 5.9)}}}
         return _finish_as_is(trial, hidden, plant, believed)
-    name = ("joint_backlash", "camera_scale", "level_offset")[rng.integers(3)]
+    name = ("rolling_resistance", "camera_scale", "level_offset")[rng.integers(3)]
     hidden = {name: sizes.draw_effect(name, rng)[0]}
     trial = replace(trial, protocols=("servo-squares",), seeds=trial.seeds[:1])
     return _finish_as_is(trial, hidden, plant, believed)
