@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from types import TracebackType
 
@@ -12,6 +13,7 @@ from vision.frames import Frame
 from vision.live import LiveReader
 from vision.recorded import Recorded
 from vision.repeats import RepeatFilter
+from vision.source_errors import GarbageError
 
 
 class Source:
@@ -141,7 +143,18 @@ class LiveSource(Source):
         self._reader = reader
         self.start_s = reader.start_s
         self._skipped_first = 0
-        super().__init__(address, reader.read, reader.close, fps=fps, frames_total=None)
+        super().__init__(address, self._first_read, reader.close, fps=fps, frames_total=None)
+        self._read = reader.read
+
+    def _first_read(self) -> tuple[np.ndarray, float] | None:
+        """Whoever comes in the middle of a stream may find half a frame; the next one is whole."""
+        deadline_s = time.monotonic() + self._reader.patience_s
+        while True:
+            try:
+                return self._reader.read()
+            except GarbageError:
+                if time.monotonic() > deadline_s:
+                    raise
 
     @property
     def duplicates(self) -> int:

@@ -58,6 +58,21 @@ def test_garbage_is_named_and_the_next_frame_comes(server, script, length, broke
         assert len(server.requests) == 1
 
 
+def test_half_a_frame_at_the_beginning_does_not_matter():
+    script = Script([jpeg(20)[100:], part(jpeg(20)[:-30]), part(jpeg(30))])
+    with Server(script) as server, open_source(server.address) as source:
+        assert level_of(next(source)) == 30
+        script.put(None)
+
+
+def test_nothing_but_garbage_is_named_at_the_opening():
+    with (
+        Server(lambda send, k: [send(part(b"hello")) for _ in range(3000)]) as server,
+        pytest.raises((GarbageError, GoneError), match=str(server.port)),
+    ):
+        open_source(server.address, patience_s=0.05)
+
+
 def test_another_size_is_named_until_it_is_back(server, script):
     with open_source(server.address) as source:
         next(source)
