@@ -44,6 +44,7 @@ class Multipart:
         self._boundary = re.compile(
             rb"(?:\r?\n)?-{2,8}" + re.escape(name) + rb"(?:(--)|[ \t]{0,16}\r?\n)"
         )
+        self._mark = b"--" + name
         self._longest = len(name) + 32  # of a boundary line
         self._data = bytearray()
         self._state = self._seek
@@ -65,12 +66,23 @@ class Multipart:
 
     def _seek(self) -> bool:
         """Between parts: skip whatever stands before the next boundary."""
-        found = self._boundary.search(self._data)
+        found = self._find_boundary(0)
         if found is None:
             del self._data[: -self._longest]
             return False
         self._enter_head(found)
         return True
+
+    def _find_boundary(self, start: int) -> re.Match[bytes] | None:
+        # A plain search first: the expression alone takes longer than decoding the image.
+        at = self._data.find(self._mark, start)
+        while at >= 0:
+            first = max(start, at - 8)  # six more dashes and a newline may stand before
+            found = self._boundary.search(self._data, first, at + self._longest)
+            if found is not None:
+                return found
+            at = self._data.find(self._mark, at + 1)
+        return None
 
     def _enter_head(self, found: re.Match[bytes]) -> None:
         self.closed = found[1] is not None
@@ -109,7 +121,7 @@ class Multipart:
     def _jpeg_body(self, length: int | None) -> bool:
         stop = length
         if length is None:  # a boundary before the image's end: it was cut off
-            found = self._boundary.search(self._data, self._from)
+            found = self._find_boundary(self._from)
             self._from = max(0, len(self._data) - self._longest)
             stop = None if found is None else found.start()
         try:
@@ -133,7 +145,7 @@ class Multipart:
 
     def _open_body(self) -> bool:
         """A body that only the next boundary ends."""
-        found = self._boundary.search(self._data, self._from)
+        found = self._find_boundary(self._from)
         if found is None:
             self._from = max(0, len(self._data) - self._longest)
             return self._too_long()
