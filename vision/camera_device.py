@@ -198,7 +198,9 @@ class CameraFeed:
         if taken_s is None:
             return arrived_s
         self.stamped_by = self._backend.stamps
-        return min(taken_s + self._to_middle_s, arrived_s)
+        # Of a stream's own zero, the exposure is one more constant that a calibration finds.
+        shift_s = self._to_middle_s if self.stamped_by == "kernel" else 0.0
+        return min(taken_s + shift_s, arrived_s)
 
     def decode(self, raw: np.ndarray) -> np.ndarray:
         """The image as it came; `GarbageError` where it is none."""

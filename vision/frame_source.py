@@ -22,8 +22,9 @@ class Source:
     `size` is (w, h) px, `duplicates` the repeats skipped so far, `nominal_fps` what the container
     claims, `frames_total` how many frames it claims (None where it does not say), `missing` how
     many of these could not be decoded (known after the last frame), `live` whether it can be read
-    only once. Of a live source, `dropped` counts the frames that came while nobody asked, and
-    `start_s` is the zero of the frames' times on `time.monotonic` (None for what is kept).
+    only once, `stamped_by` whose times they are ("container", "kernel", "stream", "server",
+    "camera" or "arrival"). Of a live source, `dropped` counts the frames that came while nobody
+    asked, and `start_s` is the zero of the times on `time.monotonic` (None for what is kept).
     """
 
     live = False
@@ -78,6 +79,10 @@ class Source:
     @property
     def dropped(self) -> int:
         return 0
+
+    @property
+    def stamped_by(self) -> str:
+        return "container"
 
     def _next(self) -> tuple[np.ndarray, float] | None:
         first, self._first = self._first, None
@@ -163,6 +168,10 @@ class LiveSource(Source):
     @property
     def dropped(self) -> int:
         return self._reader.dropped + self._skipped_first
+
+    @property
+    def stamped_by(self) -> str:
+        return self._reader.stamped_by
 
     def __next__(self) -> Frame:
         if self._first is not None and self._reader.newer():

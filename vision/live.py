@@ -26,6 +26,7 @@ class Feed(Protocol):
     """One connection to a camera. `read` and `close` are called from the capture thread only."""
 
     duplicates: int  # frames that showed the same exposure again, skipped
+    stamped_by: str  # where the last frame's time is from, such as "kernel" or "arrival"
 
     def read(self) -> tuple[Any, float] | None:
         """Wait for the next frame: what `decode` takes, and its time on `time.monotonic` (s).
@@ -156,6 +157,10 @@ class LiveReader:
     @property
     def duplicates(self) -> int:
         return self._duplicates + self._pump.feed.duplicates
+
+    @property
+    def stamped_by(self) -> str:
+        return self._pump.feed.stamped_by
 
     def read(self) -> tuple[np.ndarray, float] | None:
         """The newest frame not read before and its time (s from `start_s`); None after the end.

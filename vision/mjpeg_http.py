@@ -88,6 +88,7 @@ class HttpFeed:
         """Connect. Raises `GoneError` where nobody answers, `NotMultipartError` for other data."""
         self._address = without_password(address)
         self.duplicates = 0
+        self.stamped_by = "arrival"
         connection, self._socket, self._response = _get(address, timeout_s)
         self._close_connection = connection.close
         try:
@@ -115,6 +116,7 @@ class HttpFeed:
             if same:
                 self.duplicates += 1
                 continue
+            self.stamped_by = "arrival" if stamp_s is None else "server"
             return part.body, self._clock.date(stamp_s, time.monotonic(), wall_minus_monotonic())
 
     def _receive(self) -> bytes:

@@ -56,6 +56,8 @@ def open_source(
     if STREAM.match(text):
         return _open_stream(text, patience_s, start_s)
     path = Path(text)
+    if path.suffix == ".py":
+        raise ValueError(f"{text}: which camera class in that file? write {text}:MyCamera")
     if path.is_dir():
         return RecordedSource(text, open_folder(path, fps or DEFAULT_FPS))
     if not path.exists():

@@ -29,6 +29,7 @@ class StreamFeed:
         self._address = without_password(address)
         self._device: Capture = capture(address, cv2.CAP_FFMPEG, limits)
         self.duplicates = 0
+        self.stamped_by = "arrival"
         if not self._device.isOpened():
             self._device.release()
             raise GoneError(

@@ -11,8 +11,8 @@ The address is "mine.py:MyCamera". The class needs no base class, only this:
 
 `image` is a numpy array of uint8, (h, w, 3) in BGR order or (h, w) grey; it is copied, the class
 may use its buffer again. `t_s` is the middle of the exposure on the clock of `time.monotonic()`,
-and increases from frame to frame. `read` runs in a thread of its own and may block; what it raises
-stops the frames until a new object of the class could be opened.
+and increases from frame to frame. `read` may block: it runs in a thread of its own, and so does
+`close`. What it raises stops the frames until a new object of the class could be opened.
 """
 
 from __future__ import annotations
@@ -89,6 +89,7 @@ class UserFeed:
         """Make and open. Raises `UserCameraError` with file and class for whatever fails."""
         self._file, self._address = file, f"{file}:{name}"
         self.duplicates = 0
+        self.stamped_by = "camera"
         self._last_s = -math.inf
         self._camera = self._call("__init__", make)
         for opening in ("open", "__enter__"):

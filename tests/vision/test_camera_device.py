@@ -20,6 +20,7 @@ from vision.camera_device import (
     open_camera,
 )
 from vision.clock import wall_minus_monotonic
+from vision.live import LiveReader
 from vision.source_errors import GarbageError, GoneError, SettingsError
 from vision.sources import open_source
 
@@ -200,3 +201,25 @@ def test_no_camera_is_one_clear_line(address, capfd):
 def test_settings_are_for_cameras_only(tmp_path):
     with pytest.raises(ValueError, match="only a camera"):
         open_source(tmp_path, settings=WANTED)
+
+
+def test_a_camera_plugged_in_again_is_set_again():
+    devices = [
+        Device(images=[IMAGE]),
+        Device(opened=False),
+        Device(stubborn={cv2.CAP_PROP_FPS: 30.0}),  # not ready yet: refused, tried again
+        Device(images=[IMAGE + 1]),
+    ]
+    opened = iter(devices)
+    reader = LiveReader(
+        lambda: open_camera("0", WANTED, candidates=(V4L2,), opener=lambda *_: next(opened)), "0"
+    )
+    assert reader.read() is not None
+    with pytest.raises(GoneError, match="unplugged"):
+        reader.read()
+    got = reader.read()
+    assert got is not None
+    assert got[0].max() == 1
+    assert devices[3].order == devices[0].order
+    reader.close()
+    assert all(d.released for d in devices)

@@ -19,7 +19,7 @@ class Feed:
     """Gives frames that a test puts in; an exception put in is raised."""
 
     def __init__(self):
-        self.duplicates = 0
+        self.duplicates, self.stamped_by = 0, "test"
         self.closed = threading.Event()
         self._items = []
         self._news = threading.Condition()

@@ -93,6 +93,7 @@ def test_stamps_of_the_server_are_the_frames_times(server, script):
             time.sleep(delay_s)
             script.put(part(jpeg(20 + k), x_timestamp=f"{taken_s:.6f}"))
             assert next(source).t_s == pytest.approx(times[-1], abs=1e-3)
+            assert source.stamped_by == "server"
 
 
 def test_frames_without_stamps_are_dated_on_arrival(server, script):
@@ -102,6 +103,7 @@ def test_frames_without_stamps_are_dated_on_arrival(server, script):
             before_s = time.monotonic()
             script.put(part(jpeg(level)))
             taken_s = next(source).t_s + source.start_s
+            assert source.stamped_by == "arrival"
             assert before_s <= taken_s <= time.monotonic()
 
 

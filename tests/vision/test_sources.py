@@ -43,6 +43,7 @@ def test_file_gives_every_frame_at_its_time(tmp_path, images):
     with open_source(path) as source:
         frames = list(source)
         assert source.size == (320, 240)
+        assert (source.live, source.dropped, source.stamped_by) == (False, 0, "container")
     assert [f.index for f in frames] == list(range(len(images)))
     assert np.allclose([f.t_s for f in frames], times, atol=0.0015)
     assert (source.duplicates, source.missing) == (0, 0)

@@ -82,6 +82,7 @@ def test_a_class_is_opened_read_to_its_end_and_closed_once(tmp_path):
     with open_source(write(tmp_path, GOOD), start_s=start_s) as source:
         assert source.size == (8, 6)
         frames = list(source)
+        assert source.stamped_by == "camera"
         log = source._reader._pump.feed._camera.log
     levels = [int(f.image[0, 0, 0]) for f in frames]
     assert levels[-1] == 20
@@ -148,6 +149,11 @@ def test_an_error_in_close_is_named_at_the_end(tmp_path):
         open_source(write(tmp_path, text)) as source,
     ):
         list(source)
+
+
+def test_a_file_without_a_class_asks_for_one(tmp_path):
+    with pytest.raises(ValueError, match=r"mine\.py:MyCamera"):
+        open_source(tmp_path / "mine.py")
 
 
 def test_a_missing_file_is_named(tmp_path):
