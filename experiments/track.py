@@ -217,6 +217,7 @@ def _summary(
         "size_px": list(source.size),
         "frames": sum(states.values()),
         "duplicates": source.duplicates,
+        "dropped": source.dropped,
         "missing": source.missing,
         "states": {name: states[name] for name in ("search", "track", "coast", "lost")},
         "start_s": times[0] if times else None,
