@@ -101,8 +101,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=1)
     seed = parser.parse_args().seed
-    print("| case | frames | missed | RMS [mm] | worst [mm] | with tilt [mm/degree] | bias x, y [mm] "
-          "| in the 95 % ellipse |\n|---|---|---|---|---|---|---|---|")  # fmt: skip
+    print("| case | frames | missed | RMS [mm] | worst [mm] | with tilt [mm/degree] "
+          "| bias x, y [mm] | in the 95 % ellipse |\n" + 8 * "|---" + "|")  # fmt: skip
     for noisy in (False, True):
         parts = []
         for radius_m in RADII_M:
