@@ -6,7 +6,7 @@ Each name is then taken out again and its rivals tried in its place, at the nois
 model: names that no longer pay leave, better ones take over, close ones are told as "A or B".
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from math import exp
 
@@ -97,17 +97,11 @@ def name_effects(state: State) -> Naming:
     while len({effect for effect, _ in state.named}) < MOST:
         screened = screen(state, state.evidence.parts, known=screens)
         last = rank(state, screened)
-        if not last or last[0].score < THRESHOLD:
+        worth = [trial for trial in last if trial.score >= _needed(state, trial, explained)]
+        if not worth or (worth[0].score < SMALL * total and _stands_in(state, worth[0])):
             break
-        best = last[0]
+        best = worth[0]
         parts = parts_of(BY_NAME[best.name], best.axes)
-        there = max(explained.get(part, 0.0) for part in parts)
-        if (
-            best.score < _needed(state, best)
-            or best.score < TINY * there
-            or (best.score < SMALL * total and _stands_in(state, best))
-        ):
-            break
         total += best.score
         explained |= {part: explained.get(part, 0.0) + best.score for part in parts}
         state = settle(best.state, parts)
@@ -120,10 +114,15 @@ def name_effects(state: State) -> Naming:
     return Naming(before, state, tuple(accepted), tuple(last), tuple(path), screened)
 
 
-def _needed(state: State, best: Trial) -> float:
-    """Beside another dry friction on the same axis one more has to be sure of itself."""
+def _needed(state: State, trial: Trial, explained: Mapping[str, float]) -> float:
+    """The score from which on an effect may enter: not where a model that is only nearly right
+    would ask for it; and beside another dry friction on the same axis (the assumed one of arm and
+    joints, too) one more has to be sure of itself."""
     kin = {axis for name, axis in state.named if name in FRICTIONS}
-    return KIN if best.name in FRICTIONS and kin & set(best.axes) else THRESHOLD
+    beside = state.believed.load_friction or kin & set(trial.axes)
+    sure = KIN if trial.name in FRICTIONS and beside else THRESHOLD
+    there = [explained.get(p, 0.0) for p in parts_of(BY_NAME[trial.name], trial.axes)]
+    return max(sure, TINY * max(there))
 
 
 def _stands_in(state: State, best: Trial) -> bool:

@@ -30,7 +30,8 @@ NOTHING: dict[str, tuple[float, Noise]] = {  # variant: share, noise
 }
 RUNS = 2  # of a single protocol: the 60 s of the smallest amplitudes, where it lasts 30 s
 ON_TOP = (1, 3, 5)  # effects on top of a realistic rig
-APART = ({"camera_yaw", "cross_coupling"},)  # together they are each other's other half
+# Together these are each other's other half; a dead zone with an offset is one with two sides.
+APART = ({"camera_yaw", "cross_coupling"}, {"dead_zone", "voltage_offset"})
 EVERY = tuple(effect.name for effect in CATALOGUE)
 
 
