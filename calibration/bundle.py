@@ -57,6 +57,11 @@ class _Common(Strict):
         Path(path).write_text(text + "\n", encoding="utf-8")
 
 
+def _camera(lens: LensRecord) -> Camera:
+    matrix, distortion = np.array(lens.matrix), np.array(lens.distortion)
+    return Camera(matrix, distortion, lens.width_px, lens.height_px)
+
+
 class Draft(_Common):
     """A calibration that is being made, one section after the other, in any order."""
 
@@ -65,9 +70,26 @@ class Draft(_Common):
     markers: MarkersRecord | None = None
     ball_radius_m: float | None = Field(default=None, gt=0)
 
+    @property
+    def camera(self) -> Camera:
+        """The lens. `BundleError`: there is none yet."""
+        if self.lens is None:
+            raise BundleError(f"the calibration has no lens yet: {MAKERS['lens']}")
+        return _camera(self.lens)
+
+    @property
+    def view(self) -> View:
+        """The camera over the level plate. `BundleError`: lens or plate are missing."""
+        if self.plate is None:
+            raise BundleError(f"the calibration has no plate yet: {MAKERS['plate']}")
+        pose, covariance = self.plate.camera_from_plate, self.plate.covariance
+        return View(self.camera, np.array(pose), np.array(covariance))
+
     def with_section(self, name: str, section: Section, **records: Any) -> "Draft":
-        """The draft with some records new and the section that says where they came from."""
-        sections = {**self.sections, name: section}
+        """The draft with some records new and the section that says where they came from; a record
+        that becomes None takes its section with it."""
+        gone = {key for key, record in records.items() if record is None}
+        sections = {k: v for k, v in self.sections.items() if k not in gone} | {name: section}
         return self.model_copy(update={**records, "sections": sections, "made": section.made})
 
 
@@ -81,10 +103,7 @@ class Bundle(_Common):
 
     @cached_property
     def view(self) -> View:
-        lens = self.lens
-        camera = Camera(
-            np.array(lens.matrix), np.array(lens.distortion), lens.width_px, lens.height_px
-        )
+        camera = _camera(self.lens)
         return View(camera, np.array(self.plate.camera_from_plate), np.array(self.plate.covariance))
 
     @cached_property

@@ -1,8 +1,8 @@
 """Was the camera knocked since its calibration? Markers that stand still tell.
 
 Fixed markers lie beside the plate, on the frame or the desk, and belong to the plate's dictionary
-but not to its layout. Where there are none, the plate's own centre serves: the plate turns about it,
-so it does not move sideways either.
+but not to its layout. Where there are none, the plate's own centre serves: the plate turns about
+it, so it does not move sideways either.
 """
 
 from collections.abc import Sequence
@@ -57,9 +57,7 @@ def fixed_markers(
     )
 
 
-def knocked(
-    found: FoundMarkers, fixed: FixedRecord, *, limit_mm: float = LIMIT_MM
-) -> Knock | None:
+def knocked(found: FoundMarkers, fixed: FixedRecord, *, limit_mm: float = LIMIT_MM) -> Knock | None:
     """A knock, if most of the fixed markers that are seen moved; None else, or with none seen.
 
     A marker that moves alone was pushed itself: it says nothing of the camera.

@@ -120,11 +120,31 @@ def _plate_strip(page: Page, layout: MarkerLayout, origin, top: float, bottom: f
         page.lines += [(x0 - 5, y0, x0 + 5, y0), (x0, y0 - 5, x0, y0 + 5)]
 
 
+def fixed_page(ids: Sequence[int], dictionary: str, side_m: float, paper: str = "a4") -> Page:
+    """Markers to be cut out and glued beside the plate, where they stand still. ValueError: the
+    paper is too small."""
+    side, gap = 1e3 * side_m, 15.0
+    page = _fitting(paper, len(ids) * side + (len(ids) - 1) * gap, side, "the fixed markers")
+    book = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
+    cells = book.markerSize + 2
+    for i, number in enumerate(ids):
+        x, y = 20.0 + i * (side + gap), 20.0
+        drawn = np.asarray(cv2.aruco.generateImageMarker(book, int(number), cells)) < 128
+        page.pattern(drawn, x, y, side / cells)
+        page.texts.append((x, y + side + 6.0, 2.5, f"fixed {number}, side {side:g} mm"))
+    page.ruler(20.0, page.height_mm - MARGIN_MM)
+    text = "glue flat beside the plate, with white all round; they must not move"
+    page.texts.append((20.0, 12.0, 3.0, text))
+    return page
+
+
 def sheet_files(
-    sheet: Sheet, layout: MarkerLayout, plate_side_m: float, paper: str
+    sheet: Sheet, layout: MarkerLayout, plate_side_m: float, paper: str, fixed: Sequence[int]
 ) -> dict[str, Sequence[Page]]:
     """File name (without suffix) -> pages of everything that a calibration needs printed."""
+    marker_m = float(np.ptp(layout.corners_m[0, :, 0]))
     return {
         "charuco": [board_page(sheet, paper)],
         "plate": plate_pages(layout, plate_side_m, paper),
+        "fixed": [fixed_page(fixed, layout.dictionary, marker_m, paper)],
     }

@@ -1,7 +1,7 @@
 """A ball's run against the encoders: level, play of the joint, and the camera's delay.
 
-With the plate at sin(phi) = ratio sin(theta_p), theta_p the servo angle behind the joint's play, the
-ball's centre obeys x'' + r phi'' = k g (sin(phi) + slope) but for terms of second order in the
+With the plate at sin(phi) = ratio sin(theta_p), theta_p the servo angle behind the joint's play,
+the ball's centre obeys x'' + r phi'' = k g (sin(phi) + slope) but for terms of second order in the
 tilt. In a window of a second everything but the start is known from the encoder: integrated twice,
 
     x(t) + r phi(t) = x0 + v0 t + c J(t) + b t^2/2,   J'' = sin(theta_p),  c = k g ratio,
@@ -146,7 +146,10 @@ def _finish(made, best: np.ndarray, rig: Rig, late: bool) -> RollingFit:
     play, lateness = float(best[0]), float(best[1]) if late else 0.0
     residual, (c, b), parts = _joint(made, play, lateness)
     steps = (1e-4, 1e-4)
-    ups = [_left(made, play + steps[0], lateness, c, b), _left(made, play, lateness + steps[1], c, b)]
+    ups = [
+        _left(made, play + steps[0], lateness, c, b),
+        _left(made, play, lateness + steps[1], c, b),
+    ]
     base = _left(made, play, lateness, c, b)
     extra = [(up - base) / step for up, step in zip(ups, steps, strict=True)]
     columns = np.concatenate([col for part in parts for col in part[0]])

@@ -89,7 +89,7 @@ def servo_record(ramped: Trace, pulsed: Trace) -> ServoRecord:
 
 
 def moves(trace: Trace, axis: int) -> list[Move]:
-    """The moves from rest of one axis, without the first in each direction: it takes up the play."""
+    """The moves from rest of one axis, but for the first in each direction: it takes up play."""
     numbers, found, last_sign = trace.move[:, axis], [], 0.0
     for number in range(1, int(numbers.max(initial=0)) + 1):
         rows = np.flatnonzero(np.abs(numbers) == number)
@@ -162,12 +162,11 @@ def fit_pulses(found: list[Move]) -> tuple[Value, Value, Value, Value]:
 
     def fit(some: list[Move]) -> np.ndarray:
         def left(p: np.ndarray) -> np.ndarray:
-            return np.concatenate(
-                [1e3 * (pulse_angle(move, *p) - move.theta_rad) for move in some]
-            )
+            return np.concatenate([1e3 * (pulse_angle(move, *p) - move.theta_rad) for move in some])
 
         bounds = ([0.01, 1e-3, -2.0, 0.0], [100.0, 1.0, 2.0, 3.0])
-        return least_squares(left, [1.6, 0.03, 0.0, 0.15], bounds=bounds, x_scale=[1, 0.02, 0.1, 0.1]).x  # fmt: skip
+        scale = [1.0, 0.02, 0.1, 0.1]
+        return least_squares(left, [1.6, 0.03, 0.0, 0.15], bounds=bounds, x_scale=scale).x
 
     best = fit(found)
     groups = min(8, len(found) // 2)

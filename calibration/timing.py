@@ -19,6 +19,8 @@ from calibration.backlash import behind_play
 from calibration.records import TimingRecord, Value
 from calibration.sheet import CalibrationError
 from rig.parameters import Rig
+from vision.frames import Frame
+from vision.markers import MarkerLayout, find_pose, track_pose
 from vision.view import View
 
 MIN_FRAMES, MIN_SPEED_RAD_S = 60, 0.5
@@ -76,7 +78,9 @@ def camera_delay(wiggle: Wiggle, rig: Rig) -> TimingRecord:
         return least_squares(left, start, bounds=bounds, x_scale=scale, diff_step=1e-3).x
 
     whole = np.arange(len(stamp))
-    starts = [np.array((late, play, play)) for late in (0.005, 0.05, 0.12) for play in (0.003, 0.03)]
+    starts = [
+        np.array((late, play, play)) for late in (0.005, 0.05, 0.12) for play in (0.003, 0.03)
+    ]
     fits = [fit(whole, start) for start in starts]
     best = min(fits, key=lambda p: float(np.sum(_residual(wiggle, rig, stamp, sines, p) ** 2)))
     rms = float(np.sqrt(np.mean(_residual(wiggle, rig, stamp, sines, best) ** 2)))
@@ -107,3 +111,32 @@ def _residual(wiggle: Wiggle, rig: Rig, stamp, sines, p: np.ndarray) -> np.ndarr
         columns = np.column_stack((np.ones_like(told), told))
         left[:, a] = sines[:, a] - columns @ np.linalg.lstsq(columns, sines[:, a])[0]
     return left
+
+
+def expected_sines(wiggle: Wiggle, record: TimingRecord, rig: Rig) -> np.ndarray:
+    """Sines (m, 2) that the encoders tell of each frame at the recorded delay and plays."""
+    p = np.array((record.delay_s.value, record.play_rad["x"], record.play_rad["y"]))
+    return wiggle.sines - _residual(wiggle, rig, wiggle.stamp_s, wiggle.sines, p)
+
+
+class TiltWatch:
+    """Follows the plate's markers from frame to frame and keeps its tilt against `level`."""
+
+    def __init__(self, level: View, layout: MarkerLayout) -> None:
+        self._level, self._layout, self._last = level, layout, level
+        self._seen: list[tuple[float, float, float]] = []
+
+    def look(self, frame: Frame) -> None:
+        """Look at one frame; where the markers are not found it is passed over."""
+        fit = track_pose(frame.image, self._layout, self._last)
+        if not fit.accepted:
+            fit = find_pose(frame.image, self._layout, self._level.camera)
+        if fit is None or not fit.accepted:
+            return
+        self._last = fit.view
+        self._seen.append((frame.t_s, *plate_sines(fit.view, self._level)))
+
+    def seen(self) -> tuple[np.ndarray, np.ndarray]:
+        """Stamps (m,) and sines (m, 2) of the frames in which the plate was seen."""
+        found = np.array(self._seen).reshape(-1, 3)
+        return found[:, 0], found[:, 1:]
