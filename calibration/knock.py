@@ -58,7 +58,7 @@ def fixed_markers(
 
 
 def knocked(found: FoundMarkers, fixed: FixedRecord, *, limit_mm: float = LIMIT_MM) -> Knock | None:
-    """A knock, if most of the fixed markers that are seen moved; None else, or with none seen.
+    """A knock, if most of the fixed markers that are seen moved; None else, or with too few seen.
 
     A marker that moves alone was pushed itself: it says nothing of the camera.
     """
@@ -68,7 +68,7 @@ def knocked(found: FoundMarkers, fixed: FixedRecord, *, limit_mm: float = LIMIT_
         for number, corners in zip(found.ids, found.corners_px, strict=True)
         if int(number) in before
     ]
-    if not moves:
+    if len(moves) < min(2, len(fixed.ids)):
         return None
     far = np.linalg.norm(moves, axis=1)
     moved_px = float(np.median(far))
@@ -78,8 +78,9 @@ def knocked(found: FoundMarkers, fixed: FixedRecord, *, limit_mm: float = LIMIT_
     return Knock(
         moved_px,
         moved_mm,
-        f"moved camera: {len(far)} fixed markers lie {moved_px:.1f} px ({moved_mm:.1f} mm) from "
-        "where they were at the calibration: run rig calibrate table again",
+        f"moved camera: of {len(fixed.ids)} fixed markers {len(far)} lie {moved_px:.1f} px "
+        f"({moved_mm:.1f} mm) from where they were at the calibration: run rig calibrate table "
+        "again",
     )
 
 

@@ -162,11 +162,12 @@ def _settle(table: Table, seconds: float = 0.3) -> None:
         now = table.read()
 
 
-def wiggle(period_s: float, seconds: float, hertz: tuple[float, ...], share: float = 1.0) -> Axis:
-    """Follow a sum of sines that fills 0.3 rad, for the camera's delay against the encoders."""
-    size = 0.3 * share / max(len(hertz), 1)
+def wiggle(period_s: float, seconds: float, hertz: tuple[float, ...]) -> Axis:
+    """Follow a sum of sines of 0.3 rad in all, for the camera's delay against the encoders."""
+    size = 0.3 / max(len(hertz), 1)
     theta = yield 0.0, 0
     for k in range(round(seconds / period_s)):
         t = k * period_s
-        target = size * sum(np.sin(2 * np.pi * f * t + i) - np.sin(i) for i, f in enumerate(hertz))
+        waves = sum(np.sin(2 * np.pi * f * t + i) for i, f in enumerate(hertz))
+        target = size * min(t / 0.5, 1.0) * waves
         theta = yield float(np.clip(14.0 * (target - theta), -6.0, 6.0)), 0

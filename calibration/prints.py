@@ -123,7 +123,7 @@ def _plate_strip(page: Page, layout: MarkerLayout, origin, top: float, bottom: f
 def fixed_page(ids: Sequence[int], dictionary: str, side_m: float, paper: str = "a4") -> Page:
     """Markers to be cut out and glued beside the plate, where they stand still. ValueError: the
     paper is too small."""
-    side, gap = 1e3 * side_m, 15.0
+    side, gap = 1e3 * side_m, 26.0
     page = _fitting(paper, len(ids) * side + (len(ids) - 1) * gap, side, "the fixed markers")
     book = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
     cells = book.markerSize + 2
@@ -133,7 +133,7 @@ def fixed_page(ids: Sequence[int], dictionary: str, side_m: float, paper: str = 
         page.pattern(drawn, x, y, side / cells)
         page.texts.append((x, y + side + 6.0, 2.5, f"fixed {number}, side {side:g} mm"))
     page.ruler(20.0, page.height_mm - MARGIN_MM)
-    text = "glue flat beside the plate, with white all round; they must not move"
+    text = "glue flat beside the plate with 12 mm of white all round; they must not move"
     page.texts.append((20.0, 12.0, 3.0, text))
     return page
 

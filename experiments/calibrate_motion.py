@@ -189,7 +189,9 @@ def _virtual_wiggle(rig: Rig, folder: CalibrationFolder, seconds: float, seed: i
     with SimulatedTable(rig, np.random.default_rng([seed, 11]), held=True, eye=eye) as table:
         axis = [wiggle(table.period_s, seconds, WIGGLE_HZ) for _ in range(2)]
         trace = perform(table, (axis[0], axis[1]))
-    return Wiggle(trace.t_s, trace.theta_rad, *watch.seen())
+    stamp, sines = watch.seen()
+    during = stamp <= trace.t_s[-1]
+    return Wiggle(trace.t_s, trace.theta_rad, stamp[during], sines[during])
 
 
 def _filmed(log: Log, video: str, folder: CalibrationFolder) -> Wiggle:
