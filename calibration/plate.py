@@ -6,14 +6,14 @@ from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
-from calibration.sheet import CalibrationError, Sheet, sheet_view
+from calibration.print_scale import scale_on_plate
+from calibration.sheet import CalibrationError, Sheet
 from vision.markers import MarkerLayout, detect, edge_offsets, find_pose
 from vision.view import Camera, View
 
 MIN_FRAMES = 3
 MAX_RESIDUAL_MM = 0.3
 MAX_SCATTER_MM = 0.3
-MAX_SCALE_ERROR = 0.01  # a board 5 mm thick under a camera 0.75 m up looks 0.7 % larger
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,33 +65,8 @@ def level_pose(
     residual_mm = _residual_mm([image for image, _ in good], layout, view)
     known = [v.pose_cov for v in views if v.pose_cov is not None]
     covariance = np.mean(known, axis=0) / len(known)
-    scale = _sheet_scale([image for image, _ in good], view, sheet) if sheet else None
+    scale = scale_on_plate([image for image, _ in good], view, sheet) if sheet else None
     return PlatePose(view.camera_from_plate, covariance, residual_mm, scatter_mm, len(good), scale)
-
-
-def _sheet_scale(images, view: View, sheet: Sheet) -> float | None:
-    """Size of the sheet on the plate over what it is said to be; None where none lies there.
-
-    A lens cannot tell a small sheet from a far one, so this is where a wrong square size shows.
-    """
-    scales = []
-    for image in images:
-        seen = sheet_view(image, sheet)
-        if seen is None:
-            continue
-        there, told = view.plate_from_pixel(seen.corners_px), seen.points_m[:, :2]
-        there, told = there - there.mean(axis=0), told - told.mean(axis=0)
-        scales.append(float(np.sqrt(np.sum(there**2) / np.sum(told**2))))
-    if not scales:
-        return None
-    scale = float(np.median(scales))
-    if abs(scale - 1) > MAX_SCALE_ERROR:
-        raise CalibrationError(
-            f"wrong square size: the sheet on the plate measures {scale:.3f} times what was said, "
-            f"{1e3 * scale * sheet.square_m:.2f} mm a square instead of "
-            f"{1e3 * sheet.square_m:g} mm (limit {MAX_SCALE_ERROR:.0%}): measure both prints"
-        )
-    return scale
 
 
 def _checked(image: np.ndarray, camera: Camera) -> np.ndarray:

@@ -79,15 +79,16 @@ def camera(
     but the coverage so far."""
     rig = load_rig(rig_file)
     folder = CalibrationFolder(out, _kind(source))
+    layout = default_layout(rig.linkage.plate_side_m)
     if source is None:
         made = Renderer(virtual_scene(rig), virtual_view(), np.random.default_rng([seed, 6]))
         rng = np.random.default_rng([seed, 7])
         shots = list(sheet_pictures(made, sheet, VIRTUAL_PICTURES, rng))
-        lens = calibrate_images(shots, sheet, distance_m=distance_m)
+        lens = calibrate_images(shots, sheet, distance_m=distance_m, layout=layout)
     elif Path(source).is_dir():
         with open_source(source) as frames:
             shots = [frame.image for frame in frames]
-        lens = calibrate_images(shots, sheet, distance_m=distance_m)
+        lens = calibrate_images(shots, sheet, distance_m=distance_m, layout=layout)
     else:
         lens = _from_frames(source, folder, sheet, distance_m, most, seconds)
     pictures = [
@@ -109,6 +110,11 @@ def camera(
         f"+- {lens.std['fx']:.1f} px, on the plate {lens.plate_std_mm:.3f} mm uncertain, half sets "
         f"{lens.half_set_mm:.3f} mm apart, {lens.coverage:.0%} of the image covered"
     )
+    if not lens.scale_checked:
+        typer.echo(
+            "the lens does not depend on the squares' size, the plate's place may: let the sheet "
+            "lie flat on the plate in one picture here or in rig calibrate table to check it"
+        )
     return lens
 
 

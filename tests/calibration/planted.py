@@ -157,6 +157,12 @@ def wrong_square_scale(seed: int):
     )
 
 
+def wrong_square_in_set(seed: int):
+    """A whole set with a print 3 % small, one picture of it lying on the plate."""
+    shots = [*pictures(seed), sheet_on_plate(seed, 0.97)[0]]
+    return calibrate_images(shots, SHEET, layout=default_layout(0.275))
+
+
 def swapped_board(seed: int):
     return calibrate_images(pictures(seed, Sheet(8, 11)), SHEET)
 
@@ -252,6 +258,7 @@ def wrong_lens_model(seed: int):
 FAULTS = (
     Fault("wrong square size (ratio to the markers)", "wrong square size", wrong_square_ratio),
     Fault("wrong square size (whole print 3 % small)", "wrong square size", wrong_square_scale),
+    Fault("wrong square size (the same in the set)", "wrong square size", wrong_square_in_set),
     Fault("swapped board", "swapped board", swapped_board),
     Fault("three views", "too few views", three_views),
     Fault("no tilt", "no tilt", no_tilt),
