@@ -138,8 +138,12 @@ def _content(page: Page) -> bytes:
 
 
 def write_png(page: Page, path: Path, dpi: float = 300.0) -> None:
-    """Write one page as pixels, without its texts. OSError where the file cannot be written."""
+    """Write one page as pixels. OSError where the file cannot be written."""
     import cv2
 
-    if not cv2.imwrite(str(path), page.pixels(dpi)):
+    image, scale = page.pixels(dpi), dpi / 25.4
+    for x, y, tall, text in page.texts:
+        place, size = (round(x * scale), round(y * scale)), 0.7 * tall * scale / 21
+        cv2.putText(image, text, place, cv2.FONT_HERSHEY_SIMPLEX, size, (90,), 2, cv2.LINE_AA)
+    if not cv2.imwrite(str(path), image):
         raise OSError(f"{path}: cannot be written")

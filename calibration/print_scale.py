@@ -13,9 +13,8 @@ from vision.markers import MarkerLayout, find_pose
 from vision.view import Camera, View
 
 MAX_ERROR = 0.01  # a board 5 mm thick under a camera 0.75 m up looks 0.7 % larger
-_FLAT_RAD, _NEAR = np.radians(0.6), 0.1
+_FLAT_RAD, _NEAR, _SUNK = np.radians(0.6), 0.1, 0.02
 _LOOKED_AT = 40
-_PLATE_M = 0.1  # so far from its middle there is plate for sure
 
 
 def scale_on_plate(images: Sequence[np.ndarray], view: View, sheet: Sheet) -> float | None:
@@ -55,9 +54,9 @@ def check_against_plate(
         if flat and abs(scale - 1) < _NEAR:
             _refuse(scale, sheet)
             checked = True
-        elif sunk > MAX_ERROR:
+        elif sunk > _SUNK:
             raise CalibrationError(
-                f"wrong square size: in picture {view.index} the sheet would reach {sunk:.1%} of "
+                f"wrong square size: in picture {view.index} the sheet would lie {sunk:.1%} of "
                 "the distance below the plate: the squares are smaller than "
                 f"{1e3 * sheet.square_m:g} mm; measure the print (--square-mm)"
             )
@@ -66,7 +65,7 @@ def check_against_plate(
 
 def _against(seen: SheetView, plate: View, camera: Camera) -> tuple[bool, float, float]:
     """Of a sheet over a plate: does it look flat on it, how large would it be lying there, and how
-    far does it reach below the plate, as a share of the distance."""
+    far does its middle lie below the plate, as a share of the distance."""
     import cv2
 
     _, turn, shift = cv2.solvePnP(seen.points_m, seen.corners_px, camera.matrix, camera.distortion)
@@ -75,13 +74,11 @@ def _against(seen: SheetView, plate: View, camera: Camera) -> tuple[bool, float,
     normal, middle = pose[:3, 2], pose[:3, 3]
     corners = seen.points_m @ rotation.T + np.asarray(shift).reshape(3) - middle
     heights = corners @ normal
-    over = np.abs(corners @ pose[:3, :2]).max(axis=1) < _PLATE_M  # beside it they may hang down
     far = abs(float(middle @ normal))
     flat = np.arccos(min(abs(float(rotation[:, 2] @ normal)), 1.0)) < _FLAT_RAD
     # A sheet on the plate that is told s times too small comes out 1/s too near.
     scale = far / max(far - float(heights.mean()), 1e-6)
-    deepest = float(heights[over].min()) if over.any() else 0.0
-    return bool(flat), scale, -deepest / far
+    return bool(flat), scale, float(-heights.mean() / far)
 
 
 def _refuse(scale: float, sheet: Sheet) -> None:

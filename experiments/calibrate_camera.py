@@ -11,7 +11,12 @@ import typer
 from pydantic import ValidationError
 
 from calibration.bundle import lens_record, markers_record, plate_record
-from calibration.camera import CameraCalibration, calibrate_images, calibrate_views
+from calibration.camera import (
+    MIN_VIEWS,
+    CameraCalibration,
+    calibrate_images,
+    calibrate_views,
+)
 from calibration.knock import FIXED_IDS, fixed_markers
 from calibration.pages import write_pdf, write_png
 from calibration.pictures import refuse_blurred_pictures, refuse_wrong_sheet
@@ -146,7 +151,7 @@ def _from_frames(
     if not picker.samples:
         raise CalibrationError(f"{source}: no frames")
     refuse_wrong_sheet(picker.samples, sheet)
-    if len(picker.views) < 15:
+    if len(picker.views) < MIN_VIEWS:
         refuse_blurred_pictures(picker.samples, len(picker.views))
     return calibrate_views(picker.views, sheet, picker.size, distance_m=distance_m)
 
