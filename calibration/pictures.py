@@ -1,6 +1,7 @@
 """What is wrong with pictures of a calibration sheet, by name, before anything is fitted."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -28,7 +29,7 @@ def refuse_wrong_sheet(images: Sequence[np.ndarray], sheet: Sheet) -> None:
     some = [_grey(images[i]) for i in _spread(len(images))]
     own = [_markers(image, sheet.dictionary) for image in some]
     if sum(len(ids) >= _MIN_MARKERS for ids, _ in own) >= 1:
-        _refuse_other_board(own, sheet)
+        _refuse_other_board(own, sheet, some)
         return
     flipped = [_markers(image[:, ::-1], sheet.dictionary) for image in some]
     if sum(len(ids) >= _MIN_MARKERS for ids, _ in flipped) >= 1:
@@ -74,12 +75,22 @@ def _markers(grey: np.ndarray, dictionary: str) -> tuple[np.ndarray, np.ndarray]
     return np.asarray(ids).reshape(-1), np.asarray(corners, float).reshape(-1, 4, 2)
 
 
-def _refuse_other_board(found: list[tuple[np.ndarray, np.ndarray]], sheet: Sheet) -> None:
+def _refuse_other_board(
+    found: list[tuple[np.ndarray, np.ndarray]], sheet: Sheet, images: Sequence[np.ndarray]
+) -> None:
     misplaced = [off for ids, px in found if (off := _off_squares(ids, px, sheet)) is not None]
     on_board = set(np.asarray(sheet.board.getIds()).reshape(-1).tolist())
     strangers = {int(i) for ids, _ in found for i in ids} - on_board
     if len(strangers) < 3 and (not misplaced or np.median(misplaced) < _OFF_SQUARES):
         return
+    for name in _BOOKS[:4]:  # the plate's own markers may be of the dictionary that was told
+        other = replace(sheet, dictionary=name) if sheet.columns * sheet.rows <= 101 else sheet
+        offs = [_off_squares(*_markers(image, name), other) for image in images[::2]]
+        if name != sheet.dictionary and sum(o is not None and o < _OFF_SQUARES for o in offs) >= 2:
+            raise CalibrationError(
+                f"wrong dictionary: the sheet in the pictures has markers of {name}, not of "
+                f"{sheet.dictionary}: name the sheet that was printed (--dictionary)"
+            )
     turned = Sheet(sheet.rows, sheet.columns, sheet.square_m, sheet.marker_m, sheet.dictionary)
     offs = [off for ids, px in found if (off := _off_squares(ids, px, turned)) is not None]
     guess = (

@@ -15,6 +15,7 @@ from vision.view import Camera, View
 MAX_ERROR = 0.01  # a board 5 mm thick under a camera 0.75 m up looks 0.7 % larger
 _FLAT_RAD, _NEAR, _SUNK = np.radians(0.6), 0.1, 0.02
 _LOOKED_AT = 40
+_LYING_M = 0.0007
 
 
 def scale_on_plate(images: Sequence[np.ndarray], view: View, sheet: Sheet) -> float | None:
@@ -24,13 +25,23 @@ def scale_on_plate(images: Sequence[np.ndarray], view: View, sheet: Sheet) -> fl
     for image in images:
         seen = sheet_view(image, sheet)
         if seen is not None:
-            there, told = view.plate_from_pixel(seen.corners_px), seen.points_m[:, :2]
-            there, told = there - there.mean(axis=0), told - told.mean(axis=0)
-            scales.append(float(np.sqrt(np.sum(there**2) / np.sum(told**2))))
+            scale, left_m = _similar(view.plate_from_pixel(seen.corners_px), seen.points_m)
+            if left_m < _LYING_M:
+                scales.append(scale)
     if not scales:
         return None
     _refuse(float(np.median(scales)), sheet)
     return float(np.median(scales))
+
+
+def _similar(there: np.ndarray, points_m: np.ndarray) -> tuple[float, float]:
+    """Scale of the similarity that lays `points_m` (n, 3), y down, onto `there` (n, 2), y up, and
+    the rms distance that is left [m]: only a sheet that lies on the plate fits."""
+    seen = (there - there.mean(axis=0)) @ (1, 1j)
+    told = points_m[:, :2] @ (1, -1j)
+    told = told - told.mean()
+    factor = np.vdot(told, seen) / np.vdot(told, told)
+    return float(abs(factor)), float(np.sqrt(np.mean(np.abs(seen - factor * told) ** 2)))
 
 
 def check_against_plate(

@@ -120,7 +120,9 @@ def test_pictures_from_a_folder(pictures: Path, tmp_path: Path, capsys):
     assert call("calibrate", "servo", "--out", tmp_path) == 2
     assert "holds a measured calibration" in capsys.readouterr().err
     assert call("calibrate", "table", tmp_path / "none", "--out", tmp_path) == 2
-    assert call("calibrate", "table", pictures, "--out", tmp_path) == 2
+    # A sheet that is held over the plate does not check its print's scale.
+    assert call("calibrate", "table", pictures, "--out", tmp_path) == 0
+    assert "scale was not checked" in capsys.readouterr().err
 
 
 def test_a_video_gives_its_best_pictures(shots, tmp_path: Path):
