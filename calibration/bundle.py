@@ -4,68 +4,98 @@ import json
 from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
-from typing import Literal, NoReturn
+from typing import Any, Literal, NoReturn, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from calibration.camera import CameraCalibration, Sheet, calibrate_images
 from calibration.plate import PlatePose, level_pose
-from calibration.sheet_poses import sheet_poses
+from calibration.records import (
+    FixedRecord,
+    LensRecord,
+    LevelRecord,
+    MarkersRecord,
+    PlateRecord,
+    Section,
+    ServoRecord,
+    Strict,
+    TimingRecord,
+)
+from calibration.virtual import sheet_pictures
 from vision.markers import MarkerLayout
 from vision.synthetic import Renderer
 from vision.view import Camera, View
+
+_B = TypeVar("_B", "Bundle", "Draft")
+MAKERS = {
+    "lens": "run rig calibrate camera",
+    "plate": "run rig calibrate table",
+    "markers": "run rig calibrate table",
+}
 
 
 class BundleError(ValueError):
     """A calibration file that cannot be used; the message names the key and the cure."""
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class LensRecord(_Strict):
-    """The camera; `std` by parameter name, in px (k and p without unit)."""
-
-    matrix: list[list[float]] = Field(min_length=3, max_length=3)
-    distortion: list[float] = Field(min_length=5, max_length=5)
-    width_px: int = Field(gt=0)
-    height_px: int = Field(gt=0)
-    std: dict[str, float]
-    rms_px: float = Field(ge=0)
-    views: int = Field(ge=0)
-    coverage: float = Field(ge=0, le=1)
-    plate_std_mm: float = Field(ge=0)
-    half_set_mm: float = Field(ge=0)
-    flags: list[str]
-
-
-class PlateRecord(_Strict):
-    """The level plate; `covariance` of its pose as in `View.pose_cov`."""
-
-    camera_from_plate: list[list[float]] = Field(min_length=4, max_length=4)
-    covariance: list[list[float]] = Field(min_length=6, max_length=6)
-    residual_mm: float = Field(ge=0)
-    scatter_mm: float = Field(ge=0)
-    frames: int = Field(ge=0)
-    side_m: float = Field(gt=0)
-
-
-class MarkersRecord(_Strict):
-    """The printed markers: ids and corners in the plate frame, metres."""
-
-    dictionary: str
-    ids: list[int]
-    corners_m: list[list[list[float]]]
-
-
-class Bundle(_Strict):
-    """A calibration. `view` is the camera over the level plate, `layout` the markers on it."""
+class _Common(Strict):
+    """What a finished and an unfinished file share. `sections`: where each part came from."""
 
     schema_version: Literal[1] = 1
     made: datetime
     source: Literal["measured", "simulated"]
+    fixed: FixedRecord | None = None
+    timing: TimingRecord | None = None
+    level: LevelRecord | None = None
+    servo: ServoRecord | None = None
+    sections: dict[str, Section] = Field(default_factory=dict)
+
+    def save(self, path: str | Path) -> None:
+        """Write the bundle as JSON; the folder must exist."""
+        text = json.dumps(self.model_dump(mode="json", exclude_none=True), indent=1)
+        Path(path).write_text(text + "\n", encoding="utf-8")
+
+
+def _camera(lens: LensRecord) -> Camera:
+    matrix, distortion = np.array(lens.matrix), np.array(lens.distortion)
+    return Camera(matrix, distortion, lens.width_px, lens.height_px)
+
+
+class Draft(_Common):
+    """A calibration that is being made, one section after the other, in any order."""
+
+    lens: LensRecord | None = None
+    plate: PlateRecord | None = None
+    markers: MarkersRecord | None = None
+    ball_radius_m: float | None = Field(default=None, gt=0)
+
+    @property
+    def camera(self) -> Camera:
+        """The lens. `BundleError`: there is none yet."""
+        if self.lens is None:
+            raise BundleError(f"the calibration has no lens yet: {MAKERS['lens']}")
+        return _camera(self.lens)
+
+    @property
+    def view(self) -> View:
+        """The camera over the level plate. `BundleError`: lens or plate are missing."""
+        if self.plate is None:
+            raise BundleError(f"the calibration has no plate yet: {MAKERS['plate']}")
+        pose, covariance = self.plate.camera_from_plate, self.plate.covariance
+        return View(self.camera, np.array(pose), np.array(covariance))
+
+    def with_section(self, name: str, section: Section, **records: Any) -> "Draft":
+        """The draft with some records new and the section that says where they came from; a record
+        that becomes None takes its section with it."""
+        gone = {key for key, record in records.items() if record is None}
+        sections = {k: v for k, v in self.sections.items() if k not in gone} | {name: section}
+        return self.model_copy(update={**records, "sections": sections, "made": section.made})
+
+
+class Bundle(_Common):
+    """A calibration. `view` is the camera over the level plate, `layout` the markers on it."""
+
     lens: LensRecord
     plate: PlateRecord
     markers: MarkersRecord
@@ -73,10 +103,7 @@ class Bundle(_Strict):
 
     @cached_property
     def view(self) -> View:
-        lens = self.lens
-        camera = Camera(
-            np.array(lens.matrix), np.array(lens.distortion), lens.width_px, lens.height_px
-        )
+        camera = _camera(self.lens)
         return View(camera, np.array(self.plate.camera_from_plate), np.array(self.plate.covariance))
 
     @cached_property
@@ -96,29 +123,38 @@ class Bundle(_Strict):
                 f"gives {width_px}x{height_px} px: set that size or calibrate again"
             )
 
-    def save(self, path: str | Path) -> None:
-        """Write the bundle as JSON; the folder must exist."""
-        text = json.dumps(self.model_dump(mode="json"), indent=1)
-        Path(path).write_text(text + "\n", encoding="utf-8")
-
 
 def load(path: str | Path) -> Bundle:
     """Read a bundle. Raises `BundleError` for anything else, `OSError` for an unreadable file."""
+    bundle = _read(path, Bundle)
     try:
-        text = Path(path).read_text(encoding="utf-8")
-        bundle = Bundle.model_validate(json.loads(text))
         _ = bundle.view, bundle.layout  # shapes and dictionary
+    except ValueError as error:
+        raise BundleError(f"{path} is no calibration bundle: {error}") from error
+    return bundle
+
+
+def load_draft(path: str | Path) -> Draft:
+    """Read a bundle that may lack sections; errors as `load`."""
+    return _read(path, Draft)
+
+
+def _read(path: str | Path, kind: type[_B]) -> _B:
+    try:
+        return kind.model_validate(json.loads(Path(path).read_text(encoding="utf-8")))
     except ValidationError as error:
         _explain(Path(path), error)
     except ValueError as error:
         raise BundleError(f"{path} is no calibration bundle: {error}") from error
-    return bundle
 
 
 def _explain(path: Path, error: ValidationError) -> NoReturn:
     """One line about the first fault; an unknown key lists the known ones."""
     fault = error.errors()[0]
     where = ".".join(str(part) for part in fault["loc"]) or "the file"
+    missing = MAKERS.get(where) if fault["type"] == "missing" else None
+    if missing is not None:
+        raise BundleError(f"{path} has no {where} yet: {missing}") from error
     if fault["type"] != "extra_forbidden":
         raise BundleError(f"{path}: {where}: {fault['msg']}") from error
     models = {"lens": LensRecord, "plate": PlateRecord, "markers": MarkersRecord}
@@ -127,7 +163,7 @@ def _explain(path: Path, error: ValidationError) -> NoReturn:
     raise BundleError(f"{path}: unknown key {where}; known keys: {known}") from error
 
 
-def _lens_record(lens: CameraCalibration) -> LensRecord:
+def lens_record(lens: CameraCalibration) -> LensRecord:
     camera = lens.camera
     return LensRecord(
         matrix=camera.matrix.tolist(),
@@ -141,6 +177,29 @@ def _lens_record(lens: CameraCalibration) -> LensRecord:
         plate_std_mm=lens.plate_std_mm,
         half_set_mm=lens.half_set_mm,
         flags=list(lens.flags),
+        uncertainty_mm=None if lens.std_map_mm is None else lens.std_map_mm.tolist(),
+        half_set_map_mm=None if lens.half_map_mm is None else lens.half_map_mm.tolist(),
+        view_rms_px=list(lens.view_rms_px),
+    )
+
+
+def plate_record(plate: PlatePose, side_m: float) -> PlateRecord:
+    """The section `plate` of a pose found by `level_pose`."""
+    return PlateRecord(
+        camera_from_plate=plate.camera_from_plate.tolist(),
+        covariance=plate.covariance.tolist(),
+        residual_mm=plate.residual_mm,
+        scatter_mm=plate.scatter_mm,
+        frames=plate.frames,
+        side_m=side_m,
+        sheet_scale=plate.sheet_scale,
+    )
+
+
+def markers_record(layout: MarkerLayout) -> MarkersRecord:
+    """The section `markers` of a layout."""
+    return MarkersRecord(
+        dictionary=layout.dictionary, ids=layout.ids.tolist(), corners_m=layout.corners_m.tolist()
     )
 
 
@@ -158,20 +217,9 @@ def make_bundle(
     return Bundle(
         made=made or datetime.now(UTC).replace(microsecond=0),
         source=source,
-        lens=_lens_record(lens),
-        plate=PlateRecord(
-            camera_from_plate=plate.camera_from_plate.tolist(),
-            covariance=plate.covariance.tolist(),
-            residual_mm=plate.residual_mm,
-            scatter_mm=plate.scatter_mm,
-            frames=plate.frames,
-            side_m=plate_side_m,
-        ),
-        markers=MarkersRecord(
-            dictionary=layout.dictionary,
-            ids=layout.ids.tolist(),
-            corners_m=layout.corners_m.tolist(),
-        ),
+        lens=lens_record(lens),
+        plate=plate_record(plate, plate_side_m),
+        markers=markers_record(layout),
         ball_radius_m=ball_radius_m,
     )
 
@@ -185,24 +233,10 @@ def calibrate_virtual(
     frames: int = 8,
     made: datetime | None = None,
 ) -> Bundle:
-    """Calibrate the virtual camera as one would a real one: from its pictures alone.
-
-    The renderer's view serves only to hold the sheet where a person would, before the lens.
-    """
-    sheet = sheet or Sheet()
-    camera, scene = renderer.view.camera, renderer.scene
+    """Calibrate the virtual camera as one would a real one: from its pictures alone."""
+    sheet, scene = sheet or Sheet(), renderer.scene
     distance_m = float(renderer.view.camera_from_plate[2, 3])
-    field = camera.width_px / camera.pinhole[0], camera.height_px / camera.pinhole[1]
-    poses = sheet_poses(sheet, field, distance_m, pictures, rng)
-    px_per_square, margin_px = 140, 140
-    paper = np.pad(sheet.image(px_per_square), margin_px, constant_values=255)
-    margin_m = sheet.square_m * margin_px / px_per_square
-    size_m = (sheet.size_m[0] + 2 * margin_m, sheet.size_m[1] + 2 * margin_m)
-    shots = []
-    for pose in poses:
-        corner = pose.copy()
-        corner[:3, 3] -= pose[:3, :2] @ (margin_m, margin_m)
-        shots.append(renderer.render_sheet(paper, size_m, corner))
+    shots = list(sheet_pictures(renderer, sheet, pictures, rng))
     lens = calibrate_images(shots, sheet, distance_m=distance_m)
     level = [renderer.render(np.eye(3), None) for _ in range(frames)]
     plate = level_pose(level, lens.camera, scene.layout)

@@ -6,7 +6,8 @@ from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
-from calibration.camera import CalibrationError
+from calibration.print_scale import scale_on_plate
+from calibration.sheet import CalibrationError, Sheet
 from vision.markers import MarkerLayout, detect, edge_offsets, find_pose
 from vision.view import Camera, View
 
@@ -22,7 +23,8 @@ class PlatePose:
     `residual_mm` is the rms distance between the markers' printed sides and the layout, over all
     frames' means (noise averages out; a wrong print, a bent plate or a wrong lens does not);
     `scatter_mm` the rms movement of the markers between frames, in space; `covariance` (6, 6) that
-    of the mean pose (see `View.pose_cov`).
+    of the mean pose (see `View.pose_cov`); `sheet_scale` how many times larger than told the
+    calibration sheet on the plate is, where one lay there.
     """
 
     camera_from_plate: np.ndarray
@@ -30,11 +32,15 @@ class PlatePose:
     residual_mm: float
     scatter_mm: float
     frames: int
+    sheet_scale: float | None = None
 
 
-def level_pose(images: Sequence[np.ndarray], camera: Camera, layout: MarkerLayout) -> PlatePose:
+def level_pose(
+    images: Sequence[np.ndarray], camera: Camera, layout: MarkerLayout, sheet: Sheet | None = None
+) -> PlatePose:
     """The plate's pose from frames (h, w, 3) uint8 taken with the plate level and at rest.
 
+    The calibration's `sheet`, where it lies flat on the plate, is measured against the markers.
     Raises `CalibrationError` for too few frames with markers, a plate that moved meanwhile, and
     markers that are not where the layout says.
     """
@@ -53,20 +59,21 @@ def level_pose(images: Sequence[np.ndarray], camera: Camera, layout: MarkerLayou
     scatter_mm = 1e3 * float(np.sqrt(np.mean(np.sum((seen - seen.mean(0)) ** 2, axis=2))))
     if scatter_mm > MAX_SCATTER_MM:
         raise CalibrationError(
-            f"the plate moved by {scatter_mm:.2f} mm rms between the frames (limit "
-            f"{MAX_SCATTER_MM} mm): hold it level and still"
+            f"moved camera or plate: the plate moved by {scatter_mm:.2f} mm rms between the frames "
+            f"(limit {MAX_SCATTER_MM} mm): hold it level and still, fix the camera"
         )
     residual_mm = _residual_mm([image for image, _ in good], layout, view)
     known = [v.pose_cov for v in views if v.pose_cov is not None]
     covariance = np.mean(known, axis=0) / len(known)
-    return PlatePose(view.camera_from_plate, covariance, residual_mm, scatter_mm, len(good))
+    scale = scale_on_plate([image for image, _ in good], view, sheet) if sheet else None
+    return PlatePose(view.camera_from_plate, covariance, residual_mm, scatter_mm, len(good), scale)
 
 
 def _checked(image: np.ndarray, camera: Camera) -> np.ndarray:
     if image.shape[:2] != (camera.height_px, camera.width_px):
         raise CalibrationError(
-            f"a frame of {image.shape[1]}x{image.shape[0]} px does not belong to a camera "
-            f"calibrated at {camera.width_px}x{camera.height_px} px: use the same settings"
+            f"wrong resolution: a frame of {image.shape[1]}x{image.shape[0]} px does not belong to "
+            f"a camera calibrated at {camera.width_px}x{camera.height_px} px: use the same settings"
         )
     return image
 

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from calibration.camera import Sheet
+from calibration.sheet import Sheet
 
 # Where the sheet's centre is aimed, in half images from the middle: corners, sides, middle.
 _AIMS = ((-1, -1), (0, -1), (1, -1), (-1, 1), (0, 1), (1, 1), (0, 0), (0.5, 0))

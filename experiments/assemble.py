@@ -1,5 +1,6 @@
 """The one place where a run is put together: rig, plant, camera, hand."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from importlib.resources import files
 from math import radians
@@ -120,6 +121,25 @@ def rendered_eye(rig: Rig, bundle_path: Path, seed: int):
         appearance=Appearance.of_colour(rig.ball.colour),
     )
     return RenderedEye(renderer, camera, rig.linkage.ratio)
+
+
+def camera_lookout(eye, bundle_path: Path | None) -> Callable[[float], str | None] | None:
+    """What tells whether the camera was knocked: called with the run's time, it gives the sentence
+    for the user once; None where no frames are seen. Works for any eye that keeps its last frame.
+    """
+    if eye is None or bundle_path is None:
+        return None
+    from calibration.bundle import load
+    from calibration.knock import KnockWatch
+
+    watch = KnockWatch(load(bundle_path).fixed)
+
+    def look(t_s: float) -> str | None:
+        if eye.image is None:
+            return None
+        return watch.look(eye.image, t_s, eye.ball_camera.drift_m)
+
+    return look
 
 
 def virtual_scene(rig: Rig):

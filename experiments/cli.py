@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from experiments.calibrate_command import calibrate
 from experiments.gap_command import gap
 
 INTERRUPTED = 130
@@ -188,6 +189,7 @@ def reject(
 
 
 app.command()(gap)
+app.add_typer(calibrate, name="calibrate")
 
 
 def main() -> None:

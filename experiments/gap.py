@@ -26,7 +26,7 @@ def investigate(
     threads: int = 1,
     progress: ProgressCall = silent,
 ) -> Findings:
-    """The answer for logs of one table. quick: without closed loop and next experiment.
+    """The answer for logs of one table. quick: without the closed loop and where the gap is.
 
     ValueError, FileNotFoundError (one line): bad input, see `gap_input.read_evidence`.
     """
@@ -37,6 +37,8 @@ def investigate(
             inputs.logs, inputs.rig, notes=inputs.notes, until=stage, tolerances=tolerances,
             quick=quick, threads=threads, progress=progress,
         )  # fmt: skip
+        if quick and until == "next" and found.rivals is not None:
+            return replace(found.findings, next_experiment=_next(found, inputs))
         if quick or stage not in ("prove", "next"):
             return found.findings
         progress("closed loop and next experiment", 3, 4)

@@ -201,6 +201,8 @@ def course(protocol: Protocol, rig: Rig, seed: int, *, place_std_m: float = 0.00
     placed = np.array([start.x_m, start.y_m]) + place_std_m * where.standard_normal(2)
     placed = np.clip(placed, -reach, reach)
     held = 0.0 if protocol.servo_only else start.hold_s
+    if protocol.servo_only and not rig.walls.present:
+        placed = np.array([2 * half, 2 * half])  # no ball: it lies beside the plate, unseen
     return Course(
         targets(protocol, rig.control_rate_hz, reference),
         pushes(protocol, rig.control_rate_hz, hand),

@@ -9,7 +9,13 @@ from typing import TypeVar
 
 import numpy as np
 
-from experiments.assemble import known, rendered_eye, simulated_hand, simulated_table
+from experiments.assemble import (
+    camera_lookout,
+    known,
+    rendered_eye,
+    simulated_hand,
+    simulated_table,
+)
 from experiments.protocol import Protocol, course
 from experiments.push_detection import detect_pushes
 from experiments.recording import Recorder, write_run
@@ -80,9 +86,10 @@ def truth_record(order: Order) -> dict:
 
 
 class _Watch:
-    """Looks at every row on its way to the recording: a wrong start, pushes, progress."""
+    """Looks at every row on its way to the recording: a wrong start, pushes, progress, a knock."""
 
-    def __init__(self, order: Order, recorder: Recorder, slot: CommandSlot, progress) -> None:
+    def __init__(self, order: Order, recorder: Recorder, slot: CommandSlot, progress, eye) -> None:
+        self._lookout = camera_lookout(eye, order.bundle)
         self._start, self._recorder, self._slot = order.protocol.start, recorder, slot
         self._progress, self._servo_only = progress, order.protocol.servo_only
         self._checked = self._servo_only
@@ -96,6 +103,8 @@ class _Watch:
         if not self._checked and row[_PHASE] > 0 and not np.isnan(row[_BALL]):
             self._checked = True
             self._check_start(row)
+        if self._lookout is not None and (said := self._lookout(float(row[_T]))):
+            self._recorder.event(float(row[_T]), said)
         if (row[_PUSH] > 0) != self._pushed:
             self._pushed = bool(row[_PUSH] > 0)
             if self._pushed:
@@ -139,7 +148,7 @@ def run(
     folder = new_run_folder(order.parent, order.protocol.name, order.arm)
     write_truth(folder, truth_record(order))
     with Recorder(folder, start_record(order)) as recorder:
-        watch = _Watch(order, recorder, slot, progress)
+        watch = _Watch(order, recorder, slot, progress, eye)
         with table:
             ending = Loop(
                 table,

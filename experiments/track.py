@@ -124,6 +124,7 @@ def _follow(
     import numpy as np
 
     from experiments.film import Overlay
+    from experiments.live_frames import frames_of
     from vision.ball_camera import BallCamera
     from vision.overlay import draw
 
@@ -131,6 +132,7 @@ def _follow(
     times: list[float] = []
     trail: deque[tuple[float, float]] = deque(maxlen=TRAIL)
     sheet = Sheet()
+    troubles: list[str] = []
     camera = None
     if calibration is not None:  # the plate's pose is seen in every frame, not taken as level
         camera = BallCamera(
@@ -142,7 +144,7 @@ def _follow(
     ):
         rows = csv.writer(file)
         rows.writerow(PIXEL_COLUMNS + METRIC_COLUMNS)
-        for frame in source:
+        for frame in frames_of(source, troubles):
             if camera is None:
                 track, view = tracker.step(frame), None
             else:
@@ -157,7 +159,8 @@ def _follow(
             sheet.add(drawn)
             if progress is not None:
                 progress(frame.index + 1, source.frames_total)
-    troubles = [film.trouble] if film.trouble else []
+    if film.trouble:
+        troubles.append(film.trouble)
     try:
         sheet.write(out / "contact_sheet.png")
     except OSError as error:
@@ -214,6 +217,7 @@ def _summary(
         "size_px": list(source.size),
         "frames": sum(states.values()),
         "duplicates": source.duplicates,
+        "dropped": source.dropped,
         "missing": source.missing,
         "states": {name: states[name] for name in ("search", "track", "coast", "lost")},
         "start_s": times[0] if times else None,

@@ -1,63 +1,230 @@
-"""A live stream read by its own thread: the newest frame wins.
+"""A live source read by its own thread: the newest frame wins, and troubles come by name.
 
 A reader slower than the camera would otherwise end seconds behind, on frames queued in the driver.
+The thread only takes frames in; they are decoded when somebody wants them, so that it keeps up
+with any camera and a dropped frame costs next to nothing.
 """
 
 from __future__ import annotations
 
+import math
 import threading
 import time
-from typing import Protocol
+from collections.abc import Callable
+from typing import Any, Protocol
 
 import numpy as np
 
+from vision.source_errors import GarbageError, SizeChangedError, SourceError, StalledError
 
-class Capture(Protocol):
-    """What is used of `cv2.VideoCapture`."""
+PATIENCE_S = 5.0
+RETRY_S = 0.1
+JOIN_S = 0.5
 
-    def read(self) -> tuple[bool, np.ndarray]: ...
-    def release(self) -> None: ...
+
+class Feed(Protocol):
+    """One connection to a camera. `read` and `close` are called from the capture thread only."""
+
+    duplicates: int  # frames that showed the same exposure again, skipped
+    stamped_by: str  # where the last frame's time is from, such as "kernel" or "arrival"
+
+    def read(self) -> tuple[Any, float] | None:
+        """Wait for the next frame: what `decode` takes, and its time on `time.monotonic` (s).
+
+        None where it ended as it should. Raises `GarbageError` for what is no frame (and may be
+        called again), any other error where the connection is of no more use.
+        """
+        ...
+
+    def decode(self, raw: Any) -> np.ndarray:
+        """The image (h, w, 3) uint8 BGR, else `GarbageError`; called by the consumer."""
+        ...
+
+    def interrupt(self) -> None:
+        """Make a waiting `read` return soon where that can be done; from any thread."""
+        ...
+
+    def close(self) -> None: ...
+
+
+class Pump:
+    """One thread that empties a feed into a slot for one frame."""
+
+    def __init__(self, feed: Feed) -> None:
+        self.feed = feed
+        self.overwritten = 0
+        self.ended = False
+        self._news = threading.Condition()
+        self._slot: tuple[Any, float] | None = None
+        self._garbage: Exception | None = None
+        self._end: Exception | None = None
+        self._stopping = False
+        self.thread = threading.Thread(target=self._run, daemon=True, name="capture")
+        self.thread.start()
+
+    def _run(self) -> None:
+        # The thread closes what it reads: a driver must not be freed under a waiting read.
+        try:
+            while not self._stopping and self._step():
+                pass
+        except Exception as error:  # raised again where somebody reads
+            self._end = error
+        try:
+            self.feed.close()
+        except Exception as error:
+            self._end = self._end or error
+        with self._news:
+            self.ended = True
+            self._news.notify_all()
+
+    def _step(self) -> bool:
+        try:
+            got = self.feed.read()
+        except GarbageError as error:
+            with self._news:
+                self._garbage = error
+                self._news.notify_all()
+            return True
+        if got is not None:
+            with self._news:
+                self.overwritten += self._slot is not None
+                self._slot = got
+                self._news.notify_all()
+        return got is not None
+
+    def take(self, patience_s: float) -> tuple[Any, float] | None:
+        """The newest frame not taken before, waiting for it; None after the regular end.
+
+        Raises what the feed raised, `StalledError` when nothing came for `patience_s`.
+        """
+        with self._news:
+            if not self._news.wait_for(self._has_news, patience_s):
+                raise StalledError(
+                    f"no new frame for {patience_s:g} s; has the camera frozen or lost its cable?"
+                )
+            if self._garbage is not None:
+                garbage, self._garbage = self._garbage, None
+                raise garbage
+            got, self._slot = self._slot, None
+        if got is None and self._end is not None:
+            raise self._end
+        return got
+
+    def _has_news(self) -> bool:
+        return self._slot is not None or self._garbage is not None or self.ended
+
+    def waits(self) -> bool:
+        """Whether there is something to take without waiting."""
+        with self._news:
+            return self._slot is not None
+
+    def stop(self) -> None:
+        """End the thread; one that a driver holds is left to end when the driver lets go."""
+        self._stopping = True
+        self.feed.interrupt()
+        self.thread.join(JOIN_S)
 
 
 class LiveReader:
-    """Keeps the newest frame of a capture and the moment it arrived (monotonic, from start)."""
+    """The newest frame of whatever `connect` connects to, again and again.
 
-    def __init__(self, capture: Capture, *, patience_s: float = 5.0) -> None:
-        self._capture = capture
-        self._patience_s = patience_s
-        self._news = threading.Condition()
-        self._newest: tuple[np.ndarray, float] | None = None
-        self._ended = False
-        self._start_s = time.monotonic()
-        self._thread = threading.Thread(target=self._pump, daemon=True)
-        self._thread.start()
+    `start_s` is the zero of the frames' times on `time.monotonic` (now where not given), `dropped`
+    counts frames that nobody took, `duplicates` repeats, `reconnects` new connections.
+    """
 
-    def _pump(self) -> None:
-        while not self._ended:
-            ok, image = self._capture.read()
-            with self._news:
-                if ok:
-                    self._newest = (image, time.monotonic() - self._start_s)
-                else:
-                    self._ended = True
-                self._news.notify()
+    def __init__(
+        self,
+        connect: Callable[[], Feed],
+        address: str = "camera",
+        *,
+        patience_s: float = PATIENCE_S,
+        start_s: float | None = None,
+    ) -> None:
+        self._connect, self._address = connect, address
+        self.patience_s = patience_s
+        self.start_s = time.monotonic() if start_s is None else start_s
+        self.reconnects = 0
+        self._size: tuple[int, int] | None = None
+        self._last_s = -math.inf
+        self._dropped = self._duplicates = 0  # of former connections
+        self._down = False
+        self._pump = Pump(connect())
+
+    @property
+    def dropped(self) -> int:
+        return self._dropped + self._pump.overwritten
+
+    @property
+    def duplicates(self) -> int:
+        return self._duplicates + self._pump.feed.duplicates
+
+    @property
+    def stamped_by(self) -> str:
+        return self._pump.feed.stamped_by
 
     def read(self) -> tuple[np.ndarray, float] | None:
-        """The newest frame not read before, waiting for it; None after the stream's end.
+        """The newest frame not read before and its time (s from `start_s`); None after the end.
 
-        Raises `OSError` when nothing came for `patience_s`.
+        Waits for it. Raises a `SourceError` by name; the next call reconnects where that is needed,
+        for at most `patience_s`.
         """
-        with self._news:
-            arrived = self._news.wait_for(
-                lambda: self._newest is not None or self._ended, self._patience_s
+        if self._down and not self._pump.waits():
+            self.reconnect()
+        self._down = False
+        try:
+            while (got := self._pump.take(self.patience_s)) is not None:
+                raw, taken_s = got
+                if taken_s > self._last_s:
+                    break
+                self._dropped += 1  # not newer than what was given already
+            else:
+                return None
+            image = self._pump.feed.decode(raw)
+        except GarbageError as error:  # the connection may be sound
+            raise GarbageError(f"{self._address}: {error}") from error
+        except StalledError as error:
+            self._down = True
+            raise StalledError(f"{self._address}: {error}") from error
+        except Exception:
+            self._down = True
+            raise
+        self._check_size(image)
+        self._last_s = taken_s
+        return image, taken_s - self.start_s
+
+    def _check_size(self, image: np.ndarray) -> None:
+        size = (image.shape[1], image.shape[0])
+        self._size = self._size or size
+        if size != self._size:
+            raise SizeChangedError(
+                f"{self._address}: the frames are {size[0]}x{size[1]} now and were "
+                f"{self._size[0]}x{self._size[1]}; set the camera back or open it anew"
             )
-            newest, self._newest = self._newest, None
-        if not arrived:
-            raise OSError(f"no frame for {self._patience_s:g} s; is the camera still connected?")
-        return newest
+
+    def newer(self) -> bool:
+        """Whether a newer frame waits to be read."""
+        return self._pump.waits()
+
+    def reconnect(self, timeout_s: float | None = None) -> None:
+        """Close and open again, trying for `timeout_s` (`patience_s` where not given).
+
+        Raises what the last attempt raised.
+        """
+        deadline_s = time.monotonic() + (self.patience_s if timeout_s is None else timeout_s)
+        self._pump.stop()
+        self._down = True
+        while True:
+            try:
+                pump = Pump(self._connect())
+                break
+            except (SourceError, OSError):
+                if time.monotonic() + RETRY_S > deadline_s:
+                    raise
+            time.sleep(RETRY_S)
+        self._dropped, self._duplicates = self.dropped, self.duplicates
+        self._pump, self._down = pump, False
+        self.reconnects += 1
 
     def close(self) -> None:
         """Stop reading and free the camera."""
-        self._ended = True
-        self._thread.join(timeout=2.0)
-        self._capture.release()
+        self._pump.stop()

@@ -161,13 +161,25 @@ def track_pose(
     kept = weight > 0
     left = (offset - jacobian @ motion)[kept]
     rms = float(np.sqrt(np.mean(left * left)))
-    cov = max(rms, _FLOOR_PX) ** 2 * np.linalg.inv(normal)
+    cov = _covariance(offset - jacobian @ motion, weight, jacobian, np.linalg.inv(normal), rms)
     tilt_std = float(np.sqrt(np.linalg.eigvalsh(cov[:3, :3])[-1]))
     corners = _corners_seen(kept)
     few = 3 * kept.sum() < max(len(kept), 2 * (contrast > 0).sum()) or corners < len(layout.ids)
     if few or moved_px > _STILL_PX or rms > _RMS_LIMIT_PX or tilt_std > _TILT_LIMIT_RAD:
         return PoseFit(view_guess, rms, 0)
     return PoseFit(View(view.camera, view.camera_from_plate, cov), rms, corners)
+
+
+def _covariance(left, weight, jacobian, inverse, rms: float) -> np.ndarray:
+    """Of the pose (6, 6); a side that was printed or seen askew errs in all of its cuts alike.
+
+    White errors of the rms, times what the sums over whole sides J'Wr say beyond them.
+    """
+    white = max(rms, _FLOOR_PX) ** 2
+    sums = (jacobian * (weight * left)[:, None]).reshape(-1, _CUTS, 6).sum(axis=1)
+    sides = max(int(np.any(sums != 0, axis=1).sum()), 7)
+    together = np.einsum("si,ij,sj->", sums, inverse, sums) / (6 * white) * sides / (sides - 6)
+    return white * max(1.0, float(together)) * inverse
 
 
 def edge_offsets(image: np.ndarray, layout: MarkerLayout, view: View) -> np.ndarray:

@@ -155,7 +155,7 @@ def untestable(state: State, screened: list[Screened] | None) -> tuple[Untestabl
             found.append(Untestable(effect.name, f"the log lacks {channel}", {}))
         elif effect.name == "saturation":
             volts = _largest_volts(state)
-            if volts < 0.9 * state.believed.rig.servo.voltage_limit_V:
+            if volts < 0.99 * state.believed.rig.servo.voltage_limit_V:
                 found.append(Untestable(effect.name, f"the log never used more than {volts:.2f} V",
                                         {key: volts}))  # fmt: skip
         elif size > max(abs(first.low), abs(first.high)):

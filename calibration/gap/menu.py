@@ -13,7 +13,8 @@ from calibration.gap.knobs import PERIODIC, SERVO, Believed, Knob
 from rig.effects import Effect
 
 PERIODS = (3.0, 4.5, 6.5, 9.0, 13.0, 18.0, 25.0, 35.0, 50.0, 70.0)
-LEAST_PHASE_RAD = 2.0  # of a period that must fit into the motion to be more than an offset
+# Of a period that must fit into the motion: less is a curve, as of a cable that pulls.
+LEAST_PHASE_RAD = {"cogging": 5.0, "transmission_ripple": 2.0}
 SIZES: Mapping[str, tuple[float, ...]] = {
     "friction_V": (0.03, 0.1), "half_width_V": (0.03, 0.1), "fraction": (0.02,),
     "offset_V": (0.05,), "delay_s": (0.003, 0.01), "rate_1_s": (0.002,), "drop_1_V": (0.01,),
@@ -35,7 +36,7 @@ def starts(effect: Effect, axis: str, believed: Believed, evidence: Evidence) ->
             [{f"{name}.{part}.{axis}": size, f"{name}.periods_per_turn.{axis}": n}
              for part in ("sine", "cosine")]
             for n in PERIODS
-            if n * reach(evidence, axis) > LEAST_PHASE_RAD
+            if n * reach(evidence, axis) > LEAST_PHASE_RAD[name]
         ]  # fmt: skip
     first = believed.of(name, axis)[0]
     if name == "stribeck_friction":

@@ -6,7 +6,7 @@ Each name is then taken out again and its rivals tried in its place, at the nois
 model: names that no longer pay leave, better ones take over, close ones are told as "A or B".
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from math import exp
 
@@ -22,6 +22,7 @@ from calibration.gap.unknown import shapes
 from rig.effects import BY_NAME
 
 THRESHOLD = 5.0  # of a score (log-likelihood beyond its knobs' own) for an effect to be missing
+KIN, FRICTIONS = 15.0, ("coulomb_friction", "stribeck_friction", "dead_zone")
 MARGIN = 5.0  # between two names below which neither is told alone
 SMALL = 0.05  # of all that is explained: a further effect below must not stand in for another
 TINY = 0.01  # of what is explained on the same channel: the model is no better than that
@@ -96,13 +97,11 @@ def name_effects(state: State) -> Naming:
     while len({effect for effect, _ in state.named}) < MOST:
         screened = screen(state, state.evidence.parts, known=screens)
         last = rank(state, screened)
-        if not last or last[0].score < THRESHOLD:
+        worth = [trial for trial in last if trial.score >= _needed(state, trial, explained)]
+        if not worth or (worth[0].score < SMALL * total and _stands_in(state, worth[0])):
             break
-        best = last[0]
+        best = worth[0]
         parts = parts_of(BY_NAME[best.name], best.axes)
-        there = max(explained.get(part, 0.0) for part in parts)
-        if best.score < TINY * there or (best.score < SMALL * total and _stands_in(state, best)):
-            break
         total += best.score
         explained |= {part: explained.get(part, 0.0) + best.score for part in parts}
         state = settle(best.state, parts)
@@ -113,6 +112,17 @@ def name_effects(state: State) -> Naming:
         if found:
             accepted.append(found)
     return Naming(before, state, tuple(accepted), tuple(last), tuple(path), screened)
+
+
+def _needed(state: State, trial: Trial, explained: Mapping[str, float]) -> float:
+    """The score from which on an effect may enter: not where a model that is only nearly right
+    would ask for it; and beside another dry friction on the same axis (the assumed one of arm and
+    joints, too) one more has to be sure of itself."""
+    kin = {axis for name, axis in state.named if name in FRICTIONS}
+    beside = state.believed.load_friction or kin & set(trial.axes)
+    sure = KIN if trial.name in FRICTIONS and beside else THRESHOLD
+    there = [explained.get(p, 0.0) for p in parts_of(BY_NAME[trial.name], trial.axes)]
+    return max(sure, TINY * max(there))
 
 
 def _stands_in(state: State, best: Trial) -> bool:

@@ -54,7 +54,7 @@ class Trial:
             return setting[f"saturation.limit_V.{axis}"] < CUTS * reached
         if self.name in PERIODIC:  # a fraction of a period is a curve, and no ripple
             turns = setting[f"{self.name}.periods_per_turn.{axis}"]
-            if turns * reach(self.state.evidence, axis) < LEAST_PHASE_RAD:
+            if turns * reach(self.state.evidence, axis) < LEAST_PHASE_RAD[self.name]:
                 return False
         if self.name == "stribeck_friction":  # one that does not fall with speed is Coulomb's
             falls = setting[f"stribeck_friction.speed_rad_s.{axis}"]

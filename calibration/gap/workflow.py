@@ -59,7 +59,7 @@ def investigate_logs(logs: Sequence[Log], rig: Rig, *, notes: tuple[str, ...] = 
     """Run the stages up to `until` on logs of one table under the believed rig.
 
     tolerances: name -> half width of the first key, over the catalogue's. quick: no rivals in the
-    proof. ValueError: bad stage.
+    proof, and not where it is. ValueError: bad stage.
     """
     if until not in STAGES:
         raise ValueError(f"stage '{until}'; known: {', '.join(STAGES)}")
@@ -126,9 +126,10 @@ def _findings(decision: Decision, until: str, notes: tuple[str, ...], *, quick: 
         rig_before=state.believed.rig,
         rig_after=rig_after,
     )
-    place = locate(decision.naming.before, rms(state.evidence, model_of(state)),
-                   evidence=state.evidence)  # fmt: skip
-    known = replace(known, where=place.where, profiles=place.profiles, maps=place.maps)
+    if not quick:
+        place = locate(decision.naming.before, rms(state.evidence, model_of(state)),
+                       evidence=state.evidence)  # fmt: skip
+        known = replace(known, where=place.where, profiles=place.profiles, maps=place.maps)
     if until in ("locate", "name", "add"):
         return known
     gap, rows, path = _proof(decision, rivals=not quick)

@@ -30,7 +30,8 @@ NOTHING: dict[str, tuple[float, Noise]] = {  # variant: share, noise
 }
 RUNS = 2  # of a single protocol: the 60 s of the smallest amplitudes, where it lasts 30 s
 ON_TOP = (1, 3, 5)  # effects on top of a realistic rig
-APART = ({"camera_yaw", "cross_coupling"},)  # together they are each other's other half
+# Together these are each other's other half; a dead zone with an offset is one with two sides.
+APART = ({"camera_yaw", "cross_coupling"}, {"dead_zone", "voltage_offset"})
 EVERY = tuple(effect.name for effect in CATALOGUE)
 
 
@@ -178,12 +179,12 @@ def _realistic(plan: Plan, trial: Trial, rng: np.random.Generator) -> Trial:
 
 
 def _untestable(trial: Trial, plant: Rig, believed: Rig, rng: np.random.Generator) -> Trial:
-    """An effect that these logs cannot show: a limit above the volts used, a joint without ball."""
+    """What these logs cannot show: a limit above the volts used, the ball of a log without one."""
     if rng.random() < 0.5:
         peak = max(peak for peak in _highest(trial, plant, believed).values())
         hidden: Effects = {"saturation": {"x": {"limit_V": min(1.3 * peak, 5.9)}}}
         return _finish_as_is(trial, hidden, plant, believed)
-    name = ("joint_backlash", "camera_scale", "level_offset")[rng.integers(3)]
+    name = ("rolling_resistance", "camera_scale", "level_offset")[rng.integers(3)]
     hidden = {name: sizes.draw_effect(name, rng)[0]}
     trial = replace(trial, protocols=("servo-squares",), seeds=trial.seeds[:1])
     return _finish_as_is(trial, hidden, plant, believed)

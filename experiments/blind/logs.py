@@ -59,7 +59,9 @@ def make_log(trial: Trial, protocol: str, seed: int) -> Log:
     for i in range(1, TRIES):
         if done.outcome != "completed":
             done = own_run(trial, protocol, seed + i)
-    return done.log.where(done.log["phase"] == RUN)
+    # The hand's own clock: the controller may take noise for the release.
+    let_go = course(read_protocol(protocol), trial.plant_rig, seed).hold_s
+    return done.log.where((done.log["phase"] == RUN) & (done.log["t_s"] >= let_go))
 
 
 def own_run(trial: Trial, protocol: str, seed: int) -> Simulated:

@@ -125,19 +125,35 @@ def _right(
     if trial.kind == "stranger":
         return verdict == "unknown-effect"
     if trial.kind == "untestable":
-        said = {u["name"]: u.get("smallest") for u in answer.get("untestable") or []}
+        said = {
+            u["name"]
+            for u in answer.get("untestable") or []
+            if u.get("smallest") or "lacks" in u.get("why", "")  # without the channel no size shows
+        }
         quiet = verdict in ("nothing-missing", "undecided")
-        return quiet and all(bool(said.get(name)) for name in trial.hidden)
+        return quiet and set(trial.hidden) <= said
     return verdict == "named" and not extra and set(found) == set(trial.hidden)
 
 
-def comparable(name: str, values: Mapping[str, float]) -> dict[str, float]:
-    """An effect's values under keys that can be compared: a dead zone by its two sides."""
+def comparable(
+    name: str, values: Mapping[str, float], *, one_width: bool = False
+) -> dict[str, float]:
+    """An effect's values under keys that can be compared: a dead zone by its two sides.
+
+    one_width: by their mean, where the sides differ by no more than an offset within tolerance.
+    """
     if name != "dead_zone":
         return dict(values)
     half = values.get("half_width_V", 0.0)
-    sides = ("positive_V", "negative_V")
-    return {side: half + values.get(side, 0.0) for side in sides}
+    sides = {side: half + values.get(side, 0.0) for side in ("positive_V", "negative_V")}
+    return {"half_width_V": sum(sides.values()) / 2} if one_width else sides
+
+
+def _one_width(hidden: str, true: Mapping[str, float], answered: Mapping[str, Any]) -> bool:
+    """Is one width all that a log can show? Its two sides are a width and an offset."""
+    apart = abs(true.get("positive_V", 0.0) - true.get("negative_V", 0.0)) / 2
+    close = apart <= 1.1 * BY_NAME["voltage_offset"].tolerance
+    return hidden == "dead_zone" and close and "half_width_V" in answered
 
 
 def _sizes(trial: Trial, effect: Mapping[str, Any], hidden: str):
@@ -148,11 +164,12 @@ def _sizes(trial: Trial, effect: Mapping[str, Any], hidden: str):
     first = BY_NAME[hidden].parameters[0].key
     for axis, true in trial.hidden[hidden].items():
         answered = (effect.get("parameters") or {}).get(axis) or {}
+        one = _one_width(hidden, true, answered)
         parts = [
-            comparable(hidden, {key: float(i[part]) for key, i in answered.items()})
+            comparable(hidden, {key: float(i[part]) for key, i in answered.items()}, one_width=one)
             for part in ("value", "low", "high")
         ]
-        for key, truth in comparable(hidden, true).items():
+        for key, truth in comparable(hidden, true, one_width=one).items():
             if not answered or key not in parts[0]:
                 continue
             value, low, high = (part[key] for part in parts)

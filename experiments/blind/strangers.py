@@ -42,6 +42,9 @@ def draw(name: str, factor: float, rng: np.random.Generator, *, seconds: float) 
     size = factor * SMALLEST[name][1]
     if name == "draught":
         size = sqrt(size / AIR_DRAG_1_M)  # m/s of wind
+    hz = float(np.exp(rng.uniform(np.log(0.8), np.log(4.0))))
+    if name == "rhythm":  # but never less than moves the ball by a third of the camera's noise
+        size = max(size, factor * 1e-4 * (2 * pi * hz) ** 2)
     if name == "once":
         size = min(size, 0.02 * GRAVITY_M_S2)
     return {
@@ -49,7 +52,7 @@ def draw(name: str, factor: float, rng: np.random.Generator, *, seconds: float) 
         "size": size,
         "axis": int(rng.integers(2)),
         "width_m": float(rng.uniform(0.012, 0.03)),
-        "hz": float(np.exp(rng.uniform(np.log(0.8), np.log(4.0)))),
+        "hz": hz,
         "phase_rad": float(rng.uniform(0, 2 * pi)),
         "from_s": float(begin),
         "to_s": float(begin + length),

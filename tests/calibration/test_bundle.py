@@ -6,8 +6,9 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from calibration.bundle import BundleError, calibrate_virtual, load
+from calibration.bundle import BundleError, Draft, calibrate_virtual, load, load_draft
 from calibration.camera import PARAMETERS
+from calibration.records import DataFile, Section, fingerprint
 from vision.synthetic import Renderer, Scene, virtual_view
 
 MADE = datetime(2024, 5, 1, 12, 0, tzinfo=UTC)
@@ -107,3 +108,40 @@ def test_refuses_another_picture_size(made):
     made[1].check_size(640, 480)
     with pytest.raises(BundleError, match="1280x720"):
         made[1].check_size(1280, 720)
+
+
+def test_a_file_grows_section_by_section(made, tmp_path):
+    """Lens first, plate later: until both are there it serves nobody who measures."""
+    _, bundle = made
+    path = tmp_path / "camera.json"
+    section = Section(made=MADE, data=[DataFile(name="a.png", sha256="00", size_bytes=1)])
+    draft = Draft(made=MADE, source="measured").with_section("lens", section, lens=bundle.lens)
+    draft.save(path)
+    assert load_draft(path) == draft
+    with pytest.raises(BundleError, match="no plate yet: run rig calibrate table"):
+        load(path)
+    whole = draft.with_section(
+        "plate", section, plate=bundle.plate, markers=bundle.markers, ball_radius_m=RADIUS_M
+    )
+    whole.save(path)
+    again = load(path)
+    assert set(again.sections) == {"lens", "plate"}
+    assert again.sections["lens"].data[0].name == "a.png"
+    assert np.array_equal(again.view.camera_from_plate, bundle.view.camera_from_plate)
+
+
+def test_maps_on_the_plate_are_kept(made):
+    lens = made[1].lens
+    assert np.shape(lens.uncertainty_mm) == (9, 9)
+    assert np.max(lens.uncertainty_mm) == pytest.approx(lens.plate_std_mm)
+    assert np.percentile(lens.half_set_map_mm, 95) == pytest.approx(lens.half_set_mm)
+
+
+def test_files_are_named_with_their_hashes(tmp_path):
+    (tmp_path / "set").mkdir()
+    (tmp_path / "set" / "one.png").write_bytes(b"abc")
+    (tmp_path / "two.csv").write_bytes(b"")
+    files = fingerprint([tmp_path / "set", tmp_path / "two.csv"])
+    assert [file.name for file in files] == ["set/one.png", "two.csv"]
+    assert files[0].sha256 == "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+    assert files[0].size_bytes == 3

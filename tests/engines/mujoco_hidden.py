@@ -23,6 +23,7 @@ from rig.parameters import Ball, Drive, Rig, Servo
 ARM_FRICTION_NM, JOINT_FRICTION_NM = 3e-4, 1.2e-3  # a well-kept table: together 0.012 V
 BLOCK_S = 1e-3  # forces and volts are held for so long at most
 STEP_S = 2e-4
+LAG_S = 2.75 * STEP_S  # of the soft constraints between motor and encoder: a part of any delay
 
 
 @dataclass(frozen=True)
@@ -133,7 +134,8 @@ class HiddenTable:
     def volts(self, commands: np.ndarray, dt: float, t: float, h: float) -> np.ndarray:
         """What is left of the commands (2, n) at the motors (2,) over [t, t + h]."""
         p, (plant, odd) = self._plant, self._records
-        held = [_held(commands[a], dt, t - p.delay[a], h) for a in range(2)]
+        late = np.maximum(p.delay - LAG_S, 0.0)
+        held = [_held(commands[a], dt, t - late[a], h) for a in range(2)]
         x, y = (min(max(v, -top), top) for v, top in zip(held, p.limit, strict=True))
         motor = self.table.angles()[0]
         at_x = _at_motor(plant, odd, 0, x, y, motor[0], t)

@@ -84,6 +84,7 @@ def test_a_servo_run_needs_no_ball(tmp_path: Path):
     assert done.ending.outcome == "completed"
     log = read_run(done.folder).log
     assert np.abs(log["theta_x_rad"]).max() > 0.09
+    assert not log.has("ball_x_m")  # and none is seen
 
 
 def test_contract_columns_keep_what_metrics_need():

@@ -10,7 +10,6 @@ from footage import rolling
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vision.live import LiveReader
 from vision.repeats import RepeatFilter, has_repeats, noise_level
 from vision.sources import open_source
 
@@ -44,6 +43,7 @@ def test_file_gives_every_frame_at_its_time(tmp_path, images):
     with open_source(path) as source:
         frames = list(source)
         assert source.size == (320, 240)
+        assert (source.live, source.dropped, source.stamped_by) == (False, 0, "container")
     assert [f.index for f in frames] == list(range(len(images)))
     assert np.allclose([f.t_s for f in frames], times, atol=0.0015)
     assert (source.duplicates, source.missing) == (0, 0)
@@ -165,29 +165,3 @@ def test_folder_without_images_is_refused(tmp_path):
     (tmp_path / "notes.txt").write_text("no image")
     with pytest.raises(ValueError, match="no images"):
         open_source(tmp_path)
-
-
-class Camera:
-    """Gives `count` numbered images as fast as they are asked for."""
-
-    def __init__(self, count):
-        self.count, self.released = count, False
-
-    def read(self):
-        self.count -= 1
-        return self.count >= 0, np.full((4, 4, 3), max(self.count, 0), np.uint8)
-
-    def release(self):
-        self.released = True
-
-
-def test_live_reader_keeps_the_newest_frame_and_ends():
-    camera = Camera(50)
-    reader = LiveReader(camera)
-    reader._thread.join(5)
-    newest = reader.read()
-    assert newest is not None
-    assert int(newest[0][0, 0, 0]) == 0  # the last one, not the first
-    assert reader.read() is None
-    reader.close()
-    assert camera.released

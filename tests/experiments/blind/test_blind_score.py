@@ -82,6 +82,12 @@ def test_a_dead_zone_is_compared_by_its_sides():
     assert m.covered == (True, False)
     half = mark(shape, named(effect("dead_zone", {"x": {"half_width_V": interval(0.04)}})))
     assert half.right
+    assert half.covered == (True,)  # the sides differ by what an offset within tolerance does
+    apart = {"dead_zone": {"x": {"positive_V": 0.08, "negative_V": 0.02}}}
+    half = mark(
+        replace(shape, hidden=apart),
+        named(effect("dead_zone", {"x": {"half_width_V": interval(0.05)}})),
+    )
     assert half.covered == (False, False)
 
 
@@ -113,6 +119,8 @@ def test_nothing_strangers_and_what_cannot_be_tested():
     assert mark(dark, quiet | {"untestable": said}).right
     assert not mark(dark, quiet | {"untestable": [said[0] | {"smallest": {}}]}).right
     assert not mark(dark, quiet).right
+    blind = [{"name": "saturation", "why": "the log lacks volts and angles", "smallest": {}}]
+    assert mark(dark, quiet | {"untestable": blind}).right
 
 
 def test_closed_gap_and_error_ahead():

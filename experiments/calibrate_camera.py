@@ -1,0 +1,233 @@
+"""What `rig calibrate sheet`, `camera` and `table` do."""
+
+import json
+from collections.abc import Sequence
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import typer
+from pydantic import ValidationError
+
+from calibration.bundle import lens_record, markers_record, plate_record
+from calibration.camera import (
+    MIN_VIEWS,
+    CameraCalibration,
+    calibrate_images,
+    calibrate_views,
+)
+from calibration.knock import FIXED_IDS, fixed_markers
+from calibration.pages import write_pdf, write_png
+from calibration.pictures import refuse_blurred_pictures, refuse_wrong_sheet
+from calibration.plate import level_pose
+from calibration.prints import sheet_files
+from calibration.records import MarkersRecord
+from calibration.sheet import CalibrationError, Sheet
+from calibration.virtual import sheet_pictures
+from experiments.assemble import load_rig, virtual_scene
+from experiments.calibrate_folder import CalibrationFolder, Source
+from experiments.calibrate_pictures import camera_figure, coverage_picture, plate_picture
+from experiments.calibrate_views import ViewPicker, pick
+from experiments.folders import writable
+from rig.parameters import Rig
+from vision.markers import MarkerLayout, default_layout
+from vision.sources import open_source
+from vision.synthetic import Renderer, virtual_view
+from vision.view import View
+
+VIRTUAL_PICTURES = 24
+
+
+def sheet_of(squares: str, square_mm: float, marker_mm: float, dictionary: str) -> Sheet:
+    """The sheet that options describe. ValueError: they describe none."""
+    try:
+        columns, rows = (int(part) for part in squares.lower().split("x"))
+    except ValueError:
+        raise ValueError(f"--squares {squares}: write columns x rows, for example 11x8") from None
+    return Sheet(columns, rows, square_mm / 1e3, marker_mm / 1e3, dictionary)
+
+
+def make_sheets(
+    rig_file: Path | None, out: Path, *, paper: str, sheet: Sheet, plate_marker_mm: float
+) -> None:
+    """Write charuco.pdf, plate.pdf, fixed.pdf and their pages as PNG of 300 dots an inch."""
+    side_m = load_rig(rig_file).linkage.plate_side_m
+    layout = default_layout(side_m, plate_marker_mm / 1e3)
+    pages = sheet_files(sheet, layout, side_m, paper, FIXED_IDS)
+    folder = writable(out)
+    for name, some in pages.items():
+        write_pdf(list(some), folder / f"{name}.pdf")
+        for number, page in enumerate(some, 1):
+            write_png(page, folder / (f"{name}.png" if len(some) == 1 else f"{name}-{number}.png"))
+        typer.echo(f"{folder / name}.pdf: {len(some)} page(s) of {paper}")
+    width, height = (1e3 * size for size in sheet.size_m)
+    typer.echo(
+        f"print at 100 % (not fitted to the page) and measure the ruler: the board is {width:g} x "
+        f"{height:g} mm, squares of {1e3 * sheet.square_m:g} mm; tell rig calibrate what you "
+        "measure (--square-mm, --marker-mm, --plate-marker-mm)"
+    )
+
+
+def camera(
+    source: str | None,
+    rig_file: Path | None,
+    out: Path,
+    *,
+    sheet: Sheet,
+    distance_m: float,
+    most: int,
+    seconds: float,
+    seed: int,
+) -> CameraCalibration:
+    """The lens into the bundle, camera.png beside it. CalibrationError: refused, nothing written
+    but the coverage so far."""
+    rig = load_rig(rig_file)
+    folder = CalibrationFolder(out, _kind(source))
+    layout = default_layout(rig.linkage.plate_side_m)
+    if source is None:
+        made = Renderer(virtual_scene(rig), virtual_view(), np.random.default_rng([seed, 6]))
+        rng = np.random.default_rng([seed, 7])
+        shots = list(sheet_pictures(made, sheet, VIRTUAL_PICTURES, rng))
+        lens = calibrate_images(shots, sheet, distance_m=distance_m, layout=layout)
+    elif Path(source).is_dir():
+        with open_source(source) as frames:
+            shots = [frame.image for frame in frames]
+        lens = calibrate_images(shots, sheet, distance_m=distance_m, layout=layout)
+    else:
+        lens = _from_frames(source, folder, sheet, distance_m, most, seconds)
+    pictures = [
+        coverage_picture(lens.views, _size(lens), folder.path / "coverage.png"),
+        camera_figure(lens, folder.path / "camera.png", folder.draft.source),
+    ]
+    folder.keep(
+        "lens",
+        data=_data(source),
+        pictures=pictures,
+        warnings=lens.warnings,
+        lens=lens_record(lens),
+        plate=None,
+        fixed=None,
+    )
+    fx = lens.camera.pinhole[0]
+    typer.echo(
+        f"lens: {len(lens.view_index)} pictures, rms {lens.rms_px:.3f} px, focal length {fx:.1f} "
+        f"+- {lens.std['fx']:.1f} px, on the plate {lens.plate_std_mm:.3f} mm uncertain, half sets "
+        f"{lens.half_set_mm:.3f} mm apart, {lens.coverage:.0%} of the image covered"
+    )
+    if not lens.scale_checked:
+        typer.echo(
+            "the lens does not depend on the squares' size, the plate's place may: let the sheet "
+            "lie flat on the plate in one picture here or in rig calibrate table to check it"
+        )
+    return lens
+
+
+def _size(lens: CameraCalibration) -> tuple[int, int]:
+    return lens.camera.width_px, lens.camera.height_px
+
+
+def _kind(source: str | None) -> Source:
+    return "simulated" if source is None else "measured"
+
+
+def _data(source: str | None) -> list[Path]:
+    return [Path(source)] if source is not None and Path(source).exists() else []
+
+
+def _from_frames(
+    source: str, folder: CalibrationFolder, sheet: Sheet, distance_m: float, most: int, seconds
+) -> CameraCalibration:
+    """The lens from a video or a live camera, with a coverage picture that grows meanwhile."""
+
+    def show(picker: ViewPicker) -> None:
+        if live:
+            coverage_picture(picker.views, picker.size, folder.path / "coverage.png")
+            typer.echo(f"picture {len(picker.views)} of {most}", err=True)
+
+    with open_source(source) as frames:
+        live = frames.live
+        picker = pick(frames, sheet, most=most, seconds=seconds if live else None, show=show)
+    if not picker.samples:
+        raise CalibrationError(f"{source}: no frames")
+    refuse_wrong_sheet(picker.samples, sheet)
+    if len(picker.views) < MIN_VIEWS:
+        refuse_blurred_pictures(picker.samples, len(picker.views))
+    return calibrate_views(picker.views, sheet, picker.size, distance_m=distance_m)
+
+
+def table(
+    source: str | None,
+    rig_file: Path | None,
+    out: Path,
+    *,
+    frames: int,
+    plate_marker_mm: float,
+    layout_file: Path | None,
+    sheet: Sheet,
+    seed: int,
+) -> None:
+    """The level plate into the bundle, plate.png beside it. CalibrationError: refused."""
+    rig = load_rig(rig_file)
+    folder = CalibrationFolder(out, _kind(source))
+    if folder.draft.lens is None:
+        raise ValueError(f"{folder.path} has no lens yet: run rig calibrate camera --out first")
+    camera_ = folder.draft.camera
+    side_m = rig.linkage.plate_side_m
+    layout = _layout(layout_file) or default_layout(side_m, plate_marker_mm / 1e3)
+    images = _level_frames(source, rig, frames, seed)
+    pose = level_pose(images, camera_, layout, sheet)
+    mm_per_px = 1e3 * float(pose.camera_from_plate[2, 3]) / camera_.pinhole[0]
+    fixed = fixed_markers(images, layout, mm_per_px)
+    picture = plate_picture(
+        images[0], View(camera_, pose.camera_from_plate), layout, folder.path / "plate.png"
+    )
+    notes = []
+    if fixed is None:
+        notes.append(
+            "no fixed markers beside the plate: a knocked camera will be seen by the plate's "
+            "centre alone (rig calibrate sheet prints some)"
+        )
+    if pose.sheet_scale is None:
+        notes.append(
+            "the prints' scale was not checked: lay the lens's sheet flat on the plate and repeat"
+        )
+    folder.keep(
+        "plate",
+        data=[*_data(source), *([layout_file] if layout_file else [])],
+        pictures=[picture],
+        warnings=notes if source is not None else (),
+        plate=plate_record(pose, side_m),
+        markers=markers_record(layout),
+        ball_radius_m=rig.ball.radius_m,
+        fixed=fixed,
+    )
+    typer.echo(
+        f"plate: {pose.frames} frames, {1e3 * pose.camera_from_plate[2, 3]:.1f} mm away, markers "
+        f"{pose.residual_mm:.3f} mm rms off the layout, {pose.scatter_mm:.3f} mm between frames"
+        + (f", {len(fixed.ids)} fixed markers" if fixed else "")
+    )
+
+
+def _layout(path: Path | None) -> MarkerLayout | None:
+    if path is None:
+        return None
+    if not path.is_file():
+        raise FileNotFoundError(f"--layout {path}: no such file")
+    try:
+        record = MarkersRecord.model_validate(json.loads(path.read_text(encoding="utf-8")))
+    except ValidationError as error:
+        fault: Any = error.errors()[0]
+        where = ".".join(str(part) for part in fault["loc"])
+        raise ValueError(f"--layout {path}: {where}: {fault['msg']}") from None
+    except ValueError as error:
+        raise ValueError(f"--layout {path}: not JSON ({error})") from None
+    return MarkerLayout(np.array(record.ids), np.array(record.corners_m), record.dictionary)
+
+
+def _level_frames(source: str | None, rig: Rig, frames: int, seed: int) -> Sequence[np.ndarray]:
+    if source is None:
+        made = Renderer(virtual_scene(rig), virtual_view(), np.random.default_rng([seed, 8]))
+        return [made.render(np.eye(3), None) for _ in range(frames)]
+    with open_source(source) as shots:
+        return [frame.image for frame in islice(shots, frames)]

@@ -1,0 +1,104 @@
+"""A calibration's folder: calibration.json that grows, rig.toml with its numbers, pictures."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Literal
+
+import typer
+
+from calibration.bundle import Draft, load_draft
+from calibration.records import LevelRecord, Section, ServoRecord, TimingRecord, fingerprint
+from experiments.assemble import known, load_rig
+from experiments.folders import writable
+from rig.parameters import Rig, torque_per_volt
+from rig.rigfile import read_rig, write_rig
+
+FILE, RIG_FILE = "calibration.json", "rig.toml"
+Source = Literal["measured", "simulated"]
+
+
+class CalibrationFolder:
+    """One calibration that is being made in `folder`. ValueError, OSError: it cannot be, or it
+    belongs to another table (a simulated one's numbers never mix with a measured one's)."""
+
+    def __init__(self, folder: Path, source: Source) -> None:
+        self.path = writable(folder)
+        file = self.path / FILE
+        if file.is_file():
+            self.draft = load_draft(file)
+        else:
+            self.draft = Draft(made=_now(), source=source)
+        if self.draft.source != source:
+            raise ValueError(
+                f"{file} holds a {self.draft.source} calibration, this one is {source}: choose "
+                "another --out"
+            )
+
+    def keep(
+        self,
+        name: str,
+        *,
+        data: Sequence[Path] = (),
+        pictures: Sequence[Path] = (),
+        warnings: Sequence[str] = (),
+        **records: Any,
+    ) -> None:
+        """Add a section with its records and say where it stands."""
+        section = Section(
+            made=_now(),
+            data=fingerprint(data),
+            pictures=[picture.name for picture in pictures],
+            warnings=list(warnings),
+        )
+        self.draft = self.draft.with_section(name, section, **records)
+        self.draft.save(self.path / FILE)
+        for text in warnings:
+            typer.echo(f"warning: {text}", err=True)
+        shown = ", ".join(str(picture) for picture in pictures)
+        typer.echo(f"written: {self.path / FILE}" + (f"   pictures: {shown}" if shown else ""))
+
+    def believed(self, rig_file: Path | None) -> Rig:
+        """The rig as it is believed so far: what was measured here, else `rig_file`'s numbers."""
+        own = self.path / RIG_FILE
+        return read_rig(own) if own.is_file() else known(load_rig(rig_file))
+
+    def believe(self, rig: Rig) -> None:
+        """Write rig.toml."""
+        write_rig(rig, self.path / RIG_FILE)
+        typer.echo(f"believed from now on: {self.path / RIG_FILE}")
+
+
+def _now() -> datetime:
+    return datetime.now(UTC).replace(microsecond=0)
+
+
+def with_timing(rig: Rig, record: TimingRecord) -> Rig:
+    """The rig with the measured delay."""
+    return replace(rig, camera=replace(rig.camera, delay_s=max(record.delay_s.value, 0.0)))
+
+
+def with_level(rig: Rig, record: LevelRecord) -> Rig:
+    """The rig with the measured slopes as the effect level_offset."""
+    slopes = {axis: {"slope_rad": value.value} for axis, value in record.slope_rad.items()}
+    return replace(rig, effects={**rig.effects, "level_offset": slopes})
+
+
+def with_servo(rig: Rig, record: ServoRecord) -> Rig:
+    """The rig with the measured gain and lag (the axes' means; both are modelled alike) and, as
+    effects, each axis's offset and the friction that its bearings do not explain."""
+    axes = {"x": record.x, "y": record.y}
+    bearings_V = (rig.drive.arm_friction_nm + rig.drive.joint_friction_nm) / torque_per_volt()
+    friction, offset = {}, {}
+    for name, axis in axes.items():
+        up, down = axis.breakaway_positive_V.value, axis.breakaway_negative_V.value
+        friction[name] = {"friction_V": max(0.5 * (up - down) - bearings_V, 0.0)}
+        offset[name] = {"offset_V": -0.5 * (up + down)}
+    servo = replace(
+        rig.servo,
+        gain_rad_s_V=sum(a.gain_rad_s_V.value for a in axes.values()) / 2,
+        time_constant_s=sum(a.time_constant_s.value for a in axes.values()) / 2,
+    )
+    effects = {**rig.effects, "coulomb_friction": friction, "voltage_offset": offset}
+    return replace(rig, servo=servo, effects=effects)

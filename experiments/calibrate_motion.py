@@ -1,0 +1,230 @@
+"""What `rig calibrate time`, `level` and `servo` do: numbers from tables that move."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import typer
+
+from calibration.level import level_record, timing_from_ball
+from calibration.manoeuvres import Trace, perform, wiggle
+from calibration.rolling import Rolling, rolling
+from calibration.servo import calibrate_servos
+from calibration.timing import TiltWatch, Wiggle, camera_delay
+from experiments.assemble import known, load_rig, virtual_scene
+from experiments.calibrate_folder import (
+    CalibrationFolder,
+    Source,
+    with_level,
+    with_servo,
+    with_timing,
+)
+from experiments.calibrate_pictures import level_figure, servo_figure, time_figure
+from experiments.importing import read_log
+from experiments.recording import read_run
+from rig.controllers import ARMS
+from rig.log import Log
+from rig.loop import Loop
+from rig.parameters import Rig
+from rig.plate_eye import PlateEye
+from rig.simulate import Course
+from rig.simulator import SimulatedTable
+from vision.sources import open_source
+from vision.synthetic import Renderer, virtual_view
+
+WIGGLE_HZ = (0.7, 2.3)
+LEVEL_HZ, LEVEL_M = (0.35, 0.45), 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class _Given:
+    """A log from a file or run folder; `delay_s` is what its time stamps took the camera's for."""
+
+    log: Log
+    source: Source
+    delay_s: float | None
+
+
+def _read(path: Path) -> _Given:
+    if not path.exists():
+        raise FileNotFoundError(f"{path}: no such run folder or log")
+    if not path.is_dir():
+        return _Given(read_log(path), "measured", None)
+    whole = read_run(path)
+    delay = ((whole.meta.get("rig") or {}).get("camera") or {}).get("delay_s")
+    source: Source = "simulated" if whole.meta.get("source") == "simulated" else "measured"
+    return _Given(whole.log, source, None if delay is None else float(delay))
+
+
+def _source(given: Sequence[_Given]) -> Source:
+    return "measured" if any(one.source == "measured" for one in given) else "simulated"
+
+
+def servo(rig_file: Path | None, out: Path, *, seed: int) -> None:
+    """Both servos of the virtual table into the bundle, with their traces as CSV."""
+    rig = load_rig(rig_file)
+    folder = CalibrationFolder(out, "simulated")
+    with SimulatedTable(rig, np.random.default_rng([seed, 9]), held=True) as table:
+        record, ramped, pulsed = calibrate_servos(table)
+    data = [_write(trace, folder.path / f"servo_{name}.csv") for name, trace in
+            (("ramps", ramped), ("pulses", pulsed))]  # fmt: skip
+    picture = servo_figure(ramped, pulsed, record, folder.path / "servo.png", "simulated")
+    folder.keep("servo", data=data, pictures=[picture], servo=record)
+    for name, axis in (("x", record.x), ("y", record.y)):
+        down, up = axis.breakaway_negative_V, axis.breakaway_positive_V
+        gain, lag = axis.gain_rad_s_V, axis.time_constant_s
+        typer.echo(
+            f"servo {name}: breaks away at {down.value:+.3f} and {up.value:+.3f} V, K "
+            f"{gain.value:.3f} ({gain.low:.3f} to {gain.high:.3f}) rad/s/V, tau "
+            f"{1e3 * lag.value:.1f} ({1e3 * lag.low:.1f} to {1e3 * lag.high:.1f}) ms, signs right"
+        )
+    folder.believe(with_servo(folder.believed(rig_file), record))
+
+
+def _write(trace: Trace, path: Path) -> Path:
+    columns = np.column_stack((trace.t_s, trace.volts, trace.theta_rad))
+    head = "t_s,voltage_x_V,voltage_y_V,theta_x_rad,theta_y_rad"
+    np.savetxt(path, columns, "%.9g", ",", header=head, comments="")
+    return path
+
+
+def level(
+    runs: Sequence[Path], rig_file: Path | None, out: Path, *, seconds: float, seed: int
+) -> None:
+    """The level's slopes into the bundle, from given runs or one of the virtual table."""
+    rig = load_rig(rig_file)
+    given = [_read(path) for path in runs]
+    folder = CalibrationFolder(out, _source(given))
+    believed = folder.believed(rig_file)
+    logs = [one.log for one in given] or [led_about(rig, seconds, seed)]
+    axes = [[rolling(log, a, believed.camera.delay_s) for log in logs] for a in range(2)]
+    record = level_record(axes[0], axes[1], believed)
+    first: list[Rolling] = [axes[0][0], axes[1][0]]
+    picture = level_figure(first, record, folder.path / "level.png", folder.draft.source)
+    folder.keep("level", data=runs, pictures=[picture], level=record)
+    for name in ("x", "y"):
+        slope, gain = record.slope_rad[name], record.gain_m_s2[name]
+        typer.echo(
+            f"level {name}: {np.degrees(slope.value):+.4f} degrees at servo angle 0 "
+            f"({np.degrees(slope.low):+.4f} to {np.degrees(slope.high):+.4f}); ball gain "
+            f"{gain.value:.3f} m/s2/rad, sign right; joint play about "
+            f"{np.degrees(record.play_rad[name]):.1f} degrees"
+        )
+    folder.believe(with_level(believed, record))
+
+
+def led_about(rig: Rig, seconds: float, seed: int) -> Log:
+    """A virtual run in which the ball follows a sine on each axis."""
+    t = np.arange(round(seconds * rig.control_rate_hz)) / rig.control_rate_hz
+    targets = LEVEL_M * np.column_stack([np.sin(2 * np.pi * f * t) for f in LEVEL_HZ])
+    way = Course(targets, np.zeros_like(targets))
+    table = SimulatedTable(rig, np.random.default_rng([seed, 10]), start_m=(0.0, 0.0))
+    rows: list[np.ndarray] = []
+    with table:
+        ending = Loop(
+            table, known(rig), ARMS["without"], way, keep=lambda row: rows.append(row.copy())
+        ).run()
+    if ending.outcome != "completed":
+        raise ValueError(f"the virtual run ended early ({ending.outcome}: {ending.reason})")
+    return Log.from_rows(np.array(rows))
+
+
+def time(
+    run: Path | None,
+    video: str | None,
+    rig_file: Path | None,
+    out: Path,
+    *,
+    seconds: float,
+    seed: int,
+) -> None:
+    """The camera's delay into the bundle: from a run with its video, a run's ball, or the virtual
+    table through rendered frames."""
+    rig = load_rig(rig_file)
+    if video is not None and run is None:
+        raise ValueError("--video: name the run, too, whose encoders belong to it")
+    given = None if run is None else _read(run)
+    folder = CalibrationFolder(out, _source([given] if given else []))
+    believed = folder.believed(rig_file)
+    if given is not None and video is None:
+        known_s = believed.camera.delay_s if given.delay_s is None else given.delay_s
+        axes = [[rolling(given.log, a, known_s)] for a in range(2)]
+        record = timing_from_ball(axes, believed, known_s)
+        folder.keep("timing", data=[] if run is None else [run], timing=record)
+    else:
+        if given is None:
+            wiggled = _virtual_wiggle(rig, folder, seconds, seed)
+        else:
+            wiggled = _filmed(given.log, str(video), folder)
+        record = camera_delay(wiggled, believed)
+        data = [path for path in (run, Path(video) if video else None) if path is not None]
+        if run is None:
+            data = [_write_wiggle(wiggled, folder.path)]
+        picture = time_figure(
+            wiggled, record, believed, folder.path / "time.png", folder.draft.source
+        )
+        folder.keep("timing", data=data, pictures=[picture], timing=record)
+    delay = record.delay_s
+    typer.echo(
+        f"time: frames are stamped {1e3 * delay.value:.2f} ms after their light (95 % "
+        f"{1e3 * delay.low:.2f} to {1e3 * delay.high:.2f} ms), from {record.frames} frames by the "
+        f"{record.source}"
+    )
+    folder.believe(with_timing(believed, record))
+
+
+def _virtual_wiggle(rig: Rig, folder: CalibrationFolder, seconds: float, seed: int) -> Wiggle:
+    """Wiggle the virtual table before the virtual camera, calibrated as the folder says.
+
+    A frame is stamped when it is usable: the rig's delay, and what its effects add, after its
+    light.
+    """
+    late_s = rig.camera.delay_s + rig.effects.get("camera_delay", {}).get("xy", {}).get(
+        "extra_s", 0
+    )
+    made = Renderer(virtual_scene(rig), virtual_view(), np.random.default_rng([seed, 5]))
+    watch = TiltWatch(*_plate_of(folder))
+    eye = PlateEye(made, late_s, watch.look)
+    with SimulatedTable(rig, np.random.default_rng([seed, 11]), held=True, eye=eye) as table:
+        axis = [wiggle(table.period_s, seconds, WIGGLE_HZ) for _ in range(2)]
+        trace = perform(table, (axis[0], axis[1]))
+    stamp, sines = watch.seen()
+    during = stamp <= trace.t_s[-1]
+    return Wiggle(trace.t_s, trace.theta_rad, stamp[during], sines[during])
+
+
+def _filmed(log: Log, video: str, folder: CalibrationFolder) -> Wiggle:
+    """A recorded run's encoders and its frames, stamped on the run's clock."""
+    if not log.has("theta_x_rad", "theta_y_rad"):
+        raise ValueError("the run lacks servo angles: both are needed for the camera's delay")
+    watch = TiltWatch(*_plate_of(folder))
+    with open_source(video) as frames:
+        for frame in frames:
+            watch.look(frame)
+    theta = np.column_stack((log["theta_x_rad"], log["theta_y_rad"]))
+    return Wiggle(log["t_s"], theta, *watch.seen())
+
+
+def _plate_of(folder: CalibrationFolder):
+    """The level view and the markers of the folder's calibration."""
+    from calibration.bundle import load
+    from experiments.calibrate_folder import FILE
+
+    path = folder.path / FILE
+    if not path.is_file():
+        raise ValueError(f"{folder.path} has no lens and plate yet: run rig calibrate camera and "
+                         "table with the same --out first")  # fmt: skip
+    bundle = load(path)
+    return bundle.view, bundle.layout
+
+
+def _write_wiggle(wiggled: Wiggle, folder: Path) -> Path:
+    """plate.csv: what the markers said; encoders.csv: the encoders; in a folder of their own."""
+    path = folder / "time"
+    path.mkdir(exist_ok=True)
+    np.savetxt(path / "encoders.csv", np.column_stack((wiggled.t_s, wiggled.theta_rad)), "%.9g",
+               ",", header="t_s,theta_x_rad,theta_y_rad", comments="")  # fmt: skip
+    np.savetxt(path / "plate.csv", np.column_stack((wiggled.stamp_s, wiggled.sines)), "%.9g", ",",
+               header="stamp_s,sine_x,sine_y", comments="")  # fmt: skip
+    return path

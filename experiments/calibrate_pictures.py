@@ -1,0 +1,151 @@
+"""Pictures beside a calibration: what it looked at, how sure it is, how it fits."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from calibration.camera import GRID, CameraCalibration, cells
+from calibration.manoeuvres import Trace
+from calibration.records import LevelRecord, ServoRecord, TimingRecord
+from calibration.rolling import Rolling
+from calibration.servo import moves, pulse_angle
+from calibration.sheet import SheetView
+from calibration.timing import Wiggle, expected_sines
+from rig.parameters import Rig
+from vision.markers import MarkerLayout
+from vision.view import View
+
+_GREEN, _RED, _DOT = (60, 150, 60), (60, 60, 170), (235, 235, 235)
+
+
+def coverage_picture(views: Sequence[SheetView], size: tuple[int, int], path: Path) -> Path:
+    """Every corner seen and which cells of the grid still lack some: PNG."""
+    width, height = size
+    image = np.zeros((height, width, 3), np.uint8)
+    seen = cells(views, size)
+    for column in range(GRID[0]):
+        for row in range(GRID[1]):
+            low = (column * width // GRID[0], row * height // GRID[1])
+            high = ((column + 1) * width // GRID[0] - 2, (row + 1) * height // GRID[1] - 2)
+            cv2.rectangle(image, low, high, _GREEN if (column, row) in seen else _RED, -1)
+    for view in views:
+        for u, v in np.rint(view.corners_px).astype(int):
+            cv2.circle(image, (int(u), int(v)), max(1, width // 400), _DOT, -1)
+    text = f"{len(views)} pictures, {len(seen)} of {GRID[0] * GRID[1]} cells"
+    cv2.putText(image, text, (8, height - 10), cv2.FONT_HERSHEY_SIMPLEX, width / 1200, _DOT, 1)
+    if not cv2.imwrite(str(path), image):
+        raise OSError(f"{path}: cannot be written")
+    return path
+
+
+def plate_picture(image: np.ndarray, view: View, layout: MarkerLayout, path: Path) -> Path:
+    """A frame with the layout's outlines where the calibration puts them, and the axes: PNG."""
+    drawn = image.copy()
+    for corners in layout.corners_m:
+        points = view.pixel_from_plate(np.column_stack((corners, np.zeros(4))))
+        outline = np.rint(16 * points).astype(np.int32)
+        cv2.polylines(drawn, [outline], True, (0, 200, 0), 1, cv2.LINE_AA, 4)
+    ends = view.pixel_from_plate(np.array([(0, 0, 0), (0.05, 0, 0), (0, 0.05, 0)]))
+    middle, x, y = (tuple(np.rint(end).astype(int).tolist()) for end in ends)
+    cv2.arrowedLine(drawn, middle, x, (40, 40, 220), 2, cv2.LINE_AA)
+    cv2.arrowedLine(drawn, middle, y, (40, 160, 40), 2, cv2.LINE_AA)
+    if not cv2.imwrite(str(path), drawn):
+        raise OSError(f"{path}: cannot be written")
+    return path
+
+
+def camera_figure(lens: CameraCalibration, path: Path, source: str) -> Path:
+    """Uncertainty and half-set difference on the plate, and each picture's fit: PNG."""
+    from experiments.figures import plt
+
+    figure, (left, middle, right) = plt.subplots(1, 3, figsize=(10, 3.2))
+    reach = (-130, 130, -130, 130)
+    titles = ("standard deviation on the plate [mm]", "difference of two half sets [mm]")
+    for axes, values, title in zip(
+        (left, middle), (lens.std_map_mm, lens.half_map_mm), titles, strict=True
+    ):
+        if values is None:
+            continue
+        shown = axes.imshow(values, origin="lower", extent=reach, interpolation="bilinear")
+        figure.colorbar(shown, ax=axes)
+        axes.set(title=title, xlabel="x [mm]", ylabel="y [mm]")
+        axes.grid(False)
+    right.bar(range(len(lens.view_rms_px)), lens.view_rms_px, color="#1f4fd8")
+    right.axhline(lens.rms_px, color="0.4", lw=1)
+    right.set(title="fit of each picture", xlabel="picture", ylabel="rms [px]")
+    return _save(figure, path, source)
+
+
+def servo_figure(
+    ramped: Trace, pulsed: Trace, record: ServoRecord, path: Path, source: str
+) -> Path:
+    """Ramps with their breakaway volts and pulses with the model: PNG."""
+    from experiments.figures import plt
+
+    figure, rows = plt.subplots(2, 2, figsize=(9, 6))
+    for a, (name, axis) in enumerate((("x", record.x), ("y", record.y))):
+        left, right = rows[a]
+        for move in moves(ramped, a):
+            n = move.driven
+            left.plot(move.volts[:n], move.theta_rad[:n], lw=0.8, color="#1f4fd8")
+        for value in (axis.breakaway_negative_V, axis.breakaway_positive_V):
+            left.axvline(value.value, color="#d62728", lw=1)
+        left.set(xlabel="ramp [V]", ylabel=f"angle moved, {name} [rad]")
+        model = (axis.gain_rad_s_V, axis.time_constant_s, axis.offset_V, axis.friction_V)
+        for move in moves(pulsed, a):
+            right.plot(move.t_s, move.theta_rad, lw=0.8, color="#1f4fd8")
+            told = pulse_angle(move, *(value.value for value in model))
+            right.plot(move.t_s, told, lw=0.8, color="#d62728", ls="--")
+        right.set(xlabel="time [s]", title="pulses, model dashed", xlim=(0, 0.4))
+    return _save(figure, path, source)
+
+
+def time_figure(wiggle: Wiggle, record: TimingRecord, rig: Rig, path: Path, source: str) -> Path:
+    """The plate's tilt by the markers and by the encoders at the delay found: PNG."""
+    from experiments.figures import plt
+
+    figure, rows = plt.subplots(2, 1, figsize=(8, 5), sharex=True)
+    told = expected_sines(wiggle, record, rig)
+    for a, axes in enumerate(rows):
+        axes.plot(wiggle.stamp_s, wiggle.sines[:, a], ".", ms=3, color="#1f4fd8", label="markers")
+        axes.plot(wiggle.stamp_s, told[:, a], lw=0.8, color="#d62728", label="encoders, delayed")
+        axes.set(ylabel=f"sine of the tilt, {'xy'[a]}")
+    rows[0].legend()
+    delay = record.delay_s
+    rows[0].set_title(
+        f"delay {1e3 * delay.value:.2f} ms, 95 % {1e3 * delay.low:.2f} to {1e3 * delay.high:.2f}"
+    )
+    rows[1].set_xlabel("time [s]")
+    return _save(figure, path, source)
+
+
+def level_figure(runs: Sequence[Rolling], record: LevelRecord, path: Path, source: str) -> Path:
+    """Ball and servo angle of the first run on both axes: PNG."""
+    from experiments.figures import plt
+
+    figure, rows = plt.subplots(2, 1, figsize=(8, 5), sharex=True)
+    for axes, run, name in zip(rows, runs, ("x", "y"), strict=True):
+        axes.plot(run.seen_s, 1e3 * run.x_m, ".", ms=2, color="#1f4fd8")
+        axes.set_ylabel(f"ball {name} [mm]")
+        slope = record.slope_rad[name]
+        axes.set_title(
+            f"{name}: slope {np.degrees(slope.value):+.3f} degrees "
+            f"({np.degrees(slope.low):+.3f} to {np.degrees(slope.high):+.3f})"
+        )
+        other = axes.twinx()
+        other.plot(run.t_s, np.degrees(run.theta_rad), lw=0.5, color="0.5")
+        other.set_ylabel("servo [degrees]")
+        other.grid(False)
+    rows[1].set_xlabel("time [s]")
+    return _save(figure, path, source)
+
+
+def _save(figure, path: Path, source: str) -> Path:
+    from experiments.figures import SOURCES, plt
+
+    figure.text(0.995, 0.005, SOURCES[source], ha="right", va="bottom", fontsize=7, color="0.4")
+    figure.savefig(path)
+    plt.close(figure)
+    return path

@@ -1,0 +1,170 @@
+"""The parts of a multipart/x-mixed-replace stream, from chunks cut anywhere (RFC 2046, 5.1).
+
+What cameras really send differs from the standard, so it is read with tolerance: bare newlines,
+boundaries declared with their dashes, no newline before a boundary, lengths missing or wrong. A
+JPEG is complete with its own last byte: its end is not awaited in the next frame's beginning, and
+a broken one costs no frame after it.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from vision.jpeg import START, JpegEnd
+
+MAX_HEAD = 16 * 1024
+MAX_BODY = 64 * 1024 * 1024
+_BLANK_LINE = re.compile(rb"\n\r?\n")
+
+
+@dataclass(frozen=True)
+class Part:
+    """One part: `headers` by lower-case name, `body`, and `fault` in words where it is broken."""
+
+    headers: dict[str, str]
+    body: bytes
+    fault: str = ""
+
+
+def boundary_of(content_type: str) -> str:
+    """The boundary that a Content-Type header declares, without its dashes; else `ValueError`."""
+    found = re.search(r'boundary\s*=\s*(?:"([^"]+)"|([^\s;,]+))', content_type, re.IGNORECASE)
+    name = (found[1] or found[2]).lstrip("-") if found else ""
+    if not name:
+        raise ValueError(f"no boundary in Content-Type {content_type!r}")
+    return name
+
+
+class Multipart:
+    """Takes chunks of a stream, gives its parts; `closed` after the last boundary."""
+
+    def __init__(self, boundary: str) -> None:
+        name = boundary.lstrip("-").encode("latin-1")
+        self._boundary = re.compile(
+            rb"(?:\r?\n)?-{2,8}" + re.escape(name) + rb"(?:(--)|[ \t]{0,16}\r?\n)"
+        )
+        self._mark = b"--" + name
+        self._longest = len(name) + 32  # of a boundary line
+        self._data = bytearray()
+        self._state = self._seek
+        self._from = 0  # what lies before was searched already
+        self._headers: dict[str, str] = {}
+        self._jpeg = JpegEnd()
+        self._parts: list[Part] = []
+        self.closed = False
+
+    def feed(self, chunk: bytes) -> list[Part]:
+        """The parts that this chunk completes, broken ones among them."""
+        self._data += chunk
+        while not self.closed and self._state():
+            pass
+        parts, self._parts = self._parts, []
+        return parts
+
+    # Each state returns whether it got further with what is there.
+
+    def _seek(self) -> bool:
+        """Between parts: skip whatever stands before the next boundary."""
+        found = self._find_boundary(0)
+        if found is None:
+            del self._data[: -self._longest]
+            return False
+        self._enter_head(found)
+        return True
+
+    def _find_boundary(self, start: int) -> re.Match[bytes] | None:
+        # A plain search first: the expression alone takes longer than decoding the image.
+        at = self._data.find(self._mark, start)
+        while at >= 0:
+            first = max(start, at - 8)  # six more dashes and a newline may stand before
+            found = self._boundary.search(self._data, first, at + self._longest)
+            if found is not None:
+                return found
+            at = self._data.find(self._mark, at + 1)
+        return None
+
+    def _enter_head(self, found: re.Match[bytes]) -> None:
+        self.closed = found[1] is not None
+        del self._data[: found.end() - 1]  # its newline also ends an empty head
+        self._state, self._from = self._head, 0
+
+    def _head(self) -> bool:
+        found = _BLANK_LINE.search(self._data, max(0, self._from - 2))
+        self._from = len(self._data)
+        if found is None or found.start() > MAX_HEAD:
+            if len(self._data) <= MAX_HEAD:
+                return False
+            self._broken("a part's header does not end")
+            return True
+        lines = bytes(self._data[: found.start()]).decode("latin-1").split("\n")
+        pairs = (line.partition(":") for line in lines if ":" in line)
+        self._headers = {key.strip().lower(): value.strip() for key, _, value in pairs}
+        del self._data[: found.end()]
+        self._state, self._from, self._jpeg = self._body, 0, JpegEnd()
+        return True
+
+    def _body(self) -> bool:
+        stated = self._headers.get("content-length", "")
+        length = int(stated) if stated.isascii() and stated.isdigit() and len(stated) < 12 else None
+        if length is not None and length > MAX_BODY:
+            self._broken(f"a part of {length} bytes")
+            return True
+        if len(self._data) < (2 if length is None else min(2, length)):
+            return False
+        if self._data[:2] == START and (length is None or length >= 2):
+            return self._jpeg_body(length)
+        if length is not None:
+            return self._counted_body(length)
+        return self._open_body()
+
+    def _jpeg_body(self, length: int | None) -> bool:
+        stop = length
+        if length is None:  # a boundary before the image's end: it was cut off
+            found = self._find_boundary(self._from)
+            self._from = max(0, len(self._data) - self._longest)
+            stop = None if found is None else found.start()
+        try:
+            end = self._jpeg.find(self._data, stop)
+        except ValueError as error:
+            self._broken(str(error))
+            return True
+        if end is not None:
+            self._finish(end)
+        elif stop is not None and len(self._data) >= stop:
+            self._broken("corrupt JPEG: cut off")
+        else:
+            return self._too_long()
+        return True
+
+    def _counted_body(self, length: int) -> bool:
+        if len(self._data) < length:
+            return False
+        self._finish(length)
+        return True
+
+    def _open_body(self) -> bool:
+        """A body that only the next boundary ends."""
+        found = self._find_boundary(self._from)
+        if found is None:
+            self._from = max(0, len(self._data) - self._longest)
+            return self._too_long()
+        self._parts.append(Part(self._headers, bytes(self._data[: found.start()])))
+        self._enter_head(found)
+        return True
+
+    def _finish(self, end: int) -> None:
+        self._parts.append(Part(self._headers, bytes(self._data[:end])))
+        del self._data[:end]
+        self._state = self._seek
+
+    def _too_long(self) -> bool:
+        if len(self._data) <= MAX_BODY:
+            return False
+        self._broken(f"a part of more than {MAX_BODY} bytes")
+        return True
+
+    def _broken(self, fault: str) -> None:
+        """Report the part; the next one begins at the next boundary, wherever this was to end."""
+        self._parts.append(Part(self._headers, b"", fault))
+        self._state = self._seek

@@ -1,0 +1,57 @@
+"""Streams that OpenCV decodes: rtsp, udp, and what HTTP serves besides MJPEG.
+
+Their time stamps are invented there (25 fps for a 60 fps stream), so frames are dated on arrival.
+"""
+
+from __future__ import annotations
+
+import time
+
+import cv2
+import numpy as np
+
+from vision.camera_device import Capture, capture
+from vision.mjpeg_http import without_password
+from vision.source_errors import GoneError
+
+
+class StreamFeed:
+    """A stream read through OpenCV; a `vision.live.Feed`.
+
+    `fps` is the rate that it claims, `is_file` whether it has an end: a file on a server.
+    """
+
+    def __init__(self, address: str, *, timeout_s: float) -> None:
+        """Connect. Raises `GoneError` where nothing answers within `timeout_s`."""
+        limit_ms = round(1e3 * timeout_s)
+        limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, limit_ms]
+        limits += [cv2.CAP_PROP_READ_TIMEOUT_MSEC, limit_ms]
+        self._address = without_password(address)
+        self._device: Capture = capture(address, cv2.CAP_FFMPEG, limits)
+        self.duplicates = 0
+        self.stamped_by = "arrival"
+        if not self._device.isOpened():
+            self._device.release()
+            raise GoneError(
+                f"{self._address}: the stream does not answer; check address and camera"
+            )
+        self.fps = self._device.get(cv2.CAP_PROP_FPS)
+        self.is_file = self._device.get(cv2.CAP_PROP_FRAME_COUNT) > 0
+
+    def read(self) -> tuple[np.ndarray, float]:
+        """The next image and when it arrived (s, `time.monotonic`)."""
+        ok, image = self._device.read()
+        if not ok:
+            raise GoneError(f"{self._address}: the stream ended or broke off; is it still sent?")
+        return image, time.monotonic()
+
+    def decode(self, raw: np.ndarray) -> np.ndarray:
+        """The image as it came."""
+        return raw
+
+    def interrupt(self) -> None:
+        """Nothing can: a wait ends by the time limit given at the start."""
+
+    def close(self) -> None:
+        """End the connection."""
+        self._device.release()

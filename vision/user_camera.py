@@ -1,0 +1,163 @@
+"""A camera class from a user's own file, for cameras that no common interface knows.
+
+The address is "mine.py:MyCamera". The class needs no base class, only this:
+
+    class MyCamera:
+        def __init__(self): ...         # without arguments; nothing is opened yet
+        def open(self): ...             # optional (or __enter__): connect, arm, start
+        def read(self):                 # wait for the next frame
+            return image, t_s           # None: the camera has ended
+        def close(self): ...            # optional (or __exit__): always called once after open
+
+`image` is a numpy array of uint8, (h, w, 3) in BGR order or (h, w) grey; it is copied, the class
+may use its buffer again. `t_s` is the middle of the exposure on the clock of `time.monotonic()`,
+and increases from frame to frame. `read` may block: it runs in a thread of its own, and so does
+`close`. What it raises stops the frames until a new object of the class could be opened.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import sys
+import time
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from vision.source_errors import UserCameraError
+
+NEAR_S = 10.0  # between a stamp and its arrival; beyond, it is of another clock
+AHEAD_S = 0.1
+
+
+def split_address(address: str) -> tuple[Path, str] | None:
+    """File and class of "mine.py:MyCamera" (or C:\\dir\\mine.py:MyCamera), None for all else."""
+    file, colon, name = address.rpartition(":")
+    if not colon or not file.endswith(".py") or not name.isidentifier():
+        return None
+    return Path(file), name
+
+
+def load_class(file: Path, name: str) -> Callable[[], Any]:
+    """The class `name` of a Python file. Raises `UserCameraError`, `FileNotFoundError`."""
+    if not file.is_file():
+        raise FileNotFoundError(f"{file}:{name}: no such file; check the camera's address")
+    module_name = f"user_camera_{file.stem}"
+    spec = importlib.util.spec_from_file_location(module_name, file)
+    if spec is None or spec.loader is None:
+        raise UserCameraError(f"{file}: not a file that Python can load")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[module_name] = module  # dataclasses and pickle look there
+    try:
+        spec.loader.exec_module(module)
+    except (Exception, SystemExit) as error:
+        raise _named(f"{file}:{name}", "loading the file", error, file) from error
+    found = getattr(module, name, None)
+    if not isinstance(found, type):
+        classes = [
+            k
+            for k, v in vars(module).items()
+            if isinstance(v, type) and v.__module__ == module_name
+        ]
+        raise UserCameraError(
+            f"{file}:{name}: no such class in that file; it has {', '.join(classes) or 'none'}"
+        )
+    return found
+
+
+def _named(address: str, where: str, error: BaseException, file: Path) -> UserCameraError:
+    """The user's error in one line, with its place in the user's file."""
+    lines = [
+        frame.lineno
+        for frame in traceback.extract_tb(error.__traceback__)
+        if Path(frame.filename).name == file.name
+    ]
+    place = f" (line {lines[-1]})" if lines else ""
+    text = " ".join(str(error).split())
+    return UserCameraError(f"{address}: {where}: {type(error).__name__}: {text}{place}")
+
+
+class UserFeed:
+    """One object of a user's camera class, opened; a `vision.live.Feed`."""
+
+    def __init__(self, file: Path, name: str, make: Callable[[], Any]) -> None:
+        """Make and open. Raises `UserCameraError` with file and class for whatever fails."""
+        self._file, self._address = file, f"{file}:{name}"
+        self.duplicates = 0
+        self.stamped_by = "camera"
+        self._last_s = -math.inf
+        self._camera = self._call("__init__", make)
+        for opening in ("open", "__enter__"):
+            if hasattr(self._camera, opening):
+                # As in a `with` statement, what `__enter__` returns is the camera.
+                given = self._call(opening, getattr(self._camera, opening))
+                self._closing = "close" if opening == "open" else "__exit__"
+                self._reading = given if opening == "__enter__" and given else self._camera
+                break
+        else:
+            self._closing, self._reading = "close", self._camera
+        if not callable(getattr(self._reading, "read", None)):
+            self.close()
+            raise UserCameraError(f"{self._address}: the class needs a method read()")
+
+    def _call(self, what: str, method: Callable[..., Any], *args: Any) -> Any:
+        try:
+            return method(*args)
+        except (Exception, SystemExit) as error:
+            raise _named(self._address, what, error, self._file) from error
+
+    def read(self) -> tuple[np.ndarray, float] | None:
+        """The next image, copied, and its time; see the module's text."""
+        got = self._call("read", self._reading.read)
+        if got is None:
+            return None
+        if not isinstance(got, tuple) or len(got) != 2:
+            raise self._breach(f"returned {type(got).__name__}, not a tuple (image, t_s) or None")
+        image, t_s = got
+        self._check_image(image)
+        return np.array(image), self._checked_time(t_s, time.monotonic())
+
+    def _check_image(self, image: Any) -> None:
+        if not isinstance(image, np.ndarray):
+            raise self._breach(f"the image is a {type(image).__name__}, not a numpy array")
+        shape = image.shape
+        good = image.ndim == 2 or (image.ndim == 3 and shape[2] == 3)
+        if not good or image.dtype != np.uint8 or image.size == 0:
+            raise self._breach(
+                f"the image is {image.dtype} of shape {shape}, not uint8 of (h, w, 3) or (h, w)"
+            )
+
+    def _checked_time(self, t_s: Any, now_s: float) -> float:
+        try:
+            taken_s = float(t_s)
+        except (TypeError, ValueError):
+            raise self._breach(f"t_s is {t_s!r}, not a number of seconds") from None
+        if not -AHEAD_S <= now_s - taken_s <= NEAR_S:
+            raise self._breach(
+                f"t_s is {taken_s:g} s where time.monotonic() is {now_s:g}; use that clock"
+            )
+        if taken_s <= self._last_s:
+            raise self._breach(f"t_s does not increase ({self._last_s:.6f}, then {taken_s:.6f})")
+        self._last_s = taken_s
+        return taken_s
+
+    def _breach(self, text: str) -> UserCameraError:
+        return UserCameraError(f"{self._address}: read: {text}")
+
+    def decode(self, raw: np.ndarray) -> np.ndarray:
+        """The image (h, w, 3); grey becomes three equal channels."""
+        return cv2.cvtColor(raw, cv2.COLOR_GRAY2BGR) if raw.ndim == 2 else raw
+
+    def interrupt(self) -> None:
+        """Nothing can: the user's `read` ends when it ends."""
+
+    def close(self) -> None:
+        """Close the user's camera; `UserCameraError` where that fails."""
+        method = getattr(self._camera, self._closing, None)
+        if method is not None:
+            self._call(self._closing, method, *([None] * 3 if self._closing == "__exit__" else []))
