@@ -32,6 +32,7 @@ LEVELS_SHARE = 1.8
 SLOPE_SHARE, CONTRAST_SHARE_PX, CLIPPED_SHARE_PX = 0.4, 0.01, 0.06
 UNSIGNED_REACH = 0.25
 WHOLE = 0.85  # share of the rays from which an outline counts as free all round
+SETTLE_ROUNDS, SETTLED = 7, 0.03  # casts at most, and the share of the radius that is no move
 REACH = 0.6  # rays search from (1 - REACH) to (1 + REACH) radii
 
 
@@ -225,17 +226,21 @@ def _settled(
     guess: tuple[float, float, float],
     reach: float,
 ) -> Outline | None:
-    """The outline about a guess, cast anew where the guess was so far off that rays fell short."""
-    line = None
-    for _ in range(3):
+    """The outline about a guess, cast anew from its own answer until that stays.
+
+    Rays from a guess near the ball's edge meet other edges too, and an ellipse through them all is
+    a compromise that lies somewhere between: only an outline that confirms itself is one.
+    """
+    for _ in range(SETTLE_ROUNDS):
         line = trace(image, direction, signed, *guess, reach)
         if line is None:
             return None
         u, v, radius = guess
         guess = line.u_px, line.v_px, line.radius_px
-        if math.hypot(guess[0] - u, guess[1] - v) < 0.25 * radius:
-            break
-    return line
+        moved = math.hypot(guess[0] - u, guess[1] - v) + abs(guess[2] - radius)
+        if moved < SETTLED * radius or (_plain(line) and moved < 0.25 * radius):
+            return line
+    return None
 
 
 def _refined(

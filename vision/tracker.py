@@ -26,6 +26,8 @@ COAST_S = 0.100
 # How far the radius may be from what it was: the ball nears and leaves the lens by a few per cent,
 # a wide lens and motion blur do the rest.
 RADIUS_SLACK = 0.25
+SAME_SIZE = 0.06  # share of the radius that a ball's outline keeps from one frame to the next
+ROUGH = 0.03  # residual of an outline, share of the radius, that a sharp whole ball never has
 GATE_SIGMAS = 4.0
 ADAPT_SHARE = 0.03  # of every whole view of the ball, into its size
 ADAPT_EVERY, LOOKS_SHARE = 4, 0.1  # and of every fourth into its looks
@@ -160,6 +162,11 @@ class Tracker:
         i, j = round(found.v_px), round(found.u_px)
         return 0 <= i < h and 0 <= j < w and bool(self._mask[i, j])
 
+    def _cut(self, found: Detection) -> bool:
+        """Whether it is partly hidden: blur roughens an outline too, but never makes it smaller."""
+        usual = self._radius_px  # NaN before the first lock
+        return found.residual_px > ROUGH * usual and found.radius_px < (1.0 - ROUGH) * usual
+
     def _search(self, frame: Frame) -> Detection | None:
         """The ball anywhere in the image, by its looks or, while these are unknown, its motion."""
         looks = self.appearance
@@ -185,7 +192,7 @@ class Tracker:
         assert looks is not None
         bounds = self._bounds(frame.image)
         found = discs(frame.image, looks, bounds, self._mask, self._imposters)
-        self._candidates = follow(self._candidates, found)
+        self._candidates = follow(self._candidates, [d for d in found if not self._cut(d)])
 
     def _doubt(self, frame: Frame, found: Detection | None) -> Detection | None:
         """`found`, or another disc that moves while the locked one has not: that is the ball."""
@@ -224,9 +231,11 @@ class Tracker:
             if found is None:
                 return False
             jump = min(math.hypot(found.u_px - u, found.v_px - v) for u, v in origins)
-            if jump > far or not believable(found, looks, bounds, strict=jump > near):
+            same = jump < near and abs(found.radius_px - radius) < SAME_SIZE * radius
+            strict = jump > near
+            if jump > far or not believable(found, looks, bounds, strict=strict, familiar=same):
                 return False
-            if not self._inside(found):
+            if self._cut(found) or not self._inside(found):
                 return False
             # A flat mark may be rolled over, step by step; a still thing is not jumped to.
             on = imposters.at(found.u_px, found.v_px, radius)
