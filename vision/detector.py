@@ -32,7 +32,8 @@ LEVELS_SHARE = 1.8
 SLOPE_SHARE, CONTRAST_SHARE_PX, CLIPPED_SHARE_PX = 0.4, 0.01, 0.06
 UNSIGNED_REACH = 0.25
 WHOLE = 0.85  # share of the rays from which an outline counts as free all round
-SETTLE_ROUNDS, SETTLED = 7, 0.03  # casts at most, and the share of the radius that is no move
+# Casts at most; the share of the radius that is no move; and that a blurred outline may still sway.
+SETTLE_ROUNDS, SETTLED, RESTLESS = 7, 0.03, 0.1
 REACH = 0.6  # rays search from (1 - REACH) to (1 + REACH) radii
 
 
@@ -231,6 +232,7 @@ def _settled(
     Rays from a guess near the ball's edge meet other edges too, and an ellipse through them all is
     a compromise that lies somewhere between: only an outline that confirms itself is one.
     """
+    line, moved, radius = None, math.inf, guess[2]
     for _ in range(SETTLE_ROUNDS):
         line = trace(image, direction, signed, *guess, reach)
         if line is None:
@@ -238,9 +240,10 @@ def _settled(
         u, v, radius = guess
         guess = line.u_px, line.v_px, line.radius_px
         moved = math.hypot(guess[0] - u, guess[1] - v) + abs(guess[2] - radius)
-        if moved < SETTLED * radius or (_plain(line) and moved < 0.25 * radius):
+        # A plain outline is believed at once where it lay well within the rays' reach.
+        if moved < SETTLED * radius or (_plain(line) and moved < 0.4 * reach * radius):
             return line
-    return None
+    return line if moved < RESTLESS * radius else None
 
 
 def _refined(

@@ -112,13 +112,13 @@ class Tracker:
         assert imposters is not None
         dt = frame.t_s - motion.t_s
         ahead = motion.at(frame.t_s, self._radius_px)
-        u, v, sigma = found.u_px, found.v_px, found.sigma_px + 0.02 * found.radius_px
+        u, v, sigma = found.u_px, found.v_px, self._sigma_px(found) + 0.02 * found.radius_px
         if math.hypot(*(ahead.place - (u, v))) > _gates(ahead, self._radius_px)[0]:
             # A kick, or a time stamp that lies: the speed learned so far is worth nothing.
             self._motion = Motion.start(u, v, self._radius_px, sigma, frame.t_s)
         else:
             self._motion = ahead.corrected(u, v, sigma)
-        self._state, self._good_s = "track", frame.t_s
+        self._state, self._good_s, claimed = "track", frame.t_s, self._sigma_px(found)
         if found.inliers > 0.85 and found.coverage == 1.0:
             self._radius_px += ADAPT_SHARE * (found.radius_px - self._radius_px)
             self._views += 1
@@ -129,7 +129,7 @@ class Tracker:
             imposters.update(frame.image, looks, u, v, self._radius_px, dt)
         span = math.hypot(found.u_px - self._lock_px[0], found.v_px - self._lock_px[1])
         self._proven |= span > max(5.0, 0.5 * self._radius_px)
-        return Track("track", found.u_px, found.v_px, found.sigma_px, found.radius_px)
+        return Track("track", found.u_px, found.v_px, claimed, found.radius_px)
 
     def _lock(self, frame: Frame, found: Detection, *, proven: bool) -> Detection:
         looks = self.appearance
@@ -162,10 +162,12 @@ class Tracker:
         i, j = round(found.v_px), round(found.u_px)
         return 0 <= i < h and 0 <= j < w and bool(self._mask[i, j])
 
-    def _cut(self, found: Detection) -> bool:
-        """Whether it is partly hidden: blur roughens an outline too, but never makes it smaller."""
-        usual = self._radius_px  # NaN before the first lock
-        return found.residual_px > ROUGH * usual and found.radius_px < (1.0 - ROUGH) * usual
+    def _sigma_px(self, found: Detection) -> float:
+        """Its sigma; more where it is rough and not of the usual size: half of it may be hidden or
+        blurred away, and then the centre is off by as much as the radius is."""
+        rough = found.residual_px > ROUGH * self._radius_px
+        amiss = abs(found.radius_px - self._radius_px) if rough else 0.0
+        return math.hypot(found.sigma_px, amiss)
 
     def _search(self, frame: Frame) -> Detection | None:
         """The ball anywhere in the image, by its looks or, while these are unknown, its motion."""
@@ -192,7 +194,7 @@ class Tracker:
         assert looks is not None
         bounds = self._bounds(frame.image)
         found = discs(frame.image, looks, bounds, self._mask, self._imposters)
-        self._candidates = follow(self._candidates, [d for d in found if not self._cut(d)])
+        self._candidates = follow(self._candidates, found)
 
     def _doubt(self, frame: Frame, found: Detection | None) -> Detection | None:
         """`found`, or another disc that moves while the locked one has not: that is the ball."""
@@ -235,7 +237,7 @@ class Tracker:
             strict = jump > near
             if jump > far or not believable(found, looks, bounds, strict=strict, familiar=same):
                 return False
-            if self._cut(found) or not self._inside(found):
+            if not self._inside(found):
                 return False
             # A flat mark may be rolled over, step by step; a still thing is not jumped to.
             on = imposters.at(found.u_px, found.v_px, radius)

@@ -2,9 +2,9 @@
 
 Every case is a script of ray-traced frames with exact truth, followed by a tracker that is told
 nothing (or the ball's colour, where the case says so). "found" counts the frames from the first
-lock on in which the ball can be seen and was tracked; "wrong" those in which a position more than
-3 px off, or of a hidden ball, passed as good. `--only NAME`, `--frames N`, `--out DIR` (contact
-sheet `cases.png`).
+lock on in which the ball can be seen and was tracked; "wrong" those in which a position passed as
+good though the ball was hidden, or it was more than 3 px and four of the sigmas it claimed off.
+`--only NAME`, `--frames N`, `--out DIR` (contact sheet `cases.png`).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from vision.frames import Frame, Track
 from vision.overlay import contact_sheet, draw
 from vision.tracker import Tracker
 
-WRONG_PX = 3.0
+WRONG_PX, WRONG_SIGMAS = 3.0, 4.0
 
 
 @dataclass(eq=False)
@@ -82,7 +82,7 @@ def _judge(figure: Figure, track: Track, shot: Shot, clear: bool | None, k: int)
     if not tracked:
         return 0.0
     error = float(np.hypot(track.u_px - shot.u_px, track.v_px - shot.v_px))
-    if error > WRONG_PX or clear is False:
+    if error > max(WRONG_PX, WRONG_SIGMAS * track.sigma_px) or clear is False:
         figure.wrong += 1
         return max(error, 1e3)
     figure.errors.append(error)
