@@ -12,7 +12,8 @@ derivative, is each sector's shift d (Gauss-Newton), and the ellipse moves by wh
     d(t) = dR + du cos t + dv sin t + dc cos 2t + ds sin 2t
 
 With known levels this is the maximum likelihood estimate; slopes keep a gradient beside the edge
-from pulling at it, which is what biases a gradient's peak. Everything here is compiled.
+from pulling at it, which is what biases a gradient's peak. Everything here is compiled, and in one
+file because of it: numba's cache of `polish` would not notice a change of a helper in another.
 """
 
 from __future__ import annotations
@@ -204,36 +205,36 @@ def _project(px, n, w):
 
 
 @numba.njit(cache=True, fastmath=True)
-def _sums(px, n, blur, flat, bend, side, lean, out):
-    """Of the level zone inside (side 0) or outside (1): per sector n, mean f, mean p, Sff, Sfp,
-    Spp about the means, into out (k, 6); f is n(x) inside and x outside."""
+def _sums(px, n, blur, flat, bend, lean, inner, outer):
+    """Of the level zones: per sector n, mean f, mean p, Sff, Sfp, Spp about the means, into
+    inner (k, 6), where f is n(x), and outer (k, 6), where it is x."""
     k = blur.size
-    out[:] = 0.0
+    inner[:] = 0.0
+    outer[:] = 0.0
     for m in range(n):
         x = px[m, 0]
-        if (x < 0.0) != (side == 0):
-            continue
         sector = min(int(px[m, 1] * k), k - 1)
         far = abs(x) - ZONE * blur[sector] - 0.4
         if far < 0.0 or far > flat:
             continue
-        f = math.sqrt(bend * abs(x)) if side == 0 else x
-        p = px[m, 2] - lean[sector] * x
-        row = out[sector]
+        f, p, row = x, px[m, 2], outer[sector]
+        if x < 0.0:
+            f, p, row = math.sqrt(-bend * x), p - lean[sector] * x, inner[sector]
         row[0] += 1.0
         row[1] += f
         row[2] += p
         row[3] += f * f
         row[4] += f * p
         row[5] += p * p
-    for i in range(k):
-        row = out[i]
-        if row[0] > 0.0:
-            row[1] /= row[0]
-            row[2] /= row[0]
-            row[3] -= row[0] * row[1] * row[1]
-            row[4] -= row[0] * row[1] * row[2]
-            row[5] -= row[0] * row[2] * row[2]
+    for out in (inner, outer):
+        for i in range(k):
+            row = out[i]
+            if row[0] > 0.0:
+                row[1] /= row[0]
+                row[2] /= row[0]
+                row[3] -= row[0] * row[1] * row[1]
+                row[4] -= row[0] * row[1] * row[2]
+                row[5] -= row[0] * row[2] * row[2]
 
 
 @numba.njit(cache=True)
@@ -435,19 +436,17 @@ def _blurs(shifts, arc, blur, most):
 
 @numba.njit(cache=True)
 def _relief(a0, a1, b0, b1, bend, blur):
-    """First harmonics round the rim: of the contrast over its mean, and of the shift (px) that the
-    slopes beside the edge would cause if they were not modelled, s^2 m / A."""
+    """First harmonic round the rim of the shift (px) that the slopes beside the edge would cause if
+    they were not modelled, s^2 m / A."""
     k = a0.size
-    mean, c0, s0, c1, s1 = 1e-12, 0.0, 0.0, 0.0, 0.0
+    mean, c1, s1 = 1e-12, 0.0, 0.0
     for i in range(k):
         mean += (a0[i] - b0[i]) / k
     for i in range(k):
         t = 6.2831853 * (i + 0.5) / k
-        c, s = math.cos(t) * 2.0 / k, math.sin(t) * 2.0 / k
-        A = (a0[i] - b0[i]) / mean
         m = (b1[i] - a1[i] * math.sqrt(bend / blur[i])) * blur[i] ** 2 / mean
-        c0, s0, c1, s1 = c0 + A * c, s0 + A * s, c1 + m * c, s1 + m * s
-    return math.sqrt(c0 * c0 + s0 * s0), math.sqrt(c1 * c1 + s1 * s1)
+        c1, s1 = c1 + m * math.cos(t) * 2.0 / k, s1 + m * math.sin(t) * 2.0 / k
+    return math.sqrt(c1 * c1 + s1 * s1)
 
 
 @numba.njit(cache=True, fastmath=True)
@@ -467,10 +466,10 @@ def polish(image, u, v, radius, guess_px, flat_std, smeared, rounds):
     `image` (h, w, 3) uint8; `guess_px` the blur to start with; `smeared` colour differences are
     stored coarsely. Returns an array: 0 u, 1 v, 2 radius, 3 variance of the centre per axis from
     noise alone (infinite: failed), 4 what is left over that noise, 5 share of good sectors, 6 mean
-    blur, 7, 8 relief of contrast and slopes (`_relief`), 9 share of clipped pixels, 10 whether the
-    blur was too wide to be trusted, 11-13 and 14-16 mean BGR inside and outside.
+    blur, 7 what slopes may have left (`_relief`), 8 share of clipped pixels, 9 whether the blur was
+    too wide to be trusted, 10-12 and 13-15 mean BGR inside and outside.
     """
-    out = np.zeros(17)
+    out = np.zeros(16)
     out[0], out[1], out[2], out[3] = u, v, radius, np.inf
     k = 8 * max(1, min(6, int(round(2.0 * math.pi * radius / ARC_PX / 8.0))))
     q = np.array([radius, 0.0, 0.0])
@@ -479,14 +478,14 @@ def polish(image, u, v, radius, guess_px, flat_std, smeared, rounds):
     px = np.empty((0, 8), np.float32)
     inner, outer, shifts = np.empty((k, 6)), np.empty((k, 6)), np.empty((k, 4))
     a0, a1, b0, b1 = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
-    lean, none = np.zeros(k), np.zeros(k)
+    lean = np.zeros(k)
     good, rows, variance = np.zeros(k, np.bool_), np.ones((k, 5)), np.inf
     for i in range(k):
         t = 2.0 * math.pi * (i + 0.5) / k
         rows[i, 1], rows[i, 2] = math.cos(t), math.sin(t)
         rows[i, 3], rows[i, 4] = math.cos(2.0 * t), math.sin(2.0 * t)
     mean, colour, w = np.empty((2, k, 4)), np.empty((3, 3)), np.zeros(3)
-    floor, flat, n, held = 0.0, FLAT, 0, -1.0
+    floor, flat, n, held, step = 0.0, FLAT, 0, -1.0, 1.0
     for turn in range(rounds):
         far = ZONE * blur.max() + 0.4 + flat
         if far > held:
@@ -495,16 +494,16 @@ def polish(image, u, v, radius, guess_px, flat_std, smeared, rounds):
             if room > px.shape[0]:  # small enough for the heap: fresh pages cost more than the work
                 px = np.empty((room, 8), np.float32)
             n = _gather(image, u, v, q, min(held, 0.7 * q[0]), held, px)
-            _project(px, n, w)
+            if turn > 0:
+                _project(px, n, w)
         bend = 2.0 / q[0]
-        if turn < 2:
-            out[9] = _colours(px, n, blur, flat, mean, colour)
+        if turn == 0 or (turn == 1 and step > 0.1):
+            out[8] = _colours(px, n, blur, flat, mean, colour)
             if not _direction(mean, colour, radius, smeared, w):
                 return out
             floor = 0.1 * (w[0] ** 2 + w[1] ** 2 + w[2] ** 2)
             _project(px, n, w)
-        _sums(px, n, blur, flat, bend, 0, lean, inner)
-        _sums(px, n, blur, flat, bend, 1, none, outer)
+        _sums(px, n, blur, flat, bend, lean, inner, outer)
         noise = 0.5 * (_levels(inner, floor, a0, a1) + _levels(outer, floor, b0, b1))
         if not noise > 0.0:
             return out
@@ -529,11 +528,11 @@ def polish(image, u, v, radius, guess_px, flat_std, smeared, rounds):
         if turn > 0 and step < 0.03 and abs(blur.mean() - wide) < 0.15 * wide:
             break
     out[0], out[1], out[2], out[3], out[5], out[6] = u, v, q[0], variance, good.mean(), blur.mean()
-    out[7], out[8] = _relief(a0, a1, b0, b1, bend, blur)
-    out[10] = 1.0 if blur.max() >= most else 0.0
+    out[7] = _relief(a0, a1, b0, b1, bend, blur)
+    out[9] = 1.0 if blur.max() >= most else 0.0
     for c in range(3):
-        out[11 + c] = _mean_of(mean, 0, c)
-        out[14 + c] = _mean_of(mean, 1, c)
+        out[10 + c] = _mean_of(mean, 0, c)
+        out[13 + c] = _mean_of(mean, 1, c)
     return out
 
 

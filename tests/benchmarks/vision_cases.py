@@ -95,6 +95,23 @@ def _thumbnail(shot: Shot, track: Track, name: str) -> np.ndarray:
     return cv2.resize(image, (320, 240), interpolation=cv2.INTER_AREA)
 
 
+def report(only: str = "", frames: int = 60, out: Path | None = None) -> None:
+    """Print the figures of the cases whose name holds `only`; the contact sheet goes into `out`."""
+    print("| case | first lock, frame | found % | wrong | RMSE px | normalised error |")
+    print("|---|---|---|---|---|---|")
+    pictures, wrong, seen = [], 0, 0
+    for name, script in cases().items():
+        if only in name:
+            figure = followed(name, script(frames))
+            print(figure.row(), flush=True)
+            pictures += figure.pictures
+            wrong, seen = wrong + figure.wrong, seen + figure.frames
+    print(f"\nwrong positions passed as good: {wrong} of {seen} frames")
+    if out and pictures:
+        out.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(out / "cases.png"), contact_sheet(pictures, 8))
+
+
 def main() -> None:
     options = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     options.add_argument("--only", default="", help="cases whose name holds this")
@@ -102,19 +119,7 @@ def main() -> None:
     options.add_argument("--out", type=Path, help="a folder for the contact sheet")
     chosen = options.parse_args()
     cv2.setNumThreads(1)
-    print("| case | first lock, frame | found % | wrong | RMSE px | normalised error |")
-    print("|---|---|---|---|---|---|")
-    pictures, wrong, frames = [], 0, 0
-    for name, script in cases().items():
-        if chosen.only in name:
-            figure = followed(name, script(chosen.frames))
-            print(figure.row(), flush=True)
-            pictures += figure.pictures
-            wrong, frames = wrong + figure.wrong, frames + figure.frames
-    print(f"\nwrong positions passed as good: {wrong} of {frames} frames")
-    if chosen.out and pictures:
-        chosen.out.mkdir(parents=True, exist_ok=True)
-        cv2.imwrite(str(chosen.out / "cases.png"), contact_sheet(pictures, 8))
+    report(chosen.only, chosen.frames, chosen.out)
 
 
 if __name__ == "__main__":

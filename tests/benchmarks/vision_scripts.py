@@ -60,6 +60,20 @@ def second_ball(n: int) -> Script:
         yield Shot(studio.expose(lit), *studio.silhouette(places[k]), times[k]), True
 
 
+def set_down_elsewhere(n: int) -> Script:
+    """The ball lies still and is elsewhere, 4 to 60 mm away, every third frame."""
+    studio, rng = Studio(SHADED), np.random.default_rng(6)
+    place = np.zeros(2)
+    for k in range(n):
+        while k % 3 == 0:
+            far, way = rng.choice((0.004, 0.013, 0.02, 0.06)), rng.uniform(0, 2 * np.pi)
+            there = place + far * np.array((np.cos(way), np.sin(way)))
+            if np.abs(there).max() < 0.1:
+                place = there
+                break
+        yield studio.shot(tuple(place), (0.0, 0.0), k / 60), True
+
+
 def twin_mark(n: int) -> Script:
     """A flat disc of the ball's colour and size lies on the plate, beside the ball's path."""
     studio = Studio(SHADED)
@@ -138,6 +152,7 @@ def cases() -> dict[str, Callable[[int], Script]]:
         "a disc of its colour on the plate": twin_mark,
         "half outside the image": out_of_the_image,
         "streaks of 40 px": streaks,
+        "set down elsewhere, colour named": set_down_elsewhere,
         "dropped frames": dropped,
         "duplicated frames": duplicated,
         "corrupt frames": corrupt,
