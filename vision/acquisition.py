@@ -192,7 +192,7 @@ class Acquisition:
         if mean.max() > DARK:
             return False
         lit = np.clip(mean * (2.0 * DARK / max(float(mean.max()), 1.0)), 0, 255).astype(int) >> 3
-        return self._colour.table[lit[0] << 10 | lit[1] << 5 | lit[2]] > 255 * 0.35
+        return bool(self._colour.table[lit[0] << 10 | lit[1] << 5 | lit[2]] > 255 * 0.35)
 
     def _alone(self, found: Detection) -> bool:
         """Whether still background lies about it: not a highlight on a ball, nor a knuckle."""

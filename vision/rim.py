@@ -485,7 +485,7 @@ def polish(image, u, v, radius, guess_px, flat_std, smeared, rounds):
         rows[i, 1], rows[i, 2] = math.cos(t), math.sin(t)
         rows[i, 3], rows[i, 4] = math.cos(2.0 * t), math.sin(2.0 * t)
     mean, colour, w = np.empty((2, k, 4)), np.empty((3, 3)), np.zeros(3)
-    floor, flat, n, held, step = 0.0, FLAT, 0, -1.0, 1.0
+    floor, flat, n, held, step, bend = 0.0, FLAT, 0, -1.0, 1.0, 2.0 / radius
     for turn in range(rounds):
         far = ZONE * blur.max() + 0.4 + flat
         if far > held:

@@ -28,6 +28,7 @@ COAST_S = 0.100
 RADIUS_SLACK = 0.25
 SAME_SIZE = 0.06  # share of the radius that a ball's outline keeps from one frame to the next
 ROUGH = 0.03  # residual of an outline, share of the radius, that a sharp whole ball never has
+SWOLLEN = 0.1  # share of the radius by which no blur makes a ball larger
 GATE_SIGMAS = 4.0
 ADAPT_SHARE = 0.03  # of every whole view of the ball, into its size
 ADAPT_EVERY, LOOKS_SHARE = 4, 0.1  # and of every fourth into its looks
@@ -236,6 +237,10 @@ class Tracker:
             same = jump < near and abs(found.radius_px - radius) < SAME_SIZE * radius
             strict = jump > near
             if jump > far or not believable(found, looks, bounds, strict=strict, familiar=same):
+                return False
+            # Blur leaves the half-way outline no larger: that is a compromise between two things.
+            rough = found.residual_px > ROUGH * radius
+            if rough and found.radius_px > (1.0 + SWOLLEN) * radius:
                 return False
             if not self._inside(found):
                 return False
