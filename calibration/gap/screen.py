@@ -110,22 +110,22 @@ def _coasting(state: State, part: str, skip: set[Key]) -> Screened | None:
     if first is None or held or first.believed > 0.0:
         return None
     evidence = at_first_noise(state, (part,))
-    plays = [SMALLEST_PLAY_RAD * 1.25**n for n in range(10)]
-    tried = [state.fit.setting | s for s in coasting_starts(axis, state.believed, plays)]
-    fits = [evaluate(evidence, state.believed, setting, (part,)) for setting in tried]
-    begun = replace(
-        state,
-        evidence=evidence,
-        fit=min(fits, key=lambda fit: fit.cost),
-        named=(*state.named, ("gear_backlash", axis)),
-    )
-    found = refit(begun, begun.bounds((part,)), iterations=2).fit
+
+    def best(plays: list[float]) -> Fit:
+        tried = [state.fit.setting | s for s in coasting_starts(axis, state.believed, plays)]
+        fits = [evaluate(evidence, state.believed, setting, (part,)) for setting in tried]
+        return min(fits, key=lambda fit: fit.cost)
+
+    play = best([SMALLEST_PLAY_RAD * 1.25**n for n in range(10)]).setting[first.name]
+    start = best([play * ratio for ratio in (0.9, 0.95, 1.0, 1.06, 1.12)])
+    named = (*state.named, ("gear_backlash", axis))
+    begun = replace(state, evidence=evidence, fit=start, named=named)
+    found = refit(begun, begun.bounds((part,)), iterations=3).fit
     gain = state.fit.costs[part] - found.cost
     if not gain > 0.0:
         return None
-    keys = coasting_starts(axis, state.believed, plays[:1])[0]
-    start = {key: found.setting[key] for key in keys}
-    return Screened("gear_backlash", axis, gain, start, 0.0, start)
+    moved = {key: found.setting[key] for key in coasting_starts(axis, state.believed, [play])[0]}
+    return Screened("gear_backlash", axis, gain, moved, 0.0, moved)
 
 
 def _gain(state: State, part: str, knobs: list[Knob], bounds: Mapping, nuisance: np.ndarray,
