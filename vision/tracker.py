@@ -23,6 +23,7 @@ from vision.imposters import Imposters
 from vision.kinematics import Motion
 
 COAST_S = 0.100
+GOOD_PX = 1.5  # sigma above which a position only helps to predict: it is not passed as good
 # How far the radius may be from what it was: the ball nears and leaves the lens by a few per cent,
 # a wide lens and motion blur do the rest.
 RADIUS_SLACK = 0.25
@@ -86,16 +87,18 @@ class Tracker:
         if found is not None and self._motion is not None:
             return self._accept(frame, found)
         if self._motion is not None and frame.t_s - self._good_s <= COAST_S:
-            self._state = "coast"
-            ahead = self._motion.at(frame.t_s, self._radius_px)
-            u, v = (float(x) for x in ahead.place)
-            return Track("coast", u, v, ahead.sigma_px, self._radius_px)
+            return self._coast(self._motion.at(frame.t_s, self._radius_px))
         if self._motion is not None:
             self._motion, self._candidates, self._state = None, [], "lost"
             found = self._search(frame)
             if found is not None:
                 return self._accept(frame, found)
         return Track(self._state)
+
+    def _coast(self, ahead: Motion) -> Track:
+        self._state = "coast"
+        u, v = (float(x) for x in ahead.place)
+        return Track("coast", u, v, ahead.sigma_px, self._radius_px)
 
     def _measure(self, frame: Frame) -> Detection | None:
         if self._motion is None:
@@ -119,7 +122,10 @@ class Tracker:
             self._motion = Motion.start(u, v, self._radius_px, sigma, frame.t_s)
         else:
             self._motion = ahead.corrected(u, v, sigma)
-        self._state, self._good_s, claimed = "track", frame.t_s, self._sigma_px(found)
+        claimed = self._sigma_px(found)
+        if claimed > GOOD_PX:
+            return self._coast(self._motion)
+        self._state, self._good_s = "track", frame.t_s
         if found.inliers > 0.85 and found.coverage == 1.0:
             self._radius_px += ADAPT_SHARE * (found.radius_px - self._radius_px)
             self._views += 1
