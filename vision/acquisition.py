@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import product
 
 import cv2
 import numpy as np
 
 from vision.appearance import Appearance
-from vision.detector import Detection, locate
+from vision.detector import Detection, locate, locate_streak, surround
 from vision.frames import Frame
 from vision.gate import believable, weight
 from vision.pixels import mean_between, moments, share
@@ -29,6 +30,7 @@ LEAST_WEIGHT = 7.0
 # A ball's outline is whole and sharp. Its shadow on a bright plate is round and moves as well,
 # but its edge is soft here and hidden by the ball there.
 LEAST_QUALITY = 0.83
+SOFT_PX = 16.0  # a disc smaller than this whose edge is too soft to be fitted may be a highlight
 DARK = 80.0  # brightest channel's mean below which a disc counts as badly lit
 
 
@@ -152,8 +154,8 @@ class Acquisition:
         guesses = [mover.guess(), mover.last[:2]]
         guesses += [(u, v) for d, u, v in sorted(near)[:1] if d < 4.0 * radius]
         bounds = (0.8 * radius, 1.25 * radius)
-        for u, v in guesses:
-            found = locate(image, mover.looks, u, v, radius)
+        for method, (u, v) in product((locate, locate_streak), guesses):
+            found = method(image, mover.looks, u, v, radius)
             if found is not None and believable(found, mover.looks, bounds, strict=True):
                 step = (found.u_px, found.v_px, found.radius_px)
                 quality = mover.quality + 0.3 * (found.inliers - mover.quality)
@@ -168,8 +170,11 @@ class Acquisition:
             ):
                 continue
             looks = Appearance.sketch(image, u, v, r)
+            bounds = (0.7 * r, 1.4 * r)
             found = locate(image, looks, u, v, r)
-            if found is None or not believable(found, looks, (0.7 * r, 1.4 * r), strict=True):
+            if not believable(found, looks, bounds, strict=True):
+                found = locate_streak(image, looks, u, v, r)
+            if found is None or not believable(found, looks, bounds, strict=True):
                 continue
             looks, found = _outermost(image, looks, found)
             if self._allowed(image, found):
@@ -208,8 +213,10 @@ class Acquisition:
         best = max(sure, key=lambda m: m.weight * math.sqrt(len(m.path)))
         u, v, r = best.last
         looks = Appearance.learn(image, u, v, r)
-        found = locate(image, looks, u, v, r)
-        return None if found is None else (looks, found)
+        found = locate(image, looks, u, v, r) or locate_streak(image, looks, u, v, r)
+        if found is None or (found.radius_px < SOFT_PX and not math.isfinite(found.blur_px)):
+            return None
+        return looks, _ringed(best, found, image)
 
 
 def _distinct(movers: list[Mover]) -> list[Mover]:
@@ -236,3 +243,9 @@ def _outermost(
         if math.hypot(disc.u_px - inner.u_px, disc.v_px - inner.v_px) < 0.2 * inner.radius_px:
             looks, found = wider, disc
     return looks, found
+
+
+def _ringed(mover: Mover, found: Detection, image: np.ndarray) -> Detection:
+    """The silhouette about what was watched, where it is but the inside of a mirroring ball."""
+    whole = surround(image, mover.looks, found)
+    return found if whole is None else whole

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vision.rays import KERNEL, trace_rays
+from vision.rays import KERNEL, ring_about, trace_rays
 
 # Prior of the flattening, share of the radius: of a sphere (perspective, lens), which keeps an
 # outline in its form where a hand or a thing of its colour hides part of it; and of a sphere
@@ -58,3 +58,16 @@ def trace(
         image, float(u), float(v), float(radius), reach, direction, n_rays, signed, KERNEL, *shape
     )
     return Outline(*got.tolist()) if found else None
+
+
+def ring(
+    image: np.ndarray, direction: np.ndarray, u: float, v: float, radius: float
+) -> tuple[float, float, float, float] | None:
+    """(u, v, radius, share of the rays) of the outer edge about an outline (px), None where none.
+
+    A mirroring ball's inner outline is the picture of the plate in it, not its silhouette.
+    """
+    got = ring_about(
+        image, float(u), float(v), float(radius), direction, 72, KERNEL, FLAT_STD, ROUNDS
+    )
+    return (float(got[0]), float(got[1]), float(got[2]), float(got[3])) if got[3] > 0.0 else None

@@ -294,3 +294,50 @@ def trace_rays(
     out[5], out[6], out[8] = count, inside, covered / 8.0
     out[7] = 2.0 * np.sqrt(c * c + s * s) / total
     return out, True
+
+
+@numba.njit(cache=True)
+def _beyond(points, u, v, radius, used):
+    """Mark as used the points (n, 2) clearly outside the circle, and not NaN."""
+    for i in range(points.shape[0]):
+        r = np.sqrt((points[i, 0] - u) ** 2 + (points[i, 1] - v) ** 2)
+        used[i] = 1.0 if r > 1.05 * radius else 0.0
+
+
+@numba.njit(cache=True)
+def ring_about(image, u, v, radius, w, n_rays, kernel, flat_std, rounds):
+    """(u, v, radius, share of the rays on it) of a ball of which the circle given is but a part.
+
+    A mirroring ball shows the plate's picture about that of the room: a ring whose outer edge is
+    the ball's. It surrounds the inner outline, need not be concentric with it, and is weaker where
+    the ball's own shadow lies; so the outermost edges of either sign are asked, and an ellipse is
+    taken on which rays from its own centre meet edges in most directions. Share 0: none.
+    """
+    out = np.zeros(4)
+    u2, v2, radius2 = u, v, 1.25 * radius
+    for turn in range(3):
+        reach = 0.22 if turn == 0 else 0.12
+        points, outer, _strength, inside = cast(
+            image, u2, v2, radius2, reach, w, n_rays, False, kernel
+        )
+        both = np.concatenate((points, outer))
+        weight = np.zeros(2 * n_rays)
+        _beyond(both, u, v, radius, weight)
+        if weight.sum() < 0.5 * n_rays:
+            return out
+        scale = (0.08 if turn == 0 else 0.04) * radius
+        got = fit(both, weight, u2, v2, radius2, scale, flat_std, rounds)
+        u2, v2, radius2 = got[0], got[1], got[2]
+        off = np.sqrt((u2 - u) ** 2 + (v2 - v) ** 2)
+        if not (1.08 * radius < radius2 < 1.6 * radius and off < radius2 - 0.95 * radius):
+            return out
+        on, per = 0, n_rays // 8
+        covered = np.zeros(8)
+        for i in range(n_rays):
+            if got[5][i] or got[5][n_rays + i]:
+                on += 1
+                covered[min(i // per, 7)] += 1.0 / per
+        if got[4] > 0.03 * radius2 or on < 0.5 * inside or (covered > 0.34).sum() < 5:
+            return out
+        out[0], out[1], out[2], out[3] = u2, v2, radius2, on / inside
+    return out

@@ -297,8 +297,8 @@ def _levels(sums, floor, level, slope):
 
 @numba.njit(cache=True, fastmath=True)
 def _shifts(px, n, blur, bend, a0, a1, b0, b1, lean, out):
-    """Per sector into out (k, 4): sum of derivative times residual, of its square, the moment of
-    the blur, and the squared contrast that it was seen with."""
+    """Per sector into out (k, 6): sum of derivative times residual, of its square, the moment of
+    the blur, the squared contrast that it was seen with, and the first two inside x = 0 alone."""
     k = blur.size
     out[:] = 0.0
     for m in range(n):
@@ -328,6 +328,9 @@ def _shifts(px, n, blur, bend, a0, a1, b0, b1, lean, out):
         row = out[sector]
         row[0] += A * g * e
         row[1] += A * A * g * g
+        if x < 0.0:
+            row[4] += A * g * e
+            row[5] += A * A * g * g
         sharp = outer + fall * x if x > 0.0 else inner + bright * math.sqrt(-bend * x)
         row[2] += x * (px[m, 2] - sharp) * A
         row[3] += A * A
@@ -349,9 +352,29 @@ def _lit(a0, radius, lean):
 
 
 @numba.njit(cache=True)
+def _halves_apart(shifts, power, good, rows, cov):
+    """Mean square per axis (px^2) of how far the centre seen in the inner halves of the edge lies
+    from that seen in the outer halves: what the model lacks moves the two differently."""
+    b = np.zeros(5)
+    for i in range(shifts.shape[0]):
+        s0, s1 = shifts[i, 4], shifts[i, 5]
+        o0, o1 = shifts[i, 0] - s0, shifts[i, 1] - s1
+        if good[i] and s1 > 0.1 * shifts[i, 1] and o1 > 0.1 * shifts[i, 1]:
+            weight = power[i] ** 2 * (s0 / s1 - o0 / o1)
+            for m in range(5):
+                b[m] += weight * rows[i, m]
+    du, dv = 0.0, 0.0
+    for m in range(5):
+        du += cov[1, m] * b[m]
+        dv += cov[2, m] * b[m]
+    return 0.5 * (du * du + dv * dv)
+
+
+@numba.njit(cache=True)
 def _agreed(shifts, noise, rows, q, flat_std, good):
     """The ellipse's motion (5,) that the sectors agree on (Tukey's weights), the centre's variance
-    per axis, and the rms of the residuals over what the noise explains; `good` (k,) is filled.
+    per axis, the rms of the residuals over what the noise explains, and `_halves_apart`; `good`
+    (k,) is filled.
 
     `rows` (k, 5) are the motion's effects on each sector's shift.
     """
@@ -364,7 +387,7 @@ def _agreed(shifts, noise, rows, q, flat_std, good):
     typical = np.median(power)
     move, cov = np.zeros(5), np.zeros((5, 5))
     if not typical > 0.0:
-        return move, np.inf, np.inf
+        return move, np.inf, np.inf, np.inf
     for i in range(k):
         # No sector counts for more than four times the usual: models err more than noise there.
         power[i] = math.sqrt(min(power[i], 4.0 * typical)) if power[i] > 0.1 * typical else 0.0
@@ -402,7 +425,8 @@ def _agreed(shifts, noise, rows, q, flat_std, good):
         if good[i]:
             chi += left[i] ** 2
             count += 1.0
-    return move, 0.5 * (cov[1, 1] + cov[2, 2]), math.sqrt(chi / max(count, 1.0))
+    apart = _halves_apart(shifts, power, good, rows, cov)
+    return move, 0.5 * (cov[1, 1] + cov[2, 2]), math.sqrt(chi / max(count, 1.0)), apart
 
 
 @numba.njit(cache=True)
@@ -434,21 +458,6 @@ def _blurs(shifts, arc, blur, most):
         blur[i] = min(max(math.sqrt(max(s2, 0.0)), 0.45), most)
 
 
-@numba.njit(cache=True)
-def _relief(a0, a1, b0, b1, bend, blur):
-    """First harmonic round the rim of the shift (px) that the slopes beside the edge would cause if
-    they were not modelled, s^2 m / A."""
-    k = a0.size
-    mean, c1, s1 = 1e-12, 0.0, 0.0
-    for i in range(k):
-        mean += (a0[i] - b0[i]) / k
-    for i in range(k):
-        t = 6.2831853 * (i + 0.5) / k
-        m = (b1[i] - a1[i] * math.sqrt(bend / blur[i])) * blur[i] ** 2 / mean
-        c1, s1 = c1 + m * math.cos(t) * 2.0 / k, s1 + m * math.sin(t) * 2.0 / k
-    return math.sqrt(c1 * c1 + s1 * s1)
-
-
 @numba.njit(cache=True, fastmath=True)
 def _moved(px, n, move):
     """Take the ellipse's small motion off the pixels' x, in place."""
@@ -466,8 +475,9 @@ def polish(image, u, v, radius, guess_px, flat_std, smeared, rounds):
     `image` (h, w, 3) uint8; `guess_px` the blur to start with; `smeared` colour differences are
     stored coarsely. Returns an array: 0 u, 1 v, 2 radius, 3 variance of the centre per axis from
     noise alone (infinite: failed), 4 what is left over that noise, 5 share of good sectors, 6 mean
-    blur, 7 what slopes may have left (`_relief`), 8 share of clipped pixels, 9 whether the blur was
-    too wide to be trusted, 10-12 and 13-15 mean BGR inside and outside.
+    blur, 7 how far apart the halves of the edge see the centre (`_halves_apart`, px^2), 8 share of
+    clipped pixels, 9 whether the blur was too wide to be trusted, 10-12 and 13-15 mean BGR inside
+    and outside.
     """
     out = np.zeros(16)
     out[0], out[1], out[2], out[3] = u, v, radius, np.inf
@@ -476,7 +486,7 @@ def polish(image, u, v, radius, guess_px, flat_std, smeared, rounds):
     most = 0.12 * radius + 0.6
     blur = np.full(k, min(max(guess_px, 0.45), most))
     px = np.empty((0, 8), np.float32)
-    inner, outer, shifts = np.empty((k, 6)), np.empty((k, 6)), np.empty((k, 4))
+    inner, outer, shifts = np.empty((k, 6)), np.empty((k, 6)), np.empty((k, 6))
     a0, a1, b0, b1 = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
     lean = np.zeros(k)
     good, rows, variance = np.zeros(k, np.bool_), np.ones((k, 5)), np.inf
@@ -511,7 +521,7 @@ def polish(image, u, v, radius, guess_px, flat_std, smeared, rounds):
         flat = min(FLAT + FLAT_BY_NOISE * math.sqrt(noise), FLAT_MOST)
         _shifts(px, n, blur, bend, a0, a1, b0, b1, lean, shifts)
         _lit(a0, q[0], lean)
-        move, variance, out[4] = _agreed(shifts, noise, rows, q, flat_std, good)
+        move, variance, out[4], out[7] = _agreed(shifts, noise, rows, q, flat_std, good)
         step = math.sqrt(move[1] ** 2 + move[2] ** 2)
         if not (step < 0.3 * radius + 1.0 and 0.6 * radius < q[0] + move[0] < 1.5 * radius):
             return out
@@ -528,7 +538,6 @@ def polish(image, u, v, radius, guess_px, flat_std, smeared, rounds):
         if turn > 0 and step < 0.03 and abs(blur.mean() - wide) < 0.15 * wide:
             break
     out[0], out[1], out[2], out[3], out[5], out[6] = u, v, q[0], variance, good.mean(), blur.mean()
-    out[7] = _relief(a0, a1, b0, b1, bend, blur)
     out[9] = 1.0 if blur.max() >= most else 0.0
     for c in range(3):
         out[10 + c] = _mean_of(mean, 0, c)

@@ -16,7 +16,7 @@ import numpy as np
 from vision.acquisition import Acquisition
 from vision.appearance import Appearance
 from vision.candidates import KNOWN_STILL, Candidate, chosen, discs, follow, rough_places
-from vision.detector import REACH, Detection, locate
+from vision.detector import REACH, Detection, locate, locate_streak, surround
 from vision.frames import Frame, Track
 from vision.gate import TELLING_FILL, believable
 from vision.imposters import Imposters
@@ -29,6 +29,7 @@ GOOD_PX = 1.5  # sigma above which a position only helps to predict: it is not p
 RADIUS_SLACK = 0.25
 SAME_SIZE = 0.06  # share of the radius that a ball's outline keeps from one frame to the next
 ROUGH = 0.03  # residual of an outline, share of the radius, that a sharp whole ball never has
+INNER = 0.92  # share of the radius below which a sharp outline is the picture in a mirroring ball
 SWOLLEN = 0.1  # share of the radius by which no blur makes a ball larger
 GATE_SIGMAS = 4.0
 ADAPT_SHARE = 0.03  # of every whole view of the ball, into its size
@@ -63,6 +64,7 @@ class Tracker:
         self._imposters: Imposters | None = None
         self._candidates: list[Candidate] = []
         self._lock_px = (math.nan, math.nan)
+        self._mirrors = False  # its silhouette was found about an inner outline
         self._proven = False  # has moved since it was locked
         self._state = "search"
         self._good_s = -math.inf
@@ -193,6 +195,7 @@ class Tracker:
         if got is None:
             return None
         self.appearance, found = got
+        self._mirrors = found.inside_px > 0.0
         self._acquisition, self._radius_px = None, found.radius_px
         return self._lock(frame, found, proven=True)
 
@@ -236,8 +239,14 @@ class Tracker:
         # It may have gone on as it went, or been stopped, or the time stamps lie.
         origins = [(float(ahead.place[0]), float(ahead.place[1])), last]
 
+        def seen(u: float, v: float, reach: float = REACH) -> Detection | None:
+            found = locate(image, looks, u, v, radius, reach=reach)
+            if not self._mirrors or found is None or found.radius_px > INNER * radius:
+                return found
+            return surround(image, looks, found)
+
         def good(found: Detection | None) -> bool:
-            if found is None:
+            if found is None or (self._mirrors and found.radius_px < INNER * radius):
                 return False
             jump = min(math.hypot(found.u_px - u, found.v_px - v) for u, v in origins)
             same = jump < near and abs(found.radius_px - radius) < SAME_SIZE * radius
@@ -256,17 +265,21 @@ class Tracker:
 
         # Where it is as predicted, short rays will do; beside it they see a part of it.
         short = min(0.25 + 3.0 * ahead.sigma_px / radius, REACH)
-        found = locate(image, looks, *origins[0], radius, reach=short)
+        found = seen(*origins[0], reach=short)
         if found is not None and found.coverage == 1.0 and found.inliers > 0.85 and good(found):
             return found
-        found = locate(image, looks, *origins[0], radius)
+        found = seen(*origins[0])
         if good(found):
             return found
         for origin in origins:
             for u, v in rough_places(image, looks, origin, radius, far):
-                found = locate(image, looks, u, v, radius)
+                found = seen(u, v)
                 if good(found):
                     return found
+        for u, v in origins:
+            found = locate_streak(image, looks, u, v, radius)
+            if good(found):
+                return found
         return None
 
 

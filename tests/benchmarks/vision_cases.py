@@ -103,8 +103,8 @@ def _thumbnail(shot: Shot, track: Track, name: str) -> np.ndarray:
 
 def report(only: str = "", frames: int = 60, out: Path | None = None) -> None:
     """Print the figures of the cases whose name holds `only`; the contact sheet goes into `out`."""
-    print("| case | first lock, frame | found % | coast % | wrong (> 4 sigma) | RMSE px | norm. err. |")
-    print("|---" * 7 + "|")
+    head = "case", "first lock, frame", "found %", "coast %", "wrong (> 4 sigma)", "RMSE px"
+    print("| " + " | ".join(head) + " | normalised error |\n" + "|---" * 7 + "|")
     pictures, wrong, unwarned, seen = [], 0, 0, 0
     for name, script in cases().items():
         if only in name:

@@ -138,6 +138,16 @@ def streaks(n: int) -> Script:
     return plain(look, n, fps=30.0)
 
 
+def sudden_streaks(n: int) -> Script:
+    """As `streaks`, but the ball was exposed briefly until it was known."""
+    studio = Studio(replace(SHADED, speed_m_s=0.8))
+    places, speeds, times = rolling(0.8, n, fps=30.0)
+    for k in range(n):
+        slow = k < 12 or k % 12 == 11
+        studio.look = replace(studio.look, exposure_s=0.001 if slow else 0.0333)
+        yield studio.shot(places[k], speeds[k], times[k]), True
+
+
 def cases() -> dict[str, Callable[[int], Script]]:
     """Name -> script of about n frames."""
     found: dict[str, Callable[[int], Script]] = {}
@@ -152,6 +162,7 @@ def cases() -> dict[str, Callable[[int], Script]]:
         "a disc of its colour on the plate": twin_mark,
         "half outside the image": out_of_the_image,
         "streaks of 40 px": streaks,
+        "streaks of 40 px, ball known": sudden_streaks,
         "set down elsewhere, colour named": set_down_elsewhere,
         "dropped frames": dropped,
         "duplicated frames": duplicated,
