@@ -14,11 +14,12 @@ import cv2
 import numpy as np
 
 from vision.appearance import Appearance
-from vision.detector import Detection, locate, locate_streak, surround
+from vision.detector import Detection, locate
 from vision.frames import Frame
 from vision.gate import believable, weight
 from vision.pixels import mean_between, moments, share
 from vision.repeats import noise_level
+from vision.unusual import locate_streak, surround
 from vision.votes import Circle, circles
 
 WORK_SIZE = 320  # px, longer side of the image that is searched for motion and circles

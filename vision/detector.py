@@ -8,13 +8,13 @@ rim's pixels: exact, local. Nothing here decides whether to believe a result; `v
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from vision.appearance import SIGNED_ABOVE, Appearance
-from vision.outline import BLURRED_STD, FLAT_STD, Outline, ring, trace
+from vision.outline import BLURRED_STD, FLAT_STD, Outline, trace
 from vision.pixels import lookup, share
 from vision.rim import polish
 
@@ -28,10 +28,6 @@ OUTLINE_SHARE = 0.05
 LIGHT_SHARE_PX = 0.06
 RIM_ROUNDS = 4
 UNSIGNED_REACH = 0.25
-# Of a streak: the radius of the ball in the smaller image, and the share of it that light from a
-# side, seen through ramps that wide, moves the middle.
-STREAK_RADIUS_PX, STREAK_SHARE = 8.0, 0.02
-RING_SHARE = 0.03  # of the radius: sigma of a mirroring ball's rim, whose two sides are alike
 WHOLE = 0.85  # share of the rays from which an outline counts as free all round
 # Casts at most; the share of the radius that is no move; and that a blurred outline may still sway.
 SETTLE_ROUNDS, SETTLED, RESTLESS = 7, 0.03, 0.1
@@ -180,62 +176,6 @@ def locate(
         fill=share(image, appearance.table, u, v, 0.0, 0.85 * radius),
         spill=share(image, appearance.table, u, v, 1.2 * radius + 1.0, 1.6 * radius + 2.0),
         blur_px=math.nan if rim is None else float(rim[6]),
-    )
-
-
-def locate_streak(
-    image: np.ndarray, appearance: Appearance, u_px: float, v_px: float, radius_px: float
-) -> Detection | None:
-    """As `locate`, of a ball that moved by up to its diameter while exposed.
-
-    Half-way up its ramps a streak shorter than the ball is as round as the ball, and its middle is
-    the place at mid exposure; in an image some radii / 8 times smaller the ramps are edges again.
-    """
-    step = int(radius_px / STREAK_RADIUS_PX)
-    if step < 2:
-        return None
-    reach = (1.0 + REACH) * radius_px + 4 * step
-    x0, y0 = max(0, int(u_px - reach)), max(0, int(v_px - reach))
-    window = image[y0 : max(0, int(v_px + reach)), x0 : max(0, int(u_px + reach))]
-    h, w = window.shape[0] // step, window.shape[1] // step
-    if min(h, w) < 2 * STREAK_RADIUS_PX:
-        return None
-    small = np.asarray(
-        cv2.resize(window[: h * step, : w * step], (w, h), interpolation=cv2.INTER_AREA)
-    )
-    at = ((u_px - x0 + 0.5) / step - 0.5, (v_px - y0 + 0.5) / step - 0.5)
-    found = locate(small, appearance, *at, radius_px / step)
-    if found is None or found.inliers < WHOLE or found.coverage < 1.0:
-        return None
-    radius = step * found.radius_px
-    return replace(
-        found,
-        u_px=step * (found.u_px + 0.5) - 0.5 + x0,
-        v_px=step * (found.v_px + 0.5) - 0.5 + y0,
-        radius_px=radius,
-        sigma_px=math.hypot(step * found.sigma_px, STREAK_SHARE * radius),
-        residual_px=step * found.residual_px,
-        blur_px=math.nan,
-    )
-
-
-def surround(image: np.ndarray, appearance: Appearance, found: Detection) -> Detection | None:
-    """The ball of whose silhouette `found` is but the inside: polished balls mirror the plate in a
-    ring about the room. None where no outer edge is consistent round most of the turn."""
-    got = ring(image, appearance.direction, found.u_px, found.v_px, found.radius_px)
-    if got is None:
-        return None
-    u, v, radius, on = got
-    sigma = math.hypot(found.sigma_px, RING_SHARE * radius)
-    return replace(
-        found,
-        u_px=u,
-        v_px=v,
-        radius_px=radius,
-        sigma_px=sigma,
-        inliers=on,
-        blur_px=math.nan,
-        inside_px=found.radius_px,
     )
 
 

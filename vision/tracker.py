@@ -16,11 +16,12 @@ import numpy as np
 from vision.acquisition import Acquisition
 from vision.appearance import Appearance
 from vision.candidates import KNOWN_STILL, Candidate, chosen, discs, follow, rough_places
-from vision.detector import REACH, Detection, locate, locate_streak, surround
+from vision.detector import REACH, Detection, locate
 from vision.frames import Frame, Track
 from vision.gate import TELLING_FILL, believable
 from vision.imposters import Imposters
 from vision.kinematics import Motion
+from vision.unusual import locate_streak, surround
 
 COAST_S = 0.100
 GOOD_PX = 1.5  # sigma above which a position only helps to predict: it is not passed as good

@@ -35,7 +35,7 @@ from vision.tracker import Tracker
 
 WRONG_PX = 5.0
 PHASES = 10
-FRAMES, CASE_FRAMES = 60, 28
+FRAMES, CASE_FRAMES = 36, 20
 LARGE = ("clean", "shaded")  # scenes that are repeated at 1280x720
 WARM = 12  # calls before the clock counts: compilation, caches, the first lock
 

@@ -30,11 +30,12 @@ from vision.overlay import contact_sheet, draw
 from vision.tracker import Tracker
 
 WRONG_PX, WRONG_SIGMAS = 3.0, 4.0
+CELL = (220, 130)  # px of a picture in the contact sheet
 
 
 @dataclass(eq=False)
 class Figure:
-    """What came of one case; `pictures` are of its worst and of three ordinary frames."""
+    """What came of one case; `pictures` are of two ordinary frames and of its worst."""
 
     name: str
     found: int = 0
@@ -70,7 +71,7 @@ def followed(name: str, script: Script) -> Figure:
         if error > worst:
             worst, bad = error, picture
         kept.append(picture)
-    figure.pictures = [kept[len(kept) // 4], kept[len(kept) * 3 // 5], kept[-1], bad]
+    figure.pictures = [kept[len(kept) // 3], kept[-1], bad]
     return figure
 
 
@@ -97,8 +98,28 @@ def _judge(figure: Figure, track: Track, shot: Shot, clear: bool | None, k: int)
 
 
 def _thumbnail(shot: Shot, track: Track, name: str) -> np.ndarray:
-    image = draw(shot.image, track, [], note=name)
-    return cv2.resize(image, (320, 240), interpolation=cv2.INTER_AREA)
+    """The ball's surroundings at full scale with what was made of them, and the error in words."""
+    image = draw(shot.image, track, [])
+    w, h = CELL
+    u = int(np.clip(shot.u_px - w / 2, 0, image.shape[1] - w))
+    v = int(np.clip(shot.v_px - h / 2, 22, image.shape[0] - h))
+    cell = np.vstack((image[v : v + h, u : u + w], np.zeros((34, w, 3), np.uint8)))
+    error = np.hypot(track.u_px - shot.u_px, track.v_px - shot.v_px)
+    said = f"{track.state}, off {error:.2f} +- {track.sigma_px:.2f} px"
+    for row, text in enumerate((name, said if np.isfinite(error) else track.state)):
+        at, font = (4, h + 13 + 16 * row), cv2.FONT_HERSHEY_SIMPLEX
+        cv2.putText(cell, text, at, font, 0.38, (255, 255, 255), 1, cv2.LINE_AA)
+    return cell
+
+
+def _store(pictures: list[np.ndarray], path: Path) -> None:
+    """The contact sheet, at the quality that keeps it below 300 kB."""
+    sheet = contact_sheet(pictures, 9)
+    for quality in range(80, 20, -5):
+        code = cv2.imencode(".jpg", sheet, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
+        if code.size < 300_000:
+            break
+    path.write_bytes(code.tobytes())
 
 
 def report(only: str = "", frames: int = 60, out: Path | None = None) -> None:
@@ -116,8 +137,7 @@ def report(only: str = "", frames: int = 60, out: Path | None = None) -> None:
     print(f"\nwrong positions passed as good: {wrong} of {seen} frames, {unwarned} without warning")
     if out and pictures:
         out.mkdir(parents=True, exist_ok=True)
-        sheet = contact_sheet(pictures, 8)
-        cv2.imwrite(str(out / "cases.jpg"), sheet, [cv2.IMWRITE_JPEG_QUALITY, 70])
+        _store(pictures, out / "cases.jpg")
 
 
 def main() -> None:
