@@ -89,7 +89,7 @@ def test_it_arms_once_and_only_with_its_token():
 
 def test_silence_levels_after_100_ms_then_0_volts_then_latched():
     bench = Bench()
-    bench.counts = (100, -50)
+    bench.counts = (60, -50)
     bench.run(10)  # at rest there
     bench.command(2.0, -2.0, ttl_ms=20)
     volts = []
