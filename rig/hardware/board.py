@@ -130,9 +130,10 @@ class BoardTable(LevelOnExit):
 
     def arm(self) -> None:
         """Let volts flow from now on. The board must confirm; LinkLost, BoardStopped otherwise."""
-        self._link.send(wire.encode(Arm(self._answer.token, self._sequence)))
+        word = Arm(self._answer.token, self._sequence)
         until = self._clock() + LINK_DEAD_S
         while self._clock() < until:
+            self._send(word)  # again and again: it arms but once
             if self._await_telemetry().flags & wire.ARMED:
                 self._armed = True
                 return
@@ -223,9 +224,11 @@ class BoardTable(LevelOnExit):
         try:
             while True:
                 packets = self._parser.feed(self._link.receive())
-                found = [packet for packet in packets if isinstance(packet, Telemetry)]
-                for packet in found:
-                    self._times.heard(packet.clock_us)
+                found = [
+                    packet
+                    for packet in packets
+                    if isinstance(packet, Telemetry) and self._times.heard(packet.clock_us)
+                ]
                 if found and self._times.age_s() < LINK_DEAD_S:
                     self.newest = found[-1]
                     return found[-1]
@@ -271,15 +274,23 @@ class _Times:
     def __init__(self, clock: Callable[[], float]) -> None:
         self.zero_s = math.nan
         self._clock, self._foreign = clock, ForeignClock()
-        self._turns, self._last_us, self._last_s = 0, 0, -1.0
-        self._host_s = math.nan
+        self._board_us: int | None = None  # counted on beyond its 32 bits
+        self._last_s, self._host_s = -1.0, math.nan
 
-    def heard(self, clock_us: int) -> None:
-        """Note a stamp on its arrival: its place on the host's clock, by the fastest deliveries."""
-        if clock_us < self._last_us - 2**31:
-            self._turns += 1
-        self._last_us = clock_us
-        self._host_s = self._foreign.to_rig(1e-6 * (clock_us + 2**32 * self._turns), self._clock())
+    def heard(self, clock_us: int) -> bool:
+        """Note a stamp on its arrival: its place on the host's clock, by the fastest deliveries.
+
+        False for one that is not newer than the last: doubled or overtaken on its way.
+        """
+        if self._board_us is None:
+            self._board_us = clock_us
+        else:
+            passed_us = (clock_us - self._board_us) % 2**32
+            if not 0 < passed_us < 2**31:
+                return False
+            self._board_us += passed_us
+        self._host_s = self._foreign.to_rig(1e-6 * self._board_us, self._clock())
+        return True
 
     def age_s(self) -> float:
         """How long ago the last stamp heard was given: large after a halt of this program."""

@@ -8,7 +8,7 @@ import os
 import sys
 import threading
 import time
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 
 from board_host import HostBoard
 from board_world import STEP_S, World
@@ -95,6 +95,18 @@ class SteppedLink:
         return True
 
 
+@contextmanager
+def real_time():
+    """This thread before all others, where that is allowed: as a real loop would have it."""
+    before = os.sched_getscheduler(0), os.sched_getparam(0)
+    with suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(2))
+    try:
+        yield
+    finally:
+        os.sched_setscheduler(0, *before)
+
+
 def main(kind: str, seconds: float) -> None:
     if kind == "chip":
         from pathlib import Path
@@ -117,7 +129,8 @@ def main(kind: str, seconds: float) -> None:
         at = start_s + ball.exposed_s - offset_s
         print(at, *ball.xy_m, flush=True)
 
-    served.serve(seconds, seen)
+    with real_time():
+        served.serve(seconds, seen)
 
 
 if __name__ == "__main__":

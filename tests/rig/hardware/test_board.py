@@ -383,3 +383,18 @@ def test_the_boards_clock_may_wrap():
     times = [table.read().t_s for _ in range(1000)]
     assert np.diff(times) == pytest.approx(0.002, abs=1e-6)
     assert table.ticks_missed == 0
+
+
+def test_doubled_and_overtaken_telemetry_is_not_read_again():
+    world = World(HostBoard(), Rig())
+    link, take, old = WorldLink(world), world.board.take, [b""]
+
+    def doubled() -> bytes:
+        data, old[0] = take() + old[0], old[0]
+        old[0] = data[-29:] if data else old[0]
+        return data
+
+    world.board.take = doubled
+    table = BoardTable(link, clock=link.clock)
+    times = [table.read().t_s for _ in range(200)]
+    assert np.diff(times) == pytest.approx(0.002, abs=1e-6)
