@@ -180,7 +180,9 @@ class FaultyLink(WorldLink):
         return out
 
     def _strike(self) -> None:
-        """What happens once, when its time has come."""
+        """What happens once, when its time has come. A killed host stays so: no level, no word."""
+        if self._done and self.fault.kind == "host killed":
+            raise HostKilledError
         if self._done or self.world.now_s < self.fault.begin_s:
             return
         self._done = True
