@@ -11,11 +11,11 @@ from types import TracebackType
 from typing import Protocol
 
 from rig.hardware import wire
+from rig.hardware.board_clock import BoardClock
 from rig.hardware.link import LINK_DEAD_S, Link, LinkLost
 from rig.hardware.wire import Arm, Command, ConfigAnswer, ConfigRequest, Disarm, Telemetry
 from rig.hardware.wiring import Wiring
 from rig.table import LevelOnExit, Reading
-from vision.clock import ForeignClock
 from vision.frames import Observation
 
 ANSWER_S = 3.0  # an Arduino that resets on opening spends two seconds in its boot loader
@@ -66,7 +66,7 @@ class BoardTable(LevelOnExit):
         self.newest: Telemetry | None = None
         self._link, self._wiring, self._eye = link, wiring or Wiring(), eye
         self._tachometer, self._clock = tachometer_rad_s_V, clock
-        self._parser, self._times = wire.Parser(), _Times(clock)
+        self._parser, self._times = wire.Parser(), BoardClock(clock)
         self._unheard: deque[tuple[int, float]] = deque()
         self._sequence = secrets.randbelow(65536)
         self._armed, self._ended, self._closed = False, None, False
@@ -266,40 +266,3 @@ class BoardTable(LevelOnExit):
             return None
         self._seen_s = ball.exposed_s
         return ball
-
-
-class _Times:
-    """The board's clock (microseconds, wrapping) -> seconds from the first reading."""
-
-    def __init__(self, clock: Callable[[], float]) -> None:
-        self.zero_s = math.nan
-        self._clock, self._foreign = clock, ForeignClock()
-        self._board_us: int | None = None  # counted on beyond its 32 bits
-        self._last_s, self._host_s = -1.0, math.nan
-
-    def heard(self, clock_us: int) -> bool:
-        """Note a stamp on its arrival: its place on the host's clock, by the fastest deliveries.
-
-        False for one that is not newer than the last: doubled or overtaken on its way.
-        """
-        if self._board_us is None:
-            self._board_us = clock_us
-        else:
-            passed_us = (clock_us - self._board_us) % 2**32
-            if not 0 < passed_us < 2**31:
-                return False
-            self._board_us += passed_us
-        self._host_s = self._foreign.to_rig(1e-6 * self._board_us, self._clock())
-        return True
-
-    def age_s(self) -> float:
-        """How long ago the last stamp heard was given: large after a halt of this program."""
-        return self._clock() - self._host_s
-
-    def reading(self) -> float:
-        """Seconds of the last stamp heard from the first reading; strictly increasing."""
-        if math.isnan(self.zero_s):
-            self.zero_s, self._last_s = self._host_s, 0.0
-        else:
-            self._last_s = max(self._host_s - self.zero_s, self._last_s + 1e-4)
-        return self._last_s
