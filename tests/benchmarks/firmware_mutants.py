@@ -15,6 +15,8 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from functools import partial
+from itertools import product
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -80,14 +82,17 @@ def cases() -> Iterator:
         marks = [m for m in getattr(function, "pytestmark", []) if m.name == "parametrize"]
         if function.__code__.co_firstlineno > last:
             continue
-        if not marks:
-            yield function
-        elif len(marks) == 1:
-            names, values = marks[0].args[:2]
-            for value in values:
-                yield lambda f=function, v=value, n=names: f(
-                    *(v if not isinstance(n, str) else (v,))
-                )
+        ways = [
+            [(value,) if isinstance(mark.args[0], str) else value for value in mark.args[1]]
+            for mark in marks
+        ]
+        for way in product(*ways):  # marks nearest to the function come first, as its arguments do
+            names = [n for mark in marks for n in _names(mark.args[0])]
+            yield partial(function, **dict(zip(names, sum(way, ()), strict=True)))
+
+
+def _names(given) -> list[str]:
+    return [given] if isinstance(given, str) else list(given)
 
 
 def dies(text: str) -> bool:

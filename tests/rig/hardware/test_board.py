@@ -286,10 +286,18 @@ def test_stall_is_2_volts_for_300_ms_and_no_more_than_3_counts():
     ):  # fmt: skip
         bench = Bench()
         for k in range(ms):
-            bench.command(volts)
-            bench.counts = (counts * (k % 2), 0)
+            bench.command(volts, volts)
+            bench.counts = (counts * (k % 2), counts * ((k + 1) % 2))
             bench.run(1)
         assert bench.has(wire.BY_STALL) == stalls, (volts, counts, ms)
+
+
+def test_volts_that_turn_are_no_stall():
+    bench = Bench()
+    for k in range(600):
+        bench.command(2.5 if k // 100 % 2 else -2.5)
+        bench.run(1)
+    assert bench.has(wire.ARMED)
 
 
 def test_the_times_of_the_watchdog_are_exact():
