@@ -298,7 +298,8 @@ def test_the_angle_that_ends_a_run_is_exact(beyond: int):
     [(2.0, 3, True), (-2.0, 3, True), (2.0, 4, False), (-2.0, 4, False), (1.999, 0, False)],
 )
 def test_stall_is_2_volts_for_300_ms_and_no_more_than_3_counts(phase, volts, moves, stalls):
-    bench, told = Bench(), []
+    bench, told = Bench(zeros=(200, 0)), []
+    bench.run(10)  # at rest
     for k in range(400):
         bench.command(volts)
         bench.counts = (200 + moves * ((k + phase) % 2), 0)
