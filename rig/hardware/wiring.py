@@ -1,4 +1,4 @@
-"""Which cable goes where: board channels and counts to axes and angles, volts to channels."""
+"""How a board's channels and counts stand to the table's axes: signs, swap, zero."""
 
 from dataclasses import dataclass
 from math import pi
@@ -8,12 +8,11 @@ Pair = tuple[float, float]
 
 @dataclass(frozen=True)
 class Wiring:
-    """How a board's two channels are wired to the table's axes; found by homing.
+    """Channel 0 is x, unless `swap`. Signs and zeros are given by channel.
 
-    swap: channel 0 is axis y, channel 1 axis x (motor and encoder alike). Everything else is by
-    axis (x, y): sign_volts -1 where a positive board voltage lowers the angle of a table wired
-    right, sign_angle -1 where counts fall when the angle rises, zero_counts where the plate is
-    level. crossed: besides, the two motor plugs are exchanged against the encoders.
+    zero_counts: the encoders' counts where the plate is level; counts_per_rev at the load shaft.
+    crossed: motor channel 0 turns the arm that encoder channel 1 counts, and the other way round.
+    ValueError: a sign that is none, counts that no board can take.
     """
 
     swap: bool = False
@@ -28,9 +27,9 @@ class Wiring:
             raise ValueError(
                 f"wiring: signs must be -1 or 1, got {self.sign_volts} and {self.sign_angle}"
             )
-        if not 16 <= self.counts_per_rev <= 65535:
+        if not 64 <= self.counts_per_rev <= 65535:
             raise ValueError(
-                f"wiring.counts_per_rev = {self.counts_per_rev}: must be from 16 to 65535, "
+                f"wiring.counts_per_rev = {self.counts_per_rev}: must be from 64 to 65535, "
                 "counted after quadrature at the load shaft"
             )
 
@@ -40,29 +39,33 @@ class Wiring:
         return 2 * pi / self.counts_per_rev
 
     def angles(self, counts: tuple[int, int]) -> Pair:
-        """Servo angles (x, y) [rad] of the board's counts (channel 0, channel 1)."""
-        x, y = counts[::-1] if self.swap else counts
-        return (
-            self.sign_angle[0] * (x - self.zero_counts[0]) * self.step_rad,
-            self.sign_angle[1] * (y - self.zero_counts[1]) * self.step_rad,
+        """Servo angles (x, y) [rad] of the encoders' counts (channel 0, 1)."""
+        a, b = (
+            sign * (count - zero) * self.step_rad
+            for sign, count, zero in zip(self.sign_angle, counts, self.zero_counts, strict=True)
         )
+        return (b, a) if self.swap else (a, b)
 
     def to_board(self, volts: Pair) -> Pair:
-        """Volts of the board's motor channels (0, 1) for volts wished at the axes (x, y)."""
-        x, y = self.sign_volts[0] * volts[0], self.sign_volts[1] * volts[1]
-        return (y, x) if self.swap != self.crossed else (x, y)
+        """Motor volts by channel of the volts (x, y)."""
+        a, b = volts[::-1] if self.swap != self.crossed else volts
+        return self.sign_volts[0] * a, self.sign_volts[1] * b
 
     def from_board(self, volts: Pair) -> Pair:
-        """Volts at the axes (x, y) of volts at the motor channels: the inverse of `to_board`."""
-        x, y = volts[::-1] if self.swap != self.crossed else volts
-        return self.sign_volts[0] * x, self.sign_volts[1] * y
+        """Volts (x, y) of motor volts by channel: the inverse of `to_board`."""
+        a, b = self.sign_volts[0] * volts[0], self.sign_volts[1] * volts[1]
+        return (b, a) if self.swap != self.crossed else (a, b)
 
-    def channel_zeros(self) -> tuple[int, int]:
-        """Counts of encoder channels (0, 1) where the plate is level."""
-        x, y = self.zero_counts
-        return (y, x) if self.swap else (x, y)
+    def counts(self, angles: Pair) -> tuple[int, int]:
+        """Counts (channel 0, 1) nearest to servo angles (x, y) [rad]: the inverse of `angles`."""
+        a, b = angles[::-1] if self.swap else angles
+        steps = (round(a / self.step_rad), round(b / self.step_rad))
+        return (
+            self.sign_angle[0] * steps[0] + self.zero_counts[0],
+            self.sign_angle[1] * steps[1] + self.zero_counts[1],
+        )
 
     def polarities(self) -> tuple[int, int]:
         """By encoder channel: 1 where a positive voltage of its motor raises its counts, or -1."""
-        x, y = (v * a for v, a in zip(self.sign_volts, self.sign_angle, strict=True))
-        return (y, x) if self.swap else (x, y)
+        a, b = self.sign_volts[::-1] if self.crossed else self.sign_volts
+        return self.sign_angle[0] * a, self.sign_angle[1] * b
