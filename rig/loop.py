@@ -109,7 +109,7 @@ class Loop:
     def _tick(self, reading: Reading) -> Ending | None:
         for command in self._commands.take():
             if isinstance(command, Stop):
-                return Ending("aborted", command.reason)
+                return Ending(command.outcome, command.reason)
             self._obey(command, reading.t_s)
         trip = self._watch(reading)
         if trip is not None and not trip.level:
