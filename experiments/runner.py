@@ -30,6 +30,7 @@ from rig.loop import Ending, Loop
 from rig.parameters import Rig
 from rig.rigfile import to_dict
 from rig.simulate import Simulated, Task, draw, simulate
+from rig.stopping import stop_on_signals
 
 _T, _BALL, _PHASE, _PUSH = (INDEX[n] for n in ("t_s", "ball_x_m", "phase", "push"))
 PROGRESS_EVERY = 250
@@ -147,7 +148,7 @@ def run(
     slot = commands or CommandSlot()
     folder = new_run_folder(order.parent, order.protocol.name, order.arm)
     write_truth(folder, truth_record(order))
-    with Recorder(folder, start_record(order)) as recorder:
+    with stop_on_signals(slot), Recorder(folder, start_record(order)) as recorder:
         watch = _Watch(order, recorder, slot, progress, eye)
         with table:
             ending = Loop(
