@@ -12,7 +12,10 @@ from typing import Annotated
 import typer
 
 from experiments.calibrate_command import calibrate
+from experiments.doctor_command import doctor
 from experiments.gap_command import gap
+from experiments.home_command import home
+from experiments.serve_command import serve
 
 INTERRUPTED = 130
 app = typer.Typer(
@@ -189,6 +192,9 @@ def reject(
 
 
 app.command()(gap)
+app.command()(home)
+app.command()(serve)
+app.command()(doctor)
 app.add_typer(calibrate, name="calibrate")
 
 

@@ -173,7 +173,7 @@ class TableChoice:
     port, baud: the serial board's; address: "host:port" of a remote table, number of a Quanser
     card, "vendor:product" of a USB board; token_file: the remote table's secret; camera: an address
     for `vision.sources`, calibration: its bundle. amplifier_gain: motor volts per output volt of
-    the card; card_options: handed to its driver. swap, crossed and the signs by axis (see
+    the card; card_options: handed to its driver. swap, crossed and the signs by channel (see
     `rig.hardware.wiring`): what homing finds goes before them.
     """
 

@@ -239,9 +239,7 @@ class BoardTable(LevelOnExit):
         if not packet.flags & wire.ARMED:
             why = [text for flag, text in REASONS.items() if packet.flags & flag]
             told = why[0] if why else "it was reset or disarmed"
-            raise self._end(
-                BoardStopped(errno.ECANCELED, f"{self._link.name} has stopped: {told}")
-            )
+            raise self._end(BoardStopped(errno.ECANCELED, f"{self._link.name} has stopped: {told}"))
         while self._unheard and (packet.sequence - self._unheard[0][0]) % 65536 < 32768:
             self._unheard.popleft()
         if self._unheard and self._clock() - self._unheard[0][1] > LINK_DEAD_S:
@@ -276,9 +274,7 @@ class _Times:
         if clock_us < self._last_us - 2**31:
             self._turns += 1
         self._last_us = clock_us
-        self._host_s = self._foreign.to_rig(
-            1e-6 * (clock_us + 2**32 * self._turns), self._clock()
-        )
+        self._host_s = self._foreign.to_rig(1e-6 * (clock_us + 2**32 * self._turns), self._clock())
 
     def age_s(self) -> float:
         """How long ago the last stamp heard was given: large after a halt of this program."""

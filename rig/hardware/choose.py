@@ -1,6 +1,7 @@
 """From `[table]` of rig.toml to an open table. Each driver is imported where it is chosen."""
 
 import re
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Protocol
 
@@ -10,6 +11,10 @@ from rig.hardware.wiring import Wiring
 from rig.parameters import Rig
 from rig.table import Table
 from vision.frames import Observation
+
+
+class OpenTable(Table, AbstractContextManager, Protocol):
+    """A table whose context arms it, and levels it and gives 0 V on the way out."""
 
 
 class Eye(Protocol):
@@ -43,34 +48,73 @@ def host_and_port(address: str) -> tuple[str, int]:
     return found[1] or found[2], int(found[3])
 
 
-def open_table(rig: Rig, eye: Eye | None = None, *, wiring: Wiring | None = None) -> Table:
-    """The table that `rig.table` names, open and disarmed or at 0 V; a context manager.
+def open_table(
+    rig: Rig, eye: Eye | None = None, *, wiring: Wiring | None = None, homed: bool = True
+) -> OpenTable:
+    """The table that `rig.table` names, open and disarmed or at 0 V; `with` arms it.
 
-    `wiring` (default: the rig file's) is what homing found. ValueError: the rig file is wrong;
-    OSError: the table is not there, in one line with the cure.
+    `wiring` (default: the rig file's) is what homing found. `homed` False: channels as they are,
+    for homing itself; such a table is never levelled. ValueError: the rig file is wrong; OSError:
+    the table is not there, in one line with the cure.
     """
-    kind, wired = rig.table.kind, wiring or file_wiring(rig)
+    kind = rig.table.kind
+    wired = wiring or (file_wiring(rig) if homed else raw_wiring(rig))
     if kind == "simulated":
-        return _simulated(rig)
+        return _simulated(rig, homed)
     if kind in ("serial", "usb"):
-        return _board(rig, eye, wired)
+        return _board(rig, eye, wired, homed)
     if kind == "quanser":
         from rig.hardware.quanser import QuanserTable
 
-        return QuanserTable(rig, wired, eye=eye)
+        return QuanserTable(rig, wired, eye=eye, homed=homed)
     from rig.hardware.remote import RemoteTable, read_token
 
+    token = read_token(Path(rig.table.token_file))
     host, port = host_and_port(rig.table.address)
-    return RemoteTable(host, port, read_token(Path(rig.table.token_file)), wired, eye=eye)
+    return RemoteTable(host, port, token, wired, eye=eye, homed=homed)
 
 
-def _simulated(rig: Rig) -> Table:
+def _simulated(rig: Rig, homed: bool) -> OpenTable:
     """The virtual table at the wall clock's pace, its ball at rest in the middle."""
     from rig.paced import Paced
     from rig.simulator import SimulatedTable
 
-    return Paced(SimulatedTable(rig, np.random.default_rng(1)))
+    table = Paced(SimulatedTable(rig, np.random.default_rng(1)))
+    if not homed:
+        table.level_s = 0.0
+    return table
 
 
-def _board(rig: Rig, eye: Eye | None, wiring: Wiring) -> Table:
-    raise NotImplementedError
+def _board(rig: Rig, eye: Eye | None, wiring: Wiring, homed: bool) -> OpenTable:
+    from rig.hardware.board import BoardTable
+
+    if rig.table.kind == "serial":
+        from rig.hardware.serial_link import SerialLink
+
+        link = SerialLink(rig.table.port, rig.table.baud)
+    else:
+        from rig.hardware.usb_link import UsbLink
+
+        link = UsbLink(*usb_numbers(rig.table.address))
+    table = BoardTable(
+        link,
+        wiring,
+        period_s=1 / rig.control_rate_hz,
+        voltage_limit_V=rig.servo.voltage_limit_V,
+        angle_limit_rad=rig.servo.angle_limit_rad,
+        homed=homed,
+        eye=eye,
+    )
+    if not homed:
+        table.level_s = 0.0
+    return table
+
+
+def usb_numbers(address: str) -> tuple[int, ...]:
+    """(vendor, product) of "1209:0001"; () where nothing is said: the driver's own."""
+    if not address:
+        return ()
+    found = re.fullmatch(r"([0-9a-fA-F]{4}):([0-9a-fA-F]{4})", address)
+    if found is None:
+        raise ValueError(f"table.address = '{address}': a USB board's is like 1209:0001")
+    return int(found[1], 16), int(found[2], 16)

@@ -157,30 +157,30 @@ def _confirmed(arms: list[Arm], columns: list[Pair], level: Pair, rig: Rig) -> H
 def _unconfirmed(arms: list[Arm], rig: Rig) -> Homing:
     """The wiring as far as the encoders tell; axes and directions are the rig file's."""
     axes = [1 - arm.encoder if rig.table.swap else arm.encoder for arm in arms]
-    signs = [rig.table.sign_angle[axis] for axis in axes]
+    signs = [rig.table.sign_angle[arm.encoder] for arm in arms]
     return _homing(arms, axes, signs, rig, None)
 
 
 def _homing(
     arms: list[Arm], axes: list[int], signs: list[int], rig: Rig, level: Pair | None
 ) -> Homing:
-    """By axis what was found by arm; `signs`: 1 where counts rise with the angle."""
-    by_axis = [arms[axes.index(axis)] for axis in (0, 1)]
-    angle = [signs[axes.index(axis)] for axis in (0, 1)]
-    counts = rig.servo.encoder_counts_per_rev
-    raw = Wiring(counts_per_rev=counts)
+    """The wiring and the numbers by axis; `axes`, `signs`: of each arm, 1 where its counts rise
+    with the angle."""
+    x, y = (arms[axes.index(axis)] for axis in (0, 1))
+    raw = Wiring(counts_per_rev=rig.servo.encoder_counts_per_rev)
+    volts, angle, zeros = [1, 1], [1, 1], [0, 0]  # by channel
+    for arm, sign in zip(arms, signs, strict=True):
+        volts[arm.motor] = sign * arm.sign
+        angle[arm.encoder] = sign
+        zeros[arm.encoder] = round(arm.middle / raw.step_rad)
     wiring = Wiring(
-        swap=by_axis[0].encoder == 1,
-        crossed=by_axis[0].encoder != by_axis[0].motor,
-        sign_volts=(angle[0] * by_axis[0].sign, angle[1] * by_axis[1].sign),
+        swap=x.encoder == 1,
+        crossed=x.encoder != x.motor,
+        sign_volts=(volts[0], volts[1]),
         sign_angle=(angle[0], angle[1]),
-        zero_counts=(
-            round(by_axis[0].middle / raw.step_rad),
-            round(by_axis[1].middle / raw.step_rad),
-        ),
-        counts_per_rev=counts,
+        zero_counts=(zeros[0], zeros[1]),
+        counts_per_rev=raw.counts_per_rev,
     )
-    x, y = by_axis
     return Homing(wiring, (x.high - x.low, y.high - y.low), (x.moving_V, y.moving_V), level)
 
 

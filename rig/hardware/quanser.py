@@ -52,6 +52,7 @@ class QuanserTable(LevelOnExit):
         wiring: Wiring,
         *,
         eye: Eye | None = None,
+        homed: bool = True,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.period_s = 1 / rig.control_rate_hz
@@ -68,6 +69,8 @@ class QuanserTable(LevelOnExit):
         self._task: Any = None
         self._sdk = _sdk()
         self._thread = OneThread("quanser")
+        if not homed:
+            self.level_s = 0.0  # nobody knows where level is
         try:
             self._start(rig)
         except BaseException:
@@ -101,6 +104,11 @@ class QuanserTable(LevelOnExit):
         clock, rate = sdk.Clock.HARDWARE_CLOCK_0, 1 / self.period_s
         self._ask("task_start", self._task, clock, rate, sdk.HIL.INFINITE)
         self._ask("watchdog_start", WATCHDOG_S)
+
+    @property
+    def zero_s(self) -> float:
+        """The first reading's moment on the host's monotonic clock."""
+        return self._time.zero_s
 
     def read(self) -> Reading:
         counts = self._next_counts()

@@ -110,6 +110,11 @@ class RemoteTable(LevelOnExit):
         self._send(wire.ARM)
         self._armed = False  # until the table says so
 
+    @property
+    def zero_s(self) -> float:
+        """The first reading's moment on this machine's monotonic clock."""
+        return self._time.zero_s
+
     def read(self) -> Reading:
         newest, ball, more = None, None, True
         while newest is None or more:

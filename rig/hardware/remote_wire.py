@@ -90,12 +90,12 @@ class Configure(_Packed):
 
     swap: int
     crossed: int
-    volts_x: int
-    volts_y: int
-    angle_x: int
-    angle_y: int
-    zero_x: int
-    zero_y: int
+    volts_0: int
+    volts_1: int
+    angle_0: int
+    angle_1: int
+    zero_0: int
+    zero_1: int
     counts_per_rev: int
     homed: int
 
@@ -108,9 +108,9 @@ class Configure(_Packed):
         """ValueError where the numbers make none."""
         return Wiring(
             bool(self.swap),
-            (self.volts_x, self.volts_y),
-            (self.angle_x, self.angle_y),
-            (self.zero_x, self.zero_y),
+            (self.volts_0, self.volts_1),
+            (self.angle_0, self.angle_1),
+            (self.zero_0, self.zero_1),
             self.counts_per_rev,
             bool(self.crossed),
         )

@@ -30,6 +30,7 @@ class Guard:
         self._fresh_s = self._stopped_s = -inf
         self.stale = 0
         self.meet()
+        limit(0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0)  # compiles now, not while a user waits
 
     def meet(self) -> None:
         """A new user with a clock of their own."""

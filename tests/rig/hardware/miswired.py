@@ -15,7 +15,7 @@ EVERY_S = 1 / 60
 class Miswired(LevelOnExit):
     """Channels as the cables make them: the truth that homing has to find.
 
-    swap, crossed, volt_signs, count_signs and zeros (counts at level) as in `Wiring`, by axis.
+    swap, crossed, volt_signs, count_signs and zeros (counts at level) by channel, as in `Wiring`.
     """
 
     level_s = 0.0
@@ -28,8 +28,8 @@ class Miswired(LevelOnExit):
         self.period_s, self.voltage_limit_V = self.plant.period_s, self.plant.voltage_limit_V
         self.rig, self.swap, self.crossed = rig, swap, crossed
         self.volt_signs, self.count_signs, self.zeros = volt_signs, count_signs, zeros
-        self.dead_motor: int | None = None  # axes
-        self.dead_encoder: int | None = None
+        self.dead_motor: int | None = None  # an axis
+        self.dead_encoder: int | None = None  # a channel
         self.blocked_rad: tuple[float, float] | None = None  # the x arm's way
         self.tachometer = True
         self.volts: list[tuple[float, float]] = []
@@ -38,21 +38,21 @@ class Miswired(LevelOnExit):
 
     def read(self) -> Reading:
         reading = self.plant.read()
-        angles = np.array(self.count_signs) * np.array(reading.theta_rad)
-        raw = angles + np.array(self.zeros) * STEP_RAD
+        angles = np.array(reading.theta_rad[::-1] if self.swap else reading.theta_rad)
+        raw = np.array(self.count_signs) * angles + np.array(self.zeros) * STEP_RAD
         if self.dead_encoder is not None:
             raw[self.dead_encoder] = 0.3
         speeds = None
         if self.tachometer and reading.motor_speed_rad_s is not None:
-            speeds = np.array(self.volt_signs) * np.array(reading.motor_speed_rad_s)
-            speeds = tuple(speeds[::-1] if self.swap != self.crossed else speeds)
-        by_channel = raw[::-1] if self.swap else raw
-        return Reading(reading.t_s, tuple(map(float, by_channel)), speeds)
+            by_motor = reading.motor_speed_rad_s[:: -1 if self.swap != self.crossed else 1]
+            first, second = np.array(self.volt_signs) * np.array(by_motor)
+            speeds = (float(first), float(second))
+        return Reading(reading.t_s, (float(raw[0]), float(raw[1])), speeds)
 
     def drive(self, volts: tuple[float, float]) -> None:
         self.volts.append(volts)
-        xy = np.array(volts[::-1] if self.swap != self.crossed else volts)
-        xy = xy * np.array(self.volt_signs)
+        turned = np.array(self.volt_signs) * np.array(volts)
+        xy = turned[::-1].copy() if self.swap != self.crossed else turned
         if self.dead_motor is not None:
             xy[self.dead_motor] = 0.0
         if self.blocked_rad is not None:  # a hand in the way takes what the motor gives

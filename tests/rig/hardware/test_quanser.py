@@ -78,8 +78,7 @@ def test_motor_volts_are_clamped_and_divided_by_the_amplifiers_gain(monkeypatch)
 def test_the_contract_holds_whatever_the_wiring(monkeypatch, swap, volts, counts, axis):
     one = install(monkeypatch, bench(swap=swap, volt_signs=volts, count_signs=counts))
     one.offset = np.array([500, -300])
-    axes = slice(None, None, -1 if swap else 1)  # the bench counts by channel, Wiring by axis
-    wiring = Wiring(swap, volts[axes], counts[axes], (500, -300)[axes])
+    wiring = Wiring(swap, volts, counts, (500, -300))
     ball, times = (0.0, 0.0), []
     with opened(one, wiring=wiring) as table:
         for _ in range(250):
