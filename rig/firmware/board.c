@@ -178,9 +178,9 @@ static void tachometer_read(void) {
     ADMUX = _BV(REFS0) | (TACHOMETER_CHANNEL + channel);
     ADCSRA = _BV(ADEN) | _BV(ADSC) | 7; /* 104 us: done long before the next tick */
 }
-#define HAS_TACHOMETER 1
+#define TACHOMETERS 1
 #else
-#define HAS_TACHOMETER 0
+#define TACHOMETERS 0
 #endif
 
 /* --- the tick --- */
@@ -225,7 +225,7 @@ int main(void) {
     motors_start();
     encoders_start();
     uart_start();
-    board_init(&board, SUPPLY_MV, HAS_TACHOMETER);
+    board_init(&board, SUPPLY_MV, TACHOMETERS);
     clock_start();
     wdt_enable(WDTO_60MS); /* a hung program ends in a reset: pins low, disarmed */
     set_sleep_mode(SLEEP_MODE_IDLE);

@@ -100,6 +100,8 @@ static uint32_t next_token(uint32_t seed) { return seed * (uint32_t)2654435761UL
 static void take_config(board_t *b, const uint8_t *p) {
     uint16_t per_rev = get16(p + 14);
     if (b->state == IS_ARMED || b->state == IS_LEVELLING) return; /* disarm first */
+    b->fresh = !b->asked;
+    b->asked = 1;
     b->nonce = get16(p + 2);
     b->answer_due = 1;
     if (p[1] != PROTOCOL_VERSION || per_rev < FEWEST_COUNTS) {
@@ -288,7 +290,7 @@ static uint8_t config_answer(const board_t *b, uint8_t *p) {
     *p++ = b->period_ms;
     p = put16(p, b->supply_mV);
     p = put16(p, b->limit_mV);
-    *p++ = b->has_tachometer;
+    *p++ = (uint8_t)((b->has_tachometer ? HAS_TACHOMETER : 0) | (b->fresh ? IS_FRESH : 0));
     return (uint8_t)(p - begin);
 }
 

@@ -38,6 +38,7 @@ enum { /* flags of a telemetry packet */
     BYTES_LOST = 0x800
 };
 
+enum { HAS_TACHOMETER = 1, IS_FRESH = 2 };
 enum { WIRED_HOMED = 1, WIRED_NEGATIVE_0 = 2, WIRED_NEGATIVE_1 = 4, WIRED_CROSSED = 8 };
 
 /* The board's own bounds; the host may ask for less, never for more. */
@@ -86,6 +87,7 @@ typedef struct {
     state_t state;
     uint16_t reason; /* BY_... of the last stop */
     /* configuration */
+    uint8_t asked, fresh; /* since the reset */
     uint8_t configured, wired, period_ms;
     int32_t zero[2];
     uint16_t angle_limit, limit_mV;

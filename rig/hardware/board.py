@@ -78,6 +78,11 @@ class BoardTable(LevelOnExit):
             raise
 
     @property
+    def is_fresh(self) -> bool:
+        """Was it reset since it was last asked? Then its counts began anew: home it again."""
+        return bool(self._answer.features & wire.IS_FRESH)
+
+    @property
     def zero_s(self) -> float:
         """The first reading's moment on the host's monotonic clock; NaN before it."""
         return self._times.zero_s

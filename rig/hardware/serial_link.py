@@ -36,6 +36,7 @@ class SerialLink:
                 port, baud, timeout=0, write_timeout=LINK_DEAD_S / 2, exclusive=True
             )
             self._serial.reset_input_buffer()
+            _keep_ready(self._serial)
         except _GONE as error:
             number = getattr(error, "errno", None)
             cure = _CURES.get(number or 0, "is it plugged in and free?")
@@ -79,6 +80,18 @@ class SerialLink:
 
     def _lost(self, why: str) -> LinkLost:
         return LinkLost(errno.EIO, f"{self.name} is lost: {why}")
+
+
+def _keep_ready(port: serial.Serial) -> None:
+    """Let DTR stand when the port closes: its fall and rise would reset an Arduino, and with it
+    the counts that homing found, at the next opening."""
+    try:
+        import termios
+    except ImportError:
+        return
+    settings = termios.tcgetattr(port.fileno())
+    settings[2] &= ~termios.HUPCL
+    termios.tcsetattr(port.fileno(), termios.TCSANOW, settings)
 
 
 def _short(error: BaseException) -> str:

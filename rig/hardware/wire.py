@@ -12,6 +12,7 @@ from typing import ClassVar
 VERSION = 1
 LONGEST_FRAME = 64  # the closing zero included
 LONGEST_PAYLOAD = LONGEST_FRAME - 4  # COBS byte, CRC and the closing zero
+HAS_TACHOMETER, IS_FRESH = 1, 2  # features of a board
 # Flags of a telemetry packet.
 ARMED, LEVELLING, LATCHED, CONFIGURED = 0x01, 0x02, 0x04, 0x08
 BY_WATCHDOG, BY_ANGLE, BY_STALL, HOMED = 0x10, 0x20, 0x40, 0x80
@@ -72,7 +73,10 @@ class Command:
 
 @dataclass(frozen=True)
 class ConfigAnswer:
-    """Board to host: accepted where the version is the host's; the token arms once."""
+    """Board to host: accepted where the version is the host's; the token arms once.
+
+    features: bit 0 it has tachometer inputs, bit 1 this is the first request since it was reset.
+    """
 
     KIND: ClassVar[int] = 0x11
     LAYOUT: ClassVar[str] = "<BHIIBHHB"
@@ -83,7 +87,7 @@ class ConfigAnswer:
     period_ms: int
     supply_mV: int
     limit_mV: int
-    has_tachometer: int
+    features: int
 
 
 @dataclass(frozen=True)

@@ -43,9 +43,7 @@ def library() -> ctypes.CDLL:
     firmware()
     path = Path(_BUILT.name) / "runner.so"
     flags = ["-O2", "-shared", "-fPIC", "-w", "-I/usr/include/simavr"]
-    subprocess.run(
-        ["cc", *flags, str(RUNNER), "-o", str(path), "-lsimavr", "-lelf"], check=True
-    )
+    subprocess.run(["cc", *flags, str(RUNNER), "-o", str(path), "-lsimavr", "-lelf"], check=True)
     found = ctypes.CDLL(str(path))
     found.runner_new.restype = ctypes.c_void_p
     found.runner_duty.restype = ctypes.c_double

@@ -104,9 +104,11 @@ class WorldLink:
 
     def wait(self, timeout_s: float) -> bool:
         until = self.world.now_s + timeout_s
-        while not self._arrived and self.world.now_s < until - 1e-9:
+        while not self._arrived:
             self.world.step()
             self._arrived += self.world.board.take()
+            if self.world.now_s >= until - 1e-9:
+                break
         return bool(self._arrived)
 
     def close(self) -> None:

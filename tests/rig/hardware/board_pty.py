@@ -1,0 +1,99 @@
+"""A board on a real pseudo terminal in real time: a thread, or a process of its own.
+
+Run as a program (`python board_pty.py chip|host SECONDS`) it prints the port's name, then a line
+`exposed_s x_m y_m` on the monotonic clock for every ball seen, and ends when the time is over.
+"""
+
+import os
+import sys
+import threading
+import time
+from contextlib import suppress
+
+from board_host import HostBoard
+from board_world import STEP_S, World
+
+from rig.parameters import Rig
+
+
+class PtyBoard:
+    """Serves a World on a pty, one step a millisecond of the wall clock, until `close`."""
+
+    def __init__(self, world: World, *, thread: bool = True) -> None:
+        self.world, self.hung = world, False
+        self._master, self._slave = os.openpty()
+        self.port = os.ttyname(self._slave)
+        os.set_blocking(self._master, False)
+        self._going = True
+        self._thread = threading.Thread(target=self.serve, daemon=True)
+        if thread:
+            self._thread.start()
+
+    def serve(self, seconds: float = 1e9, seen=lambda ball, start_s: None) -> None:
+        start = time.monotonic()
+        balls, steps = 0, 0
+        while self._going and time.monotonic() < start + seconds:
+            if not self.hung:
+                self._exchange()
+                for ball in self.world.balls[balls:]:
+                    seen(ball, start)
+                balls = len(self.world.balls)
+            steps += 1
+            late = time.monotonic() - (start + steps * STEP_S)
+            if late < 0:
+                time.sleep(-late)
+            elif late > 0.05:  # a busy machine: time stands still here, no burst after it
+                start += late
+
+    def _exchange(self) -> None:
+        with suppress(BlockingIOError, OSError):
+            self.world.board.receive(os.read(self._master, 4096))
+        self.world.step()
+        if data := self.world.board.take():
+            with suppress(BlockingIOError, OSError):
+                os.write(self._master, data)
+
+    def unplug(self) -> None:
+        """The device vanishes; its board goes on alone."""
+        self._going = False
+        self._thread.join()
+        os.close(self._slave)
+        os.close(self._master)
+        self._master = self._slave = -1
+
+    def close(self) -> None:
+        self._going = False
+        if self._thread.is_alive():
+            self._thread.join()
+        for end in (self._master, self._slave):
+            with suppress(OSError):
+                os.close(end)
+
+
+def main(kind: str, seconds: float) -> None:
+    if kind == "chip":
+        from pathlib import Path
+
+        sys.path.insert(0, str(Path(__file__).parents[2] / "engines"))
+        from simavr_chip import Chip  # pyright: ignore[reportMissingImports]
+
+        board = Chip()
+    else:
+        board = HostBoard()
+    world = World(board, Rig(), start_m=(0.05, -0.04))
+    world.run(0.1)  # compile before the clock matters
+    world.plant.place((0.05, -0.04))
+    world.plant.release()
+    offset_s = world.now_s
+    served = PtyBoard(world, thread=False)
+    print(served.port, flush=True)
+
+    def seen(ball, start_s: float) -> None:
+        at = start_s + ball.exposed_s - offset_s
+        print(at, *ball.xy_m, flush=True)
+
+    served.serve(seconds, seen)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], float(sys.argv[2]))
