@@ -26,7 +26,8 @@ def record_live(
     histogram, what real time was granted, and how many rows the ring lost.
 
     started: gets the process, whose `put` takes commands; watch: sees every row. What the recorder
-    or these raise (a full disk, Ctrl-C) stops the loop and is raised again; SIGTERM stops it, too.
+    or these raise (a full disk) stops the loop and is raised again. SIGTERM and Ctrl-C end the run in
+    order and then the program.
     """
     loop = LoopProcess(job)
 
@@ -34,7 +35,7 @@ def record_live(
         recorder.append(row)
         watch(row)
 
-    with stop_on_signals(loop):
+    with stop_on_signals(loop, also=("SIGINT",)):
         try:
             started(loop)
             ending = loop.run(keep, recorder.event)

@@ -206,6 +206,8 @@ class LoopProcess:
             told = ending_of(error)
             self.put(Stop(told.reason, told.outcome))
             self._ending()
+            if isinstance(error, KeyboardInterrupt):
+                self._drain(keep, event)
             raise
         finally:
             self._close()
