@@ -145,10 +145,14 @@ class Recorder:
             return
         if error is None:
             self.finish("done")
-            return
+        else:
+            self.give_up(error)
+
+    def give_up(self, error: BaseException, **notes: Any) -> None:
+        """Finish a run that `error` ended, by its name; notes as of `finish`."""
+        ending = ending_of(error)
         try:
-            ending = ending_of(error)
-            self.finish(ending.outcome, ending.reason)
+            self.finish(ending.outcome, ending.reason, **notes)
         except OSError as second:  # the first error is the one to hear of
             error.add_note(f"run.json has no outcome: {second}")
 

@@ -3,6 +3,7 @@
 from collections import deque
 from dataclasses import dataclass
 from threading import RLock
+from typing import Protocol
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,12 @@ class SetGains:
 
 Command = Stop | Push | Target | SetGains
 LONGEST_QUEUE = 64
+
+
+class Inbox(Protocol):
+    """Where a loop takes its commands from, at every tick."""
+
+    def take(self) -> list[Command]: ...
 
 
 class CommandSlot:

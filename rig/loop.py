@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rig import guard, pilot
-from rig.commands import Command, CommandSlot, Push, SetGains, Stop, Target
+from rig.commands import Command, CommandSlot, Inbox, Push, SetGains, Stop, Target
 from rig.guard import GuardLimits, Trip
 from rig.hands import SAY, Hand
 from rig.limits import limit
@@ -60,7 +60,7 @@ class Loop:
         course: Course,
         *,
         hand: Hand | None = None,
-        commands: CommandSlot | None = None,
+        commands: Inbox | None = None,
         keep: Callable[[np.ndarray], None] = lambda row: None,
         event: Callable[[float, str], None] = lambda t_s, text: None,
         late_s: Callable[[], float] = lambda: 0.0,

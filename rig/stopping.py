@@ -26,7 +26,7 @@ def stop_on_signals(
     """While inside, these signals put a `Stop` into the slot.
 
     On the way out the former handlers are back; with `leave` a signal that came then ends the
-    program (SystemExit, 128 + its number), as it was meant to. In other threads than the main one
+    program as it was meant to (KeyboardInterrupt; SystemExit, 128 + its number). In other threads than the main one
     nothing can be handled: nothing is done.
     """
     if threading.current_thread() is not threading.main_thread():
@@ -36,7 +36,9 @@ def stop_on_signals(
 
     def handle(number: int, _: object) -> None:
         came.append(number)
-        slot.put(Stop(f"{signal.Signals(number).name} from the system", outcome="interrupted"))
+        name = signal.Signals(number).name
+        reason = "by the operator" if name == "SIGINT" else f"{name} from the system"
+        slot.put(Stop(reason, outcome="interrupted"))
 
     numbers = [getattr(signal, name) for name in (*NAMES, *also) if hasattr(signal, name)]
     before = {number: signal.signal(number, handle) for number in numbers}
@@ -45,5 +47,7 @@ def stop_on_signals(
     finally:
         for number, handler in before.items():
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
+    if came and leave and came[0] == signal.SIGINT:
+        raise KeyboardInterrupt
     if came and leave:
         raise SystemExit(128 + came[0])
