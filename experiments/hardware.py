@@ -5,12 +5,14 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Self
 
 from rig.hardware.choose import OpenTable, open_table
+from rig.hardware.eye import CameraEye
 from rig.hardware.home import Homing, home
-from rig.hardware.homed import Homed, home_file, power_up
+from rig.hardware.homed import CURE, Homed, NotHomed, home_file, load, power_up
 from rig.parameters import Rig
-from rig.table import Reading, Table
+from rig.table import LevelOnExit, Reading, Table
 
 MARKS = (8192, 24576)  # where a card's counters are put by homing, far from where they wake up
 
@@ -82,47 +84,81 @@ def _marked(table: Table, found: Homing) -> Homing:
     return replace(found, wiring=replace(found.wiring, zero_counts=(marks[0], marks[1])))
 
 
-class Checked:
+class Checked(LevelOnExit):
     """A hardware table whose first reading is held against its homing; its notes are kept.
 
     Behaves as the table; `notes` (clocks, lost ticks) are written to `notes_file` on the way out.
     """
 
     def __init__(
-        self, table: OpenTable, rig: Rig, homed: Homed, notes_file: Path | None = None
+        self,
+        table: OpenTable,
+        rig: Rig,
+        homed: Homed,
+        eye: CameraEye | None = None,
+        notes_file: Path | None = None,
     ) -> None:
-        self._table, self._rig, self._homed, self._notes_file = table, rig, homed, notes_file
+        self._table, self._rig, self._homed = table, rig, homed
+        self._eye, self._notes_file = eye, notes_file
 
-    def __getattr__(self, name: str):
-        return getattr(self._table, name)
+    @property
+    def period_s(self) -> float:
+        return self._table.period_s
 
-    def __enter__(self):
+    @property
+    def voltage_limit_V(self) -> float:
+        return self._table.voltage_limit_V
+
+    @property
+    def level_s(self) -> float:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return getattr(self._table, "level_s", 0.0)
+
+    @level_s.setter
+    def level_s(self, seconds: float) -> None:
+        self._table.level_s = seconds  # pyright: ignore[reportAttributeAccessIssue]
+
+    def __enter__(self) -> Self:
         try:
             first = self._table.read()
+            if getattr(self._table, "is_fresh", False):
+                raise NotHomed(f"the board was reset since its homing: {CURE}")
             self._homed.check(self._rig, power_up(self._table))  # before anything is armed
             self._homed.check_angles(first.theta_rad)
+            if self._eye is not None:
+                self._eye.begin(self._table.zero_s)  # pyright: ignore[reportAttributeAccessIssue]
         except BaseException:
             self._table.close()
             raise
         self._table.__enter__()
         return self
 
-    def __exit__(self, *error):
+    def __exit__(self, *error) -> None:
         try:
-            return self._table.__exit__(*error)
+            self._table.__exit__(*error)
         finally:
             notes = getattr(self._table, "notes", None)
             if notes is not None and self._notes_file is not None:
                 self._notes_file.write_text(json.dumps(notes()), encoding="utf-8")
 
     def read(self) -> Reading:
-        return self._table.read()
+        reading = self._table.read()
+        if self._eye is not None:
+            self._eye.tell(reading.theta_rad)
+        return reading
 
     def drive(self, volts: tuple[float, float]) -> None:
         self._table.drive(volts)
 
     def close(self) -> None:
         self._table.close()
+
+
+def open_homed(
+    rig: Rig, rig_file: Path, eye: CameraEye | None = None, notes_file: Path | None = None
+) -> Checked:
+    """The rig file's table with the wiring that homing found; its context checks, then arms."""
+    homed = load(home_file(rig_file))
+    return Checked(open_table(rig, eye, wiring=homed.wiring), rig, homed, eye, notes_file)
 
 
 def rehearse_home(rig: Rig) -> Homing:

@@ -23,6 +23,8 @@ CURE = "run rig home"
 class NotHomed(ValueError):  # noqa: N818 - the state, not the slip
     """The table's encoders are not known to be right; the message ends with the cure."""
 
+    outcome = "not homed"
+
 
 @dataclass(frozen=True)
 class Homed:
