@@ -26,8 +26,8 @@ def record_live(
     histogram, what real time was granted, and how many rows the ring lost.
 
     started: gets the process, whose `put` takes commands; watch: sees every row. What the recorder
-    or these raise (a full disk) stops the loop and is raised again. SIGTERM and Ctrl-C end the run in
-    order and then the program.
+    or these raise (a full disk) stops the loop and is raised again. SIGTERM and Ctrl-C end the run
+    in order and then the program.
     """
     loop = LoopProcess(job)
 

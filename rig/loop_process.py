@@ -14,6 +14,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from rig.commands import Command, CommandSlot, Stop
 from rig.guard import GuardLimits
 from rig.hands import Hand
 from rig.jitter import Jitter
+from rig.log import INDEX
 from rig.loop import Ending, Loop, ending_of
 from rig.mailbox import ENDING, RUNNING, STARTING, Mailbox, Orders, taken_orders
 from rig.parameters import Rig
@@ -30,11 +32,15 @@ from rig.simulator import SimulatedTable
 from rig.stopping import stop_on_signals
 from rig.table import Table
 
+if TYPE_CHECKING:
+    from rig.hardware.eye import CameraEye
+
 PARENT_SILENT_S = 2.0  # a program that hangs for so long looks after nothing
 LOOP_SILENT_S = 1.0  # a loop that hangs for so long is ended by force
 BEAT_S = 0.05
 DRAIN_S = 0.01
 WARM_TICKS = 25
+_THETA = INDEX["theta_x_rad"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +48,8 @@ class Job:
     """A run as it travels to the loop's process: everything here can be pickled.
 
     table: makes the table (a context manager), called there; hand: makes the operator's hand of
-    it; trace: keep the lateness of so many ticks for a benchmark.
+    it; eye: what the table was given to see with, for the encoders' hint; trace: keep the lateness
+    of so many ticks for a benchmark.
     """
 
     table: Callable[[], Table]
@@ -51,6 +58,7 @@ class Job:
     course: Course
     hand: Callable[[Table], Hand] | None = None
     limits: GuardLimits | None = None
+    eye: "CameraEye | None" = None
     realtime: bool = True
     trace: int = 0
 
@@ -130,6 +138,17 @@ def _work(job: Job, box: Mailbox, parent: int, result: Connection) -> None:
     box.close()
 
 
+def _keeper(box: Mailbox, eye: "CameraEye | None") -> Callable[[np.ndarray], None]:
+    if eye is None:
+        return box.rows.write
+
+    def keep(row: np.ndarray) -> None:
+        box.rows.write(row)
+        eye.tell((row[_THETA], row[_THETA + 1]))
+
+    return keep
+
+
 def _run(job: Job, box: Mailbox, inbox: _Inbox, jitter: Jitter) -> Ending:
     table = job.table()
     with table:  # pyright: ignore[reportGeneralTypeIssues]
@@ -142,7 +161,7 @@ def _run(job: Job, box: Mailbox, inbox: _Inbox, jitter: Jitter) -> Ending:
             job.course,
             hand=hand,
             commands=inbox,
-            keep=box.rows.write,
+            keep=_keeper(box, job.eye),
             event=box.say,
             late_s=_Lateness(table, jitter),
             limits=job.limits,

@@ -26,8 +26,8 @@ def stop_on_signals(
     """While inside, these signals put a `Stop` into the slot.
 
     On the way out the former handlers are back; with `leave` a signal that came then ends the
-    program as it was meant to (KeyboardInterrupt; SystemExit, 128 + its number). In other threads than the main one
-    nothing can be handled: nothing is done.
+    program as it was meant to (KeyboardInterrupt; SystemExit, 128 + its number). In other
+    threads than the main one nothing can be handled: nothing is done.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from functools import partial
 from io import BytesIO
 from pathlib import Path
@@ -19,6 +20,7 @@ import numpy as np
 from experiments.assemble import known, load_rig
 from experiments.live_run import record_live
 from experiments.recording import Recorder, Run, read_run, recover
+from rig.guard import GuardLimits
 from rig.loop_process import Job
 from rig.paced import Paced
 from rig.simulate import Course
@@ -49,7 +51,8 @@ class Witness(Paced):
 def job(ticks: str) -> Job:
     n = MOST_TICKS
     way = Course(np.zeros((n, 2)), np.zeros((n, 2)), (-0.08, 0.06))
-    return Job(partial(Witness, ticks), known(RIG), 0, way)
+    patient = replace(GuardLimits.of_rig(RIG), late_s=10.0, late_ticks=1e9)  # a busy machine
+    return Job(partial(Witness, ticks), known(RIG), 0, way, limits=patient)
 
 
 def main(folder: str, ticks: str, most: str | None = None) -> None:
@@ -79,17 +82,19 @@ def witnessed(ticks: Path) -> np.ndarray:
     return told[told[:, 0] > 0]
 
 
-def wait_for(ticks: Path, count: int, patience_s: float = 60.0) -> None:
+def wait_for(program: subprocess.Popen, ticks: Path, count: int, patience_s: float = 90.0) -> None:
     deadline_s = time.monotonic() + patience_s
     while len(witnessed(ticks)) < count:
-        assert time.monotonic() < deadline_s, "the loop does not run"
+        if program.poll() is not None or time.monotonic() > deadline_s:
+            program.kill()
+            raise AssertionError(f"the loop does not run: {program.communicate()[1]}")
         time.sleep(0.02)
 
 
 def kill_after(folder: Path, seconds: float) -> float:
     """Start, kill -9 `seconds` after the loop's begin, check; returns what was lost [s]."""
     program, ticks = start(folder)
-    wait_for(ticks, 5)
+    wait_for(program, ticks, 5)
     time.sleep(seconds)
     killed_s = time.monotonic()
     program.kill()

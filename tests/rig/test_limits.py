@@ -1,6 +1,8 @@
 """The one clamp: properties that hold for every float there is."""
 
+import inspect
 import math
+import sys
 
 import numpy as np
 import pytest
@@ -124,6 +126,36 @@ def test_the_whole_promise_on_a_grid_compiled_and_plain():
 @given(ANY, ANY, ANY, ANY, ANY.filter(lambda age_s: not age_s <= STALE_S))
 def test_a_stale_estimate_is_zero(wish, theta, rate, last, age_s):
     assert limit(wish, theta, rate, last, 6.0, 0.5, 3.0, age_s) == 0.0
+
+
+def test_the_grid_runs_every_line_and_both_ways_of_every_branch():
+    plain = getattr(limit, "py_func")  # noqa: B009
+    lines = {line for *_, line in plain.__code__.co_lines() if line}
+    seen, steps = set(), set()
+
+    def trace(frame, what, _):
+        if frame.f_code is not plain.__code__:
+            return None
+        if what == "line":
+            steps.add((trace.last, frame.f_lineno))
+            seen.add(frame.f_lineno)
+        trace.last = frame.f_lineno if what == "line" else 0
+        return trace
+
+    trace.last = 0
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        laws(plain)
+    finally:
+        sys.settrace(before)
+    source, first = inspect.getsourcelines(plain)
+    body = {line for line in lines if line > first + source.index('    """\n')}
+    assert body <= seen
+    branches = [first + i for i, text in enumerate(source) if text.strip().startswith("if ")]
+    assert len(branches) == 3
+    for line in branches:
+        assert len({to for at, to in steps if at == line}) == 2
 
 
 class AnySequence(RuleBasedStateMachine):
