@@ -100,17 +100,10 @@ class Checked(LevelOnExit):
     ) -> None:
         self._table, self._rig, self._homed = table, rig, homed
         self._eye, self._notes_file = eye, notes_file
+        self.period_s, self.voltage_limit_V = table.period_s, table.voltage_limit_V
 
-    @property
-    def period_s(self) -> float:
-        return self._table.period_s
-
-    @property
-    def voltage_limit_V(self) -> float:
-        return self._table.voltage_limit_V
-
-    @property
-    def level_s(self) -> float:  # pyright: ignore[reportIncompatibleVariableOverride]
+    @property  # what the loop says of levelling is the table's to do
+    def level_s(self) -> float:  # pyright: ignore
         return getattr(self._table, "level_s", 0.0)
 
     @level_s.setter

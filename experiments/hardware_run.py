@@ -14,7 +14,7 @@ from experiments.hardware import open_homed
 from experiments.live_run import record_live
 from experiments.protocol import Protocol, course
 from experiments.recording import Recorder
-from experiments.run_folder import new_run_folder, read_meta, replace_json
+from experiments.run_folder import new_run_folder, plain, read_meta, replace_json
 from experiments.runner import Done, Order, Watch, start_record
 from rig.controllers import ARMS
 from rig.hardware.eye import CameraEye, Watcher
@@ -136,5 +136,6 @@ def _keep_notes(folder: Path) -> None:
     path = folder / NOTES
     if not path.is_file():
         return
-    replace_json(folder / "run.json", read_meta(folder) | {"link": json.loads(path.read_text())})
+    notes = plain(json.loads(path.read_text()))
+    replace_json(folder / "run.json", read_meta(folder) | {"link": notes})
     path.unlink()

@@ -80,7 +80,9 @@ def measure_protocol(
 
     check(rig, rig_file, protocol)
     orders = [
-        Order(rig, protocol, arm, seed + i, out / "runs") for i in range(repetitions) for arm in arms
+        Order(rig, protocol, arm, seed + i, out / "runs")
+        for i in range(repetitions)
+        for arm in arms
     ]
     done: list[Done] = []
     try:
