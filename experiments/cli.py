@@ -214,6 +214,8 @@ def main() -> None:
         code = app(standalone_mode=False)  # the parser turns an interruption into a returned 130
         if code == INTERRUPTED:
             raise KeyboardInterrupt
+        if isinstance(code, int) and code:
+            sys.exit(code)
     except typer.Exit as end:
         sys.exit(end.exit_code)
     except (KeyboardInterrupt, typer.Abort):

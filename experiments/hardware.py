@@ -12,6 +12,7 @@ from rig.hardware.eye import CameraEye
 from rig.hardware.home import Homing, home
 from rig.hardware.homed import CURE, Homed, NotHomed, home_file, load, power_up
 from rig.parameters import Rig
+from rig.realtime import go_realtime
 from rig.table import LevelOnExit, Reading, Table
 
 MARKS = (8192, 24576)  # where a card's counters are put by homing, far from where they wake up
@@ -57,6 +58,7 @@ def plate_tilt(rig: Rig) -> Iterator[Callable[[float], tuple[float, float] | Non
 def home_table(rig: Rig, rig_file: Path) -> tuple[Homing, Path]:
     """Home the table and keep what was found beside the rig file."""
     with plate_tilt(rig) as tilt:
+        go_realtime()  # where it is allowed: a late tick costs the board's trust
         table = open_table(rig, homed=False)
         with table:
             found = home(table, rig, tilt)

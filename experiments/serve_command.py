@@ -24,6 +24,7 @@ def serve(
     from rig.hardware.choose import open_table, raw_wiring
     from rig.hardware.remote_wire import make_token, read_token
     from rig.hardware.serve import Server
+    from rig.realtime import go_realtime
 
     known = load_rig(rig)
     if known.table.kind == "remote":
@@ -49,5 +50,6 @@ def serve(
             say=lambda text: typer.echo(text),
         )
         with server:
+            go_realtime()  # where it is allowed
             typer.echo(f"serving the {known.table.kind} table at {host}:{server.port}")
             server.run()

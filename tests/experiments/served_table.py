@@ -14,6 +14,7 @@ from experiments.assemble import load_rig
 from rig.hardware.remote_wire import make_token, read_token
 from rig.hardware.serve import Server
 from rig.paced import Paced
+from rig.realtime import go_realtime
 from rig.simulator import SimulatedTable
 
 START_M = (-0.1, 0.1)
@@ -56,6 +57,7 @@ if __name__ == "__main__":
     lab = Lab(where)
     for _ in range(20):
         lab.tick()
+    go_realtime()  # as rig serve
     (where / "port").write_text(str(lab.server.port))
     while True:
         lab.tick()
