@@ -189,13 +189,13 @@ class QuanserTable(LevelOnExit):
         return self._call(name, getattr(self._card, name), *arguments)
 
     def _call(
-        self, what: str, function: Callable, *arguments: Any, patience_s: float = PATIENCE_S
+        self, what: str, function: Callable, *arguments: Any, patience_s: float | None = None
     ) -> Any:
         """One call of the SDK; `LinkLost` in one line for whatever goes wrong with it."""
         if self._dead:
             raise LinkLost(self._dead)
         try:
-            return self._thread.call(function, *arguments, patience_s=patience_s)
+            return self._thread.call(function, *arguments, patience_s=patience_s or PATIENCE_S)
         except TimeoutError as error:
             lost = self._lost(f"{error} ({what}); is its cable in?")
             self._hung = self._dead  # nothing more is asked of a driver that hangs
