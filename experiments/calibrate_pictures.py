@@ -62,14 +62,14 @@ def camera_figure(lens: CameraCalibration, path: Path, source: str) -> Path:
 
     figure, (left, middle, right) = plt.subplots(1, 3, figsize=(10, 3.2))
     reach = (-130, 130, -130, 130)
-    titles = ("standard deviation on the plate [mm]", "difference of two half sets [mm]")
+    titles = ("standard deviation on the plate", "difference of two half sets")
     for axes, values, title in zip(
         (left, middle), (lens.std_map_mm, lens.half_map_mm), titles, strict=True
     ):
         if values is None:
             continue
         shown = axes.imshow(values, origin="lower", extent=reach, interpolation="bilinear")
-        figure.colorbar(shown, ax=axes)
+        figure.colorbar(shown, ax=axes, shrink=0.82, label="mm")
         axes.set(title=title, xlabel="x [mm]", ylabel="y [mm]")
         axes.grid(False)
     right.bar(range(len(lens.view_rms_px)), lens.view_rms_px, color="#1f4fd8")

@@ -15,12 +15,12 @@ STEP_S = 1e-4
 _MODELS = {"exact": EXACT, "dead_zone": DEAD_ZONE, "none": NONE}
 _PER_AXIS = (
     "torque_per_volt motor_damping motor_inertia motor_per_torque motor_per_volt gear_k gear_c "
-    "gear_decay gear_1 gear_2 joint_k joint_c joint_decay joint_1 joint_2"
+    "gear_decay gear_1 gear_2 gear_coast joint_k joint_c joint_decay joint_1 joint_2"
 ).split()
 _SCALARS = (
     "step_s arm_inertia plate_inertia arm_friction joint_friction arm_per_torque plate_per_torque "
-    "arm_stick plate_stick stop_rad ratio radius mass weight factor half_side wall_restitution "
-    "encoder_step tachometer_scale tachometer_noise tachometer "
+    "arm_stick plate_stick stop_rad ratio radius mass weight factor half_side "
+    "wall_restitution encoder_step tachometer_scale tachometer_noise tachometer "
     "camera_delay camera_noise camera_dropout"
 ).split()
 PLANT = np.dtype(
@@ -54,6 +54,7 @@ def pack(rig: Rig, *, step_s: float = STEP_S) -> np.record:
         p[f"{shaft}_k"], p[f"{shaft}_c"], p[f"{shaft}_decay"] = k, c, relaxation(k, c, step_s)
         half, centre = p[f"{shaft}_backlash_play_rad"] / 2, p[f"{shaft}_backlash_offset_rad"]
         p[f"{shaft}_1"], p[f"{shaft}_2"] = centre + half, centre - half
+    p["gear_coast"] = coasting(rig)
     p["unknown"] = unknown.pack(rig.unknown)
     p["step_s"], p["shaft_model"] = step_s, _MODELS[drive.shaft_model]
     p["arm_friction"], p["joint_friction"] = drive.arm_friction_nm, drive.joint_friction_nm
@@ -78,6 +79,17 @@ def pack(rig: Rig, *, step_s: float = STEP_S) -> np.record:
     p["camera_delay"] = rig.camera.delay_s + p["camera_delay_extra_s"][0]
     p["camera_noise"], p["camera_dropout"] = rig.camera.noise_m, rig.camera.dropout
     return p
+
+
+def coasting(rig: Rig) -> float:
+    """Inertia of arm and plate over the friction that brakes them alone in the gear's gap [s2/rad].
+
+    0: they stay where the teeth leave them, which is what a plate's friction in its joints does.
+    """
+    drive = rig.drive
+    if drive.joint_friction_nm > 0.0 or drive.arm_friction_nm == 0.0:
+        return 0.0
+    return (GEARS_INERTIA_HIGH_KG_M2 + drive.plate_inertia_kg_m2) / drive.arm_friction_nm
 
 
 def _per_step(p: np.record) -> None:

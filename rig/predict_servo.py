@@ -10,10 +10,12 @@ from math import ceil, exp, sqrt
 from rig import effect_equations as equations
 from rig.compiled import compiled
 from rig.plant import effective_volts
-from rig.shaft import dead_zone, play_operator
+from rig.shaft import EXACT, dead_zone, play_operator, shaft_torque
 
 LONGEST_STEP_S = 0.0025  # dry friction is one decision a step: at a slow tick take several
 WINDING_STEP_S = 0.001  # a shaft that winds up against friction swings
+MEETING_STEP_S = 5e-4  # teeth that meet part again after 6 ms
+MEETING_UNSURE = 10.0  # times the process noise: when and how hard the teeth meet
 TOUCH_RAD = 1e-4  # ends of the gap closer than this are touching
 
 
@@ -80,6 +82,20 @@ def held_arm(p, a, arm, anchor, torque):
 
 
 @compiled
+def light_arm(p, a, arm, arm_speed, motor, speed, beta_1, beta_2, h):
+    """Torque of the gear's shaft [N m], the arm and its speed `h` later where only light friction
+    brakes it: arm and plate are one body, which coasts through the gap and bounces at its ends."""
+    twist = motor - arm
+    lost = min(max(twist, beta_2), beta_1)
+    torque = shaft_torque(
+        EXACT, twist, speed - arm_speed, lost, beta_1, beta_2, p.gear_k[a], p.gear_c[a]
+    )
+    pushed = arm_speed + h * torque / (p.arm_inertia + p.plate_inertia)
+    arm_speed = equations.stick(pushed, h / p.gear_coast[a])
+    return torque, arm + h * arm_speed, arm_speed
+
+
+@compiled
 def _depth(motor, arm, beta_1, beta_2):
     """How far inside the gap the arm is, from the nearer end [rad]; 0 in contact."""
     return max(min(arm - motor + beta_1, motor - beta_2 - arm), 0.0)
@@ -95,7 +111,11 @@ def predict_axis(p, levels, a, t, volts, theta, gain, tau, out, std):
     p00, p01, p11, still = r, 0.0, 1.0, r
     delay = p.input_delay_delay_s[a]
     torque, anchor = 0.0, motor
-    longest = WINDING_STEP_S if p.joint_friction > 0.0 else LONGEST_STEP_S
+    arm_speed, s01, s11 = 0.0, 0.0, 0.0
+    coasts = p.gear_coast[a] > 0.0 and beta_1 > beta_2
+    longest = LONGEST_STEP_S if p.joint_friction == 0.0 else WINDING_STEP_S
+    if coasts:
+        longest = MEETING_STEP_S
     for k in range(t.shape[0] - 1):
         dt = t[k + 1] - t[k]
         parts = int(ceil(dt / longest))
@@ -106,18 +126,36 @@ def predict_axis(p, levels, a, t, volts, theta, gain, tau, out, std):
         v_y = delayed_volts(volts, k, 1, dt, delay)
         for i in range(parts):
             v = effective_volts(p, a, v_x, v_y, arm, speed, t[k] + i * h)
-            free_gap = _depth(motor, arm, beta_1, beta_2) > TOUCH_RAD + sqrt(p00)
+            gap = _depth(motor, arm, beta_1, beta_2)
+            free_gap = gap > TOUCH_RAD + sqrt(p00)
             p00 += max(2.0 * reach * p01 + reach * reach * p11, -0.5 * p00) + q * h * h / 3.0
             p01 = decay * (p01 + reach * p11) + 0.5 * q * h
             p11 = decay * decay * p11 + q
-            torque, anchor = plate_torque(p, a, motor, anchor)
+            if coasts:
+                torque, arm, arm_speed = light_arm(
+                    p, a, arm, arm_speed, motor, speed, beta_1, beta_2, h
+                )
+                still += 2.0 * h * s01 + h * h * s11 + q * h * h / 3.0
+                s01, s11 = s01 + h * s11 + 0.5 * q * h, s11 + MEETING_UNSURE * q
+            else:
+                torque, anchor = plate_torque(p, a, motor, anchor)
             motor, speed = servo_step(
-                p, a, motor, speed, p11, v - torque / p.torque_per_volt[a], gain, tau, h, free_gap
+                p,
+                a,
+                motor,
+                speed,
+                p11,
+                v - torque / p.torque_per_volt[a],
+                gain,
+                tau,
+                h,
+                free_gap or coasts,
             )
-            arm = play_operator(arm, motor - torque / p.gear_k[a], beta_1, beta_2)
-            arm = held_arm(p, a, arm, anchor, torque)
-        # Inside the gap the arm stands still and says nothing of the motor; at its ends the two are
-        # one. `c` is how surely they touch, as far as the motor's place is known.
+            if not coasts:
+                arm = play_operator(arm, motor - torque / p.gear_k[a], beta_1, beta_2)
+                arm = held_arm(p, a, arm, anchor, torque)
+        # Inside the gap the arm says nothing of the motor; at its ends the two are one. `c` is how
+        # surely they touch, as far as the motor's place is known.
         depth = _depth(motor, arm, beta_1, beta_2)
         c = exp(-0.5 * depth * depth / (p00 + TOUCH_RAD**2)) if depth > 0.0 else 1.0
         spread = c * c * p00 + (1.0 - c) * (1.0 - c) * still
@@ -125,6 +163,7 @@ def predict_axis(p, levels, a, t, volts, theta, gain, tau, out, std):
         miss = theta[k + 1, a] - arm
         out[k + 1, a], std[k + 1, a] = miss, sqrt(total)
         arm += spread / total * miss
+        arm_speed += (c * p01 + (1.0 - c) * s01) / total * miss
         still = spread * r / total
         g0, g1 = c * p00 / total, c * p01 / total
         motor += g0 * miss
@@ -133,3 +172,5 @@ def predict_axis(p, levels, a, t, volts, theta, gain, tau, out, std):
         p11 -= g1 * c * p01
         p01 -= g0 * c * p01
         p00 -= g0 * c * p00
+        s11 = c * p11 + (1.0 - c) * (s11 - s01 * s01 / total)
+        s01 = c * p01 + (1.0 - c) * s01 * r / total

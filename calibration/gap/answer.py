@@ -8,12 +8,12 @@ from math import atan2, cos, hypot, inf, sin
 from calibration.gap.decide import Decision
 from calibration.gap.findings import Candidate, Interval, Named, Untestable
 from calibration.gap.intervals import interval
-from calibration.gap.knobs import BALL, CALIBRATED, PERIODIC, SERVO, Believed
+from calibration.gap.knobs import BALL, CALIBRATED, COAST, PERIODIC, SERVO, Believed
 from calibration.gap.name import Accepted
 from calibration.gap.screen import Screened
 from calibration.gap.state import State, parts_of
 from rig.effects import BY_NAME, CATALOGUE
-from rig.parameters import Rig
+from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, Rig
 
 TWINS: Mapping[str, tuple[str, ...]] = {
     "level_offset": ("encoder_zero", "asymmetric_play"),
@@ -51,7 +51,7 @@ def _catalogue_keys(name: str, by_key: dict[str, Interval]) -> dict[str, Interva
             "phase_rad": Interval(phase, phase - across, phase + across),
             "periods_per_turn": by_key["periods_per_turn"],
         }
-    return by_key
+    return {key: interval for key, interval in by_key.items() if key != COAST}
 
 
 def one_dead_zone(found: tuple[Named, ...], state: State,
@@ -189,8 +189,19 @@ def extended(decision: Decision, found: tuple[Named, ...],
     fitted = {key: sum(v) / len(v) for key, v in mean.items() if v}
     drive = rig.drive
     if not believed.load_friction:  # the logs do not show the assumed friction of arm and joints
-        drive = replace(drive, arm_friction_nm=0.0, joint_friction_nm=0.0)
+        drive = replace(
+            drive, arm_friction_nm=_light_friction(decision.state), joint_friction_nm=0.0
+        )
     return replace(rig, effects=effects, servo=replace(rig.servo, **fitted), drive=drive)
+
+
+def _light_friction(state: State) -> float:
+    """What brakes arm and plate in the gap of the gears [N m], mean of the axes; 0: not seen."""
+    found = [
+        value for name, value in state.fit.setting.items() if f".{COAST}." in name and value > 0.0
+    ]
+    load = GEARS_INERTIA_HIGH_KG_M2 + state.believed.rig.drive.plate_inertia_kg_m2
+    return load * len(found) / sum(found) if found else 0.0
 
 
 def _allowed(name: str, key: str, value: float) -> float:

@@ -5,11 +5,14 @@ g = sum J'Wz (what is left is neither white nor Gaussian), and L the inverse var
 knobs that stay in their box (half width t: 3/t^2), which the data may not know better.
 """
 
+from math import hypot, sqrt
+
 import numpy as np
 from scipy.stats import t as student
 
 from calibration.gap.findings import Interval
 from calibration.gap.fit import Fit, differences, weights
+from calibration.gap.knobs import COAST, Knob
 from calibration.gap.state import State
 from rig.effects import BY_NAME
 
@@ -64,14 +67,18 @@ def deviations(state: State) -> dict[str, tuple[float, int]]:
     for parts in groups:
         names, cov, blocks = covariance(state, parts)
         for name, variance in zip(names, np.diag(cov), strict=True):
-            least = _least(state, state.believed.knobs[name].key)
+            least = _least(state, state.believed.knobs[name])
             found[name] = (float(np.sqrt(WIDER**2 * max(variance, 0.0) + least**2)), blocks)
     return found
 
 
-def _least(state: State, key: str) -> float:
+def _least(state: State, knob: Knob) -> float:
     count = state.believed.rig.servo.encoder_step_rad
-    return LEAST_DEVIATION.get(key, LEAST_COUNTS.get(key, 0.0) * count)
+    least = LEAST_DEVIATION.get(knob.key, LEAST_COUNTS.get(knob.key, 0.0) * count)
+    if knob.key == "play_rad" and state.fit.setting.get(f"gear_backlash.{COAST}.{knob.axis}"):
+        joint = BY_NAME["joint_backlash"].tolerance  # through which the plate lags as it coasts
+        least = hypot(least, joint / sqrt(3.0))
+    return least
 
 
 def _coupled(state: State) -> bool:

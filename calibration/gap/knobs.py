@@ -26,7 +26,8 @@ STEPS = {
     "friction_V": 0.01, "extra_V": 0.02, "speed_rad_s": 0.02, "half_width_V": 0.01,
     "positive_V": 0.01, "negative_V": 0.01, "fraction": 0.005, "offset_V": 0.01, "limit_V": 0.05,
     "delay_s": 0.001, "sine": 0.01, "cosine": 0.01, "periods_per_turn": 0.3, "rate_1_s": 5e-4,
-    "drop_1_V": 0.002, "play_rad": 0.002, "offset_rad": 0.001, "coefficient_1_rad": 0.02,
+    "drop_1_V": 0.002, "play_rad": 0.002, "offset_rad": 0.001, "coast_s2_rad": 0.01,
+    "coefficient_1_rad": 0.02,
     "coefficient_1_rad2": 0.1, "slope_rad": 2e-4, "rate_rad_s": 1e-5, "stiffness_1_s2": 0.02,
     "deceleration_m_s2": 0.001, "extra_s": 0.001, "angle_rad": 0.003, "k1_1_m2": 0.1,
 }  # fmt: skip
@@ -41,6 +42,8 @@ LEAST = {
     "gear_backlash": 0.0012, "transmission_ripple": 0.0015, "linkage_cubic": 0.25,
     "level_drift": 8e-6, "plate_bowl": 0.015, "viscous_drag": 0.014, "lens_distortion": 0.3,
 }  # fmt: skip
+# The gear's play has an inner shape: how far arm and plate coast in the gap (rig.plant_record).
+COAST, LONGEST_COAST_S2_RAD = "coast_s2_rad", 0.5
 CLEARLY = 1.2  # times its tolerance: a name needs as much; at its edge anything may stand in
 ASSUMED_FRICTION = 0.04  # share by which the assumed friction of arm and joints may err
 
@@ -87,6 +90,8 @@ class Knob:
 
 
 def _range(effect: Effect, key: str) -> tuple[float, float]:
+    if key == COAST:
+        return 0.0, LONGEST_COAST_S2_RAD
     if key in ("sine", "cosine"):
         high = next(p.high for p in effect.parameters if p.key == PERIODIC[effect.name])
         return -high, high
@@ -97,7 +102,8 @@ def _range(effect: Effect, key: str) -> tuple[float, float]:
 def _keys(effect: Effect) -> list[str]:
     if effect.name in PERIODIC:
         return ["sine", "cosine", "periods_per_turn"]
-    return [p.key for p in effect.parameters]
+    keys = [p.key for p in effect.parameters]
+    return [*keys, COAST] if effect.name == "gear_backlash" else keys
 
 
 class Believed:
@@ -160,6 +166,8 @@ class Believed:
         if name in PERIODIC and key != "periods_per_turn":
             size, phase = (self._start[f"{name}_{k}"][a] for k in (PERIODIC[name], "phase_rad"))
             return size * (cos(phase) if key == "sine" else sin(phase))
+        if key == COAST:
+            return float(self._record["gear_coast"][a])
         if name == "dead_zone" and key != "half_width_V":
             return self._start[f"{name}_{key}"][a] - self._start["dead_zone_half_width_V"][a]
         return float(self._start[f"{name}_{key}"][a])
@@ -227,7 +235,7 @@ def _set(
         p["dead_zone_positive_V"][a], p["dead_zone_negative_V"][a] = both + plus, both + minus
         return
     for key, value in given.items():
-        p[f"{effect}_{key}"][a] = value
+        p["gear_coast" if key == COAST else f"{effect}_{key}"][a] = value
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,12 +4,12 @@ Several where it matters (play, friction and delays have no derivative at zero, 
 the turn has to be found), one where the model is linear in it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
 from calibration.gap.evidence import Evidence
-from calibration.gap.knobs import PERIODIC, SERVO, Believed, Knob
+from calibration.gap.knobs import CALIBRATED, COAST, PERIODIC, SERVO, Believed, Knob
 from rig.effects import Effect
 
 PERIODS = (3.0, 4.5, 6.5, 9.0, 13.0, 18.0, 25.0, 35.0, 50.0, 70.0)
@@ -23,6 +23,7 @@ SIZES: Mapping[str, tuple[float, ...]] = {
     "deceleration_m_s2": (0.004, 0.015), "extra_s": (0.006, -0.006, 0.02), "angle_rad": (0.02,),
     "k1_1_m2": (0.5,),
 }  # fmt: skip
+COAST_S2_RAD = 0.06
 OWN_SIZES = {"viscous_drag.rate_1_s": (0.05,)}
 Start = dict[str, float]
 
@@ -46,6 +47,27 @@ def starts(effect: Effect, axis: str, believed: Believed, evidence: Evidence) ->
         return [[{first.name: share * reached}] for share in (0.9, 0.6)]
     sizes = OWN_SIZES.get(f"{name}.{first.key}", SIZES.get(first.key, ()))
     return [[{first.name: first.believed + size}] for size in sizes]
+
+
+def coasting_starts(axis: str, believed: Believed, plays: Iterable[float]) -> list[Start]:
+    """Plays of gears through whose gap the arm coasts, with the motor as the rig file has it: what
+    a model without them made of its K, tau and delay says nothing about it."""
+    nominal = {f".{key}.{axis}": getattr(believed.rig.servo, key) for key in CALIBRATED}
+    delay = believed.of("input_delay", axis)[0]
+    return [
+        {
+            f"gear_backlash.play_rad.{axis}": play,
+            f"gear_backlash.{COAST}.{axis}": COAST_S2_RAD,
+            delay.name: delay.believed,
+        }
+        | nominal
+        for play in plays
+    ]
+
+
+def coasts(start: Start) -> bool:
+    """Is it one of `coasting_starts`?"""
+    return any(f".{COAST}." in name for name in start)
 
 
 def largest_volts(evidence: Evidence, axis: str) -> float:
@@ -72,9 +94,13 @@ def fastest(evidence: Evidence, axis: str) -> float:
     return float(np.quantile(np.concatenate(speeds), 0.99))
 
 
-def released(effect: Effect, axis: str, believed: Believed) -> list[Knob]:
+def released(
+    effect: Effect, axis: str, believed: Believed, setting: Mapping[str, float]
+) -> list[Knob]:
     """The knobs that are free when the effect is tried, its inner shape among them."""
     knobs = believed.of(effect.name, axis)
     if effect.name in (*PERIODIC, "stribeck_friction"):
         return knobs
+    if effect.name == "gear_backlash" and setting.get(f"gear_backlash.{COAST}.{axis}"):
+        return [k for k in knobs if k.key in ("play_rad", COAST)]
     return knobs[:1]

@@ -193,7 +193,11 @@ class _Name:
 
     def free(self, believed: Believed) -> set[str]:
         """The knobs that the name costs."""
-        found = {k.name for key in self.keys for k in released(BY_NAME[key[0]], key[1], believed)}
+        found = {
+            k.name
+            for key in self.keys
+            for k in released(BY_NAME[key[0]], key[1], believed, self.setting)
+        }
         return found | set(self.setting)
 
 

@@ -1,17 +1,20 @@
 """The linear screen: what releasing each effect of the catalogue promises, before any is fitted."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.gap.evidence import Roll
-from calibration.gap.fit import Fit, bounded_step, differences, normal_equations
-from calibration.gap.knobs import Believed, Knob
-from calibration.gap.menu import Start, starts
-from calibration.gap.state import Key, State, parts_of
+from calibration.gap.evidence import Evidence, Roll
+from calibration.gap.fit import Fit, bounded_step, differences, evaluate, normal_equations
+from calibration.gap.knobs import SERVO, Believed, Knob
+from calibration.gap.menu import Start, coasting_starts, starts
+from calibration.gap.state import Key, State, parts_of, refit
 from rig.effects import CATALOGUE
+from rig.predict import noise
 
+MISSING = 50.0  # a gain beyond which something is missing for certain
+SMALLEST_PLAY_RAD = 0.005  # of gears that coast
 SEEN = 12.0  # gain that an effect of its smallest visible size would bring
 
 
@@ -76,7 +79,53 @@ def _screen_part(state: State, part: str, skip: set[Key]) -> list[Screened]:
         one = _gain(state, part, knobs, bounds, nuisance, name, axis, group, columns)
         if (name, axis) not in best or one.gain > best[name, axis].gain:
             best[name, axis] = one
+    most = max((one.gain for one in best.values()), default=0.0)
+    coasting = _coasting(state, part, skip) if most > MISSING else None
+    if coasting and coasting.gain > best["gear_backlash", coasting.axis].gain:
+        best["gear_backlash", coasting.axis] = coasting
     return list(best.values())
+
+
+def at_first_noise(state: State, parts: Collection[str]) -> Evidence:
+    """The evidence with the noise of some servos as without a log: one that was settled beside a
+    model far from the truth has taken the misfit for noise."""
+    if not parts:
+        return state.evidence
+    first, levels = noise(), state.evidence.levels.copy()
+    for a, part in enumerate(SERVO):
+        if part in parts:
+            levels["servo_process"][a] = 2.0 * first["servo_process"][a]  # teeth meet with a jerk
+            levels["servo_measured"][a] = state.believed.rig.servo.encoder_step_rad / 12**0.5
+    return state.evidence.with_levels(levels)
+
+
+def _coasting(state: State, part: str, skip: set[Key]) -> Screened | None:
+    """Gears with play through whose gap the arm coasts: what their best start gains as it is.
+
+    None: the plate's friction holds the arm there, or it does not help.
+    """
+    axis = part[-1]
+    first = state.believed.of("gear_backlash", axis)[0] if part in SERVO else None
+    held = state.believed.load_friction or ("gear_backlash", axis) in skip
+    if first is None or held or first.believed > 0.0:
+        return None
+    evidence = at_first_noise(state, (part,))
+
+    def best(plays: list[float]) -> Fit:
+        tried = [state.fit.setting | s for s in coasting_starts(axis, state.believed, plays)]
+        fits = [evaluate(evidence, state.believed, setting, (part,)) for setting in tried]
+        return min(fits, key=lambda fit: fit.cost)
+
+    play = best([SMALLEST_PLAY_RAD * 1.25**n for n in range(10)]).setting[first.name]
+    start = best([play * ratio for ratio in (0.9, 0.95, 1.0, 1.06, 1.12)])
+    named = (*state.named, ("gear_backlash", axis))
+    begun = replace(state, evidence=evidence, fit=start, named=named)
+    found = refit(begun, begun.bounds((part,)), iterations=3).fit
+    gain = state.fit.costs[part] - found.cost
+    if not gain > 0.0:
+        return None
+    moved = {key: found.setting[key] for key in coasting_starts(axis, state.believed, [play])[0]}
+    return Screened("gear_backlash", axis, gain, moved, 0.0, moved)
 
 
 def _gain(state: State, part: str, knobs: list[Knob], bounds: Mapping, nuisance: np.ndarray,

@@ -8,8 +8,16 @@ from dataclasses import dataclass, replace
 
 from calibration.gap.fit import evaluate
 from calibration.gap.knobs import PERIODIC
-from calibration.gap.menu import LEAST_PHASE_RAD, Start, fastest, largest_volts, reach, released
-from calibration.gap.screen import Screened
+from calibration.gap.menu import (
+    LEAST_PHASE_RAD,
+    Start,
+    coasts,
+    fastest,
+    largest_volts,
+    reach,
+    released,
+)
+from calibration.gap.screen import Screened, at_first_noise
 from calibration.gap.state import Key, State, refit
 from rig.effects import BY_NAME
 
@@ -42,7 +50,8 @@ class Trial:
         if not any(self.is_one(axis) for axis in self.axes):
             return -float("inf")
         knobs = sum(
-            len(released(BY_NAME[self.name], axis, self.state.believed)) for axis in self.axes
+            len(released(BY_NAME[self.name], axis, self.state.believed, self.state.fit.setting))
+            for axis in self.axes
         )
         return self.gain - (PER_KNOB + MISFIT * max(self.gain, 0.0)) * knobs
 
@@ -70,12 +79,14 @@ def rank(state: State, screened: list[Screened], *, most: int = REFITS) -> list[
         by_name.setdefault(one.name, []).append(one)
     promise = {name: sum(max(o.gain, 0.0) for o in found) for name, found in by_name.items()}
     order = sorted(promise, key=lambda name: -promise[name])
-    least = max(LEAST_PROMISE, FAR_BEHIND * max(promise.values(), default=0.0))
+    most_on = {BY_NAME[name].side: promise[name] for name in reversed(order)}
     trials: list[Trial] = []
     for i, name in enumerate(order):
         best = max((trial.score for trial in trials), default=0.0)
-        if promise[name] < least or (i >= most and best >= promise[name]):
+        if promise[name] < LEAST_PROMISE or (i >= most and best >= promise[name]):
             break
+        if promise[name] < FAR_BEHIND * most_on[BY_NAME[name].side]:
+            continue
         if i < most or promise[name] >= WORTH_ANOTHER:
             trials.append(_release(state, name, _axes(by_name[name], screened)))
     return sorted(trials, key=lambda trial: -trial.score)
@@ -102,15 +113,15 @@ def _release(state: State, name: str, chosen: list[Screened]) -> Trial:
         {k: v for one in chosen for k, v in getattr(one, which).items()}
         for which in ("start", "tried")
     ]
+    coasting = {f"servo_{one.axis}" for one in chosen if coasts(one.start)}
+    evidence = at_first_noise(state, coasting)
     moved = min(
-        (
-            evaluate(state.evidence, state.believed, _inside(state, start), parts)
-            for start in starts
-        ),
+        (evaluate(evidence, state.believed, _inside(state, start), parts) for start in starts),
         key=lambda found: found.cost,
     )
     begun = replace(
         state,
+        evidence=evidence,
         named=(*state.named, *keys),
         fit=replace(state.fit, setting=moved.setting, rolls=state.fit.rolls | moved.rolls,
                     costs=state.fit.costs | moved.costs),

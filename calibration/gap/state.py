@@ -11,7 +11,7 @@ import numpy as np
 
 from calibration.gap.evidence import Evidence
 from calibration.gap.fit import Fit, evaluate, fit
-from calibration.gap.knobs import BALL, CALIBRATED, SERVO, Believed
+from calibration.gap.knobs import BALL, CALIBRATED, SERVO, Believed, Knob
 from calibration.gap.menu import released
 from rig.effects import BY_NAME, Effect
 
@@ -38,7 +38,7 @@ class State:
                 continue
             effect = BY_NAME.get(knob.effect)
             key = (knob.effect, knob.axis)
-            if effect and key in chosen and knob in released(effect, knob.axis, self.believed):
+            if effect and key in chosen and knob in self._released(effect, knob.axis):
                 found[knob.name] = knob.range
             elif knob.tolerance > 0:
                 low, high = knob.box
@@ -47,6 +47,9 @@ class State:
                     low, high = low - width, high + width  # its inner shape: a side of its own each
                 found[knob.name] = low, high
         return found
+
+    def _released(self, effect: Effect, axis: str) -> list[Knob]:
+        return released(effect, axis, self.believed, self.fit.setting)
 
 
 def parts_of(effect: Effect, axes: Iterable[str]) -> tuple[str, ...]:

@@ -46,8 +46,12 @@ def table(name: str | None, rate_hz: float) -> Rig:
 
 @cache
 def log(name: str | None, rate_hz: float) -> Signals:
+    return simulated(table(name, rate_hz))
+
+
+def simulated(rig: Rig) -> Signals:
     """A closed-loop log without noise: exact angles, exact ball at 60 exposures a second."""
-    rig = table(name, rate_hz)
+    rate_hz = rig.control_rate_hz
     p, s = plant_record.pack(rig, step_s=2e-5), plant.rest((0.01, -0.02))
     history, seen = plant_record.no_volts(rig), np.full(7, np.nan)
     rows, frames = [], []
@@ -108,6 +112,18 @@ def test_without_the_effect_its_own_channel_shows_a_gap_and_the_other_does_not(n
         assert without[other] > true[other]
     else:
         assert without[other] == pytest.approx(true[other], rel=1e-9)
+
+
+def test_where_little_friction_brakes_the_arm_it_coasts_through_the_gap_and_bounces():
+    """The default shafts, the plate's joints free: the predictor is the simulator's two masses."""
+    drive = Drive(arm_friction_nm=1.5e-3, joint_friction_nm=0.0, joint_stiffness_nm_rad=3000)
+    hidden = {"gear_backlash": {"x": {"play_rad": 0.02}, "y": {"play_rad": 0.01}}}
+    rig = replace(table(None, 500.0), drive=drive, effects=hidden)
+    known = simulated(rig)
+    true = sizes(predict(rig, known, LEVELS), 500.0)["servo"]
+    held = replace(rig, drive=replace(drive, arm_friction_nm=0.0))
+    assert sizes(predict(held, known, LEVELS), 500.0)["servo"] > 5 * true
+    assert sizes(predict(replace(rig, effects={}), known, LEVELS), 500.0)["servo"] > 5 * true
 
 
 def test_a_healthy_table_leaves_micrometres_and_microradians():
