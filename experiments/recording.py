@@ -40,8 +40,8 @@ from experiments.samples_schema import (
     pack,
     plain_ending,
 )
+from rig.endings import ending_of
 from rig.log import COLUMNS, Log
-from rig.loop import ending_of
 
 __all__ = ["Recorder", "Run", "new_run_folder", "read_run", "recover", "write_run", "write_truth"]
 

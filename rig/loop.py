@@ -2,12 +2,12 @@
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 
 import numpy as np
 
 from rig import guard, pilot
 from rig.commands import Command, CommandSlot, Inbox, Push, SetGains, Stop, Target
+from rig.endings import Ending
 from rig.guard import GuardLimits, Trip
 from rig.hands import SAY, Hand
 from rig.limits import limit
@@ -19,29 +19,7 @@ from rig.simulate import BLIND_LIMIT_S, Course
 from rig.table import LevelOnExit, Reading, Table
 
 HIGHEST_GAINS = (20.0, 20.0, 20.0)  # rad/m, rad/(m s), rad s/m: what a setpoint page may ask for
-
-
-@dataclass(frozen=True)
-class Ending:
-    """How a run ended: completed, ball lost, limit, not released or aborted, and why; or with the
-    name of what the guard saw. `level`: the plate may be levelled afterwards, else 0 V at once."""
-
-    outcome: str
-    reason: str = ""
-    level: bool = True
-
-
 DONE = Ending("completed")
-
-
-def ending_of(error: BaseException) -> Ending:
-    """How a run ended that raised: an error may bear its own `outcome` (a lost link, a camera)."""
-    if isinstance(error, KeyboardInterrupt):
-        return Ending("interrupted", "by the operator")
-    outcome = getattr(error, "outcome", "aborted")
-    return Ending(outcome, f"{type(error).__name__}: {error}")
-
-
 PLACED_S = 0.5  # so long a ball must lie at its start before it counts as placed
 
 

@@ -19,11 +19,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rig.commands import Command, CommandSlot, Stop
+from rig.endings import Ending, ending_of
 from rig.guard import GuardLimits
 from rig.hands import Hand
 from rig.jitter import Jitter
 from rig.log import INDEX
-from rig.loop import Ending, Loop, ending_of
+from rig.loop import Loop
 from rig.mailbox import ENDING, RUNNING, STARTING, Mailbox, Orders, taken_orders
 from rig.parameters import Rig
 from rig.realtime import go_realtime

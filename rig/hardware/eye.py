@@ -108,6 +108,9 @@ class CameraEye:
         self.sights.write((frame_s, seen is not None, numbers))
 
     def fail(self, error: BaseException) -> None:
+        """Keep what ended it, for the loop; of no interest once it is over."""
+        if self.over:
+            return
         text = f"{type(error).__name__}: {error}"
         self.trouble.array["text"][0] = text.encode()[:240].decode(errors="ignore").encode()
         self.trouble.array["said"][0] = 1
@@ -141,8 +144,7 @@ def see(eye: CameraEye, opener: Opener) -> None:
     except StopIteration:
         eye.fail(EOFError("the source has no more frames"))
     except BaseException as error:  # raised again, by name, where the loop reads
-        if not eye.over:
-            eye.fail(error)
+        eye.fail(error)
 
 
 def _process(eye: CameraEye, opener: Opener) -> None:

@@ -9,8 +9,8 @@ import pytest
 from faulty import FAULT_S, FaultyTable, run
 
 from rig.commands import CommandSlot, Stop, Target
+from rig.endings import Ending, ending_of
 from rig.hands import Hand
-from rig.loop import Ending, ending_of
 from rig.stopping import stop_on_signals
 from rig.table import LEVEL_LIMIT_V
 from vision.frames import Observation
