@@ -121,7 +121,6 @@ static void take_config(board_t *b, const uint8_t *p) {
     b->configured = 1;
     b->state = IS_DISARMED;
     b->reason = 0;
-    b->sequence = 0;
     b->since_telemetry_ms = 0;
 }
 
@@ -130,9 +129,7 @@ static void take_arm(board_t *b, const uint8_t *p) {
     b->token = next_token(b->token); /* it arms once */
     b->sequence = get16(p + 5);
     b->commanded = 0;
-    b->wish_mV[0] = b->wish_mV[1] = 0;
     b->age_ms = 0;
-    b->stall_ms[0] = b->stall_ms[1] = 0;
     b->reason = 0;
     b->state = IS_ARMED;
 }

@@ -47,8 +47,12 @@ enum { WIRED_HOMED = 1, WIRED_NEGATIVE_0 = 2, WIRED_NEGATIVE_1 = 4, WIRED_CROSSE
 #endif
 #define HOMING_LIMIT_MV 1500 /* while the zeros are unknown: what a stop can take */
 #define LEVEL_LIMIT_MV 3000
+#ifndef WATCHDOG_MS
 #define WATCHDOG_MS 100
+#endif
+#ifndef LEVEL_MS
 #define LEVEL_MS 500
+#endif
 #define UNUSED_MS 5000 /* armed, and no command ever came */
 #define STALL_MV 2000
 #define STALL_MS 300

@@ -11,11 +11,11 @@ from types import TracebackType
 from typing import Protocol
 
 from rig.hardware import wire
+from rig.hardware.board_clock import BoardClock
 from rig.hardware.link import LINK_DEAD_S, Link, LinkLost
 from rig.hardware.wire import Arm, Command, ConfigAnswer, ConfigRequest, Disarm, Telemetry
 from rig.hardware.wiring import Wiring
 from rig.table import LevelOnExit, Reading
-from vision.clock import ForeignClock
 from vision.frames import Observation
 
 ANSWER_S = 3.0  # an Arduino that resets on opening spends two seconds in its boot loader
@@ -66,7 +66,7 @@ class BoardTable(LevelOnExit):
         self.newest: Telemetry | None = None
         self._link, self._wiring, self._eye = link, wiring or Wiring(), eye
         self._tachometer, self._clock = tachometer_rad_s_V, clock
-        self._parser, self._times = wire.Parser(), _Times(clock)
+        self._parser, self._times = wire.Parser(), BoardClock(clock)
         self._unheard: deque[tuple[int, float]] = deque()
         self._sequence = secrets.randbelow(65536)
         self._armed, self._ended, self._closed = False, None, False
@@ -130,9 +130,10 @@ class BoardTable(LevelOnExit):
 
     def arm(self) -> None:
         """Let volts flow from now on. The board must confirm; LinkLost, BoardStopped otherwise."""
-        self._link.send(wire.encode(Arm(self._answer.token, self._sequence)))
+        word = Arm(self._answer.token, self._sequence)
         until = self._clock() + LINK_DEAD_S
         while self._clock() < until:
+            self._send(word)  # again and again: it arms but once
             if self._await_telemetry().flags & wire.ARMED:
                 self._armed = True
                 return
@@ -223,9 +224,11 @@ class BoardTable(LevelOnExit):
         try:
             while True:
                 packets = self._parser.feed(self._link.receive())
-                found = [packet for packet in packets if isinstance(packet, Telemetry)]
-                for packet in found:
-                    self._times.heard(packet.clock_us)
+                found = [
+                    packet
+                    for packet in packets
+                    if isinstance(packet, Telemetry) and self._times.heard(packet.clock_us)
+                ]
                 if found and self._times.age_s() < LINK_DEAD_S:
                     self.newest = found[-1]
                     return found[-1]
@@ -263,32 +266,3 @@ class BoardTable(LevelOnExit):
             return None
         self._seen_s = ball.exposed_s
         return ball
-
-
-class _Times:
-    """The board's clock (microseconds, wrapping) -> seconds from the first reading."""
-
-    def __init__(self, clock: Callable[[], float]) -> None:
-        self.zero_s = math.nan
-        self._clock, self._foreign = clock, ForeignClock()
-        self._turns, self._last_us, self._last_s = 0, 0, -1.0
-        self._host_s = math.nan
-
-    def heard(self, clock_us: int) -> None:
-        """Note a stamp on its arrival: its place on the host's clock, by the fastest deliveries."""
-        if clock_us < self._last_us - 2**31:
-            self._turns += 1
-        self._last_us = clock_us
-        self._host_s = self._foreign.to_rig(1e-6 * (clock_us + 2**32 * self._turns), self._clock())
-
-    def age_s(self) -> float:
-        """How long ago the last stamp heard was given: large after a halt of this program."""
-        return self._clock() - self._host_s
-
-    def reading(self) -> float:
-        """Seconds of the last stamp heard from the first reading; strictly increasing."""
-        if math.isnan(self.zero_s):
-            self.zero_s, self._last_s = self._host_s, 0.0
-        else:
-            self._last_s = max(self._host_s - self.zero_s, self._last_s + 1e-4)
-        return self._last_s

@@ -17,6 +17,8 @@ try:
     _GONE = (*_GONE, _termios_error)
 except ImportError:  # Windows has no termios
     pass
+_POSIX = os.name == "posix"
+_WRITE_TIMEOUT_S = 0 if _POSIX else LINK_DEAD_S / 2  # 0: writes what there is room for
 _CURES = {
     errno.ENOENT: "is it plugged in? `rig doctor` lists the ports",
     errno.EACCES: "your user may not open it: join the group dialout (rig doctor tells how)",
@@ -33,7 +35,7 @@ class SerialLink:
         self.name = f"board on {port}"
         try:
             self._serial = serial.Serial(
-                port, baud, timeout=0, write_timeout=LINK_DEAD_S / 2, exclusive=True
+                port, baud, timeout=0, write_timeout=_WRITE_TIMEOUT_S, exclusive=True
             )
             self._serial.reset_input_buffer()
             _keep_ready(self._serial)
@@ -43,14 +45,23 @@ class SerialLink:
             raise LinkLost(number or errno.EIO, f"{self.name}: {_short(error)}; {cure}") from None
 
     def send(self, data: bytes) -> None:
-        try:
-            sent = self._serial.write(data)
-        except serial.SerialTimeoutException:
-            raise self._lost("it takes no bytes any more") from None
-        except _GONE as error:
-            raise self._lost(_short(error)) from None
-        if sent != len(data):
-            raise self._lost(f"it took {sent} of {len(data)} bytes")
+        while data:
+            try:
+                sent = self._serial.write(data) if self._takes_bytes() else 0
+            except serial.SerialTimeoutException:
+                sent = 0
+            except (*_GONE, ValueError) as error:
+                raise self._lost(_short(error)) from None
+            if not sent:
+                raise self._lost("it takes no bytes any more")
+            data = data[sent:]
+
+    def _takes_bytes(self) -> bool:
+        """Is there room in the device's buffer, within its patience? (pyserial's own time limit
+        calls a write late whose program was late.)"""
+        if not _POSIX:
+            return True
+        return bool(select.select([], [self._serial.fileno()], [], LINK_DEAD_S / 2)[1])
 
     def receive(self) -> bytes:
         try:
@@ -60,7 +71,7 @@ class SerialLink:
 
     def wait(self, timeout_s: float) -> bool:
         try:
-            if os.name != "posix":  # select takes sockets only there
+            if not _POSIX:  # select takes sockets only there
                 return self._wait_by_reading(timeout_s)
             return bool(select.select([self._serial.fileno()], [], [], max(timeout_s, 0.0))[0])
         except (*_GONE, ValueError) as error:

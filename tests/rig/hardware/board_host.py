@@ -49,16 +49,30 @@ int glue_parse(const uint8_t *data, int n, uint8_t *out) { /* payloads, each aft
 
 
 @cache
-def library() -> ctypes.CDLL:
-    """protocol.c as a shared library; skips the test loudly where there is no C compiler."""
+def library(*changes: str) -> ctypes.CDLL:
+    """protocol.c as a shared library; skips the test loudly where there is no C compiler.
+
+    changes: compiler's options that spoil it on purpose, to see whether a test notices.
+    """
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
         pytest.skip("NO C COMPILER (apt install gcc): the firmware's protocol is NOT tested")
-    folder = Path(_BUILT.name)
+    folder = Path(_BUILT.name) / "_".join(["protocol", *changes])
+    folder.mkdir()
     (folder / "glue.c").write_text(_GLUE)
     sources = [folder / "glue.c", FIRMWARE / "protocol.c"]
     subprocess.run(
-        [compiler, "-shared", "-fPIC", "-O2", f"-I{FIRMWARE}", *sources, "-o", folder / "b.so"],
+        [
+            compiler,
+            "-shared",
+            "-fPIC",
+            "-O2",
+            f"-I{FIRMWARE}",
+            *changes,
+            *sources,
+            "-o",
+            folder / "b.so",
+        ],
         check=True,
     )
     found = ctypes.CDLL(str(folder / "b.so"))
@@ -69,8 +83,8 @@ def library() -> ctypes.CDLL:
 class HostBoard:
     """A board as `world.World` takes it: bytes in and out, a millisecond, volts."""
 
-    def __init__(self, *, tachometer: bool = False) -> None:
-        self._c, self._tachometer = library(), tachometer
+    def __init__(self, *changes: str, tachometer: bool = False) -> None:
+        self._c, self._tachometer = library(*changes), tachometer
         self._out = ctypes.create_string_buffer(256)
         self._mV = (ctypes.c_int16 * 2)()
         self._sent = bytearray()

@@ -8,7 +8,7 @@ import os
 import sys
 import threading
 import time
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 
 from board_host import HostBoard
 from board_world import STEP_S, World
@@ -34,7 +34,7 @@ class PtyBoard:
         balls, steps = 0, 0
         while self._going and time.monotonic() < start + seconds:
             if not self.hung:
-                self._exchange()
+                self.step()
                 for ball in self.world.balls[balls:]:
                     seen(ball, start)
                 balls = len(self.world.balls)
@@ -45,7 +45,11 @@ class PtyBoard:
             elif late > 0.05:  # a busy machine: time stands still here, no burst after it
                 start += late
 
-    def _exchange(self) -> None:
+    def step(self) -> None:
+        """One millisecond: bytes in, board and plant on, bytes out."""
+        if self.hung:
+            self.world.step()
+            return
         with suppress(BlockingIOError, OSError):
             self.world.board.receive(os.read(self._master, 4096))
         self.world.step()
@@ -56,7 +60,8 @@ class PtyBoard:
     def unplug(self) -> None:
         """The device vanishes; its board goes on alone."""
         self._going = False
-        self._thread.join()
+        if self._thread.is_alive():
+            self._thread.join()
         os.close(self._slave)
         os.close(self._master)
         self._master = self._slave = -1
@@ -68,6 +73,38 @@ class PtyBoard:
         for end in (self._master, self._slave):
             with suppress(OSError):
                 os.close(end)
+
+
+class SteppedLink:
+    """The product's link to a PtyBoard whose time passes only while the host waits: the device and
+    the driver are real, and no thread of a busy machine can be late."""
+
+    def __init__(self, peer: PtyBoard, link) -> None:
+        self.peer, self.name, self._link = peer, link.name, link
+        self.send, self.receive, self.close = link.send, link.receive, link.close
+
+    def clock(self) -> float:
+        return self.peer.world.now_s
+
+    def wait(self, timeout_s: float) -> bool:
+        until = self.clock() + timeout_s
+        while not self._link.wait(0.0):
+            self.peer.step()
+            if self.clock() >= until - 1e-9:
+                return self._link.wait(0.0)
+        return True
+
+
+@contextmanager
+def real_time():
+    """This thread before all others, where that is allowed: as a real loop would have it."""
+    before = os.sched_getscheduler(0), os.sched_getparam(0)
+    with suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(2))
+    try:
+        yield
+    finally:
+        os.sched_setscheduler(0, *before)
 
 
 def main(kind: str, seconds: float) -> None:
@@ -92,7 +129,8 @@ def main(kind: str, seconds: float) -> None:
         at = start_s + ball.exposed_s - offset_s
         print(at, *ball.xy_m, flush=True)
 
-    served.serve(seconds, seen)
+    with real_time():
+        served.serve(seconds, seen)
 
 
 if __name__ == "__main__":

@@ -89,7 +89,7 @@ def test_it_arms_once_and_only_with_its_token():
 
 def test_silence_levels_after_100_ms_then_0_volts_then_latched():
     bench = Bench()
-    bench.counts = (100, -50)
+    bench.counts = (60, -50)
     bench.run(10)  # at rest there
     bench.command(2.0, -2.0, ttl_ms=20)
     volts = []
@@ -233,6 +233,108 @@ def test_a_mad_host_cannot_drive_the_plate_beyond_its_limit(volts: float, wiring
         table.drive((volts, -volts))
         worst = max(worst, *map(abs, world.arms_rad))
     assert 0.3 < worst < Rig().servo.angle_limit_rad + 0.04
+
+
+@pytest.mark.parametrize("encoder", [0, 1])
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_fast_arm_is_braked_before_its_limit(encoder: int, sign: int):
+    """3 counts a ms are 96 in the 32 ms that it looks ahead; 14 counts of slack are allowed."""
+    bench, volts = Bench(), {}
+
+    def at(place: int) -> float:
+        bench.counts = (sign * place, 0) if encoder == 0 else (0, sign * place)
+        bench.command(*((sign, 0.0) if encoder == 0 else (0.0, sign)))
+        bench.run(1)
+        return sign * bench.board.volts()[encoder]
+
+    volts = {place: at(place) for place in range(1, 320, 3)}
+    assert all(v == 1.0 for place, v in volts.items() if place + 96 <= LIMIT + 14)
+    assert all(v == -3.0 for place, v in volts.items() if place + 96 > LIMIT + 14)
+    assert LIMIT + 14 - 96 in volts
+    for place in range(360, 357, -1):  # beyond and on its way back
+        at(place)
+    assert [at(place) for place in range(365, 356, -3)][-1] in (0.0, -3.0)
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_beyond_the_limit_and_on_its_way_back_outward_volts_wait(sign: int):
+    bench = Bench()
+    for place in range(400, 355, -3):
+        bench.counts = (0, sign * min(place, LIMIT + 50))
+        bench.command(0.0, 1.0 * sign)
+        bench.run(1)
+    assert bench.board.volts()[1] == 0.0
+    bench.command(0.0, -1.0 * sign)
+    bench.run(1)
+    assert bench.board.volts()[1] == -1.0 * sign
+
+
+@pytest.mark.parametrize("beyond", [0, 1])
+def test_the_angle_that_ends_a_run_is_exact(beyond: int):
+    bench = Bench()
+    for sign in (-1, 1):
+        bench = Bench()
+        bench.counts = (sign * (LIMIT + LIMIT // 6 + beyond), 0)
+        bench.run(3)
+        assert bench.has(wire.LEVELLING) == bool(beyond)
+
+
+def test_stall_is_2_volts_for_300_ms_and_no_more_than_3_counts():
+    for volts, counts, ms, stalls in (
+        (2.0, 3, 305, True), (-2.0, -3, 305, True), (1.999, 0, 400, False),
+        (2.0, 4, 400, False), (-2.0, -4, 400, False), (2.0, 0, 295, False),
+    ):  # fmt: skip
+        bench = Bench()
+        for k in range(ms):
+            bench.command(volts)
+            bench.counts = (counts * (k % 2), 0)
+            bench.run(1)
+        assert bench.has(wire.BY_STALL) == stalls, (volts, counts, ms)
+
+
+def test_the_times_of_the_watchdog_are_exact():
+    for silent_ms, levels in ((99, False), (100, True)):
+        bench = Bench()
+        bench.command(1.0, ttl_ms=255)
+        bench.run(1)
+        bench.run(silent_ms - 1)
+        assert bench.has(wire.LEVELLING) == levels
+    bench.run(499)
+    assert bench.has(wire.LEVELLING)
+    bench.run(1)
+    assert bench.has(wire.LATCHED)
+    unused = Bench()
+    unused.run(4998)
+    assert unused.has(wire.ARMED)
+    unused.run(1)
+    assert unused.has(wire.LEVELLING, wire.BY_WATCHDOG)
+
+
+def test_a_request_that_it_cannot_fulfil_leaves_it_unconfigured():
+    for change in ({"version": 2}, {"counts_per_rev": 63}):
+        bench = Bench(armed=False)
+        bench.request = replace(bench.request, **change)
+        bench.configure()
+        bench.send(Arm(bench.token, 0))
+        bench.run(2)
+        assert not bench.has(wire.ARMED)
+    bench.request = replace(bench.request, counts_per_rev=64, version=1, limit_mV=9000)
+    bench.configure()
+    bench.send(Arm(bench.token, bench.sequence))
+    bench.command(9.0, -3.0)
+    bench.run(1)
+    assert bench.has(wire.ARMED)
+    assert bench.board.volts() == (6.0, -3.0)  # never more than its own
+
+
+def test_telemetry_comes_at_the_period_asked():
+    for asked, period_ms in ((1, 1), (5, 5), (0, 1)):
+        bench = Bench(armed=False)
+        bench.request = replace(bench.request, period_ms=asked)
+        bench.configure()
+        stamps = [p.clock_us for p in bench.run(50) if isinstance(p, Telemetry)]
+        assert np.all(np.diff(stamps) == 1000 * period_ms)
+        assert len(stamps) >= 9
 
 
 # --- the wiring ---
@@ -383,3 +485,18 @@ def test_the_boards_clock_may_wrap():
     times = [table.read().t_s for _ in range(1000)]
     assert np.diff(times) == pytest.approx(0.002, abs=1e-6)
     assert table.ticks_missed == 0
+
+
+def test_doubled_and_overtaken_telemetry_is_not_read_again():
+    world = World(HostBoard(), Rig())
+    link, take, old = WorldLink(world), world.board.take, [b""]
+
+    def doubled() -> bytes:
+        data, old[0] = take() + old[0], old[0]
+        old[0] = data[-29:] if data else old[0]
+        return data
+
+    world.board.take = doubled
+    table = BoardTable(link, clock=link.clock)
+    times = [table.read().t_s for _ in range(200)]
+    assert np.diff(times) == pytest.approx(0.002, abs=1e-6)
