@@ -109,7 +109,7 @@ class Checked(LevelOnExit):
         return getattr(self._table, "level_s", 0.0)
 
     @level_s.setter
-    def level_s(self, seconds: float) -> None:
+    def level_s(self, seconds: float) -> None:  # pyright: ignore
         self._table.level_s = seconds  # pyright: ignore[reportAttributeAccessIssue]
 
     def __enter__(self) -> Self:
