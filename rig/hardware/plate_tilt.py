@@ -44,9 +44,9 @@ class MarkerTilt:
                 misses = 0 if fit.accepted else misses + 1
                 if fit.accepted:
                     last = fit.view
-                    self.seen += 1
                     with self._lock:
                         self._newest = sines(fit.view, self._level)
+                    self.seen += 1
         except SourceError:
             return
 
