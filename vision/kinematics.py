@@ -10,6 +10,7 @@ import numpy as np
 # In ball radii: a 20 mm ball on a plate tilted by 18 degrees, or nudged by a finger, gains 3 m/s^2.
 PUSH_RADII_S2 = 150.0
 START_SPEED_RADII_S = 25.0
+GATE_SIGMAS = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,3 +57,13 @@ class Motion:
     def sigma_px(self) -> float:
         """Standard deviation of the place per axis."""
         return math.sqrt(self.cov[0])
+
+
+def gates(ahead: Motion, radius_px: float) -> tuple[float, float]:
+    """How far (px) from the prediction a disc is believed, and one with nearly the whole outline.
+
+    The far gate allows for kicks and for time stamps that jitter by a frame or two.
+    """
+    reach = GATE_SIGMAS * ahead.sigma_px
+    near = min(reach, 2.0 * radius_px) + 0.3 * radius_px
+    return near, min(reach, 4.0 * radius_px) + 2.0 * radius_px

@@ -20,7 +20,7 @@ from vision.detector import REACH, Detection, locate
 from vision.frames import Frame, Track
 from vision.gate import TELLING_FILL, believable
 from vision.imposters import Imposters
-from vision.kinematics import Motion
+from vision.kinematics import Motion, gates
 from vision.unusual import locate_streak, surround
 
 COAST_S = 0.100
@@ -32,7 +32,6 @@ SAME_SIZE = 0.06  # share of the radius that a ball's outline keeps from one fra
 ROUGH = 0.03  # residual of an outline, share of the radius, that a sharp whole ball never has
 INNER = 0.92  # share of the radius below which a sharp outline is the picture in a mirroring ball
 SWOLLEN = 0.1  # share of the radius by which no blur makes a ball larger
-GATE_SIGMAS = 4.0
 ADAPT_SHARE = 0.03  # of every whole view of the ball, into its size
 ADAPT_EVERY, LOOKS_SHARE = 4, 0.1  # and of every fourth into its looks
 # Looks that the tracker taught itself and has not seen for so long may have been a hand's.
@@ -117,10 +116,9 @@ class Tracker:
         assert motion is not None
         assert looks is not None
         assert imposters is not None
-        dt = frame.t_s - motion.t_s
         ahead = motion.at(frame.t_s, self._radius_px)
         u, v, sigma = found.u_px, found.v_px, self._sigma_px(found) + 0.02 * found.radius_px
-        if math.hypot(*(ahead.place - (u, v))) > _gates(ahead, self._radius_px)[0]:
+        if math.hypot(*(ahead.place - (u, v))) > gates(ahead, self._radius_px)[0]:
             # A kick, or a time stamp that lies: the speed learned so far is worth nothing.
             self._motion = Motion.start(u, v, self._radius_px, sigma, frame.t_s)
         else:
@@ -136,7 +134,7 @@ class Tracker:
                 place = u, v, found.radius_px
                 self.appearance = looks.adapted(frame.image, *place, LOOKS_SHARE, found.blur_px)
         if looks.fill >= TELLING_FILL:
-            imposters.update(frame.image, looks, u, v, self._radius_px, dt)
+            imposters.update(frame.image, looks, u, v, self._radius_px, frame.t_s - motion.t_s)
         span = math.hypot(found.u_px - self._lock_px[0], found.v_px - self._lock_px[1])
         self._proven |= span > max(5.0, 0.5 * self._radius_px)
         return Track("track", found.u_px, found.v_px, claimed, found.radius_px)
@@ -234,7 +232,7 @@ class Tracker:
         assert looks is not None
         assert imposters is not None
         assert motion is not None
-        near, far = _gates(ahead, radius)
+        near, far = gates(ahead, radius)
         last = (float(motion.place[0]), float(motion.place[1]))
         was_on = imposters.at(*last, radius)
         # It may have gone on as it went, or been stopped, or the time stamps lie.
@@ -258,11 +256,9 @@ class Tracker:
             rough = found.residual_px > ROUGH * radius
             if rough and found.radius_px > (1.0 + SWOLLEN) * radius:
                 return False
-            if not self._inside(found):
-                return False
             # A flat mark may be rolled over, step by step; a still thing is not jumped to.
             on = imposters.at(found.u_px, found.v_px, radius)
-            return on <= KNOWN_STILL or was_on > 0.1
+            return self._inside(found) and (on <= KNOWN_STILL or was_on > 0.1)
 
         # Where it is as predicted, short rays will do; beside it they see a part of it.
         short = min(0.25 + 3.0 * ahead.sigma_px / radius, REACH)
@@ -282,13 +278,3 @@ class Tracker:
             if good(found):
                 return found
         return None
-
-
-def _gates(ahead: Motion, radius_px: float) -> tuple[float, float]:
-    """How far (px) from the prediction a disc is believed, and one with nearly the whole outline.
-
-    The far gate allows for kicks and for time stamps that jitter by a frame or two.
-    """
-    reach = GATE_SIGMAS * ahead.sigma_px
-    near = min(reach, 2.0 * radius_px) + 0.3 * radius_px
-    return near, min(reach, 4.0 * radius_px) + 2.0 * radius_px

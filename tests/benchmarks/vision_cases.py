@@ -63,15 +63,12 @@ def followed(name: str, script: Script) -> Figure:
     """A tracker's figure on a script."""
     looks = Appearance.of_colour("orange") if name.endswith("colour named") else None
     tracker, figure = Tracker(appearance=looks), Figure(name)
-    worst, kept = -1.0, []
+    errors, kept = [], []
     for k, (shot, clear) in enumerate(script):
         track = tracker.step(Frame(shot.image, shot.t_s, k))
-        error = _judge(figure, track, shot, clear, k)
-        picture = _thumbnail(shot, track, name)
-        if error > worst:
-            worst, bad = error, picture
-        kept.append(picture)
-    figure.pictures = [kept[len(kept) // 3], kept[-1], bad]
+        errors.append(_judge(figure, track, shot, clear, k))
+        kept.append(_thumbnail(shot, track, name))
+    figure.pictures = [kept[len(kept) // 3], kept[-1], kept[int(np.argmax(errors))]]
     return figure
 
 
@@ -116,10 +113,9 @@ def _store(pictures: list[np.ndarray], path: Path) -> None:
     """The contact sheet, at the quality that keeps it below 300 kB."""
     sheet = contact_sheet(pictures, 9)
     for quality in range(80, 20, -5):
-        code = cv2.imencode(".jpg", sheet, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
-        if code.size < 300_000:
-            break
-    path.write_bytes(code.tobytes())
+        cv2.imwrite(str(path), sheet, [cv2.IMWRITE_JPEG_QUALITY, quality])
+        if path.stat().st_size < 300_000:
+            return
 
 
 def report(only: str = "", frames: int = 60, out: Path | None = None) -> None:
