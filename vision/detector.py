@@ -27,6 +27,7 @@ OUTLINE_SHARE = 0.05
 # by about this much (px) per relative first harmonic of the edge's strength.
 LIGHT_SHARE_PX = 0.06
 RIM_ROUNDS = 4
+LEVELS_SHARE = 1.5  # the fit's noise with that of its levels, which neighbouring sectors share
 UNSIGNED_REACH = 0.25
 WHOLE = 0.85  # share of the rays from which an outline counts as free all round
 # Casts at most; the share of the radius that is no move; and that a blurred outline may still sway.
@@ -205,8 +206,10 @@ def _fitted(image: np.ndarray, appearance: Appearance, line: Outline) -> np.ndar
 
 def _rim_sigma(rim: np.ndarray) -> float:
     """Std of the fitted centre per axis, from the fit alone: its noise, more of it where sectors
-    disagree by more, and what the inner halves of the edge disagree by with the outer ones."""
-    return math.sqrt(float(rim[3]) * max(1.0, float(rim[4])) ** 2 + float(rim[7]))
+    disagree by more, and what the two halves of the edge disagree by. Each half holds half the
+    information, so noise alone sets them apart by four times its variance."""
+    noise = LEVELS_SHARE * float(rim[3]) * max(1.0, float(rim[4])) ** 2
+    return math.sqrt(noise + max(0.0, float(rim[7]) - 4.0 * float(rim[3])))
 
 
 def _line_sigma(line: Outline) -> float:
