@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import product
 
 import cv2
 import numpy as np
@@ -19,7 +18,7 @@ from vision.frames import Frame
 from vision.gate import believable, weight
 from vision.pixels import mean_between, moments, share
 from vision.repeats import noise_level
-from vision.unusual import locate_streak, surround
+from vision.unusual import surround
 from vision.votes import Circle, circles
 
 WORK_SIZE = 320  # px, longer side of the image that is searched for motion and circles
@@ -155,8 +154,8 @@ class Acquisition:
         guesses = [mover.guess(), mover.last[:2]]
         guesses += [(u, v) for d, u, v in sorted(near)[:1] if d < 4.0 * radius]
         bounds = (0.8 * radius, 1.25 * radius)
-        for method, (u, v) in product((locate, locate_streak), guesses):
-            found = method(image, mover.looks, u, v, radius)
+        for u, v in guesses:
+            found = locate(image, mover.looks, u, v, radius)
             if found is not None and believable(found, mover.looks, bounds, strict=True):
                 step = (found.u_px, found.v_px, found.radius_px)
                 quality = mover.quality + 0.3 * (found.inliers - mover.quality)
@@ -173,8 +172,6 @@ class Acquisition:
             looks = Appearance.sketch(image, u, v, r)
             bounds = (0.7 * r, 1.4 * r)
             found = locate(image, looks, u, v, r)
-            if not believable(found, looks, bounds, strict=True):
-                found = locate_streak(image, looks, u, v, r)
             if found is None or not believable(found, looks, bounds, strict=True):
                 continue
             looks, found = _outermost(image, looks, found)
@@ -209,15 +206,14 @@ class Acquisition:
     def _recognised(self, image: np.ndarray) -> tuple[Appearance, Detection] | None:
         least = TRAVEL * max(image.shape[:2])
         sure = [m for m in self._movers if m.convincing(least) and m.weight > LEAST_WEIGHT]
-        if not sure:
-            return None
-        best = max(sure, key=lambda m: m.weight * math.sqrt(len(m.path)))
-        u, v, r = best.last
-        looks = Appearance.learn(image, u, v, r)
-        found = locate(image, looks, u, v, r) or locate_streak(image, looks, u, v, r)
-        if found is None or (found.radius_px < SOFT_PX and not math.isfinite(found.blur_px)):
-            return None
-        return looks, _ringed(best, found, image)
+        for best in sorted(sure, key=lambda m: -m.weight * math.sqrt(len(m.path))):
+            u, v, r = best.last
+            looks = Appearance.learn(image, u, v, r)
+            found = locate(image, looks, u, v, r)
+            soft = found is not None and not math.isfinite(found.blur_px)
+            if found is not None and not (soft and found.radius_px < SOFT_PX):
+                return looks, _ringed(best, found, image)
+        return None
 
 
 def _distinct(movers: list[Mover]) -> list[Mover]:

@@ -3,7 +3,7 @@
     search -> track <-> coast -> lost -> track
 
 In `track` a position was measured and believed in this very frame. A frame without one is `coast`
-(a prediction) for at most 100 ms after the last good one, then `lost`: a lost ball has no position.
+(a prediction) for at most 100 ms after it was last seen, if only roughly, then `lost`: no position.
 """
 
 from __future__ import annotations
@@ -123,10 +123,10 @@ class Tracker:
             self._motion = Motion.start(u, v, self._radius_px, sigma, frame.t_s)
         else:
             self._motion = ahead.corrected(u, v, sigma)
-        claimed = self._sigma_px(found)
+        claimed, self._good_s = self._sigma_px(found), frame.t_s
         if claimed > GOOD_PX:
             return self._coast(self._motion)
-        self._state, self._good_s = "track", frame.t_s
+        self._state = "track"
         if found.inliers > 0.85 and found.coverage == 1.0:
             self._radius_px += ADAPT_SHARE * (found.radius_px - self._radius_px)
             self._views += 1
