@@ -16,7 +16,8 @@ from experiments.assemble import (
     simulated_hand,
     simulated_table,
 )
-from experiments.protocol import Protocol, course
+from experiments.own_controller import load_controller
+from experiments.protocol import OWN, Protocol, course
 from experiments.push_detection import detect_pushes
 from experiments.recording import Recorder, write_run
 from experiments.run_folder import new_run_folder, write_truth
@@ -142,6 +143,7 @@ def run(
     Raises what the recorder or the vision chain raises; what was recorded so far stays readable.
     """
     way = course(order.protocol, order.rig, order.seed)
+    controller = load_controller(order.protocol.controller) if order.arm == OWN else None
     eye = rendered_eye(order.rig, order.bundle, order.seed) if order.bundle else None
     table = simulated_table(order.rig, way, order.seed, eye)
     slot = commands or CommandSlot()
@@ -153,10 +155,11 @@ def run(
             ending = Loop(
                 table,
                 order.believed,
-                ARMS[order.arm],
+                arm_number(order.arm),
                 way,
                 hand=simulated_hand(table, order.protocol, way, order.seed),
                 commands=slot,
+                controller=controller,
                 keep=watch.keep,
                 event=recorder.event,
             ).run()
@@ -165,13 +168,20 @@ def run(
     return Done(folder, ending, np.array(eye.pairs if eye else []).reshape(-1, 5))
 
 
+def arm_number(arm: str) -> int:
+    """The arm's number for the pilot; a lab's own controller stands where "without" would."""
+    return ARMS["without" if arm == OWN else arm]
+
+
 def _task(order: Order) -> Task:
     """The order as the simulator takes it, with the numbers that `run` would draw."""
+    if order.arm == OWN:
+        raise ValueError("a lab's own controller runs tick by tick alone: use rig run")
     if order.protocol.pushes.kind == "at-centre":
         raise ValueError("pushes at-centre answer to the ball: run them tick by tick (rig run)")
     way = course(order.protocol, order.rig, order.seed)
     numbers = draw(np.random.default_rng([order.seed, 3]), order.rig, way)
-    return Task(order.rig, order.believed, ARMS[order.arm], way, numbers)
+    return Task(order.rig, order.believed, arm_number(order.arm), way, numbers)
 
 
 def simulate_order(order: Order) -> Simulated:

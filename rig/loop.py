@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rig import pilot
+from rig import own, pilot
 from rig.commands import Command, CommandSlot, Push, SetGains, Stop, Target
 from rig.hands import SAY, Hand
 from rig.limits import limit
@@ -45,11 +45,13 @@ class Loop:
         *,
         hand: Hand | None = None,
         commands: CommandSlot | None = None,
+        controller: own.OwnController | None = None,
         keep: Callable[[np.ndarray], None] = lambda row: None,
         event: Callable[[float, str], None] = lambda t_s, text: None,
     ) -> None:
         self._table, self._course, self._hand = table, course, hand or Hand()
         self._commands, self._keep, self._event = commands or CommandSlot(), keep, event
+        self._own, self._known = controller, known
         self._q = pilot.settings(known, arm, servo_only=course.servo_only)
         self.pilot = pilot.start(self._q, held=course.hold_s > 0)
         self._reach_m = 0.5 * known.linkage.plate_side_m
@@ -66,11 +68,23 @@ class Loop:
             self.pilot["phase"] = PLACE
 
     def run(self) -> Ending:
-        """Tick until the course is done or something ends it; volts are the table's to stop."""
-        while True:
-            ending = self._tick(self._table.read())
-            if ending is not None:
-                return ending
+        """Tick until the course is done or something ends it; volts are the table's to stop.
+
+        A lab's own controller that fails ends the run at 0 V: aborted, with the reason.
+        """
+        try:
+            if self._own is not None:
+                own.start(self._own, self._known, self._table.period_s)
+            ending = None
+            while ending is None:
+                ending = self._tick(self._table.read())
+        except own.ControllerError as error:
+            ending = Ending("aborted", str(error))
+        if self._own is not None:
+            self._table.drive((0.0, 0.0))
+            said = own.end(self._own, ending.outcome)
+            ending = Ending(ending.outcome, "; ".join(filter(None, (ending.reason, said))))
+        return ending
 
     def _tick(self, reading: Reading) -> Ending | None:
         for command in self._commands.take():
@@ -82,6 +96,7 @@ class Loop:
         target = np.array(self._target or self._course.targets_m[self._ticks])
         before = self.pilot["phase"]
         pilot_tick(self.pilot, self._q, row, target, self._applied, self._wish)
+        failed = self._ask_own(row, target)
         if before == HOLD and self.pilot["phase"] != HOLD:
             self._event(reading.t_s, "released")
         push = self._hand.act(reading, self._push_now(reading.t_s))
@@ -89,7 +104,7 @@ class Loop:
             q = self._q
             rate = self.pilot["belief"]["rate"][a]
             last, bounds = self._applied[a], (q["voltage_limit"], q["angle_limit"], q["slew"])
-            self._applied[a] = limit(self._wish[a], theta, rate, last, *bounds)
+            self._applied[a] = 0.0 if failed else limit(self._wish[a], theta, rate, last, *bounds)
         self._table.drive((float(self._applied[0]), float(self._applied[1])))
         covariance = np.array(reading.ball.cov_m2 if reading.ball else (np.nan,) * 3)
         pushed = 1.0 if push != (0.0, 0.0) else 0.0
@@ -105,7 +120,21 @@ class Loop:
             self._applied,
         )
         self._keep(self._row)
+        if failed:
+            raise failed
         return self._ended(reading)
+
+    def _ask_own(self, row: np.ndarray, target: np.ndarray) -> own.ControllerError | None:
+        """A lab's own controller in place of the built-in one, where that would steer the ball."""
+        steering = self.pilot["phase"] in (HOLD, RUN) and self.pilot["belief"]["frames"] > 0
+        if self._own is None or self._q["servo_only"] or not steering:
+            return None
+        seen = own.now(self.pilot, self._q, row, target, self._applied)
+        try:
+            own.wish(self._own, seen, self._wish)
+        except own.ControllerError as error:
+            return error
+        return None
 
     def _guide(self, reading: Reading) -> None:
         """Ask the operator for the steps in turn; see from the ball when it is placed."""

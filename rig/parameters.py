@@ -166,6 +166,21 @@ class Gains:
 
 
 @dataclass(frozen=True)
+class KnownPlay:
+    """Play as calibrated (`rig calibrate play`), full width at the servo; 0: the observers find it.
+
+    factor: what a controller takes for the play, in parts of what it knows of it; 1 but where the
+    harm of a wrong estimate is studied.
+    """
+
+    gear_x_rad: float = 0.0
+    gear_y_rad: float = 0.0
+    joint_x_rad: float = 0.0
+    joint_y_rad: float = 0.0
+    factor: float = 1.0
+
+
+@dataclass(frozen=True)
 class Rig:
     """Everything a controller or estimator may know of a table; `effects` only the model's user.
 
@@ -181,6 +196,7 @@ class Rig:
     drive: Drive = field(default_factory=Drive)
     walls: Walls = field(default_factory=Walls)
     gains: Gains = field(default_factory=Gains)
+    play: KnownPlay = field(default_factory=KnownPlay)
     unknown: Unknown = field(default_factory=Unknown)
     control_rate_hz: float = 500.0
     effects: dict[str, dict[str, dict[str, float]]] = field(default_factory=dict)

@@ -11,7 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 from rig import effects
 from rig.parameters import Rig
 
-SECTIONS = ("servo", "linkage", "ball", "camera", "drive", "walls", "gains", "unknown")
+SECTIONS = ("servo", "linkage", "ball", "camera", "drive", "walls", "gains", "play", "unknown")
 # Values that must be above zero; everything else must be zero or more, but for free signs.
 _POSITIVE = (
     "gain_rad_s_V time_constant_s encoder_counts_per_rev voltage_limit_V angle_limit_rad stop_rad "
