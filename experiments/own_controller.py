@@ -8,7 +8,7 @@ from rig.own import METHODS, OwnController
 
 
 def load_controller(name: str) -> OwnController:
-    """A fresh controller of FILE.py:ClassName. ValueError: what is missing or fails, in one line."""
+    """A fresh controller of FILE.py:ClassName. ValueError (one line): what is missing or fails."""
     file, _, made = name.rpartition(":")
     path = Path(file)
     if not path.is_file():

@@ -209,6 +209,16 @@ def simulate_orders(
     return found
 
 
+def simulate_in_blocks(orders: Sequence[Order], work: Callable[[Order, Simulated], T]) -> list[T]:
+    """The same on this core alone, a block in memory at a time: for studies that use processes."""
+    found: list[T] = []
+    for i in range(0, len(orders), LANES):
+        block = orders[i : i + LANES]
+        runs = simulate_many([_task(order) for order in block])
+        found += [work(order, run) for order, run in zip(block, runs, strict=True)]
+    return found
+
+
 def keep_simulated(order: Order, result: Simulated) -> Path:
     """Record a run of `simulate_order` as a run folder; its events are read off its columns."""
     folder = new_run_folder(order.parent, order.protocol.name, order.arm)

@@ -1,7 +1,8 @@
 """The arms of the literature by name, and the one function that lets the chosen one act.
 
-To add an arm: a file with its state (a numpy dtype) and compiled functions; its state in ARMS_STATE,
-its name and number in CURES, its branch in `arm_volts`. The loop and the batch kernel follow.
+To add an arm: a file with its state (a numpy dtype) and compiled functions; its state goes into
+ARMS_STATE, its name and number into CURES, its branch into `arm_volts`. The loop and the batch
+kernel follow.
 """
 
 import numpy as np

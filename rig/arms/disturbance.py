@@ -6,8 +6,8 @@ into volts and given back (Ohnishi's disturbance observer; IEE Japan 1987):
 
     V = V_servo + share Omega/A,   A = torque per volt.
 
-A constant disturbance d moves a motor so driven as (1 - share K) d would; where the motor sticks the
-same loop raises the volts by 1/(1 - share K). share K = 1 would be an integrator around dry
+A constant disturbance d moves a motor so driven as (1 - share K) d would; where the motor sticks
+the same loop raises the volts by 1/(1 - share K). share K = 1 would be an integrator around dry
 friction, which hunts. Play is not known to it.
 """
 

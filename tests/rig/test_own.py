@@ -72,7 +72,7 @@ def _raise(volts):
 
 
 @pytest.mark.parametrize(
-    "what, said",
+    ("what", "said"),
     [(_raise, "RuntimeError: no idea"), (lambda v: 1.0, "TypeError"), (lambda v: (1, 2, 3), "many"),
      (lambda v: None, "TypeError"), (lambda v: ("a", 0), "could not convert")],
 )  # fmt: skip
@@ -80,7 +80,8 @@ def test_what_fails_in_it_stops_the_rig_and_is_recorded(what, said):
     controller = FailsAt(100, what)
     ending, rows = run(controller)
     assert ending.outcome == "aborted"
-    assert "controller FailsAt.control failed" in ending.reason and said in ending.reason
+    assert "controller FailsAt.control failed" in ending.reason
+    assert said in ending.reason
     assert np.all(rows[-1, 1:3] == 0.0)  # the last row says 0 V
     assert len(rows) < 200
     assert controller.calls[-1] == "end aborted"
@@ -97,7 +98,8 @@ def test_a_fault_at_the_start_never_moves_the_table():
             raise OSError("no model file")
 
     ending, rows = run(Broken())
-    assert ending.outcome == "aborted" and "no model file" in ending.reason
+    assert ending.outcome == "aborted"
+    assert "no model file" in ending.reason
     assert len(rows) == 0
 
 
@@ -107,7 +109,8 @@ def test_a_fault_at_the_end_does_not_take_the_run_away():
             raise ValueError("disk full")
 
     ending, _ = run(Sloppy())
-    assert ending.outcome == "completed" and "disk full" in ending.reason
+    assert ending.outcome == "completed"
+    assert "disk full" in ending.reason
 
 
 def test_wishes_that_are_no_numbers_become_0_volts():
