@@ -25,7 +25,7 @@ from rig.shaft import play_operator
 from rig.signals import R_BALL, R_EXPOSED, R_NEW, R_THETA, R_TIME
 
 POLE_1_S = 4.0  # of the observer: the slower, the less of the camera's noise, the later
-STEP = 0.04  # Gamma, of a frame
+STEP, STEP_ASYMMETRIC = 0.04, 0.01  # Gamma, of a frame; two that share their error go slower
 LEAST_XI = 0.015  # m [m/rad]
 HIGHEST_RAD = 0.06
 PUSHED_M = 0.015  # an error that no wrong play makes: the ball was pushed, or is new
@@ -95,7 +95,8 @@ def adapt(s, a, seen_m, late_ticks, dt, symmetric):
                 s.xi[a, i, j] = 0.0
         return
     x, y = s.xi[a, RIGHT, 0], s.xi[a, LEFT, 0]
-    step = STEP * error / (LEAST_XI * LEAST_XI + x * x + y * y)
+    gamma = STEP if symmetric else STEP_ASYMMETRIC
+    step = gamma * error / (LEAST_XI * LEAST_XI + x * x + y * y)
     if symmetric:
         c = min(max(s.c[a, RIGHT] + step * x, 0.0), HIGHEST_RAD)
         s.c[a, RIGHT], s.c[a, LEFT] = c, -c

@@ -205,6 +205,7 @@ def test_neural_net_learns_a_friction_that_depends_on_the_direction():
     """u' = K_b tau~ + rate - y against u' + d sgn(rate): the error of the second half shrinks."""
     errors = np.zeros(20000)
     rubbing(fresh(neural.NEURAL_STATE), 1.6, errors)
+    print(np.mean(errors[:2000]), np.mean(errors[-4000:]))
     assert np.mean(errors[-4000:]) < 0.6 * np.mean(errors[:2000])
 
 
