@@ -20,7 +20,7 @@ from rig.compiled import compiled
 from rig.shaft import play_operator
 
 HIDDEN, INPUTS = 8, 5
-LEARNING, FORGETTING = 15.0, 4.0  # S [1/s2], k [s/rad]
+LEARNING, FORGETTING = 200.0, 0.5  # S [1/s2], k [s/rad]
 LIKELY = np.array([1.0, 10.0, 4.0, 60.0, 10.0])  # makes the inputs about one in size
 FIRST_LAYER = np.random.default_rng(6611823).uniform(-1.0, 1.0, (HIDDEN, INPUTS)) * LIKELY
 

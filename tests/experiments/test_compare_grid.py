@@ -62,7 +62,7 @@ def test_retuned_is_the_arm_without_and_other_gains():
 
 
 @pytest.mark.parametrize(
-    "change, said",
+    ("change", "said"),
     [
         ('seeds = 20', "seeds = 3"), ('"sham"', '"shame"'), ('measure = "settled_error"',
          'measure = "luck"'), ('play = "gear 1, joint 1.5"', 'play = "gear 9"'),
@@ -76,7 +76,7 @@ def test_a_mistake_in_a_grid_is_one_line(tmp_path, change, said):
     assert change in text
     path = tmp_path / "grid.toml"
     path.write_text(text.replace(change, said), encoding="utf-8")
-    with pytest.raises(ValueError) as error:
+    with pytest.raises(ValueError, match="grid.toml") as error:
         read_grid(path)
     assert "\n" not in str(error.value)
     assert str(path) in str(error.value)

@@ -21,6 +21,7 @@ class Mine:
     def end(self, outcome):
         pass
 """
+NAMED = 'controller = "mine.py:Mine"\n'
 PROTOCOL = 'title = "mine"\nduration_s = 1.0\ncontroller = "mine.py:Mine"\n[start]\nhold_s = 0.0\n'
 
 
@@ -55,7 +56,7 @@ def test_it_has_no_place_in_the_batch_kernel(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "name, said",
+    ('name', 'said'),
     [("none.py:Mine", "not found"), ("mine.py:Yours", "Yours"), ("bad.py:Bad", "lacks control"),
      ("broken.py:X", "SyntaxError"), ("mine.txt:Mine", "no Python file")],
 )  # fmt: skip
@@ -72,11 +73,11 @@ def test_a_wrong_file_or_class_is_one_line(tmp_path, name, said):
 
 
 @pytest.mark.parametrize(
-    "text, said",
+    ('text', 'said'),
     [(PROTOCOL + '[pushes]\nkind = "none"\n', None),
-     ('arms = ["own"]\n' + PROTOCOL.replace('controller = "mine.py:Mine"\n', ""), "belong together"),
+     ('arms = ["own"]\n' + PROTOCOL.replace(NAMED, ""), "belong together"),
      ('arms = ["with"]\n' + PROTOCOL, "belong together"),
-     ('arms = ["wiht"]\n' + PROTOCOL.replace('controller = "mine.py:Mine"\n', ""), "unknown arm")],
+     ('arms = ["wiht"]\n' + PROTOCOL.replace(NAMED, ""), "unknown arm")],
 )  # fmt: skip
 def test_arms_and_controller_of_a_protocol_fit(tmp_path, text, said):
     if said is None:
