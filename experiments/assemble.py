@@ -106,21 +106,27 @@ def rendered_eye(rig: Rig, bundle_path: Path, seed: int):
     """
     from calibration.bundle import load
     from rig.rendered_eye import RenderedEye
-    from vision.appearance import Appearance
-    from vision.ball_camera import BallCamera
     from vision.synthetic import Renderer, virtual_view
 
     bundle = load(bundle_path)
     scene = virtual_scene(rig)
     renderer = Renderer(scene, virtual_view(), np.random.default_rng([seed, 5]))
-    camera = BallCamera.over_plate(
+    camera = ball_camera(rig, bundle)
+    return RenderedEye(renderer, camera, rig.linkage.ratio)
+
+
+def ball_camera(rig: Rig, bundle):
+    """What sees the rig's ball through a calibrated camera."""
+    from vision.appearance import Appearance
+    from vision.ball_camera import BallCamera
+
+    return BallCamera.over_plate(
         bundle.view,
         bundle.layout,
         bundle.ball_radius_m,
         rig.linkage.plate_side_m,
         appearance=Appearance.of_colour(rig.ball.colour),
     )
-    return RenderedEye(renderer, camera, rig.linkage.ratio)
 
 
 def camera_lookout(eye, bundle_path: Path | None) -> Callable[[float], str | None] | None:

@@ -6,13 +6,17 @@ the commands, so that `--help` answers at once.
 
 import errno
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from experiments.calibrate_command import calibrate
+from experiments.doctor_command import doctor
 from experiments.gap_command import gap
+from experiments.home_command import home
+from experiments.serve_command import serve
 
 INTERRUPTED = 130
 app = typer.Typer(
@@ -72,8 +76,11 @@ def run(
     seed: Annotated[int | None, typer.Option(min=0, help="Default: the protocol's own.")] = None,
     repetitions: Annotated[int | None, typer.Option(min=1, help="Default: the protocol's.")] = None,
     camera: Annotated[str, typer.Option(help="statistical, or frames (rendered).")] = "statistical",
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask before a real table is armed.")] = (
+        False
+    ),
 ) -> None:
-    """Run a protocol and record it; prints the run folders."""
+    """Run a protocol and record it, on the virtual table or the rig file's; prints the folders."""
     from experiments.assemble import load_rig
     from experiments.console import bars
     from experiments.folders import writable
@@ -86,17 +93,21 @@ def run(
     if camera not in ("statistical", "frames"):
         raise ValueError(f"--camera {camera}: must be statistical or frames")
     table, folder = load_rig(rig), writable(out)
-    with bars() as progress:
-        done = run_protocol(
-            table,
-            plan,
-            arms=plan.arms if arm == "both" else [arm],
-            out=folder,
-            seed=plan.seed if seed is None else seed,
-            repetitions=repetitions or plan.repetitions,
-            frames=camera == "frames",
-            progress=progress,
-        )
+    how = {
+        "arms": plan.arms if arm == "both" else [arm],
+        "out": folder,
+        "seed": plan.seed if seed is None else seed,
+        "repetitions": repetitions or plan.repetitions,
+    }
+    if rig is not None and table.table.kind != "simulated":
+        from experiments.hardware import consent
+        from experiments.runs import measure_protocol
+
+        ask = partial(consent, yes=yes)
+        done = measure_protocol(table, rig, plan, **how, arm_table=ask, say=typer.echo)
+    else:
+        with bars() as progress:
+            done = run_protocol(table, plan, **how, frames=camera == "frames", progress=progress)
     for one in done:
         reason = f" ({one.ending.reason})" if one.ending.reason else ""
         typer.echo(f"{one.folder}  {one.ending.outcome}{reason}")
@@ -189,6 +200,9 @@ def reject(
 
 
 app.command()(gap)
+app.command()(home)
+app.command()(serve)
+app.command()(doctor)
 app.add_typer(calibrate, name="calibrate")
 
 
@@ -200,6 +214,8 @@ def main() -> None:
         code = app(standalone_mode=False)  # the parser turns an interruption into a returned 130
         if code == INTERRUPTED:
             raise KeyboardInterrupt
+        if isinstance(code, int) and code:
+            sys.exit(code)
     except typer.Exit as end:
         sys.exit(end.exit_code)
     except (KeyboardInterrupt, typer.Abort):

@@ -40,6 +40,7 @@ from experiments.samples_schema import (
     pack,
     plain_ending,
 )
+from rig.endings import ending_of
 from rig.log import COLUMNS, Log
 
 __all__ = ["Recorder", "Run", "new_run_folder", "read_run", "recover", "write_run", "write_truth"]
@@ -114,11 +115,11 @@ class Recorder:
         self._write(event_message(event, self._start_ns, self._events)[1])
         self._events += 1
 
-    def finish(self, outcome: str, reason: str = "") -> None:
-        """End the recording and write the stop record. ValueError: it was ended before.
+    def finish(self, outcome: str, reason: str = "", **notes: Any) -> None:
+        """End the recording and write the stop record, with `notes` (plain data) if there are any.
 
-        The samples are rewritten compressed and indexed; where there is no room for that they
-        stay as they are, complete all the same.
+        ValueError: it was ended before. The samples are rewritten compressed and indexed; where
+        there is no room for that they stay as they are, complete all the same.
         """
         if self._finished:
             raise ValueError(f"the recording in {self.folder} is finished already")
@@ -129,7 +130,8 @@ class Recorder:
         finally:
             os.close(self._file)
         duration_s = self._last_s if self.rows else None
-        stop = stop_record(self._start, outcome, reason, self.rows, duration_s)
+        start = self._start | plain(notes)
+        stop = stop_record(start, outcome, reason, self.rows, duration_s)
         replace_json(self.folder / "run.json", stop)
         with suppress(OSError):
             self._compress()
@@ -143,12 +145,14 @@ class Recorder:
             return
         if error is None:
             self.finish("done")
-            return
+        else:
+            self.give_up(error)
+
+    def give_up(self, error: BaseException, **notes: Any) -> None:
+        """Finish a run that `error` ended, by its name; notes as of `finish`."""
+        ending = ending_of(error)
         try:
-            if isinstance(error, KeyboardInterrupt):
-                self.finish("interrupted", "by the operator")
-            else:
-                self.finish("aborted", f"{type(error).__name__}: {error}")
+            self.finish(ending.outcome, ending.reason, **notes)
         except OSError as second:  # the first error is the one to hear of
             error.add_note(f"run.json has no outcome: {second}")
 

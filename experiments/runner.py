@@ -5,6 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from os import cpu_count
 from pathlib import Path
+from typing import Protocol as Protocol_
 from typing import TypeVar
 
 import numpy as np
@@ -16,21 +17,22 @@ from experiments.assemble import (
     simulated_hand,
     simulated_table,
 )
-from experiments.own_controller import load_controller
 from experiments.protocol import OWN, Protocol, course
 from experiments.push_detection import detect_pushes
 from experiments.recording import Recorder, write_run
 from experiments.run_folder import new_run_folder, write_truth
 from experiments.samples import run_part
 from rig.batch import simulate_many
-from rig.commands import CommandSlot, Stop
+from rig.commands import Command, CommandSlot, Stop
 from rig.constants import LANES
 from rig.controllers import ARMS
 from rig.log import INDEX, Log
 from rig.loop import Ending, Loop
+from rig.own_file import load_controller
 from rig.parameters import Rig
 from rig.rigfile import to_dict
 from rig.simulate import Simulated, Task, draw, simulate
+from rig.stopping import stop_on_signals
 
 _T, _BALL, _PHASE, _PUSH = (INDEX[n] for n in ("t_s", "ball_x_m", "phase", "push"))
 PROGRESS_EVERY = 250
@@ -86,19 +88,33 @@ def truth_record(order: Order) -> dict:
     return {"rig": to_dict(order.rig), "seed": order.seed}
 
 
-class _Watch:
+class Slot(Protocol_):
+    """Where a stop may be put: a `CommandSlot`, or a loop in its own process."""
+
+    def put(self, command: Command) -> None: ...
+
+
+class Watch:
     """Looks at every row on its way to the recording: a wrong start, pushes, progress, a knock."""
 
-    def __init__(self, order: Order, recorder: Recorder, slot: CommandSlot, progress, eye) -> None:
+    def __init__(self, order: Order, recorder: Recorder, progress, eye=None) -> None:
         self._lookout = camera_lookout(eye, order.bundle)
-        self._start, self._recorder, self._slot = order.protocol.start, recorder, slot
+        self._start, self._recorder = order.protocol.start, recorder
+        self._slot: Slot | None = None
         self._progress, self._servo_only = progress, order.protocol.servo_only
         self._checked = self._servo_only
         self._pushed, self._rows = False, 0
         self._kept: list[np.ndarray] = []
 
+    def stop_through(self, slot: Slot) -> None:
+        """Where to put a stop when the start is wrong."""
+        self._slot = slot
+
     def keep(self, row: np.ndarray) -> None:
         self._recorder.append(row)
+        self.look(row)
+
+    def look(self, row: np.ndarray) -> None:
         self._kept.append(row.copy())
         self._rows += 1
         if not self._checked and row[_PHASE] > 0 and not np.isnan(row[_BALL]):
@@ -123,7 +139,7 @@ class _Watch:
 
     def _check_start(self, row: np.ndarray) -> None:
         off = float(np.hypot(row[_BALL] - self._start.x_m, row[_BALL + 1] - self._start.y_m))
-        if off > self._start.tolerance_m:
+        if off > self._start.tolerance_m and self._slot is not None:
             self._slot.put(
                 Stop(
                     f"the ball starts {1000 * off:.0f} mm from the protocol's start (limit "
@@ -149,8 +165,9 @@ def run(
     slot = commands or CommandSlot()
     folder = new_run_folder(order.parent, order.protocol.name, order.arm)
     write_truth(folder, truth_record(order))
-    with Recorder(folder, start_record(order)) as recorder:
-        watch = _Watch(order, recorder, slot, progress, eye)
+    with stop_on_signals(slot), Recorder(folder, start_record(order)) as recorder:
+        watch = Watch(order, recorder, progress, eye)
+        watch.stop_through(slot)
         with table:
             ending = Loop(
                 table,

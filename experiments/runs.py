@@ -1,6 +1,6 @@
 """Run a protocol's arms and repetitions, and keep or reject what came out."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -57,6 +57,47 @@ def run_protocol(
         for order, one in zip(orders, done, strict=True)
     ]
     write_results(out, {"source": "simulated", "protocol": protocol.name, "runs": runs})
+    return done
+
+
+def measure_protocol(
+    rig: Rig,
+    rig_file: Path,
+    protocol: Protocol,
+    *,
+    arms: Sequence[str],
+    out: Path,
+    seed: int,
+    repetitions: int,
+    arm_table: Callable[[str], None],
+    say: Callable[[str], None],
+) -> list[Done]:
+    """The same on the real table: `arm_table` asks before every run, `say` tells what to do.
+
+    A run that did not come to its end is the last one; results.json is written all the same.
+    """
+    from experiments.hardware_run import check, measure
+
+    check(rig, rig_file, protocol)
+    orders = [
+        Order(rig, protocol, arm, seed + i, out / "runs")
+        for i in range(repetitions)
+        for arm in arms
+    ]
+    done: list[Done] = []
+    try:
+        for i, order in enumerate(orders):
+            arm_table(f"Run {i + 1} of {len(orders)}: {protocol.title}, {order.arm} the model.")
+            done.append(measure(order, rig_file, say=say))
+            if done[-1].ending.outcome not in ("completed", "ball lost"):
+                break
+    finally:
+        runs = [
+            {"folder": one.folder.name, "arm": order.arm, "seed": order.seed}
+            | {"outcome": one.ending.outcome, "reason": one.ending.reason}
+            for order, one in zip(orders, done, strict=False)
+        ]
+        write_results(out, {"source": "measured", "protocol": protocol.name, "runs": runs})
     return done
 
 

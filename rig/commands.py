@@ -2,14 +2,16 @@
 
 from collections import deque
 from dataclasses import dataclass
-from threading import Lock
+from threading import RLock
+from typing import Protocol
 
 
 @dataclass(frozen=True)
 class Stop:
-    """End the run now; the reason goes into the recording."""
+    """End the run now; outcome and reason go into the recording."""
 
     reason: str
+    outcome: str = "aborted"
 
 
 @dataclass(frozen=True)
@@ -40,11 +42,17 @@ Command = Stop | Push | Target | SetGains
 LONGEST_QUEUE = 64
 
 
+class Inbox(Protocol):
+    """Where a loop takes its commands from, at every tick."""
+
+    def take(self) -> list[Command]: ...
+
+
 class CommandSlot:
     """Callbacks put, the loop takes at its next tick; a stop is never lost or delayed by others."""
 
     def __init__(self) -> None:
-        self._lock = Lock()
+        self._lock = RLock()  # a signal's handler may put while its own thread takes
         self._stop: Stop | None = None
         self._waiting: deque[Command] = deque(maxlen=LONGEST_QUEUE)
 

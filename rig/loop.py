@@ -1,40 +1,35 @@
 """The loop: read, believe, wish, limit, drive, keep. No sleep, no clock, no `if simulated`."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
-from rig import own, pilot
-from rig.commands import Command, CommandSlot, Push, SetGains, Stop, Target
+from rig import guard, own, pilot
+from rig.commands import Command, CommandSlot, Inbox, Push, SetGains, Stop, Target
+from rig.endings import Ending
+from rig.guard import GuardLimits, Trip
 from rig.hands import SAY, Hand
 from rig.limits import limit
 from rig.log import COLUMNS
 from rig.parameters import Rig
 from rig.pilot import BLIND, HOLD, PLACE, RUN, pilot_tick
 from rig.rows import fill_row
-from rig.simulate import ANGLE_MARGIN_RAD, BLIND_LIMIT_S, Course
-from rig.table import Reading, Table
+from rig.simulate import BLIND_LIMIT_S, Course
+from rig.table import LevelOnExit, Reading, Table
 
 HIGHEST_GAINS = (20.0, 20.0, 20.0)  # rad/m, rad/(m s), rad s/m: what a setpoint page may ask for
-
-
-@dataclass(frozen=True)
-class Ending:
-    """How a run ended: completed, ball lost, limit, not released or aborted, and why."""
-
-    outcome: str
-    reason: str = ""
-
-
 DONE = Ending("completed")
-
-
 PLACED_S = 0.5  # so long a ball must lie at its start before it counts as placed
 
 
 class Loop:
-    """One run of an arm on a table; `run` returns how it ended and hands every row to `keep`."""
+    """One run of an arm on a table; `run` returns how it ended and hands every row to `keep`.
+
+    `late_s`: how late the last tick came by the wall clock, where the table's own time does not
+    tell; `limits`: what the guard holds the table to (those of `known` where not given).
+    """
 
     def __init__(
         self,
@@ -44,11 +39,15 @@ class Loop:
         course: Course,
         *,
         hand: Hand | None = None,
-        commands: CommandSlot | None = None,
+        commands: Inbox | None = None,
         controller: own.OwnController | None = None,
         keep: Callable[[np.ndarray], None] = lambda row: None,
         event: Callable[[float, str], None] = lambda t_s, text: None,
+        late_s: Callable[[], float] = lambda: 0.0,
+        limits: GuardLimits | None = None,
     ) -> None:
+        self._late_s, self._limits = late_s, limits or GuardLimits.of_rig(known)
+        self._memory = guard.Memory()
         self._table, self._course, self._hand = table, course, hand or Hand()
         self._commands, self._keep, self._event = commands or CommandSlot(), keep, event
         self._own, self._known = controller, known
@@ -68,29 +67,46 @@ class Loop:
             self.pilot["phase"] = PLACE
 
     def run(self) -> Ending:
-        """Tick until the course is done or something ends it; volts are the table's to stop.
+        """Tick until the course is done or something ends it.
 
-        A lab's own controller that fails ends the run at 0 V: aborted, with the reason.
+        Whatever is raised leaves 0 V behind; leaving the table's context levels the plate unless
+        the encoders are no longer to be trusted. A lab's own controller that fails ends the run at
+        0 V: aborted, with the reason.
         """
         try:
-            if self._own is not None:
-                own.start(self._own, self._known, self._table.period_s)
-            ending = None
-            while ending is None:
-                ending = self._tick(self._table.read())
+            ending = self._until_done()
         except own.ControllerError as error:
             ending = Ending("aborted", str(error))
+        except BaseException:
+            with suppress(Exception):  # the first error is the one to hear of
+                self._table.drive((0.0, 0.0))
+            raise
         if self._own is not None:
             self._table.drive((0.0, 0.0))
             said = own.end(self._own, ending.outcome)
-            ending = Ending(ending.outcome, "; ".join(filter(None, (ending.reason, said))))
+            ending = replace(ending, reason="; ".join(filter(None, (ending.reason, said))))
+        if not ending.level:
+            self._table.drive((0.0, 0.0))
+            if isinstance(self._table, LevelOnExit):
+                self._table.level_s = 0.0
         return ending
+
+    def _until_done(self) -> Ending:
+        if self._own is not None:
+            own.start(self._own, self._known, self._table.period_s)
+        while True:
+            ending = self._tick(self._table.read())
+            if ending is not None:
+                return ending
 
     def _tick(self, reading: Reading) -> Ending | None:
         for command in self._commands.take():
             if isinstance(command, Stop):
-                return Ending("aborted", command.reason)
+                return Ending(command.outcome, command.reason)
             self._obey(command, reading.t_s)
+        trip = self._watch(reading)
+        if trip is not None and not trip.level:
+            return self._cut(reading, trip)
         self._guide(reading)
         row = reading.row()
         target = np.array(self._target or self._course.targets_m[self._ticks])
@@ -99,30 +115,51 @@ class Loop:
         failed = self._ask_own(row, target)
         if before == HOLD and self.pilot["phase"] != HOLD:
             self._event(reading.t_s, "released")
+        trip = trip or guard.check_wish(float(self._wish[0]), float(self._wish[1]))
         push = self._hand.act(reading, self._push_now(reading.t_s))
+        age_s, q = self._memory.late_s, self._q
         for a, theta in enumerate(reading.theta_rad):
-            q = self._q
             rate = self.pilot["belief"]["rate"][a]
             last, bounds = self._applied[a], (q["voltage_limit"], q["angle_limit"], q["slew"])
-            self._applied[a] = 0.0 if failed else limit(self._wish[a], theta, rate, last, *bounds)
+            now = limit(self._wish[a], theta, rate, last, *bounds, age_s)
+            self._applied[a] = 0.0 if failed else now
         self._table.drive((float(self._applied[0]), float(self._applied[1])))
-        covariance = np.array(reading.ball.cov_m2 if reading.ball else (np.nan,) * 3)
-        pushed = 1.0 if push != (0.0, 0.0) else 0.0
-        fill_row(
-            self._row,
-            self.pilot,
-            self._q,
-            row,
-            covariance,
-            target,
-            pushed,
-            self._wish,
-            self._applied,
-        )
-        self._keep(self._row)
+        self._note(reading, row, target, push)
         if failed:
             raise failed
-        return self._ended(reading)
+        return Ending(trip.name, trip.reason) if trip is not None else self._ended(reading)
+
+    def _note(
+        self, reading: Reading, row: np.ndarray, target: np.ndarray, push: tuple[float, float]
+    ) -> None:
+        """Hand the tick's row to `keep`."""
+        covariance = np.array(reading.ball.cov_m2 if reading.ball else (np.nan,) * 3)
+        pushed = 1.0 if push != (0.0, 0.0) else 0.0
+        wish, applied = self._wish, self._applied
+        fill_row(self._row, self.pilot, self._q, row, covariance, target, pushed, wish, applied)
+        self._keep(self._row)
+
+    def _watch(self, reading: Reading) -> Trip | None:
+        """What the guard says of a reading."""
+        balancing = self.pilot["phase"] not in (PLACE, HOLD) and not self._course.servo_only
+        applied = float(self._applied[0]), float(self._applied[1])
+        self._memory, trip = guard.look(
+            self._memory,
+            self._limits,
+            reading,
+            applied,
+            balancing=bool(balancing),
+            late_s=self._late_s(),
+        )
+        return trip
+
+    def _cut(self, reading: Reading, trip: Trip) -> Ending:
+        """0 V at once; the reading that gave the reason is kept where it has a time of its own."""
+        self._table.drive((0.0, 0.0))
+        self._applied[:] = self._wish[:] = 0.0
+        if np.isfinite(reading.t_s) and not reading.t_s <= self._row[0]:
+            self._note(reading, reading.row(), np.full(2, np.nan), (0.0, 0.0))
+        return Ending(trip.name, trip.reason, level=False)
 
     def _ask_own(self, row: np.ndarray, target: np.ndarray) -> own.ControllerError | None:
         """A lab's own controller in place of the built-in one, where that would steer the ball."""
@@ -168,9 +205,6 @@ class Loop:
 
     def _ended(self, reading: Reading) -> Ending | None:
         """The ending that this tick brings, or None; counts the ticks since the release."""
-        worst = max(map(abs, reading.theta_rad))
-        if worst > self._q["angle_limit"] + ANGLE_MARGIN_RAD:
-            return Ending("limit", f"servo angle {worst:.2f} rad is beyond the limit")
         blind = self.pilot["phase"] == BLIND
         self._blind = self._blind + 1 if blind else 0
         if self._blind * self._table.period_s > BLIND_LIMIT_S:

@@ -1,30 +1,42 @@
 """A simulated table held to the wall clock."""
 
 import time
+from collections.abc import Callable
 
+from rig.deadlines import Ticker, sleep_until
 from rig.table import LevelOnExit, Reading
 
 
 class Paced(LevelOnExit):
-    """Holds a simulated table to the wall clock: absolute deadlines, late ticks counted."""
+    """Holds a simulated table to the wall clock: absolute deadlines, late ticks counted.
 
-    def __init__(self, table, *, clock=time.monotonic, sleep=time.sleep) -> None:
-        self._table, self._clock, self._sleep = table, clock, sleep
+    `clock` and `sleep` (seconds) stand for those of the system in tests.
+    """
+
+    def __init__(
+        self,
+        table,
+        *,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] | None = None,
+    ) -> None:
+        self._table = table
         self.period_s = table.period_s
         self.voltage_limit_V = table.voltage_limit_V
-        self.late_ticks = 0
-        self._due: float | None = None
+        until = sleep_until if sleep is None else lambda due_s: sleep(due_s - clock())
+        self.ticker = Ticker(self.period_s, clock=clock, sleep_until=until)
+
+    @property
+    def table(self):
+        """The table that is paced."""
+        return self._table
+
+    @property
+    def late_ticks(self) -> int:
+        return self.ticker.late_ticks
 
     def read(self) -> Reading:
-        now = self._clock()
-        if self._due is None:
-            self._due = now
-        elif now > self._due + self.period_s:  # never caught up in a burst: start counting anew
-            self.late_ticks += 1
-            self._due = now
-        if self._due > now:
-            self._sleep(self._due - now)
-        self._due += self.period_s
+        self.ticker.wait()
         return self._table.read()
 
     def drive(self, volts: tuple[float, float]) -> None:

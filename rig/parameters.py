@@ -12,6 +12,7 @@ from rig.unknown import Unknown
 
 GRAVITY_M_S2 = 9.81
 SHAFT_MODELS = ("exact", "dead_zone", "none")
+TABLE_KINDS = ("simulated", "serial", "usb", "quanser", "remote")
 
 # SRV02 in high gear (A).
 MOTOR_RESISTANCE_OHM = 2.6
@@ -181,6 +182,54 @@ class KnownPlay:
 
 
 @dataclass(frozen=True)
+class TableChoice:
+    """Which table is driven and how it is reached; nothing of it changes the model.
+
+    port, baud: the serial board's; address: "host:port" of a remote table, number of a Quanser
+    card, "vendor:product" of a USB board; token_file: the remote table's secret; camera: an address
+    for `vision.sources`, calibration: its bundle. amplifier_gain: motor volts per output volt of
+    the card; card_options: handed to its driver. swap, crossed and the signs by channel (see
+    `rig.hardware.wiring`): what homing finds goes before them.
+    """
+
+    kind: str = "simulated"
+    port: str = ""
+    baud: int = 500_000
+    address: str = ""
+    token_file: str = ""
+    camera: str = ""
+    calibration: str = ""
+    amplifier_gain: float = 1.0
+    card_options: str = ""
+    swap: bool = False
+    crossed: bool = False
+    sign_volts: tuple[int, int] = (1, 1)
+    sign_angle: tuple[int, int] = (1, 1)
+
+    def check(self) -> None:
+        """ValueError, one line, where the keys do not make a table."""
+        if self.kind not in TABLE_KINDS:
+            raise ValueError(f"table.kind = '{self.kind}'; known: {', '.join(TABLE_KINDS)}")
+        needed = {"serial": ["port"], "remote": ["address", "token_file"]}.get(self.kind, [])
+        for key in needed:
+            if not getattr(self, key):
+                raise ValueError(f"table.kind = '{self.kind}' needs table.{key}: add it to [table]")
+        for key in ("sign_volts", "sign_angle"):
+            if any(sign not in (-1, 1) for sign in getattr(self, key)):
+                raise ValueError(f"table.{key} = {list(getattr(self, key))}: each must be 1 or -1")
+        if not 0.1 <= self.amplifier_gain <= 10:
+            raise ValueError(
+                f"table.amplifier_gain = {self.amplifier_gain:g}: must be 0.1 to 10 (usual: 1, 3)"
+            )
+        if not 1200 <= self.baud <= 4_000_000:
+            raise ValueError(f"table.baud = {self.baud}: must be 1200 to 4000000")
+        if self.camera and not self.calibration:
+            raise ValueError(
+                "table.camera needs table.calibration: the bundle that rig calibrate makes"
+            )
+
+
+@dataclass(frozen=True)
 class Rig:
     """Everything a controller or estimator may know of a table; `effects` only the model's user.
 
@@ -198,6 +247,7 @@ class Rig:
     gains: Gains = field(default_factory=Gains)
     play: KnownPlay = field(default_factory=KnownPlay)
     unknown: Unknown = field(default_factory=Unknown)
+    table: TableChoice = field(default_factory=TableChoice)
     control_rate_hz: float = 500.0
     effects: dict[str, dict[str, dict[str, float]]] = field(default_factory=dict)
     tolerances: dict[str, float] = field(default_factory=dict)
@@ -228,6 +278,7 @@ class Rig:
                 f"camera.rate_hz = {self.camera.rate_hz:g} is above control_rate_hz = "
                 f"{self.control_rate_hz:g}: the loop takes one frame a tick; lower the camera's"
             )
+        self.table.check()
         load = GEARS_INERTIA_HIGH_KG_M2 + self.drive.plate_inertia_kg_m2
         if self.servo.inertia_kg_m2 <= load:
             raise ValueError(

@@ -11,7 +11,19 @@ from pydantic import TypeAdapter, ValidationError
 from rig import effects
 from rig.parameters import Rig
 
-SECTIONS = ("servo", "linkage", "ball", "camera", "drive", "walls", "gains", "play", "unknown")
+SECTIONS = (
+    "servo",
+    "linkage",
+    "ball",
+    "camera",
+    "drive",
+    "walls",
+    "gains",
+    "play",
+    "unknown",
+    "table",
+)
+_FILES = ("token_file", "calibration")  # of [table]: relative to the rig file's folder
 # Values that must be above zero; everything else must be zero or more, but for free signs.
 _POSITIVE = (
     "gain_rad_s_V time_constant_s encoder_counts_per_rev voltage_limit_V angle_limit_rad stop_rad "
@@ -28,9 +40,18 @@ def read_rig(path: Path) -> Rig:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: not a TOML file ({error})") from None
     try:
-        return from_dict(data)
+        return _beside(from_dict(data), path.absolute().parent)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def _beside(rig: Rig, folder: Path) -> Rig:
+    """The rig with the files that [table] names found from the rig file's folder."""
+    named = {key: name for key in _FILES if (name := getattr(rig.table, key))}
+    if not named:
+        return rig
+    found = {key: str(folder / name) for key, name in named.items()}
+    return dataclasses.replace(rig, table=dataclasses.replace(rig.table, **found))
 
 
 def from_dict(data: dict[str, Any]) -> Rig:
@@ -80,7 +101,7 @@ def _section(name: str, default: Any, given: Any) -> Any:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
         raise ValueError(f"{name}.{where} = {first['input']!r}: {first['msg']}") from None
-    for key in keys if name != "unknown" else ():
+    for key in keys if name not in ("unknown", "table") else ():
         _check_value(f"{name}.{key}", key, getattr(section, key))
     return section
 

@@ -76,7 +76,7 @@ def test_a_mistake_in_a_grid_is_one_line(tmp_path, change, said):
     assert change in text
     path = tmp_path / "grid.toml"
     path.write_text(text.replace(change, said), encoding="utf-8")
-    with pytest.raises(ValueError, match="grid.toml") as error:
+    with pytest.raises(ValueError, match=r"grid\.toml") as error:
         read_grid(path)
     assert "\n" not in str(error.value)
     assert str(path) in str(error.value)

@@ -3,10 +3,10 @@
 import pytest
 
 from experiments.assemble import load_rig
-from experiments.own_controller import load_controller
 from experiments.protocol import read_protocol
 from experiments.recording import read_run
 from experiments.runner import Order, run, simulate_order
+from rig.own_file import load_controller
 
 GOOD = """
 class Mine:

@@ -1,15 +1,19 @@
 """The one clamp: properties that hold for every float there is."""
 
+import inspect
 import math
+import sys
 
 import numpy as np
 import pytest
 from helpers import run
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
+from limiter_laws import laws
 
 from rig import simulate
-from rig.limits import LOOK_AHEAD_S, limit
+from rig.limits import LOOK_AHEAD_S, STALE_S, limit
 from rig.parameters import Gains, Rig
 
 
@@ -111,6 +115,90 @@ def test_every_branch(wish, theta, expected):
     assert clip(wish, theta, 6.0, 0.5) == expected
     plain = getattr(limit, "py_func")  # noqa: B009, the same without the compiler
     assert plain(wish, theta, 0.0, 0.0, 6.0, 0.5, math.inf) == expected
+
+
+def test_the_whole_promise_on_a_grid_compiled_and_plain():
+    laws(limit)
+    laws(getattr(limit, "py_func"))  # noqa: B009
+
+
+@NO_DEADLINE
+@given(ANY, ANY, ANY, ANY, ANY.filter(lambda age_s: not age_s <= STALE_S))
+def test_a_stale_estimate_is_zero(wish, theta, rate, last, age_s):
+    assert limit(wish, theta, rate, last, 6.0, 0.5, 3.0, age_s) == 0.0
+
+
+def test_the_grid_runs_every_line_and_both_ways_of_every_branch():
+    plain = getattr(limit, "py_func")  # noqa: B009
+    lines = {line for *_, line in plain.__code__.co_lines() if line}
+    seen, steps = set(), set()
+
+    def trace(frame, what, _):
+        if frame.f_code is not plain.__code__:
+            return None
+        if what == "line":
+            steps.add((trace.last, frame.f_lineno))
+            seen.add(frame.f_lineno)
+        trace.last = frame.f_lineno if what == "line" else 0
+        return trace
+
+    trace.last = 0
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        laws(plain)
+    finally:
+        sys.settrace(before)
+    source, first = inspect.getsourcelines(plain)
+    body = {line for line in lines if line > first + source.index('    """\n')}
+    assert body <= seen
+    branches = [first + i for i, text in enumerate(source) if text.strip().startswith("if ")]
+    assert len(branches) == 3
+    for line in branches:
+        assert len({to for at, to in steps if at == line}) == 2
+
+
+class AnySequence(RuleBasedStateMachine):
+    """Any sequence of wishes, angles, rates and ages: the volts obey every limit at every step."""
+
+    @initialize(volts=VOLTAGE_LIMIT, angle=ANGLE_LIMIT, slew=st.floats(1e-3, 100))
+    def begin(self, volts, angle, slew):
+        self.most, self.angle, self.slew = volts, angle, slew
+        self.now = self.before = 0.0
+        self.beyond = False
+
+    @rule(wish=ANY, theta=ANY, rate=ANY, age_s=st.floats(0.0, 2 * STALE_S) | ANY)
+    def anything(self, wish, theta, rate, age_s):
+        self.step(wish, theta, rate, age_s)
+
+    @rule(wish=st.floats(-20, 20), theta=st.floats(-2, 2), rate=st.floats(-30, 30))
+    def likely(self, wish, theta, rate):
+        self.step(wish, theta, rate, 0.0)
+
+    def step(self, wish, theta, rate, age_s):
+        bounds = self.most, self.angle, self.slew
+        self.before = self.now
+        self.now = limit(wish, theta, rate, self.before, *bounds, age_s)
+        clear = math.isfinite(wish) and math.isfinite(theta) and math.isfinite(rate)
+        if not (clear and age_s <= STALE_S):
+            assert self.now == 0.0
+        elif self.now != 0.0:
+            assert (self.now > 0) == (wish > 0)
+            assert abs(self.now) <= abs(wish)
+            ahead = theta + LOOK_AHEAD_S * rate
+            assert max(math.copysign(1, self.now) * a for a in (theta, ahead)) <= self.angle
+
+    @invariant()
+    def within(self):
+        if hasattr(self, "now"):
+            assert math.isfinite(self.now)
+            assert abs(self.now) <= self.most
+            same = self.now * self.before > 0
+            assert abs(self.now) <= (abs(self.before) if same else 0.0) + self.slew
+
+
+AnySequence.TestCase.settings = settings(deadline=None, max_examples=60, stateful_step_count=40)
+TestAnySequence = AnySequence.TestCase
 
 
 FINITE = st.floats(-1e6, 1e6)

@@ -113,12 +113,14 @@ def test_a_fault_at_the_end_does_not_take_the_run_away():
     assert "disk full" in ending.reason
 
 
-def test_wishes_that_are_no_numbers_become_0_volts():
+def test_wishes_that_are_no_numbers_are_refused_at_0_volts():
     controller = FailsAt(100, lambda v: (nan, v[1]))
     ending, rows = run(controller)
-    assert ending.outcome == "completed"
-    assert np.all(rows[-100:, 1] == 0.0)
-    assert np.any(rows[-100:, 2] != 0.0)
+    assert ending.outcome == "no number"
+    assert "asked for nan V" in ending.reason
+    assert rows[-1, 1] == 0.0
+    assert len(rows) < 200
+    assert controller.calls[-1] == "end no number"
 
 
 def test_wishes_beyond_the_limits_are_clipped():

@@ -78,6 +78,15 @@ def test_the_shipped_table_survives_writing(tmp_path: Path):
         ("[effects.joint_backlash]\nx.play_rad = -1", [">= 0"]),
         ("control_rate_hz = 1", ["control_rate_hz", "10 to 5000"]),
         ("[servo", ["not a TOML file"]),
+        ("[table]\nkind = 'board'", ["table.kind = 'board'", "quanser"]),
+        ("[table]\nprt = 'COM3'", ["unknown key 'table.prt'", "port"]),
+        ("[table]\nkind = 'serial'", ["needs table.port"]),
+        ("[table]\nkind = 'remote'\naddress = 'a:1'", ["needs table.token_file"]),
+        ("[table]\nsign_volts = [1, 0]", ["table.sign_volts = [1, 0]", "1 or -1"]),
+        ("[table]\nsign_angle = [1]", ["table.sign_angle"]),
+        ("[table]\namplifier_gain = 30", ["amplifier_gain = 30", "1, 3"]),
+        ("[table]\nbaud = 9", ["table.baud = 9"]),
+        ("[table]\ncamera = '0'", ["needs table.calibration"]),
     ],
 )
 def test_a_mistake_is_one_clear_line(tmp_path: Path, text: str, words: list[str]):
@@ -99,3 +108,17 @@ def test_every_catalogue_entry_can_be_switched_on_in_a_file(tmp_path: Path):
     path = tmp_path / "rig.toml"
     path.write_text("\n".join(lines))
     assert set(read_rig(path).effects) == {effect.name for effect in CATALOGUE}
+
+
+def test_files_named_in_the_table_section_lie_beside_the_rig_file(tmp_path: Path):
+    path = tmp_path / "rig.toml"
+    path.write_text(
+        "[table]\nkind = 'remote'\naddress = 'lab:7643'\ntoken_file = 'lab.token'\n"
+        "camera = '0'\ncalibration = '/cal/calibration.json'\nsign_angle = [1, -1]\n"
+    )
+    table = read_rig(path).table
+    assert table.token_file == str(tmp_path / "lab.token")
+    assert table.calibration == "/cal/calibration.json"
+    assert table.sign_angle == (1, -1)
+    write_rig(read_rig(path), tmp_path / "again.toml")
+    assert read_rig(tmp_path / "again.toml") == read_rig(path)

@@ -1,0 +1,31 @@
+"""`rig doctor`: is the rig file's table there, may it be used, and if not, what is to be done."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def doctor(
+    rig: Annotated[
+        Path | None, typer.Option("--rig", help="rig.toml; none: what is plugged in here.")
+    ] = None,
+) -> None:
+    """Look for boards, cards, cameras, permissions and limits; say what is missing and the cure.
+
+    Exit 0 when the rig file's table can be used, else 1. Nothing is moved.
+    """
+    from experiments.assemble import load_rig
+    from experiments.doctor import examine, usable
+    from experiments.doctor_facts import gather
+
+    known = load_rig(rig)
+    findings = examine(gather(known, rig), known)
+    for one in findings:
+        typer.echo(f"{one.state:4s}  {one.what}: {one.text}")
+        if one.cure:
+            typer.echo(f"      -> {one.cure}")
+    if not usable(findings):
+        typer.echo("this table cannot be used yet: see the lines that begin with bad")
+        raise typer.Exit(1)
+    typer.echo("nothing is missing")

@@ -1,0 +1,174 @@
+"""A real table put together: driver, homing, camera. What stands between a rig file and a run."""
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Self
+
+from rig.hardware.choose import OpenTable, open_table
+from rig.hardware.eye import CameraEye
+from rig.hardware.home import Homing, home
+from rig.hardware.homed import CURE, Homed, NotHomed, home_file, load, power_up
+from rig.parameters import Rig
+from rig.realtime import go_realtime
+from rig.table import LevelOnExit, Reading, Table
+
+MARKS = (8192, 24576)  # where a card's counters are put by homing, far from where they wake up
+
+
+def is_hardware(rig: Rig) -> bool:
+    """Whether the rig file names a real table."""
+    return rig.table.kind != "simulated"
+
+
+def consent(text: str, yes: bool) -> None:
+    """Nothing moves before a person at the table says so. ValueError: nobody can be asked."""
+    if yes:
+        return
+    if not sys.stdin.isatty():
+        raise ValueError("the table would move and nobody is there to be asked: add --yes")
+    try:
+        input(f"{text}\nPress Enter to arm the table, Ctrl-C to leave it. ")
+    except EOFError:
+        raise ValueError("not armed: nobody answered") from None
+
+
+@contextmanager
+def plate_tilt(rig: Rig) -> Iterator[Callable[[float], tuple[float, float] | None]]:
+    """The tilt of the plate as the rig file's camera sees it; nothing where it names none."""
+    if not rig.table.camera:
+        yield lambda t_s: None
+        return
+    from calibration.bundle import load as load_bundle
+    from rig.hardware.plate_tilt import MarkerTilt
+    from vision.sources import open_source
+
+    bundle = load_bundle(rig.table.calibration)
+    with open_source(rig.table.camera) as source:
+        bundle.check_size(*source.size)
+        tilt = MarkerTilt(source, bundle.view, bundle.layout)
+        try:
+            yield tilt
+        finally:
+            tilt.end()
+
+
+def home_table(rig: Rig, rig_file: Path) -> tuple[Homing, Path]:
+    """Home the table and keep what was found beside the rig file."""
+    with plate_tilt(rig) as tilt:
+        go_realtime()  # where it is allowed: a late tick costs the board's trust
+        table = open_table(rig, homed=False)
+        with table:
+            found = home(table, rig, tilt)
+            found = _marked(table, found)
+            homed = Homed.of(found, rig, power_up(table))
+    path = home_file(rig_file)
+    homed.save(path)
+    return found, path
+
+
+def _marked(table: Table, found: Homing) -> Homing:
+    """Where a card keeps counting and cannot tell a power-up, its counters get a mark.
+
+    After a power-up they are zero again, many turns from the mark, and `Homed.check_angles` sees.
+    """
+    shift = getattr(table, "shift_counts", None)
+    if shift is None:
+        return found
+    import secrets
+    from dataclasses import replace
+
+    marks = tuple(MARKS[0] + secrets.randbelow(MARKS[1] - MARKS[0]) for _ in range(2))
+    zeros = found.wiring.zero_counts
+    shift((marks[0] - zeros[0], marks[1] - zeros[1]))
+    return replace(found, wiring=replace(found.wiring, zero_counts=(marks[0], marks[1])))
+
+
+class Checked(LevelOnExit):
+    """A hardware table whose first reading is held against its homing; its notes are kept.
+
+    Behaves as the table; `notes` (clocks, lost ticks) are written to `notes_file` on the way out.
+    """
+
+    def __init__(
+        self,
+        table: OpenTable,
+        rig: Rig,
+        homed: Homed,
+        eye: CameraEye | None = None,
+        notes_file: Path | None = None,
+    ) -> None:
+        self._table, self._rig, self._homed = table, rig, homed
+        self._eye, self._notes_file = eye, notes_file
+        self.period_s, self.voltage_limit_V = table.period_s, table.voltage_limit_V
+
+    @property  # what the loop says of levelling is the table's to do
+    def level_s(self) -> float:  # pyright: ignore
+        return getattr(self._table, "level_s", 0.0)
+
+    @level_s.setter
+    def level_s(self, seconds: float) -> None:  # pyright: ignore
+        self._table.level_s = seconds  # pyright: ignore[reportAttributeAccessIssue]
+
+    def __enter__(self) -> Self:
+        try:
+            first = self._table.read()
+            if getattr(self._table, "is_fresh", False):
+                raise NotHomed(f"the board was reset since its homing: {CURE}")
+            self._homed.check(self._rig, power_up(self._table))  # before anything is armed
+            self._homed.check_angles(first.theta_rad)
+            if self._eye is not None:
+                self._eye.begin(self._table.zero_s)  # pyright: ignore[reportAttributeAccessIssue]
+        except BaseException:
+            self._table.close()
+            raise
+        self._table.__enter__()
+        return self
+
+    def __exit__(self, *error) -> None:
+        try:
+            self._table.__exit__(*error)
+        finally:
+            notes = getattr(self._table, "notes", None)
+            if notes is not None and self._notes_file is not None:
+                self._notes_file.write_text(json.dumps(notes()), encoding="utf-8")
+
+    def read(self) -> Reading:
+        reading = self._table.read()
+        if self._eye is not None:
+            self._eye.tell(reading.theta_rad)
+        return reading
+
+    def drive(self, volts: tuple[float, float]) -> None:
+        self._table.drive(volts)
+
+    def close(self) -> None:
+        self._table.close()
+
+
+def open_homed(
+    rig: Rig, rig_file: Path, eye: CameraEye | None = None, notes_file: Path | None = None
+) -> Checked:
+    """The rig file's table with the wiring that homing found; its context checks, then arms."""
+    homed = load(home_file(rig_file))
+    return Checked(open_table(rig, eye, wiring=homed.wiring), rig, homed, eye, notes_file)
+
+
+def rehearse_home(rig: Rig) -> Homing:
+    """Homing of the virtual table, its plate seen as markers would show it."""
+    import numpy as np
+
+    from rig.linkage import tilt_sines
+    from rig.simulator import SimulatedTable
+
+    table = SimulatedTable(rig, np.random.default_rng(1), start_m=(1.0, 1.0))
+    table.level_s = 0.0
+
+    def tilt(t_s: float) -> tuple[float, float]:
+        x, y = table.truth()["plate_rad"]
+        return tilt_sines((float(x), float(y)), rig.linkage.ratio)
+
+    with table:
+        return home(table, rig, tilt)

@@ -1,0 +1,143 @@
+"""One recorded run on a real table: loop and camera in processes of their own, a person as hand."""
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from experiments.assemble import ball_camera
+from experiments.hardware import open_homed
+from experiments.live_run import record_live
+from experiments.protocol import OWN, Protocol, course
+from experiments.recording import Recorder
+from experiments.run_folder import new_run_folder, plain, read_meta, replace_json
+from experiments.runner import Done, Order, Watch, arm_number, start_record
+from rig.hardware.eye import CameraEye, Watcher
+from rig.hardware.homed import home_file, load
+from rig.loop_process import Job
+from rig.parameters import Rig
+
+NOTES = "table.json"  # what the table's driver has to say, until it is in run.json
+
+
+class _Telling(Recorder):
+    """Records, and tells the person at the table what the loop asks for."""
+
+    say: Callable[[str], None] = staticmethod(print)
+    at_end: Callable[[], None] = staticmethod(lambda: None)
+
+    def finish(self, outcome: str, reason: str = "", **notes) -> None:
+        self.at_end()
+        super().finish(outcome, reason, **notes)
+
+    def event(self, t_s: float, text: str, **data) -> None:
+        super().event(t_s, text, **data)
+        self.say(f"{t_s:7.1f} s  {text.removeprefix('asked: ')}")
+
+
+def check(rig: Rig, rig_file: Path, protocol: Protocol) -> None:
+    """ValueError before anything is opened: no homing, or a protocol that this table cannot run."""
+    homed = load(home_file(rig_file))
+    homed.check(rig, homed.boot_id)
+    if protocol.servo_only:
+        return
+    if not rig.table.camera and rig.table.kind != "remote":
+        raise ValueError(
+            f"protocol '{protocol.name}' needs to see the ball: set table.camera and "
+            "table.calibration, or run a servo protocol"
+        )
+    if protocol.pushes.kind == "at-centre":
+        raise ValueError("pushes at-centre are for the virtual table: use pushes drawn")
+
+
+@contextmanager
+def _seeing(rig: Rig) -> Iterator[CameraEye | None]:
+    """The rig file's camera, seen in a process of its own; None where it names none."""
+    if not rig.table.camera:
+        yield None
+        return
+    eye = CameraEye(rig.linkage.ratio)
+    try:
+        with Watcher(eye, partial(_open_camera, rig)):
+            yield eye
+    finally:
+        eye.close()
+
+
+def _open_camera(rig: Rig):
+    """Frames and the ball camera, in the process that sees."""
+    from calibration.bundle import load as load_bundle
+    from vision.sources import open_source
+
+    bundle = load_bundle(rig.table.calibration)
+    source = open_source(rig.table.camera, start_s=0.0)
+    bundle.check_size(*source.size)
+    return source, ball_camera(rig, bundle)
+
+
+def measure(
+    order: Order,
+    rig_file: Path,
+    *,
+    say: Callable[[str], None] = print,
+    progress: Callable[[float], None] | None = None,
+) -> Done:
+    """Run an order on the rig file's real table; the person is told what to do through `say`.
+
+    Ctrl-C and SIGTERM end the run in order: level, 0 V, the reason in the recording. NotHomed,
+    OSError: the table cannot be used; what was recorded stays readable.
+    """
+    check(order.rig, rig_file, order.protocol)
+    order = replace(order, protocol=_asked(order.protocol))
+    way = course(order.protocol, order.rig, order.seed, place_std_m=0.0)
+    folder = new_run_folder(order.parent, order.protocol.name, order.arm)
+    start = start_record(order) | _measured(order.rig)
+    try:
+        with _seeing(order.rig) as eye:
+            table = partial(open_homed, order.rig, rig_file, eye, folder / NOTES)
+            job = Job(
+                table, order.believed, arm_number(order.arm), way,
+                controller=order.protocol.controller if order.arm == OWN else "",
+            )  # fmt: skip
+            recorder = _Telling(folder, start)
+            watch = Watch(order, recorder, progress)
+            recorder.say, recorder.at_end = say, partial(watch.note_pushes, order.believed)
+            with recorder:
+                ending = record_live(job, recorder, started=watch.stop_through, watch=watch.look)
+    finally:
+        _keep_notes(folder)
+    return Done(folder, ending, np.zeros((0, 5)))
+
+
+def _asked(protocol: Protocol) -> Protocol:
+    """A person has to be asked for the ball, whether the protocol says so or not."""
+    if protocol.servo_only or protocol.operator:
+        return protocol
+    steps = ["place", "hold", "release"] if protocol.start.hold_s > 0 else ["place"]
+    return protocol.model_copy(update={"operator": steps})
+
+
+def _measured(rig: Rig) -> dict:
+    """What differs in the start record of a measured run."""
+    table = rig.table
+    seen = "none" if not table.camera else table.camera
+    return {
+        "source": "measured",
+        "table": table.kind,
+        "camera": "served" if table.kind == "remote" and not table.camera else seen,
+        "calibration": Path(table.calibration).name if table.calibration else None,
+    }
+
+
+def _keep_notes(folder: Path) -> None:
+    """Move the driver's notes into run.json."""
+    path = folder / NOTES
+    if not path.is_file():
+        return
+    notes = plain(json.loads(path.read_text()))
+    replace_json(folder / "run.json", read_meta(folder) | {"link": notes})
+    path.unlink()

@@ -1,0 +1,53 @@
+"""`rig home`: show the encoders where level is, and see that every cable goes where it should."""
+
+from math import degrees
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+WARNING = (
+    "Both arms will move slowly to their stops. Take the ball off, keep hands away, one hand at "
+    "the switch that cuts the motors' power."
+)
+
+
+def home(
+    rig: Annotated[
+        Path | None, typer.Option("--rig", help="rig.toml; none: try it on the virtual table.")
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the arms move.")] = False,
+) -> None:
+    """Find the arms' middle between their stops at low volts, check cables and signs.
+
+    What is found is kept beside the rig file until the table is switched off.
+    """
+    from experiments.assemble import load_rig
+    from experiments.hardware import consent, home_table, is_hardware, rehearse_home
+
+    known = load_rig(rig)
+    if rig is None or not is_hardware(known):
+        found, kept = rehearse_home(known), None
+    else:
+        consent(WARNING, yes)
+        found, kept = home_table(known, rig)
+    wiring = found.wiring
+    for axis, travel, volts in zip("xy", found.travel_rad, found.moving_V, strict=True):
+        typer.echo(
+            f"{axis}: {degrees(travel):.1f} degrees between the stops, moves at {volts:.2f} V"
+        )
+    orders = {"swapped": wiring.swap, "motors crossed": wiring.crossed}
+    said = [word for word, so in orders.items() if so] or ["as named"]
+    typer.echo(
+        f"channels: {', '.join(said)}; signs of volts {list(wiring.sign_volts)}, of angles "
+        f"{list(wiring.sign_angle)}; level at counts {list(wiring.zero_counts)}"
+    )
+    if found.level is not None:
+        x, y = (degrees(s) for s in found.level)
+        typer.echo(f"the markers see the plate level to {x:+.2f}, {y:+.2f} degrees")
+    else:
+        typer.echo(
+            "no markers were seen: which axis is which, and which way is down, is as the rig file "
+            "says; see with a ball and a hand at the switch"
+        )
+    typer.echo(f"kept in {kept}" if kept else "this was the virtual table: nothing is kept")

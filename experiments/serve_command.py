@@ -1,0 +1,55 @@
+"""`rig serve`: let another machine drive the table that is plugged into this one."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def serve(
+    rig: Annotated[Path | None, typer.Option("--rig", help="rig.toml of the table here.")] = None,
+    host: Annotated[
+        str, typer.Option(help="Address to listen at; 0.0.0.0 for the whole network.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="0: any free one.")] = 7643,
+    token_file: Annotated[
+        Path, typer.Option(help="The secret; made where there is none. Copy it to the user.")
+    ] = Path("rig.token"),
+) -> None:
+    """Drive the table of the rig file for one user on the network, until Ctrl-C.
+
+    Who does not know the token is not listened to; who falls silent for 0.1 s loses the table.
+    """
+    from experiments.assemble import load_rig
+    from rig.hardware.choose import open_table, raw_wiring
+    from rig.hardware.remote_wire import make_token, read_token
+    from rig.hardware.serve import Server
+    from rig.realtime import go_realtime
+
+    known = load_rig(rig)
+    if known.table.kind == "remote":
+        raise ValueError('table.kind = "remote" cannot be served: name the table that is here')
+    if known.table.kind in ("serial", "usb"):
+        raise ValueError(
+            f'table.kind = "{known.table.kind}" is not served: a board keeps its own zero; plug it '
+            "into the machine that runs the loop"
+        )
+    if not token_file.exists():
+        make_token(token_file)
+        typer.echo(f"made {token_file}: copy it to the machine that shall drive the table")
+    token = read_token(token_file)
+    table = open_table(known, homed=False)
+    with table:
+        server = Server(
+            table,
+            token,
+            counts_per_rev=raw_wiring(known).counts_per_rev,
+            angle_limit_rad=known.servo.angle_limit_rad,
+            host=host,
+            port=port,
+            say=lambda text: typer.echo(text),
+        )
+        with server:
+            go_realtime()  # where it is allowed
+            typer.echo(f"serving the {known.table.kind} table at {host}:{server.port}")
+            server.run()

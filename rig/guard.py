@@ -1,0 +1,196 @@
+"""A watch over a run's readings: a pure function from tick to tick that names what went wrong.
+
+`look` takes what the guard remembers and the newest reading; it gives the new memory and, where
+the run must end, a `Trip`. Where the encoders cannot be trusted any more, levelling by them would
+be a second accident: such a trip asks for 0 V at once (`level` False).
+"""
+
+from dataclasses import dataclass, replace
+from math import copysign, inf, isfinite
+
+from rig.parameters import Rig
+from rig.simulate import ANGLE_MARGIN_RAD
+from rig.table import Reading
+
+MISSED = 0.9  # of a period late: a tick was missed
+
+
+@dataclass(frozen=True)
+class GuardLimits:
+    """What a healthy table never does. `of_rig` makes those of a table."""
+
+    period_s: float
+    rate_rad_s: float  # no servo turns faster ...
+    noise_rad: float  # ... but for so much between two readings
+    angle_rad: float  # further out is a runaway
+    stall_V: float = 2.0  # with volts of this size and one sign ...
+    stall_s: float = 0.08  # ... an arm has moved their way within this time ...
+    stall_rad: float = 0.004  # ... by this
+    unseen_s: float = 1.25  # without a newer exposure while the ball is balanced
+    old_s: float = 0.5  # an observation of light older than this
+    late_s: float = 0.1  # a tick later than this: the board has given up by then
+    late_share: float = 0.05  # more missed ticks than this share, lasting ...
+    late_ticks: float = 25.0  # ... until they have added up to so many
+
+    @classmethod
+    def of_rig(cls, rig: Rig) -> "GuardLimits":
+        """Twice the no-load speed at the voltage limit; the runaway angle as the loop ends at."""
+        servo = rig.servo
+        return cls(
+            period_s=1 / rig.control_rate_hz,
+            rate_rad_s=2 * servo.gain_rad_s_V * servo.voltage_limit_V,
+            noise_rad=4 * servo.encoder_step_rad,
+            angle_rad=servo.angle_limit_rad + ANGLE_MARGIN_RAD,
+        )
+
+
+@dataclass(frozen=True)
+class Trip:
+    """Why a run must end. `level`: the plate may be levelled by its encoders, else 0 V at once."""
+
+    name: str
+    reason: str
+    level: bool = True
+
+
+@dataclass(frozen=True)
+class Push:
+    """One axis under strong volts: their sign (0: none), the hindmost angle since, and when the
+    arm last moved their way."""
+
+    sign: float = 0.0
+    theta_rad: float = 0.0
+    since_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Memory:
+    """What the guard remembers from tick to tick."""
+
+    t_s: float = -inf
+    theta_rad: tuple[float, float] = (0.0, 0.0)
+    pushes: tuple[Push, Push] = (Push(), Push())
+    exposed_s: float = -inf
+    seen_s: float = -inf
+    missed: float = 0.0
+    late_s: float = 0.0
+
+
+def look(
+    memory: Memory,
+    limits: GuardLimits,
+    reading: Reading,
+    volts: tuple[float, float],
+    *,
+    balancing: bool,
+    late_s: float = 0.0,
+) -> tuple[Memory, Trip | None]:
+    """The next memory, and why the run must end (None: all is well).
+
+    volts: applied from the last reading to this one; balancing: the ball is needed; late_s: how
+    late the loop came to this tick by the wall clock, where the readings' time does not tell.
+    """
+    first = memory.t_s == -inf
+    step_s = limits.period_s if first else reading.t_s - memory.t_s
+    late_s = max(late_s, step_s - limits.period_s)
+    trip = _no_number(reading) or _time(memory, limits, step_s, late_s)
+    trip = trip or _angles(
+        reading.theta_rad if first else memory.theta_rad, limits, reading, step_s
+    )
+    if trip is not None:
+        return replace(memory, late_s=late_s), trip
+    missed = late_s > MISSED * limits.period_s
+    pushes = [
+        push(memory.pushes[a], limits, volts[a], reading.theta_rad[a], reading.t_s) for a in (0, 1)
+    ]
+    after = replace(
+        _seen(memory, reading, balancing),
+        t_s=reading.t_s,
+        theta_rad=reading.theta_rad,
+        pushes=(pushes[0], pushes[1]),
+        missed=memory.missed + 1.0 if missed else max(0.0, memory.missed - limits.late_share),
+        late_s=late_s,
+    )
+    return after, _stall(after, limits, volts) or _camera(after, limits, reading, balancing)
+
+
+def check_wish(x_V: float, y_V: float) -> Trip | None:
+    """A controller that asks for what is no number has failed; the limiter gives 0 V meanwhile."""
+    if isfinite(x_V) and isfinite(y_V):
+        return None
+    return Trip("no number", f"the controller asked for {x_V} V and {y_V} V")
+
+
+def _no_number(reading: Reading) -> Trip | None:
+    if not isfinite(reading.t_s):
+        return Trip("no number", f"the table's time is {reading.t_s}", level=False)
+    if not (isfinite(reading.theta_rad[0]) and isfinite(reading.theta_rad[1])):
+        return Trip("no number", f"the encoders gave {reading.theta_rad}", level=False)
+    ball = reading.ball
+    if ball is not None and not all(map(isfinite, (*ball.xy_m, *ball.cov_m2, ball.exposed_s))):
+        return Trip("no number", f"the camera gave {ball.xy_m} m at {ball.exposed_s} s")
+    return None
+
+
+def _time(memory: Memory, limits: GuardLimits, step_s: float, late_s: float) -> Trip | None:
+    if step_s <= 0.0:
+        return Trip("link silent", f"the table's time stands still at {memory.t_s:.3f} s", False)
+    if late_s > limits.late_s:
+        ms = 1e3 * late_s
+        return Trip("late loop", f"a tick came {ms:.0f} ms late (limit {1e3 * limits.late_s:g})")
+    if memory.missed >= limits.late_ticks:
+        share = 100 * limits.late_share
+        return Trip("late loop", f"more than {share:g} % of the ticks are missed: free the machine")
+    return None
+
+
+def _angles(
+    before: tuple[float, float], limits: GuardLimits, reading: Reading, step_s: float
+) -> Trip | None:
+    most = limits.rate_rad_s * step_s + limits.noise_rad
+    for axis, old, new in zip("xy", before, reading.theta_rad, strict=True):
+        if abs(new - old) > most:
+            moved = f"servo {axis} from {old:.3f} to {new:.3f} rad in {1e3 * step_s:.1f} ms"
+            return Trip("encoder jump", f"{moved}: home again, check the cable", level=False)
+    worst = max(map(abs, reading.theta_rad))
+    if worst > limits.angle_rad:
+        return Trip("limit", f"servo angle {worst:.2f} rad is beyond the limit")
+    return None
+
+
+def push(before: Push, limits: GuardLimits, volts: float, theta_rad: float, t_s: float) -> Push:
+    """Follow one axis: a new push, progress in it, a further fall back, or nothing of these."""
+    sign = 0.0 if abs(volts) < limits.stall_V else copysign(1.0, volts)
+    moved = sign * (theta_rad - before.theta_rad)
+    if sign != before.sign or moved >= limits.stall_rad:
+        return Push(sign, theta_rad, t_s)
+    return Push(sign, theta_rad, before.since_s) if moved < 0.0 else before
+
+
+def _stall(after: Memory, limits: GuardLimits, volts: tuple[float, float]) -> Trip | None:
+    for axis, one, volt in zip("xy", after.pushes, volts, strict=True):
+        if one.sign != 0.0 and after.t_s - one.since_s > limits.stall_s:
+            words = (
+                f"servo {axis} does not follow {volt:.1f} V: is it blocked, unplugged, reversed?"
+            )
+            return Trip("stall", words, level=False)
+    return None
+
+
+def _seen(memory: Memory, reading: Reading, balancing: bool) -> Memory:
+    """A newer exposure came, or none is needed yet; an old one once more is nothing new."""
+    if reading.ball is not None and reading.ball.exposed_s > memory.exposed_s:
+        return replace(memory, exposed_s=reading.ball.exposed_s, seen_s=reading.t_s)
+    return memory if balancing and isfinite(memory.seen_s) else replace(memory, seen_s=reading.t_s)
+
+
+def _camera(after: Memory, limits: GuardLimits, reading: Reading, balancing: bool) -> Trip | None:
+    if not balancing:
+        return None
+    if reading.ball is not None and reading.t_s - reading.ball.exposed_s > limits.old_s:
+        age_s = reading.t_s - reading.ball.exposed_s
+        return Trip("camera stall", f"the camera's newest frame is {age_s:.2f} s old")
+    unseen_s = reading.t_s - after.seen_s
+    if unseen_s > limits.unseen_s:
+        return Trip("camera stall", f"no new observation of the ball for {unseen_s:.2f} s")
+    return None

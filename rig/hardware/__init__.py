@@ -1,0 +1,1 @@
+"""Drivers of real tables, all behind `read / drive / close`."""

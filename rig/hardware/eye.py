@@ -1,0 +1,195 @@
+"""The camera of a hardware table: frames are seen elsewhere, the loop picks up the newest word.
+
+A thread (or better a process of its own: vision would hold the loop's interpreter) takes the
+newest frame, lets the ball camera see it and puts what it saw into shared memory. Nothing waits
+for the loop and the loop waits for nothing; what was seen once is never given again; troubles are
+raised by name where the loop reads.
+"""
+
+import multiprocessing
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack, suppress
+from typing import TYPE_CHECKING, Protocol, Self
+
+import numpy as np
+
+from rig.linkage import plate_rotation, tilt_sines
+from rig.shared_ring import SharedArray, SharedRing
+from vision.frames import Frame, Observation, Track
+from vision.source_errors import GarbageError
+
+if TYPE_CHECKING:
+    from vision.view import View
+
+STALL_S = 0.3  # the pilot has levelled the plate by then (rig.pilot.BLIND_S)
+OPEN_S = 30.0  # a process has to import OpenCV and open a camera
+SIGHTS = 16
+SIGHT = np.dtype([("frame_s", np.float64), ("seen", np.int64), ("numbers", np.float64, (5,))])
+TROUBLE = np.dtype([("text", "S240"), ("said", np.int64), ("over", np.int64)])
+
+
+class CameraStopped(OSError):  # noqa: N818 - the state, not the slip
+    """The camera gave nothing more; the message says why."""
+
+    outcome = "camera stall"
+
+
+class Sees(Protocol):
+    """What is used of `vision.ball_camera.BallCamera`."""
+
+    def step(
+        self, frame: Frame, rotation_hint: np.ndarray
+    ) -> "tuple[Observation | None, Track, View]": ...
+
+
+# What makes the frames (times on `time.monotonic`, as of open_source(..., start_s=0.0); closed at
+# the end where it is a context manager) and the ball camera, in the thread or process that sees.
+Opener = Callable[[], tuple[Iterable[Frame], Sees]]
+
+
+class CameraEye:
+    """What the loop holds: `latest` for the table's `read`, `tell` for the encoders' hint.
+
+    ratio: of the linkage. Times given out count from `begin`, else from the first `latest`. Can be
+    pickled to the loop's process. `close` frees it (by who made it) and ends who sees.
+    """
+
+    def __init__(self, ratio: float, *, stall_s: float = STALL_S) -> None:
+        self.ratio, self.stall_s = ratio, stall_s
+        self.sights = SharedRing(SIGHT, SIGHTS)
+        self.theta = SharedArray((2,), np.dtype(np.float64))
+        self.trouble = SharedArray((1,), TROUBLE)
+        self.zero_s: float | None = None
+        self.frames = 0
+        self._arrived_s: float | None = None
+
+    def begin(self, zero_s: float) -> None:
+        """The table's time zero on `time.monotonic`."""
+        self.zero_s = zero_s
+
+    def tell(self, theta_rad: tuple[float, float]) -> None:
+        """The encoders' angles now: the plate's pose where its markers are not seen."""
+        self.theta.array[:] = theta_rad
+
+    def latest(self, after_s: float) -> Observation | None:
+        """The newest observation of light after `after_s`, never the same twice; else None.
+
+        CameraStopped: no frame for `stall_s`, or what the camera itself raised.
+        """
+        now_s = time.monotonic()
+        if self.zero_s is None:
+            self.zero_s = now_s
+        found = None
+        if self.sights.news:
+            for sight in self.sights.read():
+                self.frames += 1
+                self._arrived_s = now_s
+                if sight["seen"]:
+                    x, y, *cov = (float(v) for v in sight["numbers"])
+                    exposed_s = float(sight["frame_s"]) - self.zero_s
+                    found = Observation((x, y), (cov[0], cov[1], cov[2]), exposed_s)
+        self._check(now_s)
+        return found if found is not None and found.exposed_s > after_s else None
+
+    def _check(self, now_s: float) -> None:
+        if self.trouble.array["said"][0]:
+            raise CameraStopped(self.trouble.array["text"][0].decode())
+        self._arrived_s = now_s if self._arrived_s is None else self._arrived_s
+        if now_s - self._arrived_s > self.stall_s:
+            silent_s = now_s - self._arrived_s
+            raise CameraStopped(f"no frame for {silent_s:.2f} s; has the camera lost its cable?")
+
+    # --- who sees ---
+    def put(self, frame_s: float, seen: Observation | None) -> None:
+        numbers = (np.nan,) * 5 if seen is None else (*seen.xy_m, *seen.cov_m2)
+        self.sights.write((frame_s, seen is not None, numbers))
+
+    def fail(self, error: BaseException) -> None:
+        """Keep what ended it, for the loop; of no interest once it is over."""
+        if self.over:
+            return
+        text = f"{type(error).__name__}: {error}"
+        self.trouble.array["text"][0] = text.encode()[:240].decode(errors="ignore").encode()
+        self.trouble.array["said"][0] = 1
+
+    @property
+    def over(self) -> bool:
+        return len(self.trouble.array) == 0 or bool(self.trouble.array["over"][0])
+
+    def close(self) -> None:
+        for part in (self.sights, self.theta, self.trouble):
+            part.close()
+
+
+def see(eye: CameraEye, opener: Opener) -> None:
+    """See frame after frame until the eye is closed; whatever ends it is kept for the loop."""
+    try:
+        frames, camera = opener()
+        with ExitStack() as stack:
+            if hasattr(frames, "__exit__"):
+                stack.enter_context(frames)  # pyright: ignore[reportArgumentType]
+            source = iter(frames)
+            while not eye.over:
+                try:
+                    frame = next(source)
+                except GarbageError:  # the next one may be sound
+                    continue
+                theta = float(eye.theta.array[0]), float(eye.theta.array[1])
+                hint = plate_rotation(tilt_sines(theta, eye.ratio))
+                observation, _, _ = camera.step(frame, hint)
+                eye.put(frame.t_s, observation)
+    except StopIteration:
+        eye.fail(EOFError("the source has no more frames"))
+    except BaseException as error:  # raised again, by name, where the loop reads
+        eye.fail(error)
+
+
+def _process(eye: CameraEye, opener: Opener) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the program ends it
+    see(eye, opener)
+    eye.close()
+
+
+class Watcher:
+    """Runs `see` beside the loop, in a thread or (`process`) a spawned process, while inside.
+
+    Waits for the first frame. CameraStopped: it did not come, with the camera's own reason.
+    """
+
+    def __init__(
+        self, eye: CameraEye, opener: Opener, *, process: bool = True, patience_s: float = OPEN_S
+    ) -> None:
+        self.eye, self._patience_s = eye, patience_s
+        if process:
+            spawn = multiprocessing.get_context("spawn")
+            self._worker = spawn.Process(target=_process, args=(eye, opener), daemon=True)
+            self._kill = self._worker.kill
+        else:
+            self._worker = threading.Thread(target=see, args=(eye, opener), daemon=True)
+            self._kill = lambda: None  # a driver that holds a thread lets go when it likes
+
+    def __enter__(self) -> Self:
+        self._worker.start()
+        until_s = time.monotonic() + self._patience_s
+        try:
+            while not self.eye.sights.news:
+                if self.eye.trouble.array["said"][0]:
+                    raise CameraStopped(self.eye.trouble.array["text"][0].decode())
+                if not self._worker.is_alive() or time.monotonic() > until_s:
+                    raise CameraStopped(f"no first frame within {self._patience_s:g} s")
+                time.sleep(0.005)
+        except BaseException:
+            self.__exit__()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with suppress(IndexError):  # closed already
+            self.eye.trouble.array["over"][0] = 1
+        self._worker.join(2.0)
+        if self._worker.is_alive():
+            self._kill()
+            self._worker.join(1.0)

@@ -1,0 +1,206 @@
+"""Homing: incremental encoders learn where level is, and every cable is checked, at low volts.
+
+A plan is a generator: it is sent what is seen in each tick and answers with the volts of the two
+motor channels. A nudge shows which encoder follows which motor and which way; both stops are found
+by the stall that the encoder shows; the middle is zero; where the plate's markers are seen they say
+which arm tilts which axis, in which direction, and whether the middle is level.
+"""
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+
+from rig.hardware.homing_moves import (
+    FARTHEST_RAD,
+    LEVEL_SINE,
+    SWING_RAD,
+    Arm,
+    HomingRefused,
+    Pair,
+    Sight,
+    find_stops,
+    hold,
+    look,
+    nudge,
+    rest,
+)
+from rig.hardware.wiring import Wiring
+from rig.parameters import Rig
+from rig.table import Table
+
+
+@dataclass(frozen=True)
+class Homing:
+    """What homing found. By axis (x, y): travel between the stops, volts that moved the arm.
+
+    level: the plate's sines in the middle as the markers see them; None where they were not seen,
+    and then which axis is which, and which way is down, is the rig file's word.
+    """
+
+    wiring: Wiring
+    travel_rad: Pair
+    moving_V: Pair
+    level: Pair | None = None
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether the markers saw the plate move."""
+        return self.level is not None
+
+
+Plan = Generator[Pair, Sight, Homing]
+
+
+def plan(rig: Rig) -> Plan:
+    """The whole of homing for a table opened with raw wiring. HomingRefused by name."""
+    sight = yield 0.0, 0.0
+    arms: list[Arm] = []
+    for motor in (0, 1):
+        sight = yield from rest(sight)
+        arm, sight = yield from nudge(motor, sight)
+        arms.append(arm)
+    _check_pairs(arms)
+    done: list[Arm] = []
+    for arm in arms:
+        found, sight = yield from find_stops(arm, done, sight)
+        _check_travel(found, rig)
+        done.append(found)
+        sight = yield from hold(done, [a.middle for a in done], sight)
+    columns, level, sight = yield from _swing(done, sight)
+    if level is None:
+        return _unconfirmed(done, rig)
+    return _confirmed(done, columns, level, rig)
+
+
+def _check_pairs(arms: list[Arm]) -> None:
+    """Each encoder must follow one motor."""
+    if arms[0].encoder == arms[1].encoder:
+        raise HomingRefused(
+            "missing encoder",
+            f"encoder {arms[0].encoder} follows both motors and encoder {1 - arms[0].encoder} "
+            "none: check the cables",
+        )
+
+
+def _check_travel(arm: Arm, rig: Rig) -> None:
+    travel, least = arm.high - arm.low, 2 * rig.servo.angle_limit_rad
+    if travel < least:
+        raise HomingRefused(
+            "short way",
+            f"the arm of motor channel {arm.motor} moves {travel:.2f} rad between its stops, "
+            f"servo.angle_limit_rad needs {least:.2f}: something blocks it, or lower that limit",
+        )
+    if travel > FARTHEST_RAD:
+        raise HomingRefused(
+            "no stop",
+            f"the arm of motor channel {arm.motor} moves {travel:.2f} rad between its stops: is "
+            "its linkage on?",
+        )
+
+
+Swung = tuple[list[Pair], Pair | None, Sight]
+
+
+def _swing(arms: list[Arm], sight: Sight) -> Generator[Pair, Sight, Swung]:
+    """Each arm to both sides of its middle: sines per radian of each, and the sines in the middle.
+
+    Ends in the middle. Where the markers are not seen nothing is swung.
+    """
+    middles = [arm.middle for arm in arms]
+    level, _, sight = yield from look(arms, middles, sight)
+    columns: list[Pair] = []
+    for i in (0, 1) if level is not None else ():
+        ends = []
+        for way in (1, -1):
+            targets = [m + way * SWING_RAD * (k == i) for k, m in enumerate(middles)]
+            tilt, angles, sight = yield from look(arms, targets, sight)
+            if tilt is None:
+                raise HomingRefused("no markers", "the markers were lost while the plate moved")
+            ends.append((tilt, angles[i]))
+        (high, a), (low, b) = ends
+        columns.append(((high[0] - low[0]) / (a - b), (high[1] - low[1]) / (a - b)))
+    sight = yield from hold(arms, middles, sight)
+    return columns, level, sight
+
+
+def _confirmed(arms: list[Arm], columns: list[Pair], level: Pair, rig: Rig) -> Homing:
+    """The wiring as the markers saw it. HomingRefused: they saw what cannot be."""
+    ratio = rig.linkage.ratio
+    axes, signs = [], []
+    for arm, column in zip(arms, columns, strict=True):
+        axis = max((0, 1), key=lambda k: abs(column[k]))
+        if abs(column[axis]) < 0.4 * ratio:
+            raise HomingRefused(
+                "plate does not follow",
+                f"the arm of motor channel {arm.motor} tilts the plate by {abs(column[axis]):.3f} "
+                f"rad a rad, {ratio:.3f} are expected: is the linkage on, [linkage] right?",
+            )
+        if abs(column[1 - axis]) > 0.5 * abs(column[axis]):
+            raise HomingRefused(
+                "camera turned",
+                f"motor channel {arm.motor} tilts the plate across its axes: markers and "
+                "calibration do not belong together; run rig calibrate table again",
+            )
+        axes.append(axis)
+        signs.append(1 if column[axis] > 0 else -1)
+    if axes[0] == axes[1]:
+        raise HomingRefused("plate does not follow", "both arms tilt the plate about one axis")
+    if max(map(abs, level)) > LEVEL_SINE:
+        worst = max(level, key=abs)
+        raise HomingRefused(
+            "not level",
+            f"in the middle between the stops the plate leans by {57.3 * abs(worst):.1f} degrees: "
+            "set the arms on their shafts anew, or run rig calibrate table with a level plate",
+        )
+    return _homing(arms, axes, signs, rig, level)
+
+
+def _unconfirmed(arms: list[Arm], rig: Rig) -> Homing:
+    """The wiring as far as the encoders tell; axes and directions are the rig file's."""
+    axes = [1 - arm.encoder if rig.table.swap else arm.encoder for arm in arms]
+    signs = [rig.table.sign_angle[arm.encoder] for arm in arms]
+    return _homing(arms, axes, signs, rig, None)
+
+
+def _homing(
+    arms: list[Arm], axes: list[int], signs: list[int], rig: Rig, level: Pair | None
+) -> Homing:
+    """The wiring and the numbers by axis; `axes`, `signs`: of each arm, 1 where its counts rise
+    with the angle."""
+    x, y = (arms[axes.index(axis)] for axis in (0, 1))
+    raw = Wiring(counts_per_rev=rig.servo.encoder_counts_per_rev)
+    volts, angle, zeros = [1, 1], [1, 1], [0, 0]  # by channel
+    for arm, sign in zip(arms, signs, strict=True):
+        volts[arm.motor] = sign * arm.sign
+        angle[arm.encoder] = sign
+        zeros[arm.encoder] = round(arm.middle / raw.step_rad)
+    wiring = Wiring(
+        swap=x.encoder == 1,
+        crossed=x.encoder != x.motor,
+        sign_volts=(volts[0], volts[1]),
+        sign_angle=(angle[0], angle[1]),
+        zero_counts=(zeros[0], zeros[1]),
+        counts_per_rev=raw.counts_per_rev,
+    )
+    return Homing(wiring, (x.high - x.low, y.high - y.low), (x.moving_V, y.moving_V), level)
+
+
+def home(table: Table, rig: Rig, tilt: Callable[[float], Pair | None] = lambda t_s: None) -> Homing:
+    """Home an armed table that was opened with raw wiring; it ends at 0 V in the middle.
+
+    `tilt` gives the plate's sines when a new picture of it was taken; called in every tick.
+    """
+    steps = plan(rig)
+    volts = next(steps)
+    try:
+        while True:
+            table.drive(volts)
+            reading = table.read()
+            sight = Sight(
+                reading.t_s, reading.theta_rad, reading.motor_speed_rad_s, tilt(reading.t_s)
+            )
+            try:
+                volts = steps.send(sight)
+            except StopIteration as done:
+                return done.value
+    finally:
+        table.drive((0.0, 0.0))

@@ -1,0 +1,31 @@
+"""Bytes to a board and back: what every cable offers, and how a dead one is named."""
+
+from typing import Protocol
+
+LINK_DEAD_S = 0.08  # so long may a board be silent or deaf; the error is raised within 100 ms
+
+
+class LinkLost(OSError):  # noqa: N818 - the state, not the slip
+    """The device vanished or fell silent: one line with its name."""
+
+
+class Link(Protocol):
+    """A cable to one board. Every call raises LinkLost when the device is gone."""
+
+    name: str
+
+    def send(self, data: bytes) -> None:
+        """Hand all of `data` to the device, or raise LinkLost within `LINK_DEAD_S`."""
+        ...
+
+    def receive(self) -> bytes:
+        """Everything that is there now; b"" when nothing is. Never waits."""
+        ...
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until bytes are there, at most `timeout_s`; tells whether they are."""
+        ...
+
+    def close(self) -> None:
+        """Let the device go; a second call, or one on a vanished device, does nothing."""
+        ...

@@ -1,0 +1,217 @@
+"""A table that another machine drives: the user's end of `rig serve`."""
+
+import math
+import secrets
+import select
+import socket
+import time
+from contextlib import suppress
+from dataclasses import asdict
+from typing import Any, Self
+
+from rig.hardware import remote_wire as wire
+from rig.hardware.choose import Eye
+from rig.hardware.link import LinkLost
+from rig.hardware.link_clock import LinkClock
+from rig.hardware.remote_wire import Telemetry, Wire, read_token
+from rig.hardware.seen import Seen, TickClock
+from rig.hardware.wiring import Wiring
+from rig.table import LevelOnExit, Reading
+from vision.frames import Observation
+
+__all__ = ["RemoteTable", "read_token"]
+
+CONNECT_S = 5.0
+DEAD_S = 0.09  # the table ticks all the time: so long a silence is a dead link
+TTL_MS = 50  # a command that took longer is not obeyed
+PINGS = 10
+
+
+class RemoteTable(LevelOnExit):
+    """`read` waits for the next tick of the served table; only the newest one counts.
+
+    `with` arms it, for this connection and until a stop by silence: then the table stays at 0 V.
+    `wiring` is what homing found; `homed` False gives the channels as they are, at low volts. The
+    ball comes from the server's camera, or from `eye` here.
+    """
+
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        token: bytes,
+        wiring: Wiring,
+        *,
+        eye: Eye | None = None,
+        homed: bool = True,
+    ) -> None:
+        self._name = f"remote table {host}:{port}"
+        self._time, self._seen, self.clock = TickClock(), Seen(eye), LinkClock()
+        self._tick, self._dead, self._last_exposed_s = 0, "", -math.inf
+        self._echoed_s, self._way_s = -math.inf, 0.0
+        self._armed = False
+        self.late_ticks = 0
+        self._wire = self._connect(host, port)
+        try:
+            welcome = self._greet(token)
+            self.boot_id = welcome.boot_id.hex()
+            self.period_s, self.voltage_limit_V = welcome.period_s, welcome.voltage_limit_V
+            if welcome.counts_per_rev != wiring.counts_per_rev:
+                raise ValueError(
+                    f"{self._name}: its encoders have {welcome.counts_per_rev} counts a turn, the "
+                    f"rig file says {wiring.counts_per_rev}: correct servo.encoder_counts_per_rev"
+                )
+            self._ask_clock()
+            self._wire.sock.settimeout(DEAD_S)
+            self._send(wire.CONFIGURE, wire.Configure.of(wiring, homed).pack())
+        except BaseException:
+            self._wire.close()
+            raise
+        if not homed:
+            self.level_s = 0.0  # nobody knows where level is
+
+    def _connect(self, host: str, port: int) -> Wire:
+        try:
+            return Wire(socket.create_connection((host, port), CONNECT_S))
+        except OSError as error:
+            raise LinkLost(
+                f"{self._name}: {error.strerror or error}; is rig serve running there, and does a "
+                "firewall let it through?"
+            ) from None
+
+    def _greet(self, token: bytes) -> wire.Welcome:
+        """Prove to know the token, see that the other end knows it, learn what the table is."""
+        hello = self._await(wire.HELLO)
+        version, theirs = hello[0], hello[1:]
+        if version != wire.VERSION or len(theirs) != wire.NONCE_BYTES:
+            raise LinkLost(
+                f"{self._name}: speaks version {version}, this program {wire.VERSION}: update both"
+            )
+        ours = secrets.token_bytes(wire.NONCE_BYTES)
+        self._send(wire.PROOF, ours + wire.proof(token, theirs, ours))
+        self._wire.seal(token, theirs, ours, server=False)
+        return wire.Welcome.unpack(self._await(wire.WELCOME))
+
+    def _ask_clock(self) -> None:
+        for _ in range(PINGS):
+            sent_s = time.monotonic()
+            self._send(wire.PING, wire.Ping(sent_s).pack())
+            answer = wire.Ping.unpack(self._await(wire.PONG))
+            arrived_s = time.monotonic()
+            self.clock.exchange(answer.sent_s, answer.received_s, answer.received_s, arrived_s)
+        self._way_s = 0.5 * self.clock.record().round_trip_s
+
+    def __enter__(self) -> Self:
+        self.arm()
+        return self
+
+    def arm(self) -> None:
+        """Let commands through; for every connection, and anew after a stop by silence."""
+        self._send(wire.ARM)
+        self._armed = False  # until the table says so
+
+    @property
+    def zero_s(self) -> float:
+        """The first reading's moment on this machine's monotonic clock."""
+        return self._time.zero_s
+
+    def read(self) -> Reading:
+        newest, ball, more = None, None, True
+        while newest is None or more:
+            for kind, payload in self._receive(DEAD_S):
+                if kind == wire.READING:
+                    if newest is not None:
+                        self.late_ticks += 1
+                    newest = Telemetry.unpack(payload)
+                    ball = self._ball(newest) or ball
+            more = bool(select.select([self._wire.sock], [], [], 0.0)[0])
+        arrived_s = time.monotonic()
+        self._tick = newest.tick
+        if newest.echo_sent_s > self._echoed_s:
+            self._echoed_s = newest.echo_sent_s
+            times = (newest.echo_sent_s, newest.echo_received_s, newest.sent_s, arrived_s)
+            self.clock.exchange(*times)
+        self._armed = self._armed or bool(newest.flags & wire.ARMED)
+        if self._armed and newest.flags & wire.LATCHED:
+            raise self._lost(
+                f"heard nothing from this program for {1000 * wire.SILENT_S:.0f} ms and stopped "
+                "the table; look why, then run again"
+            )
+        return self._reading(newest, ball, arrived_s)
+
+    def _reading(self, row: Telemetry, ball: tuple | None, arrived_s: float) -> Reading:
+        """The table's times on this machine's clock."""
+        t_s = self._time.time(row.t_s, arrived_s - self._way_s, self.period_s)
+        speed = (row.speed_x, row.speed_y) if row.flags & wire.WITH_SPEED else None
+        seen = None
+        if ball is not None:
+            xy_m, cov_m2, exposed_s = ball
+            exposed_s = t_s - (row.t_s - exposed_s)
+            seen = Observation(xy_m, cov_m2, exposed_s)
+        return Reading(t_s, (row.theta_x, row.theta_y), speed, seen or self._seen.look(t_s))
+
+    def _ball(self, row: Telemetry) -> tuple | None:
+        if not row.flags & wire.WITH_BALL or row.exposed_s <= self._last_exposed_s:
+            return None
+        self._last_exposed_s = row.exposed_s
+        covariance = (row.cov_xx, row.cov_xy, row.cov_yy)
+        return (row.ball_x, row.ball_y), covariance, row.exposed_s
+
+    def drive(self, volts: tuple[float, float]) -> None:
+        """Send volts; before `arm` the table keeps them at 0."""
+        if not all(map(math.isfinite, volts)):
+            raise ValueError(f"volts must be finite, got {volts}; use rig.limits.limit")
+        now_s = time.monotonic()
+        self._send(wire.DRIVE, wire.Drive(self._tick, now_s, TTL_MS, *volts).pack())
+
+    def notes(self) -> dict[str, Any]:
+        """What a recording shall keep of this link: the two clocks, late ticks."""
+        return {"clock": asdict(self.clock.record()), "late_ticks": self.late_ticks}
+
+    def close(self) -> None:
+        """Disarm and hang up; the server brings the table to 0 V whatever arrives of it."""
+        if not self._dead:
+            with suppress(LinkLost):
+                self._send(wire.BYE)
+        self._dead = self._dead or f"{self._name}: is closed"
+        self._wire.close()
+
+    def _await(self, wanted: int) -> bytes:
+        """The next message of a kind during the greeting."""
+        deadline_s = time.monotonic() + CONNECT_S
+        while time.monotonic() < deadline_s:
+            for kind, payload in self._receive(CONNECT_S):
+                if kind == wanted:
+                    return payload
+        raise self._lost("does not answer; is it a rig serve?")
+
+    def _receive(self, patience_s: float) -> list[tuple[int, bytes]]:
+        """What has come, waiting for it; `LinkLost` for silence, faults and refusals."""
+        if self._dead:
+            raise LinkLost(self._dead)
+        try:
+            if not select.select([self._wire.sock], [], [], patience_s)[0]:
+                raise self._lost(f"silent for {1000 * patience_s:.0f} ms")
+            found = self._wire.receive()
+        except wire.ProtocolError as error:
+            raise self._lost(f"{error}; is the token the same on both machines?") from None
+        except LinkLost:
+            raise
+        except OSError as error:
+            raise self._lost(error.strerror or str(error)) from None
+        for kind, payload in found:
+            if kind in (wire.REFUSE, wire.FAULT):
+                raise self._lost(payload.decode("utf-8", "replace"))
+        return found
+
+    def _send(self, kind: int, payload: bytes = b"") -> None:
+        if self._dead:
+            raise LinkLost(self._dead)
+        try:
+            self._wire.send(kind, payload)
+        except OSError as error:
+            raise self._lost(error.strerror or str(error)) from None
+
+    def _lost(self, why: str) -> LinkLost:
+        self._dead = f"{self._name}: {why}"
+        return LinkLost(self._dead)

@@ -1,0 +1,260 @@
+"""What goes over the network between a remote table and its user: small sealed binary messages.
+
+A frame is length (2 bytes), kind (1 byte), payload, seal (8 bytes). The token never travels: both
+ends prove that they know it over two random numbers, and every message after that is sealed by a
+key made of all three and numbered, so that nobody can add, change, repeat or reorder any.
+"""
+
+import hmac
+import secrets
+import socket
+import stat
+import struct
+import sys
+from contextlib import suppress
+from dataclasses import astuple, dataclass
+from math import nan
+from pathlib import Path
+
+from rig.hardware.wiring import Wiring
+
+VERSION = 1
+NONCE_BYTES, SEAL_BYTES, LONGEST = 32, 8, 400
+SHORTEST_TOKEN = 16
+PORT = 7643
+SILENT_S = 0.1  # without a fresh command for so long the table stops by itself
+
+# Kinds of messages: the first three are not sealed.
+HELLO, PROOF, REFUSE, WELCOME, PING, PONG, CONFIGURE, ARM, DRIVE, READING, FAULT, BYE = range(1, 13)
+UNSEALED = (HELLO, PROOF, REFUSE)
+ARMED, LATCHED, WITH_BALL, WITH_SPEED = 1, 2, 4, 8  # flags of a reading
+
+
+class ProtocolError(Exception):
+    """Bytes that no honest peer sends."""
+
+
+def _packs(layout: str):
+    """A dataclass of numbers <-> bytes, field by field in `layout` (struct)."""
+    size = struct.Struct("<" + layout)
+
+    def add(kind):
+        kind.pack = lambda self: size.pack(*astuple(self))
+
+        def unpack(payload: bytes):
+            if len(payload) != size.size:
+                raise ProtocolError(f"{kind.__name__} has {len(payload)} bytes, not {size.size}")
+            return kind(*size.unpack(payload))
+
+        kind.unpack = staticmethod(unpack)
+        return kind
+
+    return add
+
+
+class _Packed:
+    def pack(self) -> bytes:
+        raise NotImplementedError
+
+    @staticmethod
+    def unpack(payload: bytes):
+        raise NotImplementedError
+
+
+@_packs("H16sddHB")
+@dataclass(frozen=True)
+class Welcome(_Packed):
+    """What the table is. boot_id is new whenever the encoders may have lost their place."""
+
+    version: int
+    boot_id: bytes
+    period_s: float
+    voltage_limit_V: float
+    counts_per_rev: int
+    tachometers: int
+
+
+@_packs("dd")
+@dataclass(frozen=True)
+class Ping(_Packed):
+    """Clock question and answer: sent on the asker's clock, received on the other's."""
+
+    sent_s: float
+    received_s: float = nan
+
+
+@_packs("BBbbbbiiHB")
+@dataclass(frozen=True)
+class Configure(_Packed):
+    """The wiring that homing found; homed 0: channels as they are, at low volts."""
+
+    swap: int
+    crossed: int
+    volts_0: int
+    volts_1: int
+    angle_0: int
+    angle_1: int
+    zero_0: int
+    zero_1: int
+    counts_per_rev: int
+    homed: int
+
+    @classmethod
+    def of(cls, w: Wiring, homed: bool) -> "Configure":
+        signs = (*w.sign_volts, *w.sign_angle, *w.zero_counts)
+        return cls(int(w.swap), int(w.crossed), *signs, w.counts_per_rev, int(homed))
+
+    def wiring(self) -> Wiring:
+        """ValueError where the numbers make none."""
+        return Wiring(
+            bool(self.swap),
+            (self.volts_0, self.volts_1),
+            (self.angle_0, self.angle_1),
+            (self.zero_0, self.zero_1),
+            self.counts_per_rev,
+            bool(self.crossed),
+        )
+
+
+@_packs("IdHdd")
+@dataclass(frozen=True)
+class Drive(_Packed):
+    """Volts (x, y), sent at `sent_s` on the user's clock, good for `ttl_ms`; `tick` answers."""
+
+    tick: int
+    sent_s: float
+    ttl_ms: int
+    x_V: float
+    y_V: float
+
+
+@_packs("IBdddddddddddddd")
+@dataclass(frozen=True)
+class Telemetry(_Packed):
+    """One tick of the table. echo_*: the newest command's times, for the clocks."""
+
+    tick: int
+    flags: int
+    t_s: float
+    sent_s: float
+    echo_sent_s: float
+    echo_received_s: float
+    theta_x: float
+    theta_y: float
+    speed_x: float
+    speed_y: float
+    ball_x: float
+    ball_y: float
+    cov_xx: float
+    cov_xy: float
+    cov_yy: float
+    exposed_s: float
+
+
+def proof(token: bytes, server_nonce: bytes, client_nonce: bytes) -> bytes:
+    """What only who knows the token can say about these two random numbers."""
+    return _key(token, b"rig client", server_nonce, client_nonce)
+
+
+def _key(token: bytes, label: bytes, server_nonce: bytes, client_nonce: bytes) -> bytes:
+    return hmac.digest(token, label + b"|" + server_nonce + client_nonce, "sha256")
+
+
+class Wire:
+    """One end of a connection: frames out, frames in, sealed once `seal` was called."""
+
+    def __init__(self, sock: socket.socket) -> None:
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self.sock = sock
+        self._buffer = bytearray()
+        self._out = self._in = b""
+        self._sent = self._received = 0
+
+    def seal(self, token: bytes, server_nonce: bytes, client_nonce: bytes, *, server: bool) -> None:
+        labels = (b"rig down", b"rig up") if server else (b"rig up", b"rig down")
+        keys = (_key(token, label, server_nonce, client_nonce) for label in labels)
+        self._out, self._in = keys
+
+    def send(self, kind: int, payload: bytes = b"") -> None:
+        """OSError: the connection is gone, or the other end no longer takes anything."""
+        seal = b""
+        if kind not in UNSEALED:
+            seal = self._seal(self._out, self._sent, kind, payload)
+            self._sent += 1
+        body = bytes([kind]) + payload + seal
+        frame = struct.pack("<H", len(body)) + body
+        if self.sock.send(frame) != len(frame):
+            raise BlockingIOError("the other end does not read")
+
+    def receive(self) -> list[tuple[int, bytes]]:
+        """All whole messages that are there. ProtocolError: not ours; ConnectionError: gone.
+
+        Waits as long as the socket's timeout says for the first bytes.
+        """
+        with suppress(BlockingIOError):
+            data = self.sock.recv(65536)
+            if not data:
+                raise ConnectionResetError("the other end closed the connection")
+            self._buffer += data
+        return self._frames()
+
+    def _frames(self) -> list[tuple[int, bytes]]:
+        found = []
+        while len(self._buffer) >= 2:
+            (length,) = struct.unpack_from("<H", self._buffer)
+            if not 1 <= length <= LONGEST:
+                raise ProtocolError(f"a message of {length} bytes")
+            if len(self._buffer) < 2 + length:
+                break
+            body = bytes(self._buffer[2 : 2 + length])
+            del self._buffer[: 2 + length]
+            found.append(self._opened(body[0], body[1:]))
+        return found
+
+    def _opened(self, kind: int, payload: bytes) -> tuple[int, bytes]:
+        if kind in UNSEALED:
+            if self._in and kind != REFUSE:
+                raise ProtocolError("an unsealed message after the greeting")
+            return kind, payload
+        if not self._in:
+            raise ProtocolError("a sealed message before the greeting")
+        payload, seal = payload[:-SEAL_BYTES], payload[-SEAL_BYTES:]
+        if not hmac.compare_digest(seal, self._seal(self._in, self._received, kind, payload)):
+            raise ProtocolError("a message with a wrong seal")
+        self._received += 1
+        return kind, payload
+
+    @staticmethod
+    def _seal(key: bytes, number: int, kind: int, payload: bytes) -> bytes:
+        return hmac.digest(key, struct.pack("<QB", number, kind) + payload, "sha256")[:SEAL_BYTES]
+
+    def close(self) -> None:
+        with suppress(OSError):
+            self.sock.close()
+
+
+def read_token(path: Path) -> bytes:
+    """The secret of a file that only its owner can read. ValueError, FileNotFoundError: one line.
+
+    Both machines hold the same file: `rig serve` makes it.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(
+            f'token file {path} not found: "rig serve" makes one; copy it from that machine'
+        )
+    mode = path.stat().st_mode
+    if sys.platform != "win32" and mode & (stat.S_IRWXG | stat.S_IRWXO):
+        raise ValueError(f"token file {path} can be read by others: chmod 600 {path}")
+    token = path.read_bytes().strip()
+    if len(token) < SHORTEST_TOKEN:
+        raise ValueError(
+            f"token file {path} holds {len(token)} characters, {SHORTEST_TOKEN} are needed: "
+            'remove it and let "rig serve" make one'
+        )
+    return token
+
+
+def make_token(path: Path) -> None:
+    """Write a new secret that only its owner can read. FileExistsError: there is one."""
+    path.touch(mode=0o600, exist_ok=False)
+    path.write_text(secrets.token_hex(32) + "\n", encoding="ascii")

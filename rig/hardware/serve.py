@@ -1,0 +1,224 @@
+"""`rig serve`: a table on this machine, driven from another one over the network.
+
+One thread ticks the table, whoever is connected or not. One user at a time; who falls silent loses
+the table (see `served.Guard`). Nothing is listened to but who proves to know the token.
+"""
+
+import secrets
+import select
+import socket
+import time
+from collections.abc import Callable
+from math import nan
+
+from rig.hardware import remote_wire as wire
+from rig.hardware.remote_wire import Drive, Ping, ProtocolError, Telemetry, Wire
+from rig.hardware.served import Guard
+from rig.hardware.wiring import Wiring
+from rig.table import Reading, Table
+
+GREETING_S = 2.0  # to prove oneself
+GONE_S = 1.0  # a user who was stopped for silence and says nothing more makes room for another
+IDLE_S = 30.0  # one who has not armed the table yet
+ANSWER_SHARE = 0.4  # of a tick: so long is the answer to this very tick waited for
+
+
+class Server:
+    """Serves `table`, opened with its channels as they are (raw wiring). A context manager.
+
+    `port` 0 takes any free one; `port` then tells which. `say` gets a line for a person about
+    whoever comes and goes.
+    """
+
+    def __init__(
+        self,
+        table: Table,
+        token: bytes,
+        *,
+        counts_per_rev: int,
+        angle_limit_rad: float,
+        host: str = "127.0.0.1",
+        port: int = wire.PORT,
+        say: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        self._table, self._token, self._say = table, token, say
+        self._raw = Wiring(counts_per_rev=counts_per_rev)
+        self.guard = Guard(table.voltage_limit_V, angle_limit_rad)
+        self.boot_id = secrets.token_bytes(16)
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        try:
+            self._door = socket.create_server((host, port), family=family, backlog=4)
+        except OSError as error:
+            raise OSError(
+                f"rig serve cannot listen at {host}:{port} ({error.strerror}): is another one "
+                "running? else choose with --host and --port"
+            ) from None
+        self._door.setblocking(False)
+        self.port = int(self._door.getsockname()[1])
+        self._user: _User | None = None
+        self._tick = 0
+        self._reading: Reading | None = None
+        self._speeds = False
+
+    def __enter__(self) -> "Server":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """0 V and hang up; the table's own context is its owner's."""
+        if self._user is not None:
+            self._user.tell(wire.FAULT, b"rig serve was ended there")
+            self._user.wire.close()
+        self._door.close()
+        self._table.drive((0.0, 0.0))
+
+    def run(self, until: Callable[[], bool] = lambda: False) -> None:
+        """Tick until told; raises what the table raises, after telling the user."""
+        try:
+            while not until():
+                self.tick()
+        except BaseException as error:
+            if self._user is not None:
+                self._user.tell(wire.FAULT, f"the table there failed: {error}".encode()[:300])
+            raise
+
+    def tick(self) -> None:
+        """One tick: read the table, tell the user, wait shortly for the answer, drive."""
+        reading = self._table.read()
+        now_s = time.monotonic()
+        self._tick = (self._tick + 1) & 0xFFFFFFFF
+        counts = [round(a / self._raw.step_rad) for a in reading.theta_rad]
+        theta = self.guard.wiring.angles((counts[0], counts[1]))
+        self._speeds = reading.motor_speed_rad_s is not None
+        if self._user is not None and self._user.proven:
+            self._user.tell(wire.READING, self._telemetry(reading, theta, now_s).pack())
+        self._let_in(now_s)
+        self._listen(now_s + ANSWER_SHARE * self._table.period_s)
+        volts = self.guard.volts(theta, time.monotonic())
+        self._table.drive(self.guard.wiring.to_board(volts))
+
+    def _telemetry(self, reading: Reading, theta, now_s: float) -> Telemetry:
+        flags = wire.ARMED * self.guard.armed | wire.LATCHED * self.guard.latched
+        speed, xy, covariance, exposed = (nan, nan), (nan, nan), (nan, nan, nan), nan
+        if reading.motor_speed_rad_s is not None:
+            flags |= wire.WITH_SPEED
+            speed = self.guard.wiring.from_board(reading.motor_speed_rad_s)
+        if reading.ball is not None:
+            flags |= wire.WITH_BALL
+            ball = reading.ball
+            xy, covariance, exposed = ball.xy_m, ball.cov_m2, ball.exposed_s
+        echo = self._user.echo if self._user is not None else (nan, nan)
+        floats = [reading.t_s, now_s, *echo, *theta, *speed, *xy, *covariance, exposed]
+        return Telemetry(self._tick, flags, *floats)
+
+    # --- who comes, what is said ---
+    def _let_in(self, now_s: float) -> None:
+        try:
+            sock, address = self._door.accept()
+        except OSError:
+            return
+        sock.setblocking(False)
+        new = _User(Wire(sock), f"{address[0]}:{address[1]}", now_s)
+        if self._user is not None:
+            new.tell(wire.REFUSE, f"is used by {self._user.name} already".encode())
+            new.wire.close()
+            return
+        self._user = new
+        self.guard.meet()
+        new.tell(wire.HELLO, bytes([wire.VERSION]) + new.nonce)
+
+    def _listen(self, until_s: float) -> None:
+        """Take what the user says, waiting until the answer to this tick, but not longer."""
+        user = self._user
+        if user is None:
+            return
+        while True:
+            wait_s = until_s - time.monotonic() if self.guard.armed else 0.0
+            ready = not user.gone and select.select([user.wire.sock], [], [], max(wait_s, 0.0))[0]
+            now_s = time.monotonic()
+            answered = False
+            if ready:
+                try:
+                    for kind, payload in user.wire.receive():
+                        user.heard_s = now_s
+                        answered = self._obey(user, kind, payload, now_s) or answered
+                except (ProtocolError, ValueError) as error:
+                    user.gone = f"said what no honest user says ({error})"
+                except OSError:
+                    user.gone = user.gone or "is gone"
+            patience_s = GREETING_S
+            if user.proven:
+                patience_s = GONE_S if self.guard.latched else IDLE_S
+            if not user.gone and now_s - user.heard_s > patience_s:
+                user.gone = f"was silent for {patience_s:g} s"
+            if user.gone:
+                self._part(user, now_s)
+                return
+            if answered or not ready or now_s >= until_s:
+                return
+
+    def _obey(self, user: "_User", kind: int, payload: bytes, now_s: float) -> bool:
+        """One message; True for a command that answers this tick."""
+        if not user.proven:
+            self._check(user, kind, payload)
+        elif kind == wire.PING:
+            sent_s = Ping.unpack(payload).sent_s
+            self.guard.hear(sent_s, now_s)
+            user.tell(wire.PONG, Ping(sent_s, now_s).pack())
+        elif kind == wire.CONFIGURE:
+            said = wire.Configure.unpack(payload)
+            self.guard.configure(said.wiring(), bool(said.homed))
+        elif kind == wire.ARM:
+            self.guard.arm(now_s)
+        elif kind == wire.DRIVE:
+            wish = Drive.unpack(payload)
+            if self.guard.obey(wish, now_s):
+                user.echo = (wish.sent_s, now_s)
+            return wish.tick == self._tick
+        elif kind == wire.BYE:
+            user.gone = "said goodbye"
+            self.guard.disarm()
+        else:
+            raise ProtocolError(f"kind {kind}")
+        return False
+
+    def _check(self, user: "_User", kind: int, payload: bytes) -> None:
+        """The proof of knowing the token, compared in constant time; else the door."""
+        theirs, said = payload[: wire.NONCE_BYTES], payload[wire.NONCE_BYTES :]
+        right = wire.proof(self._token, user.nonce, theirs)
+        if kind != wire.PROOF or not secrets.compare_digest(said, right):
+            user.tell(wire.REFUSE, b"refused the token: it must be the same file on both machines")
+            user.gone = "did not know the token"
+            return
+        user.wire.seal(self._token, user.nonce, theirs, server=True)
+        user.proven = True
+        table = self._table
+        numbers = (table.period_s, table.voltage_limit_V, self._raw.counts_per_rev)
+        user.tell(
+            wire.WELCOME,
+            wire.Welcome(wire.VERSION, self.boot_id, *numbers, int(self._speeds)).pack(),
+        )
+        self._say(f"{user.name} is connected")
+
+    def _part(self, user: "_User", now_s: float) -> None:
+        self.guard.stop(now_s)
+        self._say(f"{user.name} {user.gone}")
+        user.wire.close()
+        self._user = None
+
+
+class _User:
+    """A connection, its greeting, and the times of its newest command (for its clock)."""
+
+    def __init__(self, wire_: Wire, name: str, now_s: float) -> None:
+        self.wire, self.name = wire_, name
+        self.nonce = secrets.token_bytes(wire.NONCE_BYTES)
+        self.proven = False
+        self.heard_s, self.gone = now_s, ""
+        self.echo = (nan, nan)
+
+    def tell(self, kind: int, payload: bytes = b"") -> None:
+        """Say something; one who does not take it is gone."""
+        try:
+            self.wire.send(kind, payload)
+        except OSError:
+            self.gone = self.gone or "does not read what it is told"

@@ -1,0 +1,53 @@
+"""How late ticks came: a histogram that costs next to nothing a tick and fits into run.json."""
+
+from bisect import bisect_right
+
+EDGES_US = (
+    1, 2, 3, 5, 7, 10, 15, 20, 30, 50, 70, 100, 150, 200, 300, 500, 700, 1000, 1500, 2000, 3000,
+    5000, 7000, 10_000, 20_000, 50_000, 100_000, 1_000_000,
+)  # fmt: skip
+
+
+class Jitter:
+    """Lateness of ticks [s]; `missed`: grid points of the clock at which no tick was.
+
+    `values_us` keeps every value as well, where a room for `keep` of them was asked for.
+    """
+
+    def __init__(self, keep: int = 0) -> None:
+        self.counts = [0] * (len(EDGES_US) + 1)
+        self.ticks, self.missed, self.worst_us = 0, 0, 0.0
+        self.values_us: list[float] = [0.0] * keep
+
+    def add(self, late_s: float, missed: int = 0) -> None:
+        late_us = 1e6 * late_s
+        self.counts[bisect_right(EDGES_US, late_us)] += 1
+        if self.ticks < len(self.values_us):
+            self.values_us[self.ticks] = late_us
+        self.ticks += 1
+        self.missed += missed
+        if late_us > self.worst_us:
+            self.worst_us = late_us
+
+    def quantile_us(self, share: float) -> float:
+        """The upper edge of the bin in which this share of the ticks is reached; inf beyond all."""
+        wanted, so_far = share * self.ticks, 0
+        for edge, count in zip(EDGES_US, self.counts, strict=False):
+            so_far += count
+            if so_far >= wanted:
+                return float(edge)
+        return float("inf")
+
+    def record(self) -> dict:
+        """As run.json keeps it: counts[i] ticks were later than edges_us[i - 1], at most
+        edges_us[i]; the last count is beyond all edges."""
+        return {
+            "ticks": self.ticks,
+            "missed": self.missed,
+            "worst_us": round(self.worst_us, 1),
+            "p50_us": self.quantile_us(0.5),
+            "p99_us": self.quantile_us(0.99),
+            "p99_9_us": self.quantile_us(0.999),
+            "edges_us": list(EDGES_US),
+            "counts": list(self.counts),
+        }

@@ -1,0 +1,278 @@
+"""The loop in a process of its own, so that nothing that the program does makes a tick late.
+
+The program's side (`LoopProcess`) starts it, drains rows and events, sends commands and learns the
+ending. The loop's side (`_work`) builds the table from a recipe, asks for real time and runs. When
+the program dies, the loop sees it at its next tick and ends at level and 0 V.
+"""
+
+import multiprocessing
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from multiprocessing.connection import Connection
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rig.commands import Command, CommandSlot, Stop
+from rig.endings import Ending, ending_of
+from rig.guard import GuardLimits
+from rig.hands import Hand
+from rig.jitter import Jitter
+from rig.log import INDEX
+from rig.loop import Loop
+from rig.mailbox import ENDING, RUNNING, STARTING, Mailbox, Orders, taken_orders
+from rig.own_file import load_controller
+from rig.parameters import Rig
+from rig.realtime import go_realtime
+from rig.simulate import Course
+from rig.simulator import SimulatedTable
+from rig.stopping import stop_on_signals
+from rig.table import Table
+
+if TYPE_CHECKING:
+    from rig.hardware.eye import CameraEye
+
+PARENT_SILENT_S = 2.0  # a program that hangs for so long looks after nothing
+LOOP_SILENT_S = 1.0  # a loop that hangs for so long is ended by force
+BEAT_S = 0.05
+DRAIN_S = 0.01
+WARM_TICKS = 25
+_THETA = INDEX["theta_x_rad"]
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """A run as it travels to the loop's process: everything here can be pickled.
+
+    table: makes the table (a context manager), called there; hand: makes the operator's hand of
+    it; eye: what the table was given to see with, for the encoders' hint; controller: a lab's own,
+    FILE.py:ClassName; trace: keep the lateness of so many ticks for a benchmark.
+    """
+
+    table: Callable[[], Table]
+    known: Rig
+    arm: int
+    course: Course
+    hand: Callable[[Table], Hand] | None = None
+    limits: GuardLimits | None = None
+    eye: "CameraEye | None" = None
+    controller: str = ""
+    realtime: bool = True
+    trace: int = 0
+
+
+# --- the loop's side ---
+class _Inbox:
+    """Commands as the loop takes them: the program's, the system's, and the program's death."""
+
+    def __init__(self, box: Mailbox, parent: int) -> None:
+        self.signals = CommandSlot()
+        self._box, self._parent = box, parent
+
+    def take(self) -> list[Command]:
+        self._box.beat("loop_s")
+        if os.getppid() != self._parent:
+            return [Stop("the program that started the loop has died", "program lost")]
+        if self._box.silent_s("parent_s") > PARENT_SILENT_S:
+            return [Stop(f"the program was silent for {PARENT_SILENT_S:g} s", "program lost")]
+        return self.signals.take() or taken_orders(self._box)
+
+    def put(self, command: Command) -> None:
+        self.signals.put(command)
+
+
+class _Lateness:
+    """How late the last tick came: what the table's ticker says, else by the ticks' intervals."""
+
+    def __init__(self, table: Table, jitter: Jitter) -> None:
+        self._ticker, self._jitter = getattr(table, "ticker", None), jitter
+        self._period_s, self._last_s, self._missed = table.period_s, None, 0
+
+    def __call__(self) -> float:
+        now_s = time.monotonic()
+        if self._ticker is not None:
+            late_s, missed = self._ticker.late_s, self._ticker.missed
+        else:
+            step_s = self._period_s if self._last_s is None else now_s - self._last_s
+            late_s = max(0.0, step_s - self._period_s)
+            missed = self._missed + int(late_s / self._period_s)
+        self._jitter.add(late_s, missed - self._missed)
+        self._last_s, self._missed = now_s, missed
+        return late_s
+
+
+def warm_up(job: Job) -> None:
+    """Run every compiled function once, on a simulated table: loading them takes half a second."""
+    course = replace(
+        job.course,
+        targets_m=job.course.targets_m[:WARM_TICKS],
+        pushes_m_s2=job.course.pushes_m_s2[:WARM_TICKS],
+        hold_s=0.0,
+        operator=(),
+    )
+    known = job.known
+    table = SimulatedTable(known, np.random.default_rng(0), start_m=course.start_m)
+    with table:
+        Loop(table, known, job.arm, course, hand=Hand()).run()
+
+
+def _work(job: Job, box: Mailbox, parent: int, result: Connection) -> None:
+    """The loop's process from its start to its end."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the program hears it and stops the loop
+    inbox, jitter, report = _Inbox(box, parent), Jitter(job.trace), {}
+    try:
+        with stop_on_signals(inbox, leave=False):
+            warm_up(job)
+            report = go_realtime() if job.realtime else {}
+            ending = _run(job, box, inbox, jitter)
+    except BaseException as error:  # told to the program by name
+        ending = ending_of(error)
+    box.beat("loop_s", ENDING)
+    notes = {"jitter": jitter.record(), "realtime": report}
+    values = jitter.values_us[: jitter.ticks]
+    with suppress(OSError):  # the program may be gone
+        result.send((ending, notes, values))
+    result.close()
+    box.close()
+
+
+def _keeper(box: Mailbox, eye: "CameraEye | None") -> Callable[[np.ndarray], None]:
+    if eye is None:
+        return box.rows.write
+
+    def keep(row: np.ndarray) -> None:
+        box.rows.write(row)
+        eye.tell((row[_THETA], row[_THETA + 1]))
+
+    return keep
+
+
+def _run(job: Job, box: Mailbox, inbox: _Inbox, jitter: Jitter) -> Ending:
+    own = load_controller(job.controller) if job.controller else None
+    table = job.table()
+    with table:  # pyright: ignore[reportGeneralTypeIssues]
+        hand = job.hand(table) if job.hand else Hand()
+        box.beat("loop_s", RUNNING)
+        loop = Loop(
+            table,
+            job.known,
+            job.arm,
+            job.course,
+            hand=hand,
+            commands=inbox,
+            keep=_keeper(box, job.eye),
+            event=box.say,
+            late_s=_Lateness(table, jitter),
+            limits=job.limits,
+            controller=own,
+        )
+        try:
+            return loop.run()
+        finally:
+            box.beat("loop_s", ENDING)
+
+
+# --- the program's side ---
+class LoopProcess:
+    """A run in its own process. `put` takes commands from any thread at any time.
+
+    After `run`: notes (jitter, realtime, lost rows and words: as run.json keeps them) and
+    late_us (with `Job.trace`).
+    """
+
+    def __init__(self, job: Job) -> None:
+        self._box = Mailbox()
+        self._orders = Orders(self._box)
+        self.put = self._orders.put
+        self.notes: dict = {}
+        self.late_us: list[float] = []
+        context = multiprocessing.get_context("spawn")
+        self._result, there = context.Pipe(duplex=False)
+        self._box.beat("parent_s", STARTING)
+        self._box.beat("loop_s")
+        arguments = (job, self._box, os.getpid(), there)
+        self._process = context.Process(target=_work, args=arguments, name="loop", daemon=True)
+        self._over = threading.Event()
+        self._pulse = threading.Thread(target=self._beat, daemon=True, name="pulse")
+        self._process.start()
+        there.close()
+        self._pulse.start()
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid or 0
+
+    def _beat(self) -> None:
+        while not self._over.wait(BEAT_S):
+            self._box.beat("parent_s")
+
+    def run(
+        self,
+        keep: Callable[[np.ndarray], None] = lambda row: None,
+        event: Callable[[float, str], None] = lambda t_s, text: None,
+    ) -> Ending:
+        """Hand every row to `keep` and every event to `event` until the run has ended.
+
+        What these raise (a full disk, Ctrl-C) stops the loop first and is then raised again.
+        """
+        try:
+            while not self._result.poll(DRAIN_S) and not self._dead():
+                self._drain(keep, event)
+            ending = self._ending()
+            self._drain(keep, event)
+            return ending
+        except BaseException as error:
+            told = ending_of(error)
+            self.put(Stop(told.reason, told.outcome))
+            self._ending()
+            if isinstance(error, KeyboardInterrupt):
+                self._drain(keep, event)
+            raise
+        finally:
+            self._close()
+
+    def _drain(self, keep, event) -> None:
+        for row in self._box.rows.read():
+            keep(row)
+        for t_s, text in self._box.taken_words():
+            event(t_s, text)
+
+    def _dead(self) -> bool:
+        """The loop's process is gone, or hangs and is ended."""
+        if not self._process.is_alive():
+            return not self._result.poll()
+        running = int(self._box.pulse.array["state"][0]) == RUNNING
+        if running and self._box.silent_s("loop_s") > LOOP_SILENT_S:
+            self._process.kill()
+            self._process.join()
+            return True
+        return False
+
+    def _ending(self) -> Ending:
+        """Wait for the loop's own word; without one it died, and the board's watchdog has it."""
+        while not self._result.poll(DRAIN_S):
+            if self._dead():
+                break
+        with suppress(EOFError):
+            if self._result.poll():
+                ending, self.notes, self.late_us = self._result.recv()
+                return ending
+        self._process.join(1.0)
+        return Ending("loop died", f"its process ended with {self._process.exitcode}")
+
+    def _close(self) -> None:
+        self._over.set()
+        self._pulse.join()
+        self._process.join(2.0)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
+        rows, words = self._box.rows.lost, self._box.words.lost
+        self.notes = {**self.notes, "lost_rows": rows, "lost_events": words}
+        self._result.close()
+        self._box.close()

@@ -1,0 +1,108 @@
+"""Everything that passes between a loop's process and the program that started it.
+
+Rows and words come out through rings, commands go in; a stop has a place of its own, so that
+nothing delays it and nothing overwrites it.
+"""
+
+import threading
+import time
+
+import numpy as np
+
+from rig.commands import LONGEST_QUEUE, Command, Push, SetGains, Stop, Target
+from rig.log import COLUMNS
+from rig.shared_ring import SharedArray, SharedRing
+
+ROWS = 8192  # 16 s of a reader that does not read
+WORDS = 256
+TEXT = 240  # bytes of UTF-8
+
+WORD = np.dtype([("t_s", np.float64), ("text", f"S{TEXT}")])
+ORDER = np.dtype([("kind", np.int64), ("numbers", np.float64, (3,))])
+STOP = np.dtype([("reason", f"S{TEXT}"), ("outcome", "S40"), ("said", np.int64)])
+PULSE = np.dtype([("parent_s", np.float64), ("loop_s", np.float64), ("state", np.int64)])
+PUSH, TARGET, OWN_TARGET, GAINS = range(4)
+STARTING, RUNNING, ENDING = range(3)
+
+
+def encode(text: str, size: int = TEXT) -> bytes:
+    """As UTF-8, cut where it is too long, never inside a letter."""
+    return text.encode()[:size].decode(errors="ignore").encode()
+
+
+class Mailbox:
+    """The shared memory of one run; pickled to the loop's process by its names."""
+
+    def __init__(self) -> None:
+        self.rows = SharedRing(np.dtype((np.float64, (len(COLUMNS),))), ROWS)
+        self.words = SharedRing(WORD, WORDS)
+        self.orders = SharedRing(ORDER, LONGEST_QUEUE + 1)
+        self.stop = SharedArray((1,), STOP)
+        self.pulse = SharedArray((1,), PULSE)
+
+    def close(self) -> None:
+        for part in (self.rows, self.words, self.orders, self.stop, self.pulse):
+            part.close()
+
+    def say(self, t_s: float, text: str) -> None:
+        """An event, from the loop's process."""
+        self.words.write((t_s, encode(text)))
+
+    def taken_words(self) -> list[tuple[float, str]]:
+        return [(float(w["t_s"]), w["text"].decode()) for w in self.words.read()]
+
+    def beat(self, side: str, state: int | None = None) -> None:
+        """I am alive: `side` is "parent_s" or "loop_s"."""
+        self.pulse.array[side][0] = time.monotonic()
+        if state is not None:
+            self.pulse.array["state"][0] = state
+
+    def silent_s(self, side: str) -> float:
+        return time.monotonic() - float(self.pulse.array[side][0])
+
+
+class Orders:
+    """The parent's end of the command slot; any thread may put."""
+
+    def __init__(self, box: Mailbox) -> None:
+        self._box, self._lock = box, threading.RLock()
+
+    def put(self, command: Command) -> None:
+        with self._lock:
+            if isinstance(command, Stop):
+                stop = self._box.stop.array
+                if not stop["said"][0]:  # the first one wins
+                    stop["reason"][0] = encode(command.reason)
+                    stop["outcome"][0] = encode(command.outcome, 40)
+                    stop["said"][0] = 1
+            else:
+                self._box.orders.write(_packed(command))
+
+
+def _packed(command: Command) -> tuple[int, tuple[float, float, float]]:
+    if isinstance(command, Push):
+        return PUSH, (*command.acceleration_m_s2, command.seconds)
+    if isinstance(command, SetGains):
+        return GAINS, (command.kp, command.ki, command.kd)
+    if isinstance(command, Target):
+        return (OWN_TARGET, (0, 0, 0)) if command.xy_m is None else (TARGET, (*command.xy_m, 0))
+    raise TypeError(f"{command!r} is no command")
+
+
+def taken_orders(box: Mailbox) -> list[Command]:
+    """The loop's end: a stop alone when there is one, else what was put since the last time."""
+    stop = box.stop.array[0]
+    if stop["said"]:
+        return [Stop(stop["reason"].decode(), stop["outcome"].decode())]
+    if not box.orders.news:
+        return []
+    return [_unpacked(int(order["kind"]), order["numbers"]) for order in box.orders.read()]
+
+
+def _unpacked(kind: int, numbers: np.ndarray) -> Command:
+    a, b, c = map(float, numbers)
+    if kind == PUSH:
+        return Push((a, b), c)
+    if kind == GAINS:
+        return SetGains(a, b, c)
+    return Target((a, b) if kind == TARGET else None)

@@ -1,0 +1,53 @@
+"""The system's wishes to end (SIGTERM, SIGHUP, console closed) as a stop of the running loop.
+
+Their default is to end the process at once, with the last volts on. SIGINT stays Python's own
+KeyboardInterrupt, which leaves every context on its way out, unless asked for.
+"""
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Protocol
+
+from rig.commands import Command, Stop
+
+NAMES = ("SIGTERM", "SIGHUP", "SIGBREAK")
+
+
+class Slot(Protocol):
+    def put(self, command: Command) -> None: ...
+
+
+@contextmanager
+def stop_on_signals(
+    slot: Slot, *, also: tuple[str, ...] = (), leave: bool = True
+) -> Iterator[None]:
+    """While inside, these signals put a `Stop` into the slot.
+
+    On the way out the former handlers are back; with `leave` a signal that came then ends the
+    program as it was meant to (KeyboardInterrupt; SystemExit, 128 + its number). In other
+    threads than the main one nothing can be handled: nothing is done.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+
+    def handle(number: int, _: object) -> None:
+        came.append(number)
+        name = signal.Signals(number).name
+        reason = "by the operator" if name == "SIGINT" else f"{name} from the system"
+        slot.put(Stop(reason, outcome="interrupted"))
+
+    numbers = [getattr(signal, name) for name in (*NAMES, *also) if hasattr(signal, name)]
+    before = {number: signal.signal(number, handle) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
+    if came and leave and came[0] == signal.SIGINT:
+        raise KeyboardInterrupt
+    if came and leave:
+        raise SystemExit(128 + came[0])

@@ -1,0 +1,148 @@
+"""The real firmware binary, its registers and pins simulated, under the ordinary loop."""
+
+import sys
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import pytest
+from simavr_chip import Chip, firmware
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "rig/hardware"))
+from board_host import HostBoard  # pyright: ignore[reportMissingImports]
+from board_world import World, table_on  # pyright: ignore[reportMissingImports]
+
+from experiments.assemble import known, load_rig
+from experiments.protocol import course, read_protocol
+from rig.controllers import ARMS
+from rig.hands import SimulatedHand
+from rig.hardware.wire import Arm, Command, ConfigAnswer, ConfigRequest, Parser, Telemetry, encode
+from rig.log import Log
+from rig.loop import Loop
+from rig.parameters import Rig
+
+
+def balance(board, *, seed: int = 1) -> tuple[Log, World, str]:
+    """The shipped free-release protocol through packets and driver: log, world, outcome."""
+    rig = load_rig(None)
+    protocol = read_protocol(Path(str(files("experiments") / "protocols/free-release.toml")))
+    way = course(protocol, rig, seed)
+    world = World(board, rig, seed=seed, start_m=way.start_m, held=True)
+    hand, rows = SimulatedHand(world.plant, way.hold_s), []
+    with table_on(world) as table:
+        loop = Loop(
+            table,
+            known(rig),
+            ARMS["with"],
+            way,
+            hand=hand,
+            keep=lambda row: rows.append(row.copy()),
+        )
+        ending = loop.run()
+        assert table.ticks_missed == 0
+    return Log.from_rows(np.array(rows)), world, ending.outcome
+
+
+@pytest.fixture(scope="module")
+def on_chip() -> tuple[Log, World, str]:
+    return balance(Chip())
+
+
+def test_the_firmware_balances_the_ball(on_chip):
+    log, world, outcome = on_chip
+    assert outcome == "completed"
+    t_s, xy = log.ball()
+    settled = np.hypot(*xy[t_s > t_s[-1] - 4].T)
+    assert settled.max() < 0.012  # from 18 cm away to the limit cycle of a table with play
+    assert world.volts == (0.0, 0.0)
+    assert np.all(np.abs(world.arms_rad) < 0.03)
+
+
+def test_the_whole_run_repeats_bit_for_bit(on_chip):
+    log, _, _ = balance(Chip())
+    np.testing.assert_array_equal(log.rows, on_chip[0].rows)
+
+
+def test_the_chips_protocol_is_the_hosts(on_chip):
+    """The binary and protocol.c built for this machine do nearly the same: what is between them
+    (the ticks' phase, steps of the pulse width) is the chip's alone."""
+    log, _, outcome = balance(HostBoard())
+    assert outcome == "completed"
+    n = 1500  # until the play's chaos parts them
+    apart = log["theta_x_rad"][:n] - on_chip[0]["theta_x_rad"][:n]
+    assert np.sqrt(np.mean(apart**2)) < 0.02
+    assert abs(len(log) - len(on_chip[0])) <= 5
+
+
+def test_the_chip_repeats_bit_for_bit():
+    runs = []
+    for _ in range(2):
+        chip, got = Chip(), b""
+        chip.run_ms((0, 0))
+        chip.receive(encode(ConfigRequest(1, 7, 2, 1, 0, 0, 4096, 341, 6000)))
+        for k in range(300):
+            chip.run_ms((k // 3, -k // 2))
+            got += chip.take()
+        runs.append((got, chip.cycles))
+    assert runs[0] == runs[1]
+    assert len(runs[0][0]) > 3000
+
+
+class Bench:
+    """A chip on the bench, configured and armed."""
+
+    def __init__(self) -> None:
+        self.chip, self._parser = Chip(), Parser()
+        self.run(20)
+        self.send(ConfigRequest(1, 7, 2, 1, 0, 0, 4096, 341, 6000))
+        answer = next(p for p in self.run(5) if isinstance(p, ConfigAnswer))
+        assert answer.supply_mV == 12_000
+        self.send(Arm(answer.token, 100))
+        self.run(3)
+
+    def send(self, packet) -> None:
+        self.chip.receive(encode(packet))
+
+    def run(self, ms: int, counts=(0, 0)) -> list:
+        found = []
+        for _ in range(ms):
+            self.chip.run_ms(counts)
+            found += self._parser.feed(self.chip.take())
+        return found
+
+
+@pytest.mark.parametrize("volts", [(3.0, -1.5), (-6.0, 6.0), (0.03, 0.0), (0.0, -0.03)])
+def test_pulse_width_and_direction_are_the_volts_asked(volts):
+    bench = Bench()
+    bench.send(Command(101, 50, *(round(1000 * v) for v in volts)))
+    bench.run(5)
+    assert bench.chip.volts() == pytest.approx(volts, abs=12 / 800 / 2 + 1e-9)
+    bench.run(50)  # its time to live has passed
+    assert bench.chip.volts() == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("speed", [1, 7, 20])
+def test_encoders_count_every_edge_both_ways(speed: int):
+    """20 counts a millisecond is three times the servo's full speed."""
+    bench, at = Bench(), 0
+    for step in [speed] * 50 + [-speed] * 80 + [0] * 4:
+        at += step
+        bench.chip.run_ms((at, -at))
+    newest = [p for p in bench.run(6, (at, -at)) if isinstance(p, Telemetry)][-1]
+    assert (newest.count_0, newest.count_1) == (at, -at)
+
+
+def test_a_reset_chip_is_disarmed_and_quiet():
+    bench = Bench()
+    bench.send(Command(101, 100, 3000, 3000))
+    bench.run(5)
+    assert bench.chip.volts() == (3.0, 3.0)
+    bench.chip.reset()
+    bench.send(Command(102, 100, 3000, 3000))
+    assert bench.run(300) == []
+    assert bench.chip.volts() == (0.0, 0.0)
+
+
+def test_the_mega_builds_too():
+    assert firmware("atmega2560").stat().st_size > 1000
+    assert Rig().servo.encoder_counts_per_rev == 4096

@@ -1,0 +1,65 @@
+"""A part of the fault campaign; the whole is tests/benchmarks/fault_campaign.py."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from simavr_chip import firmware
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "rig/hardware"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+from board_host import HostBoard  # pyright: ignore[reportMissingImports]
+from fault_campaign import campaign, one, table  # pyright: ignore[reportMissingImports]
+from simavr_faults import KINDS, resampled
+
+OUTCOMES = ("completed", "host killed", "no link", "ball lost", "link lost", "board stopped")
+
+
+@pytest.fixture(scope="module")
+def results():
+    firmware()
+    return campaign(22, 1)
+
+
+def test_nothing_unsafe_happens_and_every_run_ends_with_a_name(results):
+    assert not [r for r in results if r.unsafe], table(results)
+    assert all(r.outcome.startswith(OUTCOMES) for r in results), table(results)
+    assert all("NOT AGAIN" not in r.outcome for r in results), table(results)
+    assert {r.kind for r in results} == set(KINDS)
+    assert sum(r.rows for r in results) > 1000
+
+
+def test_the_campaign_repeats(results):
+    assert one(KINDS[3], 1 + 3) == results[3]
+
+
+@pytest.mark.parametrize("change", ["-DWATCHDOG_MS=60000", "-DLEVEL_MS=60000"])
+def test_the_judge_notices_a_spoilt_board(change: str):
+    """Without the watchdog, or without an end of levelling, something unsafe must be found."""
+    assert not any(one("host killed", seed, HostBoard).unsafe for seed in range(4))
+    assert any(one("host killed", seed, lambda: HostBoard(change)).unsafe for seed in range(4))
+
+
+class Stuck(HostBoard):
+    """A board whose bridge keeps the volts it had when the host fell silent."""
+
+    _held = (0.0, 0.0)
+
+    def volts(self):
+        now = super().volts()
+        self._held = now if any(now) else self._held
+        return self._held
+
+
+def test_the_judge_notices_volts_that_stay():
+    unsafe = one("host killed", 3, Stuck).unsafe
+    assert "volts without a fresh command" in unsafe
+    assert "volts at the end" in unsafe
+
+
+def test_bytes_at_the_right_baud_arrive_as_sent():
+    data = np.random.default_rng(1).integers(0, 256, 200).astype(np.uint8).tobytes()
+    assert resampled(data, 1.0) == data
+    assert resampled(data, 1.02) == data
+    assert resampled(data, 0.5) != data

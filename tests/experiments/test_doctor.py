@@ -1,0 +1,139 @@
+"""The doctor: what is missing and the cure, from told facts and on this very machine."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from experiments import cli
+from experiments.doctor import BAD, NOTE, OK, Device, Facts, examine, udev_rule, usable
+from experiments.doctor_facts import gather
+from rig.parameters import Rig, TableChoice
+
+WELL = Facts(
+    user="eva",
+    serial=(Device("/dev/ttyACM0", True, "dialout", "Arduino Uno", 0x2341, 0x43),),
+    usb=(Device("/dev/bus/usb/001/004", True, "plugdev", "", 0x1209, 0x0001),),
+    sdk="",
+    cameras=(Device("/dev/video0", True, "video", "Global shutter"),),
+    rtprio=90,
+    memlock_bytes=2**40,
+    packages={"numpy": "2.4"},
+)
+SERIAL = TableChoice(kind="serial", port="/dev/ttyACM0", camera="0", calibration="c.json")
+TABLES = {
+    "simulated": TableChoice(),
+    "serial": SERIAL,
+    "usb": TableChoice(kind="usb"),
+    "quanser": TableChoice(kind="quanser"),
+    "remote": TableChoice(kind="remote", address="lab:7643", token_file="t"),
+}
+
+
+def bad(facts: Facts, table: TableChoice) -> dict[str, str]:
+    findings = examine(facts, Rig(table=table))
+    assert usable(findings) == (not [f for f in findings if f.state == BAD])
+    assert all("\n" not in f.text + f.cure for f in findings)
+    return {f.what: f"{f.text} -> {f.cure}" for f in findings if f.state == BAD}
+
+
+@pytest.mark.parametrize("kind", TABLES)
+def test_where_everything_is_there_nothing_is_bad(kind: str):
+    assert bad(WELL, TABLES[kind]) == {}
+
+
+@pytest.mark.parametrize(
+    ("kind", "change", "words"),
+    [
+        ("serial", {"serial": ()}, ["is not there", "ports here: none"]),
+        (
+            "serial",
+            {"serial": (replace(WELL.serial[0], usable=False, group="uucp"),)},
+            ["may not be opened", "usermod -aG uucp eva"],
+        ),
+        ("serial", {"cameras": ()}, ["camera 0", "is not there"]),
+        (
+            "serial",
+            {"cameras": (replace(WELL.cameras[0], usable=False),)},
+            ["camera 0", "usermod -aG video eva"],
+        ),
+        ("serial", {"missing_files": ("c.json",)}, ["c.json", "no such file"]),
+        ("serial", {"packages": {"pyserial": None}}, ["missing: pyserial", "uv sync"]),
+        ("usb", {"usb_library": False}, ["libusb-1.0-0"]),
+        ("usb", {"usb": ()}, ["1209:0001", "is not there"]),
+        (
+            "usb",
+            {"usb": (replace(WELL.usb[0], usable=False),)},
+            ["may not be opened", udev_rule(), "/etc/udev/rules.d"],
+        ),
+        ("quanser", {"sdk": "No module named 'quanser'"}, ["No module named", "rig serve"]),
+        ("remote", {"remote": "silent for 90 ms"}, ["silent for 90 ms", "same token"]),
+    ],
+)
+def test_what_is_missing_is_bad_and_has_its_cure(kind: str, change: dict, words: list[str]):
+    found = bad(replace(WELL, **change), TABLES[kind])
+    assert len(found) == 1
+    text = " ".join(f"{what}: {said}" for what, said in found.items())
+    for word in words:
+        assert word in text
+    if kind != "simulated" and "packages" not in change:  # and it is nobody else's trouble
+        assert bad(replace(WELL, **change), TABLES["simulated"]) == {} or "missing_files" in change
+
+
+def test_real_time_is_asked_for_but_not_required():
+    findings = examine(replace(WELL, rtprio=0, memlock_bytes=8 * 2**20), Rig(table=SERIAL))
+    assert usable(findings)
+    cures = {f.what: f.cure for f in findings if f.state == NOTE}
+    assert 'eva - rtprio 50" to /etc/security/limits.d' in cures["real-time priority"]
+    assert "memlock unlimited" in cures["locked memory"]
+    windows = replace(WELL, platform="win32", rtprio=None, memlock_bytes=None)
+    assert usable(examine(windows, Rig(table=TABLES["quanser"])))
+
+
+def test_a_missing_homing_is_told_with_its_command():
+    findings = examine(replace(WELL, homing="has not been homed"), Rig(table=SERIAL))
+    (one,) = [f for f in findings if f.what == "homing"]
+    assert one.state == NOTE
+    assert "rig home" in one.cure
+
+
+def test_other_boards_and_cameras_that_are_plugged_in_are_named():
+    findings = examine(WELL, Rig())
+    told = {f.what: f"{f.text} {f.cure}" for f in findings if f.what.startswith("seen")}
+    assert "Arduino" in told["seen: /dev/ttyACM0"]
+    assert 'port = "/dev/ttyACM0"' in told["seen: /dev/ttyACM0"]
+    assert "Global shutter" in told["seen: /dev/video0"]
+
+
+def test_facts_of_this_machine_can_be_gathered(tmp_path: Path):
+    table = TableChoice(kind="remote", address="127.0.0.1:9", token_file=str(tmp_path / "none"))
+    facts = gather(Rig(table=table), tmp_path / "rig.toml")
+    assert facts.packages["numpy"]
+    assert facts.missing_files == (str(tmp_path / "none"),)
+    assert "token file" in (facts.remote or "")
+    assert "not been homed" in (facts.homing or "")
+    assert any(f.state == OK for f in examine(facts, Rig(table=table)))
+
+
+def doctor(monkeypatch, capsys, rig: Path) -> tuple[int, str]:
+    monkeypatch.setattr(sys, "argv", ["rig", "doctor", "--rig", str(rig)])
+    try:
+        cli.main()
+        code = 0
+    except SystemExit as end:
+        code = int(end.code or 0)
+    return code, capsys.readouterr().out
+
+
+def test_the_command_exits_0_or_1(monkeypatch, capsys, tmp_path: Path):
+    rig = tmp_path / "rig.toml"
+    rig.write_text("")
+    code, out = doctor(monkeypatch, capsys, rig)
+    assert code == 0
+    assert "nothing is missing" in out
+    rig.write_text('[table]\nkind = "serial"\nport = "/dev/no-such-port"\n')
+    code, out = doctor(monkeypatch, capsys, rig)
+    assert code == 1
+    assert "/dev/no-such-port" in out
+    assert "-> plug the board in" in out

@@ -1,0 +1,191 @@
+"""`rig home` and `rig run` on a table that another process serves: all but the last cable."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.recording import read_run
+
+HERE = Path(__file__).parent
+PROTOCOL = """title = "short"
+duration_s = {seconds}
+[start]
+x_m = -0.1
+y_m = 0.1
+hold_s = 0.5
+"""
+
+
+class Lab:
+    """A served table and a rig file that names it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.out = folder, folder / "out"
+        command = [sys.executable, str(HERE / "served_table.py"), str(folder)]
+        self.process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+        deadline = time.monotonic() + 120
+        while not (folder / "port").exists() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        time.sleep(0.05)
+        port = (folder / "port").read_text()
+        self.rig = folder / "lab.toml"
+        self.rig.write_text(
+            "[servo]\ngain_rad_s_V = 1.735\ntime_constant_s = 0.046\n"
+            f'[table]\nkind = "remote"\naddress = "127.0.0.1:{port}"\ntoken_file = "rig.token"\n'
+        )
+
+    def protocol(self, seconds: float) -> str:
+        path = self.folder / "short.toml"
+        path.write_text(PROTOCOL.format(seconds=seconds))
+        return str(path)
+
+    def start(self, *arguments: str) -> subprocess.Popen:
+        return subprocess.Popen(
+            [sys.executable, "-m", "experiments.cli", *arguments, "--rig", str(self.rig)],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, stdin=subprocess.DEVNULL,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        )  # fmt: skip
+
+    def call(self, *arguments: str) -> tuple[int, str, str]:
+        child = self.start(*arguments)
+        out, error = child.communicate(timeout=180)
+        return child.returncode, out, error
+
+    def volts(self) -> np.ndarray:
+        """(n, 3): time and volts at the plant whenever they changed."""
+        rows = (self.folder / "volts").read_text().split("\n")[:-1]
+        return np.array([[float(v) for v in row.split()] for row in rows])
+
+    def runs(self) -> list:
+        return [read_run(path) for path in sorted((self.out / "runs").iterdir())]
+
+    def end(self) -> None:
+        self.process.kill()
+        self.process.wait()
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
+    one = Lab(tmp_path_factory.mktemp("lab"))
+    try:
+        yield one
+    finally:
+        one.end()
+
+
+@pytest.fixture(scope="module")
+def homed(lab: Lab) -> Lab:
+    arguments = ("run", lab.protocol(5.0), "--out", str(lab.out), "--arm", "with", "--yes")
+    code, _, error = lab.call(*arguments)
+    assert code == 2
+    assert "has not been homed" in error
+    code, _, error = lab.call("home")
+    assert code == 2
+    assert "--yes" in error
+    code, out, error = lab.call("home", "--yes")
+    assert code == 0, error
+    assert "no markers were seen" in out
+    kept = json.loads(lab.rig.with_suffix(".home.json").read_text())
+    assert np.abs(kept["wiring"]["zero_counts"]).max() <= 8
+    assert lab.volts()[-1, 1:].tolist() == [0.0, 0.0]
+    assert np.abs(lab.volts()[:, 1:]).max() <= 1.5
+    return lab
+
+
+def running(homed: Lab, seconds: float, arm: str) -> tuple[subprocess.Popen, list]:
+    """A run that has been balancing for a while, and its folder."""
+    child = homed.start(
+        "run", homed.protocol(seconds), "--out", str(homed.out), "--arm", arm, "--yes"
+    )
+    deadline = time.monotonic() + 90
+    while time.monotonic() < deadline and child.poll() is None:
+        runs = homed.runs() if (homed.out / "runs").exists() else []
+        mine = [r for r in runs if r.meta["protocol"]["duration_s"] == seconds]
+        if mine and len(mine[0].log) > 2000:
+            return child, mine[0].folder
+        time.sleep(0.1)
+    child.kill()
+    raise AssertionError(child.communicate())
+
+
+def test_a_protocol_runs_on_the_served_table_and_is_recorded_as_measured(homed: Lab):
+    code, out, error = homed.call(
+        "run", homed.protocol(6.0), "--out", str(homed.out), "--arm", "with", "--yes"
+    )
+    assert code == 0, error
+    assert "place the ball at x = -10.0 cm, y = 10.0 cm" in out
+    assert "let it go" in out
+    (run,) = homed.runs()
+    meta = run.meta
+    assert (meta["source"], meta["outcome"], meta["table"]) == ("measured", "completed", "remote")
+    assert not (run.folder / "truth.json").exists()
+    assert meta["loop"]["jitter"]["ticks"] >= len(run.log) > 3000
+    assert meta["link"]["clock"]["exchanges"] > 1000
+    assert abs(meta["link"]["clock"]["offset_s"]) < 2e-3  # one machine, one clock
+    x, y = run.log["ball_x_m"], run.log["ball_y_m"]
+    last = np.isfinite(x) & (run.log["t_s"] > run.log["t_s"][-1] - 1.0)
+    assert np.hypot(x[last], y[last]).max() < 0.03  # it was balanced
+    assert homed.volts()[-1, 1:].tolist() == [0.0, 0.0]
+    results = json.loads((homed.out / "results.json").read_text())
+    assert results["source"] == "measured"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_at_zero_volts_with_its_reason(homed: Lab, number: signal.Signals):
+    child, folder = running(homed, 60.0 + number, "without")
+    child.send_signal(number)
+    _, error = child.communicate(timeout=30)
+    assert child.returncode == 128 + number, error
+    assert "Traceback" not in error
+    meta = read_run(folder).meta
+    assert meta["outcome"] == "interrupted"
+    assert signal.Signals(number).name in meta["reason"] or "operator" in meta["reason"]
+    assert "link" in meta
+    time.sleep(0.1)
+    assert homed.volts()[-1, 1:].tolist() == [0.0, 0.0]
+
+
+def test_a_program_that_is_killed_leaves_the_table_at_zero_volts(homed: Lab):
+    child, folder = running(homed, 61.0, "with")
+    child.send_signal(signal.SIGKILL)
+    killed_s = time.monotonic()
+    child.communicate(timeout=30)
+    time.sleep(max(0.0, killed_s + 1.5 - time.monotonic()))
+    rows = homed.volts()
+    assert rows[-1, 1:].tolist() == [0.0, 0.0]
+    assert rows[-1, 0] < killed_s + 0.1 + 0.6 + 0.3  # silent, level for 0.6 s, a busy machine
+    assert read_run(folder).meta["outcome"] is None  # as a kill leaves it: rig recover
+
+
+def test_a_served_table_that_hangs_is_named_and_another_power_up_wants_homing(homed: Lab):
+    child, folder = running(homed, 63.0, "with")
+    os.kill(homed.process.pid, signal.SIGSTOP)
+    try:
+        out, error = child.communicate(timeout=30)
+    finally:
+        os.kill(homed.process.pid, signal.SIGCONT)
+    assert child.returncode == 1, (out, error)
+    meta = read_run(folder).meta
+    assert "silent for 90 ms" in meta["reason"]
+    assert "remote table 127.0.0.1" in meta["reason"]
+    time.sleep(1.0)
+    assert homed.volts()[-1, 1:].tolist() == [0.0, 0.0]
+    kept = homed.rig.with_suffix(".home.json")
+    before = kept.read_text()
+    kept.write_text(json.dumps(json.loads(before) | {"boot_id": "id 00"}))
+    try:
+        code, out, error = homed.call(
+            "run", homed.protocol(5.0), "--out", str(homed.out / "b"), "--arm", "with", "--yes"
+        )
+    finally:
+        kept.write_text(before)
+    assert code == 1
+    assert "switched off or reset since its homing" in out + error

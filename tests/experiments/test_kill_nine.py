@@ -1,0 +1,49 @@
+"""A recording beside a paced loop, killed or out of room: what was recorded is there."""
+
+import random
+import signal
+from pathlib import Path
+
+import pytest
+from killed_program import kill_after, opened_by_mcap, start, wait_for, whole
+
+from experiments.recording import read_run
+
+POSIX = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="kill -9 is of POSIX")
+
+
+@POSIX
+def test_kill_9_at_random_moments_takes_at_most_a_fifth_of_a_second(tmp_path: Path):
+    """Three of the fifty of tests/benchmarks/kill_nine.py."""
+    for k, seconds in enumerate((0.0, random.uniform(0.0, 0.5), random.uniform(0.0, 1.0))):
+        kill_after(tmp_path / str(k), seconds)
+
+
+@POSIX
+def test_no_more_room_ends_the_run_with_its_reason_and_all_rows(tmp_path: Path):
+    program, _ = start(tmp_path / "run", "150000")
+    _, words = program.communicate(timeout=150)
+    assert program.returncode == 1
+    assert "free disk space" in words
+    run = read_run(tmp_path / "run")
+    assert run.meta["outcome"] == "aborted"
+    assert "recording failed" in run.meta["reason"]
+    assert run.meta["rows"] == len(run.log) > 300
+    assert run.meta["loop"]["jitter"]["ticks"] > len(run.log)
+    whole(run, opened_by_mcap(tmp_path / "run"))
+
+
+@POSIX
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
+def test_a_signal_ends_the_run_and_the_recording_says_so(tmp_path: Path, name: str):
+    program, ticks = start(tmp_path / "run")
+    wait_for(program, ticks, 100)
+    program.send_signal(getattr(signal, name))
+    program.communicate(timeout=90)
+    run = read_run(tmp_path / "run")
+    assert run.meta["outcome"] == "interrupted"
+    assert run.meta["reason"] in ("SIGTERM from the system", "by the operator")
+    assert not run.meta["truncated"]
+    assert len(run.log) >= 100
+    whole(run, opened_by_mcap(tmp_path / "run", finished=True))
+    assert program.returncode == (143 if name == "SIGTERM" else -signal.SIGINT)

@@ -1,0 +1,63 @@
+"""Every mutant of the safety code dies, or stands here with the proof that it is no other code."""
+
+import sys
+from functools import partial
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+sys.path[:0] = [str(Path(__file__).parent), str(ROOT / "tests/rig")]
+
+import limiter_laws  # noqa: E402
+import suites  # noqa: E402
+import test_guard  # noqa: E402
+from mutate import survivors  # noqa: E402
+
+
+def identity(function):
+    return function
+
+
+# A part of a mutant's name, and why it is the same code.
+SAME = {
+    "age_s=0.0  [['0.0']: 0.0 -> -1]": "an age of -1 s is as fresh as one of 0 s",
+    "(rate_rad_s - rate_rad_s)  [['(wish_V": "NaN or 0 each: adding and subtracting them is alike",
+    "['allowed > 0.0']: Gt -> GtE": "0 V would be returned as 0 V",
+    "['allowed < 0.0']: Lt -> LtE": "0 V would be returned as 0 V",
+    "strict=True):  [['True']: -> False]": "what is zipped are pairs by their types",
+    "seen_s: float = -inf  [['-inf']: USub dropped]": "seen_s: read only where it is finite",
+    "theta_rad: float = 0.0": "Push(): of no meaning while its sign is 0",
+    "since_s: float = 0.0": "Push(): of no meaning while its sign is 0",
+    "theta_rad: tuple[float, float] = (0.0, 0.0)": "not read before the first reading",
+    "late_s: float = 0.0  [": "Memory(): look() always replaces it",
+}
+
+
+def unexplained(alive: list[str]) -> list[str]:
+    return [name for name in alive if not any(known in name for known in SAME)]
+
+
+def test_every_mutant_of_the_limiter_dies():
+    path = ROOT / "rig/limits.py"
+
+    def check(module) -> None:
+        limiter_laws.laws(module.limit)
+        assert (module.SLEW_V_S, module.LOOK_AHEAD_S, module.STALE_S) == (1500.0, 0.03, 0.05)
+
+    count, alive = survivors(path, check, compiled=identity)
+    assert count > 50
+    assert not unexplained(alive), "\n".join(unexplained(alive))
+
+
+GUARD_TESTS = [
+    name
+    for name in vars(test_guard)
+    if name.startswith("test_") and "healthy" not in name and "never_raises" not in name
+]
+
+
+def test_every_mutant_of_the_guard_dies():
+    names = suites.quickest_first(test_guard, GUARD_TESTS)
+    check = partial(suites.run_tests, test_guard, names=names)
+    count, alive = survivors(ROOT / "rig/guard.py", check)
+    assert count > 150
+    assert not unexplained(alive), "\n".join(unexplained(alive))

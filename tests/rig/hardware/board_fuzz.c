@@ -1,0 +1,84 @@
+/* Feeds standard input to the firmware's parser and state machine, under the sanitizers.
+ *
+ * Prints every payload that the parser finds, in hex, then the count of bad frames. Between the
+ * bytes it configures, arms and commands a board as a host would, moves its counters anyhow, and
+ * stops with an error where volts break a promise.
+ */
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "protocol.h"
+
+static uint32_t seed = 1;
+static uint32_t draw(void) { return seed = seed * 1664525u + 1013904223u; }
+static uint8_t byte(void) { return (uint8_t)(draw() >> 24); }
+
+static void send(board_t *b, uint8_t *payload, uint8_t length) {
+    uint8_t frame[LONGEST_FRAME], i, n = frame_encode(payload, length, frame);
+    board_byte(b, 0);
+    for (i = 0; i < n; i++) board_byte(b, frame[i]);
+}
+
+static void meddle(board_t *b) {
+    uint8_t p[LONGEST_PAYLOAD], i;
+    uint16_t next = (uint16_t)(b->sequence + 1);
+    for (i = 0; i < sizeof p; i++) p[i] = byte();
+    switch (byte() % 8) {
+    case 0: /* any wiring */
+        p[0] = CONFIG_REQUEST, p[1] = byte() % 8 ? PROTOCOL_VERSION : p[1];
+        send(b, p, 20);
+        break;
+    case 1: case 2:
+        p[0] = ARM;
+        for (i = 0; i < 4; i++) p[1 + i] = (uint8_t)(b->token >> (8 * i));
+        send(b, p, 7);
+        break;
+    case 3:
+        if (byte() % 16 == 0) p[0] = DISARM, send(b, p, 1);
+        break;
+    default: /* any volts */
+        p[0] = COMMAND, p[1] = (uint8_t)next, p[2] = (uint8_t)(next >> 8);
+        send(b, p, 8);
+    }
+}
+
+static void check(const board_t *b) {
+    int i;
+    int32_t most = b->state == IS_ARMED ? b->limit_mV : b->state == IS_LEVELLING ? 3000 : 0;
+    if (b->state == IS_ARMED && !(b->wired & WIRED_HOMED) && most > 1500) most = 1500;
+    if (most > LIMIT_MV) most = LIMIT_MV;
+    for (i = 0; i < 2; i++)
+        if (b->applied_mV[i] > most || b->applied_mV[i] < -most) {
+            fprintf(stderr, "%d mV in state %d, at most %d\n", b->applied_mV[i], b->state, most);
+            exit(3);
+        }
+    if (b->age_ms > WATCHDOG_MS && b->commanded && b->state == IS_ARMED) {
+        fprintf(stderr, "armed without a fresh command for %d ms\n", b->age_ms);
+        exit(4);
+    }
+}
+
+int main(void) {
+    static board_t b;
+    parser_t parser = {{0}, 0, 0};
+    uint8_t payload[LONGEST_FRAME], frame[LONGEST_FRAME], length, i;
+    int c, n = 0;
+    board_init(&b, 12000, 1);
+    while ((c = getchar()) != EOF) {
+        length = parser_byte(&parser, (uint8_t)c, payload);
+        for (i = 0; i < length; i++) printf("%02x", payload[i]);
+        if (length) printf("\n");
+        board_byte(&b, (uint8_t)c);
+        if (++n % 16 == 0) {
+            if (byte() % 2) meddle(&b);
+            b.counts[0] += (int32_t)(draw() >> 28) - 8;
+            b.counts[1] = byte() % 64 ? b.counts[1] : (int32_t)draw();
+            b.clock_us += 1000;
+            board_tick(&b);
+            check(&b);
+            while (board_frame(&b, frame)) {}
+        }
+    }
+    printf("bad %d\n", parser.bad_frames);
+    return 0;
+}

@@ -1,0 +1,127 @@
+"""The firmware's own protocol.c, built for this machine: a board without a chip."""
+
+import ctypes
+import shutil
+import subprocess
+import tempfile
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+FIRMWARE = Path(__file__).parents[3] / "rig/firmware"
+SUPPLY_V = 12.0
+_BUILT = tempfile.TemporaryDirectory(prefix="board")
+
+# What protocol.h keeps to itself is opaque here; these few calls are all that is needed.
+_GLUE = """
+#include "protocol.h"
+#include <stdlib.h>
+board_t *glue_new(int tachometer) {
+    board_t *b = malloc(sizeof *b);
+    if (b) board_init(b, 12000, (uint8_t)tachometer);
+    return b;
+}
+void glue_free(board_t *b) { free(b); }
+void glue_receive(board_t *b, const uint8_t *data, int n) {
+    while (n--) board_byte(b, *data++);
+}
+int glue_tick(board_t *b, int c0, int c1, int t0, int t1, uint8_t *out, int16_t *mV) {
+    int n = 0, length;
+    b->counts[0] = c0, b->counts[1] = c1;
+    b->tachometer_mV[0] = (int16_t)t0, b->tachometer_mV[1] = (int16_t)t1;
+    b->clock_us += 1000;
+    board_tick(b);
+    while ((length = board_frame(b, out + n)) > 0) n += length;
+    mV[0] = b->applied_mV[0], mV[1] = b->applied_mV[1];
+    return n;
+}
+int glue_parse(const uint8_t *data, int n, uint8_t *out) { /* payloads, each after its length */
+    parser_t p = {{0}, 0, 0};
+    int used = 0;
+    while (n--) {
+        uint8_t length = parser_byte(&p, *data++, out + used + 1);
+        if (length) out[used] = length, used += length + 1;
+    }
+    return used << 8 | p.bad_frames;
+}
+"""
+
+
+@cache
+def library(*changes: str) -> ctypes.CDLL:
+    """protocol.c as a shared library; skips the test loudly where there is no C compiler.
+
+    changes: compiler's options that spoil it on purpose, to see whether a test notices.
+    """
+    compiler = shutil.which("cc") or shutil.which("gcc")
+    if compiler is None:
+        pytest.skip("NO C COMPILER (apt install gcc): the firmware's protocol is NOT tested")
+    folder = Path(_BUILT.name) / "_".join(["protocol", *changes])
+    folder.mkdir()
+    (folder / "glue.c").write_text(_GLUE)
+    sources = [folder / "glue.c", FIRMWARE / "protocol.c"]
+    subprocess.run(
+        [
+            compiler,
+            "-shared",
+            "-fPIC",
+            "-O2",
+            f"-I{FIRMWARE}",
+            *changes,
+            *sources,
+            "-o",
+            folder / "b.so",
+        ],
+        check=True,
+    )
+    found = ctypes.CDLL(str(folder / "b.so"))
+    found.glue_new.restype = ctypes.c_void_p
+    return found
+
+
+class HostBoard:
+    """A board as `world.World` takes it: bytes in and out, a millisecond, volts."""
+
+    def __init__(self, *changes: str, tachometer: bool = False) -> None:
+        self._c, self._tachometer = library(*changes), tachometer
+        self._out = ctypes.create_string_buffer(256)
+        self._mV = (ctypes.c_int16 * 2)()
+        self._sent = bytearray()
+        self._board = ctypes.c_void_p(self._c.glue_new(int(tachometer)))
+
+    def receive(self, data: bytes) -> None:
+        self._c.glue_receive(self._board, data, len(data))
+
+    def run_ms(self, counts: tuple[int, int], tachometer_V=(0.0, 0.0), *, pace=1.0) -> None:
+        millivolts = (round(1000 * v) for v in tachometer_V)
+        n = self._c.glue_tick(self._board, *counts, *millivolts, self._out, self._mV)
+        self._sent += self._out.raw[:n]
+
+    def take(self) -> bytes:
+        sent = bytes(self._sent)
+        self._sent.clear()
+        return sent
+
+    def volts(self) -> tuple[float, float]:
+        return self._mV[0] / 1000, self._mV[1] / 1000
+
+    def reset(self) -> None:
+        self.close()
+        self._board = ctypes.c_void_p(self._c.glue_new(int(self._tachometer)))
+        self._mV[0] = self._mV[1] = 0
+        self._sent.clear()
+
+    def close(self) -> None:
+        self._c.glue_free(self._board)
+
+
+def parse(data: bytes) -> tuple[list[bytes], int]:
+    """Payloads that protocol.c's parser finds, and its count of bad frames modulo 256."""
+    out = ctypes.create_string_buffer(2 * len(data) + 128)
+    answer = library().glue_parse(data, len(data), out)
+    used, payloads, raw, i = answer >> 8, [], out.raw, 0
+    while i < used:
+        payloads.append(raw[i + 1 : i + 1 + raw[i]])
+        i += raw[i] + 1
+    return payloads, answer & 0xFF

@@ -1,0 +1,145 @@
+"""A table served by a thread of this process, and a connection that can be cut or held up."""
+
+import functools
+import os
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+import numpy as np
+
+from rig.hardware.link import LinkLost
+from rig.hardware.remote import RemoteTable
+from rig.hardware.serve import Server
+from rig.hardware.wiring import Wiring
+from rig.paced import Paced
+from rig.parameters import Rig
+from rig.simulator import SimulatedTable
+
+TOKEN = b"0123456789abcdef0123456789abcdef"
+
+
+def patiently(test):
+    """A busy machine may halt any process for 100 ms, which is a dead link by definition: such a
+    test is tried three times. What is wrong fails each time."""
+
+    @functools.wraps(test)
+    def run(*arguments, **named):
+        for left in (2, 1, 0):
+            try:
+                return test(*arguments, **named)
+            except (LinkLost, AssertionError):
+                if not left:
+                    raise
+
+    return run
+
+
+@contextmanager
+def realtime() -> Iterator[None]:
+    """Real-time priority for this thread and those it starts, where it is allowed."""
+    if not hasattr(os, "sched_setscheduler"):
+        yield
+        return
+    with suppress(OSError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(10))
+    try:
+        yield
+    finally:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
+class Served:
+    """The server's side: its table, its guard, what it said."""
+
+    def __init__(self, rig: Rig, table: SimulatedTable) -> None:
+        self.table, self.said = table, []
+        self.server = Server(
+            Paced(table), TOKEN, counts_per_rev=rig.servo.encoder_counts_per_rev,
+            angle_limit_rad=rig.servo.angle_limit_rad, port=0, say=self.said.append,
+        )  # fmt: skip
+        self.error: BaseException | None = None
+        self.volts: list[tuple[float, tuple[float, float]]] = []
+        self._done = threading.Event()
+        self._opened: list[RemoteTable] = []
+        self.stopped = threading.Event()  # like SIGSTOP for the server
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        def until() -> bool:
+            self.volts.append((time.monotonic(), self.table.volts_V))
+            while self.stopped.is_set():
+                time.sleep(0.01)
+            return self._done.is_set()
+
+        try:
+            with self.server:
+                self.server.run(until)
+        except Exception as error:
+            self.error = error
+
+    def open(self, *, token: bytes = TOKEN, wiring: Wiring | None = None, **more) -> RemoteTable:
+        port = more.pop("port", self.server.port)
+        table = RemoteTable("127.0.0.1", port, token, wiring or Wiring(), **more)
+        self._opened.append(table)
+        return table
+
+    def end(self) -> None:
+        for table in self._opened:
+            table.close()
+        self.stopped.clear()
+        self._done.set()
+        self._thread.join(5)
+
+
+@contextmanager
+def served(rig: Rig, **settings) -> Iterator[Served]:
+    table = SimulatedTable(rig, np.random.default_rng(1), **settings)
+    one = Served(rig, table)
+    try:
+        yield one
+    finally:
+        one.end()
+
+
+class Cable:
+    """Forwards a connection byte by byte; `cut` drops it, `hold` keeps everything back."""
+
+    def __init__(self, port: int) -> None:
+        self._door = socket.create_server(("127.0.0.1", 0))
+        self.port = self._door.getsockname()[1]
+        self._target, self.hold, self._ends = port, threading.Event(), []
+        self.change = lambda data, up: data
+        threading.Thread(target=self._work, daemon=True).start()
+
+    def __enter__(self) -> "Cable":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.cut()
+
+    def _work(self) -> None:
+        near, _ = self._door.accept()
+        far = socket.create_connection(("127.0.0.1", self._target))
+        self._ends = [near, far]
+        for source, sink, up in ((near, far, True), (far, near, False)):
+            threading.Thread(target=self._carry, args=(source, sink, up), daemon=True).start()
+
+    def _carry(self, source: socket.socket, sink: socket.socket, up: bool) -> None:
+        try:
+            while data := source.recv(4096):
+                while self.hold.is_set():
+                    time.sleep(0.005)
+                sink.sendall(self.change(data, up))
+        except OSError:
+            pass
+
+    def cut(self) -> None:
+        for end in self._ends:
+            with suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+            end.close()
+        self._door.close()

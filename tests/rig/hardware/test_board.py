@@ -1,0 +1,527 @@
+"""What the board does by itself, and what its driver makes of it; all in lock step."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from board_host import HostBoard
+from board_world import World, WorldLink, table_on
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rig.hardware import wire
+from rig.hardware.board import TACHOMETER_RAD_S_V, BoardStopped, BoardTable
+from rig.hardware.link import LinkLost
+from rig.hardware.wire import Arm, Command, ConfigAnswer, ConfigRequest, Disarm, Parser, Telemetry
+from rig.hardware.wiring import Wiring
+from rig.parameters import Rig
+
+LIMIT = 341  # counts of 30 degrees
+SIGNS = st.tuples(st.sampled_from([-1, 1]), st.sampled_from([-1, 1]))
+COUNTS = st.tuples(st.integers(-1000, 1000), st.integers(-1000, 1000))
+WIRINGS = st.builds(
+    Wiring, swap=st.booleans(), sign_volts=SIGNS, sign_angle=SIGNS, zero_counts=COUNTS,
+    crossed=st.booleans(),
+)  # fmt: skip
+
+
+class Bench:
+    """protocol.c on the bench: packets in, a millisecond at a time."""
+
+    def __init__(self, *, homed: bool = True, armed: bool = True, zeros=(0, 0)) -> None:
+        self.board, self.parser, self.counts = HostBoard(), Parser(), zeros
+        self.newest = Telemetry(0, 0, 0, 0, 0, 0, 0, 0)
+        self.sequence = 500
+        self.request = ConfigRequest(1, 7, 1, int(homed), *zeros, 4096, LIMIT, 6000)
+        self.configure()
+        if armed:
+            self.send(Arm(self.token, self.sequence))
+            self.run(1)
+
+    def configure(self) -> None:
+        self.send(self.request)
+        self.token = next(p.token for p in self.run(1) if isinstance(p, ConfigAnswer))
+
+    def send(self, packet) -> None:
+        self.board.receive(wire.encode(packet))
+
+    def command(self, x: float, y: float = 0.0, *, ttl_ms: int = 20, step: int = 1) -> None:
+        self.sequence = (self.sequence + step) % 65536
+        self.send(Command(self.sequence, ttl_ms, round(1000 * x), round(1000 * y)))
+
+    def run(self, ms: int) -> list:
+        found = []
+        for _ in range(ms):
+            self.board.run_ms(self.counts)
+            found += self.parser.feed(self.board.take())
+        for packet in found:
+            self.newest = packet if isinstance(packet, Telemetry) else self.newest
+        return found
+
+    def has(self, *flags: int) -> bool:
+        return all(self.newest.flags & flag for flag in flags)
+
+
+# --- the board ---
+def test_it_boots_quiet_and_disarmed():
+    board = HostBoard()
+    board.receive(wire.encode(Command(1, 100, 3000, 3000)))
+    for _ in range(100):
+        board.run_ms((0, 0))
+        assert board.volts() == (0.0, 0.0)
+    assert board.take() == b""
+
+
+def test_it_arms_once_and_only_with_its_token():
+    bench = Bench(armed=False)
+    for token in (0, bench.token + 1, bench.token ^ 0x80000000):
+        bench.send(Arm(token, 0))
+        bench.run(1)
+        assert not bench.has(wire.ARMED)
+    bench.send(Arm(bench.token, 0))
+    bench.run(1)
+    assert bench.has(wire.ARMED)
+    bench.send(Disarm())
+    bench.send(Arm(bench.token, 0))
+    bench.run(1)
+    assert not bench.has(wire.ARMED)
+
+
+def test_silence_levels_after_100_ms_then_0_volts_then_latched():
+    bench = Bench()
+    bench.counts = (60, -50)
+    bench.run(10)  # at rest there
+    bench.command(2.0, -2.0, ttl_ms=20)
+    volts = []
+    for _ in range(700):
+        bench.run(1)
+        volts.append(bench.board.volts())
+    volts = np.array(volts)
+    assert np.all(volts[:20] == (2.0, -2.0))  # its time to live
+    assert np.all(volts[20:99] == 0.0)
+    assert np.all(volts[100:590, 0] < -1.0)  # level lies the other way
+    assert np.all(volts[100:590, 1] > 0.5)
+    assert np.all(np.abs(volts) <= 3.0)
+    assert np.all(volts[601:] == 0.0)
+    assert bench.has(wire.LATCHED, wire.BY_WATCHDOG)
+    bench.command(3.0)
+    bench.send(Arm(bench.token, 0))
+    bench.run(2)
+    assert bench.board.volts() == (0.0, 0.0)
+    assert bench.has(wire.LATCHED)
+    bench.configure()  # a host that asks anew may arm anew
+    bench.send(Arm(bench.token, 0))
+    bench.run(1)
+    assert bench.has(wire.ARMED)
+    assert not bench.has(wire.LATCHED)
+
+
+def test_old_and_doubled_commands_move_nothing_and_feed_no_watchdog():
+    bench = Bench()
+    bench.command(1.0)
+    bench.run(5)
+    for _ in range(200):
+        for step in (0, -1, -300):
+            bench.send(Command((bench.sequence + step) % 65536, 100, 5000, 5000))
+        bench.run(1)
+        assert abs(bench.board.volts()[0]) <= 1.0
+    assert bench.has(wire.BY_WATCHDOG)
+
+
+def test_sequence_numbers_wrap():
+    bench = Bench()
+    for k in range(70):
+        bench.command(0.01 * k, step=1000)
+        bench.run(1)
+        assert bench.board.volts()[0] == pytest.approx(0.01 * k)
+
+
+def test_the_newest_command_wins():
+    bench = Bench()
+    bench.command(1.0)
+    bench.command(-2.0, 0.5)
+    bench.run(1)
+    assert bench.board.volts() == (-2.0, 0.5)
+
+
+@pytest.mark.parametrize(("homed", "most"), [(True, 6.0), (False, 1.5)])
+def test_volts_are_limited_on_the_board(homed: bool, most: float):
+    bench = Bench(homed=homed)
+    bench.command(30.0, -30.0)
+    bench.run(1)
+    assert bench.board.volts() == (most, -most)
+    assert bench.has(wire.LIMITED)
+
+
+def test_without_a_zero_it_does_not_level():
+    bench = Bench(homed=False)
+    bench.counts = (200, 200)
+    bench.command(1.0)
+    bench.run(150)
+    assert bench.has(wire.LEVELLING)
+    assert bench.board.volts() == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_beyond_the_limit_only_volts_that_lead_back_pass(sign: int):
+    bench = Bench(zeros=(900, 900))
+    bench.counts = (900 + sign * (LIMIT + 16), 900)
+    bench.run(10)
+    bench.command(3.0 * sign, 1.0)
+    bench.run(1)
+    assert bench.board.volts() == (0.0, 1.0)
+    bench.command(-3.0 * sign)
+    bench.run(1)
+    assert bench.board.volts()[0] == -3.0 * sign
+
+
+def test_far_beyond_the_limit_it_levels_and_latches():
+    bench = Bench()
+    bench.counts = (0, LIMIT + 60)
+    bench.run(2)
+    assert bench.has(wire.LEVELLING, wire.BY_ANGLE)
+    assert bench.board.volts()[1] == -3.0
+    bench.run(500)
+    assert bench.has(wire.LATCHED)
+    assert bench.board.volts() == (0.0, 0.0)
+
+
+def test_a_stalled_motor_is_let_go():
+    bench = Bench()
+    for k in range(400):
+        bench.command(2.5)
+        bench.counts = (k % 3, 0)
+        bench.run(1)
+    assert bench.has(wire.LATCHED, wire.BY_STALL)
+    assert bench.board.volts() == (0.0, 0.0)
+
+
+def test_a_moving_or_gently_driven_motor_is_not_stalled():
+    bench = Bench()
+    for k in range(600):
+        bench.command(2.5 if k < 300 else -2.5, 1.9)
+        bench.counts = ((k if k < 300 else 600 - k) // 10, 0)
+        bench.run(1)
+    assert bench.has(wire.ARMED)
+
+
+def test_armed_and_never_commanded_it_waits_5_seconds_at_0_volts():
+    bench = Bench()
+    bench.run(4990)
+    assert bench.has(wire.ARMED)
+    assert bench.board.volts() == (0.0, 0.0)
+    bench.run(20)
+    assert not bench.has(wire.ARMED)
+
+
+def test_a_configuration_does_not_disturb_an_armed_board():
+    bench = Bench()
+    bench.command(1.0)
+    bench.send(replace(bench.request, counts_per_rev=100, zero_0=5000))
+    assert not any(isinstance(p, ConfigAnswer) for p in bench.run(2))
+    assert bench.board.volts()[0] == 1.0
+
+
+@pytest.mark.parametrize("volts", [6.0, -6.0])
+@pytest.mark.parametrize("wiring", [Wiring(), Wiring(swap=True, sign_volts=(-1, 1), crossed=True)])
+def test_a_mad_host_cannot_drive_the_plate_beyond_its_limit(volts: float, wiring: Wiring):
+    world = World(HostBoard(), Rig(), wiring=wiring)
+    table, worst = table_on(world), 0.0
+    table.arm()
+    for _ in range(600):
+        table.read()
+        table.drive((volts, -volts))
+        worst = max(worst, *map(abs, world.arms_rad))
+    assert 0.3 < worst < Rig().servo.angle_limit_rad + 0.04
+
+
+@pytest.mark.parametrize("encoder", [0, 1])
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_fast_arm_is_braked_before_its_limit(encoder: int, sign: int):
+    """3 counts a ms are 96 in the 32 ms that it looks ahead; 14 counts of slack are allowed."""
+    bench, volts = Bench(), {}
+
+    def at(place: int) -> float:
+        bench.counts = (sign * place, 0) if encoder == 0 else (0, sign * place)
+        bench.command(*((sign, 0.0) if encoder == 0 else (0.0, sign)))
+        bench.run(1)
+        return sign * bench.board.volts()[encoder]
+
+    volts = {place: at(place) for place in range(1, 320, 3)}
+    assert all(v == 1.0 for place, v in volts.items() if place + 96 <= LIMIT + 14)
+    assert all(v == -3.0 for place, v in volts.items() if place + 96 > LIMIT + 14)
+    assert LIMIT + 14 - 96 in volts
+    for place in range(360, 357, -1):  # beyond and on its way back
+        at(place)
+    assert [at(place) for place in range(365, 356, -3)][-1] in (0.0, -3.0)
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_beyond_the_limit_and_on_its_way_back_outward_volts_wait(sign: int):
+    bench = Bench()
+    for place in range(400, 355, -3):
+        bench.counts = (0, sign * min(place, LIMIT + 50))
+        bench.command(0.0, 1.0 * sign)
+        bench.run(1)
+    assert bench.board.volts()[1] == 0.0
+    bench.command(0.0, -1.0 * sign)
+    bench.run(1)
+    assert bench.board.volts()[1] == -1.0 * sign
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize(("beyond", "moved", "expected"), [(0, 0, 1), (1, 0, 0), (1, 1, -3)])
+def test_the_limit_itself_still_passes(beyond: int, moved: int, expected: int, sign: int):
+    """At rest on the limit's last count volts pass; one further none; creeping out it brakes."""
+    bench = Bench()
+    bench.counts = (sign * (LIMIT + 14 + beyond - moved), 0)
+    bench.run(20)
+    bench.counts = (sign * (LIMIT + 14 + beyond), 0)
+    bench.command(1.0 * sign)
+    bench.run(1)
+    assert sign * bench.board.volts()[0] == expected
+
+
+@pytest.mark.parametrize("beyond", [0, 1])
+def test_the_angle_that_ends_a_run_is_exact(beyond: int):
+    bench = Bench()
+    for sign in (-1, 1):
+        bench = Bench()
+        bench.counts = (sign * (LIMIT + LIMIT // 6 + beyond), 0)
+        bench.run(3)
+        assert bench.has(wire.LEVELLING) == bool(beyond)
+
+
+@pytest.mark.parametrize("phase", [0, 1])
+@pytest.mark.parametrize(
+    ("volts", "moves", "stalls"),
+    [(2.0, 3, True), (-2.0, 3, True), (2.0, 4, False), (-2.0, 4, False), (1.999, 0, False)],
+)
+def test_stall_is_2_volts_for_300_ms_and_no_more_than_3_counts(phase, volts, moves, stalls):
+    bench, told = Bench(zeros=(200, 0)), []
+    bench.run(10)  # at rest
+    for k in range(400):
+        bench.command(volts)
+        bench.counts = (200 + moves * ((k + phase) % 2), 0)
+        bench.run(1)
+        told.append(bench.has(wire.BY_STALL))
+    assert told[-1] == stalls
+    assert not stalls or told.index(True) == 301  # a tick until it counts, one that begins
+
+
+def test_volts_that_turn_are_no_stall():
+    bench = Bench()
+    for k in range(600):
+        bench.command(2.5 if k // 100 % 2 else -2.5)
+        bench.run(1)
+    assert bench.has(wire.ARMED)
+
+
+def test_the_times_of_the_watchdog_are_exact():
+    for silent_ms, levels in ((99, False), (100, True)):
+        bench = Bench()
+        bench.command(1.0, ttl_ms=255)
+        bench.run(1)
+        bench.run(silent_ms - 1)
+        assert bench.has(wire.LEVELLING) == levels
+    bench.run(499)
+    assert bench.has(wire.LEVELLING)
+    bench.run(1)
+    assert bench.has(wire.LATCHED)
+    unused = Bench()
+    unused.run(4998)
+    assert unused.has(wire.ARMED)
+    unused.run(1)
+    assert unused.has(wire.LEVELLING, wire.BY_WATCHDOG)
+
+
+def test_a_request_that_it_cannot_fulfil_leaves_it_unconfigured():
+    for change in ({"version": 2}, {"counts_per_rev": 63}):
+        bench = Bench(armed=False)
+        bench.request = replace(bench.request, **change)
+        bench.configure()
+        bench.send(Arm(bench.token, 0))
+        bench.run(2)
+        assert not bench.has(wire.ARMED)
+    bench.request = replace(bench.request, counts_per_rev=64, version=1, limit_mV=6001)
+    bench.configure()
+    bench.send(Arm(bench.token, bench.sequence))
+    bench.command(9.0, -3.0)
+    bench.run(1)
+    assert bench.has(wire.ARMED)
+    assert bench.board.volts() == (6.0, -3.0)  # never more than its own
+
+
+def test_telemetry_comes_at_the_period_asked():
+    for asked, period_ms in ((1, 1), (5, 5), (0, 1)):
+        bench = Bench(armed=False)
+        bench.request = replace(bench.request, period_ms=asked)
+        bench.configure()
+        stamps = [p.clock_us for p in bench.run(50) if isinstance(p, Telemetry)]
+        assert np.all(np.diff(stamps) == 1000 * period_ms)
+        assert len(stamps) >= 9
+
+
+# --- the wiring ---
+@given(WIRINGS, st.tuples(st.floats(-6, 6), st.floats(-6, 6)), COUNTS)
+def test_wiring_goes_there_and_back(wiring: Wiring, volts, counts):
+    assert wiring.from_board(wiring.to_board(volts)) == volts
+    assert wiring.counts(wiring.angles(counts)) == counts
+
+
+@given(WIRINGS)
+def test_polarity_is_what_volts_do_to_counts(wiring: Wiring):
+    """Raise axis x by a volt at the board: the encoder that counts x moves by the polarity."""
+    moved = np.subtract(wiring.counts((0.1, 0.0)), wiring.counts((0.0, 0.0)))
+    encoder = int(np.flatnonzero(moved)[0])
+    motor = int(np.flatnonzero(wiring.to_board((1.0, 0.0)))[0])
+    assert motor == (1 - encoder if wiring.crossed else encoder)
+    rise = np.sign(moved[encoder]) * wiring.to_board((1.0, 0.0))[motor]
+    assert wiring.polarities()[encoder] == rise
+
+
+@pytest.mark.parametrize("bad", [{"sign_volts": (1, 0)}, {"counts_per_rev": 12}])
+def test_impossible_wiring_is_refused(bad):
+    with pytest.raises(ValueError, match="wiring"):
+        Wiring(**bad)
+
+
+# --- the driver ---
+class AnotherVersion(HostBoard):
+    """A board flashed long ago."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._parser = Parser()
+
+    def receive(self, data: bytes) -> None:
+        for packet in self._parser.feed(data):
+            if isinstance(packet, ConfigRequest):
+                answer = ConfigAnswer(9, packet.nonce, 1, 0, 2, 12000, 6000, 0)
+                self._sent += wire.encode(answer)
+
+
+def test_another_version_is_refused_with_its_cure():
+    link = WorldLink(World(AnotherVersion(), Rig()))
+    with pytest.raises(LinkLost, match=r"speaks version 9 .* flash"):
+        BoardTable(link, clock=link.clock)
+    assert link.closed
+
+
+def test_volts_need_an_armed_board():
+    table = table_on(World(HostBoard(), Rig()))
+    table.read()
+    table.drive((0.0, 0.0))
+    with pytest.raises(ValueError, match="not armed"):
+        table.drive((1.0, 0.0))
+    with pytest.raises(ValueError, match="finite"):
+        table.drive((float("nan"), 0.0))
+
+
+@pytest.mark.parametrize("period_s", [0.0, 0.0015, 0.1])
+def test_a_period_that_no_board_ticks_is_refused(period_s: float):
+    with pytest.raises(ValueError, match="whole milliseconds"):
+        table_on(World(HostBoard(), Rig()), period_s=period_s)
+
+
+def test_a_reset_board_is_silent_and_lost():
+    world = World(HostBoard(), Rig())
+    assert table_on(world).is_fresh
+    table = table_on(world)
+    assert not table.is_fresh
+
+    def work() -> None:
+        with table:
+            for k in range(200):
+                table.read()
+                table.drive((1.0, 1.0))
+                if k == 50:
+                    world.board.reset()
+
+    with pytest.raises(LinkLost, match="silent for 80 ms"):
+        work()
+    assert world.volts == (0.0, 0.0)
+    assert table_on(world).is_fresh  # its zero is lost
+
+
+def test_a_deaf_board_is_lost():
+    world = World(HostBoard(), Rig())
+    table = table_on(world)
+    table.arm()
+    world.board.receive = lambda data: None
+
+    def work() -> None:
+        while world.now_s < 2.0:
+            table.read()
+            table.drive((1.0, 0.0))
+
+    with pytest.raises(LinkLost, match="deaf for 80 ms"):
+        work()
+
+
+def test_a_stopped_board_says_why_and_levels_in_peace():
+    world = World(HostBoard(), Rig())
+
+    def work() -> None:
+        with table_on(world) as table:
+            table.read()
+            table.drive((2.0, 2.0))
+            world.run(0.15)
+            table.read()
+
+    with pytest.raises(BoardStopped, match="had no command for 100 ms"):
+        work()
+    world.run(0.6)
+    assert world.volts == (0.0, 0.0)
+    assert np.all(np.abs(world.arms_rad) < 0.03)
+
+
+def test_tachometers_reach_the_reading():
+    class Scaled(World):
+        def step(self) -> None:
+            super().step()
+            self._speeds = tuple(v / TACHOMETER_RAD_S_V for v in self._speeds)
+
+    world = Scaled(HostBoard(tachometer=True), Rig(), tachometer=True)
+    table, fastest = table_on(world), 0.0
+    table.arm()
+    for _ in range(100):
+        reading = table.read()
+        table.drive((2.0, 0.0))
+        assert reading.motor_speed_rad_s is not None
+        fastest = max(fastest, reading.motor_speed_rad_s[0])
+    assert fastest == pytest.approx(2.0 * Rig().servo.gain_rad_s_V, rel=0.1)
+    assert table_on(World(HostBoard(), Rig())).read().motor_speed_rad_s is None
+
+
+def test_the_boards_clock_may_wrap():
+    world = World(HostBoard(), Rig())
+    link, sent = WorldLink(world), world.board.take
+
+    def shifted() -> bytes:
+        packets = Parser().feed(sent())
+        late = [(p.clock_us + 2**32 - 500_000) % 2**32 for p in packets]
+        return b"".join(
+            wire.encode(replace(p, clock_us=t)) for p, t in zip(packets, late, strict=True)
+        )
+
+    world.board.take = shifted
+    table = BoardTable(link, clock=link.clock)
+    times = [table.read().t_s for _ in range(1000)]
+    assert np.diff(times) == pytest.approx(0.002, abs=1e-6)
+    assert table.ticks_missed == 0
+
+
+def test_doubled_and_overtaken_telemetry_is_not_read_again():
+    world = World(HostBoard(), Rig())
+    link, take, old = WorldLink(world), world.board.take, [b""]
+
+    def doubled() -> bytes:
+        data, old[0] = take() + old[0], old[0]
+        old[0] = data[-29:] if data else old[0]
+        return data
+
+    world.board.take = doubled
+    table = BoardTable(link, clock=link.clock)
+    times = [table.read().t_s for _ in range(200)]
+    assert np.diff(times) == pytest.approx(0.002, abs=1e-6)

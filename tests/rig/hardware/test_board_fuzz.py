@@ -1,0 +1,78 @@
+"""The parser in C and the one in Python agree, whatever comes; the state machine keeps its word."""
+
+import random
+import shutil
+import struct
+import subprocess
+from dataclasses import astuple
+from pathlib import Path
+
+import pytest
+from board_host import FIRMWARE, parse
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rig.hardware.wire import KINDS, Packet, Parser, encode
+
+SANITIZERS = "-fsanitize=address,undefined"
+
+
+def payload(packet: Packet) -> bytes:
+    return bytes([packet.KIND]) + struct.pack(packet.LAYOUT, *astuple(packet))
+
+
+def in_python(data: bytes) -> tuple[list[bytes], int]:
+    parser = Parser()
+    return [payload(packet) for packet in parser.feed(data)], parser.bad_frames & 0xFF
+
+
+def rough_stream(n: int, seed: int) -> bytes:
+    """n bytes: packets, most of them damaged somehow, and noise rich in zeros and short codes."""
+    rng, out = random.Random(seed), bytearray()
+    kinds = list(KINDS.values())
+    while len(out) < n:
+        kind = rng.choice(kinds)
+        body = rng.randbytes(struct.calcsize(kind.LAYOUT))
+        frame = bytearray(encode(kind(*struct.unpack(kind.LAYOUT, body))))
+        damage = rng.randrange(8)
+        if damage == 0:
+            frame[rng.randrange(len(frame))] ^= 1 << rng.randrange(8)
+        elif damage == 1:
+            del frame[rng.randrange(len(frame)) :]
+        elif damage == 2:
+            frame = bytearray(rng.choices(range(4), k=rng.randrange(100)))
+        elif damage == 3:
+            frame = bytearray(rng.randbytes(rng.randrange(100)))
+        out += frame
+    return bytes(out[:n])
+
+
+@settings(deadline=None)  # the first call compiles
+@given(st.binary(max_size=300))
+def test_both_parsers_agree_on_any_bytes(data: bytes):
+    assert parse(data + b"\0") == in_python(data + b"\0")
+
+
+@settings(deadline=None)
+@given(st.integers(0, 2**32))
+def test_both_parsers_agree_on_rough_streams(seed: int):
+    data = rough_stream(500, seed)
+    found = in_python(data)
+    assert parse(data) == found
+
+
+def test_a_million_bytes_under_the_sanitizers(tmp_path: Path):
+    """No undefined step, no broken promise of the state machine, the same packets as in Python."""
+    if shutil.which("cc") is None:
+        pytest.skip("NO C COMPILER (apt install gcc): the firmware's parser is NOT fuzzed")
+    binary, source = tmp_path / "fuzz", Path(__file__).with_name("board_fuzz.c")
+    flags = [SANITIZERS, "-fno-sanitize-recover=all", "-O1", "-g", f"-I{FIRMWARE}"]
+    subprocess.run(["cc", *flags, source, FIRMWARE / "protocol.c", "-o", binary], check=True)
+    data = rough_stream(1_000_000, 1)
+    done = subprocess.run([binary], input=data, capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr.decode()[:500]
+    *lines, bad = done.stdout.decode().splitlines()
+    payloads, bad_frames = in_python(data)
+    assert len(payloads) > 10_000
+    assert [bytes.fromhex(line) for line in lines] == payloads
+    assert bad == f"bad {bad_frames}"

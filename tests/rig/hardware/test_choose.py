@@ -1,0 +1,85 @@
+"""From [table] to a driver; the markers' tilt that homing believes."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rig.hardware.choose import file_wiring, host_and_port, open_table, raw_wiring, usb_numbers
+from rig.hardware.link import LinkLost
+from rig.hardware.plate_tilt import MarkerTilt
+from rig.hardware.wiring import Wiring
+from rig.linkage import plate_rotation
+from rig.paced import Paced
+from rig.parameters import Rig, TableChoice
+from vision.frames import Frame
+from vision.markers import default_layout, track_pose
+from vision.synthetic import Renderer, Scene, virtual_view
+
+
+def test_wirings_of_a_rig_file():
+    table = TableChoice(swap=True, crossed=True, sign_volts=(1, -1), sign_angle=(-1, 1))
+    servo = replace(Rig().servo, encoder_counts_per_rev=2048)
+    rig = Rig(table=table, servo=servo)
+    assert file_wiring(rig) == Wiring(True, (1, -1), (-1, 1), (0, 0), 2048, True)
+    assert raw_wiring(rig) == Wiring(counts_per_rev=2048)
+
+
+@pytest.mark.parametrize(
+    ("address", "pair"),
+    [("lab:7643", ("lab", 7643)), ("10.0.0.5:1", ("10.0.0.5", 1)), ("[::1]:80", ("::1", 80))],
+)
+def test_addresses(address: str, pair: tuple[str, int]):
+    assert host_and_port(address) == pair
+
+
+@pytest.mark.parametrize("address", ["lab", "lab:", ":80", "lab:99999", "a b:3", "::1:80", "lab:0"])
+def test_what_is_no_address_is_refused(address: str):
+    with pytest.raises(ValueError, match="host:port"):
+        host_and_port(address)
+
+
+def test_usb_numbers():
+    assert usb_numbers("") == ()
+    assert usb_numbers("1209:00aF") == (0x1209, 0xAF)
+    with pytest.raises(ValueError, match="1209:0001"):
+        usb_numbers("board")
+
+
+def test_each_kind_is_opened_or_named():
+    assert isinstance(open_table(Rig()), Paced)
+    assert open_table(Rig(), homed=False).level_s == 0.0  # pyright: ignore
+    for table in (
+        TableChoice(kind="serial", port="/dev/no-such-port"),
+        TableChoice(kind="quanser"),
+    ):
+        with pytest.raises(LinkLost, match=r"no-such-port|quanser\.hardware"):
+            open_table(Rig(table=table))
+
+
+class Pictures:
+    """A source of the plate at one tilt."""
+
+    def __init__(self, tilt: tuple[float, float], n: int) -> None:
+        layout = default_layout(0.275)
+        scene = Scene(plate_side_m=0.275, layout=layout, ball_radius_m=0.02)
+        renderer = Renderer(scene, virtual_view(), np.random.default_rng(1))
+        image = renderer.render(plate_rotation(tilt), None)
+        track_pose(image, layout, virtual_view())  # compiles now, however long that takes
+        self.frames = iter([Frame(image, k / 60, k) for k in range(n)])
+
+    def __iter__(self):
+        return self.frames
+
+
+@pytest.mark.parametrize("tilt", [(0.05, 0.0), (-0.03, 0.06), (0.0, -0.09)])
+def test_markers_tell_the_plates_tilt(tilt: tuple[float, float]):
+    look = MarkerTilt(Pictures(tilt, 10), virtual_view(), default_layout(0.275))  # pyright: ignore
+    deadline = time.monotonic() + 90
+    while look.seen < 10 and time.monotonic() < deadline:
+        time.sleep(0.01)
+    seen = look(0.0)
+    look.end()
+    assert seen == pytest.approx(tilt, abs=2e-3)
+    assert look(0.1) is None  # nothing new

@@ -1,0 +1,97 @@
+"""A homing is kept and believed for the same table and power-up only."""
+
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rig.hardware.home import Homing
+from rig.hardware.homed import CLOCK_TURN_S, Homed, NotHomed, home_file, load, power_up
+from rig.hardware.wiring import Wiring
+from rig.parameters import Rig, TableChoice
+
+RIG = Rig(table=TableChoice(kind="serial", port="/dev/ttyACM0"))
+FOUND = Homing(Wiring(True, (1, -1), (-1, 1), (300, -20), crossed=True), (1.2, 1.1), (0.4, 0.5))
+
+
+def homed(boot_id: str | None) -> Homed:
+    return Homed.of(FOUND, RIG, boot_id)
+
+
+def test_it_is_read_back_as_written(tmp_path: Path):
+    path = home_file(tmp_path / "lab.toml")
+    assert path.name == "lab.home.json"
+    one = homed("id ab")
+    one.save(path)
+    assert load(path) == one
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[1]", '{"kind": "serial"}', "nonsense"])
+def test_what_is_no_homing_is_refused_with_the_cure(tmp_path: Path, text: str):
+    path = tmp_path / "rig.home.json"
+    with pytest.raises(NotHomed, match=r"not been homed.*run rig home"):
+        load(path)
+    path.write_text(text)
+    with pytest.raises(NotHomed, match=r"is no homing.*run rig home"):
+        load(path)
+
+
+def test_another_table_another_power_up_another_encoder_are_refused():
+    one = homed("id ab")
+    one.check(RIG, "id ab")
+    for other in ("id cd", None):
+        with pytest.raises(NotHomed, match="switched off or reset"):
+            one.check(RIG, other)
+    elsewhere = replace(RIG, table=replace(RIG.table, port="/dev/ttyACM1"))
+    with pytest.raises(NotHomed, match="another table"):
+        one.check(elsewhere, "id ab")
+    coarse = replace(RIG, servo=replace(RIG.servo, encoder_counts_per_rev=1024))
+    with pytest.raises(NotHomed, match="counts_per_rev"):
+        one.check(coarse, "id ab")
+
+
+def test_a_table_that_cannot_tell_is_believed_for_twelve_hours_and_inside_its_stops():
+    one, now = homed(None), datetime.now(UTC)
+    one.check(RIG, None, now + timedelta(hours=11))
+    for late in (timedelta(hours=13), timedelta(hours=-1)):
+        with pytest.raises(NotHomed, match="older than 12 hours"):
+            one.check(RIG, None, now + late)
+    one.check_angles((0.65, -0.6))
+    for lost in ((0.75, 0.0), (0.0, -14.0), (float("nan"), 0.0)):
+        with pytest.raises(NotHomed, match="beyond its stops"):
+            one.check_angles(lost)
+
+
+@dataclass
+class Newest:
+    clock_us: int
+
+
+@dataclass
+class Board:
+    newest: Newest | None
+
+
+@given(st.floats(0, 1e6), st.floats(0.0, 36000.0), st.floats(0.0, 4000.0), st.floats(-5e-5, 5e-5))
+def test_a_boards_clock_names_its_power_up(now_s, later_s, up_s, drift):
+    """The same reset, asked twice: the same moment on the host's clock, in spite of drift."""
+
+    def told(age_s: float) -> Board:
+        return Board(Newest(round(1e6 * (up_s + age_s)) % 2**32))
+
+    one = homed(power_up(told(0.0), now_s))  # pyright: ignore[reportArgumentType]
+    again = power_up(told(later_s * (1 + drift)), now_s + later_s)  # pyright: ignore
+    at = datetime.fromisoformat(one.at) + timedelta(seconds=later_s)
+    one.check(RIG, again, at)
+
+
+def test_a_board_that_was_reset_is_seen():
+    one = homed(power_up(Board(Newest(20_000_000)), 1000.0))  # pyright: ignore
+    reset = power_up(Board(Newest(3_000_000)), 1060.0)  # pyright: ignore
+    with pytest.raises(NotHomed, match="reset"):
+        one.check(RIG, reset, datetime.now(UTC) + timedelta(seconds=60))
+    assert power_up(Board(None)) is None  # pyright: ignore
+    assert CLOCK_TURN_S > 4000

@@ -1,0 +1,404 @@
+"""The remote table over real sockets: contract, secret, silence, clocks."""
+
+import socket
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from remote_bench import TOKEN, Cable, Served, patiently, realtime, served
+
+from rig.hardware import remote_wire as wire
+from rig.hardware.link import LinkLost
+from rig.hardware.link_clock import LinkClock
+from rig.hardware.remote import RemoteTable, read_token
+from rig.hardware.served import Guard
+from rig.hardware.wiring import Wiring
+from rig.parameters import Rig
+from rig.simulator import SimulatedTable
+
+CLEAN = replace(Rig(), walls=replace(Rig().walls, present=True))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _compiled():
+    table = SimulatedTable(CLEAN, np.random.default_rng(1))
+    for _ in range(20):
+        table.read()
+    with realtime():
+        yield
+
+
+def drive_for(table: RemoteTable, seconds: float, volts=(0.0, 0.0)) -> list:
+    readings = [table.read()]
+    while readings[-1].t_s - readings[0].t_s < seconds:
+        table.drive(volts)
+        readings.append(table.read())
+    return readings
+
+
+@patiently
+def test_time_increases_and_observations_follow_their_exposure():
+    with served(CLEAN) as one, one.open() as table:
+        assert (table.period_s, table.voltage_limit_V) == (0.002, 6.0)
+        readings = drive_for(table, 1.0)
+        times = np.array([r.t_s for r in readings])
+        assert times[0] == 0.0
+        assert np.all(np.diff(times) > 0)
+        # A tick is a tick on the served machine, however late it comes here.
+        assert np.median(np.diff(times)) == pytest.approx(0.002, abs=1e-4)
+        seen = [(r.t_s, r.ball.exposed_s) for r in readings if r.ball is not None]
+        assert len(seen) == pytest.approx(60, abs=8)
+        delays = [t - exposed for t, exposed in seen]
+        assert min(delays) >= CLEAN.camera.delay_s - 1e-6
+        assert readings[0].motor_speed_rad_s is not None
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize(
+    "wiring",
+    [Wiring(), Wiring(swap=True), Wiring(sign_volts=(-1, 1), sign_angle=(-1, 1))],
+    ids=["straight", "swapped", "turned"],
+)
+@patiently
+def test_signs_by_effect_and_level_on_leaving(axis: int, wiring: Wiring):
+    with served(CLEAN) as one:
+        with one.open(wiring=wiring) as table:
+            reading = table.read()
+            while abs(reading.theta_rad[axis]) < 0.15 and reading.t_s < 2.0:
+                table.drive((2.0, 0.0) if axis == 0 else (0.0, 2.0))
+                reading = table.read()
+            assert reading.theta_rad[axis] > 0.1
+            speeds = reading.motor_speed_rad_s
+            assert speeds is not None
+            assert speeds[axis] * wiring.sign_volts[axis] * wiring.sign_angle[axis] > 0.3
+        time.sleep(0.05)
+        assert one.table.volts_V == (0.0, 0.0)
+        assert np.all(np.abs(one.table.truth()["arm_rad"]) < 0.03)
+
+
+@patiently
+def test_leaving_by_an_exception_levels_too():
+    class SabotageError(Exception):
+        pass
+
+    def work(one: Served) -> None:
+        with one.open() as table:
+            drive_for(table, 0.2, (2.0, -2.0))
+            raise SabotageError
+
+    with served(CLEAN) as one:
+        with pytest.raises(SabotageError):
+            work(one)
+        time.sleep(0.05)
+        assert one.table.volts_V == (0.0, 0.0)
+        assert np.all(np.abs(one.table.truth()["arm_rad"]) < 0.03)
+
+
+@patiently
+def test_nothing_moves_before_arming_and_no_nan_is_sent():
+    with served(CLEAN) as one:
+        table = one.open()
+        drive_for(table, 0.2, (3.0, 3.0))
+        assert np.all(np.abs(one.table.truth()["arm_rad"]) < 1e-3)
+        with pytest.raises(ValueError, match="finite"):
+            table.drive((float("nan"), 0.0))
+        table.close()
+        table.close()
+
+
+@patiently
+def test_an_unhomed_table_is_moved_by_low_volts_alone_and_not_levelled():
+    with served(CLEAN) as one, one.open(homed=False) as table:
+        drive_for(table, 0.1, (6.0, 0.0))
+        assert max(abs(v[0]) for _, v in one.volts) == 3.0
+        assert table.level_s == 0.0
+
+
+@pytest.mark.parametrize("homed", [True, False])
+@patiently
+def test_a_silent_user_is_stopped_within_100_ms_and_stays_out(homed: bool):
+    with served(CLEAN) as one:
+        table = one.open(homed=homed)
+        table.arm()
+        drive_for(table, 0.15, (2.5, 0.0))
+        silent_s = time.monotonic()
+        time.sleep(0.75)
+        after = [v for t, v in one.volts if t > silent_s + 0.1 + 0.03]
+        assert max(v[0] for v in after) < 2.4  # levelling, or nothing
+        if not homed:
+            assert set(after) == {(0.0, 0.0)}, [
+                (t - silent_s, v) for t, v in one.volts if t > silent_s and any(v)
+            ][-3:]
+        else:
+            assert min(v[0] for v in after) < -0.5
+            assert abs(one.table.truth()["arm_rad"][0]) < 0.05
+        assert one.table.volts_V == (0.0, 0.0)
+        with pytest.raises(LinkLost, match="heard nothing from this program"):
+            drive_for(table, 0.2, (2.5, 0.0))
+        assert one.table.volts_V == (0.0, 0.0)
+        table.close()
+        time.sleep(0.02)
+        again = one.open(homed=homed)  # a new connection, armed anew, moves it
+        with again:
+            drive_for(again, 0.1, (2.0, 0.0))
+            assert one.table.volts_V == (2.0, 0.0)
+
+
+@patiently
+def test_a_cut_cable_and_a_stopped_server_are_named_within_100_ms():
+    with served(CLEAN) as one, Cable(one.server.port) as cable:
+        table = one.open(port=cable.port)
+        table.arm()
+        drive_for(table, 0.1, (2.0, 0.0))
+        cut_s = time.monotonic()
+        cable.cut()
+        with pytest.raises(LinkLost, match=f"remote table 127.0.0.1:{cable.port}"):
+            drive_for(table, 1.0, (2.0, 0.0))
+        assert time.monotonic() - cut_s < 0.1 + 0.03
+        table.close()
+        time.sleep(0.7)
+        assert one.table.volts_V == (0.0, 0.0)
+
+        table = one.open()
+        table.arm()
+        drive_for(table, 0.05)
+        one.stopped.set()
+        stopped_s = time.monotonic()
+        with pytest.raises(LinkLost, match="silent for 90 ms"):
+            drive_for(table, 1.0)
+        assert time.monotonic() - stopped_s < 0.1 + 0.03
+        begin = time.monotonic()
+        with pytest.raises(LinkLost):
+            table.read()
+        table.close()
+        assert time.monotonic() - begin < 0.02
+
+
+@patiently
+def test_commands_that_were_held_up_are_not_obeyed():
+    with served(CLEAN) as one, Cable(one.server.port) as cable:
+        table = one.open(port=cable.port)
+        table.arm()
+        drive_for(table, 0.1, (1.0, 0.0))
+        cable.hold.set()
+        for _ in range(20):
+            table.drive((3.0, 0.0))
+            time.sleep(0.002)
+        time.sleep(0.15)
+        cable.hold.clear()
+        time.sleep(0.1)
+        assert max(v[0] for _, v in one.volts) < 3.0
+        assert one.server.guard.stale >= 20
+        table.close()
+
+
+@pytest.mark.parametrize("byte", [2, -3])
+@patiently
+def test_a_flipped_bit_on_the_way_ends_the_connection_at_zero_volts(byte: int):
+    with served(CLEAN) as one, Cable(one.server.port) as cable:
+        table = one.open(port=cable.port)
+        table.arm()
+        drive_for(table, 0.1, (1.0, 0.0))
+
+        def change(data: bytes, up: bool) -> bytes:
+            if not up:
+                return data
+            bad = bytearray(data)
+            bad[byte] ^= 4
+            return bytes(bad)
+
+        cable.change = change
+        with pytest.raises(LinkLost):
+            drive_for(table, 1.0, (1.0, 0.0))
+        table.close()
+        time.sleep(0.7)
+        assert one.table.volts_V == (0.0, 0.0)
+
+
+@patiently
+def test_the_token_decides_and_never_travels():
+    with served(CLEAN) as one:
+        heard = bytearray()
+        with Cable(one.server.port) as cable:
+            cable.change = lambda data, up: (heard.extend(data), data)[1]
+            table = one.open(port=cable.port)
+            table.read()
+            table.close()
+        assert TOKEN not in bytes(heard)
+        assert len(heard) > 200
+        time.sleep(0.02)
+        with pytest.raises(LinkLost, match="the same file on both machines"):
+            one.open(token=b"another secret of 24 byt")
+        time.sleep(0.02)
+        # Who repeats what another one said gets nothing: the numbers are new each time.
+        with socket.create_connection(("127.0.0.1", one.server.port), 2) as raw:
+            raw.recv(100)
+            raw.sendall(bytes(heard[36 : 36 + 67]))
+            assert raw.recv(100)[2] == wire.REFUSE
+        one.open().close()
+
+
+@patiently
+def test_one_user_at_a_time_and_strangers_do_not_disturb():
+    with served(CLEAN) as one, one.open() as table:
+        drive_for(table, 0.05)
+        with pytest.raises(LinkLost, match="is used by 127"):
+            one.open()
+        for noise in (b"GET / HTTP/1.1\r\n\r\n", b"\xff" * 3000, b""):
+            with socket.create_connection(("127.0.0.1", one.server.port)) as stranger:
+                stranger.sendall(noise)
+        drive_for(table, 0.1, (1.0, 0.0))
+        assert one.table.volts_V == (1.0, 0.0)
+
+
+@patiently
+def test_a_stranger_who_says_nothing_makes_room(monkeypatch):
+    monkeypatch.setattr("rig.hardware.serve.GREETING_S", 0.2)
+    with served(CLEAN) as one:
+        with socket.create_connection(("127.0.0.1", one.server.port)):
+            time.sleep(0.4)
+            one.open().close()
+        time.sleep(0.02)
+        with socket.create_connection(("127.0.0.1", one.server.port)) as stranger:
+            stranger.sendall(b"GET / HTTP/1.1\r\n\r\n")
+            time.sleep(0.05)
+            one.open().close()
+
+
+@patiently
+def test_a_failing_table_tells_its_user(monkeypatch):
+    def gone():
+        raise LinkLost("the card is gone")
+
+    with served(CLEAN) as one:
+        table = one.open()
+        drive_for(table, 0.05)
+        monkeypatch.setattr(one.table, "read", gone)
+        with pytest.raises(LinkLost, match="failed: the card is gone"):
+            drive_for(table, 1.0)
+        table.close()
+    assert "card is gone" in str(one.error)
+
+
+def test_nobody_there_other_versions_other_encoders_are_named():
+    with socket.create_server(("127.0.0.1", 0)) as door:
+        port = door.getsockname()[1]
+
+        def answer() -> None:
+            peer, _ = door.accept()
+            peer.sendall(b"\x22\x00" + bytes([wire.HELLO, 9]) + bytes(32))
+            peer.recv(10)
+            peer.close()
+
+        thread = threading.Thread(target=answer)
+        thread.start()
+        with pytest.raises(LinkLost, match="speaks version 9"):
+            RemoteTable("127.0.0.1", port, TOKEN, Wiring())
+        thread.join()
+    with pytest.raises(LinkLost, match="is rig serve running there"):
+        RemoteTable("127.0.0.1", port, TOKEN, Wiring())
+    with served(CLEAN) as one, pytest.raises(ValueError, match="encoder_counts_per_rev"):
+        one.open(wiring=Wiring(counts_per_rev=1024))
+
+
+def test_token_files(tmp_path: Path):
+    path = tmp_path / "rig.token"
+    with pytest.raises(FileNotFoundError, match="rig serve"):
+        read_token(path)
+    wire.make_token(path)
+    assert path.stat().st_mode & 0o777 == 0o600
+    assert len(read_token(path)) == 64
+    path.chmod(0o644)
+    with pytest.raises(ValueError, match="chmod 600"):
+        read_token(path)
+    path.chmod(0o600)
+    path.write_text("short")
+    with pytest.raises(ValueError, match="5 characters"):
+        read_token(path)
+
+
+# --- pure parts ---
+@settings(max_examples=100, deadline=None)
+@given(st.binary(max_size=400))
+def test_no_bytes_upset_the_parser(data: bytes):
+    near, far = socket.socketpair()
+    with near, far:
+        near.settimeout(0)
+        one = wire.Wire.__new__(wire.Wire)
+        one.sock, one._buffer, one._in, one._out = near, bytearray(), b"", b""
+        one._sent = one._received = 0
+        far.sendall(data or b"\0")
+        try:
+            found = one.receive()
+        except wire.ProtocolError:
+            return
+        assert all(kind in wire.UNSEALED for kind, _ in found)
+
+
+def test_clocks_of_two_machines_are_told_apart():
+    """Offset 12 s and 40 ppm through jittery, unequal ways: good to half the round trip."""
+    rng, clock = np.random.default_rng(4), LinkClock()
+    for k in range(5000):
+        sent = 100 + 0.01 * k
+        up, down = 2e-4 + rng.exponential(3e-3, 2)
+
+        def theirs(t: float) -> float:
+            return t + 12 + 40e-6 * (t - 100)
+
+        received = theirs(sent + up)
+        answered = received + 1e-3
+        arrived = sent + up + 1e-3 + down
+        clock.exchange(sent, received, answered, arrived)
+    record = clock.record()
+    truth = 12 + 40e-6 * (sent - 100)
+    assert abs(record.offset_s - truth) < max(0.5 * record.round_trip_s, 2e-4)
+    assert record.drift_ppm == pytest.approx(40, abs=8)
+    assert record.exchanges == 5000
+    assert np.isnan(LinkClock().record().drift_ppm)
+
+
+volts = st.floats(allow_nan=True, allow_infinity=True)
+steps = st.tuples(
+    st.sampled_from(["drive", "late", "arm", "disarm", "stop", "tick", "wait", "home", "raw"]),
+    volts, volts, st.floats(-0.7, 0.7),
+)  # fmt: skip
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(steps, max_size=60))
+def test_the_guard_lets_nothing_unfresh_through(todo):
+    guard, now, fresh = Guard(6.0, 0.52), 10.0, -1.0
+    guard.hear(now, now)  # the greeting's clock questions
+    for what, x, y, theta in todo:
+        now += 0.002
+        if what == "drive" and guard.obey(wire.Drive(0, now, 50, x, y), now):
+            fresh = now
+        elif what == "late":
+            guard.obey(wire.Drive(0, now - 0.2, 50, x, y), now)
+        elif what == "arm":
+            guard.arm(now)
+        elif what == "disarm":
+            guard.disarm()
+        elif what == "stop":
+            guard.stop(now)
+        elif what == "wait":
+            now += 0.15
+        elif what in ("home", "raw"):
+            guard.configure(Wiring(), what == "home")
+        out = guard.volts((theta, -theta), now)
+        assert all(np.isfinite(v) and abs(v) <= 6.0 for v in out)
+        if guard.armed and any(out):
+            assert now - fresh <= wire.SILENT_S + 1e-9
+            if guard.homed and abs(theta) > 0.62:
+                assert out[0] * theta <= 0
+                assert -out[1] * theta <= 0
+        elif not guard.homed:
+            assert out == (0.0, 0.0)
+        elif any(out):  # levelling: back to zero, at most 3 V
+            assert abs(out[0]) <= 3.0
+            assert out[0] * theta <= 0

@@ -1,0 +1,263 @@
+"""The loop in its own process: the same run, and nothing that happens to the program harms it."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.assemble import known, load_rig
+from rig.commands import Push, SetGains, Stop, Target
+from rig.controllers import ARMS
+from rig.guard import GuardLimits
+from rig.hands import Hand, SimulatedHand
+from rig.loop import Ending
+from rig.loop_process import PARENT_SILENT_S, Job, LoopProcess, _Inbox
+from rig.mailbox import Mailbox, Orders, encode, taken_orders
+from rig.paced import Paced
+from rig.simulate import Course, draw, simulate
+from rig.simulator import SimulatedTable
+
+TABLE = load_rig(None)
+# A busy machine that grants no priority may be late as it likes.
+PATIENT = replace(GuardLimits.of_rig(TABLE), late_s=10.0, late_ticks=1e9)
+
+
+def course(seconds: float) -> Course:
+    n = round(seconds * 500)
+    return Course(np.zeros((n, 2)), np.zeros((n, 2)), (-0.08, 0.06), 0.3)
+
+
+def paced_table(seed: int = 3, pace: bool = True):
+    table = SimulatedTable(TABLE, np.random.default_rng(seed), start_m=(-0.08, 0.06), held=True)
+    return Paced(table) if pace else table
+
+
+def hand(table) -> SimulatedHand:
+    return SimulatedHand(getattr(table, "table", table), 0.3)
+
+
+def job(seconds: float, **more) -> Job:
+    return Job(paced_table, known(TABLE), ARMS["with"], course(seconds), hand, PATIENT, **more)
+
+
+def test_it_gives_the_same_bits_as_the_batch_kernel_and_notes_its_jitter():
+    rows, events = [], []
+    loop = LoopProcess(job(1.5, trace=2000))
+    ending = loop.run(rows.append, lambda t_s, text: events.append(text))
+    assert ending.outcome == "completed"
+    seen, way = known(TABLE), course(1.5)
+    batch = simulate(TABLE, seen, ARMS["with"], way, draw(np.random.default_rng(3), seen, way))
+    assert np.array_equal(np.array(rows), batch.log.rows, equal_nan=True)
+    assert events == ["released"]
+    notes = loop.notes
+    assert (
+        notes["jitter"]["ticks"] == len(rows) == len(loop.late_us) == sum(notes["jitter"]["counts"])
+    )
+    assert set(notes["realtime"]) == {
+        "sched_fifo",
+        "mlockall",
+        "cpu_dma_latency",
+        "garbage_collector",
+    }
+    assert (notes["lost_rows"], notes["lost_events"]) == (0, 0)
+    if notes["realtime"]["sched_fifo"] == "yes":
+        assert notes["jitter"]["missed"] < 0.1 * len(rows)
+
+
+def test_a_stop_from_another_thread_and_commands_before_it():
+    loop, rows, events = LoopProcess(job(30.0)), [], []
+    loop.put(Target((0.01, 0.02)))
+
+    def press() -> None:
+        while len(rows) < 200:
+            time.sleep(0.005)
+        loop.put(Stop("the operator's button"))
+
+    thread = threading.Thread(target=press)
+    thread.start()
+    ending = loop.run(rows.append, lambda t_s, text: events.append(text))
+    thread.join()
+    assert ending == Ending("aborted", "the operator's button")
+    assert rows[-1][9] == 0.01
+    assert "target (0.01, 0.02)" in events
+
+
+class BadHand(Hand):
+    def act(self, reading, wanted_m_s2):
+        if reading.t_s > 0.2:
+            raise ValueError("a user's mistake")
+        return wanted_m_s2
+
+
+def bad_hand(table) -> Hand:
+    return BadHand()
+
+
+def test_what_is_raised_in_the_loop_is_told_by_name():
+    ending = LoopProcess(Job(paced_table, known(TABLE), 0, course(5.0), bad_hand, PATIENT)).run()
+    assert ending == Ending("aborted", "ValueError: a user's mistake")
+
+
+def test_a_recorder_that_fails_stops_the_loop_and_is_heard():
+    loop, rows = LoopProcess(job(30.0)), []
+
+    def keep(row) -> None:
+        rows.append(row)
+        if len(rows) > 100:
+            raise OSError(28, "disk full")
+
+    start = time.monotonic()
+    with pytest.raises(OSError, match="disk full"):
+        loop.run(keep)
+    assert time.monotonic() - start < 15.0
+    assert loop.notes["jitter"]["ticks"] < 5000
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="signals of POSIX")
+@pytest.mark.parametrize("name", ["SIGKILL", "SIGSTOP"])
+def test_a_loop_that_is_killed_or_hangs_is_named(name: str):
+    loop, rows = LoopProcess(job(30.0)), []
+
+    def keep(row) -> None:
+        rows.append(row)
+        if len(rows) == 100:
+            os.kill(loop.pid, getattr(signal, name))
+
+    assert loop.run(keep) == Ending("loop died", "its process ended with -9")
+
+
+def test_a_slow_reader_never_stops_the_loop_and_is_told_what_it_lost(monkeypatch):
+    monkeypatch.setattr("rig.mailbox.ROWS", 64)
+    loop, rows = LoopProcess(job(2.0)), []
+
+    def keep(row) -> None:
+        if not rows:
+            time.sleep(1.0)
+        rows.append(row[0])
+
+    assert loop.run(keep).outcome == "completed"
+    assert loop.notes["lost_rows"] >= 300
+    assert loop.notes["jitter"]["ticks"] == len(rows) + loop.notes["lost_rows"]
+    assert np.all(np.diff(rows) > 0)
+
+
+def alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+PROGRAM = """
+import os, sys, time
+sys.path.insert(0, "tests/rig")
+import numpy as np
+from functools import partial
+from test_loop_process import black_box_job
+from rig.loop_process import LoopProcess
+if __name__ == "__main__":
+    loop = LoopProcess(black_box_job(sys.argv[1]))
+    print(loop.pid, flush=True)
+    loop.run()
+"""
+
+
+class BlackBox(Paced):
+    """Writes every volt with its wall-clock time into a file that outlives everybody."""
+
+    def __init__(self, path: str) -> None:
+        inner = SimulatedTable(TABLE, np.random.default_rng(1), start_m=(-0.08, 0.06), held=False)
+        super().__init__(inner)
+        self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+
+    def drive(self, volts) -> None:
+        super().drive(volts)
+        told = np.array([time.monotonic(), *volts, *self.table.truth()["arm_rad"]])
+        os.write(self._file, told.tobytes())
+
+
+def black_box_job(path: str) -> Job:
+    n = 30000
+    way = Course(np.full((n, 2), 0.05), np.zeros((n, 2)), (-0.08, 0.06))
+    return Job(partial(BlackBox, path), known(TABLE), 0, way, limits=PATIENT)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="signals of POSIX")
+def test_when_the_program_dies_the_loop_levels_the_plate_at_once(tmp_path: Path):
+    path = tmp_path / "volts"
+    root = Path(__file__).parents[2]
+    command = [sys.executable, "-c", PROGRAM, str(path)]
+    program = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, cwd=root, text=True
+    )
+    assert program.stdout is not None
+    loop_pid = int(program.stdout.readline())
+    deadline = time.monotonic() + 150  # of a busy machine: it compiles first
+    while not path.exists() or path.stat().st_size < 40 * 200:
+        assert time.monotonic() < deadline, "the loop does not run"
+        time.sleep(0.01)
+    died_s = time.monotonic()
+    program.kill()
+    patience_s = 0.1
+    size = -1
+    while size != path.stat().st_size and time.monotonic() < deadline:
+        size = path.stat().st_size
+        time.sleep(0.3)
+    program.wait()
+    program.stdout.close()
+    told = np.frombuffer(path.read_bytes()).reshape(-1, 5)
+    after = told[told[:, 0] > died_s + patience_s]
+    level = np.clip(-14.0 * after[:, 3:], -3.0, 3.0)  # what levelling asks, but for one tick
+    assert np.all(np.abs(after[:, 1:3] - level) < 0.5)
+    assert np.all(told[-1, 1:3] == 0.0)
+    assert told[-1, 0] < died_s + patience_s + 1.0
+    while alive(loop_pid) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not alive(loop_pid)
+
+
+def test_a_program_that_hangs_or_is_not_the_parent_ends_the_loop():
+    box = Mailbox()
+    try:
+        box.beat("parent_s")
+        inbox = _Inbox(box, os.getppid())
+        assert inbox.take() == []
+        box.pulse.array["parent_s"][0] -= PARENT_SILENT_S
+        assert inbox.take() == [Stop("the program was silent for 2 s", "program lost")]
+        orphan = _Inbox(box, os.getppid() + 1)
+        words = "the program that started the loop has died"
+        assert orphan.take() == [Stop(words, "program lost")]
+    finally:
+        box.close()
+
+
+def test_commands_pass_through_shared_memory_as_they_were():
+    box = Mailbox()
+    try:
+        orders = Orders(box)
+        sent = [Push((1.0, -2.0), 0.1), Target((0.01, 0.02)), Target(None), SetGains(1.0, 2.0, 3.0)]
+        for command in sent:
+            orders.put(command)
+        assert taken_orders(box) == sent
+        assert taken_orders(box) == []
+        for k in range(200):
+            orders.put(SetGains(float(k), 0.0, 0.0))
+        assert taken_orders(box) == [SetGains(float(k), 0.0, 0.0) for k in range(136, 200)]
+        orders.put(Stop("ä" * 500, "interrupted"))
+        orders.put(Stop("second"))
+        assert taken_orders(box) == [Stop("ä" * 120, "interrupted")]
+        assert taken_orders(box) == [Stop("ä" * 120, "interrupted")]
+        with pytest.raises(TypeError, match="no command"):
+            orders.put("left")  # type: ignore[arg-type]
+        assert encode("ä", 1) == b""
+    finally:
+        box.close()
