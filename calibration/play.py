@@ -182,8 +182,8 @@ def whole_by_motor(motion: Motion, axis: int, rig: Rig) -> Play:
     """Gear and joint play together from volts and tachometer alone."""
     speed, volts, label = (x[:, axis] for x in (motion.speed_rad_s, motion.volts, motion.label))
     period = float(np.median(np.diff(motion.t_s)))
-    smooth = savgol_filter(speed, SMOOTH_TICKS, 2)
-    pace = savgol_filter(speed, SMOOTH_TICKS, 2, deriv=1, delta=period)
+    smooth = np.asarray(savgol_filter(speed, SMOOTH_TICKS, 2))
+    pace = np.asarray(savgol_filter(speed, SMOOTH_TICKS, 2, deriv=1, delta=period))
     gain, lag = rig.servo.gain_rad_s_V, rig.servo.time_constant_s
     felt = volts - (smooth + lag * pace) / gain  # friction and offset, in volts
     motor = np.cumsum(speed) * period

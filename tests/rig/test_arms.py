@@ -43,7 +43,7 @@ def test_smooth_shift_is_the_published_weighing_of_both_sides(half, rate):
 
 def test_smooth_inverse_behind_its_play_misses_by_what_tanh_leaves():
     """A ramp of rate r through inverse and play: the error is alpha (1 - tanh(k r))."""
-    s, joint, rate, plate = fresh(smooth.SMOOTH_STATE), 0.04, 0.15, 0.0
+    s, joint, rate, plate, wanted = fresh(smooth.SMOOTH_STATE), 0.04, 0.15, 0.0, 0.0
     for k in range(1000):
         wanted = rate * k * TICK_S
         reference, _ = smooth.smooth_inverse(s, 0, wanted, joint, 0.0, 1.6, TICK_S)
