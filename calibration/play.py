@@ -6,7 +6,7 @@ in steady sweeps, s = +-1 the driving side, e and b the tachometer's scale error
 
     gap = K (V - F) (t - tau (1 - exp(-t/tau))),
 
-with one friction F for all strikes of both sizes. *Joint*: the ball's run behind the play operator
+with one friction F for strikes of many sizes. *Joint*: the ball's run behind the play operator
 (`rolling.py`). *Motor side alone* (volts and tachometer): in the gap the motor does not feel what
 rubs behind it, so V - (w + tau w')/K over its way since a reversal steps up at the end of the whole
 play, gear and joint together.
@@ -25,12 +25,13 @@ from scipy.signal import savgol_filter
 from scipy.stats import t as student
 
 from calibration.play_moves import SPEED_RAD_S, Motion
+from calibration.records import PlayAxis, Value
 from calibration.rolling import RollingFit
 from calibration.sheet import CalibrationError
 from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, Rig
 
 WINDUP_UNSURE = 0.3  # share of the assumed wind-up, one standard deviation
-SERVO_UNSURE = 0.032  # of K and tau between units of the kind (source D)
+STRIKE_UNSURE = 0.031  # share: K (3.2 %) over tau (4.3 %, both half ranges) of a unit, source D
 SKIP_RAD, SMOOTH_TICKS = 0.04, 9
 
 
@@ -50,6 +51,18 @@ class Play:
         """95 % interval of the width; no play is below zero."""
         wide = _wide(self.freedom) * self.width_std
         return max(self.width_rad - wide, 0.0), max(self.width_rad + wide, 0.0)
+
+    def record(self) -> PlayAxis:
+        """The same as a calibration file holds it."""
+        low, high = self.interval_rad
+        middle = None
+        if np.isfinite(self.middle_std):
+            wide = _wide(self.freedom) * self.middle_std
+            middle = Value(
+                value=self.middle_rad, low=self.middle_rad - wide, high=self.middle_rad + wide
+            )
+        width = Value(value=max(self.width_rad, 0.0), low=low, high=high)
+        return PlayAxis(width_rad=width, middle_rad=middle, symmetric=self.symmetric)
 
     @property
     def symmetric(self) -> bool | None:
@@ -130,39 +143,53 @@ def offset_V(motion: Motion, axis: int) -> float:
     return float(0.5 * (np.mean(means[0::2]) + np.mean(means[1::2])))
 
 
-def gear_by_strikes(motion: Motion, axis: int, rig: Rig, bias_V: float) -> Play:
-    """The gear's play from strikes, encoder and volts alone."""
+def _struck(motion: Motion, axis: int, bias_V: float) -> np.ndarray:
+    """Of every strike that moved the arm: volts, time to its first move [s], direction; (n, 3)."""
     theta, label = motion.theta_rad[:, axis], motion.label[:, axis]
     period, found = float(np.median(np.diff(motion.t_s))), []
     for number in range(1, int(label.max(initial=0)) + 1):
         at = np.flatnonzero(label == number)
+        way = 1.0 if number % 2 else -1.0
         if not len(at):
             continue
-        moved = np.flatnonzero(theta[at[0] :] != theta[at[0]])
+        moved = np.flatnonzero((theta[at[0] :] - theta[at[0]]) * way > 0)
         if len(moved):
             volts = abs(float(np.median(motion.volts[at, axis])) - bias_V)
-            found.append((volts, (moved[0] - 0.5) * period))
-    if len(found) < 6:
-        raise CalibrationError(f"axis {'xy'[axis]}: {len(found)} strikes moved it, 6 are needed")
-    volts, times = np.array(found).T
+            found.append((volts, (moved[0] - 0.5) * period, way))
+    return np.array(found).reshape(-1, 3)
+
+
+def gear_by_strikes(motion: Motion, axis: int, rig: Rig, bias_V: float) -> Play:
+    """The gear's play from strikes, encoder and volts alone. `CalibrationError` where up and down
+    disagree: then the motor crept through the gap while it should have rested."""
+    volts, times, ways = _struck(motion, axis, bias_V).T
+    if min(np.sum(ways > 0), np.sum(ways < 0)) < 4:
+        raise CalibrationError(f"axis {'xy'[axis]}: {len(ways)} strikes moved it, 8 are needed")
     gain, lag = rig.servo.gain_rad_s_V, _lag_alone_s(rig)
     shape = times - lag * (1 - np.exp(-times / lag))
     speed = gain * volts * (1 - np.exp(-times / lag))
+    period, step = float(np.median(np.diff(motion.t_s))), rig.servo.encoder_step_rad
+    noise = np.hypot(0.3 * step, speed * period / 12**0.5)
 
     def left(p: np.ndarray) -> np.ndarray:
-        return (gain * (volts - p[1]) * shape - p[0]) / (0.3 * rig.servo.encoder_step_rad)
+        gap = np.where(ways > 0, p[0], p[1])
+        return np.append((gain * (volts - p[2]) * shape - gap) / noise, (p[2] - 0.08) / 0.06)
 
-    def with_prior(p: np.ndarray) -> np.ndarray:
-        return np.append(left(p), (p[1] - 0.08) / 0.06)  # the motor's own friction, volts
-
-    fit = least_squares(with_prior, (0.01, 0.08), x_scale=(0.01, 0.05))
-    n, scatter = len(found), float(np.std(left(fit.x), ddof=2)) if len(found) > 2 else 1.0
-    cov = np.linalg.pinv(fit.jac.T @ fit.jac) * max(scatter, 0.5) ** 2
-    step, windup = rig.servo.encoder_step_rad, _gear_windup(rig)
-    width = float(fit.x[0]) - 0.5 * step - windup
-    std = hypot(cov[0, 0] ** 0.5, 2 * SERVO_UNSURE * fit.x[0], WINDUP_UNSURE * windup,
-                float(np.mean(speed)) * period / 4)  # fmt: skip
-    return Play(width, std, n - 2)
+    fit = least_squares(left, (0.01, 0.01, 0.08), x_scale=(0.01, 0.01, 0.05), loss="soft_l1")
+    n, up, down = len(volts), float(fit.x[0]), float(fit.x[1])
+    cov = np.linalg.pinv(fit.jac.T @ fit.jac) * max(2 * fit.cost / (n - 2), 1.0)
+    mean, apart = 0.5 * (up + down), abs(up - down)
+    loose = np.array((1.0, -1.0, 0.0))
+    if apart > 0.2 * mean + 4 * float(loose @ cov @ loose) ** 0.5:
+        raise CalibrationError(
+            f"axis {'xy'[axis]}: strikes up and down find {up:.4f} and {down:.4f} rad: the motor "
+            "creeps in its rests; measure with the tachometer, or calibrate the servo's offset"
+        )
+    half = np.array((0.5, 0.5, 0.0))
+    windup = _gear_windup(rig)
+    std = hypot(float(half @ cov @ half) ** 0.5, 0.5 * apart, STRIKE_UNSURE * mean,
+                WINDUP_UNSURE * windup)  # fmt: skip
+    return Play(mean - 0.5 * step - windup, std, n - 3)
 
 
 def _lag_alone_s(rig: Rig) -> float:

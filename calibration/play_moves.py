@@ -17,7 +17,9 @@ from rig.table import Table
 Move = Generator[tuple[float, int], float, None]
 REACH_RAD, SPEED_RAD_S = 0.22, 0.4
 GAIN_V_RAD, INTEGRAL_V_RAD_S = 14.0, 60.0
-STRIKES_V, REST_S, LONGEST_S = (2.0, 3.0), 0.25, 0.25
+# Many sizes: the ticks' rounding of the times then averages out.
+STRIKES_V = (1.2, 2.3, 1.5, 2.0, 1.35, 2.6, 1.75)
+REST_S, LONGEST_S = 0.25, 0.25
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,13 +1,11 @@
 """What `rig calibrate play` does: plans and runs the motion, says how much play and where."""
 
-import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
-from math import degrees, isfinite
+from dataclasses import dataclass, replace
+from math import degrees
 from pathlib import Path
 
 import numpy as np
-import tomli_w
 import typer
 
 from calibration.play import (
@@ -19,18 +17,19 @@ from calibration.play import (
     whole_by_motor,
 )
 from calibration.play_moves import Motion, perform, strikes, sweeps
+from calibration.records import PlayRecord
 from calibration.rolling import fit_rolling, rolling
 from calibration.sheet import CalibrationError
 from experiments.assemble import known, load_rig
+from experiments.calibrate_folder import CalibrationFolder
 from experiments.calibrate_motion import LEVEL_HZ, LEVEL_M
 from rig.controllers import WITHOUT
 from rig.log import Log
 from rig.parameters import KnownPlay, Rig
-from rig.rigfile import to_dict
 from rig.simulate import Course, draw, simulate
 from rig.simulator import SimulatedTable
 
-SWEEPS, STRIKES, LED_S = 16, 16, 60.0
+SWEEPS, STRIKES, LED_S = 16, 28, 60.0
 WORDS = {
     "gear": "gear (tachometer against encoder)",
     "gear without tachometer": "gear (encoder and volts)",
@@ -104,29 +103,24 @@ def _struck(rig: Rig, seed: int, bias: list[float]) -> Motion:
 
 
 def play(rig_file: Path | None, out: Path, *, seed: int, motor_only: bool = False) -> None:
-    """Measure, say it, and keep it: play.json, and rig.toml with [play] for the controllers."""
+    """Measure, say it, and keep it: in the calibration, and in rig.toml for the controllers."""
     rig = load_rig(rig_file)
-    out.mkdir(parents=True, exist_ok=True)
-    found = measure(rig, known(rig), seed, motor_only=motor_only)
-    record = {
-        what: {axis: _record(one) for axis, one in by_axis.items()}
+    folder = CalibrationFolder(out, "simulated")
+    believed = folder.believed(rig_file)
+    found = measure(rig, believed, seed, motor_only=motor_only)
+    if not found.plays:
+        raise CalibrationError("; ".join(found.not_seen.values()))
+    plays = {
+        what: {axis: one.record() for axis, one in by_axis.items()}
         for what, by_axis in found.plays.items()
     }
-    (out / "play.json").write_text(
-        json.dumps({"source": "simulated", "plays": record, "not_seen": found.not_seen}, indent=1)
-        + "\n",
-        encoding="utf-8",
-    )
+    record = PlayRecord.model_validate({"plays": plays, "not_seen": found.not_seen})
+    folder.keep("play", warnings=list(found.not_seen.values()), play=record)
     for what, by_axis in found.plays.items():
         for axis, one in by_axis.items():
             typer.echo(f"play {axis}, {WORDS[what]}: {sentence(one)}")
-    for what, why in found.not_seen.items():
-        typer.echo(f"play, {WORDS[what]}: not seen ({why})")
     if not motor_only:
-        believed = known(rig)
-        path = out / "rig.toml"
-        path.write_text(tomli_w.dumps(to_dict(with_known(believed, found))), encoding="utf-8")
-        typer.echo(f"for the controllers: {path}")
+        folder.believe(with_known(believed, found))
 
 
 def sentence(one: Play) -> str:
@@ -138,12 +132,6 @@ def sentence(one: Play) -> str:
     if one.symmetric:
         return said + ", symmetric about where it rested"
     return said + f", one-sided: its middle lies {degrees(one.middle_rad):+.2f} degrees off"
-
-
-def _record(one: Play) -> dict:
-    low, high = one.interval_rad
-    numbers = {key: value for key, value in asdict(one).items() if isfinite(value)}
-    return numbers | {"low_rad": low, "high_rad": high, "symmetric": one.symmetric}
 
 
 def with_known(believed: Rig, found: Measured) -> Rig:
