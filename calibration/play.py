@@ -32,6 +32,7 @@ from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, Rig
 
 WINDUP_UNSURE = 0.3  # share of the assumed wind-up, one standard deviation
 STRIKE_UNSURE = 0.031  # share: K (3.2 %) over tau (4.3 %, both half ranges) of a unit, source D
+FRICTION_V = (0.05, 0.08)  # of the motor alone: what is believed beforehand, and how unsurely
 SKIP_RAD, SMOOTH_TICKS = 0.04, 9
 
 
@@ -173,7 +174,9 @@ def gear_by_strikes(motion: Motion, axis: int, rig: Rig, bias_V: float) -> Play:
 
     def left(p: np.ndarray) -> np.ndarray:
         gap = np.where(ways > 0, p[0], p[1])
-        return np.append((gain * (volts - p[2]) * shape - gap) / noise, (p[2] - 0.08) / 0.06)
+        return np.append(
+            (gain * (volts - p[2]) * shape - gap) / noise, (p[2] - FRICTION_V[0]) / FRICTION_V[1]
+        )
 
     fit = least_squares(left, (0.01, 0.01, 0.08), x_scale=(0.01, 0.01, 0.05), loss="soft_l1")
     n, up, down = len(volts), float(fit.x[0]), float(fit.x[1])
@@ -186,7 +189,7 @@ def gear_by_strikes(motion: Motion, axis: int, rig: Rig, bias_V: float) -> Play:
             "creeps in its rests; measure with the tachometer, or calibrate the servo's offset"
         )
     half = np.array((0.5, 0.5, 0.0))
-    windup = _gear_windup(rig)
+    windup = 0.5 * _gear_windup(rig)  # of one side: at rest the other has unwound
     std = hypot(float(half @ cov @ half) ** 0.5, 0.5 * apart, STRIKE_UNSURE * mean,
                 WINDUP_UNSURE * windup)  # fmt: skip
     return Play(mean - 0.5 * step - windup, std, n - 3)

@@ -24,8 +24,9 @@ from experiments.assemble import known, load_rig
 from experiments.calibrate_folder import CalibrationFolder
 from experiments.calibrate_motion import LEVEL_HZ, LEVEL_M
 from rig.controllers import WITHOUT
+from rig.known_play import KnownPlay
 from rig.log import Log
-from rig.parameters import KnownPlay, Rig
+from rig.parameters import Rig
 from rig.simulate import Course, draw, simulate
 from rig.simulator import SimulatedTable
 

@@ -129,7 +129,9 @@ def _check_arms(protocol: Protocol, label: str) -> None:
 
     for arm in protocol.arms:
         if arm not in ARMS and arm != OWN:
-            raise ValueError(f"{label}: unknown arm '{arm}'; known: {', '.join([*ARMS, OWN])}")
+            raise ValueError(
+                f"{label}: arms: unknown arm '{arm}'; known: {', '.join([*ARMS, OWN])}"
+            )
     if (OWN in protocol.arms) != bool(protocol.controller):
         raise ValueError(
             f"{label}: the arm 'own' and controller = \"mine.py:MyController\" belong together"

@@ -8,6 +8,7 @@ Angles, speeds, torques and inertias of the drive are those at the servo's load 
 from dataclasses import dataclass, field
 from math import pi
 
+from rig.known_play import KnownPlay
 from rig.unknown import Unknown
 
 GRAVITY_M_S2 = 9.81
@@ -164,21 +165,6 @@ class Gains:
     ball_filter_rad_s: float = 25.0
     torque_filter_s: float = 0.02  # tau of Eq. 9
     observer_gain: float = 1.0  # K of Eq. 9
-
-
-@dataclass(frozen=True)
-class KnownPlay:
-    """Play as calibrated (`rig calibrate play`), full width at the servo; 0: the observers find it.
-
-    factor: what a controller takes for the play, in parts of what it knows of it; 1 but where the
-    harm of a wrong estimate is studied.
-    """
-
-    gear_x_rad: float = 0.0
-    gear_y_rad: float = 0.0
-    joint_x_rad: float = 0.0
-    joint_y_rad: float = 0.0
-    factor: float = 1.0
 
 
 @dataclass(frozen=True)
