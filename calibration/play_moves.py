@@ -17,8 +17,7 @@ from rig.table import Table
 Move = Generator[tuple[float, int], float, None]
 REACH_RAD, SPEED_RAD_S = 0.22, 0.4
 GAIN_V_RAD, INTEGRAL_V_RAD_S = 14.0, 60.0
-# Many sizes: the ticks' rounding of the times then averages out.
-STRIKES_V = (1.2, 2.3, 1.5, 2.0, 1.35, 2.6, 1.75)
+STRIKES_V = (1.2, 2.8)  # no two alike: the ticks' rounding of the times then averages out
 REST_S, LONGEST_S = 0.25, 0.25
 
 
@@ -91,7 +90,8 @@ def strikes(period_s: float, bias_V: float, count: int) -> Move:
         for _ in range(round(REST_S / period_s)):
             angle = yield bias_V, 0
         start = angle
-        size = STRIKES_V[(number // 2) % len(STRIKES_V)]
+        low, high = STRIKES_V
+        size = low + (high - low) * (0.618034 * number % 1.0)
         for _ in range(round(LONGEST_S / period_s)):
             angle = yield bias_V + way * size, number
             if abs(angle - start) > 0.01:
