@@ -17,8 +17,9 @@ from calibration.gap.search import rank
 from calibration.gap.state import State, baseline, refit
 from rig.parameters import Rig
 
-# Slower than what the assumed friction's volts would give for so much of its time, it only creeps.
-CREEPS = 0.95
+# A servo creeps that stays for so much of its time below this share of the speed which the volts of
+# the assumed friction would give.
+CREEPS, CREEPING = 0.95, 0.75
 LIKE_IT = 0.5  # share of the assumed friction from which on Coulomb friction may be it
 
 
@@ -45,7 +46,7 @@ def creeping(evidence: Evidence, believed: Believed) -> tuple[str, ...]:
     shafts, and no first-order motor; a model of motion finds anything there."""
     if not believed.load_friction:
         return ()
-    slow = believed.rig.servo.gain_rad_s_V * believed.assumed_friction_V
+    slow = CREEPING * believed.rig.servo.gain_rad_s_V * believed.assumed_friction_V
     there = (part for part in SERVO if part in evidence.parts)
     return tuple(part for part in there if fastest(evidence, part[-1], CREEPS) < slow)
 
