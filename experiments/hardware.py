@@ -56,7 +56,9 @@ def plate_tilt(rig: Rig) -> Iterator[Callable[[float], tuple[float, float] | Non
 
 
 def home_table(rig: Rig, rig_file: Path) -> tuple[Homing, Path]:
-    """Home the table and keep what was found beside the rig file."""
+    """Home the table and keep what was found beside the rig file; what was kept before goes."""
+    path = home_file(rig_file)
+    path.unlink(missing_ok=True)
     with plate_tilt(rig) as tilt:
         go_realtime()  # where it is allowed: a late tick costs the board's trust
         table = open_table(rig, homed=False)
@@ -64,7 +66,6 @@ def home_table(rig: Rig, rig_file: Path) -> tuple[Homing, Path]:
             found = home(table, rig, tilt)
             found = _marked(table, found)
             homed = Homed.of(found, rig, power_up(table))
-    path = home_file(rig_file)
     homed.save(path)
     return found, path
 

@@ -33,6 +33,8 @@ REASONS = {
 class BoardStopped(OSError):  # noqa: N818 - the state, not the slip
     """The board took the volts away by itself; the message says why."""
 
+    outcome = "board stopped"
+
 
 class Eye(Protocol):
     """Whoever sees the ball: the newest observation whose light fell after `after_s`, or None."""
@@ -79,13 +81,17 @@ class BoardTable(LevelOnExit):
 
     @property
     def is_fresh(self) -> bool:
-        """Was it reset since it was last asked? Then its counts began anew: home it again."""
+        """Was it reset, and not opened for homing since? Then its counts mean nothing: home it."""
         return bool(self._answer.features & wire.IS_FRESH)
 
     @property
     def zero_s(self) -> float:
         """The first reading's moment on the host's monotonic clock; NaN before it."""
         return self._times.zero_s
+
+    def notes(self) -> dict[str, int]:
+        """What a recording shall keep of this link: ticks not heard, frames that were garbage."""
+        return {"ticks_missed": self.ticks_missed, "bad_frames": self._parser.bad_frames}
 
     # --- before the run ---
     def _request(self, angle_limit_rad: float, homed: bool) -> ConfigRequest:
@@ -135,7 +141,7 @@ class BoardTable(LevelOnExit):
         while self._clock() < until:
             self._send(word)  # again and again: it arms but once
             if self._await_telemetry().flags & wire.ARMED:
-                self._armed = True
+                self._armed, self._read_us = True, None  # ticks heard here are none that were missed
                 return
         raise self._end(BoardStopped(errno.EPERM, f"{self._link.name} does not arm"))
 

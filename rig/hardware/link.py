@@ -8,6 +8,8 @@ LINK_DEAD_S = 0.08  # so long may a board be silent or deaf; the error is raised
 class LinkLost(OSError):  # noqa: N818 - the state, not the slip
     """The device vanished or fell silent: one line with its name."""
 
+    outcome = "link lost"
+
 
 class Link(Protocol):
     """A cable to one board. Every call raises LinkLost when the device is gone."""

@@ -153,6 +153,29 @@ def test_volts_are_limited_on_the_board(homed: bool, most: float):
     assert bench.has(wire.LIMITED)
 
 
+def test_a_configuration_that_is_refused_homes_nothing():
+    bench, raw = Bench(homed=False, armed=False), ConfigRequest(9, 8, 1, 0, 0, 0, 4096, LIMIT, 6000)
+    bench.board.reset()
+    for wrong in (raw, replace(raw, version=1, counts_per_rev=63)):
+        bench.send(wrong)
+        (answer,) = (p for p in bench.run(1) if isinstance(p, ConfigAnswer))
+        assert answer.features == wire.IS_FRESH
+
+
+def test_an_arm_that_is_blocked_on_its_way_to_level_gets_no_more_volts():
+    bench = Bench()
+    bench.counts = (200, 0)
+    bench.run(20)
+    bench.command(0.1)
+    bench.run(110)
+    assert bench.has(wire.LEVELLING)
+    assert bench.board.volts() == (-3.0, 0.0)
+    bench.run(310)
+    assert bench.has(wire.LATCHED)
+    assert bench.has(wire.BY_STALL)
+    assert bench.board.volts() == (0.0, 0.0)
+
+
 def test_without_a_zero_it_does_not_level():
     bench = Bench(homed=False)
     bench.counts = (200, 200)
@@ -353,8 +376,8 @@ def test_a_request_that_it_cannot_fulfil_leaves_it_unconfigured():
 
 
 def test_telemetry_comes_at_the_period_asked():
-    for asked, period_ms in ((1, 1), (5, 5), (0, 1)):
-        bench = Bench(armed=False)
+    for asked, period_ms, homed in ((1, 1, True), (5, 5, True), (0, 1, True), (5, 5, False)):
+        bench = Bench(armed=False, homed=homed)
         bench.request = replace(bench.request, period_ms=asked)
         bench.configure()
         stamps = [p.clock_us for p in bench.run(50) if isinstance(p, Telemetry)]
@@ -427,6 +450,8 @@ def test_a_period_that_no_board_ticks_is_refused(period_s: float):
 def test_a_reset_board_is_silent_and_lost():
     world = World(HostBoard(), Rig())
     assert table_on(world).is_fresh
+    assert table_on(world).is_fresh  # asking does not make it homed
+    assert not table_on(world, homed=False).is_fresh  # homing does
     table = table_on(world)
     assert not table.is_fresh
 
