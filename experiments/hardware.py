@@ -4,9 +4,11 @@ import json
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from math import inf
 from pathlib import Path
 from typing import Self
 
+from experiments.live_eye import open_markers, watching
 from rig.hardware.choose import OpenTable, open_table
 from rig.hardware.eye import CameraEye
 from rig.hardware.home import Homing, home
@@ -15,6 +17,7 @@ from rig.parameters import Rig
 from rig.realtime import go_realtime
 from rig.table import LevelOnExit, Reading, Table
 
+TILT_STALL_S = 2.0  # homing is slow: markers that are late do no harm
 MARKS = (8192, 24576)  # where a card's counters are put by homing, far from where they wake up
 
 
@@ -37,22 +40,20 @@ def consent(text: str, yes: bool) -> None:
 
 @contextmanager
 def plate_tilt(rig: Rig) -> Iterator[Callable[[float], tuple[float, float] | None]]:
-    """The tilt of the plate as the rig file's camera sees it; nothing where it names none."""
+    """The tilt of the plate as the rig file's camera sees it; nothing where it names none.
+
+    Seen in a process of its own: in this one it would hold the loop's interpreter.
+    """
     if not rig.table.camera:
         yield lambda t_s: None
         return
-    from calibration.bundle import load as load_bundle
-    from rig.hardware.plate_tilt import MarkerTilt
-    from vision.sources import open_source
+    with watching(rig, open_markers, stall_s=TILT_STALL_S) as eye:
 
-    bundle = load_bundle(rig.table.calibration)
-    with open_source(rig.table.camera) as source:
-        bundle.check_size(*source.size)
-        tilt = MarkerTilt(source, bundle.view, bundle.layout)
-        try:
-            yield tilt
-        finally:
-            tilt.end()
+        def tilt(t_s: float) -> tuple[float, float] | None:
+            seen = eye.latest(-inf)
+            return seen.xy_m if seen is not None else None
+
+        yield tilt
 
 
 def home_table(rig: Rig, rig_file: Path) -> tuple[Homing, Path]:

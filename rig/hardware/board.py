@@ -141,7 +141,10 @@ class BoardTable(LevelOnExit):
         while self._clock() < until:
             self._send(word)  # again and again: it arms but once
             if self._await_telemetry().flags & wire.ARMED:
-                self._armed, self._read_us = True, None  # ticks heard here are none that were missed
+                self._armed, self._read_us = (
+                    True,
+                    None,
+                )  # ticks heard here are none that were missed
                 return
         raise self._end(BoardStopped(errno.EPERM, f"{self._link.name} does not arm"))
 

@@ -104,7 +104,7 @@ class Lab:
             return UsbLink(*numbers, backend=self.usb, clock=self.clock)
 
         @contextmanager
-        def seeing(rig: Rig):
+        def seeing(rig: Rig, recipe):
             yield WorldsEye(self.world)
 
         @contextmanager
@@ -124,7 +124,7 @@ class Lab:
             "experiments.hardware.power_up": power_up,
             "experiments.hardware.plate_tilt": tilt,
             "experiments.hardware.go_realtime": dict,
-            "experiments.hardware_run._seeing": seeing,
+            "experiments.hardware_run.watching": seeing,
             "experiments.live_run.LoopProcess": LoopHere,
         }.items():
             self._patch.setattr(name, stand_in)

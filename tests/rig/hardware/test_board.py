@@ -153,13 +153,20 @@ def test_volts_are_limited_on_the_board(homed: bool, most: float):
     assert bench.has(wire.LIMITED)
 
 
-def test_a_configuration_that_is_refused_homes_nothing():
-    bench, raw = Bench(homed=False, armed=False), ConfigRequest(9, 8, 1, 0, 0, 0, 4096, LIMIT, 6000)
+def test_it_is_fresh_until_it_is_opened_to_be_homed():
+    bench = Bench(armed=False)
     bench.board.reset()
-    for wrong in (raw, replace(raw, version=1, counts_per_rev=63)):
-        bench.send(wrong)
+
+    def features(wired: int, **more) -> int:
+        bench.send(replace(bench.request, wired=wired, zero_0=wired & 1 ^ 1, **more))
         (answer,) = (p for p in bench.run(1) if isinstance(p, ConfigAnswer))
-        assert answer.features == wire.IS_FRESH
+        return answer.features
+
+    assert features(1) == features(0b1111) == wire.IS_FRESH
+    assert features(0, version=9) == wire.IS_FRESH  # what is refused homes nothing
+    assert features(0, counts_per_rev=63) == wire.IS_FRESH
+    assert features(0b1110) == 0
+    assert features(1) == 0
 
 
 def test_an_arm_that_is_blocked_on_its_way_to_level_gets_no_more_volts():
