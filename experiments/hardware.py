@@ -26,6 +26,15 @@ def is_hardware(rig: Rig) -> bool:
     return rig.table.kind != "simulated"
 
 
+def check_there(rig: Rig) -> None:
+    """FileNotFoundError, before anything is made or asked: the board's port is not there."""
+    port = rig.table.port
+    if rig.table.kind == "serial" and port.startswith("/") and not Path(port).exists():
+        raise FileNotFoundError(
+            f"table.port = '{port}' is not there: plug the board in; rig doctor lists the ports"
+        )
+
+
 def consent(text: str, yes: bool) -> None:
     """Nothing moves before a person at the table says so. ValueError: nobody can be asked."""
     if yes:
@@ -58,6 +67,7 @@ def plate_tilt(rig: Rig) -> Iterator[Callable[[float], tuple[float, float] | Non
 
 def home_table(rig: Rig, rig_file: Path) -> tuple[Homing, Path]:
     """Home the table and keep what was found beside the rig file; what was kept before goes."""
+    check_there(rig)
     path = home_file(rig_file)
     path.unlink(missing_ok=True)
     with plate_tilt(rig) as tilt:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.hardware import open_homed
+from experiments.hardware import check_there, open_homed
 from experiments.live_eye import open_ball, watching
 from experiments.live_run import record_live
 from experiments.protocol import Protocol, course
@@ -40,7 +40,9 @@ class _Telling(Recorder):
 
 
 def check(rig: Rig, rig_file: Path, protocol: Protocol) -> None:
-    """ValueError before anything is opened: no homing, or a protocol that this table cannot run."""
+    """ValueError or FileNotFoundError before anything is opened: no port, no homing, or a protocol
+    that this table cannot run."""
+    check_there(rig)
     homed = load(home_file(rig_file))
     homed.check(rig, homed.boot_id)
     if protocol.servo_only:

@@ -35,6 +35,9 @@ class BoardStopped(OSError):  # noqa: N818 - the state, not the slip
 
     outcome = "board stopped"
 
+    def __str__(self) -> str:
+        return self.strerror or super().__str__()
+
 
 class Eye(Protocol):
     """Whoever sees the ball: the newest observation whose light fell after `after_s`, or None."""

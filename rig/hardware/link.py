@@ -10,6 +10,9 @@ class LinkLost(OSError):  # noqa: N818 - the state, not the slip
 
     outcome = "link lost"
 
+    def __str__(self) -> str:
+        return self.strerror or super().__str__()  # a number says nothing to a reader
+
 
 class Link(Protocol):
     """A cable to one board. Every call raises LinkLost when the device is gone."""

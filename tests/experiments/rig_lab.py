@@ -1,11 +1,13 @@
 """A laboratory for `rig home` and `rig run` as programs: a table served by another process, and a
 rig file that names it; with a camera over it where asked."""
 
+import os
 import signal
 import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +25,17 @@ x_m = -0.1
 y_m = 0.1
 hold_s = 0.5
 """
+
+
+def _before_others() -> None:
+    """As on a machine of its own, where that is allowed: real time is not for a busy one."""
+    with suppress(PermissionError):
+        os.nice(-15)
+
+
+def _as_from_a_terminal() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    _before_others()
 
 
 class Lab:
@@ -48,7 +61,7 @@ class Lab:
 
     def _serve(self, program: str, *words: str) -> subprocess.Popen:
         command = [sys.executable, str(HERE / program), str(self.folder), *words]
-        return subprocess.Popen(command, stdout=subprocess.DEVNULL)
+        return subprocess.Popen(command, stdout=subprocess.DEVNULL, preexec_fn=_before_others)
 
     def _told(self, name: str) -> str:
         """What a process says in a file once it serves."""
@@ -66,7 +79,7 @@ class Lab:
         return subprocess.Popen(
             [sys.executable, "-m", "experiments.cli", *arguments, "--rig", str(self.rig)],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, stdin=subprocess.DEVNULL,
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+            preexec_fn=_as_from_a_terminal,
         )  # fmt: skip
 
     def call(self, *arguments: str) -> tuple[int, str, str]:

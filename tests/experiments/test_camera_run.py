@@ -10,7 +10,8 @@ from rig_lab import Lab
 from virtual_film import measured_and_true
 
 TRIES = 3
-LOST = ("link lost", "camera stall")  # a busy machine's doing: no process had its turn in time
+# A busy machine's doing: a process that had no turn in time is a lost table or camera.
+LOST = ("  link lost", "  camera stall", "silent for", "heard nothing", "no new frame for")
 
 
 @pytest.fixture(scope="module")
@@ -60,6 +61,8 @@ def test_the_markers_find_signs_and_level_and_the_camera_balances_the_ball(lab: 
     )
     assert len(pairs) > 60
     off = pairs[:, :2] - pairs[:, 2:]
-    assert np.sqrt(np.mean(off**2)) < 2e-3
+    rms_mm = 1000 * np.sqrt(np.mean(off**2))
+    print(f"{len(pairs)} observations, {rms_mm:.2f} mm rms from the truth")
+    assert rms_mm < 2.0
     assert np.hypot(*pairs[-20:, 2:].T).max() < 0.03  # where the ball truly was in the end
     assert lab.volts()[-1, 1:].tolist() == [0.0, 0.0]

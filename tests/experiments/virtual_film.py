@@ -68,6 +68,8 @@ def main(folder: Path) -> None:
     shown = np.memmap(folder / "seen", np.float64, "r", shape=LAYOUT)
     renderer = Renderer(virtual_scene(load_rig(None)), virtual_view(), np.random.default_rng(2))
 
+    renderer.render(np.eye(3), (0.0, 0.0))  # compiles before anybody waits
+
     def script(send, k: int) -> None:
         last = 0.0
         while True:

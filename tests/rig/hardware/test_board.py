@@ -183,6 +183,17 @@ def test_an_arm_that_is_blocked_on_its_way_to_level_gets_no_more_volts():
     assert bench.board.volts() == (0.0, 0.0)
 
 
+def test_without_a_zero_no_angle_is_too_far_and_what_is_let_through_is_not_called_limited():
+    bench = Bench(homed=False)
+    bench.counts = (3 * LIMIT, -3 * LIMIT)
+    bench.run(20)
+    bench.command(1.0, -0.5)
+    bench.run(2)
+    assert bench.board.volts() == (1.0, -0.5)
+    assert bench.has(wire.ARMED)
+    assert not bench.has(wire.LIMITED)
+
+
 def test_without_a_zero_it_does_not_level():
     bench = Bench(homed=False)
     bench.counts = (200, 200)
