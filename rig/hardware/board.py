@@ -8,15 +8,15 @@ from collections import deque
 from collections.abc import Callable
 from math import pi
 from types import TracebackType
-from typing import Protocol
 
 from rig.hardware import wire
 from rig.hardware.board_clock import BoardClock
+from rig.hardware.choose import Eye
 from rig.hardware.link import LINK_DEAD_S, Link, LinkLost
+from rig.hardware.seen import Seen
 from rig.hardware.wire import Arm, Command, ConfigAnswer, ConfigRequest, Disarm, Telemetry
 from rig.hardware.wiring import Wiring
 from rig.table import LevelOnExit, Reading
-from vision.frames import Observation
 
 ANSWER_S = 3.0  # an Arduino that resets on opening spends two seconds in its boot loader
 ASK_AGAIN_S = 0.1
@@ -37,12 +37,6 @@ class BoardStopped(OSError):  # noqa: N818 - the state, not the slip
 
     def __str__(self) -> str:
         return self.strerror or super().__str__()
-
-
-class Eye(Protocol):
-    """Whoever sees the ball: the newest observation whose light fell after `after_s`, or None."""
-
-    def latest(self, after_s: float) -> Observation | None: ...
 
 
 class BoardTable(LevelOnExit):
@@ -69,13 +63,13 @@ class BoardTable(LevelOnExit):
         self.period_s, self.voltage_limit_V = period_s, voltage_limit_V
         self.ticks_missed = 0  # of the board's: their telemetry came late or never
         self.newest: Telemetry | None = None
-        self._link, self._wiring, self._eye = link, wiring or Wiring(), eye
+        self._link, self._wiring, self._seen = link, wiring or Wiring(), Seen(eye)
         self._tachometer, self._clock = tachometer_rad_s_V, clock
         self._parser, self._times = wire.Parser(), BoardClock(clock)
         self._unheard: deque[tuple[int, float]] = deque()
         self._sequence = secrets.randbelow(65536)
         self._armed, self._ended, self._closed = False, None, False
-        self._seen_s, self._read_us = -math.inf, None
+        self._read_us: int | None = None
         try:
             self._answer = self._configure(self._request(angle_limit_rad, homed))
         except BaseException:
@@ -171,7 +165,7 @@ class BoardTable(LevelOnExit):
             )
             speeds = (self._tachometer * x, self._tachometer * y)
         return Reading(
-            t_s, self._wiring.angles((packet.count_0, packet.count_1)), speeds, self._ball(t_s)
+            t_s, self._wiring.angles((packet.count_0, packet.count_1)), speeds, self._seen.look(t_s)
         )
 
     def drive(self, volts: tuple[float, float]) -> None:
@@ -270,11 +264,3 @@ class BoardTable(LevelOnExit):
         """Remember how it ended: every later call says the same."""
         self._ended = error
         return error
-
-    def _ball(self, t_s: float) -> Observation | None:
-        """What the eye saw since, once, and never before its light."""
-        ball = self._eye.latest(self._seen_s) if self._eye is not None else None
-        if ball is None or not self._seen_s < ball.exposed_s <= t_s:
-            return None
-        self._seen_s = ball.exposed_s
-        return ball
