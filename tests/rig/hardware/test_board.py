@@ -194,6 +194,17 @@ def test_without_a_zero_no_angle_is_too_far_and_what_is_let_through_is_not_calle
     assert not bench.has(wire.LIMITED)
 
 
+@pytest.mark.parametrize("wired", [1, 3, 5, 7, 9, 15])
+def test_volts_come_out_as_asked_whatever_the_polarity(wired: int):
+    bench = Bench(armed=False)
+    bench.request = replace(bench.request, wired=wired)
+    bench.configure()
+    bench.send(Arm(bench.token, bench.sequence))
+    bench.command(1.5, -0.75)
+    bench.run(1)
+    assert bench.board.volts() == (1.5, -0.75)
+
+
 def test_without_a_zero_it_does_not_level():
     bench = Bench(homed=False)
     bench.counts = (200, 200)
