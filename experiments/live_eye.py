@@ -33,7 +33,27 @@ def open_ball(rig: Rig) -> tuple[Source, Sees]:
     from experiments.assemble import ball_camera
 
     source, bundle = _open(rig)
+    _warm_up(rig, bundle)
     return source, ball_camera(rig, bundle)
+
+
+def _warm_up(rig: Rig, bundle: Bundle) -> None:
+    """See a drawn ball come, roll and go: whatever is compiled is loaded before a loop waits."""
+    from dataclasses import replace
+
+    import numpy as np
+
+    from experiments.assemble import ball_camera, virtual_scene
+    from vision.frames import Frame
+    from vision.synthetic import Renderer
+
+    orange = replace(rig, ball=replace(rig.ball, colour="orange"))
+    scene = replace(virtual_scene(rig), layout=bundle.layout, ball_radius_m=bundle.ball_radius_m)
+    renderer = Renderer(scene, bundle.view, np.random.default_rng(0))
+    camera, level = ball_camera(orange, bundle), np.eye(3)
+    rolling = [None, *((0.01 * k, 0.0) for k in range(6)), None]
+    for k, ball in enumerate(rolling):
+        camera.step(Frame(renderer.render(level, ball), k / 30, k), level)
 
 
 def open_markers(rig: Rig) -> tuple[Source, Sees]:
