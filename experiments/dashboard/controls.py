@@ -56,6 +56,20 @@ class Controls:
         register = getattr(handle, "on_click", None) or handle.on_trigger
         register(pressed)
 
+    def pick(self, handle: Any, what: str, act: Callable[[Any], None]) -> None:
+        """A row of buttons: `act(label)` for who holds the controls."""
+
+        def pressed(event: Any) -> None:
+            page, label = event.client_id, handle.value
+
+            def do() -> None:
+                self.check(page)
+                act(label)
+
+            self.orders.put(what, do, page)
+
+        handle.on_click(pressed)
+
     def value(
         self,
         handle: Any,

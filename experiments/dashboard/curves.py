@@ -52,7 +52,9 @@ CHARTS = (
 def chart_data(chart: Chart, rows: np.ndarray) -> tuple[np.ndarray, ...]:
     """Seconds and every curve in its unit, (n,) each, n >= 2; a blank is the value before it."""
     if len(rows) < 2:
-        return tuple(np.arange(2.0) if i == 0 else np.zeros(2) for i in range(len(chart.curves) + 1))
+        return tuple(
+            np.arange(2.0) if i == 0 else np.zeros(2) for i in range(len(chart.curves) + 1)
+        )
     found = [rows[:, INDEX["t_s"]]]
     found += [held(factor * rows[:, INDEX[name]]) for name, _, _, factor, _ in chart.curves]
     return tuple(found)
@@ -66,9 +68,9 @@ def held(values: np.ndarray) -> np.ndarray:
 
 
 class Curves:
-    """The charts in the container that is open when it is made; `draw` at most ten times a second."""
+    """The charts in the container that is open when it is made; `draw` ten times a second."""
 
-    def __init__(self, server: "ViserServer", height: int = 132) -> None:
+    def __init__(self, server: "ViserServer", height: int = 104) -> None:
         self._plots: list[Any] = []
         for chart in CHARTS:
             series: list[Any] = [{"label": "t [s]"}]

@@ -13,9 +13,12 @@ if TYPE_CHECKING:
 NO_EMERGENCY = "This is **not** the emergency stop: that is the switch that cuts the motors' power."
 SILENT_S, BLIND_S = 1.0, 0.25
 STATES = {
-    "starting": "🟡 starting", "balancing": "🟢 balancing", "running": "🔵 run is on",
-    "pause": "🟡 pause between runs", "stopped": "⚪ stopped, 0 V",
-}  # fmt: skip
+    "starting": "Starting",
+    "balancing": "Balancing",
+    "running": "Run is on",
+    "pause": "Pause between runs",
+    "stopped": "Stopped, 0 V",
+}
 
 
 def link_words(now: Now, status: Status, rate_hz: float) -> str:

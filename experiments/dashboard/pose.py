@@ -8,8 +8,8 @@ from rig.linkage import plate_rotation, tilt_sines
 from rig.parameters import Rig
 
 DROP_M = 0.075  # from the plate down to the servos' shafts
-ZOOM = 25.0  # a play of a degree is half a millimetre at the arm: drawn larger
-TOOTH_M = 0.008
+ZOOM = 40.0  # a play of a degree is half a millimetre at the arm: drawn larger
+TOOTH_M = 0.010
 
 
 def quaternion(rotation: np.ndarray) -> np.ndarray:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 ARMS = {"both": ("without", "with"), "with the model": ("with",), "without": ("without",)}
 SPEEDS = ("1 x", "2 x", "4 x")
 PUSH_S = 0.08
-ARROWS = {"← left": 180.0, "→ right": 0.0, "↑ away": 90.0, "↓ near": 270.0}
+ARROWS = {"left": 180.0, "right": 0.0, "away": 90.0, "near": 270.0}
 IDLE = "no run: choose a protocol and press **Start**"
 
 
@@ -80,9 +80,7 @@ class RunTab:
             "virtual time",
             partial(choice, options=SPEEDS),
         )
-        self._pause = controls.value(
-            gui.add_checkbox("Pause between runs", False), "pause", bool
-        )
+        self._pause = controls.value(gui.add_checkbox("Pause between runs", False), "pause", bool)
         self._hand = controls.value(
             gui.add_checkbox("I place and let go", False, hint="You are the operator's hand"),
             "hand",
@@ -151,14 +149,13 @@ class RunTab:
     def _add_ball(self) -> None:
         gui, controls = self._server.gui, self._controls
         gui.add_markdown("Shift + click on the plate sends the ball there.")
-        back = gui.add_button("Target back to the protocol's")
+        back = gui.add_button("Target back to the protocol's", color="gray")
         controls.button(back, "target", lambda page: self._session.put(Target(None)))
         self._push = self._slider(
             "Push [m/s]", PUSH_M_S, 0.15, lambda value: None, "speed that a push gives"
         )
-        for label, angle in ARROWS.items():
-            name = f"Push {label}"
-            controls.button(gui.add_button(name), name, lambda page, a=angle: self.push(a))
+        arrows = gui.add_button_group("Push", tuple(ARROWS))
+        controls.pick(arrows, "push", lambda label: self.push(ARROWS[choice(label, tuple(ARROWS))]))
 
     def push(self, angle_deg: float) -> None:
         """Push the virtual ball towards an angle on the plate."""

@@ -99,7 +99,9 @@ class TableScene:
     def _build_base(self, server: "ViserServer") -> None:
         scene, half = server.scene, self._rig.linkage.plate_side_m / 2
         floor = -DROP_M - 0.03
-        scene.add_box("/table/base", DARK, (0.36, 0.36, 0.008), position=(0.02, 0.02, floor - 0.004))
+        scene.add_box(
+            "/table/base", DARK, (0.36, 0.36, 0.008), position=(0.02, 0.02, floor - 0.004)
+        )
         scene.add_cylinder(
             "/table/post", 0.008, -floor - 0.006, METAL, position=(0, 0, (floor - 0.006) / 2)
         )
@@ -134,7 +136,7 @@ class TableScene:
             return
         ends = np.column_stack([[ball_m, ghost_m], [2.1 * radius] * 2]).astype(np.float32)
         self.gap.points = ends[None]
-        self.gap_label.position = tuple(ends.mean(axis=0) + [0, 0, 0.012])
+        self.gap_label.position = tuple(ends.mean(axis=0) + np.array([0, 0, 0.012]))
         text = f"model off by {1e3 * float(np.hypot(*(ball_m - ghost_m))):.1f} mm"
         if self.gap_label.text != text:
             self.gap_label.text = text

@@ -25,7 +25,7 @@ def serve_dashboard(
     """Serve until Ctrl-C or SIGTERM. PortBusyError: the port is taken, nothing was started."""
     if rig.table.kind != "simulated":
         raise ValueError(
-            f'table.kind = "{rig.table.kind}": the dashboard drives the virtual table alone so far; '
+            f'table.kind = "{rig.table.kind}": so far the dashboard drives the virtual table; '
             "use rig run for a real one, and leave out --rig to look at its runs here"
         )
     server, gate = open_server(host, port, kept_token(out / "token"))

@@ -4,6 +4,8 @@ Pages speak to it through `Orders` alone. It has a thread of its own, in which i
 and records; the loop's process waits for neither.
 """
 
+import os
+import signal
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -28,6 +30,7 @@ from rig.loop_process import LoopProcess
 from rig.parameters import Rig
 from rig.shared_ring import SharedArray
 
+KILL = getattr(signal, "SIGKILL", signal.SIGTERM)
 QUICK_S, MOST_QUICK = 5.0, 3  # balancing that ends so soon so often is given up
 
 
@@ -81,7 +84,7 @@ class Session:
         return self._status
 
     def start(self, plan: Plan) -> None:
-        """Run a plan; what was balancing ends. ValueError: a run is on, or the plan is impossible."""
+        """Run a plan; what was balancing ends. ValueError: a run is on, or it is impossible."""
         course(plan.protocol, self.rig, plan.seed)
         with self._wake:
             if self._legs or self._status.state in ("running", "pause"):
@@ -146,7 +149,12 @@ class Session:
             self._closed = True
             self._legs.clear()
             self._end_loop(Stop("the dashboard was closed", "interrupted"))
-        self._thread.join(10.0)
+            loop = self._loop
+        self._thread.join(5.0)
+        if self._thread.is_alive() and loop is not None:  # still compiling: it has driven nothing
+            with suppress(ProcessLookupError):
+                os.kill(loop.pid, signal.SIGTERM if self._status.state != "starting" else KILL)
+            self._thread.join(5.0)
 
     # --- the session's thread ---
     def _end_loop(self, stop: Stop) -> None:

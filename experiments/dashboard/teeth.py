@@ -1,4 +1,4 @@
-"""Play made visible: a tooth between two others for every play, drawn 25 times as large.
+"""Play made visible: a tooth between two others for every play, drawn 40 times as large.
 
 Where the tooth stands comes from the model (nothing measures it), the number below from the
 table's own observer.
@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 FREE, TOUCHED, TOOTH = (150, 158, 170), (214, 39, 40), (255, 176, 30)
 PLACES = {  # of the four gauges, beside the two servos
-    ("gear", 0): (0.215, -0.06, -0.06),
-    ("joint", 0): (0.215, -0.06, 0.0),
-    ("gear", 1): (-0.06, 0.215, -0.06),
-    ("joint", 1): (-0.06, 0.215, 0.0),
+    ("gear", 0): (0.215, -0.03, -0.07),
+    ("joint", 0): (0.215, -0.03, 0.0),
+    ("gear", 1): (-0.07, 0.215, 0.0),
+    ("joint", 1): (-0.07, 0.215, 0.07),
 }
 
 
