@@ -22,7 +22,7 @@ class CameraView:
         world_from_camera = np.linalg.inv(view.camera_from_plate)
         height, f = view.camera.height_px, float(view.camera.matrix[1, 1])
         self._frustum: Any = server.scene.add_camera_frustum(
-            "/camera", 2 * np.arctan(0.5 * height / f), view.camera.width_px / height, scale=0.07,
+            "/camera", 2 * np.arctan(0.5 * height / f), view.camera.width_px / height, scale=0.035,
             thickness=0.0015, color=(90, 98, 110), wxyz=quaternion(world_from_camera[:3, :3]),
             position=tuple(0.55 * world_from_camera[:3, 3]), visible=False, cast_shadow=False,
         )  # fmt: skip
@@ -43,7 +43,11 @@ class CameraView:
 
     @property
     def wanted(self) -> bool:
-        return bool(self._box.value is True)
+        return self._box.value is True
+
+    def look(self, wanted: bool) -> None:
+        """Tick the box."""
+        self._box.value = wanted
 
     def show(self, image: np.ndarray, words: str) -> None:
         """The newest image and what is said of it."""

