@@ -16,11 +16,19 @@ AWAY = (0.0, 0.0, -9.0)
 
 
 def ball_mesh(radius_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices and faces of a sphere."""
-    import trimesh
-
-    mesh = trimesh.creation.icosphere(subdivisions=2, radius=radius_m)
-    return np.asarray(mesh.vertices, np.float32), np.asarray(mesh.faces, np.uint32)
+    """Vertices (n, 3) and faces (m, 3) of a sphere, by longitude and latitude."""
+    rows, columns = 13, 24
+    polar, around = np.meshgrid(
+        np.linspace(0, np.pi, rows), np.linspace(0, 2 * np.pi, columns, endpoint=False),
+        indexing="ij",
+    )  # fmt: skip
+    across = np.sin(polar)
+    corners = np.stack([across * np.cos(around), across * np.sin(around), np.cos(polar)], axis=-1)
+    i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns), indexing="ij")
+    a, b = i * columns + j, i * columns + (j + 1) % columns
+    c, d = a + columns, b + columns
+    faces = np.concatenate([np.stack([a, c, b], -1), np.stack([b, c, d], -1)]).reshape(-1, 3)
+    return (radius_m * corners).reshape(-1, 3).astype(np.float32), faces.astype(np.uint32)
 
 
 class Puppet:
@@ -113,7 +121,7 @@ class TableScene:
             at = np.zeros(3)
             at[axis], at[2] = half + 0.03, 0.02
             scene.add_label(
-                f"/table/axis_{name}", name, position=tuple(at), font_screen_scale=0.9,
+                f"/table/axis_{name}", name, position=at, font_screen_scale=0.9,
                 anchor="center-center",
             )  # fmt: skip
 

@@ -255,7 +255,7 @@ class Session:
                 ending = record_live(
                     job,
                     recorder,
-                    started=lambda loop: (watch.stop_through(loop), self._started(loop)),
+                    started=partial(self._watched, watch),
                     watch=partial(self._look, watch, recorder, leg),
                 )
         finally:
@@ -267,6 +267,10 @@ class Session:
         with suppress(Exception):
             self._recorded(leg, folder, ending)
         return ending, self._status.t_s
+
+    def _watched(self, watch: Watch, loop: LoopProcess) -> None:
+        watch.stop_through(loop)
+        self._started(loop)
 
     def _look(self, watch: Watch, recorder: Recorder, leg: Leg, row: np.ndarray) -> None:
         watch.look(row)

@@ -7,6 +7,7 @@ is how long a slow machine may take for a step.
 
 import json
 import os
+import re
 import warnings
 from pathlib import Path
 
@@ -44,7 +45,7 @@ class Page:
         assert answer.status == 200
         self.see("not the emergency stop")
 
-    def see(self, text: str) -> None:
+    def see(self, text: str | re.Pattern) -> None:
         """Wait until the text can be seen."""
         self.page.get_by_text(text).first.wait_for()
 
@@ -110,7 +111,7 @@ def calibrate_begins(page: Page) -> None:
     """The servos of the virtual table: begun here, while the runs go on."""
     page.tab("Calibrate")
     page.press("Servo")
-    page.see("▶ servo")
+    page.see(re.compile("[▶✓] servo"))
 
 
 def both_arms(page: Page, out: Path) -> None:
@@ -145,7 +146,7 @@ def verdicts(page: Page) -> None:
 def gap_begins(page: Page) -> None:
     page.tab("Gap")
     page.press("Demo: find a hidden play")
-    page.see("▶ 1 locate")
+    page.see(re.compile("[▶✓] 1 locate"))
 
 
 def take_over_and_stop(chromium, first: Page, program: Program, artefacts: Path, out: Path):
