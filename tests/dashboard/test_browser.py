@@ -117,7 +117,7 @@ def calibrate_begins(page: Page) -> None:
 def both_arms(page: Page, out: Path) -> None:
     """The free release with and without the model, reloaded in the middle; Fig. 10 appears."""
     page.tab("Run")
-    page.page.get_by_role("textbox", name="Virtual time").click()
+    page.page.get_by_role("combobox", name="Virtual time").click()
     page.page.get_by_role("option", name="4 x").click()
     page.press("Start")
     page.see("run 1 of 2")
