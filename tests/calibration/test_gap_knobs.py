@@ -9,7 +9,7 @@ from gap_tables import RIG, evidence_of, foreign
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calibration.gap.knobs import COAST, BALL, PERIODIC, SERVO, Believed
+from calibration.gap.knobs import BALL, COAST, PERIODIC, SERVO, Believed
 from experiments.assemble import load_rig
 from rig.effects import BY_NAME, CATALOGUE, Effect
 from rig.parameters import Rig

@@ -82,7 +82,7 @@ def witnessed(ticks: Path) -> np.ndarray:
     return told[told[:, 0] > 0]
 
 
-def wait_for(program: subprocess.Popen, ticks: Path, count: int, patience_s: float = 90.0) -> None:
+def wait_for(program: subprocess.Popen, ticks: Path, count: int, patience_s: float = 150.0) -> None:
     deadline_s = time.monotonic() + patience_s
     while len(witnessed(ticks)) < count:
         if program.poll() is not None or time.monotonic() > deadline_s:
