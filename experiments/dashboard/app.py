@@ -144,7 +144,7 @@ class App:
         """Keys, and the entries of the command palette (Ctrl + K)."""
         add, button = self.server.gui.add_command, self.controls.button
         button(add("Stop", hotkey="escape"), "stop", self.header.stop, everybody=True)
-        button(add("Start the run", hotkey="enter"), "start", lambda page: self.run_tab.start())
+        button(add("Start the run", hotkey="R"), "start", lambda page: self.run_tab.start())
         button(add("Next run", hotkey="N"), "next run", lambda page: self.session.go_on())
         button(add("Balance again", hotkey="B"), "balance", lambda page: self.session.balance())
         for key, angle in (("left", 180), ("right", 0), ("up", 90), ("down", 270)):

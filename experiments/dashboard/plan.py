@@ -29,6 +29,10 @@ class Leg:
     number: int
     of: int
 
+    @property
+    def words(self) -> str:
+        return f"{self.plan.protocol.name}, {self.arm} the model, seed {self.seed}"
+
 
 def legs(plan: Plan) -> list[Leg]:
     """Every repetition of every arm in turn; a seed's arms get the same course."""

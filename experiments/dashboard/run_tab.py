@@ -143,8 +143,7 @@ class RunTab:
         names = "proportional_rad_m", "integral_rad_m_s", "derivative_rad_s_m"
         rig = self._session.rig
         gains = replace(rig.gains, **dict(zip(names, wanted, strict=True)))
-        self._session.rig = replace(rig, gains=gains)
-        self._session.put(SetGains(*wanted))
+        self._session.set_gains(replace(rig, gains=gains), SetGains(*wanted))
 
     def _add_ball(self) -> None:
         gui, controls = self._server.gui, self._controls

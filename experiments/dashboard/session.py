@@ -19,12 +19,13 @@ import numpy as np
 from experiments.dashboard import recipes
 from experiments.dashboard.live import Live
 from experiments.dashboard.plan import Leg, Plan, Status, legs
+from experiments.dashboard.telling import Telling
 from experiments.live_run import record_live
 from experiments.protocol import course
 from experiments.recording import Recorder
 from experiments.run_folder import new_run_folder, write_truth
 from experiments.runner import Order, Watch, start_record, truth_record
-from rig.commands import Command, Stop
+from rig.commands import Command, SetGains, Stop
 from rig.endings import Ending
 from rig.loop_process import LoopProcess
 from rig.parameters import Rig
@@ -32,21 +33,6 @@ from rig.shared_ring import SharedArray
 
 KILL = getattr(signal, "SIGKILL", signal.SIGTERM)
 QUICK_S, MOST_QUICK = 5.0, 3  # balancing that ends so soon so often is given up
-
-
-class _Telling(Recorder):
-    """Records, tells the page every event, and looks for pushes at the end."""
-
-    say: Callable[[float, str], None] = staticmethod(lambda t_s, text: None)
-    at_end: Callable[[], None] = staticmethod(lambda: None)
-
-    def event(self, t_s: float, text: str, **data) -> None:
-        super().event(t_s, text, **data)
-        self.say(t_s, text)
-
-    def finish(self, outcome: str, reason: str = "", **notes) -> None:
-        self.at_end()
-        super().finish(outcome, reason, **notes)
 
 
 class Session:
@@ -64,6 +50,7 @@ class Session:
         balance: bool = True,
     ) -> None:
         self.rig, self.out, self.live = rig, out, live
+        self._plan_rig = rig
         self._recorded, self._said = recorded, said
         self._wake = threading.Condition()
         self._legs: deque[Leg] = deque()
@@ -90,6 +77,7 @@ class Session:
             if self._legs or self._status.state in ("running", "pause"):
                 raise ValueError("a run is on: stop it first")
             self._legs.extend(legs(plan))
+            self._plan_rig = self.rig  # of all its runs, whatever is set meanwhile
             self._balance = True
             self._end_loop(Stop("a run begins", "ended"))
 
@@ -118,6 +106,12 @@ class Session:
             self.rig = rig
             if self._status.state in ("balancing", "starting") and not self._legs:
                 self._end_loop(Stop("another plant", "ended"))
+
+    def set_gains(self, rig: Rig, gains: SetGains) -> None:
+        """The rig with other gains: for what moves now, and for what is started from now on."""
+        self.rig = rig
+        if self._loop is not None:
+            self._loop.put(gains)
 
     def put(self, command: Command) -> None:
         """A push, target or gains for the loop. ValueError: nothing moves."""
@@ -153,7 +147,7 @@ class Session:
         self._thread.join(5.0)
         if self._thread.is_alive() and loop is not None:  # still compiling: it has driven nothing
             with suppress(ProcessLookupError):
-                os.kill(loop.pid, signal.SIGTERM if self._status.state != "starting" else KILL)
+                os.kill(loop.pid, KILL)
             self._thread.join(5.0)
 
     # --- the session's thread ---
@@ -232,7 +226,7 @@ class Session:
 
     def _record(self, leg: Leg) -> tuple[Ending, float]:
         """One run of the plan, recorded."""
-        plan, rig = leg.plan, self.rig
+        plan, rig = leg.plan, self._plan_rig
         name = plan.protocol.name
         self._status = Status("running", f"{name}, {leg.arm} the model: starting", leg)
         order = Order(rig, plan.protocol, leg.arm, leg.seed, self.out / "runs")
@@ -247,15 +241,16 @@ class Session:
         write_truth(folder, truth_record(order))
         self._notes.clear()
         self.live.begin()
-        recorder = _Telling(folder, start_record(order))
+        recorder = Telling(folder, start_record(order))
         watch = Watch(order, recorder, None)
+        watch.stop_through(self)
         recorder.say, recorder.at_end = self._heard, partial(watch.note_pushes, order.believed)
         try:
             with recorder:
                 ending = record_live(
                     job,
                     recorder,
-                    started=partial(self._watched, watch),
+                    started=self._started,
                     watch=partial(self._look, watch, recorder, leg),
                 )
         finally:
@@ -268,20 +263,14 @@ class Session:
             self._recorded(leg, folder, ending)
         return ending, self._status.t_s
 
-    def _watched(self, watch: Watch, loop: LoopProcess) -> None:
-        watch.stop_through(loop)
-        self._started(loop)
-
     def _look(self, watch: Watch, recorder: Recorder, leg: Leg, row: np.ndarray) -> None:
         watch.look(row)
         self.live.add(row)
         t_s = float(row[0])
         while self._notes:
             Recorder.event(recorder, t_s, self._notes.popleft())
-        before = self._status
-        words = f"{leg.plan.protocol.name}, {leg.arm} the model, seed {leg.seed}"
-        asked = before.asked if before.leg is leg else ""
-        self._status = Status("running", words, leg, t_s, asked)
+        asked = self._status.asked if self._status.leg is leg else ""
+        self._status = Status("running", leg.words, leg, t_s, asked)
 
     def _heard(self, t_s: float, text: str) -> None:
         if text.startswith("asked: "):
