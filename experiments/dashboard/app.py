@@ -119,6 +119,7 @@ class App:
         self.stage = stage
         self.replay.on_stage(stage)
         self.sides.begin(stage)
+        self.teeth.show(stage is None)
 
     def _recorded(self, leg: Leg, folder: Path, ending: Ending) -> None:
         """A run is on the disk: figures, lists."""

@@ -45,14 +45,17 @@ def _work(task: Task, there: Connection) -> None:
     """The work's process."""
     with suppress(OSError, AttributeError):
         os.nice(NICE)
-    lines = _Lines(there)
-    try:
-        with redirect_stdout(lines), redirect_stderr(lines):
-            done = task(lambda stage, k, n: there.send(("progress", (stage, k, n))))
-        there.send(("done", done))
-    except Exception as error:
-        known = isinstance(error, (ValueError, OSError))
-        there.send(("failed", str(error) if known else f"{type(error).__name__}: {error}"))
+    with suppress(BrokenPipeError):  # the program has died: nobody wants to know
+        try:
+            lines = _Lines(there)
+            with redirect_stdout(lines), redirect_stderr(lines):
+                done = task(lambda stage, k, n: there.send(("progress", (stage, k, n))))
+            there.send(("done", done))
+        except BrokenPipeError:
+            raise
+        except Exception as error:
+            known = isinstance(error, (ValueError, OSError))
+            there.send(("failed", str(error) if known else f"{type(error).__name__}: {error}"))
 
 
 class Desk:

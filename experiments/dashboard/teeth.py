@@ -33,7 +33,7 @@ class Gauge:
         self._words = f"{kind} {'xy'[axis]}"
         size = np.full(3, TOOTH_M)
         size[2] = 3 * TOOTH_M
-        scene.add_frame(name, position=PLACES[kind, axis], show_axes=False)
+        self._root: Any = scene.add_frame(name, position=PLACES[kind, axis], show_axes=False)
         self._tooth: Any = scene.add_box(f"{name}/tooth", TOOTH, tuple(size))
         self._jaws: list[Any] = [
             scene.add_box(f"{name}/jaw_{side}", FREE, tuple(size)) for side in "ab"
@@ -43,6 +43,9 @@ class Gauge:
             anchor="bottom-center",
         )  # fmt: skip
         self._colours: list[tuple[int, int, int]] = [FREE, FREE]
+
+    def show(self, visible: bool) -> None:
+        self._root.visible = visible
 
     def draw(self, play_rad: float, twist_rad: float, found_rad: float, rig: Rig) -> None:
         half, at, touches = teeth(play_rad, twist_rad, rig)
@@ -63,6 +66,11 @@ class Teeth:
 
     def __init__(self, server: "ViserServer") -> None:
         self._gauges = {place: Gauge(server, *place) for place in PLACES}
+
+    def show(self, visible: bool) -> None:
+        """Recorded runs have no model that runs beside them: no teeth."""
+        for gauge in self._gauges.values():
+            gauge.show(visible)
 
     def draw(self, rig: Rig, gear_rad: np.ndarray, joint_rad: np.ndarray, found: np.ndarray):
         """Twists (2,) of the model's gears and joints; found (2, 2): gear and joint by axis."""

@@ -42,6 +42,12 @@ class Program:
         """As a crash would: no goodbye."""
         self._process.kill()
         self._process.wait()
+        self._close()
+
+    def _close(self) -> None:
+        self.log.close()
+        if self._process.stdout is not None:
+            self._process.stdout.close()
 
     def end(self) -> int:
         """In order; its exit code."""
@@ -49,8 +55,7 @@ class Program:
         try:
             return self._process.wait(30)
         finally:
-            self._process.kill()
-            self.log.close()
+            self.kill()
 
 
 def pixels(png: bytes) -> np.ndarray:
