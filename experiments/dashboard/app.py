@@ -2,6 +2,7 @@
 
 import threading
 import time
+from collections import deque
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -36,7 +37,7 @@ from rig.parameters import Rig
 if TYPE_CHECKING:
     from viser import ClientHandle, ViserServer
 
-DRAW_HZ, CURVES_EVERY = 20.0, 2
+DRAW_HZ, CURVES_EVERY, EVENTS_SHOWN = 20.0, 2, 4
 _THETA, _BALL, _TARGET = (INDEX[n] for n in ("theta_x_rad", "ball_x_m", "target_x_m"))
 _FOUND = [[INDEX[f"estimated_{kind}_play_{a}_rad"] for a in "xy"] for kind in ("gear", "joint")]
 UNSEEN_S = 0.3  # an older sight of the ball is not drawn
@@ -49,6 +50,7 @@ class App:
         self.server, self.rig, self.out = server, rig, out
         self.clients: dict[int, ClientHandle] = {}
         self.live = Live(rig.control_rate_hz)
+        self.events: deque[str] = deque(maxlen=EVENTS_SHOWN)
         self.session = Session(rig, out, self.live, said=self._said, recorded=self._recorded)
         self.desk = Desk()
         self.stage: Stage | None = None
@@ -179,7 +181,8 @@ class App:
         return [self.clients[page]] if page in self.clients else []
 
     def _said(self, t_s: float, text: str) -> None:
-        """An event of the loop."""
+        """An event of the loop or of a page, from any thread."""
+        self.events.append(f"{t_s:.1f} s: {text}")
 
     # --- drawing ---
     def _draw(self) -> None:
@@ -232,7 +235,7 @@ class App:
         """Lines, bars and curves: ten times a second."""
         status = self.session.status
         self.header.draw(now, status, self.rig.control_rate_hz)
-        self.run_tab.draw(status)
+        self.run_tab.draw(status, list(self.events))
         self.results.draw()
         self.replay.draw()
         if fresh:

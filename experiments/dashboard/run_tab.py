@@ -103,6 +103,7 @@ class RunTab:
             self._add_ball()
         with gui.add_folder("Virtual table's play", expand_by_default=False):
             self._play = self._add_play()
+        self._events: Any = gui.add_markdown("")
         self._shown: dict[Any, Any] = {}
 
     def start(self) -> None:
@@ -184,7 +185,7 @@ class RunTab:
         gear, joint = map(radians, wanted)
         self._session.again(with_play(self._session.rig, gear_rad=gear, joint_rad=joint))
 
-    def draw(self, status: Status) -> None:
+    def draw(self, status: Status, events: list[str]) -> None:
         """Show what happens; only what changed is sent."""
         on = status.state in ("running", "pause")
         asked = f"**Please {status.asked}**, then press Done." if status.asked else ""
@@ -197,6 +198,7 @@ class RunTab:
             self._set(self._asked, "content", asked)
         self._set(self._bar, "value", round(100 * status.share, 1))
         self._set(self._words, "content", progress_words(status))
+        self._set(self._events, "content", "  \n".join(["*Events*", *events[::-1]]))
 
     def _set(self, handle: Any, name: str, value: Any) -> None:
         if self._shown.get((id(handle), name)) != value:

@@ -104,6 +104,12 @@ def ball_and_plate(page: Page) -> None:
 
     wait_for("ball and plate in the 3-D view", seen)
     page.see("You hold the controls")
+    page.page.keyboard.down("Shift")
+    page.page.mouse.click(600, 420)  # on the plate
+    page.page.keyboard.up("Shift")
+    page.see("target (")  # among the events
+    page.press("right")
+    page.see("pushed by command")
     page.shot("run-idle")
 
 

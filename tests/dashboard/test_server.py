@@ -1,7 +1,11 @@
 """The real server behind the gate: page and websocket tried from outside."""
 
 import http.client
+import os
 import socket
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -87,11 +91,21 @@ def test_it_listens_where_it_was_told_and_nowhere_else(served):
     assert link_of(gate, "127.0.0.1") == f"http://127.0.0.1:{gate.port}/?token={TOKEN}"
 
 
-def test_a_busy_port_is_said_and_nothing_is_started():
+def test_a_busy_port_is_said_and_nothing_is_started(tmp_path: Path):
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen(1)
         port = other.getsockname()[1]
         with pytest.raises(PortBusyError, match=f"port {port} of 127.0.0.1 cannot be used"):
             open_server("127.0.0.1", port, TOKEN)
+        program = str(Path(__file__).with_name("program.py"))
+        told = subprocess.run(
+            [sys.executable, program, "dashboard", "--port", str(port), "--out", str(tmp_path)],
+            capture_output=True,
+            text=True,
+            env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
+        )
+        assert told.returncode == 2
+        assert told.stdout == ""
+        assert f"port {port}" in told.stderr
     assert free_port("127.0.0.1", port) == port
