@@ -12,11 +12,10 @@ import numpy as np
 from experiments.assemble import ball_camera
 from experiments.hardware import open_homed
 from experiments.live_run import record_live
-from experiments.protocol import Protocol, course
+from experiments.protocol import OWN, Protocol, course
 from experiments.recording import Recorder
 from experiments.run_folder import new_run_folder, plain, read_meta, replace_json
-from experiments.runner import Done, Order, Watch, start_record
-from rig.controllers import ARMS
+from experiments.runner import Done, Order, Watch, arm_number, start_record
 from rig.hardware.eye import CameraEye, Watcher
 from rig.hardware.homed import home_file, load
 from rig.loop_process import Job
@@ -100,7 +99,10 @@ def measure(
     try:
         with _seeing(order.rig) as eye:
             table = partial(open_homed, order.rig, rig_file, eye, folder / NOTES)
-            job = Job(table, order.believed, ARMS[order.arm], way)
+            job = Job(
+                table, order.believed, arm_number(order.arm), way,
+                controller=order.protocol.controller if order.arm == OWN else "",
+            )  # fmt: skip
             recorder = _Telling(folder, start)
             watch = Watch(order, recorder, progress)
             recorder.say, recorder.at_end = say, partial(watch.note_pushes, order.believed)
