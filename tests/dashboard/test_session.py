@@ -14,7 +14,7 @@ from experiments.protocol import parse
 from experiments.recording import read_run
 from rig.commands import Push, Target
 
-PATIENCE_S = 120.0
+PATIENCE_S = 300.0  # a slow machine compiles first
 SHORT = {
     "title": "short",
     "duration_s": 1.0,
