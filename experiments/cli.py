@@ -14,6 +14,7 @@ import typer
 
 from experiments.calibrate_command import calibrate
 from experiments.compare_command import compare
+from experiments.dashboard_command import dashboard
 from experiments.doctor_command import doctor
 from experiments.gap_command import gap
 from experiments.home_command import home
@@ -201,6 +202,7 @@ def reject(
     typer.echo(f"{run}: rejected ({reason})")
 
 
+app.command()(dashboard)
 app.command()(gap)
 app.command()(compare)
 app.command()(home)
