@@ -17,6 +17,7 @@ from calibration.records import (
     LevelRecord,
     MarkersRecord,
     PlateRecord,
+    PlayRecord,
     Section,
     ServoRecord,
     Strict,
@@ -49,6 +50,7 @@ class _Common(Strict):
     timing: TimingRecord | None = None
     level: LevelRecord | None = None
     servo: ServoRecord | None = None
+    play: PlayRecord | None = None
     sections: dict[str, Section] = Field(default_factory=dict)
 
     def save(self, path: str | Path) -> None:

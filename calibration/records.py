@@ -8,7 +8,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-SECTIONS = ("lens", "plate", "timing", "level", "servo")
+SECTIONS = ("lens", "plate", "timing", "level", "servo", "play")
 Map = list[list[float]]
 
 
@@ -108,6 +108,22 @@ class ServoAxis(Strict):
 class ServoRecord(Strict):
     x: ServoAxis
     y: ServoAxis
+
+
+class PlayAxis(Strict):
+    """One play of one axis, full width at the servo; its middle where it was seen."""
+
+    width_rad: Value
+    middle_rad: Value | None = None
+    symmetric: bool | None = None
+
+
+class PlayRecord(Strict):
+    """Play by where it lies ("gear", "joint") or what it was seen by, then by axis; `not_seen`:
+    what could not be measured, and why."""
+
+    plays: dict[str, dict[Literal["x", "y"], PlayAxis]]
+    not_seen: dict[str, str] = {}
 
 
 class DataFile(Strict):

@@ -145,3 +145,18 @@ def servo(rig: RigOption = None, out: OutOption = OUT, seed: SeedOption = 1) -> 
     from experiments import calibrate_motion as work
 
     work.servo(rig, out, seed=seed)
+
+
+@calibrate.command()
+def play(
+    rig: RigOption = None,
+    out: OutOption = OUT,
+    seed: SeedOption = 1,
+    motor_only: Annotated[
+        bool, typer.Option("--motor-only", help="Tachometer and volts alone.")
+    ] = False,
+) -> None:
+    """How much play, where, and whether it is symmetric; plans and runs its own motion."""
+    from experiments import calibrate_play as work
+
+    work.play(rig, out, seed=seed, motor_only=motor_only)

@@ -13,6 +13,8 @@ from typing import Annotated
 import typer
 
 from experiments.calibrate_command import calibrate
+from experiments.compare_command import compare
+from experiments.dashboard_command import dashboard
 from experiments.doctor_command import doctor
 from experiments.gap_command import gap
 from experiments.home_command import home
@@ -70,7 +72,7 @@ def _claim_line(claim: dict) -> str:
 @app.command()
 def run(
     protocol: Annotated[str, typer.Argument(help="Shipped protocol or your own .toml file.")],
-    arm: Annotated[str, typer.Option(help="with, without or both.")] = "both",
+    arm: Annotated[str, typer.Option(help="with, without, both, or a cure.")] = "both",
     rig: RigOption = None,
     out: OutOption = Path("out/run"),
     seed: Annotated[int | None, typer.Option(min=0, help="Default: the protocol's own.")] = None,
@@ -86,10 +88,11 @@ def run(
     from experiments.folders import writable
     from experiments.protocol import read_protocol
     from experiments.runs import run_protocol
+    from rig.controllers import ARMS
 
     plan = read_protocol(protocol)
-    if arm not in ("with", "without", "both"):
-        raise ValueError(f"--arm {arm}: must be with, without or both")
+    if arm not in (*ARMS, "own", "both"):
+        raise ValueError(f"--arm {arm}: must be {', '.join(ARMS)}, own or both")
     if camera not in ("statistical", "frames"):
         raise ValueError(f"--camera {camera}: must be statistical or frames")
     table, folder = load_rig(rig), writable(out)
@@ -199,7 +202,9 @@ def reject(
     typer.echo(f"{run}: rejected ({reason})")
 
 
+app.command()(dashboard)
 app.command()(gap)
+app.command()(compare)
 app.command()(home)
 app.command()(serve)
 app.command()(doctor)

@@ -4,9 +4,11 @@ import json
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from math import inf
 from pathlib import Path
 from typing import Self
 
+from experiments.live_eye import open_markers, watching
 from rig.hardware.choose import OpenTable, open_table
 from rig.hardware.eye import CameraEye
 from rig.hardware.home import Homing, home
@@ -15,12 +17,22 @@ from rig.parameters import Rig
 from rig.realtime import go_realtime
 from rig.table import LevelOnExit, Reading, Table
 
+TILT_STALL_S = 2.0  # homing is slow: markers that are late do no harm
 MARKS = (8192, 24576)  # where a card's counters are put by homing, far from where they wake up
 
 
 def is_hardware(rig: Rig) -> bool:
     """Whether the rig file names a real table."""
     return rig.table.kind != "simulated"
+
+
+def check_there(rig: Rig) -> None:
+    """FileNotFoundError, before anything is made or asked: the board's port is not there."""
+    port = rig.table.port
+    if rig.table.kind == "serial" and port.startswith("/") and not Path(port).exists():
+        raise FileNotFoundError(
+            f"table.port = '{port}' is not there: plug the board in; rig doctor lists the ports"
+        )
 
 
 def consent(text: str, yes: bool) -> None:
@@ -37,26 +49,27 @@ def consent(text: str, yes: bool) -> None:
 
 @contextmanager
 def plate_tilt(rig: Rig) -> Iterator[Callable[[float], tuple[float, float] | None]]:
-    """The tilt of the plate as the rig file's camera sees it; nothing where it names none."""
+    """The tilt of the plate as the rig file's camera sees it; nothing where it names none.
+
+    Seen in a process of its own: in this one it would hold the loop's interpreter.
+    """
     if not rig.table.camera:
         yield lambda t_s: None
         return
-    from calibration.bundle import load as load_bundle
-    from rig.hardware.plate_tilt import MarkerTilt
-    from vision.sources import open_source
+    with watching(rig, open_markers, stall_s=TILT_STALL_S) as eye:
 
-    bundle = load_bundle(rig.table.calibration)
-    with open_source(rig.table.camera) as source:
-        bundle.check_size(*source.size)
-        tilt = MarkerTilt(source, bundle.view, bundle.layout)
-        try:
-            yield tilt
-        finally:
-            tilt.end()
+        def tilt(t_s: float) -> tuple[float, float] | None:
+            seen = eye.latest(-inf)
+            return seen.xy_m if seen is not None else None
+
+        yield tilt
 
 
 def home_table(rig: Rig, rig_file: Path) -> tuple[Homing, Path]:
-    """Home the table and keep what was found beside the rig file."""
+    """Home the table and keep what was found beside the rig file; what was kept before goes."""
+    check_there(rig)
+    path = home_file(rig_file)
+    path.unlink(missing_ok=True)
     with plate_tilt(rig) as tilt:
         go_realtime()  # where it is allowed: a late tick costs the board's trust
         table = open_table(rig, homed=False)
@@ -64,7 +77,6 @@ def home_table(rig: Rig, rig_file: Path) -> tuple[Homing, Path]:
             found = home(table, rig, tilt)
             found = _marked(table, found)
             homed = Homed.of(found, rig, power_up(table))
-    path = home_file(rig_file)
     homed.save(path)
     return found, path
 

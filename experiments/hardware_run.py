@@ -1,23 +1,21 @@
 """One recorded run on a real table: loop and camera in processes of their own, a person as hand."""
 
 import json
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from experiments.assemble import ball_camera
-from experiments.hardware import open_homed
+from experiments.hardware import check_there, open_homed
+from experiments.live_eye import open_ball, watching
 from experiments.live_run import record_live
-from experiments.protocol import Protocol, course
+from experiments.protocol import OWN, Protocol, course
 from experiments.recording import Recorder
 from experiments.run_folder import new_run_folder, plain, read_meta, replace_json
-from experiments.runner import Done, Order, Watch, start_record
-from rig.controllers import ARMS
-from rig.hardware.eye import CameraEye, Watcher
+from experiments.runner import Done, Order, Watch, arm_number, start_record
 from rig.hardware.homed import home_file, load
 from rig.loop_process import Job
 from rig.parameters import Rig
@@ -41,7 +39,9 @@ class _Telling(Recorder):
 
 
 def check(rig: Rig, rig_file: Path, protocol: Protocol) -> None:
-    """ValueError before anything is opened: no homing, or a protocol that this table cannot run."""
+    """ValueError or FileNotFoundError before anything is opened: no port, no homing, or a protocol
+    that this table cannot run."""
+    check_there(rig)
     homed = load(home_file(rig_file))
     homed.check(rig, homed.boot_id)
     if protocol.servo_only:
@@ -53,31 +53,6 @@ def check(rig: Rig, rig_file: Path, protocol: Protocol) -> None:
         )
     if protocol.pushes.kind == "at-centre":
         raise ValueError("pushes at-centre are for the virtual table: use pushes drawn")
-
-
-@contextmanager
-def _seeing(rig: Rig) -> Iterator[CameraEye | None]:
-    """The rig file's camera, seen in a process of its own; None where it names none."""
-    if not rig.table.camera:
-        yield None
-        return
-    eye = CameraEye(rig.linkage.ratio)
-    try:
-        with Watcher(eye, partial(_open_camera, rig)):
-            yield eye
-    finally:
-        eye.close()
-
-
-def _open_camera(rig: Rig):
-    """Frames and the ball camera, in the process that sees."""
-    from calibration.bundle import load as load_bundle
-    from vision.sources import open_source
-
-    bundle = load_bundle(rig.table.calibration)
-    source = open_source(rig.table.camera, start_s=0.0)
-    bundle.check_size(*source.size)
-    return source, ball_camera(rig, bundle)
 
 
 def measure(
@@ -98,9 +73,12 @@ def measure(
     folder = new_run_folder(order.parent, order.protocol.name, order.arm)
     start = start_record(order) | _measured(order.rig)
     try:
-        with _seeing(order.rig) as eye:
+        with watching(order.rig, open_ball) if order.rig.table.camera else nullcontext() as eye:
             table = partial(open_homed, order.rig, rig_file, eye, folder / NOTES)
-            job = Job(table, order.believed, ARMS[order.arm], way)
+            job = Job(
+                table, order.believed, arm_number(order.arm), way,
+                controller=order.protocol.controller if order.arm == OWN else "",
+            )  # fmt: skip
             recorder = _Telling(folder, start)
             watch = Watch(order, recorder, progress)
             recorder.say, recorder.at_end = say, partial(watch.note_pushes, order.believed)

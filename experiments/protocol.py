@@ -13,7 +13,7 @@ from rig.parameters import Rig
 from rig.reference import SHAPES
 from rig.simulate import Course
 
-Arm = Literal["with", "without"]
+OWN = "own"  # the arm of a lab's own controller
 STEPS = ("place", "hold", "release", "push")
 
 
@@ -46,7 +46,8 @@ class Pushes(_Strict):
 
 class Protocol(_Strict):
     """One experiment. `operator`: the steps that a person at a real table is asked for;
-    `reference` = {shape = one of rig.reference.SHAPES, its parameters}."""
+    `reference` = {shape = one of rig.reference.SHAPES, its parameters}; arms: names of
+    `rig.controllers.ARMS`; controller: a lab's own, "mine.py:MyController", whose arm is "own"."""
 
     title: str
     duration_s: float = Field(gt=0.1, le=3600)
@@ -54,7 +55,8 @@ class Protocol(_Strict):
     start: Start = Start()
     pushes: Pushes = Pushes()
     operator: list[Literal["place", "hold", "release", "push"]] = []
-    arms: list[Arm] = Field(default=["without", "with"], min_length=1)
+    arms: list[str] = Field(default=["without", "with"], min_length=1)
+    controller: str = ""
     repetitions: int = Field(default=1, ge=1, le=1000)
     seed: int = Field(default=1, ge=0)
     servo_only: bool = False
@@ -87,11 +89,18 @@ def read_protocol(name: str) -> Protocol:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ValueError(f"{label}: not a TOML file ({error})") from None
-    return parse(data, label=label, name=path.stem)
+    plan = parse(data, label=label, name=path.stem)
+    if not plan.controller:
+        return plan
+    file, _, made = plan.controller.rpartition(":")
+    beside = path.parent / file
+    return plan.model_copy(update={"controller": f"{beside}:{made}"})
 
 
 def parse(data: dict[str, Any], *, label: str, name: str) -> Protocol:
     """Check a protocol's data; ValueError names the key, what is wrong and what is known."""
+    if data.get("controller"):
+        data = {"arms": [OWN]} | data
     try:
         protocol = Protocol.model_validate({"name": name} | data)
     except ValidationError as error:
@@ -110,7 +119,25 @@ def parse(data: dict[str, Any], *, label: str, name: str) -> Protocol:
         raise ValueError(f"{label}: reference.shape = '{shape}'; known: {', '.join(SHAPES)}")
     _check_reference(protocol, label)
     _check_operator(protocol, label)
+    _check_arms(protocol, label)
     return protocol
+
+
+def _check_arms(protocol: Protocol, label: str) -> None:
+    """Arms that there are; "own" exactly where a controller is named."""
+    from rig.controllers import ARMS
+
+    for arm in protocol.arms:
+        if arm not in ARMS and arm != OWN:
+            raise ValueError(
+                f"{label}: arms: unknown arm '{arm}'; known: {', '.join([*ARMS, OWN])}"
+            )
+    if (OWN in protocol.arms) != bool(protocol.controller):
+        raise ValueError(
+            f"{label}: the arm 'own' and controller = \"mine.py:MyController\" belong together"
+        )
+    if protocol.controller and protocol.controller.count(":") < 1:
+        raise ValueError(f"{label}: controller = '{protocol.controller}': write file.py:ClassName")
 
 
 def _check_operator(protocol: Protocol, label: str) -> None:

@@ -17,7 +17,7 @@ from experiments.assemble import (
     simulated_hand,
     simulated_table,
 )
-from experiments.protocol import Protocol, course
+from experiments.protocol import OWN, Protocol, course
 from experiments.push_detection import detect_pushes
 from experiments.recording import Recorder, write_run
 from experiments.run_folder import new_run_folder, write_truth
@@ -28,6 +28,7 @@ from rig.constants import LANES
 from rig.controllers import ARMS
 from rig.log import INDEX, Log
 from rig.loop import Ending, Loop
+from rig.own_file import load_controller
 from rig.parameters import Rig
 from rig.rigfile import to_dict
 from rig.simulate import Simulated, Task, draw, simulate
@@ -158,6 +159,7 @@ def run(
     Raises what the recorder or the vision chain raises; what was recorded so far stays readable.
     """
     way = course(order.protocol, order.rig, order.seed)
+    controller = load_controller(order.protocol.controller) if order.arm == OWN else None
     eye = rendered_eye(order.rig, order.bundle, order.seed) if order.bundle else None
     table = simulated_table(order.rig, way, order.seed, eye)
     slot = commands or CommandSlot()
@@ -170,10 +172,11 @@ def run(
             ending = Loop(
                 table,
                 order.believed,
-                ARMS[order.arm],
+                arm_number(order.arm),
                 way,
                 hand=simulated_hand(table, order.protocol, way, order.seed),
                 commands=slot,
+                controller=controller,
                 keep=watch.keep,
                 event=recorder.event,
             ).run()
@@ -182,13 +185,20 @@ def run(
     return Done(folder, ending, np.array(eye.pairs if eye else []).reshape(-1, 5))
 
 
+def arm_number(arm: str) -> int:
+    """The arm's number for the pilot; a lab's own controller stands where "without" would."""
+    return ARMS["without" if arm == OWN else arm]
+
+
 def _task(order: Order) -> Task:
     """The order as the simulator takes it, with the numbers that `run` would draw."""
+    if order.arm == OWN:
+        raise ValueError("a lab's own controller runs tick by tick alone: use rig run")
     if order.protocol.pushes.kind == "at-centre":
         raise ValueError("pushes at-centre answer to the ball: run them tick by tick (rig run)")
     way = course(order.protocol, order.rig, order.seed)
     numbers = draw(np.random.default_rng([order.seed, 3]), order.rig, way)
-    return Task(order.rig, order.believed, ARMS[order.arm], way, numbers)
+    return Task(order.rig, order.believed, arm_number(order.arm), way, numbers)
 
 
 def simulate_order(order: Order) -> Simulated:
@@ -213,6 +223,16 @@ def simulate_orders(
         for part in pool.map(some, blocks):
             found += part
             done(len(found))
+    return found
+
+
+def simulate_in_blocks(orders: Sequence[Order], work: Callable[[Order, Simulated], T]) -> list[T]:
+    """The same on this core alone, a block in memory at a time: for studies that use processes."""
+    found: list[T] = []
+    for i in range(0, len(orders), LANES):
+        block = orders[i : i + LANES]
+        runs = simulate_many([_task(order) for order in block])
+        found += [work(order, run) for order, run in zip(block, runs, strict=True)]
     return found
 
 

@@ -21,7 +21,7 @@ from numba.core.config import reload_config
 def _source_hash() -> str:
     """Hash of every source file of this package (hex, 16 characters)."""
     digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()[:16]
 

@@ -8,6 +8,7 @@ same PID plus the inverse of the estimated play (`compensation.py`).
 import numpy as np
 
 from rig import compensation
+from rig.arms.choice import ARMS_STATE, CURES, FIRST, arm_volts
 from rig.compiled import compiled
 from rig.observers import ball_now
 from rig.parameters import Rig
@@ -25,7 +26,7 @@ BACKWARDS = 8
 WITH = JOINT_INVERSE | GEAR_INVERSE
 SHAM = WITH | BACKWARDS
 MISPLACED = JOINT_INVERSE | GEAR_INVERSE_ON_REFERENCE
-ARMS = {"without": WITHOUT, "with": WITH, "sham": SHAM, "misplaced": MISPLACED}
+ARMS = {"without": WITHOUT, "with": WITH, "sham": SHAM, "misplaced": MISPLACED} | CURES
 
 CONTROL = np.dtype(
     [
@@ -34,16 +35,18 @@ CONTROL = np.dtype(
         ("reference", np.float64, (2,)),
         ("inverse", compensation.INVERSE),
         ("gear_inverse", compensation.INVERSE),
+        ("arms", ARMS_STATE),
     ]
 )
 CONTROL_SETTINGS = np.dtype(
     [
         (name, np.float64)
         for name in (
-            "tick_s kp ki kd integral_limit servo_kp servo_kd angle_limit encoder_step".split()
-        )
+            "tick_s kp ki kd integral_limit servo_kp servo_kd angle_limit encoder_step "
+            "play_factor ball_gain motor_gain motor_lag torque_per_volt"
+        ).split()
     ]
-    + [("arm", np.int64)]
+    + [("joint_given", np.float64, (2,)), ("gear_given", np.float64, (2,)), ("arm", np.int64)]
 )
 
 
@@ -57,6 +60,11 @@ def settings(rig: Rig, arm: int) -> np.record:
     g["servo_kd"] = rig.gains.servo_derivative_V_s_rad
     g["angle_limit"] = rig.servo.angle_limit_rad
     g["encoder_step"] = rig.servo.encoder_step_rad
+    g["play_factor"], g["ball_gain"] = rig.play.factor, rig.ball_gain_m_s2
+    g["motor_gain"], g["motor_lag"] = rig.servo.gain_rad_s_V, rig.servo.time_constant_s
+    g["torque_per_volt"] = rig.servo.torque_per_volt_nm
+    g["joint_given"] = rig.play.joint_x_rad, rig.play.joint_y_rad
+    g["gear_given"] = rig.play.gear_x_rad, rig.play.gear_y_rad
     g["arm"] = arm
     return g
 
@@ -77,6 +85,26 @@ def wanted_angle(c, g, a, error, velocity):
 
 
 @compiled
+def _joint(g, play, q_play, a):
+    """What is lost in the joint as this arm takes it [rad]: calibrated where it is, else observed;
+    nothing where the plate drops."""
+    given = g.joint_given[a]
+    if given > 0.0:
+        found = given + 2.0 * q_play.joint.windup if play.joint.keeps[a] >= 0.5 else 0.0
+    else:
+        found = lost_in_joint(play, q_play, a)
+    return g.play_factor * found
+
+
+@compiled
+def _gear(g, play, q_play, a):
+    """The same in the gear [rad]."""
+    given = g.gear_given[a]
+    found = given + 2.0 * q_play.gear.windup if given > 0.0 else lost_in_gear(play, q_play, a)
+    return g.play_factor * found
+
+
+@compiled
 def control(c, g, belief, play, q_play, reading, target, volts):
     """One tick: wanted volts of both axes into `volts` (2,), the ball to `target` (2,) [m].
 
@@ -88,9 +116,11 @@ def control(c, g, belief, play, q_play, reading, target, volts):
         error = target[a] - ball_now(belief, reading[R_TIME], a)
         wanted = wanted_angle(c, g, a, error, belief.velocity[a])
         c.wanted_theta[a] = wanted
-        reference = wanted
-        joint = lost_in_joint(play, q_play, a)
-        gear = lost_in_gear(play, q_play, a)
+        reference = c.reference[a] = wanted
+        joint, gear = _joint(g, play, q_play, a), _gear(g, play, q_play, a)
+        if g.arm >= FIRST:
+            volts[a] = arm_volts(c.arms, c, g, belief, play.gear.twist[a], reading, a, joint, gear)
+            continue
         least = 2.0 * g.encoder_step
         if g.arm & JOINT_INVERSE:
             reference = compensation.joint_reference(c.inverse, a, wanted, theta, joint, least)

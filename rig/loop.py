@@ -2,10 +2,11 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
-from rig import guard, pilot
+from rig import guard, own, pilot
 from rig.commands import Command, CommandSlot, Inbox, Push, SetGains, Stop, Target
 from rig.endings import Ending
 from rig.guard import GuardLimits, Trip
@@ -39,6 +40,7 @@ class Loop:
         *,
         hand: Hand | None = None,
         commands: Inbox | None = None,
+        controller: own.OwnController | None = None,
         keep: Callable[[np.ndarray], None] = lambda row: None,
         event: Callable[[float, str], None] = lambda t_s, text: None,
         late_s: Callable[[], float] = lambda: 0.0,
@@ -48,6 +50,7 @@ class Loop:
         self._memory = guard.Memory()
         self._table, self._course, self._hand = table, course, hand or Hand()
         self._commands, self._keep, self._event = commands or CommandSlot(), keep, event
+        self._own, self._known = controller, known
         self._q = pilot.settings(known, arm, servo_only=course.servo_only)
         self.pilot = pilot.start(self._q, held=course.hold_s > 0)
         self._reach_m = 0.5 * known.linkage.plate_side_m
@@ -67,22 +70,34 @@ class Loop:
         """Tick until the course is done or something ends it.
 
         Whatever is raised leaves 0 V behind; leaving the table's context levels the plate unless
-        the encoders are no longer to be trusted.
+        the encoders are no longer to be trusted. A lab's own controller that fails ends the run at
+        0 V: aborted, with the reason.
         """
         try:
-            while True:
-                ending = self._tick(self._table.read())
-                if ending is not None:
-                    break
+            ending = self._until_done()
+        except own.ControllerError as error:
+            ending = Ending("aborted", str(error))
         except BaseException:
             with suppress(Exception):  # the first error is the one to hear of
                 self._table.drive((0.0, 0.0))
             raise
+        if self._own is not None:
+            self._table.drive((0.0, 0.0))
+            said = own.end(self._own, ending.outcome)
+            ending = replace(ending, reason="; ".join(filter(None, (ending.reason, said))))
         if not ending.level:
             self._table.drive((0.0, 0.0))
             if isinstance(self._table, LevelOnExit):
                 self._table.level_s = 0.0
         return ending
+
+    def _until_done(self) -> Ending:
+        if self._own is not None:
+            own.start(self._own, self._known, self._table.period_s)
+        while True:
+            ending = self._tick(self._table.read())
+            if ending is not None:
+                return ending
 
     def _tick(self, reading: Reading) -> Ending | None:
         for command in self._commands.take():
@@ -97,6 +112,7 @@ class Loop:
         target = np.array(self._target or self._course.targets_m[self._ticks])
         before = self.pilot["phase"]
         pilot_tick(self.pilot, self._q, row, target, self._applied, self._wish)
+        failed = self._ask_own(row, target)
         if before == HOLD and self.pilot["phase"] != HOLD:
             self._event(reading.t_s, "released")
         trip = trip or guard.check_wish(float(self._wish[0]), float(self._wish[1]))
@@ -105,9 +121,12 @@ class Loop:
         for a, theta in enumerate(reading.theta_rad):
             rate = self.pilot["belief"]["rate"][a]
             last, bounds = self._applied[a], (q["voltage_limit"], q["angle_limit"], q["slew"])
-            self._applied[a] = limit(self._wish[a], theta, rate, last, *bounds, age_s)
+            now = limit(self._wish[a], theta, rate, last, *bounds, age_s)
+            self._applied[a] = 0.0 if failed else now
         self._table.drive((float(self._applied[0]), float(self._applied[1])))
         self._note(reading, row, target, push)
+        if failed:
+            raise failed
         return Ending(trip.name, trip.reason) if trip is not None else self._ended(reading)
 
     def _note(
@@ -141,6 +160,18 @@ class Loop:
         if np.isfinite(reading.t_s) and not reading.t_s <= self._row[0]:
             self._note(reading, reading.row(), np.full(2, np.nan), (0.0, 0.0))
         return Ending(trip.name, trip.reason, level=False)
+
+    def _ask_own(self, row: np.ndarray, target: np.ndarray) -> own.ControllerError | None:
+        """A lab's own controller in place of the built-in one, where that would steer the ball."""
+        steering = self.pilot["phase"] in (HOLD, RUN) and self.pilot["belief"]["frames"] > 0
+        if self._own is None or self._q["servo_only"] or not steering:
+            return None
+        seen = own.now(self.pilot, self._q, row, target, self._applied)
+        try:
+            own.wish(self._own, seen, self._wish)
+        except own.ControllerError as error:
+            return error
+        return None
 
     def _guide(self, reading: Reading) -> None:
         """Ask the operator for the steps in turn; see from the ball when it is placed."""

@@ -26,6 +26,7 @@ from rig.jitter import Jitter
 from rig.log import INDEX
 from rig.loop import Loop
 from rig.mailbox import ENDING, RUNNING, STARTING, Mailbox, Orders, taken_orders
+from rig.own_file import load_controller
 from rig.parameters import Rig
 from rig.realtime import go_realtime
 from rig.simulate import Course
@@ -49,8 +50,8 @@ class Job:
     """A run as it travels to the loop's process: everything here can be pickled.
 
     table: makes the table (a context manager), called there; hand: makes the operator's hand of
-    it; eye: what the table was given to see with, for the encoders' hint; trace: keep the lateness
-    of so many ticks for a benchmark.
+    it; eye: what the table was given to see with, for the encoders' hint; controller: a lab's own,
+    FILE.py:ClassName; trace: keep the lateness of so many ticks for a benchmark.
     """
 
     table: Callable[[], Table]
@@ -60,6 +61,7 @@ class Job:
     hand: Callable[[Table], Hand] | None = None
     limits: GuardLimits | None = None
     eye: "CameraEye | None" = None
+    controller: str = ""
     realtime: bool = True
     trace: int = 0
 
@@ -151,6 +153,7 @@ def _keeper(box: Mailbox, eye: "CameraEye | None") -> Callable[[np.ndarray], Non
 
 
 def _run(job: Job, box: Mailbox, inbox: _Inbox, jitter: Jitter) -> Ending:
+    own = load_controller(job.controller) if job.controller else None
     table = job.table()
     with table:  # pyright: ignore[reportGeneralTypeIssues]
         hand = job.hand(table) if job.hand else Hand()
@@ -166,6 +169,7 @@ def _run(job: Job, box: Mailbox, inbox: _Inbox, jitter: Jitter) -> Ending:
             event=box.say,
             late_s=_Lateness(table, jitter),
             limits=job.limits,
+            controller=own,
         )
         try:
             return loop.run()

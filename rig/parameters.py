@@ -8,6 +8,7 @@ Angles, speeds, torques and inertias of the drive are those at the servo's load 
 from dataclasses import dataclass, field
 from math import pi
 
+from rig.known_play import KnownPlay
 from rig.unknown import Unknown
 
 GRAVITY_M_S2 = 9.81
@@ -230,6 +231,7 @@ class Rig:
     drive: Drive = field(default_factory=Drive)
     walls: Walls = field(default_factory=Walls)
     gains: Gains = field(default_factory=Gains)
+    play: KnownPlay = field(default_factory=KnownPlay)
     unknown: Unknown = field(default_factory=Unknown)
     table: TableChoice = field(default_factory=TableChoice)
     control_rate_hz: float = 500.0

@@ -11,7 +11,18 @@ from pydantic import TypeAdapter, ValidationError
 from rig import effects
 from rig.parameters import Rig
 
-SECTIONS = ("servo", "linkage", "ball", "camera", "drive", "walls", "gains", "unknown", "table")
+SECTIONS = (
+    "servo",
+    "linkage",
+    "ball",
+    "camera",
+    "drive",
+    "walls",
+    "gains",
+    "play",
+    "unknown",
+    "table",
+)
 _FILES = ("token_file", "calibration")  # of [table]: relative to the rig file's folder
 # Values that must be above zero; everything else must be zero or more, but for free signs.
 _POSITIVE = (

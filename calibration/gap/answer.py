@@ -151,7 +151,8 @@ def untestable(state: State, screened: list[Screened] | None) -> tuple[Untestabl
         if size is None and there and screened is not None:  # it was tried in the model
             continue
         if size is None:
-            channel = "volts and angles" if effect.side == "servo" else "the ball"
+            servo = "volts and angles of a servo that moves"
+            channel = servo if effect.side == "servo" else "the ball"
             found.append(Untestable(effect.name, f"the log lacks {channel}", {}))
         elif effect.name == "saturation":
             volts = _largest_volts(state)

@@ -11,11 +11,15 @@ from dataclasses import replace
 
 from calibration.gap.evidence import Evidence
 from calibration.gap.knobs import SERVO, Believed
+from calibration.gap.menu import fastest
 from calibration.gap.screen import screen
 from calibration.gap.search import rank
 from calibration.gap.state import State, baseline, refit
 from rig.parameters import Rig
 
+# A servo creeps that stays for so much of its time below this share of the speed which the volts of
+# the assumed friction would give.
+CREEPS, CREEPING = 0.95, 0.75
 LIKE_IT = 0.5  # share of the assumed friction from which on Coulomb friction may be it
 
 
@@ -35,6 +39,16 @@ def believe(evidence: Evidence, rig: Rig, tolerances: Mapping[str, float] | None
         return without
     with_it = _with_coulomb(with_it, parts)
     return loaded if _one_more(with_it, parts) < _one_more(bare, parts) else without
+
+
+def creeping(evidence: Evidence, believed: Believed) -> tuple[str, ...]:
+    """Servo parts that only creep: where the load's friction lets go decides then, within winding
+    shafts, and no first-order motor; a model of motion finds anything there."""
+    if not believed.load_friction:
+        return ()
+    slow = CREEPING * believed.rig.servo.gain_rad_s_V * believed.assumed_friction_V
+    there = (part for part in SERVO if part in evidence.parts)
+    return tuple(part for part in there if fastest(evidence, part[-1], CREEPS) < slow)
 
 
 def _with_coulomb(state: State, parts: tuple[str, ...]) -> State:

@@ -83,15 +83,15 @@ def reach(evidence: Evidence, axis: str) -> float:
     return max((float(np.ptp(run.theta_rad[:, a])) for run in evidence.runs), default=0.0)
 
 
-def fastest(evidence: Evidence, axis: str) -> float:
-    """Speed of the servo that a log reached, but for a hundredth of it [rad/s]."""
+def fastest(evidence: Evidence, axis: str, share: float = 0.99) -> float:
+    """Speed of the servo below which it stays for this share of the log [rad/s]."""
     a, step = SERVO.index(f"servo_{axis}"), 0.04  # counts are steps: over so many seconds
     speeds = [np.zeros(1)]
     for run in evidence.runs:
         m = max(1, round(step / float(np.median(np.diff(run.t_s)))))
         moved = run.theta_rad[m:, a] - run.theta_rad[:-m, a]
         speeds.append(np.abs(moved) / (run.t_s[m:] - run.t_s[:-m]))
-    return float(np.quantile(np.concatenate(speeds), 0.99))
+    return float(np.quantile(np.concatenate(speeds), share))
 
 
 def released(

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.gap import answer, unknown
-from calibration.gap.believe import believe
+from calibration.gap.believe import believe, creeping
 from calibration.gap.decide import Decision, decide
 from calibration.gap.evidence import gather, usable
 from calibration.gap.findings import Findings, Gap, Leftover, Named, ProofRow, Step
@@ -67,6 +67,9 @@ def investigate_logs(logs: Sequence[Log], rig: Rig, *, notes: tuple[str, ...] = 
     evidence = gather(usable_runs(logs, rig), levels_of(rig), threads=threads)
     tolerances = {**rig.tolerances, **(tolerances or {})}
     believed = believe(evidence, rig, tolerances)
+    slow = creeping(evidence, believed)
+    evidence = replace(evidence, masks={p: m * (p not in slow) for p, m in evidence.masks.items()})
+    notes += tuple(f"{p.replace('_', ' ')} only creeps: its volts are not judged" for p in slow)
     still = State(evidence, believed, evaluate(evidence, believed, {}, evidence.parts))
     lacking = answer.enough_motion(still)
     if lacking:

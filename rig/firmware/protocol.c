@@ -100,8 +100,6 @@ static uint32_t next_token(uint32_t seed) { return seed * (uint32_t)2654435761UL
 static void take_config(board_t *b, const uint8_t *p) {
     uint16_t per_rev = get16(p + 14);
     if (b->state == IS_ARMED || b->state == IS_LEVELLING) return; /* disarm first */
-    b->fresh = !b->asked;
-    b->asked = 1;
     b->nonce = get16(p + 2);
     b->answer_due = 1;
     if (p[1] != PROTOCOL_VERSION || per_rev < FEWEST_COUNTS) {
@@ -111,6 +109,7 @@ static void take_config(board_t *b, const uint8_t *p) {
     }
     b->period_ms = p[4] ? p[4] : 1;
     b->wired = p[5];
+    if (!(p[5] & WIRED_HOMED)) b->fresh = 0; /* it is about to be homed */
     b->zero[0] = (int32_t)get32(p + 6);
     b->zero[1] = (int32_t)get32(p + 10);
     b->angle_limit = get16(p + 16);
@@ -223,7 +222,7 @@ static uint8_t stalled(board_t *b, uint8_t e) {
 static void watch(board_t *b) {
     uint8_t e;
     int32_t runaway = (int32_t)b->angle_limit + b->angle_limit / 6;
-    if (b->age_ms < 0xFFFF) b->age_ms++;
+    b->age_ms++; /* looked at while armed alone, and then it is below UNUSED_MS */
     if (b->state == IS_LEVELLING && ++b->level_ms >= LEVEL_MS) b->state = IS_LATCHED;
     for (e = 0; e < 2; e++) {
         uint8_t stall = stalled(b, e);
@@ -262,6 +261,7 @@ void board_init(board_t *b, uint16_t supply_mV, uint8_t has_tachometer) {
     b->supply_mV = supply_mV;
     b->has_tachometer = has_tachometer;
     b->period_ms = 2;
+    b->fresh = 1;
     b->state = IS_DISARMED;
 }
 

@@ -91,7 +91,7 @@ typedef struct {
     state_t state;
     uint16_t reason; /* BY_... of the last stop */
     /* configuration */
-    uint8_t asked, fresh; /* since the reset */
+    uint8_t fresh; /* reset, and not homed since: the counts mean nothing */
     uint8_t configured, wired, period_ms;
     int32_t zero[2];
     uint16_t angle_limit, limit_mV;

@@ -8,15 +8,15 @@ from collections import deque
 from collections.abc import Callable
 from math import pi
 from types import TracebackType
-from typing import Protocol
 
 from rig.hardware import wire
 from rig.hardware.board_clock import BoardClock
+from rig.hardware.choose import Eye
 from rig.hardware.link import LINK_DEAD_S, Link, LinkLost
+from rig.hardware.seen import Seen
 from rig.hardware.wire import Arm, Command, ConfigAnswer, ConfigRequest, Disarm, Telemetry
 from rig.hardware.wiring import Wiring
 from rig.table import LevelOnExit, Reading
-from vision.frames import Observation
 
 ANSWER_S = 3.0  # an Arduino that resets on opening spends two seconds in its boot loader
 ASK_AGAIN_S = 0.1
@@ -33,11 +33,10 @@ REASONS = {
 class BoardStopped(OSError):  # noqa: N818 - the state, not the slip
     """The board took the volts away by itself; the message says why."""
 
+    outcome = "board stopped"
 
-class Eye(Protocol):
-    """Whoever sees the ball: the newest observation whose light fell after `after_s`, or None."""
-
-    def latest(self, after_s: float) -> Observation | None: ...
+    def __str__(self) -> str:
+        return self.strerror or super().__str__()
 
 
 class BoardTable(LevelOnExit):
@@ -64,13 +63,13 @@ class BoardTable(LevelOnExit):
         self.period_s, self.voltage_limit_V = period_s, voltage_limit_V
         self.ticks_missed = 0  # of the board's: their telemetry came late or never
         self.newest: Telemetry | None = None
-        self._link, self._wiring, self._eye = link, wiring or Wiring(), eye
+        self._link, self._wiring, self._seen = link, wiring or Wiring(), Seen(eye)
         self._tachometer, self._clock = tachometer_rad_s_V, clock
         self._parser, self._times = wire.Parser(), BoardClock(clock)
         self._unheard: deque[tuple[int, float]] = deque()
         self._sequence = secrets.randbelow(65536)
         self._armed, self._ended, self._closed = False, None, False
-        self._seen_s, self._read_us = -math.inf, None
+        self._read_us: int | None = None
         try:
             self._answer = self._configure(self._request(angle_limit_rad, homed))
         except BaseException:
@@ -79,13 +78,17 @@ class BoardTable(LevelOnExit):
 
     @property
     def is_fresh(self) -> bool:
-        """Was it reset since it was last asked? Then its counts began anew: home it again."""
+        """Was it reset, and not opened for homing since? Then its counts mean nothing: home it."""
         return bool(self._answer.features & wire.IS_FRESH)
 
     @property
     def zero_s(self) -> float:
         """The first reading's moment on the host's monotonic clock; NaN before it."""
         return self._times.zero_s
+
+    def notes(self) -> dict[str, int]:
+        """What a recording shall keep of this link: ticks not heard, frames that were garbage."""
+        return {"ticks_missed": self.ticks_missed, "bad_frames": self._parser.bad_frames}
 
     # --- before the run ---
     def _request(self, angle_limit_rad: float, homed: bool) -> ConfigRequest:
@@ -135,7 +138,10 @@ class BoardTable(LevelOnExit):
         while self._clock() < until:
             self._send(word)  # again and again: it arms but once
             if self._await_telemetry().flags & wire.ARMED:
-                self._armed = True
+                self._armed, self._read_us = (
+                    True,
+                    None,
+                )  # ticks heard here are none that were missed
                 return
         raise self._end(BoardStopped(errno.EPERM, f"{self._link.name} does not arm"))
 
@@ -159,7 +165,7 @@ class BoardTable(LevelOnExit):
             )
             speeds = (self._tachometer * x, self._tachometer * y)
         return Reading(
-            t_s, self._wiring.angles((packet.count_0, packet.count_1)), speeds, self._ball(t_s)
+            t_s, self._wiring.angles((packet.count_0, packet.count_1)), speeds, self._seen.look(t_s)
         )
 
     def drive(self, volts: tuple[float, float]) -> None:
@@ -258,11 +264,3 @@ class BoardTable(LevelOnExit):
         """Remember how it ended: every later call says the same."""
         self._ended = error
         return error
-
-    def _ball(self, t_s: float) -> Observation | None:
-        """What the eye saw since, once, and never before its light."""
-        ball = self._eye.latest(self._seen_s) if self._eye is not None else None
-        if ball is None or not self._seen_s < ball.exposed_s <= t_s:
-            return None
-        self._seen_s = ball.exposed_s
-        return ball

@@ -3,17 +3,18 @@
 import math
 from collections.abc import Callable
 
+from rig.hardware.seen import FromFirst
 from vision.clock import ForeignClock
 
 
-class BoardClock:
+class BoardClock(FromFirst):
     """The board's clock (microseconds, wrapping) -> seconds from the first reading."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
-        self.zero_s = math.nan
+        super().__init__()
         self._clock, self._foreign = clock, ForeignClock()
         self._board_us: int | None = None  # counted on beyond its 32 bits
-        self._last_s, self._host_s = -1.0, math.nan
+        self._host_s = math.nan
 
     def heard(self, clock_us: int) -> bool:
         """Note a stamp on its arrival: its place on the host's clock, by the fastest deliveries.
@@ -36,8 +37,4 @@ class BoardClock:
 
     def reading(self) -> float:
         """Seconds of the last stamp heard from the first reading; strictly increasing."""
-        if math.isnan(self.zero_s):
-            self.zero_s, self._last_s = self._host_s, 0.0
-        else:
-            self._last_s = max(self._host_s - self.zero_s, self._last_s + 1e-4)
-        return self._last_s
+        return self.seconds(self._host_s, 1e-4)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from vision.view import View
 
 STALL_S = 0.3  # the pilot has levelled the plate by then (rig.pilot.BLIND_S)
-OPEN_S = 30.0  # a process has to import OpenCV and open a camera
+OPEN_S = 90.0  # a process has to import OpenCV, open a camera and, once, compile what sees
 SIGHTS = 16
 SIGHT = np.dtype([("frame_s", np.float64), ("seen", np.int64), ("numbers", np.float64, (5,))])
 TROUBLE = np.dtype([("text", "S240"), ("said", np.int64), ("over", np.int64)])

@@ -17,7 +17,8 @@ STALL_S, STALL_RAD = 0.25, 0.005
 SEEK_S = 12.0
 FARTHEST_RAD = 2.2  # from where it began, or between the stops: there is none
 HOLD_V_RAD = 14.0
-ARRIVED_RAD, ARRIVE_S, SETTLE_S, LOOK_S = 0.04, 4.0, 0.5, 0.4
+ARRIVED_RAD, ARRIVE_S, SETTLE_S = 0.04, 4.0, 0.5
+LOOK_S, LOOK_LONGEST_S = 0.4, 3.0  # the longer where pictures come, but slowly
 SWING_RAD = 0.2
 FEWEST_LOOKS = 5
 LEVEL_SINE = sin(radians(1.0))
@@ -187,7 +188,9 @@ def look(arms: list[Arm], targets: list[float], sight: Sight) -> Generator[Pair,
     begin_s, seen = sight.t_s, []
     angles = [0.0, 0.0]
     count = 0
-    while sight.t_s - begin_s < LOOK_S:
+    while (passed_s := sight.t_s - begin_s) < LOOK_S or (
+        0 < len(seen) < FEWEST_LOOKS and passed_s < LOOK_LONGEST_S
+    ):
         out = [0.0, 0.0]
         for i, (arm, target) in enumerate(zip(arms, targets, strict=True)):
             out[arm.motor] = arm.towards(target, sight)

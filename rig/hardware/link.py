@@ -8,6 +8,11 @@ LINK_DEAD_S = 0.08  # so long may a board be silent or deaf; the error is raised
 class LinkLost(OSError):  # noqa: N818 - the state, not the slip
     """The device vanished or fell silent: one line with its name."""
 
+    outcome = "link lost"
+
+    def __str__(self) -> str:
+        return self.strerror or super().__str__()  # a number says nothing to a reader
+
 
 class Link(Protocol):
     """A cable to one board. Every call raises LinkLost when the device is gone."""

@@ -1,54 +1,36 @@
 """The plate's tilt as its markers show it, picture by picture: what homing believes."""
 
-from threading import Lock, Thread
+import numpy as np
 
-from vision.frame_source import Source
+from vision.frames import Frame, Observation, Track
 from vision.markers import MarkerLayout, find_pose, track_pose
-from vision.source_errors import SourceError
 from vision.view import View
+
+LOOK_AFRESH = 5  # pictures without markers, and the whole picture is searched for them again
 
 
 class MarkerTilt:
-    """Looks in its own thread; called in every tick: the plate's sines of a new picture, or None.
+    """Sees through `rig.hardware.eye` as a ball camera does; the pair that travels: the sines.
 
-    `level` is the calibrated view of the level plate. A camera that fails ends the looking.
+    `level` is the calibrated view of the level plate.
     """
 
-    def __init__(self, source: Source, level: View, layout: MarkerLayout) -> None:
-        self._source, self._level, self._layout = source, level, layout
-        self._newest: tuple[float, float] | None = None
-        self._lock, self._over = Lock(), False
-        self.seen = 0
-        self._thread = Thread(target=self._work, daemon=True, name="plate tilt")
-        self._thread.start()
+    def __init__(self, level: View, layout: MarkerLayout) -> None:
+        self._level, self._layout, self._last, self._misses = level, layout, level, 0
 
-    def __call__(self, t_s: float) -> tuple[float, float] | None:
-        with self._lock:
-            newest, self._newest = self._newest, None
-        return newest
-
-    def end(self) -> None:
-        """Stop looking; the source may be closed afterwards."""
-        self._over = True
-        self._thread.join(2.0)
-
-    def _work(self) -> None:
-        last, misses = self._level, 0
-        try:
-            for frame in self._source:
-                if self._over:
-                    return
-                fit = track_pose(frame.image, self._layout, last)
-                if not fit.accepted and misses % 5 == 0:
-                    fit = find_pose(frame.image, self._layout, self._level.camera) or fit
-                misses = 0 if fit.accepted else misses + 1
-                if fit.accepted:
-                    last = fit.view
-                    with self._lock:
-                        self._newest = sines(fit.view, self._level)
-                    self.seen += 1
-        except SourceError:
-            return
+    def step(
+        self, frame: Frame, rotation_hint: np.ndarray
+    ) -> tuple[Observation | None, Track, View]:
+        """The sines of a picture, as an observation; None where too few markers are seen."""
+        fit = track_pose(frame.image, self._layout, self._last)
+        if not fit.accepted and self._misses % LOOK_AFRESH == 0:
+            fit = find_pose(frame.image, self._layout, self._level.camera) or fit
+        if not fit.accepted:
+            self._misses += 1
+            return None, Track("lost"), self._last
+        self._misses, self._last = 0, fit.view
+        seen = Observation(sines(fit.view, self._level), (0.0, 0.0, 0.0), frame.t_s)
+        return seen, Track("track"), fit.view
 
 
 def sines(view: View, level: View) -> tuple[float, float]:

@@ -1,37 +1,41 @@
 """Times and observations of a hardware table's readings."""
 
+import math
+
 from rig.hardware.choose import Eye
 from vision.clock import ForeignClock
 from vision.frames import Observation
 
 
-class TickClock:
-    """Ticks counted by a device -> seconds from the first, on the host's monotonic clock.
+class FromFirst:
+    """Moments on the host's monotonic clock -> seconds from the first, strictly increasing."""
+
+    def __init__(self) -> None:
+        self.zero_s = math.nan  # the first reading's moment; NaN before it
+        self._last_s = 0.0
+
+    def seconds(self, host_s: float, least_step_s: float) -> float:
+        if math.isnan(self.zero_s):
+            self.zero_s = host_s
+        else:
+            self._last_s = max(host_s - self.zero_s, self._last_s + least_step_s)
+        return self._last_s
+
+
+class TickClock(FromFirst):
+    """Ticks counted by a device -> seconds from the first reading.
 
     The device's clock has no jitter, the host's is the one that the camera is stamped by: the
-    fastest delivery of the last seconds ties one to the other. Times strictly increase.
+    fastest delivery of the last seconds ties one to the other.
     """
 
     def __init__(self) -> None:
+        super().__init__()
         self._foreign = ForeignClock()
-        self._zero_s: float | None = None
-        self._last_s = -1.0
-
-    @property
-    def zero_s(self) -> float:
-        """The first reading's moment on the host's clock. RuntimeError before it."""
-        if self._zero_s is None:
-            raise RuntimeError("no reading yet")
-        return self._zero_s
 
     def time(self, device_s: float, arrived_s: float, period_s: float) -> float:
         """Seconds from the first reading; `device_s` must have grown since the last call."""
-        host_s = self._foreign.to_rig(device_s, arrived_s)
-        if self._zero_s is None:
-            self._zero_s, self._last_s = host_s, 0.0
-            return 0.0
-        self._last_s = max(host_s - self._zero_s, self._last_s + 0.1 * period_s)
-        return self._last_s
+        return self.seconds(self._foreign.to_rig(device_s, arrived_s), 0.1 * period_s)
 
 
 class Seen:

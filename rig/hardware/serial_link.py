@@ -42,7 +42,8 @@ class SerialLink:
         except _GONE as error:
             number = getattr(error, "errno", None)
             cure = _CURES.get(number or 0, "is it plugged in and free?")
-            raise LinkLost(number or errno.EIO, f"{self.name}: {_short(error)}; {cure}") from None
+            why = os.strerror(number) if number else _short(error)
+            raise LinkLost(number or errno.EIO, f"{self.name}: {why}; {cure}") from None
 
     def send(self, data: bytes) -> None:
         while data:

@@ -89,6 +89,7 @@ def _run(world: World, fault: Fault, rig, keep) -> str:
     n = round(RUN_S * rig.control_rate_hz)
     way = Course(np.zeros((n, 2)), np.zeros((n, 2)))
     table = None
+    table_on(world, homed=False).close()  # as rig home leaves it
     try:
         table = table_on(world, FaultyLink(world, fault))
         with table:

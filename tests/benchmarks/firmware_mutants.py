@@ -1,10 +1,11 @@
 """Does a test notice when the firmware's safety is changed? Mutants of protocol.c, one by one.
 
-    python tests/benchmarks/firmware_mutants.py
+    python tests/benchmarks/firmware_mutants.py [FIRST [LAST]]
 
-Each mutant changes one operator or number in the functions that decide about volts; it dies when
-a test of `test_board.py` fails, or when it hangs or crashes. Prints those that live; exit code 1
-where there are any that are not known to change nothing.
+FIRST and LAST (numbers from 0, LAST not included) choose a piece of the whole. Each mutant changes
+one operator or number in the functions that decide about volts; it dies when a test of
+`test_board.py` fails, or when it hangs or crashes. Prints those that live; exit code 1 where there
+are any that are not known to change nothing.
 """
 
 import os
@@ -33,7 +34,7 @@ SWAPS = {
 TOKENS = re.compile(
     r"<=|>=|==|!=|&&|\|\||\+\+|\|=| [<>+\-&?] |\b\d+\b|\b[A-Z]+_MS\b|\b[A-Z_]+_MV\b"
 )
-LONGEST_S = 20
+LONGEST_S = 60
 # Changes that change nothing that anybody could see, each with its reason.
 EQUIVALENT = {
     "if (b->limit_mV[> -> >=]LIMIT_MV) b->limit_mV = LIMIT_MV;",  # equal stays equal
@@ -133,20 +134,27 @@ def dies(text: str) -> bool:
     return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) != 0
 
 
+def piece_of(words: list[str], count: int) -> tuple[int, int]:
+    first, last = [*map(int, words), *(0, count)[len(words) :]]
+    return first, last
+
+
 def main() -> int:
     begin, text = time.monotonic(), SOURCE.read_text()
     for case in cases():  # here, so that every child finds the plant compiled
         case()
     assert not dies(text), "the unchanged firmware must pass"
-    made, alive = 0, []
-    for line, shown, changed in mutants(text):
-        made += 1
+    every = list(mutants(text))
+    known = {shown for _, shown, _ in every}
+    assert known >= EQUIVALENT, f"no mutants any more: {EQUIVALENT - known}"
+    piece, alive = every[slice(*piece_of(sys.argv[1:], len(every)))], []
+    for line, shown, changed in piece:
         if not dies(changed) and shown not in EQUIVALENT:
             alive.append((line, shown))
             print(f"alive: line {line}: {shown}", flush=True)
-    print(
-        f"{made} mutants, {len(EQUIVALENT)} known to change nothing, {len(alive)} alive; ", end=""
-    )
+    idle = sum(shown in EQUIVALENT for _, shown, _ in piece)
+    print(f"{len(piece)} of {len(every)} mutants, {idle} known to change nothing, ", end="")
+    print(f"{len(alive)} alive; ", end="")
     print(f"{time.monotonic() - begin:.0f} s")
     return int(bool(alive))
 

@@ -13,7 +13,9 @@ from board_host import HostBoard  # pyright: ignore[reportMissingImports]
 from fault_campaign import campaign, one, table  # pyright: ignore[reportMissingImports]
 from simavr_faults import KINDS, resampled
 
-OUTCOMES = ("completed", "host killed", "no link", "ball lost", "link lost", "board stopped")
+OUTCOMES = (
+    "completed", "host killed", "no link", "ball lost", "link lost", "board stopped", "late loop",
+)  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -1,14 +1,18 @@
 """A lab of its own: `rig serve` over a simulated plant whose ball is placed and let go in time.
 
-Run as a process: served_table.py FOLDER. FOLDER gets rig.token and, once it serves, "port"; its
-volts are appended to "volts" (time, x, y) from the plant's side of everything.
+Run as a process: served_table.py FOLDER [film]. FOLDER gets rig.token and, once it serves, "port"
+(what [table] has to say); its volts are appended to "volts" (time, x, y) from the plant's side of
+everything. With `film` the table sees nothing by itself: it shows what a camera would see
+(virtual_film.py).
 """
 
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from virtual_film import Film
 
 from experiments.assemble import load_rig
 from rig.hardware.remote_wire import make_token, read_token
@@ -18,15 +22,21 @@ from rig.realtime import go_realtime
 from rig.simulator import SimulatedTable
 
 START_M = (-0.1, 0.1)
+AWAY_M = (1.0, 1.0)  # of a ball that lies in a drawer
 LET_GO_S = 2.5  # after the table was armed
+FILM_HZ = 30.0
 
 
 class Lab:
     """The plant and a patient assistant who puts the ball back whenever the table is at rest."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *, film: bool) -> None:
         rig = load_rig(None)
-        self.table = SimulatedTable(rig, np.random.default_rng(5), start_m=START_M, held=True)
+        if film:
+            rig = replace(rig, camera=replace(rig.camera, rate_hz=FILM_HZ))
+        self.film = Film(folder) if film else None
+        rng = np.random.default_rng(5)
+        self.table = SimulatedTable(rig, rng, start_m=AWAY_M, held=True, eye=self.film)
         make_token(folder / "rig.token")
         self.server = Server(
             Paced(self.table), read_token(folder / "rig.token"), counts_per_rev=4096,
@@ -34,17 +44,21 @@ class Lab:
         )  # fmt: skip
         self._armed_s: float | None = None
         self._file = (folder / "volts").open("w", buffering=1)
-        self._last = (0.0, 0.0)
+        self._last, self._ticks = (0.0, 0.0), 0
 
     def tick(self) -> None:
+        if self.film is not None:
+            self.film.now_s = self._ticks * self.table.period_s
+        self._ticks += 1
         self.server.tick()
         now_s, guard = time.monotonic(), self.server.guard
         if not (guard.armed and guard.homed):
             if self._armed_s is not None:
                 self._armed_s = None
-                self.table.place(START_M)
+                self.table.place(AWAY_M)
         elif self._armed_s is None:
             self._armed_s = now_s
+            self.table.place(START_M)
         elif now_s - self._armed_s > LET_GO_S:
             self.table.release()
         if self.table.volts_V != self._last:
@@ -54,10 +68,12 @@ class Lab:
 
 if __name__ == "__main__":
     where = Path(sys.argv[1])
-    lab = Lab(where)
+    lab = Lab(where, film="film" in sys.argv[2:])
     for _ in range(20):
         lab.tick()
     go_realtime()  # as rig serve
-    (where / "port").write_text(str(lab.server.port))
+    address = f'address = "127.0.0.1:{lab.server.port}"'
+    (where / "told").write_text(f'kind = "remote"\n{address}\ntoken_file = "rig.token"')
+    (where / "told").rename(where / "port")
     while True:
         lab.tick()

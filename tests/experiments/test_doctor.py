@@ -137,3 +137,18 @@ def test_the_command_exits_0_or_1(monkeypatch, capsys, tmp_path: Path):
     assert code == 1
     assert "/dev/no-such-port" in out
     assert "-> plug the board in" in out
+
+
+@pytest.mark.parametrize("words", [["run", "servo-squares", "--out", "out"], ["home"]])
+def test_a_port_that_is_not_there_is_one_line(words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    text = '[table]\nkind = "serial"\nport = "/dev/ttyACM77"\n'
+    (tmp_path / "serial.toml").write_text(text)
+    monkeypatch.setattr("sys.argv", ["rig", *words, "--rig", "serial.toml", "--yes"])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    said = capsys.readouterr()
+    assert end.value.code == 2
+    assert said.err.count("\n") == 1
+    assert "'/dev/ttyACM77' is not there: plug the board in" in said.err
+    assert not list((tmp_path / "out").glob("runs/*"))

@@ -4,77 +4,19 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
+from rig_lab import Lab
 
 from experiments.recording import read_run
 
-HERE = Path(__file__).parent
-PROTOCOL = """title = "short"
-duration_s = {seconds}
-[start]
-x_m = -0.1
-y_m = 0.1
-hold_s = 0.5
-"""
-
-
-class Lab:
-    """A served table and a rig file that names it."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder, self.out = folder, folder / "out"
-        command = [sys.executable, str(HERE / "served_table.py"), str(folder)]
-        self.process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-        deadline = time.monotonic() + 120
-        while not (folder / "port").exists() and time.monotonic() < deadline:
-            time.sleep(0.05)
-        time.sleep(0.05)
-        port = (folder / "port").read_text()
-        self.rig = folder / "lab.toml"
-        self.rig.write_text(
-            "[servo]\ngain_rad_s_V = 1.735\ntime_constant_s = 0.046\n"
-            f'[table]\nkind = "remote"\naddress = "127.0.0.1:{port}"\ntoken_file = "rig.token"\n'
-        )
-
-    def protocol(self, seconds: float) -> str:
-        path = self.folder / "short.toml"
-        path.write_text(PROTOCOL.format(seconds=seconds))
-        return str(path)
-
-    def start(self, *arguments: str) -> subprocess.Popen:
-        return subprocess.Popen(
-            [sys.executable, "-m", "experiments.cli", *arguments, "--rig", str(self.rig)],
-            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, stdin=subprocess.DEVNULL,
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-        )  # fmt: skip
-
-    def call(self, *arguments: str) -> tuple[int, str, str]:
-        child = self.start(*arguments)
-        out, error = child.communicate(timeout=180)
-        return child.returncode, out, error
-
-    def volts(self) -> np.ndarray:
-        """(n, 3): time and volts at the plant whenever they changed."""
-        rows = (self.folder / "volts").read_text().split("\n")[:-1]
-        return np.array([[float(v) for v in row.split()] for row in rows])
-
-    def runs(self) -> list:
-        return [read_run(path) for path in sorted((self.out / "runs").iterdir())]
-
-    def end(self) -> None:
-        self.process.kill()
-        self.process.wait()
-
 
 @pytest.fixture(scope="module")
-def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
-    one = Lab(tmp_path_factory.mktemp("lab"))
+def lab() -> Iterator[Lab]:
+    one = Lab()
     try:
         yield one
     finally:

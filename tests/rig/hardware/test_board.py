@@ -153,6 +153,58 @@ def test_volts_are_limited_on_the_board(homed: bool, most: float):
     assert bench.has(wire.LIMITED)
 
 
+def test_it_is_fresh_until_it_is_opened_to_be_homed():
+    bench = Bench(armed=False)
+    bench.board.reset()
+
+    def features(wired: int, **more) -> int:
+        bench.send(replace(bench.request, wired=wired, zero_0=wired & 1 ^ 1, **more))
+        (answer,) = (p for p in bench.run(1) if isinstance(p, ConfigAnswer))
+        return answer.features
+
+    assert features(1) == features(0b1111) == wire.IS_FRESH
+    assert features(0, version=9) == wire.IS_FRESH  # what is refused homes nothing
+    assert features(0, counts_per_rev=63) == wire.IS_FRESH
+    assert features(0b1110) == 0
+    assert features(1) == 0
+
+
+def test_an_arm_that_is_blocked_on_its_way_to_level_gets_no_more_volts():
+    bench = Bench()
+    bench.counts = (200, 0)
+    bench.run(20)
+    bench.command(0.1)
+    bench.run(110)
+    assert bench.has(wire.LEVELLING)
+    assert bench.board.volts() == (-3.0, 0.0)
+    bench.run(310)
+    assert bench.has(wire.LATCHED)
+    assert bench.has(wire.BY_STALL)
+    assert bench.board.volts() == (0.0, 0.0)
+
+
+def test_without_a_zero_no_angle_is_too_far_and_what_is_let_through_is_not_called_limited():
+    bench = Bench(homed=False)
+    bench.counts = (3 * LIMIT, -3 * LIMIT)
+    bench.run(20)
+    bench.command(1.0, -0.5)
+    bench.run(2)
+    assert bench.board.volts() == (1.0, -0.5)
+    assert bench.has(wire.ARMED)
+    assert not bench.has(wire.LIMITED)
+
+
+@pytest.mark.parametrize("wired", [1, 3, 5, 7, 9, 15])
+def test_volts_come_out_as_asked_whatever_the_polarity(wired: int):
+    bench = Bench(armed=False)
+    bench.request = replace(bench.request, wired=wired)
+    bench.configure()
+    bench.send(Arm(bench.token, bench.sequence))
+    bench.command(1.5, -0.75)
+    bench.run(1)
+    assert bench.board.volts() == (1.5, -0.75)
+
+
 def test_without_a_zero_it_does_not_level():
     bench = Bench(homed=False)
     bench.counts = (200, 200)
@@ -353,8 +405,8 @@ def test_a_request_that_it_cannot_fulfil_leaves_it_unconfigured():
 
 
 def test_telemetry_comes_at_the_period_asked():
-    for asked, period_ms in ((1, 1), (5, 5), (0, 1)):
-        bench = Bench(armed=False)
+    for asked, period_ms, homed in ((1, 1, True), (5, 5, True), (0, 1, True), (5, 5, False)):
+        bench = Bench(armed=False, homed=homed)
         bench.request = replace(bench.request, period_ms=asked)
         bench.configure()
         stamps = [p.clock_us for p in bench.run(50) if isinstance(p, Telemetry)]
@@ -427,6 +479,8 @@ def test_a_period_that_no_board_ticks_is_refused(period_s: float):
 def test_a_reset_board_is_silent_and_lost():
     world = World(HostBoard(), Rig())
     assert table_on(world).is_fresh
+    assert table_on(world).is_fresh  # asking does not make it homed
+    assert not table_on(world, homed=False).is_fresh  # homing does
     table = table_on(world)
     assert not table.is_fresh
 

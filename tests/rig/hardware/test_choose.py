@@ -1,6 +1,5 @@
 """From [table] to a driver; the markers' tilt that homing believes."""
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +13,7 @@ from rig.linkage import plate_rotation
 from rig.paced import Paced
 from rig.parameters import Rig, TableChoice
 from vision.frames import Frame
-from vision.markers import default_layout, track_pose
+from vision.markers import default_layout
 from vision.synthetic import Renderer, Scene, virtual_view
 
 
@@ -58,28 +57,17 @@ def test_each_kind_is_opened_or_named():
             open_table(Rig(table=table))
 
 
-class Pictures:
-    """A source of the plate at one tilt."""
-
-    def __init__(self, tilt: tuple[float, float], n: int) -> None:
-        layout = default_layout(0.275)
-        scene = Scene(plate_side_m=0.275, layout=layout, ball_radius_m=0.02)
-        renderer = Renderer(scene, virtual_view(), np.random.default_rng(1))
-        image = renderer.render(plate_rotation(tilt), None)
-        track_pose(image, layout, virtual_view())  # compiles now, however long that takes
-        self.frames = iter([Frame(image, k / 60, k) for k in range(n)])
-
-    def __iter__(self):
-        return self.frames
-
-
 @pytest.mark.parametrize("tilt", [(0.05, 0.0), (-0.03, 0.06), (0.0, -0.09)])
-def test_markers_tell_the_plates_tilt(tilt: tuple[float, float]):
-    look = MarkerTilt(Pictures(tilt, 10), virtual_view(), default_layout(0.275))  # pyright: ignore
-    deadline = time.monotonic() + 90
-    while look.seen < 10 and time.monotonic() < deadline:
-        time.sleep(0.01)
-    seen = look(0.0)
-    look.end()
-    assert seen == pytest.approx(tilt, abs=2e-3)
-    assert look(0.1) is None  # nothing new
+def test_markers_tell_the_plates_tilt_and_are_found_again(tilt: tuple[float, float]):
+    layout = default_layout(0.275)
+    scene = Scene(plate_side_m=0.275, layout=layout, ball_radius_m=0.02)
+    renderer = Renderer(scene, virtual_view(), np.random.default_rng(1))
+    there, level = renderer.render(plate_rotation(tilt), None), np.eye(3)
+    camera = MarkerTilt(virtual_view(), layout)
+    for image, is_seen in ((there, True), (np.zeros_like(there), False), (there, True)):
+        seen, track, _ = camera.step(Frame(image, 3.0, 0), level)
+        assert (seen is not None) == is_seen
+        assert track.state == ("track" if is_seen else "lost")
+        if seen is not None:
+            assert seen.xy_m == pytest.approx(tilt, abs=2e-3)
+            assert seen.exposed_s == 3.0

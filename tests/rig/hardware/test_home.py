@@ -176,6 +176,20 @@ def test_whatever_the_encoders_say_the_volts_stay_low_and_it_ends(told):
     assert t_s < 150
 
 
+def test_a_slow_camera_is_waited_for():
+    table = Miswired(REAL, count_signs=(-1, 1))
+    pictures = iter(range(10**9))
+
+    def slow(t_s: float, see=table.tilt):
+        seen = see(t_s)
+        return seen if seen is not None and next(pictures) % 15 == 0 else None  # 4 Hz
+
+    table.tilt = slow
+    result = found(table)
+    assert result.confirmed
+    assert result.wiring.sign_angle == (-1, 1)
+
+
 def test_zero_is_where_the_arms_are_level():
     table = Miswired(REAL, zeros=(500, -900))
     result = found(table)

@@ -106,20 +106,7 @@ def test_the_contract_holds_whatever_the_wiring(monkeypatch, swap, volts, counts
     assert np.all(np.abs(one.table.truth()["arm_rad"]) < 0.03)  # level again
 
 
-def test_the_contract_of_every_table(monkeypatch):
-    contract.time_strictly_increases(opened(install(monkeypatch, bench())))
-    contract.observations_follow_their_light(opened(install(monkeypatch, bench())))
-    for axis, sign in ((0, 1), (1, -1)):
-        table = opened(install(monkeypatch, bench()))
-        contract.positive_volts_raise_the_angle(table, axis, sign)
-    for fails in (False, True):
-        one = install(monkeypatch, bench(load_rig(None)))
-        contract.leaving_gives_level_and_no_volts(
-            opened(one),
-            lambda one=one: (float(one.outputs[0]), float(one.outputs[1])),
-            lambda one=one: tuple(one.table.truth()["arm_rad"]),
-            fails=fails,
-        )
+def test_a_call_that_hangs_is_a_lost_card(monkeypatch):
     one = install(monkeypatch, bench())
     monkeypatch.setattr(quanser, "PATIENCE_S", 0.09)
     contract.a_dead_link_raises_by_name(

@@ -35,29 +35,6 @@ def table_on(peer: PtyBoard) -> BoardTable:
     return BoardTable(link, clock=link.clock)
 
 
-def test_time_strictly_increases(served: PtyBoard):
-    table = table_on(served)
-    table.arm()
-    contract.time_strictly_increases(table)
-    table.close()
-
-
-@pytest.mark.parametrize(("axis", "sign"), [(0, 1), (1, -1)])
-def test_positive_volts_raise_the_angle(served: PtyBoard, axis: int, sign: int):
-    table = table_on(served)
-    table.arm()
-    contract.positive_volts_raise_the_angle(table, axis, sign, with_ball=False)
-    table.close()
-
-
-@pytest.mark.parametrize("fails", [False, True])
-def test_leaving_gives_level_and_no_volts(served: PtyBoard, fails: bool):
-    table = table_on(served)
-    contract.leaving_gives_level_and_no_volts(
-        table, lambda: served.world.volts, lambda: served.world.arms_rad, fails=fails
-    )
-
-
 @pytest.mark.parametrize("how", ["vanished", "hung"])
 def test_a_dead_link_raises_by_name(served: PtyBoard, how: str):
     table = table_on(served)

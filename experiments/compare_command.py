@@ -1,0 +1,36 @@
+"""The command `rig compare`: every cure for backlash in every cell of a grid."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def compare(
+    rig: Annotated[
+        Path | None, typer.Option("--rig", help="rig.toml; without it the default virtual table.")
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", help="Folder for what is made.")] = Path(
+        "out/compare"
+    ),
+    grid: Annotated[Path | None, typer.Option(help="Your own grid (TOML).")] = None,
+    seeds: Annotated[int | None, typer.Option(min=6, help="Paired seeds a cell.")] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: all cores.")] = None,
+    cluster: Annotated[str | None, typer.Option(help="Address of a Dask scheduler.")] = None,
+) -> None:
+    """Which cure for backlash helps, and when: arms x play x friction x protocol, paired seeds.
+
+    Interrupted, it goes on where it stopped when called again with the same --out.
+    """
+    from experiments.compare import compare as work
+    from experiments.console import bars
+    from experiments.folders import writable
+
+    folder = writable(out)
+    with bars() as progress:
+        results = work(
+            rig, folder, grid_file=grid, seeds=seeds, jobs=jobs, cluster=cluster, progress=progress
+        )
+    for line in results["words"]:
+        typer.echo(line)
+    typer.echo(f"report: {out / 'report.html'}   numbers: {out / 'results.json'}")

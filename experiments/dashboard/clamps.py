@@ -1,0 +1,50 @@
+"""Values from a page are a stranger's: numbers are made numbers and clamped, choices checked."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+from rig.loop import HIGHEST_GAINS
+
+
+@dataclass(frozen=True)
+class Range:
+    """What a number may be, in its unit."""
+
+    low: float
+    high: float
+    step: float
+
+    def clamp(self, value: Any) -> float:
+        """The number within the range. ValueError: it is none."""
+        try:
+            number = float(value)
+        except (TypeError, ValueError, OverflowError):
+            raise ValueError(f"{str(value)[:40]!r} is no number") from None
+        if isinstance(value, bool) or not isfinite(number):
+            raise ValueError(f"{value!r} is no number")
+        return min(max(number, self.low), self.high)
+
+
+KP = Range(0.0, HIGHEST_GAINS[0], 0.05)  # rad/m
+KI = Range(0.0, HIGHEST_GAINS[1], 0.05)  # rad/(m s)
+KD = Range(0.0, HIGHEST_GAINS[2], 0.05)  # rad s/m
+PLAY_DEG = Range(0.0, 3.0, 0.1)  # full width at the servo
+REPETITIONS = Range(1, 100, 1)
+PAUSE_S = Range(0, 600, 1)
+PUSH_M_S = Range(0.0, 0.4, 0.01)
+SPEED = Range(0.1, 8.0, 0.1)
+
+
+def choice(value: Any, options: Sequence[str]) -> str:
+    """One of the options. ValueError: it is none of them."""
+    if not isinstance(value, str) or value not in options:
+        raise ValueError(f"{str(value)[:40]!r} is none of {', '.join(options)}")
+    return value
+
+
+def on_plate(xy_m: Sequence[float], side_m: float, margin_m: float) -> tuple[float, float]:
+    """A point on the plate, at least `margin_m` from its edge."""
+    reach = Range(-(side_m / 2 - margin_m), side_m / 2 - margin_m, 0.001)
+    return reach.clamp(xy_m[0]), reach.clamp(xy_m[1])

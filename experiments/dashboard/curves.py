@@ -1,0 +1,96 @@
+"""Live curves: five small charts over the last 20 s, 500 points each."""
+
+from dataclasses import dataclass
+from math import degrees
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rig.log import INDEX
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+X, Y, GREY = "#7048e8", "#e8590c", "#868e96"
+_CM, _DEG = 100.0, degrees(1)
+
+
+@dataclass(frozen=True)
+class Chart:
+    """title, then (column, label, colour, factor, dashed) a curve."""
+
+    title: str
+    curves: tuple[tuple[str, str, str, float, bool], ...]
+
+
+CHARTS = (
+    Chart("ball [cm]", (
+        ("ball_x_m", "x", X, _CM, False), ("ball_y_m", "y", Y, _CM, False),
+        ("target_x_m", "target x", X, _CM, True), ("target_y_m", "target y", Y, _CM, True),
+    )),
+    Chart("servo angles [deg]", (
+        ("theta_x_rad", "x", X, _DEG, False), ("theta_y_rad", "y", Y, _DEG, False),
+        ("desired_theta_x_rad", "wanted x", X, _DEG, True),
+        ("desired_theta_y_rad", "wanted y", Y, _DEG, True),
+    )),
+    Chart("volts applied [V]", (
+        ("voltage_x_V", "x", X, 1.0, False), ("voltage_y_V", "y", Y, 1.0, False),
+    )),
+    Chart("estimated shaft torque [mN m]", (
+        ("estimated_torque_x_Nm", "x", X, 1e3, False),
+        ("estimated_torque_y_Nm", "y", Y, 1e3, False),
+    )),
+    Chart("estimated play, full width [deg]", (
+        ("estimated_gear_play_x_rad", "gear x", X, _DEG, False),
+        ("estimated_gear_play_y_rad", "gear y", Y, _DEG, False),
+        ("estimated_joint_play_x_rad", "joint x", X, _DEG, True),
+        ("estimated_joint_play_y_rad", "joint y", Y, _DEG, True),
+    )),
+)  # fmt: skip
+
+
+def chart_data(chart: Chart, rows: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Seconds and every curve in its unit, (n,) each, n >= 2; a blank is the value before it."""
+    if len(rows) < 2:
+        return tuple(
+            np.arange(2.0) if i == 0 else np.zeros(2) for i in range(len(chart.curves) + 1)
+        )
+    found = [rows[:, INDEX["t_s"]]]
+    found += [held(factor * rows[:, INDEX[name]]) for name, _, _, factor, _ in chart.curves]
+    return tuple(found)
+
+
+def held(values: np.ndarray) -> np.ndarray:
+    """Blanks (NaN) become the value before them, 0 at the start."""
+    known = np.where(np.isfinite(values), np.arange(len(values)), -1)
+    last = np.maximum.accumulate(known)
+    return np.where(last >= 0, values[np.maximum(last, 0)], 0.0)
+
+
+class Curves:
+    """The charts in the container that is open when it is made; `draw` ten times a second."""
+
+    def __init__(self, server: "ViserServer", height: int = 104) -> None:
+        self._plots: list[Any] = []
+        for chart in CHARTS:
+            series: list[Any] = [{"label": "t [s]"}]
+            for _, label, colour, _, dashed in chart.curves:
+                one: dict[str, Any] = {"label": label, "stroke": colour, "width": 1.3}
+                if dashed:
+                    one["dash"] = (5, 4)
+                series.append(one)
+            self._plots.append(
+                server.gui.add_uplot(
+                    chart_data(chart, np.empty((0, len(INDEX)))),
+                    tuple(series),
+                    title=chart.title,
+                    scales={"x": {"time": False}},
+                    legend={"show": False},
+                    height=height,
+                    padding=(4, 8, 0, 0),
+                )
+            )
+
+    def draw(self, rows: np.ndarray) -> None:
+        for chart, plot in zip(CHARTS, self._plots, strict=True):
+            plot.data = chart_data(chart, rows)

@@ -1,0 +1,128 @@
+"""Long work in a process of its own, one piece at a time; its words come back as they are said."""
+
+import io
+import multiprocessing
+import os
+import threading
+from collections import deque
+from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout, suppress
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from typing import Any
+
+NICE = 5  # the loop comes first
+Tell = Callable[[str, int, int], None]  # progress(stage, done, total)
+Task = Callable[[Tell], Any]  # picklable; what it returns is, too
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A piece of work and who hears of it: heard(kind, what) with the kinds "progress" (stage,
+    done, total), "line" (text), "done" (what the task returned) and "failed" (a sentence)."""
+
+    name: str
+    task: Task
+    heard: Callable[[str, Any], None]
+
+
+class _Lines(io.TextIOBase):
+    """What the work prints, line by line."""
+
+    def __init__(self, there: Connection) -> None:
+        self._there, self._part = there, ""
+
+    def write(self, text: str) -> int:
+        self._part += text
+        *lines, self._part = self._part.split("\n")
+        for line in lines:
+            if line.strip():
+                self._there.send(("line", line.strip()))
+        return len(text)
+
+
+def _work(task: Task, there: Connection) -> None:
+    """The work's process."""
+    with suppress(OSError, AttributeError):
+        os.nice(NICE)
+    with suppress(BrokenPipeError):  # the program has died: nobody wants to know
+        try:
+            lines = _Lines(there)
+            with redirect_stdout(lines), redirect_stderr(lines):
+                done = task(lambda stage, k, n: there.send(("progress", (stage, k, n))))
+            there.send(("done", done))
+        except BrokenPipeError:
+            raise
+        except Exception as error:
+            known = isinstance(error, (ValueError, OSError))
+            there.send(("failed", str(error) if known else f"{type(error).__name__}: {error}"))
+
+
+class Desk:
+    """Pieces of work in turn. `put` returns at once; `cancel` ends the present piece."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[Piece] = deque()
+        self._wake = threading.Condition()
+        self._process: Any = None
+        self._now, self._closed = "", False
+        self._thread = threading.Thread(target=self._serve, daemon=True, name="desk")
+        self._thread.start()
+
+    def put(self, piece: Piece) -> None:
+        """ValueError: a piece of this name waits or is being done."""
+        with self._wake:
+            if self._now == piece.name or any(one.name == piece.name for one in self._waiting):
+                raise ValueError(f"{piece.name} is on already: wait, or cancel it")
+            self._waiting.append(piece)
+            self._wake.notify_all()
+
+    def cancel(self, name: str) -> None:
+        """End a piece of work by its name, wherever it is."""
+        with self._wake:
+            self._waiting = deque(one for one in self._waiting if one.name != name)
+            if self._now == name and self._process is not None:
+                self._process.terminate()
+
+    def close(self) -> None:
+        with self._wake:
+            self._closed = True
+            self._waiting.clear()
+            if self._process is not None:
+                self._process.terminate()
+            self._wake.notify_all()
+        self._thread.join(5.0)
+
+    def _serve(self) -> None:
+        while True:
+            with self._wake:
+                self._now = ""
+                while not self._waiting and not self._closed:
+                    self._wake.wait()
+                if self._closed:
+                    return
+                piece = self._waiting.popleft()
+                self._now = piece.name
+            with suppress(Exception):  # who hears is asked to put, never to fail
+                self._do(piece)
+
+    def _do(self, piece: Piece) -> None:
+        context = multiprocessing.get_context("spawn")
+        here, there = context.Pipe(duplex=False)
+        with self._wake:
+            process = context.Process(target=_work, args=(piece.task, there), daemon=True)
+            process.start()
+            self._process = process
+        there.close()
+        ended = False
+        with suppress(EOFError):
+            while not ended:
+                kind, what = here.recv()
+                ended = kind in ("done", "failed")
+                piece.heard(kind, what)
+        process.join(5.0)
+        with self._wake:
+            self._process = None
+        here.close()
+        if not ended:
+            piece.heard("failed", "ended before it was done")

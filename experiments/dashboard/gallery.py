@@ -1,0 +1,47 @@
+"""Pictures in a tab: the newest set replaces the last."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.dashboard.tasks import Shown
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+WIDEST_PX = 900
+
+
+def pixels(shown: Shown) -> np.ndarray:
+    """The picture as RGB (h, w, 3), no wider than a panel can use. OSError: not readable."""
+    import cv2
+
+    image = cv2.imread(str(shown.path))
+    if image is None:
+        raise OSError(f"{shown.path} is not readable as a picture")
+    if image.shape[1] > WIDEST_PX:
+        height = round(image.shape[0] * WIDEST_PX / image.shape[1])
+        image = cv2.resize(image, (WIDEST_PX, height), interpolation=cv2.INTER_AREA)
+    return np.ascontiguousarray(image[:, :, ::-1])
+
+
+class Gallery:
+    """A folder of pictures, in the container that is open when it is made."""
+
+    def __init__(self, server: "ViserServer", label: str) -> None:
+        self._gui = server.gui
+        self._folder: Any = server.gui.add_folder(label, visible=False)
+        self._images: list[Any] = []
+
+    def show(self, pictures: Sequence[Shown]) -> None:
+        """Show these instead of the last ones; called by the worker alone."""
+        images = [(pixels(one), one.caption) for one in pictures]
+        for old in self._images:
+            old.remove()
+        with self._folder:
+            self._images = [
+                self._gui.add_image(image, label=caption, format="jpeg", jpeg_quality=88)
+                for image, caption in images
+            ]
+        self._folder.visible = bool(images)

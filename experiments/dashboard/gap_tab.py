@@ -1,0 +1,133 @@
+"""The tab Gap: choose runs, watch the five stages, see what is missing and both models at once."""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from experiments.dashboard.clamps import choice
+from experiments.dashboard.controls import Controls
+from experiments.dashboard.desk import Desk, Piece
+from experiments.dashboard.gallery import Gallery
+from experiments.dashboard.player import Stage
+from experiments.dashboard.tasks import GapAnswer, RunRow, find_gap
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+STAGES = {
+    "locate": "where do model and table disagree?",
+    "name": "which effect is missing?",
+    "add": "put it into the model",
+    "prove": "does the gap close on other data?",
+    "next": "what to measure next",
+}
+# The workflow's own words for what it begins -> the stage that is then on.
+BEGINS = {
+    "recording the demo's runs": 0,
+    "baseline": 0,
+    "name": 1,
+    "add and prove": 2,
+    "closed loop and next experiment": 4,
+    "report": 4,
+    "both models, side by side": 4,
+}
+SETS = {"the newest run": 1, "the newest 2 runs": 2, "the newest 4 runs": 4}
+
+
+def stage_lines(on: int, done: bool) -> str:
+    """The five stages with a mark each; on: the one that is being done, -1: none yet."""
+    lines = []
+    for i, (name, question) in enumerate(STAGES.items()):
+        busy = i == on or (on == 2 and i == 3)  # the model is extended and proved in one go
+        mark = "✓" if done or i < on else "▶" if busy else "·"
+        lines.append(f"{mark} **{i + 1} {name}**: {question}")
+    return "  \n".join(lines)
+
+
+class GapTab:
+    """`show_map` lays the disagreement on the plate, `play` starts the film of both models."""
+
+    def __init__(
+        self, server: "ViserServer", controls: Controls, desk: Desk, out: Path,
+        rows: Callable[[], list[RunRow]], show_map: Callable[[Any], None],
+        play: Callable[[Stage], None], send: Callable[[int | None, Path], None],
+    ) -> None:  # fmt: skip
+        self._controls, self._desk, self._out, self._rows = controls, desk, out, rows
+        self._show_map, self._play, self._send = show_map, play, send
+        gui = server.gui
+        gui.add_markdown("Find out which effect the model lacks: start with the demo.")
+        demo = gui.add_button("Demo: find a hidden play", color="green")
+        controls.button(demo, "gap", lambda page: self.begin(None))
+        picked = gui.add_dropdown("Recorded runs", tuple(SETS))
+        self._set = controls.value(picked, "runs", partial(choice, options=tuple(SETS)))
+        own = gui.add_button("Analyse recorded runs")
+        controls.button(own, "gap", lambda page: self.begin(self._chosen()))
+        cancel = gui.add_button("Cancel", color="gray")
+        controls.button(cancel, "cancel", lambda page: self._desk.cancel("gap"))
+        self._stages: Any = gui.add_markdown(stage_lines(-1, False))
+        self._bar: Any = gui.add_progress_bar(0.0)
+        self._words: Any = gui.add_markdown("")
+        self._film: Any = gui.add_button("Before and after, side by side", visible=False)
+        controls.button(self._film, "film", lambda page: self._start_film())
+        self._report: Any = gui.add_button("Download the gap report", visible=False)
+        controls.button(self._report, "gap report", self._download, everybody=True)
+        self._gallery = Gallery(server, "Pictures")
+        self._on = -1
+        self.answer: GapAnswer | None = None
+
+    def _chosen(self) -> list[Path]:
+        rows = [row for row in self._rows() if row.outcome == "completed"][: SETS[self._set.now]]
+        if not rows:
+            raise ValueError("no completed runs yet: make some in the tab Run, or try the demo")
+        return [row.folder for row in rows]
+
+    def begin(self, logs: list[Path] | None) -> None:
+        """Analyse run folders, or (None) the demo."""
+        number = 1 + sum(1 for _ in self._out.glob("gap-*"))
+        task = partial(find_gap, logs, self._out / f"gap-{number}", number)
+
+        def heard(kind: str, what: Any) -> None:
+            self._controls.orders.put("gap", partial(self._heard, kind, what))
+
+        self._desk.put(Piece("gap", task, heard))
+        self._on = -1
+        self._film.visible = self._report.visible = False
+        self._bar.value = 0.0
+        self._stages.content = stage_lines(-1, False)
+        self._words.content = "*waits for its turn, then takes half a minute or so*"
+        self._show_map(None)
+
+    def _heard(self, kind: str, what: Any) -> None:
+        if kind == "progress":
+            stage, k, n = what
+            self._on = BEGINS.get(stage, self._on)
+            self._stages.content = stage_lines(self._on, False)
+            self._bar.value = 100.0 * min((self._on + 0.3) / 5 + 0.1 * k / max(n, 1), 0.97)
+            self._words.content = f"*{stage}*"
+        elif kind == "failed":
+            self._words.content = f"**stopped**: {what}"
+        elif kind == "done":
+            self._end(what)
+
+    def _end(self, answer: GapAnswer) -> None:
+        self.answer = answer
+        self._bar.value = 100.0
+        self._stages.content = stage_lines(4, True)
+        lines = "\n\n".join(answer.lines[:7])
+        self._words.content = f"**{answer.verdict}: {answer.sentence}**\n\n{lines}"
+        self._gallery.show(answer.pictures)
+        self._show_map(answer.plate_map)
+        self._film.visible = answer.sides is not None
+        self._report.visible = True
+
+    def _start_film(self) -> None:
+        if self.answer is None or self.answer.sides is None:
+            raise ValueError("no effect was named: there is nothing to compare")
+        recorded, before, after, name = self.answer.sides
+        self._play(Stage(f"{name}: recorded, before, after", recorded, (before, after)))
+
+    def _download(self, page: int | None) -> None:
+        if self.answer is None:
+            raise ValueError("no analysis yet")
+        self._send(page, self.answer.report)

@@ -1,0 +1,88 @@
+"""The model beside the table: the rig's plant driven by the volts that the table got.
+
+A ball integrates twice, so a free model runs away from its table within seconds: once a second it
+is set onto what was measured, and the difference is what the model makes wrong in up to a second.
+"""
+
+from collections import deque
+from math import inf
+
+import numpy as np
+
+from rig import plant, plant_record
+from rig.log import INDEX, Phase
+from rig.parameters import Rig
+from rig.simulator import table_tick
+
+ANCHOR_S = 1.0
+SPEED_FROM = 6  # observations
+_T, _THETA, _VOLTS = INDEX["t_s"], INDEX["theta_x_rad"], INDEX["voltage_x_V"]
+_X, _EXPOSED, _PHASE = INDEX["ball_x_m"], INDEX["ball_exposed_s"], INDEX["phase"]
+
+
+class Ghost:
+    """`follow` the table row by row; then `ball_m`, `theta_rad` and the twists are the model's."""
+
+    def __init__(self, rig: Rig) -> None:
+        self._tick_s = 1 / rig.control_rate_hz
+        self._p = plant_record.pack(rig)
+        self._history = plant_record.no_volts(rig)
+        self._seen = np.full(7, np.nan)
+        self._s = plant.rest()
+        self._last_s = self._anchored_s = inf
+        self._sights: deque[tuple[float, float, float]] = deque(maxlen=SPEED_FROM)
+        self.on_plate = False
+
+    @property
+    def ball_m(self) -> np.ndarray:
+        return self._s[plant.BALL].copy()
+
+    @property
+    def plate_rad(self) -> np.ndarray:
+        """The plate's angles at the servo's scale (2,)."""
+        return self._s[plant.PLATE].copy()
+
+    @property
+    def gear_twist_rad(self) -> np.ndarray:
+        """Motor before arm (2,): where the tooth stands in the gear's gap."""
+        return self._s[plant.MOTOR] - self._s[plant.ARM]
+
+    @property
+    def joint_twist_rad(self) -> np.ndarray:
+        """Arm before plate (2,)."""
+        return self._s[plant.ARM] - self._s[plant.PLATE]
+
+    def follow(self, rows: list[np.ndarray]) -> None:
+        for row in rows:
+            self._tick(row)
+
+    def _tick(self, row: np.ndarray) -> None:
+        t_s = float(row[_T])
+        if not 0 < t_s - self._last_s < 0.1:  # another run, or rows are missing
+            self._sights.clear()
+            self._anchored_s = -inf
+        self._last_s = t_s
+        if row[_X] == row[_X]:
+            self._sights.append((float(row[_EXPOSED]), float(row[_X]), float(row[_X + 1])))
+        if t_s - self._anchored_s >= ANCHOR_S and len(self._sights) == SPEED_FROM:
+            self._anchor(t_s, row[_THETA : _THETA + 2])
+        if not self._sights or t_s - self._sights[-1][0] > 0.3:
+            self.on_plate = False
+        held = bool(row[_PHASE] < Phase.RUN)
+        volts = np.nan_to_num(row[_VOLTS : _VOLTS + 2])
+        fell = table_tick(
+            self._s, self._p, self._history, volts, 0.0, 0.0, held, t_s, self._tick_s, inf,
+            self._seen,
+        )  # fmt: skip
+        if fell:
+            self.on_plate = False
+
+    def _anchor(self, t_s: float, theta_rad: np.ndarray) -> None:
+        """Onto the measured ball, carried on to now, and the measured angles; twists stay."""
+        t, x, y = np.array(self._sights).T
+        (v_x, x0), (v_y, y0) = np.polyfit(t - t_s, x, 1), np.polyfit(t - t_s, y, 1)
+        self._s[plant.BALL], self._s[plant.BALL_W] = (x0, y0), (v_x, v_y)
+        away = theta_rad - self._s[plant.ARM]
+        for part in (plant.MOTOR, plant.ARM, plant.PLATE):
+            self._s[part] += away
+        self._anchored_s, self.on_plate = t_s, True

@@ -1,0 +1,145 @@
+"""The tab Results: earlier runs, the figures they allow, their centroids, the report."""
+
+from collections.abc import Callable
+from functools import partial
+from math import hypot
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from experiments.dashboard.clamps import choice
+from experiments.dashboard.controls import Controls
+from experiments.dashboard.desk import Desk, Piece
+from experiments.dashboard.gallery import Gallery
+from experiments.dashboard.live import Live
+from experiments.dashboard.tasks import RunRow, draw_figures, list_runs, write_report
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+TOGETHER = 8  # newest runs of a protocol that figures are made of
+LISTED = 12
+NONE = "(no runs yet)"
+
+
+def table(rows: list[RunRow], centroids: dict[str, tuple[float, float]]) -> str:
+    """The newest runs as a Markdown table."""
+    if not rows:
+        return "No runs yet: make some in the tab **Run**."
+    lines = ["| run | arm | outcome | centroid [cm] |", "|---|---|---|---|"]
+    for row in rows[:LISTED]:
+        stamp = row.folder.name.split("-")[0][9:15]
+        where = centroids.get(row.folder.name)
+        words = "-" if where is None else f"({where[0]:+.2f}, {where[1]:+.2f})"
+        time = f"{stamp[:2]}:{stamp[2:4]}:{stamp[4:]}"
+        lines.append(f"| {row.protocol} {time} | {row.arm} | {row.outcome} | {words} |")
+    more = len(rows) - LISTED
+    return "\n".join(lines) + (f"\n\n{more} more in the folder." if more > 0 else "")
+
+
+class ResultsTab:
+    """`refresh` when a run has been recorded; `draw` for the live centroid."""
+
+    def __init__(
+        self, server: "ViserServer", controls: Controls, desk: Desk, out: Path, live: Live,
+        send: Callable[[int | None, Path], None],
+    ) -> None:  # fmt: skip
+        self._controls, self._desk, self._out, self._live, self._send = (
+            controls, desk, out, live, send,
+        )  # fmt: skip
+        gui = server.gui
+        gui.add_markdown("Every finished run appears here; figures come as runs complete.")
+        self._centroid: Any = gui.add_markdown("Centroid of the present run: -")
+        self._picked: Any = gui.add_dropdown("Figures of", (NONE,))
+        self._protocol = controls.value(self._picked, "protocol", self._clean, self._chosen)
+        again = gui.add_button("Draw figures")
+        controls.button(again, "figures", lambda page: self.figures(), everybody=True)
+        report = gui.add_button("Download the report")
+        controls.button(report, "report", self.report, everybody=True)
+        self._words: Any = gui.add_markdown("")
+        self._gallery = Gallery(server, "Figures")
+        self._table: Any = gui.add_markdown("")
+        self._rows: list[RunRow] = []
+        self._centroids: dict[str, tuple[float, float]] = {}
+        self._live_words = ""
+        self.refresh()
+
+    def _clean(self, value: Any) -> str:
+        return choice(value, self._picked.options)
+
+    def _chosen(self, name: str) -> None:
+        self.figures(name)
+
+    @property
+    def rows(self) -> list[RunRow]:
+        return self._rows
+
+    def refresh(self, protocol: str | None = None) -> None:
+        """Read the folder of runs anew; with a protocol, draw its figures."""
+        self._rows = list_runs(self._out / "runs")
+        names = tuple(dict.fromkeys(row.protocol for row in self._rows)) or (NONE,)
+        if names != self._picked.options:
+            self._picked.options = names
+        if protocol in names:
+            self._picked.value = self._protocol.now = protocol
+        elif self._protocol.now not in names:
+            self._protocol.now = names[0]
+        self._table.content = table(self._rows, self._centroids)
+        if protocol in names:
+            self.figures(protocol)
+
+    def _together(self, protocol: str) -> list[RunRow]:
+        return [row for row in self._rows if row.protocol == protocol][:TOGETHER]
+
+    def figures(self, protocol: str | None = None) -> None:
+        """Let the desk draw what the newest runs of the protocol allow."""
+        name = protocol or self._protocol.now
+        rows = self._together(name)
+        if not rows:
+            raise ValueError("no runs yet: make some in the tab Run")
+        task = partial(draw_figures, rows, self._out / "figures" / name)
+        self._desk.cancel("figures")
+        self._put("figures", task, self._drawn)
+
+    def report(self, page: int | None) -> None:
+        """Write the report of the newest runs and send it to the page."""
+        rows = self._together(self._protocol.now)
+        if not rows:
+            raise ValueError("no runs yet: make some in the tab Run")
+        task = partial(write_report, [row.folder for row in rows], self._out / "report")
+        self._put("report", task, lambda path: self._send(page, path))
+
+    def _put(self, name: str, task: Any, done: Callable[[Any], None]) -> None:
+        def heard(kind: str, what: Any) -> None:
+            self._controls.orders.put(name, partial(self._heard, name, done, kind, what))
+
+        self._words.content = f"*{name}: waits for its turn*"
+        self._desk.put(Piece(name, task, heard))
+
+    def _heard(self, name: str, done: Callable[[Any], None], kind: str, what: Any) -> None:
+        if kind == "progress":
+            self._words.content = f"*{name}: {what[0]}*"
+        elif kind == "failed":
+            self._words.content = f"{name}: {what}"
+        elif kind == "done":
+            self._words.content = ""
+            done(what)
+
+    def _drawn(self, found: dict[str, Any]) -> None:
+        for row in found["rows"]:
+            if row.centroid_cm is not None:
+                self._centroids[row.folder.name] = row.centroid_cm
+        self._gallery.show(found["figures"])
+        self._table.content = table(self._rows, self._centroids)
+
+    def draw(self) -> None:
+        """The present run's centroid so far (k-means with one cluster is the mean)."""
+        mean = self._live.centroid
+        xy, words = mean.xy_m, "Centroid of the present run: -"
+        if xy is not None:
+            x, y = 100 * xy
+            words = (
+                f"Centroid of the present run: **({x:+.2f}, {y:+.2f}) cm**, {hypot(x, y):.2f} cm "
+                f"from the centre, {mean.n} frames (k-means, one cluster)"
+            )
+        if words != self._live_words:
+            self._live_words = self._centroid.content = words

@@ -1,0 +1,159 @@
+"""The table as one sees it: plate, arms, ball, ghost, trail, target, in the browser's 3-D view."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.dashboard.pose import DROP_M, linkage, plate_wxyz
+from rig.parameters import Rig
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+ORANGE, GHOST, GREEN = (255, 112, 16), (70, 150, 255), (26, 150, 65)
+PLATE, METAL, DARK = (228, 232, 238), (120, 128, 140), (70, 76, 86)
+AWAY = (0.0, 0.0, -9.0)
+
+
+def ball_mesh(radius_m: float) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (n, 3) and faces (m, 3) of a sphere, by longitude and latitude."""
+    rows, columns = 13, 24
+    polar, around = np.meshgrid(
+        np.linspace(0, np.pi, rows), np.linspace(0, 2 * np.pi, columns, endpoint=False),
+        indexing="ij",
+    )  # fmt: skip
+    across = np.sin(polar)
+    corners = np.stack([across * np.cos(around), across * np.sin(around), np.cos(polar)], axis=-1)
+    i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns), indexing="ij")
+    a, b = i * columns + j, i * columns + (j + 1) % columns
+    c, d = a + columns, b + columns
+    faces = np.concatenate([np.stack([a, c, b], -1), np.stack([b, c, d], -1)]).reshape(-1, 3)
+    return (radius_m * corners).reshape(-1, 3).astype(np.float32), faces.astype(np.uint32)
+
+
+class Puppet:
+    """One plate with a ball on it, under a name of the scene tree, `at` metres from the origin."""
+
+    def __init__(
+        self, server: "ViserServer", name: str, rig: Rig, *, at=(0.0, 0.0, 0.0), ghost: bool = False
+    ) -> None:
+        self._rig, scene = rig, server.scene
+        side, radius = rig.linkage.plate_side_m, rig.ball.radius_m
+        self.name = name
+        self.root = scene.add_frame(name, position=at, show_axes=False)
+        self.plate = scene.add_frame(f"{name}/plate", show_axes=False)
+        self.top = scene.add_box(
+            f"{name}/plate/top", PLATE, (side, side, 0.006), position=(0, 0, -0.003)
+        )
+        half = side / 2
+        corners = np.array([[-half, -half, 0.0005], [half, -half, 0.0005],
+                            [half, half, 0.0005], [-half, half, 0.0005]])  # fmt: skip
+        edges = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
+        cross = np.array([[[-0.02, 0, 0.0005], [0.02, 0, 0.0005]],
+                          [[0, -0.02, 0.0005], [0, 0.02, 0.0005]]])  # fmt: skip
+        lines = np.concatenate([edges, cross])
+        scene.add_line_segments(f"{name}/plate/edges", lines, METAL, thickness=0.0012)
+        vertices, faces = ball_mesh(radius)
+        self.ball = scene.add_mesh_simple(
+            f"{name}/plate/ball", vertices, faces, color=GHOST if ghost else ORANGE, position=AWAY
+        )
+
+    def pose(self, theta_rad: np.ndarray, ball_m: np.ndarray | None) -> None:
+        """Turn the plate to servo angles (2,) and put the ball to (2,) [m], or out of sight."""
+        self.plate.wxyz = plate_wxyz(theta_rad, self._rig)
+        self.ball.position = _on_plate(ball_m, self._rig.ball.radius_m)
+
+    def show(self, visible: bool) -> None:
+        if self.root.visible != visible:
+            self.root.visible = visible
+
+
+def _on_plate(ball_m: np.ndarray | None, height_m: float) -> tuple[float, float, float]:
+    if ball_m is None or not np.all(np.isfinite(ball_m)):
+        return AWAY
+    return float(ball_m[0]), float(ball_m[1]), height_m
+
+
+class TableScene:
+    """The table in the middle: a puppet with linkage, ghost, difference, trail and target."""
+
+    def __init__(self, server: "ViserServer", rig: Rig) -> None:
+        self._rig, scene = rig, server.scene
+        self.table = Puppet(server, "/table", rig)
+        vertices, faces = ball_mesh(rig.ball.radius_m)
+        self.ghost = scene.add_mesh_simple(
+            "/table/plate/ghost", vertices, faces, color=GHOST, opacity=0.45, position=AWAY,
+            cast_shadow=False,
+        )  # fmt: skip
+        self.target = scene.add_cylinder(
+            "/table/plate/target", 0.006, 0.0015, GREEN, position=(0, 0, 0.001)
+        )
+        empty = np.zeros((1, 2, 3), np.float32)
+        self.trail = scene.add_line_segments("/table/plate/trail", empty, ORANGE, thickness=0.0015)
+        self.gap = scene.add_line_segments("/table/plate/gap", empty, GHOST, thickness=0.002)
+        self.gap_label = scene.add_label(
+            "/table/plate/gap_label", "", position=AWAY, anchor="bottom-center",
+            font_screen_scale=0.8,
+        )  # fmt: skip
+        self.centroid = scene.add_icosphere(
+            "/table/plate/centroid", 0.003, (20, 20, 20), position=AWAY, subdivisions=1
+        )
+        self._build_base(server)
+        self.rods: list[Any] = [
+            scene.add_line_segments(f"/table/rod_{a}", np.zeros((2, 2, 3)), DARK, thickness=0.005)
+            for a in "xy"
+        ]
+
+    def _build_base(self, server: "ViserServer") -> None:
+        scene, half = server.scene, self._rig.linkage.plate_side_m / 2
+        floor = -DROP_M - 0.03
+        scene.add_box(
+            "/table/base", DARK, (0.36, 0.36, 0.008), position=(0.02, 0.02, floor - 0.004)
+        )
+        scene.add_cylinder(
+            "/table/post", 0.008, -floor - 0.006, METAL, position=(0, 0, (floor - 0.006) / 2)
+        )
+        for axis, name in enumerate("xy"):
+            shaft = linkage(axis, np.zeros(2), self._rig)[0]
+            size = (0.03, 0.04, 0.05) if axis == 0 else (0.04, 0.03, 0.05)
+            where = shaft - np.array([0.02, 0.0, 0.0]) if axis == 0 else shaft - [0.0, 0.02, 0.0]
+            scene.add_box(f"/table/motor_{name}", METAL, size, position=tuple(where))
+            at = np.zeros(3)
+            at[axis], at[2] = half + 0.03, 0.02
+            scene.add_label(
+                f"/table/axis_{name}", name, position=at, font_screen_scale=0.9,
+                anchor="center-center",
+            )  # fmt: skip
+
+    def pose(
+        self, theta_rad: np.ndarray, ball_m: np.ndarray | None, target_m: np.ndarray | None
+    ) -> None:
+        """The measured pose: servo angles (2,), ball and target (2,) [m] or None."""
+        self.table.pose(theta_rad, ball_m)
+        for axis, rod in enumerate(self.rods):
+            shaft, tip, edge = linkage(axis, theta_rad, self._rig)
+            rod.points = np.array([[shaft, tip], [tip, edge]], np.float32)
+        self.target.position = _on_plate(target_m, 0.001)
+
+    def compare(self, ball_m: np.ndarray | None, ghost_m: np.ndarray | None) -> None:
+        """The ghost's ball, and how far it is from the measured one."""
+        radius = self._rig.ball.radius_m
+        self.ghost.position = _on_plate(ghost_m, radius)
+        if ball_m is None or ghost_m is None or not np.all(np.isfinite([ball_m, ghost_m])):
+            self.gap.points, self.gap_label.position = np.zeros((1, 2, 3), np.float32), AWAY
+            return
+        ends = np.column_stack([[ball_m, ghost_m], [2.1 * radius] * 2]).astype(np.float32)
+        self.gap.points = ends[None]
+        self.gap_label.position = tuple(ends.mean(axis=0) + np.array([0, 0, 0.012]))
+        text = f"model off by {1e3 * float(np.hypot(*(ball_m - ghost_m))):.1f} mm"
+        if self.gap_label.text != text:
+            self.gap_label.text = text
+
+    def draw_trail(self, xy_m: np.ndarray, centroid_m: np.ndarray | None) -> None:
+        """Where the ball was (n, 2) [m], and the run's centroid."""
+        self.centroid.position = _on_plate(centroid_m, 0.002)
+        if len(xy_m) < 2:
+            self.trail.points = np.zeros((1, 2, 3), np.float32)
+            return
+        points = np.column_stack([xy_m, np.full(len(xy_m), 0.0012)]).astype(np.float32)
+        self.trail.points = np.stack([points[:-1], points[1:]], axis=1)

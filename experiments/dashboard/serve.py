@@ -1,0 +1,44 @@
+"""Open the dashboard and keep it open until somebody ends the program."""
+
+import io
+import signal
+import threading
+from collections.abc import Callable
+from contextlib import redirect_stdout
+from pathlib import Path
+
+from experiments.dashboard.app import App
+from experiments.dashboard.security import kept_token
+from experiments.dashboard.server import link_of, open_server
+from rig.parameters import Rig
+
+
+def serve_dashboard(
+    rig: Rig,
+    rig_file: Path | None,
+    out: Path,
+    *,
+    host: str,
+    port: int,
+    say: Callable[[str], None],
+) -> None:
+    """Serve until Ctrl-C or SIGTERM. PortBusyError: the port is taken, nothing was started."""
+    if rig.table.kind != "simulated":
+        raise ValueError(
+            f'table.kind = "{rig.table.kind}": so far the dashboard drives the virtual table; '
+            "use rig run for a real one, and leave out --rig to look at its runs here"
+        )
+    server, gate = open_server(host, port, kept_token(out / "token"))
+    name = f"virtual table of {rig_file.name}" if rig_file else "virtual table"
+    app = App(server, rig, out, table=name)
+    over = threading.Event()
+    before = signal.signal(signal.SIGTERM, lambda number, frame: over.set())
+    try:
+        say(link_of(gate, host))
+        while not over.wait(1.0):
+            pass
+    finally:
+        signal.signal(signal.SIGTERM, before)
+        app.close()
+        with redirect_stdout(io.StringIO()):
+            server.stop()

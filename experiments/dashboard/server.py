@@ -1,0 +1,116 @@
+"""viser's server behind the gate: bound where it was told, on the port it was told, or not at all.
+
+viser 1.1.1 (pinned) listens to the whole network by default, checks nobody, moves to the next port
+when one is busy and opens a tunnel to the internet when any page asks. None of that happens here.
+"""
+
+import io
+import socket
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout
+from typing import TYPE_CHECKING, Any
+
+from experiments.dashboard.security import Asked, Gate, gate_of
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+
+class PortBusyError(ValueError):
+    """The port is taken; nothing was started."""
+
+
+def free_port(host: str, port: int) -> int:
+    """The port, or any free one for 0. PortBusyError: somebody else listens there."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+            probe.listen(1)
+        except OSError as error:
+            raise PortBusyError(
+                f"port {port} of {host} cannot be used ({error.strerror}): stop what listens "
+                "there, or choose another --port"
+            ) from None
+        return probe.getsockname()[1]
+
+
+def asked_of(request: Any) -> Asked:
+    """What matters of a websockets `Request`."""
+    headers = request.headers
+    upgrade = ",".join(headers.get_all("Upgrade")).lower()
+    return Asked(
+        request.path,
+        headers.get_all("Host"),
+        headers.get_all("Origin"),
+        headers.get_all("Cookie"),
+        "websocket" in upgrade,
+    )
+
+
+def guarded(process_request: Callable | None, gate: Gate) -> Callable:
+    """viser's `process_request` behind the gate: 403 and a sentence for whoever may not pass."""
+    from websockets.datastructures import Headers
+    from websockets.http11 import Response
+
+    def guard(connection: Any, request: Any):
+        why = gate.refusal(asked_of(request))
+        if why is not None:
+            body = f"{why}\n".encode()
+            head = Headers({"Content-Type": "text/plain", "Content-Length": str(len(body))})
+            return Response(403, "Forbidden", head, body)
+        answer = process_request(connection, request) if process_request else None
+        if answer is not None:
+            answer.headers.update(gate.headers())
+        return answer
+
+    return guard
+
+
+@contextmanager
+def _gated(gate: Gate) -> Iterator[list[Any]]:
+    """While inside, what `websockets` serves stands behind the gate; yields what was served."""
+    import websockets.asyncio.server as module
+
+    serve, served = module.serve, []
+
+    def gated_serve(*args: Any, **settings: Any):
+        settings["process_request"] = guarded(settings.get("process_request"), gate)
+        served.append(settings)
+        return serve(*args, **settings)
+
+    module.serve = gated_serve  # pyright: ignore[reportAttributeAccessIssue]
+    try:
+        yield served
+    finally:
+        module.serve = serve
+
+
+def open_server(host: str, port: int, token: str) -> "tuple[ViserServer, Gate]":
+    """A viser server behind a gate. PortBusyError: the port is taken."""
+    import viser
+    from viser import _messages as messages
+
+    port = free_port(host, port)
+    gate = gate_of(host, port, token)
+    with _gated(gate) as served, redirect_stdout(io.StringIO()):  # it would print its own banner
+        server = viser.ViserServer(host=host, port=port, verbose=False)
+    if len(served) != 1 or server.get_port() != port:
+        with redirect_stdout(io.StringIO()):
+            server.stop()
+        if len(served) > 1:
+            raise PortBusyError(f"port {port} of {host} was taken meanwhile: try again")
+        raise RuntimeError(
+            f"viser {viser.__version__} serves in a way that is not known here: not opened"
+        )
+    handlers = server._websock_server._incoming_handlers
+    for kind in (messages.ShareUrlRequest, messages.ShareUrlDisconnect):
+        handlers.pop(kind, None)  # no page opens a tunnel to the internet
+    return server, gate
+
+
+def link_of(gate: Gate, host: str) -> str:
+    """What to open in the browser."""
+    name = "127.0.0.1" if host in ("0.0.0.0", "localhost", "::", "::1") else host
+    return f"http://{name}:{gate.port}/?token={gate.token}"

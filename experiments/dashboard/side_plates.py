@@ -1,0 +1,83 @@
+"""Beside the table: the map of disagreement on its plate, and both models' plates behind it."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.dashboard.player import Stage
+from experiments.dashboard.scene import Puppet
+from rig.parameters import Rig
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+BEHIND = {"before": (-0.25, 0.37, 0.03), "after": (0.06, 0.37, 0.03)}
+WORDS = {"before": "model before", "after": "model after"}
+LOW, HIGH = np.array([255.0, 245.0, 200.0]), np.array([150.0, 0.0, 60.0])
+CELL_PX = 8
+
+
+def map_image(plate_map: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
+    """A map (m, n) of sizes in floors as RGBA seen from above, x to the right, y up; a cell
+    without data is clear, the largest is darkest."""
+    size = plate_map[2][::-1]  # rows of an image go down
+    known = np.isfinite(size)
+    top = max(1.0, float(size[known].max())) if known.any() else 1.0
+    part = np.where(known, size, 0.0)[..., None] / top
+    image = np.zeros((*size.shape, 4), np.uint8)
+    image[..., :3] = LOW + part * (HIGH - LOW)
+    image[..., 3] = np.where(known, 215, 0)
+    return np.kron(image, np.ones((CELL_PX, CELL_PX, 1), np.uint8))
+
+
+class SidePlates:
+    """Hidden until there is something to compare."""
+
+    def __init__(self, server: "ViserServer", rig: Rig) -> None:
+        self._server = server
+        self._plates = {
+            name: Puppet(server, f"/{name}", rig, at=at, ghost=True) for name, at in BEHIND.items()
+        }
+        for name, plate in self._plates.items():
+            plate.show(False)
+            server.scene.add_label(
+                f"/{name}/label", WORDS[name], position=(0, 0.16, 0.03), anchor="bottom-center"
+            )
+        self._stage: Stage | None = None
+        self._map: Any = None
+        self._legend: Any = None
+
+    def begin(self, stage: Stage | None) -> None:
+        """What is on from now on."""
+        self._stage = stage
+        beside = stage is not None and stage.others is not None
+        for plate in self._plates.values():
+            plate.show(beside)
+
+    def draw(self, t_s: float) -> None:
+        """Both models at the film's time."""
+        if self._stage is None or self._stage.others is None:
+            return
+        for plate, motion in zip(self._plates.values(), self._stage.others, strict=True):
+            theta, ball, _ = motion.at(t_s)
+            plate.pose(theta, ball)
+
+    def show_map(self, plate_map: tuple[np.ndarray, np.ndarray, np.ndarray] | None) -> None:
+        """Lay the map on the table's plate; None takes it away."""
+        for old in (self._map, self._legend):
+            if old is not None:
+                old.remove()
+        self._map = self._legend = None
+        if plate_map is None or not np.isfinite(plate_map[2]).any():
+            return
+        x, y, size = plate_map
+        at = (float(x[0] + x[-1]) / 2, float(y[0] + y[-1]) / 2, 0.0004)
+        self._map = self._server.scene.add_image(
+            "/table/plate/map", map_image(plate_map), float(np.ptp(x)), float(np.ptp(y)),
+            format="png", position=at, wxyz=(0.0, 1.0, 0.0, 0.0), cast_shadow=False,
+        )  # fmt: skip
+        top = float(np.nanmax(size))
+        self._legend = self._server.scene.add_label(
+            "/table/plate/map_legend", f"disagreement: pale 0, dark {top:.1f} noise floors",
+            position=(0, -float(np.ptp(y)) / 2 - 0.02, 0.0), anchor="top-center",
+        )  # fmt: skip

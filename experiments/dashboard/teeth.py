@@ -1,0 +1,80 @@
+"""Play made visible: a tooth between two others for every play, drawn 40 times as large.
+
+Where the tooth stands comes from the model (nothing measures it), the number below from the
+table's own observer.
+"""
+
+from math import degrees, isfinite
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.dashboard.pose import TOOTH_M, plays, teeth
+from rig.parameters import Rig
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+FREE, TOUCHED, TOOTH = (150, 158, 170), (214, 39, 40), (255, 176, 30)
+PLACES = {  # of the four gauges, beside the two servos
+    ("gear", 0): (0.215, -0.03, -0.07),
+    ("joint", 0): (0.215, -0.03, 0.0),
+    ("gear", 1): (-0.07, 0.215, 0.0),
+    ("joint", 1): (-0.07, 0.215, 0.07),
+}
+
+
+class Gauge:
+    """One play: two jaws of the driven side, the driver's tooth between them."""
+
+    def __init__(self, server: "ViserServer", kind: str, axis: int) -> None:
+        scene, name = server.scene, f"/teeth/{kind}_{'xy'[axis]}"
+        self._along = np.eye(3)[1 - axis]
+        self._words = f"{kind} {'xy'[axis]}"
+        size = np.full(3, TOOTH_M)
+        size[2] = 3 * TOOTH_M
+        self._root: Any = scene.add_frame(name, position=PLACES[kind, axis], show_axes=False)
+        self._tooth: Any = scene.add_box(f"{name}/tooth", TOOTH, tuple(size))
+        self._jaws: list[Any] = [
+            scene.add_box(f"{name}/jaw_{side}", FREE, tuple(size)) for side in "ab"
+        ]
+        self._label: Any = scene.add_label(
+            f"{name}/label", self._words, position=(0, 0, 2.2 * TOOTH_M), font_screen_scale=0.7,
+            anchor="bottom-center",
+        )  # fmt: skip
+        self._colours: list[tuple[int, int, int]] = [FREE, FREE]
+
+    def show(self, visible: bool) -> None:
+        self._root.visible = visible
+
+    def draw(self, play_rad: float, twist_rad: float, found_rad: float, rig: Rig) -> None:
+        half, at, touches = teeth(play_rad, twist_rad, rig)
+        self._tooth.position = tuple(at * self._along)
+        for i, (jaw, side) in enumerate(zip(self._jaws, (-1, 1), strict=True)):
+            jaw.position = tuple(side * (half + TOOTH_M) * self._along)
+            colour = TOUCHED if touches == side else FREE
+            if colour != self._colours[i]:
+                jaw.color = self._colours[i] = colour
+        found = f"{degrees(found_rad):.1f}" if isfinite(found_rad) else "-"
+        text = f"{self._words}: {degrees(play_rad):.1f}°, found {found}°"
+        if self._label.text != text:
+            self._label.text = text
+
+
+class Teeth:
+    """All four gauges."""
+
+    def __init__(self, server: "ViserServer") -> None:
+        self._gauges = {place: Gauge(server, *place) for place in PLACES}
+
+    def show(self, visible: bool) -> None:
+        """Recorded runs have no model that runs beside them: no teeth."""
+        for gauge in self._gauges.values():
+            gauge.show(visible)
+
+    def draw(self, rig: Rig, gear_rad: np.ndarray, joint_rad: np.ndarray, found: np.ndarray):
+        """Twists (2,) of the model's gears and joints; found (2, 2): gear and joint by axis."""
+        gear, joint = plays(rig)
+        for axis in range(2):
+            self._gauges["gear", axis].draw(gear[axis], gear_rad[axis], found[0, axis], rig)
+            self._gauges["joint", axis].draw(joint[axis], joint_rad[axis], found[1, axis], rig)

@@ -1,0 +1,29 @@
+"""`rig dashboard`: the operator's page in the browser."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def dashboard(
+    rig: Annotated[
+        Path | None, typer.Option("--rig", help="rig.toml; without it the default virtual table.")
+    ] = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="0: any free one.")] = 7644,
+    host: Annotated[
+        str, typer.Option(help="Address to listen at; 0.0.0.0 for the whole network.")
+    ] = "127.0.0.1",
+    out: Annotated[Path, typer.Option("--out", help="Folder for what is made.")] = Path(
+        "out/dashboard"
+    ),
+) -> None:
+    """A page to see the table, run protocols, calibrate, look at results and close the gap.
+
+    Prints the link to open. Only who has the link gets in; Ctrl-C ends it and levels the table.
+    """
+    from experiments.assemble import load_rig
+    from experiments.dashboard.serve import serve_dashboard
+    from experiments.folders import writable
+
+    serve_dashboard(load_rig(rig), rig, writable(out), host=host, port=port, say=typer.echo)

@@ -1,0 +1,69 @@
+"""Long work in its own process: progress, printed lines, refusals, cancelling."""
+
+import time
+from queue import Queue
+
+import pytest
+
+from experiments.dashboard.desk import Desk, Piece
+
+
+def good(tell):
+    tell("halfway", 1, 2)
+    print("a line", "of two words")
+    return {"answer": 42}
+
+
+def refused(tell):
+    raise ValueError("the sheet is too small: print it again")
+
+
+def broken(tell):
+    raise RuntimeError("broken")
+
+
+def endless(tell):
+    tell("on", 0, 1)
+    time.sleep(600)
+
+
+@pytest.fixture
+def desk():
+    made = Desk()
+    yield made
+    made.close()
+
+
+def heard(desk: Desk, name: str, task, most: int = 9) -> list:
+    """Everything that a piece of work says until it has ended."""
+    words: Queue = Queue()
+    desk.put(Piece(name, task, lambda kind, what: words.put((kind, what))))
+    found = []
+    while not found or found[-1][0] not in ("done", "failed"):
+        found.append(words.get(timeout=120))
+        assert len(found) < most
+    return found
+
+
+def test_progress_lines_and_answer_come_back_in_order(desk):
+    assert heard(desk, "good", good) == [
+        ("progress", ("halfway", 1, 2)),
+        ("line", "a line of two words"),
+        ("done", {"answer": 42}),
+    ]
+
+
+def test_a_refusal_is_its_sentence_and_a_fault_its_name(desk):
+    assert heard(desk, "a", refused) == [("failed", "the sheet is too small: print it again")]
+    assert heard(desk, "b", broken) == [("failed", "RuntimeError: broken")]
+
+
+def test_work_is_cancelled_and_the_next_piece_is_served(desk):
+    words: Queue = Queue()
+    desk.put(Piece("endless", endless, lambda *what: words.put(what)))
+    assert words.get(timeout=120) == ("progress", ("on", 0, 1))
+    with pytest.raises(ValueError, match="endless is on already"):
+        desk.put(Piece("endless", endless, lambda *what: None))
+    desk.cancel("endless")
+    assert words.get(timeout=120)[0] == "failed"
+    assert heard(desk, "good", good)[-1][0] == "done"

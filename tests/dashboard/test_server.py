@@ -1,0 +1,111 @@
+"""The real server behind the gate: page and websocket tried from outside."""
+
+import http.client
+import os
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("viser")
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+from websockets.typing import Origin, Subprotocol
+
+from experiments.dashboard.server import PortBusyError, free_port, link_of, open_server
+
+TOKEN = "a-token-of-some-length-for-tests"
+
+
+@pytest.fixture(scope="module")
+def served():
+    server, gate = open_server("127.0.0.1", 0, TOKEN)
+    yield server, gate
+    server.stop()
+
+
+def page(gate, path: str, **headers: str):
+    connection = http.client.HTTPConnection("127.0.0.1", gate.port, timeout=5)
+    connection.request("GET", path, headers=headers)
+    answer = connection.getresponse()
+    body = answer.read()
+    connection.close()
+    return answer, body
+
+
+def spoken(gate, *, origin: str | None, cookie: str = TOKEN, host: str = "127.0.0.1") -> bool:
+    """Whether the websocket opens and says something."""
+    import viser
+
+    with connect(
+        f"ws://{host}:{gate.port}/",
+        origin=Origin(origin) if origin else None,
+        additional_headers={"Cookie": f"{gate.cookie}={cookie}"} if cookie else None,
+        subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
+        open_timeout=5,
+        compression=None,
+    ) as websocket:
+        return len(websocket.recv(timeout=5)) > 0
+
+
+def test_only_the_link_opens_the_page(served):
+    _, gate = served
+    answer, body = page(gate, f"/?token={TOKEN}")
+    assert answer.status == 200
+    assert b"<html" in body.lower()
+    assert TOKEN in (answer.getheader("Set-Cookie") or "")
+    answer, body = page(gate, "/")
+    assert answer.status == 403
+    assert b"no valid token" in body
+    assert page(gate, "/", Cookie=f"{gate.cookie}={TOKEN}")[0].status == 200
+    assert page(gate, f"/?token={TOKEN}", Host=f"evil.example:{gate.port}")[0].status == 403
+    assert page(gate, f"/?token={TOKEN}", Origin="http://evil.example")[0].status == 403
+    odd = {"Upgrade": "WebSocket", "Connection": "Upgrade"}
+    assert page(gate, f"/?token={TOKEN}", **odd)[0].status == 403  # no origin: no websocket
+
+
+def test_only_its_own_page_speaks_on_the_websocket(served):
+    _, gate = served
+    assert spoken(gate, origin=f"http://127.0.0.1:{gate.port}")
+    for origin in ("http://evil.example", "null", None, f"http://localhost:{gate.port}"):
+        with pytest.raises(InvalidStatus, match="403"):
+            spoken(gate, origin=origin)
+    with pytest.raises(InvalidStatus, match="403"):
+        spoken(gate, origin=f"http://127.0.0.1:{gate.port}", cookie="")
+    with pytest.raises(InvalidStatus, match="403"):
+        spoken(gate, origin=f"http://127.0.0.1:{gate.port}", cookie="wrong")
+
+
+def test_no_page_opens_a_tunnel_to_the_internet(served):
+    server, _ = served
+    kinds = {kind.__name__ for kind in server._websock_server._incoming_handlers}
+    assert "GuiUpdateMessage" in kinds
+    assert not {kind for kind in kinds if "Share" in kind}
+
+
+def test_it_listens_where_it_was_told_and_nowhere_else(served):
+    server, gate = served
+    assert server.get_host() == "127.0.0.1"
+    assert link_of(gate, "127.0.0.1") == f"http://127.0.0.1:{gate.port}/?token={TOKEN}"
+
+
+def test_a_busy_port_is_said_and_nothing_is_started(tmp_path: Path):
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen(1)
+        port = other.getsockname()[1]
+        with pytest.raises(PortBusyError, match=f"port {port} of 127.0.0.1 cannot be used"):
+            open_server("127.0.0.1", port, TOKEN)
+        program = str(Path(__file__).with_name("program.py"))
+        told = subprocess.run(
+            [sys.executable, program, "dashboard", "--port", str(port), "--out", str(tmp_path)],
+            capture_output=True,
+            text=True,
+            env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
+        )
+        assert told.returncode == 2
+        assert told.stdout == ""
+        assert f"port {port}" in told.stderr
+    assert free_port("127.0.0.1", port) == port

@@ -1,0 +1,79 @@
+"""What the tabs say and show, as plain functions of what happened."""
+
+from pathlib import Path
+
+import numpy as np
+
+from experiments.dashboard.gap_tab import BEGINS, STAGES, stage_lines
+from experiments.dashboard.header import link_words
+from experiments.dashboard.live import Now
+from experiments.dashboard.plan import Plan, Status, legs
+from experiments.dashboard.results_tab import table
+from experiments.dashboard.run_tab import minutes, progress_words
+from experiments.dashboard.side_plates import CELL_PX, map_image
+from experiments.dashboard.sides import motion_of
+from experiments.dashboard.tasks import RunRow, list_runs
+from experiments.protocol import read_protocol
+from experiments.recording import write_run
+from rig.log import Log
+
+
+def test_the_map_lies_as_seen_from_above():
+    size = np.array([[0.0, 1.0], [np.nan, 4.0]])  # rows: y upwards; columns: x to the right
+    image = map_image((np.arange(3.0), np.arange(3.0), size))
+    assert image.shape == (2 * CELL_PX, 2 * CELL_PX, 4)
+    assert image[0, 0, 3] == 0  # +y, -x: no data
+    assert image[0, -1, :3].sum() < image[-1, 0, :3].sum()  # the largest is the darkest
+    assert image[-1, 0, 3] > 0
+
+
+def test_five_stages_are_marked_in_turn():
+    assert list(STAGES) == ["locate", "name", "add", "prove", "next"]
+    assert stage_lines(-1, False).count("·") == 5
+    assert stage_lines(1, False).startswith("✓ **1 locate**")
+    assert stage_lines(4, True).count("✓") == 5
+    assert set(BEGINS.values()) <= set(range(5))
+
+
+def test_progress_says_what_is_on_and_how_long_it_takes():
+    leg = legs(Plan(read_protocol("free-release"), ("without", "with"), 1, 1))[0]
+    words = progress_words(Status("running", leg.words, leg, 8.25))
+    assert "run 1 of 2" in words
+    assert "8.2 of 16.5 s" in words
+    assert "0:25 left" in words
+    assert "Next run" in progress_words(Status("pause", "run 2 of 2 is next", leg))
+    assert minutes(61.4) == "1:01"
+
+
+def test_a_silent_loop_and_an_unseen_ball_are_said():
+    row = np.zeros(40)
+    row[0] = 5.0
+    on = Status("balancing")
+    seen = Now(row, 4.99, (0, 0, 0), 500.0, 0.0, 1)
+    assert "500 of 500 ticks/s" in link_words(seen, on, 500.0)
+    assert "sees the ball" in link_words(seen, on, 500.0)
+    blind = Now(row, 4.0, (0, 0, 0), 500.0, 0.0, 1)
+    assert "does not see" in link_words(blind, on, 500.0)
+    silent = Now(row, 4.99, (0, 0, 0), 500.0, 3.0, 1)
+    assert "silent for 3 s" in link_words(silent, on, 500.0)
+    assert "off" in link_words(seen, Status("stopped"), 500.0)
+
+
+def test_runs_are_listed_newest_first_and_read_as_a_film(tmp_path: Path):
+    t = np.arange(500) / 500
+    ball = np.where(np.arange(500) % 10 == 5, 0.01, np.nan)
+    log = Log.from_columns({"t_s": t, "ball_x_m": ball, "ball_y_m": ball, "phase": 2 + 0 * t})
+    for name in ("20260101T000000-hold-with", "20260102T000000-hold-without"):
+        start = {"source": "simulated", "arm": name.split("-")[-1], "seed": 1}
+        write_run(tmp_path / name, start, log, outcome="completed")
+    (tmp_path / "no-run").mkdir()
+    rows = list_runs(tmp_path)
+    assert [row.arm for row in rows] == ["without", "with"]
+    words = table(rows, {rows[0].folder.name: (0.1, -0.2)})
+    assert "(+0.10, -0.20)" in words
+    assert "No runs" in table([], {})
+    assert isinstance(rows[0], RunRow)
+    film = motion_of(log)
+    assert len(film.t_s) < 40
+    assert np.isnan(film.at(0.0)[1]).all()  # not seen yet
+    assert np.allclose(film.at(0.5)[1], 0.01)

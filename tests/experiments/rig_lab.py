@@ -1,0 +1,105 @@
+"""A laboratory for `rig home` and `rig run` as programs: a table served by another process, and a
+rig file that names it; with a camera over it where asked."""
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+
+from experiments.assemble import load_rig
+from experiments.recording import read_run
+from experiments.runs import calibrate_camera
+
+HERE = Path(__file__).parent
+KNOWN = "[servo]\ngain_rad_s_V = 1.735\ntime_constant_s = 0.046\n"
+PROTOCOL = """title = "short"
+duration_s = {seconds}
+[start]
+x_m = -0.1
+y_m = 0.1
+hold_s = 0.5
+"""
+
+
+def _before_others() -> None:
+    """As on a machine of its own, where that is allowed: real time is not for a busy one."""
+    with suppress(PermissionError):
+        os.nice(-15)
+
+
+def _as_from_a_terminal() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    _before_others()
+
+
+class Lab:
+    """A served table and a rig file that names it, in a folder of memory: a disk that is busy
+    would halt the plant."""
+
+    def __init__(self, *, film: bool = False, program: str = "served_table.py") -> None:
+        memory = Path("/dev/shm")
+        place = memory if memory.is_dir() else None
+        self._folder = tempfile.TemporaryDirectory(prefix="rig_lab_", dir=place)
+        folder = Path(self._folder.name)
+        self.folder, self.out = folder, folder / "out"
+        words = ["film"] if film else []
+        self.process = self._serve(program, *words)
+        self.camera: subprocess.Popen | None = None
+        self.rig = folder / "lab.toml"
+        text = f"{KNOWN}[table]\n{self._told('port')}\n"
+        if film:
+            self.camera = self._serve("virtual_film.py")
+            calibrate_camera(load_rig(None), folder, 1)
+            text += f'camera = "{self._told("film")}"\ncalibration = "calibration.json"\n'
+        self.rig.write_text(text)
+
+    def _serve(self, program: str, *words: str) -> subprocess.Popen:
+        command = [sys.executable, str(HERE / program), str(self.folder), *words]
+        return subprocess.Popen(command, stdout=subprocess.DEVNULL, preexec_fn=_before_others)
+
+    def _told(self, name: str) -> str:
+        """What a process says in a file once it serves."""
+        deadline = time.monotonic() + 120
+        while not (self.folder / name).exists() and time.monotonic() < deadline:
+            time.sleep(0.05)
+        return (self.folder / name).read_text()
+
+    def protocol(self, seconds: float) -> str:
+        path = self.folder / "short.toml"
+        path.write_text(PROTOCOL.format(seconds=seconds))
+        return str(path)
+
+    def start(self, *arguments: str) -> subprocess.Popen:
+        return subprocess.Popen(
+            [sys.executable, "-m", "experiments.cli", *arguments, "--rig", str(self.rig)],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, stdin=subprocess.DEVNULL,
+            preexec_fn=_as_from_a_terminal,
+        )  # fmt: skip
+
+    def call(self, *arguments: str) -> tuple[int, str, str]:
+        child = self.start(*arguments)
+        out, error = child.communicate(timeout=180)
+        return child.returncode, out, error
+
+    def volts(self) -> np.ndarray:
+        """(n, 3): time and volts at the plant whenever they changed."""
+        rows = (self.folder / "volts").read_text().split("\n")[:-1]
+        return np.array([[float(v) for v in row.split()] for row in rows])
+
+    def runs(self) -> list:
+        """Those that have begun to be recorded."""
+        begun = sorted((self.out / "runs").glob("*/samples.mcap"))
+        return [read_run(path.parent) for path in begun if (path.parent / "run.json").is_file()]
+
+    def end(self) -> None:
+        for process in (self.process, self.camera):
+            if process is not None:
+                process.kill()
+                process.wait()
+        self._folder.cleanup()

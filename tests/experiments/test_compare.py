@@ -1,0 +1,65 @@
+"""The comparison itself, small: resumed, in any number of processes, and told in words."""
+
+import json
+from pathlib import Path
+
+from experiments import compare as bench
+from experiments.assemble import load_rig
+from experiments.compare_grid import Grid, cells, read_grid
+from experiments.compare_words import words
+from experiments.console import silent
+
+SMALL = {
+    "title": "small",
+    "seeds": 6,
+    "arms": ["without", "with", "neural"],
+    "paper": {"play": "joint 2", "friction": "own", "protocol": "hold"},
+    "plays": {"joint 2": {"joint_deg": 2.0}},
+    "frictions": {"own": {}},
+    "courses": [{"protocol": "hold", "duration_s": 4.0}],
+    "retuned": [{"proportional_rad_m": 4.5, "derivative_rad_s_m": 5.0}],
+    "robustness": {"plays": ["joint 2"], "faults": {"late": {"camera_late_s": 0.03}}},
+}
+GRID = Grid.model_validate(SMALL)
+RIG = load_rig(None)
+
+
+def rows(folder: Path, jobs: int = 1, calls: list | None = None):
+    count = calls if calls is not None else []
+    return bench.all_rows(RIG, GRID, folder, jobs=jobs, cluster=None,
+                          progress=lambda stage, done, total: count.append(done))  # fmt: skip
+
+
+def test_an_interrupted_comparison_goes_on_and_gives_the_same(tmp_path):
+    whole = rows(tmp_path)
+    kept = (tmp_path / bench.ROWS_FILE).read_text().splitlines()
+    assert len(kept) == len(bench.plan(GRID)) == 7
+    (tmp_path / bench.ROWS_FILE).write_text("\n".join(kept[:3]) + '\n{"key": "cut o')
+    done: list = []
+    assert json.dumps(rows(tmp_path, calls=done)) == json.dumps(whole)
+    assert done == [3, 4, 5, 6, 7]
+    judged = bench.judge(GRID, whole)
+    assert [cell["key"] for cell in judged] == [cell.key for cell in cells(GRID)]
+    said = words({"cells": judged, "grid": SMALL, "measure": "settled_error"})
+    assert any("paper's claim is one cell" in line for line in said)
+    assert any(line.startswith("With late") for line in said)
+    json.dumps(judged)
+
+
+def test_what_was_kept_for_another_grid_or_rig_counts_for_nothing(tmp_path):
+    (tmp_path / bench.ROWS_FILE).write_text(json.dumps({"key": "0" * 24, "rows": []}) + "\n")
+    done: list = []
+    table = rows(tmp_path, calls=done)
+    assert done[0] == 0
+    assert len(table[cells(GRID)[0].key]["with"]) == 6
+
+
+def test_two_processes_give_the_same_bits(tmp_path):
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    assert json.dumps(rows(tmp_path / "a")) == json.dumps(rows(tmp_path / "b", jobs=2))
+
+
+def test_the_shipped_grid_is_read_and_silent_progress_is_silent():
+    assert read_grid(None).title
+    assert silent("x", 1, 2) is None

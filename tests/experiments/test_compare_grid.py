@@ -1,0 +1,82 @@
+"""The comparison's grid as data: the shipped one, what it refuses, and what its cells are."""
+
+from math import radians
+
+import pytest
+
+from experiments.assemble import load_rig
+from experiments.compare import plan, sizes
+from experiments.compare_grid import Cell, cells, orders, read_grid, retuned_names, table_of
+
+GRID = read_grid(None)
+RIG = load_rig(None)
+
+
+def test_the_shipped_grid_has_what_was_asked_for():
+    count, _, runs = sizes(GRID)
+    assert GRID.seeds >= 20
+    assert count >= 40
+    assert runs == GRID.seeds * len(plan(GRID))
+    plays = GRID.plays.values()
+    assert {p.gear_deg for p in plays} >= {0.0, 1.0, 3.0}
+    assert {p.joint_deg for p in plays} >= {0.0, 1.0, 3.0}
+    assert any(p.gear_offset_deg for p in plays)
+    assert any(p.joint_offset_deg for p in plays)
+
+
+def test_every_cell_is_a_table_that_can_be_built():
+    for cell in cells(GRID):
+        rig = table_of(RIG, GRID, cell)
+        play = GRID.plays[cell.play]
+        width = rig.effects["joint_backlash"]["x"]["play_rad"]
+        assert width == pytest.approx(radians(play.joint_deg))
+
+
+def test_arms_of_a_cell_get_the_same_units_and_draws():
+    cell = cells(GRID)[0]
+    one, other = (orders(RIG, GRID, cell, arm) for arm in ("without", "neural"))
+    for a, b in zip(one, other, strict=True):
+        assert a.rig == b.rig
+        assert a.seed == b.seed
+        assert a.believed == b.believed
+        assert not a.believed.effects
+
+
+def test_faults_reach_the_right_side():
+    def first(fault: str):
+        return orders(RIG, GRID, Cell("joint 3", "as measured", "hold", fault), "with")[0]
+
+    assert first("play taken for half").believed.play.factor == 0.5
+    late = first("camera 30 ms later")
+    assert late.rig.effects["camera_delay"]["xy"]["extra_s"] == 0.03
+    assert late.believed.camera.delay_s == RIG.camera.delay_s
+    slow = first("half the camera rate")
+    assert slow.rig.camera.rate_hz == slow.believed.camera.rate_hz == RIG.camera.rate_hz / 2
+
+
+def test_retuned_is_the_arm_without_and_other_gains():
+    name = retuned_names(GRID)[-1]
+    order = orders(RIG, GRID, cells(GRID)[0], name)[0]
+    assert order.arm == "without"
+    assert order.believed.gains.proportional_rad_m == GRID.retuned[-1].proportional_rad_m
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ('seeds = 20', "seeds = 3"), ('"sham"', '"shame"'), ('measure = "settled_error"',
+         'measure = "luck"'), ('play = "gear 1, joint 1.5"', 'play = "gear 9"'),
+        ('title =', 'titel ='), ('arms = ["without", ', 'arms = ['),
+    ],
+)  # fmt: skip
+def test_a_mistake_in_a_grid_is_one_line(tmp_path, change, said):
+    from importlib.resources import files
+
+    text = (files("experiments") / "grids" / "default.toml").read_text(encoding="utf-8")
+    assert change in text
+    path = tmp_path / "grid.toml"
+    path.write_text(text.replace(change, said), encoding="utf-8")
+    with pytest.raises(ValueError, match=r"grid\.toml") as error:
+        read_grid(path)
+    assert "\n" not in str(error.value)
+    assert str(path) in str(error.value)

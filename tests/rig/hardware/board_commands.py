@@ -1,0 +1,167 @@
+"""`rig home` and `rig run` as typed, in this process and in a board's own time: nothing is late."""
+
+import sys
+from collections.abc import Callable
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from board_pty import PtyBoard, SteppedLink
+from board_world import World
+from usb_fake import FakeUsb
+
+from experiments import cli
+from experiments.assemble import load_rig
+from rig.commands import CommandSlot
+from rig.endings import Ending, ending_of
+from rig.hardware import homed as homing
+from rig.hardware.board import BoardTable
+from rig.hardware.serial_link import SerialLink
+from rig.hardware.usb_link import UsbLink
+from rig.hardware.wiring import Wiring
+from rig.linkage import tilt_sines
+from rig.loop import Loop
+from rig.loop_process import Job
+from rig.parameters import Rig
+from vision.frames import Observation
+
+AWAY_M = (1.0, 1.0)  # of a ball that lies in a drawer
+PICTURE_S = 1 / 60
+KNOWN = "[servo]\ngain_rad_s_V = 1.735\ntime_constant_s = 0.046\n"
+
+
+class LoopHere:
+    """Stands for `LoopProcess`: the same job in this process."""
+
+    def __init__(self, job: Job) -> None:
+        self._job, self._slot, self.notes = job, CommandSlot(), {}
+        self.put = self._slot.put
+
+    def run(self, keep, event) -> Ending:
+        job = self._job
+        try:
+            with job.table() as table:  # pyright: ignore[reportGeneralTypeIssues]
+                inbox, way = self._slot, job.course
+                loop = Loop(table, job.known, job.arm, way, commands=inbox, keep=keep, event=event)
+                return loop.run()
+        except BaseException as error:
+            return ending_of(error)
+
+
+class WorldsEye:
+    """Stands for the camera's process: the plant's statistical camera on the table's clock."""
+
+    def __init__(self, world: World) -> None:
+        self._world, self._zero_s = world, 0.0
+
+    def begin(self, zero_s: float) -> None:
+        self._zero_s = zero_s
+
+    def tell(self, theta_rad: tuple[float, float]) -> None:
+        pass
+
+    def latest(self, after_s: float) -> Observation | None:
+        if not self._world.balls:
+            return None
+        ball = self._world.balls[-1]
+        exposed_s = ball.exposed_s - self._zero_s
+        return Observation(ball.xy_m, ball.cov_m2, exposed_s) if exposed_s > after_s else None
+
+
+class Lab:
+    """A board with its plant, plugged in by `cable` ("serial" or "usb"), and its rig file.
+
+    An assistant lays the ball at `start_m` when a run begins and lets it go 1.5 s later.
+    """
+
+    def __init__(
+        self, board, cable: str, folder: Path, patch: pytest.MonkeyPatch, capsys, *,
+        wiring: Wiring | None = None, markers: bool = True,
+    ) -> None:  # fmt: skip
+        self.world = World(board, load_rig(None), start_m=AWAY_M, wiring=wiring)
+        self.folder, self.rig_file, self._capsys = folder, folder / "lab.toml", capsys
+        self._patch, self.markers, self._next_s = patch, markers, 0.0
+        self.most_V, self.then = 0.0, lambda run_s: None
+        self._begun_s: float | None = None
+        self.start_m = (-0.1, 0.1)
+        self.world.watch = self._watch
+        self.pty, self.usb = PtyBoard(self.world, thread=False), FakeUsb(self.world)
+        named = f'port = "{self.pty.port}"' if cable == "serial" else 'address = "1209:0001"'
+        eye = 'camera = "the world\'s"\ncalibration = "none.json"\n'
+        self.rig_file.write_text(f'{KNOWN}[table]\nkind = "{cable}"\n{named}\n{eye}')
+        self._stand_in()
+
+    def clock(self) -> float:
+        return self.world.now_s
+
+    def _stand_in(self) -> None:
+        """The world's time for the driver, and this process for the two that a run has else."""
+
+        def serial(port: str, baud: int) -> SteppedLink:
+            return SteppedLink(self.pty, SerialLink(port, baud))
+
+        def usb(*numbers: int) -> UsbLink:
+            return UsbLink(*numbers, backend=self.usb, clock=self.clock)
+
+        @contextmanager
+        def seeing(rig: Rig, recipe):
+            yield WorldsEye(self.world)
+
+        @contextmanager
+        def tilt(rig: Rig):
+            yield self._tilt
+
+        def table(*arguments, **named) -> BoardTable:
+            return BoardTable(*arguments, **named, clock=self.clock)
+
+        def power_up(table) -> str | None:
+            return homing.power_up(table, self.clock())
+
+        for name, stand_in in {
+            "rig.hardware.serial_link.SerialLink": serial,
+            "rig.hardware.usb_link.UsbLink": usb,
+            "rig.hardware.board.BoardTable": table,
+            "experiments.hardware.power_up": power_up,
+            "experiments.hardware.plate_tilt": tilt,
+            "experiments.hardware.go_realtime": dict,
+            "experiments.hardware_run.watching": seeing,
+            "experiments.live_run.LoopProcess": LoopHere,
+        }.items():
+            self._patch.setattr(name, stand_in)
+
+    def _tilt(self, t_s: float) -> tuple[float, float] | None:
+        if not self.markers or self.world.now_s < self._next_s:
+            return None
+        self._next_s = self.world.now_s + PICTURE_S
+        x, y = self.world.plant.truth()["plate_rad"]
+        return tilt_sines((float(x), float(y)), load_rig(None).linkage.ratio)
+
+    def _watch(self) -> None:
+        self.most_V = max(self.most_V, *map(abs, self.world.volts))
+        if self._begun_s is not None:
+            run_s = self.world.now_s - self._begun_s
+            if run_s > 1.5:
+                self.world.plant.release()
+            self.then(run_s)
+
+    def lay_the_ball(self, then: Callable[[float], None] = lambda run_s: None) -> None:
+        """For the run to come; `then` is called in every millisecond of it."""
+        self.world.plant.place(self.start_m)
+        self._begun_s, self.then, self.most_V = self.world.now_s, then, 0.0
+
+    def call(self, *words: str) -> tuple[int, str, str]:
+        """Type it; the exit code and what was said. A finished program leaves its board alone."""
+        self._patch.setattr(sys, "argv", ["rig", *words, "--rig", str(self.rig_file), "--yes"])
+        code = 0
+        try:
+            cli.main()
+        except SystemExit as end:
+            code = int(end.code or 0)
+        self._begun_s = None
+        self.world.plant.place(AWAY_M)
+        said = self._capsys.readouterr()
+        return code, said.out, said.err
+
+    def close(self) -> None:
+        self.pty.close()
+        self.world.board.close()

@@ -1,0 +1,214 @@
+"""One contract for every table, each by its name: simulated, protocol.c without a chip, the real
+firmware, a real serial device, USB, the Quanser stand-in, a table on another machine."""
+
+import sys
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import contract
+import numpy as np
+import pytest
+from board_host import HostBoard
+from board_pty import PtyBoard, SteppedLink
+from board_world import World, WorldEye, WorldLink, table_on
+from quanser_card import Bench, install
+from remote_bench import Cable, patiently, realtime, served
+from usb_fake import FakeUsb
+
+from experiments.assemble import load_rig
+from rig.hardware import quanser
+from rig.hardware.board import BoardTable
+from rig.hardware.link import LinkLost
+from rig.hardware.serial_link import SerialLink
+from rig.hardware.usb_link import UsbLink
+from rig.hardware.wiring import Wiring
+from rig.parameters import Rig
+from rig.simulator import SimulatedTable
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "engines"))
+from simavr_chip import Chip  # pyright: ignore[reportMissingImports]
+
+ODD = Wiring(swap=True, sign_volts=(-1, 1), sign_angle=(1, -1), zero_counts=(7, -4), crossed=True)
+Pair = tuple[float, float]
+
+
+@dataclass
+class Case:
+    """A table under test and what only its plant knows; `kill`: the ways in which its link dies;
+    `later`: its plant goes on alone; jitter_s, slack_s: of a table in real time."""
+
+    table: Any
+    plant: SimulatedTable
+    volts_V: Callable[[], Pair]
+    clock: Callable[[], float] = lambda: 0.0
+    kill: dict[str, Callable[[], None]] = field(default_factory=dict)
+    later: Callable[[float], None] = lambda seconds: None
+    jitter_s: float = 0.0
+    slack_s: float = 0.0
+
+    def arms_rad(self) -> Pair:
+        x, y = self.plant.truth()["arm_rad"]
+        return float(x), float(y)
+
+
+Stack = tuple[ExitStack, pytest.MonkeyPatch]
+
+
+def simulated(rig: Rig, stack: Stack) -> Case:
+    table = SimulatedTable(rig, np.random.default_rng(1))
+    return Case(table, table, lambda: table.volts_V)
+
+
+def on_world(world: World, table: BoardTable, kill: dict[str, Callable[[], None]]) -> Case:
+    """`hung`: the board's bytes do not arrive any more, nor do ours."""
+
+    def hang() -> None:
+        world.board.take, world.board.receive = lambda: b"", lambda data: None
+
+    ways = {"hung": hang} | kill
+    return Case(table, world.plant, lambda: world.volts, lambda: world.now_s, ways, world.run)
+
+
+def lock_step(board, rig: Rig, wiring: Wiring | None = None) -> Case:
+    world = World(board, rig, wiring=wiring)
+    link = WorldLink(world)
+    return on_world(world, table_on(world, link), {"unplugged": lambda: setattr(link, "cut", True)})
+
+
+def serial(rig: Rig, stack: Stack) -> Case:
+    world = World(HostBoard(), rig)
+    peer = PtyBoard(world, thread=False)
+    stack[0].callback(peer.close)
+    eye, link = WorldEye(world), SteppedLink(peer, SerialLink(peer.port))
+    eye.table = BoardTable(link, clock=link.clock, eye=eye)
+    hung = {"hung": lambda: setattr(peer, "hung", True)}
+    return on_world(world, eye.table, {"unplugged": peer.unplug} | hung)
+
+
+def usb(rig: Rig, stack: Stack) -> Case:
+    world = World(HostBoard(), rig)
+    fake, eye = FakeUsb(world), WorldEye(world)
+    clock = WorldLink(world).clock
+    eye.table = BoardTable(UsbLink(backend=fake, clock=clock), clock=clock, eye=eye)
+    ways = {
+        "unplugged": lambda: setattr(fake, "plugged", False),
+        "hung": lambda: setattr(fake, "hung", True),
+    }
+    return on_world(world, eye.table, ways)
+
+
+def quanser_card(rig: Rig, stack: Stack) -> Case:
+    """The card's own watchdog gives 0 V; it knows no level."""
+    stack[1].setattr(quanser, "PATIENCE_S", 5.0)  # the stand-in takes no time, a machine may
+    plant = SimulatedTable(rig, np.random.default_rng(1))
+    one = install(stack[1], Bench(plant))
+    table = quanser.QuanserTable(rig, Wiring(), eye=one, clock=one.clock)
+    ways = {"unplugged": lambda: one.fails.update(task_read="Quanser card q2_usb 0 is lost")}
+    return Case(table, plant, lambda: (*map(float, one.outputs),), one.clock, ways)
+
+
+def remote(rig: Rig, stack: Stack) -> Case:
+    import time
+
+    stack[0].enter_context(realtime())
+    one = stack[0].enter_context(served(rig))
+    cable = stack[0].enter_context(Cable(one.server.port))
+    ways = {"unplugged": cable.cut, "hung": one.stopped.set}
+
+    def later(seconds: float) -> None:
+        one.stopped.clear()
+        time.sleep(seconds)
+
+    table, clock = one.open(port=cable.port), time.monotonic
+    return Case(table, one.table, lambda: one.table.volts_V, clock, ways, later, 2e-4, 0.03)
+
+
+TABLES: dict[str, Callable[[Rig, Stack], Case]] = {
+    "simulated": simulated,
+    "protocol.c": lambda rig, stack: lock_step(HostBoard(), rig),
+    "protocol.c wired odd": lambda rig, stack: lock_step(HostBoard(), rig, ODD),
+    "firmware": lambda rig, stack: lock_step(Chip(), rig),
+    "serial": serial,
+    "usb": usb,
+    "quanser stand-in": quanser_card,
+    "remote": remote,
+}
+EVERY = pytest.mark.parametrize("name", TABLES)
+
+
+@pytest.fixture
+def make(monkeypatch: pytest.MonkeyPatch):
+    """Opens a table by name, armed where that can be done without entering its context."""
+    with ExitStack() as stack:
+
+        def one(name: str, rig: Rig | None = None, *, armed: bool = True) -> Case:
+            case = TABLES[name](rig or Rig(), (stack, monkeypatch))
+            if name not in ("quanser stand-in", "simulated"):
+                stack.callback(case.table.close)
+            if armed and hasattr(case.table, "arm"):
+                case.table.arm()
+            return case
+
+        yield one
+
+
+@EVERY
+@patiently
+def test_time_strictly_increases(make, name: str):
+    case = make(name)
+    contract.time_strictly_increases(case.table, jitter_s=case.jitter_s)
+
+
+@EVERY
+@patiently
+def test_observations_follow_their_light(make, name: str):
+    contract.observations_follow_their_light(make(name).table)
+
+
+@EVERY
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("sign", [-1, 1])
+@patiently
+def test_positive_volts_raise_the_angle(make, name: str, axis: int, sign: int):
+    contract.positive_volts_raise_the_angle(make(name).table, axis, sign)
+
+
+@EVERY
+@pytest.mark.parametrize("fails", [False, True])
+@patiently
+def test_leaving_gives_level_and_no_volts(make, name: str, fails: bool):
+    case = make(name, load_rig(None), armed=False)
+
+    def volts_V() -> Pair:
+        case.later(0.05)  # a goodbye takes its way
+        return case.volts_V()
+
+    contract.leaving_gives_level_and_no_volts(case.table, volts_V, case.arms_rad, fails=fails)
+
+
+# A call into the card that hangs is given up by the wall clock: test_quanser.py.
+DEATHS = [
+    (name, how)
+    for name in TABLES
+    for how in ("unplugged", "hung")
+    if name != "simulated" and (name, how) != ("quanser stand-in", "hung")
+]
+
+
+@pytest.mark.parametrize(("name", "how"), DEATHS)
+@patiently
+def test_a_dead_link_raises_by_name_and_the_table_levels(make, name: str, how: str):
+    case = make(name)
+    contract.a_dead_link_raises_by_name(
+        case.table, case.kill[how], case.clock, LinkLost, "board on|board in|remote|Quanser",
+        slack_s=case.slack_s,
+    )  # fmt: skip
+    case.table.close()
+    if name == "quanser stand-in":  # its watchdog gives 0 V and knows no level
+        return
+    case.later(0.7)
+    assert case.volts_V() == (0.0, 0.0)
+    assert np.all(np.abs(case.arms_rad()) < 0.03)

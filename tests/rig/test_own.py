@@ -1,0 +1,129 @@
+"""A lab's own controller: it steers, and whatever it does wrong stops the rig at 0 V."""
+
+from math import nan
+
+import numpy as np
+import pytest
+from helpers import random_steps
+
+from rig.loop import Loop
+from rig.parameters import Rig
+from rig.simulator import SimulatedTable
+
+
+class Steering:
+    """PD of the published gains without an integral: as a user would write it."""
+
+    def __init__(self) -> None:
+        self.calls: list[str] = []
+        self.seen = []
+
+    def start(self, rig, period_s):
+        self.gains, self.calls = rig.gains, [f"start {period_s}"]
+
+    def control(self, now):
+        self.seen.append(now)
+        volts = []
+        for a in range(2):
+            error = now.target_m[a] - now.ball_m[a]
+            wanted = 3.45 * error - 2.11 * now.velocity_m_s[a]
+            volts.append(14.0 * (wanted - now.theta_rad[a]))
+        return volts
+
+    def end(self, outcome):
+        self.calls.append(f"end {outcome}")
+
+
+class FailsAt(Steering):
+    def __init__(self, tick: int, what) -> None:
+        super().__init__()
+        self.tick, self.what = tick, what
+
+    def control(self, now):
+        volts = super().control(now)
+        return self.what(volts) if len(self.seen) > self.tick else volts
+
+
+def run(controller, seconds=1.0):
+    rows: list[np.ndarray] = []
+    course = random_steps(np.random.default_rng(1), seconds)
+    with SimulatedTable(Rig(), np.random.default_rng(2)) as table:
+        ending = Loop(
+            table, Rig(), 0, course, controller=controller, keep=lambda row: rows.append(row.copy())
+        ).run()
+        assert ending.outcome != "aborted" or table.volts_V == (0.0, 0.0)
+    return ending, np.array(rows)
+
+
+def test_it_steers_the_ball_and_is_told_of_start_and_end():
+    controller = Steering()
+    ending, rows = run(controller, 4.0)
+    assert ending.outcome == "completed"
+    assert controller.calls == ["start 0.002", "end completed"]
+    assert len(controller.seen) > 1900
+    late = controller.seen[900]
+    assert np.hypot(*np.subtract(late.ball_m, late.target_m)) < 0.03
+    assert late.volts_V != (0.0, 0.0)
+    assert len(rows) == 2000
+
+
+def _raise(volts):
+    raise RuntimeError("no idea")
+
+
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [(_raise, "RuntimeError: no idea"), (lambda v: 1.0, "TypeError"), (lambda v: (1, 2, 3), "many"),
+     (lambda v: None, "TypeError"), (lambda v: ("a", 0), "could not convert")],
+)  # fmt: skip
+def test_what_fails_in_it_stops_the_rig_and_is_recorded(what, said):
+    controller = FailsAt(100, what)
+    ending, rows = run(controller)
+    assert ending.outcome == "aborted"
+    assert "controller FailsAt.control failed" in ending.reason
+    assert said in ending.reason
+    assert np.all(rows[-1, 1:3] == 0.0)  # the last row says 0 V
+    assert len(rows) < 200
+    assert controller.calls[-1] == "end aborted"
+
+
+def test_the_reason_names_the_labs_own_line():
+    ending, _ = run(FailsAt(10, _raise))
+    assert ", line " in ending.reason
+
+
+def test_a_fault_at_the_start_never_moves_the_table():
+    class Broken(Steering):
+        def start(self, rig, period_s):
+            raise OSError("no model file")
+
+    ending, rows = run(Broken())
+    assert ending.outcome == "aborted"
+    assert "no model file" in ending.reason
+    assert len(rows) == 0
+
+
+def test_a_fault_at_the_end_does_not_take_the_run_away():
+    class Sloppy(Steering):
+        def end(self, outcome):
+            raise ValueError("disk full")
+
+    ending, _ = run(Sloppy())
+    assert ending.outcome == "completed"
+    assert "disk full" in ending.reason
+
+
+def test_wishes_that_are_no_numbers_are_refused_at_0_volts():
+    controller = FailsAt(100, lambda v: (nan, v[1]))
+    ending, rows = run(controller)
+    assert ending.outcome == "no number"
+    assert "asked for nan V" in ending.reason
+    assert rows[-1, 1] == 0.0
+    assert len(rows) < 200
+    assert controller.calls[-1] == "end no number"
+
+
+def test_wishes_beyond_the_limits_are_clipped():
+    controller = FailsAt(100, lambda v: (1e9, -1e9))
+    _, rows = run(controller)
+    assert np.abs(rows[:, 1:3]).max() <= Rig().servo.voltage_limit_V
