@@ -14,21 +14,23 @@ import cv2
 import numpy as np
 
 from vision.appearance import SIGNED_ABOVE, Appearance
-from vision.outline import BLURRED_STD, FLAT_STD, Outline, trace
+from vision.outline import BLURRED_STD, FLAT_STD, Outline, freed, trace
 from vision.pixels import lookup, share
 from vision.rim import polish
 
 __all__ = ["Appearance", "Blob", "Detection", "find", "locate"]
 
-# What the outline deviates from an ellipse in a common way (blur, a shadow's edge) does not average
-# out over the rays; this share of the residual is added to the centre's sigma.
-OUTLINE_SHARE = 0.05
+# What the outline deviates from an ellipse (blur, a shadow's edge) is common to some ten rays.
+RAYS_SHARE = 9.0
+APART_PX = 0.3  # between rim and rays, from which the rays count more
 # Light from one side makes one edge stronger and lays a shadow at the other; the centre then leans
 # by about this much (px) per relative first harmonic of the edge's strength.
 LIGHT_SHARE_PX = 0.06
+UNSEEN_PX = 2.0  # that the centre may be off by per share of the turn without an edge on the outline
 RIM_ROUNDS = 4
 LEVELS_SHARE = 1.5  # the fit's noise with that of its levels, which neighbouring sectors share
 UNSIGNED_REACH = 0.25
+ROUGH_SHARE = 0.01  # of the radius: residual of an outline beside which another edge may run
 WHOLE = 0.85  # share of the rays from which an outline counts as free all round
 # Casts at most; the share of the radius that is no move; and that a blurred outline may still sway.
 SETTLE_ROUNDS, SETTLED, RESTLESS = 7, 0.03, 0.1
@@ -155,13 +157,13 @@ def locate(
     if line is None:
         return None
     contrast = None
+    if signed and line.residual_px > max(0.2, ROUGH_SHARE * line.radius_px):
+        line = freed(image, direction, signed, line, 0.35) or line
     if not _plain(line):
         line, contrast = _refined(image, appearance, line, direction, signed)
     rim = _fitted(image, appearance, line)
-    u, v, radius, sigma = line.u_px, line.v_px, line.radius_px, _line_sigma(line)
+    u, v, radius, sigma = _agreed(line, rim)
     if rim is not None:
-        u, v, radius = float(rim[0]), float(rim[1]), float(rim[2])
-        sigma = _rim_sigma(rim) if _plain(line) else math.hypot(_rim_sigma(rim), 0.5 * sigma)
         contrast = float(appearance.direction @ (rim[10:13] - rim[13:16]))
     elif contrast is None:
         contrast = appearance.here(image, u, v, radius)[2]
@@ -204,19 +206,39 @@ def _fitted(image: np.ndarray, appearance: Appearance, line: Outline) -> np.ndar
     )
 
 
-def _rim_sigma(rim: np.ndarray) -> float:
-    """Std of the fitted centre per axis, from the fit alone: its noise, more of it where sectors
-    disagree by more, and what the two halves of the edge disagree by. Each half holds half the
-    information, so noise alone sets them apart by four times its variance."""
+def _agreed(line: Outline, rim: np.ndarray | None) -> tuple[float, float, float, float]:
+    """(u, v, radius, sigma) px: the rim's, less of it the farther the rays' outline is from it.
+
+    Shadows and reflections that the rim's model lacks take it off where rays see an edge beside
+    them. With the share w = 1 / (1 + (d / `APART_PX`)^4) of the rim at a distance d, the variance
+    is w^2 of the rim's, (1 - w)^2 of the rays', and what a mixture's two places add, w (1 - w) d^2
+    over both axes.
+    """
+    rays = _line_variance(line)
+    if rim is None:
+        return line.u_px, line.v_px, line.radius_px, math.sqrt(rays)
+    apart = math.hypot(rim[0] - line.u_px, rim[1] - line.v_px)
+    w = 1.0 / (1.0 + (apart / APART_PX) ** 4)
+    u, v, radius = (w * float(rim[i]) + (1.0 - w) * line[i] for i in range(3))
+    mixed = 0.5 * w * (1.0 - w) * apart**2
+    return u, v, radius, math.sqrt(w**2 * _rim_variance(rim) + (1.0 - w) ** 2 * rays + mixed)
+
+
+def _rim_variance(rim: np.ndarray) -> float:
+    """Of the fitted centre per axis, from the fit alone: its noise, more of it where sectors
+    disagree by more, and what sets the two halves of the edge apart beyond noise. Each half holds
+    half the information, so noise alone sets them apart by four times its variance, and what is
+    one half's own error is half as large in the mean."""
     noise = LEVELS_SHARE * float(rim[3]) * max(1.0, float(rim[4])) ** 2
-    return math.sqrt(noise + max(0.0, float(rim[7]) - 4.0 * float(rim[3])))
+    return noise + 0.25 * max(0.0, float(rim[7]) - 4.0 * float(rim[3]))
 
 
-def _line_sigma(line: Outline) -> float:
-    """Std of a traced outline's centre per axis: from the residuals, a share of them for what is
-    common to all rays, and another for light from one side."""
-    common = math.hypot(OUTLINE_SHARE * line.residual_px, LIGHT_SHARE_PX * line.lopsided)
-    return math.hypot(math.sqrt(line.variance_px2), common)
+def _line_variance(line: Outline) -> float:
+    """Of a traced outline's centre per axis: what the residuals say, of which neighbouring rays
+    share much, what light from one side does to all, and what an arc that is not seen leaves
+    open."""
+    common = math.hypot(LIGHT_SHARE_PX * line.lopsided, UNSEEN_PX * (1.0 - min(line.share, 1.0)))
+    return RAYS_SHARE * line.variance_px2 + common**2
 
 
 def _settled(
