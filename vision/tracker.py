@@ -24,7 +24,8 @@ from vision.kinematics import Motion, gates
 from vision.unusual import locate_streak, surround
 
 COAST_S = 0.100
-GOOD_PX = 1.5  # sigma above which a position only helps to predict: it is not passed as good
+# Sigma, share of the radius, above which a position only helps to predict: not passed as good.
+GOOD_SHARE = 0.2
 # How far the radius may be from what it was: the ball nears and leaves the lens by a few per cent,
 # a wide lens and motion blur do the rest.
 RADIUS_SLACK = 0.25
@@ -124,7 +125,7 @@ class Tracker:
         else:
             self._motion = ahead.corrected(u, v, sigma)
         claimed, self._good_s = self._sigma_px(found), frame.t_s
-        if claimed > GOOD_PX:
+        if claimed > GOOD_SHARE * self._radius_px:
             return self._coast(self._motion)
         self._state = "track"
         if found.inliers > 0.85 and found.coverage == 1.0:
