@@ -16,7 +16,8 @@ import cv2
 import numpy as np
 
 from vision.pixels import moments, share
-from vision.rim import BLUR0, colour_is_smeared
+from vision.rim import colour_is_smeared
+from vision.rim_pixels import BLUR0
 
 BINS = 32
 NAMED = {

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
+
+from vision.compiled import kernel
 
 ARCS = 3  # a third and less of the turn apart: an arc that is free over two of these will do
 LEAST_SHARE = 0.45
 
 
-@numba.njit(cache=True)
+@kernel
 def _through(points, i, j, k):
     """(u, v, radius) of the circle through three points; radius infinite where they are in line."""
     ax, ay = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
@@ -24,7 +25,7 @@ def _through(points, i, j, k):
     return points[i, 0] + u, points[i, 1] + v, math.sqrt(u * u + v * v)
 
 
-@numba.njit(cache=True)
+@kernel
 def shared_circle(points, radius, slack_px):
     """(u, v, radius, share) of the circle that most of the points (n, 2) lie on within `slack_px`.
 

@@ -10,12 +10,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from vision.appearance import SIGNED_ABOVE, Appearance
+from vision.blobs import Blob, find
 from vision.outline import BLURRED_STD, FLAT_STD, Outline, freed, trace
-from vision.pixels import lookup, share
+from vision.pixels import share
 from vision.rim import polish
 
 __all__ = ["Appearance", "Blob", "Detection", "find", "locate"]
@@ -26,7 +26,9 @@ APART_PX = 0.3  # between rim and rays, from which the rays count more
 # Light from one side makes one edge stronger and lays a shadow at the other; the centre then leans
 # by about this much (px) per relative first harmonic of the edge's strength.
 LIGHT_SHARE_PX = 0.06
-UNSEEN_PX = 2.0  # that the centre may be off by per share of the turn without an edge on the outline
+UNSEEN_PX = (
+    2.0  # that the centre may be off by per share of the turn without an edge on the outline
+)
 RIM_ROUNDS = 4
 LEVELS_SHARE = 1.5  # the fit's noise with that of its levels, which neighbouring sectors share
 UNSIGNED_REACH = 0.25
@@ -35,19 +37,6 @@ WHOLE = 0.85  # share of the rays from which an outline counts as free all round
 # Casts at most; the share of the radius that is no move; and that a blurred outline may still sway.
 SETTLE_ROUNDS, SETTLED, RESTLESS = 7, 0.03, 0.1
 REACH = 0.6  # rays search from (1 - REACH) to (1 + REACH) radii
-
-
-@dataclass(frozen=True)
-class Blob:
-    """A patch of the ball's colour: centre and radius of the disc of its area, px; 0 <= score <= 1.
-
-    The score is how well a disc would fill the patch's bounding box.
-    """
-
-    u_px: float
-    v_px: float
-    radius_px: float
-    score: float
 
 
 @dataclass(frozen=True)
@@ -74,63 +63,6 @@ class Detection:
     spill: float
     blur_px: float = math.nan
     inside_px: float = 0.0
-
-
-def find(
-    image: np.ndarray,
-    appearance: Appearance,
-    *,
-    radius_px: tuple[float, float],
-    mask: np.ndarray | None = None,
-    least: float = 0.43,
-) -> list[Blob]:
-    """Patches of the ball's colour in an image (h, w, 3) uint8 BGR, most disc-like first.
-
-    `radius_px` bounds the radius (min, max); patches down to half and up to twice that stay in,
-    since hands hide and streaks lengthen. `mask` (h, w) uint8: nonzero where the ball can be.
-    `least` is the P(ball) from which a pixel counts.
-    """
-    step = int(np.clip(radius_px[0] / 4.0, 1, 4))
-    likely = lookup(image, appearance.table, step)
-    if mask is not None:
-        h, w = likely.shape
-        likely = np.where(mask[::step, ::step][:h, :w] > 0, likely, np.uint8(0))
-    size = 2 * int(np.clip(0.12 * radius_px[0] / step, 1, 5)) + 1
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    binary = (cv2.medianBlur(likely, 3) > 255 * least).astype(np.uint8)
-    # Closing bridges a stick or a highlight across the ball.
-    binary = cv2.morphologyEx(binary, cv2.MORPH_CLOSE, disc)
-    _, labels, stats, centres = cv2.connectedComponentsWithStats(binary, connectivity=4)
-    blobs: list[Blob] = []
-    for k in range(1, len(stats)):
-        blobs += _blobs_of(labels, k, stats[k], centres[k], step, radius_px)
-    return sorted(blobs, key=lambda b: -b.score)
-
-
-def _blobs_of(
-    labels: np.ndarray,
-    k: int,
-    stats: np.ndarray,
-    centre: np.ndarray,
-    step: int,
-    bounds: tuple[float, float],
-) -> list[Blob]:
-    """The blobs that component k offers: itself, and the thickest spot of an overlong one."""
-    x, y, w, h, area = (int(s) for s in stats[:5])
-    radius = step * math.sqrt(area / math.pi)
-    if radius < 0.5 * bounds[0]:
-        return []
-    score = area / (math.pi / 4 * max(w, h) ** 2)
-    u, v = step * float(centre[0]), step * float(centre[1])
-    found = [Blob(u, v, radius, min(score, 1.0))] if radius < 2.0 * bounds[1] else []
-    if score < 0.75 or radius > bounds[1]:
-        patch = np.pad((labels[y : y + h, x : x + w] == k).astype(np.uint8), 1)
-        depth = cv2.distanceTransform(patch, cv2.DIST_L2, 3)
-        _, deepest, _, place = cv2.minMaxLoc(depth)
-        if 0.5 * bounds[0] < step * deepest < 2.0 * bounds[1]:
-            u, v = step * (x + place[0] - 1), step * (y + place[1] - 1)
-            found.append(Blob(float(u), float(v), step * deepest, min(score, 1.0) * 0.9))
-    return found
 
 
 def locate(

@@ -8,7 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from vision.consensus import shared_circle
-from vision.rays import KERNEL, cast, fit, ring_about, trace_rays
+from vision.ellipse import fit
+from vision.rays import cast
+from vision.tracing import ring_about, trace_rays
 
 # Prior of the flattening, share of the radius: of a sphere (perspective, lens), which keeps an
 # outline in its form where a hand or a thing of its colour hides part of it; and of a sphere
@@ -59,9 +61,7 @@ def trace(
     """
     shape = FLAT_STD, BLURRED_STD, ROUNDS
     place = float(u), float(v), float(radius)
-    got, found = trace_rays(
-        image, *place, reach, direction, _rays(radius), signed, KERNEL, *shape
-    )
+    got, found = trace_rays(image, *place, reach, direction, _rays(radius), signed, *shape)
     return Outline(*got.tolist()) if found else None
 
 
@@ -94,7 +94,7 @@ def _on_shared_circle(
     u, v, radius = line.u_px, line.v_px, line.radius_px
     for rays in (reach, SHORT_REACH):
         points, _, strength, inside = cast(
-            image, u, v, radius, rays, direction, _rays(radius), signed, KERNEL
+            image, u, v, radius, rays, direction, _rays(radius), signed
         )
         circle = shared_circle(points, radius, slack)
         if circle[3] == 0.0:
@@ -106,9 +106,7 @@ def _on_shared_circle(
         if rays == reach and not (arc or away):  # mere noise
             return None
     weight = (strength > 0.0).astype(float)
-    u, v, radius, variance, rms, good = fit(
-        points, weight, u, v, radius, slack, ROUND_STD, ROUNDS
-    )
+    u, v, radius, variance, rms, good = fit(points, weight, u, v, radius, slack, ROUND_STD, ROUNDS)
     octants = good[: len(good) // 8 * 8].reshape(8, -1).mean(1)
     wave = np.exp(2j * np.pi * np.arange(len(strength)) / len(strength))
     return Outline(
@@ -116,6 +114,7 @@ def _on_shared_circle(
         float(inside), float(2.0 * abs(strength @ wave) / max(strength.sum(), 1e-9)),
         float(np.mean(octants > 0.34)),
     )  # fmt: skip
+
 
 def _is_arc(flags: np.ndarray) -> bool:
     """Whether an eighth of the turn or more is set without a gap: an edge, where noise is not."""
@@ -131,7 +130,5 @@ def ring(
 
     A mirroring ball's inner outline is the picture of the plate in it, not its silhouette.
     """
-    got = ring_about(
-        image, float(u), float(v), float(radius), direction, 72, KERNEL, FLAT_STD, ROUNDS
-    )
+    got = ring_about(image, float(u), float(v), float(radius), direction, 72, FLAT_STD, ROUNDS)
     return (float(got[0]), float(got[1]), float(got[2]), float(got[3])) if got[3] > 0.0 else None

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from vision.compiled import kernel
 
-@numba.njit(cache=True)
+
+@kernel
 def moments(image, u, v, r_in, r_out):
     """(count, mean (3,), covariance (3, 3)) of the colours with r_in <= r < r_out about (u, v)."""
     h, wd, _ = image.shape
@@ -29,7 +30,7 @@ def moments(image, u, v, r_in, r_out):
     return total, mean, cov
 
 
-@numba.njit(cache=True)
+@kernel
 def share(image, table, u, v, r_in, r_out):
     """Mean table value (0..1) of the colours with r_in <= r < r_out about (u, v); 0 where none."""
     h, wd, _ = image.shape
@@ -45,7 +46,7 @@ def share(image, table, u, v, r_in, r_out):
     return hits / total / 255.0 if total else 0.0
 
 
-@numba.njit(cache=True)
+@kernel
 def lookup(image, table, step):
     """Table values (h // step, w // step) uint8 of the colours of every step-th pixel."""
     h, wd = image.shape[0] // step, image.shape[1] // step
@@ -61,7 +62,7 @@ def lookup(image, table, step):
     return out
 
 
-@numba.njit(cache=True)
+@kernel
 def mean_between(image, u, v, r_in, r_out):
     """Mean of a grey image (h, w) with r_in <= r < r_out about (u, v); 0 where none."""
     h, wd = image.shape
@@ -75,7 +76,7 @@ def mean_between(image, u, v, r_in, r_out):
     return value / total if total else 0.0
 
 
-@numba.njit(cache=True)
+@kernel
 def remember(image, table, known, row, rows, step, gain, u, v, radius, least):
     """Move `rows` rows of the map `known` (h / step, w / step) float32, from `row` on and round, by
     gain (rows of the map,) towards whether each spot's colour has a table value above `least`;

@@ -24,8 +24,7 @@ from vision.kinematics import Motion, gates
 from vision.unusual import locate_streak, surround
 
 COAST_S = 0.100
-# Sigma, share of the radius, above which a position only helps to predict: not passed as good.
-GOOD_SHARE = 0.2
+GOOD_SHARE = 0.2  # of the radius: a sigma above it only helps to predict, not passed as good
 # How far the radius may be from what it was: the ball nears and leaves the lens by a few per cent,
 # a wide lens and motion blur do the rest.
 RADIUS_SLACK = 0.25
