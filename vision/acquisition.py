@@ -16,8 +16,9 @@ from vision.appearance import Appearance
 from vision.detector import Detection, locate
 from vision.frames import Frame
 from vision.gate import believable, weight
-from vision.pixels import mean_between, share
+from vision.pixels import mean_between, moments, share
 from vision.repeats import noise_level
+from vision.unusual import surround
 from vision.votes import Circle, circles
 
 WORK_SIZE = 320  # px, longer side of the image that is searched for motion and circles
@@ -29,6 +30,8 @@ LEAST_WEIGHT = 7.0
 # A ball's outline is whole and sharp. Its shadow on a bright plate is round and moves as well,
 # but its edge is soft here and hidden by the ball there.
 LEAST_QUALITY = 0.83
+SOFT_PX = 16.0  # a disc smaller than this whose edge is too soft to be fitted may be a highlight
+DARK = 80.0  # brightest channel's mean below which a disc counts as badly lit
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,8 +170,9 @@ class Acquisition:
             ):
                 continue
             looks = Appearance.sketch(image, u, v, r)
+            bounds = (0.7 * r, 1.4 * r)
             found = locate(image, looks, u, v, r)
-            if found is None or not believable(found, looks, (0.7 * r, 1.4 * r), strict=True):
+            if found is None or not believable(found, looks, bounds, strict=True):
                 continue
             looks, found = _outermost(image, looks, found)
             if self._allowed(image, found):
@@ -184,7 +188,14 @@ class Acquisition:
         if self._colour is None:
             return True
         u, v, r = found.u_px, found.v_px, 0.85 * found.radius_px
-        return share(image, self._colour.table, u, v, 0.0, r) > 0.35
+        if share(image, self._colour.table, u, v, 0.0, r) > 0.35:
+            return True
+        # In the dark noise hides a pixel's colour, not the disc's: ask its mean, brightened.
+        mean = moments(image, u, v, 0.0, r)[1]
+        if mean.max() > DARK:
+            return False
+        lit = np.clip(mean * (2.0 * DARK / max(float(mean.max()), 1.0)), 0, 255).astype(int) >> 3
+        return bool(self._colour.table[lit[0] << 10 | lit[1] << 5 | lit[2]] > 255 * 0.35)
 
     def _alone(self, found: Detection) -> bool:
         """Whether still background lies about it: not a highlight on a ball, nor a knuckle."""
@@ -195,13 +206,14 @@ class Acquisition:
     def _recognised(self, image: np.ndarray) -> tuple[Appearance, Detection] | None:
         least = TRAVEL * max(image.shape[:2])
         sure = [m for m in self._movers if m.convincing(least) and m.weight > LEAST_WEIGHT]
-        if not sure:
-            return None
-        best = max(sure, key=lambda m: m.weight * math.sqrt(len(m.path)))
-        u, v, r = best.last
-        looks = Appearance.learn(image, u, v, r)
-        found = locate(image, looks, u, v, r)
-        return None if found is None else (looks, found)
+        for best in sorted(sure, key=lambda m: -m.weight * math.sqrt(len(m.path))):
+            u, v, r = best.last
+            looks = Appearance.learn(image, u, v, r)
+            found = locate(image, looks, u, v, r)
+            soft = found is not None and not math.isfinite(found.blur_px)
+            if found is not None and not (soft and found.radius_px < SOFT_PX):
+                return looks, _ringed(best, found, image)
+        return None
 
 
 def _distinct(movers: list[Mover]) -> list[Mover]:
@@ -228,3 +240,9 @@ def _outermost(
         if math.hypot(disc.u_px - inner.u_px, disc.v_px - inner.v_px) < 0.2 * inner.radius_px:
             looks, found = wider, disc
     return looks, found
+
+
+def _ringed(mover: Mover, found: Detection, image: np.ndarray) -> Detection:
+    """The silhouette about what was watched, where it is but the inside of a mirroring ball."""
+    whole = surround(image, mover.looks, found)
+    return found if whole is None else whole

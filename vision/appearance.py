@@ -8,6 +8,7 @@ shading, which moves the colours of ball and plate along their own brightness, c
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass, replace
 
@@ -15,6 +16,8 @@ import cv2
 import numpy as np
 
 from vision.pixels import moments, share
+from vision.rim import colour_is_smeared
+from vision.rim_pixels import BLUR0
 
 BINS = 32
 NAMED = {
@@ -50,7 +53,9 @@ class Appearance:
     scaled so that a full edge is 1; `separation` is their distance in standard deviations; `table`
     (32768,) uint8 is 255 P(ball | colour), colour = b << 10 | g << 5 | r of 5 bits each; `fill` is
     the mean P of the ball's own pixels (low for a ball that mirrors the plate); `learned` says
-    whether all this was seen in images or assumed from a name.
+    whether all this was seen in images or assumed from a name; `blur_px` is the edge's blur
+    (standard deviation), `smeared` whether colour differences are stored more coarsely than
+    brightness, as JPEG and most video do.
     """
 
     ball_bgr: np.ndarray
@@ -60,6 +65,8 @@ class Appearance:
     table: np.ndarray
     fill: float
     learned: bool
+    blur_px: float = BLUR0
+    smeared: bool = False
 
     @property
     def signed(self) -> bool:
@@ -83,7 +90,12 @@ class Appearance:
         """The looks of the disc at (u_px, v_px) in an image (h, w, 3) uint8 BGR."""
         table = _learned_table(image, u_px, v_px, radius_px)
         fill = share(image, table, u_px, v_px, 0.0, 0.85 * radius_px)
-        return replace(Appearance.sketch(image, u_px, v_px, radius_px), table=table, fill=fill)
+        return replace(
+            Appearance.sketch(image, u_px, v_px, radius_px),
+            table=table,
+            fill=fill,
+            smeared=colour_is_smeared(image, u_px, v_px, radius_px),
+        )
 
     @staticmethod
     def sketch(image: np.ndarray, u_px: float, v_px: float, radius_px: float) -> Appearance:
@@ -91,9 +103,18 @@ class Appearance:
         return Appearance(*_contrast(image, u_px, v_px, radius_px), _EMPTY, 0.0, learned=True)
 
     def adapted(
-        self, image: np.ndarray, u_px: float, v_px: float, radius_px: float, share: float
+        self,
+        image: np.ndarray,
+        u_px: float,
+        v_px: float,
+        radius_px: float,
+        share: float,
+        blur_px: float = math.nan,
     ) -> Appearance:
-        """Moved by `share` (0..1) towards what the disc looks like now: light and plate change."""
+        """Moved by `share` (0..1) towards what the disc looks like now: light and plate change.
+
+        `blur_px` of its edge, where it was measured, is taken over with ten times that share.
+        """
         ball, surround, direction, separation = _contrast(image, u_px, v_px, radius_px)
         return replace(
             self,
@@ -101,6 +122,8 @@ class Appearance:
             surround_bgr=self.surround_bgr + share * (surround - self.surround_bgr),
             direction=self.direction + share * (direction - self.direction),
             separation=self.separation + share * (separation - self.separation),
+            blur_px=self.blur_px
+            + (min(1.0, 10 * share) * (blur_px - self.blur_px) if math.isfinite(blur_px) else 0.0),
         )
 
     def here(

@@ -1,8 +1,8 @@
 """Find one ball in an image, and locate it to a hundredth of a pixel. Pure functions.
 
 `find` asks each pixel's colour whether it is the ball's and groups the answers: robust, coarse.
-`locate` casts rays from a guess, takes the sub-pixel edge on each and fits an ellipse robustly:
-exact, local. Nothing here decides whether to believe a result; `vision.gate` does.
+`locate` casts rays from a guess, takes the edge on each, fits an ellipse robustly, and then the
+rim's pixels: exact, local. Nothing here decides whether to believe a result; `vision.gate` does.
 """
 
 from __future__ import annotations
@@ -10,37 +10,33 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from vision.appearance import SIGNED_ABOVE, Appearance
-from vision.outline import Outline, trace
-from vision.pixels import lookup, share
+from vision.blobs import Blob, find
+from vision.outline import BLURRED_STD, FLAT_STD, Outline, freed, trace
+from vision.pixels import share
+from vision.rim import polish
 
 __all__ = ["Appearance", "Blob", "Detection", "find", "locate"]
 
-# What the outline deviates from an ellipse in a common way (blur, a shadow's edge) does not average
-# out over the rays; this share of the residual is added to the centre's sigma.
-OUTLINE_SHARE = 0.05
+# What the outline deviates from an ellipse (blur, a shadow's edge) is common to some ten rays.
+RAYS_SHARE = 9.0
+APART_PX = 0.3  # between rim and rays, from which the rays count more
 # Light from one side makes one edge stronger and lays a shadow at the other; the centre then leans
 # by about this much (px) per relative first harmonic of the edge's strength.
 LIGHT_SHARE_PX = 0.06
+UNSEEN_PX = (
+    2.0  # that the centre may be off by per share of the turn without an edge on the outline
+)
+RIM_ROUNDS = 4
+LEVELS_SHARE = 1.5  # the fit's noise with that of its levels, which neighbouring sectors share
 UNSIGNED_REACH = 0.25
+ROUGH_SHARE = 0.01  # of the radius: residual of an outline beside which another edge may run
 WHOLE = 0.85  # share of the rays from which an outline counts as free all round
+# Casts at most; the share of the radius that is no move; and that a blurred outline may still sway.
+SETTLE_ROUNDS, SETTLED, RESTLESS = 7, 0.03, 0.1
 REACH = 0.6  # rays search from (1 - REACH) to (1 + REACH) radii
-
-
-@dataclass(frozen=True)
-class Blob:
-    """A patch of the ball's colour: centre and radius of the disc of its area, px; 0 <= score <= 1.
-
-    The score is how well a disc would fill the patch's bounding box.
-    """
-
-    u_px: float
-    v_px: float
-    radius_px: float
-    score: float
 
 
 @dataclass(frozen=True)
@@ -51,7 +47,8 @@ class Detection:
     on the ellipse; `coverage` share of the full turn so covered, by eighths with at least one in
     three rays good; `contrast` 1 where ball and plate differ as in the appearance, negative where
     the sign is wrong; `residual_px` rms of the inliers; `fill` and `spill` the mean P(ball) of the
-    colours inside and just outside.
+    colours inside and just outside; `blur_px` the edge's standard deviation, NaN where the rim was
+    not fitted; `inside_px` the radius of the picture in a mirroring ball, 0 where there is none.
     """
 
     u_px: float
@@ -64,63 +61,8 @@ class Detection:
     residual_px: float
     fill: float
     spill: float
-
-
-def find(
-    image: np.ndarray,
-    appearance: Appearance,
-    *,
-    radius_px: tuple[float, float],
-    mask: np.ndarray | None = None,
-    least: float = 0.43,
-) -> list[Blob]:
-    """Patches of the ball's colour in an image (h, w, 3) uint8 BGR, most disc-like first.
-
-    `radius_px` bounds the radius (min, max); patches down to half and up to twice that stay in,
-    since hands hide and streaks lengthen. `mask` (h, w) uint8: nonzero where the ball can be.
-    `least` is the P(ball) from which a pixel counts.
-    """
-    step = int(np.clip(radius_px[0] / 4.0, 1, 4))
-    likely = lookup(image, appearance.table, step)
-    if mask is not None:
-        h, w = likely.shape
-        likely = np.where(mask[::step, ::step][:h, :w] > 0, likely, np.uint8(0))
-    size = 2 * int(np.clip(0.12 * radius_px[0] / step, 1, 5)) + 1
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    binary = (cv2.medianBlur(likely, 3) > 255 * least).astype(np.uint8)
-    # Closing bridges a stick or a highlight across the ball.
-    binary = cv2.morphologyEx(binary, cv2.MORPH_CLOSE, disc)
-    _, labels, stats, centres = cv2.connectedComponentsWithStats(binary, connectivity=4)
-    blobs: list[Blob] = []
-    for k in range(1, len(stats)):
-        blobs += _blobs_of(labels, k, stats[k], centres[k], step, radius_px)
-    return sorted(blobs, key=lambda b: -b.score)
-
-
-def _blobs_of(
-    labels: np.ndarray,
-    k: int,
-    stats: np.ndarray,
-    centre: np.ndarray,
-    step: int,
-    bounds: tuple[float, float],
-) -> list[Blob]:
-    """The blobs that component k offers: itself, and the thickest spot of an overlong one."""
-    x, y, w, h, area = (int(s) for s in stats[:5])
-    radius = step * math.sqrt(area / math.pi)
-    if radius < 0.5 * bounds[0]:
-        return []
-    score = area / (math.pi / 4 * max(w, h) ** 2)
-    u, v = step * float(centre[0]), step * float(centre[1])
-    found = [Blob(u, v, radius, min(score, 1.0))] if radius < 2.0 * bounds[1] else []
-    if score < 0.75 or radius > bounds[1]:
-        patch = np.pad((labels[y : y + h, x : x + w] == k).astype(np.uint8), 1)
-        depth = cv2.distanceTransform(patch, cv2.DIST_L2, 3)
-        _, deepest, _, place = cv2.minMaxLoc(depth)
-        if 0.5 * bounds[0] < step * deepest < 2.0 * bounds[1]:
-            u, v = step * (x + place[0] - 1), step * (y + place[1] - 1)
-            found.append(Blob(float(u), float(v), step * deepest, min(score, 1.0) * 0.9))
-    return found
+    blur_px: float = math.nan
+    inside_px: float = 0.0
 
 
 def locate(
@@ -134,35 +76,101 @@ def locate(
 ) -> Detection | None:
     """The disc near a guess, or None where too few edges lie on any ellipse.
 
-    The first outline is measured along the appearance's direction in colour space, about the guess;
-    the next along the direction found at the spot, about the first's centre. Sigma from the
-    residuals: C = s^2 (A' W A + P)^-1 of the ellipse's five parameters, a share of s for what is
-    common to all rays, and another for light from one side.
+    A first outline is traced along the appearance's direction in colour space, about the guess.
+    Where it is not whole, another follows along the direction found at the spot. Then the rim's
+    pixels are fitted (`vision.rim`); where that fails, the outline stays.
     """
     direction, signed = appearance.direction, appearance.signed
     if not appearance.learned:
         direction = appearance.here(image, u_px, v_px, radius_px)[0]
     # Edges of either sign are found inside a mirroring ball too: look for its rim alone.
     reach = reach if signed else min(reach, UNSIGNED_REACH)
-    first = _settled(image, direction, signed, (u_px, v_px, radius_px), reach)
-    if first is None:
+    line = _settled(image, direction, signed, (u_px, v_px, radius_px), reach)
+    if line is None:
         return None
-    line, contrast = _refined(image, appearance, first, direction, signed)
-    u, v, radius = line.u_px, line.v_px, line.radius_px
-    common = math.hypot(OUTLINE_SHARE * line.residual_px, LIGHT_SHARE_PX * line.lopsided)
-    octants = line.good[: len(line.good) // 8 * 8].reshape(8, -1).mean(1) > 0.34
+    contrast = None
+    if signed and line.residual_px > max(0.2, ROUGH_SHARE * line.radius_px):
+        line = freed(image, direction, signed, line, 0.35) or line
+    if not _plain(line):
+        line, contrast = _refined(image, appearance, line, direction, signed)
+    rim = _fitted(image, appearance, line)
+    u, v, radius, sigma = _agreed(line, rim)
+    if rim is not None:
+        contrast = float(appearance.direction @ (rim[10:13] - rim[13:16]))
+    elif contrast is None:
+        contrast = appearance.here(image, u, v, radius)[2]
     return Detection(
         u_px=u,
         v_px=v,
         radius_px=radius,
-        sigma_px=math.hypot(math.sqrt(line.variance_px2), common),
+        sigma_px=sigma,
         inliers=line.share,
-        coverage=float(octants.mean()),
-        contrast=contrast if appearance.learned and appearance.signed else 1.0,
+        coverage=line.coverage,
+        contrast=contrast if appearance.learned and signed else 1.0,
         residual_px=line.residual_px,
         fill=share(image, appearance.table, u, v, 0.0, 0.85 * radius),
         spill=share(image, appearance.table, u, v, 1.2 * radius + 1.0, 1.6 * radius + 2.0),
+        blur_px=math.nan if rim is None else float(rim[6]),
     )
+
+
+def _plain(line: Outline) -> bool:
+    """Whether the outline is seen all round and is smooth."""
+    smooth = line.residual_px < max(0.25, 0.02 * line.radius_px)
+    return line.share > WHOLE and line.coverage == 1.0 and smooth
+
+
+def _fitted(image: np.ndarray, appearance: Appearance, line: Outline) -> np.ndarray | None:
+    """What `vision.rim.polish` makes of the outline, or None where it is not to be trusted.
+
+    A stick or a hand across the outline has edges and levels of its own: rays tell them better.
+    """
+    if line.share <= WHOLE or line.coverage < 1.0:
+        return None
+    radius, flat = line.radius_px, BLURRED_STD if _plain(line) else FLAT_STD
+    guess = line.u_px, line.v_px, radius
+    rim = polish(image, *guess, appearance.blur_px, flat, appearance.smeared, RIM_ROUNDS)
+    if not (math.isfinite(rim[3]) and rim[5] > 0.7 and rim[9] == 0.0):
+        return None
+    moved = math.hypot(rim[0] - line.u_px, rim[1] - line.v_px)
+    return (
+        rim if moved < 0.3 + 0.04 * radius and abs(rim[2] - radius) < 0.4 + 0.06 * radius else None
+    )
+
+
+def _agreed(line: Outline, rim: np.ndarray | None) -> tuple[float, float, float, float]:
+    """(u, v, radius, sigma) px: the rim's, less of it the farther the rays' outline is from it.
+
+    Shadows and reflections that the rim's model lacks take it off where rays see an edge beside
+    them. With the share w = 1 / (1 + (d / `APART_PX`)^4) of the rim at a distance d, the variance
+    is w^2 of the rim's, (1 - w)^2 of the rays', and what a mixture's two places add, w (1 - w) d^2
+    over both axes.
+    """
+    rays = _line_variance(line)
+    if rim is None:
+        return line.u_px, line.v_px, line.radius_px, math.sqrt(rays)
+    apart = math.hypot(rim[0] - line.u_px, rim[1] - line.v_px)
+    w = 1.0 / (1.0 + (apart / APART_PX) ** 4)
+    u, v, radius = (w * float(rim[i]) + (1.0 - w) * line[i] for i in range(3))
+    mixed = 0.5 * w * (1.0 - w) * apart**2
+    return u, v, radius, math.sqrt(w**2 * _rim_variance(rim) + (1.0 - w) ** 2 * rays + mixed)
+
+
+def _rim_variance(rim: np.ndarray) -> float:
+    """Of the fitted centre per axis, from the fit alone: its noise, more of it where sectors
+    disagree by more, and what sets the two halves of the edge apart beyond noise. Each half holds
+    half the information, so noise alone sets them apart by four times its variance, and what is
+    one half's own error is half as large in the mean."""
+    noise = LEVELS_SHARE * float(rim[3]) * max(1.0, float(rim[4])) ** 2
+    return noise + 0.25 * max(0.0, float(rim[7]) - 4.0 * float(rim[3]))
+
+
+def _line_variance(line: Outline) -> float:
+    """Of a traced outline's centre per axis: what the residuals say, of which neighbouring rays
+    share much, what light from one side does to all, and what an arc that is not seen leaves
+    open."""
+    common = math.hypot(LIGHT_SHARE_PX * line.lopsided, UNSEEN_PX * (1.0 - min(line.share, 1.0)))
+    return RAYS_SHARE * line.variance_px2 + common**2
 
 
 def _settled(
@@ -172,17 +180,23 @@ def _settled(
     guess: tuple[float, float, float],
     reach: float,
 ) -> Outline | None:
-    """The outline about a guess, cast anew where the guess was so far off that rays fell short."""
-    line = None
-    for _ in range(3):
+    """The outline about a guess, cast anew from its own answer until that stays.
+
+    Rays from a guess near the ball's edge meet other edges too, and an ellipse through them all is
+    a compromise that lies somewhere between: only an outline that confirms itself is one.
+    """
+    line, moved, radius = None, math.inf, guess[2]
+    for _ in range(SETTLE_ROUNDS):
         line = trace(image, direction, signed, *guess, reach)
         if line is None:
             return None
         u, v, radius = guess
         guess = line.u_px, line.v_px, line.radius_px
-        if math.hypot(guess[0] - u, guess[1] - v) < 0.25 * radius:
-            break
-    return line
+        moved = math.hypot(guess[0] - u, guess[1] - v) + abs(guess[2] - radius)
+        # A plain outline is believed at once where it lay well within the rays' reach.
+        if moved < SETTLED * radius or (_plain(line) and moved < 0.4 * reach * radius):
+            return line
+    return line if moved < RESTLESS * radius else None
 
 
 def _refined(

@@ -11,10 +11,11 @@ Everything an njit function calls stands in this file, so the lens appears here 
 from math import sqrt
 
 import numpy as np
-from numba import njit
+
+from vision.compiled import kernel
 
 
-@njit(cache=True)
+@kernel
 def _project(px, py, pose, pinhole, k):  # pragma: no cover - compiled
     """Pixel (u, v) of plate point (px, py, 0), and d(u, v)/d(camera point) (2, 3), and R X."""
     ax = pose[0, 0] * px + pose[0, 1] * py
@@ -37,7 +38,7 @@ def _project(px, py, pose, pinhole, k):  # pragma: no cover - compiled
     return u, v, by_u, by_v, (ax, ay, az)
 
 
-@njit(cache=True)
+@kernel
 def _sample(image, u, v):  # pragma: no cover - compiled
     """Brightness (B + 2 G + R) / 4 at a sub-pixel place inside the image, bilinear."""
     j, i = int(u), int(v)
@@ -51,7 +52,7 @@ def _sample(image, u, v):  # pragma: no cover - compiled
     return total
 
 
-@njit(cache=True)
+@kernel
 def _edge(profile, search, reach):  # pragma: no cover - compiled
     """Offset of a bright-to-dark edge from the profile's middle sample, and its contrast.
 
@@ -78,7 +79,7 @@ def _edge(profile, search, reach):  # pragma: no cover - compiled
     return at - middle - reach - 0.5 + area, contrast
 
 
-@njit(cache=True)
+@kernel
 def _by_motion(nu, nv, by_u, by_v, arm, row):  # pragma: no cover - compiled
     """Write the derivative (6,) of a point's place along (nu, nv) by rotation and translation."""
     g0 = nu * by_u[0] + nv * by_v[0]
@@ -90,7 +91,7 @@ def _by_motion(nu, nv, by_u, by_v, arm, row):  # pragma: no cover - compiled
     row[3], row[4], row[5] = g0, g1, g2
 
 
-@njit(cache=True)
+@kernel
 def cut_edges(
     image, points, along, pose, pinhole, lens, search, reach, ball
 ):  # pragma: no cover - compiled
@@ -129,7 +130,7 @@ def cut_edges(
     return offset, contrast, jacobian
 
 
-@njit(cache=True)
+@kernel
 def fit_motion(offset, contrast, jacobian, floor_px):  # pragma: no cover - compiled
     """Small motion (6,) that explains the offsets, robustly (Tukey's biweight).
 

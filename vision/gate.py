@@ -19,23 +19,32 @@ def weight(separation: float, radius_px: float) -> float:
     return separation * math.sqrt(radius_px)
 
 
+def _clear(found: Detection) -> bool:
+    """Whether the outline is whole and sharp, and nothing of the ball's colour lies beside it."""
+    sharp = found.residual_px < max(0.25, 0.02 * found.radius_px)
+    return found.inliers > 0.85 and found.coverage == 1.0 and sharp and found.spill < 0.15
+
+
 def believable(
     found: Detection | None,
     looks: Appearance,
     radius_px: tuple[float, float],
     *,
     strict: bool = False,
+    familiar: bool = False,
 ) -> bool:
     """True where the disc has the ball's outline, size and colour.
 
     `radius_px` (min, max) is what the ball's radius can be here. `strict` is for a first lock and
     for a ball found again, where no prediction speaks for the place: nearly the whole outline
-    must be seen.
+    must be seen. `familiar` says that place and size are as predicted: a clear outline may then
+    have changed its colour, as lamps and windows do to it.
     """
     if found is None or not radius_px[0] <= found.radius_px <= radius_px[1]:
         return False
     telling = looks.fill >= TELLING_FILL
-    if telling and found.fill < (0.65 if strict else 0.5) * looks.fill:
+    known = 0.25 if familiar and _clear(found) else 0.65 if strict else 0.5
+    if telling and found.fill < known * looks.fill:
         return False
     if found.contrast < 0.25 or found.coverage < (0.87 if strict else 0.5):
         return False

@@ -10,10 +10,12 @@ import cv2
 import numpy as np
 
 from vision.appearance import Appearance
-from vision.pixels import lookup
+from vision.pixels import remember
 
 STEP = 4
 MEMORY_S = 0.3
+CELLS = 2400  # of the map that a frame refreshes, so that a large frame costs no more
+LEAST = 110  # table value from which a spot shows the colour
 
 
 class Imposters:
@@ -21,6 +23,10 @@ class Imposters:
 
     def __init__(self, shape: tuple[int, int]) -> None:
         self._map = np.zeros((shape[0] // STEP, shape[1] // STEP), np.float32)
+        self._rows = max(1, min(self._map.shape[0], CELLS // max(1, self._map.shape[1])))
+        self._row = 0
+        self._clock_s = 0.0
+        self._refreshed_s = np.full(self._map.shape[0], -0.5 * MEMORY_S)
 
     def update(
         self,
@@ -32,12 +38,16 @@ class Imposters:
         dt_s: float,
     ) -> None:
         """Learn from a frame in which the ball is known to be at (u_px, v_px)."""
-        seen = (lookup(image, looks.table, STEP) > 110).astype(np.float32)
-        weight = np.full(seen.shape, min(0.5, max(dt_s, 0.0) / MEMORY_S), np.float32)
-        centre = (round(u_px / STEP), round(v_px / STEP))
         # The ball, its blur and its shadow say nothing about what lies under them.
-        cv2.circle(weight, centre, int(1.5 * radius_px / STEP) + 2, 0.0, -1)
-        self._map += weight * (seen - self._map)
+        self._clock_s += max(dt_s, 0.0)
+        gain = np.minimum(0.5, (self._clock_s - self._refreshed_s) / MEMORY_S)
+        ball = u_px / STEP, v_px / STEP, 1.5 * radius_px / STEP + 2.0
+        args = self._row, self._rows, STEP, gain, *ball, LEAST
+        remember(image, looks.table, self._map, *args)
+        last = self._row + self._rows
+        self._refreshed_s[self._row : last] = self._clock_s
+        self._refreshed_s[: max(0, last - len(gain))] = self._clock_s
+        self._row = last % len(gain)
 
     def add(self, u_px: float, v_px: float, radius_px: float) -> None:
         """The spot holds something that is known not to be the ball."""

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from vision.compiled import kernel
 
-@numba.njit(cache=True)
+
+@kernel
 def moments(image, u, v, r_in, r_out):
     """(count, mean (3,), covariance (3, 3)) of the colours with r_in <= r < r_out about (u, v)."""
     h, wd, _ = image.shape
     total, mean, cov = 0, np.zeros(3), np.zeros((3, 3))
-    step = max(1, int(r_out / 16.0))
+    step = max(1, int(r_out / 12.0))
     for i in range(max(0, int(v - r_out)), min(h, int(v + r_out) + 2), step):
         for j in range(max(0, int(u - r_out)), min(wd, int(u + r_out) + 2), step):
             d = (i - v) ** 2 + (j - u) ** 2
@@ -29,12 +30,12 @@ def moments(image, u, v, r_in, r_out):
     return total, mean, cov
 
 
-@numba.njit(cache=True)
+@kernel
 def share(image, table, u, v, r_in, r_out):
     """Mean table value (0..1) of the colours with r_in <= r < r_out about (u, v); 0 where none."""
     h, wd, _ = image.shape
     total, hits = 0, 0.0
-    step = max(1, int(r_out / 16.0))
+    step = max(1, int(r_out / 10.0))
     for i in range(max(0, int(v - r_out)), min(h, int(v + r_out) + 2), step):
         for j in range(max(0, int(u - r_out)), min(wd, int(u + r_out) + 2), step):
             d = (i - v) ** 2 + (j - u) ** 2
@@ -45,7 +46,7 @@ def share(image, table, u, v, r_in, r_out):
     return hits / total / 255.0 if total else 0.0
 
 
-@numba.njit(cache=True)
+@kernel
 def lookup(image, table, step):
     """Table values (h // step, w // step) uint8 of the colours of every step-th pixel."""
     h, wd = image.shape[0] // step, image.shape[1] // step
@@ -61,7 +62,7 @@ def lookup(image, table, step):
     return out
 
 
-@numba.njit(cache=True)
+@kernel
 def mean_between(image, u, v, r_in, r_out):
     """Mean of a grey image (h, w) with r_in <= r < r_out about (u, v); 0 where none."""
     h, wd = image.shape
@@ -73,3 +74,22 @@ def mean_between(image, u, v, r_in, r_out):
                 total += 1
                 value += image[i, j]
     return value / total if total else 0.0
+
+
+@kernel
+def remember(image, table, known, row, rows, step, gain, u, v, radius, least):
+    """Move `rows` rows of the map `known` (h / step, w / step) float32, from `row` on and round, by
+    gain (rows of the map,) towards whether each spot's colour has a table value above `least`;
+    spots within `radius` of (u, v), all in map cells, stay. In place."""
+    h, w = known.shape
+    for m in range(rows):
+        i = (row + m) % h
+        share = gain[i]
+        for j in range(w):
+            if (i - v) ** 2 + (j - u) ** 2 <= radius * radius:
+                continue
+            b = int(image[i * step, j * step, 0]) >> 3
+            g = int(image[i * step, j * step, 1]) >> 3
+            r = int(image[i * step, j * step, 2]) >> 3
+            seen = 1.0 if table[(b << 10) | (g << 5) | r] > least else 0.0
+            known[i, j] += share * (seen - known[i, j])

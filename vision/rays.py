@@ -1,4 +1,4 @@
-"""Compiled kernels: where the ball ends along polar rays, and the robust ellipse through it.
+"""Compiled: where the ball ends along rays from a guess.
 
 Everything here works on the scalar image p = w . bgr, in which the ball is bright (+) and the plate
 dark (-), whatever their colours; `w` is `Appearance.direction`.
@@ -6,8 +6,9 @@ dark (-), whatever their colours; `w` is `Appearance.direction`.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
+
+from vision.compiled import fast_kernel, kernel
 
 STEP = 0.5  # sampling along a ray, px
 OUTER_SHARE = 0.35
@@ -18,7 +19,7 @@ KERNEL = np.exp(-0.5 * (_taps / _sigma) ** 2) * _taps
 KERNEL /= KERNEL.sum()
 
 
-@numba.njit(cache=True, fastmath=True)
+@fast_kernel
 def _project(image, i0, i1, j0, j1, w):
     """p (i1 - i0, j1 - j0) float32 of a window: a third of the memory for the rays to read."""
     out = np.empty((i1 - i0, j1 - j0), np.float32)
@@ -33,7 +34,7 @@ def _project(image, i0, i1, j0, j1, w):
     return out
 
 
-@numba.njit(cache=True)
+@kernel
 def _sample(p, x, y):
     """p at the sub-pixel place (x, y), bilinear; NaN outside."""
     if not (x >= 0.0 and y >= 0.0 and x < p.shape[1] - 1 and y < p.shape[0] - 1):
@@ -45,21 +46,21 @@ def _sample(p, x, y):
     return top + (low - top) * fy
 
 
-@numba.njit(cache=True)
-def _steepest(profile, n, r_first, r_guess, kernel, signed):
+@kernel
+def _steepest(profile, n, r_first, r_guess, signed):
     """(radius, strength, outer radius) of the strongest and the outermost fall of n samples.
 
     The place is the centroid of the derivative above half its peak: unbiased for a sharp edge and
     for the symmetric ramp of motion blur alike. The outermost one has a third of the strength of
     the strongest or more; often both are the same.
     """
-    half = kernel.size
+    half = HALF
     edge = np.zeros(n)
     best, peak = -1, 0.0
     for k in range(half, n - half):
         d = 0.0
         for m in range(half):
-            d += kernel[m] * (profile[k - 1 - m] - profile[k + 1 + m])
+            d += KERNEL[m] * (profile[k - 1 - m] - profile[k + 1 + m])
         if not signed:
             d = abs(d)
         edge[k] = d  # NaN where the ray leaves the image, and then never the best
@@ -77,7 +78,7 @@ def _steepest(profile, n, r_first, r_guess, kernel, signed):
     return r_first + place * STEP, edge[best], r_first + outer * STEP
 
 
-@numba.njit(cache=True)
+@kernel
 def _centroid(edge, peak, first, last):
     """Centroid (samples) of edge above half its value at `peak`, and where that stretch ends."""
     floor = 0.5 * edge[peak]
@@ -93,8 +94,8 @@ def _centroid(edge, peak, first, last):
     return (moment / total if total > 0.0 else float(peak)), hi
 
 
-@numba.njit(cache=True)
-def cast(image, u, v, radius, reach, w, n_rays, signed, kernel):
+@kernel
+def cast(image, u, v, radius, reach, w, n_rays, signed):
     """Edge points, outermost edge points (n_rays, 2) px (NaN: none), strength (n_rays,), and how
     many rays lay inside the image.
 
@@ -102,7 +103,7 @@ def cast(image, u, v, radius, reach, w, n_rays, signed, kernel):
     """
     points, outer = np.full((n_rays, 2), np.nan), np.full((n_rays, 2), np.nan)
     strength = np.zeros(n_rays)
-    half = kernel.size
+    half = HALF
     r_first = max(0.0, radius * (1.0 - reach) - half * STEP)
     n = int((radius * (1.0 + reach) - r_first) / STEP) + half + 1
     profile = np.empty(n)
@@ -122,109 +123,7 @@ def cast(image, u, v, radius, reach, w, n_rays, signed, kernel):
             profile[k] = _sample(p, x0 + r * c, y0 + r * s)
         if not np.isnan(_sample(p, x0 + radius * c, y0 + radius * s)):
             inside += 1
-        r, strength[i], far_r = _steepest(profile, n, r_first, radius, kernel, signed)
+        r, strength[i], far_r = _steepest(profile, n, r_first, radius, signed)
         points[i, 0], points[i, 1] = u + r * c, v + r * s
         outer[i, 0], outer[i, 1] = u + far_r * c, v + far_r * s
     return points, outer, strength, inside
-
-
-@numba.njit(cache=True)
-def _solve(A, b):
-    """x of A x = b by Gauss-Jordan elimination, and A^-1; A symmetric positive definite."""
-    n = A.shape[0]
-    M = np.zeros((n, 2 * n + 1))
-    M[:, :n] = A
-    M[:, n] = b
-    for i in range(n):
-        M[i, n + 1 + i] = 1.0
-    for i in range(n):
-        M[i] /= M[i, i]
-        for k in range(n):
-            if k != i:
-                M[k] -= M[k, i] * M[i]
-    return M[:, n].copy(), M[:, n + 1 :].copy()
-
-
-@numba.njit(cache=True)
-def _scale(residual, used, floor):
-    """Robust standard deviation of the residuals: 1.4826 median |r| over the used points."""
-    values = np.abs(residual[used])
-    return max(floor, 1.4826 * np.median(values)) if values.size else floor
-
-
-@numba.njit(cache=True)
-def _normal(points, weight, used, q, u, v, scale):
-    """A (5, 5) and b (5,) of the weighted least squares about (u, v), and residuals (n,) px.
-
-    Tukey's weights of the residuals against the ellipse q: 0 beyond 4.685 `scale`.
-    """
-    A, b = np.zeros((5, 5)), np.zeros(5)
-    residual = np.zeros(points.shape[0])
-    row = np.zeros(5)
-    cut = 4.685 * scale
-    for i in range(points.shape[0]):
-        if not used[i]:
-            continue
-        du, dv = points[i, 0] - u, points[i, 1] - v
-        r = np.sqrt(du * du + dv * dv) + 1e-12
-        c, s = du / r, dv / r
-        row[0], row[1], row[2], row[3], row[4] = 1.0, c, s, c * c - s * s, 2.0 * c * s
-        e = r - (q[0] + q[3] * row[3] + q[4] * row[4])
-        residual[i] = e
-        if abs(e) < cut:
-            t = weight[i] * (1.0 - (e / cut) ** 2) ** 2
-            for m in range(5):
-                b[m] += t * row[m] * r
-                for o in range(5):
-                    A[m, o] += t * row[m] * row[o]
-    return A, b, residual
-
-
-@numba.njit(cache=True)
-def fit(points, weight, u, v, radius, scale, flat_std, rounds):
-    """Robust ellipse r(a) = R + x cos a + y sin a + c cos 2a + s sin 2a through edge points.
-
-    A centred ellipse (and a streak, the disc swept along a line) has even harmonics only, so the
-    first harmonic is the centre's error; it is moved away and the angles are taken anew. c and s
-    are held near 0 with `flat_std` (share of R), which matters when an arc is hidden. `scale` (px)
-    is how far off the guess (u, v, radius) may be: the weights start there and narrow. Returns
-    (u, v, R, variance per axis, rms of the inliers, inlier flags).
-    """
-    used = np.isfinite(points[:, 0]) & (weight > 0.0)
-    q = np.zeros(5)  # in the first round the model is the guess, a circle
-    q[0] = radius
-    inverse = np.zeros((5, 5))
-    for _ in range(rounds):
-        A, b, _r = _normal(points, weight, used, q, u, v, scale)
-        noise = max(scale, 0.02) ** 2
-        A[0, 0] += noise / (0.3 * radius) ** 2
-        b[0] += noise / (0.3 * radius) ** 2 * radius
-        A[1, 1] += 1e-9
-        A[2, 2] += 1e-9
-        A[3, 3] += noise / (flat_std * radius) ** 2
-        A[4, 4] += noise / (flat_std * radius) ** 2
-        q, inverse = _solve(A, b)
-        u, v = u + q[1], v + q[2]
-        fresh = _after(points, used, q, u, v)
-        scale = max(_scale(fresh, used, 0.02), 0.25 * scale)
-    residual = _after(points, used, q, u, v)
-    good = used & (np.abs(residual) < 3.0 * scale)
-    count = good.sum()
-    if count <= 5:
-        return u, v, q[0], np.inf, np.inf, good
-    total = np.sum(residual[good] ** 2)
-    variance = total / (count - 5) * 0.5 * (inverse[1, 1] + inverse[2, 2])
-    return u, v, q[0], variance, np.sqrt(total / count), good
-
-
-@numba.njit(cache=True)
-def _after(points, used, q, u, v):
-    """Residuals (n,) px of the points against the ellipse q about its own centre (u, v)."""
-    out = np.zeros(points.shape[0])
-    for i in range(points.shape[0]):
-        if used[i]:
-            du, dv = points[i, 0] - u, points[i, 1] - v
-            r = np.sqrt(du * du + dv * dv) + 1e-12
-            c, s = du / r, dv / r
-            out[i] = r - (q[0] + q[3] * (c * c - s * s) + q[4] * 2.0 * c * s)
-    return out

@@ -6,10 +6,11 @@
 from math import erf, sqrt
 
 import numpy as np
-from numba import njit
+
+from vision.compiled import kernel
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def texel_maps(rays, texel_from_ray, map_x, map_y):  # pragma: no cover - compiled
     """Where each pixel of a region looks in the texture, by the plane's homography (3, 3)."""
     h = texel_from_ray.astype(np.float32)
@@ -21,7 +22,7 @@ def texel_maps(rays, texel_from_ray, map_x, map_y):  # pragma: no cover - compil
             map_y[i, j] = (h[1, 0] * x + h[1, 1] * y + h[1, 2]) * w
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def lay_over(image, layer, gain):  # pragma: no cover - compiled
     """Premultiplied BGRA `layer` over a region of `image`, both (h, w, ..) uint8, in place."""
     scale = np.int32(round(gain * 65536.0))
@@ -39,7 +40,7 @@ def lay_over(image, layer, gain):  # pragma: no cover - compiled
                 image[i, j, c] = np.uint8(min(value, 255))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def expose(clean, noise, brightness):  # pragma: no cover - compiled
     """Sensor: flat uint8 `clean` times brightness plus `noise` (int16, 1/64 DN), rounded."""
     out = np.empty(clean.size, np.uint8)
@@ -50,7 +51,7 @@ def expose(clean, noise, brightness):  # pragma: no cover - compiled
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _light_left(px, py, pz, light, radius, strength):  # pragma: no cover - compiled
     """Share of the light that reaches the plate at (px, py, pz) from the ball's centre.
 
@@ -70,7 +71,7 @@ def _light_left(px, py, pz, light, radius, strength):  # pragma: no cover - comp
     return 1.0 - strength * (1.0 - 0.5 * sky - 0.5 * lamp)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def cast_shadow(
     image, rays, cover, normal, centre, radius, light, strength
 ):  # pragma: no cover - compiled
@@ -94,7 +95,7 @@ def cast_shadow(
                 image[i, j, c] = np.uint8(image[i, j, c] * left + 0.5)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _lit(x, y, gap, along, centre, radius, light, half):  # pragma: no cover - compiled
     """Diffuse light and highlight where the ray (x, y, 1) meets the sphere."""
     reach = along - sqrt(gap)
@@ -112,7 +113,7 @@ def _lit(x, y, gap, along, centre, radius, light, half):  # pragma: no cover - c
     return 0.46 + 0.54 * max(facing, 0.0) + 0.08 * min(facing, 0.0), gloss * gloss
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def paint_ball(
     image, rays, centres, radius, px_per_m, soft_px, bgr, light, half
 ):  # pragma: no cover - compiled

@@ -3,7 +3,7 @@
     search -> track <-> coast -> lost -> track
 
 In `track` a position was measured and believed in this very frame. A frame without one is `coast`
-(a prediction) for at most 100 ms after the last good one, then `lost`: a lost ball has no position.
+(a prediction) for at most 100 ms after it was last seen, if only roughly, then `lost`: no position.
 """
 
 from __future__ import annotations
@@ -16,18 +16,24 @@ import numpy as np
 from vision.acquisition import Acquisition
 from vision.appearance import Appearance
 from vision.candidates import KNOWN_STILL, Candidate, chosen, discs, follow, rough_places
-from vision.detector import Detection, locate
+from vision.detector import REACH, Detection, locate
 from vision.frames import Frame, Track
 from vision.gate import TELLING_FILL, believable
 from vision.imposters import Imposters
-from vision.kinematics import Motion
+from vision.kinematics import Motion, gates
+from vision.unusual import locate_streak, surround
 
 COAST_S = 0.100
+GOOD_SHARE = 0.2  # of the radius: a sigma above it only helps to predict, not passed as good
 # How far the radius may be from what it was: the ball nears and leaves the lens by a few per cent,
 # a wide lens and motion blur do the rest.
 RADIUS_SLACK = 0.25
-GATE_SIGMAS = 4.0
-ADAPT_SHARE = 0.03  # of every whole view of the ball, into its looks and size
+SAME_SIZE = 0.06  # share of the radius that a ball's outline keeps from one frame to the next
+ROUGH = 0.03  # residual of an outline, share of the radius, that a sharp whole ball never has
+INNER = 0.92  # share of the radius below which a sharp outline is the picture in a mirroring ball
+SWOLLEN = 0.1  # share of the radius by which no blur makes a ball larger
+ADAPT_SHARE = 0.03  # of every whole view of the ball, into its size
+ADAPT_EVERY, LOOKS_SHARE = 4, 0.1  # and of every fourth into its looks
 # Looks that the tracker taught itself and has not seen for so long may have been a hand's.
 DOUBT_S = 1.0
 
@@ -58,9 +64,11 @@ class Tracker:
         self._imposters: Imposters | None = None
         self._candidates: list[Candidate] = []
         self._lock_px = (math.nan, math.nan)
+        self._mirrors = False  # its silhouette was found about an inner outline
         self._proven = False  # has moved since it was locked
         self._state = "search"
         self._good_s = -math.inf
+        self._views = 0
 
     @property
     def radius_px(self) -> float:
@@ -81,16 +89,18 @@ class Tracker:
         if found is not None and self._motion is not None:
             return self._accept(frame, found)
         if self._motion is not None and frame.t_s - self._good_s <= COAST_S:
-            self._state = "coast"
-            ahead = self._motion.at(frame.t_s, self._radius_px)
-            u, v = (float(x) for x in ahead.place)
-            return Track("coast", u, v, ahead.sigma_px, self._radius_px)
+            return self._coast(self._motion.at(frame.t_s, self._radius_px))
         if self._motion is not None:
             self._motion, self._candidates, self._state = None, [], "lost"
             found = self._search(frame)
             if found is not None:
                 return self._accept(frame, found)
         return Track(self._state)
+
+    def _coast(self, ahead: Motion) -> Track:
+        self._state = "coast"
+        u, v = (float(x) for x in ahead.place)
+        return Track("coast", u, v, ahead.sigma_px, self._radius_px)
 
     def _measure(self, frame: Frame) -> Detection | None:
         if self._motion is None:
@@ -106,23 +116,28 @@ class Tracker:
         assert motion is not None
         assert looks is not None
         assert imposters is not None
-        dt = frame.t_s - motion.t_s
         ahead = motion.at(frame.t_s, self._radius_px)
-        u, v, sigma = found.u_px, found.v_px, found.sigma_px + 0.02 * found.radius_px
-        if math.hypot(*(ahead.place - (u, v))) > _gates(ahead, self._radius_px)[0]:
+        u, v, sigma = found.u_px, found.v_px, self._sigma_px(found) + 0.02 * found.radius_px
+        if math.hypot(*(ahead.place - (u, v))) > gates(ahead, self._radius_px)[0]:
             # A kick, or a time stamp that lies: the speed learned so far is worth nothing.
             self._motion = Motion.start(u, v, self._radius_px, sigma, frame.t_s)
         else:
             self._motion = ahead.corrected(u, v, sigma)
-        self._state, self._good_s = "track", frame.t_s
+        claimed, self._good_s = self._sigma_px(found), frame.t_s
+        if claimed > GOOD_SHARE * self._radius_px:
+            return self._coast(self._motion)
+        self._state = "track"
         if found.inliers > 0.85 and found.coverage == 1.0:
             self._radius_px += ADAPT_SHARE * (found.radius_px - self._radius_px)
-            self.appearance = looks.adapted(frame.image, u, v, found.radius_px, ADAPT_SHARE)
+            self._views += 1
+            if self._views % ADAPT_EVERY == 0:
+                place = u, v, found.radius_px
+                self.appearance = looks.adapted(frame.image, *place, LOOKS_SHARE, found.blur_px)
         if looks.fill >= TELLING_FILL:
-            imposters.update(frame.image, looks, u, v, self._radius_px, dt)
+            imposters.update(frame.image, looks, u, v, self._radius_px, frame.t_s - motion.t_s)
         span = math.hypot(found.u_px - self._lock_px[0], found.v_px - self._lock_px[1])
         self._proven |= span > max(5.0, 0.5 * self._radius_px)
-        return Track("track", found.u_px, found.v_px, found.sigma_px, found.radius_px)
+        return Track("track", found.u_px, found.v_px, claimed, found.radius_px)
 
     def _lock(self, frame: Frame, found: Detection, *, proven: bool) -> Detection:
         looks = self.appearance
@@ -155,6 +170,13 @@ class Tracker:
         i, j = round(found.v_px), round(found.u_px)
         return 0 <= i < h and 0 <= j < w and bool(self._mask[i, j])
 
+    def _sigma_px(self, found: Detection) -> float:
+        """Its sigma; more where it is rough and not of the usual size: half of it may be hidden or
+        blurred away, and then the centre is off by as much as the radius is."""
+        rough = found.residual_px > ROUGH * self._radius_px
+        amiss = abs(found.radius_px - self._radius_px) if rough else 0.0
+        return math.hypot(found.sigma_px, amiss)
+
     def _search(self, frame: Frame) -> Detection | None:
         """The ball anywhere in the image, by its looks or, while these are unknown, its motion."""
         looks = self.appearance
@@ -172,6 +194,7 @@ class Tracker:
         if got is None:
             return None
         self.appearance, found = got
+        self._mirrors = found.inside_px > 0.0
         self._acquisition, self._radius_px = None, found.radius_px
         return self._lock(frame, found, proven=True)
 
@@ -209,40 +232,49 @@ class Tracker:
         assert looks is not None
         assert imposters is not None
         assert motion is not None
-        near, far = _gates(ahead, radius)
+        near, far = gates(ahead, radius)
         last = (float(motion.place[0]), float(motion.place[1]))
         was_on = imposters.at(*last, radius)
         # It may have gone on as it went, or been stopped, or the time stamps lie.
         origins = [(float(ahead.place[0]), float(ahead.place[1])), last]
 
+        def seen(u: float, v: float, reach: float = REACH) -> Detection | None:
+            found = locate(image, looks, u, v, radius, reach=reach)
+            if not self._mirrors or found is None or found.radius_px > INNER * radius:
+                return found
+            return surround(image, looks, found)
+
         def good(found: Detection | None) -> bool:
-            if found is None:
+            if found is None or (self._mirrors and found.radius_px < INNER * radius):
                 return False
             jump = min(math.hypot(found.u_px - u, found.v_px - v) for u, v in origins)
-            if jump > far or not believable(found, looks, bounds, strict=jump > near):
+            same = jump < near and abs(found.radius_px - radius) < SAME_SIZE * radius
+            strict = jump > near
+            if jump > far or not believable(found, looks, bounds, strict=strict, familiar=same):
                 return False
-            if not self._inside(found):
+            # Blur leaves the half-way outline no larger: that is a compromise between two things.
+            rough = found.residual_px > ROUGH * radius
+            if rough and found.radius_px > (1.0 + SWOLLEN) * radius:
                 return False
             # A flat mark may be rolled over, step by step; a still thing is not jumped to.
             on = imposters.at(found.u_px, found.v_px, radius)
-            return on <= KNOWN_STILL or was_on > 0.1
+            return self._inside(found) and (on <= KNOWN_STILL or was_on > 0.1)
 
-        found = locate(image, looks, *origins[0], radius)
+        # Where it is as predicted, short rays will do; beside it they see a part of it.
+        short = min(0.25 + 3.0 * ahead.sigma_px / radius, REACH)
+        found = seen(*origins[0], reach=short)
+        if found is not None and found.coverage == 1.0 and found.inliers > 0.85 and good(found):
+            return found
+        found = seen(*origins[0])
         if good(found):
             return found
         for origin in origins:
             for u, v in rough_places(image, looks, origin, radius, far):
-                found = locate(image, looks, u, v, radius)
+                found = seen(u, v)
                 if good(found):
                     return found
+        for u, v in origins:
+            found = locate_streak(image, looks, u, v, radius)
+            if good(found):
+                return found
         return None
-
-
-def _gates(ahead: Motion, radius_px: float) -> tuple[float, float]:
-    """How far (px) from the prediction a disc is believed, and one with nearly the whole outline.
-
-    The far gate allows for kicks and for time stamps that jitter by a frame or two.
-    """
-    reach = GATE_SIGMAS * ahead.sigma_px
-    near = min(reach, 2.0 * radius_px) + 0.3 * radius_px
-    return near, min(reach, 4.0 * radius_px) + 2.0 * radius_px

@@ -10,8 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import cv2
-import numba
 import numpy as np
+
+from vision.compiled import kernel
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,7 @@ class Circle:
     score: float
 
 
-@numba.njit(cache=True)
+@kernel
 def _strongest(gx, gy):
     """Of the gradients (h, w, 3) the one of the channel that changes most: two (h, w) int16."""
     h, w, _ = gx.shape
@@ -40,7 +41,7 @@ def _strongest(gx, gy):
     return ox, oy
 
 
-@numba.njit(cache=True)
+@kernel
 def _vote(edges, gx, gy, radius, sign):
     """Accumulated votes (h, w) float32 for discs of this radius, brighter inside if sign > 0."""
     h, w = edges.shape

@@ -12,7 +12,6 @@ from vision.appearance import Appearance
 from vision.frames import Frame
 from vision.imposters import Imposters
 from vision.kinematics import Motion
-from vision.sources import open_source
 from vision.tracker import COAST_S, Tracker
 
 REAL = Path(__file__).parents[2].parent / "shared/data/ball_on_plate/balancing_1.mp4"
@@ -164,29 +163,3 @@ def test_prediction_follows_constant_speed():
     ahead = motion.at(40 / 60, 20.0)
     assert ahead.place == pytest.approx([300.0, -30.0], abs=0.3)
     assert ahead.sigma_px > motion.sigma_px
-
-
-@pytest.mark.skipif(not REAL.exists(), reason=f"footage not found: {REAL}")
-def test_real_footage_is_followed_to_its_end():
-    # Places read off raw contact sheets by eye (index in the file: u, v), good to about 4 px.
-    truth = {
-        700: (207, 210),
-        1513: (296, 383),
-        1726: (361, 225),
-        2985: (285, 316),
-        3591: (292, 267),
-        3988: (216, 265),
-        5923: (381, 343),
-    }
-    tracker = Tracker(appearance=Appearance.of_colour("green"))
-    states, shown = [], {}
-    with open_source(REAL) as source:
-        for frame in source:
-            track = tracker.step(frame)
-            states.append(track.state)
-            for index in truth:
-                if frame.index <= index:
-                    shown[index] = (track.u_px, track.v_px)
-    off = [np.hypot(*np.subtract(shown[index], place)) for index, place in truth.items()]
-    assert max(off) < 8.0
-    assert states.count("track") > 0.97 * len(states)

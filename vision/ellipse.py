@@ -1,0 +1,112 @@
+"""Compiled: the robust ellipse through edge points."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vision.compiled import kernel
+
+
+@kernel
+def solved(A, b):
+    """x of A x = b by Gauss-Jordan elimination, and A^-1; A symmetric positive definite."""
+    n = A.shape[0]
+    M = np.zeros((n, 2 * n + 1))
+    M[:, :n] = A
+    M[:, n] = b
+    for i in range(n):
+        M[i, n + 1 + i] = 1.0
+    for i in range(n):
+        M[i] /= M[i, i]
+        for k in range(n):
+            if k != i:
+                M[k] -= M[k, i] * M[i]
+    return M[:, n].copy(), M[:, n + 1 :].copy()
+
+
+@kernel
+def _scale(residual, used, floor):
+    """Robust standard deviation of the residuals: 1.4826 median |r| over the used points."""
+    values = np.abs(residual[used])
+    return max(floor, 1.4826 * np.median(values)) if values.size else floor
+
+
+@kernel
+def _normal(points, weight, used, q, u, v, scale):
+    """A (5, 5) and b (5,) of the weighted least squares about (u, v), and residuals (n,) px.
+
+    Tukey's weights of the residuals against the ellipse q: 0 beyond 4.685 `scale`.
+    """
+    A, b = np.zeros((5, 5)), np.zeros(5)
+    residual = np.zeros(points.shape[0])
+    row = np.zeros(5)
+    cut = 4.685 * scale
+    for i in range(points.shape[0]):
+        if not used[i]:
+            continue
+        du, dv = points[i, 0] - u, points[i, 1] - v
+        r = np.sqrt(du * du + dv * dv) + 1e-12
+        c, s = du / r, dv / r
+        row[0], row[1], row[2], row[3], row[4] = 1.0, c, s, c * c - s * s, 2.0 * c * s
+        e = r - (q[0] + q[3] * row[3] + q[4] * row[4])
+        residual[i] = e
+        if abs(e) < cut:
+            t = weight[i] * (1.0 - (e / cut) ** 2) ** 2
+            for m in range(5):
+                b[m] += t * row[m] * r
+                for o in range(5):
+                    A[m, o] += t * row[m] * row[o]
+    return A, b, residual
+
+
+@kernel
+def fit(points, weight, u, v, radius, scale, flat_std, rounds):
+    """Robust ellipse r(a) = R + x cos a + y sin a + c cos 2a + s sin 2a through edge points.
+
+    A centred ellipse (and a streak, the disc swept along a line) has even harmonics only, so the
+    first harmonic is the centre's error; it is moved away and the angles are taken anew. c and s
+    are held near 0 with `flat_std` (share of R), which matters when an arc is hidden. `scale` (px)
+    is how far off the guess (u, v, radius) may be: the weights start there and narrow. Returns
+    (u, v, R, variance per axis, rms of the inliers, inlier flags).
+    """
+    used = np.isfinite(points[:, 0]) & (weight > 0.0)
+    q = np.zeros(5)  # in the first round the model is the guess, a circle
+    q[0] = radius
+    inverse = np.zeros((5, 5))
+    for _ in range(rounds):
+        A, b, _r = _normal(points, weight, used, q, u, v, scale)
+        noise = max(scale, 0.02) ** 2
+        A[0, 0] += noise / (0.3 * radius) ** 2
+        b[0] += noise / (0.3 * radius) ** 2 * radius
+        A[1, 1] += 1e-9
+        A[2, 2] += 1e-9
+        A[3, 3] += noise / (flat_std * radius) ** 2
+        A[4, 4] += noise / (flat_std * radius) ** 2
+        q, inverse = solved(A, b)
+        u, v = u + q[1], v + q[2]
+        fresh = _after(points, used, q, u, v)
+        last = scale
+        scale = max(_scale(fresh, used, 0.02), 0.25 * scale)
+        if scale > 0.9 * last and abs(q[1]) + abs(q[2]) < 0.01:
+            break
+    residual = _after(points, used, q, u, v)
+    good = used & (np.abs(residual) < 3.0 * scale)
+    count = good.sum()
+    if count <= 5:
+        return u, v, q[0], np.inf, np.inf, good
+    total = np.sum(residual[good] ** 2)
+    variance = total / (count - 5) * 0.5 * (inverse[1, 1] + inverse[2, 2])
+    return u, v, q[0], variance, np.sqrt(total / count), good
+
+
+@kernel
+def _after(points, used, q, u, v):
+    """Residuals (n,) px of the points against the ellipse q about its own centre (u, v)."""
+    out = np.zeros(points.shape[0])
+    for i in range(points.shape[0]):
+        if used[i]:
+            du, dv = points[i, 0] - u, points[i, 1] - v
+            r = np.sqrt(du * du + dv * dv) + 1e-12
+            c, s = du / r, dv / r
+            out[i] = r - (q[0] + q[3] * (c * c - s * s) + q[4] * 2.0 * c * s)
+    return out

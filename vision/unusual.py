@@ -1,0 +1,74 @@
+"""Balls whose plain outline is not theirs: streaks, and polished ones that mirror the plate."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from vision.appearance import Appearance
+from vision.detector import REACH, WHOLE, Detection, locate
+from vision.outline import ring
+
+# Of a streak: the radius of the ball in the smaller image, and the share of it that light from a
+# side, seen through ramps that wide, moves the middle.
+STREAK_RADIUS_PX, STREAK_SHARE = 8.0, 0.02
+RING_SHARE = 0.03  # of the radius: sigma of a mirroring ball's rim, whose two sides are alike
+
+
+def locate_streak(
+    image: np.ndarray, appearance: Appearance, u_px: float, v_px: float, radius_px: float
+) -> Detection | None:
+    """As `locate`, of a ball that moved by up to its diameter while exposed.
+
+    Half-way up its ramps a streak shorter than the ball is as round as the ball, and its middle is
+    the place at mid exposure; in an image some radii / 8 times smaller the ramps are edges again.
+    """
+    step = int(radius_px / STREAK_RADIUS_PX)
+    if step < 2:
+        return None
+    reach = (1.0 + REACH) * radius_px + 4 * step
+    x0, y0 = max(0, int(u_px - reach)), max(0, int(v_px - reach))
+    window = image[y0 : max(0, int(v_px + reach)), x0 : max(0, int(u_px + reach))]
+    h, w = window.shape[0] // step, window.shape[1] // step
+    if min(h, w) < 2 * STREAK_RADIUS_PX:
+        return None
+    small = np.asarray(
+        cv2.resize(window[: h * step, : w * step], (w, h), interpolation=cv2.INTER_AREA)
+    )
+    at = ((u_px - x0 + 0.5) / step - 0.5, (v_px - y0 + 0.5) / step - 0.5)
+    found = locate(small, appearance, *at, radius_px / step)
+    if found is None or found.inliers < WHOLE or found.coverage < 1.0:
+        return None
+    radius = step * found.radius_px
+    return replace(
+        found,
+        u_px=step * (found.u_px + 0.5) - 0.5 + x0,
+        v_px=step * (found.v_px + 0.5) - 0.5 + y0,
+        radius_px=radius,
+        sigma_px=math.hypot(step * found.sigma_px, STREAK_SHARE * radius),
+        residual_px=step * found.residual_px,
+        blur_px=math.nan,
+    )
+
+
+def surround(image: np.ndarray, appearance: Appearance, found: Detection) -> Detection | None:
+    """The ball of whose silhouette `found` is but the inside: polished balls mirror the plate in a
+    ring about the room. None where no outer edge is consistent round most of the turn."""
+    got = ring(image, appearance.direction, found.u_px, found.v_px, found.radius_px)
+    if got is None:
+        return None
+    u, v, radius, on = got
+    sigma = math.hypot(found.sigma_px, RING_SHARE * radius)
+    return replace(
+        found,
+        u_px=u,
+        v_px=v,
+        radius_px=radius,
+        sigma_px=sigma,
+        inliers=on,
+        blur_px=math.nan,
+        inside_px=found.radius_px,
+    )
