@@ -18,9 +18,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-# A file beside this one is named like the package `vision`: this folder comes last.
-sys.path.sort(key=lambda p: Path(p) == Path(__file__).parent)
-
 from vision_scenes import Shot  # pyright: ignore[reportMissingImports]
 from vision_scripts import Script, cases  # pyright: ignore[reportMissingImports]
 

@@ -1,4 +1,4 @@
-"""Ours and others on one table: `uv run python tests/benchmarks/vision.py --out DIR` (5 minutes).
+"""Ours and others on one table: `uv run python tests/benchmarks/seeing.py --out DIR` (5 minutes).
 
 A ball rolls over ray-traced scenes with exact truth; every method sees the same images, one
 thread, CPU time per call. Errors are px per axis, over the calls that gave the ball; "wrong" are
@@ -20,9 +20,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-
-# This file is named like the package: its folder comes last.
-sys.path.sort(key=lambda p: Path(p) == Path(__file__).parent)
 
 from vision_cases import report  # pyright: ignore[reportMissingImports]
 from vision_peers import PEERS  # pyright: ignore[reportMissingImports]
