@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import csv
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -20,7 +19,6 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-
 from vision_cases import report  # pyright: ignore[reportMissingImports]
 from vision_peers import PEERS  # pyright: ignore[reportMissingImports]
 from vision_scenes import STANDARD, Look, Shot, Studio, rolling  # pyright: ignore[reportMissingImports]

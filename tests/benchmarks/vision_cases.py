@@ -11,13 +11,11 @@ also more than four of the sigmas they claimed off.
 from __future__ import annotations
 
 import argparse
-import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import cv2
 import numpy as np
-
 from vision_scenes import Shot  # pyright: ignore[reportMissingImports]
 from vision_scripts import Script, cases  # pyright: ignore[reportMissingImports]
 
