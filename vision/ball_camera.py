@@ -15,7 +15,7 @@ from vision.view import View
 # Where the markers are not seen, the encoders' word is taken: play hides about this much tilt.
 _HINT_STD_RAD, _HINT_STD_M = np.radians(0.3), 0.0003
 _HINT_COV = np.diag([_HINT_STD_RAD**2] * 3 + [_HINT_STD_M**2] * 3)
-_EDGE_FLOOR_PX = 0.02  # shading and the cast shadow move an outline by about this, unseen by sigma
+_EDGE_FLOOR_PX = 0.03  # shading and the cast shadow move an outline by about this, unseen by sigma
 _OVERHANG_M = 0.004  # a ball whose centre is further outside the plate's edge is falling
 _MAX_TILT = 0.105  # sine of 6 degrees, beyond the servo's stops
 _RETRY_FRAMES = 30  # a search of the whole image costs several frames' time
