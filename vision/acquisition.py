@@ -30,7 +30,9 @@ LEAST_WEIGHT = 7.0
 # A ball's outline is whole and sharp. Its shadow on a bright plate is round and moves as well,
 # but its edge is soft here and hidden by the ball there.
 LEAST_QUALITY = 0.83
-SOFT_PX = 16.0  # a disc smaller than this whose edge is too soft to be fitted may be a highlight
+# A disc smaller than this may be a highlight on a ball that hardly differs from the plate, if its
+# edge is too soft to be fitted, or if it is white on something bright.
+SMALL_PX, BRIGHT = 16.0, 235.0
 DARK = 80.0  # brightest channel's mean below which a disc counts as badly lit
 
 
@@ -210,10 +212,20 @@ class Acquisition:
             u, v, r = best.last
             looks = Appearance.learn(image, u, v, r)
             found = locate(image, looks, u, v, r)
-            soft = found is not None and not math.isfinite(found.blur_px)
-            if found is not None and not (soft and found.radius_px < SOFT_PX):
+            if found is not None and not (self._bounds is None and _glint(image, found)):
                 return looks, _ringed(best, found, image)
         return None
+
+
+def _glint(image: np.ndarray, found: Detection) -> bool:
+    """Whether it may be a highlight: see `SMALL_PX`."""
+    place, r = (found.u_px, found.v_px), found.radius_px
+    inside, beside = (
+        moments(image, *place, 0.0, 0.7 * r)[1],
+        moments(image, *place, 1.3 * r, 2 * r)[1],
+    )
+    white_on_bright = inside.min() > BRIGHT and beside.max() > 0.5 * BRIGHT
+    return r < SMALL_PX and (not math.isfinite(found.blur_px) or bool(white_on_bright))
 
 
 def _distinct(movers: list[Mover]) -> list[Mover]:
