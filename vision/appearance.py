@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from vision.pixels import moments, share
+from vision.pixels import moments, retouched, share
 from vision.rim import colour_is_smeared
 from vision.rim_pixels import BLUR0
 
@@ -122,6 +122,7 @@ class Appearance:
             surround_bgr=self.surround_bgr + share * (surround - self.surround_bgr),
             direction=self.direction + share * (direction - self.direction),
             separation=self.separation + share * (separation - self.separation),
+            table=retouched(self.table, image, u_px, v_px, radius_px, share),
             blur_px=self.blur_px
             + (min(1.0, 10 * share) * (blur_px - self.blur_px) if math.isfinite(blur_px) else 0.0),
         )
