@@ -52,21 +52,23 @@ def share(image, table, u, v, r_in, r_out):
 def retouched(table, image, u, v, radius, rate):
     """The table (32768,) with the colours of the disc raised and those of its surround lowered.
 
-    Each pixel that is asked moves its colour's entry by `rate` (0..1) towards 255 or 0.
+    Each pixel that is asked moves its colour's entry by `rate` (0..1) towards 255 or 0; the disc
+    comes last, so that a thing of the ball's colour beside it does not take that away.
     """
     out = table.copy()
     h, wd, _ = image.shape
     step = max(1, int(radius / 8.0))
     reach = 2.0 * radius + 2.0
-    for i in range(max(0, int(v - reach)), min(h, int(v + reach) + 2), step):
-        for j in range(max(0, int(u - reach)), min(wd, int(u + reach) + 2), step):
-            d = math.sqrt((i - v) ** 2 + (j - u) ** 2)
-            if d > 0.85 * radius and not 1.25 * radius + 1.0 < d < reach:
-                continue
-            b, g, r = image[i, j, 0] >> 3, image[i, j, 1] >> 3, image[i, j, 2] >> 3
-            c = (int(b) << 10) | (int(g) << 5) | int(r)
-            aim = 255.0 if d <= 0.85 * radius else 0.0
-            out[c] = np.uint8(out[c] + rate * (aim - out[c]))
+    for disc in (False, True):
+        for i in range(max(0, int(v - reach)), min(h, int(v + reach) + 2), step):
+            for j in range(max(0, int(u - reach)), min(wd, int(u + reach) + 2), step):
+                d = math.sqrt((i - v) ** 2 + (j - u) ** 2)
+                if d > 0.85 * radius if disc else not 1.25 * radius + 1.0 < d < reach:
+                    continue
+                b, g, r = image[i, j, 0] >> 3, image[i, j, 1] >> 3, image[i, j, 2] >> 3
+                c = (int(b) << 10) | (int(g) << 5) | int(r)
+                aim = 255.0 if disc else 0.0
+                out[c] = np.uint8(out[c] + rate * (aim - out[c]))
     return out
 
 
