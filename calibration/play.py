@@ -144,8 +144,11 @@ def offset_V(motion: Motion, axis: int) -> float:
     return float(0.5 * (np.mean(means[0::2]) + np.mean(means[1::2])))
 
 
-def _struck(motion: Motion, axis: int, bias_V: float) -> np.ndarray:
-    """Of every strike that moved the arm: volts, time to its first move [s], direction; (n, 3)."""
+def _struck(motion: Motion, axis: int, bias_V: float, step_rad: float) -> np.ndarray:
+    """Of every strike that moved the arm: volts, time to its second count [s], direction; (n, 3).
+
+    An arm that rests at a count's edge shows the first one as soon as its shaft unwinds.
+    """
     theta, label = motion.theta_rad[:, axis], motion.label[:, axis]
     period, found = float(np.median(np.diff(motion.t_s))), []
     for number in range(1, int(label.max(initial=0)) + 1):
@@ -153,7 +156,7 @@ def _struck(motion: Motion, axis: int, bias_V: float) -> np.ndarray:
         way = 1.0 if number % 2 else -1.0
         if not len(at):
             continue
-        moved = np.flatnonzero((theta[at[0] :] - theta[at[0]]) * way > 0)
+        moved = np.flatnonzero((theta[at[0] :] - theta[at[0]]) * way > 1.5 * step_rad)
         if len(moved):
             volts = abs(float(np.median(motion.volts[at, axis])) - bias_V)
             found.append((volts, (moved[0] - 0.5) * period, way))
@@ -163,13 +166,14 @@ def _struck(motion: Motion, axis: int, bias_V: float) -> np.ndarray:
 def gear_by_strikes(motion: Motion, axis: int, rig: Rig, bias_V: float) -> Play:
     """The gear's play from strikes, encoder and volts alone. `CalibrationError` where up and down
     disagree: then the motor crept through the gap while it should have rested."""
-    volts, times, ways = _struck(motion, axis, bias_V).T
+    step = rig.servo.encoder_step_rad
+    volts, times, ways = _struck(motion, axis, bias_V, step).T
     if min(np.sum(ways > 0), np.sum(ways < 0)) < 4:
         raise CalibrationError(f"axis {'xy'[axis]}: {len(ways)} strikes moved it, 8 are needed")
     gain, lag = rig.servo.gain_rad_s_V, _lag_alone_s(rig)
     shape = times - lag * (1 - np.exp(-times / lag))
     speed = gain * volts * (1 - np.exp(-times / lag))
-    period, step = float(np.median(np.diff(motion.t_s))), rig.servo.encoder_step_rad
+    period = float(np.median(np.diff(motion.t_s)))
     noise = np.hypot(0.3 * step, speed * period / 12**0.5)
 
     def left(p: np.ndarray) -> np.ndarray:
@@ -192,7 +196,9 @@ def gear_by_strikes(motion: Motion, axis: int, rig: Rig, bias_V: float) -> Play:
     windup = 0.5 * _gear_windup(rig)  # of one side: at rest the other has unwound
     std = hypot(float(half @ cov @ half) ** 0.5, 0.5 * apart, STRIKE_UNSURE * mean,
                 WINDUP_UNSURE * windup)  # fmt: skip
-    return Play(mean - 0.5 * step - windup, std, n - 3)
+    # Once the teeth meet the motor turns arm and plate too: slower by its share of the inertia.
+    counts = 1.5 * step * rig.servo.time_constant_s / lag
+    return Play(mean - counts - windup, std, n - 3)
 
 
 def _lag_alone_s(rig: Rig) -> float:

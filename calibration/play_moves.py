@@ -19,6 +19,7 @@ REACH_RAD, SPEED_RAD_S = 0.22, 0.4
 GAIN_V_RAD, INTEGRAL_V_RAD_S = 14.0, 60.0
 STRIKES_V = (1.2, 2.8)  # no two alike: the ticks' rounding of the times then averages out
 REST_S, LONGEST_S = 0.25, 0.25
+PRESS_V = 0.12  # keeps the teeth closed at rest: more than rubs in a motor, less than moves an arm
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +88,8 @@ def strikes(period_s: float, bias_V: float, count: int) -> Move:
             error = aim - angle
             total = float(np.clip(total + INTEGRAL_V_RAD_S * error * period_s, -1.0, 1.0))
             angle = yield bias_V + float(np.clip(GAIN_V_RAD * error + total, -4.0, 4.0)), 0
-        for _ in range(round(REST_S / period_s)):
-            angle = yield bias_V, 0
+        for _ in range(round(REST_S / period_s)):  # unpressed, a smooth motor rebounds into the gap
+            angle = yield bias_V - way * PRESS_V, 0
         start = angle
         low, high = STRIKES_V
         size = low + (high - low) * (0.618034 * number % 1.0)
