@@ -113,11 +113,14 @@ def _run(
         from experiments.blind.work import dask_client
 
         client = dask_client(cluster)
-        from distributed import as_completed  # pyright: ignore[reportMissingImports]
+        try:
+            from distributed import as_completed  # pyright: ignore[reportMissingImports]
 
-        waiting = as_completed([client.submit(_keyed, *call, pure=False) for call in calls])
-        for future in waiting:
-            yield future.result()
+            waiting = as_completed([client.submit(_keyed, *call, pure=False) for call in calls])
+            for future in waiting:
+                yield future.result()
+        finally:
+            client.close()
         return
     count = jobs or cpu_count() or 1
     if count == 1:

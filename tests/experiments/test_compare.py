@@ -3,6 +3,8 @@
 import json
 from pathlib import Path
 
+import pytest
+
 from experiments import compare as bench
 from experiments.assemble import load_rig
 from experiments.compare_grid import Grid, cells, read_grid
@@ -58,6 +60,20 @@ def test_two_processes_give_the_same_bits(tmp_path):
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
     assert json.dumps(rows(tmp_path / "a")) == json.dumps(rows(tmp_path / "b", jobs=2))
+
+
+@pytest.mark.filterwarnings("default")  # what a cluster warns of at its end is its own
+def test_a_dask_cluster_of_two_processes_gives_the_same_bits(tmp_path):
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed (`cluster`)")
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    here = rows(tmp_path / "a")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None
+    ) as cluster:
+        there = bench.all_rows(RIG, GRID, tmp_path / "b", jobs=None,
+                               cluster=cluster.scheduler_address, progress=silent)  # fmt: skip
+    assert json.dumps(here) == json.dumps(there)
 
 
 def test_the_shipped_grid_is_read_and_silent_progress_is_silent():
