@@ -9,6 +9,7 @@ from calibration.gap.decide import Decision
 from calibration.gap.findings import Candidate, Interval, Named, Untestable
 from calibration.gap.intervals import interval
 from calibration.gap.knobs import BALL, CALIBRATED, COAST, PERIODIC, SERVO, Believed
+from calibration.gap.menu import largest_volts
 from calibration.gap.name import Accepted
 from calibration.gap.screen import Screened
 from calibration.gap.state import State, parts_of
@@ -155,20 +156,15 @@ def untestable(state: State, screened: list[Screened] | None) -> tuple[Untestabl
             channel = servo if effect.side == "servo" else "the ball"
             found.append(Untestable(effect.name, f"the log lacks {channel}", {}))
         elif effect.name == "saturation":
-            volts = _largest_volts(state)
+            servos = [p[-1] for p in state.evidence.parts if p != BALL]
+            volts = max(largest_volts(state.evidence, axis) for axis in servos)
             if volts < 0.99 * state.believed.rig.servo.voltage_limit_V:
-                found.append(Untestable(effect.name, f"the log never used more than {volts:.2f} V",
-                                        {key: volts}))  # fmt: skip
+                why = f"the log hardly ever used more than {volts:.2f} V"
+                found.append(Untestable(effect.name, why, {key: volts}))
         elif size > max(abs(first.low), abs(first.high)):
             why = "too little motion of the kind that shows it"
             found.append(Untestable(effect.name, why, {key: size} if size < inf else {}))
     return tuple(found)
-
-
-def _largest_volts(state: State) -> float:
-    runs = state.evidence.runs
-    volts = [abs(r.volts_V[:, a]).max() for r in runs for a in range(2) if r.has_servo(a)]
-    return float(max(volts, default=0.0))
 
 
 def extended(decision: Decision, found: tuple[Named, ...],

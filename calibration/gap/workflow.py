@@ -236,6 +236,6 @@ def _told(name: Named) -> str:
     words = BY_NAME[name.name].sentence.rstrip(".").lower()
     sizes = []
     for axis, pairs in name.parameters.items():
-        key, value = next(iter(pairs.items()))
-        sizes.append(f"{axis} {key} = {value.value:.4g} [{value.low:.4g}, {value.high:.4g}]")
+        for key, value in list(pairs.items())[:1]:
+            sizes.append(f"{axis} {key} = {value.value:.4g} [{value.low:.4g}, {value.high:.4g}]")
     return f"{name.name} ({words}): {', '.join(sizes)}"

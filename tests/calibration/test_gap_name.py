@@ -7,7 +7,7 @@ import pytest
 from gap_tables import RIG, foreign, foreign_table, without_columns
 
 from calibration.gap.findings import Findings, Named
-from calibration.gap.workflow import investigate_logs
+from calibration.gap.workflow import _told, investigate_logs
 from rig.effects import BY_NAME
 
 SECONDS = 20.0
@@ -180,3 +180,16 @@ def test_the_same_logs_give_the_same_answer_on_one_thread_and_on_two():
 def test_a_stage_that_is_none_is_refused():
     with pytest.raises(ValueError, match="known: locate, name, add, prove, next"):
         investigate_logs([], RIG, until="guess")
+
+
+def test_a_limit_above_the_volts_that_last_is_told_untestable():
+    log = foreign("corner", seed=70, duration_s=15.0)
+    volts = abs(log["voltage_x_V"])
+    assert volts.max() > 0.99 * RIG.servo.voltage_limit_V  # for a few ticks, at the release
+    found = investigate_logs([log], RIG, until="name", quick=True).findings
+    told = {one.name: one for one in found.untestable}["saturation"]
+    assert told.smallest["limit_V"] < 0.8 * volts.max()
+
+
+def test_a_name_without_sizes_is_told_all_the_same():
+    assert "x" not in _told(Named("dead_zone", 1.0, (), {"x": {}})).rsplit(":", 1)[1]
