@@ -1,4 +1,4 @@
-"""Locating on random looks: `uv run python tests/benchmarks/seeing_random.py --looks 140` (1 minute).
+"""Locating on random looks: `uv run python tests/benchmarks/seeing_random.py` (1 minute).
 
 Ball, plate, lamp, gloss, grain, noise, blur, JPEG, speed and exposure are drawn anew for each look,
 four places a look; the ball's looks are learnt at the first. Prints quantiles of the error and of
