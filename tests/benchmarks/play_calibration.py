@@ -35,6 +35,10 @@ def random_rig(seed: int) -> tuple[Rig, Rig]:
     camera = replace(kind.camera, noise_m=float(rng.uniform(1e-4, 6e-4)))
     servo = replace(kind.servo, tachometer_noise_rad_s=float(rng.uniform(0.002, 0.01)))
     table = with_play(replace(kind, camera=camera, servo=servo), gear_rad=gear, joint_rad=joint)
+    if seed % 2:
+        aside = 0.5 * gear * rng.uniform(0.3, 0.9) * rng.choice((-1.0, 1.0))
+        for pairs in table.effects["gear_backlash"].values():
+            pairs["offset_rad"] = float(aside)
     unit = another_unit(replace(table, drive=replace(drive)), seed)
     drawn = replace(unit.drive, arm_friction_nm=drive.arm_friction_nm,
                     joint_friction_nm=drive.joint_friction_nm)  # fmt: skip
@@ -54,7 +58,8 @@ def one(seed: int) -> list[dict]:
         for axis, play in by_axis.items():
             low, high = play.interval_rad
             rows.append({"seed": seed, "what": what, "axis": axis, "truth": truth[what],
-                         "value": play.width_rad, "low": low, "high": high})  # fmt: skip
+                         "value": play.width_rad, "low": low, "high": high,
+                         "one_sided": bool(seed % 2), "symmetric": play.symmetric})  # fmt: skip
     return rows
 
 
@@ -86,6 +91,11 @@ def summary(rows: list[dict]) -> None:
         print(f"| {what} | {len(those)} | {100 * share.value:.0f} % ({100 * share.low:.0f} to "
               f"{100 * share.high:.0f}) | {np.sqrt(np.mean(off**2)):.3f} | {off.mean():+.3f} | "
               f"{half:.3f} |")  # fmt: skip
+    for aside, name in ((False, "symmetric"), (True, "one-sided")):
+        told = [row["symmetric"] != aside for row in rows
+                if row["one_sided"] == aside and row["symmetric"] is not None]  # fmt: skip
+        if told:
+            print(f"\nmiddle seen, {name}: told so in {sum(told)} of {len(told)}")
 
 
 if __name__ == "__main__":
