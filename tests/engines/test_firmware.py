@@ -22,10 +22,14 @@ from rig.loop import Loop
 from rig.parameters import Rig
 
 
-def balance(board, *, seed: int = 1) -> tuple[Log, World, str]:
+def balance(
+    board, *, seed: int = 1, arm: str = "with", seconds: float | None = None
+) -> tuple[Log, World, str]:
     """The shipped free-release protocol through packets and driver: log, world, outcome."""
     rig = load_rig(None)
     protocol = read_protocol(Path(str(files("experiments") / "protocols/free-release.toml")))
+    if seconds is not None:
+        protocol = protocol.model_copy(update={"duration_s": seconds})
     way = course(protocol, rig, seed)
     world = World(board, rig, seed=seed, start_m=way.start_m, held=True)
     hand, rows = SimulatedHand(world.plant, way.hold_s), []
@@ -33,7 +37,7 @@ def balance(board, *, seed: int = 1) -> tuple[Log, World, str]:
         loop = Loop(
             table,
             known(rig),
-            ARMS["with"],
+            ARMS[arm],
             way,
             hand=hand,
             keep=lambda row: rows.append(row.copy()),
@@ -56,6 +60,16 @@ def test_the_firmware_balances_the_ball(on_chip):
     assert settled.max() < 0.012  # from 18 cm away to the limit cycle of a table with play
     assert world.volts == (0.0, 0.0)
     assert np.all(np.abs(world.arms_rad) < 0.03)
+
+
+@pytest.mark.parametrize("arm", ["smooth", "adaptive", "adaptive-asymmetric", "hybrid", "neural",
+                                 "disturbance"])  # fmt: skip
+def test_the_cures_of_the_literature_do_too(arm: str):
+    log, world, outcome = balance(Chip(), arm=arm, seconds=5.0)
+    assert outcome == "completed"
+    t_s, xy = log.ball()
+    assert np.hypot(*xy[t_s > t_s[-1] - 0.5].T).max() < 0.04  # from 18 cm away
+    assert world.volts == (0.0, 0.0)
 
 
 def test_the_whole_run_repeats_bit_for_bit(on_chip):
