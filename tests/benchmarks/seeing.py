@@ -115,9 +115,14 @@ def finding(first: Shot, mask: np.ndarray) -> Method:
     return find
 
 
-def peer(function, mask: np.ndarray | None = None) -> Method:
+def peer(function, mask: np.ndarray | None = None, beside: int = 0) -> Method:
+    """A peer on the whole image, or with all that is beside the plate painted `beside`."""
+
     def call(shot: Shot, _index: int) -> tuple[float, float, float] | None:
-        image = shot.image if mask is None else cv2.bitwise_and(shot.image, shot.image, mask=mask)
+        image = shot.image
+        if mask is not None:
+            image = image.copy()
+            image[mask == 0] = beside
         got = function(image, shot.radius_px)
         return None if got is None else (*got, float("nan"))
 
@@ -140,6 +145,8 @@ def judged(
         methods |= {name: peer(function) for name, function in PEERS.items()}
         named = "HSV, contour moments"
         methods[f"{named}, on the plate"] = peer(PEERS[named], studio.plate_mask)
+        if "trackpy" in PEERS:  # it looks for what is bright in the inverted image
+            methods["trackpy, on the plate"] = peer(PEERS["trackpy"], studio.plate_mask, 255)
     shots = [studio.shot(places[k], speeds[k], times[k]) for k in range(frames)]
     # A method after the other, as they would run: each finds its own code and tables in the caches.
     return [_run(Score(name), method, shots) for name, method in methods.items()]
