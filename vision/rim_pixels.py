@@ -123,10 +123,12 @@ def best_direction(mean, noise, radius, smeared, w):
         for i in range(k):
             if mean[side, i, 0] > 0.0:
                 count[side] += 1.0
-                centre[side] += mean[side, i, 1:]
+                for c in range(3):
+                    centre[side, c] += mean[side, i, 1 + c]
         if count[side] < 3.0:
             return False
-        centre[side] /= count[side]
+        for c in range(3):
+            centre[side, c] /= count[side]
         for i in range(k):
             if mean[side, i, 0] > 0.0:
                 for c in range(3):
@@ -137,7 +139,8 @@ def best_direction(mean, noise, radius, smeared, w):
                             * 0.5
                             / count[side]
                         )
-    d[:] = centre[0] - centre[1]
+    for c in range(3):
+        d[c] = centre[0, c] - centre[1, c]
     # Luma alone is stored in full: the colour without luma is smeared, whatever its direction.
     luma = LUMA[0] * d[0] + LUMA[1] * d[1] + LUMA[2] * d[2]
     length = LUMA[0] ** 2 + LUMA[1] ** 2 + LUMA[2] ** 2
@@ -156,7 +159,8 @@ def best_direction(mean, noise, radius, smeared, w):
     power = got[0] * d[0] + got[1] * d[1] + got[2] * d[2]
     if not power > 0.0:
         return False
-    w[:] = got / power
+    for c in range(3):
+        w[c] = got[c] / power
     return True
 
 

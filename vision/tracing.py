@@ -42,7 +42,9 @@ def trace_rays(image, u, v, radius, reach, w, n_rays, signed, flat_std, blurred_
     typical = np.median(strength)
     if not typical > 0.0:
         return out, False
-    weight = np.minimum(np.maximum((strength / typical - 0.15) / 0.35, 0.0), 1.0)
+    weight = np.empty(n_rays)
+    for i in range(n_rays):
+        weight[i] = min(max((strength[i] / typical - 0.15) / 0.35, 0.0), 1.0)
     u2, v2, radius2, variance, residual, good = _best_fit(
         points, outer, weight, u, v, radius, inside, flat_std, blurred_std, rounds
     )
@@ -63,7 +65,10 @@ def trace_rays(image, u, v, radius, reach, w, n_rays, signed, flat_std, blurred_
         total += strength[i]
     per, covered = n_rays // 8, 0
     for i in range(8):
-        covered += good[i * per : (i + 1) * per].mean() > 0.34
+        on = 0
+        for k in range(i * per, (i + 1) * per):
+            on += good[k]
+        covered += on > 0.34 * per
     out[0], out[1], out[2], out[3], out[4] = u2, v2, radius2, variance, residual
     out[5], out[6], out[8] = count, inside, covered / 8.0
     out[7] = 2.0 * np.sqrt(c * c + s * s) / total
