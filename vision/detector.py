@@ -26,9 +26,7 @@ APART_PX = 0.3  # between rim and rays, from which the rays count more
 # Light from one side makes one edge stronger and lays a shadow at the other; the centre then leans
 # by about this much (px) per relative first harmonic of the edge's strength.
 LIGHT_SHARE_PX = 0.06
-UNSEEN_PX = (
-    2.0  # that the centre may be off by per share of the turn without an edge on the outline
-)
+UNSEEN_PX = 2.0  # that the centre may be off by, per share of the turn that shows no edge
 RIM_ROUNDS = 4
 LEVELS_SHARE = 1.5  # the fit's noise with that of its levels, which neighbouring sectors share
 UNSIGNED_REACH = 0.25
