@@ -120,6 +120,9 @@ class CameraTiming:
     delay_s: float = 0.012  # from exposure to the tick in which the observation is usable
     noise_m: float = 0.0003
     dropout: float = 0.0  # share of frames without an observation
+    # By which the ball's centre lies higher than its pictures are taken for: so much of the tilt's
+    # sine it is seen shifted (and larger distances: camera_scale). Of a calibrated camera, 0.
+    ball_height_m: float = 0.0
 
 
 @dataclass(frozen=True)

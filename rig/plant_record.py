@@ -21,7 +21,7 @@ _SCALARS = (
     "step_s arm_inertia plate_inertia arm_friction joint_friction arm_per_torque plate_per_torque "
     "arm_stick plate_stick stop_rad ratio radius mass weight factor half_side "
     "wall_restitution encoder_step tachometer_scale tachometer_noise tachometer "
-    "camera_delay camera_noise camera_dropout"
+    "camera_delay camera_noise camera_dropout camera_height"
 ).split()
 PLANT = np.dtype(
     [(name, np.float64, (2,)) for name in _PER_AXIS]
@@ -77,6 +77,7 @@ def pack(rig: Rig, *, step_s: float = STEP_S) -> np.record:
         servo.tachometer_noise_rad_s,
     )
     p["camera_delay"] = rig.camera.delay_s + p["camera_delay_extra_s"][0]
+    p["camera_height"] = rig.camera.ball_height_m
     p["camera_noise"], p["camera_dropout"] = rig.camera.noise_m, rig.camera.dropout
     return p
 

@@ -125,12 +125,14 @@ def predict_ball(p, levels, t, theta, exposed, ball, fresh, longest_gap_s, out, 
 
     Where `fresh` (m,) is true the filter starts anew (after a push, in another run), and where the
     ball was unseen for longer than `longest_gap_s`.
+    A ball whose centre lies `camera_height` higher than whoever made the log took it to be is seen
+    too far down the tilt, by that height times its sine.
     """
     s, plate, sines = np.zeros(5), np.zeros(2), np.zeros(2)
     noise, c, g = np.zeros(2), np.zeros(6), np.zeros(3)
     extra = p.camera_delay_extra_s[0]
     scale, yaw = p.camera_scale_fraction[0], p.camera_yaw_angle_rad[0]
-    k1 = p.lens_distortion_k1_1_m2[0]
+    k1, high = p.lens_distortion_k1_1_m2[0], p.camera_height
     r = levels.ball_measured**2
     now, started, k = 0.0, False, 0
     for i in range(exposed.shape[0]):
@@ -140,7 +142,6 @@ def predict_ball(p, levels, t, theta, exposed, ball, fresh, longest_gap_s, out, 
         z_x, z_y = equations.camera_unmap(ball[i, 0], ball[i, 1], scale, yaw, k1)
         if not started or fresh[i] or end - now > longest_gap_s:
             k = _tick_of(t, end)
-            s[0], s[1] = z_x, z_y
             s[2] = s[3] = s[4] = noise[0] = noise[1] = 0.0
             for a in range(2):
                 angle = _angle(theta, t, k, a, end)
@@ -151,6 +152,7 @@ def predict_ball(p, levels, t, theta, exposed, ball, fresh, longest_gap_s, out, 
             c[0], c[1], c[2], c[3], c[4], c[5] = r, 0.0, FIRST_SPEED_M_S**2, -r, 0.0, r
             now, started = end, True
             sines[0], sines[1] = _sines(p, plate)
+            s[0], s[1] = z_x - high * sines[0], z_y - high * sines[1]
             continue
         before = now
         while now < end - 1e-9:
@@ -164,8 +166,10 @@ def predict_ball(p, levels, t, theta, exposed, ball, fresh, longest_gap_s, out, 
         keep = _cover(c, dt, levels.ball_process**2 * dt, r, levels.ball_memory_s)
         total = _gains(c, g)
         noise[0], noise[1] = keep * noise[0], keep * noise[1]
-        miss_x, miss_y = z_x - s[0] - noise[0], z_y - s[1] - noise[1]
-        m_x, m_y = equations.camera_map(s[0] + noise[0], s[1] + noise[1], scale, yaw, k1)
+        seen_x = s[0] + high * sines[0] + noise[0]
+        seen_y = s[1] + high * sines[1] + noise[1]
+        miss_x, miss_y = z_x - seen_x, z_y - seen_y
+        m_x, m_y = equations.camera_map(seen_x, seen_y, scale, yaw, k1)
         out[i, 0], out[i, 1], std[i] = ball[i, 0] - m_x, ball[i, 1] - m_y, sqrt(total)
         s[0], s[1] = s[0] + g[0] * miss_x, s[1] + g[0] * miss_y
         s[2], s[3] = s[2] + g[1] * miss_x, s[3] + g[1] * miss_y

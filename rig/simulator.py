@@ -183,9 +183,10 @@ class SimulatedTable(LevelOnExit):
         )
         if observation is None:
             return
-        p = self._p  # what the catalogue says of the camera holds for a rendered one too
+        p = self._p  # what the rig file says of the camera holds for a rendered one too
         x, y = camera_map(
-            *observation.xy_m,
+            observation.xy_m[0] + p["camera_height"] * seen[SEEN_SX],
+            observation.xy_m[1] + p["camera_height"] * seen[SEEN_SY],
             p["camera_scale_fraction"][0],
             p["camera_yaw_angle_rad"][0],
             p["lens_distortion_k1_1_m2"][0],

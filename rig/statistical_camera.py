@@ -9,7 +9,7 @@ import numpy as np
 
 from rig import effect_equations as equations
 from rig.compiled import compiled
-from rig.plant import SEEN_T, SEEN_X, SEEN_Y
+from rig.plant import SEEN_SX, SEEN_SY, SEEN_T, SEEN_X, SEEN_Y
 from rig.signals import R_BALL, R_EXPOSED, R_NEW, R_TIME, R_VARIANCE
 
 QUEUE = 32
@@ -52,8 +52,8 @@ def look(camera, p, seen, draws):
     if draws[2] < p.camera_dropout:
         return
     x, y = equations.camera_map(
-        seen[SEEN_X],
-        seen[SEEN_Y],
+        seen[SEEN_X] + p.camera_height * seen[SEEN_SX],
+        seen[SEEN_Y] + p.camera_height * seen[SEEN_SY],
         p.camera_scale_fraction[0],
         p.camera_yaw_angle_rad[0],
         p.lens_distortion_k1_1_m2[0],

@@ -8,7 +8,7 @@ from math import atan2, cos, hypot, inf, sin
 from calibration.gap.decide import Decision
 from calibration.gap.findings import Candidate, Interval, Named, Untestable
 from calibration.gap.intervals import interval
-from calibration.gap.knobs import BALL, CALIBRATED, COAST, PERIODIC, SERVO, Believed
+from calibration.gap.knobs import BALL, CALIBRATED, COAST, IN_RECORD, PERIODIC, SERVO, Believed
 from calibration.gap.menu import largest_volts
 from calibration.gap.name import Accepted
 from calibration.gap.screen import Screened
@@ -52,7 +52,7 @@ def _catalogue_keys(name: str, by_key: dict[str, Interval]) -> dict[str, Interva
             "phase_rad": Interval(phase, phase - across, phase + across),
             "periods_per_turn": by_key["periods_per_turn"],
         }
-    return {key: interval for key, interval in by_key.items() if key != COAST}
+    return {key: interval for key, interval in by_key.items() if key not in IN_RECORD}
 
 
 def one_dead_zone(found: tuple[Named, ...], state: State,
@@ -189,7 +189,16 @@ def extended(decision: Decision, found: tuple[Named, ...],
         drive = replace(
             drive, arm_friction_nm=_light_friction(decision.state), joint_friction_nm=0.0
         )
-    return replace(rig, effects=effects, servo=replace(rig.servo, **fitted), drive=drive)
+    camera = replace(rig.camera, ball_height_m=higher(decision.state))
+    return replace(rig, effects=effects, servo=replace(rig.servo, **fitted), drive=drive,
+                   camera=camera)  # fmt: skip
+
+
+def higher(state: State) -> float:
+    """By how much the ball's centre lies higher than its pictures were taken for [m]; as believed
+    where a scale that says so was not found."""
+    knob = state.believed.of("camera_scale")[1]
+    return state.fit.setting.get(knob.name, knob.believed)
 
 
 def _light_friction(state: State) -> float:

@@ -30,6 +30,7 @@ STEPS = {
     "coefficient_1_rad": 0.02,
     "coefficient_1_rad2": 0.1, "slope_rad": 2e-4, "rate_rad_s": 1e-5, "stiffness_1_s2": 0.02,
     "deceleration_m_s2": 0.001, "extra_s": 0.001, "angle_rad": 0.003, "k1_1_m2": 0.1,
+    "height_m": 0.002,
 }  # fmt: skip
 SLOWEST_STRIBECK_RAD_S = 0.04  # below, an encoder's counts cannot tell it from how friction sets in
 OWN_STEPS = {"transmission_ripple.sine": 0.001, "transmission_ripple.cosine": 0.001,
@@ -44,6 +45,10 @@ LEAST = {
 }  # fmt: skip
 # The gear's play has an inner shape: how far arm and plate coast in the gap (rig.plant_record).
 COAST, LONGEST_COAST_S2_RAD = "coast_s2_rad", 0.5
+# That of a scale: a ball higher than believed seems larger, and shifted as the plate tilts.
+HEIGHT, HIGHEST_M = "height_m", 0.1
+INNER = {"gear_backlash": [COAST], "camera_scale": [HEIGHT]}
+IN_RECORD = {COAST: "gear_coast", HEIGHT: "camera_height"}  # of inner shapes, which no rig file has
 CLEARLY = 1.2  # times its tolerance: a name needs as much; at its edge anything may stand in
 ASSUMED_FRICTION = 0.04  # share by which the assumed friction of arm and joints may err
 
@@ -92,6 +97,8 @@ class Knob:
 def _range(effect: Effect, key: str) -> tuple[float, float]:
     if key == COAST:
         return 0.0, LONGEST_COAST_S2_RAD
+    if key == HEIGHT:
+        return -HIGHEST_M, HIGHEST_M
     if key in ("sine", "cosine"):
         high = next(p.high for p in effect.parameters if p.key == PERIODIC[effect.name])
         return -high, high
@@ -102,8 +109,7 @@ def _range(effect: Effect, key: str) -> tuple[float, float]:
 def _keys(effect: Effect) -> list[str]:
     if effect.name in PERIODIC:
         return ["sine", "cosine", "periods_per_turn"]
-    keys = [p.key for p in effect.parameters]
-    return [*keys, COAST] if effect.name == "gear_backlash" else keys
+    return [p.key for p in effect.parameters] + INNER.get(effect.name, [])
 
 
 class Believed:
@@ -166,8 +172,8 @@ class Believed:
         if name in PERIODIC and key != "periods_per_turn":
             size, phase = (self._start[f"{name}_{k}"][a] for k in (PERIODIC[name], "phase_rad"))
             return size * (cos(phase) if key == "sine" else sin(phase))
-        if key == COAST:
-            return float(self._record["gear_coast"][a])
+        if key in IN_RECORD:
+            return float(np.broadcast_to(self._record[IN_RECORD[key]], 2)[a])
         if name == "dead_zone" and key != "half_width_V":
             return self._start[f"{name}_{key}"][a] - self._start["dead_zone_half_width_V"][a]
         return float(self._start[f"{name}_{key}"][a])
@@ -235,7 +241,10 @@ def _set(
         p["dead_zone_positive_V"][a], p["dead_zone_negative_V"][a] = both + plus, both + minus
         return
     for key, value in given.items():
-        p["gear_coast" if key == COAST else f"{effect}_{key}"][a] = value
+        if key == HEIGHT:
+            p["camera_height"] = value
+        else:
+            p[IN_RECORD.get(key, f"{effect}_{key}")][a] = value
 
 
 @dataclass(frozen=True, eq=False)

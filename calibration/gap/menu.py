@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from calibration.gap.evidence import Evidence
-from calibration.gap.knobs import CALIBRATED, COAST, PERIODIC, SERVO, Believed, Knob
+from calibration.gap.knobs import CALIBRATED, COAST, HEIGHT, PERIODIC, SERVO, Believed, Knob
 from rig.effects import Effect
 
 PERIODS = (3.0, 4.5, 6.5, 9.0, 13.0, 18.0, 25.0, 35.0, 50.0, 70.0)
@@ -21,7 +21,7 @@ SIZES: Mapping[str, tuple[float, ...]] = {
     "play_rad": (0.005, 0.012, 0.03), "coefficient_1_rad": (0.1,), "coefficient_1_rad2": (0.5,),
     "slope_rad": (0.001,), "rate_rad_s": (5e-5,), "stiffness_1_s2": (0.05,),
     "deceleration_m_s2": (0.004, 0.015), "extra_s": (0.006, -0.006, 0.02), "angle_rad": (0.02,),
-    "k1_1_m2": (0.5,),
+    "k1_1_m2": (0.5,), HEIGHT: (0.01,),
 }  # fmt: skip
 COAST_S2_RAD = 0.06
 OWN_SIZES = {"viscous_drag.rate_1_s": (0.05,)}
@@ -45,6 +45,10 @@ def starts(effect: Effect, axis: str, believed: Believed, evidence: Evidence) ->
     if name == "saturation":
         reached = largest_volts(evidence, axis)
         return [[{first.name: share * reached}] for share in (0.9, 0.6)]
+    if name == "camera_scale":
+        fraction, height = believed.of(name, axis)
+        alone = {fraction.name: fraction.believed + SIZES["fraction"][0]}
+        return [[alone], [alone, {height.name: SIZES[HEIGHT][0]}]]
     sizes = OWN_SIZES.get(f"{name}.{first.key}", SIZES.get(first.key, ()))
     return [[{first.name: first.believed + size}] for size in sizes]
 
@@ -103,4 +107,6 @@ def released(
         return knobs
     if effect.name == "gear_backlash" and setting.get(f"gear_backlash.{COAST}.{axis}"):
         return [k for k in knobs if k.key in ("play_rad", COAST)]
+    if effect.name == "camera_scale" and setting.get(f"camera_scale.{HEIGHT}.{axis}"):
+        return knobs
     return knobs[:1]

@@ -17,8 +17,7 @@ from calibration.gap.findings import NextExperiment
 from calibration.gap.fit import Fit, evaluate
 from calibration.gap.knobs import CALIBRATED, PERIODIC, Believed
 from calibration.gap.menu import released
-from calibration.gap.screen import screen
-from calibration.gap.search import PER_KNOB
+from calibration.gap.screen import PER_KNOB, screen
 from calibration.gap.state import Key, State, refit
 from rig.controllers import WITHOUT
 from rig.effects import BY_NAME, CATALOGUE

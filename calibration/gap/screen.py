@@ -15,7 +15,14 @@ from rig.predict import noise
 
 MISSING = 50.0  # a gain beyond which something is missing for certain
 SMALLEST_PLAY_RAD = 0.005  # of gears that coast
+PER_KNOB = 3.0  # log-likelihood that a released knob costs
+MISFIT = 0.004  # of the gain, per knob: the rest of the model is only nearly right
 SEEN = 12.0  # gain that an effect of its smallest visible size would bring
+
+
+def beyond_knobs(gain: float, knobs: int) -> float:
+    """What is left of a gain in log-likelihood when the knobs released for it have been paid."""
+    return gain - (PER_KNOB + MISFIT * max(gain, 0.0)) * knobs
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +37,11 @@ class Screened:
     start: Start
     smallest: float
     tried: Start
+
+    @property
+    def worth(self) -> float:
+        """The gain beyond what the knobs that were tried cost."""
+        return beyond_knobs(self.gain, len(self.start))
 
 
 Screens = dict[str, tuple[Roll, list[Screened]]]
@@ -77,7 +89,7 @@ def _screen_part(state: State, part: str, skip: set[Key]) -> list[Screened]:
     for name, axis, group in tried:
         columns = np.column_stack([next(rolls).z - base.rolls[part].z for _ in group])
         one = _gain(state, part, knobs, bounds, nuisance, name, axis, group, columns)
-        if (name, axis) not in best or one.gain > best[name, axis].gain:
+        if (name, axis) not in best or one.worth > best[name, axis].worth:
             best[name, axis] = one
     most = max((one.gain for one in best.values()), default=0.0)
     coasting = _coasting(state, part, skip) if most > MISSING else None

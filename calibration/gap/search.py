@@ -17,12 +17,10 @@ from calibration.gap.menu import (
     reach,
     released,
 )
-from calibration.gap.screen import Screened, at_first_noise
+from calibration.gap.screen import Screened, at_first_noise, beyond_knobs
 from calibration.gap.state import Key, State, refit
 from rig.effects import BY_NAME
 
-PER_KNOB = 3.0  # log-likelihood that a released knob costs
-MISFIT = 0.004  # of the gain, per knob: the rest of the model is only nearly right
 WORTH_AN_AXIS = 6.0  # gain on an axis below which the effect is not released there
 OUTDONE = 0.8  # of what the best effect promises on an axis, below which it is left to that one
 WORTH_ANOTHER = 12.0  # promise of one behind that is still tried while none before keeps its own
@@ -53,7 +51,7 @@ class Trial:
             len(released(BY_NAME[self.name], axis, self.state.believed, self.state.fit.setting))
             for axis in self.axes
         )
-        return self.gain - (PER_KNOB + MISFIT * max(self.gain, 0.0)) * knobs
+        return beyond_knobs(self.gain, knobs)
 
     def is_one(self, axis: str) -> bool:
         """Is it on this axis what its name says, and larger than nothing?"""

@@ -15,7 +15,7 @@ from calibration.gap.attitude import attitude
 from calibration.gap.evidence import Evidence
 from calibration.gap.fit import Fit, bounded_step, differences, normal_equations, weights
 from calibration.gap.knobs import BALL, SERVO
-from calibration.gap.search import PER_KNOB
+from calibration.gap.screen import PER_KNOB
 from calibration.gap.state import State
 from rig.unknown import Unknown, pack, unknown_acceleration, unknown_volts
 

@@ -124,7 +124,7 @@ def _findings(decision: Decision, until: str, notes: tuple[str, ...], *, quick: 
         untestable=answer.untestable(state, decision.naming.screened),
         calibrated=servo,
         ranking=answer.ranking(decision),
-        notes=notes + _servo_notes(state, servo),
+        notes=notes + _servo_notes(state, servo) + _height_note(state),
         noise={n: float(np.mean(levels[n])) for n in levels.dtype.names or ()},
         rig_before=state.believed.rig,
         rig_after=rig_after,
@@ -214,6 +214,16 @@ def _servo_notes(state: State, servo: Mapping) -> tuple[str, ...]:
             found.append(f"recalibrate the servo: {label} is {value.value:.4g}, the rig file says "
                          f"{nominal:.4g} (tolerance {100 * limit:.0f} %)")  # fmt: skip
     return tuple(found)
+
+
+def _height_note(state: State) -> tuple[str, ...]:
+    """A scale that comes with a shift as the plate tilts: the ball is higher than believed."""
+    more = answer.higher(state) - state.believed.rig.camera.ball_height_m
+    if not more or ("camera_scale", "xy") not in state.named:
+        return ()
+    way = "higher" if more > 0 else "lower"
+    return (f"the scale comes with a shift as the plate tilts: the ball's centre lies "
+            f"{1e3 * abs(more):.0f} mm {way} than its pictures were taken for",)  # fmt: skip
 
 
 def sentence(decision: Decision, names: tuple[Named, ...]) -> str:

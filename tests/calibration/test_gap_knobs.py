@@ -9,7 +9,7 @@ from gap_tables import RIG, evidence_of, foreign
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calibration.gap.knobs import BALL, COAST, PERIODIC, SERVO, Believed
+from calibration.gap.knobs import BALL, INNER, PERIODIC, SERVO, Believed
 from experiments.assemble import load_rig
 from rig.effects import BY_NAME, CATALOGUE, Effect
 from rig.parameters import Rig
@@ -117,8 +117,7 @@ def test_every_parameter_has_its_knob_and_starts_where_the_rig_file_has_it():
         catalogue = {p.key for p in effect.parameters}
         if effect.name in PERIODIC:
             catalogue = catalogue - {PERIODIC[effect.name], "phase_rad"} | {"sine", "cosine"}
-        if effect.name == "gear_backlash":
-            catalogue = catalogue | {COAST}  # its inner shape, which no rig file names
+        catalogue |= set(INNER.get(effect.name, []))  # its inner shape, which no rig file names
         assert keys == catalogue
     assert len(believed.knobs) == 4 + sum(len(believed.of(e.name, a)) for e, a in KEYS)
     for name, by_axis in TABLE.effects.items():
