@@ -12,9 +12,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
-from calibration.gap.findings import CHANNELS, Candidate, PlateMap, Profile, ProofRow, Step
+from calibration.gap.findings import Candidate, PlateMap, Profile, ProofRow, Step
 from experiments.figures import CENTRE, WITH, WITHOUT, plt
 from experiments.gap_words import channel_words, percent, sig
+from rig.parameters import CHANNELS
 
 COLOURS: dict[str, str] = dict(
     zip(CHANNELS, ("#1f4fd8", "#56b4e9", "#d62728", "#e69f00"), strict=True)

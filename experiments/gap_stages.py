@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from math import isfinite, nan
 from pathlib import Path
 
-from calibration.gap.findings import CHANNELS, UNITS, Findings
+from calibration.gap.findings import UNITS, Findings
 from experiments import gap_figures as figures
 from experiments.gap_words import (
     channel_words,
@@ -17,6 +17,7 @@ from experiments.gap_words import (
     smallest_words,
 )
 from experiments.report import Shown
+from rig.parameters import CHANNELS
 
 
 @dataclass(frozen=True)

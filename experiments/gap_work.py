@@ -45,15 +45,16 @@ def investigate_and_report(
 
 
 def tolerances(logs: Sequence[Path], *, rig_file: Path | None, out: Path) -> None:
-    """Learn the tolerances of a table from clean runs; write them into OUT/rig.toml."""
+    """Learn tolerances and floors of a table from clean runs; write them into OUT/rig.toml."""
     from calibration.gap.tolerances import learn
 
     inputs, folder = read_evidence(list(logs), rig_file), writable(out)
     learned = learn(inputs.logs, inputs.rig)
-    write_rig(replace(inputs.rig, tolerances=learned), folder / "rig.toml")
-    for name, value in learned.items():
+    write_rig(learned, folder / "rig.toml")
+    for name, value in (*learned.tolerances.items(), *learned.floors.items()):
         typer.echo(f"{name:22s} {value:.4g}")
-    typer.echo(f"from {len(inputs.logs)} clean runs; written to {folder / 'rig.toml'} [tolerances]")
+    typer.echo(f"from {len(inputs.logs)} clean runs; written to {folder / 'rig.toml'} [tolerances] "
+               "(half width of the first parameter) and [floors] (RMS, rad or m)")  # fmt: skip
 
 
 def demo(*, out: Path, json_file: Path | None, seed: int) -> None:

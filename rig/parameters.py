@@ -120,9 +120,7 @@ class CameraTiming:
     delay_s: float = 0.012  # from exposure to the tick in which the observation is usable
     noise_m: float = 0.0003
     dropout: float = 0.0  # share of frames without an observation
-    # By which the ball's centre lies higher than its pictures are taken for: so much of the tilt's
-    # sine it is seen shifted (and larger distances: camera_scale). Of a calibrated camera, 0.
-    ball_height_m: float = 0.0
+    ball_height_m: float = 0.0  # higher than it is taken for: seen shifted by so much of the sine
 
 
 @dataclass(frozen=True)
@@ -218,13 +216,17 @@ class TableChoice:
             )
 
 
+CHANNELS = ("servo_x", "servo_y", "ball_x", "ball_y")  # of what a model predicts
+
+
 @dataclass(frozen=True)
 class Rig:
     """Everything a controller or estimator may know of a table; `effects` only the model's user.
 
     `unknown` is the unnamed term of the model, if any. `effects` maps a catalogue name to
     {"x" | "y" | "xy": {key: value}} (see `rig.effects`); `tolerances` a name to the half width of
-    its first parameter that counts as nothing missing on this table.
+    its first parameter that counts as nothing missing on this table; `floors` a channel (CHANNELS)
+    to the RMS innovation of clean runs [rad or m].
     """
 
     servo: Servo = field(default_factory=Servo)
@@ -240,6 +242,7 @@ class Rig:
     control_rate_hz: float = 500.0
     effects: dict[str, dict[str, dict[str, float]]] = field(default_factory=dict)
     tolerances: dict[str, float] = field(default_factory=dict)
+    floors: dict[str, float] = field(default_factory=dict)
 
     @property
     def ball_gain_m_s2(self) -> float:

@@ -9,7 +9,7 @@ import tomli_w
 from pydantic import TypeAdapter, ValidationError
 
 from rig import effects
-from rig.parameters import Rig
+from rig.parameters import CHANNELS, Rig
 
 SECTIONS = (
     "servo",
@@ -30,7 +30,7 @@ _POSITIVE = (
     "arm_radius_m plate_side_m radius_m mass_kg rate_hz gear_stiffness_nm_rad "
     "joint_stiffness_nm_rad plate_inertia_kg_m2 ball_filter_rad_s torque_filter_s"
 ).split()
-_ANY_SIGN = ("tachometer_scale",)
+_ANY_SIGN = ("tachometer_scale", "ball_height_m")
 
 
 def read_rig(path: Path) -> Rig:
@@ -56,7 +56,7 @@ def _beside(rig: Rig, folder: Path) -> Rig:
 
 def from_dict(data: dict[str, Any]) -> Rig:
     """The rig of a parsed TOML document or of `to_dict`. ValueError on any mistake."""
-    known = (*SECTIONS, "control_rate_hz", "effects", "tolerances")
+    known = (*SECTIONS, "control_rate_hz", "effects", "tolerances", "floors")
     for key in data:
         if key not in known:
             raise ValueError(f"unknown key '{key}'; known: {', '.join(known)}")
@@ -71,21 +71,26 @@ def from_dict(data: dict[str, Any]) -> Rig:
     found = data.get("effects", {})
     _check_effects_shape(found)
     effects.check(found)
-    tolerances = data.get("tolerances", {})
-    _check_tolerances(tolerances)
-    return Rig(**sections, control_rate_hz=float(rate), effects=found, tolerances=tolerances)
+    return Rig(
+        **sections,
+        control_rate_hz=float(rate),
+        effects=found,
+        tolerances=_sizes("tolerances", data, tuple(effects.BY_NAME)),
+        floors=_sizes("floors", data, CHANNELS),
+    )
 
 
-def _check_tolerances(found: Any) -> None:
-    """tolerances.NAME = number above zero, NAME of the catalogue."""
+def _sizes(section: str, data: dict[str, Any], names: tuple[str, ...]) -> dict[str, float]:
+    """section.NAME = number above zero, NAME one of `names`."""
+    found = data.get(section, {})
     if not isinstance(found, dict):
-        raise ValueError("[tolerances] must hold lines such as joint_backlash = 0.0014")
+        raise ValueError(f"[{section}] must hold lines such as {names[0]} = 0.0014")
     for name, value in found.items():
-        if name not in effects.BY_NAME:
-            known = ", ".join(effects.BY_NAME)
-            raise ValueError(f"tolerances: unknown effect '{name}'; known: {known}")
+        if name not in names:
+            raise ValueError(f"{section}: unknown name '{name}'; known: {', '.join(names)}")
         if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e6:
-            raise ValueError(f"tolerances.{name} = {value}: must be a number above 0")
+            raise ValueError(f"{section}.{name} = {value}: must be a number above 0")
+    return found
 
 
 def _section(name: str, default: Any, given: Any) -> Any:

@@ -7,6 +7,7 @@ that only stood in for the unnamed term goes.
 
 from dataclasses import dataclass
 
+from calibration.gap.chance import Chance, by_chance
 from calibration.gap.name import MARGIN, THRESHOLD, Accepted, Naming, name_effects, without
 from calibration.gap.state import State
 from calibration.gap.unknown import Shape, shapes
@@ -17,31 +18,47 @@ SHARE = 1.0  # of the unnamed term's score that a name beside it has to reach
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """verdict as in `findings.VERDICTS`; the names that stand, the unnamed term, the last state."""
+    """verdict as in `findings.VERDICTS`; the names that stand, the unnamed term, the last state,
+    and what chance alone scores on such a log (where there was a name to judge by it)."""
 
     verdict: str
     naming: Naming
     accepted: tuple[Accepted, ...]
     shape: Shape | None
     state: State
+    chance: Chance | None = None
 
 
 def decide(before: State) -> Decision:
     """Name, look at what is left, and weigh the two against each other."""
     naming = name_effects(before)
-    accepted, state = naming.accepted, naming.after
+    chance, accepted, state = _beyond_chance(naming)
     left = _first(shapes(state))
     if left is None:
-        verdict = "named" if accepted else "nothing-missing"
-        if accepted and any(a.margin < MARGIN for a in accepted):
-            verdict = "undecided"
-        return Decision(verdict, naming, accepted, None, state)
+        return Decision(_of(accepted, "nothing-missing"), naming, accepted, None, state, chance)
     accepted, state = _beside(left, accepted, state)
     if not accepted:
         alone = _first(shapes(before)) or left
-        return Decision("unknown-effect", naming, (), alone, alone.state)
-    verdict = "undecided" if any(a.margin < MARGIN for a in accepted) else "named"
-    return Decision(verdict, naming, accepted, left, left.state)
+        return Decision("unknown-effect", naming, (), alone, alone.state, chance)
+    return Decision(_of(accepted, ""), naming, accepted, left, left.state, chance)
+
+
+def _of(accepted: tuple[Accepted, ...], none: str) -> str:
+    """The verdict on these names; `none` where there are none."""
+    if any(one.margin < MARGIN for one in accepted):
+        return "undecided"
+    return "named" if accepted else none
+
+
+def _beyond_chance(naming: Naming) -> tuple[Chance | None, tuple[Accepted, ...], State]:
+    """The names whose scores chance alone does not reach on a log like this."""
+    state = naming.after
+    if not naming.accepted:
+        return None, (), state
+    chance = by_chance(state, state.evidence.parts)
+    kept = tuple(one for one in naming.accepted if one.score >= chance.score)
+    lost = [(one.name, axis) for one in naming.accepted if one not in kept for axis in one.axes]
+    return chance, kept, without(state, lost) if lost else state
 
 
 def _first(found: list[Shape]) -> Shape | None:

@@ -11,7 +11,6 @@ import numpy as np
 
 from rig.parameters import Rig
 
-CHANNELS = ("servo_x", "servo_y", "ball_x", "ball_y")
 VERDICTS = ("named", "nothing-missing", "unknown-effect", "undecided")
 UNITS = {"servo_x": "rad", "servo_y": "rad", "ball_x": "m", "ball_y": "m"}
 

@@ -12,10 +12,11 @@ import numpy as np
 
 from calibration.gap.channels import Channel, channel, present
 from calibration.gap.evidence import Evidence
-from calibration.gap.findings import CHANNELS, PlateMap, Profile, Where
+from calibration.gap.findings import PlateMap, Profile, Where
 from calibration.gap.pushes import Coordinate, Pattern, Series, best, rhythm, significance
 from calibration.gap.regions import region
 from calibration.gap.state import State
+from rig.parameters import CHANNELS
 
 STANDS_OUT = 12.0  # of a pattern's gain: none of the thousands of regions of a healthy log has it
 SHARE = 0.3  # of what is too much in a channel: a region that explains less is not where it is

@@ -1,8 +1,9 @@
 """Before and after on data that the fit has not seen, over one floor a channel.
 
 The runs (or the halves of a single run) are split in two; every model is refitted on one part and
-judged on the other. The floor is the right structure refitted on the judged part itself: the same
-for every row, never estimated anew for "before".
+judged on the other. The floor is what repeated clean runs of this table leave, where the rig file
+has it (`rig gap --tolerances-from`), else the right structure refitted on the judged part itself:
+the same for every row, never estimated anew for "before".
 """
 
 from collections.abc import Mapping
@@ -11,10 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.gap.evidence import Evidence
-from calibration.gap.findings import CHANNELS, Gap, ProofRow, Step
+from calibration.gap.findings import Gap, ProofRow, Step
 from calibration.gap.fit import evaluate
 from calibration.gap.knobs import BALL, SERVO, Model
 from calibration.gap.state import State, refit
+from rig.parameters import CHANNELS, Rig
 from rig.predict import ball_ahead
 
 OUTLIER = 6.0  # residuals beyond are left out of every RMS (a push not seen as one)
@@ -79,6 +81,13 @@ def model_of(state: State) -> Model:
     return state.believed.model(state.fit.setting)
 
 
+def floors(rig: Rig, fullest: Mapping[str, float]) -> tuple[dict[str, float], str]:
+    """The floor of each channel [rad or m], and where it is from."""
+    if fullest and all(channel in rig.floors for channel in fullest):
+        return {channel: rig.floors[channel] for channel in fullest}, "repeated runs"
+    return dict(fullest), "fullest model"
+
+
 @dataclass(frozen=True, eq=False)
 class Proof:
     gap: Gap
@@ -93,7 +102,8 @@ def prove(models: Mapping[str, State], after: str, levels: np.record) -> Proof:
     states = {k: replace(s, evidence=s.evidence.with_levels(levels)) for k, s in models.items()}
     train, test = split(states[after].evidence)
     floor_model = model_of(on(states[after], test))
-    floor, floor_ahead = rms(test, floor_model), ahead_mm(test, floor_model)
+    floor, source = floors(states[after].believed.rig, rms(test, floor_model))
+    floor_ahead = ahead_mm(test, floor_model)
     rows, raw = [], {}
     for label, state in states.items():
         fitted = model_of(on(state, train))
@@ -103,7 +113,7 @@ def prove(models: Mapping[str, State], after: str, levels: np.record) -> Proof:
     by = {row.model: row for row in rows}
     before = rows[0]
     ahead = {"before": before.ahead_1s_mm, "after": by[after].ahead_1s_mm, "floor": floor_ahead}
-    gap = Gap(before.gap, by[after].gap, "fullest model", True, floor,
+    gap = Gap(before.gap, by[after].gap, source, True, floor,
               {k: v for k, v in ahead.items() if v is not None})  # fmt: skip
     return Proof(gap, tuple(rows))
 

@@ -70,7 +70,37 @@ def screen(state: State, parts: Iterable[str], *, without: Iterable[Key] = (),
     return sorted(merged.values(), key=lambda one: -one.gain)
 
 
-def _screen_part(state: State, part: str, skip: set[Key]) -> list[Screened]:
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """An effect on one axis as it is tried: its starts, and what each changes of z, (n, k)."""
+
+    name: str
+    axis: str
+    group: list[Start]
+    columns: np.ndarray
+
+    def others(self, knobs: list[Knob]) -> np.ndarray:
+        """Indices of the knobs that are not its own."""
+        return np.flatnonzero([k.effect != self.name or k.axis != self.axis for k in knobs])
+
+    def two_sided(self, believed: Believed) -> bool:
+        first = believed.of(self.name, self.axis)[0]
+        return len(self.group) > 1 or first.range[0] < first.believed
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """What may be released on a part: the knobs that are free there anyway, name -> bounds, their
+    secants (n, k), and every effect that is tried beside them."""
+
+    knobs: list[Knob]
+    bounds: Mapping[str, tuple[float, float]]
+    nuisance: np.ndarray
+    effects: list[Candidate]
+
+
+def candidates(state: State, part: str, skip: set[Key]) -> Candidates:
+    """Every effect and axis that acts on a part, but those of `skip`."""
     bounds = state.bounds((part,))
     knobs = [state.believed.knobs[name] for name in bounds]
     base = state.fit
@@ -85,12 +115,21 @@ def _screen_part(state: State, part: str, skip: set[Key]) -> list[Screened]:
     rolls = iter(state.evidence.rolls(
         [(state.believed.model(base.setting | s), part) for _, _, group in tried for s in group]
     ))  # fmt: skip
+    found = [
+        Candidate(name, axis, group,
+                  np.column_stack([next(rolls).z - base.rolls[part].z for _ in group]))
+        for name, axis, group in tried
+    ]  # fmt: skip
+    return Candidates(knobs, bounds, nuisance, found)
+
+
+def _screen_part(state: State, part: str, skip: set[Key]) -> list[Screened]:
+    tried = candidates(state, part, skip)
     best: dict[Key, Screened] = {}
-    for name, axis, group in tried:
-        columns = np.column_stack([next(rolls).z - base.rolls[part].z for _ in group])
-        one = _gain(state, part, knobs, bounds, nuisance, name, axis, group, columns)
-        if (name, axis) not in best or one.worth > best[name, axis].worth:
-            best[name, axis] = one
+    for effect in tried.effects:
+        one, key = _gain(state, part, tried, effect), (effect.name, effect.axis)
+        if key not in best or one.worth > best[key].worth:
+            best[key] = one
     most = max((one.gain for one in best.values()), default=0.0)
     coasting = _coasting(state, part, skip) if most > MISSING else None
     if coasting and coasting.gain > best["gear_backlash", coasting.axis].gain:
@@ -140,29 +179,27 @@ def _coasting(state: State, part: str, skip: set[Key]) -> Screened | None:
     return Screened("gear_backlash", axis, gain, moved, 0.0, moved)
 
 
-def _gain(state: State, part: str, knobs: list[Knob], bounds: Mapping, nuisance: np.ndarray,
-          name: str, axis: str, group: list[Start], columns: np.ndarray) -> Screened:  # fmt: skip
+def _gain(state: State, part: str, tried: Candidates, one: Candidate) -> Screened:
     """Minimise the linearised cost over the nuisance in its boxes and the sizes of the group."""
-    base = state.fit
-    own = [knob.effect == name and knob.axis == axis for knob in knobs]
-    keep = np.flatnonzero(~np.array(own))
-    both = {part: np.column_stack([nuisance[:, keep], columns])}
+    base, knobs, bounds, group = state.fit, tried.knobs, tried.bounds, one.group
+    keep = one.others(knobs)
+    both = {part: np.column_stack([tried.nuisance[:, keep], one.columns])}
     only = Fit(base.setting, {part: base.rolls[part]}, {})
     a, b = normal_equations(state.evidence, only, both)
     value = np.array([base.setting.get(knobs[i].name, knobs[i].believed) for i in keep])
     low = np.array([bounds[knobs[i].name][0] for i in keep]) - value
     high = np.array([bounds[knobs[i].name][1] for i in keep]) - value
-    k = columns.shape[1]
-    first = state.believed.of(name, axis)[0]
-    two_sided = k > 1 or first.range[0] < first.believed
-    low = np.append(low, np.full(k, -6.0 if two_sided else 0.0))
+    k = len(group)
+    first = state.believed.of(one.name, one.axis)[0]
+    low = np.append(low, np.full(k, -6.0 if one.two_sided(state.believed) else 0.0))
     high = np.append(high, np.full(k, 6.0))
     scale = np.append([knobs[i].step for i in keep], np.ones(k))
     step = bounded_step(a, b, low, high, scale)
     gain = -float(0.5 * step @ a @ step + b @ step)
     start = _scaled(state.believed, group, step[-k:])
     smallest = abs(next(iter(group[0].values())) - _null(first)) * _units_to_see(a, low, high, k)
-    return Screened(name, axis, gain, start, smallest, {k: v for m in group for k, v in m.items()})
+    tried_with = {k: v for member in group for k, v in member.items()}
+    return Screened(one.name, one.axis, gain, start, smallest, tried_with)
 
 
 def _null(knob: Knob) -> float:

@@ -9,20 +9,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.gap import answer, unknown
+from calibration.gap import answer, unknown, words
 from calibration.gap.believe import believe, creeping
 from calibration.gap.decide import Decision, decide
 from calibration.gap.evidence import gather, usable
 from calibration.gap.findings import Findings, Gap, Leftover, Named, ProofRow, Step
 from calibration.gap.fit import evaluate
 from calibration.gap.intervals import deviations
-from calibration.gap.knobs import CALIBRATED
 from calibration.gap.locate import locate
 from calibration.gap.name import MARGIN, Accepted, Rival, settled_baseline
-from calibration.gap.prove import model_of, prove, rms, steps
+from calibration.gap.prove import floors, model_of, prove, rms, steps
 from calibration.gap.state import State
 from calibration.gap.unknown_words import describe, formula
-from rig.effects import BY_NAME
 from rig.log import Log
 from rig.parameters import Rig
 from rig.predict import Signals, noise
@@ -118,13 +116,13 @@ def _findings(decision: Decision, until: str, notes: tuple[str, ...], *, quick: 
     levels = state.evidence.levels
     known = Findings(
         decision.verdict,
-        sentence(decision, names),
+        words.sentence(decision, names),
         effects=effects,
         unknown=_leftover(decision),
         untestable=answer.untestable(state, decision.naming.screened),
         calibrated=servo,
         ranking=answer.ranking(decision),
-        notes=notes + _servo_notes(state, servo) + _height_note(state),
+        notes=notes + words.notes(decision, servo),
         noise={n: float(np.mean(levels[n])) for n in levels.dtype.names or ()},
         rig_before=state.believed.rig,
         rig_after=rig_after,
@@ -154,9 +152,10 @@ def _proof(
     """Judge nothing, the best rival, an unnamed term and the names; the path between them."""
     state, levels = decision.state, decision.state.evidence.levels
     if decision.verdict == "nothing-missing":
-        floors = rms(state.evidence, model_of(state))
-        ones = dict.fromkeys(floors, 1.0)
-        return Gap(ones, ones, "fullest model", False, floors), (), ()
+        left = rms(state.evidence, model_of(state))
+        floor, label = floors(state.believed.rig, left)
+        gaps = {channel: left[channel] / floor[channel] for channel in left}
+        return Gap(gaps, gaps, label, False, floor), (), ()
     before = replace(decision.naming.before, evidence=state.evidence)
     models = {"nothing added": before}
     last = "nothing added"
@@ -172,7 +171,7 @@ def _proof(
         last = "unnamed term"
         models[last] = state
     proof = prove(models, last, levels)
-    floor = rms(state.evidence, model_of(state))
+    floor, _ = floors(state.believed.rig, rms(state.evidence, model_of(state)))
     accepted = {one.name for one in decision.accepted}
     path = tuple(s for s in decision.naming.path if not s[0] or s[0] in accepted)
     if decision.shape is not None:
@@ -201,51 +200,3 @@ def _with_rivals(decision: Decision, names: tuple[Named, ...]) -> tuple[Named, .
 def _leftover(decision: Decision) -> Leftover | None:
     shape = decision.shape
     return Leftover(shape.channel, describe(shape)) if shape else None
-
-
-def _servo_notes(state: State, servo: Mapping) -> tuple[str, ...]:
-    """K or tau outside what a rig file may differ: say "recalibrate the servo"."""
-    rig, found = state.believed.rig.servo, []
-    for label, value in servo.items():
-        key = "gain_rad_s_V" if label.startswith("gain") else "time_constant_s"
-        nominal = getattr(rig, key)
-        limit = CALIBRATED[key]
-        if abs(value.value / nominal - 1) > limit:
-            found.append(f"recalibrate the servo: {label} is {value.value:.4g}, the rig file says "
-                         f"{nominal:.4g} (tolerance {100 * limit:.0f} %)")  # fmt: skip
-    return tuple(found)
-
-
-def _height_note(state: State) -> tuple[str, ...]:
-    """A scale that comes with a shift as the plate tilts: the ball is higher than believed."""
-    more = answer.higher(state) - state.believed.rig.camera.ball_height_m
-    if not more or ("camera_scale", "xy") not in state.named:
-        return ()
-    way = "higher" if more > 0 else "lower"
-    return (f"the scale comes with a shift as the plate tilts: the ball's centre lies "
-            f"{1e3 * abs(more):.0f} mm {way} than its pictures were taken for",)  # fmt: skip
-
-
-def sentence(decision: Decision, names: tuple[Named, ...]) -> str:
-    """What is wrong, in plain words."""
-    told = [_told(name) for name in names]
-    left = decision.shape and describe(decision.shape)
-    if decision.verdict == "nothing-missing":
-        return "Nothing is missing: the model explains the log within the declared tolerances."
-    if decision.verdict == "unknown-effect":
-        channel = decision.shape.channel if decision.shape else "the log"
-        return f"Something that has no name in the catalogue acts on {channel}: {left}."
-    if decision.verdict == "undecided":
-        rivals = [r.name for one in decision.accepted for r in one.rivals[:1]]
-        return f"{'; '.join(told)}, or {' or '.join(rivals)}: this log cannot tell them apart."
-    text = "The model lacks " + " and ".join(told) + "."
-    return text + (f" Something without a name is left: {left}." if left else "")
-
-
-def _told(name: Named) -> str:
-    words = BY_NAME[name.name].sentence.rstrip(".").lower()
-    sizes = []
-    for axis, pairs in name.parameters.items():
-        for key, value in list(pairs.items())[:1]:
-            sizes.append(f"{axis} {key} = {value.value:.4g} [{value.low:.4g}, {value.high:.4g}]")
-    return f"{name.name} ({words}): {', '.join(sizes)}"

@@ -13,12 +13,12 @@ from foreign_table import make_log  # pyright: ignore[reportMissingImports]
 
 from calibration.gap import evidence, knobs, name
 from calibration.gap.channels import channel, present
-from calibration.gap.findings import CHANNELS, Where
+from calibration.gap.findings import Where
 from calibration.gap.locate import QUIET, Located, locate, rms, sentence
 from calibration.gap.state import State, with_levels
 from rig import predict
 from rig.log import Log
-from rig.parameters import Rig
+from rig.parameters import CHANNELS, Rig
 
 RIG = Rig()
 SEED = 3

@@ -7,7 +7,8 @@ import pytest
 from gap_tables import RIG, foreign, foreign_table, without_columns
 
 from calibration.gap.findings import Findings, Named
-from calibration.gap.workflow import _told, investigate_logs
+from calibration.gap.words import _told
+from calibration.gap.workflow import investigate_logs
 from rig.effects import BY_NAME
 
 SECONDS = 20.0

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from gap_tables import RIG, evidence_of, foreign, without_columns
 
-from calibration.gap.findings import CHANNELS
 from calibration.gap.knobs import BALL
 from calibration.gap.prove import model_of, on, prove, rms, split
 from calibration.gap.workflow import Investigation, investigate_logs
-from rig.parameters import GRAVITY_M_S2, Rig
+from rig.parameters import CHANNELS, GRAVITY_M_S2, Rig
 from rig.plant_record import pack
 from rig.predict import Signals, ball_ahead, noise
 

@@ -6,7 +6,6 @@ from math import radians
 import numpy as np
 
 from calibration.gap.findings import (
-    CHANNELS,
     Candidate,
     ClosedLoopRow,
     Findings,
@@ -22,7 +21,7 @@ from calibration.gap.findings import (
     Untestable,
     Where,
 )
-from rig.parameters import Rig
+from rig.parameters import CHANNELS, Rig
 
 FLOORS = {"servo_x": 4.1e-4, "servo_y": 4.3e-4, "ball_x": 3.2e-4, "ball_y": 3.1e-4}
 

@@ -103,10 +103,20 @@ def test_tolerances_come_from_five_clean_runs(capsys, tmp_path: Path, rig_file):
         names.append(written(tmp_path, log, *SERVO_ONLY, name=f"log-{seed}.csv"))
     out = tmp_path / "out"
     assert call("gap", "--tolerances-from", *names, "--rig", rig_file, "--out", out) == 0
-    learned = read_rig(out / "rig.toml").tolerances
+    rig = read_rig(out / "rig.toml")
+    learned = rig.tolerances
     assert learned["coulomb_friction"] >= 0.015
     assert learned["voltage_offset"] >= 0.02
     assert "rolling_resistance" not in learned  # nobody saw a ball
+    assert set(rig.floors) == {"servo_x", "servo_y"}
+    hidden = foreign(6.0, seed=7, hidden="offset")
+    log = written(tmp_path, hidden, *SERVO_ONLY, name="hidden.csv")
+    assert call("gap", log, "--rig", out / "rig.toml", "--out", tmp_path) == 0
+    gap = answer(tmp_path)["gap"]
+    assert gap["floor"] == "repeated runs"
+    assert gap["floor_si"] == pytest.approx(rig.floors)
+    assert gap["before"]["servo_y"] > 1.2
+    assert gap["after"]["servo_y"] == pytest.approx(1.0, abs=0.1)
     assert call("gap", "--tolerances-from", *names[:4], "--rig", rig_file, "--out", out) == 2
     assert "at least 5" in capsys.readouterr().err
 

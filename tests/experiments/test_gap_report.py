@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calibration.gap.findings import (
-    CHANNELS,
     Findings,
     Gap,
     Interval,
@@ -37,7 +36,7 @@ from experiments.gap_words import (
     smallest_words,
 )
 from rig.effects import CATALOGUE
-from rig.parameters import Rig
+from rig.parameters import CHANNELS, Rig
 from rig.rigfile import from_dict
 
 

@@ -1,0 +1,76 @@
+"""The answer in plain words: the sentence that sums it up, and what a reader should know beside."""
+
+from collections.abc import Mapping
+
+from calibration.gap.answer import higher
+from calibration.gap.chance import ONE_IN
+from calibration.gap.decide import Decision
+from calibration.gap.findings import Interval, Named
+from calibration.gap.knobs import CALIBRATED
+from calibration.gap.name import THRESHOLD
+from calibration.gap.state import State
+from calibration.gap.unknown_words import describe
+from rig.effects import BY_NAME
+
+
+def notes(decision: Decision, servo: Mapping[str, Interval]) -> tuple[str, ...]:
+    """What the names do not say: the servo, the ball's height, what chance alone would bring."""
+    state = decision.state
+    return _servo_notes(state, servo) + _height_note(state) + _chance_note(decision)
+
+
+def _servo_notes(state: State, servo: Mapping[str, Interval]) -> tuple[str, ...]:
+    """K or tau outside what a rig file may differ: say "recalibrate the servo"."""
+    rig, found = state.believed.rig.servo, []
+    for label, value in servo.items():
+        key = "gain_rad_s_V" if label.startswith("gain") else "time_constant_s"
+        nominal = getattr(rig, key)
+        limit = CALIBRATED[key]
+        if abs(value.value / nominal - 1) > limit:
+            found.append(f"recalibrate the servo: {label} is {value.value:.4g}, the rig file says "
+                         f"{nominal:.4g} (tolerance {100 * limit:.0f} %)")  # fmt: skip
+    return tuple(found)
+
+
+def _height_note(state: State) -> tuple[str, ...]:
+    """A scale that comes with a shift as the plate tilts: the ball is higher than believed."""
+    more = higher(state) - state.believed.rig.camera.ball_height_m
+    if not more or ("camera_scale", "xy") not in state.named:
+        return ()
+    way = "higher" if more > 0 else "lower"
+    return (f"the scale comes with a shift as the plate tilts: the ball's centre lies "
+            f"{1e3 * abs(more):.0f} mm {way} than its pictures were taken for",)  # fmt: skip
+
+
+def _chance_note(decision: Decision) -> tuple[str, ...]:
+    chance = decision.chance
+    if chance is None:
+        return ()
+    need = max(chance.score, THRESHOLD)
+    return (f"by chance alone a log like this scores {chance.score:.1f} in 1 of {ONE_IN} "
+            f"({chance.draws} draws); a name needs {need:.1f}",)  # fmt: skip
+
+
+def sentence(decision: Decision, names: tuple[Named, ...]) -> str:
+    """What is wrong, in plain words."""
+    told = [_told(name) for name in names]
+    left = decision.shape and describe(decision.shape)
+    if decision.verdict == "nothing-missing":
+        return "Nothing is missing: the model explains the log within the declared tolerances."
+    if decision.verdict == "unknown-effect":
+        channel = decision.shape.channel if decision.shape else "the log"
+        return f"Something that has no name in the catalogue acts on {channel}: {left}."
+    if decision.verdict == "undecided":
+        rivals = [r.name for one in decision.accepted for r in one.rivals[:1]]
+        return f"{'; '.join(told)}, or {' or '.join(rivals)}: this log cannot tell them apart."
+    text = "The model lacks " + " and ".join(told) + "."
+    return text + (f" Something without a name is left: {left}." if left else "")
+
+
+def _told(name: Named) -> str:
+    words = BY_NAME[name.name].sentence.rstrip(".").lower()
+    sizes = []
+    for axis, pairs in name.parameters.items():
+        for key, value in list(pairs.items())[:1]:
+            sizes.append(f"{axis} {key} = {value.value:.4g} [{value.low:.4g}, {value.high:.4g}]")
+    return f"{name.name} ({words}): {', '.join(sizes)}"
