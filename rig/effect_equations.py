@@ -146,6 +146,8 @@ def camera_map(x, y, scale_fraction, yaw_rad, k1_1_m2):
 @compiled
 def camera_unmap(x, y, scale_fraction, yaw_rad, k1_1_m2):
     """The true position of a measured one [m]: `camera_map` backwards, the lens by iteration."""
+    if scale_fraction == 0.0 and yaw_rad == 0.0 and k1_1_m2 == 0.0:
+        return x, y
     s, c = sine_cosine(yaw_rad)
     u, v = (c * x + s * y) / (1.0 + scale_fraction), (c * y - s * x) / (1.0 + scale_fraction)
     a, b = u, v

@@ -14,7 +14,7 @@ from rig.shaft import EXACT, dead_zone, play_operator, shaft_torque
 
 LONGEST_STEP_S = 0.0025  # dry friction is one decision a step: at a slow tick take several
 WINDING_STEP_S = 0.001  # a shaft that winds up against friction swings
-MEETING_STEP_S = 5e-4  # teeth that meet part again after 6 ms
+MEETING_STEP_S = 2.5e-4  # teeth that meet part again after 6 ms
 MEETING_UNSURE = 10.0  # times the process noise: when and how hard the teeth meet
 TOUCH_RAD = 1e-4  # ends of the gap closer than this are touching
 
@@ -22,6 +22,8 @@ TOUCH_RAD = 1e-4  # ends of the gap closer than this are touching
 @compiled
 def delayed_volts(volts, k, a, dt, delay_s):
     """Mean of the volts that reach motor `a` during tick k when they come `delay_s` late [V]."""
+    if delay_s == 0.0:
+        return volts[k, a]
     whole = int(delay_s / dt)
     part = delay_s / dt - whole
     new, old = max(k - whole, 0), max(k - whole - 1, 0)
@@ -29,46 +31,58 @@ def delayed_volts(volts, k, a, dt, delay_s):
 
 
 @compiled
-def servo_step(p, a, motor, speed, variance, volts, gain, tau, dt, free_gap):
+def servo_step(p, a, motor, speed, variance, volts, gain, decay, share, free_gap, dt):
     """Motor angle and speed `dt` later; `variance` is how surely the speed is known [rad2/s2].
+
+    `decay` is what is left of a speed, `share` of its mean over dt (`_decays`).
 
     First order exactly, then dry friction: the motor's and the arm's; inside a gap it turns alone.
     A speed known to s feels the mean of the Stribeck excess around it: that of N(omega, s^2) is
     the same bell, sqrt(v^2 + 2 s^2) wide and lower by as much.
     """
-    if free_gap:
-        tau *= p.motor_inertia[a] / (p.motor_inertia[a] + p.arm_inertia + p.plate_inertia)
-    decay = exp(-dt / tau)
     bell = p.stribeck_friction_speed_rad_s[a]
-    wide = sqrt(bell * bell + 2.0 * variance)
-    dry = equations.friction_volts(
-        speed,
-        p.coulomb_friction_friction_V[a],
-        p.stribeck_friction_extra_V[a] * bell / wide,
-        wide,
-    ) + (0.0 if free_gap else p.arm_friction / p.torque_per_volt[a])
+    extra = p.stribeck_friction_extra_V[a]
+    if extra != 0.0:
+        wide = sqrt(bell * bell + 2.0 * variance)
+        extra, bell = extra * bell / wide, wide
+    dry = equations.friction_volts(speed, p.coulomb_friction_friction_V[a], extra, bell)
+    dry += 0.0 if free_gap else p.arm_friction / p.torque_per_volt[a]
     target = gain * volts
     free = target + (speed - target) * decay
     after = equations.stick(free, gain * dry * (1.0 - decay))
     # The mean speed over the tick: exact for the first-order motor, dry friction on both ends.
-    mean = target + (speed - target) * tau * (1.0 - decay) / dt
+    mean = target + (speed - target) * share
     return motor + dt * (mean + 0.5 * (after - free)), after
 
 
 @compiled
-def plate_torque(p, a, motor, anchor):
-    """Torque with which a plate that sticks at `anchor` loads the motor [N m], and the anchor.
+def _decays(tau, dt):
+    """Shares of a speed and of its mean that are left after and over dt."""
+    decay = exp(-dt / tau)
+    return decay, tau * (1.0 - decay) / dt
 
-    Between them lie both shafts with their play; they wind up until the joint's friction lets go.
-    """
-    friction = p.joint_friction
-    if friction == 0.0:
-        return 0.0, motor
+
+@compiled
+def _winding(p, a):
+    """Both shafts between motor and plate as one: stiffness [N m/rad] and ends of the play; and the
+    twist at which the joint's friction lets go [rad]."""
     k = p.gear_k[a] * p.joint_k[a] / (p.gear_k[a] + p.joint_k[a])
     half = 0.5 * p.joint_backlash_play_rad[a]
     up = p.gear_1[a] + p.joint_backlash_offset_rad[a] + half
     down = p.gear_2[a] + p.joint_backlash_offset_rad[a] - half
-    anchor = play_operator(anchor, motor, up + friction / k, down - friction / k)
+    return k, up, down, p.joint_friction / k
+
+
+@compiled
+def plate_torque(winding, motor, anchor):
+    """Torque with which a plate that sticks at `anchor` loads the motor [N m], and the anchor.
+
+    Between them lie both shafts with their play; they wind up until the joint's friction lets go.
+    """
+    k, up, down, twist = winding
+    if twist == 0.0:
+        return 0.0, motor
+    anchor = play_operator(anchor, motor, up + twist, down - twist)
     return k * dead_zone(motor - anchor, up, down), anchor
 
 
@@ -116,18 +130,22 @@ def predict_axis(p, levels, a, t, volts, theta, gain, tau, out, std):
     longest = LONGEST_STEP_S if p.joint_friction == 0.0 else WINDING_STEP_S
     if coasts:
         longest = MEETING_STEP_S
+    winding = _winding(p, a)
+    alone = tau * p.motor_inertia[a] / (p.motor_inertia[a] + p.arm_inertia + p.plate_inertia)
+    h, decay, share, free_decay, free_share = 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(t.shape[0] - 1):
         dt = t[k + 1] - t[k]
-        parts = int(ceil(dt / longest))
-        h = dt / parts
-        q = levels.servo_process[a] ** 2 * h
-        reach, decay = tau * (1.0 - exp(-h / tau)), exp(-h / tau)
+        parts = int(ceil(dt / longest - 1e-9))
+        if abs(dt / parts - h) > 1e-12:  # a clock that ticks evenly decays evenly
+            h = dt / parts
+            (decay, share), (free_decay, free_share) = _decays(tau, h), _decays(alone, h)
+        q, reach = levels.servo_process[a] ** 2 * h, h * share
         v_x = delayed_volts(volts, k, 0, dt, delay)
         v_y = delayed_volts(volts, k, 1, dt, delay)
         for i in range(parts):
             v = effective_volts(p, a, v_x, v_y, arm, speed, t[k] + i * h)
             gap = _depth(motor, arm, beta_1, beta_2)
-            free_gap = gap > TOUCH_RAD + sqrt(p00)
+            free_gap = gap > TOUCH_RAD and gap > TOUCH_RAD + sqrt(p00)
             p00 += max(2.0 * reach * p01 + reach * reach * p11, -0.5 * p00) + q * h * h / 3.0
             p01 = decay * (p01 + reach * p11) + 0.5 * q * h
             p11 = decay * decay * p11 + q
@@ -138,19 +156,12 @@ def predict_axis(p, levels, a, t, volts, theta, gain, tau, out, std):
                 still += 2.0 * h * s01 + h * h * s11 + q * h * h / 3.0
                 s01, s11 = s01 + h * s11 + 0.5 * q * h, s11 + MEETING_UNSURE * q
             else:
-                torque, anchor = plate_torque(p, a, motor, anchor)
+                torque, anchor = plate_torque(winding, motor, anchor)
+            free = free_gap or coasts
             motor, speed = servo_step(
-                p,
-                a,
-                motor,
-                speed,
-                p11,
-                v - torque / p.torque_per_volt[a],
-                gain,
-                tau,
-                h,
-                free_gap or coasts,
-            )
+                p, a, motor, speed, p11, v - torque / p.torque_per_volt[a], gain,
+                free_decay if free else decay, free_share if free else share, free, h,
+            )  # fmt: skip
             if not coasts:
                 arm = play_operator(arm, motor - torque / p.gear_k[a], beta_1, beta_2)
                 arm = held_arm(p, a, arm, anchor, torque)

@@ -17,6 +17,7 @@ from rig.log import Log
 from rig.predict import Signals, ball_innovations, servo_innovations, signals
 
 FASTEST_HZ = 600.0  # above it the encoder's counts drown a tick: several become one
+BROKEN = 1e6  # deviations: beyond, a roll-out is no prediction
 AFTER_PUSH_S = 0.05
 # Counts within MEMORY_S before and after from which on their errors average out.
 MEMORY_S, ENOUGH_COUNTS, LEAST_WORTH = 0.05, 8.0, 0.4
@@ -99,6 +100,8 @@ class Evidence:
         z, log_std = (np.concatenate(column) for column in zip(*found, strict=True))
         blind = ~np.isfinite(z)
         z[blind] = 0.0
+        if np.max(np.abs(z), initial=0.0) > BROKEN:
+            z[:] = 0.0  # it ran away: no model of this log
         log_std[blind] = 0.0
         return Roll(z, log_std)
 
