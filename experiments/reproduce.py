@@ -101,12 +101,13 @@ def _figure_runs(rig: Rig, out: Path, seed: int, bundle: Path | None, progress: 
     wanted += [("12", pushed, "without", seed), ("13", pushed, "with", seed)]
     wanted += [("14", release, arm, seed + i) for i in range(1, 5) for arm in ARMS]
     orders = [Order(rig, p, arm, s, runs, bundle) for _, p, arm, s in wanted]
-    simulate_order(orders[0])  # compiles once, before two processes would
     stage = "runs through frames" if bundle else "runs"
     progress(stage, 0, len(orders))
     jobs = Parallel(n_jobs=min(2, cpu_count() or 1), return_as="generator")
-    done = []
-    for one in jobs(delayed(run)(order) for order in orders):
+    first = jobs([delayed(run)(orders[0])])  # compiles what sees, before two processes would
+    simulate_order(orders[0])  # compiles beside it what only simulates
+    done = list(first)
+    for one in jobs(delayed(run)(order) for order in orders[1:]):
         done.append(one)
         progress(stage, len(done), len(orders))
     study: Study = {}
