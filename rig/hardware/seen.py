@@ -39,7 +39,10 @@ class TickClock(FromFirst):
 
 
 class Seen:
-    """Picks up what an eye saw: each observation once, and never before its light."""
+    """Picks up what an eye saw: each observation once, and never before its light.
+
+    What the eye raises is raised once: levelling afterwards needs no camera.
+    """
 
     def __init__(self, eye: Eye | None) -> None:
         self._eye, self._last_s = eye, float("-inf")
@@ -48,7 +51,11 @@ class Seen:
         """The newest observation that was not given yet and is not of the future."""
         if self._eye is None:
             return None
-        ball = self._eye.latest(self._last_s)
+        try:
+            ball = self._eye.latest(self._last_s)
+        except OSError:
+            self._eye = None
+            raise
         if ball is None or not self._last_s < ball.exposed_s <= t_s:
             return None
         self._last_s = ball.exposed_s

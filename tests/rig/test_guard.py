@@ -14,8 +14,7 @@ from experiments.protocol import read_protocol
 from experiments.runner import Order, simulate_orders
 from rig.guard import GuardLimits, Memory, Push, Trip, check_wish, look, push
 from rig.log import Log
-from rig.parameters import Rig
-from rig.simulate import ANGLE_MARGIN_RAD
+from rig.parameters import ANGLE_MARGIN_RAD, Rig
 from rig.table import Reading
 from vision.frames import Observation
 

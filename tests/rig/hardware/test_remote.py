@@ -16,7 +16,7 @@ from rig.hardware import remote_wire as wire
 from rig.hardware.link import LinkLost
 from rig.hardware.link_clock import LinkClock
 from rig.hardware.remote import RemoteTable, read_token
-from rig.hardware.served import Guard
+from rig.hardware.served import HOLD_S, Guard
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig
 from rig.simulator import SimulatedTable
@@ -393,7 +393,7 @@ def test_the_guard_lets_nothing_unfresh_through(todo):
         out = guard.volts((theta, -theta), now)
         assert all(np.isfinite(v) and abs(v) <= 6.0 for v in out)
         if guard.armed and any(out):
-            assert now - fresh <= wire.SILENT_S + 1e-9
+            assert now - fresh <= HOLD_S + 1e-9
             if guard.homed and abs(theta) > 0.62:
                 assert out[0] * theta <= 0
                 assert -out[1] * theta <= 0
