@@ -11,11 +11,11 @@ sys.path[:0] = [
     str(ROOT / "tests/rig/hardware"),
 ]
 
-import limiter_laws  # noqa: E402
+import limiter_laws  # noqa: E402  # pyright: ignore[reportMissingImports]
 import suites  # noqa: E402
-import test_guard  # noqa: E402
-import test_levelling  # noqa: E402
-import test_served  # noqa: E402
+import test_guard  # noqa: E402  # pyright: ignore[reportMissingImports]
+import test_levelling  # noqa: E402  # pyright: ignore[reportMissingImports]
+import test_served  # noqa: E402  # pyright: ignore[reportMissingImports]
 from mutate import survivors  # noqa: E402
 
 

@@ -107,10 +107,9 @@ def test_what_is_no_number_ends_the_run(bad: float):
         _, trip = watch([reading])
         assert trip is not None
         assert (trip.name, trip.level) == ("no number", False)
-    assert (
-        "time"
-        in look(Memory(), LIMITS, Reading(bad, (0.0, 0.0)), (0, 0), balancing=False)[1].reason
-    )  # type: ignore[union-attr]
+    _, trip = look(Memory(), LIMITS, Reading(bad, (0.0, 0.0)), (0, 0), balancing=False)
+    assert trip is not None
+    assert "time" in trip.reason
     balls = (see(bad), see(0.0, (bad, 0.0)), see(0.0, (0.0, bad)), see(0.0, cov=(bad, 0.0, 0.0)))
     for ball in balls:
         _, trip = watch([Reading(0.0, (0.0, 0.0), None, ball)])
@@ -172,6 +171,7 @@ def test_volts_without_motion_are_a_stall_within_a_tenth_of_a_second(volts: floa
         assert trip is not None
         assert (trip.name, trip.level) == ("stall", False)
         assert f"servo {'xy'[axis]}" in trip.reason
+        assert k is not None
         assert k == pytest.approx(11 + 0.08 / TICK, abs=1)
         assert (k - 10) * TICK < 0.1
 

@@ -33,7 +33,7 @@ class Bench:
         self.board, self.parser, self.counts = HostBoard(), Parser(), zeros
         self.newest = Telemetry(0, 0, 0, 0, 0, 0, 0, 0)
         self.sequence = 500
-        self.request = ConfigRequest(1, 7, 1, int(homed), *zeros, 4096, LIMIT, 6000)
+        self.request = ConfigRequest(1, 7, 1, int(homed), zeros[0], zeros[1], 4096, LIMIT, 6000)
         self.configure()
         if armed:
             self.send(Arm(self.token, self.sequence))
@@ -624,7 +624,7 @@ def test_the_boards_clock_may_wrap():
 
     def shifted() -> bytes:
         packets = Parser().feed(sent())
-        late = [(p.clock_us + 2**32 - 500_000) % 2**32 for p in packets]
+        late = [(p.clock_us + 2**32 - 500_000) % 2**32 for p in packets]  # pyright: ignore
         return b"".join(
             wire.encode(replace(p, clock_us=t)) for p, t in zip(packets, late, strict=True)
         )

@@ -342,7 +342,7 @@ def test_no_bytes_upset_the_parser(data: bytes):
 
 def test_clocks_of_two_machines_are_told_apart():
     """Offset 12 s and 40 ppm through jittery, unequal ways: good to half the round trip."""
-    rng, clock = np.random.default_rng(4), LinkClock()
+    rng, clock, sent = np.random.default_rng(4), LinkClock(), 0.0
     for k in range(5000):
         sent = 100 + 0.01 * k
         up, down = 2e-4 + rng.exponential(3e-3, 2)
