@@ -29,7 +29,7 @@ SAME = {
     "(rate_rad_s - rate_rad_s)  [['(wish_V": "NaN or 0 each: adding and subtracting them is alike",
     "['allowed > 0.0']: Gt -> GtE": "0 V would be returned as 0 V",
     "['allowed < 0.0']: Lt -> LtE": "0 V would be returned as 0 V",
-    "[['True']: -> False]": "what is zipped are pairs by their types",
+    "strict=True": "what is zipped are pairs by their types",
     "seen_s: float = -inf  [['-inf']: USub dropped]": "seen_s: read only where it is finite",
     "theta_rad: float = 0.0": "Push(): of no meaning while its sign is 0",
     "since_s: float = 0.0": "Push(): of no meaning while its sign is 0",
