@@ -53,11 +53,11 @@ def _device(path: str, about: str = "", **numbers) -> Device:
 def _serial_ports() -> tuple[Device, ...]:
     try:
         from serial.tools.list_ports import comports
-    except ImportError:
+
+        ports = comports()
+    except (ImportError, OSError, TypeError, ValueError):  # or one was unplugged meanwhile
         return ()
-    return tuple(
-        _device(p.device, p.description or "", vendor=p.vid, product=p.pid) for p in comports()
-    )
+    return tuple(_device(p.device, p.description or "", vendor=p.vid, product=p.pid) for p in ports)
 
 
 def _usb_devices() -> tuple[tuple[Device, ...], bool]:

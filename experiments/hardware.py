@@ -13,9 +13,10 @@ from rig.hardware.choose import OpenTable, open_table
 from rig.hardware.eye import CameraEye
 from rig.hardware.home import Homing, home
 from rig.hardware.homed import CURE, Homed, NotHomed, home_file, load, power_up
+from rig.levelling import LevelOnExit
 from rig.parameters import Rig
 from rig.realtime import go_realtime
-from rig.table import LevelOnExit, Reading, Table
+from rig.table import Reading, Table
 
 TILT_STALL_S = 2.0  # homing is slow: markers that are late do no harm
 MARKS = (8192, 24576)  # where a card's counters are put by homing, far from where they wake up
@@ -133,10 +134,10 @@ class Checked(LevelOnExit):
             self._homed.check_angles(first.theta_rad)
             if self._eye is not None:
                 self._eye.begin(self._table.zero_s)  # pyright: ignore[reportAttributeAccessIssue]
+            self._table.__enter__()
         except BaseException:
             self._table.close()
             raise
-        self._table.__enter__()
         return self
 
     def __exit__(self, *error) -> None:

@@ -8,8 +8,7 @@ be a second accident: such a trip asks for 0 V at once (`level` False).
 from dataclasses import dataclass, replace
 from math import copysign, inf, isfinite
 
-from rig.parameters import Rig
-from rig.simulate import ANGLE_MARGIN_RAD
+from rig.parameters import ANGLE_MARGIN_RAD, Rig
 from rig.table import Reading
 
 MISSED = 0.9  # of a period late: a tick was missed

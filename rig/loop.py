@@ -11,13 +11,14 @@ from rig.commands import Command, CommandSlot, Inbox, Push, SetGains, Stop, Targ
 from rig.endings import Ending
 from rig.guard import GuardLimits, Trip
 from rig.hands import SAY, Hand
+from rig.levelling import LevelOnExit
 from rig.limits import limit
 from rig.log import COLUMNS
 from rig.parameters import Rig
 from rig.pilot import BLIND, HOLD, PLACE, RUN, pilot_tick
 from rig.rows import fill_row
 from rig.simulate import BLIND_LIMIT_S, Course
-from rig.table import LevelOnExit, Reading, Table
+from rig.table import Reading, Table
 
 HIGHEST_GAINS = (20.0, 20.0, 20.0)  # rad/m, rad/(m s), rad s/m: what a setpoint page may ask for
 DONE = Ending("completed")
@@ -100,13 +101,13 @@ class Loop:
                 return ending
 
     def _tick(self, reading: Reading) -> Ending | None:
+        trip = self._watch(reading)
+        if trip is not None and not trip.level:  # before any stop, which would level the plate
+            return self._cut(reading, trip)
         for command in self._commands.take():
             if isinstance(command, Stop):
                 return Ending(command.outcome, command.reason)
             self._obey(command, reading.t_s)
-        trip = self._watch(reading)
-        if trip is not None and not trip.level:
-            return self._cut(reading, trip)
         self._guide(reading)
         row = reading.row()
         target = np.array(self._target or self._course.targets_m[self._ticks])

@@ -4,7 +4,8 @@ import time
 from collections.abc import Callable
 
 from rig.deadlines import Ticker, sleep_until
-from rig.table import LevelOnExit, Reading
+from rig.levelling import LevelOnExit
+from rig.table import Reading
 
 
 class Paced(LevelOnExit):

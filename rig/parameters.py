@@ -14,6 +14,7 @@ from rig.unknown import Unknown
 GRAVITY_M_S2 = 9.81
 SHAFT_MODELS = ("exact", "dead_zone", "none")
 TABLE_KINDS = ("simulated", "serial", "usb", "quanser", "remote")
+ANGLE_MARGIN_RAD = 0.08  # further beyond the angle limit is a runaway (the stop is at 0.086)
 
 # SRV02 in high gear (A).
 MOTOR_RESISTANCE_OHM = 2.6

@@ -14,7 +14,7 @@ from rig import pilot, plant, plant_record, statistical_camera
 from rig.compiled import compiled, inlined
 from rig.limits import limit
 from rig.log import COLUMNS, Log
-from rig.parameters import Rig
+from rig.parameters import ANGLE_MARGIN_RAD, Rig
 from rig.pilot import BLIND, HOLD, pilot_tick
 from rig.plant import SEEN_T
 from rig.rows import fill_row
@@ -27,7 +27,6 @@ BLIND_LIMIT_S = 1.0  # a ball unseen for so long ends the run
 RELEASE_LIMIT_S = 3.0  # in a simulation, a release not detected by then ends the run
 ENDINGS = ("completed", "ball lost", "limit", "not released")
 NOT_RELEASED = 3
-ANGLE_MARGIN_RAD = 0.08  # further beyond the angle limit is a runaway (the stop is at 0.086)
 
 
 DESK = np.dtype(

@@ -12,6 +12,7 @@ import numpy as np
 from rig import plant, plant_record, statistical_camera
 from rig.compiled import compiled
 from rig.effect_equations import camera_map
+from rig.levelling import LevelOnExit
 from rig.parameters import Rig
 from rig.plant import SEEN_SX, SEEN_SY, SEEN_T, SEEN_VX, SEEN_VY, SEEN_X, SEEN_Y
 from rig.sensors import read_drives
@@ -26,7 +27,7 @@ from rig.signals import (
     blank_reading,
 )
 from rig.statistical_camera import deliver, look, next_exposure, queue_observation
-from rig.table import LevelOnExit, Reading
+from rig.table import Reading
 from vision.frames import Observation
 
 _BLOCK = 256

@@ -1,12 +1,10 @@
 """The one seam between a loop and a table, real or simulated: read, drive, close."""
 
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Protocol, Self
+from typing import Protocol
 
 import numpy as np
 
-from rig.limits import limit
 from rig.signals import (
     R_BALL,
     R_EXPOSED,
@@ -67,43 +65,3 @@ class Table(Protocol):
         ...
 
     def close(self) -> None: ...
-
-
-LEVEL_GAIN_V_RAD = 14.0
-LEVEL_LIMIT_V = 3.0  # at most, and never above the table's own limit
-
-
-class LevelOnExit:
-    """Mixin: leaving the context levels the plate for `level_s`, then 0 V, then closes."""
-
-    level_s: float = 0.6
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        try:
-            bring_level(self, self.level_s)  # pyright: ignore[reportArgumentType]
-        finally:
-            self.close()  # pyright: ignore[reportAttributeAccessIssue]
-
-
-def bring_level(table: Table, seconds: float) -> None:
-    """Drive both servos to zero for `seconds` of the table's time, then 0 V whatever happened."""
-    most = min(LEVEL_LIMIT_V, table.voltage_limit_V)
-    try:
-        first = table.read()
-        now = first
-        while now.t_s - first.t_s < seconds:
-            x, y = (
-                limit(-LEVEL_GAIN_V_RAD * a, a, 0.0, 0.0, most, np.inf, most) for a in now.theta_rad
-            )
-            table.drive((x, y))
-            now = table.read()
-    finally:
-        table.drive((0.0, 0.0))

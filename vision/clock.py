@@ -30,15 +30,16 @@ def wall_minus_monotonic() -> float:
 
 
 class ForeignClock:
-    """Maps a clock of unknown zero by the fastest delivery of the last `WINDOW_S`.
+    """Maps a clock of unknown zero by the fastest delivery of the last `window_s` (of that clock).
 
     A delay is never negative, so the smallest difference of arrival and stamp is the clocks'
     difference plus the shortest delay (NTP's filter, RFC 5905 section 10). What remains is that
     shortest delay, a constant which `rig calibrate time` finds; the jitter of the way is gone.
     """
 
-    def __init__(self) -> None:
-        # (arrival, difference), differences increasing: the first is the window's smallest
+    def __init__(self, window_s: float = WINDOW_S) -> None:
+        self._window_s = window_s
+        # (stamp, difference), differences increasing: the first is the window's smallest
         self._smallest: deque[tuple[float, float]] = deque()
         self._last_stamp_s: float | None = None
 
@@ -50,7 +51,7 @@ class ForeignClock:
         difference = arrived_s - stamp_s
         while self._smallest and self._smallest[-1][1] >= difference:
             self._smallest.pop()
-        self._smallest.append((arrived_s, difference))
-        while self._smallest[0][0] < arrived_s - WINDOW_S:
+        self._smallest.append((stamp_s, difference))
+        while self._smallest[0][0] < stamp_s - self._window_s:
             self._smallest.popleft()
         return min(stamp_s + self._smallest[0][1], arrived_s)

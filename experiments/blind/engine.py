@@ -15,13 +15,13 @@ from rig import pilot, plant, plant_record, statistical_camera
 from rig.compiled import compiled
 from rig.limits import limit
 from rig.log import COLUMNS, Log
-from rig.parameters import GRAVITY_M_S2, Rig
+from rig.parameters import ANGLE_MARGIN_RAD, GRAVITY_M_S2, Rig
 from rig.pilot import BLIND, HOLD, pilot_tick
 from rig.plant import ARM, BALL, BALL_W, SEEN_T, SPIN, plate_motion
 from rig.rows import fill_row
 from rig.sensors import read_drives
 from rig.signals import R_THETA, R_TIME, R_VARIANCE, READING_SIZE
-from rig.simulate import ANGLE_MARGIN_RAD, BLIND_LIMIT_S, ENDINGS, Course, Draws, Simulated
+from rig.simulate import BLIND_LIMIT_S, ENDINGS, Course, Draws, Simulated
 from rig.simulator import table_tick
 from rig.statistical_camera import deliver, look, next_exposure
 

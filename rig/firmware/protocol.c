@@ -99,7 +99,9 @@ static uint32_t next_token(uint32_t seed) { return seed * (uint32_t)2654435761UL
 
 static void take_config(board_t *b, const uint8_t *p) {
     uint16_t per_rev = get16(p + 14);
-    if (b->state == IS_ARMED || b->state == IS_LEVELLING) return; /* disarm first */
+    if (b->state == IS_LEVELLING) return;
+    /* Armed without a command, another host's question is let in: ours died before its first word. */
+    if (b->state == IS_ARMED && (b->commanded || get16(p + 2) == b->nonce)) return;
     b->nonce = get16(p + 2);
     b->answer_due = 1;
     if (p[1] != PROTOCOL_VERSION || per_rev < FEWEST_COUNTS) {

@@ -6,6 +6,7 @@ import secrets
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 from math import pi
 from types import TracebackType
 
@@ -16,7 +17,8 @@ from rig.hardware.link import LINK_DEAD_S, Link, LinkLost
 from rig.hardware.seen import Seen
 from rig.hardware.wire import Arm, Command, ConfigAnswer, ConfigRequest, Disarm, Telemetry
 from rig.hardware.wiring import Wiring
-from rig.table import LevelOnExit, Reading
+from rig.levelling import LevelOnExit
+from rig.table import Reading
 
 ANSWER_S = 3.0  # an Arduino that resets on opening spends two seconds in its boot loader
 ASK_AGAIN_S = 0.1
@@ -135,15 +137,18 @@ class BoardTable(LevelOnExit):
         """Let volts flow from now on. The board must confirm; LinkLost, BoardStopped otherwise."""
         word = Arm(self._answer.token, self._sequence)
         until = self._clock() + LINK_DEAD_S
-        while self._clock() < until:
-            self._send(word)  # again and again: it arms but once
-            if self._await_telemetry().flags & wire.ARMED:
-                self._armed, self._read_us = (
-                    True,
-                    None,
-                )  # ticks heard here are none that were missed
-                return
-        raise self._end(BoardStopped(errno.EPERM, f"{self._link.name} does not arm"))
+        try:
+            while self._clock() < until:
+                self._send(word)  # again and again: it arms but once
+                if self._await_telemetry().flags & wire.ARMED:
+                    self._armed = True
+                    self._read_us = None  # ticks heard here are none that were missed
+                    return
+            raise self._end(BoardStopped(errno.EPERM, f"{self._link.name} does not arm"))
+        except BaseException:  # it may have heard us, though we did not hear it
+            with suppress(OSError):
+                self._link.send(wire.encode(Disarm()))
+            raise
 
     def __enter__(self) -> "BoardTable":
         if not self._armed:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 
-from rig.hardware.seen import FromFirst
+from rig.hardware.seen import TICKS_S, FromFirst
 from vision.clock import ForeignClock
 
 
@@ -12,7 +12,7 @@ class BoardClock(FromFirst):
 
     def __init__(self, clock: Callable[[], float]) -> None:
         super().__init__()
-        self._clock, self._foreign = clock, ForeignClock()
+        self._clock, self._foreign = clock, ForeignClock(TICKS_S)
         self._board_us: int | None = None  # counted on beyond its 32 bits
         self._host_s = math.nan
 

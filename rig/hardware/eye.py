@@ -12,7 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -20,9 +20,6 @@ from rig.linkage import plate_rotation, tilt_sines
 from rig.shared_ring import SharedArray, SharedRing
 from vision.frames import Frame, Observation, Track
 from vision.source_errors import GarbageError
-
-if TYPE_CHECKING:
-    from vision.view import View
 
 STALL_S = 0.3  # the pilot has levelled the plate by then (rig.pilot.BLIND_S)
 OPEN_S = 90.0  # a process has to import OpenCV, open a camera and, once, compile what sees
@@ -42,7 +39,7 @@ class Sees(Protocol):
 
     def step(
         self, frame: Frame, rotation_hint: np.ndarray
-    ) -> "tuple[Observation | None, Track, View]": ...
+    ) -> "tuple[Observation | None, Track, object]": ...
 
 
 # What makes the frames (times on `time.monotonic`, as of open_source(..., start_s=0.0); closed at

@@ -18,8 +18,9 @@ from rig.hardware.link import LinkLost
 from rig.hardware.one_thread import OneThread
 from rig.hardware.seen import Seen, TickClock
 from rig.hardware.wiring import Wiring
+from rig.levelling import LevelOnExit
 from rig.parameters import GEAR_RATIO_HIGH, Rig
-from rig.table import LevelOnExit, Reading
+from rig.table import Reading
 
 CARD = "q2_usb"
 OUTPUT_LIMIT_V = 10.0  # of the card's analog outputs

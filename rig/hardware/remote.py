@@ -16,7 +16,8 @@ from rig.hardware.link_clock import LinkClock
 from rig.hardware.remote_wire import Telemetry, Wire, read_token
 from rig.hardware.seen import Seen, TickClock
 from rig.hardware.wiring import Wiring
-from rig.table import LevelOnExit, Reading
+from rig.levelling import LevelOnExit
+from rig.table import Reading
 from vision.frames import Observation
 
 __all__ = ["RemoteTable", "read_token"]

@@ -5,21 +5,21 @@ Pure but for its own state: times come in, volts go out.
 
 from math import inf, isfinite
 
-import numpy as np
-
 from rig.hardware.remote_wire import SILENT_S, Drive
 from rig.hardware.wiring import Wiring
+from rig.levelling import Levelling
 from rig.limits import limit
-from rig.simulate import ANGLE_MARGIN_RAD
-from rig.table import LEVEL_GAIN_V_RAD, LEVEL_LIMIT_V
+from rig.parameters import ANGLE_MARGIN_RAD
 from vision.clock import ForeignClock
 
 LEVEL_S = 0.5
+HOLD_S = 0.05  # so long a command's volts last without a newer one
 HOMING_LIMIT_V = 3.0  # while nobody knows where the stops are
 
 
 class Guard:
-    """Volts of the newest fresh command while armed; silent: level for 0.5 s, then 0 V, latched."""
+    """Volts of the newest fresh command while armed, for 50 ms; silent for 100 ms: level for 0.5 s,
+    then 0 V, latched."""
 
     def __init__(self, voltage_limit_V: float, angle_limit_rad: float) -> None:
         self._limit_V, self._angle_limit_rad = voltage_limit_V, angle_limit_rad
@@ -28,9 +28,10 @@ class Guard:
         self.wiring = Wiring()
         self._volts = (0.0, 0.0)
         self._fresh_s = self._stopped_s = -inf
+        self._levelling = Levelling(voltage_limit_V)
         self.stale = 0
         self.meet()
-        limit(0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0)  # compiles now, not while a user waits
+        self._clamped(self._volts, self._volts)  # compiles now, not while a user waits
 
     def meet(self) -> None:
         """A new user with a clock of their own."""
@@ -60,6 +61,7 @@ class Guard:
         """Level, then 0 V, until armed anew."""
         if self.armed:
             self.armed, self.latched, self._stopped_s = False, True, now_s
+            self._levelling = Levelling(self._limit_V)
 
     def obey(self, wish: Drive, now_s: float) -> bool:
         """A command that arrived; one that was too long on its way is not obeyed."""
@@ -75,13 +77,10 @@ class Guard:
         if self.armed and now_s - self._fresh_s > SILENT_S:
             self.stop(now_s)
         if self.armed:
-            return self._clamped(self._volts, theta_rad)
+            is_held = now_s - self._fresh_s > HOLD_S
+            return (0.0, 0.0) if is_held else self._clamped(self._volts, theta_rad)
         if self.homed and now_s - self._stopped_s < LEVEL_S:
-            most = min(LEVEL_LIMIT_V, self._limit_V)
-            x, y = (
-                limit(-LEVEL_GAIN_V_RAD * a, a, 0.0, 0.0, most, np.inf, most) for a in theta_rad
-            )
-            return x, y
+            return self._levelling.volts(theta_rad, now_s)
         return 0.0, 0.0
 
     def _clamped(self, volts, theta_rad) -> tuple[float, float]:
@@ -89,7 +88,7 @@ class Guard:
         most = self._limit_V if self.homed else min(HOMING_LIMIT_V, self._limit_V)
         reach = self._angle_limit_rad + ANGLE_MARGIN_RAD if self.homed else inf
         x, y = (
-            limit(wish, a, 0.0, 0.0, most, reach, 2 * most)
+            limit(wish, a, 0.0, 0.0, most, reach, inf)
             for wish, a in zip(volts, theta_rad, strict=True)
         )
         return x, y

@@ -15,14 +15,14 @@ import numpy as np
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests/experiments")]
 from rig_lab import Lab  # noqa: E402  # pyright: ignore[reportMissingImports]
-from virtual_film import measured_and_true  # noqa: E402  # pyright: ignore[reportMissingImports]
+from virtual_film import measured_and_true, newer  # noqa: E402  # pyright: ignore[reportMissingImports]
 
 
 def told(run, folder: Path) -> str:
     """One line: outcome, observations, their error and age."""
     outcome, log = f"{run.meta['outcome']} ({run.meta.get('reason', '')})", run.log
     exposed, t_s = log["ball_exposed_s"], log["t_s"]
-    new = np.isfinite(exposed) & (np.diff(exposed, prepend=-1.0) > 0)
+    new = newer(exposed)
     if new.sum() < 2:
         return f"{outcome}: no ball was seen"
     pairs, age_ms = measured_and_true(log, folder), 1000 * (t_s - exposed)[new]

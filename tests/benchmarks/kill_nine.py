@@ -28,7 +28,13 @@ def kills(folder: Path, count: int, seed: int) -> None:
     moments = random.Random(seed)
     lost, begin = [], time.monotonic()
     for k in range(count):
-        lost.append(kill_after(folder / str(k), moments.uniform(0.0, 2.0)))
+        after_s = moments.uniform(0.0, 2.0)
+        lost.append(kill_after(folder / str(k), after_s))
+        print(
+            f"{k + 1:3}/{count}: {time.monotonic() - begin:4.0f} s; killed {after_s:.3f} s after "
+            f"the loop's begin, lost {1e3 * lost[-1]:.0f} ms",
+            flush=True,
+        )
     took_s = time.monotonic() - begin
     ms = 1e3 * np.array(lost)
     print(

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from mujoco_mechanism import Build, mechanism
 
+from rig.levelling import LevelOnExit
 from rig.parameters import Rig
-from rig.table import LevelOnExit, Reading
+from rig.table import Reading
 from vision.frames import Observation
 
 mujoco: Any = importlib.import_module("mujoco")  # its compiled part has no types

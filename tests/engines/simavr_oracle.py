@@ -3,8 +3,7 @@
 from board_world import World  # pyright: ignore[reportMissingImports]
 
 from rig.hardware.wire import Arm, Command, ConfigAnswer, Parser
-from rig.parameters import Rig
-from rig.simulate import ANGLE_MARGIN_RAD
+from rig.parameters import ANGLE_MARGIN_RAD, Rig
 
 WATCHDOG_S, LEVEL_S, LEVEL_V = 0.1, 0.5, 3.0
 LATE_S = 0.03  # the way through the chip, and a crystal 3 % off

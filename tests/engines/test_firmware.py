@@ -125,6 +125,20 @@ class Bench:
         return found
 
 
+@pytest.mark.parametrize("pace", [0.97, 1.03])
+def test_a_chip_with_a_poor_resonator_is_neither_lost_nor_blind(pace: float):
+    """What a camera saw is dated by the host's clock: the board's must be held to it."""
+    world = World(Chip(), Rig(), pace=pace)
+    seen = 0
+    with table_on(world) as table:
+        while world.now_s < 4.0:  # with 30 s of memory it would be lost by now
+            reading = table.read()
+            table.drive((0.0, 0.0))
+            seen += reading.ball is not None
+            assert abs(reading.t_s + table.zero_s - world.now_s) < 0.018
+    assert seen > 0.95 * 60 * 4
+
+
 @pytest.mark.parametrize("volts", [(3.0, -1.5), (-6.0, 6.0), (0.03, 0.0), (0.0, -0.03)])
 def test_pulse_width_and_direction_are_the_volts_asked(volts):
     bench = Bench()

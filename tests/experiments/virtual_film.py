@@ -39,10 +39,16 @@ def balls(folder: Path) -> np.ndarray:
     return np.array([[float(v) for v in row.split()] for row in rows])
 
 
+def newer(exposed_s: np.ndarray) -> np.ndarray:
+    """Which rows hold an exposure later than all before, whether old ones are held or blank."""
+    before_s = np.fmax.accumulate(np.concatenate([[-np.inf], exposed_s[:-1]]))
+    return exposed_s > before_s
+
+
 def measured_and_true(log, folder: Path) -> np.ndarray:
     """(n, 4): where the run's log has the ball, and where it was at that exposure."""
     exposed = log["ball_exposed_s"]
-    new = np.isfinite(exposed) & (np.diff(exposed, prepend=-1.0) > 0)
+    new = newer(exposed)
     times, told = exposed[new], np.column_stack([log["ball_x_m"], log["ball_y_m"]])[new]
     truth, best = balls(folder), np.zeros((0, 4))
     for stamp in truth[:, 0]:  # the run's zero is where all its exposures are those of the film

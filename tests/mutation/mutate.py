@@ -4,12 +4,15 @@ A mutant is the module with one comparison, constant, operator, boolean, branch,
 return changed. It runs as plain Python (`compiled` is the identity), in memory: no file is touched.
 """
 
+# pyright: reportAttributeAccessIssue=false
+# What fields a node has, its class has said just before.
 import ast
 import sys
 from collections.abc import Callable, Iterator
 from copy import deepcopy
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 COMPARISONS = {
     ast.Lt: (ast.LtE, ast.GtE),
@@ -108,7 +111,7 @@ class _InOrder(ast.NodeVisitor):
         self.generic_visit(node)
 
 
-def mutants(path: Path) -> Iterator[tuple[str, ast.Module]]:
+def mutants(path: Path) -> Iterator[tuple[str, Any]]:
     """(name, tree) of every mutant; the name is the line, the part of it and the change."""
     text = path.read_text(encoding="utf-8")
     lines, tree = text.splitlines(), ast.parse(text)

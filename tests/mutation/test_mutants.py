@@ -5,11 +5,17 @@ from functools import partial
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(Path(__file__).parent), str(ROOT / "tests/rig")]
+sys.path[:0] = [
+    str(Path(__file__).parent),
+    str(ROOT / "tests/rig"),
+    str(ROOT / "tests/rig/hardware"),
+]
 
-import limiter_laws  # noqa: E402
+import limiter_laws  # noqa: E402  # pyright: ignore[reportMissingImports]
 import suites  # noqa: E402
-import test_guard  # noqa: E402
+import test_guard  # noqa: E402  # pyright: ignore[reportMissingImports]
+import test_levelling  # noqa: E402  # pyright: ignore[reportMissingImports]
+import test_served  # noqa: E402  # pyright: ignore[reportMissingImports]
 from mutate import survivors  # noqa: E402
 
 
@@ -23,12 +29,19 @@ SAME = {
     "(rate_rad_s - rate_rad_s)  [['(wish_V": "NaN or 0 each: adding and subtracting them is alike",
     "['allowed > 0.0']: Gt -> GtE": "0 V would be returned as 0 V",
     "['allowed < 0.0']: Lt -> LtE": "0 V would be returned as 0 V",
-    "strict=True):  [['True']: -> False]": "what is zipped are pairs by their types",
+    "strict=True": "what is zipped are pairs by their types",
     "seen_s: float = -inf  [['-inf']: USub dropped]": "seen_s: read only where it is finite",
     "theta_rad: float = 0.0": "Push(): of no meaning while its sign is 0",
     "since_s: float = 0.0": "Push(): of no meaning while its sign is 0",
     "theta_rad: tuple[float, float] = (0.0, 0.0)": "not read before the first reading",
     "late_s: float = 0.0  [": "Memory(): look() always replaces it",
+    "GuardLimits(0.0, inf, inf, inf)  # of these only what a stall is  [['0.0']": "not used",
+    "self._volts, self._pushes = [0.0, 0.0]": "+-1 V is no push either",
+    "limit(wish, theta, 0.0, 0.0, most, inf, inf)  [['0.0']": "no angle and no slew is too much",
+    "limit(wish, a, 0.0, 0.0, most, reach, inf)  [['0.0']": "of a rate they die; no slew too much",
+    "self._volts = (0.0, 0.0)  [['0.0']": "served: arm() sets them before they are read",
+    "self._fresh_s = self._stopped_s = -inf": "arm() and configure() set them before that",
+    "[['self._levelling = Levelling(voltage_limit_V)']: dropped]": "stop() sets it before that",
 }
 
 
@@ -61,3 +74,23 @@ def test_every_mutant_of_the_guard_dies():
     count, alive = survivors(ROOT / "rig/guard.py", check)
     assert count > 150
     assert not unexplained(alive), "\n".join(unexplained(alive))
+
+
+def dies(path: str, tests) -> tuple[int, list[str]]:
+    """Mutants of a file under all tests of a module: how many, and who lives unexplained."""
+    names = [name for name in vars(tests) if name.startswith("test_")]
+    check = partial(suites.run_tests, tests, names=suites.quickest_first(tests, names))
+    count, alive = survivors(ROOT / path, check)
+    return count, unexplained(alive)
+
+
+def test_every_mutant_of_the_watchdog_over_a_served_table_dies():
+    count, alive = dies("rig/hardware/served.py", test_served)
+    assert count > 60
+    assert not alive, "\n".join(alive)
+
+
+def test_every_mutant_of_levelling_dies():
+    count, alive = dies("rig/levelling.py", test_levelling)
+    assert count > 30
+    assert not alive, "\n".join(alive)

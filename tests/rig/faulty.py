@@ -3,10 +3,11 @@
 import numpy as np
 
 from experiments.assemble import known, load_rig
+from rig.levelling import LevelOnExit
 from rig.loop import Loop
 from rig.simulate import Course
 from rig.simulator import SimulatedTable
-from rig.table import LevelOnExit, Reading
+from rig.table import Reading
 
 TABLE = load_rig(None)
 FAULT_S = 0.6

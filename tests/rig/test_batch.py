@@ -63,10 +63,12 @@ def random_task(seed: int) -> Task:
     course = random_steps(rng, n * TICK_S, reach_m=0.1, every_s=0.4)
     pushes = np.zeros_like(course.targets_m)
     pushes[n // 2 : n // 2 + 40] = rng.uniform(-9, 9, 2)
-    start = tuple(map(float, rng.uniform(-0.136, 0.136, 2)))
+    start = rng.uniform(-0.136, 0.136, 2)
     hold_s = float(rng.choice([0.0, 0.2]))
     servo_only = bool(rng.random() < 0.1)
-    course = Course(course.targets_m, pushes, start, hold_s, servo_only)
+    course = Course(
+        course.targets_m, pushes, (float(start[0]), float(start[1])), hold_s, servo_only
+    )
     return task_of(rig, course, arm=int(rng.choice([WITHOUT, WITH, SHAM])), seed=seed)
 
 

@@ -14,8 +14,7 @@ from experiments.protocol import read_protocol
 from experiments.runner import Order, simulate_orders
 from rig.guard import GuardLimits, Memory, Push, Trip, check_wish, look, push
 from rig.log import Log
-from rig.parameters import Rig
-from rig.simulate import ANGLE_MARGIN_RAD
+from rig.parameters import ANGLE_MARGIN_RAD, Rig
 from rig.table import Reading
 from vision.frames import Observation
 
@@ -108,10 +107,9 @@ def test_what_is_no_number_ends_the_run(bad: float):
         _, trip = watch([reading])
         assert trip is not None
         assert (trip.name, trip.level) == ("no number", False)
-    assert (
-        "time"
-        in look(Memory(), LIMITS, Reading(bad, (0.0, 0.0)), (0, 0), balancing=False)[1].reason
-    )  # type: ignore[union-attr]
+    _, trip = look(Memory(), LIMITS, Reading(bad, (0.0, 0.0)), (0, 0), balancing=False)
+    assert trip is not None
+    assert "time" in trip.reason
     balls = (see(bad), see(0.0, (bad, 0.0)), see(0.0, (0.0, bad)), see(0.0, cov=(bad, 0.0, 0.0)))
     for ball in balls:
         _, trip = watch([Reading(0.0, (0.0, 0.0), None, ball)])
@@ -173,6 +171,7 @@ def test_volts_without_motion_are_a_stall_within_a_tenth_of_a_second(volts: floa
         assert trip is not None
         assert (trip.name, trip.level) == ("stall", False)
         assert f"servo {'xy'[axis]}" in trip.reason
+        assert k is not None
         assert k == pytest.approx(11 + 0.08 / TICK, abs=1)
         assert (k - 10) * TICK < 0.1
 

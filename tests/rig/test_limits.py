@@ -131,18 +131,17 @@ def test_a_stale_estimate_is_zero(wish, theta, rate, last, age_s):
 def test_the_grid_runs_every_line_and_both_ways_of_every_branch():
     plain = getattr(limit, "py_func")  # noqa: B009
     lines = {line for *_, line in plain.__code__.co_lines() if line}
-    seen, steps = set(), set()
+    seen, steps, last = set(), set(), [0]
 
     def trace(frame, what, _):
         if frame.f_code is not plain.__code__:
             return None
         if what == "line":
-            steps.add((trace.last, frame.f_lineno))
+            steps.add((last[0], frame.f_lineno))
             seen.add(frame.f_lineno)
-        trace.last = frame.f_lineno if what == "line" else 0
+        last[0] = frame.f_lineno if what == "line" else 0
         return trace
 
-    trace.last = 0
     before = sys.gettrace()
     sys.settrace(trace)
     try:

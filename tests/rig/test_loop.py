@@ -26,7 +26,7 @@ def course(seconds: float, *, start=(-0.13, 0.13), hold_s: float = 0.3) -> Cours
     return Course(np.zeros((n, 2)), pushes, start, hold_s)
 
 
-def run(rig: Rig, arm: str, way: Course, *, seed: int = 3, hand=SimulatedHand, **settings_):
+def run(rig: Rig, arm: str, way: Course, *, seed: int = 3, hand: type = SimulatedHand, **settings_):
     table = SimulatedTable(
         rig, np.random.default_rng(seed), start_m=way.start_m, held=way.hold_s > 0
     )
@@ -100,11 +100,12 @@ def test_target_and_gains_and_push_are_obeyed_within_limits():
 def test_the_papers_hand_pushes_a_ball_that_rests_at_the_centre():
     way = replace(course(12.0, start=(0.0, 0.0), hold_s=0.0), pushes_m_s2=np.zeros((6000, 2)))
 
-    def hand(table: SimulatedTable, hold_s: float) -> PushingHand:
-        rng = np.random.default_rng(1)
-        return PushingHand(table, hold_s, speed_m_s=0.2, seconds=0.08, rng=rng)
+    class Papers(PushingHand):
+        def __init__(self, table: SimulatedTable, hold_s: float) -> None:
+            rng = np.random.default_rng(1)
+            super().__init__(table, hold_s, speed_m_s=0.2, seconds=0.08, rng=rng)
 
-    _, rows = run(TABLE, "with", way, hand=hand)
+    _, rows = run(TABLE, "with", way, hand=Papers)
     pushed = rows[:, 11] > 0
     starts = np.flatnonzero(np.diff(pushed.astype(int)) > 0)
     assert 2 <= len(starts) <= 20

@@ -11,8 +11,8 @@ from faulty import FAULT_S, FaultyTable, run
 from rig.commands import CommandSlot, Stop, Target
 from rig.endings import Ending, ending_of
 from rig.hands import Hand
+from rig.levelling import LEVEL_LIMIT_V
 from rig.stopping import stop_on_signals
-from rig.table import LEVEL_LIMIT_V
 from vision.frames import Observation
 
 
@@ -170,6 +170,19 @@ def test_the_operators_stop_and_a_signal_end_the_run():
         }
         assert ending == expected[kind]
         safe(table, FAULT_S, level=True)
+
+
+def test_a_stop_in_the_tick_of_an_encoder_jump_does_not_level_by_that_encoder():
+    slot = CommandSlot()
+
+    def spoil(reading):
+        slot.put(Stop("the operator's button"))
+        return moved(reading, 0.3)
+
+    table = FaultyTable(spoil)
+    ending, _ = run(table, commands=slot)
+    assert ending.outcome == "encoder jump"
+    safe(table, FAULT_S, level=False)
 
 
 def test_a_signal_ends_the_program_after_the_run():

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -158,7 +159,7 @@ def test_a_log_of_the_loop_gives_signals_and_missing_channels_stay_empty():
     from experiments.runner import Order, simulate_order
 
     rig = load_rig(None)
-    run = simulate_order(Order(rig, read_protocol("steps"), "with", 1, None)).log
+    run = simulate_order(Order(rig, read_protocol("steps"), "with", 1, Path())).log
     found = signals(run, camera_delay_s=rig.camera.delay_s)
     assert len(found.t_s) == len(run)
     assert np.all(np.diff(found.exposed_s) > 0)

@@ -79,10 +79,11 @@ def test_leaving_the_context_gives_0_volts_and_level(fails: bool):
 
     def work() -> None:
         with table:
+            theta = (0.0, 0.0)
             for _ in range(100):
-                reading = table.read()
+                theta = table.read().theta_rad
                 table.drive((3.0, -3.0))
-            assert min(map(abs, reading.theta_rad)) > 0.05
+            assert min(map(abs, theta)) > 0.05
             if fails:
                 raise SabotageError
 

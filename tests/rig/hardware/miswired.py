@@ -4,9 +4,10 @@ from math import sin
 
 import numpy as np
 
+from rig.levelling import LevelOnExit
 from rig.parameters import Rig
 from rig.simulator import SimulatedTable
-from rig.table import LevelOnExit, Reading
+from rig.table import Reading
 
 STEP_RAD = 2 * np.pi / 4096
 EVERY_S = 1 / 60

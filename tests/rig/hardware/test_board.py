@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from rig.hardware import wire
 from rig.hardware.board import TACHOMETER_RAD_S_V, BoardStopped, BoardTable
+from rig.hardware.eye import CameraStopped
 from rig.hardware.link import LinkLost
 from rig.hardware.wire import Arm, Command, ConfigAnswer, ConfigRequest, Disarm, Parser, Telemetry
 from rig.hardware.wiring import Wiring
@@ -32,7 +33,7 @@ class Bench:
         self.board, self.parser, self.counts = HostBoard(), Parser(), zeros
         self.newest = Telemetry(0, 0, 0, 0, 0, 0, 0, 0)
         self.sequence = 500
-        self.request = ConfigRequest(1, 7, 1, int(homed), *zeros, 4096, LIMIT, 6000)
+        self.request = ConfigRequest(1, 7, 1, int(homed), zeros[0], zeros[1], 4096, LIMIT, 6000)
         self.configure()
         if armed:
             self.send(Arm(self.token, self.sequence))
@@ -274,6 +275,35 @@ def test_a_configuration_does_not_disturb_an_armed_board():
     assert bench.board.volts()[0] == 1.0
 
 
+def test_a_host_that_died_between_arming_and_its_first_command_makes_room():
+    bench = Bench()
+    bench.run(50)
+    old = bench.token
+    bench.send(bench.request)  # the same once more was doubled on its way
+    bench.run(2)
+    assert bench.has(wire.ARMED)
+    bench.request = replace(bench.request, nonce=8)
+    bench.configure()
+    assert not bench.has(wire.ARMED)
+    bench.send(Arm(old, 900))
+    bench.run(2)
+    assert not bench.has(wire.ARMED)
+    world = World(HostBoard(), Rig())
+    table_on(world).arm()
+    with table_on(world) as again:  # within ANSWER_S
+        assert world.now_s < 0.1
+        again.read()
+
+
+def test_a_levelling_board_is_not_reconfigured():
+    bench = Bench()
+    bench.command(1.0)
+    bench.run(150)
+    bench.send(bench.request)
+    assert not any(isinstance(p, ConfigAnswer) for p in bench.run(2))
+    assert bench.has(wire.LEVELLING)
+
+
 @pytest.mark.parametrize("volts", [6.0, -6.0])
 @pytest.mark.parametrize("wiring", [Wiring(), Wiring(swap=True, sign_volts=(-1, 1), crossed=True)])
 def test_a_mad_host_cannot_drive_the_plate_beyond_its_limit(volts: float, wiring: Wiring):
@@ -498,6 +528,50 @@ def test_a_reset_board_is_silent_and_lost():
     assert table_on(world).is_fresh  # its zero is lost
 
 
+@pytest.mark.parametrize("says", [LinkLost, KeyboardInterrupt])
+def test_an_arming_that_is_not_confirmed_leaves_no_armed_board(says: type[BaseException]):
+    world = World(HostBoard(), Rig())
+    link, take = WorldLink(world), world.board.take
+    table = table_on(world, link)
+
+    def unheard() -> bytes:
+        if says is KeyboardInterrupt and world.now_s > 0.02:
+            raise KeyboardInterrupt
+        return b""
+
+    world.board.take = unheard
+    with pytest.raises(says):
+        table.arm()
+    world.board.take = take
+    world.run(0.01)
+    (*_, newest) = Parser().feed(take())
+    assert isinstance(newest, Telemetry)
+    assert not newest.flags & wire.ARMED
+
+
+def test_a_camera_that_stalls_ends_by_its_name_and_level():
+    class Stalling:
+        def latest(self, after_s: float) -> None:
+            if world.now_s > 0.3:
+                raise CameraStopped("no frame for 0.30 s")
+
+    world = World(HostBoard(), Rig())
+    link = WorldLink(world)
+    table = BoardTable(link, clock=link.clock, eye=Stalling())
+
+    def work() -> None:
+        with table:
+            while world.now_s < 1.0:
+                table.read()
+                table.drive((2.0, -2.0))
+
+    with pytest.raises(CameraStopped, match="no frame"):
+        work()
+    assert world.now_s > 0.8  # it levelled
+    assert world.volts == (0.0, 0.0)
+    assert np.all(np.abs(world.arms_rad) < 0.03)
+
+
 def test_a_deaf_board_is_lost():
     world = World(HostBoard(), Rig())
     table = table_on(world)
@@ -554,7 +628,7 @@ def test_the_boards_clock_may_wrap():
 
     def shifted() -> bytes:
         packets = Parser().feed(sent())
-        late = [(p.clock_us + 2**32 - 500_000) % 2**32 for p in packets]
+        late = [(p.clock_us + 2**32 - 500_000) % 2**32 for p in packets]  # pyright: ignore
         return b"".join(
             wire.encode(replace(p, clock_us=t)) for p, t in zip(packets, late, strict=True)
         )

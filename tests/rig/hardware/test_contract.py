@@ -107,7 +107,9 @@ def quanser_card(rig: Rig, stack: Stack) -> Case:
     one = install(stack[1], Bench(plant))
     table = quanser.QuanserTable(rig, Wiring(), eye=one, clock=one.clock)
     ways = {"unplugged": lambda: one.fails.update(task_read="Quanser card q2_usb 0 is lost")}
-    return Case(table, plant, lambda: (*map(float, one.outputs),), one.clock, ways)
+    return Case(
+        table, plant, lambda: (float(one.outputs[0]), float(one.outputs[1])), one.clock, ways
+    )
 
 
 def remote(rig: Rig, stack: Stack) -> Case:

@@ -89,6 +89,7 @@ def test_the_contract_holds_whatever_the_wiring(monkeypatch, swap, volts, counts
     wiring = Wiring(swap, volts, counts, (500, -300))
     ball, times = (0.0, 0.0), []
     with opened(one, wiring=wiring) as table:
+        reading = table.read()
         for _ in range(250):
             reading = table.read()
             times.append(reading.t_s)

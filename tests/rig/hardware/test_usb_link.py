@@ -99,6 +99,7 @@ def test_what_was_waiting_in_the_device_is_passed_over(fake: FakeUsb):
     """After a slow tick the newest telemetry is read, not the oldest of those in the device."""
     table = table_on(fake)
     table.arm()
+    reading = table.read()
     for k in range(50):
         reading = table.read()
         table.drive((0.1, 0.1))

@@ -1,3 +1,5 @@
+# pyright: reportIncompatibleMethodOverride=false
+# pyusb's own methods only raise, and are typed so.
 """A USB device in this process: pyusb's backend over a board's World. Stalls, hangs, unplugs."""
 
 import errno

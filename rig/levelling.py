@@ -1,0 +1,67 @@
+"""Bringing the plate level by its encoders, as long as they show that the arms follow."""
+
+from math import inf
+from types import TracebackType
+from typing import Self
+
+from rig.guard import GuardLimits, Push, push
+from rig.limits import limit
+from rig.table import Table
+
+LEVEL_GAIN_V_RAD = 14.0
+LEVEL_LIMIT_V = 3.0  # at most, and never above the table's own limit
+_FOLLOWS = GuardLimits(0.0, inf, inf, inf)  # of these only what a stall is
+
+
+class Levelling:
+    """Volts towards level, tick by tick. An arm that strong volts do not move towards it (blocked,
+    plug turned, encoder off) gets none any more: levelling would drive it into its stop."""
+
+    def __init__(self, voltage_limit_V: float) -> None:
+        self._most_V = min(LEVEL_LIMIT_V, voltage_limit_V)
+        self._volts, self._pushes = [0.0, 0.0], [Push(), Push()]
+        self._follows = [True, True]
+
+    def volts(self, theta_rad: tuple[float, float], t_s: float) -> tuple[float, float]:
+        """Volts (x, y) from this reading to the next."""
+        most = self._most_V
+        for a, theta in enumerate(theta_rad):
+            one = push(self._pushes[a], _FOLLOWS, self._volts[a], theta, t_s)
+            stalled = one.sign != 0.0 and t_s - one.since_s > _FOLLOWS.stall_s
+            self._pushes[a], self._follows[a] = one, self._follows[a] and not stalled
+            wish = -LEVEL_GAIN_V_RAD * theta if self._follows[a] else 0.0
+            self._volts[a] = limit(wish, theta, 0.0, 0.0, most, inf, inf)
+        return self._volts[0], self._volts[1]
+
+
+class LevelOnExit:
+    """Mixin: leaving the context levels the plate for `level_s`, then 0 V, then closes."""
+
+    level_s: float = 0.6
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        try:
+            bring_level(self, self.level_s)  # pyright: ignore[reportArgumentType]
+        finally:
+            self.close()  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def bring_level(table: Table, seconds: float) -> None:
+    """Drive both servos to zero for `seconds` of the table's time, then 0 V whatever happened."""
+    levelling = Levelling(table.voltage_limit_V)
+    try:
+        first = table.read()
+        now = first
+        while now.t_s - first.t_s < seconds:
+            table.drive(levelling.volts(now.theta_rad, now.t_s))
+            now = table.read()
+    finally:
+        table.drive((0.0, 0.0))
