@@ -106,7 +106,7 @@ def _figure_runs(rig: Rig, out: Path, seed: int, bundle: Path | None, progress: 
     jobs = Parallel(n_jobs=min(2, cpu_count() or 1), return_as="generator")
     first = jobs([delayed(run)(orders[0])])  # compiles what sees, before two processes would
     simulate_order(orders[0])  # compiles beside it what only simulates
-    done = list(first)
+    done: list = list(first)
     for one in jobs(delayed(run)(order) for order in orders[1:]):
         done.append(one)
         progress(stage, len(done), len(orders))

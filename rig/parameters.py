@@ -206,9 +206,8 @@ class TableChoice:
             if any(sign not in (-1, 1) for sign in getattr(self, key)):
                 raise ValueError(f"table.{key} = {list(getattr(self, key))}: each must be 1 or -1")
         if not 0.1 <= self.amplifier_gain <= 10:
-            raise ValueError(
-                f"table.amplifier_gain = {self.amplifier_gain:g}: must be 0.1 to 10 (usual: 1, 3)"
-            )
+            gain = f"table.amplifier_gain = {self.amplifier_gain:g}"
+            raise ValueError(f"{gain}: must be 0.1 to 10 (usual: 1, 3)")
         if not 1200 <= self.baud <= 4_000_000:
             raise ValueError(f"table.baud = {self.baud}: must be 1200 to 4000000")
         if self.camera and not self.calibration:
