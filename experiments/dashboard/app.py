@@ -113,7 +113,7 @@ class App:
                 self.play, self.send,
             )  # fmt: skip
         with tabs.add_tab("Replay"):
-            self.replay = ReplayTab(server, controls, lambda: self.results.rows, self.play)
+            self.replay = ReplayTab(server, controls, desk, lambda: self.results.rows, self.play)
         self.replay.refresh()
 
     def play(self, stage: Stage | None) -> None:
@@ -219,11 +219,14 @@ class App:
     def _draw_camera(self, now: Now, stage: Stage | None, count: int) -> None:
         """What the camera sees: a film's frame, or the virtual camera's of the present pose."""
         if stage is not None:
-            if count % 4 == 0 and (frame := self.replay.video(stage.player.t_s)) is not None:
+            video = stage.video
+            if count % 2 == 0 and video and (frame := video.at(stage.player.t_s)) is not None:
+                self.replay.show_frame(frame)
                 self.camera.show(frame, "the run's video")
             return
         if not self.camera.wanted:
             self.eye.rest()
+            self.camera.hide()
             return
         if now.row is not None and count % 2 == 0:
             ball = now.row[_BALL : _BALL + 2] if now.row[0] - now.seen_s < UNSEEN_S else None

@@ -56,3 +56,9 @@ class CameraView:
         self._frustum.image = image
         self._image.image = image
         self._words.content = words
+
+    def hide(self) -> None:
+        """There is nothing to be seen."""
+        if self._frustum.visible:
+            self._frustum.visible = self._image.visible = False
+            self._words.content = ""
