@@ -104,7 +104,7 @@ class App:
         with tabs.add_tab("Run"):
             self.run_tab = RunTab(server, controls, self.session)
         with tabs.add_tab("Calibrate"):
-            CalibrateTab(server, controls, desk, self.session, out)
+            CalibrateTab(server, controls, desk, self.session, out, self.send)
         with tabs.add_tab("Results"):
             self.results = ResultsTab(server, controls, desk, out, self.live, self.send)
         with tabs.add_tab("Gap"):
@@ -133,9 +133,9 @@ class App:
         self.controls.orders.put("results", do)
 
     def send(self, page: int | None, path: Path) -> None:
-        """Offer a file to a page."""
+        """Let a page download a file."""
         for client in self._of(page):
-            client.send_file_download(path.name, path.read_bytes())
+            client.send_file_download(path.name, path.read_bytes(), save_immediately=True)
 
     def _aim(self, page: int, origin: np.ndarray, direction: np.ndarray) -> None:
         self.controls.check(page)

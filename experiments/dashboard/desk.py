@@ -63,16 +63,18 @@ class Desk:
 
     def __init__(self) -> None:
         self._waiting: deque[Piece] = deque()
-        self._wake = threading.Condition()
+        self._wake = threading.Condition()  # its lock may be taken twice
         self._process: Any = None
         self._now, self._closed = "", False
         self._thread = threading.Thread(target=self._serve, daemon=True, name="desk")
         self._thread.start()
 
-    def put(self, piece: Piece) -> None:
-        """ValueError: a piece of this name waits or is being done."""
+    def put(self, piece: Piece, *, instead: bool = False) -> None:
+        """ValueError: a piece of this name waits or is being done; `instead` of it, it is ended."""
         with self._wake:
-            if self._now == piece.name or any(one.name == piece.name for one in self._waiting):
+            if instead:
+                self.cancel(piece.name)
+            elif self._now == piece.name or any(one.name == piece.name for one in self._waiting):
                 raise ValueError(f"{piece.name} is on already: wait, or cancel it")
             self._waiting.append(piece)
             self._wake.notify_all()

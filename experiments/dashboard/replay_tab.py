@@ -77,8 +77,7 @@ class ReplayTab:
         def heard(kind: str, what: Any) -> None:
             self._controls.orders.put("video", partial(self._heard, stage, kind, what))
 
-        self._desk.cancel("video")
-        self._desk.put(Piece("video", partial(render_video, found[0]), heard))
+        self._desk.put(Piece("video", partial(render_video, found[0]), heard), instead=True)
         self._about.content = "*The video is made from the recording: a few seconds.*"
 
     def _heard(self, stage: Stage, kind: str, what: Any) -> None:

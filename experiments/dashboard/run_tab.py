@@ -32,6 +32,10 @@ ARMS = {"both": ("without", "with"), "with the model": ("with",), "without": ("w
 SPEEDS = ("1 x", "2 x", "4 x")
 PUSH_S = 0.08
 ARROWS = {"left": 180.0, "right": 0.0, "away": 90.0, "near": 270.0}
+KEYS = (
+    "Keys: **R** start, **N** next run, **B** balance, **Esc** stop, **Shift + arrows** push, "
+    "**Ctrl + K** all of them."
+)
 IDLE = "no run: choose a protocol and press **Start**"
 
 
@@ -103,6 +107,7 @@ class RunTab:
             self._add_ball()
         with gui.add_folder("Virtual table's play", expand_by_default=False):
             self._play = self._add_play()
+        gui.add_markdown(KEYS)
         self._events: Any = gui.add_markdown("")
         self._shown: dict[Any, Any] = {}
 
