@@ -21,6 +21,7 @@ from experiments.dashboard.live import Live, Now
 from experiments.dashboard.plan import Leg
 from experiments.dashboard.player import Stage
 from experiments.dashboard.pose import plate_point
+from experiments.dashboard.readying import RealTable, VirtualTable
 from experiments.dashboard.replay_tab import ReplayTab
 from experiments.dashboard.results_tab import ResultsTab
 from experiments.dashboard.run_tab import RunTab
@@ -30,6 +31,7 @@ from experiments.dashboard.side_plates import SidePlates
 from experiments.dashboard.teeth import Teeth
 from experiments.dashboard.theme import Theme
 from experiments.dashboard.virtual_eye import VirtualEye
+from experiments.hardware import is_hardware
 from rig.endings import Ending
 from rig.log import INDEX
 from rig.parameters import Rig
@@ -46,18 +48,23 @@ UNSEEN_S = 0.3  # an older sight of the ball is not drawn
 class App:
     """Everything that lives while the dashboard is open; `close` ends it in order."""
 
-    def __init__(self, server: "ViserServer", rig: Rig, out: Path, *, table: str) -> None:
+    def __init__(
+        self, server: "ViserServer", rig: Rig, out: Path, *, rig_file: Path | None = None
+    ) -> None:
         self.server, self.rig, self.out = server, rig, out
         self.clients: dict[int, ClientHandle] = {}
         self.live = Live(rig.control_rate_hz)
         self.events: deque[str] = deque(maxlen=EVENTS_SHOWN)
-        self.session = Session(rig, out, self.live, said=self._said, recorded=self._recorded)
+        real = rig_file is not None and is_hardware(rig)
+        table = RealTable(rig_file, out) if real else VirtualTable(out)
+        self.session = Session(rig, table, self.live, said=self._said, recorded=self._recorded)
         self.desk = Desk()
         self.stage: Stage | None = None
         self.controls = Controls(self.tell, self.session.note)
         self.eye = VirtualEye(rig)
         self._ghost_of, self._ghost = rig, Ghost(rig)
-        self._build(table)
+        kind = f"{rig.table.kind} table" if table.real else "virtual table"
+        self._build(f"{kind} of {rig_file.name}" if rig_file else kind)
         server.on_client_connect(self._came)
         server.on_client_disconnect(self._went)
         self._over = threading.Event()
@@ -148,7 +155,7 @@ class App:
         add, button = self.server.gui.add_command, self.controls.button
         button(add("Stop", hotkey="escape"), "stop", self.header.stop, everybody=True)
         button(add("Start the run", hotkey="R"), "start", lambda page: self.run_tab.start())
-        button(add("Next run", hotkey="N"), "next run", lambda page: self.session.go_on())
+        button(add("Next run", hotkey="N"), "next run", lambda page: self.run_tab.go_on())
         button(add("Balance again", hotkey="B"), "balance", lambda page: self.session.balance())
         for key, angle in (("left", 180), ("right", 0), ("up", 90), ("down", 270)):
             push = add(f"Push {key}", hotkey=f"arrow{key}", modifier="shift")  # pyright: ignore[reportArgumentType]

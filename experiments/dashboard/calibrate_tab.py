@@ -25,7 +25,7 @@ STEPS = {
 MARKS = {"": "", "on": "▶ ", "accepted": "✓ ", "refused": "✗ "}
 COLOURS = {"": None, "on": "orange", "accepted": "teal", "refused": "red"}
 SEED = 1
-REAL = "A real table is calibrated with the printed sheets and `rig calibrate` (README)."
+REAL = "A real table is not measured from here: print the sheets, then `rig calibrate` (README)."
 
 
 class CalibrateTab:
@@ -58,6 +58,8 @@ class CalibrateTab:
 
     def begin(self, steps: tuple[str, ...]) -> None:
         """Do these steps in turn; the first that is refused is the last."""
+        if self._session.table.real:
+            raise ValueError("this page calibrates virtual tables; a real one: rig calibrate")
         if "on" in self._state.values():
             raise ValueError("a step is on: wait, or cancel it")
         self._left = tuple(steps)
