@@ -61,6 +61,9 @@ class Hand:
         self._no_warning()
 
     def see(self, text: str | re.Pattern) -> None:
+        import time
+
+        print(f"{time.strftime('%H:%M:%S')} see {text}", flush=True)
         """Wait until the text can be seen."""
         expect(self.page.get_by_text(text).filter(visible=True).first).to_be_visible(
             timeout=1e3 * PATIENCE_S
@@ -70,6 +73,9 @@ class Hand:
         self.page.get_by_role("tab", name=name, exact=True).click()
 
     def press(self, name: str | re.Pattern) -> None:
+        import time
+
+        print(f"{time.strftime('%H:%M:%S')} press {name}", flush=True)
         self.page.get_by_role("button", name=name, exact=True).click()
 
     def choose(self, what: str, option: str) -> None:
