@@ -1,4 +1,4 @@
-"""Live curves: five small charts over the last 20 s, 500 points each."""
+"""Live curves: five small charts over the last 20 s."""
 
 from dataclasses import dataclass
 from math import degrees

@@ -61,7 +61,9 @@ class Program:
 
 def pixels(png: bytes) -> np.ndarray:
     """A screenshot as BGR (h, w, 3)."""
-    return cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
+    image = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
+    assert image is not None
+    return image
 
 
 def sees_table(image: np.ndarray) -> tuple[float, int, int]:

@@ -116,13 +116,14 @@ def both_arms(page: Hand, out: Path) -> None:
     """The free release with and without the model, reloaded in the middle."""
     page.tab("Run")
     page.choose("Virtual time", "4 x")
+    page.tick("Pause between runs")
     page.press("Start")
-    page.see("run 1 of 2")
-    page.see("left")
-    page.see("run 2 of 2")
+    page.see(re.compile("run 1 of 2.* left"))
     page.reload()  # the run goes on; the reloaded page gets its controls back
     page.see("You hold the controls")
-    page.see("run 2 of 2")
+    page.see("run 2 of 2 is next")
+    page.press("Next run")
+    page.see(re.compile("run 2 of 2.* left"))
     page.shot("run-on")
 
 
@@ -164,6 +165,7 @@ def take_over_and_stop(chromium, first: Hand, program: Program, artefacts: Path,
     second.see("You hold the controls")
     first.see("You are watching")
     second.tick("I place and let go")
+    second.choose("Virtual time", "1 x")
     second.press("Start")
     second.see(re.compile("^Please place the ball"))
     second.shot("run-asked")
@@ -201,7 +203,7 @@ def gap_named(page: Hand) -> None:
 def film(page: Hand, out: Path) -> None:
     """A recorded run with its video, at four times its speed, to its end."""
     page.tab("Replay")
-    page.choose("Run", "free-release-with")
+    page.choose("Run", re.compile("free-release-with$"))
     page.press("Show")
     page.see("What the camera saw")
     assert len(list((out / "runs").glob("*/video.mkv"))) == 1

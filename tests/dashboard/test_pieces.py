@@ -1,9 +1,11 @@
 """The dashboard's small pieces: seat, clamps, queue, plan, teeth, film."""
 
 import threading
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from math import inf, isfinite, nan, radians
+from typing import Any
 
 import numpy as np
 import pytest
@@ -101,7 +103,11 @@ def test_orders_are_served_in_turn_and_failures_are_told():
 def test_a_full_queue_drops_and_never_waits():
     gate = threading.Event()
     orders = Orders(lambda order, error: None)
-    orders.put("slow", gate.wait)
+
+    def slow() -> None:
+        gate.wait()
+
+    orders.put("slow", slow)
     results = [orders.put("more", lambda: None) for _ in range(LONGEST + 10)]
     gate.set()
     orders.close()
@@ -113,7 +119,8 @@ class FakeHandle:
     """What is used of a viser input."""
 
     def __init__(self, value):
-        self.value, self.callback = value, None
+        self.value = value
+        self.callback: Callable[[Any], None] = print
 
     def on_update(self, callback):
         self.callback = callback
