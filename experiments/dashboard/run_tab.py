@@ -56,9 +56,9 @@ def progress_words(status: Status) -> str:
     if leg is None:
         return f"{status.words}. {IDLE}" if status.state == "stopped" else IDLE
     of = f"run {leg.number} of {leg.of}"
-    if status.state == "pause":
-        return f"**Pause**: {status.words}; press **Next run**"
     left = f"{minutes(status.left_s)} left"
+    if status.state == "pause":
+        return f"**Pause**: {status.words}, {left}; press **Next run**"
     return f"{of}: {status.words}, {status.t_s:.1f} of {status.whole_s:.1f} s, {left}"
 
 

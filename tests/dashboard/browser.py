@@ -74,9 +74,9 @@ def sees_table(image: np.ndarray) -> tuple[float, int, int]:
     return float(image.std()), int(ball.sum()), int(plate.sum())
 
 
-def wait_for(what: str, holds, seconds: float = PATIENCE_S) -> None:
+def wait_for(what: str, holds, seconds: float = PATIENCE_S, *, every_s: float = 0.2) -> None:
     """Poll until `holds()` is true; AssertionError names what did not come."""
     end = time.monotonic() + seconds
     while not holds():
         assert time.monotonic() < end, f"{what} did not come within {seconds:g} s"
-        time.sleep(0.2)
+        time.sleep(every_s)

@@ -3,13 +3,13 @@
 import re
 from pathlib import Path
 
-from browser import PATIENCE_S, pixels
+from browser import PATIENCE_S, pixels, wait_for
 from playwright.sync_api import Browser, Page, expect
 
-# A machine without a graphics card draws a second's pictures in seconds: five a second are enough.
+# A machine without a graphics card draws a second's pictures in seconds: two a second are enough.
 FEW_PICTURES = """(() => {
   const draw = window.requestAnimationFrame.bind(window);
-  window.requestAnimationFrame = todo => setTimeout(() => draw(todo), 200);
+  window.requestAnimationFrame = todo => setTimeout(() => draw(todo), 400);
 })()"""
 # Buttons, tabs, labels and inputs in view that reach out of the window, whose words do not fit, or
 # that lie over one another; what merely contains the other does not count.
@@ -51,14 +51,25 @@ class Hand:
         answer = self.page.goto(link)
         assert answer is not None
         assert answer.status == 200
-        self.see("not the emergency stop")
+        self.connected()
         if not sharp:
             self.tab("Camera")  # five live curves are too much for a processor that draws, too
 
     def reload(self) -> None:
         self.page.reload()
-        self.see("not the emergency stop")
+        self.connected()
         self.tab("Camera")
+
+    def connected(self) -> None:
+        """Look at the page until it is there: it tries to connect again only when looked at."""
+        words = self.page.get_by_text("not the emergency stop").first
+
+        def there() -> bool:
+            self.page.bring_to_front()
+            self.page.evaluate("window.dispatchEvent(new Event('focus'))")
+            return words.is_visible()
+
+        wait_for("the page", there, every_s=1.0)
 
     def see(self, text: str | re.Pattern) -> None:
         """Wait until the text can be seen."""
