@@ -60,9 +60,9 @@ class Hand:
         self.connected()
         self.tab("Camera")
 
-    def connected(self) -> None:
-        """Look at the page until it is there: it tries to connect again only when looked at."""
-        words = self.page.get_by_text("not the emergency stop").first
+    def connected(self, text: str = "not the emergency stop") -> None:
+        """Look at the page until it says so: it tries to connect again only when looked at."""
+        words = self.page.get_by_text(text).first
 
         def there() -> bool:
             self.page.bring_to_front()

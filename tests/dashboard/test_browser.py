@@ -64,9 +64,9 @@ def test_the_whole_study_in_a_browser(chromium, tmp_path: Path):
         done("gap named")
         film(second, out)
         done("film")
-        looks(chromium, second, program, artefacts)
+        third = looks(chromium, second, program, artefacts)
         done("looks")
-        kill_and_restart(second, program, out)
+        kill_and_restart(third, program, out)
         done("killed and restarted")
     finally:
         program.kill()
@@ -205,16 +205,18 @@ def film(page: Hand, out: Path) -> None:
     page.choose("Run", re.compile("free-release-with$"))
     page.press("Show")
     page.see("What the camera saw")
+    page.see("the run's video")  # beside the newest frame
     assert len(list((out / "runs").glob("*/video.mkv"))) == 1
     page.see(re.compile("16.[0-9] of 16.[0-9] s"))
     page.shot("replay")
     page.press("Back to the live table")
 
 
-def looks(chromium, page: Hand, program: Program, artefacts: Path) -> None:
+def looks(chromium, page: Hand, program: Program, artefacts: Path) -> Hand:
     """Nothing is cut off or overlaps, in either size, light and dark; pictures are kept."""
     page.tab("Gap")
     page.press("Before and after, side by side")
+    page.close()
     watcher = Hand(chromium, program.link, artefacts, sharp=True)
     for theme in ("light", "dark"):
         for width, height in SIZES:
@@ -225,7 +227,7 @@ def looks(chromium, page: Hand, program: Program, artefacts: Path) -> None:
                 watcher.nothing_cut_off()
                 watcher.shot(f"{name.lower()}-{theme}-{width}")
         watcher.press("Light / dark")
-    watcher.close()
+    return watcher
 
 
 def kill_and_restart(page: Hand, program: Program, out: Path) -> None:
@@ -234,7 +236,7 @@ def kill_and_restart(page: Hand, program: Program, out: Path) -> None:
     again = Program(out, port=program.port)
     try:
         assert again.link == program.link
-        page.connected()
+        page.connected("(page 0)")  # of the new program: the old one counted further
         page.see("You hold the controls")
         page.see("sees the ball")
         page.tab("Results")
