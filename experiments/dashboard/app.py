@@ -58,7 +58,7 @@ class App:
         real = rig_file is not None and is_hardware(rig)
         table = RealTable(rig_file, out) if real else VirtualTable(out)
         self.session = Session(rig, table, self.live, said=self._said, recorded=self._recorded)
-        self.desk = Desk()
+        self.desk, self.quick = Desk(), Desk()  # no figure waits for an analysis
         self.stage: Stage | None = None
         self.controls = Controls(self.tell, self.session.note)
         self.eye = VirtualEye(rig)
@@ -107,20 +107,21 @@ class App:
 
     def _add_tabs(self) -> None:
         server, controls, desk, out = self.server, self.controls, self.desk, self.out
+        quick = self.quick
         tabs = server.gui.add_tab_group(order=0)
         with tabs.add_tab("Run"):
             self.run_tab = RunTab(server, controls, self.session)
         with tabs.add_tab("Calibrate"):
             CalibrateTab(server, controls, desk, self.session, out, self.send)
         with tabs.add_tab("Results"):
-            self.results = ResultsTab(server, controls, desk, out, self.live, self.send)
+            self.results = ResultsTab(server, controls, quick, out, self.live, self.send)
         with tabs.add_tab("Gap"):
             GapTab(
                 server, controls, desk, out, lambda: self.results.rows, self.sides.show_map,
                 self.play, self.send,
             )  # fmt: skip
         with tabs.add_tab("Replay"):
-            self.replay = ReplayTab(server, controls, desk, lambda: self.results.rows, self.play)
+            self.replay = ReplayTab(server, controls, quick, lambda: self.results.rows, self.play)
         self.replay.refresh()
 
     def play(self, stage: Stage | None) -> None:
@@ -276,5 +277,6 @@ class App:
         self._thread.join(2.0)
         self.session.close()
         self.desk.close()
+        self.quick.close()
         self.eye.rest()
         self.controls.orders.close()

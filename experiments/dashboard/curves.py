@@ -91,7 +91,7 @@ class Curves:
                     tuple(series),
                     title=chart.title,
                     scales={"x": {"time": False}},
-                    axes=({"size": 32, "space": 50}, {"size": 40, "space": 18}),
+                    axes=({"size": 32, "space": 50}, {"size": 48, "space": 18}),
                     legend={"show": False},
                     height=height,
                     padding=(4, 8, 0, 0),
