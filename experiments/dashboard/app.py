@@ -106,22 +106,19 @@ class App:
             )
 
     def _add_tabs(self) -> None:
-        server, controls, desk, out = self.server, self.controls, self.desk, self.out
-        quick = self.quick
+        server, controls, desk, quick = self.server, self.controls, self.desk, self.quick
+        out, rows = self.out, lambda: self.results.rows
         tabs = server.gui.add_tab_group(order=0)
         with tabs.add_tab("Run"):
-            self.run_tab = RunTab(server, controls, self.session)
+            self.run_tab = RunTab(server, controls, self.session, lambda: self.play(None))
         with tabs.add_tab("Calibrate"):
             CalibrateTab(server, controls, desk, self.session, out, self.send)
         with tabs.add_tab("Results"):
             self.results = ResultsTab(server, controls, quick, out, self.live, self.send)
         with tabs.add_tab("Gap"):
-            GapTab(
-                server, controls, desk, out, lambda: self.results.rows, self.sides.show_map,
-                self.play, self.send,
-            )  # fmt: skip
+            GapTab(server, controls, desk, out, rows, self.sides.show_map, self.play, self.send)
         with tabs.add_tab("Replay"):
-            self.replay = ReplayTab(server, controls, quick, lambda: self.results.rows, self.play)
+            self.replay = ReplayTab(server, controls, quick, rows, self.play)
         self.replay.refresh()
 
     def play(self, stage: Stage | None) -> None:
@@ -210,9 +207,8 @@ class App:
     def _draw_once(self, count: int) -> None:
         now = self.live.now()
         rows = self.live.fresh()
-        if self._ghost_of is not self.session.rig:
-            self._ghost_of = self.session.rig
-            self._ghost = Ghost(self._ghost_of)
+        if self._ghost_of is not (rig := self.session.rig):
+            self._ghost_of, self._ghost = rig, Ghost(rig)
         self._ghost.follow(rows)
         stage = self.stage
         with self.server.atomic():
@@ -245,7 +241,7 @@ class App:
     def _draw_words(self, now: Now, fresh: bool) -> None:
         """Lines, bars and curves: ten times a second."""
         status = self.session.status
-        self.header.draw(now, status, self.rig.control_rate_hz)
+        self.header.draw(now, status, self.rig.control_rate_hz, film=self.stage is not None)
         self.run_tab.draw(status, list(self.events))
         self.results.draw()
         self.replay.draw()

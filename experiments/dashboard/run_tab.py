@@ -63,10 +63,15 @@ def progress_words(status: Status) -> str:
 
 
 class RunTab:
-    """The widgets of the tab in the container that is open when it is made."""
+    """The widgets of the tab in the container that is open when it is made; `look` turns every
+    page to the live table when a run begins."""
 
-    def __init__(self, server: "ViserServer", controls: Controls, session: Session) -> None:
+    def __init__(
+        self, server: "ViserServer", controls: Controls, session: Session,
+        look: Callable[[], None],
+    ) -> None:  # fmt: skip
         self._server, self._controls, self._session = server, controls, session
+        self._look = look
         gui, virtual = server.gui, not session.table.real
         gui.add_markdown(WHAT if virtual else WHAT_REAL)
         self._protocol = controls.value(
@@ -139,6 +144,7 @@ class RunTab:
                 speed=float(self._speed.now.split()[0]),
             )
         )
+        self._look()
 
     def go_on(self) -> None:
         """The next run of the plan."""

@@ -19,6 +19,7 @@ CUT_OFF = """() => {
     const box = one.getBoundingClientRect(), style = getComputedStyle(one);
     if (box.width < 2 || box.height < 2 || style.visibility == "hidden" || style.opacity == 0)
       continue;
+    if (one.tagName == "BUTTON" && one.tabIndex < 0) continue;  // the little steps of a number
     const what = (one.innerText || one.value || one.tagName).slice(0, 40);
     if (box.left < -1 || box.right > innerWidth + 1) wrong.push("outside: " + what);
     if (one.tagName != "INPUT" && one.scrollWidth > one.clientWidth + 2 && one.clientWidth)

@@ -245,7 +245,7 @@ def test_a_click_meets_the_plate():
 
 
 # --- curves and rows ---
-def test_blanks_are_held_and_curves_have_500_points():
+def test_blanks_are_held_and_curves_are_thinned():
     assert list(held(np.array([nan, 1.0, nan, nan, 2.0]))) == [0.0, 1.0, 1.0, 1.0, 2.0]
     live = Live(500.0)
     row = np.full(len(COLUMNS), nan)
