@@ -237,6 +237,8 @@ class App:
             self.eye.look(now.row[_THETA : _THETA + 2], ball, float(now.row[0]))
         if (sight := self.eye.newest()) is not None:
             self.camera.show(*sight)
+        else:
+            self.camera.wait()
 
     def _draw_words(self, now: Now, fresh: bool) -> None:
         """Lines, bars and curves: ten times a second."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from experiments.dashboard.clamps import KP, PLAY_DEG, choice, on_plate
@@ -218,6 +218,7 @@ def test_rods_keep_their_length_and_the_plate_follows_the_arms(x, y):
         ) < 0.02
 
 
+@settings(deadline=None)  # the first turn of a plate is compiled
 @given(st.floats(-0.08, 0.08), st.floats(-0.08, 0.08))
 def test_quaternion_is_the_rotation(x, y):
     import viser.transforms as tf
