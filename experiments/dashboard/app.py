@@ -55,8 +55,8 @@ class App:
         self.clients: dict[int, ClientHandle] = {}
         self.live = Live(rig.control_rate_hz)
         self.events: deque[str] = deque(maxlen=EVENTS_SHOWN)
-        real = rig_file is not None and is_hardware(rig)
-        table = RealTable(rig_file, out) if real else VirtualTable(out)
+        real = RealTable(rig_file, out) if rig_file and is_hardware(rig) else None
+        table = real or VirtualTable(out)
         self.session = Session(rig, table, self.live, said=self._said, recorded=self._recorded)
         self.desk, self.quick = Desk(), Desk()  # no figure waits for an analysis
         self.stage: Stage | None = None
