@@ -33,6 +33,7 @@ class Film:
         self._stream.width, self._stream.height = self._size
         self._stream.pix_fmt = "yuv420p"
         self._stream.codec_context.time_base = Fraction(1, TICKS_PER_S)
+        self._stream.codec_context.gop_size = 30  # who scrubs decodes a second at most
         if codec == "libx264":
             self._stream.options = {"crf": "20", "preset": "veryfast"}
         else:

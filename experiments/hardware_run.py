@@ -1,9 +1,9 @@
 """One recorded run on a real table: loop and camera in processes of their own, a person as hand."""
 
 import json
-from collections.abc import Callable
-from contextlib import nullcontext
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -13,29 +13,14 @@ from experiments.hardware import check_there, open_homed
 from experiments.live_eye import open_ball, watching
 from experiments.live_run import record_live
 from experiments.protocol import OWN, Protocol, course
-from experiments.recording import Recorder
 from experiments.run_folder import new_run_folder, plain, read_meta, replace_json
 from experiments.runner import Done, Order, Watch, arm_number, start_record
+from experiments.telling import Telling
 from rig.hardware.homed import home_file, load
 from rig.loop_process import Job
 from rig.parameters import Rig
 
 NOTES = "table.json"  # what the table's driver has to say, until it is in run.json
-
-
-class _Telling(Recorder):
-    """Records, and tells the person at the table what the loop asks for."""
-
-    say: Callable[[str], None] = staticmethod(print)
-    at_end: Callable[[], None] = staticmethod(lambda: None)
-
-    def finish(self, outcome: str, reason: str = "", **notes) -> None:
-        self.at_end()
-        super().finish(outcome, reason, **notes)
-
-    def event(self, t_s: float, text: str, **data) -> None:
-        super().event(t_s, text, **data)
-        self.say(f"{t_s:7.1f} s  {text.removeprefix('asked: ')}")
 
 
 def check(rig: Rig, rig_file: Path, protocol: Protocol) -> None:
@@ -55,18 +40,21 @@ def check(rig: Rig, rig_file: Path, protocol: Protocol) -> None:
         raise ValueError("pushes at-centre are for the virtual table: use pushes drawn")
 
 
-def measure(
-    order: Order,
-    rig_file: Path,
-    *,
-    say: Callable[[str], None] = print,
-    progress: Callable[[float], None] | None = None,
-) -> Done:
-    """Run an order on the rig file's real table; the person is told what to do through `say`.
+@dataclass(frozen=True, eq=False)
+class Ready:
+    """A run that only has to be begun: the order as asked of a person, its job, its folder and
+    what is known of it beforehand."""
 
-    Ctrl-C and SIGTERM end the run in order: level, 0 V, the reason in the recording. NotHomed,
-    OSError: the table cannot be used; what was recorded stays readable.
-    """
+    order: Order
+    job: Job
+    folder: Path
+    start: dict
+
+
+@contextmanager
+def ready(order: Order, rig_file: Path) -> Iterator[Ready]:
+    """Check the rig file's real table, start its camera, make the run's folder. Nothing is armed
+    before the job is run. ValueError, OSError, NotHomed: the table cannot be used."""
     check(order.rig, rig_file, order.protocol)
     order = replace(order, protocol=_asked(order.protocol))
     way = course(order.protocol, order.rig, order.seed, place_std_m=0.0)
@@ -79,14 +67,31 @@ def measure(
                 table, order.believed, arm_number(order.arm), way,
                 controller=order.protocol.controller if order.arm == OWN else "",
             )  # fmt: skip
-            recorder = _Telling(folder, start)
-            watch = Watch(order, recorder, progress)
-            recorder.say, recorder.at_end = say, partial(watch.note_pushes, order.believed)
-            with recorder:
-                ending = record_live(job, recorder, started=watch.stop_through, watch=watch.look)
+            yield Ready(order, job, folder, start)
     finally:
         _keep_notes(folder)
-    return Done(folder, ending, np.zeros((0, 5)))
+
+
+def measure(
+    order: Order,
+    rig_file: Path,
+    *,
+    say: Callable[[str], None] = print,
+    progress: Callable[[float], None] | None = None,
+) -> Done:
+    """Run an order on the rig file's real table; the person is told what to do through `say`.
+
+    Ctrl-C and SIGTERM end the run in order: level, 0 V, the reason in the recording. NotHomed,
+    OSError: the table cannot be used; what was recorded stays readable.
+    """
+    with ready(order, rig_file) as run:
+        recorder = Telling(run.folder, run.start)
+        watch = Watch(run.order, recorder, progress)
+        recorder.say = lambda t_s, text: say(f"{t_s:7.1f} s  {text.removeprefix('asked: ')}")
+        recorder.at_end = partial(watch.note_pushes, run.order.believed)
+        with recorder:
+            ending = record_live(run.job, recorder, started=watch.stop_through, watch=watch.look)
+    return Done(run.folder, ending, np.zeros((0, 5)))
 
 
 def _asked(protocol: Protocol) -> Protocol:

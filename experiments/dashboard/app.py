@@ -21,6 +21,7 @@ from experiments.dashboard.live import Live, Now
 from experiments.dashboard.plan import Leg
 from experiments.dashboard.player import Stage
 from experiments.dashboard.pose import plate_point
+from experiments.dashboard.readying import RealTable, VirtualTable
 from experiments.dashboard.replay_tab import ReplayTab
 from experiments.dashboard.results_tab import ResultsTab
 from experiments.dashboard.run_tab import RunTab
@@ -30,6 +31,7 @@ from experiments.dashboard.side_plates import SidePlates
 from experiments.dashboard.teeth import Teeth
 from experiments.dashboard.theme import Theme
 from experiments.dashboard.virtual_eye import VirtualEye
+from experiments.hardware import is_hardware
 from rig.endings import Ending
 from rig.log import INDEX
 from rig.parameters import Rig
@@ -46,18 +48,23 @@ UNSEEN_S = 0.3  # an older sight of the ball is not drawn
 class App:
     """Everything that lives while the dashboard is open; `close` ends it in order."""
 
-    def __init__(self, server: "ViserServer", rig: Rig, out: Path, *, table: str) -> None:
+    def __init__(
+        self, server: "ViserServer", rig: Rig, out: Path, *, rig_file: Path | None = None
+    ) -> None:
         self.server, self.rig, self.out = server, rig, out
         self.clients: dict[int, ClientHandle] = {}
         self.live = Live(rig.control_rate_hz)
         self.events: deque[str] = deque(maxlen=EVENTS_SHOWN)
-        self.session = Session(rig, out, self.live, said=self._said, recorded=self._recorded)
-        self.desk = Desk()
+        real = RealTable(rig_file, out) if rig_file and is_hardware(rig) else None
+        table = real or VirtualTable(out)
+        self.session = Session(rig, table, self.live, said=self._said, recorded=self._recorded)
+        self.desk, self.quick = Desk(), Desk()  # no figure waits for an analysis
         self.stage: Stage | None = None
         self.controls = Controls(self.tell, self.session.note)
         self.eye = VirtualEye(rig)
         self._ghost_of, self._ghost = rig, Ghost(rig)
-        self._build(table)
+        kind = f"{rig.table.kind} table" if table.real else "virtual table"
+        self._build(f"{kind} of {rig_file.name}" if rig_file else kind)
         server.on_client_connect(self._came)
         server.on_client_disconnect(self._went)
         self._over = threading.Event()
@@ -99,21 +106,19 @@ class App:
             )
 
     def _add_tabs(self) -> None:
-        server, controls, desk, out = self.server, self.controls, self.desk, self.out
+        server, controls, desk, quick = self.server, self.controls, self.desk, self.quick
+        out, rows = self.out, lambda: self.results.rows
         tabs = server.gui.add_tab_group(order=0)
         with tabs.add_tab("Run"):
-            self.run_tab = RunTab(server, controls, self.session)
+            self.run_tab = RunTab(server, controls, self.session, lambda: self.play(None))
         with tabs.add_tab("Calibrate"):
-            CalibrateTab(server, controls, desk, self.session, out)
+            CalibrateTab(server, controls, desk, self.session, out, self.send)
         with tabs.add_tab("Results"):
-            self.results = ResultsTab(server, controls, desk, out, self.live, self.send)
+            self.results = ResultsTab(server, controls, quick, out, self.live, self.send)
         with tabs.add_tab("Gap"):
-            GapTab(
-                server, controls, desk, out, lambda: self.results.rows, self.sides.show_map,
-                self.play, self.send,
-            )  # fmt: skip
+            GapTab(server, controls, desk, out, rows, self.sides.show_map, self.play, self.send)
         with tabs.add_tab("Replay"):
-            self.replay = ReplayTab(server, controls, lambda: self.results.rows, self.play)
+            self.replay = ReplayTab(server, controls, quick, rows, self.play)
         self.replay.refresh()
 
     def play(self, stage: Stage | None) -> None:
@@ -133,9 +138,9 @@ class App:
         self.controls.orders.put("results", do)
 
     def send(self, page: int | None, path: Path) -> None:
-        """Offer a file to a page."""
+        """Let a page download a file."""
         for client in self._of(page):
-            client.send_file_download(path.name, path.read_bytes())
+            client.send_file_download(path.name, path.read_bytes(), save_immediately=True)
 
     def _aim(self, page: int, origin: np.ndarray, direction: np.ndarray) -> None:
         self.controls.check(page)
@@ -148,7 +153,7 @@ class App:
         add, button = self.server.gui.add_command, self.controls.button
         button(add("Stop", hotkey="escape"), "stop", self.header.stop, everybody=True)
         button(add("Start the run", hotkey="R"), "start", lambda page: self.run_tab.start())
-        button(add("Next run", hotkey="N"), "next run", lambda page: self.session.go_on())
+        button(add("Next run", hotkey="N"), "next run", lambda page: self.run_tab.go_on())
         button(add("Balance again", hotkey="B"), "balance", lambda page: self.session.balance())
         for key, angle in (("left", 180), ("right", 0), ("up", 90), ("down", 270)):
             push = add(f"Push {key}", hotkey=f"arrow{key}", modifier="shift")  # pyright: ignore[reportArgumentType]
@@ -202,9 +207,8 @@ class App:
     def _draw_once(self, count: int) -> None:
         now = self.live.now()
         rows = self.live.fresh()
-        if self._ghost_of is not self.session.rig:
-            self._ghost_of = self.session.rig
-            self._ghost = Ghost(self._ghost_of)
+        if self._ghost_of is not (rig := self.session.rig):
+            self._ghost_of, self._ghost = rig, Ghost(rig)
         self._ghost.follow(rows)
         stage = self.stage
         with self.server.atomic():
@@ -219,22 +223,27 @@ class App:
     def _draw_camera(self, now: Now, stage: Stage | None, count: int) -> None:
         """What the camera sees: a film's frame, or the virtual camera's of the present pose."""
         if stage is not None:
-            if count % 4 == 0 and (frame := self.replay.video(stage.player.t_s)) is not None:
+            video = stage.video
+            if count % 2 == 0 and video and (frame := video.at(stage.player.t_s)) is not None:
+                self.replay.show_frame(frame)
                 self.camera.show(frame, "the run's video")
             return
         if not self.camera.wanted:
             self.eye.rest()
+            self.camera.hide()
             return
         if now.row is not None and count % 2 == 0:
             ball = now.row[_BALL : _BALL + 2] if now.row[0] - now.seen_s < UNSEEN_S else None
             self.eye.look(now.row[_THETA : _THETA + 2], ball, float(now.row[0]))
         if (sight := self.eye.newest()) is not None:
             self.camera.show(*sight)
+        else:
+            self.camera.wait()
 
     def _draw_words(self, now: Now, fresh: bool) -> None:
         """Lines, bars and curves: ten times a second."""
         status = self.session.status
-        self.header.draw(now, status, self.rig.control_rate_hz)
+        self.header.draw(now, status, self.rig.control_rate_hz, film=self.stage is not None)
         self.run_tab.draw(status, list(self.events))
         self.results.draw()
         self.replay.draw()
@@ -266,5 +275,6 @@ class App:
         self._thread.join(2.0)
         self.session.close()
         self.desk.close()
+        self.quick.close()
         self.eye.rest()
         self.controls.orders.close()

@@ -56,3 +56,14 @@ class CameraView:
         self._frustum.image = image
         self._image.image = image
         self._words.content = words
+
+    def wait(self) -> None:
+        """Nothing has been seen yet."""
+        if not self._frustum.visible and not self._words.content:
+            self._words.content = "*The camera starts: a few seconds.*"
+
+    def hide(self) -> None:
+        """There is nothing to be seen."""
+        if self._words.content:
+            self._frustum.visible = self._image.visible = False
+            self._words.content = ""

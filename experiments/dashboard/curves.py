@@ -1,4 +1,4 @@
-"""Live curves: five small charts over the last 20 s, 500 points each."""
+"""Live curves: five small charts over the last 20 s."""
 
 from dataclasses import dataclass
 from math import degrees
@@ -11,7 +11,12 @@ from rig.log import INDEX
 if TYPE_CHECKING:
     from viser import ViserServer
 
-X, Y, GREY = "#7048e8", "#e8590c", "#868e96"
+X, Y = "#7048e8", "#e8590c"
+LEGEND = (
+    '<div style="padding: 0 0.6em; font-size: 0.85em">Newest 20 s over the run\'s seconds: '
+    f'<b style="color: {X}">x</b>, <b style="color: {Y}">y</b>; dashed: target, wanted angle, '
+    "play of the joint (full: of the gear)</div>"
+)
 _CM, _DEG = 100.0, degrees(1)
 
 
@@ -70,7 +75,8 @@ def held(values: np.ndarray) -> np.ndarray:
 class Curves:
     """The charts in the container that is open when it is made; `draw` ten times a second."""
 
-    def __init__(self, server: "ViserServer", height: int = 104) -> None:
+    def __init__(self, server: "ViserServer", height: int = 96) -> None:
+        server.gui.add_html(LEGEND)
         self._plots: list[Any] = []
         for chart in CHARTS:
             series: list[Any] = [{"label": "t [s]"}]
@@ -85,6 +91,7 @@ class Curves:
                     tuple(series),
                     title=chart.title,
                     scales={"x": {"time": False}},
+                    axes=({"size": 32, "space": 50}, {"size": 48, "space": 18}),
                     legend={"show": False},
                     height=height,
                     padding=(4, 8, 0, 0),

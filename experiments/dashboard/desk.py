@@ -41,21 +41,23 @@ class _Lines(io.TextIOBase):
         return len(text)
 
 
-def _work(task: Task, there: Connection) -> None:
-    """The work's process."""
+def _work(there: Connection) -> None:
+    """The work's process: one task after the other, as what they import takes seconds."""
     with suppress(OSError, AttributeError):
         os.nice(NICE)
-    with suppress(BrokenPipeError):  # the program has died: nobody wants to know
-        try:
-            lines = _Lines(there)
-            with redirect_stdout(lines), redirect_stderr(lines):
-                done = task(lambda stage, k, n: there.send(("progress", (stage, k, n))))
-            there.send(("done", done))
-        except BrokenPipeError:
-            raise
-        except Exception as error:
-            known = isinstance(error, (ValueError, OSError))
-            there.send(("failed", str(error) if known else f"{type(error).__name__}: {error}"))
+    lines = _Lines(there)
+    with suppress(BrokenPipeError, EOFError):  # the program has died: nobody wants to know
+        while True:
+            task: Task = there.recv()
+            try:
+                with redirect_stdout(lines), redirect_stderr(lines):
+                    done = task(lambda stage, k, n: there.send(("progress", (stage, k, n))))
+                there.send(("done", done))
+            except BrokenPipeError:
+                raise
+            except Exception as error:
+                known = isinstance(error, (ValueError, OSError))
+                there.send(("failed", str(error) if known else f"{type(error).__name__}: {error}"))
 
 
 class Desk:
@@ -63,16 +65,20 @@ class Desk:
 
     def __init__(self) -> None:
         self._waiting: deque[Piece] = deque()
-        self._wake = threading.Condition()
+        self._wake = threading.Condition()  # its lock may be taken twice
         self._process: Any = None
+        self._pipe: Any = None
+        self._killed = False  # the process, or it is about to die
         self._now, self._closed = "", False
         self._thread = threading.Thread(target=self._serve, daemon=True, name="desk")
         self._thread.start()
 
-    def put(self, piece: Piece) -> None:
-        """ValueError: a piece of this name waits or is being done."""
+    def put(self, piece: Piece, *, instead: bool = False) -> None:
+        """ValueError: a piece of this name waits or is being done; `instead` of it, it is ended."""
         with self._wake:
-            if self._now == piece.name or any(one.name == piece.name for one in self._waiting):
+            if instead:
+                self.cancel(piece.name)
+            elif self._now == piece.name or any(one.name == piece.name for one in self._waiting):
                 raise ValueError(f"{piece.name} is on already: wait, or cancel it")
             self._waiting.append(piece)
             self._wake.notify_all()
@@ -83,6 +89,7 @@ class Desk:
             self._waiting = deque(one for one in self._waiting if one.name != name)
             if self._now == name and self._process is not None:
                 self._process.terminate()
+                self._killed = True
 
     def close(self) -> None:
         with self._wake:
@@ -107,22 +114,29 @@ class Desk:
                 self._do(piece)
 
     def _do(self, piece: Piece) -> None:
-        context = multiprocessing.get_context("spawn")
-        here, there = context.Pipe(duplex=False)
-        with self._wake:
-            process = context.Process(target=_work, args=(piece.task, there), daemon=True)
-            process.start()
-            self._process = process
-        there.close()
+        pipe = self._worker()
         ended = False
-        with suppress(EOFError):
+        with suppress(EOFError, OSError):
+            pipe.send(piece.task)
             while not ended:
-                kind, what = here.recv()
+                kind, what = pipe.recv()
                 ended = kind in ("done", "failed")
                 piece.heard(kind, what)
-        process.join(5.0)
-        with self._wake:
-            self._process = None
-        here.close()
         if not ended:
+            self._killed = True
             piece.heard("failed", "ended before it was done")
+
+    def _worker(self) -> Connection:
+        """The pipe to the work's process, started where there is none."""
+        with self._wake:
+            if self._killed:
+                self._process.join(5.0)
+                self._pipe.close()
+                self._process, self._killed = None, False
+            if self._process is None:
+                context = multiprocessing.get_context("spawn")
+                self._pipe, there = context.Pipe()
+                self._process = context.Process(target=_work, args=(there,), daemon=True)
+                self._process.start()
+                there.close()
+            return self._pipe

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from viser import ClientHandle, ViserServer
 
 NO_EMERGENCY = "This is **not** the emergency stop: that is the switch that cuts the motors' power."
+FILM = "  \nThe 3-D view shows **a film**: tab Replay leads back to the live table."
 SILENT_S, BLIND_S = 1.0, 0.25
 STATES = {
     "starting": "Starting",
@@ -83,7 +84,8 @@ class Header:
             words.content = seat.words(page)
             take.visible = not seat.may(page)
 
-    def draw(self, now: Now, status: Status, rate_hz: float) -> None:
+    def draw(self, now: Now, status: Status, rate_hz: float, *, film: bool = False) -> None:
         words = f"**{STATES[status.state]}** ({self._table})  \n{link_words(now, status, rate_hz)}"
+        words += FILM if film else ""
         if words != self._words:
             self._words = self._state.content = words

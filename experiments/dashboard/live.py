@@ -9,7 +9,7 @@ import numpy as np
 
 from rig.log import INDEX
 
-POINTS = 500  # of a curve
+POINTS = 250  # of a curve: a panel is no wider
 CURVE_S = 20.0
 FRESH = 2048  # rows that wait for the ghost: 4 s
 _T, _X, _Y = INDEX["t_s"], INDEX["ball_x_m"], INDEX["ball_y_m"]

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable
 
 from experiments.dashboard.sides import Motion
+from experiments.dashboard.video import Video
 
 
 class Player:
@@ -39,7 +40,8 @@ class Player:
 
 
 class Stage:
-    """What is shown instead of the live table: one motion, or three beside each other."""
+    """What is shown instead of the live table: one motion, or three beside each other; a video may
+    come later."""
 
     def __init__(
         self,
@@ -52,3 +54,8 @@ class Stage:
         self.name, self.shown, self.others = name, shown, others
         self.player = Player(shown.end_s)
         self.player.play(playing)
+        self.video: Video | None = None
+
+    def close(self) -> None:
+        if self.video is not None:
+            self.video.close()

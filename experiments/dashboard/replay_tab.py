@@ -1,14 +1,19 @@
-"""The tab Replay: any recorded run again, scrubbed and at any speed, with its video if any."""
+"""The tab Replay: any recorded run again, scrubbed and at any speed, with its video."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from experiments.dashboard.clamps import SPEED, Range, choice
 from experiments.dashboard.controls import Controls
+from experiments.dashboard.desk import Desk, Piece
 from experiments.dashboard.player import Stage
 from experiments.dashboard.sides import motion_of
 from experiments.dashboard.tasks import RunRow
+from experiments.dashboard.video import VIDEO, Video, render_video
 from experiments.recording import read_run
 
 if TYPE_CHECKING:
@@ -16,42 +21,17 @@ if TYPE_CHECKING:
 
 NONE = "(no runs yet)"
 PERCENT = Range(0.0, 100.0, 0.1)
-VIDEO = "video.mkv"
-
-
-class Film:
-    """Frames of a run's video by time, read forward where it can be."""
-
-    def __init__(self, path: Path) -> None:
-        import av
-
-        self._container: Any = av.open(str(path))
-        self._stream: Any = self._container.streams.video[0]
-        self._last_s, self._frames = -1.0, iter(())
-
-    def at(self, t_s: float) -> Any:
-        """The frame (h, w, 3) RGB at a time; None past the end."""
-        if not 0.0 <= t_s - self._last_s < 2.0:
-            self._container.seek(int(t_s / self._stream.time_base), stream=self._stream)
-            self._frames = self._container.decode(self._stream)
-        for frame in self._frames:
-            self._last_s = float(frame.time)
-            if self._last_s >= t_s - 0.02:
-                return frame.to_ndarray(format="rgb24")
-        return None
-
-    def close(self) -> None:
-        self._container.close()
+LIVE = "The live table is shown."
 
 
 class ReplayTab:
-    """`play` shows a stage instead of the live table, `live` goes back; `draw` keeps the slider."""
+    """`play` shows a stage instead of the live table, or (None) goes back; `draw` follows it."""
 
     def __init__(
-        self, server: "ViserServer", controls: Controls, rows: Callable[[], list[RunRow]],
-        play: Callable[[Stage | None], None],
+        self, server: "ViserServer", controls: Controls, desk: Desk,
+        rows: Callable[[], list[RunRow]], play: Callable[[Stage | None], None],
     ) -> None:  # fmt: skip
-        self._rows, self._play = rows, play
+        self._controls, self._desk, self._rows, self._play = controls, desk, rows, play
         gui = server.gui
         gui.add_markdown("Choose a run and press **Show**; drag the slider to look anywhere.")
         self._picked: Any = gui.add_dropdown("Run", (NONE,))
@@ -68,10 +48,12 @@ class ReplayTab:
         controls.button(pause, "play", lambda page: self._toggle())
         back = gui.add_button("Back to the live table", color="gray")
         controls.button(back, "live", lambda page: self._play(None))
-        self._words: Any = gui.add_markdown("live")
-        self._video: Any = None
-        self._film: Film | None = None
-        self._gui, self._stage, self._shown = gui, None, ""
+        self._words: Any = gui.add_markdown(LIVE)
+        blank = np.full((4, 4, 3), 128, np.uint8)
+        self._image: Any = gui.add_image(blank, format="jpeg", visible=False)
+        self._about: Any = gui.add_markdown("")  # the video
+        self._stage: Stage | None = None
+        self._shown = LIVE
 
     def refresh(self) -> None:
         """The list of runs has changed."""
@@ -82,30 +64,49 @@ class ReplayTab:
                 self._run.now = names[0]
 
     def show(self) -> None:
-        """Read the chosen run and play it."""
-        found = [row for row in self._rows() if row.folder.name == self._run.now]
+        """Read the chosen run and play it; its video comes with it, or as soon as it is made."""
+        found = [row.folder for row in self._rows() if row.folder.name == self._run.now]
         if not found:
             raise ValueError("no such run: make one in the tab Run")
-        whole = read_run(found[0].folder)
-        self._open_video(found[0].folder / VIDEO)
-        self._play(Stage(found[0].folder.name, motion_of(whole.log)))
+        stage = Stage(found[0].name, motion_of(read_run(found[0]).log))
+        self._play(stage)
+        if (found[0] / VIDEO).is_file():
+            self._add_video(stage, found[0] / VIDEO)
+            return
 
-    def _open_video(self, path: Path) -> None:
-        if self._film is not None:
-            self._film.close()
-        self._film = Film(path) if path.is_file() else None
+        def heard(kind: str, what: Any) -> None:
+            self._controls.orders.put("video", partial(self._heard, stage, kind, what))
+
+        self._desk.put(Piece("video", partial(render_video, found[0]), heard), instead=True)
+        self._about.content = "*The video is made from the recording: a few seconds.*"
+
+    def _heard(self, stage: Stage, kind: str, what: Any) -> None:
+        if stage is not self._stage:
+            return
+        if kind == "progress":
+            self._about.content = f"*{what[0]}: {100 * what[1] // max(what[2], 1)} %*"
+        elif kind == "failed":
+            self._about.content = str(what)
+        elif kind == "done":
+            self._add_video(stage, what)
+
+    def _add_video(self, stage: Stage, path: Path) -> None:
+        stage.video = Video(path)
+        self._about.content = "What the camera saw, and what the tracker makes of it."
 
     def on_stage(self, stage: Stage | None) -> None:
         """What is shown from now on; told by the app."""
-        self._stage = stage
+        if self._stage is not None:
+            self._stage.close()
+        self._stage, self._image.visible, self._about.content = stage, False, ""
         if stage is not None:
             stage.player.set_speed(self._speed.now)
-        else:
-            self._open_video(Path())
 
-    def video(self, t_s: float) -> Any:
-        """The frame of the run's video at a time, None without one."""
-        return self._film.at(t_s) if self._film is not None else None
+    def show_frame(self, image: np.ndarray) -> None:
+        """The newest image of the video."""
+        self._image.image = image
+        if not self._image.visible:
+            self._image.visible = True
 
     def _need(self) -> Stage:
         if self._stage is None:
@@ -126,7 +127,7 @@ class ReplayTab:
 
     def draw(self) -> None:
         """Where the film stands; the slider follows while it runs."""
-        stage, words = self._stage, "The live table is shown."
+        stage, words = self._stage, LIVE
         if stage is not None:
             t_s, end_s = stage.player.t_s, stage.player.end_s
             words = f"**Replay** of {stage.name}: {t_s:.1f} of {end_s:.1f} s"

@@ -97,8 +97,7 @@ class ResultsTab:
         if not rows:
             raise ValueError("no runs yet: make some in the tab Run")
         task = partial(draw_figures, rows, self._out / "figures" / name)
-        self._desk.cancel("figures")
-        self._put("figures", task, self._drawn)
+        self._put("figures", task, self._drawn, instead=True)  # of fewer runs
 
     def report(self, page: int | None) -> None:
         """Write the report of the newest runs and send it to the page."""
@@ -108,12 +107,14 @@ class ResultsTab:
         task = partial(write_report, [row.folder for row in rows], self._out / "report")
         self._put("report", task, lambda path: self._send(page, path))
 
-    def _put(self, name: str, task: Any, done: Callable[[Any], None]) -> None:
+    def _put(
+        self, name: str, task: Any, done: Callable[[Any], None], *, instead: bool = False
+    ) -> None:
         def heard(kind: str, what: Any) -> None:
             self._controls.orders.put(name, partial(self._heard, name, done, kind, what))
 
         self._words.content = f"*{name}: waits for its turn*"
-        self._desk.put(Piece(name, task, heard))
+        self._desk.put(Piece(name, task, heard), instead=instead)
 
     def _heard(self, name: str, done: Callable[[Any], None], kind: str, what: Any) -> None:
         if kind == "progress":

@@ -29,9 +29,18 @@ if TYPE_CHECKING:
     from viser import ViserServer
 
 ARMS = {"both": ("without", "with"), "with the model": ("with",), "without": ("without",)}
+WHAT = "Choose a protocol and press **Start**; or play with the balancing table."
+WHAT_REAL = (
+    "**A real table.** Homed with `rig home`? Choose a protocol, clear the plate, a hand at the "
+    "switch, tick **Arm**, press **Start**; every run is armed anew."
+)
 SPEEDS = ("1 x", "2 x", "4 x")
 PUSH_S = 0.08
 ARROWS = {"left": 180.0, "right": 0.0, "away": 90.0, "near": 270.0}
+KEYS = (
+    "Keys: **R** start, **N** next run, **B** balance, **Esc** stop, **Shift + arrows** push, "
+    "**Ctrl + K** all of them."
+)
 IDLE = "no run: choose a protocol and press **Start**"
 
 
@@ -47,19 +56,24 @@ def progress_words(status: Status) -> str:
     if leg is None:
         return f"{status.words}. {IDLE}" if status.state == "stopped" else IDLE
     of = f"run {leg.number} of {leg.of}"
-    if status.state == "pause":
-        return f"**Pause**: {status.words}; press **Next run**"
     left = f"{minutes(status.left_s)} left"
+    if status.state == "pause":
+        return f"**Pause**: {status.words}, {left}; press **Next run**"
     return f"{of}: {status.words}, {status.t_s:.1f} of {status.whole_s:.1f} s, {left}"
 
 
 class RunTab:
-    """The widgets of the tab in the container that is open when it is made."""
+    """The widgets of the tab in the container that is open when it is made; `look` turns every
+    page to the live table when a run begins."""
 
-    def __init__(self, server: "ViserServer", controls: Controls, session: Session) -> None:
+    def __init__(
+        self, server: "ViserServer", controls: Controls, session: Session,
+        look: Callable[[], None],
+    ) -> None:  # fmt: skip
         self._server, self._controls, self._session = server, controls, session
-        gui = server.gui
-        gui.add_markdown("Choose a protocol and press Start; or play with the balancing table.")
+        self._look = look
+        gui, virtual = server.gui, not session.table.real
+        gui.add_markdown(WHAT if virtual else WHAT_REAL)
         self._protocol = controls.value(
             gui.add_dropdown("Protocol", shipped(), initial_value="free-release"),
             "protocol",
@@ -76,20 +90,28 @@ class RunTab:
             lambda v: int(REPETITIONS.clamp(v)),
         )
         self._speed = controls.value(
-            gui.add_dropdown("Virtual time", SPEEDS, hint="How fast the virtual table's time runs"),
+            gui.add_dropdown(
+                "Virtual time", SPEEDS, hint="How fast its time runs", visible=virtual
+            ),
             "virtual time",
             partial(choice, options=SPEEDS),
         )
         self._pause = controls.value(gui.add_checkbox("Pause between runs", False), "pause", bool)
         self._hand = controls.value(
-            gui.add_checkbox("I place and let go", False, hint="You are the operator's hand"),
+            gui.add_checkbox(
+                "I place and let go", False, hint="You are the operator's hand", visible=virtual
+            ),
             "hand",
             bool,
         )
+        self._arm_box: Any = gui.add_checkbox(
+            "Arm: the plate is clear, a hand is at the switch", False, visible=not virtual
+        )
+        self._armed = controls.value(self._arm_box, "arm the table", bool)
         self._start = gui.add_button("Start", color="green", icon=None)
         controls.button(self._start, "start", lambda page: self.start())
         self._next = gui.add_button("Next run", color="green", visible=False)
-        controls.button(self._next, "next run", lambda page: session.go_on())
+        controls.button(self._next, "next run", lambda page: self.go_on())
         self._asked = gui.add_markdown("", visible=False)
         self._done = gui.add_button("Done", color="orange", visible=False)
         controls.button(self._done, "confirm", lambda page: session.confirm())
@@ -101,31 +123,49 @@ class RunTab:
             self._gains = self._add_gains()
         with gui.add_folder("Ball: target and pushes", expand_by_default=True):
             self._add_ball()
-        with gui.add_folder("Virtual table's play", expand_by_default=False):
+        with gui.add_folder("Virtual table's play", expand_by_default=False, visible=virtual):
             self._play = self._add_play()
+        gui.add_markdown(KEYS)
         self._events: Any = gui.add_markdown("")
         self._shown: dict[Any, Any] = {}
 
     def start(self) -> None:
         """Put the plan together from the checked values and start it."""
-        protocol = read_protocol(self._protocol.now)
+        protocol, real = read_protocol(self._protocol.now), self._session.table.real
+        self._take_arming()
         self._session.start(
             Plan(
                 protocol,
                 ARMS[self._arm.now],
                 self._repetitions.now,
                 protocol.seed,
-                pause=self._pause.now,
+                pause=self._pause.now or real,  # who armed it for a run armed it for that one
                 by_hand=self._hand.now,
                 speed=float(self._speed.now.split()[0]),
             )
         )
+        self._look()
+
+    def go_on(self) -> None:
+        """The next run of the plan."""
+        if self._session.status.state == "pause":
+            self._take_arming()
+        self._session.go_on()
+
+    def _take_arming(self) -> None:
+        """A real table's arming counts once. ValueError: it was not armed."""
+        if not self._session.table.real:
+            return
+        if not self._armed.now:
+            raise ValueError("nothing moves yet: clear the plate, hand at the switch, tick Arm")
+        self._armed.now = self._arm_box.value = False
 
     def _slider(
-        self, label: str, limits: Range, value: float, apply: Callable[[float], None], hint: str
-    ):
+        self, label: str, limits: Range, value: float, apply: Callable[[float], None], hint: str,
+        *, visible: bool = True,
+    ):  # fmt: skip
         handle = self._server.gui.add_slider(
-            label, limits.low, limits.high, limits.step, value, hint=hint
+            label, limits.low, limits.high, limits.step, value, hint=hint, visible=visible
         )
         return self._controls.value(handle, label, limits.clamp, apply)
 
@@ -148,17 +188,21 @@ class RunTab:
 
     def _add_ball(self) -> None:
         gui, controls = self._server.gui, self._controls
+        virtual = not self._session.table.real
         gui.add_markdown("Shift + click on the plate sends the ball there.")
         back = gui.add_button("Target back to the protocol's", color="gray")
         controls.button(back, "target", lambda page: self._session.put(Target(None)))
         self._push = self._slider(
-            "Push [m/s]", PUSH_M_S, 0.15, lambda value: None, "speed that a push gives"
-        )
-        arrows = gui.add_button_group("Push", tuple(ARROWS))
+            "Push [m/s]", PUSH_M_S, 0.15, lambda value: None, "speed that a push gives",
+            visible=virtual,
+        )  # fmt: skip
+        arrows = gui.add_button_group("Push", tuple(ARROWS), visible=virtual)
         controls.pick(arrows, "push", lambda label: self.push(ARROWS[choice(label, tuple(ARROWS))]))
 
     def push(self, angle_deg: float) -> None:
         """Push the virtual ball towards an angle on the plate."""
+        if self._session.table.real:
+            raise ValueError("push a real ball with a stick")
         strength = self._push.now / PUSH_S
         angle = radians(angle_deg)
         self._session.put(Push((strength * cos(angle), strength * sin(angle)), PUSH_S))
@@ -188,12 +232,14 @@ class RunTab:
     def draw(self, status: Status, events: list[str]) -> None:
         """Show what happens; only what changed is sent."""
         on = status.state in ("running", "pause")
-        asked = f"**Please {status.asked}**, then press Done." if status.asked else ""
+        real = self._session.table.real
+        then = "the table sees that you have" if real else "then press Done"
+        asked = f"**Please {status.asked}**, {then}." if status.asked else ""
         self._set(self._start, "visible", not on)
         self._set(self._next, "visible", status.state == "pause")
-        self._set(self._balance, "visible", status.state == "stopped")
+        self._set(self._balance, "visible", status.state == "stopped" and not real)
         self._set(self._asked, "visible", bool(asked))
-        self._set(self._done, "visible", bool(asked))
+        self._set(self._done, "visible", bool(asked) and not real)
         if asked:
             self._set(self._asked, "content", asked)
         self._set(self._bar, "value", round(100 * status.share, 1))

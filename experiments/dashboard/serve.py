@@ -23,14 +23,8 @@ def serve_dashboard(
     say: Callable[[str], None],
 ) -> None:
     """Serve until Ctrl-C or SIGTERM. PortBusyError: the port is taken, nothing was started."""
-    if rig.table.kind != "simulated":
-        raise ValueError(
-            f'table.kind = "{rig.table.kind}": so far the dashboard drives the virtual table; '
-            "use rig run for a real one, and leave out --rig to look at its runs here"
-        )
     server, gate = open_server(host, port, kept_token(out / "token"))
-    name = f"virtual table of {rig_file.name}" if rig_file else "virtual table"
-    app = App(server, rig, out, table=name)
+    app = App(server, rig, out, rig_file=rig_file)
     over = threading.Event()
     before = signal.signal(signal.SIGTERM, lambda number, frame: over.set())
     try:

@@ -19,17 +19,15 @@ import numpy as np
 from experiments.dashboard import recipes
 from experiments.dashboard.live import Live
 from experiments.dashboard.plan import Leg, Plan, Status, legs
-from experiments.dashboard.telling import Telling
+from experiments.dashboard.readying import RealTable, VirtualTable
 from experiments.live_run import record_live
-from experiments.protocol import course
 from experiments.recording import Recorder
-from experiments.run_folder import new_run_folder, write_truth
-from experiments.runner import Order, Watch, start_record, truth_record
+from experiments.runner import Watch
+from experiments.telling import Telling
 from rig.commands import Command, SetGains, Stop
 from rig.endings import Ending
 from rig.loop_process import LoopProcess
 from rig.parameters import Rig
-from rig.shared_ring import SharedArray
 
 KILL = getattr(signal, "SIGKILL", signal.SIGTERM)
 QUICK_S, MOST_QUICK = 5.0, 3  # balancing that ends so soon so often is given up
@@ -42,24 +40,24 @@ class Session:
     def __init__(
         self,
         rig: Rig,
-        out: Path,
+        table: VirtualTable | RealTable,
         live: Live,
         *,
         recorded: Callable[[Leg, Path, Ending], None] = lambda leg, folder, ending: None,
         said: Callable[[float, str], None] = lambda t_s, text: None,
         balance: bool = True,
     ) -> None:
-        self.rig, self.out, self.live = rig, out, live
+        self.rig, self.table, self.live = rig, table, live
         self._plan_rig = rig
         self._recorded, self._said = recorded, said
         self._wake = threading.Condition()
         self._legs: deque[Leg] = deque()
-        self._balance, self._waits, self._closed = balance, False, False
+        self._balance = balance and not table.real  # a real table moves in runs alone
+        self._waits = self._closed = False
         self._loop: LoopProcess | None = None
         self._stop: Stop | None = None  # asked for while a loop is being started
         self._busy = False
         self._notes: deque[str] = deque(maxlen=64)
-        self._words: SharedArray | None = None
         self._status = Status("starting", "the loop's process starts")
         self.last_notes: dict = {}  # of the last loop: jitter, real time
         self._thread = threading.Thread(target=self._serve, daemon=True, name="session")
@@ -72,13 +70,13 @@ class Session:
 
     def start(self, plan: Plan) -> None:
         """Run a plan; what was balancing ends. ValueError: a run is on, or it is impossible."""
-        course(plan.protocol, self.rig, plan.seed)
+        self.table.check(plan, self.rig)
         with self._wake:
             if self._legs or self._status.state in ("running", "pause"):
                 raise ValueError("a run is on: stop it first")
             self._legs.extend(legs(plan))
             self._plan_rig = self.rig  # of all its runs, whatever is set meanwhile
-            self._balance = True
+            self._balance = not self.table.real
             self._end_loop(Stop("a run begins", "ended"))
 
     def go_on(self) -> None:
@@ -95,7 +93,9 @@ class Session:
             self._end_loop(Stop(f"stopped by {who}", "aborted"))
 
     def balance(self) -> None:
-        """Let the virtual table balance again."""
+        """Let the virtual table balance again. ValueError: a real one moves in runs alone."""
+        if self.table.real:
+            raise ValueError("a real table moves in a run alone: arm it and press Start")
         with self._wake:
             self._balance = True
             self._wake.notify_all()
@@ -122,15 +122,13 @@ class Session:
 
     def confirm(self) -> None:
         """The operator at the page has done what was asked for. ValueError: nothing was."""
-        asked, words = self._status.asked, self._words
-        if not asked or words is None:
+        asked = self._status.asked
+        if not asked:
             raise ValueError("nothing is asked of you just now")
-        step = recipes.PLACE if asked.startswith("place") else recipes.RELEASE
-        if asked.startswith("hold"):
-            return
-        words.array[step] = 1.0
+        self.table.confirm(asked)
         self.note(f"confirmed: {asked}")
-        self._status = replace(self._status, asked="")
+        if not asked.startswith("hold"):
+            self._status = replace(self._status, asked="")
 
     def note(self, text: str) -> None:
         """A line in the present run's events."""
@@ -226,41 +224,23 @@ class Session:
 
     def _record(self, leg: Leg) -> tuple[Ending, float]:
         """One run of the plan, recorded."""
-        plan, rig = leg.plan, self._plan_rig
-        name = plan.protocol.name
-        self._status = Status("running", f"{name}, {leg.arm} the model: starting", leg)
-        order = Order(rig, plan.protocol, leg.arm, leg.seed, self.out / "runs")
-        way = course(plan.protocol, rig, leg.seed)
-        by_hand = plan.by_hand and not plan.protocol.servo_only
-        self._words = SharedArray((2,), np.dtype(np.float64)) if by_hand else None
-        job = recipes.job(
-            rig, leg.arm, way, protocol=plan.protocol, seed=leg.seed, speed=plan.speed,
-            words=self._words,
-        )  # fmt: skip
-        folder = new_run_folder(order.parent, name, leg.arm)
-        write_truth(folder, truth_record(order))
+        plan = leg.plan
+        self._status = Status("running", f"{leg.words}: starting", leg)
         self._notes.clear()
         self.live.begin()
-        recorder = Telling(folder, start_record(order))
-        watch = Watch(order, recorder, None)
-        watch.stop_through(self)
-        recorder.say, recorder.at_end = self._heard, partial(watch.note_pushes, order.believed)
-        try:
+        with self.table.ready(leg, self._plan_rig) as run:
+            recorder = Telling(run.folder, run.start)
+            watch = Watch(run.order, recorder, None)
+            watch.stop_through(self)
+            recorder.say = self._heard
+            recorder.at_end = partial(watch.note_pushes, run.order.believed)
+            look = partial(self._look, watch, recorder, leg)
             with recorder:
-                ending = record_live(
-                    job,
-                    recorder,
-                    started=self._started,
-                    watch=partial(self._look, watch, recorder, leg),
-                )
-        finally:
-            words, self._words = self._words, None
-            if words is not None:
-                words.close()
+                ending = record_live(run.job, recorder, started=self._started, watch=look)
         with self._wake:
             self._waits = plan.pause and bool(self._legs)
         with suppress(Exception):
-            self._recorded(leg, folder, ending)
+            self._recorded(leg, run.folder, ending)
         return ending, self._status.t_s
 
     def _look(self, watch: Watch, recorder: Recorder, leg: Leg, row: np.ndarray) -> None:

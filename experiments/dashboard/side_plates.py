@@ -11,7 +11,7 @@ from rig.parameters import Rig
 if TYPE_CHECKING:
     from viser import ViserServer
 
-BEHIND = {"before": (-0.25, 0.37, 0.03), "after": (0.06, 0.37, 0.03)}
+BEHIND = {"before": (-0.225, 0.37, 0.03), "after": (0.075, 0.37, 0.03)}
 WORDS = {"before": "model before", "after": "model after"}
 LOW, HIGH = np.array([255.0, 245.0, 200.0]), np.array([150.0, 0.0, 60.0])
 CELL_PX = 8

@@ -10,7 +10,8 @@ import numpy as np
 from experiments.dashboard.desk import Tell
 from rig.parameters import Rig
 
-CALIBRATION_STEPS = ("camera", "table", "time", "level", "servo")
+CALIBRATION_STEPS = ("camera", "table", "time", "level", "servo", "play")
+SHEET = ("11x8", 24.0, 18.0, "DICT_5X5_50")
 
 
 @dataclass(frozen=True)
@@ -123,13 +124,14 @@ def calibrate(step: str, rig: Rig, out: Path, seed: int, tell: Tell) -> list[Sho
     """One step of `rig calibrate` on the virtual table; its pictures. ValueError: refused, why."""
     from experiments import calibrate_camera as seeing
     from experiments import calibrate_motion as moving
+    from experiments import calibrate_play as playing
     from experiments.calibrate_folder import FILE
     from rig.rigfile import write_rig
 
     out.mkdir(parents=True, exist_ok=True)
     file = out / "table.toml"
     write_rig(rig, file)
-    sheet = seeing.sheet_of("11x8", 24.0, 18.0, "DICT_5X5_50")
+    sheet = seeing.sheet_of(*SHEET)
     tell(step, 0, 1)
     if step == "camera":
         seeing.camera(None, file, out, sheet=sheet, distance_m=0.75, most=40, seconds=180.0,
@@ -143,6 +145,8 @@ def calibrate(step: str, rig: Rig, out: Path, seed: int, tell: Tell) -> list[Sho
         moving.level([], file, out, seconds=40.0, seed=seed)
     elif step == "servo":
         moving.servo(file, out, seed=seed)
+    elif step == "play":
+        playing.play(file, out, seed=seed)
     else:
         raise ValueError(f"no step '{step}'; known: {', '.join(CALIBRATION_STEPS)}")
     tell(step, 1, 1)
@@ -152,6 +156,23 @@ def calibrate(step: str, rig: Rig, out: Path, seed: int, tell: Tell) -> list[Sho
              "camera.png": "Residuals and what they depend on"}  # fmt: skip
     assert (out / FILE).is_file()
     return [Shown(p, words.get(p.name, f"{step}: data and fit")) for p in pictures if p.is_file()]
+
+
+def print_sheets(rig: Rig, out: Path, tell: Tell) -> Path:
+    """The sheets for lens and plate as PDF, in one file to download."""
+    from zipfile import ZipFile
+
+    from experiments.calibrate_camera import make_sheets, sheet_of
+    from rig.rigfile import write_rig
+
+    tell("drawing the sheets", 0, 1)
+    out.mkdir(parents=True, exist_ok=True)
+    write_rig(rig, out / "table.toml")
+    make_sheets(out / "table.toml", out, paper="a4", sheet=sheet_of(*SHEET), plate_marker_mm=24.0)
+    with ZipFile(out / "sheets.zip", "w") as packed:
+        for page in sorted(out.glob("*.pdf")):
+            packed.write(page, page.name)
+    return out / "sheets.zip"
 
 
 def demo_runs(out: Path, seed: int, tell: Tell) -> list[Path]:

@@ -29,7 +29,7 @@ class Gauge:
 
     def __init__(self, server: "ViserServer", kind: str, axis: int) -> None:
         scene, name = server.scene, f"/teeth/{kind}_{'xy'[axis]}"
-        self._along = np.eye(3)[1 - axis]
+        self._along = np.eye(3)[0]  # across the picture, whatever the servo
         self._words = f"{kind} {'xy'[axis]}"
         size = np.full(3, TOOTH_M)
         size[2] = 3 * TOOTH_M

@@ -18,37 +18,52 @@ from rig.parameters import Rig
 SMALL = (320, 240)
 
 
+class Looker:
+    """Renders poses as the virtual camera sees them, and tracks the ball in what it rendered."""
+
+    def __init__(self, rig: Rig) -> None:
+        from experiments.assemble import virtual_scene
+        from vision.appearance import Appearance
+        from vision.ball_camera import BallCamera
+        from vision.synthetic import Renderer, virtual_view
+
+        scene, view = virtual_scene(rig), virtual_view()
+        self.size = view.camera.width_px, view.camera.height_px
+        self._ratio, self._count = rig.linkage.ratio, 0
+        self._renderer = Renderer(scene, view, np.random.default_rng(1))
+        self._camera = BallCamera.over_plate(
+            view, scene.layout, rig.ball.radius_m, rig.linkage.plate_side_m,
+            appearance=Appearance.of_colour(rig.ball.colour),
+        )  # fmt: skip
+
+    def look(
+        self, theta: tuple[float, float], ball: tuple[float, float] | None, t_s: float
+    ) -> tuple[np.ndarray, str]:
+        """The image (h, w, 3) BGR with what the tracker saw drawn in, and the same in words."""
+        from rig.linkage import plate_rotation, tilt_sines
+        from vision.frames import Frame
+        from vision.overlay import draw
+
+        turn = plate_rotation(tilt_sines(theta, self._ratio))
+        image = self._renderer.render(turn, ball)
+        seen, track, _ = self._camera.step(Frame(image, t_s, self._count), turn)
+        self._count += 1
+        return draw(image, track, ()), sight_words(track, seen)
+
+
 def _see(rig: Rig, here: Connection) -> None:
     """The eye's process: pose in, image and words out, until the other end is closed."""
     import cv2
 
-    from experiments.assemble import virtual_scene
-    from rig.linkage import plate_rotation, tilt_sines
-    from vision.appearance import Appearance
-    from vision.ball_camera import BallCamera
-    from vision.frames import Frame
-    from vision.overlay import draw
-    from vision.synthetic import Renderer, virtual_view
-
     with suppress(OSError, AttributeError):
         os.nice(5)
     cv2.setNumThreads(1)
-    scene, view = virtual_scene(rig), virtual_view()
-    renderer = Renderer(scene, view, np.random.default_rng(1))
-    camera = BallCamera.over_plate(
-        view, scene.layout, rig.ball.radius_m, rig.linkage.plate_side_m,
-        appearance=Appearance.of_colour(rig.ball.colour),
-    )  # fmt: skip
-    count = 0
+    looker = Looker(rig)
     with suppress(EOFError, OSError, KeyboardInterrupt):
         while True:
-            theta, ball, t_s = here.recv()
-            turn = plate_rotation(tilt_sines(theta, rig.linkage.ratio))
-            image = renderer.render(turn, ball)
-            seen, track, _ = camera.step(Frame(image, t_s, count), turn)
-            count += 1
-            small = cv2.resize(draw(image, track, ()), SMALL, interpolation=cv2.INTER_AREA)
-            here.send((np.ascontiguousarray(small[:, :, ::-1]), sight_words(track, seen)))
+            image, words = looker.look(*here.recv())
+            small = cv2.resize(image, SMALL, interpolation=cv2.INTER_AREA)
+            here.send((np.ascontiguousarray(small[:, :, ::-1]), words))
 
 
 def sight_words(track: Any, seen: Any) -> str:

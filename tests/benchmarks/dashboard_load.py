@@ -104,7 +104,7 @@ def main() -> None:
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as out:
         server, gate = open_server("127.0.0.1", 0, "benchmark-token-" + "x" * 20)
-        app = App(server, load_rig(None), Path(out), table="virtual table")
+        app = App(server, load_rig(None), Path(out))
         app.camera.look(True)
         state(app, "balancing")
         app.session.stop("the benchmark")

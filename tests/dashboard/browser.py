@@ -13,7 +13,8 @@ import numpy as np
 
 CHROMIUM = "/usr/bin/chromium"
 FLAGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
-PATIENCE_S = float(os.environ.get("RIG_BROWSER_PATIENCE_S", "120"))
+PATIENCE_S = float(os.environ.get("RIG_BROWSER_PATIENCE_S", "240"))
+RIG = (sys.executable, "-m", "experiments.cli")
 ROOT = Path(__file__).parents[2]
 
 
@@ -22,12 +23,12 @@ class Program:
 
     def __init__(self, out: Path, *, port: int = 0) -> None:
         self.log = (out / "program.log").open("a")
-        command = [sys.executable, str(Path(__file__).with_name("program.py")), "dashboard"]
-        command += ["--port", str(port), "--out", str(out)]
+        command = [*RIG, "dashboard", "--port", str(port), "--out", str(out)]
         environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}
         self._process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=self.log, text=True, env=environment
-        )
+            command, stdout=subprocess.PIPE, stderr=self.log, text=True, env=environment,
+            start_new_session=True,  # its own share of a busy machine
+        )  # fmt: skip
         assert self._process.stdout is not None
         self.link = self._process.stdout.readline().strip()
         found = re.fullmatch(r"http://127\.0\.0\.1:(\d+)/\?token=\S{32,}", self.link)
@@ -60,7 +61,9 @@ class Program:
 
 def pixels(png: bytes) -> np.ndarray:
     """A screenshot as BGR (h, w, 3)."""
-    return cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
+    image = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
+    assert image is not None
+    return image
 
 
 def sees_table(image: np.ndarray) -> tuple[float, int, int]:
@@ -71,9 +74,9 @@ def sees_table(image: np.ndarray) -> tuple[float, int, int]:
     return float(image.std()), int(ball.sum()), int(plate.sum())
 
 
-def wait_for(what: str, holds, seconds: float = PATIENCE_S) -> None:
+def wait_for(what: str, holds, seconds: float = PATIENCE_S, *, every_s: float = 0.2) -> None:
     """Poll until `holds()` is true; AssertionError names what did not come."""
     end = time.monotonic() + seconds
     while not holds():
         assert time.monotonic() < end, f"{what} did not come within {seconds:g} s"
-        time.sleep(0.2)
+        time.sleep(every_s)

@@ -67,3 +67,13 @@ def test_work_is_cancelled_and_the_next_piece_is_served(desk):
     desk.cancel("endless")
     assert words.get(timeout=120)[0] == "failed"
     assert heard(desk, "good", good)[-1][0] == "done"
+
+
+def test_new_work_takes_the_place_of_the_old_while_that_is_being_done(desk):
+    words: Queue = Queue()
+    desk.put(Piece("work", endless, lambda *what: words.put(what)))
+    assert words.get(timeout=120) == ("progress", ("on", 0, 1))
+    desk.put(Piece("work", good, lambda *what: words.put(what)), instead=True)
+    found = [words.get(timeout=120) for _ in range(4)]
+    assert found[0][0] == "failed"  # the old one's last word
+    assert found[-1] == ("done", {"answer": 42})

@@ -98,9 +98,9 @@ def test_a_busy_port_is_said_and_nothing_is_started(tmp_path: Path):
         port = other.getsockname()[1]
         with pytest.raises(PortBusyError, match=f"port {port} of 127.0.0.1 cannot be used"):
             open_server("127.0.0.1", port, TOKEN)
-        program = str(Path(__file__).with_name("program.py"))
+        program = [sys.executable, "-m", "experiments.cli", "dashboard"]
         told = subprocess.run(
-            [sys.executable, program, "dashboard", "--port", str(port), "--out", str(tmp_path)],
+            [*program, "--port", str(port), "--out", str(tmp_path)],
             capture_output=True,
             text=True,
             env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},

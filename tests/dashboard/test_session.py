@@ -9,6 +9,7 @@ import pytest
 from experiments.assemble import load_rig
 from experiments.dashboard.live import Live
 from experiments.dashboard.plan import Plan
+from experiments.dashboard.readying import VirtualTable
 from experiments.dashboard.session import Session
 from experiments.protocol import parse
 from experiments.recording import read_run
@@ -37,7 +38,7 @@ def table(tmp_path: Path):
     rig = load_rig(None)
     session = Session(
         rig,
-        tmp_path,
+        VirtualTable(tmp_path),
         Live(rig.control_rate_hz),
         recorded=lambda leg, folder, ending: recorded.append((leg, folder, ending)),
         said=lambda t_s, text: said.append(text),

@@ -1,4 +1,4 @@
-"""A recorder that tells the page what it records."""
+"""A recorder that tells somebody what it records: a person at the table, or a page."""
 
 from collections.abc import Callable
 
@@ -6,7 +6,7 @@ from experiments.recording import Recorder
 
 
 class Telling(Recorder):
-    """Records, tells the page every event, and looks for pushes at the end."""
+    """Records, says every event, and looks for pushes at the end."""
 
     say: Callable[[float, str], None] = staticmethod(lambda t_s, text: None)
     at_end: Callable[[], None] = staticmethod(lambda: None)

@@ -1,0 +1,117 @@
+"""A page of the dashboard in a real browser, and what a person does and sees on it."""
+
+import re
+from pathlib import Path
+
+from browser import PATIENCE_S, pixels, wait_for
+from playwright.sync_api import Browser, Page, expect
+
+# A machine without a graphics card draws a second's pictures in seconds: a few are enough.
+FEW_PICTURES = """(() => {
+  const draw = window.requestAnimationFrame.bind(window);
+  window.requestAnimationFrame = todo => setTimeout(() => draw(todo), EVERY_MS);
+})()"""
+# Buttons, tabs, labels and inputs in view that reach out of the window, whose words do not fit, or
+# that lie over one another; what merely contains the other does not count.
+CUT_OFF = """() => {
+  const wrong = [], seen = [];
+  for (const one of document.querySelectorAll("button, [role=tab], label, input, p, td, h4")) {
+    const box = one.getBoundingClientRect(), style = getComputedStyle(one);
+    if (box.width < 2 || box.height < 2 || style.visibility == "hidden" || style.opacity == 0)
+      continue;
+    if (one.tagName == "BUTTON" && one.tabIndex < 0) continue;  // the little steps of a number
+    const what = (one.innerText || one.value || one.tagName).slice(0, 40);
+    if (box.left < -1 || box.right > innerWidth + 1) wrong.push("outside: " + what);
+    if (one.tagName != "INPUT" && one.scrollWidth > one.clientWidth + 2 && one.clientWidth)
+      wrong.push("does not fit: " + what);
+    for (const [other, its, name] of seen) {
+      const across = Math.min(box.right, its.right) - Math.max(box.left, its.left);
+      const down = Math.min(box.bottom, its.bottom) - Math.max(box.top, its.top);
+      if (across > 3 && down > 3 && !other.contains(one) && !one.contains(other))
+        wrong.push("overlap: " + what + " / " + name);
+    }
+    seen.push([one, box, what]);
+  }
+  return wrong;
+}"""
+
+
+class Hand:
+    """One tab of the browser. sharp: with every pixel, as a person's screen; else a quarter."""
+
+    def __init__(
+        self, browser: Browser, link: str, artefacts: Path, *, sharp: bool = False
+    ) -> None:
+        context = browser.new_context(
+            viewport={"width": 1280, "height": 800}, device_scale_factor=1 if sharp else 0.5
+        )
+        context.set_default_timeout(1e3 * PATIENCE_S)
+        context.add_init_script(FEW_PICTURES.replace("EVERY_MS", "1500" if sharp else "400"))
+        self.page: Page = context.new_page()
+        self._artefacts = artefacts
+        answer = self.page.goto(link)
+        assert answer is not None
+        assert answer.status == 200
+        self.connected()
+        if not sharp:
+            self.tab("Camera")  # five live curves are too much for a processor that draws, too
+
+    def reload(self) -> None:
+        self.page.reload()
+        self.connected()
+        self.tab("Camera")
+
+    def connected(self, text: str = "not the emergency stop") -> None:
+        """Look at the page until it says so: it tries to connect again only when looked at."""
+        words = self.page.get_by_text(text).first
+
+        def there() -> bool:
+            self.page.bring_to_front()
+            self.page.evaluate("window.dispatchEvent(new Event('focus'))")
+            return words.is_visible()
+
+        wait_for("the page", there, every_s=1.0)
+
+    def see(self, text: str | re.Pattern) -> None:
+        """Wait until the text can be seen."""
+        expect(self.page.get_by_text(text).filter(visible=True).first).to_be_visible(
+            timeout=1e3 * PATIENCE_S
+        )
+
+    def tab(self, name: str) -> None:
+        self.page.get_by_role("tab", name=name, exact=True).click()
+
+    def press(self, name: str | re.Pattern) -> None:
+        self.page.get_by_role("button", name=name, exact=True).click()
+
+    def choose(self, what: str, option: str | re.Pattern) -> None:
+        """Pick an option of a list that drops down."""
+        self.page.get_by_role("combobox", name=what).click()
+        self.page.get_by_role("option", name=option).first.click()
+
+    def tick(self, what: str) -> None:
+        self.page.get_by_role("checkbox", name=what).click()
+
+    def download(self, button: str) -> tuple[str, bytes]:
+        """Name and content of what a button sends."""
+        with self.page.expect_download() as coming:
+            self.press(button)
+        return coming.value.suggested_filename, Path(coming.value.path()).read_bytes()
+
+    def shot(self, name: str) -> None:
+        self.page.bring_to_front()  # pages behind are drawn seldom
+        warning = self.page.get_by_role("alert").filter(has_text="Software WebGL")
+        if warning.first.is_visible():  # that there is no graphics card
+            warning.get_by_role("button").first.click()
+        self.page.screenshot(path=str(self._artefacts / f"{name}.png"))
+
+    def view(self):
+        """The 3-D view as BGR."""
+        return pixels(self.page.locator("canvas").first.screenshot())
+
+    def nothing_cut_off(self) -> None:
+        wrong = self.page.evaluate(CUT_OFF)
+        assert not wrong, "\n".join(wrong)
+
+    def close(self) -> None:
+        self.page.context.close()
