@@ -6,11 +6,6 @@ from pathlib import Path
 from browser import PATIENCE_S, pixels, wait_for
 from playwright.sync_api import Browser, Page, expect
 
-# A machine without a graphics card draws a second's pictures in seconds: a few are enough.
-FEW_PICTURES = """(() => {
-  const draw = window.requestAnimationFrame.bind(window);
-  window.requestAnimationFrame = todo => setTimeout(() => draw(todo), EVERY_MS);
-})()"""
 # Buttons, tabs, labels and inputs in view that reach out of the window, whose words do not fit, or
 # that lie over one another; what merely contains the other does not count.
 CUT_OFF = """() => {
@@ -46,7 +41,6 @@ class Hand:
             viewport={"width": 1280, "height": 800}, device_scale_factor=1 if sharp else 0.5
         )
         context.set_default_timeout(1e3 * PATIENCE_S)
-        context.add_init_script(FEW_PICTURES.replace("EVERY_MS", "1500" if sharp else "400"))
         self.page: Page = context.new_page()
         self._artefacts = artefacts
         answer = self.page.goto(link)
