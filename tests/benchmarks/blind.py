@@ -30,6 +30,7 @@ def asked() -> argparse.Namespace:
     parser.add_argument("--engine", choices=tuple(GOALS), default="own")
     parser.add_argument("--trials", type=int, default=1500)
     parser.add_argument("--nothing", type=int, help="default: as many as --trials")
+    parser.add_argument("--first", type=int, help="ask only so many of the sealed ones")
     parser.add_argument("--weak", type=int, default=0)
     parser.add_argument("--beside", type=int, default=0)
     parser.add_argument("--seed", type=int, help="default: drawn, and sealed with the truth")
@@ -85,10 +86,11 @@ def main() -> None:
         )  # fmt: skip
         if slow:  # logs that cost more than their analysis are made in parallel, and kept
             jobs = Parallel(n_jobs=options.jobs or 2, return_as="generator_unordered")
-            made = jobs(delayed(keep_logs)(t, out / "logs", make_log, means.suffix) for t in trials)
+            wanted = trials[: options.first]
+            made = jobs(delayed(keep_logs)(t, out / "logs", make_log, means.suffix) for t in wanted)
             for k, _ in enumerate(made):
-                progress("logs", k + 1, len(trials))
-        marks = run_trials(trials, out, means)
+                progress("logs", k + 1, len(wanted))
+        marks = run_trials(trials, out, means, first=options.first)
         title = f"Blind trials, engine: {options.engine}"
         results = publish(marks, out, means, title=title, right_goal=GOALS[options.engine])
     show(rows(results, right_goal=GOALS[options.engine]), title)
