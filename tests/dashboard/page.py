@@ -1,11 +1,13 @@
 """A page of the dashboard in a real browser, and what a person does and sees on it."""
 
 import re
+from contextlib import suppress
 from pathlib import Path
 
 from browser import PATIENCE_S, pixels, wait_for
-from playwright.sync_api import Browser, Page, expect
+from playwright.sync_api import Browser, Locator, Page, TimeoutError, expect
 
+STILL_S = 10.0  # so long what is drawn may take to hold still
 # Buttons, tabs, labels and inputs in view that reach out of the window, whose words do not fit, or
 # that lie over one another; what merely contains the other does not count.
 CUT_OFF = """() => {
@@ -14,6 +16,7 @@ CUT_OFF = """() => {
     const box = one.getBoundingClientRect(), style = getComputedStyle(one);
     if (box.width < 2 || box.height < 2 || style.visibility == "hidden" || style.opacity == 0)
       continue;
+    if (one.closest("[role=alert]")) continue;  // words that slide in and out
     if (one.tagName == "BUTTON" && one.tabIndex < 0) continue;  // the little steps of a number
     const what = (one.innerText || one.value || one.tagName).slice(0, 40);
     if (box.left < -1 || box.right > innerWidth + 1) wrong.push("outside: " + what);
@@ -42,7 +45,7 @@ class Hand:
         )
         context.set_default_timeout(1e3 * PATIENCE_S)
         self.page: Page = context.new_page()
-        self._artefacts = artefacts
+        self._artefacts, self._drawn = artefacts, True
         answer = self.page.goto(link)
         assert answer is not None
         assert answer.status == 200
@@ -73,18 +76,31 @@ class Hand:
         )
 
     def tab(self, name: str) -> None:
-        self.page.get_by_role("tab", name=name, exact=True).click()
+        self._click(self.page.get_by_role("tab", name=name, exact=True))
 
     def press(self, name: str | re.Pattern) -> None:
-        self.page.get_by_role("button", name=name, exact=True).click()
+        self._click(self.page.get_by_role("button", name=name, exact=True))
 
     def choose(self, what: str, option: str | re.Pattern) -> None:
         """Pick an option of a list that drops down."""
-        self.page.get_by_role("combobox", name=what).click()
-        self.page.get_by_role("option", name=option).first.click()
+        self._click(self.page.get_by_role("combobox", name=what))
+        self._click(self.page.get_by_role("option", name=option).first)
 
     def tick(self, what: str) -> None:
-        self.page.get_by_role("checkbox", name=what).click()
+        self._click(self.page.get_by_role("checkbox", name=what))
+
+    def _click(self, what: Locator) -> None:
+        """Click what is there, once it holds still. Chromium without a graphics card draws some
+        pages too seldom to see that anything does: there, click where it is.
+        """
+        self.page.bring_to_front()
+        expect(what).to_be_visible(timeout=1e3 * PATIENCE_S)
+        if self._drawn:
+            with suppress(TimeoutError):
+                what.click(timeout=1e3 * STILL_S)
+                return
+        self._drawn = False
+        what.click(force=True)
 
     def download(self, button: str) -> tuple[str, bytes]:
         """Name and content of what a button sends."""
@@ -104,8 +120,14 @@ class Hand:
         return pixels(self.page.locator("canvas").first.screenshot())
 
     def nothing_cut_off(self) -> None:
-        wrong = self.page.evaluate(CUT_OFF)
-        assert not wrong, "\n".join(wrong)
+        """Once the page has laid itself out: that takes a picture or two."""
+        wrong = ["never looked"]
+        for _ in range(20):
+            wrong = self.page.evaluate(CUT_OFF)
+            if not wrong:
+                return
+            self.page.wait_for_timeout(500)
+        raise AssertionError("\n".join(wrong))
 
     def close(self) -> None:
         self.page.context.close()

@@ -214,10 +214,10 @@ def film(page: Hand, out: Path) -> None:
 
 def looks(chromium, page: Hand, program: Program, artefacts: Path) -> Hand:
     """Nothing is cut off or overlaps, in either size, light and dark; pictures are kept."""
-    page.tab("Gap")
-    page.press("Before and after, side by side")
     page.close()
-    watcher = Hand(chromium, program.link, artefacts, sharp=True)
+    # A browser of its own: one that has drawn much without a graphics card stands still at times.
+    fresh = chromium.browser_type.launch(executable_path=CHROMIUM, args=FLAGS)
+    watcher = Hand(fresh, program.link, artefacts, sharp=True)
     for theme in ("light", "dark"):
         for width, height in SIZES:
             watcher.page.set_viewport_size({"width": width, "height": height})
