@@ -8,7 +8,16 @@ from math import atan2, cos, hypot, inf, sin
 from calibration.gap.decide import Decision
 from calibration.gap.findings import Candidate, Interval, Named, Untestable
 from calibration.gap.intervals import interval
-from calibration.gap.knobs import BALL, CALIBRATED, COAST, IN_RECORD, PERIODIC, SERVO, Believed
+from calibration.gap.knobs import (
+    BALL,
+    CALIBRATED,
+    COAST,
+    HEIGHT,
+    IN_RECORD,
+    PERIODIC,
+    SERVO,
+    Believed,
+)
 from calibration.gap.menu import largest_volts
 from calibration.gap.name import Accepted
 from calibration.gap.screen import Screened
@@ -197,7 +206,7 @@ def extended(decision: Decision, found: tuple[Named, ...],
 def higher(state: State) -> float:
     """By how much the ball's centre lies higher than its pictures were taken for [m]; as believed
     where a scale that says so was not found."""
-    knob = state.believed.of("camera_scale")[1]
+    knob = state.believed.knobs[f"camera_scale.{HEIGHT}.xy"]
     return state.fit.setting.get(knob.name, knob.believed)
 
 

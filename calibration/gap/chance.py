@@ -14,7 +14,7 @@ import numpy as np
 from calibration.gap.fit import weights
 from calibration.gap.intervals import BLOCK_S
 from calibration.gap.knobs import Believed
-from calibration.gap.screen import MISFIT, PER_KNOB, Candidates, candidates
+from calibration.gap.screen import Candidates, beyond_knobs, candidates
 from calibration.gap.state import State
 
 DRAWS, ONE_IN, SEED = 300, 100, 1
@@ -75,5 +75,5 @@ def _best(tried: Candidates, believed: Believed, a: np.ndarray, b: np.ndarray) -
         if not one.two_sided(believed):
             gain[way[:, 0] > 0.0] = 0.0
         knobs = len({name for start in one.group for name in start})
-        best = np.maximum(best, gain - (PER_KNOB + MISFIT * gain) * knobs)
+        best = np.maximum(best, beyond_knobs(gain, knobs))
     return best

@@ -17,8 +17,9 @@ from calibration.gap.state import State
 from rig.effects import BY_NAME
 
 BLOCK_S = 1.0
-# What no log knows better, for the model is only nearly right: how friction sets in [V] and, in
-# encoder counts, where a play's teeth meet while its shafts wind up.
+# What no log knows better, for the model is only nearly right: how friction sets in [V], a tenth of
+# a tick, what a limit or a sagging supply leaves and, in encoder counts, where a play's teeth meet
+# while its shafts wind up.
 LEAST_DEVIATION = {
     "extra_V": 0.004, "friction_V": 0.004, "half_width_V": 0.002, "delay_s": 2e-4, "limit_V": 0.006,
     "drop_1_V": 5e-4,

@@ -48,7 +48,7 @@ COAST, LONGEST_COAST_S2_RAD = "coast_s2_rad", 0.5
 # That of a scale: a ball higher than believed seems larger, and shifted as the plate tilts.
 HEIGHT, HIGHEST_M = "height_m", 0.1
 INNER = {"gear_backlash": [COAST], "camera_scale": [HEIGHT]}
-IN_RECORD = {COAST: "gear_coast", HEIGHT: "camera_height"}  # of inner shapes, which no rig file has
+IN_RECORD = {COAST: "gear_coast", HEIGHT: "camera_height"}  # of what no catalogue names
 CLEARLY = 1.2  # times its tolerance: a name needs as much; at its edge anything may stand in
 ASSUMED_FRICTION = 0.04  # share by which the assumed friction of arm and joints may err
 

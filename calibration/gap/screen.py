@@ -20,9 +20,9 @@ MISFIT = 0.004  # of the gain, per knob: the rest of the model is only nearly ri
 SEEN = 12.0  # gain that an effect of its smallest visible size would bring
 
 
-def beyond_knobs(gain: float, knobs: int) -> float:
-    """What is left of a gain in log-likelihood when the knobs released for it have been paid."""
-    return gain - (PER_KNOB + MISFIT * max(gain, 0.0)) * knobs
+def beyond_knobs(gain, knobs: int):
+    """What is left of gains in log-likelihood when the knobs released for them have been paid."""
+    return gain - (PER_KNOB + MISFIT * np.maximum(gain, 0.0)) * knobs
 
 
 @dataclass(frozen=True, eq=False)
