@@ -14,6 +14,7 @@ from rig.shaft import EXACT, dead_zone, play_operator, shaft_torque
 
 LONGEST_STEP_S = 0.0025  # dry friction is one decision a step: at a slow tick take several
 WINDING_STEP_S = 0.001  # a shaft that winds up against friction swings
+LANDING_STEP_S = 6.7e-4  # and a motor lands on it at speed where the gear has play
 MEETING_STEP_S = 2.5e-4  # teeth that meet part again after 6 ms
 MEETING_UNSURE = 10.0  # times the process noise: when and how hard the teeth meet
 TOUCH_RAD = 1e-4  # ends of the gap closer than this are touching
@@ -127,7 +128,9 @@ def predict_axis(p, levels, a, t, volts, theta, gain, tau, out, std):
     torque, anchor = 0.0, motor
     arm_speed, s01, s11 = 0.0, 0.0, 0.0
     coasts = p.gear_coast[a] > 0.0 and beta_1 > beta_2
-    longest = LONGEST_STEP_S if p.joint_friction == 0.0 else WINDING_STEP_S
+    longest = LONGEST_STEP_S
+    if p.joint_friction > 0.0:
+        longest = LANDING_STEP_S if beta_1 > beta_2 else WINDING_STEP_S
     if coasts:
         longest = MEETING_STEP_S
     winding = _winding(p, a)
