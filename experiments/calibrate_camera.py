@@ -1,7 +1,7 @@
 """What `rig calibrate sheet`, `camera` and `table` do."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -29,8 +29,10 @@ from experiments.assemble import load_rig, virtual_scene
 from experiments.calibrate_folder import CalibrationFolder, Source
 from experiments.calibrate_pictures import camera_figure, coverage_picture, plate_picture
 from experiments.calibrate_views import ViewPicker, pick
+from experiments.calibrate_watch import Growing
 from experiments.folders import writable
 from rig.parameters import Rig
+from vision.frames import Frame
 from vision.markers import MarkerLayout, default_layout
 from vision.sources import open_source
 from vision.synthetic import Renderer, virtual_view
@@ -79,23 +81,23 @@ def camera(
     most: int,
     seconds: float,
     seed: int,
+    shown: Callable[[list[Path]], None] | None = None,
 ) -> CameraCalibration:
-    """The lens into the bundle, camera.png beside it. CalibrationError: refused, nothing written
-    but the coverage so far."""
+    """The lens into the bundle, camera.png beside it; `shown` hears of pictures of coverage and
+    residuals meanwhile. CalibrationError: refused, nothing written but the coverage so far."""
     rig = load_rig(rig_file)
     folder = CalibrationFolder(out, _kind(source))
     layout = default_layout(rig.linkage.plate_side_m)
-    if source is None:
-        made = Renderer(virtual_scene(rig), virtual_view(), np.random.default_rng([seed, 6]))
-        rng = np.random.default_rng([seed, 7])
-        shots = list(sheet_pictures(made, sheet, VIRTUAL_PICTURES, rng))
-        lens = calibrate_images(shots, sheet, distance_m=distance_m, layout=layout)
-    elif Path(source).is_dir():
-        with open_source(source) as frames:
-            shots = [frame.image for frame in frames]
+    growing = Growing(folder.path, sheet, shown) if shown else None
+    if source is None or Path(source).is_dir():
+        shots = []
+        for image in _virtual_shots(rig, sheet, seed) if source is None else _pictures(source):
+            shots.append(image)
+            if growing:
+                growing.add(image)
         lens = calibrate_images(shots, sheet, distance_m=distance_m, layout=layout)
     else:
-        lens = _from_frames(source, folder, sheet, distance_m, most, seconds)
+        lens = _from_frames(source, folder, sheet, distance_m, most, seconds, growing)
     pictures = [
         coverage_picture(lens.views, _size(lens), folder.path / "coverage.png"),
         camera_figure(lens, folder.path / "camera.png", folder.draft.source),
@@ -135,14 +137,29 @@ def _data(source: str | None) -> list[Path]:
     return [Path(source)] if source is not None and Path(source).exists() else []
 
 
+def _virtual_shots(rig: Rig, sheet: Sheet, seed: int) -> Iterator[np.ndarray]:
+    made = Renderer(virtual_scene(rig), virtual_view(), np.random.default_rng([seed, 6]))
+    yield from sheet_pictures(made, sheet, VIRTUAL_PICTURES, np.random.default_rng([seed, 7]))
+
+
+def _pictures(source: str) -> Iterator[np.ndarray]:
+    with open_source(source) as frames:
+        for frame in frames:
+            yield frame.image
+
+
 def _from_frames(
-    source: str, folder: CalibrationFolder, sheet: Sheet, distance_m: float, most: int, seconds
-) -> CameraCalibration:
+    source: str, folder: CalibrationFolder, sheet: Sheet, distance_m: float, most: int, seconds,
+    growing: Growing | None,
+) -> CameraCalibration:  # fmt: skip
     """The lens from a video or a live camera, with a coverage picture that grows meanwhile."""
 
-    def show(picker: ViewPicker) -> None:
-        if live:
+    def show(picker: ViewPicker, frame: Frame, kept: bool) -> None:
+        if growing:
+            growing.look(frame.image, picker.views)
+        elif live and kept:
             coverage_picture(picker.views, picker.size, folder.path / "coverage.png")
+        if live and kept:
             typer.echo(f"picture {len(picker.views)} of {most}", err=True)
 
     with open_source(source) as frames:

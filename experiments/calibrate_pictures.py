@@ -20,8 +20,24 @@ from vision.view import View
 _GREEN, _RED, _DOT = (60, 150, 60), (60, 60, 170), (235, 235, 235)
 
 
-def coverage_picture(views: Sequence[SheetView], size: tuple[int, int], path: Path) -> Path:
-    """Every corner seen and which cells of the grid still lack some: PNG."""
+def put(image: np.ndarray, path: Path) -> Path:
+    """Write a PNG in one go: who reads meanwhile gets the old one. OSError: it cannot be."""
+    part = path.with_suffix(".part.png")
+    if not cv2.imwrite(str(part), image):
+        raise OSError(f"{path}: cannot be written")
+    part.replace(path)
+    return path
+
+
+def coverage_picture(
+    views: Sequence[SheetView],
+    size: tuple[int, int],
+    path: Path,
+    *,
+    over: np.ndarray | None = None,
+) -> Path:
+    """Every corner seen and which cells of the grid still lack some: PNG; `over` a frame
+    (h, w[, 3]) uint8 of that size, where it is given."""
     width, height = size
     image = np.zeros((height, width, 3), np.uint8)
     seen = cells(views, size)
@@ -30,14 +46,15 @@ def coverage_picture(views: Sequence[SheetView], size: tuple[int, int], path: Pa
             low = (column * width // GRID[0], row * height // GRID[1])
             high = ((column + 1) * width // GRID[0] - 2, (row + 1) * height // GRID[1] - 2)
             cv2.rectangle(image, low, high, _GREEN if (column, row) in seen else _RED, -1)
+    if over is not None:
+        frame = over if over.ndim == 3 else cv2.cvtColor(over, cv2.COLOR_GRAY2BGR)
+        image = cv2.addWeighted(image, 0.35, frame, 0.65, 0.0)
     for view in views:
         for u, v in np.rint(view.corners_px).astype(int):
             cv2.circle(image, (int(u), int(v)), max(1, width // 400), _DOT, -1)
     text = f"{len(views)} pictures, {len(seen)} of {GRID[0] * GRID[1]} cells"
     cv2.putText(image, text, (8, height - 10), cv2.FONT_HERSHEY_SIMPLEX, width / 1200, _DOT, 1)
-    if not cv2.imwrite(str(path), image):
-        raise OSError(f"{path}: cannot be written")
-    return path
+    return put(image, path)
 
 
 def plate_picture(image: np.ndarray, view: View, layout: MarkerLayout, path: Path) -> Path:
@@ -51,9 +68,7 @@ def plate_picture(image: np.ndarray, view: View, layout: MarkerLayout, path: Pat
     middle, x, y = (tuple(np.rint(end).astype(int).tolist()) for end in ends)
     cv2.arrowedLine(drawn, middle, x, (40, 40, 220), 2, cv2.LINE_AA)
     cv2.arrowedLine(drawn, middle, y, (40, 160, 40), 2, cv2.LINE_AA)
-    if not cv2.imwrite(str(path), drawn):
-        raise OSError(f"{path}: cannot be written")
-    return path
+    return put(drawn, path)
 
 
 def camera_figure(lens: CameraCalibration, path: Path, source: str) -> Path:

@@ -78,14 +78,13 @@ def pick(
     *,
     most: int,
     seconds: float | None = None,
-    show: Callable[[ViewPicker], None] = lambda picker: None,
+    show: Callable[[ViewPicker, Frame, bool], None] = lambda picker, frame, kept: None,
 ) -> ViewPicker:
     """Pick from frames until there are `most` pictures, the frames end, or (live) `seconds` have
-    gone or enough was seen; `show` is called after every picture kept."""
+    gone or enough was seen; `show` hears of every frame and whether it was kept."""
     picker, start = ViewPicker(sheet, most), monotonic()
     for frame in frames:
-        if picker.look(frame):
-            show(picker)
+        show(picker, frame, picker.look(frame))
         if picker.complete:
             break
         if seconds is not None and (picker.enough or monotonic() - start > seconds):

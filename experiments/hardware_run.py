@@ -16,6 +16,7 @@ from experiments.protocol import OWN, Protocol, course
 from experiments.run_folder import new_run_folder, plain, read_meta, replace_json
 from experiments.runner import Done, Order, Watch, arm_number, start_record
 from experiments.telling import Telling
+from rig.hardware.eye import CameraEye
 from rig.hardware.homed import home_file, load
 from rig.loop_process import Job
 from rig.parameters import Rig
@@ -42,13 +43,14 @@ def check(rig: Rig, rig_file: Path, protocol: Protocol) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Ready:
-    """A run that only has to be begun: the order as asked of a person, its job, its folder and
-    what is known of it beforehand."""
+    """A run that only has to be begun: the order as asked of a person, its job, its folder, what is
+    known of it beforehand, and the eye of its camera."""
 
     order: Order
     job: Job
     folder: Path
     start: dict
+    eye: CameraEye | None = None
 
 
 @contextmanager
@@ -67,7 +69,7 @@ def ready(order: Order, rig_file: Path) -> Iterator[Ready]:
                 table, order.believed, arm_number(order.arm), way,
                 controller=order.protocol.controller if order.arm == OWN else "",
             )  # fmt: skip
-            yield Ready(order, job, folder, start)
+            yield Ready(order, job, folder, start, eye)
     finally:
         _keep_notes(folder)
 

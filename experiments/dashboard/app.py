@@ -22,6 +22,7 @@ from experiments.dashboard.plan import Leg
 from experiments.dashboard.player import Stage
 from experiments.dashboard.pose import plate_point
 from experiments.dashboard.readying import RealTable, VirtualTable
+from experiments.dashboard.real_camera import RealCamera
 from experiments.dashboard.replay_tab import ReplayTab
 from experiments.dashboard.results_tab import ResultsTab
 from experiments.dashboard.run_tab import RunTab
@@ -55,13 +56,15 @@ class App:
         self.clients: dict[int, ClientHandle] = {}
         self.live = Live(rig.control_rate_hz)
         self.events: deque[str] = deque(maxlen=EVENTS_SHOWN)
-        real = RealTable(rig_file, out) if rig_file and is_hardware(rig) else None
-        table = real or VirtualTable(out)
+        real = rig_file is not None and is_hardware(rig)
+        seen = RealCamera(rig) if real and rig.table.camera else None
+        self._real = (rig_file, seen) if real and rig_file else None
+        self.eye: VirtualEye | RealCamera = seen or VirtualEye(rig)
+        table = RealTable(rig_file, out, seen) if real and rig_file else VirtualTable(out)
         self.session = Session(rig, table, self.live, said=self._said, recorded=self._recorded)
         self.desk, self.quick = Desk(), Desk()  # no figure waits for an analysis
         self.stage: Stage | None = None
         self.controls = Controls(self.tell, self.session.note)
-        self.eye = VirtualEye(rig)
         self._ghost_of, self._ghost = rig, Ghost(rig)
         kind = f"{rig.table.kind} table" if table.real else "virtual table"
         self._build(f"{kind} of {rig_file.name}" if rig_file else kind)
@@ -85,7 +88,7 @@ class App:
         server.scene.add_light_ambient("/light", intensity=1.2)
         self.scene, self.teeth = TableScene(server, self.rig), Teeth(server)
         self.sides = SidePlates(server, self.rig)
-        self.camera = CameraView(server)
+        self.camera = CameraView(server, self.rig if self.session.table.real else None)
         self.header = Header(server, self.controls, self.session, table)
         panel = gui.add_panel()
         with panel.add_tab("Live curves"):
@@ -112,7 +115,9 @@ class App:
         with tabs.add_tab("Run"):
             self.run_tab = RunTab(server, controls, self.session, lambda: self.play(None))
         with tabs.add_tab("Calibrate"):
-            CalibrateTab(server, controls, desk, self.session, out, self.send)
+            CalibrateTab(
+                server, controls, desk, self.session, out, self.send, real=self._real, rows=rows
+            )
         with tabs.add_tab("Results"):
             self.results = ResultsTab(server, controls, quick, out, self.live, self.send)
         with tabs.add_tab("Gap"):
@@ -221,7 +226,8 @@ class App:
                 self._draw_words(now, bool(rows))
 
     def _draw_camera(self, now: Now, stage: Stage | None, count: int) -> None:
-        """What the camera sees: a film's frame, or the virtual camera's of the present pose."""
+        """What the camera sees: a film's frame, the real camera's, or the virtual one's of the
+        present pose."""
         if stage is not None:
             video = stage.video
             if count % 2 == 0 and video and (frame := video.at(stage.player.t_s)) is not None:
@@ -232,10 +238,17 @@ class App:
             self.eye.rest()
             self.camera.hide()
             return
-        if now.row is not None and count % 2 == 0:
-            ball = now.row[_BALL : _BALL + 2] if now.row[0] - now.seen_s < UNSEEN_S else None
-            self.eye.look(now.row[_THETA : _THETA + 2], ball, float(now.row[0]))
-        if (sight := self.eye.newest()) is not None:
+        if count % 2 == 0:
+            row, fresh = now.row, now.row is not None and now.row[0] - now.seen_s < UNSEEN_S
+            ball = row[_BALL : _BALL + 2] if row is not None and fresh else None
+            theta = None if row is None else row[_THETA : _THETA + 2]
+            self.eye.look(theta, ball, 0.0 if row is None else float(row[0]))
+        try:
+            sight = self.eye.newest()
+        except OSError as error:
+            self.camera.say(f"The camera cannot be looked through: {error}")
+            return
+        if sight is not None:
             self.camera.show(*sight)
         else:
             self.camera.wait()
@@ -276,5 +289,5 @@ class App:
         self.session.close()
         self.desk.close()
         self.quick.close()
-        self.eye.rest()
+        self.eye.close()
         self.controls.orders.close()

@@ -1,6 +1,11 @@
-"""The tab Calibrate: the steps of `rig calibrate` on the virtual table, with verdict and reason."""
+"""The tab Calibrate: the steps of `rig calibrate`, pictures growing, with verdict and reason.
+
+A virtual table does every step by itself. A real one is seen by its camera (lens, level plate) and
+measured from recorded runs (delay, level); nothing here moves it.
+"""
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,8 +13,16 @@ from typing import TYPE_CHECKING, Any
 from experiments.dashboard.controls import Controls
 from experiments.dashboard.desk import Desk, Piece
 from experiments.dashboard.gallery import Gallery
+from experiments.dashboard.real_camera import RealCamera
 from experiments.dashboard.session import Session
-from experiments.dashboard.tasks import CALIBRATION_STEPS, calibrate, print_sheets
+from experiments.dashboard.tasks import (
+    CALIBRATION_STEPS,
+    NOT_REAL,
+    Measure,
+    RunRow,
+    calibrate,
+    print_sheets,
+)
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -24,25 +37,42 @@ STEPS = {
 }
 MARKS = {"": "", "on": "▶ ", "accepted": "✓ ", "refused": "✗ "}
 COLOURS = {"": None, "on": "orange", "accepted": "teal", "refused": "red"}
-SEED = 1
-REAL = "A real table is not measured from here: print the sheets, then `rig calibrate` (README)."
+VIRTUAL = "Measure the virtual table: press **All steps**, or one after another."
+REAL = (
+    "Measure the table: **camera** with the printed sheet held before the lens, in 15 to 40 "
+    "places and tilts until all cells are green; **table** with the plate level and empty; "
+    "**time** and **level** from the newest runs with the ball."
+)
+LED_ABOUT, MOST_RUNS = ("steps", "circle", "free-release", "pushed"), 4
 
 
 class CalibrateTab:
-    """One button a step, and one for all in their order; `send` offers a file to a page."""
+    """One button a step, and one for all in their order; `send` offers a file to a page.
+
+    real: the rig file of a real table and its camera; rows: the recorded runs, newest first.
+    """
 
     def __init__(
         self, server: "ViserServer", controls: Controls, desk: Desk, session: Session, out: Path,
         send: Callable[[int | None, Path], None],
+        *, real: tuple[Path, RealCamera | None] | None = None,
+        rows: Callable[[], list[RunRow]] = list,
     ) -> None:  # fmt: skip
         self._controls, self._desk, self._session, self._send = controls, desk, session, send
-        self._out = out
+        self._out, self._real, self._rows = out, real, rows
+        self._borrowed = ExitStack()
         gui = server.gui
-        gui.add_markdown("Measure the virtual table: press **All steps**, or one after another.")
-        everything = gui.add_button("All steps", color="green")
-        controls.button(everything, "calibrate", lambda page: self.begin(CALIBRATION_STEPS))
+        gui.add_markdown(REAL if real else VIRTUAL)
+        if real:
+            self._square: Any = gui.add_number("Square as printed [mm]", 24.0, min=5.0, max=100.0)
+            self._marker: Any = gui.add_number("Plate marker [mm]", 24.0, min=5.0, max=100.0)
+        else:
+            everything = gui.add_button("All steps", color="green")
+            controls.button(everything, "calibrate", lambda page: self.begin(CALIBRATION_STEPS))
         self._buttons: dict[str, Any] = {}
         for step, meaning in STEPS.items():
+            if real and step in NOT_REAL:
+                continue
             one = self._buttons[step] = gui.add_button(f"{step}: {meaning}")
             controls.button(one, f"calibrate {step}", lambda page, s=step: self.begin((s,)))
         cancel = gui.add_button("Cancel", color="gray")
@@ -51,41 +81,75 @@ class CalibrateTab:
         self._gallery = Gallery(server, "Coverage and residuals")
         sheets = gui.add_button("Download the sheets to print", color="gray")
         controls.button(sheets, "sheets", self._sheets, everybody=True)
-        gui.add_markdown(REAL)
+        if real:
+            gui.add_markdown("  \n".join(f"*{step}*: {why}." for step, why in NOT_REAL.items()))
         self._state = dict.fromkeys(STEPS, "")
         self._lines: list[str] = []
         self._left: tuple[str, ...] = ()
 
     def begin(self, steps: tuple[str, ...]) -> None:
         """Do these steps in turn; the first that is refused is the last."""
-        if self._session.table.real:
-            raise ValueError("this page calibrates virtual tables; a real one: rig calibrate")
         if "on" in self._state.values():
             raise ValueError("a step is on: wait, or cancel it")
+        if self._real and self._session.status.state == "running":
+            raise ValueError("a run is on: calibrate when it has ended")
         self._left = tuple(steps)
         self._next()
+
+    def _measure(self, step: str) -> Measure:
+        """What is to be done for a step; the camera of a real table is borrowed for it."""
+        out, rig = self._out / "calibration", self._session.rig
+        if self._real is None:
+            return Measure(step, rig, out)
+        file, camera = self._real
+        if camera is not None and step in ("camera", "table"):
+            self._borrowed.enter_context(camera.lent())
+        runs = [
+            row.folder for row in self._rows()
+            if row.protocol in LED_ABOUT and row.outcome == "completed"
+        ]  # fmt: skip
+        return Measure(
+            step, rig, out, rig_file=file, runs=tuple(runs[:MOST_RUNS]),
+            square_mm=float(self._square.value), plate_marker_mm=float(self._marker.value),
+        )  # fmt: skip
 
     def _next(self) -> None:
         if not self._left:
             return
         step, self._left = self._left[0], self._left[1:]
-        task = partial(calibrate, step, self._session.rig, self._out / "calibration", SEED)
+        task = partial(calibrate, self._measure(step))
 
         def heard(kind: str, what: Any) -> None:
             self._controls.orders.put(f"calibrate {step}", partial(self._heard, step, kind, what))
 
-        self._desk.put(Piece("calibration", task, heard))
+        try:
+            self._desk.put(Piece("calibration", task, heard))
+        except ValueError:
+            self._borrowed.close()
+            raise
         self._lines = []
         self._mark(step, "on", "on its way (or waiting for other work)")
 
     def _heard(self, step: str, kind: str, what: Any) -> None:
         if kind == "line" and not what.startswith(("written", "believed")):
+            counted = what.startswith("picture ") and self._lines
+            if counted and self._lines[-1].startswith("picture "):
+                self._lines.pop()
             self._lines.append(what)
-            self._mark(step, "on", "measured")
-        elif kind == "failed":
-            self._left = ()
-            self._mark(step, "refused", f"refused, because {what}")
-        elif kind == "done":
+            self._mark(step, "on", "measuring")
+        elif kind == "shown":
+            self._gallery.show(what)
+        elif kind in ("failed", "done"):
+            self._borrowed.close()
+            if kind == "failed":
+                self._left = ()
+                self._mark(step, "refused", f"refused, because {what}")
+                return
+            if self._real:
+                used = self._session.rig.table.calibration
+                self._lines.append(
+                    f"Kept in {self._out / 'calibration'}. To use it copy it to {used}"
+                )
             self._mark(step, "accepted", "accepted")
             self._gallery.show(what)
             self._controls.orders.put("next step", self._next)
@@ -98,7 +162,9 @@ class CalibrateTab:
 
     def _cancel(self) -> None:
         self._left = ()
-        self._desk.cancel("calibration")
+        if self._desk.cancel("calibration"):
+            step = next(step for step, state in self._state.items() if state == "on")
+            self._heard(step, "failed", "it was cancelled before it began")
 
     def _sheets(self, page: int | None) -> None:
         """Draw the sheets to print and send them to the page."""

@@ -1,24 +1,42 @@
 """The camera in the scene and beside the curves: its frustum over the plate, the newest image."""
 
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from experiments.dashboard.pose import quaternion
+from rig.parameters import Rig
 
 if TYPE_CHECKING:
     from viser import ViserServer
 
+    from vision.view import View
+
 SMALL = (320, 240)
+SEEN = "What the table's camera sees, and what the tracker makes of it."
+UNSEEN = "The rig file names no camera (table.camera): what is shown is drawn at the measured pose."
+
+
+def view_of(real: Rig | None) -> "View":
+    """Where the camera hangs: as calibrated, or the virtual one's place where nothing is known."""
+    from calibration.bundle import load
+    from vision.synthetic import virtual_view
+
+    if real is not None and real.table.calibration:
+        with suppress(OSError, ValueError):
+            return load(real.table.calibration).view
+    return virtual_view()
 
 
 class CameraView:
-    """Hidden until the box is ticked or a run's video is there. Images are RGB (h, w, 3)."""
+    """Hidden until the box is ticked or a run's video is there. Images are RGB (h, w, 3).
 
-    def __init__(self, server: "ViserServer") -> None:
-        from vision.synthetic import virtual_view
+    real: the rig of a real table, whose camera is looked through; None: a virtual one.
+    """
 
-        self._server, view = server, virtual_view()
+    def __init__(self, server: "ViserServer", real: Rig | None = None) -> None:
+        self._server, self._real, view = server, real, view_of(real)
         world_from_camera = np.linalg.inv(view.camera_from_plate)
         height, f = view.camera.height_px, float(view.camera.matrix[1, 1])
         self._frustum: Any = server.scene.add_camera_frustum(
@@ -33,10 +51,13 @@ class CameraView:
     def add_widgets(self) -> None:
         """The box and the image, in the container that is open."""
         gui = self._server.gui
+        own = self._real is not None and bool(self._real.table.camera)
+        kind = "table's" if own else "virtual"
         gui.add_markdown(
             "What the camera sees at the measured pose, and what the tracker makes of it."
-        )
-        self._box = gui.add_checkbox("Look through the virtual camera", False)
+            if self._real is None else SEEN if own else UNSEEN
+        )  # fmt: skip
+        self._box = gui.add_checkbox(f"Look through the {kind} camera", False)
         self._words = gui.add_markdown("")
         blank = np.full((*SMALL[::-1], 3), 128, np.uint8)
         self._image = gui.add_image(blank, format="jpeg", visible=False)
@@ -60,7 +81,11 @@ class CameraView:
     def wait(self) -> None:
         """Nothing has been seen yet."""
         if not self._frustum.visible and not self._words.content:
-            self._words.content = "*The camera starts: a few seconds.*"
+            self.say("*The camera starts: a few seconds.*")
+
+    def say(self, words: str) -> None:
+        """Say this where the image would be."""
+        self._words.content = words
 
     def hide(self) -> None:
         """There is nothing to be seen."""

@@ -12,14 +12,30 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 NICE = 5  # the loop comes first
-Tell = Callable[[str, int, int], None]  # progress(stage, done, total)
+
+
+class Tell:
+    """What a task tells while it works: progress (stage, done, total), and what is to be shown."""
+
+    def __init__(self, send: Callable[[tuple[str, Any]], None]) -> None:
+        self._send = send
+
+    def __call__(self, stage: str, done: int, total: int) -> None:
+        self._send(("progress", (stage, done, total)))
+
+    def show(self, what: Any) -> None:
+        """Something picklable for whoever hears."""
+        self._send(("shown", what))
+
+
 Task = Callable[[Tell], Any]  # picklable; what it returns is, too
 
 
 @dataclass(frozen=True)
 class Piece:
     """A piece of work and who hears of it: heard(kind, what) with the kinds "progress" (stage,
-    done, total), "line" (text), "done" (what the task returned) and "failed" (a sentence)."""
+    done, total), "shown" (what), "line" (text), "done" (what the task returned) and "failed" (a
+    sentence)."""
 
     name: str
     task: Task
@@ -51,7 +67,7 @@ def _work(there: Connection) -> None:
             task: Task = there.recv()
             try:
                 with redirect_stdout(lines), redirect_stderr(lines):
-                    done = task(lambda stage, k, n: there.send(("progress", (stage, k, n))))
+                    done = task(Tell(there.send))
                 there.send(("done", done))
             except BrokenPipeError:
                 raise
@@ -83,13 +99,16 @@ class Desk:
             self._waiting.append(piece)
             self._wake.notify_all()
 
-    def cancel(self, name: str) -> None:
-        """End a piece of work by its name, wherever it is."""
+    def cancel(self, name: str) -> bool:
+        """End a piece of work by its name, wherever it is. True: it had not begun, so that nobody
+        will hear of it."""
         with self._wake:
+            waited = any(one.name == name for one in self._waiting)
             self._waiting = deque(one for one in self._waiting if one.name != name)
             if self._now == name and self._process is not None:
                 self._process.terminate()
                 self._killed = True
+            return waited
 
     def close(self) -> None:
         with self._wake:

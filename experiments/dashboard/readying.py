@@ -1,13 +1,14 @@
 """What a run needs before it begins: on the virtual table, or on the rig file's real one."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import numpy as np
 
 from experiments.dashboard import recipes
 from experiments.dashboard.plan import Leg, Plan
+from experiments.dashboard.real_camera import RealCamera
 from experiments.hardware_run import Ready, check, ready
 from experiments.protocol import course
 from experiments.run_folder import new_run_folder, write_truth
@@ -62,8 +63,8 @@ class RealTable:
 
     real = True
 
-    def __init__(self, rig_file: Path, out: Path) -> None:
-        self._file, self._runs = rig_file, out / "runs"
+    def __init__(self, rig_file: Path, out: Path, camera: RealCamera | None = None) -> None:
+        self._file, self._runs, self._camera = rig_file, out / "runs", camera
 
     def check(self, plan: Plan, rig: Rig) -> None:
         """ValueError, OSError: no port, no homing, or a protocol that it cannot run."""
@@ -73,5 +74,10 @@ class RealTable:
     def confirm(self, asked: str) -> None:
         raise ValueError("just do it: the table sees from the ball that it was done")
 
-    def ready(self, leg: Leg, rig: Rig):
-        return ready(Order(rig, leg.plan.protocol, leg.arm, leg.seed, self._runs), self._file)
+    @contextmanager
+    def ready(self, leg: Leg, rig: Rig) -> Iterator[Ready]:
+        order = Order(rig, leg.plan.protocol, leg.arm, leg.seed, self._runs)
+        through = self._camera.lent() if self._camera else nullcontext(lambda eye: None)
+        with through as shown, ready(order, self._file) as run:
+            shown(run.eye)
+            yield run

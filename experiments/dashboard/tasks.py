@@ -12,6 +12,15 @@ from rig.parameters import Rig
 
 CALIBRATION_STEPS = ("camera", "table", "time", "level", "servo", "play")
 SHEET = ("11x8", 24.0, 18.0, "DICT_5X5_50")
+CAPTIONS = {
+    "coverage.png": "Coverage: corners seen over the image",
+    "residuals.png": "Residuals: how the pictures fit so far",
+    "camera.png": "The lens: how sure, and each picture's fit",
+}
+NOT_REAL = {
+    "servo": "a real table's gain and time constant come from its runs: record `steps`, then Gap",
+    "play": "a real table's play is found from its runs: record `steps`, then Gap",
+}
 
 
 @dataclass(frozen=True)
@@ -120,29 +129,57 @@ def write_report(folders: Sequence[Path], out: Path, tell: Tell) -> Path:
     return report_runs(list(folders), writable(out))
 
 
-def calibrate(step: str, rig: Rig, out: Path, seed: int, tell: Tell) -> list[Shown]:
-    """One step of `rig calibrate` on the virtual table; its pictures. ValueError: refused, why."""
+@dataclass(frozen=True)
+class Measure:
+    """A step of `rig calibrate`: of the virtual table, or (rig_file) of a real one through its
+    camera and these recorded runs, newest first. *_mm: of the prints, as measured."""
+
+    step: str
+    rig: Rig
+    out: Path
+    seed: int = 1
+    rig_file: Path | None = None
+    runs: tuple[Path, ...] = ()
+    square_mm: float = SHEET[1]
+    plate_marker_mm: float = 24.0
+
+
+def calibrate(what: Measure, tell: Tell) -> list[Shown]:
+    """One step; its pictures, growing meanwhile. ValueError, OSError: refused, why."""
     from experiments import calibrate_camera as seeing
     from experiments import calibrate_motion as moving
     from experiments import calibrate_play as playing
-    from experiments.calibrate_folder import FILE
     from rig.rigfile import write_rig
 
+    step, out, seed, file = what.step, what.out, what.seed, what.rig_file
+    source = what.rig.table.camera if file is not None else None
     out.mkdir(parents=True, exist_ok=True)
-    file = out / "table.toml"
-    write_rig(rig, file)
-    sheet = seeing.sheet_of(*SHEET)
+    if file is None:
+        file = out / "table.toml"
+        write_rig(what.rig, file)
+    elif step in NOT_REAL:
+        raise ValueError(NOT_REAL[step])
+    elif step in ("camera", "table") and not source:
+        raise ValueError("the rig file names no camera: set table.camera")
+    elif step in ("time", "level") and not what.runs:
+        raise ValueError(f"{step} is measured from recorded runs: record one with the ball first")
+    squares, square_mm, marker_mm, book = SHEET
+    printed = what.square_mm, what.square_mm * marker_mm / square_mm
+    sheet = seeing.sheet_of(squares, *printed, book)
     tell(step, 0, 1)
     if step == "camera":
-        seeing.camera(None, file, out, sheet=sheet, distance_m=0.75, most=40, seconds=180.0,
-                      seed=seed)  # fmt: skip
+        seeing.camera(
+            source, file, out, sheet=sheet, distance_m=0.75, most=40, seconds=180.0, seed=seed,
+            shown=lambda pictures: tell.show([Shown(p, CAPTIONS[p.name]) for p in pictures]),
+        )  # fmt: skip
     elif step == "table":
-        seeing.table(None, file, out, frames=12, plate_marker_mm=24.0, layout_file=None,
-                     sheet=sheet, seed=seed)  # fmt: skip
+        seeing.table(source, file, out, frames=12, plate_marker_mm=what.plate_marker_mm,
+                     layout_file=None, sheet=sheet, seed=seed)  # fmt: skip
     elif step == "time":
-        moving.time(None, None, file, out, seconds=6.0, seed=seed)
+        run = what.runs[0] if what.runs else None
+        moving.time(run, None, file, out, seconds=6.0, seed=seed)
     elif step == "level":
-        moving.level([], file, out, seconds=40.0, seed=seed)
+        moving.level(what.runs, file, out, seconds=40.0, seed=seed)
     elif step == "servo":
         moving.servo(file, out, seed=seed)
     elif step == "play":
@@ -150,12 +187,10 @@ def calibrate(step: str, rig: Rig, out: Path, seed: int, tell: Tell) -> list[Sho
     else:
         raise ValueError(f"no step '{step}'; known: {', '.join(CALIBRATION_STEPS)}")
     tell(step, 1, 1)
-    names = {"camera": ("coverage.png", "camera.png"), "table": ("plate.png",)}
+    names = {"camera": ("coverage.png", "residuals.png", "camera.png"), "table": ("plate.png",)}
     pictures = [out / name for name in names.get(step, (f"{step}.png",))]
-    words = {"coverage.png": "Coverage: corners seen over the image",
-             "camera.png": "Residuals and what they depend on"}  # fmt: skip
-    assert (out / FILE).is_file()
-    return [Shown(p, words.get(p.name, f"{step}: data and fit")) for p in pictures if p.is_file()]
+    known = CAPTIONS.get
+    return [Shown(p, known(p.name) or f"{step}: data and fit") for p in pictures if p.is_file()]
 
 
 def print_sheets(rig: Rig, out: Path, tell: Tell) -> Path:

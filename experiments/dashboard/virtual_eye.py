@@ -93,7 +93,9 @@ class VirtualEye:
         self._process: Any = None
         self._busy = False
 
-    def look(self, theta_rad: np.ndarray, ball_m: np.ndarray | None, t_s: float) -> None:
+    def look(self, theta_rad: np.ndarray | None, ball_m: np.ndarray | None, t_s: float) -> None:
+        if theta_rad is None:
+            return
         if self._pipe is None:
             context = multiprocessing.get_context("spawn")
             self._pipe, there = context.Pipe()
@@ -131,3 +133,5 @@ class VirtualEye:
         self._process.terminate()
         self._process.join(2.0)
         self._pipe, self._process, self._busy = None, None, False
+
+    close = rest

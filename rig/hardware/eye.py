@@ -16,6 +16,7 @@ from typing import Protocol, Self
 
 import numpy as np
 
+from rig.hardware.peephole import Peephole
 from rig.linkage import plate_rotation, tilt_sines
 from rig.shared_ring import SharedArray, SharedRing
 from vision.frames import Frame, Observation, Track
@@ -59,6 +60,7 @@ class CameraEye:
         self.sights = SharedRing(SIGHT, SIGHTS)
         self.theta = SharedArray((2,), np.dtype(np.float64))
         self.trouble = SharedArray((1,), TROUBLE)
+        self.peephole = Peephole()
         self.zero_s: float | None = None
         self.frames = 0
         self._arrived_s: float | None = None
@@ -117,7 +119,7 @@ class CameraEye:
         return len(self.trouble.array) == 0 or bool(self.trouble.array["over"][0])
 
     def close(self) -> None:
-        for part in (self.sights, self.theta, self.trouble):
+        for part in (self.sights, self.theta, self.trouble, self.peephole):
             part.close()
 
 
@@ -136,8 +138,9 @@ def see(eye: CameraEye, opener: Opener) -> None:
                     continue
                 theta = float(eye.theta.array[0]), float(eye.theta.array[1])
                 hint = plate_rotation(tilt_sines(theta, eye.ratio))
-                observation, _, _ = camera.step(frame, hint)
+                observation, track, _ = camera.step(frame, hint)
                 eye.put(frame.t_s, observation)
+                eye.peephole.show(frame.image, track, observation)
     except StopIteration:
         eye.fail(EOFError("the source has no more frames"))
     except BaseException as error:  # raised again, by name, where the loop reads

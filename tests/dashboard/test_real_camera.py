@@ -1,0 +1,200 @@
+"""A real table's camera on the page: calibrated with pictures that grow, looked through, lent.
+
+The camera is a user's class in a file; it shows rendered pictures of the sheet, or the level plate
+with a ball at (0.02, -0.03) m.
+"""
+
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibration.bundle import load
+from experiments.dashboard.camera_view import view_of
+from experiments.dashboard.real_camera import RealCamera
+from experiments.dashboard.tasks import Measure, calibrate
+from experiments.live_eye import open_ball, watching
+from rig.parameters import Rig
+from rig.rigfile import write_rig
+from vision.sources import open_source
+
+CAMERA = """
+import time
+from itertools import cycle
+
+import numpy as np
+
+from calibration.sheet import Sheet
+from calibration.virtual import sheet_pictures
+from experiments.assemble import virtual_scene
+from rig.parameters import Rig
+from vision.synthetic import Renderer, virtual_view
+
+
+class _Shows:
+    def open(self):
+        made = Renderer(virtual_scene(Rig()), virtual_view(), np.random.default_rng(3))
+        self.images = cycle(self.pictures(made))
+
+    def read(self):
+        time.sleep(0.1)
+        return next(self.images), time.monotonic()
+
+    def close(self):
+        self.images = None
+
+
+class Sheets(_Shows):
+    def pictures(self, made):
+        return list(sheet_pictures(made, Sheet(), 40, np.random.default_rng(4)))
+
+
+class Plate(_Shows):
+    def pictures(self, made):
+        return [made.render(np.eye(3), None) for _ in range(4)]
+
+
+class Ball(_Shows):
+    def pictures(self, made):
+        return [made.render(np.eye(3), (0.02, -0.03)) for _ in range(4)]
+"""
+
+
+class Heard:
+    """What a task tells, kept."""
+
+    def __init__(self) -> None:
+        self.shown: list[set[str]] = []
+
+    def __call__(self, stage: str, done: int, total: int) -> None:
+        pass
+
+    def show(self, what) -> None:
+        assert all(one.path.is_file() for one in what)
+        self.shown.append({one.path.name for one in what})
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("lab")
+    (folder / "own.py").write_text(CAMERA)
+    return folder
+
+
+def rig_of(lab: Path, camera: str, calibration: str = "") -> Rig:
+    """A table with this class as its camera; nothing is ever asked of the table itself."""
+    table = replace(
+        Rig().table, kind="serial", port="nowhere", camera=f"{lab / 'own.py'}:{camera}",
+        calibration=calibration or str(lab / "made" / "calibration.json"),
+    )  # fmt: skip
+    return replace(Rig(), table=table)
+
+
+def measured(lab: Path, step: str, camera: str, **more) -> tuple[Heard, list]:
+    rig, heard = rig_of(lab, camera), Heard()
+    write_rig(rig, lab / "lab.toml")
+    return heard, calibrate(
+        Measure(step, rig, lab / "made", rig_file=lab / "lab.toml", **more), heard
+    )
+
+
+@pytest.fixture(scope="module")
+def bundle(lab: Path) -> Path:
+    """The calibration of the lab's camera, made as the page makes it."""
+    heard, pictures = measured(lab, "camera", "Sheets")
+    assert {"coverage.png"} in heard.shown  # before there was anything to fit
+    both = {"coverage.png", "residuals.png"}
+    assert sum(both <= shown for shown in heard.shown) >= 2  # then both, again and again
+    assert [one.path.name for one in pictures][-1] == "camera.png"
+    _, pictures = measured(lab, "table", "Plate")
+    assert [one.path.name for one in pictures] == ["plate.png"]
+    return lab / "made" / "calibration.json"
+
+
+@pytest.fixture
+def eye(lab: Path, bundle: Path) -> Iterator[RealCamera]:
+    one = RealCamera(rig_of(lab, "Ball", str(bundle)))
+    try:
+        yield one
+    finally:
+        one.close()
+
+
+def seen_through(eye: RealCamera, seconds: float = 60.0) -> tuple[np.ndarray, str]:
+    """The first picture in which the tracker has the ball."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        eye.look(None)
+        found = eye.newest()
+        if found is not None and "track**" in found[1]:
+            return found
+        time.sleep(0.05)
+    raise AssertionError("no picture with the ball came")
+
+
+def test_the_camera_is_calibrated_with_pictures_that_grow(bundle: Path):
+    made = load(bundle)
+    assert made.source == "measured"
+    assert made.view.camera_from_plate[2, 3] == pytest.approx(0.75, abs=0.005)
+
+
+def test_the_page_looks_through_the_tables_camera_between_runs(eye: RealCamera):
+    image, words = seen_through(eye)
+    assert image.shape == (240, 320, 3)
+    assert "(+2.00, -3.0" in words or "(+1.99, -3.0" in words or "(+2.0" in words
+    red = image[:, :, 0].astype(int) - image[:, :, 2]
+    assert (red > 80).sum() > 100  # the orange ball, as RGB
+
+
+def test_who_needs_the_camera_gets_it_and_the_page_sees_through_its_eye(lab, bundle, eye):
+    seen_through(eye)
+    rig = rig_of(lab, "Ball", str(bundle))
+    with eye.lent() as shown, watching(rig, open_ball) as runs:
+        assert not eye._holds
+        shown(runs)
+        seen_through(eye)
+    assert eye._runs is None
+    seen_through(eye)  # and again by itself
+
+
+def test_a_camera_that_cannot_be_opened_is_told_and_a_closed_page_lets_go(lab, bundle):
+    eye = RealCamera(rig_of(lab, "Nobody", str(bundle)))
+    eye.look(None)
+    end = time.monotonic() + 60
+    while not eye._why and time.monotonic() < end:
+        time.sleep(0.02)
+    with pytest.raises(OSError, match="Nobody"):
+        eye.newest()
+    eye.close()
+    assert not eye._thread.is_alive()
+
+
+def test_an_eye_nobody_looks_through_is_let_go(eye: RealCamera):
+    seen_through(eye)
+    eye.rest()
+    end = time.monotonic() + 10
+    while eye._holds and time.monotonic() < end:
+        time.sleep(0.02)
+    assert not eye._holds
+
+
+def test_what_a_real_table_cannot_be_asked_is_refused_with_the_way_out(lab: Path):
+    with pytest.raises(ValueError, match="come from its runs"):
+        measured(lab, "servo", "Plate")
+    with pytest.raises(ValueError, match="record one with the ball"):
+        measured(lab, "level", "Plate")
+    rig = replace(rig_of(lab, ""), table=replace(rig_of(lab, "").table, camera=""))
+    with pytest.raises(ValueError, match=r"set table\.camera"):
+        calibrate(Measure("camera", rig, lab / "none", rig_file=lab / "lab.toml"), Heard())
+
+
+def test_the_frustum_hangs_where_the_calibration_says(lab: Path, bundle: Path):
+    rig = rig_of(lab, "Ball", str(bundle))
+    assert np.array_equal(view_of(rig).camera_from_plate, load(bundle).view.camera_from_plate)
+    unknown = view_of(rig_of(lab, "Ball", str(lab / "missing.json")))
+    assert np.array_equal(unknown.camera_from_plate, view_of(None).camera_from_plate)
+    with open_source(rig.table.camera) as frames:
+        assert next(iter(frames)).image.shape[1] == view_of(rig).camera.width_px
