@@ -6,7 +6,7 @@ Miller 2008), which keeps its size, its colour and the motion, and the linear ga
 is taken again. A draw costs no roll-out: the gain needs only the blocks' sums of J'Wz.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,22 +23,32 @@ FEWEST_BLOCKS = 12  # of a short log; its blocks are shorter
 
 @dataclass(frozen=True)
 class Chance:
-    """score: the best one of all effects that chance exceeds in one of ONE_IN logs like this."""
+    """scores: by part (servo_x, servo_y, ball) the best one of all its effects that chance exceeds
+    in one of ONE_IN logs like this."""
 
-    score: float
+    scores: Mapping[str, float]
     draws: int
+
+    def of(self, parts: Iterable[str]) -> float:
+        """What an effect that is felt in these parts has to score."""
+        return max((self.scores[part] for part in parts if part in self.scores), default=0.0)
 
 
 def by_chance(state: State, parts: Iterable[str], *, draws: int = DRAWS) -> Chance:
-    """What the best of all effects scores by chance, given a model that lacks nothing."""
+    """What the best effect of each part scores by chance, given a model that lacks nothing.
+
+    Each part by itself: what is left in one (a servo that is modelled roughly) says nothing of how
+    surely another is known.
+    """
     rng = np.random.default_rng(SEED)
-    best = np.zeros(draws)
+    scores = {}
     for part in parts:
         tried = candidates(state, part, set())
         matrix, sums = _equations(state, part, tried)
         turned = rng.choice([-1.0, 1.0], (draws, len(sums))) @ sums
-        best = np.maximum(best, _best(tried, state.believed, matrix, turned))
-    return Chance(float(np.quantile(best, 1.0 - 1.0 / ONE_IN)), draws)
+        best = _best(tried, state.believed, matrix, turned)
+        scores[part] = float(np.quantile(best, 1.0 - 1.0 / ONE_IN))
+    return Chance(scores, draws)
 
 
 def _equations(state: State, part: str, tried: Candidates) -> tuple[np.ndarray, np.ndarray]:

@@ -56,9 +56,15 @@ def _beyond_chance(naming: Naming) -> tuple[Chance | None, tuple[Accepted, ...],
     if not naming.accepted:
         return None, (), state
     chance = by_chance(state, state.evidence.parts)
-    kept = tuple(one for one in naming.accepted if one.score >= chance.score)
+    kept = tuple(one for one in naming.accepted if one.score >= _needed(one, chance, state))
     lost = [(one.name, axis) for one in naming.accepted if one not in kept for axis in one.axes]
     return chance, kept, without(state, lost) if lost else state
+
+
+def _needed(one: Accepted, chance: Chance, state: State) -> float:
+    """What this name has to score: more than chance where it is felt."""
+    knobs = (knob for axis in one.axes for knob in state.believed.of(one.name, axis))
+    return chance.of({part for knob in knobs for part in knob.parts})
 
 
 def _first(found: list[Shape]) -> Shape | None:

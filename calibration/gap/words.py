@@ -46,9 +46,11 @@ def _chance_note(decision: Decision) -> tuple[str, ...]:
     chance = decision.chance
     if chance is None:
         return ()
-    need = max(chance.score, THRESHOLD)
-    return (f"by chance alone a log like this scores {chance.score:.1f} in 1 of {ONE_IN} "
-            f"({chance.draws} draws); a name needs {need:.1f}",)  # fmt: skip
+    scores = ", ".join(
+        f"{score:.1f} on {part.replace('_', ' ')}" for part, score in chance.scores.items()
+    )
+    return (f"by chance alone the best name on a log like this scores {scores} in 1 of {ONE_IN} "
+            f"({chance.draws} draws): a name needs more, and at least {THRESHOLD:g}",)  # fmt: skip
 
 
 def sentence(decision: Decision, names: tuple[Named, ...]) -> str:

@@ -38,10 +38,11 @@ def test_nothing_that_a_healthy_log_promises_is_beyond_chance():
     state = settled_baseline(evidence, believe(evidence, RIG, None))
     chance = by_chance(state, state.evidence.parts)
     assert chance == by_chance(state, state.evidence.parts)
-    assert 0.0 < chance.score < 10.0
+    assert set(chance.scores) == {"servo_x", "servo_y", "ball"}
+    assert all(0.0 < score < 10.0 for score in chance.scores.values())
     assert chance.draws == DRAWS
     best = screen(state, state.evidence.parts)[0]
-    assert best.worth < max(chance.score, 5.0)
+    assert best.worth < max(chance.of(state.evidence.parts), 5.0)
 
 
 def test_a_name_needs_more_than_chance_and_says_how_much(monkeypatch: pytest.MonkeyPatch):
@@ -49,7 +50,12 @@ def test_a_name_needs_more_than_chance_and_says_how_much(monkeypatch: pytest.Mon
     found = investigate_logs([log], RIG, until="name", quick=True).findings
     assert [effect.name for effect in found.effects] == ["voltage_offset"]
     assert any("by chance alone" in note for note in found.notes)
-    monkeypatch.setattr(decide, "by_chance", lambda state, parts: Chance(1e9, DRAWS))
+    elsewhere = Chance({"servo_y": 1.0, "ball": 1e9}, DRAWS)
+    monkeypatch.setattr(decide, "by_chance", lambda state, parts: elsewhere)
+    kept = investigate_logs([log], RIG, until="name", quick=True).findings
+    assert [effect.name for effect in kept.effects] == ["voltage_offset"]
+    there = Chance({"servo_y": 1e9, "ball": 1.0}, DRAWS)
+    monkeypatch.setattr(decide, "by_chance", lambda state, parts: there)
     lost = investigate_logs([log], RIG, until="name", quick=True).findings
     assert lost.effects == ()
     assert lost.verdict == "unknown-effect"  # what is there is still seen, but has no name
