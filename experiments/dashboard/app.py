@@ -234,24 +234,8 @@ class App:
                 self.replay.show_frame(frame)
                 self.camera.show(frame, "the run's video")
             return
-        if not self.camera.wanted:
-            self.eye.rest()
-            self.camera.hide()
-            return
-        if count % 2 == 0:
-            row, fresh = now.row, now.row is not None and now.row[0] - now.seen_s < UNSEEN_S
-            ball = row[_BALL : _BALL + 2] if row is not None and fresh else None
-            theta = None if row is None else row[_THETA : _THETA + 2]
-            self.eye.look(theta, ball, 0.0 if row is None else float(row[0]))
-        try:
-            sight = self.eye.newest()
-        except OSError as error:
-            self.camera.say(f"The camera cannot be looked through: {error}")
-            return
-        if sight is not None:
-            self.camera.show(*sight)
-        else:
-            self.camera.wait()
+        fresh = now.row is not None and now.row[0] - now.seen_s < UNSEEN_S
+        self.camera.follow(self.eye, now.row, fresh, ask=count % 2 == 0)
 
     def _draw_words(self, now: Now, fresh: bool) -> None:
         """Lines, bars and curves: ten times a second."""

@@ -13,16 +13,16 @@ from typing import TYPE_CHECKING, Any
 from experiments.dashboard.controls import Controls
 from experiments.dashboard.desk import Desk, Piece
 from experiments.dashboard.gallery import Gallery
-from experiments.dashboard.real_camera import RealCamera
-from experiments.dashboard.session import Session
-from experiments.dashboard.tasks import (
+from experiments.dashboard.measuring import (
     CALIBRATION_STEPS,
     NOT_REAL,
     Measure,
-    RunRow,
     calibrate,
     print_sheets,
 )
+from experiments.dashboard.real_camera import RealCamera
+from experiments.dashboard.session import Session
+from experiments.dashboard.tasks import RunRow
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -138,6 +138,7 @@ class CalibrateTab:
             self._lines.append(what)
             self._mark(step, "on", "measuring")
         elif kind == "shown":
+            self._mark(step, "on", "measuring")
             self._gallery.show(what)
         elif kind in ("failed", "done"):
             self._borrowed.close()

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.dashboard.pose import quaternion
+from rig.log import INDEX
 from rig.parameters import Rig
 
 if TYPE_CHECKING:
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from vision.view import View
 
 SMALL = (320, 240)
+_THETA, _BALL = INDEX["theta_x_rad"], INDEX["ball_x_m"]
 SEEN = "What the table's camera sees, and what the tracker makes of it."
 UNSEEN = "The rig file names no camera (table.camera): what is shown is drawn at the measured pose."
 
@@ -69,6 +71,29 @@ class CameraView:
     def look(self, wanted: bool) -> None:
         """Tick the box."""
         self._box.value = wanted
+
+    def follow(self, eye: Any, row: np.ndarray | None, fresh: bool, *, ask: bool) -> None:
+        """Show what the eye (a `VirtualEye` or `RealCamera`) sees, if somebody wants to look.
+
+        row: the loop's newest, `fresh` if the ball in it is; ask: whether to ask for a new image.
+        """
+        if not self.wanted:
+            eye.rest()
+            self.hide()
+            return
+        if ask:
+            ball = row[_BALL : _BALL + 2] if row is not None and fresh else None
+            theta = None if row is None else row[_THETA : _THETA + 2]
+            eye.look(theta, ball, 0.0 if row is None else float(row[0]))
+        try:
+            sight = eye.newest()
+        except OSError as error:
+            self.say(f"The camera cannot be looked through: {error}")
+            return
+        if sight is not None:
+            self.show(*sight)
+        else:
+            self.wait()
 
     def show(self, image: np.ndarray, words: str) -> None:
         """The newest image and what is said of it."""

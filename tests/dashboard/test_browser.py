@@ -144,6 +144,12 @@ def verdicts(page: Hand) -> None:
     page.tab("Calibrate")
     page.see("servo: accepted")
     page.see("breaks away at")
+    page.press(re.compile("^camera:"))
+    page.see("Coverage: corners seen")  # and grows, long before the verdict
+    page.see("Residuals: how the pictures fit")
+    page.see(re.compile("camera: (on its way|measuring)"))
+    page.shot("calibrate-grows")
+    page.see("camera: accepted")
     page.shot("calibrate")
 
 

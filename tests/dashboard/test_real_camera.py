@@ -14,8 +14,9 @@ import pytest
 
 from calibration.bundle import load
 from experiments.dashboard.camera_view import view_of
+from experiments.dashboard.desk import Tell
+from experiments.dashboard.measuring import Measure, calibrate
 from experiments.dashboard.real_camera import RealCamera
-from experiments.dashboard.tasks import Measure, calibrate
 from experiments.live_eye import open_ball, watching
 from rig.parameters import Rig
 from rig.rigfile import write_rig
@@ -63,18 +64,18 @@ class Ball(_Shows):
 """
 
 
-class Heard:
+class Heard(Tell):
     """What a task tells, kept."""
 
     def __init__(self) -> None:
+        super().__init__(self._keep)
         self.shown: list[set[str]] = []
 
-    def __call__(self, stage: str, done: int, total: int) -> None:
-        pass
-
-    def show(self, what) -> None:
-        assert all(one.path.is_file() for one in what)
-        self.shown.append({one.path.name for one in what})
+    def _keep(self, word) -> None:
+        kind, what = word
+        if kind == "shown":
+            assert all(one.path.is_file() for one in what)
+            self.shown.append({one.path.name for one in what})
 
 
 @pytest.fixture(scope="module")
