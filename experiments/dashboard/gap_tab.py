@@ -64,7 +64,7 @@ class GapTab:
         own = gui.add_button("Analyse recorded runs")
         controls.button(own, "gap", lambda page: self.begin(self._chosen()))
         cancel = gui.add_button("Cancel", color="gray")
-        controls.button(cancel, "cancel", lambda page: self._desk.cancel("gap"))
+        controls.button(cancel, "cancel", lambda page: self._cancel())
         self._stages: Any = gui.add_markdown(stage_lines(-1, False))
         self._bar: Any = gui.add_progress_bar(0.0)
         self._words: Any = gui.add_markdown("")
@@ -97,6 +97,10 @@ class GapTab:
         self._stages.content = stage_lines(-1, False)
         self._words.content = "*waits for its turn, then takes half a minute or so*"
         self._show_map(None)
+
+    def _cancel(self) -> None:
+        if self._desk.cancel("gap"):
+            self._heard("failed", "it was cancelled before it began")
 
     def _heard(self, kind: str, what: Any) -> None:
         if kind == "progress":
