@@ -115,7 +115,7 @@ class App:
         with tabs.add_tab("Run"):
             self.run_tab = RunTab(server, controls, self.session, lambda: self.play(None))
         with tabs.add_tab("Calibrate"):
-            CalibrateTab(
+            self.calibrate = CalibrateTab(
                 server, controls, desk, self.session, out, self.send, real=self._real, rows=rows
             )
         with tabs.add_tab("Results"):

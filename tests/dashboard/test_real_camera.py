@@ -5,7 +5,7 @@ with a ball at (0.02, -0.03) m.
 """
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,10 +13,12 @@ import numpy as np
 import pytest
 
 from calibration.bundle import load
+from experiments.dashboard.app import App
 from experiments.dashboard.camera_view import view_of
 from experiments.dashboard.desk import Tell
 from experiments.dashboard.measuring import Measure, calibrate
 from experiments.dashboard.real_camera import RealCamera
+from experiments.dashboard.server import open_server
 from experiments.live_eye import open_ball, watching
 from rig.parameters import Rig
 from rig.rigfile import write_rig
@@ -124,6 +126,13 @@ def eye(lab: Path, bundle: Path) -> Iterator[RealCamera]:
         one.close()
 
 
+def wait_for(what: str, holds: Callable[[], bool], seconds: float = 60.0) -> None:
+    end = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < end, f"{what} did not come"
+        time.sleep(0.02)
+
+
 def seen_through(eye: RealCamera, seconds: float = 60.0) -> tuple[np.ndarray, str]:
     """The first picture in which the tracker has the ball."""
     end = time.monotonic() + seconds
@@ -164,9 +173,7 @@ def test_who_needs_the_camera_gets_it_and_the_page_sees_through_its_eye(lab, bun
 def test_a_camera_that_cannot_be_opened_is_told_and_a_closed_page_lets_go(lab, bundle):
     eye = RealCamera(rig_of(lab, "Nobody", str(bundle)))
     eye.look(None)
-    end = time.monotonic() + 60
-    while not eye._why and time.monotonic() < end:
-        time.sleep(0.02)
+    wait_for("a reason", lambda: bool(eye._why))
     with pytest.raises(OSError, match="Nobody"):
         eye.newest()
     eye.close()
@@ -176,10 +183,7 @@ def test_a_camera_that_cannot_be_opened_is_told_and_a_closed_page_lets_go(lab, b
 def test_an_eye_nobody_looks_through_is_let_go(eye: RealCamera):
     seen_through(eye)
     eye.rest()
-    end = time.monotonic() + 10
-    while eye._holds and time.monotonic() < end:
-        time.sleep(0.02)
-    assert not eye._holds
+    wait_for("the camera's release", lambda: not eye._holds)
 
 
 def test_what_a_real_table_cannot_be_asked_is_refused_with_the_way_out(lab: Path):
@@ -199,3 +203,32 @@ def test_the_frustum_hangs_where_the_calibration_says(lab: Path, bundle: Path):
     assert np.array_equal(unknown.camera_from_plate, view_of(None).camera_from_plate)
     with open_source(rig.table.camera) as frames:
         assert next(iter(frames)).image.shape[1] == view_of(rig).camera.width_px
+
+
+def test_on_the_page_a_step_borrows_the_camera_that_was_looked_through(lab, bundle, tmp_path):
+    rig = rig_of(lab, "Plate", str(bundle))
+    write_rig(rig, lab / "page.toml")
+    server, _ = open_server("127.0.0.1", 0, "a-token-of-some-length-for-tests")
+    app = App(server, rig, tmp_path, rig_file=lab / "page.toml")
+    try:
+        app.camera.look(True)
+        wait_for("the image", lambda: app.camera._image.visible)
+        assert "tracker" in app.camera._words.content
+        eye = app.eye
+        assert isinstance(eye, RealCamera)
+        tab = app.calibrate
+        assert set(tab._buttons) == {"camera", "table", "time", "level"}
+        (tmp_path / "calibration").mkdir()
+        (tmp_path / "calibration" / "calibration.json").write_bytes(bundle.read_bytes())
+        tab.begin(("table",))
+        with pytest.raises(ValueError, match="a step is on"):
+            tab.begin(("level",))
+        wait_for("the verdict", lambda: tab._state["table"] == "accepted")
+        assert "copy it to" in tab._verdict.content
+        tab.begin(("level",))
+        wait_for("the refusal", lambda: tab._state["level"] == "refused")
+        assert "record one with the ball" in tab._verdict.content
+        wait_for("the page's own eye again", lambda: eye._own is not None)
+    finally:
+        app.close()
+        server.stop()
