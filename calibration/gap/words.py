@@ -1,6 +1,7 @@
 """The answer in plain words: the sentence that sums it up, and what a reader should know beside."""
 
 from collections.abc import Mapping
+from math import degrees
 
 from calibration.gap.answer import higher
 from calibration.gap.chance import ONE_IN
@@ -11,6 +12,8 @@ from calibration.gap.name import THRESHOLD
 from calibration.gap.state import State
 from calibration.gap.unknown_words import describe
 from rig.effects import BY_NAME
+
+ANGLES = ("play_rad", "offset_rad", "amplitude_rad", "slope_rad", "angle_rad")
 
 
 def notes(decision: Decision, servo: Mapping[str, Interval]) -> tuple[str, ...]:
@@ -74,5 +77,7 @@ def _told(name: Named) -> str:
     sizes = []
     for axis, pairs in name.parameters.items():
         for key, value in list(pairs.items())[:1]:
-            sizes.append(f"{axis} {key} = {value.value:.4g} [{value.low:.4g}, {value.high:.4g}]")
+            size = f"{axis} {key} = {value.value:.4g} [{value.low:.4g}, {value.high:.4g}]"
+            in_degrees = f", {degrees(value.value):.2f} degrees" if key in ANGLES else ""
+            sizes.append(size + in_degrees)
     return f"{name.name} ({words}): {', '.join(sizes)}"

@@ -12,11 +12,12 @@ import numpy as np
 from experiments.dashboard.calibrate_tab import CalibrateTab
 from experiments.dashboard.camera_view import CameraView
 from experiments.dashboard.controls import Controls
-from experiments.dashboard.curves import Curves
+from experiments.dashboard.curves import FILM, Curves
 from experiments.dashboard.desk import Desk
 from experiments.dashboard.gap_tab import GapTab
 from experiments.dashboard.ghost import Ghost
 from experiments.dashboard.header import Header
+from experiments.dashboard.legend import legend_words
 from experiments.dashboard.live import Live, Now
 from experiments.dashboard.plan import Leg
 from experiments.dashboard.player import Stage
@@ -26,7 +27,7 @@ from experiments.dashboard.real_camera import RealCamera
 from experiments.dashboard.replay_tab import ReplayTab
 from experiments.dashboard.results_tab import ResultsTab
 from experiments.dashboard.run_tab import RunTab
-from experiments.dashboard.scene import TableScene
+from experiments.dashboard.scene import TableScene, light
 from experiments.dashboard.session import Session
 from experiments.dashboard.side_plates import SidePlates
 from experiments.dashboard.teeth import Teeth
@@ -40,7 +41,7 @@ from rig.parameters import Rig
 if TYPE_CHECKING:
     from viser import ClientHandle, ViserServer
 
-DRAW_HZ, CURVES_EVERY, EVENTS_SHOWN = 20.0, 2, 4
+DRAW_HZ, CURVES_EVERY, EVENTS_SHOWN = 20.0, 2, 4  # a film, of three tables, as the curves
 _THETA, _BALL, _TARGET = (INDEX[n] for n in ("theta_x_rad", "ball_x_m", "target_x_m"))
 _FOUND = [[INDEX[f"estimated_{kind}_play_{a}_rad"] for a in "xy"] for kind in ("gear", "joint")]
 UNSEEN_S = 0.3  # an older sight of the ball is not drawn
@@ -80,12 +81,7 @@ class App:
         gui.set_panel_label("Balancing table")
         gui.main_panel.dock_right()
         gui.main_panel.set_width(390)
-        camera = server.initial_camera
-        camera.position, camera.look_at = (0.24, -0.62, 0.52), (0.03, 0.03, -0.03)
-        camera.fov = 0.82
-        server.scene.configure_default_lights(True, cast_shadow=False)
-        server.scene.configure_environment_map(None)  # the default one bleaches every colour
-        server.scene.add_light_ambient("/light", intensity=1.2)
+        light(server)
         self.scene, self.teeth = TableScene(server, self.rig), Teeth(server)
         self.sides = SidePlates(server, self.rig)
         self.camera = CameraView(server, self.rig if self.session.table.real else None)
@@ -95,6 +91,8 @@ class App:
             self.curves = Curves(server)
         with panel.add_tab("Camera"):
             self.camera.add_widgets()
+        with panel.add_tab("Legend"):
+            gui.add_markdown(legend_words(self.session.table.real))
         panel.dock_left()
         panel.set_width(330)
         self._add_tabs()
@@ -121,7 +119,9 @@ class App:
         with tabs.add_tab("Results"):
             self.results = ResultsTab(server, controls, quick, out, self.live, self.send)
         with tabs.add_tab("Gap"):
-            GapTab(server, controls, desk, out, rows, self.sides.show_map, self.play, self.send)
+            self.gap = GapTab(
+                server, controls, desk, out, rows, self.sides.show_map, self.play, self.send
+            )
         with tabs.add_tab("Replay"):
             self.replay = ReplayTab(server, controls, quick, rows, self.play)
         self.replay.refresh()
@@ -217,9 +217,9 @@ class App:
         self._ghost.follow(rows)
         stage = self.stage
         with self.server.atomic():
-            if stage is not None:
+            if stage is not None and count % CURVES_EVERY == 0:
                 self._draw_stage(stage)
-            elif now.row is not None and rows:
+            elif stage is None and now.row is not None and rows:
                 self._draw_table(now.row, now.seen_s)
             self._draw_camera(now, stage, count)
             if count % CURVES_EVERY == 0:
@@ -242,12 +242,15 @@ class App:
         status = self.session.status
         self.header.draw(now, status, self.rig.control_rate_hz, film=self.stage is not None)
         self.run_tab.draw(status, list(self.events))
-        self.results.draw()
+        self.results.draw(running=status.state == "running")
         self.replay.draw()
-        if fresh:
+        self.calibrate.draw()
+        self.gap.draw()
+        if self.stage is not None:
+            self.curves.rest(FILM)
+        elif fresh:
             self.curves.draw(self.live.curve())
-            if self.stage is None:
-                self.scene.draw_trail(self.live.trail(), self.live.centroid.xy_m)
+            self.scene.draw_trail(self.live.trail(), self.live.centroid.xy_m)
 
     def _draw_stage(self, stage: Stage) -> None:
         """A recorded run in the place of the live table; both models of it beside."""

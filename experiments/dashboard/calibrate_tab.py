@@ -4,6 +4,7 @@ A virtual table does every step by itself. A real one is seen by its camera (len
 measured from recorded runs (delay, level); nothing here moves it.
 """
 
+import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
@@ -35,6 +36,7 @@ STEPS = {
     "servo": "breakaway volts, gain, time constant",
     "play": "how much play, and where",
 }
+UNCLEAR = ", its middle cannot be told from a level error or a rest position"  # said in the report
 MARKS = {"": "", "on": "▶ ", "accepted": "✓ ", "refused": "✗ "}
 COLOURS = {"": None, "on": "orange", "accepted": "teal", "refused": "red"}
 VIRTUAL = "Measure the virtual table: press **All steps**, or one after another."
@@ -69,22 +71,26 @@ class CalibrateTab:
         else:
             everything = gui.add_button("All steps", color="green")
             controls.button(everything, "calibrate", lambda page: self.begin(CALIBRATION_STEPS))
-        self._buttons: dict[str, Any] = {}
-        for step, meaning in STEPS.items():
-            if real and step in NOT_REAL:
-                continue
-            one = self._buttons[step] = gui.add_button(f"{step}: {meaning}")
-            controls.button(one, f"calibrate {step}", lambda page, s=step: self.begin((s,)))
-        cancel = gui.add_button("Cancel", color="gray")
-        controls.button(cancel, "cancel", lambda page: self._cancel())
         self._verdict: Any = gui.add_markdown("")
-        self._gallery = Gallery(server, "Coverage and residuals")
+        self._gallery = Gallery(server, "Pictures of this step")
+        self._buttons: dict[str, Any] = {}
+        with gui.add_folder("One step at a time"):
+            for step, meaning in STEPS.items():
+                if real and step in NOT_REAL:
+                    continue
+                one = self._buttons[step] = gui.add_button(f"{step}: {meaning}")
+                controls.button(one, f"calibrate {step}", lambda page, s=step: self.begin((s,)))
+            cancel = gui.add_button("Cancel", color="gray")
+            controls.button(cancel, "cancel", lambda page: self._cancel())
+        self._found: Any = gui.add_markdown("")
         sheets = gui.add_button("Download the sheets to print", color="gray")
         controls.button(sheets, "sheets", self._sheets, everybody=True)
         if real:
             gui.add_markdown("  \n".join(f"*{step}*: {why}." for step, why in NOT_REAL.items()))
         self._state = dict.fromkeys(STEPS, "")
         self._lines: list[str] = []
+        self._kept: dict[str, list[str]] = {}
+        self._on, self._words, self._since_s, self._shown_s = "", "", 0.0, -1
         self._left: tuple[str, ...] = ()
 
     def begin(self, steps: tuple[str, ...]) -> None:
@@ -127,15 +133,26 @@ class CalibrateTab:
         except ValueError:
             self._borrowed.close()
             raise
-        self._lines = []
-        self._mark(step, "on", "on its way (or waiting for other work)")
+        self._lines, self._since_s = [], time.monotonic()
+        self._mark(step, "on", "on its way")
+
+    def draw(self) -> None:
+        """How long the present step has taken: once a second."""
+        seconds = int(time.monotonic() - self._since_s)
+        if "on" in self._state.values() and seconds != self._shown_s:
+            self._shown_s = seconds
+            self._write(f", {seconds} s")
+
+    def _write(self, more: str = "") -> None:
+        words = [f"**{self._on}: {self._words}**{more}", *self._lines]
+        self._verdict.content = "\n\n".join(words)
 
     def _heard(self, step: str, kind: str, what: Any) -> None:
         if kind == "line" and not what.startswith(("written", "believed")):
             counted = what.startswith("picture ") and self._lines
             if counted and self._lines[-1].startswith("picture "):
                 self._lines.pop()
-            self._lines.append(what)
+            self._lines.append(what.replace(UNCLEAR, ""))
             self._mark(step, "on", "measuring")
         elif kind == "shown":
             self._mark(step, "on", "measuring")
@@ -152,6 +169,7 @@ class CalibrateTab:
                     f"Kept in {self._out / 'calibration'}. To use it copy it to {used}"
                 )
             self._mark(step, "accepted", "accepted")
+            self._keep(step)
             self._gallery.show(what)
             self._controls.orders.put("next step", self._next)
 
@@ -159,7 +177,14 @@ class CalibrateTab:
         self._state[step] = state
         self._buttons[step].label = f"{MARKS[state]}{step}: {STEPS[step]}"
         self._buttons[step].color = COLOURS[state]
-        self._verdict.content = "\n\n".join([f"**{step}: {words}**", *self._lines])
+        self._on, self._words = step, words
+        self._write()
+
+    def _keep(self, step: str) -> None:
+        """The verdict stays in the list of what was found."""
+        self._kept[step] = self._lines
+        found = [f"*{name}*: {'; '.join(self._kept[name])}" for name in STEPS if name in self._kept]
+        self._found.content = "\n\n".join(["**What was found**", *found])
 
     def _cancel(self) -> None:
         self._left = ()

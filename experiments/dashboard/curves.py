@@ -17,6 +17,8 @@ LEGEND = (
     f'<b style="color: {X}">x</b>, <b style="color: {Y}">y</b>; dashed: target, wanted angle, '
     "play of the joint (full: of the gear)</div>"
 )
+WAIT = "*Waiting for the first data.*"
+FILM = "*A film is shown: the curves are the live table's and rest meanwhile.*"
 _CM, _DEG = 100.0, degrees(1)
 
 
@@ -73,12 +75,17 @@ def held(values: np.ndarray) -> np.ndarray:
 
 
 class Curves:
-    """The charts in the container that is open when it is made; `draw` ten times a second."""
+    """The charts in the container that is open when it is made; `draw` ten times a second.
 
-    def __init__(self, server: "ViserServer", height: int = 96) -> None:
+    Only the last one has numbers on its time axis, which all share.
+    """
+
+    def __init__(self, server: "ViserServer", height: int = 84) -> None:
         server.gui.add_html(LEGEND)
-        self._plots: list[Any] = []
+        self._words: Any = server.gui.add_markdown(WAIT)
+        self._said, self._plots = WAIT, list[Any]()
         for chart in CHARTS:
+            last = chart is CHARTS[-1]
             series: list[Any] = [{"label": "t [s]"}]
             for _, label, colour, _, dashed in chart.curves:
                 one: dict[str, Any] = {"label": label, "stroke": colour, "width": 1.3}
@@ -91,13 +98,22 @@ class Curves:
                     tuple(series),
                     title=chart.title,
                     scales={"x": {"time": False}},
-                    axes=({"size": 32, "space": 50}, {"size": 48, "space": 18}),
+                    axes=({"show": last, "size": 32, "space": 60}, {"size": 48, "space": 15}),
                     legend={"show": False},
-                    height=height,
-                    padding=(4, 8, 0, 0),
+                    height=height + (30 if last else 0),
+                    padding=(10, 22, 0 if last else 6, 0),
+                    visible=False,
                 )
             )
 
+    def rest(self, words: str) -> None:
+        """Show these words and no curves."""
+        if words != self._said:
+            self._said = self._words.content = words
+            for plot in self._plots:
+                plot.visible = not words
+
     def draw(self, rows: np.ndarray) -> None:
+        self.rest("")
         for chart, plot in zip(CHARTS, self._plots, strict=True):
             plot.data = chart_data(chart, rows)

@@ -1,5 +1,6 @@
 """The tab Gap: choose runs, watch the five stages, see what is missing and both models at once."""
 
+import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -31,6 +32,14 @@ BEGINS = {
     "closed loop and next experiment": 4,
     "report": 4,
     "both models, side by side": 4,
+}
+# ... and in words for whoever watches.
+DOES = {
+    "baseline": "fitting the model as the rig file has it",
+    "name": "trying every effect of the catalogue: the longest part",
+    "add and prove": "putting it into the model, testing on parts it has not seen",
+    "closed loop and next experiment": "running the new model in closed loop",
+    "report": "writing the report",
 }
 SETS = {"the newest run": 1, "the newest 2 runs": 2, "the newest 4 runs": 4}
 
@@ -74,6 +83,7 @@ class GapTab:
         controls.button(self._report, "gap report", self._download, everybody=True)
         self._gallery = Gallery(server, "Pictures")
         self._on = -1
+        self._does, self._since_s, self._shown_s = "", 0.0, -1
         self.answer: GapAnswer | None = None
 
     def _chosen(self) -> list[Path]:
@@ -95,7 +105,7 @@ class GapTab:
         self._film.visible = self._report.visible = False
         self._bar.value = 0.0
         self._stages.content = stage_lines(-1, False)
-        self._words.content = "*waits for its turn, then takes half a minute or so*"
+        self._does, self._since_s = "begins; it takes half a minute or so in all", time.monotonic()
         self._show_map(None)
 
     def _cancel(self) -> None:
@@ -108,14 +118,22 @@ class GapTab:
             self._on = BEGINS.get(stage, self._on)
             self._stages.content = stage_lines(self._on, False)
             self._bar.value = 100.0 * min((self._on + 0.3) / 5 + 0.1 * k / max(n, 1), 0.97)
-            self._words.content = f"*{stage}*"
+            self._does = DOES.get(stage, stage)
         elif kind == "failed":
+            self._does = ""
             self._words.content = f"**stopped**: {what}"
         elif kind == "done":
             self._end(what)
 
+    def draw(self) -> None:
+        """What is being done, and for how long: once a second."""
+        seconds = int(time.monotonic() - self._since_s)
+        if self._does and seconds != self._shown_s:
+            self._shown_s = seconds
+            self._words.content = f"*{self._does}* ({seconds} s)"
+
     def _end(self, answer: GapAnswer) -> None:
-        self.answer = answer
+        self.answer, self._does = answer, ""
         self._bar.value = 100.0
         self._stages.content = stage_lines(4, True)
         lines = "\n\n".join(answer.lines[:7])

@@ -24,9 +24,9 @@ STATES = {
 
 def link_words(now: Now, status: Status, rate_hz: float) -> str:
     """Loop and camera in a few words."""
-    if status.state not in ("balancing", "running"):
+    if status.state not in ("balancing", "running", "starting"):
         return "loop: off · camera: off"
-    if now.row is None:
+    if now.row is None or status.state == "starting":
         return "loop: starting · camera: starting"
     if now.silent_s > SILENT_S:
         return f"loop: **silent for {now.silent_s:.0f} s** · camera: ?"

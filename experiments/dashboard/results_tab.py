@@ -48,7 +48,7 @@ class ResultsTab:
         )  # fmt: skip
         gui = server.gui
         gui.add_markdown("Every finished run appears here; figures come as runs complete.")
-        self._centroid: Any = gui.add_markdown("Centroid of the present run: -")
+        self._centroid: Any = gui.add_markdown("")
         self._picked: Any = gui.add_dropdown("Figures of", (NONE,))
         self._protocol = controls.value(self._picked, "protocol", self._clean, self._chosen)
         again = gui.add_button("Draw figures")
@@ -113,7 +113,7 @@ class ResultsTab:
         def heard(kind: str, what: Any) -> None:
             self._controls.orders.put(name, partial(self._heard, name, done, kind, what))
 
-        self._words.content = f"*{name}: waits for its turn*"
+        self._words.content = f"*{name}: being made*"
         self._desk.put(Piece(name, task, heard), instead=instead)
 
     def _heard(self, name: str, done: Callable[[Any], None], kind: str, what: Any) -> None:
@@ -132,11 +132,11 @@ class ResultsTab:
         self._gallery.show(found["figures"])
         self._table.content = table(self._rows, self._centroids)
 
-    def draw(self) -> None:
+    def draw(self, *, running: bool) -> None:
         """The present run's centroid so far (k-means with one cluster is the mean)."""
         mean = self._live.centroid
-        xy, words = mean.xy_m, "Centroid of the present run: -"
-        if xy is not None:
+        xy, words = mean.xy_m, "Centroid of the present run: no run is on"
+        if xy is not None and running:
             x, y = 100 * xy
             words = (
                 f"Centroid of the present run: **({x:+.2f}, {y:+.2f}) cm**, {hypot(x, y):.2f} cm "

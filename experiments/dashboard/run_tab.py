@@ -21,6 +21,7 @@ from experiments.dashboard.clamps import (
 from experiments.dashboard.controls import Controls
 from experiments.dashboard.plan import Plan, Status
 from experiments.dashboard.pose import plays
+from experiments.dashboard.progress import IDLE, Progress
 from experiments.dashboard.session import Session
 from experiments.protocol import read_protocol, shipped
 from rig.commands import Push, SetGains, Target
@@ -41,25 +42,6 @@ KEYS = (
     "Keys: **R** start, **N** next run, **B** balance, **Esc** stop, **Shift + arrows** push, "
     "**Ctrl + K** all of them."
 )
-IDLE = "no run: choose a protocol and press **Start**"
-
-
-def minutes(seconds: float) -> str:
-    """m:ss for people."""
-    whole = max(0, round(seconds))
-    return f"{whole // 60}:{whole % 60:02d}"
-
-
-def progress_words(status: Status) -> str:
-    """One line about what happens and how long it takes."""
-    leg = status.leg
-    if leg is None:
-        return f"{status.words}. {IDLE}" if status.state == "stopped" else IDLE
-    of = f"run {leg.number} of {leg.of}"
-    left = f"{minutes(status.left_s)} left"
-    if status.state == "pause":
-        return f"**Pause**: {status.words}, {left}; press **Next run**"
-    return f"{of}: {status.words}, {status.t_s:.1f} of {status.whole_s:.1f} s, {left}"
 
 
 class RunTab:
@@ -72,6 +54,8 @@ class RunTab:
     ) -> None:  # fmt: skip
         self._server, self._controls, self._session = server, controls, session
         self._look = look
+        self._handles: dict[int, Any] = {}
+        self._progress = Progress()
         gui, virtual = server.gui, not session.table.real
         gui.add_markdown(WHAT if virtual else WHAT_REAL)
         self._protocol = controls.value(
@@ -167,20 +151,39 @@ class RunTab:
         handle = self._server.gui.add_slider(
             label, limits.low, limits.high, limits.step, value, hint=hint, visible=visible
         )
-        return self._controls.value(handle, label, limits.clamp, apply)
+        kept = self._controls.value(handle, label, limits.clamp, apply)
+        self._handles[id(kept)] = handle
+        return kept
+
+    def _add_back(self, rows: list, values: list[float], apply: Callable[[], None]) -> None:
+        """A button that puts sliders back to where they began."""
+
+        def back(page: int | None) -> None:
+            for kept, value in zip(rows, values, strict=True):
+                kept.now = self._handles[id(kept)].value = value
+            apply()
+
+        button = self._server.gui.add_button("Back to the rig file's", color="gray")
+        self._controls.button(button, "back", back)
 
     def _add_gains(self) -> list:
         gains = self._session.rig.gains
         start = gains.proportional_rad_m, gains.integral_rad_m_s, gains.derivative_rad_s_m
         rows = (("P [rad/m]", KP), ("I [rad/(m s)]", KI), ("D [rad s/m]", KD))
-        return [
-            self._slider(label, limits, value, partial(self._set_gain, i), "applies at once")
+        hint = "applies at once, and to the runs that are started from now on"
+        kept = [
+            self._slider(label, limits, value, partial(self._set_gain, i), hint)
             for i, ((label, limits), value) in enumerate(zip(rows, start, strict=True))
         ]
+        self._add_back(kept, list(start), lambda: self._set_gains(list(start)))
+        return kept
 
     def _set_gain(self, which: int, value: float) -> None:
         wanted = [kept.now for kept in self._gains]
         wanted[which] = value
+        self._set_gains(wanted)
+
+    def _set_gains(self, wanted: list[float]) -> None:
         names = "proportional_rad_m", "integral_rad_m_s", "derivative_rad_s_m"
         rig = self._session.rig
         gains = replace(rig.gains, **dict(zip(names, wanted, strict=True)))
@@ -215,17 +218,23 @@ class RunTab:
     def _add_play(self) -> list:
         gear, joint = plays(self._session.rig)
         rows = (("Gear play [deg]", gear), ("Joint play [deg]", joint))
-        return [
-            self._slider(
-                label, PLAY_DEG, round(degrees(float(play.mean())), 1), partial(self._set_play, i),
-                "a new virtual table starts",
-            )
-            for i, (label, play) in enumerate(rows)
+        start = [round(degrees(float(play.mean())), 1) for _, play in rows]
+        kept = [
+            self._slider(label, PLAY_DEG, value, partial(self._set_play, i),
+                         "a new virtual table starts")
+            for i, ((label, _), value) in enumerate(zip(rows, start, strict=True))
         ]  # fmt: skip
+        self._add_back(kept, start, lambda: self._set_plays(start))
+        return kept
 
     def _set_play(self, which: int, value: float) -> None:
         wanted = [kept.now for kept in self._play]
         wanted[which] = value
+        self._set_plays(wanted)
+
+    def _set_plays(self, wanted: list[float]) -> None:
+        words = "a new virtual table: gear play {:.1f}, joint play {:.1f} degrees"
+        self._session.note(words.format(*wanted))
         gear, joint = map(radians, wanted)
         self._session.again(with_play(self._session.rig, gear_rad=gear, joint_rad=joint))
 
@@ -243,7 +252,7 @@ class RunTab:
         if asked:
             self._set(self._asked, "content", asked)
         self._set(self._bar, "value", round(100 * status.share, 1))
-        self._set(self._words, "content", progress_words(status))
+        self._set(self._words, "content", self._progress.words(status))
         self._set(self._events, "content", "  \n".join(["*Events*", *events[::-1]]))
 
     def _set(self, handle: Any, name: str, value: Any) -> None:

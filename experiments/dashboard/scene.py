@@ -15,6 +15,16 @@ PLATE, METAL, DARK = (228, 232, 238), (120, 128, 140), (70, 76, 86)
 AWAY = (0.0, 0.0, -9.0)
 
 
+def light(server: "ViserServer") -> None:
+    """Where one stands at first, and the lamps."""
+    camera = server.initial_camera
+    camera.position, camera.look_at = (0.24, -0.62, 0.52), (0.03, 0.03, -0.03)
+    camera.fov = 0.82
+    server.scene.configure_default_lights(True, cast_shadow=False)
+    server.scene.configure_environment_map(None)  # the default one bleaches every colour
+    server.scene.add_light_ambient("/light", intensity=1.2)
+
+
 def ball_mesh(radius_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (n, 3) and faces (m, 3) of a sphere, by longitude and latitude."""
     rows, columns = 13, 24

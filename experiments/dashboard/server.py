@@ -89,8 +89,13 @@ def _gated(gate: Gate) -> Iterator[list[Any]]:
 
 def open_server(host: str, port: int, token: str) -> "tuple[ViserServer, Gate]":
     """A viser server behind a gate. PortBusyError: the port is taken."""
+    import logging
+
     import viser
     from viser import _messages as messages
+
+    # A knock that is no handshake (a port scan, a closed tab) is no fault of ours: no traceback.
+    logging.getLogger("websockets").setLevel(logging.CRITICAL)
 
     port = free_port(host, port)
     gate = gate_of(host, port, token)

@@ -30,6 +30,12 @@ def map_image(plate_map: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarra
     return np.kron(image, np.ones((CELL_PX, CELL_PX, 1), np.uint8))
 
 
+def off_words(seen_m: np.ndarray, told_m: np.ndarray) -> str:
+    """How far a model's ball is from the recorded one."""
+    far_mm = 1e3 * float(np.hypot(*(np.asarray(told_m) - np.asarray(seen_m))))
+    return f"off by {far_mm:.0f} mm" if np.isfinite(far_mm) else "no ball"
+
+
 class SidePlates:
     """Hidden until there is something to compare."""
 
@@ -38,11 +44,12 @@ class SidePlates:
         self._plates = {
             name: Puppet(server, f"/{name}", rig, at=at, ghost=True) for name, at in BEHIND.items()
         }
+        self._labels: list[Any] = []
         for name, plate in self._plates.items():
             plate.show(False)
-            server.scene.add_label(
+            self._labels.append(server.scene.add_label(
                 f"/{name}/label", WORDS[name], position=(0, 0.16, 0.03), anchor="bottom-center"
-            )
+            ))  # fmt: skip
         self._stage: Stage | None = None
         self._map: Any = None
         self._legend: Any = None
@@ -58,9 +65,15 @@ class SidePlates:
         """Both models at the film's time."""
         if self._stage is None or self._stage.others is None:
             return
-        for plate, motion in zip(self._plates.values(), self._stage.others, strict=True):
+        _, seen, _ = self._stage.shown.at(t_s)
+        for (name, plate), label, motion in zip(
+            self._plates.items(), self._labels, self._stage.others, strict=True
+        ):
             theta, ball, _ = motion.at(t_s)
             plate.pose(theta, ball)
+            text = f"{WORDS[name]}: {off_words(seen, ball)}"
+            if label.text != text:
+                label.text = text
 
     def show_map(self, plate_map: tuple[np.ndarray, np.ndarray, np.ndarray] | None) -> None:
         """Lay the map on the table's plate; None takes it away."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import degrees
 from pathlib import Path
 from typing import Any
 
@@ -150,6 +151,14 @@ class GapAnswer:
     sides: Any
 
 
+def hidden_words() -> str:
+    """What the demo hid, for whoever wants to judge the answer."""
+    from experiments.gap_work import DEMO_PLAY_RAD
+
+    sizes = ", ".join(f"{a} {degrees(play):.2f}" for a, play in DEMO_PLAY_RAD.items())
+    return f"What was hidden, which the analysis did not know: joint play of {sizes} degrees."
+
+
 def find_gap(logs: Sequence[Path] | None, out: Path, seed: int, tell: Tell) -> GapAnswer:
     """The gap of recorded runs (None: of the hidden-play demo), with its report and pictures."""
     from experiments.dashboard.sides import both_models
@@ -185,4 +194,6 @@ def find_gap(logs: Sequence[Path] | None, out: Path, seed: int, tell: Tell) -> G
         tell("both models, side by side", 0, 1)
         sides = both_models(read_evidence(paths), found.rig_before, found.rig_after)
     lines = summary_lines(found)[1:]
+    if logs is None:
+        lines.insert(0, hidden_words())
     return GapAnswer(found.verdict, found.sentence, lines, report, pictures, plate_map, sides)

@@ -8,9 +8,9 @@ from experiments.dashboard.gap_tab import BEGINS, STAGES, stage_lines
 from experiments.dashboard.header import link_words
 from experiments.dashboard.live import Now
 from experiments.dashboard.plan import Plan, Status, legs
+from experiments.dashboard.progress import Progress, minutes, progress_words
 from experiments.dashboard.results_tab import table
-from experiments.dashboard.run_tab import minutes, progress_words
-from experiments.dashboard.side_plates import CELL_PX, map_image
+from experiments.dashboard.side_plates import CELL_PX, map_image, off_words
 from experiments.dashboard.sides import motion_of
 from experiments.dashboard.tasks import RunRow, list_runs
 from experiments.protocol import read_protocol
@@ -45,6 +45,17 @@ def test_progress_says_what_is_on_and_how_long_it_takes():
     assert minutes(61.4) == "1:01"
 
 
+def test_the_end_of_a_plan_is_said_and_a_stopped_one_is_not_done():
+    first, last = legs(Plan(read_protocol("free-release"), ("without", "with"), 1, 1))
+    progress = Progress()
+    progress.words(Status("running", first.words, first, 16.4))
+    assert "done" not in progress.words(Status("balancing"))
+    progress.words(Status("running", last.words, last, 16.4))
+    assert progress.words(Status("balancing")).startswith("**All 2 runs are done**")
+    progress.words(Status("running", last.words, last, 3.0))
+    assert "done" not in progress.words(Status("stopped", "the table rests at 0 V"))
+
+
 def test_a_silent_loop_and_an_unseen_ball_are_said():
     row = np.zeros(40)
     row[0] = 5.0
@@ -57,6 +68,12 @@ def test_a_silent_loop_and_an_unseen_ball_are_said():
     silent = Now(row, 4.99, (0, 0, 0), 500.0, 3.0, 1)
     assert "silent for 3 s" in link_words(silent, on, 500.0)
     assert "off" in link_words(seen, Status("stopped"), 500.0)
+    assert "starting" in link_words(seen, Status("starting"), 500.0)
+
+
+def test_before_and_after_say_how_far_off_they_are():
+    assert off_words(np.array([0.01, 0.0]), np.array([0.01, 0.012])) == "off by 12 mm"
+    assert off_words(np.array([np.nan, 0.0]), np.zeros(2)) == "no ball"
 
 
 def test_runs_are_listed_newest_first_and_read_as_a_film(tmp_path: Path):
