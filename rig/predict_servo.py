@@ -18,6 +18,7 @@ LANDING_STEP_S = 6.7e-4  # and a motor lands on it at speed where the gear has p
 MEETING_STEP_S = 2.5e-4  # teeth that meet part again after 6 ms
 MEETING_UNSURE = 10.0  # times the process noise: when and how hard the teeth meet
 TOUCH_RAD = 1e-4  # ends of the gap closer than this are touching
+HELD_GAIN = 1.0 / 3.0  # by which a motor that friction holds follows its encoder, at least
 
 
 @compiled
@@ -180,11 +181,15 @@ def predict_axis(p, levels, a, t, volts, theta, gain, tau, out, std):
         arm_speed += (c * p01 + (1.0 - c) * s01) / total * miss
         still = spread * r / total
         g0, g1 = c * p00 / total, c * p01 / total
+        # A motor that friction holds gives the same count again and again: its rounding does not
+        # average out, and a filter that believes so takes friction for something that misleads it.
+        if speed == 0.0:
+            g0 = max(g0, HELD_GAIN)
         motor += g0 * miss
         anchor += g0 * miss  # the twist is known from the motion, better than from the encoder
         speed += g1 * miss
         p11 -= g1 * c * p01
-        p01 -= g0 * c * p01
-        p00 -= g0 * c * p00
+        p01 -= c * p00 / total * c * p01
+        p00 -= c * p00 / total * c * p00
         s11 = c * p11 + (1.0 - c) * (s11 - s01 * s01 / total)
         s01 = c * p01 + (1.0 - c) * s01 * r / total

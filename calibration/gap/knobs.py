@@ -50,7 +50,7 @@ HEIGHT, HIGHEST_M = "height_m", 0.1
 INNER = {"gear_backlash": [COAST], "camera_scale": [HEIGHT]}
 IN_RECORD = {COAST: "gear_coast", HEIGHT: "camera_height"}  # of what no catalogue names
 CLEARLY = 1.2  # times its tolerance: a name needs as much; at its edge anything may stand in
-ASSUMED_FRICTION = 0.04  # share by which the assumed friction of arm and joints may err
+ASSUMED_FRICTION = 0.015  # share by which the assumed friction of arm and joints may err
 
 
 @dataclass(frozen=True)
