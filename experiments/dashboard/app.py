@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.dashboard.calibrate_tab import CalibrateTab
-from experiments.dashboard.camera_view import CameraView
+from experiments.dashboard.camera_view import NO_FILM, CameraView
 from experiments.dashboard.controls import Controls
 from experiments.dashboard.curves import FILM, Curves
 from experiments.dashboard.desk import Desk
@@ -129,6 +129,7 @@ class App:
     def play(self, stage: Stage | None) -> None:
         """Show a stage instead of the live table, or (None) the live table again."""
         self.stage = stage
+        self.camera.hide()
         self.replay.on_stage(stage)
         self.sides.begin(stage)
         self.teeth.show(stage is None)
@@ -159,7 +160,7 @@ class App:
         button(add("Stop", hotkey="escape"), "stop", self.header.stop, everybody=True)
         button(add("Start the run", hotkey="R"), "start", lambda page: self.run_tab.start())
         button(add("Next run", hotkey="N"), "next run", lambda page: self.run_tab.go_on())
-        button(add("Balance again", hotkey="B"), "balance", lambda page: self.session.balance())
+        button(add("Balance again", hotkey="B"), "balance", lambda page: self.run_tab.balance())
         for key, angle in (("left", 180), ("right", 0), ("up", 90), ("down", 270)):
             push = add(f"Push {key}", hotkey=f"arrow{key}", modifier="shift")  # pyright: ignore[reportArgumentType]
             button(push, "push", lambda page, a=float(angle): self.run_tab.push(a))
@@ -233,6 +234,8 @@ class App:
             if count % 2 == 0 and video and (frame := video.at(stage.player.t_s)) is not None:
                 self.replay.show_frame(frame)
                 self.camera.show(frame, "the run's video")
+            elif video is None:
+                self.camera.hide(NO_FILM)
             return
         fresh = now.row is not None and now.row[0] - now.seen_s < UNSEEN_S
         self.camera.follow(self.eye, now.row, fresh, ask=count % 2 == 0)
@@ -273,8 +276,5 @@ class App:
     def close(self) -> None:
         self._over.set()
         self._thread.join(2.0)
-        self.session.close()
-        self.desk.close()
-        self.quick.close()
-        self.eye.close()
-        self.controls.orders.close()
+        for part in (self.session, self.desk, self.quick, self.eye, self.controls.orders):
+            part.close()

@@ -121,6 +121,9 @@ class CalibrateTab:
 
     def _next(self) -> None:
         if not self._left:
+            if len(self._kept) == len(STEPS):
+                self._words = f"{self._words}. All steps are done"
+                self._write()
             return
         step, self._left = self._left[0], self._left[1:]
         task = partial(calibrate, self._measure(step))
@@ -183,8 +186,13 @@ class CalibrateTab:
     def _keep(self, step: str) -> None:
         """The verdict stays in the list of what was found."""
         self._kept[step] = self._lines
-        found = [f"*{name}*: {'; '.join(self._kept[name])}" for name in STEPS if name in self._kept]
-        self._found.content = "\n\n".join(["**What was found**", *found])
+        found = ["**What was found** (accepted; kept in " + f"{self._out / 'calibration'})"]
+        for name in STEPS:
+            found += [f"**{name}**" for _ in self._kept.get(name, ())[:1]]
+            found += [
+                f"- {line.removeprefix(name).lstrip(': ')}" for line in self._kept.get(name, ())
+            ]
+        self._found.content = "\n".join(line if line[0] == "-" else f"\n{line}\n" for line in found)
 
     def _cancel(self) -> None:
         self._left = ()

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 SMALL = (320, 240)
 _THETA, _BALL = INDEX["theta_x_rad"], INDEX["ball_x_m"]
 SEEN = "What the table's camera sees, and what the tracker makes of it."
+NO_FILM = "*A film without a camera's pictures is shown.*"
 UNSEEN = "The rig file names no camera (table.camera): what is shown is drawn at the measured pose."
 
 
@@ -112,8 +113,8 @@ class CameraView:
         """Say this where the image would be."""
         self._words.content = words
 
-    def hide(self) -> None:
-        """There is nothing to be seen."""
-        if self._words.content:
+    def hide(self, words: str = "") -> None:
+        """There is nothing to be seen, and why."""
+        if self._words.content != words:
             self._frustum.visible = self._image.visible = False
-            self._words.content = ""
+            self._words.content = words

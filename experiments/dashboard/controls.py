@@ -1,5 +1,6 @@
 """Buttons and inputs behind the seat: a callback enqueues; the one worker checks, clamps, acts."""
 
+import time
 from collections.abc import Callable
 from typing import Any, TypeVar
 
@@ -7,6 +8,7 @@ from experiments.dashboard.orders import Order, Orders
 from experiments.dashboard.seat import Seat
 
 T = TypeVar("T")
+AGAIN_S = 4.0  # so soon the same refusal is not told again
 
 
 class WatchingError(PermissionError):
@@ -24,13 +26,21 @@ class Controls:
     ) -> None:
         self.seat = Seat()
         self._tell, self._note = tell, note
+        self._told: tuple[int | None, str, str] | None = None
+        self._told_s = -AGAIN_S
         self.orders = Orders(self._failed)
 
     def _failed(self, order: Order, error: Exception) -> None:
         """An order that raised: told to its page, and to the run's events but for refusals."""
         if not isinstance(error, WatchingError):
             self._note(f"{order.what}: {type(error).__name__}: {error}")
-        self._tell(order.page, order.what, str(error) or type(error).__name__)
+        told = order.page, order.what, str(error) or type(error).__name__
+        now_s = time.monotonic()
+        if (
+            told != self._told or now_s - self._told_s > AGAIN_S
+        ):  # a slider asks many times a second
+            self._tell(*told)
+            self._told, self._told_s = told, now_s
 
     def check(self, page: int | None) -> None:
         """WatchingError where the page does not hold the controls."""

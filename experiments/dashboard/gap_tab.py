@@ -60,7 +60,7 @@ class GapTab:
     def __init__(
         self, server: "ViserServer", controls: Controls, desk: Desk, out: Path,
         rows: Callable[[], list[RunRow]], show_map: Callable[[Any], None],
-        play: Callable[[Stage], None], send: Callable[[int | None, Path], None],
+        play: Callable[[Stage | None], None], send: Callable[[int | None, Path], None],
     ) -> None:  # fmt: skip
         self._controls, self._desk, self._out, self._rows = controls, desk, out, rows
         self._show_map, self._play, self._send = show_map, play, send
@@ -81,6 +81,8 @@ class GapTab:
         controls.button(self._film, "film", lambda page: self._start_film())
         self._report: Any = gui.add_button("Download the gap report", visible=False)
         controls.button(self._report, "gap report", self._download, everybody=True)
+        self._clear: Any = gui.add_button("Take the map off the plate", color="gray", visible=False)
+        controls.button(self._clear, "map", lambda page: self._lay(None))
         self._gallery = Gallery(server, "Pictures")
         self._on = -1
         self._does, self._since_s, self._shown_s = "", 0.0, -1
@@ -101,12 +103,14 @@ class GapTab:
             self._controls.orders.put("gap", partial(self._heard, kind, what))
 
         self._desk.put(Piece("gap", task, heard))
+        self._play(None)  # a film and pictures of before would be taken for this one's
+        self._gallery.show([])
         self._on = -1
         self._film.visible = self._report.visible = False
         self._bar.value = 0.0
         self._stages.content = stage_lines(-1, False)
         self._does, self._since_s = "begins; it takes half a minute or so in all", time.monotonic()
-        self._show_map(None)
+        self._lay(None)
 
     def _cancel(self) -> None:
         if self._desk.cancel("gap"):
@@ -139,9 +143,14 @@ class GapTab:
         lines = "\n\n".join(answer.lines[:7])
         self._words.content = f"**{answer.verdict}: {answer.sentence}**\n\n{lines}"
         self._gallery.show(answer.pictures)
-        self._show_map(answer.plate_map)
+        self._lay(answer.plate_map)
         self._film.visible = answer.sides is not None
         self._report.visible = True
+
+    def _lay(self, plate_map: Any) -> None:
+        """The map of disagreement on the plate, or (None) the bare plate."""
+        self._show_map(plate_map)
+        self._clear.visible = plate_map is not None
 
     def _start_film(self) -> None:
         if self.answer is None or self.answer.sides is None:

@@ -11,14 +11,15 @@ if TYPE_CHECKING:
     from viser import ClientHandle, ViserServer
 
 NO_EMERGENCY = "This is **not** the emergency stop: that is the switch that cuts the motors' power."
-FILM = "  \nThe 3-D view shows **a film**: tab Replay leads back to the live table."
+FILM = "  \n3-D view: **a film**; the tab Replay leads back"
+LIVE = "  \n3-D view: the live table"  # as many lines: nothing below may jump
 SILENT_S, BLIND_S = 1.0, 0.25
 STATES = {
     "starting": "Starting",
     "balancing": "Balancing",
     "running": "Run is on",
     "pause": "Pause between runs",
-    "stopped": "Stopped, 0 V",
+    "stopped": "Stopped, 0 V: the tab Run starts it again",
 }
 
 
@@ -86,6 +87,6 @@ class Header:
 
     def draw(self, now: Now, status: Status, rate_hz: float, *, film: bool = False) -> None:
         words = f"**{STATES[status.state]}** ({self._table})  \n{link_words(now, status, rate_hz)}"
-        words += FILM if film else ""
+        words += FILM if film else LIVE
         if words != self._words:
             self._words = self._state.content = words

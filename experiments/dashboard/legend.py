@@ -18,6 +18,10 @@ REAL = """
 "gear x: 1.0°, found 0.9°": the rig file says 1.0 degrees of play; 0.9 is what the controller's
 observer has found while it moves ("-": nothing yet).
 """
+CURVES = """
+**Curves**: estimated shaft torque is what the controller's observer takes the twisted shafts to
+pass on; estimated play is what that observer has found, gear full, joint dashed.
+"""
 FILMS = """
 **Two small plates behind** (tab Gap, before and after): the model without and with the named
 effect, at the same moment of the recorded run; "off by" is the distance to the recorded ball.
@@ -29,4 +33,5 @@ a perfect model would leave (noise floors).
 
 def legend_words(real: bool) -> str:
     """Markdown."""
-    return TABLE + (REAL if real else VIRTUAL) + FILMS
+    paragraphs = TABLE + (REAL if real else VIRTUAL) + CURVES + FILMS
+    return "\n\n&nbsp;\n\n".join(paragraphs.strip().split("\n\n"))

@@ -10,16 +10,20 @@ from experiments.dashboard.video import Video
 class Player:
     """Time of a film of `end_s` seconds; `clock` stands for the system's in tests."""
 
-    def __init__(self, end_s: float, *, clock: Callable[[], float] = time.monotonic) -> None:
-        self.end_s, self._clock = max(end_s, 1e-3), clock
+    def __init__(
+        self, end_s: float, *, loop: bool = False, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self.end_s, self._loop, self._clock = max(end_s, 1e-3), loop, clock
         self._from_s, self._since, self._speed, self.playing = 0.0, clock(), 1.0, False
 
     @property
     def t_s(self) -> float:
-        """Where it stands; at its end it stops."""
+        """Where it stands; at its end it stops, or begins again."""
         if not self.playing:
             return self._from_s
         t_s = self._from_s + self._speed * (self._clock() - self._since)
+        if t_s >= self.end_s and self._loop:
+            return t_s % self.end_s
         if t_s >= self.end_s:
             self.playing, self._from_s = False, self.end_s
             return self.end_s
@@ -52,7 +56,7 @@ class Stage:
         playing: bool = True,
     ) -> None:
         self.name, self.shown, self.others = name, shown, others
-        self.player = Player(shown.end_s)
+        self.player = Player(shown.end_s, loop=others is not None)
         self.player.play(playing)
         self.video: Video | None = None
 

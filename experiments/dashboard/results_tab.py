@@ -19,6 +19,10 @@ if TYPE_CHECKING:
 TOGETHER = 8  # newest runs of a protocol that figures are made of
 LISTED = 12
 NONE = "(no runs yet)"
+MEANS = (
+    "The centroid is where the ball was on average: the paper's measure, 0 is best. It says "
+    "nothing of the swing about it (Fig. 10), and differs by hundredths of a centimetre between repeats."
+)
 
 
 def table(rows: list[RunRow], centroids: dict[str, tuple[float, float]]) -> str:
@@ -33,6 +37,7 @@ def table(rows: list[RunRow], centroids: dict[str, tuple[float, float]]) -> str:
         time = f"{stamp[:2]}:{stamp[2:4]}:{stamp[4:]}"
         lines.append(f"| {row.protocol} {time} | {row.arm} | {row.outcome} | {words} |")
     more = len(rows) - LISTED
+    lines += ["", MEANS]
     return "\n".join(lines) + (f"\n\n{more} more in the folder." if more > 0 else "")
 
 

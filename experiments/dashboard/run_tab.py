@@ -100,7 +100,7 @@ class RunTab:
         self._done = gui.add_button("Done", color="orange", visible=False)
         controls.button(self._done, "confirm", lambda page: session.confirm())
         self._balance = gui.add_button("Balance again", color="green", visible=False)
-        controls.button(self._balance, "balance", lambda page: session.balance())
+        controls.button(self._balance, "balance", lambda page: self.balance())
         self._bar: Any = gui.add_progress_bar(0.0)
         self._words: Any = gui.add_markdown(IDLE)
         with gui.add_folder("Controller's gains", expand_by_default=False):
@@ -128,6 +128,11 @@ class RunTab:
                 speed=float(self._speed.now.split()[0]),
             )
         )
+        self._look()
+
+    def balance(self) -> None:
+        """The virtual table balances again, for all to see."""
+        self._session.balance()
         self._look()
 
     def go_on(self) -> None:

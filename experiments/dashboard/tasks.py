@@ -194,6 +194,8 @@ def find_gap(logs: Sequence[Path] | None, out: Path, seed: int, tell: Tell) -> G
         tell("both models, side by side", 0, 1)
         sides = both_models(read_evidence(paths), found.rig_before, found.rig_after)
     lines = summary_lines(found)[1:]
+    if found.next_experiment is None:
+        lines.append("next nothing more has to be measured to tell names apart")
     if logs is None:
         lines.insert(0, hidden_words())
     return GapAnswer(found.verdict, found.sentence, lines, report, pictures, plate_map, sides)
