@@ -76,7 +76,10 @@ class ReplayTab:
             self._controls.orders.put("video", partial(self._heard, stage, kind, what))
 
         self._desk.put(Piece("video", partial(render_video, found[0]), heard), instead=True)
-        self._about.content = "*The video is made from the recording: it takes about as long as a quarter of the run, more on a busy machine.*"
+        self._about.content = (
+            "*The video is made from the recording: about a quarter of its length, more on a busy "
+            "machine.*"
+        )
 
     def _heard(self, stage: Stage, kind: str, what: Any) -> None:
         if stage is not self._stage:

@@ -21,7 +21,7 @@ LISTED = 12
 NONE = "(no runs yet)"
 MEANS = (
     "The centroid is where the ball was on average: the paper's measure, 0 is best. It says "
-    "nothing of the swing about it (Fig. 10), and differs by hundredths of a centimetre between repeats."
+    "nothing of the swing about it, and differs by hundredths of a centimetre between repeats."
 )
 
 
