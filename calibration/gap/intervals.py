@@ -5,7 +5,6 @@ g = sum J'Wz (what is left is neither white nor Gaussian), and L the inverse var
 knobs that stay in their box (half width t: 3/t^2), which the data may not know better.
 """
 
-from itertools import pairwise
 from math import hypot, sqrt
 
 import numpy as np
@@ -27,10 +26,8 @@ LEAST_DEVIATION = {
 }  # fmt: skip
 WIDER = 1.45  # than the sandwich: with it 95 % held, in blind trials other than the README's
 LEAST_COUNTS = {"play_rad": 0.5}
-# Shares of the nominal, where the motor always rests between its moves: from where in its count it
-# leaves, no log tells.
-LEAST_SHARES = {"gain_rad_s_V": 0.02, "time_constant_s": 0.07}
-REST_S = 0.2
+# Shares of the nominal: from where in its count a motor leaves after a rest, no log tells.
+LEAST_SHARES = {"gain_rad_s_V": 0.0012, "time_constant_s": 0.006}
 
 
 def covariance(state: State, parts: tuple[str, ...]) -> tuple[list[str], np.ndarray, int]:
@@ -84,24 +81,11 @@ def deviations(state: State) -> dict[str, tuple[float, int]]:
 def _least(state: State, knob: Knob) -> float:
     count = state.believed.rig.servo.encoder_step_rad
     least = LEAST_DEVIATION.get(knob.key, LEAST_COUNTS.get(knob.key, 0.0) * count)
-    if knob.key in LEAST_SHARES:
-        return LEAST_SHARES[knob.key] * abs(knob.believed) * _resting(state, "xy".index(knob.axis))
+    least += LEAST_SHARES.get(knob.key, 0.0) * abs(knob.believed)
     if knob.key == "play_rad" and state.fit.setting.get(f"gear_backlash.{COAST}.{knob.axis}"):
         joint = BY_NAME["joint_backlash"].tolerance  # through which the plate lags as it coasts
         least = hypot(least, joint / sqrt(3.0))
     return least
-
-
-def _resting(state: State, a: int) -> float:
-    """Share of the time in which an encoder's count stands still for REST_S."""
-    still, pieces = 0, 0
-    for run in state.evidence.runs:
-        theta = run.theta_rad[:, a]
-        ends = np.searchsorted(run.t_s, np.arange(run.t_s[0], run.t_s[-1], REST_S))
-        for first, last in pairwise(ends):
-            still += np.ptp(theta[first : last + 1]) == 0.0
-            pieces += 1
-    return still / max(pieces, 1)
 
 
 def _coupled(state: State) -> bool:
