@@ -60,7 +60,7 @@ def test_another_process_writes_while_this_one_reads():
     assert np.all(rows == rows[:, :1])
     assert np.all(np.diff(rows[:, 0]) > 0)
     assert len(rows) + ring.lost == count
-    assert len(rows) > 1000
+    assert len(rows) > 64  # more than a ring: it was read while it was written, however busy
     ring.close()
 
 
