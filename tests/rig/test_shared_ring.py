@@ -46,7 +46,7 @@ def _write(ring: SharedRing, count: int) -> None:
 
 def test_another_process_writes_while_this_one_reads():
     """No record is torn, whatever the reader's pace: its three numbers were written together."""
-    ring, count = SharedRing(ROW, 64), 20_000
+    ring, count = SharedRing(ROW, 64), 100_000  # a busy machine gives the reader few turns
     process = multiprocessing.get_context("spawn").Process(target=_write, args=(ring, count))
     process.start()
     got = [ring.read()]
@@ -60,7 +60,7 @@ def test_another_process_writes_while_this_one_reads():
     assert np.all(rows == rows[:, :1])
     assert np.all(np.diff(rows[:, 0]) > 0)
     assert len(rows) + ring.lost == count
-    assert len(rows) > 64  # more than a ring: it was read while it was written, however busy
+    assert len(rows) > 1000
     ring.close()
 
 
