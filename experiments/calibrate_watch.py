@@ -29,6 +29,7 @@ class Growing:
         self._folder, self._sheet, self._shown = folder, sheet, shown
         self._views: list[SheetView] = []
         self._drawn_s, self._fitted = 0.0, 0
+        (folder / RESIDUALS).unlink(missing_ok=True)  # of another set
 
     def add(self, image: np.ndarray) -> None:
         """A picture (h, w[, 3]) uint8 that is to be one of the set."""
