@@ -177,11 +177,11 @@ class CalibrateTab:
             self._controls.orders.put("next step", self._next)
 
     def _mark(self, step: str, state: str, words: str) -> None:
-        self._state[step] = state
         self._buttons[step].label = f"{MARKS[state]}{step}: {STEPS[step]}"
         self._buttons[step].color = COLOURS[state]
         self._on, self._words = step, words
         self._write()
+        self._state[step] = state  # last: who waits for it reads the words
 
     def _keep(self, step: str) -> None:
         """The verdict stays in the list of what was found."""

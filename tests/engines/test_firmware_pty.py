@@ -4,6 +4,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
@@ -35,7 +36,8 @@ class PipedEye:
     def __init__(self, lines) -> None:
         self.table: BoardTable | None = None
         self._newest: Observation | None = None
-        threading.Thread(target=self._listen, args=(lines,), daemon=True).start()
+        self.listening = threading.Thread(target=self._listen, args=(lines,), daemon=True)
+        self.listening.start()
 
     def _listen(self, lines) -> None:
         for line in lines:
@@ -66,10 +68,11 @@ def balance() -> tuple[str, np.ndarray, float]:
         text=True,
     )
     assert served.stdout is not None
-    with served:
+    with served, ExitStack() as at_end:
         try:
             link = SerialLink(served.stdout.readline().strip())
             eye = PipedEye(served.stdout)
+            at_end.callback(eye.listening.join, 10.0)  # before the pipe is closed under it
             table = BoardTable(link, eye=eye)
             eye.table = table
             loop = Loop(table, rig, ARMS["without"], way, keep=lambda row: rows.append(row.copy()))
