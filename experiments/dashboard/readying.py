@@ -67,9 +67,11 @@ class RealTable:
         self._file, self._runs, self._camera = rig_file, out / "runs", camera
 
     def check(self, plan: Plan, rig: Rig) -> None:
-        """ValueError, OSError: no port, no homing, or a protocol that it cannot run."""
+        """ValueError, OSError: no port, no homing, no free camera, or a protocol beyond it."""
         check(rig, self._file, plan.protocol)
         course(plan.protocol, rig, plan.seed)
+        if self._camera is not None:
+            self._camera.check_free()
 
     def confirm(self, asked: str) -> None:
         raise ValueError("just do it: the table sees from the ball that it was done")

@@ -72,12 +72,18 @@ class RealCamera:
             self._wake.notify_all()
         self._thread.join(5.0)
 
+    def check_free(self) -> None:
+        """ValueError: a run or a calibration has the camera."""
+        if self._lent:
+            raise ValueError("a run or a calibration has the camera: wait until it has ended")
+
     @contextmanager
     def lent(self) -> Iterator[Callable[[CameraEye | None], None]]:
         """The camera is free while inside; what is yielded takes the eye that now looks.
 
-        OSError: it is still being opened by this page.
+        ValueError: somebody has it already. OSError: it is still being opened by this page.
         """
+        self.check_free()
 
         def shown(eye: CameraEye | None) -> None:
             with self._wake:

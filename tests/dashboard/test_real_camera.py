@@ -166,6 +166,9 @@ def test_who_needs_the_camera_gets_it_and_the_page_sees_through_its_eye(lab, bun
         assert not eye._holds
         shown(runs)
         seen_through(eye)
+        with pytest.raises(ValueError, match="wait until it has ended"), eye.lent():
+            pass
+        assert eye._runs is runs
     assert eye._runs is None
     seen_through(eye)  # and again by itself
 
@@ -223,6 +226,8 @@ def test_on_the_page_a_step_borrows_the_camera_that_was_looked_through(lab, bund
         tab.begin(("table",))
         with pytest.raises(ValueError, match="a step is on"):
             tab.begin(("level",))
+        with pytest.raises(ValueError, match="a run or a calibration has the camera"):
+            eye.check_free()
         wait_for("the verdict", lambda: tab._state["table"] == "accepted")
         assert "copy it to" in tab._verdict.content
         tab.begin(("level",))
