@@ -8,6 +8,7 @@ from typing import Any
 import tomli_w
 
 from calibration.gap.findings import Findings, Interval
+from calibration.gap.words import vague
 from rig.effects import BY_NAME
 from rig.parameters import Rig
 from rig.rigfile import SECTIONS
@@ -120,13 +121,14 @@ def nominal_of(key: str, rig: Rig | None) -> float | None:
 
 
 def recalibration(key: str, interval: Interval, rig: Rig | None) -> tuple[float | None, bool]:
-    """How far a calibrated number is from the rig file's, as a share; and is that too far?"""
+    """How far a calibrated number is from the rig file's, as a share; surely too far?"""
     nominal = nominal_of(key, rig)
     if not nominal:
         return None, False
     off = interval.value / nominal - 1
     limit = next((v for k, v in RECALIBRATE.items() if key.startswith(k)), None)
-    return off, limit is not None and abs(off) > limit
+    sure = not interval.low <= nominal <= interval.high and not vague(interval)
+    return off, limit is not None and abs(off) > limit and sure
 
 
 def closed_share(before: float, after: float) -> str:

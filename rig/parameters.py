@@ -256,9 +256,9 @@ class Rig:
                 f"ball.radius_m = {self.ball.radius_m:g} is not below half the plate's side "
                 f"({half:g} m): the ball does not fit on the plate; correct [ball] or [linkage]"
             )
-        if self.linkage.arm_radius_m >= half:
+        if self.linkage.arm_radius_m > half:  # equal: the angle is the plate's own
             raise ValueError(
-                f"linkage.arm_radius_m = {self.linkage.arm_radius_m:g} is not below half the "
+                f"linkage.arm_radius_m = {self.linkage.arm_radius_m:g} is above half the "
                 f"plate's side ({half:g} m): the plate would stand upright; correct [linkage]"
             )
         if self.drive.shaft_model not in SHAFT_MODELS:

@@ -2,7 +2,7 @@
 
 Ball side, an acceleration [m/s2] per axis; servo side, volts per axis. Each is a sum of
   a map      Chebyshev products T_i(x/h) T_j(y/h), i, j < 4 (ball; h = half the plate's side), or
-             T_1 .. T_4 of theta/(30 degrees) (servo),
+             T_1 .. T_4 of theta/(the servo's angle limit) (servo),
   a speed    tanh(u/u_0), u, u |u|, |u| of the own speed (ball: u_0 = 0.01 m/s; servo: 0.05 rad/s),
   a rhythm   s sin(2 pi f t) + c cos(2 pi f t),
   a segment  a constant between two times.
@@ -64,12 +64,12 @@ UNKNOWN = np.dtype(
             (f"{side}_segment", (2,)), (f"{side}_segment_s", (2,)),
         )
     ]
-    + [("ball_rhythm_hz", np.float64), ("servo_rhythm_hz", np.float64)]
+    + [(name, np.float64) for name in ("ball_rhythm_hz", "servo_rhythm_hz", "servo_angle")]
 )  # fmt: skip
 
 
-def pack(unknown: Unknown) -> np.record:
-    """The record (dtype UNKNOWN) that the compiled functions take."""
+def pack(unknown: Unknown, servo_angle_rad: float = SERVO_ANGLE_RAD) -> np.record:
+    """The record (dtype UNKNOWN) that the compiled functions take; the angle: the servo's limit."""
     u = np.zeros(1, UNKNOWN)[0]
     for side in ("ball", "servo"):
         for part in ("map", "speed", "rhythm"):
@@ -77,6 +77,7 @@ def pack(unknown: Unknown) -> np.record:
         u[f"{side}_segment"] = getattr(unknown, f"{side}_segment")
         u[f"{side}_segment_s"] = getattr(unknown, f"{side}_segment_s")
         u[f"{side}_rhythm_hz"] = getattr(unknown, f"{side}_rhythm_hz")
+    u["servo_angle"] = servo_angle_rad
     u["on"] = int(unknown != Unknown())
     return u
 
@@ -117,7 +118,7 @@ def unknown_volts(u, a, theta, omega, t):
     total = _of_speed(u.servo_speed[a], omega, SERVO_SPEED_RAD_S) + _of_time(
         u.servo_rhythm[a], u.servo_rhythm_hz, u.servo_segment[a], u.servo_segment_s, t
     )
-    z = theta / SERVO_ANGLE_RAD
+    z = theta / u.servo_angle
     t_0, t_1 = 1.0, z
     for i in range(4):
         total += u.servo_map[a, i] * t_1

@@ -33,6 +33,12 @@ class Roll:
     z: np.ndarray
     log_std: np.ndarray
 
+    def slope(self, base: "Roll", step: float) -> np.ndarray:
+        """The secant (n,) from `base` to here; one that ran away tells none."""
+        if np.max(np.abs(self.z), initial=0.0) >= BROKEN:
+            return np.zeros(len(self.z))
+        return (self.z - base.z) / step
+
 
 def usable(log: Log, *, camera_delay_s: float) -> Signals:
     """A log's signals: fast ones thinned, missing axes 0 or NaN, held and pushed balls left out."""
@@ -101,7 +107,7 @@ class Evidence:
         blind = ~np.isfinite(z)
         z[blind] = 0.0
         if np.max(np.abs(z), initial=0.0) > BROKEN:
-            z[:] = 0.0  # it ran away: no model of this log
+            z[~blind] = BROKEN  # it ran away: no model of this log
         log_std[blind] = 0.0
         return Roll(z, log_std)
 

@@ -84,7 +84,7 @@ def differences(evidence: Evidence, believed: Believed, at: Fit,
         todo += [(i, step, model, part) for part in parts]
     rolls = evidence.rolls([(model, part) for _, _, model, part in todo])
     for (i, step, _, part), roll in zip(todo, rolls, strict=True):
-        columns[part][:, i] = (roll.z - at.rolls[part].z) / step
+        columns[part][:, i] = roll.slope(at.rolls[part], step)
     return columns
 
 

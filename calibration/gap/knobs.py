@@ -43,6 +43,8 @@ LEAST = {
     "gear_backlash": 0.0012, "transmission_ripple": 0.0015, "linkage_cubic": 0.25,
     "level_drift": 8e-6, "plate_bowl": 0.015, "viscous_drag": 0.014, "lens_distortion": 0.3,
 }  # fmt: skip
+# Other people's rigs: a ball in a groove rolls with half of 5/7 g, a web camera is 0.2 s late.
+FARTHER = {"camera_scale.fraction": (-0.5, 1.0), "camera_delay.extra_s": (-0.02, 0.3)}
 # The gear's play has an inner shape: how far arm and plate coast in the gap (rig.plant_record).
 COAST, LONGEST_COAST_S2_RAD = "coast_s2_rad", 0.5
 # That of a scale: a ball higher than believed seems larger, and shifted as the plate tilts.
@@ -103,7 +105,7 @@ def _range(effect: Effect, key: str) -> tuple[float, float]:
         high = next(p.high for p in effect.parameters if p.key == PERIODIC[effect.name])
         return -high, high
     parameter = next(p for p in effect.parameters if p.key == key)
-    return parameter.low, parameter.high
+    return FARTHER.get(f"{effect.name}.{key}", (parameter.low, parameter.high))
 
 
 def _keys(effect: Effect) -> list[str]:
@@ -193,7 +195,7 @@ class Believed:
         other = copy(self)
         other.rig = replace(self.rig, unknown=unknown)
         other._record = self._record.copy()
-        other._record["unknown"] = pack_unknown(unknown)
+        other._record["unknown"] = pack_unknown(unknown, self.rig.servo.angle_limit_rad)
         return other
 
     def of(self, name: str, axis: str | None = None) -> list[Knob]:

@@ -124,7 +124,7 @@ def _fitted(state: State, part: str, kind: str, units: list[Unit], nuisance: tup
         for row in eye
     ]
     rolls = state.evidence.rolls([(model, part) for model in models])
-    columns = np.column_stack([nuisance[0], *[(r.z - base.z) / unit for r in rolls]])
+    columns = np.column_stack([nuisance[0], *[r.slope(base, unit) for r in rolls]])
     k = len(units)
     only = Fit(state.fit.setting, {part: base}, {})
     a, b = normal_equations(state.evidence, only, {part: columns})
@@ -145,7 +145,8 @@ def _fitted(state: State, part: str, kind: str, units: list[Unit], nuisance: tup
 
 def _felt(state: State, part: str, unknown: Unknown) -> np.ndarray:
     """The unnamed term along the recorded motion [V or m/s2], (n,)."""
-    u, half = pack(unknown), state.believed.rig.linkage.plate_side_m / 2
+    rig = state.believed.rig
+    u, half = pack(unknown, rig.servo.angle_limit_rad), rig.linkage.plate_side_m / 2
     values: list[float] = []
     for run in state.evidence.runs:
         if part == BALL and len(run.exposed_s) > 2:

@@ -13,25 +13,51 @@ from calibration.gap.state import State
 from calibration.gap.unknown_words import describe
 from rig.effects import BY_NAME
 
+EDGE = 0.01  # of a knob's step
+VAGUE = 0.5  # width of an interval over its value
 ANGLES = ("play_rad", "offset_rad", "amplitude_rad", "slope_rad", "angle_rad")
 
 
 def notes(decision: Decision, servo: Mapping[str, Interval]) -> tuple[str, ...]:
     """What the names do not say: the servo, the ball's height, what chance alone would bring."""
     state = decision.state
-    return _servo_notes(state, servo) + _height_note(state) + _chance_note(decision)
+    return (
+        _servo_notes(state, servo) + _height_note(state) + _edge_notes(state)
+        + _chance_note(decision)
+    )  # fmt: skip
+
+
+def vague(value: Interval) -> bool:
+    """Is the interval of K or tau so wide that the log says little of it?"""
+    return value.high - value.low > VAGUE * abs(value.value)
 
 
 def _servo_notes(state: State, servo: Mapping[str, Interval]) -> tuple[str, ...]:
-    """K or tau outside what a rig file may differ: say "recalibrate the servo"."""
+    """K or tau outside what a rig file may differ: say "recalibrate the servo"; or not known."""
     rig, found = state.believed.rig.servo, []
     for label, value in servo.items():
         key = "gain_rad_s_V" if label.startswith("gain") else "time_constant_s"
         nominal = getattr(rig, key)
         limit = CALIBRATED[key]
-        if abs(value.value / nominal - 1) > limit:
+        if vague(value):
+            found.append(f"these logs do not tell {label}: {value.value:.3g} [{value.low:.3g}, "
+                         f"{value.high:.3g}], the rig file says {nominal:.4g}")  # fmt: skip
+        elif abs(value.value / nominal - 1) > limit and not value.low <= nominal <= value.high:
             found.append(f"recalibrate the servo: {label} is {value.value:.4g}, the rig file says "
                          f"{nominal:.4g} (tolerance {100 * limit:.0f} %)")  # fmt: skip
+    return tuple(found)
+
+
+def _edge_notes(state: State) -> tuple[str, ...]:
+    """A size at the end of what may be: it stands in for something else."""
+    setting, found = state.fit.setting, []
+    for effect, axis in state.named:
+        knob = state.believed.of(effect, axis)[0]
+        value = setting.get(knob.name, knob.believed)
+        if any(end and abs(value - end) < EDGE * knob.step for end in knob.range):
+            found.append(f"{effect}: {axis} {knob.key} = {value:.3g} is the most it may be: it may "
+                         "stand in for something else; check geometry and units in rig.toml"
+            )  # fmt: skip
     return tuple(found)
 
 
@@ -66,7 +92,7 @@ def sentence(decision: Decision, names: tuple[Named, ...]) -> str:
         channel = decision.shape.channel if decision.shape else "the log"
         return f"Something that has no name in the catalogue acts on {channel}: {left}."
     if decision.verdict == "undecided":
-        rivals = [r.name for one in decision.accepted for r in one.rivals[:1]]
+        rivals = dict.fromkeys(r.name for one in decision.accepted for r in one.rivals[:1])
         return f"{'; '.join(told)}, or {' or '.join(rivals)}: this log cannot tell them apart."
     text = "The model lacks " + " and ".join(told) + "."
     return text + (f" Something without a name is left: {left}." if left else "")

@@ -10,6 +10,7 @@ from test_predict import LEVELS, sizes, table
 
 from experiments.assemble import known, load_rig
 from rig import plant, plant_record
+from rig.parameters import Rig, Servo
 from rig.predict import Signals, predict
 from rig.rigfile import read_rig, write_rig
 from rig.unknown import ZERO_4, ZERO_16, Unknown, pack, unknown_acceleration, unknown_volts
@@ -46,6 +47,13 @@ def test_speed_rhythm_and_segment_act_as_written():
     z = 0.2 / (pi / 6)
     expected = z + 2 * (8 * z**4 - 8 * z**2 + 1)
     assert unknown_volts(u, 1, 0.2, 0.0, 1.0) == pytest.approx(expected)
+
+
+def test_a_servo_that_turns_further_has_a_wider_map():
+    shape = Unknown(servo_map_x=(0.0, 0.0, 0.0, 2.0))
+    assert unknown_volts(pack(shape, 3.0), 0, 3.0, 0.0, 0.0) == pytest.approx(2.0)
+    wide = replace(Rig(), servo=Servo(angle_limit_rad=3.0), unknown=shape)
+    assert plant_record.pack(wide)["unknown"]["servo_angle"] == 3.0
 
 
 CASES = {

@@ -1,0 +1,61 @@
+"""Rigs that are not ours: servos that turn far, balls in grooves, late cameras, poor logs."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from gap_tables import RIG, evidence_of, foreign, released, without_columns
+
+from calibration.gap.evidence import BROKEN
+from calibration.gap.findings import Interval
+from calibration.gap.fit import evaluate
+from calibration.gap.knobs import BALL, Believed
+from calibration.gap.words import notes, vague
+from calibration.gap.workflow import investigate_logs
+from experiments.gap_words import recalibration
+from rig.unknown import Unknown
+
+
+def test_a_model_that_runs_away_is_no_model_of_the_log():
+    evidence = evidence_of(foreign("steps", seed=1, duration_s=6.0))
+    believed = Believed(RIG, load_friction=False)
+    wild = believed.with_unknown(Unknown(servo_map_x=(0.0, 0.0, 0.0, 1e9)))
+    roll = evidence.roll(wild.model({}), "servo_x")
+    assert np.all(roll.z[1:] == BROKEN)
+    sane, lost = (evaluate(evidence, b, {}, ["servo_x"]).cost for b in (believed, wild))
+    assert lost > 100 * abs(sane)
+
+
+def test_a_solid_ball_in_a_groove_and_a_web_camera_are_found_beyond_the_usual():
+    """A gain 30 % too small and pictures 0.15 s late, as on a ball and beam."""
+    hidden = {"camera_scale": {"fraction": -0.3}, "camera_delay": {"extra_s": 0.15}}
+    hidden = {name: {"xy": pairs} for name, pairs in hidden.items()}
+    log = foreign("steps", seed=4, duration_s=20.0, effects=hidden)
+    found = investigate_logs(
+        [without_columns(log, "voltage")], RIG, until="name", quick=True
+    ).findings
+    named = {effect.name: effect.parameters["xy"] for effect in found.effects}
+    assert set(named) == {"camera_scale", "camera_delay"}, found.sentence
+    assert named["camera_scale"]["fraction"].value == pytest.approx(-0.3, abs=0.02)
+    assert named["camera_delay"]["extra_s"].value == pytest.approx(0.15, abs=0.01)
+    assert not any("the most it may be" in note for note in found.notes)
+
+
+def test_a_size_at_the_end_of_what_may_be_is_told():
+    state = released(evidence_of(foreign("steps", seed=1, duration_s=6.0)), ("camera_yaw", "xy"))
+    knob = state.believed.of("camera_yaw", "xy")[0]
+
+    for value, told in ((knob.high, True), (knob.low, True), (0.5 * knob.high, False)):
+        fit = evaluate(state.evidence, state.believed, {knob.name: value}, [BALL])
+        decided: Any = SimpleNamespace(state=replace(state, fit=fit), chance=None)
+        assert bool(notes(decided, {})) is told
+
+
+def test_a_gain_that_the_logs_do_not_tell_is_no_reason_to_recalibrate():
+    sure, wide = Interval(2.0, 1.95, 2.05), Interval(36.0, -1.8, 73.8)
+    assert (vague(sure), vague(wide)) == (False, True)
+    assert recalibration("gain_x_rad_s_V", sure, RIG)[1]
+    assert not recalibration("gain_x_rad_s_V", wide, RIG)[1]
+    assert not recalibration("gain_x_rad_s_V", Interval(1.65, 1.5, 1.8), RIG)[1]
