@@ -44,6 +44,7 @@ LEAST = {
     "level_drift": 8e-6, "plate_bowl": 0.015, "viscous_drag": 0.014, "lens_distortion": 0.3,
 }  # fmt: skip
 # Other people's rigs: a ball in a groove rolls with half of 5/7 g, a web camera is 0.2 s late.
+VOLTS = ("friction_V", "half_width_V", "positive_V", "negative_V")  # an H-bridge swallows half
 FARTHER = {"camera_scale.fraction": (-0.5, 1.0), "camera_delay.extra_s": (-0.02, 0.3)}
 # The gear's play has an inner shape: how far arm and plate coast in the gap (rig.plant_record).
 COAST, LONGEST_COAST_S2_RAD = "coast_s2_rad", 0.5
@@ -160,6 +161,8 @@ class Believed:
         if gear and self.load_friction:
             tolerance = 0.0  # below the encoder's count, beside winding shafts, it fits anything
         low, high = _range(effect, key)
+        if key in VOLTS:
+            high = max(high, self.rig.servo.voltage_limit_V)
         if key == "limit_V":
             high = inf
         if key == "speed_rad_s":

@@ -24,6 +24,8 @@ SIZES: Mapping[str, tuple[float, ...]] = {
     "k1_1_m2": (0.5,), HEIGHT: (0.01,),
 }  # fmt: skip
 COAST_S2_RAD = 0.06
+GUESSES = (0.2, 0.5, 1.0, 2.0, 5.0)  # of the nominal K and tau
+SWALLOWED = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)  # of the largest volts
 OWN_SIZES = {"viscous_drag.rate_1_s": (0.05,)}
 Start = dict[str, float]
 
@@ -69,9 +71,30 @@ def coasting_starts(axis: str, believed: Believed, plays: Iterable[float]) -> li
     ]
 
 
-def coasts(start: Start) -> bool:
-    """Is it one of `coasting_starts`?"""
-    return any(f".{COAST}." in name for name in start)
+def swallowing_starts(axis: str, believed: Believed, most_V: float) -> list[Start]:
+    """Drives that swallow a good part of the volts (H-bridges do), with any K and tau: what a model
+    without it made of them says nothing."""
+    gain, time = (f".{key}.{axis}" for key in CALIBRATED)
+    return [
+        {
+            f"dead_zone.half_width_V.{axis}": share * most_V,
+            gain: k * believed.knobs[gain].believed,
+            time: tau * believed.knobs[time].believed,
+        }
+        for share in SWALLOWED
+        for k in GUESSES
+        for tau in GUESSES
+    ]
+
+
+def swallows(start: Iterable[str]) -> bool:
+    """Is it one of `swallowing_starts`? Then only noise that was estimated beside it tells."""
+    return any(name.startswith(".") for name in start) and not any(f".{COAST}." in n for n in start)
+
+
+def afresh(start: Start) -> bool:
+    """Is it a start that forgets what was made of K and tau (of the two kinds above)?"""
+    return any(name.startswith(".") for name in start)
 
 
 def largest_volts(evidence: Evidence, axis: str) -> float:

@@ -10,14 +10,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from math import exp
 
-from calibration.gap import noise
 from calibration.gap.evidence import Evidence
 from calibration.gap.fit import evaluate
 from calibration.gap.knobs import Believed
 from calibration.gap.screen import Screened, Screens, screen
 from calibration.gap.search import Trial, rank
-from calibration.gap.state import Key, State, baseline, parts_of, refit
-from calibration.gap.state import with_levels as at_levels
+from calibration.gap.state import Key, State, baseline, parts_of, refit, settle
 from calibration.gap.unknown import shapes
 from rig.effects import BY_NAME
 
@@ -77,14 +75,6 @@ def settled_baseline(evidence: Evidence, believed: Believed) -> State:
     """The baseline at the noise that the log itself shows."""
     state = baseline(evidence, believed, iterations=3)
     return settle(state, state.evidence.parts)
-
-
-def settle(state: State, parts: Iterable[str]) -> State:
-    """Estimate the noise of some parts anew and fit everything that is free on them."""
-    parts = tuple(part for part in parts if part in state.evidence.parts)
-    model = state.believed.model(state.fit.setting)
-    state = at_levels(state, noise.estimate(state.evidence, model, parts), parts)
-    return refit(state, state.bounds(parts))
 
 
 def name_effects(state: State) -> Naming:

@@ -15,6 +15,7 @@ from calibration.gap.fit import loss
 from calibration.gap.knobs import BALL, SERVO, Model
 
 LEAST_GAIN = 6.0  # in log-likelihood, for which camera noise is called coloured
+IMPOSSIBLE = 1e9  # the cost of noise under which a filter overflows
 SMALLEST_M, LARGEST_RHO = 2e-6, 0.95
 
 
@@ -34,7 +35,12 @@ def _search(cost: Callable[[np.ndarray], float], start: list[float]) -> np.ndarr
     simplex = np.array([start] + [[v + 0.7 * (i == j) for j, v in enumerate(start)]
                                   for i in range(len(start))])  # fmt: skip
     options = {"initial_simplex": simplex, "xatol": 0.05, "fatol": 0.5, "maxfev": 60}
-    return minimize(cost, start, method="Nelder-Mead", options=options).x
+
+    def told(x: np.ndarray) -> float:
+        found = cost(x)
+        return found if np.isfinite(found) else IMPOSSIBLE
+
+    return minimize(told, start, method="Nelder-Mead", options=options).x
 
 
 def _servo(evidence: Evidence, model: Model, levels: np.record, a: int) -> None:

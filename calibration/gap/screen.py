@@ -7,13 +7,21 @@ import numpy as np
 
 from calibration.gap.evidence import Evidence, Roll
 from calibration.gap.fit import Fit, bounded_step, differences, evaluate, normal_equations
-from calibration.gap.knobs import SERVO, Believed, Knob
-from calibration.gap.menu import Start, coasting_starts, starts
-from calibration.gap.state import Key, State, parts_of, refit
+from calibration.gap.knobs import CALIBRATED, SERVO, Believed, Knob
+from calibration.gap.menu import (
+    Start,
+    coasting_starts,
+    largest_volts,
+    starts,
+    swallowing_starts,
+    swallows,
+)
+from calibration.gap.state import Key, State, parts_of, refit, settle
 from rig.effects import CATALOGUE
 from rig.predict import noise
 
 MISSING = 50.0  # a gain beyond which something is missing for certain
+LOUD_V = 0.1  # per root hertz of a servo's noise, 150 times the usual: the volts explain nothing
 SMALLEST_PLAY_RAD = 0.005  # of gears that coast
 PER_KNOB = 3.0  # log-likelihood that a released knob costs
 MISFIT = 0.004  # of the gain, per knob: the rest of the model is only nearly right
@@ -134,6 +142,9 @@ def _screen_part(state: State, part: str, skip: set[Key]) -> list[Screened]:
     coasting = _coasting(state, part, skip) if most > MISSING else None
     if coasting and coasting.gain > best["gear_backlash", coasting.axis].gain:
         best["gear_backlash", coasting.axis] = coasting
+    swallowing = _swallowing(state, part, skip)
+    if swallowing and swallowing.gain > best["dead_zone", swallowing.axis].gain:
+        best["dead_zone", swallowing.axis] = swallowing
     return list(best.values())
 
 
@@ -169,14 +180,36 @@ def _coasting(state: State, part: str, skip: set[Key]) -> Screened | None:
 
     play = best([SMALLEST_PLAY_RAD * 1.25**n for n in range(10)]).setting[first.name]
     start = best([play * ratio for ratio in (0.9, 0.95, 1.0, 1.06, 1.12)])
-    named = (*state.named, ("gear_backlash", axis))
-    begun = replace(state, evidence=evidence, fit=start, named=named)
-    found = refit(begun, begun.bounds((part,)), iterations=3).fit
+    keys = coasting_starts(axis, state.believed, [play])[0]
+    return _afresh(state, evidence, "gear_backlash", part, start, keys)
+
+
+def _swallowing(state: State, part: str, skip: set[Key]) -> Screened | None:
+    """A dead zone so wide that the model without it has the volts explain nothing: what the best
+    of many starts gains as it is. None: the servo is not that noisy, or it does not help."""
+    if part not in SERVO or ("dead_zone", axis := part[-1]) in skip:
+        return None
+    gain, time = (state.fit.setting[f".{key}.{axis}"] for key in CALIBRATED)
+    if state.evidence.levels["servo_process"][SERVO.index(part)] * time / gain < LOUD_V:
+        return None
+    evidence = at_first_noise(state, (part,))
+    tried = swallowing_starts(axis, state.believed, largest_volts(evidence, axis))
+    fits = [evaluate(evidence, state.believed, state.fit.setting | s, (part,)) for s in tried]
+    start = min(fits, key=lambda fit: fit.cost)
+    return _afresh(state, evidence, "dead_zone", part, start, tried[0])
+
+
+def _afresh(state: State, evidence: Evidence, name: str, part: str, start: Fit,
+            keys: Iterable[str]) -> Screened | None:  # fmt: skip
+    """An effect of a part fitted from a start that forgets K and tau; None: it gains nothing."""
+    begun = replace(state, evidence=evidence, fit=start, named=(*state.named, (name, part[-1])))
+    done = refit(begun, begun.bounds((part,)), iterations=3)
+    found = (settle(done, (part,)) if swallows(keys) else done).fit
     gain = state.fit.costs[part] - found.cost
     if not gain > 0.0:
         return None
-    moved = {key: found.setting[key] for key in coasting_starts(axis, state.believed, [play])[0]}
-    return Screened("gear_backlash", axis, gain, moved, 0.0, moved)
+    moved = {key: found.setting[key] for key in keys}
+    return Screened(name, part[-1], gain, moved, 0.0, moved)
 
 
 def _gain(state: State, part: str, tried: Candidates, one: Candidate) -> Screened:

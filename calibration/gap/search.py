@@ -11,14 +11,15 @@ from calibration.gap.knobs import PERIODIC
 from calibration.gap.menu import (
     LEAST_PHASE_RAD,
     Start,
-    coasts,
+    afresh,
     fastest,
     largest_volts,
     reach,
     released,
+    swallows,
 )
 from calibration.gap.screen import Screened, at_first_noise, beyond_knobs
-from calibration.gap.state import Key, State, refit
+from calibration.gap.state import Key, State, refit, settle
 from rig.effects import BY_NAME
 
 WORTH_AN_AXIS = 6.0  # gain on an axis below which the effect is not released there
@@ -111,8 +112,8 @@ def _release(state: State, name: str, chosen: list[Screened]) -> Trial:
         {k: v for one in chosen for k, v in getattr(one, which).items()}
         for which in ("start", "tried")
     ]
-    coasting = {f"servo_{one.axis}" for one in chosen if coasts(one.start)}
-    evidence = at_first_noise(state, coasting)
+    anew = {f"servo_{one.axis}" for one in chosen if afresh(one.start)}
+    evidence = at_first_noise(state, anew)
     moved = min(
         (evaluate(evidence, state.believed, _inside(state, start), parts) for start in starts),
         key=lambda found: found.cost,
@@ -125,6 +126,8 @@ def _release(state: State, name: str, chosen: list[Screened]) -> Trial:
                     costs=state.fit.costs | moved.costs),
     )  # fmt: skip
     done = refit(begun, begun.bounds(parts))
+    if loud := {f"servo_{one.axis}" for one in chosen if swallows(one.start)}:
+        done = settle(done, loud)
     trial = Trial(name, axes, done, state.fit.cost - done.fit.cost)
     real = [one for one in chosen if trial.is_one(one.axis)]
     return _release(state, name, real) if 0 < len(real) < len(chosen) else trial

@@ -12,11 +12,11 @@ import numpy as np
 from calibration.gap.evidence import Evidence
 from calibration.gap.fit import Fit, evaluate, fit
 from calibration.gap.knobs import BALL, CALIBRATED, SERVO, Believed, Knob
-from calibration.gap.menu import released
+from calibration.gap.menu import GUESSES, released
+from calibration.gap.noise import estimate
 from rig.effects import BY_NAME, Effect
 
 FAR = 1.7  # times the nominal K or tau: beyond, other starts are tried, too
-GUESSES = (0.2, 0.5, 1.0, 2.0, 5.0)  # of the nominal K and tau
 Key = tuple[str, str]  # effect, axis
 
 
@@ -118,3 +118,11 @@ def with_levels(state: State, levels: np.record, parts: Collection[str]) -> Stat
     columns = {key: column for key, column in old.columns.items() if key[0] not in parts}
     fit = Fit(old.setting, old.rolls | new.rolls, old.costs | new.costs, columns)
     return replace(state, evidence=evidence, fit=fit)
+
+
+def settle(state: State, parts: Iterable[str]) -> State:
+    """Estimate the noise of some parts anew and fit everything that is free on them."""
+    parts = tuple(part for part in parts if part in state.evidence.parts)
+    model = state.believed.model(state.fit.setting)
+    state = with_levels(state, estimate(state.evidence, model, parts), parts)
+    return refit(state, state.bounds(parts))

@@ -11,8 +11,7 @@ from calibration.gap import answer
 from calibration.gap.findings import Interval
 from calibration.gap.fit import evaluate
 from calibration.gap.intervals import deviations, interval
-from calibration.gap.name import settle
-from calibration.gap.state import State, refit
+from calibration.gap.state import State, refit, settle
 from calibration.gap.workflow import investigate_logs
 
 SEEDS, SECONDS = range(20), 10.0

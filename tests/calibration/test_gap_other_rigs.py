@@ -15,6 +15,7 @@ from calibration.gap.knobs import BALL, Believed
 from calibration.gap.words import notes, vague
 from calibration.gap.workflow import investigate_logs
 from experiments.gap_words import recalibration
+from rig.log import Log
 from rig.unknown import Unknown
 
 
@@ -59,3 +60,43 @@ def test_a_gain_that_the_logs_do_not_tell_is_no_reason_to_recalibrate():
     assert recalibration("gain_x_rad_s_V", sure, RIG)[1]
     assert not recalibration("gain_x_rad_s_V", wide, RIG)[1]
     assert not recalibration("gain_x_rad_s_V", Interval(1.65, 1.5, 1.8), RIG)[1]
+
+
+def bridge_log(seed: int, *, swallowed_V: float = 4.5, seconds: float = 8.0) -> Log:
+    """A gear motor (K 2.5 rad/s/V, tau 0.12 s) behind an H-bridge that swallows the first volts,
+    swept up, down and through zero at 100 Hz; 2400 counts, a load of 0.3 V rms."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, seconds, 0.01)
+    volts = 9.5 * np.sin(2 * np.pi * 0.21 * t + 0.4) + 1.5 * np.sin(2 * np.pi * 0.9 * t)
+    inner, step = 20, 0.01 / 20
+    load = np.repeat(rng.normal(0.0, 0.3, len(t)), inner)
+    drive = np.repeat(volts, inner)
+    drive = np.sign(drive) * np.maximum(np.abs(drive) - swallowed_V, 0.0) + load * (drive != 0)
+    angle = speed = 0.0
+    angles = [angle]
+    for v in drive:
+        speed += step / 0.12 * (2.5 * v - speed)
+        angle += step * speed
+        angles.append(angle)
+    count = 2 * np.pi / 2400
+    theta = count * np.round(np.array(angles[: inner * len(t) : inner]) / count)
+    return Log.from_columns({"t_s": t, "voltage_x_V": volts, "theta_x_rad": theta})
+
+
+BRIDGED = replace(
+    RIG,
+    servo=replace(
+        RIG.servo, gain_rad_s_V=1.5, time_constant_s=0.05, encoder_counts_per_rev=2400,
+        voltage_limit_V=12.0, angle_limit_rad=60.0, stop_rad=100.0,
+    ),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_bridge_that_swallows_half_the_volts_is_no_noise(seed: int):
+    found = investigate_logs([bridge_log(seed)], BRIDGED, until="name", quick=True).findings
+    sizes = {effect.name: effect.parameters["x"] for effect in found.effects}
+    assert set(sizes) == {"dead_zone"}, found.sentence
+    for width in sizes["dead_zone"].values():  # one, or one a side
+        assert width.value == pytest.approx(4.5, rel=0.07)
+    assert found.calibrated["gain_x_rad_s_V"].value == pytest.approx(2.5, rel=0.05)
