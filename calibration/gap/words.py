@@ -7,7 +7,7 @@ from calibration.gap.answer import higher
 from calibration.gap.chance import ONE_IN
 from calibration.gap.decide import Decision
 from calibration.gap.findings import Interval, Named
-from calibration.gap.knobs import CALIBRATED
+from calibration.gap.knobs import CALIBRATED, PERIODIC
 from calibration.gap.name import THRESHOLD
 from calibration.gap.state import State
 from calibration.gap.unknown_words import describe
@@ -55,7 +55,10 @@ def _edge_notes(state: State) -> tuple[str, ...]:
         knob = state.believed.of(effect, axis)[0]
         value = setting.get(knob.name, knob.believed)
         if any(end and abs(value - end) < EDGE * knob.step for end in knob.range):
-            found.append(f"{effect}: {axis} {knob.key} = {value:.3g} is the most it may be: it may "
+            key, told = knob.key, value
+            if effect in PERIODIC:  # turned by its sine and cosine
+                key, told = PERIODIC[effect], abs(value)
+            found.append(f"{effect}: {axis} {key} = {told:.3g} is the most it may be: it may "
                          "stand in for something else; check geometry and units in rig.toml"
             )  # fmt: skip
     return tuple(found)
