@@ -87,14 +87,14 @@ def swallowing_starts(axis: str, believed: Believed, most_V: float) -> list[Star
     ]
 
 
-def swallows(start: Iterable[str]) -> bool:
-    """Is it one of `swallowing_starts`? Then only noise that was estimated beside it tells."""
-    return any(name.startswith(".") for name in start) and not any(f".{COAST}." in n for n in start)
-
-
-def afresh(start: Start) -> bool:
+def afresh(start: Iterable[str]) -> bool:
     """Is it a start that forgets what was made of K and tau (of the two kinds above)?"""
     return any(name.startswith(".") for name in start)
+
+
+def swallows(start: Iterable[str]) -> bool:
+    """Is it one of `swallowing_starts`? Then only noise that was estimated beside it tells."""
+    return afresh(start) and not any(f".{COAST}." in name for name in start)
 
 
 def largest_volts(evidence: Evidence, axis: str) -> float:
