@@ -8,7 +8,7 @@ from typing import Any
 import tomli_w
 
 from calibration.gap.findings import Findings, Interval
-from calibration.gap.words import vague
+from calibration.gap.words import far_off
 from rig.effects import BY_NAME
 from rig.parameters import Rig
 from rig.rigfile import SECTIONS
@@ -125,10 +125,9 @@ def recalibration(key: str, interval: Interval, rig: Rig | None) -> tuple[float 
     nominal = nominal_of(key, rig)
     if not nominal:
         return None, False
-    off = interval.value / nominal - 1
     limit = next((v for k, v in RECALIBRATE.items() if key.startswith(k)), None)
-    sure = not interval.low <= nominal <= interval.high and not vague(interval)
-    return off, limit is not None and abs(off) > limit and sure
+    far = limit is not None and far_off(interval, nominal, limit)
+    return interval.value / nominal - 1, far
 
 
 def closed_share(before: float, after: float) -> str:

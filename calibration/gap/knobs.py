@@ -43,8 +43,9 @@ LEAST = {
     "gear_backlash": 0.0012, "transmission_ripple": 0.0015, "linkage_cubic": 0.25,
     "level_drift": 8e-6, "plate_bowl": 0.015, "viscous_drag": 0.014, "lens_distortion": 0.3,
 }  # fmt: skip
-# Other people's rigs: a ball in a groove rolls with half of 5/7 g, a web camera is 0.2 s late.
-VOLTS = ("friction_V", "half_width_V", "positive_V", "negative_V")  # an H-bridge swallows half
+# Other people's rigs: an H-bridge swallows half of the volts (these reach up to the supply), a ball
+# in a groove rolls with half of 5/7 g, a web camera is 0.2 s late.
+VOLTS = ("friction_V", "half_width_V", "positive_V", "negative_V")
 FARTHER = {"camera_scale.fraction": (-0.5, 1.0), "camera_delay.extra_s": (-0.02, 0.3)}
 # The gear's play has an inner shape: how far arm and plate coast in the gap (rig.plant_record).
 COAST, LONGEST_COAST_S2_RAD = "coast_s2_rad", 0.5

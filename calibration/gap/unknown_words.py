@@ -48,8 +48,8 @@ SPEEDS = {"ball": ("tanh(v/0.01)", "v", "v|v|", "|v|"),
 def formula(shape: Shape) -> str | None:
     """The few terms that carry the unnamed term, axis by axis; None where it has no formula.
 
-    Ball [m/s2]: x, y over half the plate's side, v its speed [m/s]; servo [V]: q = angle over 30
-    degrees, w its speed [rad/s]; T2, T3 .. Chebyshev polynomials; t the run's time [s].
+    Ball [m/s2]: x, y over half the plate's side, v its speed [m/s]; servo [V]: q = angle over the
+    servo's limit, w its speed [rad/s]; T2, T3 .. Chebyshev polynomials; t the run's time [s].
     """
     side = "ball" if shape.part == BALL else "servo"
     axes = "xy" if shape.part == BALL else shape.part[-1]

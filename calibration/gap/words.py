@@ -1,7 +1,7 @@
 """The answer in plain words: the sentence that sums it up, and what a reader should know beside."""
 
 from collections.abc import Mapping
-from math import degrees
+from math import degrees, hypot
 
 from calibration.gap.answer import higher
 from calibration.gap.chance import ONE_IN
@@ -32,6 +32,12 @@ def vague(value: Interval) -> bool:
     return value.high - value.low > VAGUE * abs(value.value)
 
 
+def far_off(value: Interval, nominal: float, limit: float) -> bool:
+    """Is K or tau surely further from the rig file's than the share `limit` of it?"""
+    sure = not value.low <= nominal <= value.high and not vague(value)
+    return sure and abs(value.value / nominal - 1) > limit
+
+
 def _servo_notes(state: State, servo: Mapping[str, Interval]) -> tuple[str, ...]:
     """K or tau outside what a rig file may differ: say "recalibrate the servo"; or not known."""
     rig, found = state.believed.rig.servo, []
@@ -42,7 +48,7 @@ def _servo_notes(state: State, servo: Mapping[str, Interval]) -> tuple[str, ...]
         if vague(value):
             found.append(f"these logs do not tell {label}: {value.value:.3g} [{value.low:.3g}, "
                          f"{value.high:.3g}], the rig file says {nominal:.4g}")  # fmt: skip
-        elif abs(value.value / nominal - 1) > limit and not value.low <= nominal <= value.high:
+        elif far_off(value, nominal, limit):
             found.append(f"recalibrate the servo: {label} is {value.value:.4g}, the rig file says "
                          f"{nominal:.4g} (tolerance {100 * limit:.0f} %)")  # fmt: skip
     return tuple(found)
@@ -52,12 +58,13 @@ def _edge_notes(state: State) -> tuple[str, ...]:
     """A size at the end of what may be: it stands in for something else."""
     setting, found = state.fit.setting, []
     for effect, axis in state.named:
-        knob = state.believed.of(effect, axis)[0]
+        knob, *more = state.believed.of(effect, axis)
         value = setting.get(knob.name, knob.believed)
         if any(end and abs(value - end) < EDGE * knob.step for end in knob.range):
             key, told = knob.key, value
             if effect in PERIODIC:  # turned by its sine and cosine
-                key, told = PERIODIC[effect], abs(value)
+                cosine = setting.get(more[0].name, more[0].believed)
+                key, told = PERIODIC[effect], hypot(value, cosine)
             found.append(f"{effect}: {axis} {key} = {told:.3g} is the most it may be: it may "
                          "stand in for something else; check geometry and units in rig.toml"
             )  # fmt: skip

@@ -83,13 +83,13 @@ class RealCamera:
 
         ValueError: somebody has it already. OSError: it is still being opened by this page.
         """
-        self.check_free()
 
         def shown(eye: CameraEye | None) -> None:
             with self._wake:
                 self._runs = eye
 
         with self._wake:
+            self.check_free()
             self._lent += 1
             self._wake.notify_all()
             free = self._wake.wait_for(lambda: not self._holds, PATIENCE_S)
