@@ -1,31 +1,37 @@
-"""One dated JSON file with everything the camera needs: lens, plate, markers, ball, how sure."""
+"""One dated JSON file of a calibration: lens, plate, markers, ball, level, servos, ...
+
+`Draft` is the file while it grows, section by section in any order; `Bundle` has all that a camera
+needs to see the ball. Sections are those of `calibration.records`.
+"""
 
 import json
 from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, NoReturn, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import Field, ValidationError
 
-from calibration.camera import CameraCalibration, Sheet, calibrate_images
-from calibration.plate import PlatePose, level_pose
+from calibration.camera.lens import CameraCalibration, calibrate_images
+from calibration.camera.plate import PlatePose, level_pose
+from calibration.camera.sheet import Sheet
+from calibration.camera.virtual import sheet_pictures
 from calibration.records import (
+    BacklashRecord,
     FixedRecord,
     LensRecord,
     LevelRecord,
     MarkersRecord,
     PlateRecord,
-    PlayRecord,
-    Section,
+    SectionRecord,
     ServoRecord,
     Strict,
     TimingRecord,
 )
-from calibration.virtual import sheet_pictures
-from vision.markers import MarkerLayout
-from vision.synthetic import Renderer
+from rig.validation import first_error_line
+from vision.plate.markers import MarkerLayout
+from vision.synthetic.synthetic import Renderer
 from vision.view import Camera, View
 
 _B = TypeVar("_B", "Bundle", "Draft")
@@ -37,11 +43,11 @@ MAKERS = {
 
 
 class BundleError(ValueError):
-    """A calibration file that cannot be used; the message names the key and the cure."""
+    """A calibration file that cannot be used; the message is one line with the key and the cure."""
 
 
 class _Common(Strict):
-    """What a finished and an unfinished file share. `sections`: where each part came from."""
+    """What finished and unfinished files share. `sections`: where the numbers of each came from."""
 
     schema_version: Literal[1] = 1
     made: datetime
@@ -50,11 +56,11 @@ class _Common(Strict):
     timing: TimingRecord | None = None
     level: LevelRecord | None = None
     servo: ServoRecord | None = None
-    play: PlayRecord | None = None
-    sections: dict[str, Section] = Field(default_factory=dict)
+    play: BacklashRecord | None = None
+    sections: dict[str, SectionRecord] = Field(default_factory=dict)
 
     def save(self, path: str | Path) -> None:
-        """Write the bundle as JSON; the folder must exist."""
+        """Write the file as JSON. `OSError`: there is no such folder, or it cannot be written."""
         text = json.dumps(self.model_dump(mode="json", exclude_none=True), indent=1)
         Path(path).write_text(text + "\n", encoding="utf-8")
 
@@ -65,7 +71,7 @@ def _camera(lens: LensRecord) -> Camera:
 
 
 class Draft(_Common):
-    """A calibration that is being made, one section after the other, in any order."""
+    """A calibration that is being made: sections are added one after the other, in any order."""
 
     lens: LensRecord | None = None
     plate: PlateRecord | None = None
@@ -74,29 +80,30 @@ class Draft(_Common):
 
     @property
     def camera(self) -> Camera:
-        """The lens. `BundleError`: there is none yet."""
+        """The calibrated lens. `BundleError`: it is not calibrated yet."""
         if self.lens is None:
             raise BundleError(f"the calibration has no lens yet: {MAKERS['lens']}")
         return _camera(self.lens)
 
     @property
     def view(self) -> View:
-        """The camera over the level plate. `BundleError`: lens or plate are missing."""
+        """The camera over the level plate. `BundleError`: lens or plate are not calibrated yet."""
         if self.plate is None:
             raise BundleError(f"the calibration has no plate yet: {MAKERS['plate']}")
         pose, covariance = self.plate.camera_from_plate, self.plate.covariance
         return View(self.camera, np.array(pose), np.array(covariance))
 
-    def with_section(self, name: str, section: Section, **records: Any) -> "Draft":
-        """The draft with some records new and the section that says where they came from; a record
-        that becomes None takes its section with it."""
+    def with_section(self, name: str, section: SectionRecord, **records: Any) -> "Draft":
+        """A copy of the draft with new `records` (field name -> record) and with `section`, which
+        says where they came from, under `name`. A record of None removes the field's value and
+        section. `made` becomes the section's."""
         gone = {key for key, record in records.items() if record is None}
         sections = {k: v for k, v in self.sections.items() if k not in gone} | {name: section}
         return self.model_copy(update={**records, "sections": sections, "made": section.made})
 
 
 class Bundle(_Common):
-    """A calibration. `view` is the camera over the level plate, `layout` the markers on it."""
+    """A finished calibration: lens, plate, markers and ball, with which the ball can be located."""
 
     lens: LensRecord
     plate: PlateRecord
@@ -105,20 +112,24 @@ class Bundle(_Common):
 
     @cached_property
     def view(self) -> View:
+        """The camera over the level plate, with the pose's covariance."""
         camera = _camera(self.lens)
         return View(camera, np.array(self.plate.camera_from_plate), np.array(self.plate.covariance))
 
     @cached_property
     def layout(self) -> MarkerLayout:
+        """The markers on the plate, in the plate frame [m]."""
         record = self.markers
         return MarkerLayout(np.array(record.ids), np.array(record.corners_m), record.dictionary)
 
     @property
     def plate_side_m(self) -> float:
+        """Side of the square plate [m]."""
         return self.plate.side_m
 
     def check_size(self, width_px: int, height_px: int) -> None:
-        """Raises `BundleError` for a picture size the lens was not calibrated at."""
+        """Raise `BundleError` where pictures of this size are not those that the lens was
+        calibrated with."""
         if (width_px, height_px) != (self.lens.width_px, self.lens.height_px):
             raise BundleError(
                 f"the calibration is for {self.lens.width_px}x{self.lens.height_px} px, the camera "
@@ -127,7 +138,9 @@ class Bundle(_Common):
 
 
 def load(path: str | Path) -> Bundle:
-    """Read a bundle. Raises `BundleError` for anything else, `OSError` for an unreadable file."""
+    """Read a finished calibration file. `BundleError`: the content is not a complete, valid
+    calibration (a section that is missing is named with the command that makes it); `OSError`: the
+    file cannot be read."""
     bundle = _read(path, Bundle)
     try:
         _ = bundle.view, bundle.layout  # shapes and dictionary
@@ -137,7 +150,8 @@ def load(path: str | Path) -> Bundle:
 
 
 def load_draft(path: str | Path) -> Draft:
-    """Read a bundle that may lack sections; errors as `load`."""
+    """Read a calibration file that may lack sections. `BundleError`: the content is not a valid
+    calibration; `OSError`: the file cannot be read."""
     return _read(path, Draft)
 
 
@@ -145,27 +159,17 @@ def _read(path: str | Path, kind: type[_B]) -> _B:
     try:
         return kind.model_validate(json.loads(Path(path).read_text(encoding="utf-8")))
     except ValidationError as error:
-        _explain(Path(path), error)
+        first = error.errors()[0]
+        section = str(first["loc"][0]) if first["loc"] else ""
+        if first["type"] == "missing" and first["loc"] == (section,) and section in MAKERS:
+            raise BundleError(f"{path} has no {section} yet: {MAKERS[section]}") from error
+        raise BundleError(f"{path}: {first_error_line(error, kind)}") from error
     except ValueError as error:
         raise BundleError(f"{path} is no calibration bundle: {error}") from error
 
 
-def _explain(path: Path, error: ValidationError) -> NoReturn:
-    """One line about the first fault; an unknown key lists the known ones."""
-    fault = error.errors()[0]
-    where = ".".join(str(part) for part in fault["loc"]) or "the file"
-    missing = MAKERS.get(where) if fault["type"] == "missing" else None
-    if missing is not None:
-        raise BundleError(f"{path} has no {where} yet: {missing}") from error
-    if fault["type"] != "extra_forbidden":
-        raise BundleError(f"{path}: {where}: {fault['msg']}") from error
-    models = {"lens": LensRecord, "plate": PlateRecord, "markers": MarkersRecord}
-    model = models.get(str(fault["loc"][0]), Bundle) if len(fault["loc"]) > 1 else Bundle
-    known = ", ".join(model.model_fields)
-    raise BundleError(f"{path}: unknown key {where}; known keys: {known}") from error
-
-
 def lens_record(lens: CameraCalibration) -> LensRecord:
+    """The section `lens` of a calibration file from a calibrated camera."""
     camera = lens.camera
     return LensRecord(
         matrix=camera.matrix.tolist(),
@@ -186,7 +190,8 @@ def lens_record(lens: CameraCalibration) -> LensRecord:
 
 
 def plate_record(plate: PlatePose, side_m: float) -> PlateRecord:
-    """The section `plate` of a pose found by `level_pose`."""
+    """The section `plate` of a calibration file from a pose found by `level_pose`; `side_m`: side
+    of the square plate."""
     return PlateRecord(
         camera_from_plate=plate.camera_from_plate.tolist(),
         covariance=plate.covariance.tolist(),
@@ -199,7 +204,7 @@ def plate_record(plate: PlatePose, side_m: float) -> PlateRecord:
 
 
 def markers_record(layout: MarkerLayout) -> MarkersRecord:
-    """The section `markers` of a layout."""
+    """The section `markers` of a calibration file from a layout."""
     return MarkersRecord(
         dictionary=layout.dictionary, ids=layout.ids.tolist(), corners_m=layout.corners_m.tolist()
     )
@@ -215,7 +220,8 @@ def make_bundle(
     source: Literal["measured", "simulated"],
     made: datetime | None = None,
 ) -> Bundle:
-    """The record of a calibration; `made` defaults to now (UTC)."""
+    """A finished calibration from its parts; `made` defaults to now (UTC). `ValidationError`
+    (pydantic): a radius, side or count outside its range."""
     return Bundle(
         made=made or datetime.now(UTC).replace(microsecond=0),
         source=source,
@@ -235,7 +241,12 @@ def calibrate_virtual(
     frames: int = 8,
     made: datetime | None = None,
 ) -> Bundle:
-    """Calibrate the virtual camera as one would a real one: from its pictures alone."""
+    """Calibrate the virtual camera from rendered pictures alone, as a real one: `pictures` of the
+    calibration sheet for the lens, `frames` of the level plate for its pose.
+
+    `sheet` defaults to `Sheet()`; `made` to now (UTC). `CalibrationError`: the pictures are refused
+    by `calibrate_images` or `level_pose`.
+    """
     sheet, scene = sheet or Sheet(), renderer.scene
     distance_m = float(renderer.view.camera_from_plate[2, 3])
     shots = list(sheet_pictures(renderer, sheet, pictures, rng))

@@ -1,4 +1,4 @@
-"""What a calibration file holds, section by section: strict, in SI units but where a name says."""
+"""The sections of a calibration file; SI units except where a name says otherwise."""
 
 import hashlib
 from collections.abc import Iterable
@@ -6,21 +6,30 @@ from datetime import datetime
 from pathlib import Path
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import ConfigDict, Field
+
+from rig.validation import StrictModel
 
 SECTIONS = ("lens", "plate", "timing", "level", "servo", "play")
 Map = list[list[float]]
 
 
-class Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+class Strict(StrictModel):
+    """A strict record in which a number may be unbounded or unknown (inf, nan)."""
+
+    model_config = ConfigDict(allow_inf_nan=True)
 
 
 class LensRecord(Strict):
-    """The camera; `std` by parameter name, in px (k and p without unit).
+    """The lens section: OpenCV's camera matrix (3, 3) [px], distortion (k1, k2, p1, p2, k3), image
+    size, and how good the fit is.
 
-    `uncertainty_mm` and `half_set_map_mm` (9, 9): standard deviation and difference of two half
-    sets over the plate from -0.13 to 0.13 m, rows from -y to +y.
+    `std`: standard deviation by parameter name, px for fx, fy, cx, cy, without unit for k and p.
+    `rms_px`: reprojection error over all corners; `view_rms_px`: of each picture. `coverage`: share
+    (0 to 1) of the image grid in which corners were seen. `uncertainty_mm` and `half_set_map_mm`
+    (9, 9): standard deviation and difference of two half sets on the plate, each coordinate from
+    -0.13 to 0.13 m, rows from -y to +y; `plate_std_mm` the largest value of the first map,
+    `half_set_mm` the 95th percentile of the second. `flags`: OpenCV's calibration flags by name.
     """
 
     matrix: list[list[float]] = Field(min_length=3, max_length=3)
@@ -40,7 +49,13 @@ class LensRecord(Strict):
 
 
 class PlateRecord(Strict):
-    """The level plate; `covariance` of its pose as in `View.pose_cov`."""
+    """The plate section: pose (4, 4) [m] of the level plate in the camera's frame and its
+    covariance (6, 6) [rad, m], ordered as in `View.pose_cov`.
+
+    `residual_mm`: rms distance of the markers from the layout; `scatter_mm`: rms movement between
+    the `frames` used; `side_m`: side of the square plate; `sheet_scale`: measured over stated size
+    of the calibration sheet, None where none lay on the plate.
+    """
 
     camera_from_plate: list[list[float]] = Field(min_length=4, max_length=4)
     covariance: list[list[float]] = Field(min_length=6, max_length=6)
@@ -52,7 +67,8 @@ class PlateRecord(Strict):
 
 
 class MarkersRecord(Strict):
-    """The printed markers: ids and corners in the plate frame, metres."""
+    """The printed markers: OpenCV's dictionary name, ids (n,) and corners (n, 4, 2) in the plate
+    frame [m]."""
 
     dictionary: str
     ids: list[int]
@@ -60,7 +76,8 @@ class MarkersRecord(Strict):
 
 
 class FixedRecord(Strict):
-    """Markers that stand still beside the plate, as the camera saw them: what a knock moves."""
+    """Markers that stand still beside the plate, as seen at the calibration: ids (n,), corners (n,
+    4, 2) [px]; `mm_per_px` is the scale of the picture at the plate (used by `camera_shift`)."""
 
     dictionary: str
     ids: list[int]
@@ -69,15 +86,25 @@ class FixedRecord(Strict):
 
 
 class Value(Strict):
-    """A number with its 95 % interval."""
+    """A number with the limits `low` and `high` of its 95 % interval, all in one unit."""
 
     value: float
     low: float
     high: float
 
+    @classmethod
+    def around(cls, value: float, half_width: float) -> "Value":
+        """The interval from `value` - `half_width` to `value` + `half_width`."""
+        return cls(value=value, low=value - half_width, high=value + half_width)
+
 
 class TimingRecord(Strict):
-    """How long after the light the camera's frames are stamped, against the encoders."""
+    """The timing section: the camera's delay [s] from a frame's exposure to its time stamp on the
+    encoders' clock.
+
+    `play_rad`: full width of each axis's backlash, fitted with the delay; `frames`: number of
+    frames used; `source`: what the delay was measured from.
+    """
 
     delay_s: Value
     play_rad: dict[Literal["x", "y"], float]
@@ -86,7 +113,9 @@ class TimingRecord(Strict):
 
 
 class LevelRecord(Strict):
-    """How far the plate is from level at servo angle zero, by axis; `gain_m_s2` of Eq. 15."""
+    """The level section, by axis: the plate's slope [rad] at servo angle zero, the ball's
+    acceleration per rad of servo angle (`gain_m_s2`), and the full width of the backlash fitted
+    with them (`play_rad`)."""
 
     slope_rad: dict[Literal["x", "y"], Value]
     gain_m_s2: dict[Literal["x", "y"], Value]
@@ -94,7 +123,8 @@ class LevelRecord(Strict):
 
 
 class ServoAxis(Strict):
-    """One servo: breakaway volts in both directions, K, tau and the moving friction."""
+    """One servo: the volts at which it breaks away up and down, gain K [rad/s/V], time constant tau
+    [s], offset and moving friction [V]; `sign` of the motor's direction."""
 
     breakaway_positive_V: Value
     breakaway_negative_V: Value
@@ -106,36 +136,39 @@ class ServoAxis(Strict):
 
 
 class ServoRecord(Strict):
+    """The servo section: the servos of both axes."""
+
     x: ServoAxis
     y: ServoAxis
 
 
-class PlayAxis(Strict):
-    """One play of one axis, full width at the servo; its middle where it was seen."""
+class BacklashAxis(Strict):
+    """Backlash of one axis, seen at the servo [rad]: full width, and its middle where that was
+    seen; `symmetric`: whether the middle's interval holds zero."""
 
     width_rad: Value
     middle_rad: Value | None = None
     symmetric: bool | None = None
 
 
-class PlayRecord(Strict):
-    """Play by where it lies ("gear", "joint") or what it was seen by, then by axis; `not_seen`:
-    what could not be measured, and why."""
+class BacklashRecord(Strict):
+    """The play section. `plays`: backlash by where it lies ("gear", "joint") or what it was
+    measured from, then by axis; `not_seen`: what could not be measured -> why."""
 
-    plays: dict[str, dict[Literal["x", "y"], PlayAxis]]
+    plays: dict[str, dict[Literal["x", "y"], BacklashAxis]]
     not_seen: dict[str, str] = {}
 
 
 class DataFile(Strict):
-    """One file that numbers came from."""
+    """One file that numbers came from: name, SHA-256 in hexadecimal digits, size."""
 
     name: str
     sha256: str
     size_bytes: int = Field(ge=0)
 
 
-class Section(Strict):
-    """When a section was made, from which files, which pictures show it, and what was said."""
+class SectionRecord(Strict):
+    """When a section was made, from which files, which pictures show it, and its warnings."""
 
     made: datetime
     data: list[DataFile] = []
@@ -144,13 +177,14 @@ class Section(Strict):
 
 
 def fingerprint(paths: Iterable[Path]) -> list[DataFile]:
-    """Names, hashes and sizes of files; a folder stands for the files in it."""
-    found = []
+    """Names, SHA-256 and sizes of files; a folder in `paths` stands for all files below it, sorted
+    by path. `OSError`: a file cannot be read."""
+    files = []
     for path in paths:
         inside = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
         for file in inside:
             name = file.name if file == path else f"{path.name}/{file.relative_to(path).as_posix()}"
             with file.open("rb") as stream:
                 digest = hashlib.file_digest(stream, "sha256").hexdigest()
-            found.append(DataFile(name=name, sha256=digest, size_bytes=file.stat().st_size))
-    return found
+            files.append(DataFile(name=name, sha256=digest, size_bytes=file.stat().st_size))
+    return files

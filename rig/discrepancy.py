@@ -23,8 +23,13 @@ ZERO_16 = (0.0,) * 16
 
 
 @dataclass(frozen=True)
-class Unknown:
-    """Coefficients of the unnamed term; every tuple is as long as its default."""
+class Discrepancy:
+    """Coefficients of the discrepancy on this module's basis, each tuple as long as its default.
+
+    `ball_*` in m/s2, `servo_*` in V (`*_speed` divided by the unit of its basis function), `*_hz`
+    the frequency of the rhythm, `*_segment_s` begin and end [s] of the time in which `*_segment`
+    acts. ValueError: a tuple of another length.
+    """
 
     ball_map_x: tuple[float, ...] = ZERO_16  # row i * 4 + j of T_i(x/h) T_j(y/h)
     ball_map_y: tuple[float, ...] = ZERO_16
@@ -54,23 +59,29 @@ class Unknown:
                 )
 
 
-UNKNOWN = np.dtype(
+DISCREPANCY = np.dtype(
     [("on", np.int64)]
     + [
         (name, np.float64, shape)
         for side, shape in (("ball", (2, 16)), ("servo", (2, 4)))
         for name, shape in (
-            (f"{side}_map", shape), (f"{side}_speed", (2, 4)), (f"{side}_rhythm", (2, 2)),
-            (f"{side}_segment", (2,)), (f"{side}_segment_s", (2,)),
+            (f"{side}_map", shape),
+            (f"{side}_speed", (2, 4)),
+            (f"{side}_rhythm", (2, 2)),
+            (f"{side}_segment", (2,)),
+            (f"{side}_segment_s", (2,)),
         )
     ]
     + [(name, np.float64) for name in ("ball_rhythm_hz", "servo_rhythm_hz", "servo_angle")]
-)  # fmt: skip
+)
 
 
-def pack(unknown: Unknown, servo_angle_rad: float = SERVO_ANGLE_RAD) -> np.record:
-    """The record (dtype UNKNOWN) that the compiled functions take; the angle: the servo's limit."""
-    u = np.zeros(1, UNKNOWN)[0]
+def pack(unknown: Discrepancy, servo_angle_rad: float = SERVO_ANGLE_RAD) -> np.record:
+    """Return the record (dtype DISCREPANCY) of a discrepancy, as the compiled functions take it.
+
+    servo_angle_rad scales the servo's map: it is mapped to 1, so give the servo's angle limit.
+    """
+    u = np.zeros(1, DISCREPANCY)[0]
     for side in ("ball", "servo"):
         for part in ("map", "speed", "rhythm"):
             u[f"{side}_{part}"] = [getattr(unknown, f"{side}_{part}_{a}") for a in "xy"]
@@ -78,7 +89,7 @@ def pack(unknown: Unknown, servo_angle_rad: float = SERVO_ANGLE_RAD) -> np.recor
         u[f"{side}_segment_s"] = getattr(unknown, f"{side}_segment_s")
         u[f"{side}_rhythm_hz"] = getattr(unknown, f"{side}_rhythm_hz")
     u["servo_angle"] = servo_angle_rad
-    u["on"] = int(unknown != Unknown())
+    u["on"] = int(unknown != Discrepancy())
     return u
 
 
@@ -97,8 +108,12 @@ def _of_time(rhythm, hz, constant, segment, t):
 
 
 @compiled
-def unknown_acceleration(u, a, x, y, speed, t):
-    """Unnamed acceleration of the ball on axis `a` [m/s2]; x, y as shares of half the side."""
+def discrepancy_acceleration(u, a, x, y, speed, t):
+    """Acceleration of the ball on axis `a` (0: x, 1: y) by the discrepancy term [m/s2].
+
+    u: record of `pack`; x, y: the ball's position divided by half the plate's side [1]; speed: the
+    ball's on axis `a` [m/s]; t: the run's time [s].
+    """
     total = _of_speed(u.ball_speed[a], speed, BALL_SPEED_M_S) + _of_time(
         u.ball_rhythm[a], u.ball_rhythm_hz, u.ball_segment[a], u.ball_segment_s, t
     )
@@ -113,8 +128,12 @@ def unknown_acceleration(u, a, x, y, speed, t):
 
 
 @compiled
-def unknown_volts(u, a, theta, omega, t):
-    """Unnamed volts on axis `a` [V]."""
+def discrepancy_volts(u, a, theta, omega, t):
+    """Volts added at motor `a` (0: x, 1: y) by the discrepancy term [V].
+
+    u: record of `pack`; theta [rad] and omega [rad/s]: angle and rate of the servo; t: the run's
+    time [s].
+    """
     total = _of_speed(u.servo_speed[a], omega, SERVO_SPEED_RAD_S) + _of_time(
         u.servo_rhythm[a], u.servo_rhythm_hz, u.servo_segment[a], u.servo_segment_s, t
     )

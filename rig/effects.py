@@ -18,7 +18,10 @@ SHARED = ("xy",)
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of an effect: key in `rig.toml`, null value, unit, sensible range."""
+    """One number of an effect: key in `rig.toml`, null value, unit, sensible range low to high.
+
+    At its null value the parameter leaves the model unchanged.
+    """
 
     key: str
     null: float
@@ -29,6 +32,13 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Effect:
+    """One effect of the catalogue: its name in `rig.toml`, its parameters, a sentence about it.
+
+    side: "servo", "ball" or "camera"; axes: the keys that it takes in `rig.toml`, ("x", "y") or,
+    where one value holds for both axes, ("xy",); tolerance: size of the first parameter below which
+    a well-kept rig counts as free of the effect, in that parameter's unit (0: none declared).
+    """
+
     name: str
     side: str  # servo, ball or camera: the residual channel in which it shows
     axes: tuple[str, ...]
@@ -37,7 +47,7 @@ class Effect:
     sentence: str
 
     def field(self, key: str) -> str:
-        """Name of the parameter in the plant's record."""
+        """Name of the parameter `key` in the plant's record: NAME_KEY."""
         return f"{self.name}_{key}"
 
 
@@ -109,14 +119,19 @@ BY_NAME: dict[str, Effect] = {effect.name: effect for effect in CATALOGUE}
 
 
 def fields() -> Iterator[tuple[str, Effect, Parameter]]:
-    """Every parameter as (field name, effect, parameter), in the catalogue's order."""
+    """Yield every parameter as (field name, effect, parameter), in the catalogue's order."""
     for effect in CATALOGUE:
         for parameter in effect.parameters:
             yield effect.field(parameter.key), effect, parameter
 
 
 def check(effects: Mapping[str, Mapping[str, Mapping[str, float]]]) -> None:
-    """Raise ValueError with the known names where a name, axis or key is not in the catalogue."""
+    """Raise ValueError unless `effects` {name: {axis: {key: value}}} fits the catalogue.
+
+    ValueError: a name, axis or key that is not in the catalogue (the message lists the known ones),
+    a value that is not finite, has the wrong sign or lies far outside its sensible range, or an
+    `offset_rad` beyond half of its `play_rad`.
+    """
     for name, by_axis in effects.items():
         effect = BY_NAME.get(name)
         if effect is None:
@@ -175,7 +190,11 @@ def _check_play(name: str, by_axis: Mapping[str, Mapping[str, float]]) -> None:
 
 
 def values(effects: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[str, np.ndarray]:
-    """Field -> values of both axes, shape (2,); nulls where nothing is said. Checks first."""
+    """Return field name -> values of both axes (2,), from effects {name: {axis: {key: value}}}.
+
+    A field that `effects` does not name holds its null value. `dead_zone_half_width_V` is added to
+    both `dead_zone_positive_V` and `dead_zone_negative_V`. ValueError: as `check` raises it.
+    """
     check(effects)
     table = {name: np.full(2, parameter.null) for name, _, parameter in fields()}
     for name, by_axis in effects.items():

@@ -106,7 +106,7 @@ class Log:
 
     @property
     def columns(self) -> dict[str, np.ndarray]:
-        """Every column by name, (n,) float64 views, NaN where blank."""
+        """Every column by name: (n,) float64 views of `rows`, NaN where blank."""
         return {name: self.rows[:, i] for i, name in enumerate(NAMES)}
 
     def __getitem__(self, name: str) -> np.ndarray:
@@ -120,7 +120,10 @@ class Log:
         return len(self.rows)
 
     def has(self, *names: str) -> bool:
-        """Tell whether each of the columns holds at least one number."""
+        """Tell whether each of the columns `names` holds at least one number.
+
+        KeyError: a name that is not in `COLUMNS`.
+        """
         return all(not np.isnan(self[name]).all() for name in names)
 
     def where(self, chosen: np.ndarray | slice) -> "Log":
@@ -128,12 +131,13 @@ class Log:
         return Log.from_rows(self.rows[chosen], notes=self.notes)
 
     def ball(self, delay_s: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Return times (k,) and xy (k, 2) of the new observations alone.
+        """Return the times (k,) [s] and positions (k, 2) [m] of the new observations alone.
 
-        A time is when the light hit the sensor: `ball_exposed_s`, without it the tick in which
-        the observation became usable minus `delay_s` (the camera's; 0 = keep the usable time).
-        Held values are thinned: a row that repeats the row before it is no new observation,
-        unless its exposure is another. Of a missing axis xy is NaN.
+        A time is the exposure's, `ball_exposed_s`; where that is blank, `t_s` of the tick in which
+        the observation became usable minus `delay_s` (the camera's delay [s]; 0 keeps the tick's
+        time). A row that repeats the position of the row before it is a held value, no new
+        observation, unless its `ball_exposed_s` differs. The position is NaN on an axis that the
+        log lacks.
         """
         xy = self.rows[:, [INDEX["ball_x_m"], INDEX["ball_y_m"]]]
         exposed = self["ball_exposed_s"]

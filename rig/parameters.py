@@ -7,9 +7,11 @@ Angles, speeds, torques and inertias of the drive are those at the servo's load 
 
 from dataclasses import dataclass, field
 from math import pi
+from typing import Annotated, Any, ClassVar
 
-from rig.known_play import KnownPlay
-from rig.unknown import Unknown
+from annotated_types import Ge, Gt, Interval
+
+from rig.discrepancy import Discrepancy
 
 GRAVITY_M_S2 = 9.81
 SHAFT_MODELS = ("exact", "dead_zone", "none")
@@ -27,7 +29,9 @@ GEARS_INERTIA_HIGH_KG_M2 = 5.282e-5  # at the load shaft, computed from A
 
 
 def torque_per_volt() -> float:
-    """Stalled torque at the load shaft per motor volt: eta_g K_g eta_m k_t / R_m  [N m/V] (A)."""
+    """Stalled torque at the load shaft per motor volt: A = eta_g K_g eta_m k_t / R_m [N m/V]
+    (A).
+    """
     return (
         GEARBOX_EFFICIENCY
         * GEAR_RATIO_HIGH
@@ -40,10 +44,11 @@ def torque_per_volt() -> float:
 def nominal_servo(
     *, rotor_kg_m2: float = 3.90e-7, tachometer_kg_m2: float = 7.06e-8, viscous_nm_s: float = 0.015
 ) -> tuple[float, float]:
-    """Gain K [rad/s/V] and time constant tau [s] of the SRV02 in high gear from A's constants.
+    """Gain K [rad/s/V] and time constant tau [s] of the SRV02 in high gear, from its manual (A).
 
-    J_eq = eta_g K_g^2 J_m + J_gears; B = B_eq + (eta_g eta_m K_g^2 k_t k_m)/R_m;
-    K = A/B and tau = J_eq/B with A = `torque_per_volt()`.
+    J_eq = eta_g K_g^2 J_m + J_gears; B = B_eq + (eta_g eta_m K_g^2 k_t k_m)/R_m; K = A/B and tau =
+    J_eq/B with A = `torque_per_volt()`. rotor_kg_m2 + tachometer_kg_m2 = J_m at the motor's shaft;
+    viscous_nm_s = B_eq at the load shaft.
     """
     per_volt = torque_per_volt()
     inertia = (
@@ -54,130 +59,183 @@ def nominal_servo(
     return per_volt / damping, inertia / damping
 
 
-@dataclass(frozen=True)
-class Servo:
-    """One servo unit (both axes are alike): V -> K/(tau s + 1) -> load-shaft speed."""
+# What a number of the rig file may be; `rig.rigfile` holds a file against these types.
+Finite = float
+NotNegative = Annotated[float, Ge(0)]
+Positive = Annotated[float, Gt(0)]
+Share = Annotated[float, Interval(ge=0, le=1)]
 
-    gain_rad_s_V: float = 1.53
-    time_constant_s: float = 0.025
-    encoder_counts_per_rev: int = 4096
-    voltage_limit_V: float = 6.0
-    angle_limit_rad: float = pi / 6  # B
-    stop_rad: float = 0.61  # mechanical end stop: assumed
+
+class Section:
+    """Base of the rig file's sections: infinite and undefined numbers are errors in a file."""
+
+    __pydantic_config__: ClassVar[Any] = {"allow_inf_nan": False}
+
+
+@dataclass(frozen=True)
+class Servo(Section):
+    """One servo unit, both axes alike: volts -> K/(tau s + 1) -> speed of the load shaft.
+
+    K is gain_rad_s_V, tau is time_constant_s. Encoder counts are those of one turn of the load
+    shaft after quadrature.
+    """
+
+    gain_rad_s_V: Positive = 1.53
+    time_constant_s: Positive = 0.025
+    encoder_counts_per_rev: Annotated[int, Gt(0)] = 4096
+    voltage_limit_V: Positive = 6.0
+    angle_limit_rad: Positive = pi / 6  # B
+    stop_rad: Positive = 0.61  # mechanical end stop: assumed
     tachometer: bool = True
-    tachometer_noise_rad_s: float = 0.005  # assumed (brush ripple), at the load shaft
-    tachometer_scale: float = 0.0  # relative error of the plant's tachometer; A allows 2 %
+    tachometer_noise_rad_s: NotNegative = 0.005  # assumed (brush ripple), at the load shaft
+    tachometer_scale: Finite = 0.0  # relative error of the plant's tachometer; A allows 2 %
 
     @property
     def torque_per_volt_nm(self) -> float:
+        """Stalled torque at the load shaft per motor volt, A [N m/V]."""
         return torque_per_volt()
 
     @property
     def damping_nm_s(self) -> float:
-        """Back EMF plus viscous friction, B = A/K [N m s/rad]."""
+        """Back EMF plus viscous friction at the load shaft, B = A/K [N m s/rad]."""
         return torque_per_volt() / self.gain_rad_s_V
 
     @property
     def inertia_kg_m2(self) -> float:
-        """Everything that the motor turns, J = tau B [kg m2]."""
+        """Inertia of everything that the motor turns, at the load shaft, J = tau B [kg m2]."""
         return self.time_constant_s * self.damping_nm_s
 
     @property
     def encoder_step_rad(self) -> float:
+        """Angle of one encoder count [rad]."""
         return 2 * pi / self.encoder_counts_per_rev
 
 
 @dataclass(frozen=True)
-class Linkage:
+class Linkage(Section):
     """Servo arm to plate edge: sin(phi) = 2 R_d sin(theta)/L (paper Eq. 14)."""
 
-    arm_radius_m: float = 0.0254
-    plate_side_m: float = 0.275
+    arm_radius_m: Positive = 0.0254
+    plate_side_m: Positive = 0.275
 
     @property
     def ratio(self) -> float:
-        """2 R_d / L, dimensionless."""
+        """2 R_d/L of Eq. 14 [1]."""
         return 2 * self.arm_radius_m / self.plate_side_m
 
 
 @dataclass(frozen=True)
-class Ball:
-    radius_m: float = 0.019625
-    mass_kg: float = 0.003
+class Ball(Section):
+    """The ball: radius, mass, mass distribution and colour.
+
+    hollow: a thin spherical shell, else a solid sphere.
+    """
+
+    radius_m: Positive = 0.019625
+    mass_kg: Positive = 0.003
     hollow: bool = True
     colour: str = "orange"  # a name or #rrggbb: what the tracker looks for
 
     @property
     def rolling_factor(self) -> float:
-        """m r^2/(m r^2 + J): 3/5 for a thin shell (J = 2/3 m r^2), 5/7 for a solid sphere."""
+        """k = m r^2/(m r^2 + J) [1]: 3/5 for a thin shell (J = 2/3 m r^2), 5/7 for a solid
+        sphere.
+        """
         return 3 / 5 if self.hollow else 5 / 7
 
 
 @dataclass(frozen=True)
-class CameraTiming:
-    """What the loop must know of the camera: measurement parameters, no physics."""
+class CameraTiming(Section):
+    """What the loop must know of the camera: parameters of the measurement, not of the physics.
 
-    rate_hz: float = 60.0
-    delay_s: float = 0.012  # from exposure to the tick in which the observation is usable
-    noise_m: float = 0.0003
-    dropout: float = 0.0  # share of frames without an observation
-    ball_height_m: float = 0.0  # higher than it is taken for: seen shifted by so much of the sine
+    noise_m: standard deviation of each coordinate; ball_height_m: how much higher the ball's centre
+    lies than the calibration takes it to be, which shifts its image by that height times the sine
+    of the tilt.
+    """
+
+    rate_hz: Positive = 60.0
+    delay_s: NotNegative = 0.012  # from exposure to the tick in which the observation is usable
+    noise_m: NotNegative = 0.0003
+    dropout: Share = 0.0  # share of frames without an observation
+    ball_height_m: Finite = 0.0  # higher than it is taken for: seen shifted by so much of the sine
 
 
 @dataclass(frozen=True)
-class Drive:
+class Drive(Section):
     """Shafts and friction of the two-mass drive (Fig. 1): all assumed, nobody publishes them.
 
-    shaft_model: exact (Eqs. 4-6), dead_zone (7, 8; no damping), or none (no play, whatever the
-    effects say). Friction acts against ground, not between the shaft's ends.
+    shaft_model: "exact" (Eqs. 4 to 6), "dead_zone" (Eqs. 7, 8; no damping) or "none" (no backlash,
+    whatever the effects say). Friction acts against ground, not between the shaft's ends.
     """
 
     shaft_model: str = "exact"
-    gear_stiffness_nm_rad: float = 30.0
-    gear_damping_nm_s: float = 0.02
-    joint_stiffness_nm_rad: float = 30.0
-    joint_damping_nm_s: float = 0.02
-    arm_friction_nm: float = 0.002  # bearing of the load shaft
-    joint_friction_nm: float = 0.02  # plate against ground in its pivots, felt at the arm
-    plate_inertia_kg_m2: float = 6.4e-5  # 0.3 kg plate seen through the linkage
+    gear_stiffness_nm_rad: Positive = 30.0
+    gear_damping_nm_s: NotNegative = 0.02
+    joint_stiffness_nm_rad: Positive = 30.0
+    joint_damping_nm_s: NotNegative = 0.02
+    arm_friction_nm: NotNegative = 0.002  # bearing of the load shaft
+    joint_friction_nm: NotNegative = 0.02  # plate against ground in its pivots, felt at the arm
+    plate_inertia_kg_m2: Positive = 6.4e-5  # 0.3 kg plate seen through the linkage
 
 
 @dataclass(frozen=True)
-class Walls:
-    """An optional rim. restitution: rolling speed after over before, for a ball that never slips.
+class Walls(Section):
+    """An optional rim around the plate.
 
-    A real wall turns the speed but not the spin, so a ball on a rough plate keeps far less: at
-    most 0.2 of it for a hollow ball.
+    restitution: speed of a ball that rolls without slip after the impact over its speed before [1].
+    A real wall turns the speed but not the spin, so a ball on a rough plate keeps far less than it
+    would in the air: at most 0.2 for a hollow ball.
     """
 
     present: bool = False
-    restitution: float = 0.2
+    restitution: Share = 0.2
 
 
 @dataclass(frozen=True)
-class Gains:
-    """The controller's published numbers (B), plus an integral: the paper's PID."""
+class Gains(Section):
+    """Gains of the outer PID and the inner servo loop (B; the integral is the paper's), and
+    filters.
 
-    proportional_rad_m: float = 3.45
-    derivative_rad_s_m: float = 2.11
-    integral_rad_m_s: float = 1.0
-    integral_limit_rad: float = 0.15
-    servo_proportional_V_rad: float = 14.0
-    servo_derivative_V_s_rad: float = 0.0
-    ball_filter_rad_s: float = 25.0
-    torque_filter_s: float = 0.02  # tau of Eq. 9
-    observer_gain: float = 1.0  # K of Eq. 9
+    u = proportional e + integral (integral of e) - derivative v gives the servo's reference [rad]
+    from the ball's error [m]; integral_limit_rad bounds the integral's part. ball_filter_rad_s:
+    bandwidth of the ball filter.
+    """
+
+    proportional_rad_m: NotNegative = 3.45
+    derivative_rad_s_m: NotNegative = 2.11
+    integral_rad_m_s: NotNegative = 1.0
+    integral_limit_rad: NotNegative = 0.15
+    servo_proportional_V_rad: NotNegative = 14.0
+    servo_derivative_V_s_rad: NotNegative = 0.0
+    ball_filter_rad_s: Positive = 25.0
+    torque_filter_s: Positive = 0.02  # tau of Eq. 9
+    observer_gain: NotNegative = 1.0  # K of Eq. 9
+
+
+@dataclass(frozen=True)
+class KnownBacklash(Section):
+    """Backlash as `rig calibrate play` finds it, full width at the servo; 0: observers estimate it.
+
+    factor: share of the known backlash that a controller compensates [1]; other than 1 only where
+    the harm of a wrong estimate is studied.
+    """
+
+    gear_x_rad: NotNegative = 0.0
+    gear_y_rad: NotNegative = 0.0
+    joint_x_rad: NotNegative = 0.0
+    joint_y_rad: NotNegative = 0.0
+    factor: NotNegative = 1.0
 
 
 @dataclass(frozen=True)
 class TableChoice:
-    """Which table is driven and how it is reached; nothing of it changes the model.
+    """Which table is driven and how it is reached; none of these keys changes the model.
 
-    port, baud: the serial board's; address: "host:port" of a remote table, number of a Quanser
-    card, "vendor:product" of a USB board; token_file: the remote table's secret; camera: an address
-    for `vision.sources`, calibration: its bundle. amplifier_gain: motor volts per output volt of
-    the card; card_options: handed to its driver. swap, crossed and the signs by channel (see
-    `rig.hardware.wiring`): what homing finds goes before them.
+    port, baud: of the serial board; address: "host:port" of a remote table, number of a Quanser
+    card or "vendor:product" of a USB board; token_file: the remote table's secret; camera: an
+    address for `vision.sources.sources`; calibration: the camera's bundle. amplifier_gain: motor
+    volts per output volt of the Quanser card; card_options: handed to its driver. swap, crossed and
+    the signs by channel: the wiring (`rig.hardware.wiring`); what homing finds overrides them.
     """
 
     kind: str = "simulated"
@@ -195,7 +253,7 @@ class TableChoice:
     sign_angle: tuple[int, int] = (1, 1)
 
     def check(self) -> None:
-        """ValueError, one line, where the keys do not make a table."""
+        """Raise ValueError (one line) where a key has no valid value or a needed key is missing."""
         if self.kind not in TABLE_KINDS:
             raise ValueError(f"table.kind = '{self.kind}'; known: {', '.join(TABLE_KINDS)}")
         needed = {"serial": ["port"], "remote": ["address", "token_file"]}.get(self.kind, [])
@@ -221,12 +279,14 @@ CHANNELS = ("servo_x", "servo_y", "ball_x", "ball_y")  # of what a model predict
 
 @dataclass(frozen=True)
 class Rig:
-    """Everything a controller or estimator may know of a table; `effects` only the model's user.
+    """Everything that a controller may know of a table, and `effects`, which it may not.
 
-    `unknown` is the unnamed term of the model, if any. `effects` maps a catalogue name to
-    {"x" | "y" | "xy": {key: value}} (see `rig.effects`); `tolerances` a name to the half width of
-    its first parameter that counts as nothing missing on this table; `floors` a channel (CHANNELS)
-    to the RMS innovation of clean runs [rad or m].
+    unknown: the discrepancy term of the model, zero by default. effects: {name of the catalogue:
+    {"x" | "y" | "xy": {key: value}}} (see `rig.effects`), which only the simulator and the gap
+    workflow read. tolerances: effect's name -> half width of its first parameter within which the
+    effect counts as absent on this table. floors: channel (CHANNELS) -> RMS innovation of clean
+    runs [rad or m]. ValueError: sections that contradict each other, such as a ball wider than the
+    plate or a camera faster than the loop.
     """
 
     servo: Servo = field(default_factory=Servo)
@@ -236,8 +296,8 @@ class Rig:
     drive: Drive = field(default_factory=Drive)
     walls: Walls = field(default_factory=Walls)
     gains: Gains = field(default_factory=Gains)
-    play: KnownPlay = field(default_factory=KnownPlay)
-    unknown: Unknown = field(default_factory=Unknown)
+    play: KnownBacklash = field(default_factory=KnownBacklash)
+    unknown: Discrepancy = field(default_factory=Discrepancy)
     table: TableChoice = field(default_factory=TableChoice)
     control_rate_hz: float = 500.0
     effects: dict[str, dict[str, dict[str, float]]] = field(default_factory=dict)

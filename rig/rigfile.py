@@ -10,6 +10,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from rig import effects
 from rig.parameters import CHANNELS, Rig
+from rig.validation import first_error_line
 
 SECTIONS = (
     "servo",
@@ -24,17 +25,14 @@ SECTIONS = (
     "table",
 )
 _FILES = ("token_file", "calibration")  # of [table]: relative to the rig file's folder
-# Values that must be above zero; everything else must be zero or more, but for free signs.
-_POSITIVE = (
-    "gain_rad_s_V time_constant_s encoder_counts_per_rev voltage_limit_V angle_limit_rad stop_rad "
-    "arm_radius_m plate_side_m radius_m mass_kg rate_hz gear_stiffness_nm_rad "
-    "joint_stiffness_nm_rad plate_inertia_kg_m2 ball_filter_rad_s torque_filter_s"
-).split()
-_ANY_SIGN = ("tachometer_scale", "ball_height_m")
 
 
 def read_rig(path: Path) -> Rig:
-    """The rig of a TOML file. ValueError (one line) on any mistake, OSError if unreadable."""
+    """Return the rig of a TOML file; files that its [table] names are found from the file's folder.
+
+    ValueError (one line that names the file): no TOML, an unknown key or a wrong value. OSError:
+    the file cannot be read.
+    """
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -55,7 +53,10 @@ def _beside(rig: Rig, folder: Path) -> Rig:
 
 
 def from_dict(data: dict[str, Any]) -> Rig:
-    """The rig of a parsed TOML document or of `to_dict`. ValueError on any mistake."""
+    """Return the rig of a parsed TOML document or of `to_dict`; a missing key has its default.
+
+    ValueError (one line): an unknown key, which lists the known ones, or a wrong value.
+    """
     known = (*SECTIONS, "control_rate_hz", "effects", "tolerances", "floors")
     for key in data:
         if key not in known:
@@ -94,6 +95,7 @@ def _sizes(section: str, data: dict[str, Any], names: tuple[str, ...]) -> dict[s
 
 
 def _section(name: str, default: Any, given: Any) -> Any:
+    """The section `name` of the keys `given`, checked by the types in `parameters`. ValueError."""
     if not isinstance(given, dict):
         raise ValueError(f"[{name}] must be a table of keys, got {given!r}")
     keys = [f.name for f in dataclasses.fields(default)]
@@ -101,27 +103,9 @@ def _section(name: str, default: Any, given: Any) -> Any:
         if key not in keys:
             raise ValueError(f"unknown key '{name}.{key}'; known: {', '.join(keys)}")
     try:
-        section = TypeAdapter(type(default)).validate_python(dataclasses.asdict(default) | given)
+        return TypeAdapter(type(default)).validate_python(dataclasses.asdict(default) | given)
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise ValueError(f"{name}.{where} = {first['input']!r}: {first['msg']}") from None
-    for key in keys if name not in ("unknown", "table") else ():
-        _check_value(f"{name}.{key}", key, getattr(section, key))
-    return section
-
-
-def _check_value(label: str, key: str, value: Any) -> None:
-    if isinstance(value, bool) or key in ("colour", "shaft_model"):
-        return
-    if value != value or abs(value) == float("inf"):
-        raise ValueError(f"{label} = {value}: must be finite")
-    if key in _POSITIVE and value <= 0:
-        raise ValueError(f"{label} = {value:g}: must be above 0")
-    if value < 0 and key not in _ANY_SIGN:
-        raise ValueError(f"{label} = {value:g}: must not be below 0")
-    if key in ("dropout", "restitution") and value > 1:
-        raise ValueError(f"{label} = {value:g}: must be from 0 to 1")
+        raise ValueError(first_error_line(error, within=name)) from None
 
 
 def _check_effects_shape(found: Any) -> None:
@@ -144,9 +128,12 @@ def _is_by_axis(by_axis: Any) -> bool:
 
 
 def to_dict(rig: Rig) -> dict[str, Any]:
-    """The rig as plain data, as `from_dict` takes it."""
+    """Return the rig as nested dictionaries of plain data, as `from_dict` takes it."""
     return dataclasses.asdict(rig)
 
 
 def write_rig(rig: Rig, path: Path) -> None:
+    """Write the rig, with every key, to a TOML file that `read_rig` reads. OSError: it cannot be
+    written.
+    """
     path.write_text(tomli_w.dumps(to_dict(rig)), encoding="utf-8")

@@ -12,9 +12,11 @@ import numpy as np
 
 
 class SharedArray:
-    """A numpy array in shared memory, zeros at first; pickled by its name (to spawned processes).
+    """A numpy array (`array`) in shared memory, zeros at first; pickled by its name.
 
-    Who made it frees it (`close`); the others only let go of it.
+    Pickling it to a spawned process makes another view of the same memory. The process that made
+    the memory frees it with `close`; the others only let go of it. FileNotFoundError: `name` is
+    given and no memory of that name exists.
     """
 
     def __init__(self, shape: tuple[int, ...], dtype: np.dtype, name: str | None = None) -> None:
@@ -30,6 +32,9 @@ class SharedArray:
         return SharedArray, (self._shape, self._dtype, self._memory.name)
 
     def close(self) -> None:
+        """Let go of the memory, and free it where this object made it; `array` is empty
+        afterwards.
+        """
         self.array = np.empty(0, self._dtype)
         self._finalizer()
 
@@ -43,7 +48,10 @@ def _free(memory: SharedMemory, own: bool) -> None:
 
 
 class SharedRing:
-    """A ring of `slots` records of one dtype. `write` from one process, `read` from another."""
+    """A ring of `slots` records of one dtype: `write` in one process, `read` in another.
+
+    lost: records that were overwritten before this reader took them.
+    """
 
     def __init__(self, dtype: np.dtype, slots: int) -> None:
         self._dtype, self._slots = np.dtype(dtype), slots
@@ -53,13 +61,13 @@ class SharedRing:
         self.lost = 0
 
     def write(self, record) -> None:
-        """Add a record; overwrites the oldest in a full ring."""
+        """Add a record; in a full ring it overwrites the oldest. Never waits."""
         count = int(self._written.array[0])
         self._records.array[count % self._slots] = record
         self._written.array[0] = count + 1  # after the record: the reader looks at this first
 
     def read(self) -> np.ndarray:
-        """A copy (n,) of what was written since the last read, oldest first; counts `lost`."""
+        """Return a copy (n,) of the records since the last read, oldest first; counts `lost`."""
         written = int(self._written.array[0])
         # The slot that the writer may be in just now is the oldest: never read it.
         first = max(self._taken, written - self._slots + 1)
@@ -73,9 +81,10 @@ class SharedRing:
 
     @property
     def news(self) -> bool:
-        """Whether there is something to read."""
+        """Whether records were written since the last read."""
         return int(self._written.array[0]) != self._taken
 
     def close(self) -> None:
+        """Let go of the ring's memory; the process that made it frees it."""
         self._records.close()
         self._written.close()

@@ -1,29 +1,34 @@
 """The one seam between a loop and a table, real or simulated: read, drive, close."""
 
 from dataclasses import dataclass
+from math import nan
 from typing import Protocol
 
 import numpy as np
 
-from rig.signals import (
-    R_BALL,
-    R_EXPOSED,
-    R_MOTOR,
-    R_NEW,
-    R_THETA,
-    R_TIME,
-    R_VARIANCE,
-    blank_reading,
-)
 from vision.frames import Observation
+
+# Columns of a reading as a flat row, which the compiled functions take: tick time [s], encoder
+# angles [rad], motor speeds at the load shaft [rad/s] (NaN without a tachometer), 1.0 when a new
+# observation came, ball centre [m], its exposure time [s], variance of each coordinate [m2].
+R_TIME, R_THETA, R_MOTOR, R_NEW, R_BALL, R_EXPOSED, R_VARIANCE = 0, 1, 3, 5, 6, 8, 9
+READING_SIZE = 10
+
+
+def blank_reading() -> np.ndarray:
+    """Return a row (READING_SIZE,) without an observation: R_NEW is 0, every other column NaN."""
+    row = np.full(READING_SIZE, nan)
+    row[R_NEW] = 0.0
+    return row
 
 
 @dataclass(frozen=True)
 class Reading:
-    """What one control tick brings.
+    """What one control tick brings, in the plate's axes x, y.
 
-    t_s tick time from the run's start; theta_rad encoder angles; motor_speed_rad_s tachometers at
-    the load shaft's scale (None without); ball only when a new observation became usable.
+    t_s: time of the tick from the run's start; theta_rad: encoder angles; motor_speed_rad_s:
+    tachometers at the load shaft's scale (None without any); ball: the observation that became
+    usable since the last tick, else None.
     """
 
     t_s: float
@@ -32,7 +37,11 @@ class Reading:
     ball: Observation | None = None
 
     def row(self) -> np.ndarray:
-        """The reading as the compiled functions take it (see `signals`), shape (READING_SIZE,)."""
+        """Return the reading as the compiled functions take it: (READING_SIZE,), columns R_*.
+
+        R_VARIANCE is the mean of the observation's variances in x and y; their covariance is left
+        out.
+        """
         row = blank_reading()
         row[R_TIME] = self.t_s
         row[R_THETA : R_THETA + 2] = self.theta_rad
@@ -58,10 +67,19 @@ class Table(Protocol):
     period_s: float
     voltage_limit_V: float
 
-    def read(self) -> Reading: ...
-
-    def drive(self, volts: tuple[float, float]) -> None:
-        """Apply volts (x, y) at the motors' terminals from now to the next tick."""
+    def read(self) -> Reading:
+        """Wait for the next tick and return its reading. OSError: the table or its camera is
+        lost.
+        """
         ...
 
-    def close(self) -> None: ...
+    def drive(self, volts: tuple[float, float]) -> None:
+        """Apply volts (x, y) at the motors' terminals from now to the next tick.
+
+        ValueError: volts that are not finite. OSError: the table is lost.
+        """
+        ...
+
+    def close(self) -> None:
+        """Set 0 V and free the table. A second call does nothing."""
+        ...

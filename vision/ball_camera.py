@@ -1,4 +1,8 @@
-"""From a frame to "the ball was at (x, y) m at time t, with this covariance"."""
+"""Where is the ball on the plate, in metres, with which covariance? One call per frame.
+
+`BallCamera` joins the tracker (pixels), the plate's markers (pose) and the geometry of a sphere
+over a plane (`view.View.ball_from_silhouette`).
+"""
 
 from dataclasses import replace
 from itertools import product
@@ -6,27 +10,26 @@ from itertools import product
 import cv2
 import numpy as np
 
-from vision.appearance import Appearance
+from vision.detection.appearance import Appearance
 from vision.frames import Frame, Observation, Track
-from vision.markers import MarkerLayout, PoseFit, find_pose, track_pose
-from vision.tracker import Tracker
+from vision.plate.markers import MarkerLayout, PoseFit, find_pose, track_pose
+from vision.tracking.tracker import Tracker
 from vision.view import View
 
-# Where the markers are not seen, the encoders' word is taken: play hides about this much tilt.
+# Where no markers are seen, the encoders give the tilt: backlash hides about this much of it.
 _HINT_STD_RAD, _HINT_STD_M = np.radians(0.3), 0.0003
 _HINT_COV = np.diag([_HINT_STD_RAD**2] * 3 + [_HINT_STD_M**2] * 3)
-_EDGE_FLOOR_PX = 0.03  # shading and the cast shadow move an outline by about this, unseen by sigma
+_EDGE_FLOOR_PX = 0.03  # shading and cast shadow move an outline by about this; sigma_px lacks it
 _OVERHANG_M = 0.004  # a ball whose centre is further outside the plate's edge is falling
-_MAX_TILT = 0.105  # sine of 6 degrees, beyond the servo's stops
 _RETRY_FRAMES = 30  # a search of the whole image costs several frames' time
 
 
 class BallCamera:
-    """Sees one ball on one plate, frame by frame.
+    """Measures one ball on one plate, frame by frame.
 
-    `view` is the calibrated camera with the plate level, `layout` its markers, `radius_m` the
-    ball's radius. With `plate_side_m`, a ball whose centre lies off the plate is not believed.
-    `pose` is the last frame's fit to the markers (`pose.accepted` tells whether it held).
+    `view` is the calibrated camera with the plate level, `layout` the plate's markers, `radius_m`
+    the ball's radius. With `plate_side_m`, a ball whose centre lies more than 4 mm off the plate is
+    not reported. `pose` is the last frame's fit to the markers (`pose.accepted`: whether it held).
     """
 
     def __init__(
@@ -51,24 +54,33 @@ class BallCamera:
         layout: MarkerLayout,
         radius_m: float,
         plate_side_m: float,
+        max_tilt_rad: float,
         *,
         appearance: Appearance | None = None,
     ) -> "BallCamera":
-        """A ball camera whose tracker knows from the geometry where and how large the ball is."""
+        """A ball camera whose tracker searches only where, and for sizes that, the geometry allows.
+
+        `view`, `layout`, `radius_m`, `plate_side_m`: as of the class; `max_tilt_rad`: the plate's
+        largest tilt about either axis; `appearance`: as of `Tracker`.
+
+        `ValueError`: the plate does not lie in front of the camera.
+        """
         tracker = Tracker(
             appearance=appearance,
-            radius_px=radius_range(view, radius_m, plate_side_m),
-            mask=ball_mask(view, radius_m, plate_side_m),
+            radius_px=radius_range(view, radius_m, plate_side_m, max_tilt_rad),
+            mask=ball_mask(view, radius_m, plate_side_m, max_tilt_rad),
         )
         return cls(view, layout, tracker, radius_m, plate_side_m=plate_side_m)
 
     def step(
         self, frame: Frame, rotation_hint: np.ndarray
     ) -> tuple[Observation | None, Track, View]:
-        """Observe one frame; `rotation_hint` (3, 3) is world_from_plate as the encoders tell it.
+        """Process one frame; frames come in order of time.
 
-        The observation is None unless the tracker measured the ball in this very frame. The view
-        is the plate as seen, or as hinted where the markers were not (its `pose_cov` says so).
+        `rotation_hint` (3, 3): world_from_plate from the encoders. Returns the observation (None
+        unless the tracker measured the ball in this very frame), the track in pixels, and the view
+        with the plate's pose: from the markers, or from the hint with a larger `pose_cov` where the
+        markers were not seen.
         """
         track = self._tracker.step(frame)
         view = self._see_plate(frame, track, rotation_hint)
@@ -76,10 +88,11 @@ class BallCamera:
 
     @property
     def drift_m(self) -> float:
-        """How far the plate's centre has moved sideways in the camera since the calibration.
+        """Sideways distance [m] of the plate's centre from where the calibration saw it; NaN while
+        the markers are not seen.
 
-        The plate turns about its centre, so more than a millimetre or two means that camera or
-        table was knocked. NaN while the markers are not seen.
+        The plate turns about its centre, so more than 1 to 2 mm means that camera or table was
+        moved.
         """
         if not self.pose.accepted:
             return float("nan")
@@ -97,8 +110,8 @@ class BallCamera:
         if not self.pose.accepted:
             self._misses += 1
             if self._misses % _RETRY_FRAMES == 3:
-                found = find_pose(frame.image, self._layout, self._level.camera)
-                self.pose = found or self.pose
+                pose = find_pose(frame.image, self._layout, self._level.camera)
+                self.pose = pose or self.pose
         if not self.pose.accepted:
             return replace(hinted, pose_cov=_HINT_COV)
         self._misses, self._last = 0, self.pose.view
@@ -118,25 +131,34 @@ class BallCamera:
         return Observation(where, (float(cov[0, 0]), float(cov[0, 1]), float(cov[1, 1])), frame.t_s)
 
 
-def _extremes(view: View, plate_side_m: float):
-    """The plate's corners (the ball's centre above them) at every extreme tilt: (view, xy)."""
+def _extremes(view: View, plate_side_m: float, max_tilt_rad: float):
+    """(view, xy): the ball's centre over the plate's corners, at every combination of tilts."""
     far = plate_side_m / 2 + _OVERHANG_M
-    for s_x, s_y in product((-_MAX_TILT, 0.0, _MAX_TILT), repeat=2):
-        turn, _ = cv2.Rodrigues(np.array([-s_y, s_x, 0.0]))
+    for tilt_x, tilt_y in product((-max_tilt_rad, 0.0, max_tilt_rad), repeat=2):
+        turn, _ = cv2.Rodrigues(np.array([-tilt_y, tilt_x, 0.0]))
         tilted = view.tilted(np.asarray(turn))
         for x, y in product((-far, far), repeat=2):
             yield tilted, (x, y)
 
 
-def radius_range(view: View, radius_m: float, plate_side_m: float) -> tuple[float, float]:
-    """Smallest and largest mean radius in px of the ball's outline, with 10 % to spare."""
-    radii = [v.silhouette_from_ball(xy, radius_m)[2] for v, xy in _extremes(view, plate_side_m)]
+def radius_range(
+    view: View, radius_m: float, plate_side_m: float, max_tilt_rad: float
+) -> tuple[float, float]:
+    """Smallest and largest mean radius [px] of the ball's outline anywhere on the plate at any tilt
+    up to `max_tilt_rad` about either axis, widened by 10 %.
+
+    `ValueError`: the plate does not lie in front of the camera.
+    """
+    places = _extremes(view, plate_side_m, max_tilt_rad)
+    radii = [tilted.silhouette_from_ball(xy, radius_m)[2] for tilted, xy in places]
     return 0.9 * min(radii), 1.1 * max(radii)
 
 
-def ball_mask(view: View, radius_m: float, plate_side_m: float) -> np.ndarray:
-    """(h, w) uint8: 255 where any part of a ball on the plate, at any tilt, can be seen."""
-    outlines = [v.outline_from_ball(xy, radius_m) for v, xy in _extremes(view, plate_side_m)]
+def ball_mask(view: View, radius_m: float, plate_side_m: float, max_tilt_rad: float) -> np.ndarray:
+    """Mask (h, w) uint8: 255 where any part of a ball on the plate, at any tilt up to
+    `max_tilt_rad` about either axis, can be seen; else 0."""
+    places = _extremes(view, plate_side_m, max_tilt_rad)
+    outlines = [tilted.outline_from_ball(xy, radius_m) for tilted, xy in places]
     hull = cv2.convexHull(np.concatenate(outlines).astype(np.float32))
     mask = np.zeros((view.camera.height_px, view.camera.width_px), np.uint8)
     corners = np.rint(np.asarray(hull).reshape(-1, 2)).astype(np.int32)

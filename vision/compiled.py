@@ -1,4 +1,4 @@
-"""Compiled kernels, and a cache that cannot go stale.
+"""How are kernels compiled, and how does their cache stay valid?
 
 numba stores machine code beside the source and checks only the file in which a function stands: a
 change in `ellipse.py` would not reach a cached kernel in `tracing.py` that calls it. So the cache
@@ -36,7 +36,7 @@ if "NUMBA_CACHE_DIR" not in os.environ:
     os.environ["NUMBA_CACHE_DIR"] = str(_cache_root() / "balancing-table-rig" / _source_hash())
     reload_config()
 
-# Division by zero gives inf or NaN, which every caller asks for.
+# Division by zero gives inf or NaN, for which every caller tests.
 kernel = partial(numba.njit, cache=True, error_model="numpy")()
 # Where sums over pixels may be taken in any order.
 fast_kernel = partial(numba.njit, cache=True, error_model="numpy", fastmath=True)()

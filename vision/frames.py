@@ -1,4 +1,4 @@
-"""What passes between the parts of `vision`: a frame with its time, a track, an observation."""
+"""What passes between the stages of `vision`: frame, track, observation."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ import numpy as np
 class Frame:
     """One image and when the light hit the sensor.
 
-    `image` is (h, w, 3) uint8 in BGR order, `t_s` the middle of its exposure, `index` its place
-    in the file or stream (skipped duplicates count, so indices may jump).
+    `image` is (h, w, 3) uint8 in BGR order, `t_s` the middle of its exposure [s] (see
+    `sources.open_source` for the zero), `index` its place in the file or stream (skipped duplicates
+    count, so indices may jump).
     """
 
     image: np.ndarray
@@ -23,7 +24,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class Track:
-    """What the tracker knows about the ball in one frame.
+    """The tracker's estimate of the ball in one frame, in pixels.
 
     `state` is "search", "track", "coast" or "lost". `u_px, v_px` is the centre of the silhouette
     ellipse in the raw image, `sigma_px` its standard deviation per axis, `radius_px` the mean
@@ -40,9 +41,9 @@ class Track:
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """The ball's centre in the plate frame (foot of the normal), with its covariance.
+    """The ball's centre in the plate frame (foot of the normal on the plate), with its covariance.
 
-    `xy_m` in metres, `cov_m2` is (xx, xy, yy), `exposed_s` the mid-exposure time of its frame.
+    `xy_m` [m]; `cov_m2`: (xx, xy, yy) [m^2]; `exposed_s`: the mid-exposure time of its frame [s].
     """
 
     xy_m: tuple[float, float]

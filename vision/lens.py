@@ -1,7 +1,8 @@
-"""OpenCV's lens model (Brown-Conrady), on floats or arrays alike: undistort points, not frames.
+"""Where does the lens put a ray? OpenCV's model (Brown-Conrady), for floats and arrays alike.
 
-Normalised coordinates `x = X/Z, y = Y/Z` of a camera that looks along +Z; coefficients
-`k = (k1, k2, p1, p2, k3)` in OpenCV's order. Source: OpenCV, calib3d, "Detailed description".
+Points are undistorted, frames never. Normalised coordinates x = X/Z, y = Y/Z of a camera that looks
+along +Z; coefficients k = (k1, k2, p1, p2, k3) in OpenCV's order. Source: OpenCV, calib3d,
+"Detailed description".
 """
 
 from typing import Any
@@ -10,7 +11,13 @@ Coefficients = tuple[float, float, float, float, float]
 
 
 def distort(x: Any, y: Any, k: Coefficients) -> tuple[Any, Any]:
-    """Where the lens puts the ideal point (x, y); any shape, normalised coordinates."""
+    """The distorted point of the ideal point (x, y) by OpenCV's model: normalised coordinates,
+    floats or arrays of any shape; `k` = (k1, k2, p1, p2, k3).
+
+    With r^2 = x^2 + y^2 and g = 1 + k1 r^2 + k2 r^4 + k3 r^6 the point is
+
+        x g + 2 p1 x y + p2 (r^2 + 2 x^2)   and   y g + p1 (r^2 + 2 y^2) + 2 p2 x y.
+    """
     k1, k2, p1, p2, k3 = k
     r2 = x * x + y * y
     gain = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
@@ -21,7 +28,8 @@ def distort(x: Any, y: Any, k: Coefficients) -> tuple[Any, Any]:
 
 
 def distort_jacobian(x: Any, y: Any, k: Coefficients) -> tuple[Any, Any, Any]:
-    """Entries (xx, xy, yy) of d distort / d (x, y); the matrix is symmetric."""
+    """Entries (xx, xy, yy) of the symmetric matrix d distort / d (x, y) at the ideal point (x,
+    y)."""
     k1, k2, p1, p2, k3 = k
     r2 = x * x + y * y
     gain = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
@@ -34,7 +42,8 @@ def distort_jacobian(x: Any, y: Any, k: Coefficients) -> tuple[Any, Any, Any]:
 
 
 def undistort(xd: Any, yd: Any, k: Coefficients, steps: int = 5) -> tuple[Any, Any]:
-    """Inverse of `distort` by Newton's method; 5 steps reach 1e-14 for lenses that do not fold."""
+    """The ideal point of the distorted point (xd, yd): the inverse of `distort` by Newton's method.
+    5 steps reach 1e-14 for lenses that do not fold."""
     if not any(k):
         return xd, yd
     x, y = xd, yd

@@ -1,4 +1,4 @@
-"""Draw what was seen: the tracker's state, the ball's outline, its uncertainty and its trail."""
+"""What did the tracker see? Its state, the ball's outline, uncertainty and trail, drawn in."""
 
 from __future__ import annotations
 
@@ -22,10 +22,15 @@ SIGMA_ZOOM = 50.0
 SHIFT = 4  # sub-pixel bits of OpenCV's drawing functions
 
 
-def draw(
+def draw_track(
     image: np.ndarray, track: Track, trail: Sequence[tuple[float, float]], *, note: str = ""
 ) -> np.ndarray:
-    """A copy of an image (h, w, 3) uint8 BGR with the track, its past places (px) and a caption."""
+    """A copy of an image (h, w, 3) uint8 BGR with the track drawn in.
+
+    `trail`: past centres (u, v) [px], NaN where there was none; `note` is added to the caption. The
+    circle of sigma is drawn `SIGMA_ZOOM` times enlarged, except in "coast". `KeyError`: a state
+    that is none of `Track`'s.
+    """
     out = image.copy()
     colour = COLOURS[track.state]
     points = [(u, v) for u, v in trail if math.isfinite(u) and math.isfinite(v)]
@@ -46,9 +51,9 @@ def draw(
 
 
 def contact_sheet(images: Sequence[np.ndarray], columns: int) -> np.ndarray:
-    """Images of one size (h, w, 3) in rows of `columns`, black where none is left.
+    """One image of many of one size (h, w, 3), in rows of `columns`; empty cells are black.
 
-    Raises `ValueError` for no images, no columns, or images of different sizes.
+    `ValueError`: no images, no columns, or images of different sizes.
     """
     if not images or columns < 1:
         raise ValueError("a contact sheet needs at least one image and one column")

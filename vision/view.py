@@ -1,4 +1,4 @@
-"""One camera's view of the tilting plate: pixels to plate and back, and the ball above the plate.
+"""Where is a pixel on the tilting plate, and where does a ball above the plate appear?
 
 A sphere (centre C = (X, Y, Z) in the camera frame, radius r) is seen inside a cone of rays d with
 (d.C)^2 = (|C|^2 - r^2) |d|^2. In normalised coordinates the outline is an ellipse with
@@ -25,7 +25,11 @@ _CIRCLE = np.linspace(0.0, 2.0 * pi, 16, endpoint=False)
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A pinhole with OpenCV's lens; `matrix` (3, 3) in px without skew, `distortion` (5,)."""
+    """A pinhole camera with OpenCV's lens; `matrix` (3, 3) [px] without skew, `distortion` (5,) =
+    (k1, k2, p1, p2, k3), see `lens`.
+
+    `ValueError`: focal lengths that are not positive, or a skew.
+    """
 
     matrix: np.ndarray
     distortion: np.ndarray
@@ -40,24 +44,25 @@ class Camera:
 
     @cached_property
     def pinhole(self) -> tuple[float, float, float, float]:
-        """(fx, fy, cx, cy) in px."""
+        """Focal lengths and centre (fx, fy, cx, cy) [px]."""
         m = self.matrix
         return float(m[0, 0]), float(m[1, 1]), float(m[0, 2]), float(m[1, 2])
 
     @cached_property
     def lens(self) -> Coefficients:
+        """Distortion coefficients (k1, k2, p1, p2, k3) as floats."""
         k1, k2, p1, p2, k3 = (float(k) for k in self.distortion)
         return k1, k2, p1, p2, k3
 
     def pixel_from_ray(self, xy: np.ndarray) -> np.ndarray:
-        """Normalised ideal coordinates (n, 2) -> raw pixels (n, 2)."""
+        """Raw pixels (n, 2) of normalised ideal coordinates `xy` (n, 2) = (X/Z, Y/Z)."""
         xy = np.asarray(xy, float).reshape(-1, 2)
         x, y = distort(xy[:, 0], xy[:, 1], self.lens)
         fx, fy, cx, cy = self.pinhole
         return np.column_stack((fx * x + cx, fy * y + cy))
 
     def ray_from_pixel(self, uv: np.ndarray) -> np.ndarray:
-        """Raw pixels (n, 2) -> normalised ideal coordinates (n, 2): undistorted."""
+        """Normalised ideal (undistorted) coordinates (n, 2) of raw pixels `uv` (n, 2)."""
         uv = np.asarray(uv, float).reshape(-1, 2)
         fx, fy, cx, cy = self.pinhole
         return np.column_stack(undistort((uv[:, 0] - cx) / fx, (uv[:, 1] - cy) / fy, self.lens))
@@ -65,10 +70,10 @@ class Camera:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A camera and where the plate is: `camera_from_plate` (4, 4), metres.
+    """A camera and where the plate is: `camera_from_plate` (4, 4) [m].
 
-    `pose_cov` (6, 6), if known, is the covariance of a small rotation (rad) and translation (m),
-    both along the camera's axes: R <- exp([w]x) R, t <- t + v.
+    `pose_cov` (6, 6), if known: covariance of a small rotation w [rad] and translation v [m], both
+    along the camera's axes: R <- exp([w]x) R, t <- t + v.
     """
 
     camera: Camera
@@ -80,21 +85,23 @@ class View:
         object.__setattr__(self, "camera_from_plate", pose)
 
     def tilted(self, rotation: np.ndarray) -> "View":
-        """The view after the plate turned about its centre; `rotation` (3, 3) world_from_plate."""
+        """The view after the plate turned about its centre by `rotation` (3, 3, world_from_plate);
+        `pose_cov` is kept."""
         pose = self.camera_from_plate.copy()
         pose[:3, :3] = pose[:3, :3] @ rotation
         return replace(self, camera_from_plate=pose)
 
     def pixel_from_plate(self, points_m: np.ndarray) -> np.ndarray:
-        """Points in the plate frame (n, 3) -> raw pixels (n, 2)."""
+        """Raw pixels (n, 2) of points (n, 3) in the plate frame [m]."""
         pose = self.camera_from_plate
         points = np.asarray(points_m, float).reshape(-1, 3) @ pose[:3, :3].T + pose[:3, 3]
         return self.camera.pixel_from_ray(points[:, :2] / points[:, 2:])
 
     def plate_from_pixel(self, uv: np.ndarray, height_m: float = 0.0) -> np.ndarray:
-        """Raw pixels (n, 2) -> (n, 2) m in the plane `height_m` above the plate's surface.
+        """Places (n, 2) [m], in the plane `height_m` above the plate's surface, that raw pixels
+        `uv` (n, 2) show.
 
-        Raises ValueError where a ray does not meet the plane in front of the camera.
+        `ValueError`: a ray does not meet the plane in front of the camera.
         """
         rays = np.column_stack((self.camera.ray_from_pixel(uv), np.ones(np.size(uv) // 2)))
         pose = self.camera_from_plate
@@ -125,7 +132,8 @@ class View:
     def outline_from_ball(
         self, xy_m: tuple[float, float] | np.ndarray, radius_m: float, angles: np.ndarray = _CIRCLE
     ) -> np.ndarray:
-        """Points (n, 2) on the ball's outline in raw pixels, at the ellipse's own angles."""
+        """Points (n, 2) on the outline of a ball at `xy_m` on the plate, in raw pixels; `angles`
+        (n,) [rad] are those of the ellipse's parametrisation."""
         mx, my, a, b, turn = _ellipse(self._centre(xy_m, radius_m), radius_m)
         p, q = a * np.cos(angles), b * np.sin(angles)
         c, s = np.cos(turn), np.sin(turn)
@@ -134,10 +142,13 @@ class View:
     def silhouette_from_ball(
         self, xy_m: tuple[float, float] | np.ndarray, radius_m: float
     ) -> tuple[float, float, float]:
-        """Centre (u, v) and mean radius in px of the outline of a ball at `xy_m` on the plate.
+        """Centre (u, v) and mean radius [px] of the outline of a ball at `xy_m` on the plate (the
+        module's equations).
 
         With a distorting lens the outline is no ellipse; the centre is then that of the
         least-squares circle through it, which is what an edge-based detector finds.
+
+        `ValueError`: the ball is not in front of the camera.
         """
         centre = self._centre(xy_m, radius_m)
         if centre[2] <= radius_m:
@@ -169,10 +180,13 @@ class View:
     def ball_from_silhouette(
         self, uv: tuple[float, float] | np.ndarray, radius_m: float, sigma_px: float = 0.0
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Outline centre in raw px -> ball centre (2,) m in the plate frame, covariance (2, 2) m2.
+        """Ball centre (2,) [m] in the plate frame and its covariance (2, 2) [m^2] from the
+        outline's centre `uv` in raw pixels (the module's quadratic).
 
-        The covariance holds `sigma_px` per axis and, where known, `pose_cov`. Raises ValueError
-        where the ray does not meet the plate.
+        The covariance propagates `sigma_px` (per axis) and, where known, `pose_cov` to first order
+        through the closed form.
+
+        `ValueError`: the ray does not meet the plate.
         """
         fx, fy, cx, cy = self.camera.pinhole
         lens = self.camera.lens
@@ -182,7 +196,7 @@ class View:
         else:
             x, y = undistort(u, v, lens, steps=3)
             du, dv = self._lens_shift(_ellipse(self._on_plate(x, y, radius_m), radius_m), u, v)
-            # The shift hardly changes over its own length: one more round would not be seen.
+            # The shift hardly changes over its own length: one round suffices.
             x, y = undistort(u - du / fx, v - dv / fy, lens, steps=3)
         X, Y, Z = self._on_plate(x, y, radius_m)
         r00, r01, _, r10, r11, _, r20, r21, _, tx, ty, tz = self._plate

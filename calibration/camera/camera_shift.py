@@ -1,8 +1,8 @@
-"""Was the camera knocked since its calibration? Markers that stand still tell.
+"""Detects that the camera was moved since its calibration, by markers that stand still.
 
-Fixed markers lie beside the plate, on the frame or the desk, and belong to the plate's dictionary
-but not to its layout. Where there are none, the plate's own centre serves: the plate turns about
-it, so it does not move sideways either.
+Fixed markers lie beside the plate, on the frame or the desk; they belong to the plate's dictionary
+but not to its layout. Where there are none, the plate's centre serves: the plate turns about it, so
+it does not move sideways either.
 """
 
 from collections.abc import Sequence
@@ -12,18 +12,20 @@ from math import isfinite
 import numpy as np
 
 from calibration.records import FixedRecord
-from vision.markers import FoundMarkers, MarkerLayout, detect
+from vision.plate.markers import FoundMarkers, MarkerLayout, detect
 
 FIXED_IDS = (46, 47, 48, 49)  # printed on the sheet of fixed markers; any others will do
-LIMIT_MM = 1.0  # of the markers' picture at the plate's distance
-PLATE_LIMIT_M = 0.002
+# Chosen: a shift that matters beside an uncertainty of some 0.1 mm, at the plate's distance; the
+# plate's centre is less sure, its linkage has play.
+LIMIT_MM, PLATE_LIMIT_M = 1.0, 0.002
 _STILL_PX, _SEEN_SHARE = 0.5, 0.8
-_EVERY_S, _TIMES = 1.0, 3
+_EVERY_S, _TIMES = 1.0, 3  # chosen: a search costs 5 to 15 ms; a hand passes within 3 s
 
 
 @dataclass(frozen=True)
-class Knock:
-    """How far the fixed markers moved in the picture, and what to tell the user."""
+class CameraShift:
+    """How far the fixed markers moved (median), in the picture [px] and at the plate [mm], and a
+    `sentence` that tells the user."""
 
     moved_px: float
     moved_mm: float
@@ -33,9 +35,11 @@ class Knock:
 def fixed_markers(
     images: Sequence[np.ndarray], layout: MarkerLayout, mm_per_px: float
 ) -> FixedRecord | None:
-    """The still markers beside the plate in frames (h, w[, 3]) uint8 of a table at rest, or None.
+    """The markers beside the plate that stand still in `images` (h, w[, 3]) uint8 of a table at
+    rest; None where there are none.
 
-    A marker counts that is seen in four of five frames and keeps its place within half a pixel.
+    A marker counts if it is not in the plate's `layout`, is seen in four of five frames, and stays
+    within half a pixel. `mm_per_px`: scale of the picture at the plate.
     """
     others = [i for i in range(50) if i not in layout.ids]
     search = _layout(others, layout.dictionary)
@@ -57,10 +61,14 @@ def fixed_markers(
     )
 
 
-def knocked(found: FoundMarkers, fixed: FixedRecord, *, limit_mm: float = LIMIT_MM) -> Knock | None:
-    """A knock, if most of the fixed markers that are seen moved; None else, or with too few seen.
+def camera_shift(
+    found: FoundMarkers, fixed: FixedRecord, *, limit_mm: float = LIMIT_MM
+) -> CameraShift | None:
+    """The camera's shift where most of the fixed markers that are seen moved by over `limit_mm`;
+    otherwise None.
 
-    A marker that moves alone was pushed itself: it says nothing of the camera.
+    A single marker that moved among several that did not was pushed itself. Where under 2 of
+    several markers are seen the answer is None.
     """
     before = dict(zip(fixed.ids, np.array(fixed.corners_px), strict=True))
     moves = [
@@ -75,7 +83,7 @@ def knocked(found: FoundMarkers, fixed: FixedRecord, *, limit_mm: float = LIMIT_
     moved_mm = moved_px * fixed.mm_per_px
     if moved_mm <= limit_mm or 2 * np.sum(far * fixed.mm_per_px > limit_mm) <= len(far) - 1:
         return None
-    return Knock(
+    return CameraShift(
         moved_px,
         moved_mm,
         f"moved camera: of {len(fixed.ids)} fixed markers {len(far)} lie {moved_px:.1f} px "
@@ -85,7 +93,9 @@ def knocked(found: FoundMarkers, fixed: FixedRecord, *, limit_mm: float = LIMIT_
 
 
 def plate_moved(drift_m: float, *, limit_m: float = PLATE_LIMIT_M) -> str | None:
-    """What to say of a plate whose centre moved sideways by `drift_m` (`BallCamera.drift_m`)."""
+    """A warning for the user where the plate's centre moved sideways by `drift_m` [m]
+    (`BallCamera.drift_m`) over `limit_m`; None within the limit or where the drift is not known
+    (NaN)."""
     if not isfinite(drift_m) or drift_m <= limit_m:
         return None
     return (
@@ -94,37 +104,35 @@ def plate_moved(drift_m: float, *, limit_m: float = PLATE_LIMIT_M) -> str | None
     )
 
 
-class KnockWatch:
-    """Looks at a run's frames now and then and says once that the camera was knocked.
-
-    A search of the whole picture takes 5 to 15 ms, so it is made once a second; three sightings in
-    a row must agree, so that a hand or a shadow raises no alarm.
-    """
+class ShiftMonitor:
+    """Checks a run's frames every `every_s` seconds and reports a moved camera once, after three
+    checks in a row that agree: a hand or a shadow raises no alarm. `fixed` None: only the plate's
+    drift is checked."""
 
     def __init__(self, fixed: FixedRecord | None, *, every_s: float = _EVERY_S) -> None:
         self._fixed, self._every_s = fixed, every_s
         self._layout = None if fixed is None else _layout(fixed.ids, fixed.dictionary)
-        self._due_s, self._in_a_row, self._said = -np.inf, 0, False
+        self._due_s, self._in_a_row, self._reported = -np.inf, 0, False
 
-    def look(self, image: np.ndarray, t_s: float, drift_m: float = float("nan")) -> str | None:
-        """What to tell the user after this frame (h, w[, 3]) uint8, mostly None; `drift_m` as the
-        ball camera measured it."""
-        if self._said or t_s < self._due_s:
+    def check(self, image: np.ndarray, t_s: float, drift_m: float = float("nan")) -> str | None:
+        """A warning for the user after this frame (h, w[, 3]) uint8 of time `t_s`, at most once;
+        otherwise None. `drift_m`: as in `plate_moved`."""
+        if self._reported or t_s < self._due_s:
             return None
         self._due_s = t_s + self._every_s
-        said = None
+        sentence = None
         if self._fixed is not None and self._layout is not None:
-            knock = knocked(detect(image, self._layout), self._fixed)
-            said = None if knock is None else knock.sentence
-        said = said or plate_moved(drift_m)
-        self._in_a_row = self._in_a_row + 1 if said else 0
+            shift = camera_shift(detect(image, self._layout), self._fixed)
+            sentence = None if shift is None else shift.sentence
+        sentence = sentence or plate_moved(drift_m)
+        self._in_a_row = self._in_a_row + 1 if sentence else 0
         if self._in_a_row < _TIMES:
             return None
-        self._said = True
-        return said
+        self._reported = True
+        return sentence
 
 
 def _layout(ids: Sequence[int], dictionary: str) -> MarkerLayout:
-    """A layout that only names markers; where they lie is not asked."""
+    """A layout with the right names; the corners are not used."""
     square = 0.01 * np.array([(-1, 1), (1, 1), (1, -1), (-1, -1)], float)
     return MarkerLayout(np.array(ids), np.repeat(square[None], len(ids), axis=0), dictionary)

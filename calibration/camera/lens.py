@@ -1,28 +1,33 @@
-"""The camera's lens from pictures of a ChArUco sheet, with every reason to distrust it checked."""
+"""The camera's lens from pictures of a ChArUco sheet, accepted only after the checks of its rooms.
+
+Order: what only pictures show (`pictures.py`), coverage, the fit without false corners
+(`lens_fit.py`), its acceptance tests (`lens_checks.py`), two half sets of the pictures against each
+other, and the sheet's size against the plate's markers (`print_scale.py`).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibration.doubts import false_corners, odd_pixels, refuse_bad_fit, shapes
-from calibration.lens_fit import FLAGS, PARAMETERS, solve, without_false_corners
-from calibration.on_plate import shift_mm, std_mm
-from calibration.pictures import (
+from calibration.camera.lens_checks import (
+    check_false_corners,
+    check_fit,
+    check_pixels,
+    check_sheet_and_lens,
+)
+from calibration.camera.lens_fit import FLAGS, PARAMETERS, solve, without_false_corners
+from calibration.camera.pictures import (
     leave_out_blurred,
     refuse_blurred_pictures,
     refuse_wrong_print,
     refuse_wrong_sheet,
 )
-from calibration.print_scale import check_against_plate
-from calibration.sheet import MIN_CORNERS, CalibrationError, Sheet, SheetView, find_sheet
-from vision.markers import MarkerLayout
+from calibration.camera.plate_uncertainty import shift_mm, std_mm
+from calibration.camera.print_scale import check_against_plate
+from calibration.camera.sheet import MIN_CORNERS, CalibrationError, Sheet, SheetView, find_sheet
+from vision.plate.markers import MarkerLayout
 from vision.view import Camera
-
-__all__ = [
-    "PARAMETERS", "CalibrationError", "CameraCalibration", "Sheet", "SheetView",
-    "calibrate_camera", "calibrate_images", "coverage", "find_sheet",
-]  # fmt: skip
 
 MIN_VIEWS, MIN_TILTED, TILTED_DEG = 15, 5, 25.0
 GRID, MIN_COVERAGE = (6, 4), 0.80
@@ -31,12 +36,17 @@ HALF_SET_WARN_MM, HALF_SET_LIMIT_MM = 0.2, 0.5
 
 @dataclass(frozen=True, eq=False)
 class CameraCalibration:
-    """A lens with its uncertainty. `std` by parameter (px; none for k), `view_rms_px` by view.
+    """A calibrated lens with its uncertainty.
 
-    `plate_std_mm`: the largest standard deviation on the plate that the pixels' noise leads to, and
-    `std_map_mm` (9, 9) all of them, rows from -y to +y. `half_set_mm`: 95th percentile of the
-    difference on the plate between the calibrations from every other view and from the rest, and
-    `half_map_mm` (9, 9) all of it: it sees what a small rms hides. `views` are those of the fit.
+    `std`: standard deviations by parameter (px; k and p without unit). `rms_px`: reprojection
+    error. `views`, `view_index`, `view_rms_px`: the fitted views, their pictures' indices and their
+    errors. `coverage`: share of the image grid with corners; `tilted_views`: how many views are
+    tilted by over TILTED_DEG. `std_map_mm` (9, 9): standard deviation on the plate due to the
+    pixels' noise, rows from -y to +y; `plate_std_mm`: its largest value. `half_map_mm` (9, 9):
+    distance on the plate between the lenses from every other view and from the rest, which shows
+    systematic errors that a small rms does not; `half_set_mm`: its 95th percentile. `flags`:
+    OpenCV's flags of the fit. `scale_checked`: whether the sheet's size was checked against the
+    plate's markers.
     """
 
     camera: Camera
@@ -63,12 +73,14 @@ def calibrate_images(
     distance_m: float = 0.75,
     layout: MarkerLayout | None = None,
 ) -> CameraCalibration:
-    """`find_sheet` and `calibrate_camera` for pictures (h, w[, 3]) uint8 of one camera.
+    """Calibrate one camera from pictures (h, w[, 3]) uint8 of the sheet: `find_sheet`, the checks
+    of the pictures, and `calibrate_camera`.
 
-    Where the markers of the plate's `layout` are seen beside the sheet, its size is checked, too.
+    `distance_m`: about where the plate will be; `layout`: the plate's markers; where they are seen
+    beside the sheet, the sheet's size is checked against them.
 
-    Raises `CalibrationError`, by name, also for what only the pictures show: another sheet, a
-    mirror, blur, pictures of several sizes.
+    `CalibrationError`, by the fault's name: another sheet, a mirror image, blur, pictures of
+    several sizes, a wrong print, and everything that `calibrate_camera` refuses.
     """
     sizes = sorted({image.shape[1::-1] for image in images})
     if len(sizes) != 1:
@@ -89,7 +101,12 @@ def calibrate_images(
 def calibrate_views(
     views: Sequence[SheetView], sheet: Sheet, size_px: tuple[int, int], *, distance_m: float = 0.75
 ) -> CameraCalibration:
-    """`calibrate_camera` for views found in pictures, after what only those show was checked."""
+    """Calibrate from views found in pictures of `size_px` (width, height): leaves out the blurred
+    ones, checks the print, and calls `calibrate_camera`.
+
+    `distance_m`: about where the plate will be. `CalibrationError`: too few sharp views, markers of
+    the wrong size, and everything that `calibrate_camera` refuses.
+    """
     sharp, notes = leave_out_blurred(views)
     if len(sharp) < MIN_VIEWS <= len(views):
         raise CalibrationError(f"{notes[0]}; {len(sharp)} are left, {MIN_VIEWS} are needed")
@@ -105,10 +122,12 @@ def calibrate_camera(
     distance_m: float = 0.75,
     notes: Sequence[str] = (),
 ) -> CameraCalibration:
-    """The lens from the sheet's views in pictures of `size_px` (width, height).
+    """Fit the lens to the sheet's views in pictures of `size_px` (width, height) and accept it only
+    after all checks.
 
-    `distance_m` is about where the plate will be: the two half sets are compared there. Raises
-    `CalibrationError` on anything that makes the numbers doubtful; `notes` join the warnings.
+    `distance_m`: about where the plate will be; the two half sets are compared there. `notes` join
+    the warnings. `CalibrationError`: too few views, too little coverage or tilt, a fit that a check
+    of `lens_checks` refuses, or half sets that differ by over HALF_SET_LIMIT_MM.
     """
     covered = _refuse_thin_set(views, size_px)
     views, fit, false_share, worst = without_false_corners(views, size_px)
@@ -118,9 +137,9 @@ def calibrate_camera(
             f"no tilt: {tilted} pictures show the sheet tilted by over {TILTED_DEG:.0f} degrees, "
             f"{MIN_TILTED} are needed to tell focal length from distance: tilt it more"
         )
-    notes = [*notes, *odd_pixels(fit.camera), *shapes(fit, views)]
-    notes += false_corners(false_share, worst)
-    refuse_bad_fit(fit, views)
+    notes = [*notes, *check_pixels(fit.camera), *check_sheet_and_lens(fit, views)]
+    notes += check_false_corners(false_share, worst)
+    check_fit(fit, views)
     halves = [solve(views[start::2], size_px).camera for start in (0, 1)]
     half = np.linalg.norm(shift_mm(halves[0], halves[1], distance_m), axis=1)
     half_mm = float(np.percentile(half, 95))
@@ -159,7 +178,8 @@ def _refuse_thin_set(views: Sequence[SheetView], size_px: tuple[int, int]) -> fl
 
 
 def cells(views: Sequence[SheetView], size_px: tuple[int, int]) -> set[tuple[int, int]]:
-    """Cells (column, row) of a 6x4 grid over the image in which some corner was seen."""
+    """Cells (column, row) of a 6x4 grid over the image of `size_px` (width, height) in which some
+    corner was seen."""
     if not views:
         return set()
     uv = np.concatenate([view.corners_px for view in views]) + 0.5
@@ -168,7 +188,7 @@ def cells(views: Sequence[SheetView], size_px: tuple[int, int]) -> set[tuple[int
 
 
 def coverage(views: Sequence[SheetView], size_px: tuple[int, int]) -> float:
-    """Share of a 6x4 grid's cells in which some corner was seen."""
+    """Share (0 to 1) of the cells of a 6x4 grid over the image in which some corner was seen."""
     return len(cells(views, size_px)) / (GRID[0] * GRID[1])
 
 

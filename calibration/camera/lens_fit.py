@@ -1,4 +1,5 @@
-"""One fit of the lens to the sheet's views, and the corners that are not where they seem."""
+"""The least-squares fit of the lens to the sheet's views (`cv2.calibrateCamera`), without corners
+that lie grossly off."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -6,8 +7,8 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from calibration.on_plate import lens_covariance
-from calibration.sheet import MIN_CORNERS, CalibrationError, SheetView
+from calibration.camera.plate_uncertainty import lens_covariance
+from calibration.camera.sheet import MIN_CORNERS, CalibrationError, SheetView
 from vision.view import Camera
 
 FLAGS = ("CALIB_FIX_K3",)  # k3 only earns its keep with wide lenses; it spoils k1 and k2 elsewhere
@@ -17,8 +18,10 @@ FALSE_SIGMAS, FALSE_PX = 8.0, 1.5
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
-    """A lens, its covariance (9, 9) with the parameters `free` (9,), and the views' poses."""
+class LensFit:
+    """A fitted lens: its covariance (9, 9) in the order of PARAMETERS, which of them were fitted
+    (`free` (9,)), the reprojection errors [px] of all and of each view, and the views' poses
+    camera_from_sheet as rotation vectors `turns` and translations `shifts` [m]."""
 
     camera: Camera
     covariance: np.ndarray
@@ -30,12 +33,13 @@ class Fit:
 
     @property
     def tilts_deg(self) -> list[float]:
-        """Angle between sheet and sensor in each view."""
+        """Angle [deg] between sheet and sensor in each view."""
         rotations = [np.asarray(cv2.Rodrigues(np.asarray(turn))[0]) for turn in self.turns]
         return [float(np.degrees(np.arccos(min(abs(r[2, 2]), 1.0)))) for r in rotations]
 
     def residuals(self, views: Sequence[SheetView]) -> list[np.ndarray]:
-        """Seen minus expected corners (n, 2) px of the views that were fitted."""
+        """Seen minus expected corners (n, 2) [px] of each view; `views` are those that were
+        fitted."""
         camera, left = self.camera, []
         for view, turn, shift in zip(views, self.turns, self.shifts, strict=True):
             seen, _ = cv2.projectPoints(
@@ -45,8 +49,9 @@ class Fit:
         return left
 
 
-def solve(views: Sequence[SheetView], size_px: tuple[int, int]) -> Fit:
-    """Least squares over all corners. `CalibrationError` where they determine no camera."""
+def solve(views: Sequence[SheetView], size_px: tuple[int, int]) -> LensFit:
+    """Fit the lens to all corners by least squares (`cv2.calibrateCameraExtended`); `size_px`:
+    (width, height) of the pictures. `CalibrationError`: the views determine no camera."""
     flags = sum(getattr(cv2, name) for name in FLAGS)
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)  # sums in the order of threads would give other last digits every time
@@ -73,17 +78,18 @@ def solve(views: Sequence[SheetView], size_px: tuple[int, int]) -> Fit:
     sigma = float(rms) * np.sqrt(0.5 * numbers / max(numbers - unknowns, 1))  # rms is per point
     covariance = lens_covariance(poses, camera, free, sigma)
     by_view = np.asarray(per_view).reshape(-1)
-    return Fit(camera, covariance, free, float(rms), by_view, list(turns), list(shifts))
+    return LensFit(camera, covariance, free, float(rms), by_view, list(turns), list(shifts))
 
 
 def without_false_corners(
     views: Sequence[SheetView], size_px: tuple[int, int]
-) -> tuple[list[SheetView], Fit, float, int]:
-    """The views without corners that lie grossly off, their fit, the share that was taken out and
-    the index of the picture with most of them.
+) -> tuple[list[SheetView], LensFit, float, int]:
+    """The views without corners that lie grossly off, their fit, the share of corners taken out,
+    and the index of the picture with most of them (-1: none taken out).
 
-    In turns: each fit shows the worst ones against the median of all distances, which a tenth of
-    false corners does not move.
+    Up to 6 fits in turn; after each, corners beyond FALSE_SIGMAS times the noise and beyond
+    FALSE_PX go. The noise comes from the median of all distances, which a tenth of false corners
+    hardly moves. `CalibrationError`: the views determine no camera.
     """
     kept, total = list(views), sum(len(view.points_m) for view in views)
     taken: dict[int, int] = {}

@@ -1,9 +1,10 @@
-"""What a calibration's residuals say about a sheet that is not flat or a lens of another kind.
+"""Tests the residuals of a lens fit for a sheet that is not flat and a lens of another kind.
 
-A fit that leaves nothing but noise has no more to give to more parameters. Here parameters that the
-model does not have are added for one linear step (each view's pose eliminated by the Schur
-complement): a sheet bent to z = a x^2 + b x y + c y^2, and a lens with higher radial powers and a
-tilted sensor. What they would take away, and how large they come out, names the fault.
+Parameters that the model lacks are added for one linear step, each view's pose projected out: a
+sheet bent to z = a x^2 + b x y + c y^2, and a lens with radial powers r^6, r^8 and a tilted sensor.
+If the residuals are noise, the drop of the sum of squares over the noise's variance is chi-squared
+with k = 3 or 4 degrees of freedom; its z score by Wilson and Hilferty (Proc. Nat. Acad. Sci. 17,
+1931), which unlike the exact tail does not underflow for gross faults.
 """
 
 from collections.abc import Sequence
@@ -20,8 +21,9 @@ _EPS = 1e-5
 
 @dataclass(frozen=True)
 class Misfit:
-    """`bent_mm`: how far the sheet rises from its flattest plane; `lens_px`: rms over the corners
-    seen of what a richer lens would change; each with its significance, a z score."""
+    """What a lens fit leaves unexplained, with z scores. `bent_mm`: peak-to-peak height of the
+    sheet over its best plane; `lens_px`: rms over the seen corners of what a richer lens would
+    change."""
 
     bent_mm: float
     bent_z: float
@@ -33,8 +35,11 @@ Posed = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # points, pixels,
 
 
 def misfit(views: Sequence[Posed], camera: Camera, free: np.ndarray) -> Misfit:
-    """Look at the residuals of a fit: views (points (n, 3), pixels (n, 2), rotation vector,
-    translation), its camera and which of its nine parameters were `free` (9,)."""
+    """Test a fit's residuals for a bent sheet and a richer lens (the module's chi-squared test).
+
+    `views`: per view the points (n, 3) [m], pixels (n, 2), rotation vector and translation [m];
+    `camera`: the fitted camera; `free` (9,): which of its nine parameters were fitted.
+    """
     scale = np.ptp(np.concatenate([points[:, :2] for points, *_ in views]), axis=0).max() / 2
     middle = np.mean(np.concatenate([points[:, :2] for points, *_ in views]), axis=0)
     lens = int(free.sum())

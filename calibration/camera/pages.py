@@ -1,7 +1,7 @@
 """A page to print, in millimetres: black rectangles, grey lines and text, as PDF or as pixels.
 
-Written by hand because a print whose scale matters should hold nothing but what is meant: no
-embedded picture that a viewer may resample, no crop box that it may fit.
+Written without a library so that nothing in the file can change the print's scale: no embedded
+picture that a viewer may resample, no crop box that it may fit to the paper.
 """
 
 from dataclasses import dataclass, field
@@ -21,8 +21,9 @@ PAPERS_MM = {
 
 @dataclass
 class Page:
-    """One page: `rectangles` (x, y, width, height) and `lines` (x1, y1, x2, y2) in mm from the top
-    left corner, `texts` (x, y of the base line's left end, height, text)."""
+    """One page to print; all lengths in mm from its top left corner, y down: `rectangles` (x, y,
+    width, height) black, `lines` (x1, y1, x2, y2) grey, `texts` (x, y of the base line's left end,
+    height, text)."""
 
     width_mm: float
     height_mm: float
@@ -31,9 +32,12 @@ class Page:
     texts: list[tuple[float, float, float, str]] = field(default_factory=list)
 
     def pattern(self, black: np.ndarray, x_mm: float, y_mm: float, cell_mm: float) -> None:
-        """Print the true cells of `black` (rows, columns) with its top left corner at (x, y): one
-        rectangle for each run of cells in a row, run into the row below where that is alike, so
-        that no white hairline appears between cells."""
+        """Add the true cells of `black` (rows, columns), bool, as squares of `cell_mm` with the
+        pattern's top left corner at (`x_mm`, `y_mm`).
+
+        Neighbouring cells are merged into one rectangle, along a row first and then over equal rows
+        below, so that no white hairline appears between them.
+        """
         rows, columns = black.shape
         todo = black.copy()
         for row in range(rows):
@@ -54,7 +58,8 @@ class Page:
                 column += wide
 
     def ruler(self, x_mm: float, y_mm: float, length_mm: int = 100) -> None:
-        """A ruler to be checked against a real one."""
+        """Add a ruler of `length_mm` from (`x_mm`, `y_mm`) to the right, with a tick per mm, to be
+        checked against a real one."""
         for tick in range(length_mm + 1):
             tall = 4.0 if tick % 10 == 0 else 3.0 if tick % 5 == 0 else 2.0
             self.lines.append((x_mm + tick, y_mm, x_mm + tick, y_mm - tall))
@@ -62,8 +67,8 @@ class Page:
         self.texts.append((x_mm + length_mm + 3, y_mm, 3.0, f"{length_mm} mm: measure this"))
 
     def pixels(self, dpi: float = 300.0) -> np.ndarray:
-        """The rectangles and lines (h, w) uint8 at `dpi`; edges that fall inside a pixel are grey
-        in proportion."""
+        """The rectangles and lines, without the texts, as an image (h, w) uint8 at `dpi`; pixels
+        that an edge crosses are grey in proportion."""
         scale = dpi / 25.4
         shape = (round(self.height_mm * scale), round(self.width_mm * scale))
         ink = np.zeros(shape)
@@ -92,7 +97,7 @@ def _covered(start: float, end: float, size: int) -> np.ndarray:
 
 
 def write_pdf(pages: list[Page], path: Path) -> None:
-    """Write the pages at their true size. OSError where the file cannot be written."""
+    """Write the pages as a PDF of true size. `OSError`: the file cannot be written."""
     objects: list[bytes] = [b"", b""]  # catalogue and page tree come to know the pages below
     font = b"<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica >>"
     objects.append(font)
@@ -129,8 +134,9 @@ def _content(page: Page) -> bytes:
     parts = [f"{k:.8f} 0 0 {k:.8f} 0 0 cm"]
     parts += [f"{x:.4f} {top - y - h:.4f} {w:.4f} {h:.4f} re" for x, y, w, h in page.rectangles]
     parts.append("f 0.4 G 0.15 w")
-    parts += [f"{x1:.4f} {top - y1:.4f} m {x2:.4f} {top - y2:.4f} l S" for x1, y1, x2, y2 in
-              page.lines]  # fmt: skip
+    parts += [
+        f"{x1:.4f} {top - y1:.4f} m {x2:.4f} {top - y2:.4f} l S" for x1, y1, x2, y2 in page.lines
+    ]
     for x, y, tall, text in page.texts:
         safe = text.replace("\\", r"\\").replace("(", r"\(").replace(")", r"\)")
         parts.append(f"BT /F {tall:.2f} Tf {x:.4f} {top - y:.4f} Td ({safe}) Tj ET")
@@ -138,7 +144,7 @@ def _content(page: Page) -> bytes:
 
 
 def write_png(page: Page, path: Path, dpi: float = 300.0) -> None:
-    """Write one page as pixels. OSError where the file cannot be written."""
+    """Write one page as a PNG image at `dpi`. `OSError`: the file cannot be written."""
     import cv2
 
     image, scale = page.pixels(dpi), dpi / 25.4

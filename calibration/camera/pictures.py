@@ -1,4 +1,4 @@
-"""What is wrong with pictures of a calibration sheet, by name, before anything is fitted."""
+"""Faults of pictures of a calibration sheet that are found by name before anything is fitted."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,8 +6,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from calibration.sharpness import picture_blur_px
-from calibration.sheet import CalibrationError, Sheet, SheetView
+from calibration.camera.sharpness import picture_blur_px
+from calibration.camera.sheet import CalibrationError, Sheet, SheetView
 
 MAX_BLUR_PX = 1.8  # of a sharp picture 0.5 to 1.2
 MAX_SHARE_ERROR = 0.03
@@ -21,10 +21,11 @@ _BOOKS = (  # the sets of 50 are the beginnings of those of 100, 250 and 1000
 
 
 def refuse_wrong_sheet(images: Sequence[np.ndarray], sheet: Sheet) -> None:
-    """Raise `CalibrationError` where the pictures show another sheet, or this one in a mirror.
+    """Raise `CalibrationError` where the pictures show a sheet other than `sheet` (dictionary,
+    number of squares, marker ids), or a mirror image of it.
 
-    A few of the pictures (h, w[, 3]) uint8 are looked at; where none shows any marker nothing is
-    said: there may be no sheet at all.
+    Up to 6 of the pictures (h, w[, 3]) uint8 are examined; where none shows any marker nothing is
+    raised, because there may be no sheet at all.
     """
     some = [_grey(images[i]) for i in _spread(len(images))]
     own = [_markers(image, sheet.dictionary) for image in some]
@@ -48,7 +49,9 @@ def refuse_wrong_sheet(images: Sequence[np.ndarray], sheet: Sheet) -> None:
 
 
 def refuse_blurred_pictures(images: Sequence[np.ndarray], found: int) -> None:
-    """Raise where blur is why the sheet was `found` in too few of the pictures."""
+    """Raise `CalibrationError` where a quarter or more of the pictures (h, w[, 3]) uint8 is blurred
+    by over MAX_BLUR_PX. To be called when the sheet was read in too few of them: `found`, for the
+    message."""
     blurs = np.array([picture_blur_px(_grey(image)) for image in images])
     bad = int(np.sum(blurs > MAX_BLUR_PX))
     if 4 * bad >= len(blurs):
@@ -105,7 +108,7 @@ def _refuse_other_board(
 
 
 def _off_squares(ids: np.ndarray, corners_px: np.ndarray, sheet: Sheet) -> float | None:
-    """Median distance of the markers from their places, in squares; None with too few."""
+    """75th percentile of the markers' distances from their places, in squares; None: too few."""
     board_ids = np.asarray(sheet.board.getIds()).reshape(-1).tolist()
     known = [k for k, i in enumerate(ids) if int(i) in board_ids]
     if len(known) < _MIN_MARKERS:
@@ -121,7 +124,8 @@ def _off_squares(ids: np.ndarray, corners_px: np.ndarray, sheet: Sheet) -> float
 
 
 def leave_out_blurred(views: Sequence[SheetView]) -> tuple[list[SheetView], list[str]]:
-    """The sharp views, and a warning for the rest. Views of unknown blur stay."""
+    """The views with a blur up to MAX_BLUR_PX, and a list of one warning about the others (empty:
+    none). Views of unknown blur are kept."""
     kept = [view for view in views if not view.blur_px > MAX_BLUR_PX]
     blurred = [view for view in views if view.blur_px > MAX_BLUR_PX]
     if not blurred:
@@ -134,7 +138,8 @@ def leave_out_blurred(views: Sequence[SheetView]) -> tuple[list[SheetView], list
 
 
 def refuse_wrong_print(views: Sequence[SheetView], sheet: Sheet) -> None:
-    """Raise where the markers are not as large against the squares as the sheet says."""
+    """Raise `CalibrationError` where the median ratio of the markers' side to the squares' side
+    differs from the sheet's by over 3 %. Nothing is raised where no view has the ratio."""
     shares = [view.marker_share for view in views if np.isfinite(view.marker_share)]
     if not shares:
         return

@@ -1,4 +1,4 @@
-"""Where the level plate is: the pose averaged over several frames, and what is left over in mm."""
+"""The level plate's pose, averaged over frames, and the residuals of its markers in mm."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,9 +6,9 @@ from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
-from calibration.print_scale import scale_on_plate
-from calibration.sheet import CalibrationError, Sheet
-from vision.markers import MarkerLayout, detect, edge_offsets, find_pose
+from calibration.camera.print_scale import scale_on_plate
+from calibration.camera.sheet import CalibrationError, Sheet
+from vision.plate.markers import MarkerLayout, detect, edge_offsets, find_pose
 from vision.view import Camera, View
 
 MIN_FRAMES = 3
@@ -18,13 +18,13 @@ MAX_SCATTER_MM = 0.3
 
 @dataclass(frozen=True, eq=False)
 class PlatePose:
-    """The level plate in the camera's frame.
+    """Pose of the level plate, `camera_from_plate` (4, 4) [m], as the mean over `frames`.
 
-    `residual_mm` is the rms distance between the markers' printed sides and the layout, over all
-    frames' means (noise averages out; a wrong print, a bent plate or a wrong lens does not);
-    `scatter_mm` the rms movement of the markers between frames, in space; `covariance` (6, 6) that
-    of the mean pose (see `View.pose_cov`); `sheet_scale` how many times larger than told the
-    calibration sheet on the plate is, where one lay there.
+    `covariance` (6, 6): of the mean pose (as `View.pose_cov`). `residual_mm`: rms distance between
+    the markers' printed sides and the layout, after the median over all frames: noise averages out;
+    a wrong print, a bent plate or a wrong lens does not. `scatter_mm`: rms movement of the markers
+    in space between frames. `sheet_scale`: measured over stated size of the calibration sheet, None
+    where none lay on the plate.
     """
 
     camera_from_plate: np.ndarray
@@ -40,9 +40,10 @@ def level_pose(
 ) -> PlatePose:
     """The plate's pose from frames (h, w, 3) uint8 taken with the plate level and at rest.
 
-    The calibration's `sheet`, where it lies flat on the plate, is measured against the markers.
-    Raises `CalibrationError` for too few frames with markers, a plate that moved meanwhile, and
-    markers that are not where the layout says.
+    `sheet`: the calibration sheet; where it lies flat on the plate, its size is measured against
+    the markers. `CalibrationError`: frames of another size than the camera's, under 3 with markers,
+    a plate that moved meanwhile, markers that are not where the layout says, or a sheet of a wrong
+    size.
     """
     fits = [find_pose(_checked(image, camera), layout, camera) for image in images]
     good = [(image, fit) for image, fit in zip(images, fits, strict=True) if fit is not None]

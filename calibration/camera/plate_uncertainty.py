@@ -1,13 +1,13 @@
-"""What an error of the lens costs where it matters: millimetres on the plate.
+"""Errors of the lens in millimetres on the plate.
 
-A wrong lens is partly hidden by the pose it makes believe, so each camera first finds the plate
-from the pixels of its markers, as it would in use, and then the ball's height is looked at.
+A wrong lens is partly compensated by the pose that is found with it. So each camera first finds the
+plate from the pixels of its markers, as it would in use; compared are points at the ball's height.
 """
 
 import cv2
 import numpy as np
 
-from vision.markers import default_layout
+from vision.plate.markers import default_layout
 from vision.view import Camera, View
 
 _BALL_HEIGHT_M = 0.02
@@ -17,9 +17,11 @@ _CORNERS = default_layout(0.275).corners_m.reshape(-1, 2)
 
 
 def shift_mm(believed: Camera, real: Camera, distance_m: float) -> np.ndarray:
-    """Where `believed` puts 81 points over the plate (81, 2), minus where they are, in mm.
+    """Error (81, 2) [mm] of the ball's place over a grid on the plate when pixels of camera `real`
+    are read with camera `believed`: believed minus true place.
 
-    The pixels come from `real`, level above the plate at `distance_m`.
+    The real camera looks straight down on the plate from `distance_m` [m]; `believed` first finds
+    the plate's pose from the markers' pixels (`cv2.solvePnP`).
     """
     pose = np.eye(4)
     pose[:3, :3] = np.diag([1.0, -1.0, -1.0])
@@ -37,14 +39,17 @@ def shift_mm(believed: Camera, real: Camera, distance_m: float) -> np.ndarray:
 
 
 def disagreement_mm(a: Camera, b: Camera, distance_m: float) -> float:
-    """95th percentile over the plate of the distance between what two cameras believe."""
+    """95th percentile over the plate of the distance [mm] between the places that cameras `a` and
+    `b` give (`shift_mm`)."""
     return float(np.percentile(np.linalg.norm(shift_mm(a, b, distance_m), axis=1), 95))
 
 
 def std_mm(camera: Camera, covariance: np.ndarray, distance_m: float) -> np.ndarray:
-    """Standard deviation (81,) in mm over the plate that `covariance` (9, 9) leads to.
+    """Standard deviation (81,) [mm] of the ball's place over the plate due to the lens's
+    `covariance` (9, 9), propagated to first order along the covariance's eigenvectors.
 
-    Parameters in OpenCV's order: fx, fy, cx, cy, k1, k2, p1, p2, k3.
+    Parameters in OpenCV's order: fx, fy, cx, cy, k1, k2, p1, p2, k3. `distance_m`: of the camera
+    from the plate.
     """
     values, vectors = np.linalg.eigh(covariance)
     variance = np.zeros(len(_POINTS))
@@ -67,9 +72,12 @@ def lens_covariance(
     free: np.ndarray,
     sigma_px: float,
 ) -> np.ndarray:
-    """Covariance (9, 9) of the lens from views (points (n, 3), rotation vector, translation).
+    """Covariance (9, 9) of the lens's parameters from views (points (n, 3) [m], rotation vector,
+    translation [m]) with pixel noise `sigma_px`.
 
-    The views' poses are eliminated (Schur complement); parameters not `free` (9,) stay exact.
+    The inverse of the Gauss-Newton information; the views' poses are eliminated by the Schur
+    complement. Parameters that are not `free` (9,) have zero variance. `LinAlgError`: the views do
+    not determine the free parameters.
     """
     information = np.zeros((9, 9))
     for points, turn, shift in views:

@@ -1,15 +1,16 @@
-"""Is the sheet as large as it is said to be? A lens cannot tell a small sheet from a far one.
+"""Checks the printed size of the sheet against the plate's markers.
 
-The plate's markers can, where both are seen in one picture: a sheet that lies flat on the plate is
-measured against them, and one that would have to lie below the plate cannot be of that size.
+A lens cannot tell a small sheet from a far one. Where sheet and plate are seen in one picture, a
+sheet that lies on the plate is measured against the markers, and one that would have to lie below
+the plate cannot be of the size it is said to be.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from calibration.sheet import CalibrationError, Sheet, SheetView, sheet_view
-from vision.markers import MarkerLayout, find_pose
+from calibration.camera.sheet import CalibrationError, Sheet, SheetView, sheet_view
+from vision.plate.markers import MarkerLayout, find_pose
 from vision.view import Camera, View
 
 MAX_ERROR = 0.01  # a board 5 mm thick under a camera 0.75 m up looks 0.7 % larger
@@ -19,8 +20,9 @@ _LYING_M = 0.0007
 
 
 def scale_on_plate(images: Sequence[np.ndarray], view: View, sheet: Sheet) -> float | None:
-    """Size of the sheet that lies on the plate in frames (h, w[, 3]) uint8 of one `view`, over what
-    it is said to be; None where there is none. `CalibrationError`: off by over 1 %."""
+    """Measured over stated size (median) of the sheet that lies on the plate in frames (h, w[, 3])
+    uint8 of one `view`; None where no frame shows one. `CalibrationError`: the size is off by over
+    1 %."""
     scales = []
     for image in images:
         seen = sheet_view(image, sheet)
@@ -51,10 +53,12 @@ def check_against_plate(
     layout: MarkerLayout,
     sheet: Sheet,
 ) -> bool:
-    """Whether the sheet's size was checked in calibration pictures in which the plate's markers are
-    seen, too: by a picture in which the sheet lies on the plate. `CalibrationError`: it is wrong.
+    """Whether the sheet's size could be checked: whether in some calibration picture the plate's
+    markers are seen and the sheet lies on the plate.
 
-    Nobody holds a sheet parallel to the plate to half a degree by hand, so one that is lies on it.
+    A sheet that is parallel to the plate within 0.6 degrees lies on it; nobody holds one so by
+    hand. `views`: the fitted ones, whose `index` points into `images`. `CalibrationError`: the size
+    is off by over 1 %, or a sheet would have to lie below the plate.
     """
     checked = False
     for view in views[:: max(1, len(views) // _LOOKED_AT)]:

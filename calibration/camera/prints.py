@@ -6,16 +6,16 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from calibration.pages import PAPERS_MM, Page
-from calibration.sheet import Sheet
-from vision.markers import MarkerLayout
+from calibration.camera.pages import PAPERS_MM, Page
+from calibration.camera.sheet import Sheet
+from vision.plate.markers import MarkerLayout
 
 MARGIN_MM, FOOT_MM = 5.0, 7.0
 
 
 def board_page(sheet: Sheet, paper: str = "a4") -> Page:
-    """The calibration sheet on the smallest turn of the paper that holds it, with its sizes in mm
-    and a ruler. ValueError: it does not fit."""
+    """The calibration sheet on `paper` (a key of PAPERS_MM), upright or turned, with its sizes in
+    mm and a ruler. `ValueError`: unknown paper, or the sheet does not fit."""
     width, height = (1e3 * size for size in sheet.size_m)
     page = _fitting(paper, width, height, "the sheet: take smaller squares or larger paper")
     x, y = (page.width_mm - width) / 2, MARGIN_MM
@@ -48,10 +48,11 @@ def _squares(page: Page, sheet: Sheet, x: float, y: float) -> None:
 
 
 def plate_pages(layout: MarkerLayout, plate_side_m: float, paper: str = "a4") -> list[Page]:
-    """The plate's markers at their places: one page, or strips to be laid edge to edge.
+    """The plate's markers at their places: one page, or strips to be laid edge to edge, cut between
+    markers.
 
-    The thin frame is the plate's edge, the thin cross its centre. Strips are cut between markers.
-    ValueError: the paper is too small even for strips.
+    The thin frame is the plate's edge, the thin cross its centre. `paper`: a key of PAPERS_MM.
+    `ValueError`: unknown paper, paper too small even for strips, or a marker that is turned.
     """
     side, half = 1e3 * plate_side_m, 500 * plate_side_m
     tallest = _fitting(paper, side, 10.0, "a strip of the plate: take larger paper").height_mm
@@ -121,8 +122,8 @@ def _plate_strip(page: Page, layout: MarkerLayout, origin, top: float, bottom: f
 
 
 def fixed_page(ids: Sequence[int], dictionary: str, side_m: float, paper: str = "a4") -> Page:
-    """Markers to be cut out and glued beside the plate, where they stand still. ValueError: the
-    paper is too small."""
+    """Markers with these `ids` and side `side_m` [m] to be cut out and glued beside the plate,
+    where they stand still. `ValueError`: unknown paper, or it is too small."""
     side, gap = 1e3 * side_m, 26.0
     page = _fitting(paper, len(ids) * side + (len(ids) - 1) * gap, side, "the fixed markers")
     book = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
@@ -141,7 +142,9 @@ def fixed_page(ids: Sequence[int], dictionary: str, side_m: float, paper: str = 
 def sheet_files(
     sheet: Sheet, layout: MarkerLayout, plate_side_m: float, paper: str, fixed: Sequence[int]
 ) -> dict[str, Sequence[Page]]:
-    """File name (without suffix) -> pages of everything that a calibration needs printed."""
+    """File name (without suffix) -> pages of everything that a calibration needs printed:
+    "charuco", "plate" and "fixed" (markers with the ids `fixed`). `ValueError`: unknown or too
+    small paper, or a marker that is turned."""
     marker_m = float(np.ptp(layout.corners_m[0, :, 0]))
     return {
         "charuco": [board_page(sheet, paper)],

@@ -9,12 +9,12 @@ _MIN_EDGES = 6
 
 
 def edge_blur_px(grey: np.ndarray, places: np.ndarray, pixels: np.ndarray) -> float:
-    """Standard deviation in px of the blur of the edges between neighbouring corners.
+    """Standard deviation [px] of the blur of the edges between neighbouring chessboard corners.
 
-    `grey` (h, w) uint8; `places` (n, 2) whole numbers: column and row of each corner on the board;
-    `pixels` (n, 2) where it is seen. Of the board's two directions the worse, so that a shake in
-    one of them shows. An edge blurred by s has a steepest slope of contrast/(sqrt(2 pi) s). NaN
-    with fewer than 6 edges in either direction.
+    `grey` (h, w) uint8; `places` (n, 2) integers: column and row of each corner on the board;
+    `pixels` (n, 2): where it is seen. The result is the larger median of the board's two
+    directions, so that shake in one of them shows. An edge blurred by s has a steepest slope of
+    contrast/(sqrt(2 pi) s). NaN: fewer than 6 clear edges in both directions.
     """
     at = {(int(c), int(r)): i for i, (c, r) in enumerate(places)}
     worst = np.nan
@@ -51,10 +51,11 @@ def _widths(grey: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
 
 
 def picture_blur_px(grey: np.ndarray) -> float:
-    """The same for any picture (h, w) uint8 with black and white in it, no corners needed.
+    """Standard deviation [px] of the blur of the steepest edges in any picture (h, w) uint8 with
+    black and white in it; no corners are needed.
 
-    Looked at are the steepest places along u and along v, a thousandth each; of both directions
-    the worse. NaN where there is no contrast.
+    Used are the steepest thousandth of the pixels along u and along v, with a contrast over 60; the
+    result is the larger median of the two directions. NaN: too little contrast.
     """
     image = grey.astype(np.float32)
     worst = np.nan

@@ -8,20 +8,21 @@ from math import nan
 import cv2
 import numpy as np
 
-from calibration.sharpness import edge_blur_px
+from calibration.camera.sharpness import edge_blur_px
 
 MIN_CORNERS = 12
 
 
 class CalibrationError(ValueError):
-    """The pictures do not determine the numbers well enough; the message says what to do."""
+    """The measurements do not determine the numbers well enough; the message says what to do."""
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """A printed ChArUco board: `columns` x `rows` squares. The default fits on A4.
+    """A printed ChArUco board of `columns` x `rows` squares. The default fits on A4.
 
-    ValueError: sizes or a dictionary that make no board.
+    `ValueError`: markers not smaller than the squares, under 3x3 squares, an unknown dictionary, or
+    one that holds too few markers.
     """
 
     columns: int = 11
@@ -50,27 +51,29 @@ class Sheet:
 
     @property
     def size_m(self) -> tuple[float, float]:
-        """Width and height of the printed area."""
+        """Width and height [m] of the printed area."""
         return self.columns * self.square_m, self.rows * self.square_m
 
     @cached_property
     def board(self) -> cv2.aruco.CharucoBoard:
+        """OpenCV's ChArUco board of this sheet, in metres."""
         book = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
         size = (self.columns, self.rows)
         return cv2.aruco.CharucoBoard(size, self.square_m, self.marker_m, book)
 
     def image(self, px_per_square: int = 140) -> np.ndarray:
-        """The print (h, w) uint8 without margin."""
+        """The print (h, w) uint8 without margin, `px_per_square` pixels for each square."""
         size = (self.columns * px_per_square, self.rows * px_per_square)
         return np.asarray(self.board.generateImage(size, marginSize=0, borderBits=1))
 
 
 @dataclass(frozen=True, eq=False)
 class SheetView:
-    """Corners of the sheet seen in one picture: `points_m` (n, 3), `corners_px` (n, 2).
+    """Corners of the sheet seen in picture `index`: `points_m` (n, 3) on the sheet [m],
+    `corners_px` (n, 2).
 
-    `blur_px`: standard deviation of the edges' blur; `marker_share`: the markers' side over the
-    squares' as seen. NaN where nobody measured them.
+    `blur_px`: standard deviation of the edges' blur [px]; `marker_share`: the markers' side over
+    the squares' side as seen. NaN: not measured.
     """
 
     index: int
@@ -81,13 +84,15 @@ class SheetView:
 
 
 def find_sheet(images: Iterable[np.ndarray], sheet: Sheet) -> list[SheetView]:
-    """The sheet in each picture (h, w[, 3]) uint8; pictures with under 12 corners are left out."""
+    """The sheet in each picture (h, w[, 3]) uint8, with the picture's index; pictures with under 12
+    corners are left out."""
     views = (sheet_view(image, sheet, index) for index, image in enumerate(images))
     return [view for view in views if view is not None]
 
 
 def sheet_view(image: np.ndarray, sheet: Sheet, index: int = 0) -> SheetView | None:
-    """The sheet in one picture (h, w[, 3]) uint8; None with under 12 corners."""
+    """The sheet in one picture (h, w[, 3]) uint8, with the blur of its edges and the share of its
+    markers; None with under 12 corners."""
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     detector = cv2.aruco.CharucoDetector(sheet.board)
     corners, ids, marker_corners, marker_ids = detector.detectBoard(grey)

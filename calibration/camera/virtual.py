@@ -1,9 +1,12 @@
-"""How to hold a calibration sheet before a camera: poses that show all that must be seen."""
+"""Pictures of a calibration sheet by the virtual camera, held as a person would hold it."""
+
+from collections.abc import Iterator
 
 import cv2
 import numpy as np
 
-from calibration.sheet import Sheet
+from calibration.camera.sheet import Sheet
+from vision.synthetic.synthetic import Renderer
 
 # Where the sheet's centre is aimed, in half images from the middle: corners, sides, middle.
 _AIMS = ((-1, -1), (0, -1), (1, -1), (-1, 1), (0, 1), (1, 1), (0, 0), (0.5, 0))
@@ -16,10 +19,11 @@ def sheet_poses(
     count: int,
     rng: np.random.Generator,
 ) -> list[np.ndarray]:
-    """Poses (4, 4) camera_from_sheet, every other one tilted by 28 to 42 degrees, all round.
+    """Random poses (4, 4) camera_from_sheet [m] of a sheet held before a camera; every other one is
+    tilted by 28 to 42 degrees, the others by 3 to 22, in all directions.
 
-    `field` is (width, height) of the view at distance 1; the sheet is held between 0.67 and one
-    `distance_m` away. Its origin is the top left corner of the print, x right, y down.
+    `field`: (width, height) of the view at distance 1; the sheet is held between 0.67 and 1 times
+    `distance_m` away. The sheet's origin is the top left corner of the print, x right, y down.
     """
     poses = []
     for k in range(count):
@@ -36,3 +40,25 @@ def sheet_poses(
         pose[:3, 3] = centre - turn[:, :2] @ (0.5 * np.array(sheet.size_m))
         poses.append(pose)
     return poses
+
+
+def sheet_pictures(
+    renderer: Renderer, sheet: Sheet, count: int, rng: np.random.Generator
+) -> Iterator[np.ndarray]:
+    """Yield `count` rendered frames (h, w, 3) uint8 of the sheet, placed all over the image and
+    tilted in all directions.
+
+    The renderer's view only serves to place the sheet where a person would hold it, between plate
+    and lens.
+    """
+    camera = renderer.view.camera
+    distance_m = float(renderer.view.camera_from_plate[2, 3])
+    field = camera.width_px / camera.pinhole[0], camera.height_px / camera.pinhole[1]
+    px_per_square, margin_px = 140, 140
+    paper = np.pad(sheet.image(px_per_square), margin_px, constant_values=255)
+    margin_m = sheet.square_m * margin_px / px_per_square
+    size_m = (sheet.size_m[0] + 2 * margin_m, sheet.size_m[1] + 2 * margin_m)
+    for pose in sheet_poses(sheet, field, distance_m, count, rng):
+        corner = pose.copy()
+        corner[:3, 3] -= pose[:3, :2] @ (margin_m, margin_m)
+        yield renderer.render_sheet(paper, size_m, corner)

@@ -1,4 +1,4 @@
-"""What the gap workflow found, as plain data: the answer that JSON, report and page are made of.
+"""The findings of the gap workflow as plain data: JSON, report and page are made of them.
 
 Gaps are RMS innovations over one noise floor a channel, the same before and after; 1.0 is a perfect
 model. Channels: servo_x, servo_y, ball_x, ball_y.
@@ -17,7 +17,7 @@ UNITS = {"servo_x": "rad", "servo_y": "rad", "ball_x": "m", "ball_y": "m"}
 
 @dataclass(frozen=True)
 class Interval:
-    """A value with its 95 % interval."""
+    """A value with the limits of its 95 % interval, all in one unit."""
 
     value: float
     low: float
@@ -28,8 +28,9 @@ class Interval:
 class Profile:
     """The gap of one channel over one quantity: where in time or state the model is wrong.
 
-    quantity: "time", "position", "speed", "direction", "after reversal", "voltage"; unit of
-    `edges`; edges (n + 1,) and gap (n,), NaN where too few samples (`count` (n,)) fell.
+    `quantity`: "time", "position", "speed", "direction", "after reversal" or "voltage"; `unit`: of
+    `edges` (n + 1,), the limits of the bins; `gap` (n,): in noise floors, NaN in bins with too few
+    samples; `count` (n,): samples in each bin.
     """
 
     channel: str
@@ -42,8 +43,8 @@ class Profile:
 
 @dataclass(frozen=True, eq=False)
 class PlateMap:
-    """Mean innovation of the ball over the plate, in floors: x_edges (n + 1,), y_edges (m + 1,),
-    mean (m, n, 2) of the x and y channels and count (m, n)."""
+    """Mean innovation of the ball over cells of the plate, in noise floors: `x_edges` (n + 1,) and
+    `y_edges` (m + 1,) [m], `mean` (m, n, 2) of the channels x and y, `count` (m, n) of samples."""
 
     x_edges: np.ndarray
     y_edges: np.ndarray
@@ -53,14 +54,17 @@ class PlateMap:
 
 @dataclass(frozen=True)
 class Where:
+    """A region of a channel in plain words, and the channel's gap there in noise floors."""
+
     channel: str
     region: str
     gap: float
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """One name of the ranking: score = gain in log-likelihood beyond its parameters' own."""
+class RankedEffect:
+    """One effect of the ranking: `score`, its penalised gain in log-likelihood (`decision_rule`),
+    its probability (0 to 1), and `twins`, the effects that the logs cannot tell from it."""
 
     name: str
     score: float
@@ -70,7 +74,8 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Named:
-    """An effect that is missing from the model. parameters: axis -> key -> interval."""
+    """An effect that the model lacks, with its probability (0 to 1) and the `twins` that the logs
+    cannot tell from it. `parameters`: axis -> catalogue key -> interval [SI]."""
 
     name: str
     probability: float
@@ -80,7 +85,8 @@ class Named:
 
 @dataclass(frozen=True)
 class Leftover:
-    """What no name explains: its channel, its shape in words, and a formula if one holds."""
+    """What no named effect explains: its channel, its shape in words, and a formula where the
+    unnamed term closed the gap on held-out data."""
 
     channel: str
     shape: str
@@ -89,6 +95,9 @@ class Leftover:
 
 @dataclass(frozen=True)
 class Untestable:
+    """An effect that the logs would not have shown, the reason, and `smallest`, by catalogue key,
+    the smallest size that they would have shown (empty: not known)."""
+
     name: str
     why: str
     smallest: dict[str, float]
@@ -96,7 +105,8 @@ class Untestable:
 
 @dataclass(frozen=True)
 class Step:
-    """The gaps by channel after an effect was added (`added` = "" for the model as it came)."""
+    """The gaps by channel, in noise floors, after an effect was added; `added` is "" for the model
+    as it came."""
 
     added: str
     gap: dict[str, float]
@@ -104,7 +114,8 @@ class Step:
 
 @dataclass(frozen=True)
 class ProofRow:
-    """One model on held-out data: its gap by channel and its error 1 s ahead [mm]."""
+    """One model on held-out data: its gap by channel, in noise floors, and its error 1 s ahead [mm]
+    (None: no ball was seen)."""
 
     model: str  # "nothing added", "best rival: NAME", "unnamed term", "named: NAME + NAME"
     gap: dict[str, float]
@@ -113,7 +124,8 @@ class ProofRow:
 
 @dataclass(frozen=True)
 class ClosedLoopRow:
-    """One quantity of the recorded protocol: measured, simulated before and after."""
+    """One quantity of the recorded protocol: measured, simulated with the model before, and
+    simulated with the model after."""
 
     quantity: str  # "limit cycle amplitude", "limit cycle period", "settling time", "spread"
     unit: str
@@ -124,6 +136,9 @@ class ClosedLoopRow:
 
 @dataclass(frozen=True)
 class Gap:
+    """Gaps by channel, before and after, over one noise floor. `floor`: where the floor comes from;
+    `held_out`: whether the gaps are on data that were not fitted."""
+
     before: dict[str, float] = field(default_factory=dict)
     after: dict[str, float] = field(default_factory=dict)
     floor: str = "fullest model"  # or "repeated runs"
@@ -134,7 +149,8 @@ class Gap:
 
 @dataclass(frozen=True)
 class NextExperiment:
-    """separation: expected score between the two names, per run of the protocol."""
+    """The protocol that separates two names, and its duration [s]. `separation`: the expected
+    difference of their scores."""
 
     protocol: str
     separates: tuple[str, str]
@@ -144,7 +160,8 @@ class NextExperiment:
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """The whole answer of `rig gap`; lists are empty for the stages that did not run."""
+    """The whole answer of `rig gap`. Tuples are empty, and other fields at their default, for
+    stages that did not run."""
 
     verdict: str
     sentence: str
@@ -155,7 +172,7 @@ class Findings:
     calibrated: dict[str, Interval] = field(default_factory=dict)
     gap: Gap = field(default_factory=Gap)
     next_experiment: NextExperiment | None = None
-    ranking: tuple[Candidate, ...] = ()
+    ranking: tuple[RankedEffect, ...] = ()
     profiles: tuple[Profile, ...] = ()
     maps: tuple[PlateMap, ...] = ()
     steps: tuple[Step, ...] = ()
@@ -167,7 +184,8 @@ class Findings:
     rig_after: Rig | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """The dictionary of `rig gap --json` (the contract of DESIGN.md)."""
+        """The dictionary that `rig gap --json` prints: plain types, SI units but for keys that name
+        another."""
         gap: dict[str, Any] = {
             "before": self.gap.before,
             "after": self.gap.after,

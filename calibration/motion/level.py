@@ -1,35 +1,39 @@
-"""Level slopes, the ball's direction signs, and the delay that a ball's run tells."""
+"""The level's slopes, the ball's direction signs, and the delay, from a ball that is led about."""
 
 from math import hypot
 from typing import Literal
 
 import numpy as np
 
+from calibration.camera.sheet import CalibrationError
+from calibration.motion.rolling import Rolling, RollingFit, fit_rolling
 from calibration.records import LevelRecord, TimingRecord, Value
-from calibration.rolling import Rolling, RollingFit, fit_rolling
-from calibration.sheet import CalibrationError
+from calibration.statistics import student_quantile
 from rig.parameters import Rig
 
-_WIDE = 2.0  # 95 % of a Student's t with the usual 40 windows
 # What the window model leaves out (second order in the tilt, the shafts), on simulated tables.
 _MODEL_SLOPE_RAD, _MODEL_GAIN = 5e-5, 0.01
-_GAIN_LIMIT = 0.3
+_GAIN_LIMIT = 0.3  # chosen: axes that are swapped or wrong linkages differ by more
 AXES: tuple[Literal["x"], Literal["y"]] = ("x", "y")
 
 
 def level_record(x: list[Rolling], y: list[Rolling], rig: Rig) -> LevelRecord:
-    """The slopes from runs in which the ball was led about (of each axis one `Rolling` a run).
+    """The level section: slopes and gains of both axes with 95 % intervals, from runs in which the
+    ball was led about; `x` and `y` hold one `Rolling` per run (model: `rolling.py`).
 
-    Raises `CalibrationError` on too little motion, or an angle that drives the ball the wrong way.
+    `CalibrationError`: too little motion (`fit_rolling`), an angle that drives the ball the wrong
+    way, or a gain that differs from the rig file's by over 30 %.
     """
     fits = [fit_rolling(runs, rig) for runs in (x, y)]
     for name, fit in zip(AXES, fits, strict=True):
         _check_gain(name, fit, rig)
     pairs = list(zip(AXES, fits, strict=True))
     return LevelRecord(
-        slope_rad={n: _value(*f.slope_rad, _MODEL_SLOPE_RAD) for n, f in pairs},
-        gain_m_s2={n: _value(*f.gain_m_s2, _MODEL_GAIN * f.gain_m_s2[0]) for n, f in pairs},
-        play_rad={n: f.play_rad[0] for n, f in pairs},
+        slope_rad={n: _value(*f.slope_rad, f.freedom, _MODEL_SLOPE_RAD) for n, f in pairs},
+        gain_m_s2={
+            n: _value(*f.gain_m_s2, f.freedom, _MODEL_GAIN * f.gain_m_s2[0]) for n, f in pairs
+        },
+        play_rad={n: f.backlash_rad[0] for n, f in pairs},
     )
 
 
@@ -48,9 +52,13 @@ def _check_gain(name: str, fit: RollingFit, rig: Rig) -> None:
 
 
 def timing_from_ball(axes: list[list[Rolling]], rig: Rig, known_s: float) -> TimingRecord:
-    """The delay from runs without frames: what the ball tells, some milliseconds uncertain.
+    """The camera's delay from runs without recorded frames, fitted to the ball's motion; its
+    standard deviation is some milliseconds.
 
-    `axes`: of each axis one `Rolling` a run; `known_s` is the delay that its times allow for.
+    `axes`: for x and y, one `Rolling` per run; `known_s`: the delay [s] that was already subtracted
+    from their times. The latenesses of the axes are averaged with inverse-variance weights; the
+    standard deviation is at least half their difference. `CalibrationError`: too little motion
+    (`fit_rolling`).
     """
     fits = [fit_rolling(runs, rig) for runs in axes]
     weights = np.array([1 / max(fit.late_s[1], 1e-6) ** 2 for fit in fits])
@@ -58,13 +66,13 @@ def timing_from_ball(axes: list[list[Rolling]], rig: Rig, known_s: float) -> Tim
     std = float(weights.sum() ** -0.5)
     apart = abs(fits[0].late_s[0] - fits[1].late_s[0]) / 2
     return TimingRecord(
-        delay_s=_value(known_s + late, max(std, apart), 0.0005),
-        play_rad={name: fit.play_rad[0] for name, fit in zip(AXES, fits, strict=True)},
+        delay_s=_value(known_s + late, max(std, apart), fits[0].freedom, 0.0005),
+        play_rad={name: fit.backlash_rad[0] for name, fit in zip(AXES, fits, strict=True)},
         frames=sum(len(run.seen_s) for run in axes[0]),
         source="ball",
     )
 
 
-def _value(mean: float, std: float, model: float) -> Value:
-    wide = hypot(_WIDE * std, model)
-    return Value(value=mean, low=mean - wide, high=mean + wide)
+def _value(mean: float, std: float, freedom: int, model: float) -> Value:
+    """95 % interval of a fit's number; `model`: what the equations leave out, in its unit."""
+    return Value.around(mean, hypot(student_quantile(freedom) * std, model))

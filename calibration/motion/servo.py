@@ -12,26 +12,27 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import t as student
 
-from calibration.manoeuvres import Trace, perform, probe, pulses, ramps
+from calibration.camera.sheet import CalibrationError
+from calibration.motion.manoeuvres import Trace, perform, probe, pulses, ramps
 from calibration.records import ServoAxis, ServoRecord, Value
-from calibration.sheet import CalibrationError
+from calibration.statistics import jackknife_std, mean_with_half_width, student_quantile
 from rig.table import Table
 
 _MIN_MOVES = 3
-_SHORTEST = 5  # ticks
-_TAU_S = 0.035  # about any such servo's: enough for a rough look
-# What a rigid motor leaves out of a drive with shafts and play, on simulated tables: it repeats, so
-# the jackknife does not see it. Shares of K and tau, volts of offset and friction.
+_SHORTEST = 5  # ticks; chosen: what ends sooner is noise of the encoder
+_TAU_S = 0.035  # about any such servo's, for the rough first ramps alone
+# Error of a rigid motor as the model of a drive with shafts and backlash, from simulated tables; it
+# is alike in all moves, so the jackknife does not see it. Shares of K, tau; volts of the others.
 _MODEL = np.array((0.015, 0.025, 0.002, 0.01))
 _STAND_S, _COUNT_RAD = 0.15, 0.0016
 
 
 @dataclass(frozen=True, eq=False)
 class Move:
-    """One move from rest: t_s (n,) from the moment the volts began, volts (n,), angle (n,) from
-    its value at rest; the first `driven` ticks are the move, the others the rest after it."""
+    """One move from rest: `t_s` (n,) from the moment at which the volts began, applied volts (n,),
+    angle (n,) relative to its value at rest; the first `driven` ticks are the move, the others the
+    rest after it."""
 
     t_s: np.ndarray
     volts: np.ndarray
@@ -40,15 +41,17 @@ class Move:
 
     @property
     def sign(self) -> float:
+        """Direction of the move, 1.0 up or -1.0 down."""
         return float(np.sign(self.volts[self.driven - 1] - self.volts[-1]))
 
 
 def calibrate_servos(table: Table) -> tuple[ServoRecord, Trace, Trace]:
-    """Measure both servos of a table without a ball; also what happened in ramps and pulses.
+    """Measure both servos of a table without a ball: the record, then the traces of ramps and of
+    pulses.
 
-    A few ramps tell roughly the volts at which the motor feels none (an offset would else let the
-    arm creep back through its play in every rest); then all are made from there. Raises
-    `CalibrationError` on wrong directions, a dead motor or moves that do not fit.
+    A few ramps first find roughly the volts at which each motor feels no torque; all other moves
+    start from there, so that no arm creeps back through its backlash at rest. `CalibrationError`:
+    wrong signs or axes, a motor that does not turn, or too few moves that can be used.
     """
     probe(table)
     period = table.period_s
@@ -59,19 +62,20 @@ def calibrate_servos(table: Table) -> tuple[ServoRecord, Trace, Trace]:
     return servo_record(ramped, pulsed), ramped, pulsed
 
 
-def _middle_V(found: list[Move]) -> float:
-    both = [[breakaway_V(m, _TAU_S) for m in found if m.sign == sign] for sign in (1.0, -1.0)]
+def _middle_V(ramped: list[Move]) -> float:
+    """The middle of the breakaway volts up and down."""
+    both = [[breakaway_V(m, _TAU_S) for m in ramped if m.sign == sign] for sign in (1.0, -1.0)]
     return 0.5 * (mean_value(both[0], 2).value + mean_value(both[1], 2).value)
 
 
 def servo_record(ramped: Trace, pulsed: Trace) -> ServoRecord:
-    """The record of two traces; errors as `calibrate_servos`."""
+    """Fit both servos to the traces of `ramps` and of `pulses`, with 95 % intervals.
+    `CalibrationError`: too few ramps or pulses in a direction that can be used."""
     axes = []
     for a in range(2):
         gain, lag, offset, friction = fit_pulses(moves(pulsed, a))
-        found = moves(ramped, a)
         up, down = (
-            [breakaway_V(move, lag.value) for move in found if move.sign == sign]
+            [breakaway_V(move, lag.value) for move in moves(ramped, a) if move.sign == sign]
             for sign in (1.0, -1.0)
         )
         axes.append(
@@ -89,8 +93,9 @@ def servo_record(ramped: Trace, pulsed: Trace) -> ServoRecord:
 
 
 def moves(trace: Trace, axis: int) -> list[Move]:
-    """The moves from rest of one axis, but for the first in each direction: it takes up play."""
-    numbers, found, last_sign = trace.move[:, axis], [], 0.0
+    """The moves from rest of one axis (0 x, 1 y), without the first in each direction, which takes
+    up the backlash, and without those of under 5 driven ticks."""
+    numbers, used, last_sign = trace.move[:, axis], [], 0.0
     for number in range(1, int(numbers.max(initial=0)) + 1):
         rows = np.flatnonzero(np.abs(numbers) == number)
         driven = int(np.sum(numbers == number))
@@ -101,16 +106,17 @@ def moves(trace: Trace, axis: int) -> list[Move]:
         volts = trace.volts[rows, axis]
         move = Move(t - t[0], volts, theta - theta[0], driven)
         if move.sign == last_sign:
-            found.append(move)
+            used.append(move)
         last_sign = move.sign
-    return found
+    return used
 
 
 def breakaway_V(move: Move, tau_s: float) -> float:
-    """Volts at which a ramp moved its servo for good [V].
+    """Volts [V] at which a ramp moved its servo for good: the ramp's start in the module's equation
+    for theta(s), fitted to the angle with time constant `tau_s`.
 
-    A drive with play may creep to its far side first and stand there: what counts is the move
-    after the last stand.
+    A drive with backlash may creep to its far side first and stand there, so only the rise after
+    the last stand counts.
     """
     t, theta = move.t_s[: move.driven], move.sign * move.theta_rad[: move.driven]
     later = np.searchsorted(t, t + _STAND_S)
@@ -135,7 +141,9 @@ def _ramp_answer(s: np.ndarray, tau: float) -> np.ndarray:
 
 
 def pulse_angle(move: Move, gain: float, tau: float, offset: float, friction: float) -> np.ndarray:
-    """Angle (n,) of the model for a move of constant volts from rest, then none."""
+    """Angle (n,) [rad] that the module's motor equation gives at the times of `move`: constant
+    volts from rest, then the rest's volts until it stops. `gain` K [rad/s/V], `tau` [s], `offset`
+    V0 and `friction` F [V]."""
     n, period, sign = move.driven, move.t_s[1] - move.t_s[0], move.sign
     first = move.volts[0] / move.volts[n - 1]  # the clamp lets large volts grow within a tick
     length = (n - 1 + first) * period
@@ -151,12 +159,17 @@ def pulse_angle(move: Move, gain: float, tau: float, offset: float, friction: fl
     return sign * theta
 
 
-def fit_pulses(found: list[Move]) -> tuple[Value, Value, Value, Value]:
-    """K, tau, offset and friction of all pulses of one axis, with 95 % intervals by the jackknife
-    over groups of pulses (what one pulse's model misses is alike all along it)."""
-    if len(found) < 2 * _MIN_MOVES or len({move.sign for move in found}) < 2:
+def fit_pulses(pulsed: list[Move]) -> tuple[Value, Value, Value, Value]:
+    """K [rad/s/V], tau [s], offset and friction [V] by least squares over all pulses of one axis,
+    with 95 % intervals.
+
+    The intervals come from the jackknife over up to 8 groups of pulses, since errors within a pulse
+    are correlated, widened by the model's own error. `CalibrationError`: under 6 pulses, or all in
+    one direction.
+    """
+    if len(pulsed) < 2 * _MIN_MOVES or len({move.sign for move in pulsed}) < 2:
         raise CalibrationError(
-            f"{len(found)} pulses can be used, {2 * _MIN_MOVES} in both directions are needed: "
+            f"{len(pulsed)} pulses can be used, {2 * _MIN_MOVES} in both directions are needed: "
             "does the servo move freely?"
         )
 
@@ -168,26 +181,24 @@ def fit_pulses(found: list[Move]) -> tuple[Value, Value, Value, Value]:
         scale = [1.0, 0.02, 0.1, 0.1]
         return least_squares(left, [1.6, 0.03, 0.0, 0.15], bounds=bounds, x_scale=scale).x
 
-    best = fit(found)
-    groups = min(8, len(found) // 2)
-    parts = np.array([fit([m for i, m in enumerate(found) if i % groups != k]) for k in
-                      range(groups)])  # fmt: skip
-    std = np.sqrt((groups - 1) / groups * np.sum((parts - parts.mean(axis=0)) ** 2, axis=0))
-    wide = float(student.ppf(0.975, groups - 1))
-    values = [
-        Value(value=float(v), low=float(v - wide * s - m), high=float(v + wide * s + m))
-        for v, s, m in zip(best, std, _MODEL * (best[0], best[1], 1.0, 1.0), strict=True)
+    best = fit(pulsed)
+    groups = min(8, len(pulsed) // 2)
+    without_one = [
+        fit([m for i, m in enumerate(pulsed) if i % groups != left_out])
+        for left_out in range(groups)
     ]
-    return values[0], values[1], values[2], values[3]
+    half = student_quantile(groups - 1) * jackknife_std(np.array(without_one))
+    half += _MODEL * (best[0], best[1], 1.0, 1.0)
+    gain, lag, offset, friction = map(Value.around, best.tolist(), half.tolist())
+    return gain, lag, offset, friction
 
 
 def mean_value(numbers: list[float], least: int = _MIN_MOVES) -> Value:
-    """Mean with its 95 % interval (Student). `CalibrationError` with fewer than `least`."""
+    """Mean of repeated measurements with its 95 % interval. `CalibrationError`: fewer than
+    `least`."""
     if len(numbers) < least:
         raise CalibrationError(
             f"{len(numbers)} ramps in one direction can be used, {least} are needed: does the "
             "servo move freely?"
         )
-    mean, n = float(np.mean(numbers)), len(numbers)
-    wide = float(student.ppf(0.975, n - 1)) * float(np.std(numbers, ddof=1)) / np.sqrt(n)
-    return Value(value=mean, low=mean - wide, high=mean + wide)
+    return Value.around(*mean_with_half_width(numbers))

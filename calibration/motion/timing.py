@@ -1,39 +1,42 @@
-"""How late the camera's frames are stamped, from a plate that wiggles: markers against encoders.
+"""The delay of the camera's time stamps from a plate that wiggles: markers against encoders.
 
 The markers give the plate's tilt in every frame, the encoders the servo's angle in every tick. A
-joint with play makes the plate late as well, by an angle that does not depend on the speed; a delay
-is late by a time. A wiggle of several frequencies tells them apart, so both are fitted:
+joint with backlash makes the plate lag by an angle that does not depend on the speed, a delay by a
+time. A wiggle of several frequencies tells them apart, so both are fitted by least squares:
 
     sin(phi)(t_frame) = offset + scale ratio sin(theta_p(t_frame - delay)),
 
-theta_p the angle behind the play. Offset and scale (a cross-talk of the mounting) are linear.
+theta_p the angle behind the backlash. Offset and scale (a cross-talk of the mounting) are linear.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import t as student
 
-from calibration.backlash import behind_play
+from calibration.camera.sheet import CalibrationError
+from calibration.motion.rolling import behind_backlash
 from calibration.records import TimingRecord, Value
-from calibration.sheet import CalibrationError
+from calibration.statistics import jackknife_std, student_quantile
+from rig.hardware.camera.plate_tilt import MarkerTilt
 from rig.parameters import Rig
 from vision.frames import Frame
-from vision.markers import MarkerLayout, find_pose, track_pose
+from vision.plate.markers import MarkerLayout
 from vision.view import View
 
 MIN_FRAMES, MIN_SPEED_RAD_S = 60, 0.5
-_MOST_PLAY_RAD, _LONGEST_S = 0.12, 0.3
+_MOST_BACKLASH_RAD, _LONGEST_S = 0.12, 0.3
 _GROUPS = 10
-# What the rigid joint leaves out (its shaft's damping, the tick in which the play closes), on
+# What the rigid joint leaves out (its shaft's damping, the tick in which the gap closes), on
 # simulated tables: it repeats, so that the jackknife does not see it.
 _MODEL_S = 0.0002
 
 
 @dataclass(frozen=True, eq=False)
 class Wiggle:
-    """Encoders t_s (n,), theta (n, 2); frames' stamps (m,) and the plate's sines (m, 2)."""
+    """Recording of a wiggle: encoder times `t_s` (n,) and servo angles `theta_rad` (n, 2); the
+    frames' time stamps `stamp_s` (m,) and the sines of the plate's tilt about x and y seen in them,
+    `sines` (m, 2)."""
 
     t_s: np.ndarray
     theta_rad: np.ndarray
@@ -41,17 +44,12 @@ class Wiggle:
     sines: np.ndarray
 
 
-def plate_sines(seen: View, level: View) -> tuple[float, float]:
-    """Sines of the plate's tilt (positive: the +x, +y side is down) in a view, against level."""
-    turn = level.camera_from_plate[:3, :3].T @ seen.camera_from_plate[:3, :3]
-    return float(-turn[2, 0]), float(-turn[2, 1])
-
-
 def camera_delay(wiggle: Wiggle, rig: Rig) -> TimingRecord:
-    """The delay with its 95 % interval and the plays that came with it.
+    """The camera's delay with its 95 % interval (jackknife over tenths of the wiggle) and the
+    joints' backlash, both fitted by the module's equation.
 
-    Raises `CalibrationError` for too few frames, too slow a wiggle, or a plate that does not follow
-    its servos.
+    `CalibrationError`: under 60 frames with markers, a wiggle slower than 0.5 rad/s rms, or a plate
+    that does not follow its servos.
     """
     first, last = wiggle.t_s[0] + _LONGEST_S, wiggle.t_s[-1]
     used = (wiggle.stamp_s >= first) & (wiggle.stamp_s <= last)
@@ -73,13 +71,13 @@ def camera_delay(wiggle: Wiggle, rig: Rig) -> TimingRecord:
         def left(p: np.ndarray) -> np.ndarray:
             return 1e3 * _residual(wiggle, rig, stamp[chosen], sines[chosen], p).ravel()
 
-        bounds = ([-0.05, 0.0, 0.0], [_LONGEST_S, _MOST_PLAY_RAD, _MOST_PLAY_RAD])
+        bounds = ([-0.05, 0.0, 0.0], [_LONGEST_S, _MOST_BACKLASH_RAD, _MOST_BACKLASH_RAD])
         scale = (0.003, 0.01, 0.01)
         return least_squares(left, start, bounds=bounds, x_scale=scale, diff_step=1e-3).x
 
     whole = np.arange(len(stamp))
     starts = [
-        np.array((late, play, play)) for late in (0.005, 0.05, 0.12) for play in (0.003, 0.03)
+        np.array((late, width, width)) for late in (0.005, 0.05, 0.12) for width in (0.003, 0.03)
     ]
     fits = [fit(whole, start) for start in starts]
     best = min(fits, key=lambda p: float(np.sum(_residual(wiggle, rig, stamp, sines, p) ** 2)))
@@ -90,12 +88,10 @@ def camera_delay(wiggle: Wiggle, rig: Rig) -> TimingRecord:
             f"{float(np.std(sines)):.4f}: are the encoder's and the markers' axes the same?"
         )
     groups = whole * _GROUPS // len(whole)
-    parts = np.array([fit(whole[groups != k], best) for k in range(_GROUPS)])[:, 0]
-    std = float(np.sqrt((_GROUPS - 1) / _GROUPS * np.sum((parts - parts.mean()) ** 2)))
-    wide = float(student.ppf(0.975, _GROUPS - 1)) * std + _MODEL_S
-    delay = float(best[0])
+    without_one = np.array([fit(whole[groups != k], best) for k in range(_GROUPS)])
+    half_s = student_quantile(_GROUPS - 1) * float(jackknife_std(without_one)[0]) + _MODEL_S
     return TimingRecord(
-        delay_s=Value(value=delay, low=delay - wide, high=delay + wide),
+        delay_s=Value.around(float(best[0]), half_s),
         play_rad={"x": float(best[1]), "y": float(best[2])},
         frames=len(stamp),
         source="markers",
@@ -103,10 +99,10 @@ def camera_delay(wiggle: Wiggle, rig: Rig) -> TimingRecord:
 
 
 def _residual(wiggle: Wiggle, rig: Rig, stamp, sines, p: np.ndarray) -> np.ndarray:
-    """Seen minus expected sines (m, 2) at delay and plays `p` (3,), offset and scale fitted."""
+    """Seen minus expected sines (m, 2) at `p` = (delay, widths x, y); offset and scale fitted."""
     left = np.empty_like(sines)
     for a in range(2):
-        behind = behind_play(wiggle.theta_rad[:, a], p[1 + a])
+        behind = behind_backlash(wiggle.theta_rad[:, a], p[1 + a])
         told = rig.linkage.ratio * np.sin(np.interp(stamp - p[0], wiggle.t_s, behind))
         columns = np.column_stack((np.ones_like(told), told))
         left[:, a] = sines[:, a] - columns @ np.linalg.lstsq(columns, sines[:, a])[0]
@@ -114,29 +110,28 @@ def _residual(wiggle: Wiggle, rig: Rig, stamp, sines, p: np.ndarray) -> np.ndarr
 
 
 def expected_sines(wiggle: Wiggle, record: TimingRecord, rig: Rig) -> np.ndarray:
-    """Sines (m, 2) that the encoders tell of each frame at the recorded delay and plays."""
+    """Sines (m, 2) of the tilt that the encoders and the record's delay and widths give for each
+    frame of the wiggle; offset and scale are fitted to the seen sines."""
     p = np.array((record.delay_s.value, record.play_rad["x"], record.play_rad["y"]))
     return wiggle.sines - _residual(wiggle, rig, wiggle.stamp_s, wiggle.sines, p)
 
 
-class TiltWatch:
-    """Follows the plate's markers from frame to frame and keeps its tilt against `level`."""
+class TiltRecorder:
+    """Collects the plate's tilt relative to `level`, the view of the level plate, from the frames
+    in which its markers are seen (`rig.hardware.camera.plate_tilt.MarkerTilt`)."""
 
     def __init__(self, level: View, layout: MarkerLayout) -> None:
-        self._level, self._layout, self._last = level, layout, level
-        self._seen: list[tuple[float, float, float]] = []
+        self._markers = MarkerTilt(level, layout)
+        self._rows: list[tuple[float, float, float]] = []
 
-    def look(self, frame: Frame) -> None:
-        """Look at one frame; where the markers are not found it is passed over."""
-        fit = track_pose(frame.image, self._layout, self._last)
-        if not fit.accepted:
-            fit = find_pose(frame.image, self._layout, self._level.camera)
-        if fit is None or not fit.accepted:
-            return
-        self._last = fit.view
-        self._seen.append((frame.t_s, *plate_sines(fit.view, self._level)))
+    def add(self, frame: Frame) -> None:
+        """Measure the tilt in one frame; a frame with too few markers is skipped."""
+        tilt, _, _ = self._markers.step(frame, np.eye(3))
+        if tilt is not None:
+            self._rows.append((tilt.exposed_s, *tilt.xy_m))
 
-    def seen(self) -> tuple[np.ndarray, np.ndarray]:
-        """Stamps (m,) and sines (m, 2) of the frames in which the plate was seen."""
-        found = np.array(self._seen).reshape(-1, 3)
-        return found[:, 0], found[:, 1:]
+    def sines(self) -> tuple[np.ndarray, np.ndarray]:
+        """Time stamps (m,) [s] and sines (m, 2) of the tilt in the frames that showed the
+        markers."""
+        rows = np.array(self._rows).reshape(-1, 3)
+        return rows[:, 0], rows[:, 1:]

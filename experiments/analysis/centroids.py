@@ -14,18 +14,22 @@ SEED = 0
 
 
 def centroid(xy_m: np.ndarray) -> np.ndarray:
-    """Centroid (2,) of xy (n, 2) as the paper makes it: k-means with one cluster, i.e. the mean."""
+    """Centroid (2,) [m] of positions xy (n, 2) as the paper makes it: k-means with one cluster.
+
+    With one cluster k-means gives the mean. Rows with NaN are left out. ValueError: the shape is
+    not (n, 2), or no row is free of NaN.
+    """
     return _k_means(xy_m, 1).cluster_centers_[0]
 
 
 @dataclass(frozen=True, eq=False)
 class TwoClusters:
-    """What k-means with two clusters makes of the pooled samples of both arms.
+    """Result of k-means with two clusters on the pooled samples of both arms.
 
-    centres_m (2, 2): one row a cluster; distances_m (2,) of these from the plate's centre;
-    adjusted_rand_index: agreement of clusters and arms, 1 = the same partition, about 0 = chance;
-    explained: share of the scatter about the common mean that the two clusters take away;
-    samples: how many were used.
+    centres_m (2, 2): centres of the clusters, one row (x, y) each; distances_m (2,): distance of
+    each centre from the plate's centre; adjusted_rand_index: agreement of clusters and arms (Hubert
+    and Arabie, 1985), 1 = identical partitions, about 0 = chance; explained: share of the scatter
+    about the common mean that the two clusters remove; samples: number of samples used.
     """
 
     centres_m: np.ndarray
@@ -36,12 +40,13 @@ class TwoClusters:
 
 
 def two_clusters(pooled_xy_m: np.ndarray, labels: np.ndarray) -> TwoClusters:
-    """Cluster the pooled samples (n, 2) of both arms and compare with labels (n,), their arms.
+    """Cluster the pooled samples (n, 2) [m] of both arms and compare the clusters with the arms.
 
-    Expect an adjusted Rand index near 0: the samples of both arms lie about the same centre, and
-    two clusters cut the longest direction of the common cloud (usually the way in from the start),
-    not one arm from the other. Samples of a run are correlated: n is no number of trials.
-    ValueError: shapes, or fewer than two different points.
+    labels (n,): the arm of each sample. Rows with NaN are left out. Expect an adjusted Rand index
+    near 0: the samples of both arms lie about the same centre, and two clusters cut the longest
+    direction of the common cloud (usually the way in from the start), not one arm from the other.
+    Samples of one run are correlated, so that n is not a number of independent trials. ValueError:
+    the shapes do not match, or there are fewer than two different points.
     """
     from sklearn.metrics import adjusted_rand_score
 

@@ -6,7 +6,7 @@ from math import nan, pi, sqrt
 
 import numpy as np
 
-from experiments.samples import Samples
+from experiments.analysis.samples import Samples
 
 SMOOTH_S = 0.1  # far below any period of the ball's loop (3 s)
 FEWEST_CYCLES = 2
@@ -14,9 +14,10 @@ FEWEST_CYCLES = 2
 
 @dataclass(frozen=True)
 class Cycle:
-    """Limit cycle of one axis: amplitude of its fundamental, period, whole cycles seen.
+    """Limit cycle of one axis: amplitude of its fundamental, period and number of whole cycles.
 
-    NaN with a reason where fewer than two whole cycles rise above the noise.
+    Amplitude and period are NaN, with a `reason`, where fewer than two whole cycles rise above the
+    noise or a cycle has fewer than 8 samples.
     """
 
     amplitude_m: float
@@ -26,7 +27,11 @@ class Cycle:
 
 
 def limit_cycle(ball: Samples) -> tuple[Cycle, Cycle]:
-    """Find the limit cycle of each axis in settled samples about a target that stands still."""
+    """Limit cycles of the x and the y axis in settled samples about a target at rest.
+
+    Amplitude: median over the cycles of the first harmonic, fitted by least squares beside a
+    constant and a drift. Where the target moves both results are NaN with that reason.
+    """
     if len(ball.t_s) and np.ptp(ball.target_m, axis=0).any():
         moves = Cycle(nan, nan, 0, "the target moves")
         return moves, moves
@@ -103,7 +108,11 @@ def _turning_points(x: np.ndarray, back: float) -> list[int]:
 
 
 def noise_std(x: np.ndarray) -> float:
-    """Standard deviation of white noise on smooth samples (n,): from second differences, robust."""
+    """Standard deviation of white noise on smooth samples x (n,), in the unit of x.
+
+    Median absolute second difference/(0.6745 sqrt(6)); where that median is 0, the RMS of the
+    second differences/sqrt(6). 0 with no finite second difference.
+    """
     second = np.diff(x, 2)
     second = np.abs(second[np.isfinite(second)])
     if not len(second):

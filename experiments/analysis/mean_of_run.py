@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.samples import Samples, ball_samples, run_part
+from experiments.analysis.samples import Samples, ball_samples, run_part
 from rig.log import Log
 from rig.parameters import Rig
 
@@ -17,7 +17,10 @@ def expected_mean_m(
     integral_change_rad: tuple[float, float] | None = None,
     rig: Rig | None = None,
 ) -> np.ndarray:
-    """Expected mean (2,) of the ball's position over a run about the target (0, 0), play or not.
+    """Expected mean (2,) [m] of the ball's position over a run about (0, 0), with play or without.
+
+    duration_s: T; start_m, speed_m_s: x_0, v_0 at the start; integral_change_rad: change of the
+    controller's integral over the run, None for a PD controller; rig: gains and b (default table).
 
     PD alone (integral_change_rad None): the ball obeys x'' = b theta, theta = -K_p x - K_d x'.
     Integrated from x_0, v_0 to rest at 0: -v_0 = b (-K_p int(x) dt + K_d x_0), so that
@@ -45,11 +48,12 @@ def expected_mean_m(
 
 @dataclass(frozen=True, eq=False)
 class Identity:
-    """Mean error of a run against what its integral says; pairs (2,) are x, y.
+    """Mean error of a run beside the value that its integral predicts; pairs (2,) are x, y.
 
     mean_error_m: mean of target - position over duration_s = T; predicted_m: (change of the
-    integral)/(K_i T), equal to it where the integral was not clipped; integral_change_rad: that
-    change; ki_rad_m_s: K_i; clipped (2,): share of ticks with the wanted angle at its limit.
+    integral)/(K_i T), which equals mean_error_m where the integral was not clipped;
+    integral_change_rad: that change; ki_rad_m_s: K_i; clipped (2,): share of ticks, 0 to 1, with
+    the wanted angle at its limit.
     """
 
     mean_error_m: np.ndarray
@@ -68,7 +72,8 @@ def integral_identity(
     A log holds no integral. It is zero at the first observation and read back at the end from the
     wanted angle, I = theta_wanted - K_p e + K_d v, averaged over the last `edge_s`; T ends in the
     middle of these. Good to 0.1 mm at T = 15 s. `rig` gives K_p, K_d and the angle's limit.
-    ValueError: ki not above 0, or a run without ball or wanted angle or shorter than four edges.
+    ValueError: ki not above 0, or a run with fewer than 8 samples of the ball, without its wanted
+    angle in every row, or shorter than four times `edge_s`.
     """
     if not ki > 0:
         raise ValueError(f"ki = {ki}: the identity needs an integral; run with ki above 0")

@@ -10,9 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from experiments.limit_cycle import FEWEST_CYCLES, Cycle, limit_cycle
-from experiments.samples import Place, Samples, ball_samples, mean_seen, pair, place, run_part
-from experiments.statistics import WithinRun, within_run_interval
+from experiments.analysis.limit_cycle import FEWEST_CYCLES, Cycle, limit_cycle
+from experiments.analysis.samples import (
+    Place,
+    Samples,
+    ball_samples,
+    mean_seen,
+    pair,
+    place,
+    run_part,
+)
+from experiments.analysis.statistics import WithinRun, within_run_interval
 from rig.log import Log
 
 NEAR_M, FAR_M = 0.002, 0.03
@@ -21,14 +29,17 @@ GAP_S = 0.25  # a ball unseen for longer was not there
 
 @dataclass(frozen=True, eq=False)
 class RunMetrics:
-    """A run in SI units; pairs (2,) are x, y.
+    """Metrics of one run in SI units; pairs (2,) are x, y, and NaN is what the log lacks.
 
-    centroid_m to error_rms_m: over the whole run, as in `Place`; settled: the same after
-    `settling_s`, or over the last half where the ball never settled (`has_settled` False); cycle:
-    of that part, x and y. servo_rms_rad: RMS about zero, servo_activity_rad: standard deviation,
-    servo_tracking_rad: RMS of theta - desired_theta, all of that part; *_whole_*: of the whole run.
-    unseen_at_end_s: how long the ball had not been seen at the end, a lost ball's time is not
-    counted to its servos. pushes: None where the log does not say. Plays: last estimates.
+    duration_s: of the run phase; samples: observations of the ball; centroid_m to error_rms_m: over
+    the whole run, as in `Place`. settling_s: NaN where the ball never settled (`has_settled`
+    False). The settled part begins at settling_s, or at half the run where the ball never settled;
+    of that part are settled (`Place`), cycle (x and y), servo_rms_rad (RMS about zero),
+    servo_activity_rad (standard deviation) and servo_tracking_rad (RMS of theta - desired_theta).
+    Over the whole run are servo_tracking_whole_rad and voltage_rms_V. pushes: their number, None
+    where the log does not say. unseen_at_end_s: how long the ball had not been seen at the end;
+    where that is above GAP_S, this time is not part of the settled part. gear_play_rad,
+    joint_play_rad and their standard deviations: the last estimates, full widths.
     """
 
     duration_s: float
@@ -57,11 +68,12 @@ class RunMetrics:
 def run_metrics(
     log: Log, *, band_m: float = 0.02, stay_s: float = 1.0, servo_only: bool = False
 ) -> RunMetrics:
-    """Compute every number of one run.
+    """Compute all metrics of one run.
 
-    A run without pushes has settled when it is as near to its target as it ends: see
-    `final_settling_time`. A pushed one when it stays within `band_m` for `stay_s` the first time.
-    `servo_only`: targets are servo angles, whatever the camera saw on the plate is left out.
+    A run without pushes has settled when the ball is as near to its target as at the end of the run
+    (`final_settling_time`); a run with pushes when the ball first stays within `band_m` for
+    `stay_s` (`settling_time`). servo_only: the targets are servo angles, and the ball's samples are
+    left out.
     """
     run, ball = run_part(log), ball_samples(log)
     if servo_only:
@@ -126,10 +138,12 @@ def _episodes(push: np.ndarray) -> int:
 def settled_interval(
     log: Log, *, rng: np.random.Generator, band_m: float = 0.02, stay_s: float = 1.0
 ) -> WithinRun:
-    """95 % intervals of where the ball of ONE run stays once settled, and how spread.
+    """95 % intervals of the settled ball's mean position and spread in ONE run.
 
-    Of the longest stretch without pushes, in blocks of whole limit cycles; NaN where it never
-    settled or too little is left. While the integral still drifts they are too narrow.
+    Taken from the samples after settling, with pushes from the longest stretch without them, in
+    blocks of whole limit cycles (`within_run_interval`). band_m, stay_s: settling of a run with
+    pushes, as in `run_metrics`. NaN where the ball never settled or too few samples are left. The
+    intervals are too narrow while the integral still drifts.
     """
     ball = ball_samples(log)
     if ball.pushed.any():
@@ -146,10 +160,10 @@ def settled_interval(
 def final_settling_time(ball: Samples) -> float:
     """First time [s] from which the ball stays as near to its target as in the run's last third.
 
-    As near: within 1.2 times the largest distance there, and never asked to be nearer than 2 mm. A
-    fixed band would call the transient settled wherever the limit cycle is small. NaN where the
-    last third ends over 3 cm away, still comes closer (its first half is over 1.5 times as wide as
-    its second), or was not seen throughout.
+    As near means within 1.2 times the largest distance in the last third, or within 2 mm if that is
+    more. A fixed band would call the transient settled wherever the limit cycle is small. NaN where
+    the last third ends over 3 cm away, still comes closer (its first half is over 1.5 times as wide
+    as its second), or was not seen throughout.
     """
     if not len(ball.t_s) or ball.until_s[-1] <= 0:
         return nan
@@ -168,7 +182,8 @@ def final_settling_time(ball: Samples) -> float:
 def settling_time(ball: Samples, *, band_m: float = 0.02, stay_s: float = 1.0) -> float:
     """First time [s] from which every sample of `stay_s` lies within `band_m` of its target.
 
-    NaN: never. A gap of more than GAP_S ends a stay: an unseen ball does not count as staying.
+    NaN where that never happens. A gap of more than GAP_S ends a stay: an unseen ball does not
+    count as staying.
     """
     if not len(ball.t_s):
         return nan
@@ -192,9 +207,10 @@ def _stretches(ball: Samples, good: np.ndarray) -> list[tuple[int, int]]:
 
 
 def undisturbed(ball: Samples, band_m: float = 0.02) -> Samples:
-    """Return the longest stretch without pushes and without what they left behind.
+    """Longest stretch of samples without pushes and without the transients that they cause.
 
-    Without pushes that is everything; else the longest stretch within `band_m` of the target.
+    Without any push these are all samples; otherwise the longest stretch within `band_m` of the
+    target, empty where there is none.
     """
     if not ball.pushed.any():
         return ball

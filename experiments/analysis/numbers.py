@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.centroids import centroid
-from experiments.metrics import RunMetrics, run_metrics, settled_interval
-from experiments.samples import Place, ball_samples, pair, place, run_part
-from experiments.statistics import mean_interval
+from experiments.analysis.centroids import centroid
+from experiments.analysis.metrics import RunMetrics, run_metrics, settled_interval
+from experiments.analysis.samples import Place, ball_samples, pair, place, run_part
+from experiments.analysis.statistics import mean_interval
 from rig.log import Log
 
 CM = 100.0
@@ -20,7 +20,10 @@ CM = 100.0
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """A run that a report shows: its folder (for recomputing), log and metrics."""
+    """A run shown in a report: its folder (for recomputing), log, metrics and outcome.
+
+    outcome: how the run ended, as run.json says it, such as "completed".
+    """
 
     folder: Path
     log: Log
@@ -29,11 +32,15 @@ class Recorded:
 
 
 def recorded(folder: Path, log: Log, outcome: str, *, servo_only: bool = False) -> Recorded:
+    """A recorded run with its metrics; servo_only as in `run_metrics`."""
     return Recorded(folder, log, run_metrics(log, servo_only=servo_only), outcome)
 
 
 def centroid_cm(run: Recorded) -> np.ndarray:
-    """The run's centroid as the paper makes it (k-means, one cluster) [cm]."""
+    """Centroid (2,) [cm] of the run as the paper makes it: k-means with one cluster.
+
+    NaN without a sample of both axes.
+    """
     xy_m = ball_samples(run.log).xy_m
     return CM * centroid(xy_m) if np.isfinite(xy_m).all(axis=1).any() else np.full(2, np.nan)
 
@@ -49,7 +56,11 @@ def _place_cm(where: Place) -> dict:
 
 
 def run_numbers(run: Recorded) -> dict:
-    """One run: whole, settled, limit cycle, servos, plays as estimated."""
+    """Numbers of one run for results.json: whole run, settled part, limit cycle, servos, plays.
+
+    Keys end in their units: lengths in cm, servo angles in rad, estimated plays (full width) in
+    degrees. "settled" holds 95 % intervals too where the ball settled and was not pushed.
+    """
     m = run.metrics
     whole = Place(m.centroid_m, m.distance_m, m.spread_m, m.error_rms_m, m.samples)
     return {
@@ -77,7 +88,10 @@ def run_numbers(run: Recorded) -> dict:
 
 
 def whole_servo_rms(log: Log) -> np.ndarray:
-    """RMS of the servo angles about zero over the whole run, (2,) [rad]."""
+    """RMS (2,) [rad] of the servo angles x and y about zero over the whole run.
+
+    NaN for an axis with a blank angle.
+    """
     return np.sqrt(np.mean(pair(run_part(log), "theta_{}_rad") ** 2, axis=0))
 
 
@@ -115,7 +129,12 @@ def _play(width_rad: np.ndarray, std_rad: np.ndarray) -> dict:
 
 
 def arm_numbers(runs: Sequence[Recorded]) -> dict:
-    """The runs of one arm in one figure: pooled places, mean servos, intervals over the runs."""
+    """Numbers of one arm's runs for results.json: at least one run is needed.
+
+    Positions are pooled over the runs' samples, servo numbers are means over the runs, "runs_list"
+    holds `run_numbers` of each run, and "intervals" (with two runs or more) the mean and 95 %
+    interval over the runs of every entry of MEASURES.
+    """
     samples = [ball_samples(run.log) for run in runs]
     settled = [s.where(s.t_s >= _settled_from(run)) for s, run in zip(samples, runs, strict=True)]
     numbers = _place_cm(place(_joined(samples)))
@@ -165,12 +184,15 @@ def _mean_seen(values: Sequence[float]) -> float:
 
 
 def measures(m: RunMetrics) -> dict[str, float]:
-    """Every compared number of one run, by name."""
+    """Every number of one run that arms are compared in, by its name in MEASURES, in its unit."""
     return {name: read(m) for name, (_, read) in MEASURES.items()}
 
 
 def completed_measures(m: RunMetrics, outcome: str) -> dict[str, float]:
-    """The same; a run that did not complete counts for nothing: NaN, and its pair is left out."""
+    """Every compared number of one run by name, as `measures`; NaN for a run not completed.
+
+    A pair with a NaN is left out of a paired comparison.
+    """
     done = outcome == "completed"
     return {name: value if done else float("nan") for name, value in measures(m).items()}
 

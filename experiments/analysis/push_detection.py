@@ -8,8 +8,8 @@ from math import sqrt
 
 import numpy as np
 
-from experiments.limit_cycle import noise_std
-from experiments.samples import Samples, ball_samples, pair, run_part
+from experiments.analysis.limit_cycle import noise_std
+from experiments.analysis.samples import Samples, ball_samples, pair, run_part
 from rig.log import Log
 from rig.parameters import Rig
 
@@ -21,13 +21,14 @@ MODEL_SHARE, MODEL_ANGLE_RAD = 0.3, 0.06  # error of the ball's gain; play and l
 
 
 def detect_pushes(log: Log, *, rig: Rig | None = None) -> np.ndarray:
-    """Times (k,) [s] at which the ball's velocity jumps beyond what the plate can do.
+    """Times (k,) [s] of the run phase at which the ball's velocity jumps as no plate can make it.
 
     From Eq. 15 and the moving plate's Euler term, z = x + r (2 R_d/L) theta has z'' = b theta. A
     jump of z' across 0.1 s, less the integral of b theta, is a push where it exceeds six standard
     deviations of its noise and what a wrong model can explain: 30 % of b theta and b times 0.06 rad
-    (play, level). Without servo angles the bound is both axes at their angle limit. Smallest push
-    seen: about 0.05 m/s. A ball that meets a wall jumps too. Needs both axes and 20 frames/s.
+    (play, level). Without servo angles the bound is both axes at their angle limit. The smallest
+    push detected is about 0.05 m/s. The rebound of a ball from a wall is detected as a push too.
+    Needs both axes and 20 frames/s; with fewer than 15 samples the result is empty.
     """
     rig = rig or Rig()
     run, ball = run_part(log), ball_samples(log)

@@ -19,12 +19,17 @@ FAR_OUT_M = 0.10  # a ball as far out as protocols put it for long
 
 
 def ball_torque_nm(rig: Rig) -> float:
-    """Torque at the servo of a ball FAR_OUT_M from the centre [N m]."""
+    """Torque [N m] at the servo shaft of a ball at FAR_OUT_M: m g (2 R_d/L) FAR_OUT_M."""
     return rig.ball.mass_kg * GRAVITY_M_S2 * rig.linkage.ratio * FAR_OUT_M
 
 
 def regime(rig: Rig) -> str:
-    """KEEPS, DROPS or BETWEEN."""
+    """Regime of the rig's plate inside the joint's play: KEEPS, DROPS or BETWEEN.
+
+    The ratio of joint friction to `ball_torque_nm` decides. KEEPS (2 or more, or no ball): friction
+    holds the plate in place inside the play. DROPS (0.5 or less): the plate drops to the ball's
+    side. BETWEEN: the ball moves the plate at times.
+    """
     share = rig.drive.joint_friction_nm / ball_torque_nm(rig) if rig.ball.mass_kg > 0 else 2.0
     if share >= 2.0:
         return KEEPS
@@ -32,7 +37,7 @@ def regime(rig: Rig) -> str:
 
 
 def regime_sentence(rig: Rig, what: str = "Regime") -> str:
-    """The regime with the two numbers that decide it."""
+    """One sentence: the regime after the label `what`, and the two torques that decide it."""
     return (
         f"{what}: joint friction {rig.drive.joint_friction_nm:.3g} N m (assumed) against "
         f"{ball_torque_nm(rig):.2g} N m of a ball {100 * FAR_OUT_M:.0f} cm out, both at the servo: "
@@ -41,7 +46,11 @@ def regime_sentence(rig: Rig, what: str = "Regime") -> str:
 
 
 def regime_of_record(rig: dict | None) -> str:
-    """The same from a run's start record, whose rig file stands for the table."""
+    """The sentence of `regime_sentence` for the rig that a run's start record holds.
+
+    rig: the record's "rig" (as `rig.rigfile.to_dict` writes it); keys that this version does not
+    know are ignored. Without one the sentence says that the regime is not known.
+    """
     if not rig:
         return "Regime: not known, the run folder holds no rig."
     known = Rig()

@@ -14,10 +14,11 @@ from rig.log import Log, Phase
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """Where the ball was over a stretch: all [m], NaN without samples.
+    """Position of the ball over a stretch of samples [m], NaN without samples.
 
-    centroid_m (2,): mean; distance_m: of the mean from the mean target; spread_m: RMS about the
-    mean, both axes together; error_rms_m: RMS distance to the target. A missing axis is left out.
+    centroid_m (2,): mean; distance_m: of the mean from the mean target; spread_m: RMS distance from
+    the mean; error_rms_m: RMS distance from the target; samples: their number. An axis that the log
+    lacks is left out of the three distances.
     """
 
     centroid_m: np.ndarray
@@ -29,11 +30,13 @@ class Place:
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """New observations of the run phase: t_s (k,) from its first row, xy_m and target_m (k, 2).
+    """New observations of the ball in the run phase, k of them.
 
-    `target_m` is what was asked for when the light hit the sensor; the plate's centre where the
-    log does not say. `pushed` (k,): a push was on. until_s (k,): until when it stood in the
-    log, which may hold values: what comes much later followed a gap.
+    t_s (k,): when the light hit the sensor, from the first row of the phase; xy_m (k, 2): position;
+    target_m (k, 2): target at that time, the plate's centre where the log does not say; pushed
+    (k,): True while a push was on; until_s (k,): until when the log held the observation, from the
+    first row of the phase (a log may repeat values): an observation much later than that followed a
+    gap.
     """
 
     t_s: np.ndarray
@@ -43,22 +46,22 @@ class Samples:
     until_s: np.ndarray
 
     def where(self, chosen: np.ndarray | slice) -> "Samples":
-        """Return the samples of the mask or slice `chosen`."""
+        """Samples selected by a mask (k,) or slice."""
         return Samples(**{name: values[chosen] for name, values in vars(self).items()})
 
     @property
     def off_m(self) -> np.ndarray:
-        """Distance of each sample to its target [m], over the axes that the log has."""
+        """Distance (k,) [m] of each sample from its target, over the axes that the log has."""
         return np.sqrt(np.nansum((self.xy_m - self.target_m) ** 2, axis=1))
 
 
 def run_part(log: Log) -> Log:
-    """Return the rows of the run phase; all rows of a log without phases."""
+    """Rows of the run phase; all rows of a log without phases."""
     return log.where(log["phase"] == Phase.RUN) if log.has("phase") else log
 
 
 def ball_samples(log: Log) -> Samples:
-    """Return the ball's samples of a log's run phase."""
+    """Samples of the ball in the run phase of a log."""
     run = run_part(log)
     t_s, xy = run.ball()
     tick = run["t_s"]
@@ -77,7 +80,7 @@ def ball_samples(log: Log) -> Samples:
 
 
 def place(ball: Samples) -> Place:
-    """Reduce samples to where the ball was."""
+    """Mean, distance from the target, spread and RMS error of the samples."""
     if not len(ball.t_s):
         return Place(np.full(2, nan), nan, nan, nan, 0)
     centroid = mean_seen(ball.xy_m)
@@ -88,11 +91,18 @@ def place(ball: Samples) -> Place:
 
 
 def mean_seen(values: np.ndarray) -> np.ndarray:
-    """Mean over the rows of values (n, 2) that are numbers, (2,); NaN where there are none."""
+    """Mean (2,) of each column of values (n, 2), NaN left out; NaN where a column has no number."""
     count = (~np.isnan(values)).sum(axis=0)
     return np.where(count > 0, np.nansum(values, axis=0) / np.maximum(count, 1), nan)
 
 
 def pair(log: Log, name: str) -> np.ndarray:
-    """Return the x and y column of a signal, (n, 2); `{}` in the name is the axis."""
+    """The x and y columns of a signal, (n, 2); `{}` in the name stands for the axis."""
     return np.column_stack([log[name.format(axis)] for axis in "xy"])
+
+
+def held(values: np.ndarray) -> np.ndarray:
+    """Values (n,) with each NaN or infinity replaced by the value before it, 0 at the start."""
+    known = np.where(np.isfinite(values), np.arange(len(values)), -1)
+    last = np.maximum.accumulate(known)
+    return np.where(last >= 0, values[np.maximum(last, 0)], 0.0)

@@ -7,28 +7,40 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from experiments.blind.draws import EVERY, MIXTURE, Plan, plan_trials
-from experiments.blind.following import follow
+from experiments.blind.analysis_jobs import (
+    Analysis,
+    Packed,
+    analyse,
+    answers_of,
+    pack_folder,
+    run_analyses,
+)
+from experiments.blind.draws import ALL_EFFECTS, MIXTURE, TrialPlan, plan_trials
+from experiments.blind.follow_up_experiment import follow_up_trials
 from experiments.blind.logs import LogMaker, write_logs
-from experiments.blind.marks import Mark, mark
-from experiments.blind.score import summary
+from experiments.blind.results_table import effects_markdown, failures_markdown, markdown, rows
+from experiments.blind.score_summary import summary
 from experiments.blind.seal import hash_of, open_seal, seal, sealed_hash
-from experiments.blind.table import effects_markdown, failures_markdown, markdown, rows
-from experiments.blind.trial import Trial
-from experiments.blind.work import Answer, Packed, analyse, answers_of, pack, work
-from experiments.console import ProgressCall, silent
-from experiments.folders import write_results
+from experiments.blind.trial import BlindTrial
+from experiments.blind.trial_score import TrialScore, score_trial
+from experiments.progress import ProgressCall, silent
+from experiments.records.run_folder import write_results
 
-ONTO_EACH = 2  # of every effect that can be hidden in a user's logs
+INJECTED_EACH = 2  # of every effect that can be hidden in a user's logs
 Say = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Means:
-    """How the work is done: who answers, on how many processes or which cluster, what is kept, in
-    which form logs travel (.csv, .parquet), what is shown."""
+class AnalysisOptions:
+    """How trials are analysed.
 
-    answer: Answer = analyse
+    answer: the analysis of a folder; jobs: number of processes (None: one per core); cluster:
+    address of a Dask scheduler to use instead; keep_logs: keep the logs in the output folder;
+    make_log: simulator of the logs (None: `logs.make_log`); suffix: format of the logs, ".csv" or
+    ".parquet"; say, progress: receive messages and progress.
+    """
+
+    answer: Analysis = analyse
     jobs: int | None = None
     cluster: str | None = None
     keep_logs: bool = False
@@ -39,28 +51,36 @@ class Means:
 
 
 def maker(
-    trials: Sequence[Trial],
+    trials: Sequence[BlindTrial],
     keep: Path | None = None,
     make_log: LogMaker | None = None,
     suffix: str = ".csv",
 ) -> Callable[[str], Packed]:
-    """name -> the trial's logs, packed; with `keep` its folder of logs stays there."""
+    """A function from a trial's name to its packed logs, made when asked for.
+
+    keep: folder in which the trial's folder of logs stays (None: logs are made in a temporary
+    folder); make_log, suffix: as of `logs.write_logs`. The function raises what `logs.write_logs`
+    raises, and KeyError for an unknown name.
+    """
     by_name = {trial.name: trial for trial in trials}
 
     def make(name: str) -> Packed:
         if keep is not None:
-            return pack(keep_logs(by_name[name], keep, make_log, suffix))
+            return pack_folder(keep_logs(by_name[name], keep, make_log, suffix))
         with TemporaryDirectory(prefix="blind-") as place:
             write_logs(by_name[name], Path(place), make=make_log, suffix=suffix)
-            return pack(Path(place))
+            return pack_folder(Path(place))
 
     return make
 
 
 def keep_logs(
-    trial: Trial, keep: Path, make_log: LogMaker | None = None, suffix: str = ".csv"
+    trial: BlindTrial, keep: Path, make_log: LogMaker | None = None, suffix: str = ".csv"
 ) -> Path:
-    """The trial's folder below `keep`, its logs made if they are not there yet."""
+    """The trial's folder below `keep`; its logs are made unless the folder exists.
+
+    Raises what `logs.write_logs` raises.
+    """
     folder = keep / trial.name
     if not folder.is_dir():
         part = keep / f".{trial.name}"
@@ -70,12 +90,13 @@ def keep_logs(
 
 
 def run_trials(
-    trials: Sequence[Trial], out: Path, means: Means, *, first: int | None = None
-) -> list[Mark]:
-    """Seal the trials in `out`, analyse what is not answered there yet, open the seal, mark.
+    trials: Sequence[BlindTrial], out: Path, means: AnalysisOptions, *, first: int | None = None
+) -> list[TrialScore]:
+    """Seal the trials in `out`, analyse those without an answer, open the seal; return the scores.
 
-    first: ask only so many, in the sealed order, which says nothing of their kinds. Interrupted, it
-    goes on next time. ValueError: other trials than these are sealed in `out`.
+    first: analyse and score only so many, in the sealed order, which does not depend on the kinds.
+    A later call continues an interrupted one. ValueError: `out` holds the seal of other trials, the
+    seal is broken, or no cluster is at that address. OSError: `out` cannot be written.
     """
     before = sealed_hash(out)
     if before not in (None, hash_of(trials)):
@@ -84,12 +105,17 @@ def run_trials(
     means.say(f"sealed truth of {len(trials)} trials: SHA-256 {digest}")
     keep = out / "logs" if means.keep_logs else None
     make = maker(trials, keep, means.make_log, means.suffix)
-    answers = work(
-        [t.name for t in trials[:first]], make, out / "answers",
-        answer=means.answer, jobs=means.jobs, cluster=means.cluster, progress=means.progress,
-    )  # fmt: skip
+    answers = run_analyses(
+        [t.name for t in trials[:first]],
+        make,
+        out / "answers",
+        answer=means.answer,
+        jobs=means.jobs,
+        cluster=means.cluster,
+        progress=means.progress,
+    )
     return [
-        mark(trial, answers[trial.name]["answer"], answers[trial.name]["seconds"])
+        score_trial(trial, answers[trial.name]["answer"], answers[trial.name]["seconds"])
         for trial in open_seal(out, digest)[:first]
     ]
 
@@ -106,45 +132,66 @@ def blind_trial(
     rig_file: Path | None = None,
     cluster: str | None = None,
     jobs: int | None = None,
-    answer: Answer = analyse,
+    answer: Analysis = analyse,
     keep_logs: bool = False,
     say: Say = print,
     progress: ProgressCall = silent,
 ) -> dict[str, Any]:
-    """`rig gap --blind-trial`: `trials` with something hidden and as many with nothing.
+    """Run `rig gap --blind-trial`: as many trials with something hidden as with nothing, `trials`
+    each.
 
-    Without a seed one is drawn, or the folder goes on with what is sealed there. effects: only
-    these, one at a time; pairs: two at once. With `onto` effects are hidden in those logs instead
-    (`rig_file`: what is believed of their table). Writes results.json, table.md and figures in
-    `out`; returns what results.json holds. ValueError: bad names, logs or cluster, another seal.
+    seed: None continues the trials sealed in `out`, or draws a seed where none are; effects: hide
+    one of these at a time (empty: all kinds of `draws.MIXTURE`); pairs: hide two at once;
+    protocols: names, or "battery"; onto: recorded logs to hide effects in instead of simulating,
+    with `rig_file` as the nominal rig of their table; the others as of `AnalysisOptions`. Writes
+    results.json and table.md in `out`, for simulated trials also failures.md and figures; returns
+    what results.json holds.
+
+    ValueError, FileNotFoundError: unknown effects or protocols, logs or a rig file that cannot be
+    read, no cluster, or `out` holds the seal of other trials. OSError: `out` cannot be written.
     """
-    means = Means(answer, jobs, cluster, keep_logs, say=say, progress=progress)
+    means = AnalysisOptions(answer, jobs, cluster, keep_logs, say=say, progress=progress)
     if onto:
-        return _onto(onto, out, seed, rig_file, means)
+        return _injected_trials(onto, out, seed, rig_file, means)
     kinds = ("pair",) if pairs else ("single",) if effects else tuple(MIXTURE)
     digest = sealed_hash(out) if seed is None else None
     chosen = secrets.randbits(48) if seed is None else seed
-    plan = Plan(trials, trials, chosen, tuple(effects) or EVERY, kinds, tuple(protocols))
-    marks = run_trials(open_seal(out, digest) if digest else plan_trials(plan), out, means)
-    return publish(marks, out, means, title="Blind trials, the house's own simulator")
+    plan = TrialPlan(trials, trials, chosen, tuple(effects) or ALL_EFFECTS, kinds, tuple(protocols))
+    scores = run_trials(open_seal(out, digest) if digest else plan_trials(plan), out, means)
+    return publish(scores, out, means, title="Blind trials, the house's own simulator")
 
 
 def publish(
-    marks: Sequence[Mark], out: Path, means: Means, *, title: str, right_goal: float = 0.99
+    scores: Sequence[TrialScore],
+    out: Path,
+    means: AnalysisOptions,
+    *,
+    title: str,
+    right_goal: float = 0.99,
 ) -> dict[str, Any]:
-    """Ask the proposed next experiments, score, and write table, figures and results.json."""
-    from experiments.blind.pictures import confusion_figure, power_figure
+    """Run the proposed next experiments; write table, figures and results.json in `out`.
 
-    results = summary(marks)
-    results["next"] = follow(
-        marks, out, answer=means.answer, jobs=means.jobs, cluster=means.cluster,
-        make_log=means.make_log, progress=means.progress,
-    )  # fmt: skip
+    title: heading of the table; right_goal: as of `results_table.rows`. Returns what results.json
+    holds: the numbers of `score_summary.summary`, and next, source, title, seal. OSError: `out`
+    cannot be written. ValueError: no cluster.
+    """
+    from experiments.blind.figures import confusion_figure, power_figure
+
+    results = summary(scores)
+    results["next"] = follow_up_trials(
+        scores,
+        out,
+        answer=means.answer,
+        jobs=means.jobs,
+        cluster=means.cluster,
+        make_log=means.make_log,
+        progress=means.progress,
+    )
     results |= {"source": "simulated", "title": title, "seal": sealed_hash(out)}
     lines = rows(results, right_goal=right_goal)
     text = f"# {title}\n\n{markdown(lines)}\n{effects_markdown(results)}"
     (out / "table.md").write_text(text, encoding="utf-8")
-    (out / "failures.md").write_text(failures_markdown(marks), encoding="utf-8")
+    (out / "failures.md").write_text(failures_markdown(scores), encoding="utf-8")
     if results["confusion"]:
         confusion_figure(results["confusion"], out / "confusion.png")
         power_figure(results["power"], out / "power.png")
@@ -152,25 +199,30 @@ def publish(
     return results
 
 
-def _onto(
-    logs: Sequence[Path], out: Path, seed: int | None, rig_file: Path | None, means: Means
+def _injected_trials(
+    logs: Sequence[Path], out: Path, seed: int | None, rig_file: Path | None, means: AnalysisOptions
 ) -> dict[str, Any]:
-    """Hide effects in these logs; how well they are named there."""
+    """Hide effects in these logs; return how well they are named there."""
     from dataclasses import replace
 
-    from experiments.blind.onto import draw_onto, onto_log, onto_markdown, onto_report
+    from experiments.blind.injected_trials import (
+        draw_injected_trials,
+        injected_log,
+        injection_markdown,
+        injection_report,
+    )
 
     digest = sealed_hash(out) if seed is None else None
     chosen = secrets.randbits(48) if seed is None else seed
     trials = (
         open_seal(out, digest)
         if digest
-        else draw_onto(logs, seed=chosen, each=ONTO_EACH, rig_file=rig_file)
+        else draw_injected_trials(logs, seed=chosen, each=INJECTED_EACH, rig_file=rig_file)
     )
-    marks = run_trials(trials, out, replace(means, make_log=onto_log))
+    scores = run_trials(trials, out, replace(means, make_log=injected_log))
     answers = {name: one["answer"] for name, one in answers_of(out / "answers").items()}
-    results = onto_report(marks, answers)
+    results = injection_report(scores, answers)
     results |= {"source": "measured", "seal": sealed_hash(out), "logs": [str(p) for p in logs]}
-    (out / "table.md").write_text(onto_markdown(results), encoding="utf-8")
+    (out / "table.md").write_text(injection_markdown(results), encoding="utf-8")
     write_results(out, results)
     return results

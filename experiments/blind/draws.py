@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from experiments.assemble import load_rig
-from experiments.blind import sizes, strangers
-from experiments.blind.tables import calibrated_table, merged, well_kept
-from experiments.blind.trial import BATTERY, Effects, Noise, Trial, rig_data
-from experiments.protocol import read_protocol
+from experiments.blind import sizes, uncatalogued_effects
+from experiments.blind.hidden_tables import calibrated_table, merged, well_kept
+from experiments.blind.trial import BATTERY, BlindTrial, Effects, Noise, rig_data
+from experiments.runs.assemble import load_rig
+from experiments.runs.protocol import read_protocol
 from rig.effects import CATALOGUE
 from rig.parameters import Rig
 
@@ -29,42 +29,54 @@ NOTHING: dict[str, tuple[float, Noise]] = {  # variant: share, noise
     "frames dropped": (0.1, Noise(dropped=0.15)),
 }
 RUNS = 2  # of a single protocol: the 60 s of the smallest amplitudes, where it lasts 30 s
-ON_TOP = (1, 3, 5)  # effects on top of a realistic rig
-# Together these are each other's other half; a dead zone with an offset is one with two sides.
-APART = ({"camera_yaw", "cross_coupling"}, {"dead_zone", "voltage_offset"})
-EVERY = tuple(effect.name for effect in CATALOGUE)
+REALISTIC_COUNTS = (1, 3, 5)  # effects on top of a realistic rig
+# Pairs that one effect explains: antisymmetric coupling is a yaw, a dead zone with an offset has
+# two sides.
+COMPLEMENTARY = ({"camera_yaw", "cross_coupling"}, {"dead_zone", "voltage_offset"})
+ALL_EFFECTS = tuple(effect.name for effect in CATALOGUE)
 
 
 @dataclass(frozen=True)
-class Plan:
-    """How many trials of which kinds. effects: those that may be hidden; protocols: drawn from;
-    table: what a trial's rig file says where it is well kept (default: the shipped table)."""
+class TrialPlan:
+    """How many trials of which kinds are drawn, and from which seed.
+
+    hidden, nothing: number of trials with and without something hidden; effects: catalogue names
+    that may be hidden; kinds: see `trial.KINDS`; protocols: names, or "battery" for all of
+    `BATTERY`; table: the rig that a trial's rig file describes where the table is well kept
+    (default: the shipped rig).
+    """
 
     hidden: int
     nothing: int
     seed: int
-    effects: tuple[str, ...] = EVERY
+    effects: tuple[str, ...] = ALL_EFFECTS
     kinds: tuple[str, ...] = tuple(MIXTURE)
     protocols: tuple[str, ...] = ("steps", "battery")
     table: Rig | None = None
 
     @property
     def kind(self) -> Rig:
+        """The nominal rig, without effects. ValueError: the shipped rig file cannot be read."""
         return replace(self.table or load_rig(None), effects={})
 
 
-def plan_trials(plan: Plan) -> list[Trial]:
-    """The trials of a plan in an order that says nothing of their kinds."""
+def plan_trials(plan: TrialPlan) -> list[BlindTrial]:
+    """The trials of a plan, `plan.hidden` + `plan.nothing` of them, in random order.
+
+    The order depends on the seed alone, so it tells nothing of the kinds. ValueError: an unknown
+    effect or protocol, no effect, protocol or kind at all, or pairs without two effects that
+    differ.
+    """
     _check(plan)
     kinds = [*_kinds(plan), *["nothing"] * plan.nothing]
     order = np.random.default_rng([plan.seed, 0]).permutation(len(kinds))
     return [draw_trial(plan, number + 1, kinds[i]) for number, i in enumerate(order)]
 
 
-def _check(plan: Plan) -> None:
-    unknown = [name for name in plan.effects if name not in EVERY]
+def _check(plan: TrialPlan) -> None:
+    unknown = [name for name in plan.effects if name not in ALL_EFFECTS]
     if unknown:
-        raise ValueError(f"unknown effect '{unknown[0]}'; known: {', '.join(EVERY)}")
+        raise ValueError(f"unknown effect '{unknown[0]}'; known: {', '.join(ALL_EFFECTS)}")
     if not plan.effects or not plan.protocols or not plan.kinds:
         raise ValueError("a blind trial needs at least one effect, one protocol and one kind")
     for name in plan.protocols:
@@ -74,7 +86,7 @@ def _check(plan: Plan) -> None:
         raise ValueError("a pair needs two effects that can be told apart: name more")
 
 
-def _kinds(plan: Plan) -> list[str]:
+def _kinds(plan: TrialPlan) -> list[str]:
     """`plan.hidden` kinds in the mixture's shares (equal ones for kinds that it does not hold)."""
     share = np.array([MIXTURE.get(kind, 0.1) for kind in plan.kinds])
     edges = np.concatenate([[0.0], np.cumsum(share / share.sum())])
@@ -84,43 +96,46 @@ def _kinds(plan: Plan) -> list[str]:
 
 def _pairs(names: Sequence[str]) -> list[tuple[str, str]]:
     return [
-        (a, b) for i, a in enumerate(names) for b in names[i + 1 :] if not _twins({a, b})
-    ]  # fmt: skip
+        (a, b) for i, a in enumerate(names) for b in names[i + 1 :] if not _complementary({a, b})
+    ]
 
 
-def _twins(names: set[str]) -> bool:
-    return any(apart <= names for apart in APART)
+def _complementary(names: set[str]) -> bool:
+    """True if two of the names are the same data as one effect."""
+    return any(apart <= names for apart in COMPLEMENTARY)
 
 
-def draw_trial(plan: Plan, number: int, kind: str) -> Trial:
-    """Trial `number` (from 1) of a plan, of this kind."""
+def draw_trial(plan: TrialPlan, number: int, kind: str) -> BlindTrial:
+    """Trial `number` (from 1) of a plan, of a kind of `trial.KINDS`, drawn with the generator
+    [seed, number]. ValueError: an unknown protocol.
+    """
     rng = np.random.default_rng([plan.seed, number])
     choice = plan.protocols[rng.integers(len(plan.protocols))]
     protocols = BATTERY if choice == "battery" else (choice,) * RUNS
     seeds = tuple(int(n) for n in rng.integers(1, 2**31, len(protocols)))
-    believed = plan.kind
-    trial = Trial(f"trial-{number:05d}", kind, "", protocols, seeds, {}, {})
+    nominal = plan.kind
+    trial = BlindTrial(f"trial-{number:05d}", kind, "", protocols, seeds, {}, {})
     if kind == "realistic":
         return _realistic(plan, trial, rng)
-    plant = well_kept(believed, rng)
+    plant = well_kept(nominal, rng)
     if kind == "nothing":
         variant = str(rng.choice(list(NOTHING), p=[share for share, _ in NOTHING.values()]))
         trial = replace(trial, variant=variant, noise=NOTHING[variant][1])
     elif kind == "stranger":
-        name = strangers.NAMES[rng.integers(len(strangers.NAMES))]
+        name = uncatalogued_effects.NAMES[rng.integers(len(uncatalogued_effects.NAMES))]
         seconds = min(read_protocol(p).duration_s for p in protocols)
         times = sizes.factor(rng)
-        stranger = strangers.draw(name, times, rng, seconds=seconds)
+        stranger = uncatalogued_effects.draw(name, times, rng, seconds=seconds)
         trial = replace(trial, variant=name, stranger=stranger, factor=times)
     elif kind == "untestable":
-        return _untestable(trial, plant, believed, rng)
+        return _untestable(trial, plant, nominal, rng)
     else:
         names, within, other = _names(plan, kind, rng)
         trial = _hide(trial, names, rng, within, other)
-    return _finish(trial, plant, believed)
+    return _finish(trial, plant, nominal)
 
 
-def _names(plan: Plan, kind: str, rng: np.random.Generator):
+def _names(plan: TrialPlan, kind: str, rng: np.random.Generator):
     """What is hidden in a single, pair, shape or weak trial: names, factors, whether reshaped."""
     if kind == "pair":
         pairs = _pairs(plan.effects)
@@ -133,12 +148,12 @@ def _names(plan: Plan, kind: str, rng: np.random.Generator):
 
 
 def _hide(
-    trial: Trial,
+    trial: BlindTrial,
     names: Sequence[str],
     rng: np.random.Generator,
     within: tuple[float, float] = sizes.FACTORS,
     other_shape: bool = False,
-) -> Trial:
+) -> BlindTrial:
     """The trial with these effects drawn into `hidden`."""
     hidden, factors = {}, []
     for name in names:
@@ -147,12 +162,12 @@ def _hide(
     return replace(trial, variant=" + ".join(names), hidden=hidden, factor=factors[0])
 
 
-def _finish(trial: Trial, plant: Rig, believed: Rig) -> Trial:
+def _finish(trial: BlindTrial, plant: Rig, nominal: Rig) -> BlindTrial:
     """Put what is hidden into the plant; a saturation's limit follows from the volts in use."""
     from experiments.blind.logs import peak_volts
 
     hidden: Effects = dict(trial.hidden)
-    trial = replace(trial, believed=rig_data(believed))
+    trial = replace(trial, believed=rig_data(nominal))
     if "saturation" in hidden:
         rest: Effects = {n: v for n, v in hidden.items() if n != "saturation"}
         free = replace(plant, effects=merged(plant.effects, rest))
@@ -165,41 +180,46 @@ def _finish(trial: Trial, plant: Rig, believed: Rig) -> Trial:
     return replace(trial, hidden=hidden, plant=rig_data(plant))
 
 
-def _realistic(plan: Plan, trial: Trial, rng: np.random.Generator) -> Trial:
+def _realistic(plan: TrialPlan, trial: BlindTrial, rng: np.random.Generator) -> BlindTrial:
     """1, 3 or 5 effects on top of a table as measured, which the rig file knows with an error."""
-    plant, believed = calibrated_table(replace(plan.kind, effects=load_rig(None).effects), rng)
-    pool = [name for name in plan.effects if name not in believed.effects]
-    count = min(int(rng.choice(ON_TOP)), len(pool))
+    plant, nominal = calibrated_table(replace(plan.kind, effects=load_rig(None).effects), rng)
+    pool = [name for name in plan.effects if name not in nominal.effects]
+    count = min(int(rng.choice(REALISTIC_COUNTS)), len(pool))
     while True:
         names = tuple(str(n) for n in rng.choice(pool, count, replace=False))
-        if not _twins(set(names)):
+        if not _complementary(set(names)):
             break
     trial = replace(_hide(trial, names, rng), variant=f"{count} on top")
-    return _finish(trial, plant, believed)
+    return _finish(trial, plant, nominal)
 
 
-def _untestable(trial: Trial, plant: Rig, believed: Rig, rng: np.random.Generator) -> Trial:
+def _untestable(
+    trial: BlindTrial, plant: Rig, nominal: Rig, rng: np.random.Generator
+) -> BlindTrial:
     """What these logs cannot show: a limit above the volts used, the ball of a log without one."""
     if rng.random() < 0.5:
-        peak = max(peak for peak in _highest(trial, plant, believed).values())
+        peak = max(peak for peak in _highest(trial, plant, nominal).values())
         hidden: Effects = {"saturation": {"x": {"limit_V": min(1.3 * peak, 5.9)}}}
-        return _finish_as_is(trial, hidden, plant, believed)
+        return _finish_as_is(trial, hidden, plant, nominal)
     name = ("rolling_resistance", "camera_scale", "level_offset")[rng.integers(3)]
     hidden = {name: sizes.draw_effect(name, rng)[0]}
     trial = replace(trial, protocols=("servo-squares",), seeds=trial.seeds[:1])
-    return _finish_as_is(trial, hidden, plant, believed)
+    return _finish_as_is(trial, hidden, plant, nominal)
 
 
-def _highest(trial: Trial, plant: Rig, believed: Rig) -> dict[str, float]:
+def _highest(trial: BlindTrial, plant: Rig, nominal: Rig) -> dict[str, float]:
     from experiments.blind.logs import peak_volts
 
-    whole = replace(trial, plant=rig_data(plant), believed=rig_data(believed))
+    whole = replace(trial, plant=rig_data(plant), believed=rig_data(nominal))
     return peak_volts(whole, share=1.0)
 
 
-def _finish_as_is(trial: Trial, hidden: Effects, plant: Rig, believed: Rig) -> Trial:
+def _finish_as_is(trial: BlindTrial, hidden: Effects, plant: Rig, nominal: Rig) -> BlindTrial:
     plant = replace(plant, effects=merged(plant.effects, hidden))
     return replace(
-        trial, variant=next(iter(hidden)), hidden=hidden, plant=rig_data(plant),
-        believed=rig_data(believed),
-    )  # fmt: skip
+        trial,
+        variant=next(iter(hidden)),
+        hidden=hidden,
+        plant=rig_data(plant),
+        believed=rig_data(nominal),
+    )

@@ -1,29 +1,37 @@
 """A closed-loop run in which something acts that the catalogue does not know.
 
-The same compiled pieces as `rig.simulate`, tick by tick, with room for a disturbance between them:
-process noise, and one *stranger* of `strangers.py` whose push or volts depend on the plant's state.
-Both are constant over a tick. Without them the rows are those of `rig.simulate.simulate`, bit for
-bit. The equations stand in this file, apart from `rig/unknown.py`, because what is used to explain
-a log must not be what made it.
+The compiled tick of `rig.simulation.simulate` with a disturbance between command and plant: process
+noise, and one *stranger* of `uncatalogued_effects` whose push or volts depend on the plant's state.
+Both are constant over a tick. Without them the rows are those of `rig.simulation.simulate`, bit for
+bit. The equations stand in this file, apart from
+`rig/discrepancy.py`, because what is used to explain a log must not be what made it.
 """
 
 from math import exp, pi, sin, sqrt
 
 import numpy as np
 
-from rig import pilot, plant, plant_record, statistical_camera
 from rig.compiled import compiled
-from rig.limits import limit
+from rig.course import Course
 from rig.log import COLUMNS, Log
-from rig.parameters import ANGLE_MARGIN_RAD, GRAVITY_M_S2, Rig
-from rig.pilot import BLIND, HOLD, pilot_tick
-from rig.plant import ARM, BALL, BALL_W, SEEN_T, SPIN, plate_motion
-from rig.rows import fill_row
-from rig.sensors import read_drives
-from rig.signals import R_THETA, R_TIME, R_VARIANCE, READING_SIZE
-from rig.simulate import BLIND_LIMIT_S, ENDINGS, Course, Draws, Simulated
-from rig.simulator import table_tick
-from rig.statistical_camera import deliver, look, next_exposure
+from rig.parameters import GRAVITY_M_S2, Rig
+from rig.plant import plant, plant_record
+from rig.plant.plant import ARM, BALL, BALL_W, SPIN, plate_motion
+from rig.simulation import statistical_camera
+from rig.simulation.simulate import (
+    ENDINGS,
+    NOT_RELEASED,
+    Draws,
+    Simulated,
+    Task,
+    expose,
+    load_inputs,
+    measure_and_control,
+    store_row,
+    tick_buffers,
+)
+from rig.simulation.simulator import table_tick
+from rig.simulation.statistical_camera import next_exposure
 
 NONE, DENT, RHYTHM, ONCE, UNBALANCED, CABLE, DRAUGHT = range(7)
 STRANGER = np.dtype(
@@ -83,7 +91,14 @@ def _draught(g, x, y, v_x, v_y, out):
 
 @compiled
 def meddle(g, own, s, p, t, dt, out):
-    """Add what the stranger does now to out (4,): pushes x, y [m/s2], volts x, y [V]."""
+    """Add what the uncatalogued effect does at time `t` [s] to out (4,).
+
+    out: accelerations of the ball x, y [m/s2] and volts x, y [V]; g: `STRANGER` record; own (3,):
+    direction of the ball's mass centre, a unit vector that turns by one tick `dt` [s]; s: the
+    plant's state; p: its packed parameters. Rhythm: size sin(2 pi hz t + phase); once: size for
+    from_s <= t < to_s; cable: volts -c size max(c theta - bend_rad, 0) with c = +-1, the side on
+    which the cable is tight.
+    """
     if g.kind == NONE:
         return
     x, y = s[BALL, 0], s[BALL, 1]
@@ -109,98 +124,94 @@ def meddle(g, own, s, p, t, dt, out):
 
 
 @compiled
-def _command(flight, q, reading, applied, wish):
-    """Wished volts through the limits into `applied` (2,); True where a servo ran away."""
-    runaway = False
-    for a in range(2):
-        applied[a] = limit(
-            wish[a], reading[R_THETA + a], flight.belief.rate[a], applied[a],
-            q.voltage_limit, q.angle_limit, q.slew,
-        )  # fmt: skip
-        runaway = runaway or abs(reading[R_THETA + a]) > q.angle_limit + ANGLE_MARGIN_RAD
-    return runaway
-
-
-@compiled
-def _expose(camera, p, seen, eyes, fallen):
-    """Take the tick's picture, if one was due; of a fallen ball there is none."""
-    if np.isnan(seen[SEEN_T]):
-        return
-    if fallen:
-        camera.frame += 1
-    else:
-        look(camera, p, seen, eyes[camera.frame])
-
-
-@compiled
 def _run(
-    s, p, q, history, flight, camera, targets, pushes, noise, stranger, hold_s, tick_s, eyes,
-    tachometer, rows,
-):  # fmt: skip
-    """Fill `rows` (m, columns); returns how many are filled and how it ended (`ENDINGS`)."""
-    reading, seen = np.full(READING_SIZE, np.nan), np.full(7, np.nan)
-    wish, applied, covariance = np.zeros(2), np.zeros(2), np.zeros(3)
+    s,
+    p,
+    q,
+    history,
+    state,
+    camera,
+    targets,
+    pushes,
+    noise,
+    stranger,
+    hold_s,
+    tick_s,
+    camera_draws,
+    tachometer,
+    buffer,
+    rows,
+):
+    """Fill `rows` (1, m, columns): `simulate._run` with a disturbance between command and plant.
+
+    Returns how many rows are filled and how the run ended (an index of ENDINGS).
+    """
     out, volts, own = np.zeros(4), np.zeros(2), stranger.heavy_side.copy()
-    blind, since_release, fallen = 0, 0, False
-    for k in range(rows.shape[0]):
-        t = k * tick_s
-        target, push = targets[since_release], pushes[since_release]
-        reading[R_TIME] = t
-        read_drives(s, p, tachometer[k], reading)
-        deliver(camera, reading)
-        pilot_tick(flight, q, reading, target, applied, wish)
-        runaway = _command(flight, q, reading, applied, wish)
-        covariance[0] = covariance[2] = reading[R_VARIANCE]
-        held = flight.phase == HOLD
-        pushed = 1.0 if not held and (push[0] != 0.0 or push[1] != 0.0) else 0.0
-        fill_row(rows[k], flight, q, reading, covariance, target, pushed, wish, applied)
-        blind = blind + 1 if flight.phase == BLIND else 0
-        if runaway or blind * tick_s > BLIND_LIMIT_S:
-            return k + 1, 2 if runaway else 1
-        since_release += 0 if held else 1
-        if since_release == targets.shape[0]:
-            return k + 1, 1 if flight.phase == BLIND else 0
+    fallen, push, applied = False, buffer.push, buffer.applied
+    for k in range(rows.shape[1]):
+        load_inputs(buffer, targets, pushes, tachometer, 0, k)
+        ending = measure_and_control(k, s, p, q, state, camera, targets.shape[1], tick_s, buffer)
+        store_row(buffer, rows, 0, k)
+        if ending >= 0:
+            return k + 1, ending
+        t, due = k * tick_s, next_exposure(camera)
         out[:] = noise[k]
         meddle(stranger, own, s, p, t, tick_s, out)
-        if not held:
-            out[0], out[1] = out[0] + push[0], out[1] + push[1]
+        push_x, push_y = out[0] + push[0], out[1] + push[1]
         volts[0], volts[1] = applied[0] + out[2], applied[1] + out[3]
         fallen = fallen | table_tick(
-            s, p, history, volts, out[0], out[1], t < hold_s, t, tick_s, next_exposure(camera), seen
+            s, p, history, volts, push_x, push_y, t < hold_s, t, tick_s, due, buffer.seen
         )
-        _expose(camera, p, seen, eyes, fallen)
-    return rows.shape[0], 3
+        expose(camera, p, fallen, camera_draws, 0, buffer)
+    return rows.shape[1], NOT_RELEASED
 
 
 def no_stranger() -> np.record:
+    """A `STRANGER` record of zeros: no uncatalogued effect acts."""
     return np.zeros(1, STRANGER)[0]
 
 
 def disturbed(
     rig: Rig,
     known: Rig,
-    arm: int,
+    compensator: int,
     course: Course,
     draws: Draws,
     *,
     noise: np.ndarray,
     stranger: np.record | None = None,
 ) -> Simulated:
-    """One closed-loop run as `rig.simulate.simulate`, disturbed.
+    """One closed-loop run with process noise and an uncatalogued effect, and how it ended.
 
-    noise (ticks, 4): accelerations of the ball x, y [m/s2] and volts x, y [V], one row a tick, as
-    long as `draws.tachometer`.
+    rig: the plant; known: the rig that controller and observers know; compensator: an entry of
+    `rig.control.controllers.COMPENSATORS`; course: targets, pushes and start; draws: random numbers
+    of camera and tachometer; noise (ticks, 4): accelerations of the ball x, y [m/s2] and volts x, y
+    [V], one row per tick, as long as `draws.tachometer`; stranger: `STRANGER` record (None: no
+    uncatalogued effect). With zero noise and no effect the rows are those of
+    `rig.simulation.simulate`. ValueError: `noise` has another shape.
     """
     ticks = len(draws.tachometer)
     if noise.shape != (ticks, 4):
         raise ValueError(f"noise has shape {noise.shape}: it needs ({ticks}, 4)")
-    q = pilot.settings(known, arm, servo_only=course.servo_only)
-    rows = np.full((ticks, len(COLUMNS)), np.nan)
+    task = Task(rig, known, compensator, course, draws)
+    q, state = task.controller()
+    rows = np.empty((1, ticks, len(COLUMNS)))
     filled, ending = _run(
-        plant.rest(course.start_m), plant_record.pack(rig), q, plant_record.no_volts(rig),
-        pilot.start(q, held=course.hold_s > 0), statistical_camera.start(rig.camera.rate_hz),
-        np.ascontiguousarray(course.targets_m), np.ascontiguousarray(course.pushes_m_s2),
-        np.ascontiguousarray(noise), no_stranger() if stranger is None else stranger,
-        course.hold_s, 1 / known.control_rate_hz, draws.camera, draws.tachometer, rows,
-    )  # fmt: skip
-    return Simulated(Log.from_rows(rows[:filled]), ENDINGS[ending])
+        plant.rest(course.start_m),
+        plant_record.pack(rig),
+        q,
+        plant_record.no_volts(rig),
+        state,
+        statistical_camera.start(rig.camera.rate_hz),
+        np.ascontiguousarray(course.targets_m)[None],
+        np.ascontiguousarray(course.pushes_m_s2)[None],
+        np.ascontiguousarray(noise),
+        no_stranger() if stranger is None else stranger,
+        course.hold_s,
+        1 / known.control_rate_hz,
+        draws.camera[None],
+        draws.tachometer[None],
+        tick_buffers(),
+        rows,
+    )
+    return Simulated(Log.from_rows(rows[0, :filled]), ENDINGS[ending])

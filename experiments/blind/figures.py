@@ -11,13 +11,17 @@ COLOURS = {"steps": "tab:blue", "battery": "tab:orange"}
 
 
 def confusion_figure(table: Mapping[str, Mapping[str, int]], path: Path) -> Path:
-    """What was hidden (rows) against what was answered (columns), in counts."""
+    """Draw the confusion matrix of `score_summary.confusion`: a row per hidden effect.
+
+    Columns are answers; cells hold counts, their shade is the share of the row. Returns `path`.
+    OSError: it cannot be written. ValueError: no such image format.
+    """
     from matplotlib.figure import Figure
 
     hidden = list(table)
-    said = {name for row in table.values() for name in row}
-    names = [*hidden, *sorted(said - set(hidden) - set(VERDICTS))]
-    columns = [*names, *(v for v in VERDICTS if v in said)]
+    stated = {name for row in table.values() for name in row}
+    names = [*hidden, *sorted(stated - set(hidden) - set(VERDICTS))]
+    columns = [*names, *(v for v in VERDICTS if v in stated)]
     counts = np.array([[table[h].get(c, 0) for c in columns] for h in hidden], float)
     counts = counts.reshape(len(hidden), len(columns))
     shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
@@ -40,10 +44,12 @@ def confusion_figure(table: Mapping[str, Mapping[str, int]], path: Path) -> Path
 
 
 def power_figure(cells: Sequence[Mapping[str, Any]], path: Path) -> Path:
-    """By effect: share detected (line) and rightly named (dots) over the amplitude.
+    """Draw the power curves (`score_summary.power`), one panel per effect; return `path`.
 
-    Amplitudes are multiples of the smallest that counts, bars 95 % intervals. Left of the dashed
-    line (1.5) only a wrong name counts against the method: its share is the red cross.
+    Over the amplitude, in multiples of the smallest that counts: the share detected (line, with 95
+    % intervals as bars), the share rightly named (dots) and the share wrongly named (red crosses).
+    Left of the dashed line at 1.5 only a wrong name counts against the method. OSError: `path`
+    cannot be written. ValueError: no such image format.
     """
     from matplotlib.figure import Figure
 

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from experiments.assemble import SPREAD_GAIN, SPREAD_TACHOMETER, SPREAD_TAU, another_unit
 from experiments.blind.trial import Effects
+from experiments.runs.assemble import SPREAD_GAIN, SPREAD_TACHOMETER, SPREAD_TAU, another_unit
 from rig.effects import BY_NAME, CATALOGUE
 from rig.parameters import Rig
 
@@ -15,9 +15,10 @@ KNOWN = ("coulomb_friction", "voltage_offset", "level_offset")
 
 
 def merged(effects: Effects, more: Effects) -> Effects:
-    """`effects` with `more` in the place of what is said twice, axis by axis.
+    """A copy of `effects` in which the values of `more` replace those of the same effect and axis.
 
-    A hidden dead zone replaces a small one whichever keys they use.
+    All of an axis's keys are replaced together, so a dead zone given by two sides replaces one
+    given by a width.
     """
     result = {name: {a: dict(v) for a, v in by.items()} for name, by in effects.items()}
     for name, by_axis in more.items():
@@ -27,7 +28,11 @@ def merged(effects: Effects, more: Effects) -> Effects:
 
 
 def boxed(rng: np.random.Generator, share: float = 1.0) -> Effects:
-    """Every effect that has a tolerance, uniform inside `share` of its box, on all its axes."""
+    """Every effect that has a tolerance, on all its axes, drawn uniformly within `share` of it.
+
+    The first parameter lies in [-share tolerance, share tolerance], or [0, share tolerance] where
+    the catalogue allows no negative value.
+    """
     effects: Effects = {}
     for effect in CATALOGUE:
         if effect.tolerance == 0:
@@ -41,24 +46,29 @@ def boxed(rng: np.random.Generator, share: float = 1.0) -> Effects:
     return effects
 
 
-def well_kept(believed: Rig, rng: np.random.Generator) -> Rig:
-    """A table that differs from its rig file by small imperfections alone: K and tau by a few
-    percent, every box of the tolerances anywhere inside."""
+def well_kept(nominal: Rig, rng: np.random.Generator) -> Rig:
+    """A table that differs from its rig file `nominal` by small imperfections alone.
+
+    The gain K, the time constant tau and the tachometer's scale are drawn uniformly within their
+    spread (a few percent), every effect with a tolerance uniformly within it.
+    """
     one = rng.uniform
     servo = replace(
-        believed.servo,
-        gain_rad_s_V=believed.servo.gain_rad_s_V * (1 + SPREAD_GAIN * one(-1, 1)),
-        time_constant_s=believed.servo.time_constant_s * (1 + SPREAD_TAU * one(-1, 1)),
+        nominal.servo,
+        gain_rad_s_V=nominal.servo.gain_rad_s_V * (1 + SPREAD_GAIN * one(-1, 1)),
+        time_constant_s=nominal.servo.time_constant_s * (1 + SPREAD_TAU * one(-1, 1)),
         tachometer_scale=SPREAD_TACHOMETER * one(-1, 1),
     )
-    return replace(believed, servo=servo, effects=merged(believed.effects, boxed(rng)))
+    return replace(nominal, servo=servo, effects=merged(nominal.effects, boxed(rng)))
 
 
 def calibrated_table(kind: Rig, rng: np.random.Generator) -> tuple[Rig, Rig]:
-    """A unit of `kind` as FACTS.md D measured them, and the rig file of a calibration with errors.
+    """A unit with the measured imperfections of FACTS.md D, and the rig as a calibration finds it.
 
-    K and tau within their spread, uneven breakaway, level; the errors lie inside the tolerances,
-    as do the other imperfections.
+    Returns (plant, nominal): the plant has its own K, tau, uneven breakaway, voltage offset and
+    level (the effects in `KNOWN`, taken from `kind`), and every other effect within its tolerance;
+    the nominal rig knows the effects in `KNOWN` with errors within their tolerances, K within 1.5 %
+    and tau within 3 %. KeyError: `kind` lacks coulomb_friction or voltage_offset.
     """
     base = replace(kind, effects={n: v for n, v in kind.effects.items() if n in KNOWN})
     unit = another_unit(base, int(rng.integers(2**31)))

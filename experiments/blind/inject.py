@@ -1,10 +1,10 @@
-"""Hide an effect in a log that was really recorded, exactly, by changing what was recorded.
+"""Inject an effect into a recorded log, exactly, by changing what was recorded.
 
 Input side: the recorded volts are changed so that the volts which really acted are what the effect
 makes of them: V_recorded = effect^-1(V_true). Sensor side: the recorded positions become what a
 wrong camera would have said. Encoder side: the recorded angle becomes the one from which the effect
-makes the true one. Each has its forward equation in `rig.effect_equations`; what has no inverse
-stands in `NOT_POSSIBLE` with the reason.
+makes the true one. Each has its forward equation in `rig.plant.effect_equations`; what has
+no inverse stands in `NOT_POSSIBLE` with the reason.
 """
 
 from collections.abc import Callable, Mapping
@@ -12,12 +12,12 @@ from math import radians
 
 import numpy as np
 
-from rig.effect_equations import camera_map
 from rig.log import Log
+from rig.plant.effect_equations import camera_map
 
 Columns = dict[str, np.ndarray]
 ByAxis = Mapping[str, Mapping[str, float]]
-ANGLE_STEPS = 60  # of the fixed-point iteration; each at least halves the error
+ANGLE_STEPS = 60  # Newton steps with a numerical slope, at most
 
 NOT_POSSIBLE: dict[str, str] = {
     "coulomb_friction": "where the servo sticks no recorded voltage leads to the true one",
@@ -35,7 +35,7 @@ WITHOUT_VOLTS = ("transmission_ripple", "linkage_quadratic", "linkage_cubic")
 
 
 def possible(log: Log) -> list[str]:
-    """Effects that can be hidden in this log, by the channels that it has."""
+    """The sorted names of the effects that can be hidden in this log, judged by its channels."""
     names = []
     for axis in "xy":
         if log.has(f"voltage_{axis}_V", f"theta_{axis}_rad"):
@@ -52,7 +52,7 @@ def possible(log: Log) -> list[str]:
 
 
 def axes_with(log: Log, name: str) -> list[str]:
-    """Axes of the log in which a per-axis effect can be hidden."""
+    """The axes ("x", "y") of the log whose channels allow this effect, which acts per axis."""
     first = "voltage_{}_V" if name in (*_VOLTS, "input_delay") else "ball_{}_m"
     return [a for a in "xy" if log.has(first.format(a), f"theta_{a}_rad")]
 
@@ -60,10 +60,13 @@ def axes_with(log: Log, name: str) -> list[str]:
 def inject(
     log: Log, effects: Mapping[str, ByAxis], *, ratio: float = 0.0, delay_s: float = 0.0
 ) -> Log:
-    """The log as a table with these effects (one or more) would have recorded the same motion.
+    """The log that a table with these effects would have recorded of the same motion.
 
-    ratio: 2 R_d/L of the linkage (level effects need it); delay_s: the camera's, where the log has
-    no exposure times. ValueError: an effect that cannot be hidden in this log.
+    effects: {name: {axis: {key: value}}} as in a rig file, applied in turn; ratio: 2 R_d/L of the
+    linkage, needed by level_offset and level_drift; delay_s: the camera's delay [s], used where the
+    log has no exposure times. Rows may be fewer (input_delay), and volts and motor speed are
+    removed by an effect of `WITHOUT_VOLTS`. ValueError: an effect that cannot be hidden in this
+    log, or is too large to have an inverse.
     """
     columns = {name: values.copy() for name, values in log.columns.items() if log.has(name)}
     there = possible(log)
@@ -103,11 +106,11 @@ def _one_axis_at_a_time(columns: Columns, name: str, by_axis: ByAxis, ratio: flo
             columns.pop(f"motor_speed_{axis}_rad_s", None)
 
 
-# --- volts: from what acted to what a table with the effect would have been told ----------------
+# --- volts: from those that acted to those that a table with the effect would have recorded -------
 
 
 def _dead_zone(v: np.ndarray, theta: np.ndarray, t: np.ndarray, p: Mapping[str, float]):
-    """max(V - w, 0) + min(V + w, 0) backwards; where nothing acted, nothing was told."""
+    """max(V - w, 0) + min(V + w, 0) backwards; zero stays zero."""
     half = p.get("half_width_V", 0.0)
     above, below = half + p.get("positive_V", 0.0), half + p.get("negative_V", 0.0)
     return np.where(v > 0, v + above, np.where(v < 0, v - below, 0.0))
@@ -150,7 +153,7 @@ def _sag(columns: Columns, drop: float) -> None:
 
 
 def _input_delay(columns: Columns, by_axis: ByAxis) -> Columns:
-    """Told `delay` earlier than it acted; the last rows, told nothing yet, are left out."""
+    """Volts recorded `delay` before they acted; the last rows, without volts yet, are left out."""
     t = columns["t_s"]
     longest = 0.0
     for axis, values in by_axis.items():

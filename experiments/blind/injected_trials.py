@@ -1,7 +1,7 @@
-"""Blind trials on logs that were really recorded: hide an effect in them, ask, compare.
+"""Blind trials on recorded logs: an effect is injected into them, and has to be named.
 
-The logs as they came are one of the trials: what they are said to lack already does not count as a
-mistake when something is hidden on top.
+The logs as they came are one of the trials: what is named in them already is no wrong name when an
+effect is injected on top.
 """
 
 from collections.abc import Sequence
@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from experiments.assemble import load_rig
 from experiments.blind import sizes
 from experiments.blind.inject import WITHOUT_VOLTS, axes_with, inject, possible
-from experiments.blind.marks import Mark, comparable
-from experiments.blind.score import share
-from experiments.blind.trial import Trial, rig_data
-from experiments.importing import read_log
+from experiments.blind.score_summary import share
+from experiments.blind.trial import BlindTrial, rig_data
+from experiments.blind.trial_score import TrialScore, comparable
+from experiments.records.importing import read_log
+from experiments.runs.assemble import load_rig
 from rig.effects import BY_NAME
 from rig.log import Log
 
@@ -30,12 +30,14 @@ def _log(path: str) -> Log:
     return read_log(Path(path))
 
 
-def draw_onto(
+def draw_injected_trials(
     paths: Sequence[Path], *, seed: int, each: int, rig_file: Path | None = None
-) -> list[Trial]:
-    """The clean trial and `each` of every effect that can be hidden in all of these logs.
+) -> list[BlindTrial]:
+    """One trial of the logs as they came and up to `each` of every effect that all logs can hide.
 
-    Errors as of `read_log` and `read_rig`; ValueError where nothing can be hidden.
+    paths: recorded logs of one table; rig_file: its nominal rig. Draws whose effect the logs cannot
+    hide are left out after 20 tries. ValueError, FileNotFoundError: a log or the rig file cannot be
+    read, or nothing can be hidden because the logs have no channel in common.
     """
     logs = [_log(str(path)) for path in paths]
     names = sorted(set.intersection(*(set(possible(log)) for log in logs)))
@@ -43,7 +45,7 @@ def draw_onto(
         raise ValueError("nothing can be hidden in these logs: they have no channel in common")
     told = rig_data(load_rig(rig_file)) if rig_file else {}
     files = tuple(str(path) for path in paths)
-    blank = Trial("onto-0000", CLEAN, "", files, (0,) * len(files), {}, told, engine="onto")
+    blank = BlindTrial("onto-0000", CLEAN, "", files, (0,) * len(files), {}, told, engine="onto")
     trials = [blank]
     for number, name in enumerate(name for name in names for _ in range(each)):
         rng = np.random.default_rng([seed, 2, number])
@@ -52,10 +54,14 @@ def draw_onto(
             by_axis, times = drawn
             trials.append(
                 replace(
-                    blank, name=f"onto-{number + 1:04d}", kind=HIDDEN, variant=name,
-                    hidden={name: by_axis}, factor=times,
+                    blank,
+                    name=f"onto-{number + 1:04d}",
+                    kind=HIDDEN,
+                    variant=name,
+                    hidden={name: by_axis},
+                    factor=times,
                 )
-            )  # fmt: skip
+            )
     order = np.random.default_rng([seed, 3]).permutation(len(trials))
     return [replace(trials[i], name=f"onto-{k:04d}") for k, i in enumerate(order)]
 
@@ -78,18 +84,24 @@ def _draw(logs: Sequence[Log], name: str, rng: np.random.Generator):
     return None
 
 
-def onto_log(trial: Trial, path: str, seed: int) -> Log:
-    """The log at `path` with the trial's effect hidden in it; a `logs.LogMaker`."""
-    rig = trial.believed_rig if trial.believed else load_rig(None)
-    return inject(
-        _log(path), trial.hidden, ratio=rig.linkage.ratio, delay_s=rig.camera.delay_s
-    )  # fmt: skip
+def injected_log(trial: BlindTrial, path: str, seed: int) -> Log:
+    """The log at `path` with the trial's effects injected; a `logs.LogMaker` (`seed` is not used).
+
+    ValueError, FileNotFoundError: the log cannot be read, or an effect cannot be hidden in it.
+    """
+    rig = trial.nominal_rig if trial.believed else load_rig(None)
+    return inject(_log(path), trial.hidden, ratio=rig.linkage.ratio, delay_s=rig.camera.delay_s)
 
 
 @dataclass(frozen=True)
 class Line:
-    """One hidden effect in a real log: hidden and found size (beyond what the log as it came was
-    said to have), whether it was named, what else was named that the clean log was not."""
+    """One effect hidden in recorded logs, and what the answer said of it.
+
+    effect: name; axes: with spaces between; hidden: size on the first axis, SI; found: answered
+    size minus the size answered for the logs as they came (NaN: none answered); named: whether the
+    effect was named; more: wrong names that the logs as they came did not get; verdict: of the
+    answer; volts_left_out: whether the injected log has no volts.
+    """
 
     effect: str
     axes: str
@@ -101,15 +113,21 @@ class Line:
     volts_left_out: bool
 
 
-def onto_report(marks: Sequence[Mark], answers: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """How well hidden effects are named in these logs; `answers` by trial name."""
-    clean = next(m for m in marks if m.trial.kind == CLEAN)
+def injection_report(
+    scores: Sequence[TrialScore], answers: dict[str, dict[str, Any]]
+) -> dict[str, Any]:
+    """How well the effects hidden in recorded logs were named, as JSON types.
+
+    answers: answer (JSON of `rig gap`) by trial name, of the same trials as `scores`, one of which
+    is the trial of the logs as they came. Keys: "as it came" (verdict, named), the shares "named"
+    and "named and nothing more", "lines" (each a `Line` as dict). StopIteration, KeyError: that
+    trial or an answer is missing.
+    """
+    clean = next(m for m in scores if m.trial.kind == CLEAN)
     base = {e["name"]: e for e in answers[clean.trial.name].get("effects") or []}
     before = base if clean.verdict == "named" else {}
-    lines = [
-        _line(m, answers[m.trial.name], before) for m in marks if m.trial.kind == HIDDEN
-    ]  # fmt: skip
-    asked = [m for m in marks if m.trial.kind == HIDDEN]
+    lines = [_line(m, answers[m.trial.name], before) for m in scores if m.trial.kind == HIDDEN]
+    asked = [m for m in scores if m.trial.kind == HIDDEN]
     right = {m.trial.name: line for m, line in zip(asked, lines, strict=True)}
     return {
         "as it came": {"verdict": clean.verdict, "named": list(clean.named)},
@@ -121,7 +139,7 @@ def onto_report(marks: Sequence[Mark], answers: dict[str, dict[str, Any]]) -> di
     }
 
 
-def _line(m: Mark, answer: dict[str, Any], before: dict[str, Any]) -> Line:
+def _line(m: TrialScore, answer: dict[str, Any], before: dict[str, Any]) -> Line:
     name, by_axis = next(iter(m.trial.hidden.items()))
     axis = next(iter(by_axis))
     key = next(iter(comparable(name, by_axis[axis])))
@@ -145,8 +163,8 @@ def _size(effect: dict[str, Any] | None, name: str, axis: str, key: str) -> floa
     return plain.get(key, float("nan")) if values else float("nan")
 
 
-def onto_markdown(report: dict[str, Any]) -> str:
-    """The report as a Markdown table, a line a hidden effect."""
+def injection_markdown(report: dict[str, Any]) -> str:
+    """The report of `injection_report` as a Markdown table, one line per hidden effect."""
     clean = report["as it came"]
     named = ", ".join(clean["named"]) or "no name"
     body = [f"As they came: {clean['verdict']} ({named}).", ""]
@@ -154,12 +172,12 @@ def onto_markdown(report: dict[str, Any]) -> str:
     body += ["|---|---|---|---|---|---|---|"]
     for line in report["lines"]:
         name = line["effect"] + (" (volts left out)" if line["volts_left_out"] else "")
-        said = f"{line['found']:.3g}" if line["found"] == line["found"] else "-"
+        stated = f"{line['found']:.3g}" if line["found"] == line["found"] else "-"
         cells = [
             name,
             line["axes"],
             f"{line['hidden']:.3g}",
-            said,
+            stated,
             "yes" if line["named"] else "no",
         ]
         body.append("| " + " | ".join([*cells, ", ".join(line["more"]), line["verdict"]]) + " |")

@@ -1,4 +1,4 @@
-"""The logs of a trial: made by a simulator, written by the contract, beside the believed rig file.
+"""The logs of a trial: made by a simulator, written by the contract, beside the rig file.
 
 Only the columns of the contract are written; a folder holds log-1.csv, log-2.csv ... and rig.toml
 (where there is one) and nothing else.
@@ -10,16 +10,16 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.assemble import known
-from experiments.blind import engine, strangers
-from experiments.blind.trial import Noise, Trial
-from experiments.exporting import export_log
-from experiments.protocol import course, read_protocol
-from rig.controllers import ARMS
+from experiments.blind import engine, uncatalogued_effects
+from experiments.blind.trial import BlindTrial, Noise
+from experiments.records.exporting import export_log
+from experiments.runs.assemble import known
+from experiments.runs.protocol import course, read_protocol
+from rig.control.controllers import COMPENSATORS
+from rig.control.tick import RUN
 from rig.log import CONTRACT, Log
-from rig.pilot import RUN
 from rig.rigfile import write_rig
-from rig.simulate import Draws, Simulated, draw
+from rig.simulation.simulate import Draws, Simulated, draw
 
 # Usual process noise, white, at 500 Hz: a ball that wanders 0.3 mm in a second by itself, and the
 # ripple of an amplifier.
@@ -29,20 +29,23 @@ BURST = 5  # frames, 83 ms at 60 Hz: below what a loop calls blind
 TRIES = 4  # a run whose ball falls off is made again with another seed, as a person would
 
 
-LogMaker = Callable[[Trial, str, int], Log]
+LogMaker = Callable[[BlindTrial, str, int], Log]
 
 
 def write_logs(
-    trial: Trial, folder: Path, *, make: LogMaker | None = None, suffix: str = ".csv"
+    trial: BlindTrial, folder: Path, *, make: LogMaker | None = None, suffix: str = ".csv"
 ) -> list[Path]:
-    """Make the trial's logs in `folder` (new or empty of logs); their paths in order.
+    """Make the trial's logs and its rig file in `folder` (made if missing); return the logs' paths.
 
-    make(trial, protocol, seed): another table than the house's own.
+    One log per protocol of the trial, log-1 onwards, with the columns of the contract; rig.toml is
+    written if the trial has a nominal rig. make: simulator of a log, called with trial, protocol
+    and seed (default: `make_log`); suffix: ".csv", ".parquet" or ".mat". ValueError: another suffix
+    or an unknown protocol. OSError: `folder` cannot be written.
     """
     make = make or make_log
     folder.mkdir(parents=True, exist_ok=True)
     if trial.believed:
-        write_rig(trial.believed_rig, folder / "rig.toml")
+        write_rig(trial.nominal_rig, folder / "rig.toml")
     paths = []
     for i, (protocol, seed) in enumerate(zip(trial.protocols, trial.seeds, strict=True)):
         log = contract_only(make(trial, protocol, seed))
@@ -50,23 +53,28 @@ def write_logs(
     return paths
 
 
-def make_log(trial: Trial, protocol: str, seed: int) -> Log:
-    """One log of the trial in the house's own simulator, from the ball's release on.
+def make_log(trial: BlindTrial, protocol: str, seed: int) -> Log:
+    """One log of the trial in the rig's own simulator, from the release of the ball on.
 
-    Another seed where the ball fell off the plate.
+    A run whose ball falls off is made again with the next seed, `TRIES` runs at most; the last one
+    is used however it ended. ValueError: an unknown protocol.
     """
     done = own_run(trial, protocol, seed)
     for i in range(1, TRIES):
         if done.outcome != "completed":
             done = own_run(trial, protocol, seed + i)
-    # The hand's own clock: the controller may take noise for the release.
+    # By the operator's clock: the controller may take noise for the release.
     let_go = course(read_protocol(protocol), trial.plant_rig, seed).hold_s
     return done.log.where((done.log["phase"] == RUN) & (done.log["t_s"] >= let_go))
 
 
-def own_run(trial: Trial, protocol: str, seed: int) -> Simulated:
-    """One run in the house's own simulator, disturbed as the trial says."""
-    plant, believed = trial.plant_rig, trial.believed_rig
+def own_run(trial: BlindTrial, protocol: str, seed: int) -> Simulated:
+    """One run in the rig's own simulator with the trial's noise and uncatalogued effect.
+
+    Returns the log and how the run ended. The controller uses no compensator and knows the nominal
+    rig. ValueError: an unknown protocol.
+    """
+    plant, nominal = trial.plant_rig, trial.nominal_rig
     plan = read_protocol(protocol)
     noise = trial.noise
     camera = replace(
@@ -80,21 +88,32 @@ def own_run(trial: Trial, protocol: str, seed: int) -> Simulated:
     draws = Draws(frames, draws.tachometer)
     pushes = process(rng, len(draws.tachometer), plant.control_rate_hz, noise.process)
     return engine.disturbed(
-        plant, known(believed), ARMS["without"], way, draws,
-        noise=pushes, stranger=strangers.pack(trial.stranger),
-    )  # fmt: skip
+        plant,
+        known(nominal),
+        COMPENSATORS["without"],
+        way,
+        draws,
+        noise=pushes,
+        stranger=uncatalogued_effects.disturbance_record(trial.stranger),
+    )
 
 
 def process(rng: np.random.Generator, ticks: int, rate_hz: float, times: float) -> np.ndarray:
-    """Process noise (ticks, 4) of the same power whatever the rate: x, y [m/s2], x, y [V]."""
+    """White process noise (ticks, 4): accelerations of the ball x, y [m/s2] and volts x, y [V].
+
+    Standard deviation: `times` that of `PROCESS_M_S2` and `PROCESS_V` at 500 Hz, multiplied by
+    sqrt(rate_hz / 500) so that the power density is the same at every rate.
+    """
     size = np.array([PROCESS_M_S2, PROCESS_M_S2, PROCESS_V, PROCESS_V]) * times
     return np.sqrt(rate_hz / 500) * size * rng.standard_normal((ticks, 4))
 
 
 def spoiled(camera: np.ndarray, noise: Noise, rng: np.random.Generator) -> np.ndarray:
-    """The camera's numbers (k, 3) with coloured noise of the same size, and bursts of lost frames.
+    """A copy of the camera's random numbers with coloured noise and bursts of lost frames.
 
-    A uniform number below zero drops its frame whatever the camera's own share.
+    camera (k, 3): standard normal numbers for x and y, and a uniform number that drops the frame if
+    it is below the camera's dropout. Colour: AR(1) of unchanged variance. In a burst of `BURST`
+    frames the uniform number is -1, so these frames are always lost.
     """
     camera = camera.copy()
     if noise.colour:
@@ -110,12 +129,16 @@ def spoiled(camera: np.ndarray, noise: Noise, rng: np.random.Generator) -> np.nd
 
 
 def contract_only(log: Log) -> Log:
-    """The columns of the contract: no word of what the controller thought."""
+    """The log with the columns of the contract alone, without those of controller and observers."""
     return Log.from_columns({name: log[name] for name in CONTRACT if log.has(name)})
 
 
-def peak_volts(trial: Trial, *, share: float = 0.995) -> dict[str, float]:
-    """By axis, the `share` point of |V| over the trial's logs [V], in the house's own simulator."""
+def peak_volts(trial: BlindTrial, *, share: float = 0.995) -> dict[str, float]:
+    """The `share` quantile of |V| [V] over the trial's logs, by axis ("x", "y").
+
+    The logs are run in the rig's own simulator with the usual noise. ValueError: an unknown
+    protocol.
+    """
     pairs = zip(trial.protocols, trial.seeds, strict=True)
     logs = [own_run(replace(trial, noise=Noise()), p, s).log for p, s in pairs]
     used = {a: np.abs(np.concatenate([log[f"voltage_{a}_V"] for log in logs])) for a in "xy"}

@@ -5,13 +5,16 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
-from experiments.blind.marks import Mark
+from experiments.blind.trial_score import TrialScore
 
 
 @dataclass(frozen=True)
 class Row:
-    """A line: what, the goal in words, what was reached, whether it meets the goal (None: no goal,
-    or no data)."""
+    """A line of the table.
+
+    what: the quantity; goal: its goal in words ("": none); reached: the value in words ("-": no
+    data); met: whether the value meets the goal (None: no goal, or no data).
+    """
 
     what: str
     goal: str
@@ -20,7 +23,11 @@ class Row:
 
 
 def rows(results: Mapping[str, Any], *, right_goal: float = 0.99) -> list[Row]:
-    """The lines of `score.summary`'s numbers; `right_goal` differs from engine to engine."""
+    """The table's lines from the numbers of `score_summary.summary`.
+
+    right_goal: least share of right names with one hidden effect, which differs between engines.
+    Lines on the next experiment follow only if results holds "next".
+    """
     kinds, sizes, proof = results["kinds"], results["sizes"], results["proof"]
     nothing = results["nothing"]
     lines = [
@@ -139,14 +146,18 @@ WORDS = {True: "yes", False: "no", None: ""}
 
 
 def markdown(lines: list[Row]) -> str:
-    """The lines as a Markdown table."""
+    """The lines as a Markdown table with the columns quantity, goal, reached and met."""
     head = ["| | goal | reached | met |", "|---|---|---|---|"]
     body = [f"| {r.what} | {r.goal} | {r.reached} | {WORDS[r.met]} |" for r in lines]
     return "\n".join([*head, *body]) + "\n"
 
 
 def effects_markdown(results: Mapping[str, Any]) -> str:
-    """Trials with one hidden effect, a line an effect; and with a stranger, a line each."""
+    """A Markdown table of the trials with one hidden effect, catalogued or not, a line per effect.
+
+    results: numbers of `score_summary.summary`. Cells are counts k/n: right, wrong name, undecided,
+    called unknown, not seen.
+    """
     head = "| hidden | right | wrong name | undecided | called unknown | not seen |"
     body = [head, "|---|---|---|---|---|---|"]
     for name, group in (results["effects"] | results["strangers"]).items():
@@ -157,23 +168,27 @@ def effects_markdown(results: Mapping[str, Any]) -> str:
     return "\n".join(body) + "\n"
 
 
-def failures_markdown(marks: Sequence[Mark]) -> str:
-    """Every trial that went wrong: what was hidden, how large, what was said (with probability)."""
+def failures_markdown(scores: Sequence[TrialScore]) -> str:
+    """A Markdown table of every trial that was not answered rightly, without those of kind "weak".
+
+    Columns: trial, kind, what was hidden, its factor over the smallest amplitude, protocol,
+    verdict, and the names in the answer with their probabilities.
+    """
     body = ["| trial | kind | hidden | times the smallest | recorded with | verdict | said |"]
     body += ["|---|---|---|---|---|---|---|"]
-    for m in marks:
+    for m in scores:
         if m.right or m.trial.kind == "weak":
             continue
-        said = ", ".join(
-            f"{name} ({p:.2f})" for name, (p, _) in zip(m.answered, m.said, strict=True)
+        stated = ", ".join(
+            f"{name} ({p:.2f})" for name, (p, _) in zip(m.answered, m.stated, strict=True)
         )
         cells = [m.trial.name, m.trial.kind, m.trial.variant, f"{m.trial.factor:.2f}"]
-        body.append(f"| {' | '.join([*cells, m.trial.battery, m.verdict, said])} |")
+        body.append(f"| {' | '.join([*cells, m.trial.battery, m.verdict, stated])} |")
     return "\n".join(body) + "\n"
 
 
 def show(lines: list[Row], title: str) -> None:
-    """Print the lines to the terminal."""
+    """Print the lines as a table to the terminal, at least 110 characters wide."""
     from rich.console import Console
     from rich.table import Table
 

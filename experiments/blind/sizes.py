@@ -54,25 +54,36 @@ SHAPES: dict[str, tuple[str, float, tuple[float, float]]] = {
 
 
 def smallest(name: str) -> float:
-    """The amplitude that counts as 1: the larger of tolerance and smallest amplitude."""
+    """The amplitude that a factor of 1 stands for, SI unit of the effect's first parameter: the
+    larger of the catalogue's tolerance and the entry in `SMALLEST`. KeyError: no such effect.
+    """
     return max(SMALLEST[name], BY_NAME[name].tolerance)
 
 
 def factor(
     rng: np.random.Generator, within: tuple[float, float] = FACTORS, most: float = np.inf
 ) -> float:
-    """Log-uniform within the two, the upper one at most `most`."""
+    """A log-uniform random factor, exp(U(ln low, ln high)), with low and high from `within`.
+
+    most: upper limit of `high`, for an effect whose range ends earlier; the result is never below
+    `low`.
+    """
     low, high = within
     return float(np.exp(rng.uniform(np.log(low), np.log(max(min(high, most), low)))))
 
 
 def saturation_limit(peak_V: float, times: float) -> float:
-    """Limit that cuts the peaks (99.5 % point of the volts used) by `times` a tenth of them [V]."""
+    """The voltage limit peak_V / (1 + 0.1 times) [V], which cuts the peaks of the volts in use.
+
+    peak_V: the 99.5 % quantile of |V| without the limit [V]; times: the trial's factor.
+    """
     return peak_V / (1 + SMALLEST["saturation"] * times)
 
 
 def draw_axes(name: str, rng: np.random.Generator) -> tuple[str, ...]:
-    """One axis (80 %) or both of an effect that has axes."""
+    """The axes that an effect acts on: x, y (80 % together) or both for an effect with one value
+    per axis; for any other effect the axes that the catalogue gives.
+    """
     if BY_NAME[name].axes != PER_AXIS:
         return BY_NAME[name].axes
     return (("x",), ("x",), ("y",), ("y",), ("x", "y"))[rng.integers(5)]
@@ -85,10 +96,13 @@ def draw_effect(
     within: tuple[float, float] = FACTORS,
     other_shape: bool = False,
 ) -> tuple[dict[str, dict[str, float]], float]:
-    """Parameters by axis, and the first axis's factor. A saturation carries its factor as limit.
+    """Random parameters of an effect, {axis: {key: value in SI}}, and the first axis's factor.
 
-    Both axes get amplitudes of their own; those of cross_coupling have one sign, for with opposite
-    ones it would be a turned camera.
+    within: lowest and highest factor over the smallest amplitude (log-uniform); other_shape: draw
+    the inner shape (period, speed, asymmetry) from the range in `SHAPES` instead of its usual
+    value. A saturation's `limit_V` holds the factor, which `saturation_limit` later turns into
+    volts. Each axis has its own amplitude. Both axes of cross_coupling have one sign, because
+    coupling with opposite signs is the same data as a turned camera.
     """
     by_axis: dict[str, dict[str, float]] = {}
     first = BY_NAME[name].parameters[0]

@@ -13,40 +13,50 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from experiments.assemble import known, load_rig, simulated_hand, simulated_table, virtual_scene
 from experiments.blind import sizes
-from experiments.blind.tables import merged, well_kept
-from experiments.blind.trial import Effects, Trial, rig_data
-from experiments.protocol import course, read_protocol
-from experiments.runs import calibrate_camera
-from rig.controllers import ARMS
+from experiments.blind.hidden_tables import merged, well_kept
+from experiments.blind.trial import BlindTrial, Effects, rig_data
+from experiments.runs.assemble import (
+    MAX_TILT_RAD,
+    known,
+    load_rig,
+    simulated_operator,
+    simulated_table,
+    virtual_scene,
+)
+from experiments.runs.protocol import course, read_protocol
+from experiments.runs.runs import calibrate_camera
+from rig.control.controllers import COMPENSATORS
+from rig.control.tick import RUN
 from rig.log import Log
-from rig.loop import Loop
+from rig.loop.loop import Loop
 from rig.parameters import Rig
-from rig.pilot import RUN
 
 VARIANTS = ("delayed", "turned", "shifted", "ball height", "as it should be")
-FLAT_M = 1e-4  # the radius that a rig believes whose ball has no height
+FLAT_M = 1e-4  # radius in the rig file of a ball without height
 SHIFTS_M = (0.003, 0.012)
 
 
-def draw_camera_trials(seed: int, each: int, *, protocol: str = "steps") -> list[Trial]:
-    """`each` trials of every variant; what lies off the camera is a well-kept table."""
+def draw_camera_trials(seed: int, each: int, *, protocol: str = "steps") -> list[BlindTrial]:
+    """`each` trials of every variant in `VARIANTS`, the variants in turn, on well-kept tables.
+
+    protocol: recorded by each trial. What is hidden concerns the camera alone.
+    """
     trials = []
     for number in range(each * len(VARIANTS)):
         rng = np.random.default_rng([seed, 1, number])
         variant = VARIANTS[number % len(VARIANTS)]
-        believed = replace(load_rig(None), effects={})
-        plant = well_kept(believed, rng)
-        hidden, mounting = _hidden(variant, believed, rng)
+        nominal = replace(load_rig(None), effects={})
+        plant = well_kept(nominal, rng)
+        hidden, mounting = _hidden(variant, nominal, rng)
         if variant == "delayed":
             plant = replace(plant, effects=merged(plant.effects, hidden))
         if variant == "turned":  # by the sheet, not by the catalogue's equation
             plant.effects.pop("camera_yaw")
         seeds = (int(rng.integers(1, 2**31)),)
         name = f"camera-{number + 1:04d}"
-        trial = Trial(name, "camera", variant, (protocol,), seeds, rig_data(plant), {}, hidden)
-        told = rig_data(believed)
+        trial = BlindTrial(name, "camera", variant, (protocol,), seeds, rig_data(plant), {}, hidden)
+        told = rig_data(nominal)
         trials.append(replace(trial, believed=told, engine="camera", camera=mounting))
     return trials
 
@@ -64,7 +74,7 @@ def _hidden(variant: str, rig: Rig, rng: np.random.Generator) -> tuple[Effects, 
         shift = rng.uniform(*SHIFTS_M) * np.array([np.cos(way), np.sin(way)])
         return {}, mounting | {"shift_m": [float(v) for v in shift]}
     if variant == "ball height":
-        from vision.synthetic import virtual_view
+        from vision.synthetic.synthetic import virtual_view
 
         height = float(virtual_view().camera_from_plate[2, 3])
         fraction = rig.ball.radius_m / (height - rig.ball.radius_m)
@@ -82,9 +92,12 @@ def _bundle():
 
 
 def mounted(view, layout, yaw_rad: float, shift_m):
-    """View and marker layout of a plate frame that sits turned and shifted: measured positions are
-    R(yaw) true + shift, in every frame, whatever the tilt."""
-    from vision.markers import MarkerLayout
+    """The view and the marker layout of a plate frame that is turned by yaw and shifted.
+
+    yaw_rad: counter-clockwise [rad]; shift_m (2,): [m]. With them measured positions are R(yaw)
+    true + shift, in every frame, whatever the plate's tilt.
+    """
+    from vision.plate.markers import MarkerLayout
 
     wrong_from_true = np.eye(4)
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
@@ -96,37 +109,45 @@ def mounted(view, layout, yaw_rad: float, shift_m):
     )
 
 
-def _eye(trial: Trial, seed: int):
-    """The rendered camera over the trial's table, with the mounting's mistakes."""
-    from rig.rendered_eye import RenderedEye
-    from vision.appearance import Appearance
+def _mounted_camera(trial: BlindTrial, seed: int):
+    """The rendered camera over the trial's table, mounted as the trial says."""
+    from rig.simulation.rendered_camera import RenderedCamera
     from vision.ball_camera import BallCamera, ball_mask, radius_range
-    from vision.synthetic import Renderer, virtual_view
-    from vision.tracker import Tracker
+    from vision.detection.appearance import Appearance
+    from vision.synthetic.synthetic import Renderer, virtual_view
+    from vision.tracking.tracker import Tracker
 
-    rig, bundle, how = trial.believed_rig, _bundle(), trial.camera or {}
+    rig, bundle, how = trial.nominal_rig, _bundle(), trial.camera or {}
     side = rig.linkage.plate_side_m
     view, layout = mounted(bundle.view, bundle.layout, how["yaw_rad"], how["shift_m"])
     tracker = Tracker(
         appearance=Appearance.of_colour(rig.ball.colour),
-        radius_px=radius_range(bundle.view, bundle.ball_radius_m, side),
-        mask=ball_mask(bundle.view, bundle.ball_radius_m, side),
+        radius_px=radius_range(bundle.view, bundle.ball_radius_m, side, MAX_TILT_RAD),
+        mask=ball_mask(bundle.view, bundle.ball_radius_m, side, MAX_TILT_RAD),
     )
     camera = BallCamera(view, layout, tracker, how["radius_m"], plate_side_m=side)
     renderer = Renderer(virtual_scene(rig), virtual_view(), np.random.default_rng([seed, 5]))
-    return RenderedEye(renderer, camera, rig.linkage.ratio)
+    return RenderedCamera(renderer, camera, rig.linkage.ratio)
 
 
-def camera_log(trial: Trial, protocol: str, seed: int) -> Log:
-    """One log of a camera trial: the real loop, tick by tick; a `logs.LogMaker`."""
+def camera_log(trial: BlindTrial, protocol: str, seed: int) -> Log:
+    """One log of a camera trial, from the release of the ball on; a `logs.LogMaker`.
+
+    The real loop runs tick by tick on a simulated table whose rendered images go through the vision
+    chain. ValueError: an unknown protocol.
+    """
     plant, plan = trial.plant_rig, read_protocol(protocol)
     way = course(plan, plant, seed)
-    table = simulated_table(plant, way, seed, _eye(trial, seed))
+    table = simulated_table(plant, way, seed, _mounted_camera(trial, seed))
     rows: list[np.ndarray] = []
     with table:
         Loop(
-            table, known(trial.believed_rig), ARMS["without"], way,
-            hand=simulated_hand(table, plan, way, seed), keep=lambda row: rows.append(row.copy()),
-        ).run()  # fmt: skip
+            table,
+            known(trial.nominal_rig),
+            COMPENSATORS["without"],
+            way,
+            operator=simulated_operator(table, plan, way, seed),
+            keep=lambda row: rows.append(row.copy()),
+        ).run()
     log = Log.from_rows(np.array(rows))
     return log.where(log["phase"] == RUN)

@@ -1,4 +1,4 @@
-"""One blind trial as plain data: what is hidden, in which table, and what the analysis is told."""
+"""One blind trial as plain data: what is hidden, in which table, and what the analysis sees."""
 
 import json
 from dataclasses import asdict, dataclass, field
@@ -16,7 +16,11 @@ Effects = dict[str, dict[str, dict[str, float]]]
 
 @dataclass(frozen=True)
 class Noise:
-    """Noise of a log, as multiples of the usual; `colour` of the camera's is that of an AR(1)."""
+    """Noise of a log: multiples of the usual process and camera noise, colour and lost frames.
+
+    colour: coefficient a of the camera noise as an AR(1) process, n_k = a n_(k-1) + sqrt(1 - a^2)
+    w_k; dropped: share of lost frames.
+    """
 
     process: float = 1.0
     camera: float = 1.0
@@ -25,13 +29,13 @@ class Noise:
 
 
 @dataclass(frozen=True)
-class Trial:
-    """The truth of one trial. Only `name` and what `believed` says reach the analysis.
+class BlindTrial:
+    """The truth of one trial. Only `name` and `believed`, the nominal rig, reach the analysis.
 
     hidden: the effects to find, with their values; plant: the whole table; protocols: one log each.
     factor: amplitude over the smallest that counts (`sizes.smallest`), of the first hidden effect.
     Other effects of the plant lie within their tolerance of what the rig file says: naming them is
-    an error. variant: which stranger, noise or count; camera: how a
+    an error. variant: which uncatalogued effect, noise or count; camera: how a
     rendered camera is mounted (`through_camera.py`).
     """
 
@@ -51,30 +55,34 @@ class Trial:
 
     @property
     def battery(self) -> str:
-        """What it was recorded with: a protocol's name, or "battery"."""
+        """What the trial was recorded with: its only protocol's name, or "battery" for several."""
         return self.protocols[0] if len(set(self.protocols)) == 1 else "battery"
 
     @property
     def plant_rig(self) -> Rig:
+        """The simulated table with all that is hidden. ValueError: `plant` is no rig's data."""
         return from_dict(self.plant)
 
     @property
-    def believed_rig(self) -> Rig:
+    def nominal_rig(self) -> Rig:
+        """The rig that the analysis is told of. ValueError: `believed` is no rig's data."""
         return from_dict(self.believed)
 
 
 def rig_data(rig: Rig) -> dict[str, Any]:
-    """The rig as JSON gives it back, lists for tuples."""
+    """The rig as JSON types (dict, list, number, string), which `rig.rigfile.from_dict` reads."""
     return json.loads(json.dumps(to_dict(rig)))
 
 
-def to_plain(trial: Trial) -> dict[str, Any]:
-    """The trial as JSON takes it."""
+def to_plain(trial: BlindTrial) -> dict[str, Any]:
+    """The trial's fields as a dict that `json.dumps` takes."""
     return asdict(trial)
 
 
-def from_plain(data: dict[str, Any]) -> Trial:
-    """`to_plain` backwards."""
+def from_plain(data: dict[str, Any]) -> BlindTrial:
+    """The trial of a dict that `to_plain` made, also after a way through JSON. KeyError, TypeError:
+    fields are missing or unknown.
+    """
     noise = Noise(**data["noise"])
     protocols, seeds = tuple(data["protocols"]), tuple(data["seeds"])
-    return Trial(**data | {"noise": noise, "protocols": protocols, "seeds": seeds})
+    return BlindTrial(**data | {"noise": noise, "protocols": protocols, "seeds": seeds})

@@ -1,11 +1,11 @@
-"""One answer against the truth of its trial."""
+"""The score of one answer against the truth of its trial."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isfinite, nan, pi
 from typing import Any
 
-from experiments.blind.trial import Trial
+from experiments.blind.trial import BlindTrial
 from rig.effects import BY_NAME
 
 SURE = 0.95
@@ -18,16 +18,24 @@ TWINS: dict[str, frozenset[str]] = {
 
 
 @dataclass(frozen=True)
-class Mark:
-    """How one trial went.
+class TrialScore:
+    """The score of one trial.
 
-    answered: every name in the answer; named: those that count (of a "named" verdict); found: the
-    hidden effects among them; extra: the wrong names; said: (probability, right) of every answered
-    one; errors: relative, of the sizes; covered: does each interval hold the truth; closed, ahead:
-    share of the held-out gap closed, error 1 s ahead over its floor (NaN: not said).
+    verdict: the answer's ("named", "undecided", "unknown-effect", "nothing-missing", "failed");
+    answered: every name in the answer; named: the answered names if the verdict is "named", else
+    none; found: hidden effects among `named`; extra: wrong names among `named`; right: the whole
+    answer is right for the trial's kind; axes_right: every named effect has exactly the hidden
+    axes; unknown: an unknown effect was reported; truth_among: a hidden effect is among `answered`.
+
+    stated: (probability, name is right) of every answered name; errors, shape_errors: relative
+    errors |value - truth| / |truth| of amplitudes and of inner shapes; covered: for each parameter,
+    whether its 95 % interval holds the truth; closed: share of the held-out gap that was closed
+    (NaN: not stated); ahead: prediction error 1 s ahead over its noise floor (NaN: not stated);
+    seconds: duration of the analysis [s]; follow_up: protocol of the proposed next experiment, or
+    "".
     """
 
-    trial: Trial
+    trial: BlindTrial
     verdict: str
     answered: tuple[str, ...]
     named: tuple[str, ...]
@@ -36,34 +44,37 @@ class Mark:
     right: bool
     axes_right: bool
     unknown: bool
-    among: bool
-    said: tuple[tuple[float, bool], ...]
+    truth_among: bool
+    stated: tuple[tuple[float, bool], ...]
     errors: tuple[float, ...]
     shape_errors: tuple[float, ...]
     covered: tuple[bool, ...]
     closed: float
     ahead: float
     seconds: float
-    following: str
+    follow_up: str
 
     @property
     def confident_wrong(self) -> bool:
-        """A name with a probability above 0.95 that is none of those hidden."""
-        return self.verdict == "named" and any(p > SURE and not right for p, right in self.said)
+        """Whether the verdict "named" gives a wrong name with a probability above 0.95."""
+        return self.verdict == "named" and any(p > SURE and not right for p, right in self.stated)
 
 
-def mark(trial: Trial, answer: Mapping[str, Any], seconds: float = nan) -> Mark:
-    """Judge an answer (the JSON of `rig gap`)."""
+def score_trial(trial: BlindTrial, answer: Mapping[str, Any], seconds: float = nan) -> TrialScore:
+    """The score of an answer against the truth of its trial.
+
+    answer: the JSON of `rig gap --json`; seconds: duration of the analysis [s], NaN if not known.
+    """
     verdict = answer.get("verdict", "failed")
     effects = answer.get("effects") or []
-    pairs = [(effect, same_as(trial, effect)) for effect in effects]
+    pairs = [(effect, matching_hidden(trial, effect)) for effect in effects]
     named = [pair for pair in pairs if verdict == "named"]
     found = tuple(sorted({hidden for _, hidden in named if hidden}))
     extra = tuple(effect["name"] for effect, hidden in named if not hidden)
     unknown = answer.get("unknown") is not None or verdict == "unknown-effect"
     sizes = [_sizes(trial, effect, hidden) for effect, hidden in named if hidden]
     axes = [_axes(effect) == set(trial.hidden[h]) for effect, h in named if effect["name"] == h]
-    return Mark(
+    return TrialScore(
         trial,
         verdict,
         tuple(effect["name"] for effect in effects),
@@ -84,10 +95,12 @@ def mark(trial: Trial, answer: Mapping[str, Any], seconds: float = nan) -> Mark:
     )
 
 
-def same_as(trial: Trial, effect: Mapping[str, Any]) -> str:
-    """The hidden effect that an answered one stands for, by its own name or a twin's; "" if none.
+def matching_hidden(trial: BlindTrial, effect: Mapping[str, Any]) -> str:
+    """The hidden effect that an answered effect stands for, or "" if it is none of them.
 
-    An antisymmetric cross coupling is a turned camera.
+    effect: one entry of the answer's "effects". It matches by its own name, by a name in `TWINS`,
+    or as an antisymmetric cross coupling (c_x = -c_y within 30 % of their difference), which is the
+    same data as a turned camera (camera_yaw).
     """
     name = effect["name"]
     for hidden in trial.hidden:
@@ -110,14 +123,14 @@ def _axes(effect: Mapping[str, Any]) -> set[str]:
 
 
 def _right(
-    trial: Trial,
+    trial: BlindTrial,
     verdict: str,
     found: tuple[str, ...],
     extra: tuple[str, ...],
     unknown: bool,
     answer: Mapping[str, Any],
 ) -> bool:
-    """All that was hidden and nothing else; of a stranger: unknown and no name."""
+    """True if all that was hidden is named and nothing else; an uncatalogued effect: unknown."""
     if trial.kind == "nothing" or (trial.kind == "camera" and not trial.hidden):
         return verdict == "nothing-missing"
     if trial.variant == "ball height" and verdict == "unknown-effect":
@@ -125,22 +138,23 @@ def _right(
     if trial.kind == "stranger":
         return verdict == "unknown-effect"
     if trial.kind == "untestable":
-        said = {
+        stated = {
             u["name"]
             for u in answer.get("untestable") or []
             if u.get("smallest") or "lacks" in u.get("why", "")  # without the channel no size shows
         }
         quiet = verdict in ("nothing-missing", "undecided")
-        return quiet and set(trial.hidden) <= said
+        return quiet and set(trial.hidden) <= stated
     return verdict == "named" and not extra and set(found) == set(trial.hidden)
 
 
 def comparable(
     name: str, values: Mapping[str, float], *, one_width: bool = False
 ) -> dict[str, float]:
-    """An effect's values under keys that can be compared: a dead zone by its two sides.
+    """An effect's parameters under keys that do not depend on how they were written.
 
-    one_width: by their mean, where the sides differ by no more than an offset within tolerance.
+    A dead zone becomes its two sides, positive_V and negative_V [V], or with `one_width` the mean
+    of both under half_width_V [V]; every other effect is returned as it is.
     """
     if name != "dead_zone":
         return dict(values)
@@ -156,7 +170,7 @@ def _one_width(hidden: str, true: Mapping[str, float], answered: Mapping[str, An
     return hidden == "dead_zone" and close and "half_width_V" in answered
 
 
-def _sizes(trial: Trial, effect: Mapping[str, Any], hidden: str):
+def _sizes(trial: BlindTrial, effect: Mapping[str, Any], hidden: str):
     """Relative errors of the size, of the shape, and whether each interval holds the truth."""
     errors, shapes, covered = [], [], []
     if effect["name"] != hidden:

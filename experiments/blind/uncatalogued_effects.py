@@ -1,4 +1,4 @@
-"""Six things that a lab really meets and that no entry of the catalogue describes.
+"""Six disturbances that occur in labs and that no entry of the catalogue describes.
 
 Sizes are fixed beforehand like those of `sizes.py`: the smallest is what a lab would care about, a
 trial draws 1.5 to 6 times that. All are given as an acceleration of the ball (volts for the cable).
@@ -12,7 +12,7 @@ from experiments.blind import engine
 from rig.parameters import GRAVITY_M_S2
 
 # What `size` is, its smallest value worth naming, and the channel's side in which it shows.
-SMALLEST: dict[str, tuple[str, float, str]] = {
+SMALLEST_SIZE: dict[str, tuple[str, float, str]] = {
     "dent": ("steepest pull [m/s2]", 0.02, "ball"),
     "rhythm": ("amplitude [m/s2]", 0.01, "ball"),
     "once": ("acceleration [m/s2]", 0.01, "ball"),  # 0.1 degree of a hollow ball's slope
@@ -20,7 +20,7 @@ SMALLEST: dict[str, tuple[str, float, str]] = {
     "cable": ("stiffness [V/rad]", 1.0, "servo"),
     "draught": ("push of the wind [m/s2]", 0.01, "ball"),
 }
-NAMES = tuple(SMALLEST)
+NAMES = tuple(SMALLEST_SIZE)
 _KINDS = dict(
     zip(
         NAMES,
@@ -32,14 +32,17 @@ AIR_DRAG_1_M = 0.07  # 1/2 rho c_d A k/m of the 3 g ball: 0.5 1.2 0.47 1.21e-3 0
 
 
 def draw(name: str, factor: float, rng: np.random.Generator, *, seconds: float) -> dict:
-    """A stranger of `factor` times its smallest size, as plain data; `seconds`: the shortest log.
+    """The parameters of an uncatalogued effect of `factor` times its smallest size, as JSON types.
 
-    Places lie where the shipped protocols lead the ball, times inside the shortest log.
+    name: one of `NAMES`; seconds: duration of the shortest log [s]. Keys: "kind" (the name) and the
+    fields of `engine.STRANGER` in SI units. Places lie within 25 mm of the centre on each axis,
+    where the shipped protocols move the ball, and the times within the shortest log. KeyError: an
+    unknown name.
     """
     angle, length = rng.uniform(0, 2 * pi), rng.uniform(0.15, 0.3) * seconds
     begin = rng.uniform(0.2, 0.9) * (seconds - length)
     heavy = rng.standard_normal(3)
-    size = factor * SMALLEST[name][1]
+    size = factor * SMALLEST_SIZE[name][1]
     if name == "draught":
         size = sqrt(size / AIR_DRAG_1_M)  # m/s of wind
     hz = float(np.exp(rng.uniform(np.log(0.8), np.log(4.0))))
@@ -70,8 +73,10 @@ def _direction(name: str, angle: float) -> list[float]:
     return [float(np.copysign(1, c)), float(np.copysign(1, s))] if name == "cable" else [c, s]
 
 
-def pack(stranger: dict | None) -> np.record:
-    """The record that the compiled run takes; none acts where `stranger` is None."""
+def disturbance_record(stranger: dict | None) -> np.record:
+    """The `engine.STRANGER` record that the compiled run takes, from the parameters that `draw`
+    returns; None: no uncatalogued effect acts.
+    """
     g = engine.no_stranger()
     for key, value in (stranger or {}).items():
         g[key] = _KINDS[value] if key == "kind" else value

@@ -1,48 +1,52 @@
-"""What `rig calibrate sheet`, `camera` and `table` do."""
+"""`rig calibrate sheet`, `camera` and `table`: sheets to print, the lens, the level plate."""
 
 import json
 from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import typer
 from pydantic import ValidationError
 
 from calibration.bundle import lens_record, markers_record, plate_record
-from calibration.camera import (
+from calibration.camera.camera_shift import FIXED_IDS, fixed_markers
+from calibration.camera.lens import (
     MIN_VIEWS,
     CameraCalibration,
     calibrate_images,
     calibrate_views,
 )
-from calibration.knock import FIXED_IDS, fixed_markers
-from calibration.pages import write_pdf, write_png
-from calibration.pictures import refuse_blurred_pictures, refuse_wrong_sheet
-from calibration.plate import level_pose
-from calibration.prints import sheet_files
+from calibration.camera.pages import write_pdf, write_png
+from calibration.camera.pictures import refuse_blurred_pictures, refuse_wrong_sheet
+from calibration.camera.plate import level_pose
+from calibration.camera.prints import sheet_files
+from calibration.camera.sheet import CalibrationError, Sheet
+from calibration.camera.virtual import sheet_pictures
 from calibration.records import MarkersRecord
-from calibration.sheet import CalibrationError, Sheet
-from calibration.virtual import sheet_pictures
-from experiments.assemble import load_rig, virtual_scene
-from experiments.calibrate_folder import CalibrationFolder, Source
-from experiments.calibrate_pictures import camera_figure, coverage_picture, plate_picture
-from experiments.calibrate_views import ViewPicker, pick
-from experiments.calibrate_watch import Growing
-from experiments.folders import writable
+from experiments.calibrate.folder import CalibrationFolder, Source
+from experiments.calibrate.pictures import camera_figure, coverage_picture, plate_picture
+from experiments.calibrate.views import ViewPicker, pick
+from experiments.calibrate.watch import Growing
+from experiments.records.run_folder import writable
+from experiments.runs.assemble import load_rig, virtual_scene
 from rig.parameters import Rig
+from rig.validation import first_error_line
 from vision.frames import Frame
-from vision.markers import MarkerLayout, default_layout
-from vision.sources import open_source
-from vision.synthetic import Renderer, virtual_view
+from vision.plate.markers import MarkerLayout, default_layout
+from vision.sources.sources import open_source
+from vision.synthetic.synthetic import Renderer, virtual_view
 from vision.view import View
 
 VIRTUAL_PICTURES = 24
 
 
 def sheet_of(squares: str, square_mm: float, marker_mm: float, dictionary: str) -> Sheet:
-    """The sheet that options describe. ValueError: they describe none."""
+    """The calibration sheet that the command's options describe.
+
+    squares: columns x rows, such as "11x8"; dictionary: OpenCV's name of the markers. ValueError:
+    the options describe no sheet.
+    """
     try:
         columns, rows = (int(part) for part in squares.lower().split("x"))
     except ValueError:
@@ -53,7 +57,12 @@ def sheet_of(squares: str, square_mm: float, marker_mm: float, dictionary: str) 
 def make_sheets(
     rig_file: Path | None, out: Path, *, paper: str, sheet: Sheet, plate_marker_mm: float
 ) -> None:
-    """Write charuco.pdf, plate.pdf, fixed.pdf and their pages as PNG of 300 dots an inch."""
+    """Write the sheets to print: charuco.pdf, plate.pdf, fixed.pdf, and their pages as PNG.
+
+    The PNG files have 300 dots an inch. paper: "a4", "a3", "letter", "legal" or "tabloid".
+    ValueError: the paper is unknown or too small, or the rig file is wrong; OSError: `out` cannot
+    be written.
+    """
     side_m = load_rig(rig_file).linkage.plate_side_m
     layout = default_layout(side_m, plate_marker_mm / 1e3)
     pages = sheet_files(sheet, layout, side_m, paper, FIXED_IDS)
@@ -71,7 +80,7 @@ def make_sheets(
     )
 
 
-def camera(
+def calibrate_camera(
     source: str | None,
     rig_file: Path | None,
     out: Path,
@@ -83,8 +92,14 @@ def camera(
     seed: int,
     shown: Callable[[list[Path]], None] | None = None,
 ) -> CameraCalibration:
-    """The lens into the bundle, camera.png beside it; `shown` hears of pictures of coverage and
-    residuals meanwhile. CalibrationError: refused, nothing written but the coverage so far."""
+    """Measure the lens and keep it in `out`, with camera.png and coverage.png beside it.
+
+    source: a folder of images, a video or a camera; None: the virtual camera. distance_m: about the
+    distance of the plate. `most` pictures are taken from a video or camera, a live one for at most
+    `seconds`. shown: called with pictures of coverage and residuals as they grow. CalibrationError:
+    the pictures are refused; only coverage.png is written then. ValueError, OSError: a folder or
+    source that cannot be used.
+    """
     rig = load_rig(rig_file)
     folder = CalibrationFolder(out, _kind(source))
     layout = default_layout(rig.linkage.plate_side_m)
@@ -149,9 +164,14 @@ def _pictures(source: str) -> Iterator[np.ndarray]:
 
 
 def _from_frames(
-    source: str, folder: CalibrationFolder, sheet: Sheet, distance_m: float, most: int, seconds,
+    source: str,
+    folder: CalibrationFolder,
+    sheet: Sheet,
+    distance_m: float,
+    most: int,
+    seconds: float,
     growing: Growing | None,
-) -> CameraCalibration:  # fmt: skip
+) -> CameraCalibration:
     """The lens from a video or a live camera, with a coverage picture that grows meanwhile."""
 
     def show(picker: ViewPicker, frame: Frame, kept: bool) -> None:
@@ -173,7 +193,7 @@ def _from_frames(
     return calibrate_views(picker.views, sheet, picker.size, distance_m=distance_m)
 
 
-def table(
+def calibrate_table(
     source: str | None,
     rig_file: Path | None,
     out: Path,
@@ -184,7 +204,14 @@ def table(
     sheet: Sheet,
     seed: int,
 ) -> None:
-    """The level plate into the bundle, plate.png beside it. CalibrationError: refused."""
+    """Measure the pose of the level plate from `frames` frames of its markers; keep it in `out`.
+
+    source: folder, video or camera; None: the virtual camera. layout_file: JSON of own markers
+    (`calibration.records.MarkersRecord`); None: the printed ones of side `plate_marker_mm`. A
+    `sheet` that lies on the plate checks the print's scale. CalibrationError: the frames are
+    refused. ValueError: there is no lens yet, or the layout is wrong. OSError: a source or folder
+    that cannot be used.
+    """
     rig = load_rig(rig_file)
     folder = CalibrationFolder(out, _kind(source))
     if folder.draft.lens is None:
@@ -234,9 +261,7 @@ def _layout(path: Path | None) -> MarkerLayout | None:
     try:
         record = MarkersRecord.model_validate(json.loads(path.read_text(encoding="utf-8")))
     except ValidationError as error:
-        fault: Any = error.errors()[0]
-        where = ".".join(str(part) for part in fault["loc"])
-        raise ValueError(f"--layout {path}: {where}: {fault['msg']}") from None
+        raise ValueError(f"--layout {path}: {first_error_line(error, MarkersRecord)}") from None
     except ValueError as error:
         raise ValueError(f"--layout {path}: not JSON ({error})") from None
     return MarkerLayout(np.array(record.ids), np.array(record.corners_m), record.dictionary)

@@ -9,9 +9,9 @@ from typing import Any, Literal
 import typer
 
 from calibration.bundle import Draft, load_draft
-from calibration.records import LevelRecord, Section, ServoRecord, TimingRecord, fingerprint
-from experiments.assemble import known, load_rig
-from experiments.folders import writable
+from calibration.records import LevelRecord, SectionRecord, ServoRecord, TimingRecord, fingerprint
+from experiments.records.run_folder import writable
+from experiments.runs.assemble import known, load_rig
 from rig.parameters import Rig, torque_per_volt
 from rig.rigfile import read_rig, write_rig
 
@@ -20,8 +20,12 @@ Source = Literal["measured", "simulated"]
 
 
 class CalibrationFolder:
-    """One calibration that is being made in `folder`. ValueError, OSError: it cannot be, or it
-    belongs to another table (a simulated one's numbers never mix with a measured one's)."""
+    """One calibration that is being made in a folder.
+
+    source: "measured" or "simulated". ValueError: calibration.json in it cannot be read or is of
+    the other source (numbers of a simulated and a measured table are never mixed). OSError: the
+    folder cannot be written.
+    """
 
     def __init__(self, folder: Path, source: Source) -> None:
         self.path = writable(folder)
@@ -45,8 +49,13 @@ class CalibrationFolder:
         warnings: Sequence[str] = (),
         **records: Any,
     ) -> None:
-        """Add a section with its records and say where it stands."""
-        section = Section(
+        """Add a section and its records to calibration.json, and print where it stands.
+
+        data: files that the numbers came from, kept as fingerprints; warnings: kept and printed;
+        records: fields of `calibration.bundle.Draft`, None to remove one. OSError: the file cannot
+        be written.
+        """
+        section = SectionRecord(
             made=_now(),
             data=fingerprint(data),
             pictures=[picture.name for picture in pictures],
@@ -60,12 +69,15 @@ class CalibrationFolder:
         typer.echo(f"written: {self.path / FILE}" + (f"   pictures: {shown}" if shown else ""))
 
     def believed(self, rig_file: Path | None) -> Rig:
-        """The rig as it is believed so far: what was measured here, else `rig_file`'s numbers."""
+        """The rig with what was measured in this folder, else what is known of `rig_file`.
+
+        ValueError, FileNotFoundError: a rig file is missing or wrong.
+        """
         own = self.path / RIG_FILE
         return read_rig(own) if own.is_file() else known(load_rig(rig_file))
 
     def believe(self, rig: Rig) -> None:
-        """Write rig.toml."""
+        """Write the rig as rig.toml of the folder. OSError: it cannot be written."""
         write_rig(rig, self.path / RIG_FILE)
         typer.echo(f"believed from now on: {self.path / RIG_FILE}")
 
@@ -75,19 +87,23 @@ def _now() -> datetime:
 
 
 def with_timing(rig: Rig, record: TimingRecord) -> Rig:
-    """The rig with the measured delay."""
+    """The rig with the measured delay of the camera [s], at least 0."""
     return replace(rig, camera=replace(rig.camera, delay_s=max(record.delay_s.value, 0.0)))
 
 
 def with_level(rig: Rig, record: LevelRecord) -> Rig:
-    """The rig with the measured slopes as the effect level_offset."""
+    """The rig with the measured slopes [rad] as its effect level_offset."""
     slopes = {axis: {"slope_rad": value.value} for axis, value in record.slope_rad.items()}
     return replace(rig, effects={**rig.effects, "level_offset": slopes})
 
 
 def with_servo(rig: Rig, record: ServoRecord) -> Rig:
-    """The rig with the measured gain and lag (the axes' means; both are modelled alike) and, as
-    effects, each axis's offset and the friction that its bearings do not explain."""
+    """The rig with the measured servo: gain, time constant, offsets and dry friction.
+
+    Gain and time constant are the means of both axes, which are modelled alike. The voltage offset,
+    -(V_+ + V_-)/2 of the breakaway volts, and the friction that the bearings do not explain,
+    (V_+ - V_-)/2 less the bearings' [V], at least 0, become effects of each axis.
+    """
     axes = {"x": record.x, "y": record.y}
     bearings_V = (rig.drive.arm_friction_nm + rig.drive.joint_friction_nm) / torque_per_volt()
     friction, offset = {}, {}

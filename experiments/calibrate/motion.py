@@ -1,4 +1,4 @@
-"""What `rig calibrate time`, `level` and `servo` do: numbers from tables that move."""
+"""`rig calibrate time`, `level` and `servo`: numbers from tables that move."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,31 +7,32 @@ from pathlib import Path
 import numpy as np
 import typer
 
-from calibration.level import level_record, timing_from_ball
-from calibration.manoeuvres import Trace, perform, wiggle
-from calibration.rolling import Rolling, rolling
-from calibration.servo import calibrate_servos
-from calibration.timing import TiltWatch, Wiggle, camera_delay
-from experiments.assemble import known, load_rig, virtual_scene
-from experiments.calibrate_folder import (
+from calibration.camera.sheet import CalibrationError
+from calibration.motion.level import level_record, timing_from_ball
+from calibration.motion.manoeuvres import Trace, perform, wiggle
+from calibration.motion.rolling import Rolling, rolling
+from calibration.motion.servo import calibrate_servos
+from calibration.motion.timing import TiltRecorder, Wiggle, camera_delay
+from experiments.calibrate.folder import (
     CalibrationFolder,
     Source,
     with_level,
     with_servo,
     with_timing,
 )
-from experiments.calibrate_pictures import level_figure, servo_figure, time_figure
-from experiments.importing import read_log
-from experiments.recording import read_run
-from rig.controllers import ARMS
+from experiments.calibrate.pictures import level_figure, servo_figure, time_figure
+from experiments.records.importing import read_log
+from experiments.records.recording import read_run
+from experiments.runs.assemble import known, load_rig, virtual_scene
+from rig.control.controllers import WITHOUT
+from rig.course import Course
 from rig.log import Log
-from rig.loop import Loop
 from rig.parameters import Rig
-from rig.plate_eye import PlateEye
-from rig.simulate import Course
-from rig.simulator import SimulatedTable
-from vision.sources import open_source
-from vision.synthetic import Renderer, virtual_view
+from rig.simulation.rendered_camera import RenderedPlateCamera
+from rig.simulation.simulate import draw, simulate
+from rig.simulation.simulator import SimulatedTable
+from vision.sources.sources import open_source
+from vision.synthetic.synthetic import Renderer, virtual_view
 
 WIGGLE_HZ = (0.7, 2.3)
 LEVEL_HZ, LEVEL_M = (0.35, 0.45), 0.05
@@ -61,14 +62,19 @@ def _source(given: Sequence[_Given]) -> Source:
     return "measured" if any(one.source == "measured" for one in given) else "simulated"
 
 
-def servo(rig_file: Path | None, out: Path, *, seed: int) -> None:
-    """Both servos of the virtual table into the bundle, with their traces as CSV."""
+def calibrate_servo(rig_file: Path | None, out: Path, *, seed: int) -> None:
+    """Measure both servos of the virtual table; keep them in `out`, with their traces as CSV.
+
+    CalibrationError: the motion is refused. ValueError, OSError: rig file or folder cannot be used.
+    """
     rig = load_rig(rig_file)
     folder = CalibrationFolder(out, "simulated")
     with SimulatedTable(rig, np.random.default_rng([seed, 9]), held=True) as table:
         record, ramped, pulsed = calibrate_servos(table)
-    data = [_write(trace, folder.path / f"servo_{name}.csv") for name, trace in
-            (("ramps", ramped), ("pulses", pulsed))]  # fmt: skip
+    data = [
+        _write(ramped, folder.path / "servo_ramps.csv"),
+        _write(pulsed, folder.path / "servo_pulses.csv"),
+    ]
     picture = servo_figure(ramped, pulsed, record, folder.path / "servo.png", "simulated")
     folder.keep("servo", data=data, pictures=[picture], servo=record)
     for name, axis in (("x", record.x), ("y", record.y)):
@@ -84,20 +90,26 @@ def servo(rig_file: Path | None, out: Path, *, seed: int) -> None:
 
 def _write(trace: Trace, path: Path) -> Path:
     columns = np.column_stack((trace.t_s, trace.volts, trace.theta_rad))
-    head = "t_s,voltage_x_V,voltage_y_V,theta_x_rad,theta_y_rad"
-    np.savetxt(path, columns, "%.9g", ",", header=head, comments="")
+    _csv(path, "t_s,voltage_x_V,voltage_y_V,theta_x_rad,theta_y_rad", columns)
     return path
 
 
-def level(
+def calibrate_level(
     runs: Sequence[Path], rig_file: Path | None, out: Path, *, seconds: float, seed: int
 ) -> None:
-    """The level's slopes into the bundle, from given runs or one of the virtual table."""
+    """Measure the plate's slope at servo angle 0 on both axes, and keep it in `out`.
+
+    runs: run folders or logs in which the ball is led about; none: a run of `seconds` on the
+    virtual table. CalibrationError: the runs are refused. ValueError, OSError: a file or folder
+    that cannot be used.
+    """
     rig = load_rig(rig_file)
     given = [_read(path) for path in runs]
     folder = CalibrationFolder(out, _source(given))
     believed = folder.believed(rig_file)
-    logs = [one.log for one in given] or [led_about(rig, seconds, seed)]
+    logs = [one.log for one in given] or [
+        led_about(rig, seconds, np.random.default_rng([seed, 10]))
+    ]
     axes = [[rolling(log, a, believed.camera.delay_s) for log in logs] for a in range(2)]
     record = level_record(axes[0], axes[1], believed)
     first: list[Rolling] = [axes[0][0], axes[1][0]]
@@ -114,23 +126,21 @@ def level(
     folder.believe(with_level(believed, record))
 
 
-def led_about(rig: Rig, seconds: float, seed: int) -> Log:
-    """A virtual run in which the ball follows a sine on each axis."""
+def led_about(rig: Rig, seconds: float, rng: np.random.Generator) -> Log:
+    """Log of a simulated run of `seconds` in which the ball follows a sine on each axis.
+
+    CalibrationError: the run ended before `seconds` were over.
+    """
     t = np.arange(round(seconds * rig.control_rate_hz)) / rig.control_rate_hz
     targets = LEVEL_M * np.column_stack([np.sin(2 * np.pi * f * t) for f in LEVEL_HZ])
-    way = Course(targets, np.zeros_like(targets))
-    table = SimulatedTable(rig, np.random.default_rng([seed, 10]), start_m=(0.0, 0.0))
-    rows: list[np.ndarray] = []
-    with table:
-        ending = Loop(
-            table, known(rig), ARMS["without"], way, keep=lambda row: rows.append(row.copy())
-        ).run()
-    if ending.outcome != "completed":
-        raise ValueError(f"the virtual run ended early ({ending.outcome}: {ending.reason})")
-    return Log.from_rows(np.array(rows))
+    course = Course(targets, np.zeros_like(targets))
+    run = simulate(rig, known(rig), WITHOUT, course, draw(rng, rig, course))
+    if run.outcome != "completed":
+        raise CalibrationError(f"the run in which the ball is led about ended early: {run.outcome}")
+    return run.log
 
 
-def time(
+def calibrate_time(
     run: Path | None,
     video: str | None,
     rig_file: Path | None,
@@ -139,8 +149,13 @@ def time(
     seconds: float,
     seed: int,
 ) -> None:
-    """The camera's delay into the bundle: from a run with its video, a run's ball, or the virtual
-    table through rendered frames."""
+    """Measure the camera's delay and keep it in `out`.
+
+    From a run with its video, from a run's ball alone (`video` None), or from a motion of `seconds`
+    of the virtual table through rendered frames (`run` None). CalibrationError: the motion is
+    refused. ValueError: a video without its run, a run without servo angles, or a folder without
+    lens and plate where frames are used. OSError: a file or folder that cannot be used.
+    """
     rig = load_rig(rig_file)
     if video is not None and run is None:
         raise ValueError("--video: name the run, too, whose encoders belong to it")
@@ -184,12 +199,12 @@ def _virtual_wiggle(rig: Rig, folder: CalibrationFolder, seconds: float, seed: i
         "extra_s", 0
     )
     made = Renderer(virtual_scene(rig), virtual_view(), np.random.default_rng([seed, 5]))
-    watch = TiltWatch(*_plate_of(folder))
-    eye = PlateEye(made, late_s, watch.look)
+    tilt = TiltRecorder(*_plate_of(folder))
+    eye = RenderedPlateCamera(made, late_s, tilt.add)
     with SimulatedTable(rig, np.random.default_rng([seed, 11]), held=True, eye=eye) as table:
         axis = [wiggle(table.period_s, seconds, WIGGLE_HZ) for _ in range(2)]
         trace = perform(table, (axis[0], axis[1]))
-    stamp, sines = watch.seen()
+    stamp, sines = tilt.sines()
     during = stamp <= trace.t_s[-1]
     return Wiggle(trace.t_s, trace.theta_rad, stamp[during], sines[during])
 
@@ -198,23 +213,25 @@ def _filmed(log: Log, video: str, folder: CalibrationFolder) -> Wiggle:
     """A recorded run's encoders and its frames, stamped on the run's clock."""
     if not log.has("theta_x_rad", "theta_y_rad"):
         raise ValueError("the run lacks servo angles: both are needed for the camera's delay")
-    watch = TiltWatch(*_plate_of(folder))
+    tilt = TiltRecorder(*_plate_of(folder))
     with open_source(video) as frames:
         for frame in frames:
-            watch.look(frame)
+            tilt.add(frame)
     theta = np.column_stack((log["theta_x_rad"], log["theta_y_rad"]))
-    return Wiggle(log["t_s"], theta, *watch.seen())
+    return Wiggle(log["t_s"], theta, *tilt.sines())
 
 
 def _plate_of(folder: CalibrationFolder):
     """The level view and the markers of the folder's calibration."""
     from calibration.bundle import load
-    from experiments.calibrate_folder import FILE
+    from experiments.calibrate.folder import FILE
 
     path = folder.path / FILE
     if not path.is_file():
-        raise ValueError(f"{folder.path} has no lens and plate yet: run rig calibrate camera and "
-                         "table with the same --out first")  # fmt: skip
+        raise ValueError(
+            f"{folder.path} has no lens and plate yet: run rig calibrate camera and table with the "
+            "same --out first"
+        )
     bundle = load(path)
     return bundle.view, bundle.layout
 
@@ -223,8 +240,12 @@ def _write_wiggle(wiggled: Wiggle, folder: Path) -> Path:
     """plate.csv: what the markers said; encoders.csv: the encoders; in a folder of their own."""
     path = folder / "time"
     path.mkdir(exist_ok=True)
-    np.savetxt(path / "encoders.csv", np.column_stack((wiggled.t_s, wiggled.theta_rad)), "%.9g",
-               ",", header="t_s,theta_x_rad,theta_y_rad", comments="")  # fmt: skip
-    np.savetxt(path / "plate.csv", np.column_stack((wiggled.stamp_s, wiggled.sines)), "%.9g", ",",
-               header="stamp_s,sine_x,sine_y", comments="")  # fmt: skip
+    encoders = np.column_stack((wiggled.t_s, wiggled.theta_rad))
+    _csv(path / "encoders.csv", "t_s,theta_x_rad,theta_y_rad", encoders)
+    plate = np.column_stack((wiggled.stamp_s, wiggled.sines))
+    _csv(path / "plate.csv", "stamp_s,sine_x,sine_y", plate)
     return path
+
+
+def _csv(path: Path, names: str, columns: np.ndarray) -> None:
+    np.savetxt(path, columns, "%.9g", ",", header=names, comments="")

@@ -6,22 +6,25 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from calibration.camera import GRID, CameraCalibration, cells
-from calibration.manoeuvres import Trace
+from calibration.camera.lens import GRID, CameraCalibration, cells
+from calibration.camera.sheet import SheetView
+from calibration.motion.manoeuvres import Trace
+from calibration.motion.rolling import Rolling
+from calibration.motion.servo import moves, pulse_angle
+from calibration.motion.timing import Wiggle, expected_sines
 from calibration.records import LevelRecord, ServoRecord, TimingRecord
-from calibration.rolling import Rolling
-from calibration.servo import moves, pulse_angle
-from calibration.sheet import SheetView
-from calibration.timing import Wiggle, expected_sines
 from rig.parameters import Rig
-from vision.markers import MarkerLayout
+from vision.plate.markers import MarkerLayout
 from vision.view import View
 
 _GREEN, _RED, _DOT = (60, 150, 60), (60, 60, 170), (235, 235, 235)
 
 
 def put(image: np.ndarray, path: Path) -> Path:
-    """Write a PNG in one go: who reads meanwhile gets the old one. OSError: it cannot be."""
+    """Write an image as PNG, replacing the old file at once, and return its path.
+
+    image: (h, w, 3) uint8 BGR. OSError: it cannot be written.
+    """
     part = path.with_suffix(".part.png")
     if not cv2.imwrite(str(part), image):
         raise OSError(f"{path}: cannot be written")
@@ -36,8 +39,11 @@ def coverage_picture(
     *,
     over: np.ndarray | None = None,
 ) -> Path:
-    """Every corner seen and which cells of the grid still lack some: PNG; `over` a frame
-    (h, w[, 3]) uint8 of that size, where it is given."""
+    """Draw every corner seen, and green the covered cells of the grid, red the others: PNG.
+
+    size: (width, height) [px] of the frames; over: frame (h, w[, 3]) uint8 of that size to draw on.
+    Returns `path`. OSError: it cannot be written.
+    """
     width, height = size
     image = np.zeros((height, width, 3), np.uint8)
     seen = cells(views, size)
@@ -58,7 +64,10 @@ def coverage_picture(
 
 
 def plate_picture(image: np.ndarray, view: View, layout: MarkerLayout, path: Path) -> Path:
-    """A frame with the layout's outlines where the calibration puts them, and the axes: PNG."""
+    """Draw the markers' outlines and the axes in a frame, where the calibration puts them: PNG.
+
+    image: (h, w, 3) uint8 BGR. Returns `path`. OSError: it cannot be written.
+    """
     drawn = image.copy()
     for corners in layout.corners_m:
         points = view.pixel_from_plate(np.column_stack((corners, np.zeros(4))))
@@ -72,8 +81,11 @@ def plate_picture(image: np.ndarray, view: View, layout: MarkerLayout, path: Pat
 
 
 def camera_figure(lens: CameraCalibration, path: Path, source: str) -> Path:
-    """Uncertainty and half-set difference on the plate, and each picture's fit: PNG."""
-    from experiments.figures import plt
+    """Draw uncertainty and half-set difference on the plate [mm], and each picture's rms [px].
+
+    source: "simulated" or "measured". Returns `path`, a PNG file. OSError: it cannot be written.
+    """
+    from experiments.reports.figures import plt
 
     figure, (left, middle, right) = plt.subplots(1, 3, figsize=(10, 3.2))
     reach = (-130, 130, -130, 130)
@@ -96,8 +108,11 @@ def camera_figure(lens: CameraCalibration, path: Path, source: str) -> Path:
 def servo_figure(
     ramped: Trace, pulsed: Trace, record: ServoRecord, path: Path, source: str
 ) -> Path:
-    """Ramps with their breakaway volts and pulses with the model: PNG."""
-    from experiments.figures import plt
+    """Draw the ramps with their breakaway volts, and the pulses with the fitted model.
+
+    source: "simulated" or "measured". Returns `path`, a PNG file. OSError: it cannot be written.
+    """
+    from experiments.reports.figures import plt
 
     figure, rows = plt.subplots(2, 2, figsize=(9, 6))
     for a, (name, axis) in enumerate((("x", record.x), ("y", record.y))):
@@ -118,8 +133,11 @@ def servo_figure(
 
 
 def time_figure(wiggle: Wiggle, record: TimingRecord, rig: Rig, path: Path, source: str) -> Path:
-    """The plate's tilt by the markers and by the encoders at the delay found: PNG."""
-    from experiments.figures import plt
+    """Draw the sines of the plate's tilt by the markers and by the delayed encoders over time.
+
+    source: "simulated" or "measured". Returns `path`, a PNG file. OSError: it cannot be written.
+    """
+    from experiments.reports.figures import plt
 
     figure, rows = plt.subplots(2, 1, figsize=(8, 5), sharex=True)
     told = expected_sines(wiggle, record, rig)
@@ -137,8 +155,11 @@ def time_figure(wiggle: Wiggle, record: TimingRecord, rig: Rig, path: Path, sour
 
 
 def level_figure(runs: Sequence[Rolling], record: LevelRecord, path: Path, source: str) -> Path:
-    """Ball and servo angle of the first run on both axes: PNG."""
-    from experiments.figures import plt
+    """Draw ball [mm] and servo angle [degrees] over time on both axes; runs: one for each axis.
+
+    source: "simulated" or "measured". Returns `path`, a PNG file. OSError: it cannot be written.
+    """
+    from experiments.reports.figures import plt
 
     figure, rows = plt.subplots(2, 1, figsize=(8, 5), sharex=True)
     for axes, run, name in zip(rows, runs, ("x", "y"), strict=True):
@@ -158,7 +179,7 @@ def level_figure(runs: Sequence[Rolling], record: LevelRecord, path: Path, sourc
 
 
 def _save(figure, path: Path, source: str) -> Path:
-    from experiments.figures import SOURCES, plt
+    from experiments.reports.figures import SOURCES, plt
 
     figure.text(0.995, 0.005, SOURCES[source], ha="right", va="bottom", fontsize=7, color="0.4")
     figure.savefig(path)

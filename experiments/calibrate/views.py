@@ -6,9 +6,9 @@ from time import monotonic
 import cv2
 import numpy as np
 
-from calibration.camera import MIN_COVERAGE, coverage
-from calibration.pictures import MAX_BLUR_PX
-from calibration.sheet import Sheet, SheetView, sheet_view
+from calibration.camera.lens import MIN_COVERAGE, coverage
+from calibration.camera.pictures import MAX_BLUR_PX
+from calibration.camera.sheet import Sheet, SheetView, sheet_view
 from vision.frames import Frame
 
 NEW_SHARE = 0.06  # of the picture's width: so far the sheet must have moved since any picture kept
@@ -17,9 +17,11 @@ SAMPLES = 12
 
 
 class ViewPicker:
-    """Keeps frames in which the sheet is sharp and elsewhere than in those kept before.
+    """Picks the frames in which the sheet is sharp and lies elsewhere than in those kept before.
 
-    `views` of them; `samples` a few frames with and without a sheet, for the search for faults.
+    views: of the sheet in the frames kept, at most `most`; samples: a few frames (h, w[, 3]) with
+    and without a sheet, for messages on what is wrong; size: (width, height) [px]; seen: frames
+    looked at.
     """
 
     def __init__(self, sheet: Sheet, most: int) -> None:
@@ -33,16 +35,16 @@ class ViewPicker:
 
     @property
     def complete(self) -> bool:
-        """Whether nothing more is wanted."""
+        """True if `most` pictures were kept."""
         return len(self.views) >= self._most
 
     @property
     def enough(self) -> bool:
-        """Whether a calibration may be tried: pictures enough, all over the image."""
+        """True if a calibration may be tried: at least ENOUGH pictures that cover the image."""
         return len(self.views) >= ENOUGH and coverage(self.views, self.size) >= MIN_COVERAGE
 
     def look(self, frame: Frame) -> bool:
-        """Look at one frame; True if it was kept."""
+        """Look at one frame; True if the frame was kept."""
         image = frame.image
         self.size = (image.shape[1], image.shape[0])
         self._sample(image)
@@ -80,8 +82,11 @@ def pick(
     seconds: float | None = None,
     show: Callable[[ViewPicker, Frame, bool], None] = lambda picker, frame, kept: None,
 ) -> ViewPicker:
-    """Pick from frames until there are `most` pictures, the frames end, or (live) `seconds` have
-    gone or enough was seen; `show` hears of every frame and whether it was kept."""
+    """Pick pictures of the sheet from frames, and return the picker that holds them.
+
+    Ends with `most` pictures, with the frames, or (live: seconds not None) when `seconds` have gone
+    or enough was seen. show: called with picker, frame, and whether the frame was kept.
+    """
     picker, start = ViewPicker(sheet, most), monotonic()
     for frame in frames:
         show(picker, frame, picker.look(frame))

@@ -7,9 +7,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from calibration.lens_fit import solve
-from calibration.sheet import CalibrationError, Sheet, SheetView, sheet_view
-from experiments.calibrate_pictures import coverage_picture, put
+from calibration.camera.lens_fit import solve
+from calibration.camera.sheet import CalibrationError, Sheet, SheetView, sheet_view
+from experiments.calibrate.pictures import coverage_picture, put
 
 FIT_FROM = 6  # pictures
 EVERY_S = 0.4
@@ -19,10 +19,11 @@ COVERED, RESIDUALS = "coverage.png", "residuals.png"
 
 
 class Growing:
-    """`look` at frame after frame; `shown` hears of the pictures in `folder` that are new.
+    """Pictures of a lens calibration in the making, drawn at most every EVERY_S seconds.
 
-    coverage.png: the newest frame with the cells that are covered; residuals.png: how each picture
-    kept would fit a lens of those so far.
+    coverage.png: the newest frame with the cells that are covered; residuals.png: rms of each
+    picture kept with a lens fitted to those so far. `shown` is called with the paths of both in
+    `folder`.
     """
 
     def __init__(self, folder: Path, sheet: Sheet, shown: Callable[[list[Path]], None]) -> None:
@@ -32,14 +33,14 @@ class Growing:
         (folder / RESIDUALS).unlink(missing_ok=True)  # of another set
 
     def add(self, image: np.ndarray) -> None:
-        """A picture (h, w[, 3]) uint8 that is to be one of the set."""
+        """Add a picture (h, w[, 3]) uint8 to the set, if it shows the sheet, and draw."""
         view = sheet_view(image, self._sheet, len(self._views))
         if view is not None:
             self._views.append(view)
         self.look(image, self._views)
 
     def look(self, image: np.ndarray, views: Sequence[SheetView]) -> None:
-        """The newest frame, and the views kept so far."""
+        """Draw the newest frame (h, w[, 3]) uint8 with the views kept so far."""
         now_s = time.monotonic()
         if now_s - self._drawn_s < EVERY_S:
             return
@@ -58,13 +59,16 @@ class Growing:
             fit = solve(views, size)
         except CalibrationError:  # too much alike yet
             return []
-        words = f"{len(views)} pictures: rms {fit.rms_px:.3f} px, focal length " \
-                f"{fit.camera.pinhole[0]:.1f} px"  # fmt: skip
+        focal_px = fit.camera.pinhole[0]
+        words = f"{len(views)} pictures: rms {fit.rms_px:.3f} px, focal length {focal_px:.1f} px"
         return [residual_picture(fit.view_rms_px, words, self._folder / RESIDUALS)]
 
 
 def residual_picture(rms_px: np.ndarray, words: str, path: Path) -> Path:
-    """A bar a picture: its rms [px], the worst in red: PNG."""
+    """Draw the rms (n,) [px] of each picture as a bar, the largest in red: PNG.
+
+    words: the title. Returns `path`. OSError: it cannot be written.
+    """
     image = np.full((HIGH, WIDE, 3), _PAPER, np.uint8)
     top = max(0.1, 1.25 * float(rms_px.max()))
     base, left, wide = HIGH - 34, 52, (WIDE - 64) / max(len(rms_px), 10)

@@ -12,13 +12,13 @@ from typing import Annotated
 
 import typer
 
-from experiments.calibrate_command import calibrate
-from experiments.compare_command import compare
-from experiments.dashboard_command import dashboard
-from experiments.doctor_command import doctor
-from experiments.gap_command import gap
-from experiments.home_command import home
-from experiments.serve_command import serve
+from experiments.cli.calibrate import calibrate
+from experiments.cli.compare import compare
+from experiments.cli.dashboard import dashboard
+from experiments.cli.doctor import doctor
+from experiments.cli.gap import gap
+from experiments.cli.home import home
+from experiments.cli.serve import serve
 
 INTERRUPTED = 130
 app = typer.Typer(
@@ -50,10 +50,10 @@ def reproduce(
     ] = True,
 ) -> None:
     """Reproduce the paper's study on the virtual rig: its figures, a report, results.json."""
-    from experiments.assemble import load_rig
-    from experiments.console import bars
-    from experiments.folders import writable
-    from experiments.reproduce import reproduce as work
+    from experiments.cli.console import bars
+    from experiments.paper.reproduce import reproduce as work
+    from experiments.records.run_folder import writable
+    from experiments.runs.assemble import load_rig
 
     table, folder = load_rig(rig), writable(out)
     with bars() as progress:
@@ -72,7 +72,7 @@ def _claim_line(claim: dict) -> str:
 @app.command()
 def run(
     protocol: Annotated[str, typer.Argument(help="Shipped protocol or your own .toml file.")],
-    arm: Annotated[str, typer.Option(help="with, without, both, or a cure.")] = "both",
+    arm: Annotated[str, typer.Option(help="with, without, both, or a compensator.")] = "both",
     rig: RigOption = None,
     out: OutOption = Path("out/run"),
     seed: Annotated[int | None, typer.Option(min=0, help="Default: the protocol's own.")] = None,
@@ -83,16 +83,16 @@ def run(
     ),
 ) -> None:
     """Run a protocol and record it, on the virtual table or the rig file's; prints the folders."""
-    from experiments.assemble import load_rig
-    from experiments.console import bars
-    from experiments.folders import writable
-    from experiments.protocol import read_protocol
-    from experiments.runs import run_protocol
-    from rig.controllers import ARMS
+    from experiments.cli.console import bars
+    from experiments.records.run_folder import writable
+    from experiments.runs.assemble import load_rig
+    from experiments.runs.protocol import read_protocol
+    from experiments.runs.runs import run_protocol
+    from rig.control.controllers import COMPENSATORS
 
     plan = read_protocol(protocol)
-    if arm not in (*ARMS, "own", "both"):
-        raise ValueError(f"--arm {arm}: must be {', '.join(ARMS)}, own or both")
+    if arm not in (*COMPENSATORS, "own", "both"):
+        raise ValueError(f"--arm {arm}: must be {', '.join(COMPENSATORS)}, own or both")
     if camera not in ("statistical", "frames"):
         raise ValueError(f"--camera {camera}: must be statistical or frames")
     table, folder = load_rig(rig), writable(out)
@@ -103,8 +103,8 @@ def run(
         "repetitions": repetitions or plan.repetitions,
     }
     if rig is not None and table.table.kind != "simulated":
-        from experiments.hardware import consent
-        from experiments.runs import measure_protocol
+        from experiments.runs.hardware import consent
+        from experiments.runs.runs import measure_protocol
 
         ask = partial(consent, yes=yes)
         done = measure_protocol(table, rig, plan, **how, arm_table=ask, say=typer.echo)
@@ -124,8 +124,8 @@ def report(
     out: OutOption = Path("out/report"),
 ) -> None:
     """Figures and numbers of recorded runs, simulated or measured, as one HTML page."""
-    from experiments.folders import writable
-    from experiments.report_runs import report_runs
+    from experiments.records.run_folder import writable
+    from experiments.reports.report_runs import report_runs
 
     typer.echo(str(report_runs(runs, writable(out))))
 
@@ -140,8 +140,8 @@ def track(
     ] = None,
 ) -> None:
     """Track a ball in real footage: track.csv, a film with overlay, a contact sheet."""
-    from experiments.folders import writable
-    from experiments.track import track_video
+    from experiments.records.run_folder import writable
+    from experiments.track.track import track_video
 
     bundle = None
     if calibration is not None:
@@ -158,7 +158,7 @@ def track(
 @app.command()
 def effects() -> None:
     """List the effects that the model knows: name, keys, unit, range, tolerance, meaning."""
-    from experiments.console import effects_table
+    from experiments.cli.console import effects_table
 
     effects_table()
 
@@ -169,8 +169,8 @@ def export(
     out: Annotated[Path, typer.Option(help="File ending in .csv, .parquet or .mat.")],
 ) -> None:
     """Write a run's log as CSV, Parquet or MAT."""
-    from experiments.exporting import export_run
-    from experiments.recording import read_run
+    from experiments.records.exporting import export_run
+    from experiments.records.recording import read_run
 
     typer.echo(str(export_run(run, out)))
     whole = read_run(run)
@@ -184,7 +184,7 @@ def export(
 @app.command()
 def recover(run: Annotated[Path, typer.Argument(help="Run folder that was cut off.")]) -> None:
     """Mend a recording that a kill or a full disk cut off."""
-    from experiments.recording import recover as mend
+    from experiments.records.recording import recover as mend
 
     mended = mend(run)
     typer.echo(f"{run}: {len(mended.log)} rows, outcome {mended.meta['outcome']}")
@@ -196,7 +196,7 @@ def reject(
     reason: Annotated[str, typer.Argument(help="Why this repetition does not count.")],
 ) -> None:
     """Mark a repetition as rejected: reports leave it out and say why."""
-    from experiments.runs import reject as mark
+    from experiments.runs.runs import reject as mark
 
     mark(run, reason)
     typer.echo(f"{run}: rejected ({reason})")
@@ -212,7 +212,10 @@ app.add_typer(calibrate, name="calibrate")
 
 
 def main() -> None:
-    """Entry point: errors become one line on standard error and an exit code."""
+    """Entry point: run the command line, with errors as one line on standard error.
+
+    Ends the process with the exit code: 0 done, 1 the work failed, 2 bad input, 130 interrupted.
+    """
     if len(sys.argv) == 1:
         sys.argv.append("--help")
     try:

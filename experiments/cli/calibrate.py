@@ -37,7 +37,7 @@ def sheet(
     plate_marker_mm: PlateMarkerMm = 24.0,
 ) -> None:
     """Sheets to print at 100 %: the board for the lens, the markers for the plate and beside it."""
-    from experiments import calibrate_camera as work
+    from experiments.calibrate import camera as work
 
     board = work.sheet_of(squares, square_mm, marker_mm, dictionary)
     work.make_sheets(rig, out, paper=paper, sheet=board, plate_marker_mm=plate_marker_mm)
@@ -63,13 +63,19 @@ def camera(
     seed: SeedOption = 1,
 ) -> None:
     """The lens, from pictures of the printed sheet; refuses what would not be trusted."""
-    from experiments import calibrate_camera as work
+    from experiments.calibrate import camera as work
 
     board = work.sheet_of(squares, square_mm, marker_mm, dictionary)
-    work.camera(
-        source, rig, out, sheet=board, distance_m=distance_mm / 1e3, most=pictures,
-        seconds=seconds, seed=seed,
-    )  # fmt: skip
+    work.calibrate_camera(
+        source,
+        rig,
+        out,
+        sheet=board,
+        distance_m=distance_mm / 1e3,
+        most=pictures,
+        seconds=seconds,
+        seed=seed,
+    )
 
 
 @calibrate.command()
@@ -93,13 +99,19 @@ def table(
 ) -> None:
     """Where the level plate is, from its markers. With the lens's sheet lying flat on the plate
     the print's scale is checked, too."""
-    from experiments import calibrate_camera as work
+    from experiments.calibrate import camera as work
 
     board = work.sheet_of(squares, square_mm, marker_mm, dictionary)
-    work.table(
-        source, rig, out, frames=frames, plate_marker_mm=plate_marker_mm, layout_file=layout,
-        sheet=board, seed=seed,
-    )  # fmt: skip
+    work.calibrate_table(
+        source,
+        rig,
+        out,
+        frames=frames,
+        plate_marker_mm=plate_marker_mm,
+        layout_file=layout,
+        sheet=board,
+        seed=seed,
+    )
 
 
 @calibrate.command(name="time")
@@ -116,9 +128,9 @@ def time_(
     seed: SeedOption = 1,
 ) -> None:
     """How late the camera's frames are stamped, against the encoders."""
-    from experiments import calibrate_motion as work
+    from experiments.calibrate import motion as work
 
-    work.time(run, video, rig, out, seconds=seconds, seed=seed)
+    work.calibrate_time(run, video, rig, out, seconds=seconds, seed=seed)
 
 
 @calibrate.command()
@@ -134,17 +146,17 @@ def level(
 ) -> None:
     """How far the plate is from level at servo angle zero, and whether angles push the ball the
     right way."""
-    from experiments import calibrate_motion as work
+    from experiments.calibrate import motion as work
 
-    work.level(runs or [], rig, out, seconds=seconds, seed=seed)
+    work.calibrate_level(runs or [], rig, out, seconds=seconds, seed=seed)
 
 
 @calibrate.command()
 def servo(rig: RigOption = None, out: OutOption = OUT, seed: SeedOption = 1) -> None:
     """Breakaway volts in both directions, gain, time constant and direction signs; no ball."""
-    from experiments import calibrate_motion as work
+    from experiments.calibrate import motion as work
 
-    work.servo(rig, out, seed=seed)
+    work.calibrate_servo(rig, out, seed=seed)
 
 
 @calibrate.command()
@@ -157,6 +169,6 @@ def play(
     ] = False,
 ) -> None:
     """How much play, where, and whether it is symmetric; plans and runs its own motion."""
-    from experiments import calibrate_play as work
+    from experiments.calibrate import backlash as work
 
-    work.play(rig, out, seed=seed, motor_only=motor_only)
+    work.calibrate_backlash(rig, out, seed=seed, motor_only=motor_only)

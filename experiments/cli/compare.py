@@ -1,4 +1,4 @@
-"""The command `rig compare`: every cure for backlash in every cell of a grid."""
+"""The command `rig compare`: every backlash compensation in every cell of a grid."""
 
 from pathlib import Path
 from typing import Annotated
@@ -18,17 +18,19 @@ def compare(
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: all cores.")] = None,
     cluster: Annotated[str | None, typer.Option(help="Address of a Dask scheduler.")] = None,
 ) -> None:
-    """Which cure for backlash helps, and when: arms x play x friction x protocol, paired seeds.
+    """Which backlash compensation helps, and when: arms x play x friction x protocol.
+
+    All arms run on the same paired seeds.
 
     Interrupted, it goes on where it stopped when called again with the same --out.
     """
-    from experiments.compare import compare as work
-    from experiments.console import bars
-    from experiments.folders import writable
+    from experiments.cli.console import bars
+    from experiments.compare.compare import run_comparison
+    from experiments.records.run_folder import writable
 
     folder = writable(out)
     with bars() as progress:
-        results = work(
+        results = run_comparison(
             rig, folder, grid_file=grid, seeds=seeds, jobs=jobs, cluster=cluster, progress=progress
         )
     for line in results["words"]:

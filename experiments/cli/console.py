@@ -1,6 +1,6 @@
 """What a terminal shows: progress bars and tables."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from math import inf
 
@@ -8,17 +8,15 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-# progress(stage, done, total)
-ProgressCall = Callable[[str, int, int], None]
-
-
-def silent(stage: str, done: int, total: int) -> None:
-    """Progress that nobody wants to see."""
+from experiments.progress import ProgressCall
 
 
 @contextmanager
 def bars() -> Iterator[ProgressCall]:
-    """One bar a stage on standard error; a plain pipe gets nothing."""
+    """Show progress bars on standard error; gives the function that updates them.
+
+    Each stage has its own bar. Nothing is drawn before the first update.
+    """
     columns = (
         TextColumn("{task.description:34s}"),
         BarColumn(),
@@ -43,7 +41,7 @@ def bars() -> Iterator[ProgressCall]:
 
 
 def effects_table() -> None:
-    """Print the catalogue of `rig.effects`."""
+    """Print the catalogue of `rig.effects` as a table on standard output."""
     from rig.effects import CATALOGUE
 
     table = Table("name", "axis", "key", "unit", "range", "null", "tolerance", "what it is")

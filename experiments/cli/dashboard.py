@@ -22,8 +22,8 @@ def dashboard(
 
     Prints the link to open. Only who has the link gets in; Ctrl-C ends it and levels the table.
     """
-    from experiments.assemble import load_rig
     from experiments.dashboard.serve import serve_dashboard
-    from experiments.folders import writable
+    from experiments.records.run_folder import writable
+    from experiments.runs.assemble import load_rig
 
     serve_dashboard(load_rig(rig), rig, writable(out), host=host, port=port, say=typer.echo)

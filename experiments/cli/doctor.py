@@ -15,9 +15,9 @@ def doctor(
 
     Exit 0 when the rig file's table can be used, else 1. Nothing is moved.
     """
-    from experiments.assemble import load_rig
-    from experiments.doctor import examine, usable
-    from experiments.doctor_facts import gather
+    from experiments.doctor.doctor import examine, usable
+    from experiments.doctor.facts import gather
+    from experiments.runs.assemble import load_rig
 
     known = load_rig(rig)
     findings = examine(gather(known, rig), known)

@@ -1,5 +1,6 @@
 """The command `rig gap`: find where model and table disagree, name it, add it, prove it."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -44,25 +45,119 @@ def gap(
     seed: Annotated[int | None, typer.Option(min=0, help="Of everything that is drawn.")] = None,
 ) -> None:
     """Say where the model is wrong, name the missing effect, add it, show the gap shrink."""
-    from experiments import gap_work
-
     given = [*(logs or [])]
     if blind_trial:
         if given and not onto:
             raise ValueError("--blind-trial makes its own logs; with --onto it takes yours")
         if onto and not given:
             raise ValueError("--onto: name the logs to hide effects in")
-        gap_work.blind(
-            given, rig_file=rig, out=out, trials=trials, seed=seed, jobs=jobs, cluster=cluster,
-            effects=[name for name in effects.split(",") if name], pairs=pairs,
-        )  # fmt: skip
+        _blind(
+            given,
+            rig_file=rig,
+            out=out,
+            trials=trials,
+            seed=seed,
+            jobs=jobs,
+            cluster=cluster,
+            effects=[name for name in effects.split(",") if name],
+            pairs=pairs,
+        )
     elif tolerances_from:
-        gap_work.tolerances(given, rig_file=rig, out=out)
+        _tolerances(given, rig_file=rig, out=out)
     elif demo:
         if given:
             raise ValueError("--demo makes its own logs; leave yours out")
-        gap_work.demo(out=out, json_file=json_file, seed=1 if seed is None else seed)
+        _demo(out=out, json_file=json_file, seed=1 if seed is None else seed)
     else:
-        gap_work.investigate_and_report(
-            given, rig_file=rig, out=out, json_file=json_file, until=until
+        _investigate_and_report(given, rig_file=rig, out=out, json_file=json_file, until=until)
+
+
+def _investigate_and_report(
+    logs: Sequence[Path], *, rig_file: Path | None, out: Path, json_file: Path | None, until: str
+) -> None:
+    """ValueError, OSError: bad input or an unwritable folder, before any work."""
+    from calibration.gap.investigation import STAGES
+    from experiments.cli.console import bars
+    from experiments.gap.gap import investigate
+    from experiments.gap.report import write_findings
+    from experiments.gap.summary import summary_lines
+    from experiments.records.run_folder import writable, write_json
+
+    if until not in STAGES:
+        raise ValueError(f"--until {until}: known stages: {', '.join(STAGES)}")
+    folder = writable(out)
+    with bars() as progress:
+        found = investigate(logs, rig_file, until=until, threads=2, progress=progress)
+    if json_file is not None:
+        write_json(json_file, found.to_json())
+    page = write_findings(found, folder, names=[path.name for path in logs])
+    for line in summary_lines(found):
+        typer.echo(line)
+    typer.echo(f"report: {page}   numbers: {folder / 'results.json'}")
+
+
+def _tolerances(logs: Sequence[Path], *, rig_file: Path | None, out: Path) -> None:
+    """Learn tolerances and floors of a table from clean runs; write them into OUT/rig.toml."""
+    from calibration.gap.tolerances import learn
+    from experiments.gap.input import read_evidence
+    from experiments.records.run_folder import writable
+    from rig.rigfile import write_rig
+
+    inputs, folder = read_evidence(list(logs), rig_file), writable(out)
+    learned = learn(inputs.logs, inputs.rig)
+    write_rig(learned, folder / "rig.toml")
+    for name, value in (*learned.tolerances.items(), *learned.floors.items()):
+        typer.echo(f"{name:22s} {value:.4g}")
+    typer.echo(
+        f"from {len(inputs.logs)} clean runs; written to {folder / 'rig.toml'} [tolerances] "
+        "(half width of the first parameter) and [floors] (RMS, rad or m)"
+    )
+
+
+def _demo(*, out: Path, json_file: Path | None, seed: int) -> None:
+    from experiments.gap.demo import DEMO_PLAY_RAD, demo_runs
+    from experiments.records.run_folder import writable
+
+    runs = demo_runs(writable(out), seed=seed)
+    typer.echo(
+        "hidden in the simulated table, unknown to the workflow: joint play of "
+        + ", ".join(f"{play} rad ({axis})" for axis, play in DEMO_PLAY_RAD.items())
+    )
+    _investigate_and_report(runs, rig_file=None, out=out, json_file=json_file, until="next")
+
+
+def _blind(
+    logs: Sequence[Path],
+    *,
+    rig_file: Path | None,
+    out: Path,
+    trials: int,
+    seed: int | None,
+    jobs: int | None,
+    cluster: str | None,
+    effects: Sequence[str],
+    pairs: bool,
+) -> None:
+    """Blind trials, in the house's simulator or onto the user's logs; prints the table."""
+    from experiments.blind.command import blind_trial
+    from experiments.blind.results_table import rows, show
+    from experiments.cli.console import bars
+    from experiments.records.run_folder import writable
+
+    with bars() as progress:
+        results = blind_trial(
+            trials=trials,
+            out=writable(out),
+            seed=seed,
+            effects=effects,
+            pairs=pairs,
+            onto=logs,
+            rig_file=rig_file,
+            cluster=cluster,
+            jobs=jobs,
+            say=typer.echo,
+            progress=progress,
         )
+    if not logs:
+        show(rows(results), "Blind trials")
+    typer.echo(f"table: {out / 'table.md'}   numbers: {out / 'results.json'}")

@@ -22,8 +22,8 @@ def home(
 
     What is found is kept beside the rig file until the table is switched off.
     """
-    from experiments.assemble import load_rig
-    from experiments.hardware import consent, home_table, is_hardware, rehearse_home
+    from experiments.runs.assemble import load_rig
+    from experiments.runs.hardware import consent, home_table, is_hardware, rehearse_home
 
     known = load_rig(rig)
     if rig is None or not is_hardware(known):

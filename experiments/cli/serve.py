@@ -20,11 +20,11 @@ def serve(
 
     Who does not know the token is not listened to; who falls silent for 0.1 s loses the table.
     """
-    from experiments.assemble import load_rig
+    from experiments.runs.assemble import load_rig
     from rig.hardware.choose import open_table, raw_wiring
-    from rig.hardware.remote_wire import make_token, read_token
-    from rig.hardware.serve import Server
-    from rig.realtime import go_realtime
+    from rig.hardware.network.serve import Server
+    from rig.hardware.network.token_file import make_token, read_token
+    from rig.loop.realtime import go_realtime
 
     known = load_rig(rig)
     if known.table.kind == "remote":

@@ -1,24 +1,27 @@
-"""One telling case of a comparison, tick by tick: what the arms did and what they believed."""
+"""One cell of a comparison, tick by tick: what the compensators did and what they estimated."""
 
 from dataclasses import dataclass
 from math import radians
 
 import numpy as np
 
-from experiments.assemble import simulated_table
-from experiments.compare_grid import Cell, Grid, cells, orders
-from experiments.protocol import course
-from experiments.runner import arm_number
-from rig.hands import SimulatedHand
+from experiments.compare.grid import Cell, Grid, cells, run_requests
+from experiments.runs.assemble import simulated_table
+from experiments.runs.protocol import course
+from experiments.runs.runner import compensator_index
 from rig.log import Log
-from rig.loop import Loop
+from rig.loop.loop import Loop
 from rig.parameters import Rig
+from rig.simulation.operator import SimulatedOperator
 
 
 @dataclass(frozen=True, eq=False)
 class Traced:
-    """A run with what a log does not hold, on axis x: the servo's reference, the true plate angle,
-    the adaptive break points (n, 2) [rad]."""
+    """A run of n ticks with signals of axis x that a log does not hold.
+
+    reference_rad (n,): the servo's reference; plate_rad (n,): true plate angle at the servo;
+    believed_rad (n, 2): break points of the adaptive inverse.
+    """
 
     log: Log
     reference_rad: np.ndarray
@@ -28,56 +31,80 @@ class Traced:
 
 @dataclass(frozen=True, eq=False)
 class Case:
+    """Runs of one cell by condition.
+
+    joint_rad, offset_rad: width and middle of the joint's backlash.
+    """
+
     title: str
     joint_rad: float
     offset_rad: float
     runs: dict[str, Traced]
 
 
-def traced(order) -> Traced:
-    """An order's run through the loop, watched from inside."""
-    way = course(order.protocol, order.rig, order.seed)
-    table = simulated_table(order.rig, way, order.seed, None)
+def traced(request) -> Traced:
+    """Make a requested run (`RunRequest`) in the loop and keep what a log does not hold."""
+    way = course(request.protocol, request.rig, request.seed)
+    table = simulated_table(request.rig, way, request.seed, None)
     rows, inside = [], []
 
     def keep(row: np.ndarray) -> None:
-        control = loop.pilot["control"]
+        control = loop.state["control"]
         rows.append(row.copy())
-        c = control["arms"]["adaptive"]["c"][0]
+        c = control["compensators"]["adaptive"]["c"][0]
         inside.append((control["reference"][0], table.truth()["plate_rad"][0], c[0], c[1]))
 
     with table:
-        loop = Loop(table, order.believed, arm_number(order.arm), way,
-                    hand=SimulatedHand(table, way.hold_s), keep=keep)  # fmt: skip
+        loop = Loop(
+            table,
+            request.believed,
+            compensator_index(request.arm),
+            way,
+            operator=SimulatedOperator(table, way.hold_s),
+            keep=keep,
+        )
         loop.run()
     seen = np.array(inside)
     return Traced(Log.from_rows(np.array(rows)), seen[:, 0], seen[:, 1], seen[:, 2:])
 
 
 def telling_case(results: dict, rig: Rig, grid: Grid) -> Case:
-    """The cell held at the centre in which an arm gains most; its arms with the first seed."""
+    """Simulate again, with the first seed, the held cell in which a condition gains most.
+
+    The conditions are "without", the two best, and those that estimate the backlash.
+    """
     held = [c for c in results["cells"] if not c["fault"] and c["protocol"] == "hold"]
 
     def gain(cell: dict) -> float:
-        tests = [a["against_without"]["effect"] for a in cell["arms"].values()
-                 if "against_without" in a]  # fmt: skip
+        tests = [
+            a["against_without"]["effect"] for a in cell["arms"].values() if "against_without" in a
+        ]
         return float(np.nanmax(tests))
 
     told = max(held or results["cells"], key=gain)
     cell = next(c for c in cells(grid) if c.key == told["key"])
-    runs = {arm: traced(_first(rig, grid, cell, arm)) for arm in _shown(told, grid)}
+    runs = {
+        condition: traced(_first(rig, grid, cell, condition)) for condition in _shown(told, grid)
+    }
     play = grid.plays[cell.play]
     return Case(cell.key, radians(play.joint_deg), radians(play.joint_offset_deg), runs)
 
 
 def _shown(told: dict, grid: Grid) -> list[str]:
     """Without, the two best, and the adaptive inverses (for what they learn)."""
-    gains = {arm: a["against_without"]["effect"] for arm, a in told["arms"].items()
-             if "against_without" in a}  # fmt: skip
-    ranked = sorted(gains, key=lambda arm: -np.nan_to_num(gains[arm], nan=-9.0))[:2]
-    learning = [arm for arm in ("with", "adaptive", "adaptive-asymmetric") if arm in grid.arms]
+    gains = {
+        condition: a["against_without"]["effect"]
+        for condition, a in told["arms"].items()
+        if "against_without" in a
+    }
+    ranked = sorted(gains, key=lambda condition: -np.nan_to_num(gains[condition], nan=-9.0))[:2]
+    learning = [
+        condition
+        for condition in ("with", "adaptive", "adaptive-asymmetric")
+        if condition in grid.arms
+    ]
     return list(dict.fromkeys(["without", *ranked, *learning]))
 
 
-def _first(rig: Rig, grid: Grid, cell: Cell, arm: str):
-    return orders(rig, grid, cell, arm)[0]
+def _first(rig: Rig, grid: Grid, cell: Cell, condition: str):
+    return run_requests(rig, grid, cell, condition)[0]

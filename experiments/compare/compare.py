@@ -1,55 +1,78 @@
-"""`rig compare`: every arm in every cell of a grid, paired seeds, any number of workers, resumable.
+"""`rig compare`: every condition in every cell of a grid, on paired seeds; resumable.
 
-The unit of work is an arm in a cell: all its seeds at once in the batch kernel, in which a run has
-the same bits whatever runs beside it. What is finished is kept line by line in `rows.jsonl`, under
-a key that holds everything that decides it, so an interrupted comparison goes on where it stopped
-and a changed rig, grid or program starts afresh.
+The unit of work is a condition in a cell: all its seeds at once in the batch kernel, in which a
+run has the same bits whatever runs beside it; any number of workers share the units. What is
+finished is kept line by line in `rows.jsonl`, under a key that holds everything that decides it, so
+an interrupted comparison goes on where it stopped and a changed rig, grid or program starts afresh.
 """
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
-from os import cpu_count
 from pathlib import Path
 
-from experiments.assemble import load_rig
-from experiments.compare_grid import Cell, Grid, cells, orders, read_grid, retuned_names
-from experiments.compare_statistics import against, correct, equal_activity_rival, mean
-from experiments.console import ProgressCall
-from experiments.folders import write_results
-from experiments.metrics import run_metrics
-from experiments.numbers import completed_measures
-from experiments.runner import simulate_in_blocks
+from experiments.analysis.metrics import run_metrics
+from experiments.analysis.numbers import completed_measures
+from experiments.compare.grid import (
+    Cell,
+    Grid,
+    cells,
+    read_grid,
+    retuned_names,
+    run_requests,
+)
+from experiments.compare.statistics import (
+    against,
+    correct_p_values,
+    equal_activity_rival,
+    mean,
+)
+from experiments.progress import ProgressCall
+from experiments.records.run_folder import write_results
+from experiments.runs.assemble import load_rig
+from experiments.runs.runner import simulate_in_blocks
+from experiments.workers import results_of
 from rig.parameters import Rig
 from rig.rigfile import from_dict, to_dict
 
-KEPT = ("settled_error", "servo_activity", "servo_rms", "settled_spread", "cycle_amplitude",
-        "distance", "settled_distance")  # fmt: skip
+KEPT = (
+    "settled_error",
+    "servo_activity",
+    "servo_rms",
+    "settled_spread",
+    "cycle_amplitude",
+    "distance",
+    "settled_distance",
+)
 ROWS_FILE = "rows.jsonl"
 
 
-def _measured(order, result) -> dict[str, float]:
+def _measured(request, result) -> dict[str, float]:
     found = completed_measures(run_metrics(result.log), result.outcome)
     return {name: found[name] for name in KEPT}
 
 
-def work(rig: dict, grid: dict, cell: dict, arm: str) -> list[dict[str, float]]:
-    """The rows of an arm in a cell, one a seed; plain data in and out, for any worker."""
-    wanted = orders(from_dict(rig), Grid.model_validate(grid), Cell(**cell), arm)
+def condition_rows(rig: dict, grid: dict, cell: dict, condition: str) -> list[dict[str, float]]:
+    """Simulate a condition in a cell: for each seed one row of the measures KEPT.
+
+    The values are NaN in a run that did not complete. rig, grid, cell: plain data, as `to_dict`,
+    `model_dump` and `asdict` make it, so that any worker can take them.
+    """
+    wanted = run_requests(from_dict(rig), Grid.model_validate(grid), Cell(**cell), condition)
     return simulate_in_blocks(wanted, _measured)
 
 
 def _sources() -> str:
     """Hash of the program's own files."""
-    root, digest = Path(__file__).parents[1], hashlib.sha256()
-    for path in sorted([*(root / "rig").rglob("*.py"), *(root / "experiments").glob("*.py")]):
+    root, digest = Path(__file__).parents[2], hashlib.sha256()
+    for path in sorted([*(root / "rig").rglob("*.py"), *(root / "experiments").rglob("*.py")]):
         digest.update(path.read_bytes())
     return digest.hexdigest()
 
 
-def _key(common: str, cell: Cell, arm: str) -> str:
-    return hashlib.sha256(f"{common} {cell.key} {arm}".encode()).hexdigest()[:24]
+def _key(common: str, cell: Cell, condition: str) -> str:
+    return hashlib.sha256(f"{common} {cell.key} {condition}".encode()).hexdigest()[:24]
 
 
 def _kept(path: Path) -> dict[str, list[dict[str, float]]]:
@@ -65,23 +88,32 @@ def _kept(path: Path) -> dict[str, list[dict[str, float]]]:
 
 
 def plan(grid: Grid) -> list[tuple[Cell, str]]:
-    """Every (cell, arm); the retuned kin only where nothing is wrong besides."""
+    """Every (cell, condition) to run; the retuned PIDs only in cells without a fault."""
     kin = retuned_names(grid)
     return [
-        (cell, arm)
+        (cell, condition)
         for cell in cells(grid)
-        for arm in [*grid.arms, *(kin if not cell.fault else ())]
+        for condition in [*grid.arms, *(kin if not cell.fault else ())]
     ]
 
 
 def all_rows(
-    rig: Rig, grid: Grid, out: Path, *, jobs: int | None, cluster: str | None,
+    rig: Rig,
+    grid: Grid,
+    out: Path,
+    *,
+    jobs: int | None,
+    cluster: str | None,
     progress: ProgressCall,
-) -> dict[str, dict[str, list]]:  # fmt: skip
-    """Cell key -> arm -> rows, from what is kept and what had to be run."""
+) -> dict[str, dict[str, list]]:
+    """Run what `out`/rows.jsonl does not hold yet; return cell key -> condition -> rows.
+
+    A row holds the measures KEPT of one seed. jobs: processes, None for all cores; cluster: address
+    of a Dask scheduler, or None. ValueError: no such cluster. OSError: the file cannot be written.
+    """
     plain, data = to_dict(rig), grid.model_dump()
     common = f"{_sources()} {json.dumps(plain, sort_keys=True)} {json.dumps(data, sort_keys=True)}"
-    wanted = {_key(common, cell, arm): (cell, arm) for cell, arm in plan(grid)}
+    wanted = {_key(common, cell, condition): (cell, condition) for cell, condition in plan(grid)}
     path = out / ROWS_FILE
     kept = {key: rows for key, rows in _kept(path).items() if key in wanted}
     missing = [key for key in wanted if key not in kept]
@@ -90,79 +122,66 @@ def all_rows(
     with path.open("a", encoding="utf-8") as file:
         if file.tell() and not path.read_bytes().endswith(b"\n"):
             file.write("\n")
-        for key, rows in _run(calls, jobs, cluster):
+        for key, rows in results_of(_keyed, calls, jobs=jobs, cluster=cluster):
             kept[key] = rows
             file.write(json.dumps({"key": key, "rows": rows}) + "\n")
             file.flush()
             progress("arms in cells", len(kept), len(wanted))
     table: dict[str, dict[str, list]] = {}
-    for key, (cell, arm) in wanted.items():
-        table.setdefault(cell.key, {})[arm] = kept[key]
+    for key, (cell, condition) in wanted.items():
+        table.setdefault(cell.key, {})[condition] = kept[key]
     return table
 
 
 def _keyed(key: str, call: tuple) -> tuple[str, list]:
-    return key, work(*call)
-
-
-def _run(
-    calls: Iterable[tuple[str, tuple]], jobs: int | None, cluster: str | None
-) -> Iterator[tuple[str, list]]:
-    """Results as they come, from processes here or those of a Dask cluster."""
-    if cluster is not None:
-        from experiments.blind.work import dask_client
-
-        client = dask_client(cluster)
-        try:
-            from distributed import as_completed  # pyright: ignore[reportMissingImports]
-
-            waiting = as_completed([client.submit(_keyed, *call, pure=False) for call in calls])
-            for future in waiting:
-                yield future.result()
-        finally:
-            client.close()
-        return
-    count = jobs or cpu_count() or 1
-    if count == 1:
-        yield from (_keyed(*call) for call in calls)
-        return
-    from joblib import Parallel, delayed, parallel_config
-
-    with parallel_config("loky", n_jobs=count, inner_max_num_threads=1):
-        parallel = Parallel(return_as="generator_unordered", pre_dispatch="3*n_jobs")
-        yield from parallel(delayed(_keyed)(*call) for call in calls)  # pyright: ignore
+    return key, condition_rows(*call)
 
 
 def judge(grid: Grid, table: dict[str, dict[str, list]]) -> list[dict]:
-    """Every cell with its arms' means, tests against "without" and at equal servo activity."""
+    """Every cell with the means of its conditions and their tests; table as of `all_rows`.
+
+    Each condition is tested against "without" and, in cells without a fault, against the best rival
+    of equal servo activity. P-values are corrected over all tests (Holm).
+    """
     found, tests, kin = [], [], retuned_names(grid)
     for number, cell in enumerate(cells(grid)):
-        rows, arms = table[cell.key], {}
-        for k, arm in enumerate(a for a in grid.arms if a != "without"):
+        rows, conditions = table[cell.key], {}
+        for k, condition in enumerate(a for a in grid.arms if a != "without"):
             seed = (grid.first_seed, number, k)
-            one = against(rows, arm, "without", grid.measure, seed)
+            one = against(rows, condition, "without", grid.measure, seed)
             tests.append(one)
-            arms[arm] = {"against_without": one}
+            conditions[condition] = {"against_without": one}
             if not cell.fault:
-                rival = equal_activity_rival(rows, arm, kin, grid.measure)
-                equal = against(rows, arm, rival, grid.measure, (*seed, 1))
+                rival = equal_activity_rival(rows, condition, kin, grid.measure)
+                equal = against(rows, condition, rival, grid.measure, (*seed, 1))
                 tests.append(equal)
-                arms[arm]["at_equal_activity"] = equal
-        for arm in rows:
-            numbers = {name: mean(rows, arm, name) for name in KEPT}
-            arms.setdefault(arm, {})["means"] = numbers
-        found.append(asdict(cell) | {"key": cell.key, "arms": arms})
-    correct(tests)
+                conditions[condition]["at_equal_activity"] = equal
+        for condition in rows:
+            numbers = {name: mean(rows, condition, name) for name in KEPT}
+            conditions.setdefault(condition, {})["means"] = numbers
+        found.append(asdict(cell) | {"key": cell.key, "arms": conditions})
+    correct_p_values(tests)
     return found
 
 
-def compare(
-    rig_file: Path | None, out: Path, *, grid_file: Path | None = None, seeds: int | None = None,
-    jobs: int | None = None, cluster: str | None = None, progress: ProgressCall,
-) -> dict:  # fmt: skip
-    """The whole comparison into `out`: results.json, figures, report.html; returns the results."""
-    from experiments.compare_report import write_report
-    from experiments.compare_words import words
+def run_comparison(
+    rig_file: Path | None,
+    out: Path,
+    *,
+    grid_file: Path | None = None,
+    seeds: int | None = None,
+    jobs: int | None = None,
+    cluster: str | None = None,
+    progress: ProgressCall,
+) -> dict:
+    """Make the whole comparison in `out` (results.json, figures, report.html); return the results.
+
+    rig_file, grid_file: None for the shipped ones; seeds: paired seeds for each cell, None for the
+    grid's own; jobs: processes, None for all cores; cluster: address of a Dask scheduler, or None.
+    ValueError, FileNotFoundError: a mistake in rig or grid file, or no such cluster.
+    """
+    from experiments.compare.report import write_report
+    from experiments.compare.words import words
 
     rig, grid = load_rig(rig_file), read_grid(grid_file)
     if seeds is not None:
@@ -185,6 +204,6 @@ def compare(
 
 
 def sizes(grid: Grid) -> Sequence[int]:
-    """Cells, arms in cells and runs of a grid."""
+    """Numbers of cells, of conditions in cells and of runs of a grid."""
     pairs = plan(grid)
     return len(cells(grid)), len(pairs), len(pairs) * grid.seeds

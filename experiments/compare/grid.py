@@ -1,4 +1,6 @@
-"""The grid of a comparison as data: plays, frictions, courses, arms, faults; its cells' runs."""
+"""The grid of a comparison as data (backlashes, frictions, courses, conditions, faults) and the
+runs of its cells. In the TOML file conditions are `arms` and backlashes `plays`.
+"""
 
 import tomllib
 from dataclasses import asdict, dataclass, replace
@@ -6,25 +8,25 @@ from importlib.resources import files
 from math import radians
 from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
-from experiments.assemble import another_unit
-from experiments.numbers import MEASURES
-from experiments.protocol import read_protocol
-from experiments.runner import Order
-from rig.controllers import ARMS
+from experiments.analysis.numbers import MEASURES
+from experiments.runs.assemble import another_unit
+from experiments.runs.protocol import read_protocol
+from experiments.runs.runner import RunRequest
+from rig.control.controllers import COMPENSATORS
 from rig.parameters import Gains, Rig
 from rig.rigfile import from_dict, to_dict
+from rig.validation import StrictModel, first_error_line
 
 NO_FAULT = ""
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+class Backlash(StrictModel):
+    """Backlash of gear and joint, the same on both axes [degrees at the servo].
 
-
-class Play(_Strict):
-    """Full widths at the servo and where their middles lie [degrees]; both axes alike."""
+    gear_deg, joint_deg: full widths; the offsets: middles of the play.
+    """
 
     gear_deg: float = Field(default=0.0, ge=0, le=10)
     joint_deg: float = Field(default=0.0, ge=0, le=10)
@@ -32,68 +34,88 @@ class Play(_Strict):
     joint_offset_deg: float = 0.0
 
 
-class Friction(_Strict):
-    """Effects added to and taken from the table's own; `drive`: other numbers of [drive]."""
+class Friction(StrictModel):
+    """Change of the table's friction.
+
+    effects: added to the table's own, name -> axis -> key -> value; without: names of effects taken
+    away; drive: replaced numbers of the rig file's [drive].
+    """
 
     effects: dict[str, dict[str, dict[str, float]]] = {}
     without: list[str] = []
     drive: dict[str, float] = {}
 
 
-class Course(_Strict):
-    """A protocol, its length if another, and the frictions it is run with (none: all)."""
+class GridCourse(StrictModel):
+    """A protocol of the grid and the frictions that it is run with (none named: all).
+
+    duration_s: None for the protocol's own.
+    """
 
     protocol: str
     duration_s: float | None = Field(default=None, gt=1, le=600)
     frictions: list[str] = []
 
 
-class Retuned(_Strict):
-    """Gains of the PID alone."""
+class Retuned(StrictModel):
+    """Gains of a PID without compensator that replace the table's own."""
 
     proportional_rad_m: float = Field(gt=0)
     derivative_rad_s_m: float = Field(gt=0)
 
 
-class Fault(_Strict):
-    """What is wrong besides: the play estimate, the camera's unknown lateness, its rate."""
+class Fault(StrictModel):
+    """What the controller does not know.
+
+    play_factor: factor on its estimate of the play; camera_late_s: further delay of the camera;
+    camera_rate: factor on the camera's rate.
+    """
 
     play_factor: float = Field(default=1.0, ge=0, le=5)
     camera_late_s: float = Field(default=0.0, ge=0, le=0.1)
     camera_rate: float = Field(default=1.0, gt=0, le=1)
 
 
-class Robustness(_Strict):
+class Robustness(StrictModel):
+    """Faults by name, and the backlashes and the protocol that they are run with."""
+
     plays: list[str] = []
     protocol: str = "hold"
     faults: dict[str, Fault] = {}
 
 
-class Place(_Strict):
+class PaperCell(StrictModel):
+    """The cell that stands for the paper's claim, by names of the grid."""
+
     play: str
     friction: str
     protocol: str
 
 
-class Grid(_Strict):
-    """A comparison. `paper`: the cell that stands for the paper's claim."""
+class Grid(StrictModel):
+    """A comparison as its TOML file says it; unknown keys are errors.
+
+    seeds: paired seeds for each cell, from `first_seed` on; measure: compared number, a name of
+    MEASURES; arms: conditions; plays: backlashes; retuned: PIDs compared at equal servo activity;
+    paper: the cell that stands for the paper's claim.
+    """
 
     title: str
     seeds: int = Field(ge=6, le=1000)
     first_seed: int = Field(default=7000, ge=0)
     measure: str = "settled_error"
     arms: list[str] = Field(min_length=2)
-    paper: Place
-    plays: dict[str, Play] = Field(min_length=1)
+    paper: PaperCell
+    plays: dict[str, Backlash] = Field(min_length=1)
     frictions: dict[str, Friction] = Field(min_length=1)
-    courses: list[Course] = Field(min_length=1)
+    courses: list[GridCourse] = Field(min_length=1)
     retuned: list[Retuned] = []
     robustness: Robustness = Robustness()
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One place of the map, by names of the grid; fault "" is none."""
+    """One cell of the grid, by names of the grid; fault "": none."""
 
     play: str
     friction: str
@@ -102,11 +124,15 @@ class Cell:
 
     @property
     def key(self) -> str:
+        """The names joined by " | ", which identify the cell in results.json."""
         return " | ".join(part for part in asdict(self).values() if part)
 
 
 def read_grid(path: Path | None) -> Grid:
-    """The grid of a TOML file or the shipped one. ValueError (one line) on any mistake."""
+    """The grid of a TOML file; None: the shipped one.
+
+    ValueError (one line): the file is missing, no TOML, or has a wrong key, value or name.
+    """
     source = path or Path(str(files("experiments") / "grids" / "default.toml"))
     if not source.is_file():
         raise ValueError(f"grid file {source} not found")
@@ -115,18 +141,18 @@ def read_grid(path: Path | None) -> Grid:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{source}: not a TOML file ({error})") from None
     except ValidationError as error:
-        first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"])
-        raise ValueError(f"{source}: {where}: {first['msg']}") from None
+        raise ValueError(f"{source}: {first_error_line(error, Grid)}") from None
     _check(grid, str(source))
     return grid
 
 
 def _check(grid: Grid, label: str) -> None:
-    """Every name means something; the arm "without", against which all stand, is there."""
-    for arm in grid.arms:
-        if arm not in ARMS:
-            raise ValueError(f"{label}: unknown arm '{arm}'; known: {', '.join(ARMS)}")
+    """ValueError unless every name is known and "without", the reference of all tests, is there."""
+    for condition in grid.arms:
+        if condition not in COMPENSATORS:
+            raise ValueError(
+                f"{label}: unknown arm '{condition}'; known: {', '.join(COMPENSATORS)}"
+            )
     if "without" not in grid.arms:
         raise ValueError(f"{label}: arms lack 'without', against which all others are compared")
     if grid.measure not in MEASURES:
@@ -159,12 +185,15 @@ def cells(grid: Grid) -> list[Cell]:
 
 
 def retuned_names(grid: Grid) -> list[str]:
-    """Names of the arms "without" with other gains."""
+    """Names of the conditions "without" with retuned gains."""
     return [f"retuned {g.proportional_rad_m:g}, {g.derivative_rad_s_m:g}" for g in grid.retuned]
 
 
 def table_of(rig: Rig, grid: Grid, cell: Cell) -> Rig:
-    """The kind of table that the cell has: play, friction, and what is wrong with its camera."""
+    """Kind of table in a cell: the rig with the cell's play, friction and fault of the camera.
+
+    ValueError: the rig file does not allow such a table.
+    """
     play, friction = grid.plays[cell.play], grid.frictions[cell.friction]
     effects = {name: by for name, by in rig.effects.items() if name not in friction.without}
     for where in ("gear", "joint"):
@@ -180,23 +209,26 @@ def table_of(rig: Rig, grid: Grid, cell: Cell) -> Rig:
     return from_dict(to_dict(replace(rig, effects=effects, camera=camera, drive=drive)))
 
 
-def orders(rig: Rig, grid: Grid, cell: Cell, arm: str) -> list[Order]:
-    """The runs of an arm in a cell, one a seed: the same units and draws for every arm."""
+def run_requests(rig: Rig, grid: Grid, cell: Cell, condition: str) -> list[RunRequest]:
+    """Runs of a condition in a cell, one for each seed.
+
+    Every condition gets the same units (`another_unit`) and random numbers of a seed.
+    """
     kind = table_of(rig, grid, cell)
     course = next((c for c in grid.courses if c.protocol == cell.protocol), None)
     plan = read_protocol(cell.protocol)
     if course is not None and course.duration_s is not None:
         plan = plan.model_copy(update={"duration_s": course.duration_s})
-    believed, name = kind, arm
+    believed, name = kind, condition
     fault = grid.robustness.faults.get(cell.fault, Fault())
     if fault.play_factor != 1.0:
         believed = replace(kind, play=replace(kind.play, factor=fault.play_factor))
-    if arm in retuned_names(grid):
+    if condition in retuned_names(grid):
         name = "without"
-        believed = replace(believed, gains=_gains(kind.gains, grid, arm))
+        believed = replace(believed, gains=_gains(kind.gains, grid, condition))
     seeds = range(grid.first_seed, grid.first_seed + grid.seeds)
-    return [Order(another_unit(kind, s), plan, name, s, Path(), kind=believed) for s in seeds]
+    return [RunRequest(another_unit(kind, s), plan, name, s, Path(), kind=believed) for s in seeds]
 
 
-def _gains(gains: Gains, grid: Grid, arm: str) -> Gains:
-    return replace(gains, **grid.retuned[retuned_names(grid).index(arm)].model_dump())
+def _gains(gains: Gains, grid: Grid, condition: str) -> Gains:
+    return replace(gains, **grid.retuned[retuned_names(grid).index(condition)].model_dump())

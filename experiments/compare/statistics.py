@@ -1,6 +1,6 @@
 """What a grid of paired runs can say: exact sign flips, Holm over all cells, equal activity.
 
-Effects are (rival - arm): above zero the arm helps. Pure functions of plain numbers.
+Effects are (rival - condition) of an error: above zero the condition helps. Pure functions.
 """
 
 from collections.abc import Mapping, Sequence
@@ -8,19 +8,21 @@ from dataclasses import asdict
 
 import numpy as np
 
-from experiments.claims import RELEVANT
-from experiments.numbers import MEASURES
-from experiments.statistics import holm, paired
+from experiments.analysis.numbers import MEASURES
+from experiments.analysis.relevance import RELEVANT
+from experiments.analysis.statistics import holm, paired
 
 MOST_EXACT = 20
-Rows = Mapping[str, Sequence[Mapping[str, float]]]  # arm -> one row of measures a seed
+Rows = Mapping[str, Sequence[Mapping[str, float]]]  # condition -> one row of measures a seed
 HELPS, HARMS, EVEN, OPEN = "helps", "harms", "no difference", "undecided"
 
 
 def exact_p(differences: np.ndarray, rng: np.random.Generator) -> float:
-    """Two-sided p of "no effect" by all 2^n sign flips (n <= 20; else 2^18 drawn ones).
+    """Two-sided p of "no effect" by all 2^n sign flips of the differences (n,).
 
-    With many cells a p of drawn flips alone could never pass Holm: its floor is 1/drawn.
+    For n > 20 by 2^18 flips drawn with `rng`. Values that are not finite are left out; NaN without
+    any. With many cells a p of drawn flips alone could never pass Holm: its floor is 1/drawn. Not
+    scipy's permutation_test: it lists the same patterns a thousand times slower (n = 14: 0.4 s).
     """
     d = np.asarray(differences, float)
     d = d[np.isfinite(d)]
@@ -39,13 +41,18 @@ def exact_p(differences: np.ndarray, rng: np.random.Generator) -> float:
     return found / (count + 1)
 
 
-def _values(rows: Rows, arm: str, measure: str) -> np.ndarray:
-    return np.array([row[measure] for row in rows[arm]], float)
+def _values(rows: Rows, condition: str, measure: str) -> np.ndarray:
+    return np.array([row[measure] for row in rows[condition]], float)
 
 
-def against(rows: Rows, arm: str, rival: str, measure: str, seed: Sequence[int]) -> dict:
-    """Effect (rival - arm) with its interval, exact p and the relevant size fixed beforehand."""
-    one, other = _values(rows, rival, measure), _values(rows, arm, measure)
+def against(rows: Rows, condition: str, rival: str, measure: str, seed: Sequence[int]) -> dict:
+    """Compare a condition with a rival in one measure, seed by seed.
+
+    Returns the fields of `Paired` (effect = rival - condition in the unit of the measure, 95 %
+    interval, exact p, relevant size), "rival", "unit" and "failed", the condition's runs that did
+    not complete. seed: of the drawn sign flips.
+    """
+    one, other = _values(rows, rival, measure), _values(rows, condition, measure)
     unit = MEASURES[measure][0]
     rng = np.random.default_rng([*seed])
     result = paired(one, other, relevant=RELEVANT[unit], rng=rng)
@@ -54,17 +61,24 @@ def against(rows: Rows, arm: str, rival: str, measure: str, seed: Sequence[int])
     return found
 
 
-def mean(rows: Rows, arm: str, measure: str) -> float:
-    """Mean over the completed runs; NaN where fewer than three quarters completed."""
-    values = _values(rows, arm, measure)
+def mean(rows: Rows, condition: str, measure: str) -> float:
+    """Mean of a measure over the completed runs of a condition.
+
+    NaN where fewer than three quarters of the runs completed.
+    """
+    values = _values(rows, condition, measure)
     done = values[np.isfinite(values)]
     return float(done.mean()) if len(done) >= 0.75 * len(values) else float("nan")
 
 
-def equal_activity_rival(rows: Rows, arm: str, family: Sequence[str], measure: str) -> str:
-    """Of the arm without and its retuned kin, the best that moves the servo no more than the arm;
-    the calmest where none does. Chosen on the same runs, which favours the rival."""
-    effort = mean(rows, arm, "servo_activity")
+def equal_activity_rival(rows: Rows, condition: str, family: Sequence[str], measure: str) -> str:
+    """Name of the rival of a condition at equal servo activity.
+
+    That is, of "without" and the retuned PIDs `family`, the one with the smallest mean `measure`
+    that moves the servo at most 2 % more than the condition; the calmest where none does. Chosen on
+    the same runs, which favours the rival.
+    """
+    effort = mean(rows, condition, "servo_activity")
     tried = []
     for name in ["without", *family]:
         activity, error = mean(rows, name, "servo_activity"), mean(rows, name, measure)
@@ -75,7 +89,11 @@ def equal_activity_rival(rows: Rows, arm: str, family: Sequence[str], measure: s
 
 
 def verdict(found: Mapping) -> str:
-    """In words: beyond the relevant size with the p of all cells, within it, or undecided."""
+    """Verdict of a test: HELPS, HARMS, EVEN or OPEN.
+
+    HELPS, HARMS: the 95 % interval lies beyond the relevant size, above or below zero, with a p of
+    Holm <= 0.05; EVEN: it lies within the relevant size on both sides; OPEN: undecided.
+    """
     sure = found["p_holm"] is not None and found["p_holm"] <= 0.05
     if found["low"] > found["relevant"] and sure:
         return HELPS
@@ -86,8 +104,11 @@ def verdict(found: Mapping) -> str:
     return OPEN
 
 
-def correct(tests: Sequence[dict]) -> None:
-    """Holm over all tests at once, and the verdicts that follow, written into them."""
+def correct_p_values(tests: Sequence[dict]) -> None:
+    """Add "p_holm" (Holm over all tests at once) and "verdict" to every test, in place.
+
+    ValueError: a p is not from 0 to 1.
+    """
     adjusted = holm(np.array([t["p"] for t in tests]))
     for test, p in zip(tests, adjusted, strict=True):
         test["p_holm"] = float(p)

@@ -9,33 +9,31 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.dashboard.calibrate_tab import CalibrateTab
-from experiments.dashboard.camera_view import NO_FILM, CameraView
-from experiments.dashboard.controls import Controls
-from experiments.dashboard.curves import FILM, Curves
-from experiments.dashboard.desk import Desk
-from experiments.dashboard.gap_tab import GapTab
-from experiments.dashboard.ghost import Ghost
-from experiments.dashboard.header import Header
-from experiments.dashboard.legend import legend_words
-from experiments.dashboard.live import Live, Now
-from experiments.dashboard.plan import Leg
-from experiments.dashboard.player import Stage
-from experiments.dashboard.pose import plate_point
-from experiments.dashboard.readying import RealTable, VirtualTable
-from experiments.dashboard.real_camera import RealCamera
-from experiments.dashboard.replay_tab import ReplayTab
-from experiments.dashboard.results_tab import ResultsTab
-from experiments.dashboard.run_tab import RunTab
-from experiments.dashboard.scene import TableScene, light
-from experiments.dashboard.session import Session
-from experiments.dashboard.side_plates import SidePlates
-from experiments.dashboard.teeth import Teeth
-from experiments.dashboard.theme import Theme
-from experiments.dashboard.virtual_eye import VirtualEye
-from experiments.hardware import is_hardware
-from rig.endings import Ending
+from experiments.dashboard.server.controls import Controls
+from experiments.dashboard.session.live import LiveBuffer, LiveState
+from experiments.dashboard.session.plan import PlannedRun
+from experiments.dashboard.session.playback import Playback
+from experiments.dashboard.session.real_camera import RealCamera
+from experiments.dashboard.session.run_setup import RealRunSetup, VirtualRunSetup
+from experiments.dashboard.session.session import Session
+from experiments.dashboard.session.virtual_camera import VirtualCamera
+from experiments.dashboard.session.worker_process import WorkerProcess
+from experiments.dashboard.tabs.calibrate import CalibrateTab
+from experiments.dashboard.tabs.gap import GapTab
+from experiments.dashboard.tabs.header import Header, Theme
+from experiments.dashboard.tabs.replay import ReplayTab
+from experiments.dashboard.tabs.results import ResultsTab
+from experiments.dashboard.tabs.run import RunTab
+from experiments.dashboard.view.backlash_gauges import BacklashGauges
+from experiments.dashboard.view.camera_view import NO_FILM, CameraView
+from experiments.dashboard.view.curves import FILM, Curves
+from experiments.dashboard.view.ghost import Ghost
+from experiments.dashboard.view.pose import plate_point
+from experiments.dashboard.view.scene import TableScene, legend_words, light
+from experiments.dashboard.view.side_plates import SidePlates
+from experiments.runs.hardware import is_hardware
 from rig.log import INDEX
+from rig.loop.loop import Ending
 from rig.parameters import Rig
 
 if TYPE_CHECKING:
@@ -55,22 +53,27 @@ class App:
     ) -> None:
         self.server, self.rig, self.out = server, rig, out
         self.clients: dict[int, ClientHandle] = {}
-        self.live = Live(rig.control_rate_hz)
+        self.live = LiveBuffer(rig.control_rate_hz)
         self.events: deque[str] = deque(maxlen=EVENTS_SHOWN)
         real = rig_file is not None and is_hardware(rig)
         seen = RealCamera(rig) if real and rig.table.camera else None
         self._real = (rig_file, seen) if real and rig_file else None
-        self.eye: VirtualEye | RealCamera = seen or VirtualEye(rig)
-        table = RealTable(rig_file, out, seen) if real and rig_file else VirtualTable(out)
-        self.session = Session(rig, table, self.live, said=self._said, recorded=self._recorded)
-        self.desk, self.quick = Desk(), Desk()  # no figure waits for an analysis
-        self.stage: Stage | None = None
-        self.controls = Controls(self.tell, self.session.note)
+        self.eye: VirtualCamera | RealCamera = seen or VirtualCamera(rig)
+        table = RealRunSetup(rig_file, out, seen) if real and rig_file else VirtualRunSetup(out)
+        self.session = Session(
+            rig, table, self.live, on_event=self._on_event, on_recorded=self._on_recorded
+        )
+        self.analysis_worker, self.figure_worker = (
+            WorkerProcess(),
+            WorkerProcess(),
+        )  # no figure waits for an analysis
+        self.playback: Playback | None = None
+        self.controls = Controls(self.notify, self.session.note)
         self._ghost_of, self._ghost = rig, Ghost(rig)
         kind = f"{rig.table.kind} table" if table.real else "virtual table"
         self._build(f"{kind} of {rig_file.name}" if rig_file else kind)
-        server.on_client_connect(self._came)
-        server.on_client_disconnect(self._went)
+        server.on_client_connect(self._on_connect)
+        server.on_client_disconnect(self._on_disconnect)
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._draw, daemon=True, name="draw")
         self._thread.start()
@@ -82,8 +85,8 @@ class App:
         gui.main_panel.dock_right()
         gui.main_panel.set_width(390)
         light(server)
-        self.scene, self.teeth = TableScene(server, self.rig), Teeth(server)
-        self.sides = SidePlates(server, self.rig)
+        self.scene, self.gauges = TableScene(server, self.rig), BacklashGauges(server)
+        self.side_plates = SidePlates(server, self.rig)
         self.camera = CameraView(server, self.rig if self.session.table.real else None)
         self.header = Header(server, self.controls, self.session, table)
         panel = gui.add_panel()
@@ -102,46 +105,65 @@ class App:
         @server.scene.on_click(modifier="shift")
         def _(event: Any) -> None:
             ray = np.array(event.ray_origin), np.array(event.ray_direction)
-            self.controls.orders.put(
+            self.controls.queue.put(
                 "target", lambda: self._aim(event.client_id, *ray), event.client_id
             )
 
     def _add_tabs(self) -> None:
-        server, controls, desk, quick = self.server, self.controls, self.desk, self.quick
+        server, controls, analysis_worker, figure_worker = (
+            self.server,
+            self.controls,
+            self.analysis_worker,
+            self.figure_worker,
+        )
         out, rows = self.out, lambda: self.results.rows
         tabs = server.gui.add_tab_group(order=0)
         with tabs.add_tab("Run"):
-            self.run_tab = RunTab(server, controls, self.session, lambda: self.play(None))
+            self.run_tab = RunTab(server, controls, self.session, lambda: self.show_playback(None))
         with tabs.add_tab("Calibrate"):
             self.calibrate = CalibrateTab(
-                server, controls, desk, self.session, out, self.send, real=self._real, rows=rows
+                server,
+                controls,
+                analysis_worker,
+                self.session,
+                out,
+                self.send,
+                real=self._real,
+                rows=rows,
             )
         with tabs.add_tab("Results"):
-            self.results = ResultsTab(server, controls, quick, out, self.live, self.send)
+            self.results = ResultsTab(server, controls, figure_worker, out, self.live, self.send)
         with tabs.add_tab("Gap"):
             self.gap = GapTab(
-                server, controls, desk, out, rows, self.sides.show_map, self.play, self.send
+                server,
+                controls,
+                analysis_worker,
+                out,
+                rows,
+                self.side_plates.show_map,
+                self.show_playback,
+                self.send,
             )
         with tabs.add_tab("Replay"):
-            self.replay = ReplayTab(server, controls, quick, rows, self.play)
+            self.replay = ReplayTab(server, controls, figure_worker, rows, self.show_playback)
         self.replay.refresh()
 
-    def play(self, stage: Stage | None) -> None:
-        """Show a stage instead of the live table, or (None) the live table again."""
-        self.stage = stage
+    def show_playback(self, playback: Playback | None) -> None:
+        """Show a playback instead of the live table, or (None) the live table again."""
+        self.playback = playback
         self.camera.hide()
-        self.replay.on_stage(stage)
-        self.sides.begin(stage)
-        self.teeth.show(stage is None)
+        self.replay.on_playback(playback)
+        self.side_plates.begin(playback)
+        self.gauges.show(playback is None)
 
-    def _recorded(self, leg: Leg, folder: Path, ending: Ending) -> None:
-        """A run is on the disk: figures, lists."""
+    def _on_recorded(self, planned: PlannedRun, folder: Path, ending: Ending) -> None:
+        """A run was recorded: draw its figures and list it, in the thread of the queue."""
 
         def do() -> None:
-            self.results.refresh(leg.plan.protocol.name)
+            self.results.refresh(planned.plan.protocol.name)
             self.replay.refresh()
 
-        self.controls.orders.put("results", do)
+        self.controls.queue.put("results", do)
 
     def send(self, page: int | None, path: Path) -> None:
         """Let a page download a file."""
@@ -166,21 +188,21 @@ class App:
             button(push, "push", lambda page, a=float(angle): self.run_tab.push(a))
 
     # --- pages that come and go ---
-    def _came(self, client: "ClientHandle") -> None:
+    def _on_connect(self, client: "ClientHandle") -> None:
         def do() -> None:
             self.clients[client.client_id] = client
             self.header.joined(client)
 
-        self.controls.orders.put("a page came", do)
+        self.controls.queue.put("a page came", do)
 
-    def _went(self, client: "ClientHandle") -> None:
+    def _on_disconnect(self, client: "ClientHandle") -> None:
         def do() -> None:
             self.clients.pop(client.client_id, None)
             self.header.left(client.client_id)
 
-        self.controls.orders.put("a page went", do)
+        self.controls.queue.put("a page went", do)
 
-    def tell(self, page: int | None, title: str, text: str) -> None:
+    def notify(self, page: int | None, title: str, text: str) -> None:
         """A notification for one page, or for all."""
         for client in self._of(page):
             with suppress(Exception):  # it may be gone by now
@@ -191,8 +213,8 @@ class App:
             return list(self.clients.values())
         return [self.clients[page]] if page in self.clients else []
 
-    def _said(self, t_s: float, text: str) -> None:
-        """An event of the loop or of a page, from any thread."""
+    def _on_event(self, t_s: float, text: str) -> None:
+        """Keep an event of the loop or of a page for the tab Run; called from any thread."""
         self.events.append(f"{t_s:.1f} s: {text}")
 
     # --- drawing ---
@@ -206,32 +228,32 @@ class App:
                 if words != failed:  # once, not twenty times a second
                     failed = words
                     self.session.note(f"drawing: {words}")
-                    self.tell(None, "drawing failed", words)
+                    self.notify(None, "drawing failed", words)
                 time.sleep(0.5)
             count += 1
 
     def _draw_once(self, count: int) -> None:
         now = self.live.now()
-        rows = self.live.fresh()
+        rows = self.live.unread()
         if self._ghost_of is not (rig := self.session.rig):
             self._ghost_of, self._ghost = rig, Ghost(rig)
         self._ghost.follow(rows)
-        stage = self.stage
+        playback = self.playback
         with self.server.atomic():
-            if stage is not None and count % CURVES_EVERY == 0:
-                self._draw_stage(stage)
-            elif stage is None and now.row is not None and rows:
+            if playback is not None and count % CURVES_EVERY == 0:
+                self._draw_playback(playback)
+            elif playback is None and now.row is not None and rows:
                 self._draw_table(now.row, now.seen_s)
-            self._draw_camera(now, stage, count)
+            self._draw_camera(now, playback, count)
             if count % CURVES_EVERY == 0:
                 self._draw_words(now, bool(rows))
 
-    def _draw_camera(self, now: Now, stage: Stage | None, count: int) -> None:
+    def _draw_camera(self, now: LiveState, playback: Playback | None, count: int) -> None:
         """What the camera sees: a film's frame, the real camera's, or the virtual one's of the
         present pose."""
-        if stage is not None:
-            video = stage.video
-            if count % 2 == 0 and video and (frame := video.at(stage.player.t_s)) is not None:
+        if playback is not None:
+            video = playback.video
+            if count % 2 == 0 and video and (frame := video.at(playback.clock.t_s)) is not None:
                 self.replay.show_frame(frame)
                 self.camera.show(frame, "the run's video")
             elif video is None:
@@ -240,29 +262,29 @@ class App:
         fresh = now.row is not None and now.row[0] - now.seen_s < UNSEEN_S
         self.camera.follow(self.eye, now.row, fresh, ask=count % 2 == 0)
 
-    def _draw_words(self, now: Now, fresh: bool) -> None:
+    def _draw_words(self, now: LiveState, fresh: bool) -> None:
         """Lines, bars and curves: ten times a second."""
         status = self.session.status
-        self.header.draw(now, status, self.rig.control_rate_hz, film=self.stage is not None)
+        self.header.draw(now, status, self.rig.control_rate_hz, film=self.playback is not None)
         self.run_tab.draw(status, list(self.events))
         self.results.draw(running=status.state == "running")
         self.replay.draw()
         self.calibrate.draw()
         self.gap.draw()
-        if self.stage is not None:
+        if self.playback is not None:
             self.curves.rest(FILM)
         elif fresh:
             self.curves.draw(self.live.curve())
             self.scene.draw_trail(self.live.trail(), self.live.centroid.xy_m)
 
-    def _draw_stage(self, stage: Stage) -> None:
+    def _draw_playback(self, playback: Playback) -> None:
         """A recorded run in the place of the live table; both models of it beside."""
-        t_s = stage.player.t_s
-        self.scene.pose(*stage.shown.at(t_s))
+        t_s = playback.clock.t_s
+        self.scene.pose(*playback.motion.at(t_s))
         self.scene.compare(None, None)
-        past = stage.shown.ball_m[: int(np.searchsorted(stage.shown.t_s, t_s))][-90:]
+        past = playback.motion.ball_m[: int(np.searchsorted(playback.motion.t_s, t_s))][-90:]
         self.scene.draw_trail(past, None)
-        self.sides.draw(t_s)
+        self.side_plates.draw(t_s)
 
     def _draw_table(self, row: np.ndarray, seen_s: float) -> None:
         ball = row[_BALL : _BALL + 2] if row[0] - seen_s < UNSEEN_S else None
@@ -271,10 +293,17 @@ class App:
         ghost = self._ghost
         self.scene.compare(ball, ghost.ball_m if ghost.on_plate else None)
         found = row[_FOUND]
-        self.teeth.draw(self._ghost_of, ghost.gear_twist_rad, ghost.joint_twist_rad, found)
+        self.gauges.draw(self._ghost_of, ghost.gear_twist_rad, ghost.joint_twist_rad, found)
 
     def close(self) -> None:
+        """End the drawing, then session, workers, camera and queue."""
         self._over.set()
         self._thread.join(2.0)
-        for part in (self.session, self.desk, self.quick, self.eye, self.controls.orders):
+        for part in (
+            self.session,
+            self.analysis_worker,
+            self.figure_worker,
+            self.eye,
+            self.controls.queue,
+        ):
             part.close()

@@ -1,4 +1,4 @@
-"""Open the dashboard and keep it open until somebody ends the program."""
+"""Open the dashboard and serve it until the program is ended."""
 
 import io
 import signal
@@ -8,8 +8,8 @@ from contextlib import redirect_stdout
 from pathlib import Path
 
 from experiments.dashboard.app import App
-from experiments.dashboard.security import kept_token
-from experiments.dashboard.server import link_of, open_server
+from experiments.dashboard.server.server import link_of, open_server
+from rig.hardware.network.token_file import keep_token
 from rig.parameters import Rig
 
 
@@ -22,8 +22,11 @@ def serve_dashboard(
     port: int,
     say: Callable[[str], None],
 ) -> None:
-    """Serve until Ctrl-C or SIGTERM. PortBusyError: the port is taken, nothing was started."""
-    server, gate = open_server(host, port, kept_token(out / "token"))
+    """Serve until Ctrl-C or SIGTERM; `say` gets the link. rig_file: None for the virtual table.
+
+    PortBusyError: the port is taken, nothing was started.
+    """
+    server, gate = open_server(host, port, keep_token(out / "token"))
     app = App(server, rig, out, rig_file=rig_file)
     over = threading.Event()
     before = signal.signal(signal.SIGTERM, lambda number, frame: over.set())

@@ -1,6 +1,6 @@
-"""What a machine needs to drive a table, held against what it has: pure checks over told facts.
+"""What a machine needs to drive a table, compared with what it has: pure checks of `Facts`.
 
-`doctor_facts.gather` looks at the machine; nothing here does.
+`experiments.doctor.facts.gather` looks at the machine; nothing here does.
 """
 
 from dataclasses import dataclass, field
@@ -20,7 +20,11 @@ PACKAGES = ("numpy", "numba", "scipy", "opencv-python-headless", "mcap", "pyseri
 
 @dataclass(frozen=True)
 class Device:
-    """A thing in the file system: may this user read and write it, and which group may."""
+    """A device file of the machine.
+
+    usable: this user may read and write it; group: the group that may; about: what it is; vendor,
+    product: USB numbers, None where it has none.
+    """
 
     path: str
     usable: bool
@@ -32,9 +36,13 @@ class Device:
 
 @dataclass(frozen=True)
 class Facts:
-    """What was seen on the machine. rtprio, memlock_bytes: the limits of this session (None:
-    there is no such limit here); sdk: why the vendor's module is not there, "" where it is;
-    remote: why the remote table does not answer, None where none was asked."""
+    """What was found on the machine.
+
+    rtprio, memlock_bytes: limits of this session (None: this system has none); sdk: why the
+    vendor's module is missing, "" where it is installed; packages: versions by name, None where
+    missing; missing_files: files that the rig file names; remote: why the remote table does not
+    answer, homing: why the homing cannot be used (None: nothing wrong, or not checked).
+    """
 
     platform: str = "linux"
     user: str = "you"
@@ -53,7 +61,7 @@ class Facts:
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of the doctor's: what was looked at, how it is, the cure where there is one."""
+    """One line of `rig doctor`: what was checked, its state (OK, NOTE or BAD), and what to do."""
 
     what: str
     state: str
@@ -62,7 +70,7 @@ class Finding:
 
 
 def udev_rule(vendor: int = USB_VENDOR, product: int = USB_PRODUCT) -> str:
-    """The line that lets the group plugdev open a board."""
+    """udev rule that lets the group plugdev open the USB board with these numbers."""
     return (
         f'SUBSYSTEM=="usb", ATTR{{idVendor}}=="{vendor:04x}", ATTR{{idProduct}}=="{product:04x}", '
         'MODE="0660", GROUP="plugdev", TAG+="uaccess"'
@@ -70,17 +78,23 @@ def udev_rule(vendor: int = USB_VENDOR, product: int = USB_PRODUCT) -> str:
 
 
 def usable(findings: list[Finding]) -> bool:
-    """Whether the rig file's table can be driven from here."""
+    """True if the rig file's table can be driven from this machine: no finding is BAD."""
     return all(finding.state != BAD for finding in findings)
 
 
 def examine(facts: Facts, rig: Rig) -> list[Finding]:
-    """Everything, what the rig file's table needs first; only that can be `BAD`."""
-    table = {
-        "simulated": _simulated, "serial": _serial, "usb": _usb, "quanser": _quanser,
+    """Findings on the machine, those on the rig file's table first; only these can be BAD.
+
+    ValueError: `table.address` of a USB board is wrong.
+    """
+    of_kind = {
+        "simulated": _simulated,
+        "serial": _serial,
+        "usb": _usb,
+        "quanser": _quanser,
         "remote": _remote,
-    }[rig.table.kind](facts, rig)  # fmt: skip
-    found = [*_packages(facts), *table, *_camera(facts, rig)]
+    }
+    found = [*_packages(facts), *of_kind[rig.table.kind](facts, rig), *_camera(facts, rig)]
     found += [Finding(name, BAD, "no such file", "correct [table]") for name in facts.missing_files]
     if rig.table.kind != "simulated":
         found += _homing(facts)
@@ -191,7 +205,7 @@ def _homing(facts: Facts) -> list[Finding]:
 
 
 def _real_time(facts: Facts) -> list[Finding]:
-    """Asked for, never required: late ticks are counted and told."""
+    """Real-time limits: a NOTE at most, since late ticks are counted and reported anyway."""
     found = []
     limits = "/etc/security/limits.d/90-rig.conf"
     if facts.rtprio is None:
@@ -209,7 +223,7 @@ def _real_time(facts: Facts) -> list[Finding]:
 
 
 def _around(facts: Facts, rig: Rig) -> list[Finding]:
-    """What else is plugged in: for whoever looks for the name of a thing."""
+    """Other devices that are plugged in, to find the name of one."""
     found = []
     for device in facts.serial:
         maker = BOARD_VENDORS.get(device.vendor or -1, "")

@@ -1,5 +1,7 @@
-"""What the doctor looks at on this machine. Nothing is moved, and no port of a board is opened:
-some reset when that is done."""
+"""Gather what `rig doctor` checks on this machine.
+
+Nothing is moved, and no port of a board is opened: some boards reset when that is done.
+"""
 
 import os
 import sys
@@ -7,12 +9,15 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from experiments.doctor import PACKAGES, Device, Facts
+from experiments.doctor.doctor import PACKAGES, Device, Facts
 from rig.parameters import Rig
 
 
 def gather(rig: Rig, rig_file: Path | None) -> Facts:
-    """Facts of this machine for a rig file's table."""
+    """Facts of this machine for a rig file's table; rig_file: None where none was given.
+
+    A remote table is asked whether it answers.
+    """
     usb, library = _usb_devices()
     rtprio, memlock = _limits()
     files = [name for name in (rig.table.token_file, rig.table.calibration) if name]
@@ -140,7 +145,7 @@ def _remote(rig: Rig) -> str | None:
 def _homing(rig: Rig, rig_file: Path | None) -> str | None:
     if rig.table.kind == "simulated" or rig_file is None:
         return None
-    from rig.hardware.homed import NotHomed, home_file, load
+    from rig.hardware.homing.homed import NotHomed, home_file, load
 
     try:
         kept = load(home_file(rig_file))

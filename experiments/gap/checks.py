@@ -1,7 +1,7 @@
-"""Is a log what it says it is? Units, signs, swapped axes, encoder, rate, length.
+"""Plausibility of a log: units, signs, swapped axes, encoder, rate, length.
 
-Refused (ValueError) is what is certain; what is only suspicious, or makes a channel useless, is
-said in notes. Physics decides where a range cannot: a wrong unit shows as an absurd gain.
+What is certainly wrong is refused (ValueError); what is only suspicious, or makes a channel
+useless, is a note. Where a range does not decide, physics does: a wrong unit gives an absurd gain.
 """
 
 from collections.abc import Callable
@@ -9,27 +9,32 @@ from math import degrees, log10
 
 import numpy as np
 
-from experiments.gap_physics import Response, ball_response, servo_response
+from experiments.gap.physics import Response, ball_response, servo_response
 from rig.log import Log
 from rig.parameters import Rig
 
-ROWS, SECONDS, OBSERVATIONS = 20, 1.0, 10
-SLOWEST_HZ, FASTEST_HZ = 10.0, 5000.0
+MIN_ROWS, MIN_SECONDS, MIN_OBSERVATIONS = 20, 1.0, 10
+MIN_RATE_HZ, MAX_RATE_HZ = 10.0, 5000.0
 RATE_TOLERANCE = 1.1
-LARGEST_V = 100.0  # no motor of such a table takes more: counts of a converter, or millivolts
-FARTHEST_M = 2.0  # no plate or beam is longer
-BEYOND = 1.3  # so many half plates, or ends of travel, are more than a slip
-ABSURD = 15.0  # a gain so far from the believed one is a wrong unit, not another table
-CLOCKS_S = 2.0  # an exposure is not further from its row
-LEVELS = 12  # encoder readings that must differ before their step can be told
+MAX_VOLTS_V = 100.0  # no motor of such a table takes more: counts of a converter, or millivolts
+MAX_POSITION_M = 2.0  # no plate or beam is longer
+BEYOND_RATIO = 1.3  # of half a plate, or of the end of travel: beyond, it is more than a slip
+ABSURD_GAIN_RATIO = 15.0  # of a gain to its nominal: beyond, it is a wrong unit, not another table
+MAX_EXPOSURE_LAG_S = 2.0  # an exposure is at most so long before its row
+MIN_LEVELS = 12  # different encoder readings from which their step is found
 
 
 class TooShortError(ValueError):
-    """A log that is good but too short; among others it may be left out."""
+    """A log that is usable but too short; among several logs it may be left out."""
 
 
 def check(log: Log, rig: Rig) -> list[str]:
-    """Return notes on what is odd in a log of the believed rig. ValueError: it cannot be used."""
+    """Notes on what is suspicious in a log of the rig.
+
+    TooShortError (a ValueError): fewer than MIN_ROWS rows or MIN_SECONDS. ValueError: the log
+    cannot be used: no axis has both ends of a channel, a wrong unit, axes swapped, a sign reversed,
+    or a row rate out of range.
+    """
     _check_channels(log)
     _check_time(log)
     notes = [*_still(log), *_volts(log, rig)]
@@ -48,9 +53,10 @@ def check(log: Log, rig: Rig) -> list[str]:
 
 def _check_channels(log: Log) -> None:
     """ValueError where no axis has both ends of a channel, or the log is too short."""
-    if len(log) < ROWS:
+    if len(log) < MIN_ROWS:
         raise TooShortError(
-            f"too short: {len(log)} row{'s' if len(log) > 1 else ''} (limit: {ROWS}); record longer"
+            f"too short: {len(log)} row{'s' if len(log) > 1 else ''} (limit: {MIN_ROWS}); "
+            "record longer"
         )
     for axis in "xy":
         theta = f"theta_{axis}_rad"
@@ -67,19 +73,19 @@ def _check_time(log: Log) -> None:
     """ValueError: time in other units, another clock for exposures, too short."""
     t_s = log["t_s"]
     tick, length = float(np.median(np.diff(t_s))), float(t_s[-1] - t_s[0])
-    if not 1 / (FASTEST_HZ * RATE_TOLERANCE) <= tick <= RATE_TOLERANCE / SLOWEST_HZ:
+    if not 1 / (MAX_RATE_HZ * RATE_TOLERANCE) <= tick <= RATE_TOLERANCE / MIN_RATE_HZ:
         slow = "is t_s in milliseconds? then divide it by 1000"
         raise ValueError(
-            f"rows come every {tick:.4g} s, at {1 / tick:.5g} Hz (limit: {SLOWEST_HZ:g} to "
-            f"{FASTEST_HZ:g} Hz): {slow if tick > 1 / SLOWEST_HZ else 'resample the log'}"
+            f"rows come every {tick:.4g} s, at {1 / tick:.5g} Hz (limit: {MIN_RATE_HZ:g} to "
+            f"{MAX_RATE_HZ:g} Hz): {slow if tick > 1 / MIN_RATE_HZ else 'resample the log'}"
         )
-    if length < SECONDS:
-        raise TooShortError(f"too short: {length:.3g} s (limit: {SECONDS:g} s); record longer")
+    if length < MIN_SECONDS:
+        raise TooShortError(f"too short: {length:.3g} s (limit: {MIN_SECONDS:g} s); record longer")
     late = (t_s - log["ball_exposed_s"])[~np.isnan(log["ball_exposed_s"])]
-    if len(late) and not -tick <= float(np.median(late)) <= CLOCKS_S:
+    if len(late) and not -tick <= float(np.median(late)) <= MAX_EXPOSURE_LAG_S:
         raise ValueError(
             f"ball_exposed_s lies {float(np.median(late)):.3g} s before its row's t_s (limit: 0 to "
-            f"{CLOCKS_S:g} s): give it on the clock of t_s, or leave the column out"
+            f"{MAX_EXPOSURE_LAG_S:g} s): give it on the clock of t_s, or leave the column out"
         )
 
 
@@ -94,7 +100,7 @@ def _still(log: Log) -> list[str]:
                 notes.append(f"{name.format(axis)} never changes: it says nothing")
     if log.has("ball_x_m") or log.has("ball_y_m"):
         seen = len(log.ball()[0])
-        if seen < OBSERVATIONS:
+        if seen < MIN_OBSERVATIONS:
             notes.append(f"the ball was seen only {seen} times")
     return notes
 
@@ -105,9 +111,9 @@ def _volts(log: Log, rig: Rig) -> list[str]:
     for axis in "xy":
         name = f"voltage_{axis}_V"
         most = _most(log[name])
-        if most > LARGEST_V:
+        if most > MAX_VOLTS_V:
             raise ValueError(
-                f"{name} reaches {most:.4g} (limit: {LARGEST_V:g} V): these look like a "
+                f"{name} reaches {most:.4g} (limit: {MAX_VOLTS_V:g} V): these look like a "
                 "converter's counts or millivolts; give the volts at the motor's terminals"
             )
         if most > 1.02 * rig.servo.voltage_limit_V:
@@ -133,12 +139,12 @@ def _units(
 def _position_unit(log: Log, rig: Rig, axis: str, ball: Response | None) -> list[str]:
     name, half = f"ball_{axis}_m", rig.linkage.plate_side_m / 2
     most = _most(log[name])
-    if most <= BEYOND * half:
+    if most <= BEYOND_RATIO * half:
         return []
     times = abs(ball.gain) / rig.ball_gain_m_s2 if ball is not None and ball.clear else 0.0
-    if most > FARTHEST_M or times > ABSURD:
+    if most > MAX_POSITION_M or times > ABSURD_GAIN_RATIO:
         unit, factor = "millimetres, centimetres or pixels", ""
-        if times > ABSURD:  # the ball is that much faster than a table can make it
+        if times > ABSURD_GAIN_RATIO:  # the ball is that much faster than a table can make it
             millimetres = times > 300
             unit = "millimetres" if millimetres else "centimetres"
             factor = f" (times {0.001 if millimetres else 0.01:g})"
@@ -158,11 +164,11 @@ def _angle_unit(
     """Degrees make every angle 57 times too large: the range, the encoder and the gains show it."""
     name = f"theta_{axis}_rad"
     most, step = _most(log[name]), step_of(log[name])
-    beyond = most > rig.servo.stop_rad * BEYOND
+    beyond = most > rig.servo.stop_rad * BEYOND_RATIO
     ratio = step / rig.servo.encoder_step_rad if step else 1.0
     signs = [
         abs(ratio / degrees(1) - 1) < 0.03,
-        ball is not None and ball.clear and abs(ball.gain) < rig.ball_gain_m_s2 / ABSURD,
+        ball is not None and ball.clear and abs(ball.gain) < rig.ball_gain_m_s2 / ABSURD_GAIN_RATIO,
         servo is not None and servo.clear and abs(servo.gain) > 25 * rig.servo.gain_rad_s_V,
     ]
     if sum(signs) + beyond >= 2:
@@ -218,14 +224,14 @@ def _most(values: np.ndarray) -> float:
 
 
 def step_of(theta_rad: np.ndarray) -> float | None:
-    """Return the step [rad] in which an encoder's angle moves; None where none can be told.
+    """Step [rad] in which an encoder's angle theta (n,) moves; None where no step is found.
 
-    Steps of a power of ten are how the numbers were written, not how they were measured.
+    Steps of a power of ten are taken for the rounding of the written numbers and give None.
     """
     values = np.unique(theta_rad[~np.isnan(theta_rad)])
     gaps = np.diff(values)
     gaps = gaps[gaps > 1e-9]
-    if len(gaps) < LEVELS or len(theta_rad) < 3 * len(gaps):
+    if len(gaps) < MIN_LEVELS or len(theta_rad) < 3 * len(gaps):
         return None
     count = np.round(gaps / gaps.min())
     step = float(gaps.sum() / count.sum())

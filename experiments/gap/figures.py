@@ -4,7 +4,7 @@ Gaps are in noise floors: the line at 1 is a perfect model. Angles in degrees, l
 """
 
 from collections.abc import Sequence
-from math import ceil, degrees
+from math import ceil
 from pathlib import Path
 
 import numpy as np
@@ -12,28 +12,25 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
-from calibration.gap.findings import Candidate, PlateMap, Profile, ProofRow, Step
-from experiments.figures import CENTRE, WITH, WITHOUT, plt
-from experiments.gap_words import channel_words, percent, sig
+from calibration.gap.findings import PlateMap, Profile, ProofRow, RankedEffect, Step
+from experiments.gap.words import channel_words, percent, shown_unit, sig
+from experiments.reports.figures import CENTRE, WITH, WITHOUT, plt
 from rig.parameters import CHANNELS
 
 COLOURS: dict[str, str] = dict(
     zip(CHANNELS, ("#1f4fd8", "#56b4e9", "#d62728", "#e69f00"), strict=True)
 )
 STYLES: dict[str, str] = dict(zip(CHANNELS, ("-", "--", "-", "--"), strict=True))
-_UNITS = {  # of profiles: unit shown, factor
-    "rad": ("deg", degrees(1)),
-    "rad/s": ("deg/s", degrees(1)),
-    "m": ("mm", 1000.0),
-    "m/s": ("mm/s", 1000.0),
-}
 LOG_BEYOND = 8.0  # gaps that differ by more are drawn on a logarithmic axis
 SHOWN_NAMES = 10
 WIDE = 8.6
 
 
 def save(figure: Figure, folder: Path, name: str) -> Path:
-    """Write NAME.png in `folder`; nothing is cut off."""
+    """Write the figure as NAME.png in `folder`, close it, and return the file's path.
+
+    OSError: the file cannot be written.
+    """
     path = folder / f"{name}.png"
     figure.savefig(path, bbox_inches="tight", pad_inches=0.08)
     plt.close(figure)
@@ -77,7 +74,10 @@ def _curve(axis: Axes, profile: Profile, factor: float) -> None:
 
 
 def over_time(profiles: Sequence[Profile]) -> Figure:
-    """The gap of every channel over the time of the logs."""
+    """Gap of every channel [noise floors] over the time of the logs [s], as steps.
+
+    profiles: those whose quantity is the time.
+    """
     figure, axis = plt.subplots(figsize=(WIDE, 2.9))
     for profile in profiles:
         _curve(axis, profile, 1.0)
@@ -89,7 +89,10 @@ def over_time(profiles: Sequence[Profile]) -> Figure:
 
 
 def over_state(profiles: Sequence[Profile]) -> Figure:
-    """The gap of one side over position, speed, direction, reversals, voltage: a panel each."""
+    """Gap of one side's channels [noise floors] over each quantity of the table's state.
+
+    One panel for each quantity of the profiles: position, speed, direction, reversals, voltage.
+    """
     panels: dict[tuple[str, str], list[Profile]] = {}
     for profile in profiles:
         panels.setdefault((profile.quantity, profile.unit), []).append(profile)
@@ -114,10 +117,10 @@ def over_state(profiles: Sequence[Profile]) -> Figure:
 
 
 def _panel(axis: Axes, unit: str, curves: Sequence[Profile]) -> None:
-    shown, factor = _UNITS.get(unit, ("" if unit == "1" else unit, 1.0))
+    shown, factor = shown_unit(unit)
     quantity = curves[0].quantity
-    if quantity == "after reversal" and unit == "s":
-        shown, factor, quantity = "ms", 1000.0, "time since the last reversal"
+    if quantity == "after reversal":
+        quantity = "time since the last reversal"
     for profile in curves:
         _curve(axis, profile, factor)
     _floor_line(axis)
@@ -130,7 +133,10 @@ def _panel(axis: Axes, unit: str, curves: Sequence[Profile]) -> None:
 
 
 def plate_map(found: PlateMap) -> Figure:
-    """The mean innovation of the ball over the plate, x and y channel, in floors."""
+    """Mean innovation of the ball over the plate, one panel for x and y each [noise floors].
+
+    Cells without samples are grey.
+    """
     figure, axes = plt.subplots(1, 2, figsize=(WIDE, 3.9), sharey=True)
     mean = np.where(np.asarray(found.count)[..., None] > 0, found.mean, np.nan)
     finite = mean[np.isfinite(mean)]
@@ -154,8 +160,11 @@ def plate_map(found: PlateMap) -> Figure:
     return figure
 
 
-def ranking(candidates: Sequence[Candidate], accepted: Sequence[str]) -> Figure:
-    """The probability of the likeliest names, with what each explains (score)."""
+def ranking(candidates: Sequence[RankedEffect], accepted: Sequence[str]) -> Figure:
+    """Probability [%] of the SHOWN_NAMES likeliest effects, with their scores, as bars.
+
+    The score is the gain in log-likelihood; effects named in `accepted` are coloured.
+    """
     shown = sorted(candidates, key=lambda c: (-c.probability, -c.score))[:SHOWN_NAMES]
     figure, axis = plt.subplots(figsize=(WIDE, 0.36 * len(shown) + 1.0))
     for row, c in enumerate(shown):
@@ -180,7 +189,7 @@ def _wrapped(label: str, width: int = 38) -> str:
 
 
 def shrinking(steps: Sequence[Step]) -> Figure:
-    """The gap of every channel, effect by effect, down to the floor."""
+    """Gap of every channel [noise floors] after each added effect, as groups of bars."""
     figure, axis = plt.subplots(figsize=(WIDE, 3.6))
     channels = [c for c in CHANNELS if any(c in step.gap for step in steps)]
     at = np.arange(len(steps))
@@ -229,7 +238,11 @@ def _step_label(added: str, steps: int) -> str:
 
 
 def ahead(rows: Sequence[ProofRow], floor_mm: float | None) -> Figure:
-    """Error one second ahead of each model on data that it has not seen."""
+    """RMS error of the ball one second ahead [mm] of each model, on held-out data, as bars.
+
+    floor_mm: error of a perfect model, drawn as a line; None where it is not known. Models without
+    this error are left out.
+    """
     shown = [row for row in rows if row.ahead_1s_mm is not None]
     figure, axis = plt.subplots(figsize=(WIDE, 0.42 * len(shown) + 1.1))
     values = [float(row.ahead_1s_mm or 0.0) for row in shown]

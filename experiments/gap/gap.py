@@ -6,14 +6,15 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from calibration.gap.answer import effects_of
 from calibration.gap.findings import ClosedLoopRow, Findings, NextExperiment
+from calibration.gap.investigation import Investigation
+from calibration.gap.investigation import investigate as investigate_logs
 from calibration.gap.next_experiment import propose
-from calibration.gap.workflow import Investigation, investigate_logs
-from experiments.closed_loop_proof import closed_loop_rows
-from experiments.console import ProgressCall, silent
-from experiments.gap_input import GapInput, read_evidence
-from experiments.gap_menu import experiment_menu
+from calibration.gap.report.findings_of_decision import effects_of
+from experiments.gap.closed_loop_proof import closed_loop_rows
+from experiments.gap.input import GapInput, read_evidence
+from experiments.gap.protocol_choices import experiment_menu
+from experiments.progress import ProgressCall, silent
 
 
 def investigate(
@@ -26,17 +27,26 @@ def investigate(
     threads: int = 1,
     progress: ProgressCall = silent,
 ) -> Findings:
-    """The answer for logs of one table. quick: without the closed loop and where the gap is.
+    """Findings for the log files of one table, as `rig gap` reports them.
 
-    ValueError, FileNotFoundError (one line): bad input, see `gap_input.read_evidence`.
+    paths: run folders or log files; rig_file: the nominal model, None to take that of the run
+    folders, else the default table. until, tolerances, threads and progress as of
+    `calibration.gap.investigate`; quick: also leaves out the closed loop. FileNotFoundError,
+    ValueError (one line): bad input, see `experiments.gap.input.read_evidence`.
     """
     inputs = read_evidence(list(paths), rig_file)
     stage = "prove" if quick and until == "next" else until
     with threadpool_limits(1):  # small matrices: threads of the linear algebra only get in the way
         found = investigate_logs(
-            inputs.logs, inputs.rig, notes=inputs.notes, until=stage, tolerances=tolerances,
-            quick=quick, threads=threads, progress=progress,
-        )  # fmt: skip
+            inputs.logs,
+            inputs.rig,
+            notes=inputs.notes,
+            until=stage,
+            tolerances=tolerances,
+            quick=quick,
+            threads=threads,
+            progress=progress,
+        )
         if quick and until == "next" and found.rivals is not None:
             return replace(found.findings, next_experiment=_next(found, inputs))
         if quick or stage not in ("prove", "next"):
@@ -50,14 +60,14 @@ def investigate(
 
 
 def _closed_loop(inputs: GapInput, found: Findings) -> tuple[ClosedLoopRow, ...]:
-    """The recorded protocol under both models, where something was added."""
+    """The recorded protocol simulated under both models, where something was added."""
     if found.rig_before is None or found.rig_after is None or not found.effects:
         return ()
     return closed_loop_rows(inputs, found.rig_before, found.rig_after)
 
 
 def _next(found: Investigation, inputs: GapInput) -> NextExperiment | None:
-    """The protocol that would tell the two closest names apart."""
+    """The protocol that would separate the two closest names."""
     pair = found.rivals
     if pair is None or found.decision is None:
         return None

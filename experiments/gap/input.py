@@ -1,4 +1,4 @@
-"""What `rig gap LOG...` takes: several logs of one table, the rig that is believed, what is known.
+"""What `rig gap LOG...` takes: several logs of one table, the nominal rig, what is known of them.
 
 Nothing here opens truth.json: the answer is the same without it.
 """
@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from experiments.assemble import load_rig
-from experiments.gap_checks import TooShortError, check, step_of
-from experiments.importing import read_log
-from experiments.run_folder import read_meta
+from experiments.gap.checks import TooShortError, check, step_of
+from experiments.records.importing import read_log
+from experiments.records.run_folder import read_meta
+from experiments.runs.assemble import load_rig
 from rig.log import INDEX, Log, Phase
 from rig.parameters import Rig
 from rig.rigfile import from_dict
@@ -24,11 +24,12 @@ STEP_TOLERANCE = 0.02  # encoder steps of one rig's logs differ by less
 
 @dataclass(frozen=True, eq=False)
 class GapInput:
-    """Logs of one table, in the order given; every tuple has one entry a log.
+    """Logs of one table, in the order given; every tuple but `notes` has one entry for each log.
 
-    rig: what is believed (from --rig, else of the run folders, else the default table); rigs: the
-    same with the gains and control rate of each run; sources: "run folder" or "file"; arms,
-    protocols (as stored in run.json) and seeds: None where not known; notes: what was odd.
+    rig: the nominal rig (from --rig, else of the run folders, else the default table); rigs: the
+    nominal rig with the gains and control rate of each run; names: short and all different;
+    sources: "run folder" or "file"; arms, protocols (as stored in run.json) and seeds: None where
+    not known; notes: what was odd, as sentences.
     """
 
     logs: tuple[Log, ...]
@@ -53,17 +54,19 @@ class _One:
 
 
 def read_evidence(paths: Sequence[Path], rig_file: Path | None = None) -> GapInput:
-    """Read and check every log, and the rig: all that `rig gap` works on.
+    """Read and check every log and the rig that `rig gap` works on.
 
-    FileNotFoundError, ValueError (one line): something is not there, not readable, of another rig,
-    in other units, with axes or signs swapped, or too short.
+    paths: run folders (or their samples.mcap), .csv, .parquet or .mat files; rig_file: the nominal
+    model. Rejected runs and logs that are too short are left out with a note. FileNotFoundError,
+    ValueError (one line): a file is missing or not readable, no log is left, or a log is named
+    twice, of another rig, in other units, with axes or signs swapped, or too short.
     """
     if not paths:
         raise ValueError("no log given: name run folders, .csv, .parquet or .mat files")
     given = load_rig(rig_file) if rig_file is not None else None
     read, notes = _kept([_read(Path(path)) for path in paths])
     names = _names([one.path for one in read])
-    rig, more = _believed(read, names, given)
+    rig, more = _nominal(read, names, given)
     notes += more
     logs, odd = _checked(read, names, rig)
     notes += odd
@@ -106,7 +109,7 @@ def _read(path: Path) -> _One:
 def _checked(
     read: Sequence[_One], names: Sequence[str], rig: Rig
 ) -> tuple[list[Log | None], list[str]]:
-    """Return the logs without what a hand did, None for one too short, and what is odd in them.
+    """Return the logs without what a person did, None for one too short, and what is odd in them.
 
     ValueError: a log cannot be used, or every one is too short.
     """
@@ -154,10 +157,10 @@ def _names(paths: Sequence[Path]) -> list[str]:
     return [f"{path.parent.name}/{path.name}" for path in resolved]
 
 
-def _believed(
+def _nominal(
     read: Sequence[_One], names: Sequence[str], given: Rig | None
 ) -> tuple[Rig, list[str]]:
-    """Return the rig that is believed, and notes. ValueError: run folders of different rigs."""
+    """Return the nominal rig, and notes. ValueError: run folders of different rigs."""
     known = [(name, one.rig) for name, one in zip(names, read, strict=True) if one.rig is not None]
     if given is not None:
         notes = []
@@ -191,7 +194,7 @@ def _differences(a: Rig, b: Rig) -> Iterator[str]:
 
 
 def _of_run(rig: Rig, run: Rig | None) -> Rig:
-    """Return the believed rig with the controller's settings of a run."""
+    """Return the nominal rig with the controller's settings of a run."""
     if run is None:
         return rig
     try:
@@ -205,7 +208,11 @@ def _dictionary(value: Any) -> dict[str, Any] | None:
 
 
 def released(log: Log, delay_s: float) -> Log:
-    """Blank the ball where a hand held it: outside the run phase, or seen before the release."""
+    """The log with the ball blanked (NaN) where a person held it.
+
+    That is outside the run phase, and where the light hit the sensor before the release. delay_s:
+    the camera's delay, for rows without ball_exposed_s. A log without phases is returned as it is.
+    """
     if not log.has("phase"):
         return log
     free = log["phase"] == Phase.RUN

@@ -1,25 +1,32 @@
-"""Which way, and by how much, a signal answers its cause: enough to find a wrong unit or sign.
+"""Sign and gain of a signal's response to its cause: enough to find a wrong unit or sign.
 
-Servo: over a window much longer than tau, theta rises by K times the integral of V. Ball: the
-second difference x(t+h) - 2 x(t) + x(t-h) is the integral of (h - |s|) a(t+s), so it is compared
-with theta under the same triangle: exact for a = gain theta, and quiet for a long h.
+Servo, over a window h much longer than tau:   theta(t+h) - theta(t) = K int_t^(t+h) V ds
+Ball, for an acceleration a = g theta:
+    x(t+h) - 2 x(t) + x(t-h) = g int_-h^h (h - |s|) theta(t+s) ds
+
+Both hold without differentiating a measured signal, so that noise stays small for a long h.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import spearmanr
 
 from rig.log import Log
 
 WINDOW_S = 0.25
-CLEAR = 0.6  # rank correlation beyond which the answer is certain
-WINDOWS = 25  # that many are needed for it
-HOLE = 3.0  # a gap of so many usual intervals is none to measure across
+CLEAR_RANK = 0.6  # rank correlation beyond which the sign is certain,
+MIN_WINDOWS = 25  # of at least so many windows: p < 0.002
+MAX_HOLE = 3.0  # of the median interval: nothing is measured across a longer one
 
 
 @dataclass(frozen=True)
 class Response:
-    """rank: Spearman's correlation of result and cause; gain: their ratio; windows: how many."""
+    """Response of a result to its cause over windows of WINDOW_S.
+
+    rank: Spearman's rank correlation of result and cause; gain: their ratio, the slope of least
+    absolute error through the medians; windows: number of windows.
+    """
 
     rank: float
     gain: float
@@ -27,12 +34,16 @@ class Response:
 
     @property
     def clear(self) -> bool:
-        """Is the answer beyond doubt?"""
-        return abs(self.rank) > CLEAR and self.windows >= WINDOWS
+        """True if the sign of the response is certain: |rank| > 0.6 in 25 windows or more."""
+        return abs(self.rank) > CLEAR_RANK and self.windows >= MIN_WINDOWS
 
 
 def servo_response(log: Log, cause: str, result: str) -> Response | None:
-    """theta of axis `result` to the volts of axis `cause`, gain [rad/s/V]; None: not both there."""
+    """Response of the servo angle of axis `result` to the volts of axis `cause`.
+
+    gain: K [rad/s/V] in theta(t+h) - theta(t) = K int_t^(t+h) V ds. None: one of the two signals is
+    missing or constant, or there are fewer than three windows.
+    """
     volts, theta = log[f"voltage_{cause}_V"], log[f"theta_{result}_rad"]
     if np.isnan(volts).all() or np.isnan(theta).all():
         return None
@@ -47,7 +58,12 @@ def servo_response(log: Log, cause: str, result: str) -> Response | None:
 
 
 def ball_response(log: Log, cause: str, result: str, delay_s: float) -> Response | None:
-    """Acceleration of the ball along `result` to theta of `cause`, gain [m/s2/rad]; or None."""
+    """Response of the ball's acceleration along `result` to the servo angle of axis `cause`.
+
+    gain: g [m/s2/rad] in x(t+h) - 2 x(t) + x(t-h) = g int_-h^h (h - |s|) theta(t+s) ds. delay_s:
+    the camera's delay, for rows without ball_exposed_s. None: one of the two signals is missing or
+    constant, or there are fewer than three windows.
+    """
     theta = log[f"theta_{cause}_rad"]
     seen_s, xy = log.ball(delay_s)
     x = xy[:, "xy".index(result)]
@@ -74,19 +90,18 @@ def _integral(t: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def _near(at: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Which of the times `at` (k,) lie in no hole of the times `t` (n,)."""
+    """True (k,) where a time of `at` (k,) lies in no hole of the times `t` (n,)."""
     gaps = np.diff(t)
     inside = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(gaps) - 1)
-    return gaps[inside] <= HOLE * float(np.median(gaps))
+    return gaps[inside] <= MAX_HOLE * float(np.median(gaps))
 
 
 def _response(cause: np.ndarray, result: np.ndarray, good: np.ndarray) -> Response | None:
-    """Rank correlation, and the slope through the medians by least absolute errors."""
+    """Spearman's rank correlation, and the slope through the medians of least absolute error."""
     cause, result = cause[good], result[good]
     if len(cause) < 3 or np.ptp(cause) == 0 or np.ptp(result) == 0:
         return None
-    ranks = [np.argsort(np.argsort(values)).astype(float) for values in (cause, result)]
-    rank = float(np.corrcoef(ranks[0], ranks[1])[0, 1])
+    rank = float(spearmanr(cause, result).statistic)  # pyright: ignore[reportAttributeAccessIssue]
     a, b = cause - np.median(cause), result - np.median(result)
     a, b = a[a != 0], b[a != 0]
     order = np.argsort(b / a)

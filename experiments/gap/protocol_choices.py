@@ -4,21 +4,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from experiments.protocol import course, read_protocol, shipped
+from experiments.runs.protocol import course, read_protocol, shipped
+from rig.course import Course
 from rig.parameters import Rig
-from rig.simulate import Course
 
-DRAWS = 2  # courses of a protocol: its start, targets and pushes are drawn
+COURSES_EACH = 2  # courses of a protocol: its start, targets and pushes are drawn
 
 
 def experiment_menu(
     rig: Rig, *, seed: int = 1, ball: bool = True
 ) -> tuple[tuple[str, Course, float], ...]:
-    """Name, course and seconds of every shipped protocol within the rig's plate and angles.
+    """Name, course and seconds of every shipped protocol that the rig can run.
 
-    A protocol is there with several courses, drawn from `seed` on, for what it promises must not
-    hang on one draw; one with pushes also with all of them along x, and all along y. `ball` False:
-    a table that nobody sees a ball on; the runs on the servos alone are left.
+    A protocol whose start or reference lies beyond the plate or the servo's angle is left out. Each
+    has COURSES_EACH courses, drawn with `seed` and the seeds after it, so that its separation does
+    not depend on one draw; one with pushes also with all pushes along x, and all along y. ball
+    False: only the protocols on the servos alone, for a table on which no ball is seen.
     """
     found = []
     for name in shipped():
@@ -26,7 +27,7 @@ def experiment_menu(
         if not (ball or protocol.servo_only):
             continue
         try:
-            ways = [course(protocol, rig, seed + i) for i in range(DRAWS)]
+            ways = [course(protocol, rig, seed + i) for i in range(COURSES_EACH)]
         except ValueError:  # its reference or start lies beyond the plate or the servo's angle
             continue
         if protocol.pushes.kind != "none":

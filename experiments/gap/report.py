@@ -1,15 +1,11 @@
 """`gap.html`: what is missing from the model, for someone who knows the lab but not the method."""
 
 from collections.abc import Sequence
-from importlib.resources import files
 from pathlib import Path
 
-from jinja2 import Environment
-
 from calibration.gap.findings import Findings
-from experiments.gap_stages import Block, Code, Stage, Table, Text, following, locate, name, prove
-from experiments.gap_stages import stage as stage_of
-from experiments.gap_words import (
+from experiments.gap.stages import locate_stage, name_stage, next_stage, prove_stage, stage
+from experiments.gap.words import (
     VERDICT_WORDS,
     added_toml,
     channel_words,
@@ -23,9 +19,24 @@ from experiments.gap_words import (
     shown_unit,
     sig,
 )
+from experiments.records.run_folder import write_results
+from experiments.reports.report import Block, Code, Section, Table, write_page
 from rig.effects import BY_NAME
+from rig.rigfile import write_rig
 
 SHORT_CHANNELS = 4
+
+
+def write_findings(found: Findings, folder: Path, *, names: Sequence[str]) -> Path:
+    """Write all files of an analysis in `folder`, and return the path of the page gap.html.
+
+    These are results.json, the extended model as rig.toml (where something was added), and the page
+    with its figures. names: of the logs. OSError: the folder cannot be written.
+    """
+    write_results(folder, found.to_json())
+    if found.rig_after is not None and (found.effects or found.unknown):
+        write_rig(found.rig_after, folder / "rig.toml")
+    return write_gap_report(found, folder, names=names)
 
 
 def write_gap_report(found: Findings, folder: Path, *, names: Sequence[str]) -> Path:
@@ -35,39 +46,40 @@ def write_gap_report(found: Findings, folder: Path, *, names: Sequence[str]) -> 
     """
     folder.mkdir(parents=True, exist_ok=True)
     stages = [
-        locate(found, folder),
-        name(found, folder),
-        add(found),
-        prove(found, folder),
-        following(found, next_command),
+        locate_stage(found, folder),
+        name_stage(found, folder),
+        add_stage(found),
+        prove_stage(found, folder),
+        next_stage(found, next_command),
     ]
-    template = files("experiments") / "templates" / "gap.html"
-    page = Environment(autoescape=True).from_string(template.read_text(encoding="utf-8"))
-    text = page.render(
+    return write_page(
+        folder / "gap.html",
         title="Where model and table disagree",
+        summary=summary(found),
+        sections=stages,
+        template="gap.html",
+        numbered=True,
         verdict=found.verdict,
         verdict_words=VERDICT_WORDS.get(found.verdict, found.verdict),
         sentence=found.sentence,
         names=list(names),
-        short=short(found),
-        stages=stages,
         notes=found.notes,
     )
-    path = folder / "gap.html"
-    path.write_text(text, encoding="utf-8")
-    return path
 
 
 def next_command(protocol: str) -> str:
-    """What to type for the next experiment."""
+    """The command lines to type for the next experiment with a protocol."""
     return (
         f"rig run {protocol} --arm with --rig rig.toml --out next\n"
         "rig gap LOG... next/runs/* --rig rig.toml"
     )
 
 
-def short(found: Findings) -> list[str]:
-    """The numbers that a hurried reader wants, in one or two sentences."""
+def summary(found: Findings) -> list[str]:
+    """At most two sentences for the head of the page, none where nothing improved.
+
+    They give the gap before and after [noise floors] and the ball's error one second ahead [mm].
+    """
     lines = []
     gap = found.gap
     closed = [
@@ -95,13 +107,13 @@ def short(found: Findings) -> list[str]:
     return lines
 
 
-def add(found: Findings) -> Stage:
-    """The effect's numbers, the servo's, and what was written to the rig file."""
+def add_stage(found: Findings) -> Section:
+    """Section "Add": parameters of the named effects, servo numbers, text for rig.toml, noise."""
     blocks: list[Block] = []
     if found.effects:
         blocks.append(_parameter_table(found))
         blocks += [
-            Text(f"{effect.name}: {sentence_of(effect.name)}")
+            f"{effect.name}: {sentence_of(effect.name)}"
             for effect in found.effects
             if sentence_of(effect.name)
         ]
@@ -109,17 +121,17 @@ def add(found: Findings) -> Stage:
         blocks += _servo_blocks(found)
     toml = added_toml(found)
     if toml:
-        blocks.append(Text("What was added to the model, as it stands in the new rig.toml:"))
+        blocks.append("What was added to the model, as it stands in the new rig.toml:")
         blocks.append(Code(toml))
     if found.unknown is not None and found.unknown.formula:
-        blocks.append(Text(f"The unnamed term in formula: {found.unknown.formula}."))
+        blocks.append(f"The unnamed term in formula: {found.unknown.formula}.")
     if found.noise:
         blocks.append(_noise_table(found))
     question = (
         "How large is it? The effect's numbers with 95 % intervals, beside what a well-kept rig "
         "stays within (tolerance) and what any rig could have (range)."
     )
-    return stage_of("Add", question, blocks, "This stage did not run: there is nothing to add.")
+    return stage("Add", question, blocks, "This stage did not run: there is nothing to add.")
 
 
 def _parameter_table(found: Findings) -> Table:
@@ -147,7 +159,7 @@ def _parameter_table(found: Findings) -> Table:
 
 def _servo_blocks(found: Findings) -> list[Block]:
     """The calibrated numbers beside the rig file's, and what to do about them."""
-    rows, far, strong = [], [], set()
+    rows, far, marks = [], [], {}
     for key, interval in found.calibrated.items():
         unit, factor = ("ms", 1000.0) if key.endswith("_s") else ("", 1.0)
         label = key.removesuffix("_s") if unit == "ms" else key
@@ -162,14 +174,14 @@ def _servo_blocks(found: Findings) -> list[Block]:
         by = f"{100 * off:+.1f} %" if off is not None else "-"
         if too_far:
             far.append(f"{label.replace('_', ' ')} is off by {by}")
-            strong.add(len(rows))
+            marks[len(rows)] = "strong"
         rows.append([label.replace("_", " "), interval_words(interval, unit, factor), told, by])
     head = ("servo", "fitted [95 %]", "rig file", "off by")
     caption = "Gain K and time constant of the servos are always fitted and never an effect."
-    blocks: list[Block] = [Table(head, rows, caption, strong=frozenset(strong))]
+    blocks: list[Block] = [Table(head, rows, caption, marks=marks)]
     if far:
         said = f"Recalibrate the servo: {'; '.join(far)} (limits: 5 % for the gain, 10 % for the "
-        blocks.append(Text(f"{said}time constant)."))
+        blocks.append(f"{said}time constant).")
     return blocks
 
 

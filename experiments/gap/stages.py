@@ -1,13 +1,12 @@
-"""The five stages of a gap report as titled blocks: what was asked, what was found, in words."""
+"""The five stages of a gap report as titled blocks: the question, what was found, in words."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from math import isfinite, nan
 from pathlib import Path
 
 from calibration.gap.findings import UNITS, Findings
-from experiments import gap_figures as figures
-from experiments.gap_words import (
+from experiments.gap import figures
+from experiments.gap.words import (
     channel_words,
     closed_share,
     floors,
@@ -16,67 +15,36 @@ from experiments.gap_words import (
     sig,
     smallest_words,
 )
-from experiments.report import Shown
+from experiments.reports.report import Block, Code, Picture, Pictures, Section, Table
 from rig.parameters import CHANNELS
 
 
-@dataclass(frozen=True)
-class Text:
-    text: str
-    kind: str = "text"
+def stage(title: str, question: str, blocks: Sequence[Block], missing: str) -> Section:
+    """Section of `blocks`; without any, the text `missing` in a section marked as not run.
 
-
-@dataclass(frozen=True)
-class Code:
-    text: str
-    kind: str = "code"
-
-
-@dataclass(frozen=True)
-class Picture:
-    shown: Shown
-    kind: str = "figure"
-
-
-@dataclass(frozen=True)
-class Table:
-    """Rows of cells: the first `words` columns are text; rows in `strong` stand out."""
-
-    head: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    caption: str = ""
-    words: int = 1
-    strong: frozenset[int] = field(default_factory=frozenset)
-    kind: str = "table"
-
-
-Block = Text | Code | Picture | Table
-
-
-@dataclass(frozen=True)
-class Stage:
-    title: str
-    question: str
-    blocks: Sequence[Block]
-    ran: bool = True
-
-
-def stage(title: str, question: str, blocks: Sequence[Block], missing: str) -> Stage:
-    """A stage of `blocks`; without any it says that it did not run, and why."""
-    return Stage(title, question, blocks or [Text(missing)], bool(blocks))
+    question: what the stage answers, shown under its title.
+    """
+    return Section(title, blocks or [missing], question, ran=bool(blocks))
 
 
 def channels_of(*gaps: dict[str, float]) -> list[str]:
-    """The channels that appear, in their order."""
+    """Channels that appear in any of the gaps (channel -> floors), in the order of CHANNELS."""
     return [c for c in CHANNELS if any(c in gap for gap in gaps)]
 
 
-def picture(figure, folder: Path, name: str, caption: str) -> Picture:
-    return Picture(Shown(figures.save(figure, folder, name), caption))
+def picture(figure, folder: Path, name: str, caption: str) -> Pictures:
+    """Save the figure as NAME.png in `folder` and wrap it with its caption.
+
+    OSError: the file cannot be written.
+    """
+    return Pictures([Picture(figures.save(figure, folder, name), caption)])
 
 
-def locate(found: Findings, folder: Path) -> Stage:
-    """Where the model is wrong."""
+def locate_stage(found: Findings, folder: Path) -> Section:
+    """Section "Locate": where the model is wrong, by channel, time, state and place.
+
+    Writes its figures in `folder`; OSError: they cannot be written.
+    """
     blocks: list[Block] = []
     if found.where:
         rows = [[channel_words(w.channel), w.region, floors(w.gap)] for w in found.where]
@@ -126,8 +94,11 @@ def _level_table(found: Findings) -> Table:
     return Table(head, rows, f"The model as it came; the floor is that of: {found.gap.floor}.")
 
 
-def name(found: Findings, folder: Path) -> Stage:
-    """Which effect it is."""
+def name_stage(found: Findings, folder: Path) -> Section:
+    """Section "Name": which effect makes the errors, its twins and rivals, what cannot be seen.
+
+    Writes its figure in `folder`; OSError: it cannot be written.
+    """
     blocks: list[Block] = []
     accepted = [effect.name for effect in found.effects] if found.verdict == "named" else []
     if found.ranking:
@@ -141,21 +112,19 @@ def name(found: Findings, folder: Path) -> Stage:
     for effect in found.effects:
         if effect.twins:
             blocks.append(
-                Text(
-                    f"{effect.name} has structural twins: {', '.join(effect.twins)}. Any of them "
-                    "makes the same data; look at the hardware to tell."
-                )
+                f"{effect.name} has structural twins: {', '.join(effect.twins)}. Any of them "
+                "makes the same data; look at the hardware to tell."
             )
     if found.verdict == "undecided" and found.effects:
         rivals = " or ".join(f"{e.name} ({percent(e.probability)})" for e in found.effects)
-        blocks.append(Text(f"It is {rivals}: these logs do not tell them apart."))
+        blocks.append(f"It is {rivals}: these logs do not tell them apart.")
     if found.unknown is not None:
         left = found.unknown
         formula = f" A formula that holds on held-out data: {left.formula}." if left.formula else ""
         start = "Besides, something" if found.verdict == "named" else "Something"
         channel = channel_words(left.channel)
         blocks.append(
-            Text(f"{start} is left that no name explains, in {channel}: {left.shape}.{formula}")
+            f"{start} is left that no name explains, in {channel}: {left.shape}.{formula}"
         )
     if found.untestable:
         rows = [[u.name, u.why, smallest_words(u.name, u.smallest)] for u in found.untestable]
@@ -166,8 +135,11 @@ def name(found: Findings, folder: Path) -> Stage:
     return stage("Name", question, blocks, "This stage did not run.")
 
 
-def prove(found: Findings, folder: Path) -> Stage:
-    """Does the gap close on data that was not used?"""
+def prove_stage(found: Findings, folder: Path) -> Section:
+    """Section "Prove": whether the gap closes on data that was not used for the fit.
+
+    Writes its figures in `folder`; OSError: they cannot be written.
+    """
     blocks: list[Block] = []
     if len(found.steps) > 1:
         caption = "The gap effect by effect. The dotted line is a perfect model."
@@ -228,13 +200,18 @@ def _proof_table(found: Findings) -> Table:
         ]
         for row in found.proof
     ]
-    strong = frozenset(i for i, row in enumerate(found.proof) if row.model.startswith("named"))
+    named = [i for i, row in enumerate(found.proof) if row.model.startswith("named")]
     head = ("model", *(f"{channel_words(c)} [floors]" for c in channels), "1 s ahead [mm]")
-    return Table(head, rows, "The models on the same held-out data.", strong=strong)
+    return Table(
+        head, rows, "The models on the same held-out data.", marks=dict.fromkeys(named, "strong")
+    )
 
 
-def following(found: Findings, command: Callable[[str], str]) -> Stage:
-    """What to do next."""
+def next_stage(found: Findings, command: Callable[[str], str]) -> Section:
+    """Section "Next": the experiment to do next, or why none is proposed.
+
+    command: makes the command lines of a protocol's name.
+    """
     question = "Which experiment would tell more, for the least time on the rig?"
     plan = found.next_experiment
     if plan is None:
@@ -245,10 +222,10 @@ def following(found: Findings, command: Callable[[str], str]) -> Stage:
             "undecided": "This stage did not run: there are no two names to tell apart yet. Record "
             "a log with more motion, such as the one made by the command below.",
         }
-        blocks: list[Block] = [Text(said[found.verdict])]
+        blocks: list[Block] = [said[found.verdict]]
         if found.verdict == "undecided":
             blocks.append(Code(command("steps")))
-        return Stage("Next", question, blocks, ran=False)
+        return Section("Next", blocks, question, ran=False)
     one, other = plan.separates
     expected = (
         f" The expected separation is {sig(plan.separation)} (10 decides)."
@@ -259,4 +236,4 @@ def following(found: Findings, command: Callable[[str], str]) -> Stage:
         f"Run the protocol {plan.protocol} ({sig(plan.seconds)} s on the rig): it separates {one} "
         f"from {other} best.{expected} Then give the new run to rig gap together with these logs."
     )
-    return Stage("Next", question, [Text(text), Code(command(plan.protocol))])
+    return Section("Next", [text, Code(command(plan.protocol))], question)

@@ -4,7 +4,7 @@ What the logs cannot show stands with the smallest amplitude that they would hav
 """
 
 from calibration.gap.findings import Findings, Named
-from experiments.gap_words import (
+from experiments.gap.words import (
     channel_words,
     floors,
     interval_words,
@@ -20,7 +20,7 @@ UNTESTABLE_SHOWN, NOTES_SHOWN, WHERE_SHOWN = 4, 3, 2
 
 
 def summary_lines(found: Findings) -> list[str]:
-    """Return the answer for a terminal: verdict, where, name, gap, what else."""
+    """Lines for a terminal: verdict, where, effects, gap, servo, limits, next experiment, notes."""
     lines = [f"{found.verdict}: {found.sentence}"]
     for w in found.where[:WHERE_SHOWN]:
         lines.append(_line("where", f"{channel_words(w.channel)}, {w.region}: gap {floors(w.gap)}"))
@@ -55,7 +55,7 @@ def _line(label: str, text: str) -> str:
 
 
 def effect_words(effect: Named) -> str:
-    """A name with its probability, parameters and twins."""
+    """One line on a named effect: name, probability, parameters with 95 % intervals, twins."""
     parts = []
     for axis, pairs in effect.parameters.items():
         for key, interval in pairs.items():

@@ -2,13 +2,14 @@
 
 import re
 from dataclasses import asdict
-from math import degrees, floor, isfinite, log10
+from math import degrees, floor, inf, isfinite, log10
 from typing import Any
 
 import tomli_w
 
 from calibration.gap.findings import Findings, Interval
-from calibration.gap.words import far_off
+from calibration.gap.model.parameters import CALIBRATED
+from calibration.gap.report.wording import far_off
 from rig.effects import BY_NAME
 from rig.parameters import Rig
 from rig.rigfile import SECTIONS
@@ -31,16 +32,18 @@ _SHOWN = {
     "1/m2": ("1/m²", 1.0),
     "1/rad2": ("1/rad²", 1.0),
 }
-RECALIBRATE = {"gain": 0.05, "time_constant": 0.10}
 
 
 def channel_words(channel: str) -> str:
-    """`ball_x` -> `ball x`."""
+    """A channel's name for people: `ball_x` -> `ball x`."""
     return channel.replace("_", " ")
 
 
 def sig(value: float | None, digits: int = 3) -> str:
-    """A number with so many figures, never as 1e-05; a dash where there is none."""
+    """A number with `digits` significant figures; "-" for None, NaN or infinity.
+
+    Numbers below 1e-4 have two figures and an exponent.
+    """
     if value is None or not isfinite(value):
         return "-"
     if value and abs(value) < 1e-4:
@@ -50,14 +53,14 @@ def sig(value: float | None, digits: int = 3) -> str:
 
 
 def floors(gap: float | None) -> str:
-    """A gap in noise floors: 1.04, 7.90, 41."""
+    """A gap in noise floors, decimals chosen by its size: 1.04, 41.0, 410; "-" if not known."""
     if gap is None or not isfinite(gap):
         return "-"
     return f"{gap:.2f}" if abs(gap) < 10 else f"{gap:.1f}" if abs(gap) < 100 else f"{gap:.0f}"
 
 
 def percent(probability: float) -> str:
-    """A probability; never 100 %, which nothing is."""
+    """A probability (0 to 1) in percent, at most "> 99 %" and at least "< 1 %"; "-" for NaN."""
     if not isfinite(probability):
         return "-"
     if probability > 0.99:
@@ -66,27 +69,37 @@ def percent(probability: float) -> str:
 
 
 def shown_unit(unit: str, key: str = "") -> tuple[str, float]:
-    """Return the unit that people read, and the factor to it; a fraction is given in %."""
+    """The unit shown for an SI unit, and the factor from SI to it.
+
+    key: of a parameter; one called `fraction` is shown in %.
+    """
     if key.rpartition(".")[2] == "fraction":
         return "%", 100.0
     return _SHOWN.get(unit, ("" if unit == "1" else unit, 1.0))
 
 
 def parameter_unit(effect: str, key: str) -> tuple[str, float]:
-    """The same for a catalogue effect's parameter, by its key."""
+    """The unit shown for a parameter of a catalogue effect, and the factor from SI to it.
+
+    An unknown effect or key has the unit "" and the factor 1.
+    """
     key = key.rpartition(".")[2]
     known = BY_NAME[effect].parameters if effect in BY_NAME else ()
     return shown_unit(next((p.unit for p in known if p.key == key), ""), key)
 
 
 def key_words(key: str) -> str:
-    """`play_rad` -> `play`: the unit stands with the number."""
+    """A parameter's key for people, without its unit: `play_rad` -> `play`."""
     words = re.sub(r"_(rad_s|1_rad2|1_rad|m_s2|1_m2|1_s2|1_s|1_V|rad|V|s|m)$", "", key)
     return words.replace("_", " ")
 
 
 def interval_words(interval: Interval, unit: str, factor: float) -> str:
-    """`2.01 [1.93, 2.09] deg`: as many decimals as the interval's width deserves, in all three."""
+    """An interval in words: `2.01 [1.93, 2.09] deg`.
+
+    unit, factor: as of `shown_unit`. All three numbers have as many decimals as the interval's
+    width deserves.
+    """
     numbers = [factor * v for v in (interval.value, interval.low, interval.high)]
     half = abs(numbers[2] - numbers[1]) / 2
     if not all(map(isfinite, numbers)) or half == 0:
@@ -101,7 +114,10 @@ def interval_words(interval: Interval, unit: str, factor: float) -> str:
 
 
 def smallest_words(effect: str, smallest: dict[str, float]) -> str:
-    """What amplitude a log would have shown, in the units people read."""
+    """The smallest amplitude that a log would have shown, in shown units; "-" without any.
+
+    smallest: parameter key -> value (SI).
+    """
     parts = []
     for key, value in smallest.items():
         unit, factor = parameter_unit(effect, key)
@@ -110,35 +126,51 @@ def smallest_words(effect: str, smallest: dict[str, float]) -> str:
 
 
 def sentence_of(effect: str) -> str:
-    """What an effect is, from the catalogue."""
+    """The catalogue's sentence on an effect; "" for an unknown one."""
     return BY_NAME[effect].sentence if effect in BY_NAME else ""
 
 
 def nominal_of(key: str, rig: Rig | None) -> float | None:
-    """What the rig file says of a calibrated number such as `gain_x_rad_s_V`."""
-    plain = re.sub(r"_(x|y|xy)_", "_", key)
-    return getattr(rig.servo, plain, None) if rig is not None else None
+    """The rig file's value of a calibrated servo number such as `gain_x_rad_s_V`.
+
+    None without a rig, or where its servo has no such number.
+    """
+    return getattr(rig.servo, _without_axis(key), None) if rig is not None else None
+
+
+def _without_axis(key: str) -> str:
+    """`gain_x_rad_s_V` -> `gain_rad_s_V`."""
+    return re.sub(r"_(x|y|xy)_", "_", key)
 
 
 def recalibration(key: str, interval: Interval, rig: Rig | None) -> tuple[float | None, bool]:
-    """How far a calibrated number is from the rig file's, as a share; surely too far?"""
+    """Relative distance of a calibrated number from the rig file's, and whether it is too large.
+
+    The limits are those of `calibration.gap.model.parameters.CALIBRATED`. (None, False) without a
+    nominal number.
+    """
     nominal = nominal_of(key, rig)
     if not nominal:
         return None, False
-    limit = next((v for k, v in RECALIBRATE.items() if key.startswith(k)), None)
-    far = limit is not None and far_off(interval, nominal, limit)
+    far = far_off(interval, nominal, CALIBRATED.get(_without_axis(key), inf))
     return interval.value / nominal - 1, far
 
 
 def closed_share(before: float, after: float) -> str:
-    """How much of a gap is closed, where there was one: (before - after)/(before - 1)."""
+    """Share of a gap that is closed, (before - after)/(before - 1), in percent.
+
+    before, after: gaps in noise floors; "no gap to close" below 1.05 or where one is not finite.
+    """
     if not (isfinite(before) and isfinite(after)) or before < 1.05:
         return "no gap to close"
     return f"{100 * (before - after) / (before - 1):.0f} %"
 
 
 def added_toml(found: Findings) -> str:
-    """The part of rig.toml that differs from what was believed: what was added to the model."""
+    """The part of the extended rig.toml that differs from the nominal one, as TOML text.
+
+    Numbers have five figures. "" where nothing was added.
+    """
     changed: dict[str, Any] = {}
     before, after = found.rig_before, found.rig_after
     if before is not None and after is not None:
@@ -169,7 +201,7 @@ def _one_line(numbers: str) -> str:
 
 
 def _rounded(value: Any) -> Any:
-    """Five figures are more than the intervals allow."""
+    """The same with numbers of five figures, more than the intervals allow."""
     if isinstance(value, dict):
         return {key: _rounded(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -14,15 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.assemble import another_unit, with_play
-from experiments.claims import compare
-from experiments.metrics import run_metrics
-from experiments.numbers import MEASURES, completed_measures
-from experiments.protocol import read_protocol
-from experiments.runner import Order, simulate_orders
-from experiments.statistics import mean_interval
+from experiments.analysis.metrics import run_metrics
+from experiments.analysis.numbers import MEASURES, completed_measures
+from experiments.analysis.statistics import mean_interval
+from experiments.paper.claims import compare_conditions
+from experiments.runs.assemble import another_unit, with_play
+from experiments.runs.protocol import read_protocol
+from experiments.runs.runner import RunRequest, simulate_runs
 from rig.parameters import Gains, Rig
-from rig.simulate import Simulated
+from rig.simulation.simulate import Simulated
 
 TUNING_SEEDS = 3
 HOLD_S = 24.0
@@ -31,34 +31,43 @@ JUDGED = ("settled_error", "servo_activity", "cycle_amplitude")
 LITTLE_FRICTION = {"joint_friction_nm": 2e-3, "arm_friction_nm": 2e-4}
 
 
-def measured(order: Order, result: Simulated) -> dict[str, float]:
-    """Measures of one simulated run; NaN where it did not complete."""
+def measured(request: RunRequest, result: Simulated) -> dict[str, float]:
+    """Measures of one simulated run by name (`MEASURES`); NaN where it did not complete."""
     return completed_measures(run_metrics(result.log), result.outcome)
 
 
-def orders(rig: Rig, arm: str, seeds: Sequence[int], gains: Gains | None = None) -> list[Order]:
-    """Holding runs of an arm on other units of the kind, with other gains where given."""
+def run_requests(
+    rig: Rig, arm: str, seeds: Sequence[int], gains: Gains | None = None
+) -> list[RunRequest]:
+    """Requests of holding runs of an arm, one for each seed, each on another unit of the kind.
+
+    gains: of the controllers, None for the rig's own.
+    """
     kind = rig if gains is None else replace(rig, gains=gains)
     plan = read_protocol("hold").model_copy(update={"duration_s": HOLD_S})
-    return [Order(another_unit(rig, s), plan, arm, s, Path(), kind=kind) for s in seeds]
+    return [RunRequest(another_unit(rig, s), plan, arm, s, Path(), kind=kind) for s in seeds]
 
 
-def _rows(wanted: Sequence[Sequence[Order]]) -> list[list[dict[str, float]]]:
-    """Measures of groups of orders, made all at once."""
-    rows = iter(simulate_orders([order for group in wanted for order in group], measured))
+def _rows(wanted: Sequence[Sequence[RunRequest]]) -> list[list[dict[str, float]]]:
+    """Measures of groups of requests, run all at once."""
+    rows = iter(simulate_runs([request for group in wanted for request in group], measured))
     return [[next(rows) for _ in group] for group in wanted]
 
 
 def retuned(rig: Rig, seed: int) -> Gains:
-    """Gains of the PID alone, tuned on seeds of its own: the best ball of those that move the servo
-    no more than the arm *with* does (where none does, the calmest servo)."""
+    """Gains of the PID without the model, tuned on seeds of its own over GAIN_GRID.
+
+    Chosen is the smallest mean settled error among gains that move the servo no more than the arm
+    *with* does; the least servo activity where none does.
+    """
     seeds = range(seed + 3000, seed + 3000 + TUNING_SEEDS)
     grid = [
         replace(rig.gains, **dict(zip(GAIN_GRID, values, strict=True)))
         for values in product(*GAIN_GRID.values())
     ]
     first, *others = _rows(
-        [orders(rig, "with", seeds)] + [orders(rig, "without", seeds, gains) for gains in grid]
+        [run_requests(rig, "with", seeds)]
+        + [run_requests(rig, "without", seeds, gains) for gains in grid]
     )
     effort, tried = np.mean([row["servo_activity"] for row in first]), []
     for gains, rows in zip(grid, others, strict=True):
@@ -70,13 +79,19 @@ def retuned(rig: Rig, seed: int) -> Gains:
     return min(tried, key=lambda t: t[:2])[2]
 
 
-def rivals(rig: Rig, seed: int, pairs: int) -> dict:
-    """Every arm's measures with intervals, and what each rival loses against the arm *with*."""
+def compare_alternatives(rig: Rig, seed: int, pairs: int) -> dict:
+    """Measures JUDGED of every condition with 95 % intervals, and their tests against *with*.
+
+    pairs: paired seeds; seed: of the first. Conditions: without, with, sham, misplaced, retuned,
+    and without on a table that has no play.
+    """
     gains, seeds = retuned(rig, seed), range(seed + 4000, seed + 4000 + pairs)
-    wanted = {arm: orders(rig, arm, seeds) for arm in ("without", "with", "sham", "misplaced")}
-    wanted["retuned"] = orders(rig, "without", seeds, gains)
+    wanted = {
+        arm: run_requests(rig, arm, seeds) for arm in ("without", "with", "sham", "misplaced")
+    }
+    wanted["retuned"] = run_requests(rig, "without", seeds, gains)
     bare = with_play(rig, gear_rad=0.0, joint_rad=0.0)
-    wanted["no play, without"] = orders(bare, "without", seeds)
+    wanted["no play, without"] = run_requests(bare, "without", seeds)
     rows = dict(zip(wanted, _rows(list(wanted.values())), strict=True))
     table = {}
     for arm, found in rows.items():
@@ -85,14 +100,16 @@ def rivals(rig: Rig, seed: int, pairs: int) -> dict:
             i = mean_interval(np.array([row[name] for row in found]))
             table[arm][name] = asdict(i) | {"unit": MEASURES[name][0]}
             if arm != "with":
-                table[arm][name]["against_with"] = compare(rows, name, seed, rival=arm)
+                table[arm][name]["against_with"] = compare_conditions(rows, name, seed, rival=arm)
     tuned = {key: getattr(gains, key) for key in GAIN_GRID}
     return {"arms": table, "retuned_gains": tuned, "pairs": pairs}
 
 
 def little_friction(rig: Rig) -> Rig:
-    """The table with next to no dry friction: what is left is play (and the plate still keeps its
-    place)."""
+    """The table with very little dry friction, so that play alone is left.
+
+    The plate still keeps its place inside the play.
+    """
     effects = {
         k: v for k, v in rig.effects.items() if k not in ("coulomb_friction", "voltage_offset")
     }

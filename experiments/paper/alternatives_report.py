@@ -1,12 +1,15 @@
-"""The rivals' part of the study's page: is it the model, or would anything help?"""
+"""The part of the study's page on alternative explanations of the effect."""
 
-from experiments.figures import verdict_word
-from experiments.report import Section
-from experiments.rivals import JUDGED
+from experiments.paper.alternative_explanations import JUDGED
+from experiments.reports.figures import verdict_word
+from experiments.reports.report import Section, Table
 
 
-def rivals_section(results: dict) -> Section:
-    """Is it the model, or would anything help? Sham, misplaced inverse, retuned PID, no play."""
+def alternatives_section(results: dict) -> Section:
+    """Section on whether the effect is the model's: sham, misplaced inverse, retuned PID, no play.
+
+    results: as of `experiments.paper.reproduce.reproduce`.
+    """
     lines = [
         "An inverse also raises the gain at reversals and shakes what dry friction holds. The ball "
         "is held at the centre for 24 s on paired other units; the sham is the same inverse "
@@ -17,14 +20,14 @@ def rivals_section(results: dict) -> Section:
     for friction, found in results["rivals"].items():
         gains = found["retuned_gains"]
         lines.append(
-            f"With {friction}: {_verdict_on_rivals(found['arms'])} Retuned gains: "
+            f"With {friction}: {_verdict_on_alternatives(found['arms'])} Retuned gains: "
             f"K_p = {gains['proportional_rad_m']:g} rad/m, K_d = {gains['derivative_rad_s_m']:g} "
             "rad s/m."
         )
         for arm, table in found["arms"].items():
             rows.append([f"{friction}: {arm}", *(_with_interval(table[m]) for m in JUDGED)])
     head = ["table: arm", "RMS distance [cm]", "servo activity [rad]", "limit cycle [cm]"]
-    return Section("Is it the model? Sham, misplaced, retuned", lines, [], head, rows)
+    return Section("Is it the model? Sham, misplaced, retuned", [*lines, Table(head, rows)])
 
 
 def _with_interval(value: dict) -> str:
@@ -32,8 +35,8 @@ def _with_interval(value: dict) -> str:
     return f"{numbers}, n = {value['n']}"
 
 
-def _verdict_on_rivals(arms: dict) -> str:
-    """Which rivals the model beats on the ball, in one sentence."""
+def _verdict_on_alternatives(arms: dict) -> str:
+    """Which alternatives the model beats on the ball, in one sentence."""
     words: dict[str, list[str]] = {}
     for arm, table in arms.items():
         if arm in ("with", "no play, without"):

@@ -4,18 +4,23 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from experiments.centroids import two_clusters
-from experiments.mean_of_run import expected_mean_m, integral_identity
-from experiments.numbers import Recorded
-from experiments.report import Section
-from experiments.samples import ball_samples
+from experiments.analysis.centroids import two_clusters
+from experiments.analysis.mean_of_run import expected_mean_m, integral_identity
+from experiments.analysis.numbers import Recorded
+from experiments.analysis.samples import ball_samples
+from experiments.reports.report import Section, Table
 from rig.parameters import Rig
 
 Study = Mapping[str, Mapping[str, Sequence[Recorded]]]
 
 
 def centroid_facts(study: Study, rig: Rig) -> dict:
-    """What ties the centroid down: the integral identity of Fig. 10's runs, two clusters pooled."""
+    """Facts on the centroids of Fig. 10's runs, as results.json holds them.
+
+    For each arm the integral identity (`integral_identity`); the mean that PD alone gives without
+    play (`expected_mean_m`) [cm]; two clusters of the pooled samples. ValueError: a run is too
+    short.
+    """
     gains, facts = rig.gains, {}
     for arm, runs in study["10"].items():
         found = integral_identity(runs[0].log, gains.integral_rad_m_s, rig=rig)
@@ -44,6 +49,7 @@ def centroid_facts(study: Study, rig: Rig) -> dict:
 
 
 def centroid_section(facts: dict, rig: Rig) -> Section:
+    """Section on what the centroid can and cannot show; facts as of `centroid_facts`."""
     t = facts["without"]["T_s"]
     pd_only = ", ".join(f"{v:+.2f}" for v in facts["pd_only_cm"])
     two = facts["two_clusters"]
@@ -65,4 +71,4 @@ def centroid_section(facts: dict, rig: Rig) -> Section:
         for arm in ("without", "with")
     ]
     head = ["arm", "mean error x, y [cm]", "from the integral x, y [cm]", "ticks clipped x, y"]
-    return Section("What the centroid can and cannot show", lines, [], head, rows)
+    return Section("What the centroid can and cannot show", [*lines, Table(head, rows)])

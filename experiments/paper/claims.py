@@ -6,19 +6,17 @@ pixel of the paper's camera for positions, an encoder count for angles, both fix
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from math import pi
 
 import numpy as np
 
-from experiments.numbers import MEASURES
-from experiments.statistics import holm, paired
-
-RELEVANT = {"cm": 0.0625, "rad": 2 * pi / 4096, "s": 0.25}
+from experiments.analysis.numbers import MEASURES
+from experiments.analysis.relevance import RELEVANT
+from experiments.analysis.statistics import holm, paired
 
 
 @dataclass(frozen=True)
 class Claim:
-    """What the paper says of a figure, and the number that decides it."""
+    """A claim of the paper: its text and figure, and the protocol and measure that decide it."""
 
     text: str
     figure: str
@@ -50,8 +48,12 @@ CLAIMS = (
 Rows = Mapping[str, Sequence[dict[str, float]]]  # arm -> one row of measures a seed
 
 
-def compare(rows: Rows, measure: str, seed: int, *, rival: str = "without") -> dict:
-    """Effect (rival - with) of one measure over paired seeds, with interval and verdict."""
+def compare_conditions(rows: Rows, measure: str, seed: int, *, rival: str = "without") -> dict:
+    """Effect (rival - with) of one measure over paired seeds, with interval and verdict.
+
+    Returns the fields of `Paired`, "unit", and "mean_without" (of the rival) and "mean_with" over
+    the pairs in which both runs completed. seed: of the drawn sign flips.
+    """
     unit = MEASURES[measure][0]
     values = {
         "without": np.array([row[measure] for row in rows[rival]]),
@@ -72,10 +74,13 @@ def compare(rows: Rows, measure: str, seed: int, *, rival: str = "without") -> d
 
 
 def judge(table: Mapping[str, Rows], seed: int) -> list[dict]:
-    """Every claim as results.json holds it; `table`: protocol -> arm -> rows of measures."""
+    """Test every claim; the results as results.json holds them, with p-values corrected by Holm.
+
+    table: protocol -> arm -> rows of measures, one for each seed; seed: of the drawn sign flips.
+    """
     found = []
     for claim in CLAIMS:
-        result = compare(table[claim.protocol], claim.measure, seed)
+        result = compare_conditions(table[claim.protocol], claim.measure, seed)
         found.append(
             {
                 "claim": claim.text,
@@ -102,12 +107,16 @@ GRID_MEASURES = ("settled_error", "servo_activity", "servo_rms", "distance", "se
 def play_grid(
     rows_of: Callable[[float, float], Rows], seed: int, cells: Sequence[tuple[float, float]]
 ) -> list[dict]:
-    """Compare the arms in every cell (gear, joint play in degrees) of the grid."""
+    """Compare the arms in every cell of the grid, in the measures GRID_MEASURES.
+
+    cells: (gear, joint) play [degrees, full widths]; rows_of: simulates a cell's paired runs; seed:
+    of the drawn sign flips.
+    """
     found = []
     for gear_deg, joint_deg in cells:
         rows = rows_of(gear_deg, joint_deg)
         found.append(
             {"gear_deg": gear_deg, "joint_deg": joint_deg}
-            | {measure: compare(rows, measure, seed) for measure in GRID_MEASURES}
+            | {measure: compare_conditions(rows, measure, seed) for measure in GRID_MEASURES}
         )
     return found

@@ -15,29 +15,32 @@ from pathlib import Path
 import numpy as np
 from joblib import Parallel, delayed
 
-from experiments.assemble import another_unit, with_play
-from experiments.claims import GRID_DEG, judge, play_grid
-from experiments.console import ProgressCall, silent
-from experiments.folders import write_results
-from experiments.metrics import run_metrics
-from experiments.numbers import Recorded, completed_measures, recorded
-from experiments.protocol import read_protocol
-from experiments.recording import read_run, recover
-from experiments.regime import regime
-from experiments.rivals import little_friction, measured, rivals
-from experiments.run_folder import read_meta
-from experiments.runner import (
-    Order,
+from experiments.analysis.metrics import run_metrics
+from experiments.analysis.numbers import Recorded, completed_measures, recorded
+from experiments.analysis.regime import regime
+from experiments.paper.alternative_explanations import (
+    compare_alternatives,
+    little_friction,
+    measured,
+)
+from experiments.paper.claims import GRID_DEG, judge, play_grid
+from experiments.paper.study_report import write_study
+from experiments.progress import ProgressCall, silent
+from experiments.records.recording import read_run, recover
+from experiments.records.run_folder import read_meta, write_results
+from experiments.runs.assemble import another_unit, with_play
+from experiments.runs.protocol import read_protocol
+from experiments.runs.runner import (
+    RunRequest,
     contract_columns,
     keep_simulated,
     run,
-    simulate_order,
-    simulate_orders,
+    simulate_run,
+    simulate_runs,
 )
-from experiments.runs import calibrate_camera
-from experiments.study_report import write_study
+from experiments.runs.runs import calibrate_camera
 from rig.parameters import Rig
-from rig.simulate import Simulated
+from rig.simulation.simulate import Simulated
 
 PAIRS = 24  # paired seeds a claim
 GRID_PAIRS = 20  # paired seeds a cell
@@ -55,7 +58,13 @@ def reproduce(
     grid_pairs: int = GRID_PAIRS,
     progress: ProgressCall = silent,
 ) -> dict:
-    """Make the whole study in `out`; returns what results.json holds."""
+    """Make the whole study in `out` and return the content of results.json.
+
+    frames: the runs of Figs. 10 to 14 through rendered camera frames; pairs: paired seeds of each
+    claim; grid_pairs: of each cell of play. KeyboardInterrupt: unfinished runs are completed and
+    the interruption is raised again. ValueError: a protocol that the rig cannot run, or too few
+    frames with the ball; OSError: `out` cannot be written.
+    """
     bundle = calibrate_camera(rig, out, seed) if frames else None
     progress("camera calibrated", 1, 1)
     try:
@@ -83,8 +92,8 @@ def reproduce(
         "paired_runs": paired_runs,
         "grid": grid,
         "rivals": {
-            "friction as it is": rivals(fitted, seed, pairs),
-            "little friction": rivals(little_friction(fitted), seed, pairs),
+            "friction as it is": compare_alternatives(fitted, seed, pairs),
+            "little friction": compare_alternatives(little_friction(fitted), seed, pairs),
         },
         "grid_pairs": grid_pairs,
     }
@@ -100,16 +109,16 @@ def _figure_runs(rig: Rig, out: Path, seed: int, bundle: Path | None, progress: 
     wanted = [("10", release, arm, seed) for arm in ARMS]
     wanted += [("12", pushed, "without", seed), ("13", pushed, "with", seed)]
     wanted += [("14", release, arm, seed + i) for i in range(1, 5) for arm in ARMS]
-    orders = [Order(rig, p, arm, s, runs, bundle) for _, p, arm, s in wanted]
+    requests = [RunRequest(rig, p, arm, s, runs, bundle) for _, p, arm, s in wanted]
     stage = "runs through frames" if bundle else "runs"
-    progress(stage, 0, len(orders))
+    progress(stage, 0, len(requests))
     jobs = Parallel(n_jobs=min(2, cpu_count() or 1), return_as="generator")
-    first = jobs([delayed(run)(orders[0])])  # compiles what sees, before two processes would
-    simulate_order(orders[0])  # compiles beside it what only simulates
+    first = jobs([delayed(run)(requests[0])])  # compiles what sees, before two processes would
+    simulate_run(requests[0])  # compiles beside it what only simulates
     done: list = list(first)
-    for one in jobs(delayed(run)(order) for order in orders[1:]):
+    for one in jobs(delayed(run)(request) for request in requests[1:]):
         done.append(one)
-        progress(stage, len(done), len(orders))
+        progress(stage, len(done), len(requests))
     study: Study = {}
     for (figure, _, arm, _), one in zip(wanted, done, strict=True):
         runs_of_arm = study.setdefault(figure, {}).setdefault(arm, [])
@@ -119,7 +128,10 @@ def _figure_runs(rig: Rig, out: Path, seed: int, bundle: Path | None, progress: 
 
 
 def mend_unfinished(runs: Path) -> None:
-    """Give runs whose process was ended in the middle an outcome; their rows are there anyway."""
+    """Complete the runs in `runs` that have no outcome, whose process was ended in the middle.
+
+    Runs that cannot be read or written are left as they are.
+    """
     for folder in sorted(runs.iterdir()) if runs.is_dir() else ():
         with suppress(OSError, ValueError):
             if read_meta(folder).get("outcome") is None:
@@ -127,10 +139,11 @@ def mend_unfinished(runs: Path) -> None:
 
 
 def fit_camera(rig: Rig, pairs: np.ndarray) -> Rig:
-    """The rig with the statistical camera that the frames' (true, measured) pairs show.
+    """The rig with the noise and dropout of the statistical camera fitted to frames.
 
-    pairs (k, 5): exposure, true x, y, measured x, y (NaN: not seen). The noise is the RMS of the
-    whole error, its constant part included; simulator and tests alone use it.
+    pairs (k, 5): exposure time [s], true x, y, measured x, y [m] (NaN: not seen). The noise is the
+    RMS of the whole error, its constant part included; simulator and tests alone use it.
+    ValueError: fewer than 100 frames showed the ball.
     """
     error = pairs[:, 3:] - pairs[:, 1:3]
     seen = np.isfinite(error).all(axis=1)
@@ -145,16 +158,16 @@ def _simulated_figures(rig: Rig, out: Path, seed: int) -> Study:
     protocol = read_protocol("free-release")
     runs = {}
     for arm in ARMS:
-        order = Order(rig, protocol, arm, seed + 100, out / "runs")
-        result = simulate_order(order)
-        runs[arm] = [recorded(keep_simulated(order, result), result.log, result.outcome)]
+        request = RunRequest(rig, protocol, arm, seed + 100, out / "runs")
+        result = simulate_run(request)
+        runs[arm] = [recorded(keep_simulated(request, result), result.log, result.outcome)]
     return {"7": runs, "8": runs}
 
 
 def _claim_runs(rig: Rig, out: Path, seed: int, pairs: int, progress: ProgressCall):
     """Paired repetitions on other units of the kind, recorded; measures by protocol and arm."""
-    orders = [
-        Order(another_unit(rig, s), read_protocol(name), arm, s, out / "runs", kind=rig)
+    requests = [
+        RunRequest(another_unit(rig, s), read_protocol(name), arm, s, out / "runs", kind=rig)
         for name in ("free-release", "pushed", "hold")
         for s in range(seed + 1000, seed + 1000 + pairs)
         for arm in ARMS
@@ -162,20 +175,22 @@ def _claim_runs(rig: Rig, out: Path, seed: int, pairs: int, progress: ProgressCa
 
     folders: dict[tuple[str, int, str], str] = {}
 
-    def one(order: Order, result: Simulated) -> dict[str, float]:
+    def one(request: RunRequest, result: Simulated) -> dict[str, float]:
         kept = replace(result, log=contract_columns(result.log))
-        folders[order.arm, order.seed, order.protocol.name] = keep_simulated(order, kept).name
+        folders[request.arm, request.seed, request.protocol.name] = keep_simulated(
+            request, kept
+        ).name
         return completed_measures(run_metrics(kept.log), kept.outcome)
 
-    progress("paired repetitions", 0, len(orders))
-    rows = simulate_orders(orders, one, lambda k: progress("paired repetitions", k, len(orders)))
+    progress("paired repetitions", 0, len(requests))
+    rows = simulate_runs(requests, one, lambda k: progress("paired repetitions", k, len(requests)))
     table: dict[str, dict[str, list[dict]]] = {}
-    for order, row in zip(orders, rows, strict=True):
-        table.setdefault(order.protocol.name, {}).setdefault(order.arm, []).append(row)
+    for request, row in zip(requests, rows, strict=True):
+        table.setdefault(request.protocol.name, {}).setdefault(request.arm, []).append(row)
     named = [
         {"protocol": o.protocol.name, "arm": o.arm, "seed": o.seed}
         | {"folder": folders[o.arm, o.seed, o.protocol.name]}
-        for o in orders
+        for o in requests
     ]
     return table, named
 
@@ -187,12 +202,12 @@ def _grid_rows(rig: Rig, seed: int, pairs: int, cells: int, progress: ProgressCa
     def rows_of(gear_deg: float, joint_deg: float) -> dict[str, list[dict]]:
         played = with_play(rig, gear_rad=radians(gear_deg), joint_rad=radians(joint_deg))
         seeds = range(seed + 2000, seed + 2000 + pairs)
-        orders = [
-            Order(another_unit(played, s), protocol, arm, s, Path(), kind=played)
+        requests = [
+            RunRequest(another_unit(played, s), protocol, arm, s, Path(), kind=played)
             for arm in ARMS
             for s in seeds
         ]
-        rows = simulate_orders(orders, measured)
+        rows = simulate_runs(requests, measured)
         finished[0] += 1
         progress("cells of play", finished[0], cells)
         return {"without": rows[:pairs], "with": rows[pairs:]}

@@ -4,14 +4,23 @@ from collections.abc import Mapping, Sequence
 from math import degrees
 from pathlib import Path
 
-from experiments import figures
-from experiments.centroid_report import centroid_facts, centroid_section
-from experiments.figures import save, verdict_word
-from experiments.numbers import Recorded, arm_numbers, centroid_cm
-from experiments.regime import regime_sentence
-from experiments.report import RUN_HEAD, Section, Shown, run_row, write_page
-from experiments.rivals import little_friction
-from experiments.rivals_report import rivals_section
+from experiments.analysis.numbers import Recorded, arm_numbers, centroid_cm
+from experiments.analysis.regime import regime_sentence
+from experiments.paper.alternative_explanations import little_friction
+from experiments.paper.alternatives_report import alternatives_section
+from experiments.paper.centroid_report import centroid_facts, centroid_section
+from experiments.reports import figures
+from experiments.reports.figures import save, verdict_word
+from experiments.reports.report import (
+    RUN_HEAD,
+    Picture,
+    Pictures,
+    Section,
+    Table,
+    recompute_section,
+    run_row,
+    write_page,
+)
 from rig.parameters import Rig
 
 Study = Mapping[str, Mapping[str, Sequence[Recorded]]]
@@ -19,7 +28,11 @@ _VIRTUAL = "simulated"
 
 
 def write_study(study: Study, results: dict, rig: Rig, out: Path) -> dict:
-    """Draw every figure, write report.html; returns {"figures": ..., "centroids": ...}."""
+    """Draw every figure and write report.html in `out`; return {"figures", "centroids"}.
+
+    study: figure -> arm -> runs; results: as of `reproduce`, before these two entries. OSError:
+    `out` cannot be written.
+    """
     shown = _draw(study, results["grid"], rig, out)
     numbers = {
         figure: {arm: arm_numbers(runs) for arm, runs in study[figure].items()}
@@ -32,26 +45,26 @@ def write_study(study: Study, results: dict, rig: Rig, out: Path) -> dict:
         centroids = {"missing": str(error)}
         about_centroids = Section("What the centroid can and cannot show", [f"Not said: {error}."])
     sections = [
+        claims_section(results["claims"]),
         *_figure_sections(shown),
-        rivals_section(results),
+        alternatives_section(results),
         _grid_section(results, shown),
         about_centroids,
         _play_section(study, rig, shown),
         _runs_section(study, numbers),
+        recompute_section(
+            "Every run of the figures and every paired repetition lies in runs/ as a run folder "
+            "(MCAP; `rig export RUN --out F.csv`). Numbers of the grid of play come from "
+            f"{results['grid_pairs']} paired seeds a cell that are not kept: the same --seed makes "
+            "the same runs bit for bit."
+        ),
     ]
     write_page(
         out / "report.html",
         title="Backlash on a 2-DOF balancing table: the paper's study, reproduced",
         source="virtual rig",
         summary=[*_summary(results, rig), *unfinished(study)],
-        claims=results["claims"],
         sections=sections,
-        recompute=(
-            "Every run of the figures and every paired repetition lies in runs/ as a run folder "
-            "(MCAP; `rig export RUN --out F.csv`). Numbers of the grid of play come from "
-            f"{results['grid_pairs']} paired seeds a cell that are not kept: the same --seed makes "
-            "the same runs bit for bit."
-        ),
     )
     return {"figures": numbers, "centroids": centroids}
 
@@ -85,7 +98,7 @@ def _draw(study: Study, grid: list[dict], rig: Rig, out: Path) -> dict[str, Path
 
 
 def unfinished(study: Study) -> list[str]:
-    """One sentence for each figure's run that did not complete."""
+    """One sentence for each run of the figures that did not complete."""
     return [
         f"Fig. {figure} {arm}: {run.folder.name} ended as '{run.outcome}'; what is shown of it "
         "is a part, not a whole run."
@@ -98,7 +111,10 @@ def unfinished(study: Study) -> list[str]:
 
 
 def plant_play_deg(rig: Rig) -> dict[str, float]:
-    """The x axis's play of the simulated plant, full width [deg]: for scoring alone."""
+    """Play of the simulated plant's x axis, full width [deg], for "gear" and "joint".
+
+    Used for scoring alone.
+    """
     found = {}
     for place in ("gear", "joint"):
         values = rig.effects.get(f"{place}_backlash", {}).get("x", {})
@@ -127,42 +143,68 @@ def _summary(results: dict, rig: Rig) -> list[str]:
         else "No frames were rendered: all runs used a statistical camera.",
         regime_sentence(rig),
         regime_sentence(
-            little_friction(rig), "With little friction (one of the tables of the rivals)"
+            little_friction(rig), "With little friction (one of the tables of the alternatives)"
         ),
     ]
 
 
-def _figure_sections(shown: dict[str, Path]) -> list[Section]:
-    def one(name: str, caption: str) -> Shown:
-        return Shown(shown[name], caption)
+def claims_section(claims: Sequence[Mapping]) -> Section:
+    """Section with the table of the paper's claims and how each was tested.
 
+    claims: as of `experiments.paper.claims.judge`.
+    """
+    text = (
+        "Each claim is tested on paired seeds, every seed another unit of the same kind (gain, "
+        "lag, friction, offset, level and tachometer within the spread of real units). Effect = "
+        "without - with. It holds only if the whole 95 % interval lies beyond the relevant size, "
+        "fails if it lies below it; sizes were fixed beforehand: a pixel of the paper's camera "
+        "(0.0625 cm), an encoder count (0.0015 rad). The interval decides; p is shown, corrected "
+        "for all tests, and decides nothing. A pair in which a run did not complete is left out. "
+        "Before its release the ball is held while the controller already tilts the plate."
+    )
+    verdicts = [{True: "holds", False: "fails", None: "undecided"}[c["holds"]] for c in claims]
+    rows = [
+        [
+            c["figure"],
+            c["claim"],
+            verdict,
+            f"{c['mean_without']:.3g} {c['unit']}",
+            f"{c['mean_with']:.3g} {c['unit']}",
+            f"{c['effect']:+.3g} [{c['low']:+.3g}, {c['high']:+.3g}]",
+            f"{c['relevant']:.2g}",
+            f"{c['runs']}" + (f" ({c['left_out']} left out)" if c["left_out"] else ""),
+            f"{c['p_holm']:.2g}",
+        ]
+        for c, verdict in zip(claims, verdicts, strict=True)
+    ]
+    head = ["Fig.", "claim", "verdict", "without", "with", "effect [95 %]"]
+    head += ["relevant", "pairs", "p (Holm)"]
+    table = Table(head, rows, words=3, marks=dict(enumerate(verdicts)))
+    return Section("What the paper claims, and what this rig says", [text, table])
+
+
+def _figure_sections(shown: dict[str, Path]) -> list[Section]:
+    captions = {
+        "fig07": "Fig. 7. Ball position over time, free release from a corner.",
+        "fig08": "Fig. 8. Servo angles: desired, without and with backlash model.",
+        "fig10": "Fig. 10. Ball positions with centroids; the inset magnifies.",
+        "fig11": "Fig. 11. Servo angles of the same runs, (a) x and (b) y.",
+        "fig12": "Fig. 12. Without backlash model.",
+        "fig13": "Fig. 13. With backlash model.",
+        "fig14": "Fig. 14. a: without, b: with; the middle of the plate.",
+    }
+
+    def pictures(*names: str) -> Pictures:
+        return Pictures([Picture(shown[name], captions[name]) for name in names])
+
+    pushes = "Push times and directions are drawn from the seed and are the same for both arms."
     return [
+        Section("Simulation: Figs. 7 and 8", [pictures("fig07", "fig08")]),
+        Section("Free release: Figs. 10 and 11", [pictures("fig10", "fig11")]),
         Section(
-            "Simulation: Figs. 7 and 8",
-            figures=[
-                one("fig07", "Fig. 7. Ball position over time, free release from a corner."),
-                one("fig08", "Fig. 8. Servo angles: desired, without and with backlash model."),
-            ],
+            "Pushed away again and again: Figs. 12 and 13", [pushes, pictures("fig12", "fig13")]
         ),
-        Section(
-            "Free release: Figs. 10 and 11",
-            figures=[
-                one("fig10", "Fig. 10. Ball positions with centroids; the inset magnifies."),
-                one("fig11", "Fig. 11. Servo angles of the same runs, (a) x and (b) y."),
-            ],
-        ),
-        Section(
-            "Pushed away again and again: Figs. 12 and 13",
-            ["Push times and directions are drawn from the seed and are the same for both arms."],
-            [
-                one("fig12", "Fig. 12. Without backlash model."),
-                one("fig13", "Fig. 13. With backlash model."),
-            ],
-        ),
-        Section(
-            "Eight runs: Fig. 14",
-            figures=[one("fig14", "Fig. 14. a: without, b: with; the middle of the plate.")],
-        ),
+        Section("Eight runs: Fig. 14", [pictures("fig14")]),
     ]
 
 
@@ -189,30 +231,25 @@ def _grid_section(results: dict, shown: dict[str, Path]) -> Section:
         f"The model {said.get(word, word)} in {len(c)} of {len(cells)} cells: {', '.join(c)}."
         for word, c in tally.items()
     ]
-    return Section(
-        "Where the backlash model helps, is neutral, or hurts",
-        lines,
-        [
-            Shown(shown["grid_error"], "Effect on the distance kept (blue: the model helps)."),
-            Shown(shown["grid_servo"], "Effect on the servos' activity (blue: calmer with it)."),
-            Shown(shown["grid_centroid"], "Effect on the centroid's distance (whole run)."),
-        ],
-    )
+    maps = [
+        Picture(shown["grid_error"], "Effect on the distance kept (blue: the model helps)."),
+        Picture(shown["grid_servo"], "Effect on the servos' activity (blue: calmer with it)."),
+        Picture(shown["grid_centroid"], "Effect on the centroid's distance (whole run)."),
+    ]
+    return Section("Where the backlash model helps, is neutral, or hurts", [*lines, Pictures(maps)])
 
 
 def _play_section(study: Study, rig: Rig, shown: dict[str, Path]) -> Section:
-    lines = [
+    text = (
         "The estimators start every run at zero play and see readings and applied volts alone; the "
         "dotted line is the plant's truth, opened here for scoring. The shafts' wind-up against "
         "friction that the rig file's (assumed) values explain is taken off (0.08 deg here): on a "
         "table with softer shafts it would count as play. An asymmetric play shows its width; its "
         "middle is a twin of the level error."
-    ]
-    return Section(
-        "What the observers learnt about the play",
-        lines,
-        [Shown(shown["play_estimates"], "Estimated play in the run of Fig. 13, two sigma bands.")],
     )
+    caption = "Estimated play in the run of Fig. 13, two sigma bands."
+    estimates = Pictures([Picture(shown["play_estimates"], caption)])
+    return Section("What the observers learnt about the play", [text, estimates])
 
 
 def _runs_section(study: Study, numbers: dict) -> Section:
@@ -221,4 +258,4 @@ def _runs_section(study: Study, numbers: dict) -> Section:
         for arm in study[figure]:
             for found in numbers[figure][arm]["runs_list"]:
                 rows.append(run_row(f"Fig. {figure} {arm}", found))
-    return Section("Every run of the figures", [], [], RUN_HEAD, rows)
+    return Section("Every run of the figures", [Table(RUN_HEAD, rows)])

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.recording import read_run
+from experiments.records.recording import read_run
 from rig.log import COLUMNS, INDEX, NAMES, Log
 
 ALWAYS = NAMES[: INDEX["ball_y_m"] + 1]
@@ -21,7 +21,8 @@ ALWAYS = NAMES[: INDEX["ball_y_m"] + 1]
 def export_run(run_folder: Path | str, out_path: Path | str) -> Path:
     """Write the log of a run folder to `out_path` (.csv, .parquet or .mat); return that path.
 
-    Errors as of `export_log` and `experiments.recording.read_run`.
+    ValueError: another suffix, no place for a file, or no readable run; FileNotFoundError: no run
+    in the folder; OSError: the file cannot be written.
     """
     out_path = Path(out_path)
     _writer(out_path)  # a wrong name is said before a long run is read

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from experiments.exporting import ALWAYS
-from experiments.mat_files import read_mat
-from experiments.recording import read_run
+from experiments.records.exporting import ALWAYS
+from experiments.records.mat_files import read_mat
+from experiments.records.recording import read_run
 from rig.log import INDEX, NAMES, Log
 
 ONE_OF = ("theta_x_rad", "theta_y_rad", "ball_x_m", "ball_y_m")
@@ -24,8 +24,10 @@ GAPLESS = tuple(name for name in ALWAYS if name.startswith(("theta", "voltage"))
 def read_log(path: Path | str) -> Log:
     """Read and check the log at `path`: a run folder (or its samples.mcap), .csv, .parquet, .mat.
 
-    FileNotFoundError: nothing is there. ValueError: not readable, a column is missing, a time is
-    missing or runs backwards, an angle or a voltage is missing in more than a few rows.
+    Columns are those of `rig.log.COLUMNS` in SI units; notes on what is missing or left out stand
+    in the log's `notes`. FileNotFoundError: nothing is there. ValueError (one line): not readable,
+    a column is missing, a time is missing or does not grow, a value is infinite, or an angle or a
+    voltage is missing in more than 1 % of the rows.
     """
     path = Path(path)
     if path.name == "samples.mcap":

@@ -12,7 +12,10 @@ from rig.log import INDEX
 
 
 def read_mat(path: Path) -> dict[str, Any]:
-    """Return name -> values of the file's variables. ValueError: damaged, or no MAT file."""
+    """Variables of a MAT file (version 5 or 7.3), or fields of its one struct with `t_s`, by name.
+
+    ValueError: damaged, no MAT file, or it holds a MATLAB table or object.
+    """
     from scipy.io import loadmat
 
     try:

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.run_folder import (
+from experiments.records.run_folder import (
     nanoseconds,
     new_run_folder,
     plain,
@@ -29,19 +29,20 @@ from experiments.run_folder import (
     stop_record,
     write_truth,
 )
-from experiments.samples_reading import Samples, read_samples
-from experiments.samples_schema import (
+from experiments.records.samples_file import (
     LONGEST_S,
     SHORTEST_S,
+    SamplesFile,
     check_times,
-    event_message,
+    event_record,
     finished_file,
+    message_records,
     opening,
-    pack,
     plain_ending,
+    read_samples,
 )
-from rig.endings import ending_of
 from rig.log import COLUMNS, Log
+from rig.loop.loop import ending_of
 
 __all__ = ["Recorder", "Run", "new_run_folder", "read_run", "recover", "write_run", "write_truth"]
 
@@ -51,7 +52,11 @@ STILL_S = 0.3  # a recording that has not grown for so long is not being written
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A run as read: `meta` is run.json and "truncated" (the samples end before their time)."""
+    """A run as read from its folder.
+
+    meta: run.json, and "truncated" (True where the samples end before their time); events: dicts
+    with "t_s", "text" and plain data.
+    """
 
     folder: Path
     meta: dict
@@ -63,8 +68,9 @@ class Recorder:
     """Records a run while it happens; a context manager that also notes how the run ended.
 
     `folder`: made where missing. `start`: the start record, "source" ("simulated" or "measured")
-    and what else is known of `START_KEYS`; further keys are kept. FileExistsError: the folder
-    holds a run already. OSError: nothing can be written there.
+    and what else is known of `START_KEYS`; further keys are kept. FileExistsError: the folder holds
+    a run already. ValueError: another source, or a "created" without time zone. OSError: nothing
+    can be written there.
     """
 
     def __init__(self, folder: Path | str, start: dict) -> None:
@@ -75,7 +81,7 @@ class Recorder:
         self._events = 0
         self._last_s = math.nan
         self._finished = False
-        self._record = pack(np.zeros((1, len(COLUMNS))), 0)
+        self._record = message_records(np.zeros((1, len(COLUMNS))), 0)
         self._bytes = self._record.view(np.uint8).data
         self._values = self._record["cells"]["value"][0]
         self._size = 0
@@ -110,16 +116,20 @@ class Recorder:
         self.rows += 1
 
     def event(self, t_s: float, text: str, **data: Any) -> None:
-        """Record that `text` happened at `t_s`, with whatever JSON can hold as `data`."""
+        """Record the event `text` at t_s [s], with further data that JSON can hold.
+
+        ValueError: the time cannot be recorded. OSError: it could not be written.
+        """
         event = plain({"t_s": float(t_s), "text": text, **data})
-        self._write(event_message(event, self._start_ns, self._events)[1])
+        self._write(event_record(event, self._start_ns, self._events))
         self._events += 1
 
     def finish(self, outcome: str, reason: str = "", **notes: Any) -> None:
         """End the recording and write the stop record, with `notes` (plain data) if there are any.
 
-        ValueError: it was ended before. The samples are rewritten compressed and indexed; where
-        there is no room for that they stay as they are, complete all the same.
+        outcome: one word or two, such as "completed"; reason: a sentence. The samples are rewritten
+        compressed and indexed; without room for that they stay as they are, complete all the same.
+        ValueError: the recording was finished before. OSError: run.json cannot be written.
         """
         if self._finished:
             raise ValueError(f"the recording in {self.folder} is finished already")
@@ -140,7 +150,7 @@ class Recorder:
         return self
 
     def __exit__(self, kind: type | None, error: BaseException | None, _: object) -> None:
-        """Finish what nobody finished: "done", "interrupted" or "aborted" with its reason."""
+        """Finish a recording not finished yet: as "done", or as `error` ended it."""
         if self._finished:
             return
         if error is None:
@@ -149,7 +159,10 @@ class Recorder:
             self.give_up(error)
 
     def give_up(self, error: BaseException, **notes: Any) -> None:
-        """Finish a run that `error` ended, by its name; notes as of `finish`."""
+        """Finish a run that `error` ended, with the outcome and reason that the error stands for.
+
+        notes: as of `finish`. Does not raise OSError: that error becomes a note of `error`.
+        """
         ending = ending_of(error)
         try:
             self.finish(ending.outcome, ending.reason, **notes)
@@ -190,25 +203,28 @@ def write_run(
     outcome: str = "done",
     reason: str = "",
 ) -> None:
-    """Write a whole finished run at once, as a `Recorder` would have left it.
+    """Write a whole finished run at once, with the content that a `Recorder` would have written.
 
-    `events`: dicts with "t_s", "text" and plain data. FileExistsError: the folder holds a run.
+    start: as of `Recorder`; events: dicts with "t_s", "text" and plain data. FileExistsError: the
+    folder holds a run. ValueError: a start record, time or event that cannot be recorded. OSError:
+    the folder cannot be written.
     """
     folder, record = Path(folder), start_record(start)
     refuse_second_run(folder)
     start_ns = nanoseconds(record["created"])
-    pieces = list(finished_file(log.rows, plain(list(events)), start_ns))  # before anything is made
+    content = finished_file(log.rows, plain(list(events)), start_ns)  # before anything is made
     folder.mkdir(parents=True, exist_ok=True)
-    replace(folder / "samples.mcap", pieces)
+    replace(folder / "samples.mcap", content)
     duration_s = float(log["t_s"][-1]) if len(log) else None
     stop = stop_record(record, outcome, reason, len(log), duration_s)
     replace_json(folder / "run.json", stop)
 
 
 def read_run(folder: Path | str) -> Run:
-    """Read a run folder, also one that was cut off by a kill (meta["truncated"] tells).
+    """Read a run folder, also one that was cut off by a kill (meta["truncated"] is True then).
 
-    FileNotFoundError, ValueError: no run, or not readable as one.
+    FileNotFoundError: run.json or samples.mcap is missing. ValueError: they are not readable as a
+    run.
     """
     folder = Path(folder)
     for name in ("run.json", "samples.mcap"):
@@ -227,8 +243,9 @@ def read_run(folder: Path | str) -> Run:
 def recover(folder: Path | str) -> Run:
     """Complete a run that was killed: whole records compressed and indexed, outcome "killed".
 
-    A complete run is only read. Errors as of `read_run`; ValueError: it is still being recorded;
-    OSError: no room for the new file (the old one stays).
+    A run that had ended but lost rows gets the outcome "damaged"; a complete run is only read.
+    Errors as of `read_run`; ValueError: it is still being recorded; OSError: no room for the new
+    file (the old one stays).
     """
     run = read_run(folder)
     path = run.folder / "samples.mcap"
@@ -238,7 +255,7 @@ def recover(folder: Path | str) -> Run:
         if path.stat().st_size != size:
             raise ValueError(f"{run.folder} is still being recorded: stop that run first")
         start_ns = nanoseconds(run.meta["created"])
-        _rewrite(path, Samples(run.log.rows, run.events), start_ns)
+        _rewrite(path, SamplesFile(run.log.rows, run.events), start_ns)
     if run.meta["outcome"] is None or run.meta["truncated"]:
         meta = {key: value for key, value in run.meta.items() if key != "truncated"}
         last_s = float(run.log["t_s"][-1]) if len(run.log) else None
@@ -251,6 +268,6 @@ def recover(folder: Path | str) -> Run:
     return read_run(folder)
 
 
-def _rewrite(path: Path, samples: Samples, start_ns: int) -> None:
+def _rewrite(path: Path, samples: SamplesFile, start_ns: int) -> None:
     """Replace a file by its compressed and indexed form; it is whole at every moment."""
     replace(path, finished_file(samples.rows, samples.events, start_ns), sync=True)

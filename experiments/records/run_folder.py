@@ -1,4 +1,5 @@
-"""A run folder's small files: its name, run.json (start and stop record), truth.json.
+"""A run folder's name and small files: run.json (start and stop record), truth.json; and the
+folder of results with its results.json.
 
 run.json is a start record (all known before) that the end completes with a stop record (outcome,
 reason, rows, duration); outcome null: the run is on, or was killed.
@@ -8,7 +9,6 @@ import json
 import math
 import os
 import re
-from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import asdict, is_dataclass
 from datetime import UTC, datetime, timedelta
@@ -27,7 +27,8 @@ RESERVE_BYTES = 8192
 def new_run_folder(parent: Path, protocol: str, arm: str, now: datetime | None = None) -> Path:
     """Make and return `<UTC time>-<protocol>-<arm>` in `parent`, with -2, -3... if it exists.
 
-    Characters that some file systems refuse become `_`.
+    Characters that some file systems refuse become `_`. now: with time zone, default the present
+    time. OSError: the folder cannot be made.
     """
     stamp = (now or datetime.now(UTC)).astimezone(UTC).strftime("%Y%m%dT%H%M%S")
     name = re.sub(r"[^A-Za-z0-9_.-]+", "_", f"{stamp}-{protocol}-{arm}")
@@ -43,18 +44,21 @@ def new_run_folder(parent: Path, protocol: str, arm: str, now: datetime | None =
 
 
 def write_truth(folder: Path | str, truth: dict) -> None:
-    """Write truth.json: what a simulated plant really was, for scorers alone."""
+    """Write truth.json, the simulated plant's true values, which only scorers open."""
     replace_json(Path(folder) / "truth.json", plain(truth))
 
 
 def refuse_second_run(folder: Path) -> None:
-    """FileExistsError where `folder` holds a run."""
+    """Raise FileExistsError if `folder` holds a run."""
     if any((folder / name).exists() for name in ("run.json", "samples.mcap")):
         raise FileExistsError(f"{folder} holds a run already: choose another folder")
 
 
 def start_record(start: dict) -> dict:
-    """Return run.json as it stands before the end; unknown entries of `START_KEYS` are null."""
+    """Content of run.json before the end of a run: schema, `start`, versions and time of start.
+
+    Entries of START_KEYS that `start` lacks are null. ValueError: "source" is not one of SOURCES.
+    """
     if start.get("source") not in SOURCES:
         raise ValueError(f"source of a run: {' or '.join(SOURCES)}, not {start.get('source')!r}")
     now = datetime.now(UTC).isoformat()
@@ -66,13 +70,16 @@ def start_record(start: dict) -> dict:
 def stop_record(
     start: dict, outcome: str, reason: str, rows: int, duration_s: float | None
 ) -> dict:
-    """Return run.json as it stands after the end; `duration_s` is the last row's time."""
+    """Content of run.json after the end of a run: its start record and how it ended.
+
+    duration_s: time of the last row, None without rows.
+    """
     stop = {"outcome": outcome, "reason": reason, "rows": rows, "duration_s": duration_s}
     return plain({**start, **stop})
 
 
 def nanoseconds(created: str) -> int:
-    """Return the time of an ISO date in ns since 1970 UTC. ValueError: not one, or no zone."""
+    """Time of an ISO date in ns since 1970 UTC. ValueError: no ISO date, or without time zone."""
     time = datetime.fromisoformat(created)
     if time.tzinfo is None:
         raise ValueError(f"created: {created} has no time zone; write it like 2026-11-20T10:15:02Z")
@@ -93,7 +100,10 @@ def _versions() -> dict[str, str]:
 
 
 def plain(value: Any) -> Any:
-    """Return `value` as JSON can hold it; not finite numbers as "inf", "-inf", "nan"."""
+    """`value` as JSON can hold it: arrays and sets as lists, dataclasses as dicts, paths as text.
+
+    Numbers that are not finite become "inf", "-inf" or "nan".
+    """
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple | set):
@@ -110,16 +120,22 @@ def plain(value: Any) -> Any:
 
 
 def replace_json(path: Path, content: dict) -> None:
-    """Write `content` so that whoever reads sees the old file or the new one, never a part."""
-    replace(path, [json.dumps(content, indent=2, allow_nan=False).encode() + b"\n"])
+    """Write a JSON file so that a reader sees the old file or the new one, never a part.
+
+    ValueError: `content` holds a number that is not finite. OSError: the old file stays.
+    """
+    replace(path, json.dumps(content, indent=2, allow_nan=False).encode() + b"\n")
 
 
-def replace(path: Path, pieces: Iterable[bytes], *, sync: bool = False) -> None:
-    """Write a new file beside `path` and put it in its place. OSError: the old one stays."""
+def replace(path: Path, content: bytes, *, sync: bool = False) -> None:
+    """Write a new file beside `path` and put it in its place.
+
+    sync: wait until the disk has it. OSError: the old file stays.
+    """
     part = _part(path)
     try:
         with part.open("r+b" if part.exists() else "wb") as file:  # r+b: keep what is reserved
-            file.writelines(pieces)
+            file.write(content)
             file.truncate()
             if sync:
                 file.flush()
@@ -132,7 +148,10 @@ def replace(path: Path, pieces: Iterable[bytes], *, sync: bool = False) -> None:
 
 
 def reserve(path: Path) -> None:
-    """Keep room on the disk for the next `replace` of the small file `path`."""
+    """Reserve RESERVE_BYTES on the disk for the next `replace` of the small file `path`.
+
+    OSError: there is no room.
+    """
     _part(path).write_bytes(b" " * RESERVE_BYTES)
 
 
@@ -142,7 +161,11 @@ def _part(path: Path) -> Path:
 
 
 def read_meta(folder: Path) -> dict:
-    """Read run.json. ValueError: it is no record of a run, or of a newer version."""
+    """Read run.json of a run folder.
+
+    ValueError: no JSON, no record of a run, or of a newer version. FileNotFoundError: there is
+    none.
+    """
     meta = json.loads((folder / "run.json").read_text(encoding="utf-8"))
     if not isinstance(meta, dict) or not isinstance(meta.get("schema"), int):
         raise ValueError("run.json has no schema number")
@@ -151,3 +174,48 @@ def read_meta(folder: Path) -> dict:
             f"run.json has schema {meta['schema']}, this program knows {SCHEMA}: update"
         )
     return meta
+
+
+def writable(folder: Path) -> Path:
+    """Make `folder` where missing, check that it can be written, and return it.
+
+    NotADirectoryError: it is a file; PermissionError: it cannot be written (one line each).
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / ".probe"
+        probe.write_bytes(b"x")
+        probe.unlink()
+    except FileExistsError:
+        raise NotADirectoryError(f"--out {folder}: is a file; name a folder") from None
+    except OSError as error:
+        raise PermissionError(
+            f"--out {folder}: cannot be written ({error.strerror}); choose another folder"
+        ) from None
+    return folder
+
+
+def write_results(folder: Path, results: dict) -> Path:
+    """Write results.json in `folder` and return its path; NaN and infinity become null.
+
+    OSError: it cannot be written.
+    """
+    path = folder / "results.json"
+    write_json(path, results)
+    return path
+
+
+def write_json(path: Path, results: dict) -> None:
+    """Write a JSON file that is whole or not there; NaN and infinity become null.
+
+    OSError: it cannot be written.
+    """
+    replace_json(path, _without_nan(plain(results)))
+
+
+def _without_nan(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_nan(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(item) for item in value]
+    return None if value in ("nan", "inf", "-inf") else value

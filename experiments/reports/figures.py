@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.samples import ball_samples, run_part
+from experiments.analysis.samples import ball_samples, run_part
 from rig.log import Log
 
 WITH, WITHOUT, CENTRE = "#d62728", "#1f4fd8", "#1a9641"
@@ -36,7 +36,7 @@ plt.rcParams.update(
 
 
 def ball_cm(log: Log) -> tuple[np.ndarray, np.ndarray]:
-    """Seconds from release (k,) and ball positions (k, 2) [cm] of the new observations."""
+    """Seconds from release (k,) and positions (k, 2) [cm] of the ball's new observations."""
     ball = ball_samples(log)
     return ball.t_s, _CM * ball.xy_m
 
@@ -50,7 +50,10 @@ def _servo(log: Log) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def save(figure: Figure, folder: Path, name: str, source: str) -> Path:
-    """Mark the figure with its source and write NAME.png and NAME.svg; returns the PNG's path."""
+    """Mark the figure with its source, write NAME.png and NAME.svg, and return the PNG's path.
+
+    source: "simulated" or "measured". Closes the figure. OSError: a file cannot be written.
+    """
     engine = figure.get_layout_engine()
     if engine is not None:  # room for the mark above everything else
         engine.set(rect=(0, 0, 1, 1 - 0.14 / figure.get_figheight()))  # pyright: ignore
@@ -63,7 +66,7 @@ def save(figure: Figure, folder: Path, name: str, source: str) -> Path:
 
 
 def ball_over_time(without: Log, with_: Log) -> Figure:
-    """Fig. 7: ball position x, y over time with the reference."""
+    """Fig. 7: ball position x, y [cm] over time of both arms, with the reference."""
     return _two_axes(_arms(without, with_), with_)
 
 
@@ -84,12 +87,12 @@ def _two_axes(curves: Sequence[tuple[Log, str, str]], referred: Log) -> Figure:
 
 
 def ball_of_run(log: Log, colour: str) -> Figure:
-    """Ball position over time of one run with its reference."""
+    """Ball position x, y [cm] over time of one run, with its reference."""
     return _two_axes([(log, colour, "ball")], log)
 
 
 def servo_of_run(log: Log, colour: str) -> Figure:
-    """Servo angles of one run with the desired ones."""
+    """Servo angles x, y [rad] over time of one run, with the desired angles."""
     figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.4), sharex=True)
     t, theta, desired = _servo(log)
     for a, axis in enumerate(axes):
@@ -114,9 +117,10 @@ def _arms(without: Log, with_: Log) -> list[tuple[Log, str, str]]:
 
 
 def servo_over_time(without: Log, with_: Log, *, panels: Sequence[str] = ("", "")) -> Figure:
-    """Figs. 8 and 11: servo angles; desired green dashed, without blue dashed, with red solid.
+    """Figs. 8 and 11: servo angles x, y [rad]; desired green dashed, without blue, with red.
 
-    The desired angle is that of the arm with the model; each arm has its own and is judged by it.
+    The desired angle drawn is that of the arm with the model (each arm has its own and is judged by
+    it). panels: letters of the two axes.
     """
     figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.8), sharex=True)
     for a, axis in enumerate(axes):
@@ -153,7 +157,10 @@ def _inset(axis: Axes, size_cm: float, bounds: tuple[float, float, float, float]
 def release_scatter(
     without: Log, with_: Log, centroids_cm: Mapping[str, np.ndarray], side_cm: float = 27.5
 ) -> Figure:
-    """Fig. 10: with = red crosses, without = blue dots, centroids black crosses, centre green."""
+    """Fig. 10: with = red crosses, without = blue dots, centroids black crosses, centre green.
+
+    centroids_cm: arm -> (2,); side_cm: side of the plate.
+    """
     figure, axis = plt.subplots(figsize=(5.6, 5.4))
     _plate(axis, side_cm)
     inset = _inset(axis, 2.5, (0.56, 0.56, 0.42, 0.42))
@@ -180,7 +187,10 @@ def release_scatter(
 
 
 def pushed_scatter(log: Log, centroid_cm: np.ndarray, arm: str, side_cm: float = 27.5) -> Figure:
-    """Figs. 12 and 13: the pushed ball; centroid red cross, centre green dot."""
+    """Figs. 12 and 13: positions of the pushed ball; centroid red cross, centre green dot.
+
+    centroid_cm (2,); arm: for the legend; side_cm: side of the plate.
+    """
     figure, axis = plt.subplots(figsize=(5.4, 5.2))
     _plate(axis, side_cm)
     xy = ball_cm(log)[1]
@@ -192,7 +202,10 @@ def pushed_scatter(log: Log, centroid_cm: np.ndarray, arm: str, side_cm: float =
 
 
 def eight_runs(without: Sequence[Log], with_: Sequence[Log], size_cm: float = 3.0) -> Figure:
-    """Fig. 14: a_1..a_4 without (blue), b_1..b_4 with (red); the part near the centre."""
+    """Fig. 14: a_1..a_n without (blue), b_1..b_n with (red), as many runs of both arms.
+
+    size_cm: half the side of the square shown about the centre.
+    """
     n = len(without)
     figure, axes = plt.subplots(2, n, figsize=(2.0 * n + 0.6, 4.6), sharex=True, sharey=True)
     for row, (logs, colour, letter) in enumerate(((without, WITHOUT, "a"), (with_, WITH, "b"))):
@@ -209,9 +222,10 @@ def eight_runs(without: Sequence[Log], with_: Sequence[Log], size_cm: float = 3.
 
 
 def play_map(cells: Sequence[dict], measure: str, title: str, unit: str) -> Figure:
-    """Where the model helps, is neutral or hurts: effect (without - with) over gear x joint play.
+    """Map of the effect (without - with) over gear and joint play, with verdicts.
 
-    cells: {"gear_deg", "joint_deg", measure: Paired-like dict with effect, low, high, holds}.
+    cells: {"gear_deg", "joint_deg", measure: dict with effect, low, high, relevant}; unit: of the
+    measure.
     """
     gears = sorted({cell["gear_deg"] for cell in cells})
     joints = sorted({cell["joint_deg"] for cell in cells})
@@ -239,7 +253,11 @@ def play_map(cells: Sequence[dict], measure: str, title: str, unit: str) -> Figu
 
 
 def verdict_word(result: dict) -> str:
-    """helps | hurts: beyond the relevant size for sure; neutral: surely within it; else unclear."""
+    """Verdict on an effect by its interval: "helps", "hurts", "neutral" or "unclear".
+
+    helps, hurts: the whole interval lies beyond the relevant size, above or below zero; neutral: it
+    lies within the relevant size on both sides; unclear: none of these.
+    """
     relevant = result["relevant"]
     if result["low"] > relevant:
         return "helps"
@@ -251,7 +269,10 @@ def verdict_word(result: dict) -> str:
 
 
 def play_estimates(logs: Sequence[Log], truth_deg: Mapping[str, float]) -> Figure:
-    """What the estimators believed over time: gear and joint play of both axes, with 2 sigma."""
+    """Estimated gear and joint play of both axes [deg, full width] over time, with 2 sigma bands.
+
+    truth_deg: play of the plant for "gear" and "joint".
+    """
     figure, axes = plt.subplots(1, 2, figsize=(6.8, 2.8), sharex=True)
     for axis, place in zip(axes, ("gear", "joint"), strict=True):
         for log in logs:

@@ -1,59 +1,103 @@
-"""One self-contained HTML page: figures embedded, numbers with their intervals."""
+"""Self-contained HTML pages: sections of text, code, pictures (embedded) and tables.
+
+Every page is a Jinja template that extends `templates/base.html`; all share `style.css`.
+"""
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.resources import files
 from math import isfinite
 from pathlib import Path
+from typing import Any
 
-from jinja2 import Environment
+from jinja2 import Environment, PackageLoader
 
 
 @dataclass(frozen=True)
-class Shown:
-    """A figure of a page: its PNG file and what a reader should see in it."""
+class Picture:
+    """A picture of a page: its PNG file, and a caption that says what to see in it."""
 
     path: Path
     caption: str
 
     @property
     def png(self) -> str:
+        """The file's content in base64. OSError: it cannot be read."""
         return base64.b64encode(self.path.read_bytes()).decode()
 
 
 @dataclass(frozen=True)
+class Pictures:
+    """Pictures side by side where the page is wide enough."""
+
+    pictures: Sequence[Picture]
+
+
+@dataclass(frozen=True)
+class Code:
+    """Text shown as code: what is typed or stands in a file."""
+
+    code: str
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of a page; the first `words` columns hold text, the others numbers.
+
+    marks: style of a row by its index: "strong", "holds", "fails" or "undecided".
+    """
+
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    caption: str = ""
+    words: int = 1
+    marks: Mapping[int, str] = field(default_factory=dict)
+
+
+Block = str | Code | Pictures | Table  # str: a paragraph
+
+
+@dataclass(frozen=True)
 class Section:
+    """A titled part of a page.
+
+    question: what the section answers, shown under its title; ran False: shown in grey, for work
+    that was not done.
+    """
+
     title: str
-    lines: Sequence[str] = ()
-    figures: Sequence[Shown] = ()
-    head: Sequence[str] = ()
-    rows: Sequence[Sequence[str]] = field(default_factory=list)
+    blocks: Sequence[Block]
+    question: str = ""
+    ran: bool = True
 
 
 def write_page(
     path: Path,
     *,
     title: str,
-    source: str,
     summary: Sequence[str],
     sections: Sequence[Section],
-    recompute: str,
-    claims: Sequence[dict] = (),
+    template: str = "base.html",
+    **content: Any,
 ) -> Path:
-    """Render the page to `path`."""
-    template = files("experiments") / "templates" / "page.html"
-    page = Environment(autoescape=True).from_string(template.read_text(encoding="utf-8"))
-    text = page.render(
-        title=title,
-        source=source,
-        summary=summary,
-        sections=sections,
-        recompute=recompute,
-        claims=claims,
+    """Render a page to `path` and return the path.
+
+    summary: sentences of the head; template: a file of `templates/`; content: the template's other
+    variables; `source` is shown beside the title of base.html, `numbered` = True numbers the
+    sections. OSError: the page cannot be written, or a picture of it cannot be read.
+    """
+    loader = PackageLoader("experiments.reports")
+    pages = Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    text = pages.get_template(template).render(
+        title=title, summary=summary, sections=sections, **content
     )
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def recompute_section(how: str) -> Section:
+    """Last section of a page: how its numbers are computed again."""
+    return Section("How to recompute", [how])
 
 
 RUN_HEAD = (
@@ -75,7 +119,10 @@ RUN_HEAD = (
 
 
 def run_row(name: str, numbers: dict) -> list[str]:
-    """One run as a row of the table under RUN_HEAD."""
+    """Cells of the table row of one run under RUN_HEAD.
+
+    numbers: as of `experiments.analysis.numbers.run_numbers`.
+    """
     settled, cycle = numbers["settled"], numbers["limit_cycle"]
     spread = numbers["settled"].get("spread_interval_cm")
     interval = f" [{number(spread[0], 2)}, {number(spread[1], 2)}]" if spread else ""
@@ -98,5 +145,5 @@ def run_row(name: str, numbers: dict) -> list[str]:
 
 
 def number(value: float, digits: int = 3) -> str:
-    """A number for people; a dash where there is none."""
+    """A number with `digits` decimals; "-" for None, NaN or infinity."""
     return f"{value:.{digits}f}" if value is not None and isfinite(value) else "-"

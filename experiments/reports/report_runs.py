@@ -5,20 +5,33 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments import figures
-from experiments.figures import SOURCES, save
-from experiments.folders import write_results
-from experiments.numbers import Recorded, centroid_cm, recorded, run_numbers
-from experiments.recording import read_run
-from experiments.regime import regime_of_record
-from experiments.report import RUN_HEAD, Section, Shown, run_row, write_page
-from experiments.samples import run_part
+from experiments.analysis.numbers import Recorded, centroid_cm, recorded, run_numbers
+from experiments.analysis.regime import regime_of_record
+from experiments.analysis.samples import run_part
+from experiments.records.recording import read_run
+from experiments.records.run_folder import write_results
+from experiments.reports import figures
+from experiments.reports.figures import SOURCES, save
+from experiments.reports.report import (
+    RUN_HEAD,
+    Picture,
+    Pictures,
+    Section,
+    Table,
+    recompute_section,
+    run_row,
+    write_page,
+)
 
 _WHOLE = ("completed", "done")
 
 
 def report_runs(folders: Sequence[Path], out: Path) -> Path:
-    """Write report.html and results.json in `out`; ValueError where no run can be shown."""
+    """Write report.html and results.json of run folders in `out`; return the page's path.
+
+    Rejected runs and runs that never began are left out with a note. FileNotFoundError, ValueError:
+    a folder is no readable run, or no run can be shown; OSError: `out` cannot be written.
+    """
     runs, notes, metas = [], [], []
     for folder in folders:
         run = read_run(folder)
@@ -65,8 +78,11 @@ def report_runs(folders: Sequence[Path], out: Path) -> Path:
         title=f"{len(runs)} recorded run{'s' if len(runs) > 1 else ''}",
         source=", ".join(sources),
         summary=notes,
-        sections=[Section("Numbers", [], [], RUN_HEAD, rows), *sections],
-        recompute="`rig export RUN --out F.csv` gives the log behind every number.",
+        sections=[
+            Section("Numbers", [Table(RUN_HEAD, rows)]),
+            *sections,
+            recompute_section("`rig export RUN --out F.csv` gives the log behind every number."),
+        ],
     )
 
 
@@ -87,8 +103,8 @@ def _run_section(run: Recorded, meta: dict, out: Path) -> Section:
         } | drawn
     captions = {"ball": "Ball over time.", "plate": "Ball on the plate.", "servo": "Servo angles."}
     shown = [
-        Shown(save(figure, out, f"{run.folder.name}-{name}", meta["source"]), captions[name])
+        Picture(save(figure, out, f"{run.folder.name}-{name}", meta["source"]), captions[name])
         for name, figure in drawn.items()
     ]
-    lines = [regime_of_record(meta.get("rig"))]
-    return Section(f"{_name(meta)}, {meta['arm']}, seed {meta['seed']}", lines, shown)
+    title = f"{_name(meta)}, {meta['arm']}, seed {meta['seed']}"
+    return Section(title, [regime_of_record(meta.get("rig")), Pictures(shown)])

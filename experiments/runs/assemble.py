@@ -8,38 +8,51 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.protocol import Protocol
-from rig.hands import Hand, PushingHand, SimulatedHand
+from experiments.runs.protocol import Protocol
+from rig.course import Course
+from rig.discrepancy import Discrepancy
+from rig.operator import Operator
 from rig.parameters import Rig
 from rig.rigfile import read_rig
-from rig.simulate import Course
-from rig.simulator import Eye, SimulatedTable
-from rig.unknown import Unknown
+from rig.simulation.operator import PushingOperator, SimulatedOperator
+from rig.simulation.simulator import CameraModel, SimulatedTable
 
 # How real units of one kind differ from each other (source D of rig.parameters), half ranges.
 SPREAD_GAIN, SPREAD_TAU = 0.032, 0.043
 SPREAD_FRICTION = 0.3
 SPREAD_LEVEL_RAD = radians(0.15)
 SPREAD_TACHOMETER = 0.02
+# The plate's largest tilt for the camera's search region: ratio x sine of the servo's end stop
+# (0.61 rad) of the default table, 6 degrees.
+MAX_TILT_RAD = 0.105
 
 
 def load_rig(path: Path | None) -> Rig:
-    """The rig of a file, or the shipped default table. ValueError, FileNotFoundError: one line."""
+    """The rig of a rig file (TOML); None: the shipped default table.
+
+    FileNotFoundError, ValueError (one line): the file is missing, or a key or value is wrong.
+    """
     if path is not None and not path.is_file():
         raise FileNotFoundError(f"rig file {path} not found")
     return read_rig(path or Path(str(files("experiments") / "rigs" / "default.toml")))
 
 
 def known(rig: Rig) -> Rig:
-    """What controllers and estimators may see of a rig: all but its effects and unnamed term."""
+    """The rig as controllers and estimators may know it.
+
+    Without its effects, its unknown term and its tachometer's scale error.
+    """
     servo = replace(rig.servo, tachometer_scale=0.0)
-    return replace(rig, servo=servo, effects={}, unknown=Unknown())
+    return replace(rig, servo=servo, effects={}, unknown=Discrepancy())
 
 
 def another_unit(rig: Rig, seed: int) -> Rig:
-    """Another unit of the same kind: gain, lag, friction, offset, level and tachometer drawn.
+    """Another unit of the same kind, drawn from `seed`.
 
-    Its controllers still know the kind (`rig`), not the unit: see `runner.Order.kind`.
+    Uniformly drawn are: servo gain and time constant, friction of arm and joint, Coulomb friction
+    and voltage offset (where the rig has these effects), level offset and the tachometer's scale.
+    The controllers of the unit still know the kind (`rig`), not the unit: see
+    `runner.RunRequest.kind`.
     """
     rng = np.random.default_rng([seed, 2])
     one = rng.uniform
@@ -68,15 +81,19 @@ def another_unit(rig: Rig, seed: int) -> Rig:
 
 
 def with_play(rig: Rig, *, gear_rad: float, joint_rad: float) -> Rig:
-    """The rig with this play (full width) on both axes instead of its own."""
+    """The rig with these plays (full widths [rad]) on both axes in place of its own."""
     effects = dict(rig.effects)
     effects["gear_backlash"] = {axis: {"play_rad": gear_rad} for axis in ("x", "y")}
     effects["joint_backlash"] = {axis: {"play_rad": joint_rad} for axis in ("x", "y")}
     return replace(rig, effects=effects)
 
 
-def simulated_table(rig: Rig, course: Course, seed: int, eye: Eye | None) -> SimulatedTable:
-    """The plant with its own random numbers: the same for every arm of a seed."""
+def simulated_table(rig: Rig, course: Course, seed: int, eye: CameraModel | None) -> SimulatedTable:
+    """Simulated table of a course, its random numbers drawn from the seed alone.
+
+    Every arm of a seed therefore gets the same random numbers. eye: camera model, None for the
+    statistical one. The ball is held at first where the course has a hold time.
+    """
     return SimulatedTable(
         rig,
         np.random.default_rng([seed, 3]),
@@ -86,11 +103,17 @@ def simulated_table(rig: Rig, course: Course, seed: int, eye: Eye | None) -> Sim
     )
 
 
-def simulated_hand(table: SimulatedTable, protocol: Protocol, course: Course, seed: int) -> Hand:
-    """The operator of a simulated table: lets go on time and pushes as the protocol says."""
+def simulated_operator(
+    table: SimulatedTable, protocol: Protocol, course: Course, seed: int
+) -> Operator:
+    """Operator of a simulated table.
+
+    Releases the ball after the course's hold time and, with pushes "at-centre", pushes the ball
+    whenever it rests there, in directions drawn from the seed.
+    """
     if protocol.pushes.kind != "at-centre":
-        return SimulatedHand(table, course.hold_s)
-    return PushingHand(
+        return SimulatedOperator(table, course.hold_s)
+    return PushingOperator(
         table,
         course.hold_s,
         speed_m_s=protocol.pushes.speed_m_s,
@@ -100,58 +123,64 @@ def simulated_hand(table: SimulatedTable, protocol: Protocol, course: Course, se
 
 
 def rendered_eye(rig: Rig, bundle_path: Path, seed: int):
-    """A camera over the simulated table that renders frames; calibrated by the bundle alone.
+    """Camera over the simulated table that renders frames and detects the ball in them.
 
-    The renderer's own geometry is the virtual camera's; what interprets its pixels is the bundle.
+    The frames are rendered with the virtual camera's true geometry; positions are computed from
+    them with the calibration bundle at `bundle_path` alone. seed: of the image noise. Raises
+    `calibration.bundle.BundleError`, a ValueError, where the bundle cannot be used.
     """
     from calibration.bundle import load
-    from rig.rendered_eye import RenderedEye
-    from vision.synthetic import Renderer, virtual_view
+    from rig.simulation.rendered_camera import RenderedCamera
+    from vision.synthetic.synthetic import Renderer, virtual_view
 
     bundle = load(bundle_path)
     scene = virtual_scene(rig)
     renderer = Renderer(scene, virtual_view(), np.random.default_rng([seed, 5]))
     camera = ball_camera(rig, bundle)
-    return RenderedEye(renderer, camera, rig.linkage.ratio)
+    return RenderedCamera(renderer, camera, rig.linkage.ratio)
 
 
 def ball_camera(rig: Rig, bundle):
-    """What sees the rig's ball through a calibrated camera."""
-    from vision.appearance import Appearance
+    """Ball detector for the rig's ball and plate through the bundle's calibrated view."""
     from vision.ball_camera import BallCamera
+    from vision.detection.appearance import Appearance
 
     return BallCamera.over_plate(
         bundle.view,
         bundle.layout,
         bundle.ball_radius_m,
         rig.linkage.plate_side_m,
+        MAX_TILT_RAD,
         appearance=Appearance.of_colour(rig.ball.colour),
     )
 
 
 def camera_lookout(eye, bundle_path: Path | None) -> Callable[[float], str | None] | None:
-    """What tells whether the camera was knocked: called with the run's time, it gives the sentence
-    for the user once; None where no frames are seen. Works for any eye that keeps its last frame.
+    """Function that tells from the last frame whether the camera was moved.
+
+    Called with the run's time [s], that function returns a sentence for the user once, None at
+    other times. `eye` must keep its last frame as `image`. None without an eye or a bundle.
+    BundleError, a ValueError: the bundle cannot be used.
     """
     if eye is None or bundle_path is None:
         return None
     from calibration.bundle import load
-    from calibration.knock import KnockWatch
+    from calibration.camera.camera_shift import ShiftMonitor
 
-    watch = KnockWatch(load(bundle_path).fixed)
+    monitor = ShiftMonitor(load(bundle_path).fixed)
 
     def look(t_s: float) -> str | None:
         if eye.image is None:
             return None
-        return watch.look(eye.image, t_s, eye.ball_camera.drift_m)
+        return monitor.check(eye.image, t_s, eye.ball_camera.drift_m)
 
     return look
 
 
 def virtual_scene(rig: Rig):
-    """The scene of the virtual camera: the rig's plate, markers and ball."""
-    from vision.markers import default_layout
-    from vision.synthetic import Scene
+    """Scene of the virtual camera: the rig's plate and ball, with the default markers."""
+    from vision.plate.markers import default_layout
+    from vision.synthetic.synthetic import Scene
 
     side = rig.linkage.plate_side_m
     return Scene(plate_side_m=side, layout=default_layout(side), ball_radius_m=rig.ball.radius_m)

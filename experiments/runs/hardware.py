@@ -8,14 +8,14 @@ from math import inf
 from pathlib import Path
 from typing import Self
 
-from experiments.live_eye import open_markers, watching
+from experiments.runs.live_eye import open_markers, watching
+from rig.hardware.camera.eye import CameraEye
 from rig.hardware.choose import OpenTable, open_table
-from rig.hardware.eye import CameraEye
-from rig.hardware.home import Homing, home
-from rig.hardware.homed import CURE, Homed, NotHomed, home_file, load, power_up
-from rig.levelling import LevelOnExit
+from rig.hardware.homing.home import Homing, home
+from rig.hardware.homing.homed import CURE, Homed, NotHomed, home_file, load, power_up
+from rig.loop.realtime import go_realtime
 from rig.parameters import Rig
-from rig.realtime import go_realtime
+from rig.safety.levelling import LevelOnExit
 from rig.table import Reading, Table
 
 TILT_STALL_S = 2.0  # homing is slow: markers that are late do no harm
@@ -23,12 +23,15 @@ MARKS = (8192, 24576)  # where a card's counters are put by homing, far from whe
 
 
 def is_hardware(rig: Rig) -> bool:
-    """Whether the rig file names a real table."""
+    """True if the rig file names a real table."""
     return rig.table.kind != "simulated"
 
 
 def check_there(rig: Rig) -> None:
-    """FileNotFoundError, before anything is made or asked: the board's port is not there."""
+    """Check, before anything is opened, that the board's port is there.
+
+    FileNotFoundError: `table.port` of a serial table is a path that does not exist.
+    """
     port = rig.table.port
     if rig.table.kind == "serial" and port.startswith("/") and not Path(port).exists():
         raise FileNotFoundError(
@@ -37,7 +40,10 @@ def check_there(rig: Rig) -> None:
 
 
 def consent(text: str, yes: bool) -> None:
-    """Nothing moves before a person at the table says so. ValueError: nobody can be asked."""
+    """Ask a person at the table to press Enter before anything moves; `yes` True: do not ask.
+
+    ValueError: nobody can be asked (no terminal), or nobody answered. KeyboardInterrupt: Ctrl-C.
+    """
     if yes:
         return
     if not sys.stdin.isatty():
@@ -50,9 +56,12 @@ def consent(text: str, yes: bool) -> None:
 
 @contextmanager
 def plate_tilt(rig: Rig) -> Iterator[Callable[[float], tuple[float, float] | None]]:
-    """The tilt of the plate as the rig file's camera sees it; nothing where it names none.
+    """Open the rig file's camera and give a function that measures the plate's tilt with it.
 
-    Seen in a process of its own: in this one it would hold the loop's interpreter.
+    The function takes a time (not used) and returns sin(phi_x), sin(phi_y) of Eq. 14, or None
+    before markers were seen; always None where the rig file names no camera. Frames are evaluated
+    in a process of their own: in this one they would hold the loop's interpreter. CameraStopped (an
+    OSError): no frame comes.
     """
     if not rig.table.camera:
         yield lambda t_s: None
@@ -67,7 +76,13 @@ def plate_tilt(rig: Rig) -> Iterator[Callable[[float], tuple[float, float] | Non
 
 
 def home_table(rig: Rig, rig_file: Path) -> tuple[Homing, Path]:
-    """Home the table and keep what was found beside the rig file; what was kept before goes."""
+    """Home the table and save the result beside the rig file, replacing an earlier one.
+
+    Returns what homing found and the path of the saved file. FileNotFoundError: the port is not
+    there; HomingRefused: homing stopped, with its reason; ValueError, OSError: the table or its
+    camera cannot be opened. An earlier homing is deleted in these cases too, except when the port
+    is not there.
+    """
     check_there(rig)
     path = home_file(rig_file)
     path.unlink(missing_ok=True)
@@ -100,9 +115,12 @@ def _marked(table: Table, found: Homing) -> Homing:
 
 
 class Checked(LevelOnExit):
-    """A hardware table whose first reading is held against its homing; its notes are kept.
+    """A hardware table whose first reading is checked against its homing before it is armed.
 
-    Behaves as the table; `notes` (clocks, lost ticks) are written to `notes_file` on the way out.
+    Reads and drives the table, and tells `eye` (if any) the servo angles. The driver's `notes`
+    (clocks, lost ticks) are written to `notes_file` as JSON when the context ends. Entering raises
+    NotHomed (a ValueError) where the homing does not hold, and OSError where the table cannot be
+    read.
     """
 
     def __init__(
@@ -119,6 +137,7 @@ class Checked(LevelOnExit):
 
     @property  # what the loop says of levelling is the table's to do
     def level_s(self) -> float:  # pyright: ignore
+        """Time [s] for which the table is levelled on the way out; 0 where it has no such time."""
         return getattr(self._table, "level_s", 0.0)
 
     @level_s.setter
@@ -149,32 +168,42 @@ class Checked(LevelOnExit):
                 self._notes_file.write_text(json.dumps(notes()), encoding="utf-8")
 
     def read(self) -> Reading:
+        """The table's next reading; its angles [rad] are passed on to the eye."""
         reading = self._table.read()
         if self._eye is not None:
             self._eye.tell(reading.theta_rad)
         return reading
 
     def drive(self, volts: tuple[float, float]) -> None:
+        """Apply the voltages (x, y) [V]."""
         self._table.drive(volts)
 
     def close(self) -> None:
+        """Close the table without levelling it."""
         self._table.close()
 
 
 def open_homed(
     rig: Rig, rig_file: Path, eye: CameraEye | None = None, notes_file: Path | None = None
 ) -> Checked:
-    """The rig file's table with the wiring that homing found; its context checks, then arms."""
+    """Open the rig file's table with the wiring found by homing; its context checks, then arms.
+
+    eye: the camera's, None without a camera; notes_file: see `Checked`. NotHomed (a ValueError):
+    there is no homing beside the rig file; ValueError, OSError: the table cannot be opened.
+    """
     homed = load(home_file(rig_file))
     return Checked(open_table(rig, eye, wiring=homed.wiring), rig, homed, eye, notes_file)
 
 
 def rehearse_home(rig: Rig) -> Homing:
-    """Homing of the virtual table, its plate seen as markers would show it."""
+    """Home the virtual table, with the tilt of its plate as markers would show it.
+
+    HomingRefused: homing stopped, with its reason.
+    """
     import numpy as np
 
-    from rig.linkage import tilt_sines
-    from rig.simulator import SimulatedTable
+    from rig.plant.ball import tilt_sines
+    from rig.simulation.simulator import SimulatedTable
 
     table = SimulatedTable(rig, np.random.default_rng(1), start_m=(1.0, 1.0))
     table.level_s = 0.0

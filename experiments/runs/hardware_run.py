@@ -9,24 +9,27 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.hardware import check_there, open_homed
-from experiments.live_eye import open_ball, watching
-from experiments.live_run import record_live
-from experiments.protocol import OWN, Protocol, course
-from experiments.run_folder import new_run_folder, plain, read_meta, replace_json
-from experiments.runner import Done, Order, Watch, arm_number, start_record
-from experiments.telling import Telling
-from rig.hardware.eye import CameraEye
-from rig.hardware.homed import home_file, load
-from rig.loop_process import Job
+from experiments.records.run_folder import new_run_folder, plain, read_meta, replace_json
+from experiments.runs.hardware import check_there, open_homed
+from experiments.runs.live_eye import open_ball, watching
+from experiments.runs.live_run import AnnouncingRecorder, record_live
+from experiments.runs.protocol import OWN, Protocol, course
+from experiments.runs.runner import FinishedRun, RunRequest, Watch, compensator_index, start_record
+from rig.hardware.camera.eye import CameraEye
+from rig.hardware.homing.homed import home_file, load
+from rig.loop.process import Job
 from rig.parameters import Rig
 
 NOTES = "table.json"  # what the table's driver has to say, until it is in run.json
 
 
 def check(rig: Rig, rig_file: Path, protocol: Protocol) -> None:
-    """ValueError or FileNotFoundError before anything is opened: no port, no homing, or a protocol
-    that this table cannot run."""
+    """Check, before anything is opened, that the rig file's table can run the protocol.
+
+    FileNotFoundError: the port is not there. ValueError: there is no valid homing (NotHomed), the
+    protocol needs a camera that the rig file does not name, or its pushes are for the virtual
+    table.
+    """
     check_there(rig)
     homed = load(home_file(rig_file))
     homed.check(rig, homed.boot_id)
@@ -43,10 +46,13 @@ def check(rig: Rig, rig_file: Path, protocol: Protocol) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Ready:
-    """A run that only has to be begun: the order as asked of a person, its job, its folder, what is
-    known of it beforehand, and the eye of its camera."""
+    """A run that is ready to begin.
 
-    order: Order
+    request: with the steps that a person is asked for; job: loop and table for `LoopProcess`;
+    folder: of the run; start: its start record; eye: of the table's camera, None without one.
+    """
+
+    request: RunRequest
     job: Job
     folder: Path
     start: dict
@@ -54,46 +60,54 @@ class Ready:
 
 
 @contextmanager
-def ready(order: Order, rig_file: Path) -> Iterator[Ready]:
-    """Check the rig file's real table, start its camera, make the run's folder. Nothing is armed
-    before the job is run. ValueError, OSError, NotHomed: the table cannot be used."""
-    check(order.rig, rig_file, order.protocol)
-    order = replace(order, protocol=_asked(order.protocol))
-    way = course(order.protocol, order.rig, order.seed, place_std_m=0.0)
-    folder = new_run_folder(order.parent, order.protocol.name, order.arm)
-    start = start_record(order) | _measured(order.rig)
+def ready(request: RunRequest, rig_file: Path) -> Iterator[Ready]:
+    """Check the rig file's real table, start its camera and make the run's folder.
+
+    Nothing is armed before the job is run. When the context ends the driver's notes are moved into
+    run.json. ValueError (also NotHomed), OSError: the table or its camera cannot be used.
+    """
+    check(request.rig, rig_file, request.protocol)
+    request = replace(request, protocol=_asked(request.protocol))
+    way = course(request.protocol, request.rig, request.seed, place_std_m=0.0)
+    folder = new_run_folder(request.parent, request.protocol.name, request.arm)
+    start = start_record(request) | _measured(request.rig)
     try:
-        with watching(order.rig, open_ball) if order.rig.table.camera else nullcontext() as eye:
-            table = partial(open_homed, order.rig, rig_file, eye, folder / NOTES)
+        with watching(request.rig, open_ball) if request.rig.table.camera else nullcontext() as eye:
+            table = partial(open_homed, request.rig, rig_file, eye, folder / NOTES)
             job = Job(
-                table, order.believed, arm_number(order.arm), way,
-                controller=order.protocol.controller if order.arm == OWN else "",
-            )  # fmt: skip
-            yield Ready(order, job, folder, start, eye)
+                table,
+                request.believed,
+                compensator_index(request.arm),
+                way,
+                controller=request.protocol.controller if request.arm == OWN else "",
+            )
+            yield Ready(request, job, folder, start, eye)
     finally:
         _keep_notes(folder)
 
 
 def measure(
-    order: Order,
+    request: RunRequest,
     rig_file: Path,
     *,
     say: Callable[[str], None] = print,
     progress: Callable[[float], None] | None = None,
-) -> Done:
-    """Run an order on the rig file's real table; the person is told what to do through `say`.
+) -> FinishedRun:
+    """Run a request on the rig file's real table and record it.
 
-    Ctrl-C and SIGTERM end the run in order: level, 0 V, the reason in the recording. NotHomed,
-    OSError: the table cannot be used; what was recorded stays readable.
+    say: called with each line for the person at the table, such as what to do next; progress:
+    called with the run's time [s]. Ctrl-C and SIGTERM end the run in order: level, 0 V, the reason
+    in the recording. ValueError (also NotHomed), OSError: the table cannot be used; what was
+    recorded stays readable.
     """
-    with ready(order, rig_file) as run:
-        recorder = Telling(run.folder, run.start)
-        watch = Watch(run.order, recorder, progress)
+    with ready(request, rig_file) as run:
+        recorder = AnnouncingRecorder(run.folder, run.start)
+        watch = Watch(run.request, recorder, progress)
         recorder.say = lambda t_s, text: say(f"{t_s:7.1f} s  {text.removeprefix('asked: ')}")
-        recorder.at_end = partial(watch.note_pushes, run.order.believed)
+        recorder.at_end = partial(watch.note_pushes, run.request.believed)
         with recorder:
-            ending = record_live(run.job, recorder, started=watch.stop_through, watch=watch.look)
-    return Done(run.folder, ending, np.zeros((0, 5)))
+            ending = record_live(run.job, recorder, started=watch.stop_through, watch=watch.check)
+    return FinishedRun(run.folder, ending, np.zeros((0, 5)))
 
 
 def _asked(protocol: Protocol) -> Protocol:

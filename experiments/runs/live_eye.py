@@ -7,19 +7,24 @@ from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING
 
-from rig.hardware.eye import STALL_S, CameraEye, Sees, Watcher
+from rig.hardware.camera.eye import STALL_S, CameraEye, Sees, Watcher
 from rig.parameters import Rig
 
 if TYPE_CHECKING:
     from calibration.bundle import Bundle
-    from vision.frame_source import Source
+    from vision.sources.sources import Source
 
 Recipe = Callable[[Rig], "tuple[Source, Sees]"]
 
 
 @contextmanager
 def watching(rig: Rig, recipe: Recipe, *, stall_s: float = STALL_S) -> Iterator[CameraEye]:
-    """The eye of `rig.table.camera`, its first frame seen. CameraStopped: there is none."""
+    """Open the eye of `rig.table.camera` by a recipe, and wait for its first frame.
+
+    recipe: called with the rig in the camera's process, returns the source of frames and what is
+    seen in them; stall_s: longest time [s] without a frame. CameraStopped (an OSError): no first
+    frame.
+    """
     eye = CameraEye(rig.linkage.ratio, stall_s=stall_s)
     try:
         with Watcher(eye, partial(recipe, rig)):
@@ -29,8 +34,13 @@ def watching(rig: Rig, recipe: Recipe, *, stall_s: float = STALL_S) -> Iterator[
 
 
 def open_ball(rig: Rig) -> tuple[Source, Sees]:
-    """Frames on the monotonic clock, and the calibrated ball camera; in the process that sees."""
-    from experiments.assemble import ball_camera
+    """Open the camera on the monotonic clock, with the calibrated ball detector (a `Recipe`).
+
+    Runs in the process that evaluates the frames. ValueError (also BundleError), OSError: the
+    camera or its calibration cannot be used, or the frames have another size than the
+    calibration's.
+    """
+    from experiments.runs.assemble import ball_camera
 
     source, bundle = _open(rig)
     _warm_up(rig, bundle)
@@ -43,9 +53,9 @@ def _warm_up(rig: Rig, bundle: Bundle) -> None:
 
     import numpy as np
 
-    from experiments.assemble import ball_camera, virtual_scene
+    from experiments.runs.assemble import ball_camera, virtual_scene
     from vision.frames import Frame
-    from vision.synthetic import Renderer
+    from vision.synthetic.synthetic import Renderer
 
     orange = replace(rig, ball=replace(rig.ball, colour="orange"))
     scene = replace(virtual_scene(rig), layout=bundle.layout, ball_radius_m=bundle.ball_radius_m)
@@ -57,8 +67,13 @@ def _warm_up(rig: Rig, bundle: Bundle) -> None:
 
 
 def open_markers(rig: Rig) -> tuple[Source, Sees]:
-    """Frames, and what tells the plate's tilt from its markers; in the process that sees."""
-    from rig.hardware.plate_tilt import MarkerTilt
+    """Open the camera, with what measures the plate's tilt from its markers (a `Recipe`).
+
+    Runs in the process that evaluates the frames. ValueError (also BundleError), OSError: the
+    camera or its calibration cannot be used, or the frames have another size than the
+    calibration's.
+    """
+    from rig.hardware.camera.plate_tilt import MarkerTilt
 
     source, bundle = _open(rig)
     return source, MarkerTilt(bundle.view, bundle.layout)
@@ -66,7 +81,7 @@ def open_markers(rig: Rig) -> tuple[Source, Sees]:
 
 def _open(rig: Rig) -> tuple[Source, Bundle]:
     from calibration.bundle import load
-    from vision.sources import open_source
+    from vision.sources.sources import open_source
 
     bundle = load(rig.table.calibration)
     source = open_source(rig.table.camera, start_s=0.0)

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from experiments.recording import Recorder
-from rig.loop import Ending
-from rig.loop_process import Job, LoopProcess
-from rig.stopping import stop_on_signals
+from experiments.records.recording import Recorder
+from rig.loop.loop import Ending
+from rig.loop.process import Job, LoopProcess
+from rig.loop.signals import stop_on_signals
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     import numpy as np
 
 
@@ -22,12 +21,13 @@ def record_live(
     started: Callable[[LoopProcess], None] = lambda loop: None,
     watch: Callable[[np.ndarray], None] = lambda row: None,
 ) -> Ending:
-    """Run the job and finish the recording with its ending; run.json gets "loop" with the jitter
-    histogram, what real time was granted, and how many rows the ring lost.
+    """Run the job in a process of its own, record its rows, and return how it ended.
 
-    started: gets the process, whose `put` takes commands; watch: sees every row. What the recorder
-    or these raise (a full disk) stops the loop and is raised again. SIGTERM and Ctrl-C end the run
-    in order and then the program.
+    run.json gets "loop" with the jitter histogram, the real-time rights granted, and the number of
+    rows that the ring lost. started: called with the process, whose `put` takes commands; watch:
+    called with every row (len(COLUMNS),). An exception of the recorder (a full disk) or of these
+    two stops the loop and is raised again. SIGTERM and Ctrl-C end first the run in order, then the
+    program.
     """
     loop = LoopProcess(job)
 
@@ -44,3 +44,24 @@ def record_live(
             raise
         recorder.finish(ending.outcome, ending.reason, loop=loop.notes)
     return ending
+
+
+class AnnouncingRecorder(Recorder):
+    """Recorder that also passes every event on and calls a function at the end.
+
+    say: called with the time [s] and text of an event, for a person at the table or a page; at_end:
+    called before the recording is finished.
+    """
+
+    say: Callable[[float, str], None] = staticmethod(lambda t_s, text: None)
+    at_end: Callable[[], None] = staticmethod(lambda: None)
+
+    def event(self, t_s: float, text: str, **data) -> None:
+        """Record an event at t_s [s] and pass its text to `say`."""
+        super().event(t_s, text, **data)
+        self.say(t_s, text)
+
+    def finish(self, outcome: str, reason: str = "", **notes) -> None:
+        """Call `at_end`, then finish the recording (see `Recorder.finish`)."""
+        self.at_end()
+        super().finish(outcome, reason, **notes)

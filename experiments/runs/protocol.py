@@ -7,22 +7,22 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
+from rig.course import Course
 from rig.parameters import Rig
 from rig.reference import SHAPES
-from rig.simulate import Course
+from rig.validation import StrictModel, first_error_line
 
 OWN = "own"  # the arm of a lab's own controller
 STEPS = ("place", "hold", "release", "push")
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+class Start(StrictModel):
+    """Start of a run: where the operator places the ball (x_m, y_m), and for how long it is held.
 
-
-class Start(_Strict):
-    """Where the operator places the ball and how long it is held before the release."""
+    tolerance_m: a ball seen farther than that from the start stops the run.
+    """
 
     x_m: float = 0.0
     y_m: float = 0.0
@@ -30,11 +30,13 @@ class Start(_Strict):
     tolerance_m: float = Field(default=0.015, gt=0)
 
 
-class Pushes(_Strict):
-    """How the ball is pushed away: never, at drawn times, or whenever it rests at the centre.
+class Pushes(StrictModel):
+    """How the ball is pushed: never, at drawn times, or whenever it rests at the centre.
 
-    Drawn pushes come at seeded times in seeded, pairwise antipodal directions, the same for both
-    arms; `at-centre` is the paper's way and pushes the better arm more often.
+    kind "drawn": at times and in directions drawn from the seed, the same for both arms; a push is
+    with probability 1/2 opposite to the one before. "at-centre": the paper's way, which pushes the
+    better arm more often. first_s, every_s: time of the first drawn push and mean time between two;
+    speed_m_s: speed given to the ball; seconds: duration of a push.
     """
 
     kind: Literal["none", "drawn", "at-centre"] = "none"
@@ -44,10 +46,15 @@ class Pushes(_Strict):
     seconds: float = Field(default=0.08, gt=0, le=1)
 
 
-class Protocol(_Strict):
-    """One experiment. `operator`: the steps that a person at a real table is asked for;
-    `reference` = {shape = one of rig.reference.SHAPES, its parameters}; arms: names of
-    `rig.controllers.ARMS`; controller: a lab's own, "mine.py:MyController", whose arm is "own"."""
+class Protocol(StrictModel):
+    """One experiment, as its TOML file says it; unknown keys are errors.
+
+    duration_s: from the release on; reference: {shape = one of `rig.reference.SHAPES`, its
+    parameters}; operator: the steps that a person at a real table is asked for; arms: the
+    conditions to run, names of `rig.control.controllers.COMPENSATORS`; controller: a user's own,
+    "mine.py:MyController", whose arm is "own"; repetitions: runs of each arm, with seeds from
+    `seed` on; servo_only: no ball and no camera, the reference is in rad.
+    """
 
     title: str
     duration_s: float = Field(gt=0.1, le=3600)
@@ -64,7 +71,7 @@ class Protocol(_Strict):
 
 
 def shipped() -> list[str]:
-    """Names of the shipped protocols."""
+    """Names of the shipped protocols, sorted."""
     folder = files("experiments") / "protocols"
     return sorted(
         p.name.removesuffix(".toml") for p in folder.iterdir() if p.name.endswith(".toml")
@@ -72,7 +79,10 @@ def shipped() -> list[str]:
 
 
 def read_protocol(name: str) -> Protocol:
-    """A shipped protocol by name, or a user's by its path. ValueError (one line) on any mistake."""
+    """A shipped protocol by its name, or a user's by the path of its .toml file.
+
+    ValueError (one line): no such protocol or file, no TOML, or a mistake as in `parse`.
+    """
     path = Path(name)
     if path.suffix == ".toml":
         if not path.is_file():
@@ -98,22 +108,17 @@ def read_protocol(name: str) -> Protocol:
 
 
 def parse(data: dict[str, Any], *, label: str, name: str) -> Protocol:
-    """Check a protocol's data; ValueError names the key, what is wrong and what is known."""
+    """Check a protocol's data, as read from TOML, and make the protocol of it.
+
+    label: the file, for messages; name: the protocol's, unless the data give one. ValueError (one
+    line) names the key, what is wrong and what is allowed.
+    """
     if data.get("controller"):
         data = {"arms": [OWN]} | data
     try:
         protocol = Protocol.model_validate({"name": name} | data)
     except ValidationError as error:
-        first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
-        where = ".".join(str(part) for part in first["loc"])
-        if first["type"] == "extra_forbidden":
-            model = {"start": Start, "pushes": Pushes}.get(str(first["loc"][0]), Protocol)
-            known = ", ".join(model.model_fields)
-            raise ValueError(f"{label}: unknown key '{where}'; known: {known}") from None
-        if first["type"] == "missing":
-            known = ", ".join(Protocol.model_fields)
-            raise ValueError(f"{label}: key '{where}' is missing; known: {known}") from None
-        raise ValueError(f"{label}: {where} = {first['input']!r}: {first['msg']}") from None
+        raise ValueError(f"{label}: {first_error_line(error, Protocol)}") from None
     shape = protocol.reference.get("shape")
     if shape not in SHAPES:
         raise ValueError(f"{label}: reference.shape = '{shape}'; known: {', '.join(SHAPES)}")
@@ -125,12 +130,12 @@ def parse(data: dict[str, Any], *, label: str, name: str) -> Protocol:
 
 def _check_arms(protocol: Protocol, label: str) -> None:
     """Arms that there are; "own" exactly where a controller is named."""
-    from rig.controllers import ARMS
+    from rig.control.controllers import COMPENSATORS
 
     for arm in protocol.arms:
-        if arm not in ARMS and arm != OWN:
+        if arm not in COMPENSATORS and arm != OWN:
             raise ValueError(
-                f"{label}: arms: unknown arm '{arm}'; known: {', '.join([*ARMS, OWN])}"
+                f"{label}: arms: unknown arm '{arm}'; known: {', '.join([*COMPENSATORS, OWN])}"
             )
     if (OWN in protocol.arms) != bool(protocol.controller):
         raise ValueError(
@@ -166,7 +171,10 @@ def _check_reference(protocol: Protocol, label: str) -> None:
 
 
 def targets(protocol: Protocol, rate_hz: float, rng: np.random.Generator) -> np.ndarray:
-    """The reference tick by tick, (n, 2) [m] (servo-only: [rad])."""
+    """Reference at every tick, (n, 2) [m] (servo-only: [rad]), n = duration_s times rate_hz.
+
+    rng draws the targets of the shape "steps"; the other shapes do not use it.
+    """
     t_s = np.arange(round(protocol.duration_s * rate_hz)) / rate_hz
     settings = {key: value for key, value in protocol.reference.items() if key != "shape"}
     if protocol.reference["shape"] == "steps":
@@ -175,7 +183,10 @@ def targets(protocol: Protocol, rate_hz: float, rng: np.random.Generator) -> np.
 
 
 def pushes(protocol: Protocol, rate_hz: float, rng: np.random.Generator) -> np.ndarray:
-    """The hand's pushes tick by tick, (n, 2) [m/s2]: drawn from `rng`, the same for every arm."""
+    """Accelerations of the ball by drawn pushes at every tick, (n, 2) [m/s2]; else zeros.
+
+    Directions and times are drawn from `rng`, so that arms with one seed get the same pushes.
+    """
     n = round(protocol.duration_s * rate_hz)
     push = np.zeros((n, 2))
     p = protocol.pushes
@@ -205,9 +216,10 @@ def _check_reach(protocol: Protocol, rig: Rig) -> None:
 
 
 def course(protocol: Protocol, rig: Rig, seed: int, *, place_std_m: float = 0.002) -> Course:
-    """The protocol's course for a seed: both arms get the same one.
+    """The protocol's course for a seed: targets, pushes, start and steps, the same for both arms.
 
-    `place_std_m`: how exactly a hand places the ball. ValueError where the start is off the plate.
+    place_std_m: standard deviation of a hand's placing of the ball. ValueError: the start is off
+    the plate or in a wall, or the reference leaves the plate (servo-only: the servo's angle limit).
     """
     half = rig.linkage.plate_side_m / 2
     start = protocol.start

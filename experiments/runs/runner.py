@@ -5,34 +5,33 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from os import cpu_count
 from pathlib import Path
-from typing import Protocol as Protocol_
 from typing import TypeVar
 
 import numpy as np
 
-from experiments.assemble import (
+from experiments.analysis.push_detection import detect_pushes
+from experiments.analysis.samples import run_part
+from experiments.records.recording import Recorder, write_run
+from experiments.records.run_folder import new_run_folder, write_truth
+from experiments.runs.assemble import (
     camera_lookout,
     known,
     rendered_eye,
-    simulated_hand,
+    simulated_operator,
     simulated_table,
 )
-from experiments.protocol import OWN, Protocol, course
-from experiments.push_detection import detect_pushes
-from experiments.recording import Recorder, write_run
-from experiments.run_folder import new_run_folder, write_truth
-from experiments.samples import run_part
-from rig.batch import simulate_many
-from rig.commands import Command, CommandSlot, Stop
-from rig.constants import LANES
-from rig.controllers import ARMS
+from experiments.runs.protocol import OWN, Protocol, course
+from rig.control.controllers import COMPENSATORS
+from rig.control.user_controller import load_controller
 from rig.log import INDEX, Log
-from rig.loop import Ending, Loop
-from rig.own_file import load_controller
+from rig.loop.commands import CommandSlot, Stop
+from rig.loop.loop import Ending, Loop
+from rig.loop.signals import StopSlot, stop_on_signals
 from rig.parameters import Rig
+from rig.plant.constants import LANES
 from rig.rigfile import to_dict
-from rig.simulate import Simulated, Task, draw, simulate
-from rig.stopping import stop_on_signals
+from rig.simulation.batch import simulate_many
+from rig.simulation.simulate import Simulated, Task, draw, simulate
 
 _T, _BALL, _PHASE, _PUSH = (INDEX[n] for n in ("t_s", "ball_x_m", "phase", "push"))
 PROGRESS_EVERY = 250
@@ -40,11 +39,13 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Order:
-    """One run to make: everything that decides it. `bundle` switches the rendered camera on.
+class RunRequest:
+    """One run to make: everything that decides it.
 
-    rig: the plant; kind: what the rig file says of it (the plant itself where nothing else is
-    said), of which controllers and estimators see all but the effects.
+    rig: the plant; protocol, arm, seed: what is run; parent: folder that the run's folder is made
+    in; bundle: path of a calibration, which switches the rendered camera on; kind: the rig as its
+    rig file describes it (None: `rig`), of which controllers and estimators know all but the
+    effects.
     """
 
     rig: Rig
@@ -62,59 +63,67 @@ class Order:
 
 
 @dataclass(frozen=True)
-class Done:
-    """A recorded run: its folder, how it ended, and the camera's (true, measured) pairs if any."""
+class FinishedRun:
+    """A recorded run: its folder and how it ended.
+
+    pairs (n, 5): of the rendered camera, exposure time [s], true x, y and measured x, y [m] of the
+    ball; n = 0 without that camera.
+    """
 
     folder: Path
     ending: Ending
     pairs: np.ndarray
 
 
-def start_record(order: Order) -> dict:
-    """What is known before the run: the rig as the controller knows it, never the truth."""
+def start_record(request: RunRequest) -> dict:
+    """Start record of a run for run.json: rig as its controller knows it, protocol, arm, seed.
+
+    Holds nothing that only the plant knows.
+    """
     return {
         "source": "simulated",
-        "protocol": order.protocol.model_dump(),
-        "arm": order.arm,
-        "seed": order.seed,
-        "rig": to_dict(order.believed),
-        "calibration": str(order.bundle.name) if order.bundle else None,
-        "camera": "frames" if order.bundle else "statistical",
+        "protocol": request.protocol.model_dump(),
+        "arm": request.arm,
+        "seed": request.seed,
+        "rig": to_dict(request.believed),
+        "calibration": str(request.bundle.name) if request.bundle else None,
+        "camera": "frames" if request.bundle else "statistical",
     }
 
 
-def truth_record(order: Order) -> dict:
-    """What the plant really was: truth.json, which only scorers open."""
-    return {"rig": to_dict(order.rig), "seed": order.seed}
-
-
-class Slot(Protocol_):
-    """Where a stop may be put: a `CommandSlot`, or a loop in its own process."""
-
-    def put(self, command: Command) -> None: ...
+def truth_record(request: RunRequest) -> dict:
+    """Record for truth.json, which only scorers open: the plant's rig and the seed."""
+    return {"rig": to_dict(request.rig), "seed": request.seed}
 
 
 class Watch:
-    """Looks at every row on its way to the recording: a wrong start, pushes, progress, a knock."""
+    """Checks every row on its way to the recording.
 
-    def __init__(self, order: Order, recorder: Recorder, progress, eye=None) -> None:
-        self._lookout = camera_lookout(eye, order.bundle)
-        self._start, self._recorder = order.protocol.start, recorder
-        self._slot: Slot | None = None
-        self._progress, self._servo_only = progress, order.protocol.servo_only
+    Stops a run with a wrong start; notes pushes and a moved camera as events; reports the progress
+    every PROGRESS_EVERY rows. progress: None, or called with the run's time [s]; eye: the rendered
+    camera, None without one.
+    """
+
+    def __init__(self, request: RunRequest, recorder: Recorder, progress, eye=None) -> None:
+        self._lookout = camera_lookout(eye, request.bundle)
+        self._start, self._recorder = request.protocol.start, recorder
+        self._slot: StopSlot | None = None
+        self._progress, self._servo_only = progress, request.protocol.servo_only
         self._checked = self._servo_only
         self._pushed, self._rows = False, 0
         self._kept: list[np.ndarray] = []
 
-    def stop_through(self, slot: Slot) -> None:
-        """Where to put a stop when the start is wrong."""
+    def stop_through(self, slot: StopSlot) -> None:
+        """Set the slot that a stop is put into when the start is wrong."""
         self._slot = slot
 
     def keep(self, row: np.ndarray) -> None:
+        """Record the row of one tick and check it. OSError: it could not be written."""
         self._recorder.append(row)
-        self.look(row)
+        self.check(row)
 
-    def look(self, row: np.ndarray) -> None:
+    def check(self, row: np.ndarray) -> None:
+        """Check one row (len(COLUMNS),) for a wrong start, a push or a shifted camera."""
         self._kept.append(row.copy())
         self._rows += 1
         if not self._checked and row[_PHASE] > 0 and not np.isnan(row[_BALL]):
@@ -130,7 +139,11 @@ class Watch:
             self._progress(float(row[_T]))
 
     def note_pushes(self, believed: Rig) -> None:
-        """Add the pushes that the ball itself shows, asked for or not."""
+        """Record an event for every push detected in the ball's motion, asked for or not.
+
+        believed: the rig that `detect_pushes` predicts the motion with. Nothing for servo-only
+        runs.
+        """
         if self._kept and not self._servo_only:
             log = Log.from_rows(np.array(self._kept))
             begin = run_part(log)["t_s"][:1]
@@ -149,74 +162,89 @@ class Watch:
 
 
 def run(
-    order: Order,
+    request: RunRequest,
     *,
     commands: CommandSlot | None = None,
     progress: Callable[[float], None] | None = None,
-) -> Done:
-    """Run an order on its simulated table through the real loop, recorded tick by tick.
+) -> FinishedRun:
+    """Run a request on its simulated table through the real loop, recorded tick by tick.
 
-    Raises what the recorder or the vision chain raises; what was recorded so far stays readable.
+    commands: slot that a stop can be put into; progress: called with the run's time [s].
+    ValueError: the protocol does not fit the rig (`course`), or a user's controller or the
+    calibration cannot be used; OSError: a row cannot be written. What was recorded so far stays
+    readable.
     """
-    way = course(order.protocol, order.rig, order.seed)
-    controller = load_controller(order.protocol.controller) if order.arm == OWN else None
-    eye = rendered_eye(order.rig, order.bundle, order.seed) if order.bundle else None
-    table = simulated_table(order.rig, way, order.seed, eye)
+    way = course(request.protocol, request.rig, request.seed)
+    controller = load_controller(request.protocol.controller) if request.arm == OWN else None
+    eye = rendered_eye(request.rig, request.bundle, request.seed) if request.bundle else None
+    table = simulated_table(request.rig, way, request.seed, eye)
     slot = commands or CommandSlot()
-    folder = new_run_folder(order.parent, order.protocol.name, order.arm)
-    write_truth(folder, truth_record(order))
-    with stop_on_signals(slot), Recorder(folder, start_record(order)) as recorder:
-        watch = Watch(order, recorder, progress, eye)
+    folder = new_run_folder(request.parent, request.protocol.name, request.arm)
+    write_truth(folder, truth_record(request))
+    with stop_on_signals(slot), Recorder(folder, start_record(request)) as recorder:
+        watch = Watch(request, recorder, progress, eye)
         watch.stop_through(slot)
         with table:
             ending = Loop(
                 table,
-                order.believed,
-                arm_number(order.arm),
+                request.believed,
+                compensator_index(request.arm),
                 way,
-                hand=simulated_hand(table, order.protocol, way, order.seed),
+                operator=simulated_operator(table, request.protocol, way, request.seed),
                 commands=slot,
                 controller=controller,
                 keep=watch.keep,
                 event=recorder.event,
             ).run()
-        watch.note_pushes(order.believed)
+        watch.note_pushes(request.believed)
         recorder.finish(ending.outcome, ending.reason)
-    return Done(folder, ending, np.array(eye.pairs if eye else []).reshape(-1, 5))
+    return FinishedRun(folder, ending, np.array(eye.pairs if eye else []).reshape(-1, 5))
 
 
-def arm_number(arm: str) -> int:
-    """The arm's number for the pilot; a lab's own controller stands where "without" would."""
-    return ARMS["without" if arm == OWN else arm]
+def compensator_index(arm: str) -> int:
+    """Index of the arm's compensator; "own" (a user's controller) has that of "without".
+
+    KeyError: an arm that COMPENSATORS lacks.
+    """
+    return COMPENSATORS["without" if arm == OWN else arm]
 
 
-def _task(order: Order) -> Task:
-    """The order as the simulator takes it, with the numbers that `run` would draw."""
-    if order.arm == OWN:
+def _task(request: RunRequest) -> Task:
+    """The request as the simulator takes it, with the numbers that `run` would draw."""
+    if request.arm == OWN:
         raise ValueError("a lab's own controller runs tick by tick alone: use rig run")
-    if order.protocol.pushes.kind == "at-centre":
+    if request.protocol.pushes.kind == "at-centre":
         raise ValueError("pushes at-centre answer to the ball: run them tick by tick (rig run)")
-    way = course(order.protocol, order.rig, order.seed)
-    numbers = draw(np.random.default_rng([order.seed, 3]), order.rig, way)
-    return Task(order.rig, order.believed, arm_number(order.arm), way, numbers)
+    way = course(request.protocol, request.rig, request.seed)
+    numbers = draw(np.random.default_rng([request.seed, 3]), request.rig, way)
+    return Task(request.rig, request.believed, compensator_index(request.arm), way, numbers)
 
 
-def simulate_order(order: Order) -> Simulated:
-    """The same run as `run` with the statistical camera, in compiled code and memory alone."""
-    task = _task(order)
-    return simulate(task.rig, task.known, task.arm, task.course, task.draws)
+def simulate_run(request: RunRequest) -> Simulated:
+    """Simulate a request in compiled code, in memory alone, with the statistical camera.
+
+    The result is that of `run`. ValueError: a user's own controller, pushes "at-centre", or a
+    protocol that does not fit the rig.
+    """
+    task = _task(request)
+    return simulate(task.rig, task.known, task.compensator, task.course, task.draws)
 
 
-def simulate_orders(
-    orders: Sequence[Order], work: Callable[[Order, Simulated], T], done=lambda count: None
+def simulate_runs(
+    requests: Sequence[RunRequest],
+    work: Callable[[RunRequest, Simulated], T],
+    done=lambda count: None,
 ) -> list[T]:
-    """`work` of every order and its run, in order: blocks of runs on all cores, the same runs as
-    `simulate_order` makes. `done` is told how many are finished."""
-    blocks = [orders[i : i + LANES] for i in range(0, len(orders), LANES)]
+    """Results of work(request, simulated run) for every request, in the order of the requests.
 
-    def some(block: Sequence[Order]) -> list[T]:
-        runs = simulate_many([_task(order) for order in block])
-        return [work(order, run) for order, run in zip(block, runs, strict=True)]
+    Blocks of runs are simulated on all cores; each run is the one that `simulate_run` makes. done:
+    called with the number of requests finished. ValueError as in `simulate_run`.
+    """
+    blocks = [requests[i : i + LANES] for i in range(0, len(requests), LANES)]
+
+    def some(block: Sequence[RunRequest]) -> list[T]:
+        runs = simulate_many([_task(request) for request in block])
+        return [work(request, run) for request, run in zip(block, runs, strict=True)]
 
     found: list[T] = []
     with ThreadPoolExecutor(cpu_count() or 1) as pool:  # the kernels hold no lock
@@ -226,26 +254,35 @@ def simulate_orders(
     return found
 
 
-def simulate_in_blocks(orders: Sequence[Order], work: Callable[[Order, Simulated], T]) -> list[T]:
-    """The same on this core alone, a block in memory at a time: for studies that use processes."""
+def simulate_in_blocks(
+    requests: Sequence[RunRequest], work: Callable[[RunRequest, Simulated], T]
+) -> list[T]:
+    """Results of work(request, simulated run) for every request, computed on this core alone.
+
+    One block of runs is in memory at a time: for studies that run in several processes. ValueError
+    as in `simulate_run`.
+    """
     found: list[T] = []
-    for i in range(0, len(orders), LANES):
-        block = orders[i : i + LANES]
-        runs = simulate_many([_task(order) for order in block])
-        found += [work(order, run) for order, run in zip(block, runs, strict=True)]
+    for i in range(0, len(requests), LANES):
+        block = requests[i : i + LANES]
+        runs = simulate_many([_task(request) for request in block])
+        found += [work(request, run) for request, run in zip(block, runs, strict=True)]
     return found
 
 
-def keep_simulated(order: Order, result: Simulated) -> Path:
-    """Record a run of `simulate_order` as a run folder; its events are read off its columns."""
-    folder = new_run_folder(order.parent, order.protocol.name, order.arm)
-    write_truth(folder, truth_record(order))
-    write_run(folder, start_record(order), result.log, events(result.log), result.outcome)
+def keep_simulated(request: RunRequest, result: Simulated) -> Path:
+    """Record a run of `simulate_run` as a run folder, and return the folder.
+
+    Its events are derived from the log's columns. OSError: the folder cannot be written.
+    """
+    folder = new_run_folder(request.parent, request.protocol.name, request.arm)
+    write_truth(folder, truth_record(request))
+    write_run(folder, start_record(request), result.log, events(result.log), result.outcome)
     return folder
 
 
 def events(log: Log) -> list[dict]:
-    """Release and pushes as a loop would have noted them."""
+    """Release and pushes of a simulated log as events {"t_s", "text"}, in the order of time."""
     t, found = log["t_s"], []
     released = np.flatnonzero((log["phase"][1:] > 1) & (log["phase"][:-1] == 1))
     found += [{"t_s": float(t[i + 1]), "text": "released"} for i in released]
@@ -255,7 +292,7 @@ def events(log: Log) -> list[dict]:
 
 
 def contract_columns(log: Log) -> Log:
-    """The columns that anybody needs to recompute a report's numbers; the rest blank."""
+    """The log with only the columns needed to recompute a report's numbers; the rest is NaN."""
     kept = [i for name, i in INDEX.items() if i <= INDEX["ball_exposed_s"] or "desired" in name]
     rows = np.full_like(log.rows, np.nan)
     rows[:, [*kept, _PHASE]] = log.rows[:, [*kept, _PHASE]]

@@ -5,19 +5,21 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.assemble import virtual_scene
-from experiments.console import ProgressCall
-from experiments.folders import write_results
-from experiments.protocol import Protocol
-from experiments.run_folder import read_meta, replace_json
-from experiments.runner import Done, Order, run
+from experiments.progress import ProgressCall, silent
+from experiments.records.run_folder import read_meta, replace_json, write_results
+from experiments.runs.assemble import virtual_scene
+from experiments.runs.protocol import Protocol
+from experiments.runs.runner import FinishedRun, RunRequest, run
 from rig.parameters import Rig
 
 
 def calibrate_camera(rig: Rig, out: Path, seed: int) -> Path:
-    """Calibrate the virtual camera from its own pictures, like a real one; the bundle's path."""
+    """Calibrate the virtual camera from its own pictures, as a real one is calibrated.
+
+    The pictures are drawn from `seed`. Returns the path of the bundle, calibration.json in `out`.
+    """
     from calibration.bundle import calibrate_virtual
-    from vision.synthetic import Renderer, virtual_view
+    from vision.synthetic.synthetic import Renderer, virtual_view
 
     renderer = Renderer(virtual_scene(rig), virtual_view(), np.random.default_rng([seed, 6]))
     bundle = calibrate_virtual(renderer, np.random.default_rng([seed, 7]))
@@ -34,27 +36,32 @@ def run_protocol(
     out: Path,
     seed: int,
     repetitions: int,
-    frames: bool,
-    progress: ProgressCall,
-) -> list[Done]:
-    """Every repetition of every arm in turn (a seed's arms get the same course); results.json."""
+    frames: bool = False,
+    progress: ProgressCall = silent,
+) -> list[FinishedRun]:
+    """Run every repetition of every arm on the simulated table, and write results.json in `out`.
+
+    Repetition i has the seed `seed` + i; all arms of a seed get the same course. frames: use the
+    rendered camera, calibrated first. progress: called with a label, what is done and the total.
+    Errors as of `runner.run`.
+    """
     bundle = calibrate_camera(rig, out, seed) if frames else None
-    orders = [
-        Order(rig, protocol, arm, seed + i, out / "runs", bundle)
+    requests = [
+        RunRequest(rig, protocol, arm, seed + i, out / "runs", bundle)
         for i in range(repetitions)
         for arm in arms
     ]
     done = []
-    for i, order in enumerate(orders):
-        label = f"{protocol.name} {order.arm} {order.seed}"
+    for i, request in enumerate(requests):
+        label = f"{protocol.name} {request.arm} {request.seed}"
         total = round(protocol.duration_s)
-        done.append(run(order, progress=lambda t, s=label, n=total: progress(s, int(t), n)))
+        done.append(run(request, progress=lambda t, s=label, n=total: progress(s, int(t), n)))
         progress(label, total, total)
-        progress("runs", i + 1, len(orders))
+        progress("runs", i + 1, len(requests))
     runs = [
-        {"folder": one.folder.name, "arm": order.arm, "seed": order.seed}
+        {"folder": one.folder.name, "arm": request.arm, "seed": request.seed}
         | {"outcome": one.ending.outcome, "reason": one.ending.reason}
-        for order, one in zip(orders, done, strict=True)
+        for request, one in zip(requests, done, strict=True)
     ]
     write_results(out, {"source": "simulated", "protocol": protocol.name, "runs": runs})
     return done
@@ -71,38 +78,44 @@ def measure_protocol(
     repetitions: int,
     arm_table: Callable[[str], None],
     say: Callable[[str], None],
-) -> list[Done]:
-    """The same on the real table: `arm_table` asks before every run, `say` tells what to do.
+) -> list[FinishedRun]:
+    """Run every repetition of every arm on the real table, and write results.json in `out`.
 
-    A run that did not come to its end is the last one; results.json is written all the same.
+    Repetition i has the seed `seed` + i; all arms of a seed get the same course. arm_table: called
+    with a sentence before every run, asks for consent; say: called with each line for the person at
+    the table. A run that neither completed nor lost the ball is the last one; results.json is
+    written in any case. ValueError (also NotHomed), OSError: the table cannot be used.
     """
-    from experiments.hardware_run import check, measure
+    from experiments.runs.hardware_run import check, measure
 
     check(rig, rig_file, protocol)
-    orders = [
-        Order(rig, protocol, arm, seed + i, out / "runs")
+    requests = [
+        RunRequest(rig, protocol, arm, seed + i, out / "runs")
         for i in range(repetitions)
         for arm in arms
     ]
-    done: list[Done] = []
+    done: list[FinishedRun] = []
     try:
-        for i, order in enumerate(orders):
-            arm_table(f"Run {i + 1} of {len(orders)}: {protocol.title}, {order.arm} the model.")
-            done.append(measure(order, rig_file, say=say))
+        for i, request in enumerate(requests):
+            arm_table(f"Run {i + 1} of {len(requests)}: {protocol.title}, {request.arm} the model.")
+            done.append(measure(request, rig_file, say=say))
             if done[-1].ending.outcome not in ("completed", "ball lost"):
                 break
     finally:
         runs = [
-            {"folder": one.folder.name, "arm": order.arm, "seed": order.seed}
+            {"folder": one.folder.name, "arm": request.arm, "seed": request.seed}
             | {"outcome": one.ending.outcome, "reason": one.ending.reason}
-            for order, one in zip(orders, done, strict=False)
+            for request, one in zip(requests, done, strict=False)
         ]
         write_results(out, {"source": "measured", "protocol": protocol.name, "runs": runs})
     return done
 
 
 def reject(folder: Path, reason: str) -> None:
-    """Mark a run as rejected in its run.json. FileNotFoundError: no run there."""
+    """Mark a run as rejected, with the reason, in its run.json.
+
+    FileNotFoundError: the folder has no run.json; ValueError: that of another version.
+    """
     if not (folder / "run.json").is_file():
         raise FileNotFoundError(f"{folder} is no run folder: it has no run.json")
     replace_json(folder / "run.json", read_meta(folder) | {"rejected": reason})

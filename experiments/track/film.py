@@ -1,4 +1,4 @@
-"""Write a video frame by frame, each at its own time."""
+"""Write a video whose frames have time stamps of their own."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ TICKS_PER_S = 1000
 class Film:
     """An mp4 (or mkv) of frames (h, w, 3) uint8 BGR with time stamps; a context manager.
 
-    H.264 where the encoder is there, else MPEG-4. Odd sizes lose their last row or column, which
-    the colour subsampling of both cannot hold.
+    size: (width, height) [px]. H.264 where the encoder is there, else MPEG-4. Odd sizes lose their
+    last row or column, which the colour subsampling of both cannot hold. OSError: the file cannot
+    be written.
     """
 
     def __init__(self, path: Path, size: tuple[int, int]) -> None:
@@ -45,7 +46,11 @@ class Film:
         return self
 
     def add(self, image: np.ndarray, t_s: float) -> None:
-        """The next frame, shown from t_s on (times that do not move on are pushed on)."""
+        """Add the next frame (h, w, 3), shown from t_s [s] on.
+
+        A time not later than the frame before is moved 1 ms after it. OSError: it cannot be
+        written.
+        """
         if self._start_s is None:
             self._start_s = t_s
         w, h = self._size
@@ -68,7 +73,7 @@ class Film:
 
 
 class Overlay:
-    """A film that may fail without taking the tracking with it: the first error ends it.
+    """A film whose failure does not end the tracking: the first OSError ends the film alone.
 
     `trouble` then says why in one line, and the unfinished file is removed.
     """
@@ -82,6 +87,7 @@ class Overlay:
         return self
 
     def add(self, image: np.ndarray, t_s: float) -> None:
+        """Add the next frame, as `Film.add`; does nothing after the first error."""
         film = self._film
         if film is not None:
             self._try(lambda: film.add(image, t_s))

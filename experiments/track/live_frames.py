@@ -1,4 +1,4 @@
-"""The frames of a source through its troubles: a film goes on when its camera does."""
+"""Frames of a source, read on through its failures while its camera recovers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from vision.frames import Frame
-    from vision.sources import Source
+    from vision.sources.sources import Source
 
 GIVE_UP_S = 10.0
 
@@ -20,11 +20,12 @@ def frames_of(
     give_up_s: float = GIVE_UP_S,
     now: Callable[[], float] = time.monotonic,
 ) -> Iterator[Frame]:
-    """The source's frames; every kind of trouble goes to `troubles` in words, once with its count.
+    """Yield the source's frames until its end, or until a failing one gave none for `give_up_s`.
 
-    Ends when no frame came for `give_up_s`, so that what was seen until then is kept.
+    Each kind of `SourceError` on the way is appended to `troubles` at the end: its last message and
+    its count. now: clock [s].
     """
-    from vision.source_errors import SourceError
+    from vision.sources.source_errors import SourceError
 
     counts: dict[type, int] = {}
     last: dict[type, str] = {}

@@ -1,6 +1,6 @@
-"""Track the ball through a video: `track.csv`, a film with the overlay, a contact sheet, a summary.
+"""Track the ball in a video: `track.csv`, a film with overlay, a contact sheet, a summary.
 
-A file is read twice: first to learn how the ball looks (the round thing that travels), then to
+A file is read twice: first to learn how the ball looks (the round object that travels), then to
 follow it from the first frame on. A live stream is followed as it comes.
 """
 
@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 if TYPE_CHECKING:
     import numpy as np
 
-    from vision.appearance import Appearance
+    from vision.detection.appearance import Appearance
     from vision.frames import Frame, Track
-    from vision.sources import Source
-    from vision.tracker import Tracker
+    from vision.sources.sources import Source
+    from vision.tracking.tracker import Tracker
     from vision.view import View
 
 PIXEL_COLUMNS = ("frame", "t_s", "state", "u_px", "v_px", "sigma_px")
@@ -34,17 +34,23 @@ Progress = Callable[[int, int | None], None]
 
 
 class Calibration(Protocol):
-    """What is used of a calibration bundle (`calibration.bundle.Bundle`)."""
+    """The part of a calibration bundle that is used here (`calibration.bundle.Bundle`)."""
 
     ball_radius_m: float
 
     @property
-    def view(self) -> Any: ...  # a View, also where it is computed once and kept
+    def view(self) -> Any:  # a View, also where it is computed once and kept
+        """Calibrated view (`vision.view.View`) of the level plate."""
+        ...
 
     @property
-    def layout(self) -> Any: ...  # the plate's markers
+    def layout(self) -> Any:  # the plate's markers
+        """Layout of the plate's markers (`vision.plate.markers.MarkerLayout`)."""
+        ...
 
-    def check_size(self, width_px: int, height_px: int) -> None: ...
+    def check_size(self, width_px: int, height_px: int) -> None:
+        """Raise ValueError where frames of this size are not those of the calibration."""
+        ...
 
 
 def track_video(
@@ -57,24 +63,26 @@ def track_video(
 ) -> dict[str, Any]:
     """Follow the ball through `address` (file, folder, stream) and write the results to `out_dir`.
 
-    `ball_colour` is a name or "#rrggbb"; without it the ball is the round thing that travels.
-    `progress(done, total)` is called with frames of the file, total None for a stream. Returns what
-    `results.json` holds. Raises `OSError` or `ValueError` for an address without frames.
+    calibration: without it positions are in pixels alone; ball_colour: a name or "#rrggbb"; without
+    it the ball is the round object that travels. progress(done, total): called with frames of the
+    file, total None for a stream. Returns the content of results.json. OSError, ValueError: the
+    address has no frames, the colour is unknown, or the frames have another size than the
+    calibration's.
     """
-    from vision.appearance import Appearance
-    from vision.sources import open_source
-    from vision.tracker import Tracker
+    from vision.detection.appearance import Appearance
+    from vision.sources.sources import open_source
+    from vision.tracking.tracker import Tracker
 
-    looks = Appearance.of_colour(ball_colour) if ball_colour else None
+    appearance = Appearance.of_colour(ball_colour) if ball_colour else None
     radius = _radius_bounds(calibration)
     with open_source(address) as source:
         if not source.live:
-            looks = learn_looks(address, radius, colour=looks) or looks
+            appearance = learn_appearance(address, radius, colour=appearance) or appearance
         if calibration is not None:
             calibration.check_size(*source.size)
         out = Path(out_dir)
         out.mkdir(parents=True, exist_ok=True)
-        tracker = Tracker(appearance=looks, radius_px=radius)
+        tracker = Tracker(appearance=appearance, radius_px=radius)
         states, times, troubles = _follow(source, tracker, calibration, out, progress)
         summary = _summary(source, tracker, states, times, ball_colour)
         summary["notes"] += troubles
@@ -83,22 +91,26 @@ def track_video(
     return summary
 
 
-def learn_looks(
+def learn_appearance(
     address: str | Path | int,
     radius_px: tuple[float, float] | None = None,
     *,
     colour: Appearance | None = None,
 ) -> Appearance | None:
-    """The looks of the ball of a file, None where nothing round (of that colour) travels in it."""
-    from vision.acquisition import Acquisition
-    from vision.sources import open_source
+    """Appearance of the ball in a file or folder; None where no round object travels in it.
+
+    radius_px: bounds (min, max) of its radius; colour: an assumed appearance that the ball must
+    have. OSError, ValueError: the address has no frames.
+    """
+    from vision.sources.sources import open_source
+    from vision.tracking.acquisition import Acquisition
 
     acquisition = Acquisition(radius_px, colour=colour)
     with open_source(address) as source:
         for frame in source:
-            got = acquisition.step(frame)
-            if got is not None:
-                return got[0]
+            acquired = acquisition.step(frame)
+            if acquired is not None:
+                return acquired[0]
     return None
 
 
@@ -123,15 +135,15 @@ def _follow(
     """
     import numpy as np
 
-    from experiments.film import Overlay
-    from experiments.live_frames import frames_of
+    from experiments.track.film import Overlay
+    from experiments.track.live_frames import frames_of
     from vision.ball_camera import BallCamera
-    from vision.overlay import draw
+    from vision.overlay import draw_track
 
     states: Counter[str] = Counter()
     times: list[float] = []
     trail: deque[tuple[float, float]] = deque(maxlen=TRAIL)
-    sheet = Sheet()
+    sheet = ContactSheet()
     troubles: list[str] = []
     camera = None
     if calibration is not None:  # the plate's pose is seen in every frame, not taken as level
@@ -154,7 +166,7 @@ def _follow(
             trail.append((track.u_px, track.v_px))
             rows.writerow(_row(frame, track, view, calibration))
             file.flush()
-            drawn = draw(frame.image, track, trail, note=f"{frame.index} {frame.t_s:.3f} s")
+            drawn = draw_track(frame.image, track, trail, note=f"{frame.index} {frame.t_s:.3f} s")
             film.add(drawn, frame.t_s)
             sheet.add(drawn)
             if progress is not None:
@@ -196,7 +208,7 @@ def _summary(
     times: list[float],
     ball_colour: str | None,
 ) -> dict[str, Any]:
-    looks = tracker.appearance
+    appearance = tracker.appearance
     notes: list[str] = []
     if source.missing:
         notes.append(
@@ -224,7 +236,9 @@ def _summary(
         "end_s": times[-1] if times else None,
         "ball": {
             "asked_colour": ball_colour,
-            "bgr": None if looks is None else [round(float(c), 1) for c in looks.ball_bgr],
+            "bgr": None
+            if appearance is None
+            else [round(float(c), 1) for c in appearance.ball_bgr],
             "radius_px": _finite(tracker.radius_px),
         },
         "files": ["track.csv", "overlay.mp4", "contact_sheet.png", "results.json"],
@@ -236,7 +250,7 @@ def _finite(x: float) -> float | None:
     return round(x, 2) if math.isfinite(x) else None
 
 
-class Sheet:
+class ContactSheet:
     """Thumbnails spread evenly over a film whose length need not be known beforehand."""
 
     def __init__(self) -> None:
@@ -244,7 +258,10 @@ class Sheet:
         self._every, self._seen = 1, 0
 
     def add(self, image: np.ndarray) -> None:
-        """Offer the next image; every n-th is kept, and every other forgotten when full."""
+        """Offer the next image (h, w, 3) uint8.
+
+        Every n-th is kept; when too many are kept, every other one is dropped and n is doubled.
+        """
         import cv2
 
         if self._seen % self._every == 0:
@@ -256,7 +273,7 @@ class Sheet:
         self._seen += 1
 
     def write(self, path: Path) -> None:
-        """Write the sheet as PNG; nothing where no image came."""
+        """Write the sheet as PNG; nothing without images. OSError: it cannot be written."""
         import cv2
 
         from vision.overlay import contact_sheet

@@ -1,4 +1,6 @@
-"""A lab's own controller in the loop: three methods, and a fault in it stops the rig.
+"""A user controller in the loop: a class of three methods in a file of the lab's.
+
+A protocol names it, `controller = "mine.py:MyController"`; an error in it stops the rig.
 
     class MyController:
         def start(self, rig, period_s): ...     # once, before the first tick
@@ -7,29 +9,33 @@
 
 It replaces what `controllers.control` does and nothing else: holding, the blind phase, observers,
 limits and recording stay the rig's. It runs in the loop alone, never in the batch kernel. What it
-wishes passes `limits.limit`, which turns what is no number into 0 V.
+commands passes `limits.limit`, which turns what is no number into 0 V.
 """
 
+import importlib.util
+import sys
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
-from rig.observers import ball_now
+from rig.estimation.backlash_observer import gear_backlash, joint_backlash
+from rig.estimation.observers import ball_now
 from rig.parameters import Rig
-from rig.play_observer import gear_play, joint_play
-from rig.signals import R_MOTOR, R_THETA, R_TIME
+from rig.table import R_MOTOR, R_THETA, R_TIME
 
 METHODS = ("start", "control", "end")
 
 
 @dataclass(frozen=True)
 class Now:
-    """What a controller sees at a tick; pairs are x, y, SI units.
+    """What a user controller sees at a tick; pairs are x, y, in SI units.
 
-    ball_m and velocity_m_s: filtered, carried on to t_s; target_m: where the ball should be;
-    theta_rad: encoders; motor_rad_s: tachometers (NaN without); torque_nm: Eq. 9's T_e; plays: the
-    observers' full widths; volts_V: what was applied since the last tick.
+    ball_m, velocity_m_s: filtered, the position carried on to t_s; target_m: where the ball should
+    be; theta_rad, rate_rad_s: encoder angles and their filtered rate; motor_rad_s: tachometers at
+    the load shaft's scale (NaN without any); torque_nm: T_e of Eq. 9; gear_play_rad,
+    joint_play_rad: estimated full widths; volts_V: applied since the last tick.
     """
 
     t_s: float
@@ -45,39 +51,49 @@ class Now:
     volts_V: tuple[float, float]
 
 
-class OwnController(Protocol):
+class UserController(Protocol):
     """What a class must have to be named as `controller` in a protocol."""
 
-    def start(self, rig: Rig, period_s: float) -> None: ...
+    def start(self, rig: Rig, period_s: float) -> None:
+        """Prepare for a run; called once, before the first tick. period_s: of the tick."""
+        ...
 
-    def control(self, now: Now) -> tuple[float, float]: ...
+    def control(self, now: Now) -> tuple[float, float]:
+        """Return the volts (x, y) to command; called at every tick while the ball rolls."""
+        ...
 
-    def end(self, outcome: str) -> None: ...
+    def end(self, outcome: str) -> None:
+        """Take note of how the run ended; called once, after 0 V was sent."""
+        ...
 
 
 class ControllerError(Exception):
-    """A lab's own controller failed; the message says where and how."""
+    """A user controller failed; the message says in which method and line, and with what error."""
 
 
 def _pair(values) -> tuple[float, float]:
     return float(values[0]), float(values[1])
 
 
-def now(pilot, q, reading: np.ndarray, target: np.ndarray, applied: np.ndarray) -> Now:
-    """The pilot's belief as a `Now`; reading as in `signals`."""
-    belief, play = pilot["belief"], pilot["play"]
+def now(state, q, reading: np.ndarray, target: np.ndarray, applied: np.ndarray) -> Now:
+    """Return what a user controller sees of the controller state.
+
+    state, q: of `control.tick`; reading (READING_SIZE,), columns R_*; target (2,) [m]; applied
+    (2,): volts applied since the last tick.
+    """
+    estimate, backlash = state["estimate"], state["backlash"]
     t = float(reading[R_TIME])
     return Now(
         t_s=t,
-        ball_m=_pair([ball_now(belief, t, a) for a in range(2)]),
-        velocity_m_s=_pair(belief["velocity"]),
+        ball_m=_pair([ball_now(estimate, t, a) for a in range(2)]),
+        velocity_m_s=_pair(estimate["velocity"]),
         target_m=_pair(target),
         theta_rad=_pair(reading[R_THETA:]),
-        rate_rad_s=_pair(belief["rate"]),
+        rate_rad_s=_pair(estimate["rate"]),
         motor_rad_s=_pair(reading[R_MOTOR:]),
-        torque_nm=_pair(belief["torque"]),
-        gear_play_rad=_pair([gear_play(play, q["play"], a)[0] for a in range(2)]),
-        joint_play_rad=_pair([joint_play(play, q["play"], a)[0] for a in range(2)]),
+        torque_nm=_pair(estimate["torque"]),
+        gear_play_rad=_pair([gear_backlash(backlash, q["backlash"], a)[0] for a in range(2)]),
+        joint_play_rad=_pair([joint_backlash(backlash, q["backlash"], a)[0] for a in range(2)]),
         volts_V=_pair(applied),
     )
 
@@ -94,16 +110,19 @@ def _failed(controller: Any, method: str, error: Exception) -> ControllerError:
     )
 
 
-def start(controller: OwnController, rig: Rig, period_s: float) -> None:
-    """Before the first tick. ControllerError."""
+def start_controller(controller: UserController, rig: Rig, period_s: float) -> None:
+    """Call the controller's `start`. ControllerError: it raised something."""
     try:
         controller.start(rig, period_s)
     except Exception as error:  # whatever a lab's code raises must stop the rig, not crash it
         raise _failed(controller, "start", error) from error
 
 
-def wish(controller: OwnController, seen: Now, out: np.ndarray) -> None:
-    """Wished volts of a tick into `out` (2,); ControllerError where there are no two numbers."""
+def command_volts(controller: UserController, seen: Now, out: np.ndarray) -> None:
+    """Write the volts that the controller commands for the tick `seen` into `out` (2,).
+
+    ControllerError: it raised something or did not return two numbers; `out` is 0 V then.
+    """
     try:
         volts = controller.control(seen)
         out[0], out[1] = (float(v) for v in volts)
@@ -112,10 +131,38 @@ def wish(controller: OwnController, seen: Now, out: np.ndarray) -> None:
         raise _failed(controller, "control", error) from error
 
 
-def end(controller: OwnController, outcome: str) -> str:
-    """After the run; what failed as a sentence, else nothing."""
+def end_controller(controller: UserController, outcome: str) -> str:
+    """Call the controller's `end`; return what failed in it as a sentence, "" where nothing did."""
     try:
         controller.end(outcome)
     except Exception as error:  # the run is over: what it recorded must not be lost
         return str(_failed(controller, "end", error))
     return ""
+
+
+def load_controller(name: str) -> UserController:
+    """Return a new controller of the class that `name`, FILE.py:ClassName, tells.
+
+    ValueError (one line): there is no such file, it or its class cannot be loaded, or a method is
+    missing.
+    """
+    file, _, made = name.rpartition(":")
+    path = Path(file)
+    if not path.is_file():
+        raise ValueError(f"controller file {path} not found: give it relative to the protocol file")
+    spec = importlib.util.spec_from_file_location(f"own_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise ValueError(f"controller file {path} is no Python file: it must end in .py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # dataclasses and pickles look there
+    try:
+        spec.loader.exec_module(module)
+        controller = getattr(module, made)()
+    except Exception as error:  # whatever is wrong in a lab's file is bad input
+        raise ValueError(f"controller {path}:{made}: {type(error).__name__}: {error}") from error
+    missing = [method for method in METHODS if not callable(getattr(controller, method, None))]
+    if missing:
+        raise ValueError(
+            f"controller {path}:{made} lacks {', '.join(missing)}: it needs {', '.join(METHODS)}"
+        )
+    return controller

@@ -9,44 +9,53 @@ from math import sqrt
 
 import numpy as np
 
-from rig import gear_observer, joint_observer
 from rig.compiled import compiled
-from rig.gear_observer import observe_gear
-from rig.joint_observer import observe_joint
+from rig.estimation import gear_observer, joint_observer
+from rig.estimation.gear_observer import observe_gear
+from rig.estimation.joint_observer import observe_joint
 from rig.parameters import Rig
 
-PLAY_STATE = np.dtype([("gear", gear_observer.GEAR_STATE), ("joint", joint_observer.JOINT_STATE)])
-PLAY_SETTINGS = np.dtype(
+BACKLASH_STATE = np.dtype(
+    [("gear", gear_observer.GEAR_STATE), ("joint", joint_observer.JOINT_STATE)]
+)
+BACKLASH_SETTINGS = np.dtype(
     [("gear", gear_observer.GEAR_SETTINGS), ("joint", joint_observer.JOINT_SETTINGS)]
 )
 
 
 def settings(rig: Rig) -> np.record:
-    """Settings of both observers from what the controller may know of the rig (no effects)."""
-    q = np.zeros(1, PLAY_SETTINGS)[0]
+    """Return the settings of both observers (dtype BACKLASH_SETTINGS) from the rig without its
+    effects.
+    """
+    q = np.zeros(1, BACKLASH_SETTINGS)[0]
     q["gear"], q["joint"] = gear_observer.settings(rig), joint_observer.settings(rig)
     return q
 
 
 def start(q: np.record) -> np.record:
-    """Fresh observers: zero play, and honest about not knowing it."""
-    e = np.zeros(1, PLAY_STATE)[0]
+    """Return the state of both observers (dtype BACKLASH_STATE): zero play, with the variances
+    of `q`.
+    """
+    e = np.zeros(1, BACKLASH_STATE)[0]
     e["gear"], e["joint"] = gear_observer.start(q["gear"]), joint_observer.start(q["joint"])
     return e
 
 
 @compiled
-def observe_play(e, q, reading):
-    """One control tick of both observers: they see the reading alone."""
+def observe_backlash(e, q, reading):
+    """Run one control tick of both observers on reading (READING_SIZE,).
+
+    e, q: of `start` and `settings`; e is changed in place.
+    """
     observe_gear(e.gear, q.gear, reading)
     observe_joint(e.joint, q.joint, reading)
 
 
 @compiled
-def gear_play(e, q, a):
+def gear_backlash(e, q, a):
     """Full width of the gear's play on axis `a` and its standard deviation [rad].
 
-    The deviation holds the assumed wind-up: half of it may be wrong either way.
+    The deviation includes the assumed wind-up, of which half may be wrong either way.
     """
     return 2.0 * max(e.gear.mean[a, 1], 0.0), 2.0 * sqrt(
         e.gear.cov[a, 1, 1] + (0.5 * q.gear.windup) ** 2
@@ -54,27 +63,37 @@ def gear_play(e, q, a):
 
 
 @compiled
-def joint_play(e, q, a):
-    """The same for the joint's play [rad]."""
+def joint_backlash(e, q, a):
+    """Full width of the joint's play on axis `a` and its standard deviation [rad].
+
+    The shaft's wind-up is taken off the width; the deviation includes it, as half of it may be
+    wrong either way.
+    """
     width = 2.0 * max(e.joint.alpha[a] - q.joint.windup, 0.0)
     return width, 2.0 * sqrt(e.joint.variance[a] + (0.5 * q.joint.windup) ** 2)
 
 
 @compiled
 def lost_in_joint(e, q, a):
-    """Known lost motion, full width [rad], of a joint whose plate keeps its place; else 0."""
+    """Lost motion of the joint on axis `a`, full width [rad]; 0 where unknown or the plate drops.
+
+    The plate drops where the ball's weight, not friction, decides on which side of the gap it lies.
+    """
     if e.joint.keeps[a] < 0.5:
         return 0.0
-    return known_play(2.0 * e.joint.alpha[a], 2.0 * sqrt(e.joint.variance[a]))
+    return known_width(2.0 * e.joint.alpha[a], 2.0 * sqrt(e.joint.variance[a]))
 
 
 @compiled
 def lost_in_gear(e, q, a):
-    """Known lost motion of the gear, full width [rad]; 0 while unknown."""
-    return known_play(2.0 * (e.gear.mean[a, 1] + q.gear.windup), 2.0 * sqrt(e.gear.cov[a, 1, 1]))
+    """Lost motion of the gear on axis `a`, full width [rad]; 0 while it is unknown."""
+    return known_width(2.0 * (e.gear.mean[a, 1] + q.gear.windup), 2.0 * sqrt(e.gear.cov[a, 1, 1]))
 
 
 @compiled
-def known_play(width, deviation):
-    """The full width when it is known, else 0: known when 2 deviations lie below it [rad]."""
+def known_width(width, deviation):
+    """The full width where it is known, else 0 [rad].
+
+    It is known when it is above twice its standard deviation `deviation` [rad].
+    """
     return width if width > 2.0 * deviation else 0.0

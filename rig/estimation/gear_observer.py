@@ -15,9 +15,9 @@ from math import pi
 import numpy as np
 
 from rig.compiled import compiled
-from rig.kalman import scalar_update
+from rig.estimation.observers import scalar_update
 from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, Rig
-from rig.signals import R_MOTOR, R_THETA
+from rig.table import R_MOTOR, R_THETA
 
 MOVING_EDGES = 3  # encoder edges in one direction before the arm counts as pushed
 AFTER_COASTING_S = 0.05  # how long nothing is learnt after hard braking
@@ -50,7 +50,7 @@ GEAR_SETTINGS = np.dtype(
 
 
 def settings(rig: Rig) -> np.record:
-    """Settings from what the controller may know of the rig (no effects)."""
+    """Return the observer's settings (dtype GEAR_SETTINGS) from the rig without its effects."""
     q = np.zeros(1, GEAR_SETTINGS)[0]
     drive, friction = rig.drive, rig.drive.arm_friction_nm + rig.drive.joint_friction_nm
     q["tick_s"] = 1 / rig.control_rate_hz
@@ -68,7 +68,9 @@ def settings(rig: Rig) -> np.record:
 
 
 def start(q: np.record) -> np.record:
-    """Zero play, and honest about not knowing it."""
+    """Return the observer's state (dtype GEAR_STATE): zero play, with the prior variances of
+    `q`.
+    """
     e = np.zeros(1, GEAR_STATE)[0]
     for a in range(2):
         stds = [q["prior_alpha"], q["prior_alpha"], q["prior_scale"], q["prior_offset"]]
@@ -90,7 +92,10 @@ def _watch_braking(e, q, a, speed):
 
 @compiled
 def observe_gear(e, q, reading):
-    """One tick; without a tachometer nothing is learnt."""
+    """Run one control tick of both axes on reading (READING_SIZE,); e is changed in place.
+
+    Without a tachometer (NaN) nothing is learnt.
+    """
     t = e.ticks * q.tick_s
     for a in range(2):
         speed, theta = reading[R_MOTOR + a], reading[R_THETA + a]

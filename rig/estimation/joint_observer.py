@@ -18,10 +18,10 @@ from math import exp, log, pi
 import numpy as np
 
 from rig.compiled import compiled
-from rig.elementary import sine
-from rig.kalman import scalar_update
+from rig.estimation.observers import scalar_update
 from rig.parameters import Rig
-from rig.signals import R_BALL, R_EXPOSED, R_NEW, R_THETA, R_TIME, R_VARIANCE
+from rig.plant.elementary_functions import sine
+from rig.table import R_BALL, R_EXPOSED, R_NEW, R_THETA, R_TIME, R_VARIANCE
 
 HISTORY = 256  # ticks of encoder angles kept for the camera's delay
 KEEPS, DROPS = 0, 1
@@ -59,7 +59,7 @@ JOINT_SETTINGS = np.dtype(
 
 
 def settings(rig: Rig) -> np.record:
-    """Settings from what the controller may know of the rig (no effects)."""
+    """Return the observer's settings (dtype JOINT_SETTINGS) from the rig without its effects."""
     q = np.zeros(1, JOINT_SETTINGS)[0]
     q["tick_s"] = 1 / rig.control_rate_hz
     q["encoder_step"] = rig.servo.encoder_step_rad
@@ -76,7 +76,9 @@ def settings(rig: Rig) -> np.record:
 
 
 def start(q: np.record) -> np.record:
-    """Zero play, and honest about not knowing it."""
+    """Return the observer's state (dtype JOINT_STATE): zero play, with the prior variance of
+    `q`.
+    """
     e = np.zeros(1, JOINT_STATE)[0]
     e["tick"], e["time"] = -1, -1.0
     e["cov"][:] = np.diag([1.0, 0.3, 0.03, q["prior_alpha"]]) ** 2
@@ -171,7 +173,10 @@ def _weigh(e, q, a):
 
 @compiled
 def observe_joint(e, q, reading):
-    """One tick; something is learnt when a new observation came."""
+    """Run one control tick of both axes on reading (READING_SIZE,); e is changed in place.
+
+    The encoder angles are buffered at every tick; the filters step when a new observation has come.
+    """
     e.tick += 1
     if e.tick == 0:
         e.begin = reading[R_TIME]

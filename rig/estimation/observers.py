@@ -1,26 +1,27 @@
 """What the loop believes besides the play: the ball's motion and the shaft's torque.
 
-*Ball filter* (both arms): a critically damped kinematic filter (alpha-beta) on the exposures, read
-out at the present tick; it knows no plant. *Torque estimator and observer* (Eq. 9, Fig. 3):
+*Ball filter* (all compensators): a critically damped kinematic filter (alpha-beta) on the
+exposures, read out at the present tick; it knows no plant. *Torque estimator and observer* (Eq. 9,
+Fig. 3):
 
     T_e = (T_m - J_m s omega_m)/(tau s + 1),   Omega = K/(tau s + 1) T_e,
 
 with T_m = A V - B omega_m the motor's torque at the load shaft, in discrete time by the exact step
 response of 1/(tau s + 1). s/(tau s + 1) omega_m = (omega_m - filtered omega_m)/lag needs no
 derivative. T_e holds the shaft's torque and the motor's own dry friction; it is recorded in both
-arms and moves neither. Without a tachometer omega_m is the encoder's difference: what gear play
-does inside one gap is then invisible, and one count makes 0.08 N m of noise.
+compensators and acts on none. Without a tachometer omega_m is the encoder's difference: what gear
+play does inside one gap is then invisible, and one count makes 0.08 N m of noise.
 """
 
 from math import exp
 
 import numpy as np
 
-from rig.compiled import compiled
+from rig.compiled import compiled, inlined
 from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, Rig
-from rig.signals import R_BALL, R_EXPOSED, R_MOTOR, R_NEW, R_THETA, R_TIME
+from rig.table import R_BALL, R_EXPOSED, R_MOTOR, R_NEW, R_THETA, R_TIME
 
-BELIEF = np.dtype(
+ESTIMATE = np.dtype(
     [
         ("ball", np.float64, (2,)),
         ("velocity", np.float64, (2,)),
@@ -35,7 +36,7 @@ BELIEF = np.dtype(
         ("ticks", np.int64),
     ]
 )
-BELIEF_SETTINGS = np.dtype(
+ESTIMATE_SETTINGS = np.dtype(
     [
         (name, np.float64)
         for name in "tick_s filter torque_per_volt damping inertia decay lag gain".split()
@@ -44,7 +45,8 @@ BELIEF_SETTINGS = np.dtype(
 
 
 def settings(rig: Rig) -> np.record:
-    q = np.zeros(1, BELIEF_SETTINGS)[0]
+    """Return the observers' settings (dtype ESTIMATE_SETTINGS) from the rig without its effects."""
+    q = np.zeros(1, ESTIMATE_SETTINGS)[0]
     q["tick_s"] = 1 / rig.control_rate_hz
     q["filter"] = rig.gains.ball_filter_rad_s
     q["torque_per_volt"] = rig.servo.torque_per_volt_nm
@@ -60,14 +62,20 @@ def settings(rig: Rig) -> np.record:
 
 
 def start() -> np.record:
-    belief = np.zeros(1, BELIEF)[0]
-    belief["exposed"] = -1.0
-    return belief
+    """Return the observers' state (dtype ESTIMATE) before the first reading."""
+    estimate = np.zeros(1, ESTIMATE)[0]
+    estimate["exposed"] = -1.0
+    return estimate
 
 
 @compiled
 def observe_ball(b, q, reading):
-    """Alpha-beta step at a new observation; `b.ball` and `b.velocity` are those at its exposure."""
+    """Take a new observation into the ball filter; b is changed in place.
+
+    reading (READING_SIZE,), without effect where it holds no newer observation. `b.ball` [m] and
+    `b.velocity` [m/s] are those at its exposure. Critically damped alpha-beta filter: alpha = 1 -
+    rho^2, beta = (1 - rho)^2, rho = exp(-filter dt).
+    """
     if reading[R_NEW] == 0.0:
         return
     dt = reading[R_EXPOSED] - b.exposed
@@ -89,7 +97,10 @@ def observe_ball(b, q, reading):
 
 @compiled
 def observe_torque(b, q, reading, volts):
-    """Eq. 9 for both axes from the volts applied since the last tick, shape (2,)."""
+    """Run one tick of Eq. 9's torque estimator and observer on both axes; b is changed in place.
+
+    reading (READING_SIZE,); volts (2,): applied since the last tick.
+    """
     for a in range(2):
         theta = reading[R_THETA + a]
         if b.ticks == 0:
@@ -110,17 +121,46 @@ def observe_torque(b, q, reading, volts):
 
 @compiled
 def ball_now(b, t, a):
-    """Ball position on axis `a` carried on from its exposure to time t [m]."""
+    """Position of the ball on axis `a` [m], carried on from its exposure to time t [s] at its
+    velocity.
+    """
     return b.ball[a] + b.velocity[a] * (t - b.exposed)
 
 
 @compiled
 def observe(b, q, reading, volts):
+    """Run one tick of the ball filter and the torque observer; arguments as of `observe_torque`."""
     observe_ball(b, q, reading)
     observe_torque(b, q, reading, volts)
 
 
 @compiled
 def seconds_blind(b, reading):
-    """Time since the light of the last observation [s]; large before the first."""
+    """Time since the exposure of the last observation [s]; before the first, time since the
+    start + 1 s.
+    """
     return reading[R_TIME] - b.exposed
+
+
+@inlined
+def scalar_update(mean, cov, row, innovation, variance):
+    """Kalman update of mean (4,) and cov (4, 4), in place, by one scalar z = row . mean + noise.
+
+    row: a tuple of 4; innovation = z - row . mean; variance: of the noise. Returns the variance of
+    the innovation.
+    """
+    column = _dot(cov[0], row), _dot(cov[1], row), _dot(cov[2], row), _dot(cov[3], row)
+    total = variance
+    for i in range(4):
+        total += row[i] * column[i]
+    for i in range(4):
+        mean[i] += column[i] / total * innovation
+    for i in range(4):
+        for j in range(4):
+            cov[i, j] -= column[i] * column[j] / total
+    return total
+
+
+@inlined
+def _dot(line, row):
+    return line[0] * row[0] + line[1] * row[1] + line[2] * row[2] + line[3] * row[3]

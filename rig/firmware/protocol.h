@@ -1,6 +1,6 @@
 /* What the board does, free of the chip: frames in and out, when volts may flow, how it stops.
  *
- * Twin of rig/hardware/wire.py (byte for byte). The chip's part (board.c) feeds received bytes to
+ * Twin of rig/hardware/board/wire.py (byte for byte). The chip's part (board.c) feeds received bytes to
  * board_byte(), calls board_tick() once a millisecond, puts out `applied_mV` and sends the frames
  * that board_frame() gives. The same file is built for the host to be fuzzed.
  */

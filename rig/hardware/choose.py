@@ -7,29 +7,26 @@ from typing import Protocol
 
 import numpy as np
 
+from rig.hardware.observations import ObservationSource
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig
 from rig.table import Table
-from vision.frames import Observation
 
 
 class OpenTable(Table, AbstractContextManager, Protocol):
-    """A table whose context arms it, and levels it and gives 0 V on the way out."""
-
-
-class Eye(Protocol):
-    """Whoever sees the ball: the newest observation whose light fell after `after_s`, or None."""
-
-    def latest(self, after_s: float) -> Observation | None: ...
+    """A table whose context arms it; leaving the context levels it and gives 0 V."""
 
 
 def raw_wiring(rig: Rig) -> Wiring:
-    """Channels as they are: homing finds out what they mean."""
+    """Return the wiring of channels as they are, for homing, which finds out what they mean."""
     return Wiring(counts_per_rev=rig.servo.encoder_counts_per_rev)
 
 
 def file_wiring(rig: Rig) -> Wiring:
-    """Signs and swap as the rig file says, zero where the encoders are zero."""
+    """Return the wiring that the rig file tells; level is where the encoders read zero.
+
+    ValueError: as `Wiring` raises it.
+    """
     table = rig.table
     return Wiring(
         swap=table.swap,
@@ -41,7 +38,7 @@ def file_wiring(rig: Rig) -> Wiring:
 
 
 def host_and_port(address: str) -> tuple[str, int]:
-    """("host", port) of "host:port" or "[v6]:port". ValueError where it is neither."""
+    """Return ("host", port) of "host:port" or "[v6]:port". ValueError: the address is neither."""
     found = re.fullmatch(r"(?:\[([^\]]+)\]|([^:\s]+)):(\d{1,5})", address)
     if found is None or not 0 < int(found[3]) < 65536:
         raise ValueError(f"table.address = '{address}': must be host:port, such as 10.0.0.5:7643")
@@ -49,13 +46,18 @@ def host_and_port(address: str) -> tuple[str, int]:
 
 
 def open_table(
-    rig: Rig, eye: Eye | None = None, *, wiring: Wiring | None = None, homed: bool = True
+    rig: Rig,
+    eye: ObservationSource | None = None,
+    *,
+    wiring: Wiring | None = None,
+    homed: bool = True,
 ) -> OpenTable:
-    """The table that `rig.table` names, open and disarmed or at 0 V; `with` arms it.
+    """Return the table that `rig.table` names, open and disarmed or at 0 V; `with` arms it.
 
-    `wiring` (default: the rig file's) is what homing found. `homed` False: channels as they are,
-    for homing itself; such a table is never levelled. ValueError: the rig file is wrong; OSError:
-    the table is not there, in one line with the cure.
+    eye: where observations of the ball come from (None: without a camera); wiring: what homing
+    found (default: the rig file's); homed False: channels as they are, for homing itself; such a
+    table is never levelled. ValueError: the rig file or its token file is wrong. OSError: the table
+    is not there, in one line with the cure.
     """
     kind = rig.table.kind
     wired = wiring or (file_wiring(rig) if homed else raw_wiring(rig))
@@ -64,10 +66,11 @@ def open_table(
     if kind in ("serial", "usb"):
         return _board(rig, eye, wired, homed)
     if kind == "quanser":
-        from rig.hardware.quanser import QuanserTable
+        from rig.hardware.quanser.quanser import QuanserTable
 
         return QuanserTable(rig, wired, eye=eye, homed=homed)
-    from rig.hardware.remote import RemoteTable, read_token
+    from rig.hardware.network.remote import RemoteTable
+    from rig.hardware.network.token_file import read_token
 
     token = read_token(Path(rig.table.token_file))
     host, port = host_and_port(rig.table.address)
@@ -76,8 +79,8 @@ def open_table(
 
 def _simulated(rig: Rig, homed: bool) -> OpenTable:
     """The virtual table at the wall clock's pace, its ball at rest in the middle."""
-    from rig.paced import Paced
-    from rig.simulator import SimulatedTable
+    from rig.loop.paced import Paced
+    from rig.simulation.simulator import SimulatedTable
 
     table = Paced(SimulatedTable(rig, np.random.default_rng(1)))
     if not homed:
@@ -85,15 +88,15 @@ def _simulated(rig: Rig, homed: bool) -> OpenTable:
     return table
 
 
-def _board(rig: Rig, eye: Eye | None, wiring: Wiring, homed: bool) -> OpenTable:
-    from rig.hardware.board import BoardTable
+def _board(rig: Rig, eye: ObservationSource | None, wiring: Wiring, homed: bool) -> OpenTable:
+    from rig.hardware.board.board import BoardTable
 
     if rig.table.kind == "serial":
-        from rig.hardware.serial_link import SerialLink
+        from rig.hardware.board.serial_link import SerialLink
 
         link = SerialLink(rig.table.port, rig.table.baud)
     else:
-        from rig.hardware.usb_link import UsbLink
+        from rig.hardware.board.usb_link import UsbLink
 
         link = UsbLink(*usb_numbers(rig.table.address))
     table = BoardTable(
@@ -111,7 +114,10 @@ def _board(rig: Rig, eye: Eye | None, wiring: Wiring, homed: bool) -> OpenTable:
 
 
 def usb_numbers(address: str) -> tuple[int, ...]:
-    """(vendor, product) of "1209:0001"; () where nothing is said: the driver's own."""
+    """Return (vendor, product) of "1209:0001"; () of an empty address: the driver's own numbers.
+
+    ValueError: the address is not like that.
+    """
     if not address:
         return ()
     found = re.fullmatch(r"([0-9a-fA-F]{4}):([0-9a-fA-F]{4})", address)

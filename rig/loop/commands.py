@@ -8,7 +8,7 @@ from typing import Protocol
 
 @dataclass(frozen=True)
 class Stop:
-    """End the run now; outcome and reason go into the recording."""
+    """End the run now; outcome and reason are kept in its recording."""
 
     reason: str
     outcome: str = "aborted"
@@ -16,7 +16,7 @@ class Stop:
 
 @dataclass(frozen=True)
 class Push:
-    """Push the (simulated) ball with this acceleration for so long."""
+    """Push the (simulated) ball with this acceleration (x, y) for `seconds`."""
 
     acceleration_m_s2: tuple[float, float]
     seconds: float = 0.08
@@ -24,14 +24,14 @@ class Push:
 
 @dataclass(frozen=True)
 class Target:
-    """Send the ball here instead of where the protocol says; None gives the protocol back."""
+    """Send the ball to xy_m (plate frame) instead of the course's targets; None: to these again."""
 
     xy_m: tuple[float, float] | None
 
 
 @dataclass(frozen=True)
 class SetGains:
-    """Change outer gains: proportional [rad/m], integral [rad/m/s], derivative [rad s/m]."""
+    """Change the gains of the outer PID: kp [rad/m], ki [rad/m/s], kd [rad s/m]."""
 
     kp: float
     ki: float
@@ -45,11 +45,16 @@ LONGEST_QUEUE = 64
 class Inbox(Protocol):
     """Where a loop takes its commands from, at every tick."""
 
-    def take(self) -> list[Command]: ...
+    def take(self) -> list[Command]:
+        """Return the commands put since the last call, in order; a stop alone when there is one."""
+        ...
 
 
 class CommandSlot:
-    """Callbacks put, the loop takes at its next tick; a stop is never lost or delayed by others."""
+    """A slot for commands from any thread; the loop takes them at its next tick.
+
+    A stop is never lost or delayed by other commands; of these the newest LONGEST_QUEUE are kept.
+    """
 
     def __init__(self) -> None:
         self._lock = RLock()  # a signal's handler may put while its own thread takes
@@ -57,6 +62,7 @@ class CommandSlot:
         self._waiting: deque[Command] = deque(maxlen=LONGEST_QUEUE)
 
     def put(self, command: Command) -> None:
+        """Add a command; of several stops the first is kept."""
         with self._lock:
             if isinstance(command, Stop):
                 self._stop = self._stop or command
@@ -64,7 +70,7 @@ class CommandSlot:
                 self._waiting.append(command)
 
     def take(self) -> list[Command]:
-        """Everything put since the last take, a stop alone when there is one."""
+        """Return the commands put since the last call, in order; a stop alone when there is one."""
         with self._lock:
             waiting = list(self._waiting)
             self._waiting.clear()

@@ -9,9 +9,11 @@ EDGES_US = (
 
 
 class Jitter:
-    """Lateness of ticks [s]; `missed`: grid points of the clock at which no tick was.
+    """Histogram of how late ticks came.
 
-    `values_us` keeps every value as well, where a room for `keep` of them was asked for.
+    counts: by bins with the edges EDGES_US; ticks: how many; missed: points of the clock's grid at
+    which no tick was; worst_us: latest tick [1e-6 s]; values_us: the first `keep` values
+    themselves.
     """
 
     def __init__(self, keep: int = 0) -> None:
@@ -20,6 +22,7 @@ class Jitter:
         self.values_us: list[float] = [0.0] * keep
 
     def add(self, late_s: float, missed: int = 0) -> None:
+        """Add a tick that came `late_s` late, and `missed` points of the grid before it."""
         late_us = 1e6 * late_s
         self.counts[bisect_right(EDGES_US, late_us)] += 1
         if self.ticks < len(self.values_us):
@@ -30,7 +33,9 @@ class Jitter:
             self.worst_us = late_us
 
     def quantile_us(self, share: float) -> float:
-        """The upper edge of the bin in which this share of the ticks is reached; inf beyond all."""
+        """Upper edge [1e-6 s] of the bin in which the share of the ticks is reached; inf beyond
+        all edges.
+        """
         wanted, so_far = share * self.ticks, 0
         for edge, count in zip(EDGES_US, self.counts, strict=False):
             so_far += count
@@ -39,8 +44,11 @@ class Jitter:
         return float("inf")
 
     def record(self) -> dict:
-        """As run.json keeps it: counts[i] ticks were later than edges_us[i - 1], at most
-        edges_us[i]; the last count is beyond all edges."""
+        """Return the histogram as run.json keeps it.
+
+        counts[i] ticks were at least edges_us[i - 1] late and less than edges_us[i]; the last count
+        is that beyond all edges.
+        """
         return {
             "ticks": self.ticks,
             "missed": self.missed,

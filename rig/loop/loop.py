@@ -1,90 +1,124 @@
-"""The loop: read, believe, wish, limit, drive, keep. No sleep, no clock, no `if simulated`."""
+"""One run: every tick reads sensors, estimates, commands, limits, drives and records.
+
+No sleep, no clock, no `if simulated`.
+"""
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rig import guard, own, pilot
-from rig.commands import Command, CommandSlot, Inbox, Push, SetGains, Stop, Target
-from rig.endings import Ending
-from rig.guard import GuardLimits, Trip
-from rig.hands import SAY, Hand
-from rig.levelling import LevelOnExit
-from rig.limits import limit
+from rig.control import tick, user_controller
+from rig.control.tick import BLIND, HOLD, PLACE, RUN, control_tick, fill_row
+from rig.course import BLIND_LIMIT_S, Course
 from rig.log import COLUMNS
+from rig.loop.commands import Command, CommandSlot, Inbox, Push, SetGains, Stop, Target
+from rig.operator import SAY, Operator
 from rig.parameters import Rig
-from rig.pilot import BLIND, HOLD, PLACE, RUN, pilot_tick
-from rig.rows import fill_row
-from rig.simulate import BLIND_LIMIT_S, Course
+from rig.safety import monitor
+from rig.safety.levelling import LevelOnExit
+from rig.safety.limits import limit
+from rig.safety.monitor import Fault, MonitorLimits
 from rig.table import Reading, Table
 
 HIGHEST_GAINS = (20.0, 20.0, 20.0)  # rad/m, rad/(m s), rad s/m: what a setpoint page may ask for
-DONE = Ending("completed")
 PLACED_S = 0.5  # so long a ball must lie at its start before it counts as placed
 
 
-class Loop:
-    """One run of an arm on a table; `run` returns how it ended and hands every row to `keep`.
+@dataclass(frozen=True)
+class Ending:
+    """How a run ended.
 
-    `late_s`: how late the last tick came by the wall clock, where the table's own time does not
-    tell; `limits`: what the guard holds the table to (those of `known` where not given).
+    outcome: "completed", "ball lost", "limit", "not released", "aborted", "interrupted", that of a
+    `Stop` or of an error, or the name of the monitor's fault; reason: for a person; level: whether
+    the plate may be levelled afterwards, else 0 V at once.
+    """
+
+    outcome: str
+    reason: str = ""
+    level: bool = True
+
+
+def ending_of(error: BaseException) -> Ending:
+    """Return the ending of a run that raised `error`.
+
+    An error that bears its own `outcome` (a lost link, a camera) names it; another aborts the run.
+    """
+    if isinstance(error, KeyboardInterrupt):
+        return Ending("interrupted", "by the operator")
+    outcome = getattr(error, "outcome", "aborted")
+    return Ending(outcome, f"{type(error).__name__}: {error}")
+
+
+DONE = Ending("completed")
+
+
+class Loop:
+    """One run of a controller on a table, tick by tick; every tick's row goes to `keep`.
+
+    known: what the controller may know of the table; compensator: a number of
+    `controllers.COMPENSATORS`; commands: where stops, pushes, gains and targets come from;
+    controller: a user's, in place of the built-in one; keep: takes the row (len(COLUMNS),), which
+    is written anew at the next tick; event: takes time and text of what happened; late_s: tells how
+    late the last tick came by the wall clock, where the table's own time does not; limits: of the
+    monitor (default: those of `known`).
     """
 
     def __init__(
         self,
         table: Table,
         known: Rig,
-        arm: int,
+        compensator: int,
         course: Course,
         *,
-        hand: Hand | None = None,
+        operator: Operator | None = None,
         commands: Inbox | None = None,
-        controller: own.OwnController | None = None,
+        controller: user_controller.UserController | None = None,
         keep: Callable[[np.ndarray], None] = lambda row: None,
         event: Callable[[float, str], None] = lambda t_s, text: None,
         late_s: Callable[[], float] = lambda: 0.0,
-        limits: GuardLimits | None = None,
+        limits: MonitorLimits | None = None,
     ) -> None:
-        self._late_s, self._limits = late_s, limits or GuardLimits.of_rig(known)
-        self._memory = guard.Memory()
-        self._table, self._course, self._hand = table, course, hand or Hand()
+        self._late_s, self._limits = late_s, limits or MonitorLimits.of_rig(known)
+        self._monitor_state = monitor.MonitorState()
+        self._table, self._course, self._operator = table, course, operator or Operator()
         self._commands, self._keep, self._event = commands or CommandSlot(), keep, event
-        self._own, self._known = controller, known
-        self._q = pilot.settings(known, arm, servo_only=course.servo_only)
-        self.pilot = pilot.start(self._q, held=course.hold_s > 0)
+        self._controller, self._known = controller, known
+        self._q = tick.settings(known, compensator, servo_only=course.servo_only)
+        self.state = tick.start(self._q, held=course.hold_s > 0)
         self._reach_m = 0.5 * known.linkage.plate_side_m
-        self._wish, self._applied = np.zeros(2), np.zeros(2)
+        self._commanded, self._applied = np.zeros(2), np.zeros(2)
         self._row = np.full(len(COLUMNS), np.nan)
         self._target: tuple[float, float] | None = None
         self._push, self._push_until = (0.0, 0.0), -1.0
         self._ticks = self._blind = 0
-        self._steps = [step for step in course.operator if self._hand.is_person]
+        self._steps = [step for step in course.operator if self._operator.is_person]
         self._placed_since: float | None = None
         self._held_since: float | None = None
         self._pushing = False
         if "place" in self._steps:
-            self.pilot["phase"] = PLACE
+            self.state["phase"] = PLACE
 
     def run(self) -> Ending:
-        """Tick until the course is done or something ends it.
+        """Tick until the course is done or something ends the run; return how it ended.
 
-        Whatever is raised leaves 0 V behind; leaving the table's context levels the plate unless
-        the encoders are no longer to be trusted. A lab's own controller that fails ends the run at
-        0 V: aborted, with the reason.
+        Where anything is raised, 0 V is driven before it passes on; leaving the table's context
+        levels the plate, unless the encoders are no longer to be trusted. A user controller that
+        fails ends the run at 0 V: aborted, with the reason. OSError: the table or its camera is
+        lost.
         """
         try:
             ending = self._until_done()
-        except own.ControllerError as error:
+        except user_controller.ControllerError as error:
             ending = Ending("aborted", str(error))
         except BaseException:
             with suppress(Exception):  # the first error is the one to hear of
                 self._table.drive((0.0, 0.0))
             raise
-        if self._own is not None:
+        if self._controller is not None:
             self._table.drive((0.0, 0.0))
-            said = own.end(self._own, ending.outcome)
+            said = user_controller.end_controller(self._controller, ending.outcome)
             ending = replace(ending, reason="; ".join(filter(None, (ending.reason, said))))
         if not ending.level:
             self._table.drive((0.0, 0.0))
@@ -93,17 +127,17 @@ class Loop:
         return ending
 
     def _until_done(self) -> Ending:
-        if self._own is not None:
-            own.start(self._own, self._known, self._table.period_s)
+        if self._controller is not None:
+            user_controller.start_controller(self._controller, self._known, self._table.period_s)
         while True:
             ending = self._tick(self._table.read())
             if ending is not None:
                 return ending
 
     def _tick(self, reading: Reading) -> Ending | None:
-        trip = self._watch(reading)
-        if trip is not None and not trip.level:  # before any stop, which would level the plate
-            return self._cut(reading, trip)
+        fault = self._watch(reading)
+        if fault is not None and not fault.level:  # before any stop, which would level the plate
+            return self._cut(reading, fault)
         for command in self._commands.take():
             if isinstance(command, Stop):
                 return Ending(command.outcome, command.reason)
@@ -111,24 +145,24 @@ class Loop:
         self._guide(reading)
         row = reading.row()
         target = np.array(self._target or self._course.targets_m[self._ticks])
-        before = self.pilot["phase"]
-        pilot_tick(self.pilot, self._q, row, target, self._applied, self._wish)
-        failed = self._ask_own(row, target)
-        if before == HOLD and self.pilot["phase"] != HOLD:
+        before = self.state["phase"]
+        control_tick(self.state, self._q, row, target, self._applied, self._commanded)
+        failed = self._ask_controller(row, target)
+        if before == HOLD and self.state["phase"] != HOLD:
             self._event(reading.t_s, "released")
-        trip = trip or guard.check_wish(float(self._wish[0]), float(self._wish[1]))
-        push = self._hand.act(reading, self._push_now(reading.t_s))
-        age_s, q = self._memory.late_s, self._q
+        fault = fault or monitor.check_command(float(self._commanded[0]), float(self._commanded[1]))
+        push = self._operator.act(reading, self._push_now(reading.t_s))
+        age_s, q = self._monitor_state.late_s, self._q
         for a, theta in enumerate(reading.theta_rad):
-            rate = self.pilot["belief"]["rate"][a]
+            rate = self.state["estimate"]["rate"][a]
             last, bounds = self._applied[a], (q["voltage_limit"], q["angle_limit"], q["slew"])
-            now = limit(self._wish[a], theta, rate, last, *bounds, age_s)
+            now = limit(self._commanded[a], theta, rate, last, *bounds, age_s)
             self._applied[a] = 0.0 if failed else now
         self._table.drive((float(self._applied[0]), float(self._applied[1])))
         self._note(reading, row, target, push)
         if failed:
             raise failed
-        return Ending(trip.name, trip.reason) if trip is not None else self._ended(reading)
+        return Ending(fault.name, fault.reason) if fault is not None else self._ended(reading)
 
     def _note(
         self, reading: Reading, row: np.ndarray, target: np.ndarray, push: tuple[float, float]
@@ -136,48 +170,52 @@ class Loop:
         """Hand the tick's row to `keep`."""
         covariance = np.array(reading.ball.cov_m2 if reading.ball else (np.nan,) * 3)
         pushed = 1.0 if push != (0.0, 0.0) else 0.0
-        wish, applied = self._wish, self._applied
-        fill_row(self._row, self.pilot, self._q, row, covariance, target, pushed, wish, applied)
+        commanded, applied = self._commanded, self._applied
+        fill_row(
+            self._row, self.state, self._q, row, covariance, target, pushed, commanded, applied
+        )
         self._keep(self._row)
 
-    def _watch(self, reading: Reading) -> Trip | None:
-        """What the guard says of a reading."""
-        balancing = self.pilot["phase"] not in (PLACE, HOLD) and not self._course.servo_only
+    def _watch(self, reading: Reading) -> Fault | None:
+        """What the monitor says of a reading."""
+        balancing = self.state["phase"] not in (PLACE, HOLD) and not self._course.servo_only
         applied = float(self._applied[0]), float(self._applied[1])
-        self._memory, trip = guard.look(
-            self._memory,
+        self._monitor_state, fault = monitor.check(
+            self._monitor_state,
             self._limits,
             reading,
             applied,
             balancing=bool(balancing),
             late_s=self._late_s(),
         )
-        return trip
+        return fault
 
-    def _cut(self, reading: Reading, trip: Trip) -> Ending:
+    def _cut(self, reading: Reading, fault: Fault) -> Ending:
         """0 V at once; the reading that gave the reason is kept where it has a time of its own."""
         self._table.drive((0.0, 0.0))
-        self._applied[:] = self._wish[:] = 0.0
+        self._applied[:] = self._commanded[:] = 0.0
         if np.isfinite(reading.t_s) and not reading.t_s <= self._row[0]:
             self._note(reading, reading.row(), np.full(2, np.nan), (0.0, 0.0))
-        return Ending(trip.name, trip.reason, level=False)
+        return Ending(fault.name, fault.reason, level=False)
 
-    def _ask_own(self, row: np.ndarray, target: np.ndarray) -> own.ControllerError | None:
-        """A lab's own controller in place of the built-in one, where that would steer the ball."""
-        steering = self.pilot["phase"] in (HOLD, RUN) and self.pilot["belief"]["frames"] > 0
-        if self._own is None or self._q["servo_only"] or not steering:
+    def _ask_controller(
+        self, row: np.ndarray, target: np.ndarray
+    ) -> user_controller.ControllerError | None:
+        """A user controller in place of the built-in one, where that would steer the ball."""
+        steering = self.state["phase"] in (HOLD, RUN) and self.state["estimate"]["frames"] > 0
+        if self._controller is None or self._q["servo_only"] or not steering:
             return None
-        seen = own.now(self.pilot, self._q, row, target, self._applied)
+        seen = user_controller.now(self.state, self._q, row, target, self._applied)
         try:
-            own.wish(self._own, seen, self._wish)
-        except own.ControllerError as error:
+            user_controller.command_volts(self._controller, seen, self._commanded)
+        except user_controller.ControllerError as error:
             return error
         return None
 
     def _guide(self, reading: Reading) -> None:
         """Ask the operator for the steps in turn; see from the ball when it is placed."""
         t_s = reading.t_s
-        if self.pilot["phase"] == PLACE:
+        if self.state["phase"] == PLACE:
             self._ask("place", t_s)
             if reading.ball is not None:
                 off = np.hypot(*np.subtract(reading.ball.xy_m, self._course.start_m))
@@ -185,9 +223,9 @@ class Loop:
                 begin = t_s if self._placed_since is None else self._placed_since
                 self._placed_since = begin if near else None
             if self._placed_since is not None and t_s - self._placed_since >= PLACED_S:
-                self.pilot["phase"] = HOLD if self._course.hold_s > 0 else RUN
+                self.state["phase"] = HOLD if self._course.hold_s > 0 else RUN
                 self._event(t_s, "placed")
-        if self.pilot["phase"] == HOLD:
+        if self.state["phase"] == HOLD:
             self._held_since = t_s if self._held_since is None else self._held_since
             self._ask("hold", t_s)
             if t_s - self._held_since >= self._course.hold_s:
@@ -201,18 +239,18 @@ class Loop:
             self._steps.remove(step)
         x, y = (100 * v for v in self._course.start_m)
         text = SAY[step].format(x=x, y=y)
-        self._hand.tell(text)
+        self._operator.tell(text)
         self._event(t_s, f"asked: {text}")
 
     def _ended(self, reading: Reading) -> Ending | None:
         """The ending that this tick brings, or None; counts the ticks since the release."""
-        blind = self.pilot["phase"] == BLIND
+        blind = self.state["phase"] == BLIND
         self._blind = self._blind + 1 if blind else 0
         if self._blind * self._table.period_s > BLIND_LIMIT_S:
             return Ending("ball lost", f"the ball was not seen for {BLIND_LIMIT_S:g} s")
-        if self.pilot["phase"] not in (PLACE, HOLD):
+        if self.state["phase"] not in (PLACE, HOLD):
             self._ticks += 1
-        elif reading.t_s > self._course.hold_s + self._hand.release_limit_s:
+        elif reading.t_s > self._course.hold_s + self._operator.release_limit_s:
             return Ending(
                 "not released", "the ball was not seen to leave the place where it was held"
             )
@@ -221,7 +259,7 @@ class Loop:
         return Ending("ball lost", "the ball was out of sight at the end") if blind else DONE
 
     def _push_now(self, t_s: float) -> tuple[float, float]:
-        if self.pilot["phase"] in (PLACE, HOLD):
+        if self.state["phase"] in (PLACE, HOLD):
             return (0.0, 0.0)
         if t_s < self._push_until:
             return self._push

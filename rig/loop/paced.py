@@ -3,13 +3,13 @@
 import time
 from collections.abc import Callable
 
-from rig.deadlines import Ticker, sleep_until
-from rig.levelling import LevelOnExit
+from rig.loop.ticker import Ticker, sleep_until
+from rig.safety.levelling import LevelOnExit
 from rig.table import Reading
 
 
 class Paced(LevelOnExit):
-    """Holds a simulated table to the wall clock: absolute deadlines, late ticks counted.
+    """A simulated table held to the wall clock by absolute deadlines; late ticks are counted.
 
     `clock` and `sleep` (seconds) stand for those of the system in tests.
     """
@@ -34,14 +34,18 @@ class Paced(LevelOnExit):
 
     @property
     def late_ticks(self) -> int:
+        """How often a tick came so late that points of the wall clock's grid were missed."""
         return self.ticker.late_ticks
 
     def read(self) -> Reading:
+        """Wait for the next point of the wall clock's grid and return the table's reading."""
         self.ticker.wait()
         return self._table.read()
 
     def drive(self, volts: tuple[float, float]) -> None:
+        """Apply volts (x, y) from now to the next tick. ValueError: volts that are not finite."""
         self._table.drive(volts)
 
     def close(self) -> None:
+        """Close the table."""
         self._table.close()

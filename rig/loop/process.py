@@ -14,28 +14,31 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
-from rig.commands import Command, CommandSlot, Stop
-from rig.endings import Ending, ending_of
-from rig.guard import GuardLimits
-from rig.hands import Hand
-from rig.jitter import Jitter
+from rig.control.user_controller import load_controller
+from rig.course import Course
 from rig.log import INDEX
-from rig.loop import Loop
-from rig.mailbox import ENDING, RUNNING, STARTING, Mailbox, Orders, taken_orders
-from rig.own_file import load_controller
+from rig.loop.commands import Command, CommandSlot, Stop
+from rig.loop.jitter import Jitter
+from rig.loop.loop import Ending, Loop, ending_of
+from rig.loop.realtime import go_realtime
+from rig.loop.shared_channel import (
+    ENDING,
+    RUNNING,
+    STARTING,
+    SharedChannel,
+    SharedCommandSlot,
+    take_commands,
+)
+from rig.loop.signals import stop_on_signals
+from rig.operator import Operator
 from rig.parameters import Rig
-from rig.realtime import go_realtime
-from rig.simulate import Course
-from rig.simulator import SimulatedTable
-from rig.stopping import stop_on_signals
+from rig.safety.monitor import MonitorLimits
+from rig.simulation.simulator import SimulatedTable
 from rig.table import Table
-
-if TYPE_CHECKING:
-    from rig.hardware.eye import CameraEye
 
 PARENT_SILENT_S = 2.0  # a program that hangs for so long looks after nothing
 LOOP_SILENT_S = 1.0  # a loop that hangs for so long is ended by force
@@ -45,22 +48,31 @@ WARM_TICKS = 25
 _THETA = INDEX["theta_x_rad"]
 
 
+class AngleListener(Protocol):
+    """Who is told the servo angles of every tick: a camera that needs them as a first guess."""
+
+    def tell(self, theta_rad: tuple[float, float]) -> None:
+        """Take the encoder angles (x, y) of this tick."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class Job:
     """A run as it travels to the loop's process: everything here can be pickled.
 
-    table: makes the table (a context manager), called there; hand: makes the operator's hand of
-    it; eye: what the table was given to see with, for the encoders' hint; controller: a lab's own,
-    FILE.py:ClassName; trace: keep the lateness of so many ticks for a benchmark.
+    table: makes the table (a context manager), called in that process; operator: makes the table's
+    operator; limits: of the monitor; eye: what the table sees with, told the encoder angles;
+    controller: a user's, FILE.py:ClassName, "" for the built-in one; realtime: ask the system for
+    real time; trace: for how many ticks to keep the lateness itself, for a benchmark.
     """
 
     table: Callable[[], Table]
     known: Rig
-    arm: int
+    compensator: int
     course: Course
-    hand: Callable[[Table], Hand] | None = None
-    limits: GuardLimits | None = None
-    eye: "CameraEye | None" = None
+    operator: Callable[[Table], Operator] | None = None
+    limits: MonitorLimits | None = None
+    eye: AngleListener | None = None
     controller: str = ""
     realtime: bool = True
     trace: int = 0
@@ -70,7 +82,7 @@ class Job:
 class _Inbox:
     """Commands as the loop takes them: the program's, the system's, and the program's death."""
 
-    def __init__(self, box: Mailbox, parent: int) -> None:
+    def __init__(self, box: SharedChannel, parent: int) -> None:
         self.signals = CommandSlot()
         self._box, self._parent = box, parent
 
@@ -80,7 +92,7 @@ class _Inbox:
             return [Stop("the program that started the loop has died", "program lost")]
         if self._box.silent_s("parent_s") > PARENT_SILENT_S:
             return [Stop(f"the program was silent for {PARENT_SILENT_S:g} s", "program lost")]
-        return self.signals.take() or taken_orders(self._box)
+        return self.signals.take() or take_commands(self._box)
 
     def put(self, command: Command) -> None:
         self.signals.put(command)
@@ -118,10 +130,10 @@ def warm_up(job: Job) -> None:
     known = job.known
     table = SimulatedTable(known, np.random.default_rng(0), start_m=course.start_m)
     with table:
-        Loop(table, known, job.arm, course, hand=Hand()).run()
+        Loop(table, known, job.compensator, course, operator=Operator()).run()
 
 
-def _work(job: Job, box: Mailbox, parent: int, result: Connection) -> None:
+def _work(job: Job, box: SharedChannel, parent: int, result: Connection) -> None:
     """The loop's process from its start to its end."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the program hears it and stops the loop
     inbox, jitter, report = _Inbox(box, parent), Jitter(job.trace), {}
@@ -141,7 +153,7 @@ def _work(job: Job, box: Mailbox, parent: int, result: Connection) -> None:
     box.close()
 
 
-def _keeper(box: Mailbox, eye: "CameraEye | None") -> Callable[[np.ndarray], None]:
+def _keeper(box: SharedChannel, eye: AngleListener | None) -> Callable[[np.ndarray], None]:
     if eye is None:
         return box.rows.write
 
@@ -152,24 +164,24 @@ def _keeper(box: Mailbox, eye: "CameraEye | None") -> Callable[[np.ndarray], Non
     return keep
 
 
-def _run(job: Job, box: Mailbox, inbox: _Inbox, jitter: Jitter) -> Ending:
-    own = load_controller(job.controller) if job.controller else None
+def _run(job: Job, box: SharedChannel, inbox: _Inbox, jitter: Jitter) -> Ending:
+    controller = load_controller(job.controller) if job.controller else None
     table = job.table()
     with table:  # pyright: ignore[reportGeneralTypeIssues]
-        hand = job.hand(table) if job.hand else Hand()
+        operator = job.operator(table) if job.operator else Operator()
         box.beat("loop_s", RUNNING)
         loop = Loop(
             table,
             job.known,
-            job.arm,
+            job.compensator,
             job.course,
-            hand=hand,
+            operator=operator,
             commands=inbox,
             keep=_keeper(box, job.eye),
             event=box.say,
             late_s=_Lateness(table, jitter),
             limits=job.limits,
-            controller=own,
+            controller=controller,
         )
         try:
             return loop.run()
@@ -179,16 +191,16 @@ def _run(job: Job, box: Mailbox, inbox: _Inbox, jitter: Jitter) -> Ending:
 
 # --- the program's side ---
 class LoopProcess:
-    """A run in its own process. `put` takes commands from any thread at any time.
+    """A run in its own process, which is started at once. `put` takes commands from any thread.
 
-    After `run`: notes (jitter, realtime, lost rows and words: as run.json keeps them) and
-    late_us (with `Job.trace`).
+    After `run`: notes (as run.json keeps them: jitter, realtime, lost_rows, lost_events) and
+    late_us (lateness of the first `Job.trace` ticks).
     """
 
     def __init__(self, job: Job) -> None:
-        self._box = Mailbox()
-        self._orders = Orders(self._box)
-        self.put = self._orders.put
+        self._box = SharedChannel()
+        self._commands = SharedCommandSlot(self._box)
+        self.put = self._commands.put
         self.notes: dict = {}
         self.late_us: list[float] = []
         context = multiprocessing.get_context("spawn")
@@ -205,6 +217,7 @@ class LoopProcess:
 
     @property
     def pid(self) -> int:
+        """Number of the loop's process; 0 before it was started."""
         return self._process.pid or 0
 
     def _beat(self) -> None:
@@ -216,9 +229,11 @@ class LoopProcess:
         keep: Callable[[np.ndarray], None] = lambda row: None,
         event: Callable[[float, str], None] = lambda t_s, text: None,
     ) -> Ending:
-        """Hand every row to `keep` and every event to `event` until the run has ended.
+        """Hand every row to `keep` and every event to `event` until the run ends; return its
+        ending.
 
-        What these raise (a full disk, Ctrl-C) stops the loop first and is then raised again.
+        What these two raise (a full disk, Ctrl-C) stops the loop first and is then raised again. A
+        process that dies or hangs gives the outcome "loop died".
         """
         try:
             while not self._result.poll(DRAIN_S) and not self._dead():
@@ -239,7 +254,7 @@ class LoopProcess:
     def _drain(self, keep, event) -> None:
         for row in self._box.rows.read():
             keep(row)
-        for t_s, text in self._box.taken_words():
+        for t_s, text in self._box.take_events():
             event(t_s, text)
 
     def _dead(self) -> bool:
@@ -272,7 +287,7 @@ class LoopProcess:
         if self._process.is_alive():
             self._process.kill()
             self._process.join()
-        rows, words = self._box.rows.lost, self._box.words.lost
-        self.notes = {**self.notes, "lost_rows": rows, "lost_events": words}
+        rows, events = self._box.rows.lost, self._box.events.lost
+        self.notes = {**self.notes, "lost_rows": rows, "lost_events": events}
         self._result.close()
         self._box.close()

@@ -11,9 +11,10 @@ _held: list[int] = []  # a file that must stay open
 
 
 def go_realtime() -> dict[str, str]:
-    """Real-time priority of this thread, memory locked, no sleep states, no garbage collector.
+    """Ask for real-time priority, locked memory and no sleep states; stop the garbage collector.
 
-    Returns "yes" or why not for each, as run.json keeps it.
+    Returns "yes" or why not for each, as run.json keeps it: sched_fifo, mlockall, cpu_dma_latency,
+    and garbage_collector "off". What the system refuses is no error.
     """
     gc.collect()
     gc.freeze()

@@ -9,16 +9,16 @@ import time
 
 import numpy as np
 
-from rig.commands import LONGEST_QUEUE, Command, Push, SetGains, Stop, Target
 from rig.log import COLUMNS
-from rig.shared_ring import SharedArray, SharedRing
+from rig.loop.commands import LONGEST_QUEUE, Command, Push, SetGains, Stop, Target
+from rig.shared_memory import SharedArray, SharedRing
 
 ROWS = 8192  # 16 s of a reader that does not read
-WORDS = 256
+EVENTS = 256
 TEXT = 240  # bytes of UTF-8
 
-WORD = np.dtype([("t_s", np.float64), ("text", f"S{TEXT}")])
-ORDER = np.dtype([("kind", np.int64), ("numbers", np.float64, (3,))])
+EVENT = np.dtype([("t_s", np.float64), ("text", f"S{TEXT}")])
+COMMAND = np.dtype([("kind", np.int64), ("numbers", np.float64, (3,))])
 STOP = np.dtype([("reason", f"S{TEXT}"), ("outcome", "S40"), ("said", np.int64)])
 PULSE = np.dtype([("parent_s", np.float64), ("loop_s", np.float64), ("state", np.int64)])
 PUSH, TARGET, OWN_TARGET, GAINS = range(4)
@@ -26,48 +26,56 @@ STARTING, RUNNING, ENDING = range(3)
 
 
 def encode(text: str, size: int = TEXT) -> bytes:
-    """As UTF-8, cut where it is too long, never inside a letter."""
+    """Return the text as at most `size` bytes of UTF-8, never cut inside a character."""
     return text.encode()[:size].decode(errors="ignore").encode()
 
 
-class Mailbox:
-    """The shared memory of one run; pickled to the loop's process by its names."""
+class SharedChannel:
+    """The shared memory of one run; pickled to the loop's process by its names.
+
+    rows: ring of rows (len(COLUMNS),); events: of times and texts; commands; stop: one record with
+    a place of its own; pulse: when each side last gave a sign of life, and the loop's state.
+    """
 
     def __init__(self) -> None:
         self.rows = SharedRing(np.dtype((np.float64, (len(COLUMNS),))), ROWS)
-        self.words = SharedRing(WORD, WORDS)
-        self.orders = SharedRing(ORDER, LONGEST_QUEUE + 1)
+        self.events = SharedRing(EVENT, EVENTS)
+        self.commands = SharedRing(COMMAND, LONGEST_QUEUE + 1)
         self.stop = SharedArray((1,), STOP)
         self.pulse = SharedArray((1,), PULSE)
 
     def close(self) -> None:
-        for part in (self.rows, self.words, self.orders, self.stop, self.pulse):
+        """Let go of the memory; the process that made it frees it."""
+        for part in (self.rows, self.events, self.commands, self.stop, self.pulse):
             part.close()
 
     def say(self, t_s: float, text: str) -> None:
-        """An event, from the loop's process."""
-        self.words.write((t_s, encode(text)))
+        """Send an event of the run's time t_s [s] from the loop's process; a long text is cut."""
+        self.events.write((t_s, encode(text)))
 
-    def taken_words(self) -> list[tuple[float, str]]:
-        return [(float(w["t_s"]), w["text"].decode()) for w in self.words.read()]
+    def take_events(self) -> list[tuple[float, str]]:
+        """Return the events (t_s, text) sent since the last call."""
+        return [(float(w["t_s"]), w["text"].decode()) for w in self.events.read()]
 
     def beat(self, side: str, state: int | None = None) -> None:
-        """I am alive: `side` is "parent_s" or "loop_s"."""
+        """Note that a side is alive: "parent_s" or "loop_s"; and the loop's state, where given."""
         self.pulse.array[side][0] = time.monotonic()
         if state is not None:
             self.pulse.array["state"][0] = state
 
     def silent_s(self, side: str) -> float:
+        """Time since a side, "parent_s" or "loop_s", was last alive [s]."""
         return time.monotonic() - float(self.pulse.array[side][0])
 
 
-class Orders:
-    """The parent's end of the command slot; any thread may put."""
+class SharedCommandSlot:
+    """The program's end of the commands: any thread may put."""
 
-    def __init__(self, box: Mailbox) -> None:
+    def __init__(self, box: SharedChannel) -> None:
         self._box, self._lock = box, threading.RLock()
 
     def put(self, command: Command) -> None:
+        """Send a command to the loop; of several stops the first is kept. TypeError: no command."""
         with self._lock:
             if isinstance(command, Stop):
                 stop = self._box.stop.array
@@ -76,7 +84,7 @@ class Orders:
                     stop["outcome"][0] = encode(command.outcome, 40)
                     stop["said"][0] = 1
             else:
-                self._box.orders.write(_packed(command))
+                self._box.commands.write(_packed(command))
 
 
 def _packed(command: Command) -> tuple[int, tuple[float, float, float]]:
@@ -89,14 +97,16 @@ def _packed(command: Command) -> tuple[int, tuple[float, float, float]]:
     raise TypeError(f"{command!r} is no command")
 
 
-def taken_orders(box: Mailbox) -> list[Command]:
-    """The loop's end: a stop alone when there is one, else what was put since the last time."""
+def take_commands(box: SharedChannel) -> list[Command]:
+    """Return the commands put since the last call; a stop alone when there is one. The loop's
+    end.
+    """
     stop = box.stop.array[0]
     if stop["said"]:
         return [Stop(stop["reason"].decode(), stop["outcome"].decode())]
-    if not box.orders.news:
+    if not box.commands.news:
         return []
-    return [_unpacked(int(order["kind"]), order["numbers"]) for order in box.orders.read()]
+    return [_unpacked(int(order["kind"]), order["numbers"]) for order in box.commands.read()]
 
 
 def _unpacked(kind: int, numbers: np.ndarray) -> Command:

@@ -1,4 +1,4 @@
-"""The system's wishes to end (SIGTERM, SIGHUP, console closed) as a stop of the running loop.
+"""Signals that end a program (SIGTERM, SIGHUP, console closed) as a stop of the running loop.
 
 Their default is to end the process at once, with the last volts on. SIGINT stays Python's own
 KeyboardInterrupt, which leaves every context on its way out, unless asked for.
@@ -10,24 +10,28 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Protocol
 
-from rig.commands import Command, Stop
+from rig.loop.commands import Command, Stop
 
 NAMES = ("SIGTERM", "SIGHUP", "SIGBREAK")
 
 
-class Slot(Protocol):
-    def put(self, command: Command) -> None: ...
+class StopSlot(Protocol):
+    """What takes the stop: a `CommandSlot` or its like."""
+
+    def put(self, command: Command) -> None:
+        """Take a command."""
+        ...
 
 
 @contextmanager
 def stop_on_signals(
-    slot: Slot, *, also: tuple[str, ...] = (), leave: bool = True
+    slot: StopSlot, *, also: tuple[str, ...] = (), leave: bool = True
 ) -> Iterator[None]:
-    """While inside, these signals put a `Stop` into the slot.
+    """Put a `Stop` into the slot for every signal of NAMES and `also` that comes while inside.
 
     On the way out the former handlers are back; with `leave` a signal that came then ends the
-    program as it was meant to (KeyboardInterrupt; SystemExit, 128 + its number). In other
-    threads than the main one nothing can be handled: nothing is done.
+    program as it was meant to (KeyboardInterrupt; SystemExit, 128 + its number). In a thread other
+    than the main one no signal can be handled, and nothing is done.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -40,10 +40,11 @@ sleep_until = _sleeper()
 
 
 class Ticker:
-    """`wait` returns at the next point of a grid of `period_s` that starts at its first call.
+    """Ticks on a grid of `period_s` from the first `wait` on; no late tick is made up for.
 
-    late_s: how long after the point that was due it returned; missed: points without a tick;
-    late_ticks: how often that happened.
+    late_s: how long after the point that was due the last tick came; missed: points without a tick;
+    late_ticks: how often points were missed. clock, sleep_until [s]: stand for the system's in
+    tests.
     """
 
     def __init__(
@@ -59,7 +60,7 @@ class Ticker:
         self._point = 0
 
     def wait(self) -> float:
-        """Sleep until the next point that is still to come; returns `late_s`."""
+        """Sleep until the next point of the grid that is still to come; return `late_s` [s]."""
         now_s = self._clock()
         if self._start_s is None:
             self._start_s = now_s

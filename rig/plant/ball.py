@@ -19,18 +19,21 @@ w = (x' + r omega_2, y' - r omega_1) instead of the velocity: the plate's angula
 which rings in the shafts, is then never needed.
 """
 
-from math import sqrt
+from math import sin, sqrt
+
+import numpy as np
 
 from rig.compiled import inlined
-from rig.elementary import cosine, sine
 from rig.parameters import GRAVITY_M_S2
+from rig.plant.elementary_functions import cosine, sine
 
 
 @inlined
 def plate_sines(theta_x, theta_y, ratio, cross_x, cross_y):
-    """Eq. 14 for both axes: sin(phi_x), sin(phi_y) from the angles that the plate feels [rad].
+    """sin(phi_x), sin(phi_y) by Eq. 14 for both axes [1], from the plate's felt angles [rad].
 
-    `ratio` = 2 R_d/L; `cross_x` is the share of the other axis's motion that axis x receives.
+    theta_x, theta_y: of `felt_angle`; ratio = 2 R_d/L; cross_x: share of sin(theta_y) that also
+    enters phi_x, cross_y the reverse [1].
     """
     a, b = sine(theta_x), sine(theta_y)
     return ratio * (a + cross_x * b), ratio * (b + cross_y * a)
@@ -38,7 +41,11 @@ def plate_sines(theta_x, theta_y, ratio, cross_x, cross_y):
 
 @inlined
 def plate_rates(theta_x, theta_y, omega_x, omega_y, ratio, cross_x, cross_y, s_x, s_y):
-    """omega_1, omega_2 [rad/s]: the plate's angular velocity in its own frame."""
+    """omega_1, omega_2: the plate's angular velocity in its own frame [rad/s].
+
+    theta [rad] and omega [rad/s]: felt angles and their rates by axis; ratio = 2 R_d/L; cross:
+    shares as in `plate_sines`; s_x, s_y: the sines that it returned.
+    """
     a, b = cosine(theta_x) * omega_x, cosine(theta_y) * omega_y
     per_c = ratio / sqrt(1.0 - s_x * s_x - s_y * s_y)
     return -(b + cross_y * a) * per_c, (a + cross_x * b) * per_c
@@ -46,15 +53,19 @@ def plate_rates(theta_x, theta_y, omega_x, omega_y, ratio, cross_x, cross_y, s_x
 
 @inlined
 def velocity(w_x, w_y, omega_1, omega_2, radius):
-    """x', y' of the ball's centre in the plate's frame [m/s]."""
+    """x', y' of the ball's centre in the plate's frame [m/s] from the state w = (w_x, w_y)
+    [m/s].
+    """
     return w_x - radius * omega_2, w_y + radius * omega_1
 
 
 @inlined
 def rolling(x, y, v_x, v_y, spin, slope_x, slope_y, omega_1, omega_2, factor, radius):
-    """d(w_x)/dt, d(w_y)/dt [m/s2] and d(sigma)/dt [rad/s2] of the equations above.
+    """d(w_x)/dt, d(w_y)/dt [m/s2] and d(sigma)/dt [rad/s2]: the equations of motion above.
 
-    `slope` = sin(phi) of each axis plus any level error; `factor` = k.
+    x, y [m], v_x, v_y [m/s]: the ball's centre in the plate's frame; spin = sigma [rad/s]; slope_x,
+    slope_y = sin(phi) of each axis plus any level error [1]; omega_1, omega_2 [rad/s]: of
+    `plate_rates`; factor = k = m r^2/(m r^2 + J) [1]; radius [m].
     """
     g = GRAVITY_M_S2
     cross = omega_1 * omega_2
@@ -62,3 +73,26 @@ def rolling(x, y, v_x, v_y, spin, slope_x, slope_y, omega_1, omega_2, factor, ra
     a_x = factor * (g * slope_x + omega_2 * omega_2 * x - cross * y) + gyro * omega_1
     a_y = factor * (g * slope_y + omega_1 * omega_1 * y - cross * x) + gyro * omega_2
     return a_x, a_y, -(omega_1 * v_x + omega_2 * v_y) / radius
+
+
+def tilt_sines(theta_rad: tuple[float, float], ratio: float) -> tuple[float, float]:
+    """sin(phi_x), sin(phi_y) by Eq. 14 [1] from the servo angles; `ratio` = 2 R_d/L."""
+    return ratio * sin(theta_rad[0]), ratio * sin(theta_rad[1])
+
+
+def plate_rotation(sines: tuple[float, float]) -> np.ndarray:
+    """World from plate (3, 3): the shortest turn with sines = (sin phi_x, sin phi_y).
+
+    Positive sines lower the +x and +y sides. Columns are the plate's axes in the world; the third
+    row is (-sin phi_x, -sin phi_y, c).
+    """
+    s_x, s_y = sines
+    c = sqrt(1.0 - s_x * s_x - s_y * s_y)
+    cross = -s_x * s_y / (1.0 + c)
+    return np.array(
+        [
+            [1.0 - s_x * s_x / (1.0 + c), cross, s_x],
+            [cross, 1.0 - s_y * s_y / (1.0 + c), s_y],
+            [-s_x, -s_y, c],
+        ]
+    )

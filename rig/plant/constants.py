@@ -2,7 +2,7 @@
 
 A record lies in memory and could change with every store; a tuple of numbers cannot. The fields
 bear the record's names, so an equation takes either. `constants_of` reads one lane's out of a
-block in which the lanes of a number lie side by side (`lanes.py`).
+block in which the lanes of a number lie side by side (`vectorized_plants.py`).
 """
 
 from collections import namedtuple
@@ -10,7 +10,7 @@ from collections import namedtuple
 import numpy as np
 
 from rig.compiled import inlined
-from rig.plant_record import PLANT
+from rig.plant.plant_record import PLANT
 
 PAIRS = (  # per axis
     "torque_per_volt motor_damping motor_per_torque motor_per_volt "
@@ -69,5 +69,5 @@ _PLACES = np.array([o + a for o in _OFFSETS[: len(PAIRS)] for a in (0, 1)] + _OF
 
 
 def rows_of(plants: np.ndarray) -> np.ndarray:
-    """The numbers of plants (n,) of dtype PLANT in a block's order, (ROWS, n)."""
+    """Return the numbers of plants (n,), dtype PLANT, by the rows of a block, (ROWS, n)."""
     return plants.view(np.float64).reshape(len(plants), -1)[:, _PLACES].T

@@ -6,25 +6,26 @@ theta servo angle [rad], omega its rate [rad/s], V motor volts, t the run's time
 from math import sqrt
 
 from rig.compiled import compiled, inlined
-from rig.elementary import cosine, decaying, sine, sine_cosine
+from rig.plant.elementary_functions import cosine, decaying, sine, sine_cosine
 
 # --- servo side: what becomes of the volts ---------------------------------------------------
 
 
 @inlined
 def dead_zone(volts, positive_V, negative_V):
-    """sgn(V) max(|V| - w, 0), with a width of its own on each side [V]."""
+    """V less the dead zone, sgn(V) max(|V| - w, 0), with a width w of its own on each side [V]."""
     return max(volts - positive_V, 0.0) + min(volts + negative_V, 0.0)
 
 
 @inlined
 def gain_asymmetry(volts, fraction):
-    """V (1 + a) for V > 0, V (1 - a) for V < 0 [V]."""
+    """V (1 + fraction) for V > 0, V (1 - fraction) for V <= 0 [V]."""
     return volts * (1.0 + fraction) if volts > 0.0 else volts * (1.0 - fraction)
 
 
 @inlined
 def voltage_offset(volts, offset_V):
+    """V + offset [V]."""
     return volts + offset_V
 
 
@@ -44,19 +45,21 @@ def cogging(volts, theta, amplitude_V, phase_rad, periods_per_turn):
 
 @inlined
 def gain_drift(volts, t, rate_1_s):
-    """V (1 - rate t) [V]."""
+    """V (1 - rate t), t the run's time [V]."""
     return volts * (1.0 - rate_1_s * t)
 
 
 @inlined
 def supply_sag(volts, volts_x, volts_y, drop_1_V):
-    """V (1 - drop (|V_x| + |V_y|)) [V]."""
+    """V (1 - drop (|V_x| + |V_y|)): the supply drops with the volts of both motors [V]."""
     return volts * (1.0 - drop_1_V * (abs(volts_x) + abs(volts_y)))
 
 
 @inlined
 def friction_volts(omega, friction_V, extra_V, speed_rad_s):
-    """Size of dry friction: Coulomb plus the Stribeck excess extra exp(-(omega/speed)^2) [V]."""
+    """Size of dry friction: Coulomb friction plus the Stribeck excess extra
+    exp(-(omega/speed)^2) [V].
+    """
     if extra_V == 0.0:
         return friction_V
     return friction_V + extra_V * decaying((omega / speed_rad_s) ** 2)
@@ -64,9 +67,10 @@ def friction_volts(omega, friction_V, extra_V, speed_rad_s):
 
 @inlined
 def stick(speed, largest_change):
-    """Speed after dry friction that can change it by at most `largest_change`: it never reverses.
+    """Speed after dry friction that changes it by at most `largest_change` and never reverses it.
 
-    The implicit form of -F sgn(omega): at rest it holds as long as the drive stays below F.
+    The implicit form of -F sgn(omega): at rest it holds as long as the drive stays below F. Any
+    unit of speed, alike for both arguments.
     """
     return max(speed - largest_change, 0.0) + min(speed + largest_change, 0.0)
 
@@ -84,7 +88,7 @@ def transmission_ripple(theta, amplitude_rad, phase_rad, periods_per_turn):
 
 @inlined
 def transmission_ripple_slope(theta, amplitude_rad, phase_rad, periods_per_turn):
-    """Its derivative A n cos(n theta + phase) [1]."""
+    """Derivative of `transmission_ripple` by theta, A n cos(n theta + phase) [1]."""
     if amplitude_rad == 0.0:
         return 0.0
     return amplitude_rad * periods_per_turn * cosine(periods_per_turn * theta + phase_rad)
@@ -92,39 +96,45 @@ def transmission_ripple_slope(theta, amplitude_rad, phase_rad, periods_per_turn)
 
 @inlined
 def linkage_quadratic(theta, coefficient_1_rad):
+    """Angle added by the bent linkage, q theta^2 [rad]."""
     return coefficient_1_rad * theta * theta
 
 
 @inlined
 def linkage_quadratic_slope(theta, coefficient_1_rad):
+    """Derivative of `linkage_quadratic` by theta, 2 q theta [1]."""
     return 2.0 * coefficient_1_rad * theta
 
 
 @inlined
 def linkage_cubic(theta, coefficient_1_rad2):
+    """Angle added by the linkage's cubic term, c theta^3 [rad]."""
     return coefficient_1_rad2 * theta * theta * theta
 
 
 @inlined
 def linkage_cubic_slope(theta, coefficient_1_rad2):
+    """Derivative of `linkage_cubic` by theta, 3 c theta^2 [1]."""
     return 3.0 * coefficient_1_rad2 * theta * theta
 
 
 @inlined
 def plate_bowl(position_m, stiffness_1_s2):
-    """Acceleration -stiffness * position [m/s2]."""
+    """Acceleration -stiffness position of the ball on one axis [m/s2]."""
     return -stiffness_1_s2 * position_m
 
 
 @inlined
 def viscous_drag(speed_m_s, rate_1_s):
-    """Acceleration -rate v [m/s2]."""
+    """Acceleration -rate v of the ball on one axis [m/s2]."""
     return -rate_1_s * speed_m_s
 
 
 @inlined
 def rolling_resistance(speed_x, speed_y, deceleration_m_s2, step_s):
-    """Factor on the velocity after a step of constant deceleration along it; 0 when it sticks."""
+    """Factor [1] on the ball's velocity after a step of constant deceleration along it; 0 when
+    it sticks.
+    """
     if deceleration_m_s2 <= 0.0:
         return 1.0
     lost = deceleration_m_s2 * step_s
@@ -137,7 +147,10 @@ def rolling_resistance(speed_x, speed_y, deceleration_m_s2, step_s):
 
 @compiled
 def camera_map(x, y, scale_fraction, yaw_rad, k1_1_m2):
-    """Measured position R(yaw) (1 + s)(1 + k1 r^2) true, counter-clockwise [m]."""
+    """Measured position R(yaw) (1 + s)(1 + k1 r^2) (x, y) [m]; yaw is counter-clockwise [rad].
+
+    x, y: true position in the plate's frame [m]; scale_fraction = s; r^2 = x^2 + y^2.
+    """
     factor = (1.0 + scale_fraction) * (1.0 + k1_1_m2 * (x * x + y * y))
     s, c = sine_cosine(yaw_rad)
     return factor * (c * x - s * y), factor * (s * x + c * y)
@@ -145,7 +158,10 @@ def camera_map(x, y, scale_fraction, yaw_rad, k1_1_m2):
 
 @compiled
 def camera_unmap(x, y, scale_fraction, yaw_rad, k1_1_m2):
-    """The true position of a measured one [m]: `camera_map` backwards, the lens by iteration."""
+    """True position (x, y) of a measured one [m]: the inverse of `camera_map`.
+
+    The lens is inverted by eight fixed-point iterations.
+    """
     if scale_fraction == 0.0 and yaw_rad == 0.0 and k1_1_m2 == 0.0:
         return x, y
     s, c = sine_cosine(yaw_rad)

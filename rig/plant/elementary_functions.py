@@ -1,8 +1,9 @@
 """Sine, cosine and decaying exponential as plain arithmetic, without a call or a branch.
 
-The compiler can then work on several runs at once (`lanes.py`), and one run and many give the same
-bits. Within 1 ulp or so: ranges are reduced by Cody and Waite's splitting of pi/2 and ln 2, the
-polynomials for sine and cosine are fdlibm's (Sun Microsystems, 1993), that of exp is Taylor's.
+The compiler can then work on several runs at once (`vectorized_plants.py`), and one run and many
+give the same bits. Within 1 ulp or so: ranges are reduced by Cody and Waite's splitting of pi/2 and
+ln 2, the polynomials for sine and cosine are fdlibm's (Sun Microsystems, 1993), that of exp is
+Taylor's.
 """
 
 from typing import Any
@@ -66,7 +67,7 @@ _two_to: Any = intrinsic(_power)
 
 @inlined
 def sine_cosine(x):
-    """sin(x), cos(x) for |x| < 1e5."""
+    """(sin(x), cos(x)) for |x| < 1e5, x in rad; within about 1 ulp."""
     n = np.floor(x * PER_HALF_PI + 0.5)
     r = fma(-n, HALF_PI_LOW, fma(-n, HALF_PI_HIGH, x))
     z = r * r
@@ -85,17 +86,19 @@ def sine_cosine(x):
 
 @inlined
 def sine(x):
+    """sin(x) for |x| < 1e5, x in rad."""
     return sine_cosine(x)[0]
 
 
 @inlined
 def cosine(x):
+    """cos(x) for |x| < 1e5, x in rad."""
     return sine_cosine(x)[1]
 
 
 @inlined
 def decaying(x):
-    """exp(-x) for x >= 0."""
+    """exp(-x) for x >= 0; x above SMALLEST_EXPONENT is taken as SMALLEST_EXPONENT."""
     x = min(x, SMALLEST_EXPONENT)
     n = np.floor(x * PER_LN2 + 0.5)
     r = fma(n, LN2_LOW, fma(n, LN2_HIGH, -x))

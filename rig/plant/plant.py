@@ -10,9 +10,10 @@ from math import ceil, nan
 
 import numpy as np
 
-from rig.ball import velocity
 from rig.compiled import compiled, inlined
-from rig.step import (
+from rig.discrepancy import discrepancy_acceleration
+from rig.plant.ball import velocity
+from rig.plant.step import (
     ball_step,
     drive_step,
     effective_volts,
@@ -21,7 +22,6 @@ from rig.step import (
     off_plate,
     tilt,
 )
-from rig.unknown import unknown_acceleration
 
 __all__ = ["advance", "effective_volts", "felt_angle", "plate_motion", "rest"]
 
@@ -34,7 +34,7 @@ SEEN_X, SEEN_Y, SEEN_SX, SEEN_SY, SEEN_VX, SEEN_VY, SEEN_T = range(7)
 
 
 def rest(ball_xy_m: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
-    """State (STATE_ROWS, 2) of a table at rest: servos at zero, ball where it was placed."""
+    """State (STATE_ROWS, 2) of a table at rest: servos at zero, the ball at `ball_xy_m`."""
     state = np.zeros((STATE_ROWS, 2))
     state[BALL] = ball_xy_m
     return state
@@ -42,22 +42,32 @@ def rest(ball_xy_m: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
 
 @inlined
 def plate_motion(s, p):
-    """sin(phi_x), sin(phi_y), omega_1, omega_2 of the plate in its present state."""
+    """sin(phi_x), sin(phi_y) [1], omega_1, omega_2 [rad/s] of the plate in state s (STATE_ROWS,
+    2).
+    """
     return tilt(p, s[PLATE, 0], s[PLATE_RATE, 0], s[PLATE, 1], s[PLATE_RATE, 1])
 
 
 @inlined
 def axis_of(s, a):
-    """An axis's state out of the array, as `step` takes it."""
+    """State of axis `a` as the tuple of 8 numbers that `step` takes, from s (STATE_ROWS, 2)."""
     return (
-        s[MOTOR, a], s[MOTOR_RATE, a], s[ARM, a], s[ARM_RATE, a],
-        s[PLATE, a], s[PLATE_RATE, a], s[GEAR_LOST, a], s[JOINT_LOST, a],
-    )  # fmt: skip
+        s[MOTOR, a],
+        s[MOTOR_RATE, a],
+        s[ARM, a],
+        s[ARM_RATE, a],
+        s[PLATE, a],
+        s[PLATE_RATE, a],
+        s[GEAR_LOST, a],
+        s[JOINT_LOST, a],
+    )
 
 
 @inlined
 def ball_of(s):
-    """The ball's state out of the array, as `step` takes it."""
+    """State of the ball as the tuple (x, y, w_x, w_y, spin) that `step` takes, from s
+    (STATE_ROWS, 2).
+    """
     return s[BALL, 0], s[BALL, 1], s[BALL_W, 0], s[BALL_W, 1], s[SPIN, 0]
 
 
@@ -73,15 +83,23 @@ def _keep(s, axis_x, axis_y, ball):
 
 @inlined
 def late_row(rows, delay_s, into_tick_s, ticks_s):
-    """Row of a history that reaches a motor `delay_s` late, `into_tick_s` after the tick."""
+    """Row of a history of volts that acts `into_tick_s` after a tick, delayed by `delay_s`.
+
+    Row 0 holds the volts of the present tick. rows: the history's length; ticks_s: period of a tick
+    [s]. A longer delay than the history gives its last row.
+    """
     late = delay_s - into_tick_s
     return min(int(ceil(late / ticks_s)), rows - 1) if late > 0.0 else 0
 
 
 @inlined
 def sight(p, now, exposure_s, x, y, motion, ball):
-    """What the light sees at `exposure_s`, in the step from `now` (ball at x, y) to the present
-    motion and ball: the columns SEEN_*."""
+    """What the camera's light shows at `exposure_s`: a tuple in the order of the columns SEEN_*.
+
+    The step goes from `now` [s], with the ball at x, y [m], to the motion (of `tilt`) and the
+    ball's state after it; the ball's position is interpolated to the exposure, tilt and velocity
+    are those after the step.
+    """
     part = min(max((exposure_s - now) / p.step_s, 0.0), 1.0)
     s_x, s_y, o1, o2 = motion
     v_x, v_y = velocity(ball[2], ball[3], o1, o2, p.radius)
@@ -96,8 +114,8 @@ def _unnamed(p, ball, motion, t):
     x, y = ball[0] / p.half_side, ball[1] / p.half_side
     v_x, v_y = velocity(ball[2], ball[3], motion[2], motion[3], p.radius)
     return (
-        unknown_acceleration(p.unknown, 0, x, y, v_x, t),
-        unknown_acceleration(p.unknown, 1, x, y, v_y, t),
+        discrepancy_acceleration(p.unknown, 0, x, y, v_x, t),
+        discrepancy_acceleration(p.unknown, 1, x, y, v_y, t),
     )
 
 
@@ -112,10 +130,11 @@ def _motor_volts(p, a, history, i, ticks_s, now, axis):
 def advance(s, p, history, t, ticks_s, push_x, push_y, held, exposure_s, seen):
     """Move the plant from `t` over one control tick of `ticks_s` seconds; True when the ball falls.
 
-    s (STATE_ROWS, 2) changes in place; history (n, 2) holds the volts applied (see `no_volts`), the
-    present tick's first; `seen` (7,) is filled at the step in which `exposure_s` (the next one due,
-    inf for none) has passed, else its time is NaN. The ball falls when its contact point leaves
-    the plate.
+    s (STATE_ROWS, 2): the state, changed in place; p: of `pack`; history (n, 2): volts applied (see
+    `no_volts`), the present tick's first; push_x, push_y: acceleration of the ball [m/s2]; held:
+    the ball is held in its place on the plate. exposure_s: time of the next exposure (inf for
+    none); `seen` (7,), columns SEEN_*, is filled in at the step in which that time passes, else its
+    SEEN_T is NaN. The ball falls when its contact point leaves the plate.
     """
     # No store inside the loop: the compiler may then keep the whole record in registers.
     axis_x, axis_y, ball = axis_of(s, 0), axis_of(s, 1), ball_of(s)

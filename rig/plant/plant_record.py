@@ -4,11 +4,11 @@ from math import ceil
 
 import numpy as np
 
-from rig import unknown
+from rig import discrepancy
+from rig.discrepancy import DISCREPANCY
 from rig.effects import fields, values
 from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, GRAVITY_M_S2, Rig
-from rig.shaft import DEAD_ZONE, EXACT, NONE, relaxation
-from rig.unknown import UNKNOWN
+from rig.plant.shaft import DEAD_ZONE, EXACT, NONE, relaxation
 
 STEP_S = 1e-4
 
@@ -27,14 +27,15 @@ PLANT = np.dtype(
     [(name, np.float64, (2,)) for name in _PER_AXIS]
     + [(name, np.float64, (2,)) for name, _, _ in fields()]
     + [(name, np.float64) for name in _SCALARS]
-    + [("shaft_model", np.int64), ("walls", np.int64), ("unknown", UNKNOWN)]
+    + [("shaft_model", np.int64), ("walls", np.int64), ("unknown", DISCREPANCY)]
 )
 
 
 def pack(rig: Rig, *, step_s: float = STEP_S) -> np.record:
-    """The plant's record (dtype PLANT) of a rig, effects included; raises ValueError as they do.
+    """Return the plant's record (dtype PLANT) of a rig, effects and discrepancy included.
 
-    The step is at most `step_s` and divides the rig's control tick evenly.
+    The integration step is at most `step_s` and divides the rig's control tick evenly. ValueError:
+    the rig's effects are not those of the catalogue.
     """
     tick_s = 1 / rig.control_rate_hz
     step_s = tick_s / ceil(tick_s / step_s - 1e-9)
@@ -55,7 +56,7 @@ def pack(rig: Rig, *, step_s: float = STEP_S) -> np.record:
         half, centre = p[f"{shaft}_backlash_play_rad"] / 2, p[f"{shaft}_backlash_offset_rad"]
         p[f"{shaft}_1"], p[f"{shaft}_2"] = centre + half, centre - half
     p["gear_coast"] = coasting(rig)
-    p["unknown"] = unknown.pack(rig.unknown, servo.angle_limit_rad)
+    p["unknown"] = discrepancy.pack(rig.unknown, servo.angle_limit_rad)
     p["step_s"], p["shaft_model"] = step_s, _MODELS[drive.shaft_model]
     p["arm_friction"], p["joint_friction"] = drive.arm_friction_nm, drive.joint_friction_nm
     p["stop_rad"], p["ratio"], p["half_side"] = (
@@ -83,9 +84,10 @@ def pack(rig: Rig, *, step_s: float = STEP_S) -> np.record:
 
 
 def coasting(rig: Rig) -> float:
-    """Inertia of arm and plate over the friction that brakes them alone in the gear's gap [s2/rad].
+    """Inertia of arm and plate over the friction that brakes both in the gear's gap [s2/rad].
 
-    0: they stay where the teeth leave them, which is what a plate's friction in its joints does.
+    It is the inverse of their deceleration. 0: they stay where the teeth leave them, as the plate's
+    friction in its joints holds them, or nothing brakes them at all.
     """
     drive = rig.drive
     if drive.joint_friction_nm > 0.0 or drive.arm_friction_nm == 0.0:
@@ -105,6 +107,6 @@ def _per_step(p: np.record) -> None:
 
 
 def no_volts(rig: Rig) -> np.ndarray:
-    """A history (n, 2) of 0 V, as many ticks as the input delay needs, the newest first."""
+    """Return a history (n, 2) of 0 V, newest first, with as many ticks as the input delay needs."""
     delays = [axis.get("delay_s", 0.0) for axis in rig.effects.get("input_delay", {}).values()]
     return np.zeros((ceil(max(delays, default=0.0) * rig.control_rate_hz) + 2, 2))

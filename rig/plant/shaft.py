@@ -13,16 +13,17 @@ EXACT, DEAD_ZONE, NONE = 0, 1, 2
 
 
 def relaxation(stiffness: float, damping: float, step_s: float) -> float:
-    """Factor exp(-k h/c) by which theta_d - theta_b decays in one step out of contact (Eq. 5).
+    """Factor exp(-k h/c) [1] by which theta_d - theta_b decays in one step out of contact (Eq. 5).
 
-    The exponential, not an explicit step: with c -> 0 Eq. 4 is stiff, and the factor tends to 0.
+    stiffness k [N m/rad], damping c [N m s/rad], step_s = h. The exponential, not an explicit step:
+    with c -> 0 Eq. 4 is stiff, and the factor tends to 0.
     """
     return exp(-stiffness * step_s / damping) if damping > 0 else 0.0
 
 
 @inlined
 def dead_zone(theta_d, beta_1, beta_2):
-    """D_alpha of Eq. 8: what is left of the twist outside the play [rad]."""
+    """D_alpha of Eq. 8: the part of the twist outside the play [rad]."""
     return max(theta_d - beta_1, 0.0) + min(theta_d - beta_2, 0.0)
 
 
@@ -30,8 +31,9 @@ def dead_zone(theta_d, beta_1, beta_2):
 def shaft_torque(model, theta_d, omega_d, theta_b, beta_1, beta_2, k, c):
     """T_s [N m]: Eq. 1 with Eq. 2 in contact and 0 out of it, Eq. 7, or a shaft without play.
 
-    Contact at +alpha can only push (T_s > 0), at -alpha only pull: the max(0, .) and min(0, .)
-    of Eq. 6 say the same. With beta_1 = beta_2 both hold and the shaft is an ordinary one.
+    model: EXACT, DEAD_ZONE or NONE; the other arguments as above. Contact at +alpha can only push
+    (T_s > 0), at -alpha only pull, which is what max(0, .) and min(0, .) of Eq. 6 say. With beta_1
+    = beta_2 both hold and the shaft is an ordinary one.
     """
     if model == DEAD_ZONE:
         return k * dead_zone(theta_d, beta_1, beta_2)
@@ -45,9 +47,10 @@ def shaft_torque(model, theta_d, omega_d, theta_b, beta_1, beta_2, k, c):
 
 @inlined
 def backlash_angle(theta_d_before, theta_d_after, theta_b, beta_1, beta_2, decay):
-    """theta_b one step later (Eq. 6 by its exact solution, Eq. 5, held at the ends) [rad].
+    """theta_b one step later [rad]: Eq. 6 by its exact solution, Eq. 5, held at the play's ends.
 
-    Out of contact theta_d - theta_b shrinks by `decay` = `relaxation(k, c, h)` while theta_d moves.
+    Out of contact theta_d - theta_b shrinks by `decay` = `relaxation(k, c, h)` while theta_d moves
+    from theta_d_before to theta_d_after.
     """
     free = theta_d_after - (theta_d_before - theta_b) * decay
     return min(max(free, beta_2), beta_1)
@@ -55,8 +58,10 @@ def backlash_angle(theta_d_before, theta_d_after, theta_b, beta_1, beta_2, decay
 
 @inlined
 def play_operator(theta_p, theta, beta_1, beta_2):
-    """The angle behind a play whose driven side stays where it was left (friction holds it) [rad].
+    """The play operator theta_p <- min(max(theta_p, theta - beta_1), theta - beta_2) [rad].
 
-    theta drives; theta_p follows at theta - beta_1 when pushed up, theta - beta_2 when pulled down.
+    It is the angle behind a backlash whose driven side friction holds where it was left
+    (python-control's `friction_backlash_nonlinearity`). theta drives; theta_p follows at theta -
+    beta_1 when pushed up, at theta - beta_2 when pulled down.
     """
     return min(max(theta_p, theta - beta_1), theta - beta_2)

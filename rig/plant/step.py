@@ -6,16 +6,19 @@ spin), in the units of `plant.py`'s rows. No loop, no store, no call into a libr
 turns a loop over runs into vector instructions.
 """
 
-from rig import effect_equations as equations
-from rig.ball import plate_rates, plate_sines, rolling, velocity
 from rig.compiled import inlined
-from rig.shaft import backlash_angle, shaft_torque
-from rig.unknown import unknown_volts
+from rig.discrepancy import discrepancy_volts
+from rig.plant import effect_equations as equations
+from rig.plant.ball import plate_rates, plate_sines, rolling, velocity
+from rig.plant.shaft import backlash_angle, shaft_torque
 
 
 @inlined
 def commanded(p, a, volts_x, volts_y):
-    """What the amplifier makes of the volts asked of both motors, for motor `a` [V]."""
+    """Volts that the amplifier of motor `a` gives for the volts asked of both motors [V].
+
+    Saturation, supply sag, dead zone and gain asymmetry, in this order.
+    """
     v = volts_x if a == 0 else volts_y
     v = equations.saturation(v, p.saturation_limit_V[a])
     v = equations.supply_sag(v, volts_x, volts_y, p.supply_sag_drop_1_V[a])
@@ -25,14 +28,14 @@ def commanded(p, a, volts_x, volts_y):
 
 @inlined
 def delivered(p, a, volts, t):
-    """Drift and offset added to the commanded volts [V]."""
+    """Volts after gain drift and voltage offset at the run's time t [V]."""
     v = equations.gain_drift(volts, t, p.gain_drift_rate_1_s[a])
     return equations.voltage_offset(v, p.voltage_offset_offset_V[a])
 
 
 @inlined
 def cogged(p, a, volts, theta):
-    """The pull of the motor's poles added, as volts [V]."""
+    """Volts plus the pull of the motor's poles at the angle theta, expressed in volts [V]."""
     return equations.cogging(
         volts,
         theta,
@@ -44,16 +47,23 @@ def cogged(p, a, volts, theta):
 
 @inlined
 def effective_volts(p, a, volts_x, volts_y, theta, omega, t):
-    """Volts that turn motor `a` after every servo-side effect but friction and delay [V]."""
+    """Volts that turn motor `a` after every servo-side effect but friction and delay [V].
+
+    volts_x, volts_y: asked of both motors [V]; theta [rad] and omega [rad/s]: angle at which the
+    poles pull and speed of motor `a`; t: the run's time [s].
+    """
     v = delivered(p, a, commanded(p, a, volts_x, volts_y), t)
     if p.unknown.on:
-        v += unknown_volts(p.unknown, a, theta, omega, t)
+        v += discrepancy_volts(p.unknown, a, theta, omega, t)
     return cogged(p, a, v, theta)
 
 
 @inlined
 def felt_angle(p, a, theta):
-    """theta_p: the servo angle that the plate feels behind the joint [rad]."""
+    """theta_p: the servo angle that the plate feels, from the angle theta behind the joint [rad].
+
+    Transmission ripple and the linkage's quadratic and cubic terms are added to theta.
+    """
     return (
         theta
         + equations.transmission_ripple(
@@ -69,7 +79,7 @@ def felt_angle(p, a, theta):
 
 @inlined
 def felt_slope(p, a, theta):
-    """d(theta_p)/d(theta): the plate's rate needs it [1]."""
+    """d(theta_p)/d(theta), the derivative of `felt_angle` [1], for the plate's rate."""
     return (
         1.0
         + equations.transmission_ripple_slope(
@@ -85,17 +95,34 @@ def felt_slope(p, a, theta):
 
 @inlined
 def drive_step(p, a, volts, ball_torque, axis):
-    """One axis of the drive, one step: motor, gear shaft, arm, joint shaft, plate."""
+    """State of axis `a` (8 numbers) after one step of motor, gear, arm, joint and plate.
+
+    volts: of `cogged` [V]; ball_torque: of the ball's weight on the plate, at the servo [N m];
+    axis: the state before. Speeds come from the torques at the old angles, angles from the new
+    speeds (symplectic Euler).
+    """
     motor, motor_rate, arm, arm_rate, plate, plate_rate, gear_lost, joint_lost = axis
     h, gear, joint = p.step_s, motor - arm, arm - plate
     t_gear = shaft_torque(
-        p.shaft_model, gear, motor_rate - arm_rate, gear_lost,
-        p.gear_1[a], p.gear_2[a], p.gear_k[a], p.gear_c[a],
-    )  # fmt: skip
+        p.shaft_model,
+        gear,
+        motor_rate - arm_rate,
+        gear_lost,
+        p.gear_1[a],
+        p.gear_2[a],
+        p.gear_k[a],
+        p.gear_c[a],
+    )
     t_joint = shaft_torque(
-        p.shaft_model, joint, arm_rate - plate_rate, joint_lost,
-        p.joint_1[a], p.joint_2[a], p.joint_k[a], p.joint_c[a],
-    )  # fmt: skip
+        p.shaft_model,
+        joint,
+        arm_rate - plate_rate,
+        joint_lost,
+        p.joint_1[a],
+        p.joint_2[a],
+        p.joint_k[a],
+        p.joint_c[a],
+    )
     dry = equations.friction_volts(
         motor_rate,
         p.coulomb_friction_friction_V[a],
@@ -122,7 +149,11 @@ def drive_step(p, a, volts, ball_torque, axis):
 
 @inlined
 def tilt(p, plate_x, rate_x, plate_y, rate_y):
-    """sin(phi_x), sin(phi_y), omega_1, omega_2 of the plate at these angles and rates."""
+    """sin(phi_x), sin(phi_y) [1], omega_1, omega_2 [rad/s] of the plate.
+
+    plate_x, plate_y [rad] and rate_x, rate_y [rad/s]: angles and rates of the plate's side of the
+    joints, at the servo.
+    """
     fx, fy = felt_angle(p, 0, plate_x), felt_angle(p, 1, plate_y)
     cross_x, cross_y = p.cross_coupling_fraction[0], p.cross_coupling_fraction[1]
     s_x, s_y = plate_sines(fx, fy, p.ratio, cross_x, cross_y)
@@ -133,7 +164,11 @@ def tilt(p, plate_x, rate_x, plate_y, rate_y):
 
 @inlined
 def ball_step(p, t, push_x, push_y, motion, ball):
-    """The ball, one step, on a plate in this motion (of `tilt`), pushed by `push` [m/s2]."""
+    """State of the ball (5 numbers) after one step on a plate in this motion.
+
+    t: the run's time [s]; push_x, push_y: acceleration by the operator and the discrepancy [m/s2];
+    motion: of `tilt`; ball: the state before. Symplectic Euler.
+    """
     s_x, s_y, o1, o2 = motion
     x, y, w_x, w_y, spin = ball
     r, h = p.radius, p.step_s
@@ -157,14 +192,18 @@ def ball_step(p, t, push_x, push_y, motion, ball):
 
 @inlined
 def bounce(x, v, reach, restitution):
-    """Place and speed of a ball at a wall `reach` from the middle: it keeps inside, turned back."""
+    """Position [m] and speed [m/s] on one axis after a wall at +-`reach` [m].
+
+    A ball beyond the wall that moves outwards is set onto it and turned back, its speed times
+    -restitution.
+    """
     out = abs(x) > reach and v * x > 0.0
     return min(max(x, -reach), reach) if out else x, -restitution * v if out else v
 
 
 @inlined
 def held_ball(p, motion, ball):
-    """A held ball keeps its place on the plate and moves with it."""
+    """State of a held ball (5 numbers): it keeps its place on the plate and moves with it."""
     x, y, _, _, _ = ball
     _, _, o1, o2 = motion
     return x, y, p.radius * o2, -p.radius * o1, 0.0
@@ -172,5 +211,5 @@ def held_ball(p, motion, ball):
 
 @inlined
 def off_plate(p, ball):
-    """True when the ball's contact point has left the plate: it falls and touches nothing more."""
+    """Whether the ball's contact point has left the plate; never, where there are walls."""
     return not p.walls and (abs(ball[0]) > p.half_side or abs(ball[1]) > p.half_side)

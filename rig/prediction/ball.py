@@ -9,12 +9,12 @@ from math import exp, sqrt
 
 import numpy as np
 
-from rig import effect_equations as equations
-from rig.ball import plate_sines, rolling
 from rig.compiled import compiled
-from rig.plant import felt_angle
-from rig.shaft import play_operator
-from rig.unknown import unknown_acceleration
+from rig.discrepancy import discrepancy_acceleration
+from rig.plant import effect_equations as equations
+from rig.plant.ball import plate_sines, rolling
+from rig.plant.plant import felt_angle
+from rig.plant.shaft import play_operator
 
 FILTER_S = 1.0  # of observations before a look ahead
 LONGEST_GAP_S = 0.25  # unseen for longer, the filter starts anew
@@ -39,9 +39,12 @@ def _angle(theta, t, k, a, when):
 
 @compiled
 def ball_step(p, s, plate, sines, angle_x, angle_y, now, dt):
-    """Ball state s (5,) = x, y, w_x, w_y, spin over dt while the plate moves to the new angles.
+    """Move the ball's state s (5,) = x, y, w_x, w_y, spin on by dt on a plate that moves.
 
-    `plate` (2,) and `sines` (2,) are the plate's play positions and tilt before; changed in place.
+    p: record PLANT; plate (2,) [rad] and sines (2,) [1]: the plate's play positions and tilt
+    before; angle_x, angle_y: encoder angles after [rad]; now: the run's time at the step's middle
+    [s]. s, plate and sines are changed in place. One midpoint step of `plant.ball`'s equations of
+    motion.
     """
     felt_x, plate[0] = _plate(p, 0, angle_x, plate[0])
     felt_y, plate[1] = _plate(p, 1, angle_y, plate[1])
@@ -62,8 +65,8 @@ def ball_step(p, s, plate, sines, angle_x, angle_y, now, dt):
     a_y += equations.plate_bowl(y, bowl) + equations.viscous_drag(v_y + 0.5 * dt * a_y, drag)
     if p.unknown.on:
         part_x, part_y = x / p.half_side, y / p.half_side
-        a_x += unknown_acceleration(p.unknown, 0, part_x, part_y, v_x + 0.5 * dt * a_x, now)
-        a_y += unknown_acceleration(p.unknown, 1, part_x, part_y, v_y + 0.5 * dt * a_y, now)
+        a_x += discrepancy_acceleration(p.unknown, 0, part_x, part_y, v_x + 0.5 * dt * a_x, now)
+        a_y += discrepancy_acceleration(p.unknown, 1, part_x, part_y, v_y + 0.5 * dt * a_y, now)
     n_x, n_y = v_x + dt * a_x, v_y + dt * a_y
     kept = equations.rolling_resistance(n_x, n_y, p.rolling_resistance_deceleration_m_s2[0], dt)
     n_x, n_y = n_x * kept, n_y * kept
@@ -83,9 +86,12 @@ def _tick_of(t, when):
 def _sines(p, plate):
     """Tilt of the plate in its present play positions."""
     return plate_sines(
-        felt_angle(p, 0, plate[0]), felt_angle(p, 1, plate[1]), p.ratio,
-        p.cross_coupling_fraction[0], p.cross_coupling_fraction[1],
-    )  # fmt: skip
+        felt_angle(p, 0, plate[0]),
+        felt_angle(p, 1, plate[1]),
+        p.ratio,
+        p.cross_coupling_fraction[0],
+        p.cross_coupling_fraction[1],
+    )
 
 
 @compiled
@@ -121,12 +127,14 @@ def _gains(c, g):
 
 @compiled
 def predict_ball(p, levels, t, theta, exposed, ball, fresh, longest_gap_s, out, std):
-    """Fill `out` (m, 2) [m] and `std` (m,): the camera's innovations at the exposures.
+    """Fill `out` (m, 2) [m] with the camera's innovations and `std` (m,) [m] with their deviations.
 
-    Where `fresh` (m,) is true the filter starts anew (after a push, in another run), and where the
-    ball was unseen for longer than `longest_gap_s`.
-    A ball whose centre lies `camera_height` higher than whoever made the log took it to be is seen
-    too far down the tilt, by that height times its sine.
+    p: record PLANT; levels: record NOISE; t (n,) [s] and theta (n, 2) [rad]: ticks and encoder
+    angles; exposed (m,) [s] and ball (m, 2) [m]: observations, NaN where unseen. The filter starts
+    anew where `fresh` (m,) is true (after a push, in another run) and where the ball was unseen for
+    longer than `longest_gap_s`; rows without a prediction keep what they held. A ball whose centre
+    lies `camera_height` higher than the log's maker took it to be is seen too far down the tilt, by
+    that height times its sine.
     """
     s, plate, sines = np.zeros(5), np.zeros(2), np.zeros(2)
     noise, c, g = np.zeros(2), np.zeros(6), np.zeros(3)
@@ -180,8 +188,9 @@ def predict_ball(p, levels, t, theta, exposed, ball, fresh, longest_gap_s, out, 
 def look_ahead(p, levels, t, theta, exposed, ball, fresh, horizon_s, every_s, errors):
     """Fill `errors` (m, 2) [m]: measured minus predicted `horizon_s` ahead, once every `every_s`.
 
-    From a filtered state on only the angles are used; NaN where no window ends. A window that
-    crosses a fresh start is left out.
+    Other arguments are those of `predict_ball`. From a filtered state on only the encoder angles
+    are used. Rows in which no window ends keep what they held; a window that crosses a fresh start
+    is left out.
     """
     m = exposed.shape[0]
     out, std = np.full((m, 2), np.nan), np.full(m, np.nan)
@@ -205,8 +214,16 @@ def look_ahead(p, levels, t, theta, exposed, ball, fresh, horizon_s, every_s, er
         for n in range(i + 1, j):
             seen[n] = np.nan
         predict_ball(
-            p, levels, t, theta, exposed[begin : j + 1], seen[begin : j + 1],
-            fresh[begin : j + 1], 2.0 * horizon_s, out[begin : j + 1], std[begin : j + 1],
-        )  # fmt: skip
+            p,
+            levels,
+            t,
+            theta,
+            exposed[begin : j + 1],
+            seen[begin : j + 1],
+            fresh[begin : j + 1],
+            2.0 * horizon_s,
+            out[begin : j + 1],
+            std[begin : j + 1],
+        )
         errors[j] = out[j]
         seen[i + 1 : j] = ball[i + 1 : j]

@@ -15,9 +15,9 @@ import numpy as np
 
 from rig.log import Log
 from rig.parameters import Rig
-from rig.plant_record import pack
-from rig.predict_ball import LONGEST_GAP_S, look_ahead, predict_ball
-from rig.predict_servo import predict_axis
+from rig.plant.plant_record import pack
+from rig.prediction.ball import LONGEST_GAP_S, look_ahead, predict_ball
+from rig.prediction.servo import predict_axis
 
 NOISE = np.dtype(
     [
@@ -34,9 +34,9 @@ NOISE = np.dtype(
 class Signals:
     """What a log gives to predict from; a channel that it lacks is empty.
 
-    t_s (n,), volts_V and theta_rad (n, 2), exposed_s (k,), ball_m (k, 2); fresh (k,): exposures at
-    which the ball's filter starts anew, if any; driven: axes with a servo channel (the others'
-    volts are taken as 0).
+    t_s (n,): ticks; volts_V, theta_rad (n, 2): applied volts and encoder angles; exposed_s (k,),
+    ball_m (k, 2): observations; fresh (k,), optional: true at exposures at which the ball's filter
+    starts anew; driven: axes that have a servo channel (the volts of the others are taken as 0).
     """
 
     t_s: np.ndarray
@@ -48,7 +48,7 @@ class Signals:
     driven: tuple[bool, bool] = (True, True)
 
     def has_servo(self, a: int) -> bool:
-        """Volts and angle of axis `a` are there in every row."""
+        """Whether volts and angle of axis `a` are there in every row, and the axis is driven."""
         if not self.driven[a]:
             return False
         pair = self.volts_V, self.theta_rad
@@ -57,7 +57,7 @@ class Signals:
 
 
 def signals(log: Log, *, camera_delay_s: float) -> Signals:
-    """Take the signals of a log's rows; `camera_delay_s` dates observations without a stamp."""
+    """Return the signals of a log; `camera_delay_s` dates observations without `ball_exposed_s`."""
     exposed, ball = log.ball(camera_delay_s)
     pair = [np.column_stack([log[f"{n}_x_{u}"], log[f"{n}_y_{u}"]]) for n, u in _PAIRS]
     return Signals(np.array(log["t_s"]), pair[0], pair[1], exposed, ball)
@@ -68,8 +68,11 @@ _PAIRS = (("voltage", "V"), ("theta", "rad"))
 
 @dataclass(frozen=True, eq=False)
 class Innovations:
-    """Servo (n, 2) [rad] and ball (k, 2) [m]: measured minus predicted, NaN before a prediction;
-    their standard deviations as the filters expect them, servo (n, 2), ball (k,)."""
+    """Measured minus predicted, NaN where there is no prediction, and its expected deviation.
+
+    servo, servo_std (n, 2) [rad]; ball (k, 2), ball_std (k,) [m]. The standard deviations are those
+    that the filters expect of the innovations.
+    """
 
     servo: np.ndarray
     servo_std: np.ndarray
@@ -85,7 +88,10 @@ def noise(
     ball_measured: float = 3e-4,
     ball_memory_s: float = 0.0,
 ) -> np.record:
-    """Noise levels of the filters; the encoder's is a count over sqrt(12)."""
+    """Return the noise levels of the filters (dtype NOISE, which names the units).
+
+    servo_measured is by default the rounding of an encoder of 4096 counts, 2 pi/4096/sqrt(12) rad.
+    """
     record = np.zeros(1, NOISE)[0]
     record["servo_process"], record["servo_measured"] = servo_process, servo_measured
     record["ball_process"], record["ball_measured"] = ball_process, ball_measured
@@ -94,7 +100,10 @@ def noise(
 
 
 def predict(rig: Rig, known: Signals, levels: np.record) -> Innovations:
-    """Innovations of a log under the model `rig`, effects included."""
+    """Return the innovations of a log's signals under the model `rig`, effects included.
+
+    levels: of `noise`. ValueError: effects that are not those of the catalogue.
+    """
     p = pack(rig)
     servo = servo_innovations(
         p, known, levels, (rig.servo.gain_rad_s_V,) * 2, (rig.servo.time_constant_s,) * 2
@@ -110,46 +119,78 @@ def servo_innovations(
     time_constant_s: Sequence[float],
     axes: tuple[int, ...] = (0, 1),
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Innovations and their expected deviations, (n, 2) each [rad]; NaN where nothing is known."""
+    """Return the encoder's innovations and their expected deviations, (n, 2) each [rad].
+
+    p: record PLANT; levels: of `noise`; gain_rad_s_V and time_constant_s: of both servos; axes:
+    those to predict. NaN on other axes, on those without a servo channel and in the first row.
+    """
     shape = known.theta_rad.shape
     out, std = np.full(shape, np.nan), np.full(shape, np.nan)
     for a in axes:
         if known.has_servo(a):
             predict_axis(
-                p, levels, a, known.t_s, known.volts_V, known.theta_rad,
-                gain_rad_s_V[a], time_constant_s[a], out, std,
-            )  # fmt: skip
+                p,
+                levels,
+                a,
+                known.t_s,
+                known.volts_V,
+                known.theta_rad,
+                gain_rad_s_V[a],
+                time_constant_s[a],
+                out,
+                std,
+            )
     return out, std
 
 
 def ball_innovations(
     p: np.record, known: Signals, levels: np.record
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Innovations (k, 2) [m] of the camera and their expected deviation (k,)."""
+    """Return the camera's innovations (k, 2) [m] and their expected deviations (k,) [m].
+
+    p: record PLANT; levels: of `noise`. NaN in exposures without a prediction.
+    """
     k = len(known.exposed_s)
     out, std = np.full((k, 2), np.nan), np.full(k, np.nan)
     if k:
         fresh = known.fresh if known.fresh is not None else np.zeros(k, np.bool_)
         predict_ball(
-            p, levels, known.t_s, known.theta_rad, known.exposed_s, known.ball_m, fresh,
-            LONGEST_GAP_S, out, std,
-        )  # fmt: skip
+            p,
+            levels,
+            known.t_s,
+            known.theta_rad,
+            known.exposed_s,
+            known.ball_m,
+            fresh,
+            LONGEST_GAP_S,
+            out,
+            std,
+        )
     return out, std
 
 
 def ball_ahead(
     p: np.record, known: Signals, levels: np.record, *, horizon_s: float = 1.0, every_s: float = 0.5
 ) -> np.ndarray:
-    """Errors (k, 2) [m] of the ball's place predicted `horizon_s` ahead from the angles alone.
+    """Return errors (k, 2) [m] of positions predicted `horizon_s` ahead from the angles alone.
 
-    Row i belongs to the exposure in which the prediction ends; NaN where none does.
+    p: record PLANT; levels: of `noise`; every_s: least distance of two predictions. Row i belongs
+    to the exposure in which a prediction ends; NaN where none does.
     """
     k = len(known.exposed_s)
     errors = np.full((k, 2), np.nan)
     if k:
         fresh = known.fresh if known.fresh is not None else np.zeros(k, np.bool_)
         look_ahead(
-            p, levels, known.t_s, known.theta_rad, known.exposed_s, known.ball_m, fresh,
-            horizon_s, every_s, errors,
-        )  # fmt: skip
+            p,
+            levels,
+            known.t_s,
+            known.theta_rad,
+            known.exposed_s,
+            known.ball_m,
+            fresh,
+            horizon_s,
+            every_s,
+            errors,
+        )
     return errors

@@ -7,10 +7,10 @@ motor is alone and unseen.
 
 from math import ceil, exp, sqrt
 
-from rig import effect_equations as equations
-from rig.compiled import compiled
-from rig.plant import effective_volts
-from rig.shaft import EXACT, dead_zone, play_operator, shaft_torque
+from rig.compiled import compiled, inlined
+from rig.plant import effect_equations as equations
+from rig.plant.plant import effective_volts
+from rig.plant.shaft import EXACT, dead_zone, play_operator, shaft_torque
 
 LONGEST_STEP_S = 0.0025  # dry friction is one decision a step: at a slow tick take several
 WINDING_STEP_S = 0.001  # a shaft that winds up against friction swings
@@ -23,7 +23,10 @@ HELD_GAIN = 1.0 / 3.0  # by which a motor that friction holds follows its encode
 
 @compiled
 def delayed_volts(volts, k, a, dt, delay_s):
-    """Mean of the volts that reach motor `a` during tick k when they come `delay_s` late [V]."""
+    """Mean of the volts that reach motor `a` during tick k when they come `delay_s` late [V].
+
+    volts (n, 2); dt: length of the tick [s].
+    """
     if delay_s == 0.0:
         return volts[k, a]
     whole = int(delay_s / dt)
@@ -34,13 +37,14 @@ def delayed_volts(volts, k, a, dt, delay_s):
 
 @compiled
 def servo_step(p, a, motor, speed, variance, volts, gain, decay, share, free_gap, dt):
-    """Motor angle and speed `dt` later; `variance` is how surely the speed is known [rad2/s2].
+    """Motor angle [rad] and speed [rad/s] of axis `a` after dt.
 
-    `decay` is what is left of a speed, `share` of its mean over dt (`_decays`).
-
-    First order exactly, then dry friction: the motor's and the arm's; inside a gap it turns alone.
-    A speed known to s feels the mean of the Stribeck excess around it: that of N(omega, s^2) is
-    the same bell, sqrt(v^2 + 2 s^2) wide and lower by as much.
+    p: record PLANT; variance: of the speed, as the filter knows it [rad2/s2]; gain: K [rad/s/V];
+    decay, share: what is left of a speed after dt and of its mean over dt [1] (`_decays`);
+    free_gap: the motor turns alone inside the gear's gap, without the arm's friction. First order
+    exactly, then dry friction. A speed known to +-s feels the mean of the Stribeck excess over
+    N(omega, s^2): the bell of width v becomes sqrt(v^2 + 2 s^2) wide and lower by the ratio of
+    both.
     """
     bell = p.stribeck_friction_speed_rad_s[a]
     extra = p.stribeck_friction_extra_V[a]
@@ -77,9 +81,10 @@ def _winding(p, a):
 
 @compiled
 def plate_torque(winding, motor, anchor):
-    """Torque with which a plate that sticks at `anchor` loads the motor [N m], and the anchor.
+    """Torque with which a sticking plate loads the motor [N m], and where it sticks [rad].
 
-    Between them lie both shafts with their play; they wind up until the joint's friction lets go.
+    winding: of `_winding`; motor: its angle [rad]; anchor: angle of the plate before. Between plate
+    and motor lie both shafts with their play; they wind up until the joint's friction lets go.
     """
     k, up, down, twist = winding
     if twist == 0.0:
@@ -90,7 +95,11 @@ def plate_torque(winding, motor, anchor):
 
 @compiled
 def held_arm(p, a, arm, anchor, torque):
-    """The arm in the gap: a plate that sticks at `anchor` holds it there, its shaft unwound."""
+    """Angle of the arm in the gear's gap [rad], which a plate that sticks at `anchor` holds.
+
+    The joint's shaft is unwound there. torque: of the gear's shaft [N m]; where it is not 0, or the
+    joint has no friction, `arm` is returned unchanged.
+    """
     if p.joint_friction == 0.0 or torque != 0.0:
         return arm
     middle, half = p.joint_backlash_offset_rad[a], 0.5 * p.joint_backlash_play_rad[a]
@@ -99,8 +108,11 @@ def held_arm(p, a, arm, anchor, torque):
 
 @compiled
 def light_arm(p, a, arm, arm_speed, motor, speed, beta_1, beta_2, h):
-    """Torque of the gear's shaft [N m], the arm and its speed `h` later where only light friction
-    brakes it: arm and plate are one body, which coasts through the gap and bounces at its ends."""
+    """Torque of the gear's shaft [N m], angle [rad] and speed [rad/s] of the arm after h [s].
+
+    For a joint without friction: arm and plate are one body that light friction brakes; it coasts
+    through the gap from beta_2 to beta_1 [rad] and bounces at its ends.
+    """
     twist = motor - arm
     lost = min(max(twist, beta_2), beta_1)
     torque = shaft_torque(
@@ -117,10 +129,58 @@ def _depth(motor, arm, beta_1, beta_2):
     return max(min(arm - motor + beta_1, motor - beta_2 - arm), 0.0)
 
 
+@inlined
+def _longest_step(p, has_backlash, coasts):
+    """Longest part of a tick that still resolves what happens in the gear [s]."""
+    if coasts:
+        return MEETING_STEP_S
+    if p.joint_friction > 0.0:
+        return LANDING_STEP_S if has_backlash else WINDING_STEP_S
+    return LONGEST_STEP_S
+
+
+@inlined
+def _corrected(miss, depth, r, states, cov):
+    """The Kalman update by an encoder reading that is `miss` beside the arm [rad].
+
+    r: variance of the reading [rad2]; states: motor, speed, arm, arm's speed, anchor; cov: of motor
+    and speed (p00, p01, p11), of the arm (still, s01, s11). Returns the innovation's standard
+    deviation, the states and the covariances after the update.
+    """
+    motor, speed, arm, arm_speed, anchor = states
+    p00, p01, p11, still, s01, s11 = cov
+    # Inside the gap the arm says nothing of the motor; at its ends the two are one. `c` is how
+    # surely they touch, as far as the motor's place is known.
+    c = exp(-0.5 * depth * depth / (p00 + TOUCH_RAD**2)) if depth > 0.0 else 1.0
+    spread = c * c * p00 + (1.0 - c) * (1.0 - c) * still
+    total = spread + r
+    arm += spread / total * miss
+    arm_speed += (c * p01 + (1.0 - c) * s01) / total * miss
+    still = spread * r / total
+    g0, g1 = c * p00 / total, c * p01 / total
+    # A motor that friction holds gives the same count again and again: its rounding does not
+    # average out, and a filter that believes so takes friction for something that misleads it.
+    if speed == 0.0:
+        g0 = max(g0, HELD_GAIN)
+    motor += g0 * miss
+    anchor += g0 * miss  # the twist is known from the motion, better than from the encoder
+    speed += g1 * miss
+    p11 -= g1 * c * p01
+    p01 -= c * p00 / total * c * p01
+    p00 -= c * p00 / total * c * p00
+    s11 = c * p11 + (1.0 - c) * (s11 - s01 * s01 / total)
+    s01 = c * p01 + (1.0 - c) * s01 * r / total
+    return sqrt(total), (motor, speed, arm, arm_speed, anchor), (p00, p01, p11, still, s01, s11)
+
+
 @compiled
 def predict_axis(p, levels, a, t, volts, theta, gain, tau, out, std):
-    """Fill column `a` of `out` and `std` (n, 2): the encoder's innovations [rad], and what the
-    filter expects. Ticks longer than LONGEST_STEP_S are cut in equal parts."""
+    """Fill column `a` of `out` and `std` (n, 2) [rad]: encoder innovations and their deviations.
+
+    p: record PLANT; levels: record NOISE; t (n,) [s], volts (n, 2) [V], theta (n, 2) [rad]; gain: K
+    [rad/s/V]; tau: time constant [s]. The first row is left as it was. Ticks longer than
+    `_longest_step` allows are cut into equal parts.
+    """
     r = levels.servo_measured[a] ** 2
     beta_1, beta_2 = p.gear_1[a], p.gear_2[a]
     arm, motor, speed = theta[0, a], theta[0, a], 0.0
@@ -129,12 +189,7 @@ def predict_axis(p, levels, a, t, volts, theta, gain, tau, out, std):
     torque, anchor = 0.0, motor
     arm_speed, s01, s11 = 0.0, 0.0, 0.0
     coasts = p.gear_coast[a] > 0.0 and beta_1 > beta_2
-    longest = LONGEST_STEP_S
-    if p.joint_friction > 0.0:
-        longest = LANDING_STEP_S if beta_1 > beta_2 else WINDING_STEP_S
-    if coasts:
-        longest = MEETING_STEP_S
-    winding = _winding(p, a)
+    longest, winding = _longest_step(p, beta_1 > beta_2, coasts), _winding(p, a)
     alone = tau * p.motor_inertia[a] / (p.motor_inertia[a] + p.arm_inertia + p.plate_inertia)
     h, decay, share, free_decay, free_share = 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(t.shape[0] - 1):
@@ -162,34 +217,15 @@ def predict_axis(p, levels, a, t, volts, theta, gain, tau, out, std):
             else:
                 torque, anchor = plate_torque(winding, motor, anchor)
             free = free_gap or coasts
-            motor, speed = servo_step(
-                p, a, motor, speed, p11, v - torque / p.torque_per_volt[a], gain,
-                free_decay if free else decay, free_share if free else share, free, h,
-            )  # fmt: skip
+            v -= torque / p.torque_per_volt[a]
+            left, mean = (free_decay, free_share) if free else (decay, share)
+            motor, speed = servo_step(p, a, motor, speed, p11, v, gain, left, mean, free, h)
             if not coasts:
                 arm = play_operator(arm, motor - torque / p.gear_k[a], beta_1, beta_2)
                 arm = held_arm(p, a, arm, anchor, torque)
-        # Inside the gap the arm says nothing of the motor; at its ends the two are one. `c` is how
-        # surely they touch, as far as the motor's place is known.
-        depth = _depth(motor, arm, beta_1, beta_2)
-        c = exp(-0.5 * depth * depth / (p00 + TOUCH_RAD**2)) if depth > 0.0 else 1.0
-        spread = c * c * p00 + (1.0 - c) * (1.0 - c) * still
-        total = spread + r
-        miss = theta[k + 1, a] - arm
-        out[k + 1, a], std[k + 1, a] = miss, sqrt(total)
-        arm += spread / total * miss
-        arm_speed += (c * p01 + (1.0 - c) * s01) / total * miss
-        still = spread * r / total
-        g0, g1 = c * p00 / total, c * p01 / total
-        # A motor that friction holds gives the same count again and again: its rounding does not
-        # average out, and a filter that believes so takes friction for something that misleads it.
-        if speed == 0.0:
-            g0 = max(g0, HELD_GAIN)
-        motor += g0 * miss
-        anchor += g0 * miss  # the twist is known from the motion, better than from the encoder
-        speed += g1 * miss
-        p11 -= g1 * c * p01
-        p01 -= c * p00 / total * c * p01
-        p00 -= c * p00 / total * c * p00
-        s11 = c * p11 + (1.0 - c) * (s11 - s01 * s01 / total)
-        s01 = c * p01 + (1.0 - c) * s01 * r / total
+        miss, depth = theta[k + 1, a] - arm, _depth(motor, arm, beta_1, beta_2)
+        states, cov = (motor, speed, arm, arm_speed, anchor), (p00, p01, p11, still, s01, s11)
+        out[k + 1, a] = miss
+        std[k + 1, a], states, cov = _corrected(miss, depth, r, states, cov)
+        motor, speed, arm, arm_speed, anchor = states
+        p00, p01, p11, still, s01, s11 = cov

@@ -4,38 +4,45 @@ from math import inf
 from types import TracebackType
 from typing import Self
 
-from rig.guard import GuardLimits, Push, push
-from rig.limits import limit
+from rig.safety.limits import limit
+from rig.safety.monitor import MonitorLimits, StallWatch, watch_stall
 from rig.table import Table
 
 LEVEL_GAIN_V_RAD = 14.0
 LEVEL_LIMIT_V = 3.0  # at most, and never above the table's own limit
-_FOLLOWS = GuardLimits(0.0, inf, inf, inf)  # of these only what a stall is
+_FOLLOWS = MonitorLimits(0.0, inf, inf, inf)  # of these only what a stall is
 
 
 class Levelling:
-    """Volts towards level, tick by tick. An arm that strong volts do not move towards it (blocked,
-    plug turned, encoder off) gets none any more: levelling would drive it into its stop."""
+    """Volts that bring the plate level, tick by tick.
+
+    An arm that strong volts do not move towards level (blocked, its plug turned round, its encoder
+    off) gets none any more: levelling would drive it into its stop.
+    """
 
     def __init__(self, voltage_limit_V: float) -> None:
         self._most_V = min(LEVEL_LIMIT_V, voltage_limit_V)
-        self._volts, self._pushes = [0.0, 0.0], [Push(), Push()]
+        self._volts, self._pushes = [0.0, 0.0], [StallWatch(), StallWatch()]
         self._follows = [True, True]
 
     def volts(self, theta_rad: tuple[float, float], t_s: float) -> tuple[float, float]:
-        """Volts (x, y) from this reading to the next."""
+        """Return the volts (x, y) from this reading to the next; theta_rad: encoder angles, t_s:
+        its time.
+        """
         most = self._most_V
         for a, theta in enumerate(theta_rad):
-            one = push(self._pushes[a], _FOLLOWS, self._volts[a], theta, t_s)
+            one = watch_stall(self._pushes[a], _FOLLOWS, self._volts[a], theta, t_s)
             stalled = one.sign != 0.0 and t_s - one.since_s > _FOLLOWS.stall_s
             self._pushes[a], self._follows[a] = one, self._follows[a] and not stalled
-            wish = -LEVEL_GAIN_V_RAD * theta if self._follows[a] else 0.0
-            self._volts[a] = limit(wish, theta, 0.0, 0.0, most, inf, inf)
+            commanded = -LEVEL_GAIN_V_RAD * theta if self._follows[a] else 0.0
+            self._volts[a] = limit(commanded, theta, 0.0, 0.0, most, inf, inf)
         return self._volts[0], self._volts[1]
 
 
 class LevelOnExit:
-    """Mixin: leaving the context levels the plate for `level_s`, then 0 V, then closes."""
+    """Mixin of a table: leaving the context levels the plate for `level_s`, gives 0 V and closes
+    it.
+    """
 
     level_s: float = 0.6
 
@@ -55,7 +62,10 @@ class LevelOnExit:
 
 
 def bring_level(table: Table, seconds: float) -> None:
-    """Drive both servos to zero for `seconds` of the table's time, then 0 V whatever happened."""
+    """Drive both servos to zero for `seconds` of the table's time, then 0 V whatever happened.
+
+    OSError: as `read` and `drive` of the table raise it.
+    """
     levelling = Levelling(table.voltage_limit_V)
     try:
         first = table.read()

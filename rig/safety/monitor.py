@@ -1,8 +1,8 @@
 """A watch over a run's readings: a pure function from tick to tick that names what went wrong.
 
-`look` takes what the guard remembers and the newest reading; it gives the new memory and, where
-the run must end, a `Trip`. Where the encoders cannot be trusted any more, levelling by them would
-be a second accident: such a trip asks for 0 V at once (`level` False).
+`check` takes the monitor's state and the newest reading; it gives the next state and, where the run
+must end, a `Fault`. Where the encoders cannot be trusted any more, levelling by them would be a
+second accident: such a fault asks for 0 V at once (`level` False).
 """
 
 from dataclasses import dataclass, replace
@@ -15,8 +15,8 @@ MISSED = 0.9  # of a period late: a tick was missed
 
 
 @dataclass(frozen=True)
-class GuardLimits:
-    """What a healthy table never does. `of_rig` makes those of a table."""
+class MonitorLimits:
+    """What a healthy table never does; a reading beyond these limits is a fault."""
 
     period_s: float
     rate_rad_s: float  # no servo turns faster ...
@@ -32,8 +32,13 @@ class GuardLimits:
     late_ticks: float = 25.0  # ... until they have added up to so many
 
     @classmethod
-    def of_rig(cls, rig: Rig) -> "GuardLimits":
-        """Twice the no-load speed at the voltage limit; the runaway angle as the loop ends at."""
+    def of_rig(cls, rig: Rig) -> "MonitorLimits":
+        """Return the limits of a table.
+
+        Its servos turn at most at twice their no-load speed at the voltage limit; its angles lie
+        within the angle limit plus ANGLE_MARGIN_RAD, beyond which the simulated loop ends a run as
+        well.
+        """
         servo = rig.servo
         return cls(
             period_s=1 / rig.control_rate_hz,
@@ -44,8 +49,11 @@ class GuardLimits:
 
 
 @dataclass(frozen=True)
-class Trip:
-    """Why a run must end. `level`: the plate may be levelled by its encoders, else 0 V at once."""
+class Fault:
+    """Why a run must end: its outcome `name` and a `reason` for a person.
+
+    level: whether the plate may be levelled by its encoders; where not, 0 V at once.
+    """
 
     name: str
     reason: str
@@ -53,9 +61,12 @@ class Trip:
 
 
 @dataclass(frozen=True)
-class Push:
-    """One axis under strong volts: their sign (0: none), the hindmost angle since, and when the
-    arm last moved their way."""
+class StallWatch:
+    """One axis under strong volts.
+
+    sign: of the volts (0: they are not strong); theta_rad: where the arm was last seen to make
+    progress or to fall back; since_s: when it last moved the way of the volts.
+    """
 
     sign: float = 0.0
     theta_rad: float = 0.0
@@ -63,133 +74,152 @@ class Push:
 
 
 @dataclass(frozen=True)
-class Memory:
-    """What the guard remembers from tick to tick."""
+class MonitorState:
+    """What the monitor keeps from tick to tick.
+
+    t_s, theta_rad: of the last reading (-inf before the first); pushes: by axis; exposed_s: newest
+    exposure; seen_s: time of the reading that brought it; missed: missed ticks, less late_share for
+    each tick in time; late_s: lateness of the last tick.
+    """
 
     t_s: float = -inf
     theta_rad: tuple[float, float] = (0.0, 0.0)
-    pushes: tuple[Push, Push] = (Push(), Push())
+    pushes: tuple[StallWatch, StallWatch] = (StallWatch(), StallWatch())
     exposed_s: float = -inf
     seen_s: float = -inf
     missed: float = 0.0
     late_s: float = 0.0
 
 
-def look(
-    memory: Memory,
-    limits: GuardLimits,
+def check(
+    state: MonitorState,
+    limits: MonitorLimits,
     reading: Reading,
     volts: tuple[float, float],
     *,
     balancing: bool,
     late_s: float = 0.0,
-) -> tuple[Memory, Trip | None]:
-    """The next memory, and why the run must end (None: all is well).
+) -> tuple[MonitorState, Fault | None]:
+    """Return the next state, and the fault that ends the run (None: all is well).
 
     volts: applied from the last reading to this one; balancing: the ball is needed; late_s: how
-    late the loop came to this tick by the wall clock, where the readings' time does not tell.
+    late the loop came to this tick by the wall clock, where the readings' times do not tell.
     """
-    first = memory.t_s == -inf
-    step_s = limits.period_s if first else reading.t_s - memory.t_s
+    first = state.t_s == -inf
+    step_s = limits.period_s if first else reading.t_s - state.t_s
     late_s = max(late_s, step_s - limits.period_s)
-    trip = _no_number(reading) or _time(memory, limits, step_s, late_s)
-    trip = trip or _angles(
-        reading.theta_rad if first else memory.theta_rad, limits, reading, step_s
+    fault = _no_number(reading) or _time(state, limits, step_s, late_s)
+    fault = fault or _angles(
+        reading.theta_rad if first else state.theta_rad, limits, reading, step_s
     )
-    if trip is not None:
-        return replace(memory, late_s=late_s), trip
+    if fault is not None:
+        return replace(state, late_s=late_s), fault
     missed = late_s > MISSED * limits.period_s
     pushes = [
-        push(memory.pushes[a], limits, volts[a], reading.theta_rad[a], reading.t_s) for a in (0, 1)
+        watch_stall(state.pushes[a], limits, volts[a], reading.theta_rad[a], reading.t_s)
+        for a in (0, 1)
     ]
     after = replace(
-        _seen(memory, reading, balancing),
+        _seen(state, reading, balancing),
         t_s=reading.t_s,
         theta_rad=reading.theta_rad,
         pushes=(pushes[0], pushes[1]),
-        missed=memory.missed + 1.0 if missed else max(0.0, memory.missed - limits.late_share),
+        missed=state.missed + 1.0 if missed else max(0.0, state.missed - limits.late_share),
         late_s=late_s,
     )
     return after, _stall(after, limits, volts) or _camera(after, limits, reading, balancing)
 
 
-def check_wish(x_V: float, y_V: float) -> Trip | None:
-    """A controller that asks for what is no number has failed; the limiter gives 0 V meanwhile."""
+def check_command(x_V: float, y_V: float) -> Fault | None:
+    """Return a fault where the commanded volts are not finite, else None.
+
+    The controller has failed then; the limiter gives 0 V meanwhile.
+    """
     if isfinite(x_V) and isfinite(y_V):
         return None
-    return Trip("no number", f"the controller asked for {x_V} V and {y_V} V")
+    return Fault("no number", f"the controller asked for {x_V} V and {y_V} V")
 
 
-def _no_number(reading: Reading) -> Trip | None:
+def _no_number(reading: Reading) -> Fault | None:
     if not isfinite(reading.t_s):
-        return Trip("no number", f"the table's time is {reading.t_s}", level=False)
+        return Fault("no number", f"the table's time is {reading.t_s}", level=False)
     if not (isfinite(reading.theta_rad[0]) and isfinite(reading.theta_rad[1])):
-        return Trip("no number", f"the encoders gave {reading.theta_rad}", level=False)
+        return Fault("no number", f"the encoders gave {reading.theta_rad}", level=False)
     ball = reading.ball
     if ball is not None and not all(map(isfinite, (*ball.xy_m, *ball.cov_m2, ball.exposed_s))):
-        return Trip("no number", f"the camera gave {ball.xy_m} m at {ball.exposed_s} s")
+        return Fault("no number", f"the camera gave {ball.xy_m} m at {ball.exposed_s} s")
     return None
 
 
-def _time(memory: Memory, limits: GuardLimits, step_s: float, late_s: float) -> Trip | None:
+def _time(state: MonitorState, limits: MonitorLimits, step_s: float, late_s: float) -> Fault | None:
     if step_s <= 0.0:
-        return Trip("link silent", f"the table's time stands still at {memory.t_s:.3f} s", False)
+        return Fault("link silent", f"the table's time stands still at {state.t_s:.3f} s", False)
     if late_s > limits.late_s:
         ms = 1e3 * late_s
-        return Trip("late loop", f"a tick came {ms:.0f} ms late (limit {1e3 * limits.late_s:g})")
-    if memory.missed >= limits.late_ticks:
+        return Fault("late loop", f"a tick came {ms:.0f} ms late (limit {1e3 * limits.late_s:g})")
+    if state.missed >= limits.late_ticks:
         share = 100 * limits.late_share
-        return Trip("late loop", f"more than {share:g} % of the ticks are missed: free the machine")
+        return Fault(
+            "late loop", f"more than {share:g} % of the ticks are missed: free the machine"
+        )
     return None
 
 
 def _angles(
-    before: tuple[float, float], limits: GuardLimits, reading: Reading, step_s: float
-) -> Trip | None:
+    before: tuple[float, float], limits: MonitorLimits, reading: Reading, step_s: float
+) -> Fault | None:
     most = limits.rate_rad_s * step_s + limits.noise_rad
     for axis, old, new in zip("xy", before, reading.theta_rad, strict=True):
         if abs(new - old) > most:
             moved = f"servo {axis} from {old:.3f} to {new:.3f} rad in {1e3 * step_s:.1f} ms"
-            return Trip("encoder jump", f"{moved}: home again, check the cable", level=False)
+            return Fault("encoder jump", f"{moved}: home again, check the cable", level=False)
     worst = max(map(abs, reading.theta_rad))
     if worst > limits.angle_rad:
-        return Trip("limit", f"servo angle {worst:.2f} rad is beyond the limit")
+        return Fault("limit", f"servo angle {worst:.2f} rad is beyond the limit")
     return None
 
 
-def push(before: Push, limits: GuardLimits, volts: float, theta_rad: float, t_s: float) -> Push:
-    """Follow one axis: a new push, progress in it, a further fall back, or nothing of these."""
+def watch_stall(
+    before: StallWatch, limits: MonitorLimits, volts: float, theta_rad: float, t_s: float
+) -> StallWatch:
+    """Return the next state of one axis.
+
+    `volts` of a new sign, or progress of stall_rad their way, begin the watch anew at t_s; a fall
+    back moves its angle; else nothing changes.
+    """
     sign = 0.0 if abs(volts) < limits.stall_V else copysign(1.0, volts)
     moved = sign * (theta_rad - before.theta_rad)
     if sign != before.sign or moved >= limits.stall_rad:
-        return Push(sign, theta_rad, t_s)
-    return Push(sign, theta_rad, before.since_s) if moved < 0.0 else before
+        return StallWatch(sign, theta_rad, t_s)
+    return StallWatch(sign, theta_rad, before.since_s) if moved < 0.0 else before
 
 
-def _stall(after: Memory, limits: GuardLimits, volts: tuple[float, float]) -> Trip | None:
+def _stall(after: MonitorState, limits: MonitorLimits, volts: tuple[float, float]) -> Fault | None:
     for axis, one, volt in zip("xy", after.pushes, volts, strict=True):
         if one.sign != 0.0 and after.t_s - one.since_s > limits.stall_s:
             words = (
                 f"servo {axis} does not follow {volt:.1f} V: is it blocked, unplugged, reversed?"
             )
-            return Trip("stall", words, level=False)
+            return Fault("stall", words, level=False)
     return None
 
 
-def _seen(memory: Memory, reading: Reading, balancing: bool) -> Memory:
+def _seen(state: MonitorState, reading: Reading, balancing: bool) -> MonitorState:
     """A newer exposure came, or none is needed yet; an old one once more is nothing new."""
-    if reading.ball is not None and reading.ball.exposed_s > memory.exposed_s:
-        return replace(memory, exposed_s=reading.ball.exposed_s, seen_s=reading.t_s)
-    return memory if balancing and isfinite(memory.seen_s) else replace(memory, seen_s=reading.t_s)
+    if reading.ball is not None and reading.ball.exposed_s > state.exposed_s:
+        return replace(state, exposed_s=reading.ball.exposed_s, seen_s=reading.t_s)
+    return state if balancing and isfinite(state.seen_s) else replace(state, seen_s=reading.t_s)
 
 
-def _camera(after: Memory, limits: GuardLimits, reading: Reading, balancing: bool) -> Trip | None:
+def _camera(
+    after: MonitorState, limits: MonitorLimits, reading: Reading, balancing: bool
+) -> Fault | None:
     if not balancing:
         return None
     if reading.ball is not None and reading.t_s - reading.ball.exposed_s > limits.old_s:
         age_s = reading.t_s - reading.ball.exposed_s
-        return Trip("camera stall", f"the camera's newest frame is {age_s:.2f} s old")
+        return Fault("camera stall", f"the camera's newest frame is {age_s:.2f} s old")
     unseen_s = reading.t_s - after.seen_s
     if unseen_s > limits.unseen_s:
-        return Trip("camera stall", f"no new observation of the ball for {unseen_s:.2f} s")
+        return Fault("camera stall", f"no new observation of the ball for {unseen_s:.2f} s")
     return None

@@ -1,4 +1,4 @@
-"""Many closed-loop runs at once: each its own pilot and sensors, their plants in lanes.
+"""Many closed-loop runs at once: each its own controller and sensors, their plants in lanes.
 
 A run gives the same bits as `simulate.simulate` makes of it alone. Runs of one kind (control rate,
 step, shaft model, walls) share blocks of LANES; a plant with an unnamed term runs alone.
@@ -8,10 +8,26 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rig import plant_record, statistical_camera
 from rig.compiled import compiled, inlined
-from rig.constants import LANES, UNIFORM
-from rig.lanes import (
+from rig.log import COLUMNS, Log
+from rig.plant import plant_record
+from rig.plant.constants import LANES, UNIFORM
+from rig.plant.plant import ARM, MOTOR_RATE, STATE_ROWS
+from rig.simulation import statistical_camera
+from rig.simulation.simulate import (
+    ENDINGS,
+    NOT_RELEASED,
+    Simulated,
+    Task,
+    expose,
+    load_inputs,
+    measure_and_control,
+    simulate,
+    store_row,
+    tick_buffers,
+)
+from rig.simulation.statistical_camera import next_exposure
+from rig.simulation.vectorized_plants import (
     FALLEN,
     HELD,
     PUSH_X,
@@ -22,30 +38,34 @@ from rig.lanes import (
     is_costly,
     is_delayed,
 )
-from rig.log import COLUMNS, Log
-from rig.plant import ARM, MOTOR_RATE, STATE_ROWS
-from rig.simulate import (
-    ENDINGS,
-    NOT_RELEASED,
-    Simulated,
-    Task,
-    desk,
-    expose,
-    file_away,
-    lay_out,
-    simulate,
-    think,
-)
-from rig.statistical_camera import next_exposure
 
 
 @compiled
-def _run_block(b, plants, q, history, flights, cameras, desks, costly, delayed, targets, pushes,
-               lengths, hold_s, tick_s, eyes, tachometer, rows, filled, endings):  # fmt: skip
+def _run_block(
+    b,
+    plants,
+    q,
+    history,
+    states,
+    cameras,
+    buffers,
+    costly,
+    delayed,
+    targets,
+    pushes,
+    lengths,
+    hold_s,
+    tick_s,
+    camera_draws,
+    tachometer,
+    rows,
+    filled,
+    endings,
+):
     """`simulate._run` for LANES runs; filled and endings (LANES,) come out.
 
     A lane whose ending is not -1 at the start is empty. lengths (LANES, 2): of its course, of its
-    rows; history (LANES, n, 2), targets and pushes (LANES, n, 2), eyes (LANES, k, 3).
+    rows; history (LANES, n, 2), targets and pushes (LANES, n, 2), camera_draws (LANES, k, 3).
     """
     exposures_s, s = np.full(LANES, np.inf), np.zeros((STATE_ROWS, 2))
     for k in range(rows.shape[1]):
@@ -57,38 +77,38 @@ def _run_block(b, plants, q, history, flights, cameras, desks, costly, delayed, 
             if k == lengths[lane, 1]:
                 endings[lane] = NOT_RELEASED
                 continue
-            desk = desks[lane]
+            buffer = buffers[lane]
             for a in range(2):
                 s[MOTOR_RATE, a] = b[(X + 8 * a + MOTOR_RATE) * LANES + lane]
                 s[ARM, a] = b[(X + 8 * a + ARM) * LANES + lane]
-            lay_out(desk, targets, pushes, tachometer, lane, k)
-            endings[lane] = think(
-                k, s, plants[lane], q[lane], flights[lane], cameras[lane], lengths[lane, 0],
-                tick_s, desk,
-            )  # fmt: skip
-            file_away(desk, rows, lane, k)
+            load_inputs(buffer, targets, pushes, tachometer, lane, k)
+            ticks = lengths[lane, 0]
+            endings[lane] = measure_and_control(
+                k, s, plants[lane], q[lane], states[lane], cameras[lane], ticks, tick_s, buffer
+            )
+            store_row(buffer, rows, lane, k)
             filled[lane] = k + 1
-            _act(b, history, lane, desk, t < hold_s[lane])
+            _act(b, history, lane, buffer, t < hold_s[lane])
             if endings[lane] < 0:
                 running += 1
                 exposures_s[lane] = next_exposure(cameras[lane])
         if running == 0:
             return
-        advance_block(b, plants, history, costly, delayed, t, tick_s, exposures_s, desks)
+        advance_block(b, plants, history, costly, delayed, t, tick_s, exposures_s, buffers)
         for lane in range(LANES):
             fallen = b[FALLEN * LANES + lane] != 0.0
-            expose(cameras[lane], plants[lane], fallen, eyes, lane, desks[lane])
+            expose(cameras[lane], plants[lane], fallen, camera_draws, lane, buffers[lane])
 
 
 @inlined
-def _act(b, history, lane, desk, held):
-    """What the tick's thinking and the hand do to the plant."""
-    b[PUSH_X * LANES + lane], b[PUSH_Y * LANES + lane] = desk.push[0], desk.push[1]
+def _act(b, history, lane, buffer, held):
+    """What the tick's command and the operator do to the plant."""
+    b[PUSH_X * LANES + lane], b[PUSH_Y * LANES + lane] = buffer.push[0], buffer.push[1]
     b[HELD * LANES + lane] = 1.0 if held else 0.0
     for a in range(2):
         for i in range(history.shape[1] - 1, 0, -1):
             history[lane, i, a] = history[lane, i - 1, a]
-        history[lane, 0, a] = desk.applied[a]
+        history[lane, 0, a] = buffer.applied[a]
 
 
 def _stacked(arrays: Sequence[np.ndarray]) -> np.ndarray:
@@ -108,7 +128,7 @@ def _records(ones: Sequence[np.record]) -> np.ndarray:
 def _simulate_block(tasks: Sequence[Task], plants: Sequence[np.record]) -> list[Simulated]:
     """At most LANES runs of one kind."""
     courses = [task.course for task in tasks]
-    pilots = [task.pilot() for task in tasks]
+    controllers = [task.controller() for task in tasks]
     lengths = np.zeros((LANES, 2), np.int64)
     lengths[: len(tasks)] = [(len(task.course.targets_m), task.ticks) for task in tasks]
     rows = np.empty((LANES, lengths[:, 1].max(), len(COLUMNS)))
@@ -121,30 +141,42 @@ def _simulate_block(tasks: Sequence[Task], plants: Sequence[np.record]) -> list[
     records = _records(plants)
     cameras = [statistical_camera.start(task.rig.camera.rate_hz) for task in tasks]
     _run_block(
-        block_of(records, starts), records, _records([q for q, _ in pilots]),
+        block_of(records, starts),
+        records,
+        _records([q for q, _ in controllers]),
         _stacked([plant_record.no_volts(task.rig) for task in tasks]),
-        _records([flight for _, flight in pilots]), _records(cameras), _records([desk()] * LANES),
-        any(map(is_costly, plants)), any(map(is_delayed, plants)),
+        _records([state for _, state in controllers]),
+        _records(cameras),
+        _records([tick_buffers()] * LANES),
+        any(map(is_costly, plants)),
+        any(map(is_delayed, plants)),
         _stacked([course.targets_m for course in courses]),
-        _stacked([course.pushes_m_s2 for course in courses]), lengths, hold_s,
-        1 / tasks[0].known.control_rate_hz, _stacked([task.draws.camera for task in tasks]),
-        _stacked([task.draws.tachometer for task in tasks]), rows, filled, endings,
-    )  # fmt: skip
+        _stacked([course.pushes_m_s2 for course in courses]),
+        lengths,
+        hold_s,
+        1 / tasks[0].known.control_rate_hz,
+        _stacked([task.draws.camera for task in tasks]),
+        _stacked([task.draws.tachometer for task in tasks]),
+        rows,
+        filled,
+        endings,
+    )
     logs = [Log.from_rows(rows[lane, : filled[lane]]) for lane in range(len(tasks))]
     return [Simulated(log, ENDINGS[end]) for log, end in zip(logs, endings, strict=False)]
 
 
 def simulate_many(tasks: Sequence[Task]) -> list[Simulated]:
-    """Every task's run, in order, as `simulate` would make it; ValueError as it raises.
+    """Return every task's run, in order; each has the same bits as `simulate` gives for it alone.
 
-    Takes memory for all rows at once; holds no lock while it computes.
+    The rows of all runs are in memory at once; the interpreter's lock is free while they are
+    computed. ValueError: as `Task.check` and `plant_record.pack` raise it.
     """
     kinds: dict[tuple, list[int]] = {}
     plants, done = [plant_record.pack(task.rig) for task in tasks], {}
     for i, (task, p) in enumerate(zip(tasks, plants, strict=True)):
         task.check()
         if p["unknown"]["on"]:
-            done[i] = simulate(task.rig, task.known, task.arm, task.course, task.draws)
+            done[i] = simulate(task.rig, task.known, task.compensator, task.course, task.draws)
             continue
         kind = (task.known.control_rate_hz, *(float(p[name]) for name in UNIFORM))
         kinds.setdefault(kind, []).append(i)

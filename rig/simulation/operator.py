@@ -1,42 +1,14 @@
-"""Who places, releases and pushes the ball: a person who is told, or a simulated hand."""
-
-from collections.abc import Callable
+"""Simulated operators: who lets the ball go and pushes it where no person stands at the table."""
 
 import numpy as np
 
-from rig.simulator import SimulatedTable
+from rig.operator import Operator
+from rig.simulation.simulator import SimulatedTable
 from rig.table import Reading
 
-SAY = {
-    "place": "place the ball at x = {x:.1f} cm, y = {y:.1f} cm",
-    "hold": "hold it there",
-    "release": "let it go",
-    "push": "push the ball now",
-}
 
-
-class Hand:
-    """Who places, releases and pushes the ball. This one is a person: told what to do, waited for.
-
-    `tell` shows a sentence to that person; the loop sees from the ball that it was done.
-    """
-
-    is_person = True
-    release_limit_s = 120.0
-
-    def __init__(self, tell: Callable[[str], None] = lambda text: None) -> None:
-        self.tell = tell
-
-    def act(self, reading: Reading, wanted_m_s2: tuple[float, float]) -> tuple[float, float]:
-        """Called every tick with the push that the course (or a command) wants now.
-
-        Returns the push that the recording shall name.
-        """
-        return wanted_m_s2
-
-
-class SimulatedHand(Hand):
-    """Lets a simulated ball go after `hold_s` and pushes it."""
+class SimulatedOperator(Operator):
+    """Operator of a simulated table: lets the ball go after `hold_s` and pushes it."""
 
     is_person = False
     release_limit_s = 3.0
@@ -47,14 +19,19 @@ class SimulatedHand(Hand):
         table.held = hold_s > 0
 
     def act(self, reading: Reading, wanted_m_s2: tuple[float, float]) -> tuple[float, float]:
+        """Release the ball when it is due, push it with wanted_m_s2 [m/s2] and return that push."""
         if reading.t_s >= self._hold_s:
             self._table.release()
         self._table.push(wanted_m_s2)
         return wanted_m_s2
 
 
-class PushingHand(SimulatedHand):
-    """Pushes the ball away whenever it has stayed near the centre: the paper's own way."""
+class PushingOperator(SimulatedOperator):
+    """Operator that pushes the ball away when it has stayed near the centre, as in the paper.
+
+    Near is within near_m of the centre for longer than stays_s. A push lasts `seconds`, in a
+    direction drawn from `rng`, and gives a freely rolling ball about `speed_m_s`.
+    """
 
     near_m, stays_s = 0.01, 0.5
 
@@ -73,6 +50,9 @@ class PushingHand(SimulatedHand):
         self._until, self._now = -1.0, (0.0, 0.0)
 
     def act(self, reading: Reading, wanted_m_s2: tuple[float, float]) -> tuple[float, float]:
+        """Push the ball with its own push while one lasts, else with wanted_m_s2; return that
+        push [m/s2].
+        """
         t_s = reading.t_s
         if reading.ball is not None:
             near = float(np.hypot(*reading.ball.xy_m)) < self.near_m

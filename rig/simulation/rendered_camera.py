@@ -1,21 +1,25 @@
 """The simulated table seen through rendered frames and the real vision chain."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from rig.linkage import plate_rotation, tilt_sines
+from rig.plant.ball import plate_rotation, tilt_sines
 from vision.ball_camera import BallCamera
 from vision.frames import Frame, Observation, Track
-from vision.synthetic import Renderer
+from vision.synthetic.synthetic import Renderer
 
 
 @dataclass
-class RenderedEye:
-    """Renders what the light shows, then sees it as a real camera would: only pixels pass between.
+class RenderedCamera:
+    """A camera of the simulated table that renders frames and runs the real vision chain on them.
 
-    `hint` of the plate's pose comes from the encoders. `pairs` keeps (exposed_s, true x, y,
-    measured x, y) for the fit of a statistical camera and for tests: no controller reads it.
+    Nothing but pixels and the encoders' angles passes from the simulation to the vision chain.
+    ratio: 2 R_d/L of the linkage; exposure_s: length of the exposure. frames: rendered so far;
+    image, track: the newest frame (h, w) uint8 and what the tracker made of it. pairs: (exposed_s,
+    true x, y, measured x, y) of every frame with a ball, NaN where it was not seen, for the fit of
+    a statistical camera and for tests: no controller reads it.
     """
 
     renderer: Renderer
@@ -35,6 +39,12 @@ class RenderedEye:
         velocity_m_s: tuple[float, float],
         theta_rad: tuple[float, float],
     ) -> Observation | None:
+        """Render the exposure at `exposed_s` and return what the vision chain measures, or None.
+
+        ball_xy_m: true position in the plate's frame [m], None without a ball; tilt_sines_true:
+        (sin phi_x, sin phi_y); velocity_m_s: of the ball, for motion blur; theta_rad: encoder
+        angles, the hint of the plate's pose.
+        """
         self.image = self.renderer.render(
             plate_rotation(tilt_sines_true),
             ball_xy_m,
@@ -49,3 +59,34 @@ class RenderedEye:
             seen = observation.xy_m if observation else (np.nan, np.nan)
             self.pairs.append((exposed_s, *ball_xy_m, *seen))
         return observation
+
+
+@dataclass
+class RenderedPlateCamera:
+    """A camera of the simulated table that renders frames without a ball and hands them to `keep`.
+
+    Each frame is stamped `late_s` after its light, as a driver stamps what has arrived. It never
+    sees a ball.
+    """
+
+    renderer: Renderer
+    late_s: float
+    keep: Callable[[Frame], object]
+    frames: int = 0
+
+    def see(
+        self,
+        exposed_s: float,
+        ball_xy_m: tuple[float, float] | None,
+        tilt_sines_true: tuple[float, float],
+        velocity_m_s: tuple[float, float],
+        theta_rad: tuple[float, float],
+    ) -> Observation | None:
+        """Render the empty plate at `exposed_s` and hand the frame to `keep`; returns None.
+
+        tilt_sines_true: (sin phi_x, sin phi_y); the other arguments are not used.
+        """
+        image: np.ndarray = self.renderer.render(plate_rotation(tilt_sines_true), None)
+        self.keep(Frame(image, exposed_s + self.late_s, self.frames))
+        self.frames += 1
+        return None

@@ -1,4 +1,4 @@
-"""Whole closed-loop runs in compiled code: the pilot, sensors and plant of the tick-by-tick loop.
+"""Whole closed-loop runs in compiled code: controller, sensors and plant of the tick-by-tick loop.
 
 A simulator is a function of its arguments: state, parameters, targets, pushes and every random
 number come in; one row a tick goes out. Runs are independent, so a batch is split over threads
@@ -10,32 +10,31 @@ from math import ceil
 
 import numpy as np
 
-from rig import pilot, plant, plant_record, statistical_camera
 from rig.compiled import compiled, inlined
-from rig.limits import limit
+from rig.control import tick
+from rig.control.tick import BLIND, HOLD, control_tick, fill_row
+from rig.course import BLIND_LIMIT_S, RELEASE_LIMIT_S, Course
 from rig.log import COLUMNS, Log
 from rig.parameters import ANGLE_MARGIN_RAD, Rig
-from rig.pilot import BLIND, HOLD, pilot_tick
-from rig.plant import SEEN_T
-from rig.rows import fill_row
-from rig.sensors import read_drives
-from rig.signals import R_THETA, R_TIME, R_VARIANCE, READING_SIZE
-from rig.simulator import camera_numbers, table_tick
-from rig.statistical_camera import deliver, look, next_exposure
+from rig.plant import plant, plant_record
+from rig.plant.plant import SEEN_T
+from rig.safety.limits import limit
+from rig.simulation import statistical_camera
+from rig.simulation.simulator import camera_numbers, read_drives, table_tick
+from rig.simulation.statistical_camera import deliver, look, next_exposure
+from rig.table import R_THETA, R_TIME, R_VARIANCE, READING_SIZE
 
-BLIND_LIMIT_S = 1.0  # a ball unseen for so long ends the run
-RELEASE_LIMIT_S = 3.0  # in a simulation, a release not detected by then ends the run
 ENDINGS = ("completed", "ball lost", "limit", "not released")
 NOT_RELEASED = 3
 
 
-DESK = np.dtype(
+TICK_BUFFERS = np.dtype(
     [
         ("reading", np.float64, (READING_SIZE,)),
         ("target", np.float64, (2,)),
         ("push", np.float64, (2,)),
         ("noise", np.float64, (2,)),  # of the tachometers
-        ("wish", np.float64, (2,)),
+        ("commanded", np.float64, (2,)),
         ("applied", np.float64, (2,)),
         ("covariance", np.float64, (3,)),
         ("row", np.float64, (len(COLUMNS),)),
@@ -48,34 +47,19 @@ DESK = np.dtype(
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
-    """What a run is asked to do from its release on, tick by tick.
-
-    targets_m (n, 2): where the ball should be (servo angles [rad] in a run on the servos alone);
-    pushes_m_s2 (n, 2): the hand's pushes; start_m: where the ball is placed; it is held for
-    `hold_s` and then let go (0: free from the start). operator: the steps that a person is asked
-    for (place, hold, release, push); placed is a ball within tolerance_m of its start.
-    """
-
-    targets_m: np.ndarray
-    pushes_m_s2: np.ndarray
-    start_m: tuple[float, float] = (0.0, 0.0)
-    hold_s: float = 0.0
-    servo_only: bool = False
-    tolerance_m: float = 0.015
-    operator: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True, eq=False)
 class Draws:
-    """Every random number of a run: camera (k, 3) normal, normal, uniform; tachometers (n, 2)."""
+    """Every random number of a run.
+
+    camera (k, 3), a row an exposure: two normal numbers and one uniform; tachometer (n, 2), a row a
+    tick: normal numbers of both axes.
+    """
 
     camera: np.ndarray
     tachometer: np.ndarray
 
 
 def draw(rng: np.random.Generator, rig: Rig, course: Course) -> Draws:
-    """Draw a run's numbers: those that a `SimulatedTable` with the same rng would draw."""
+    """Draw a run's numbers: those that a `SimulatedTable` with the same `rng` would draw."""
     ticks = _most_ticks(rig, course)
     frames = int(ticks / rig.control_rate_hz * rig.camera.rate_hz) + 2
     noise, drop, tachometer = rng.spawn(3)
@@ -88,91 +72,128 @@ def _most_ticks(rig: Rig, course: Course) -> int:
 
 
 @compiled
-def think(k, s, p, q, flight, camera, ticks, tick_s, desk):
-    """Tick k up to the volts applied: sensors, pilot, limits, row. Returns how the run has ended,
-    an index of ENDINGS or -1. What comes and goes lies on the desk (DESK); ticks: of the course.
+def measure_and_control(k, s, p, q, state, camera, ticks, tick_s, buffer):
+    """Run tick k up to the volts applied: sensors, controller, limits, row.
+
+    s (STATE_ROWS, 2), p: the plant's state and record; q, state: settings and state of the
+    controller; camera: record of `statistical_camera`; ticks: length of the course; tick_s: period
+    [s]; buffer: record TICK_BUFFERS, whose inputs are loaded (`load_inputs`) and whose outputs are
+    filled in. Returns how the run has ended, an index of ENDINGS, or -1 while it goes on.
     """
-    reading, applied, wish, push = desk.reading, desk.applied, desk.wish, desk.push
+    reading, applied, commanded, push = (
+        buffer.reading,
+        buffer.applied,
+        buffer.commanded,
+        buffer.push,
+    )
     reading[R_TIME] = k * tick_s
-    read_drives(s, p, desk.noise, reading)
+    read_drives(s, p, buffer.noise, reading)
     deliver(camera, reading)
-    pilot_tick(flight, q, reading, desk.target, applied, wish)
-    if flight.phase == HOLD:
+    control_tick(state, q, reading, buffer.target, applied, commanded)
+    if state.phase == HOLD:
         push[0] = push[1] = 0.0
     runaway = False
     for a in range(2):
         applied[a] = limit(
-            wish[a], reading[R_THETA + a], flight.belief.rate[a], applied[a],
-            q.voltage_limit, q.angle_limit, q.slew,
-        )  # fmt: skip
+            commanded[a],
+            reading[R_THETA + a],
+            state.estimate.rate[a],
+            applied[a],
+            q.voltage_limit,
+            q.angle_limit,
+            q.slew,
+        )
         runaway = runaway or abs(reading[R_THETA + a]) > q.angle_limit + ANGLE_MARGIN_RAD
-    desk.covariance[0] = desk.covariance[2] = reading[R_VARIANCE]
+    buffer.covariance[0] = buffer.covariance[2] = reading[R_VARIANCE]
     pushed = 1.0 if push[0] != 0.0 or push[1] != 0.0 else 0.0
-    fill_row(desk.row, flight, q, reading, desk.covariance, desk.target, pushed, wish, applied)
+    fill_row(
+        buffer.row, state, q, reading, buffer.covariance, buffer.target, pushed, commanded, applied
+    )
     if runaway:
         return 2
-    desk.blind = desk.blind + 1 if flight.phase == BLIND else 0
-    if desk.blind * tick_s > BLIND_LIMIT_S:
+    buffer.blind = buffer.blind + 1 if state.phase == BLIND else 0
+    if buffer.blind * tick_s > BLIND_LIMIT_S:
         return 1
-    if flight.phase != HOLD:
-        desk.since_release += 1
-    if desk.since_release == ticks:
-        return 1 if flight.phase == BLIND else 0
+    if state.phase != HOLD:
+        buffer.since_release += 1
+    if buffer.since_release == ticks:
+        return 1 if state.phase == BLIND else 0
     return -1
 
 
 @inlined
-def lay_out(desk, targets, pushes, tachometer, lane, k):
-    """Put a tick's inputs on the desk: by number, since a view of an array costs more than that."""
-    now = desk.since_release
+def load_inputs(buffer, targets, pushes, tachometer, lane, k):
+    """Copy tick k's inputs into the buffer: target, push and the tachometers' noise.
+
+    targets, pushes (lanes, n, 2), by the ticks since the release; tachometer (lanes, m, 2), by k.
+    Copied number by number, as a view of an array costs more.
+    """
+    now = buffer.since_release
     for a in range(2):
-        desk.target[a] = targets[lane, now, a]
-        desk.push[a] = pushes[lane, now, a]
-        desk.noise[a] = tachometer[lane, k, a]
+        buffer.target[a] = targets[lane, now, a]
+        buffer.push[a] = pushes[lane, now, a]
+        buffer.noise[a] = tachometer[lane, k, a]
 
 
 @inlined
-def file_away(desk, rows, lane, k):
-    """The desk's row into rows[lane, k]."""
+def store_row(buffer, rows, lane, k):
+    """Copy the buffer's row into rows[lane, k]; rows (lanes, m, len(COLUMNS))."""
     for i in range(rows.shape[2]):
-        rows[lane, k, i] = desk.row[i]
+        rows[lane, k, i] = buffer.row[i]
 
 
 @inlined
-def expose(camera, p, fallen, eyes, lane, desk):
-    """The camera's part of a tick whose exposure, if any, is in the desk's `seen`."""
-    if np.isnan(desk.seen[SEEN_T]):
+def expose(camera, p, fallen, camera_draws, lane, buffer):
+    """Take the exposure of a tick, if the buffer's `seen` holds one; a fallen ball is not seen.
+
+    camera_draws (lanes, k, 3): as `Draws.camera`, a row an exposure.
+    """
+    if np.isnan(buffer.seen[SEEN_T]):
         return
     if fallen:
         camera.frame += 1
         return
     for i in range(3):
-        desk.draws[i] = eyes[lane, camera.frame, i]
-    look(camera, p, desk.seen, desk.draws)
+        buffer.draws[i] = camera_draws[lane, camera.frame, i]
+    look(camera, p, buffer.seen, buffer.draws)
 
 
 @compiled
-def _run(s, p, q, history, flight, camera, targets, pushes, hold_s, tick_s, eyes, tachometer, desk,
-         rows):  # fmt: skip
+def _run(
+    s,
+    p,
+    q,
+    history,
+    state,
+    camera,
+    targets,
+    pushes,
+    hold_s,
+    tick_s,
+    camera_draws,
+    tachometer,
+    buffer,
+    rows,
+):
     """Fill `rows` (1, m, columns) tick by tick; returns how many are filled and how it ended."""
-    fallen, push = False, desk.push
+    fallen, push = False, buffer.push
     for k in range(rows.shape[1]):
-        lay_out(desk, targets, pushes, tachometer, 0, k)
-        ending = think(k, s, p, q, flight, camera, targets.shape[1], tick_s, desk)
-        file_away(desk, rows, 0, k)
+        load_inputs(buffer, targets, pushes, tachometer, 0, k)
+        ending = measure_and_control(k, s, p, q, state, camera, targets.shape[1], tick_s, buffer)
+        store_row(buffer, rows, 0, k)
         if ending >= 0:
             return k + 1, ending
         t, due = k * tick_s, next_exposure(camera)
         fallen = fallen | table_tick(
-            s, p, history, desk.applied, push[0], push[1], t < hold_s, t, tick_s, due, desk.seen
+            s, p, history, buffer.applied, push[0], push[1], t < hold_s, t, tick_s, due, buffer.seen
         )
-        expose(camera, p, fallen, eyes, 0, desk)
+        expose(camera, p, fallen, camera_draws, 0, buffer)
     return rows.shape[1], NOT_RELEASED
 
 
 @dataclass(frozen=True, eq=False)
 class Simulated:
-    """A simulated run: its log and how it ended (one of ENDINGS)."""
+    """A simulated run: its log and its outcome, one of ENDINGS."""
 
     log: Log
     outcome: str
@@ -180,21 +201,29 @@ class Simulated:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Everything that decides one run: the plant, what its controller knows, arm, course, draws."""
+    """Everything that decides one run.
+
+    rig: the plant; known: what its controller knows (no effects); compensator: a number of
+    `controllers.COMPENSATORS`; draws: of `draw(rng, rig, course)`.
+    """
 
     rig: Rig
     known: Rig
-    arm: int
+    compensator: int
     course: Course
     draws: Draws
 
     @property
     def ticks(self) -> int:
-        """As many as the run may take."""
+        """The most ticks that the run may take: those of its course and of the wait for the
+        release.
+        """
         return _most_ticks(self.known, self.course)
 
     def check(self) -> None:
-        """ValueError where plant and controller differ in their tick or the draws are too few."""
+        """Raise ValueError where plant and controller differ in their tick, or the draws are too
+        few.
+        """
         rig, known, draws = self.rig, self.known, self.draws
         if rig.control_rate_hz != known.control_rate_hz:
             raise ValueError(
@@ -205,36 +234,50 @@ class Task:
         if len(draws.camera) < frames or len(draws.tachometer) < self.ticks:
             raise ValueError("draws are too few for this rig and course: take those of draw()")
 
-    def pilot(self) -> tuple[np.record, np.record]:
-        """The pilot's settings and its state at the start."""
-        q = pilot.settings(self.known, self.arm, servo_only=self.course.servo_only)
-        return q, pilot.start(q, held=self.course.hold_s > 0)
+    def controller(self) -> tuple[np.record, np.record]:
+        """Return the controller's settings and its state at the start (`tick.settings`,
+        `tick.start`).
+        """
+        q = tick.settings(self.known, self.compensator, servo_only=self.course.servo_only)
+        return q, tick.start(q, held=self.course.hold_s > 0)
 
 
-def simulate(rig: Rig, known: Rig, arm: int, course: Course, draws: Draws) -> Simulated:
-    """One closed-loop run of the plant `rig` under a controller that knows `known` (no effects).
+def simulate(rig: Rig, known: Rig, compensator: int, course: Course, draws: Draws) -> Simulated:
+    """Return a closed-loop run of the plant `rig` under a controller that knows `known` alone.
 
-    `draws` are those of `draw(rng, rig, course)`. ValueError where the two differ in their tick.
+    compensator: a number of `controllers.COMPENSATORS`; draws: of `draw(rng, rig, course)`.
+    ValueError: `rig` and `known` differ in control_rate_hz, the draws are too few, or the rig's
+    effects are not those of the catalogue.
     """
-    task = Task(rig, known, arm, course, draws)
+    task = Task(rig, known, compensator, course, draws)
     task.check()
-    q, flight = task.pilot()
+    q, state = task.controller()
     rows = np.empty((1, task.ticks, len(COLUMNS)))
     targets, pushes = (
         np.ascontiguousarray(course.targets_m),
         np.ascontiguousarray(course.pushes_m_s2),
     )
     filled, ending = _run(
-        plant.rest(course.start_m), plant_record.pack(rig), q, plant_record.no_volts(rig), flight,
+        plant.rest(course.start_m),
+        plant_record.pack(rig),
+        q,
+        plant_record.no_volts(rig),
+        state,
         statistical_camera.start(rig.camera.rate_hz),
-        targets[None], pushes[None], course.hold_s, 1 / known.control_rate_hz,
-        draws.camera[None], draws.tachometer[None], desk(), rows,
-    )  # fmt: skip
+        targets[None],
+        pushes[None],
+        course.hold_s,
+        1 / known.control_rate_hz,
+        draws.camera[None],
+        draws.tachometer[None],
+        tick_buffers(),
+        rows,
+    )
     return Simulated(Log.from_rows(rows[0, :filled]), ENDINGS[ending])
 
 
-def desk() -> np.record:
-    """What a run remembers from tick to tick, at its start."""
-    one = np.zeros(1, DESK)[0]
+def tick_buffers() -> np.record:
+    """Return the record TICK_BUFFERS of a run at its start: what it keeps from tick to tick."""
+    one = np.zeros(1, TICK_BUFFERS)[0]
     one["reading"] = one["seen"] = one["row"] = np.nan
     return one

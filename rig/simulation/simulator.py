@@ -1,22 +1,33 @@
 """A simulated table behind the same seam as a real one: `read / drive / close`.
 
-`read` advances simulated time by one tick, so a run goes as fast as the machine. The operator's
-hand (place, hold, release, push) acts on the plant, never on the controller.
+`read` advances simulated time by one tick, so a run goes as fast as the machine. The operator
+(place, hold, release, push) acts on the plant, never on the controller.
 """
 
-from math import nan
+from math import floor, nan
 from typing import Protocol
 
 import numpy as np
 
-from rig import plant, plant_record, statistical_camera
 from rig.compiled import compiled
-from rig.effect_equations import camera_map
-from rig.levelling import LevelOnExit
 from rig.parameters import Rig
-from rig.plant import SEEN_SX, SEEN_SY, SEEN_T, SEEN_VX, SEEN_VY, SEEN_X, SEEN_Y
-from rig.sensors import read_drives
-from rig.signals import (
+from rig.plant import plant, plant_record
+from rig.plant.effect_equations import camera_map
+from rig.plant.plant import (
+    ARM,
+    MOTOR_RATE,
+    SEEN_SX,
+    SEEN_SY,
+    SEEN_T,
+    SEEN_VX,
+    SEEN_VY,
+    SEEN_X,
+    SEEN_Y,
+)
+from rig.safety.levelling import LevelOnExit
+from rig.simulation import statistical_camera
+from rig.simulation.statistical_camera import deliver, look, next_exposure, queue_observation
+from rig.table import (
     R_BALL,
     R_EXPOSED,
     R_MOTOR,
@@ -24,10 +35,9 @@ from rig.signals import (
     R_THETA,
     R_TIME,
     R_VARIANCE,
+    Reading,
     blank_reading,
 )
-from rig.statistical_camera import deliver, look, next_exposure, queue_observation
-from rig.table import Reading
 from vision.frames import Observation
 
 _BLOCK = 256
@@ -35,14 +45,18 @@ _BLOCK = 256
 
 @compiled
 def table_tick(s, p, history, applied, push_x, push_y, held, t, tick_s, exposure_s, seen):
-    """Volts in, plant one tick on (`plant.advance`); True when the ball fell."""
+    """Apply volts and move the plant one tick on (`plant.advance`); True when the ball fell.
+
+    history (n, 2) is shifted by one row and `applied` (2,) [V] becomes its first; the other
+    arguments are those of `plant.advance`.
+    """
     for i in range(history.shape[0] - 1, 0, -1):
         history[i, 0], history[i, 1] = history[i - 1, 0], history[i - 1, 1]
     history[0, 0], history[0, 1] = applied[0], applied[1]
     return plant.advance(s, p, history, t, tick_s, push_x, push_y, held, exposure_s, seen)
 
 
-class Eye(Protocol):
+class CameraModel(Protocol):
     """A camera that looks at the simulated table, for example one that renders frames."""
 
     def see(
@@ -53,7 +67,12 @@ class Eye(Protocol):
         velocity_m_s: tuple[float, float],
         theta_rad: tuple[float, float],
     ) -> Observation | None:
-        """What is measured of the truth; `theta_rad`: the encoders' angles, a hint."""
+        """Return what is measured of the exposure at `exposed_s`, None where the ball is not seen.
+
+        ball_xy_m: true position in the plate's frame [m], None without a ball; tilt_sines_true:
+        (sin phi_x, sin phi_y); velocity_m_s: of the ball; theta_rad: encoder angles, a hint of the
+        pose.
+        """
         ...
 
 
@@ -71,15 +90,18 @@ class _Numbers:
 
 
 def camera_numbers(noise: np.random.Generator, drop: np.random.Generator, n: int) -> np.ndarray:
-    """Rows of two normal and one uniform number, (n, 3)."""
+    """Return n rows of two normal numbers (from `noise`) and one uniform number (from `drop`),
+    (n, 3).
+    """
     return np.column_stack([noise.standard_normal((n, 2)), drop.random(n)])
 
 
 class SimulatedTable(LevelOnExit):
-    """The plant of `rig` (effects included) with its sensors; every random number from `rng`.
+    """The plant of `rig` (effects included) with its sensors; every random number comes from `rng`.
 
-    `eye` replaces the statistical camera (its noise and dropouts; effects and delay stay). The
-    ball starts at `start_m`, held when `held`.
+    The ball starts at `start_m` and is held there where `held`. `eye` replaces the statistical
+    camera: noise and dropouts are then its own, while the effects and the delay of the rig file
+    still hold. fallen: the ball has left the plate.
     """
 
     def __init__(
@@ -89,7 +111,7 @@ class SimulatedTable(LevelOnExit):
         *,
         start_m: tuple[float, float] = (0.0, 0.0),
         held: bool = False,
-        eye: Eye | None = None,
+        eye: CameraModel | None = None,
     ) -> None:
         self.period_s = 1 / rig.control_rate_hz
         self.voltage_limit_V = rig.servo.voltage_limit_V
@@ -109,23 +131,27 @@ class SimulatedTable(LevelOnExit):
         self._last = blank_reading()
         self._draws = self._eyes.take()
 
-    # --- the operator's hand ---
+    # --- the operator ---
     def place(self, xy_m: tuple[float, float]) -> None:
-        """Put the ball down at `xy_m` and hold it there."""
+        """Put the ball down at `xy_m` (plate frame [m]) and hold it there."""
         self._s[plant.BALL] = xy_m
         self._s[plant.BALL_W] = 0.0
         self._s[plant.SPIN] = 0.0
         self.held, self.fallen = True, False
 
     def release(self) -> None:
+        """Let the ball go."""
         self.held = False
 
     def push(self, acceleration_m_s2: tuple[float, float]) -> None:
-        """Push the ball with this acceleration until told otherwise."""
+        """Push the ball with this acceleration (x, y) [m/s2] until the next call."""
         self._push = acceleration_m_s2
 
     # --- the contract ---
     def read(self) -> Reading:
+        """Advance the plant by one tick (not at the first call) and return what its sensors
+        show.
+        """
         if self._tick >= 0:
             self._advance()
         self._tick += 1
@@ -136,20 +162,25 @@ class SimulatedTable(LevelOnExit):
         return self._reading(row)
 
     def drive(self, volts: tuple[float, float]) -> None:
+        """Apply volts (x, y) from now to the next tick. ValueError: volts that are not finite."""
         if not all(map(np.isfinite, volts)):
-            raise ValueError(f"volts must be finite, got {volts}; use rig.limits.limit")
+            raise ValueError(f"volts must be finite, got {volts}; use rig.safety.limits.limit")
         self._applied[:] = volts
 
     def close(self) -> None:
+        """Set 0 V."""
         self._applied[:] = 0.0
 
     @property
     def volts_V(self) -> tuple[float, float]:
-        """What stands at the motors' terminals."""
+        """Volts (x, y) that stand at the motors' terminals."""
         return float(self._applied[0]), float(self._applied[1])
 
     def truth(self) -> dict[str, np.ndarray]:
-        """The plant's state, for scorers alone: motor, arm and plate angles [rad], ball [m]."""
+        """Return the plant's true state, for scorers alone: by name, (2,) arrays of both axes.
+
+        motor_rad, arm_rad, plate_rad: angles at the servo [rad]; ball_m: the ball's position [m].
+        """
         rows = {"motor_rad": plant.MOTOR, "arm_rad": plant.ARM, "plate_rad": plant.PLATE}
         return {name: self._s[row].copy() for name, row in rows.items()} | {
             "ball_m": self._s[plant.BALL].copy()
@@ -158,9 +189,17 @@ class SimulatedTable(LevelOnExit):
     def _advance(self) -> None:
         t = self._tick * self.period_s
         fell = table_tick(
-            self._s, self._p, self._history, self._applied, *self._push, self.held, t,
-            self.period_s, next_exposure(self._camera), self._seen,
-        )  # fmt: skip
+            self._s,
+            self._p,
+            self._history,
+            self._applied,
+            *self._push,
+            self.held,
+            t,
+            self.period_s,
+            next_exposure(self._camera),
+            self._seen,
+        )
         self.fallen = self.fallen or fell
         if np.isnan(self._seen[SEEN_T]):
             return
@@ -212,3 +251,17 @@ class SimulatedTable(LevelOnExit):
             None if np.isnan(speeds[0]) else speeds,
             ball,
         )
+
+
+@compiled
+def read_drives(s, p, draws, reading):
+    """Write encoder angles [rad] and motor speeds [rad/s] of state s into reading (READING_SIZE,).
+
+    Angles are those of the arm, to the nearest count; speeds those of the motor, ahead of the
+    gears, with the tachometer's scale error and noise from draws (2,) of normal numbers, NaN
+    without a tachometer.
+    """
+    for a in range(2):
+        reading[R_THETA + a] = floor(s[ARM, a] / p.encoder_step + 0.5) * p.encoder_step
+        speed = s[MOTOR_RATE, a] * (1.0 + p.tachometer_scale) + p.tachometer_noise * draws[a]
+        reading[R_MOTOR + a] = speed if p.tachometer > 0.0 else nan

@@ -7,10 +7,10 @@ from math import nan
 
 import numpy as np
 
-from rig import effect_equations as equations
 from rig.compiled import compiled
-from rig.plant import SEEN_SX, SEEN_SY, SEEN_T, SEEN_X, SEEN_Y
-from rig.signals import R_BALL, R_EXPOSED, R_NEW, R_TIME, R_VARIANCE
+from rig.plant import effect_equations as equations
+from rig.plant.plant import SEEN_SX, SEEN_SY, SEEN_T, SEEN_X, SEEN_Y
+from rig.table import R_BALL, R_EXPOSED, R_NEW, R_TIME, R_VARIANCE
 
 QUEUE = 32
 CAMERA = np.dtype(
@@ -25,6 +25,9 @@ CAMERA = np.dtype(
 
 
 def start(rate_hz: float) -> np.record:
+    """Return the camera's record (dtype CAMERA) before its first exposure; rate_hz: frames a
+    second.
+    """
     camera = np.zeros(1, CAMERA)[0]
     camera["rate_hz"] = rate_hz
     return camera
@@ -32,12 +35,15 @@ def start(rate_hz: float) -> np.record:
 
 @compiled
 def next_exposure(camera):
-    """Time of the next mid exposure [s]."""
+    """Time of the next exposure's middle [s]."""
     return (camera.frame + 1) / camera.rate_hz
 
 
 @compiled
 def queue_observation(camera, x, y, exposed, usable, variance):
+    """Queue an observation: position x, y [m], stamp and time of use [s], variance of a
+    coordinate [m2].
+    """
     row = camera.pending[camera.tail % QUEUE]
     row[0], row[1], row[2], row[3], row[4] = x, y, exposed, usable, variance
     camera.tail += 1
@@ -45,7 +51,11 @@ def queue_observation(camera, x, y, exposed, usable, variance):
 
 @compiled
 def look(camera, p, seen, draws):
-    """Take the exposure in `seen`, if there is one: draws = two normal, one uniform number (3,)."""
+    """Take the exposure in `seen` (7,), columns SEEN_*, if there is one, and queue its observation.
+
+    p: record PLANT; draws (3,): two normal numbers for the noise, one uniform for the dropout. The
+    stamp takes the rig file's delay for the true one; the effect `camera_delay` is its error.
+    """
     if np.isnan(seen[SEEN_T]):
         return
     camera.frame += 1
@@ -66,7 +76,11 @@ def look(camera, p, seen, draws):
 
 @compiled
 def deliver(camera, reading):
-    """Put the newest observation that is usable by the reading's time into it; older ones go."""
+    """Put the newest observation that is usable by the reading's time into it; older ones are
+    dropped.
+
+    reading (READING_SIZE,): R_NEW is 0 and the ball's columns are NaN where there is none.
+    """
     reading[R_NEW] = 0.0
     reading[R_BALL] = reading[R_BALL + 1] = reading[R_EXPOSED] = reading[R_VARIANCE] = nan
     while camera.head < camera.tail:

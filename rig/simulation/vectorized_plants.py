@@ -4,7 +4,7 @@ A block is one array in which the lanes of each number lie next to each other an
 innermost index. The equations are those of `step.py`, called with one lane's numbers inside the
 innermost loop, which the compiler turns into vector instructions (512 bits where the machine has
 them). It reorders nothing, so a run gives the same bits here and in `plant.advance`. Lanes of a
-block share the step, the shaft model and the walls; an unnamed term (`unknown.py`) has no lanes.
+block share the step, the shaft model and the walls; a discrepancy (`discrepancy.py`) has no lanes.
 """
 
 from collections.abc import Sequence
@@ -13,10 +13,19 @@ from math import inf, nan
 import numpy as np
 
 from rig.compiled import compiled, inlined
-from rig.constants import COSTLY, LANES, ROWS, cheap_constants_of, constants_of, rows_of
-from rig.plant import SEEN_T, late_row, sight
-from rig.shaft import EXACT
-from rig.step import ball_step, cogged, commanded, delivered, drive_step, held_ball, off_plate, tilt
+from rig.plant.constants import COSTLY, LANES, ROWS, cheap_constants_of, constants_of, rows_of
+from rig.plant.plant import SEEN_T, late_row, sight
+from rig.plant.shaft import EXACT
+from rig.plant.step import (
+    ball_step,
+    cogged,
+    commanded,
+    delivered,
+    drive_step,
+    held_ball,
+    off_plate,
+    tilt,
+)
 
 # Rows of a block after the constants: both axes' state, the ball's, inputs.
 X, Y, BALL = ROWS, ROWS + 8, ROWS + 16
@@ -28,9 +37,15 @@ BLOCK_ROWS = BALL + 13
 def _axis(b, row, lane):
     i = row * LANES + lane
     return (
-        b[i], b[i + LANES], b[i + 2 * LANES], b[i + 3 * LANES],
-        b[i + 4 * LANES], b[i + 5 * LANES], b[i + 6 * LANES], b[i + 7 * LANES],
-    )  # fmt: skip
+        b[i],
+        b[i + LANES],
+        b[i + 2 * LANES],
+        b[i + 3 * LANES],
+        b[i + 4 * LANES],
+        b[i + 5 * LANES],
+        b[i + 6 * LANES],
+        b[i + 7 * LANES],
+    )
 
 
 @inlined
@@ -90,11 +105,11 @@ def _command(b, plants, history, into_tick_s, ticks_s):
 
 
 @compiled
-def _see(b, plants, now, exposures_s, desks):
-    """Fill `seen` of the desks whose exposure has come; returns the time of the next one."""
+def _see(b, plants, now, exposures_s, buffers):
+    """Fill `seen` of the buffers whose exposure has come; returns the time of the next one."""
     due = inf
     for lane in range(LANES):
-        p, exposure_s, seen = plants[lane], exposures_s[lane], desks[lane].seen
+        p, exposure_s, seen = plants[lane], exposures_s[lane], buffers[lane].seen
         if not np.isnan(seen[SEEN_T]):
             continue
         if exposure_s > now + p.step_s:
@@ -110,17 +125,19 @@ def _see(b, plants, now, exposures_s, desks):
 
 
 @compiled
-def advance_block(b, plants, history, costly, delayed, t, ticks_s, exposures_s, desks):
-    """`plant.advance` for a block b (BLOCK_ROWS * LANES,): plants (LANES,) of dtype PLANT, history
-    (LANES, n, 2), exposures_s (LANES,), desks (LANES,) with a field `seen` (7,).
+def advance_block(b, plants, history, costly, delayed, t, ticks_s, exposures_s, buffers):
+    """Move LANES plants over one control tick: `plant.advance` for a block b (BLOCK_ROWS * LANES,).
 
-    costly: some lane is (`is_costly`); delayed: some lane delays its volts.
-    Pushes, held and fallen balls stand in the block's rows; a fallen one is marked there.
+    plants (LANES,) of dtype PLANT; history (LANES, n, 2): volts applied, newest first; costly: some
+    lane is (`is_costly`); delayed: some lane delays its volts (`is_delayed`); t, ticks_s: begin and
+    length of the tick [s]; exposures_s (LANES,): the next exposures, inf for none; buffers
+    (LANES,): with a field `seen` (7,), filled in as by `plant.advance`. Pushes, held and fallen
+    balls stand in the block's rows; a ball that falls is marked there.
     """
     p, due = plants[0], inf
     h = p.step_s
     for lane in range(LANES):
-        desks[lane].seen[SEEN_T] = nan
+        buffers[lane].seen[SEEN_T] = nan
         due = min(due, exposures_s[lane])
         if off_plate(plants[lane], _ball(b, lane)):
             b[FALLEN * LANES + lane] = 1.0
@@ -136,22 +153,28 @@ def advance_block(b, plants, history, costly, delayed, t, ticks_s, exposures_s, 
         else:
             _cheap_step(b, now, h)
         if due <= now + h:
-            due = _see(b, plants, now, exposures_s, desks)
+            due = _see(b, plants, now, exposures_s, buffers)
 
 
 def block_of(plants: np.ndarray, balls_m: Sequence[Sequence[float]]) -> np.ndarray:
-    """A block (BLOCK_ROWS * LANES,) of tables at rest: plants (LANES,) of dtype PLANT, the ball of
-    each where it is placed."""
+    """Return a block (BLOCK_ROWS * LANES,) of tables at rest.
+
+    plants (LANES,) of dtype PLANT; balls_m (LANES, 2): where each ball is placed [m].
+    """
     b = np.zeros((BLOCK_ROWS, LANES))
     b[:ROWS], b[BALL : BALL + 2] = rows_of(plants), np.transpose(balls_m)
     return b.ravel()
 
 
 def is_costly(p: np.record) -> bool:
-    """Whether a plant has what `_cheap_step` leaves out: an effect with a sine, an exponential or a
-    root a step, another shaft model than the exact one, or walls."""
+    """Whether a plant has what `_cheap_step` leaves out.
+
+    That is an effect with a sine, an exponential or a root a step, another shaft model than the
+    exact one, or walls. p: record PLANT.
+    """
     return bool(any(np.any(p[name]) for name in COSTLY) or p["shaft_model"] != EXACT or p["walls"])
 
 
 def is_delayed(p: np.record) -> bool:
+    """Whether a plant's volts are delayed. p: record PLANT."""
     return bool(np.any(p["input_delay_delay_s"] > 0))

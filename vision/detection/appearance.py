@@ -1,9 +1,10 @@
-"""What the ball looks like: which colours are its, and where its edge shows best.
+"""What does the ball look like: which colours are its own, and along which does its edge show best?
 
-Two questions, two tools. *Is this pixel of the ball?* is answered by a table over all colours (5
-bits a channel), which holds any ball: orange, white, steel, black. *Where does it end?* is answered
-along one direction in colour space, ball minus plate whitened by the scatter of both, so that
-shading, which moves the colours of ball and plate along their own brightness, cannot bias the edge.
+*Is this pixel of the ball?* is answered by a table of P(ball | colour) over all colours (5 bits a
+channel), which represents any ball: orange, white, steel, black. *Where does it end?* is answered
+along one direction in colour space, ball minus plate whitened by the scatter of both (Fisher's
+discriminant), so that shading, which moves the colours of ball and plate along their own
+brightness, does not bias the edge.
 """
 
 from __future__ import annotations
@@ -15,9 +16,9 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from vision.pixels import moments, retouched, share
-from vision.rim import colour_is_smeared
-from vision.rim_pixels import BLUR0
+from vision.detection.pixels import adapted_table, colour_moments, mean_probability
+from vision.detection.rim import colour_is_smeared
+from vision.detection.rim_pixels import BLUR0
 
 BINS = 32
 NAMED = {
@@ -47,7 +48,7 @@ SIGNED_ABOVE = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Appearance:
-    """The ball's looks. Colours are BGR, 0..255.
+    """The ball's colours and edge. Colours are BGR, 0..255.
 
     `ball_bgr` and `surround_bgr` (3,) are means; `direction` (3,) is whitened ball minus surround,
     scaled so that a full edge is 1; `separation` is their distance in standard deviations; `table`
@@ -70,26 +71,31 @@ class Appearance:
 
     @property
     def signed(self) -> bool:
-        """Whether ball and plate differ enough for the edge to have a sign."""
+        """Whether ball and plate differ enough (`separation` over SIGNED_ABOVE) for the edge to
+        have a sign."""
         return self.separation > SIGNED_ABOVE
 
     @staticmethod
     def of_colour(colour: str) -> Appearance:
-        """The looks assumed of a name (see `NAMED`) or "#rrggbb"; the first lock refines them."""
+        """The appearance assumed of a name in `NAMED` or "#rrggbb"; the first lock refines it.
+
+        `ValueError`: any other name.
+        """
         bgr = parse_colour(colour)
         # A mid grey stands in for a plate that has not been seen yet.
         surround = np.full(3, 128.0)
         contrast = bgr - surround
         direction = contrast / max(float(contrast @ contrast), 1.0)
-        # Half of what lies about is of a mid grey: its table cannot tell a steel ball.
+        # Half of a usual scene is mid grey: a table of that colour cannot tell a steel ball.
         fill = 0.0 if _chroma(bgr) < 30 and 70 < bgr.mean() < 200 else 0.6
         return Appearance(bgr, surround, direction, 0.0, _named_table(bgr), fill, learned=False)
 
     @staticmethod
     def learn(image: np.ndarray, u_px: float, v_px: float, radius_px: float) -> Appearance:
-        """The looks of the disc at (u_px, v_px) in an image (h, w, 3) uint8 BGR."""
+        """The appearance, with its table of colours, of the disc at (u_px, v_px) of radius
+        `radius_px` in an image (h, w, 3) uint8 BGR."""
         table = _learned_table(image, u_px, v_px, radius_px)
-        fill = share(image, table, u_px, v_px, 0.0, 0.85 * radius_px)
+        fill = mean_probability(image, table, u_px, v_px, 0.0, 0.85 * radius_px)
         return replace(
             Appearance.sketch(image, u_px, v_px, radius_px),
             table=table,
@@ -99,7 +105,8 @@ class Appearance:
 
     @staticmethod
     def sketch(image: np.ndarray, u_px: float, v_px: float, radius_px: float) -> Appearance:
-        """As `learn` but without the table (all zero): cheap, for guesses not yet believed."""
+        """The appearance of the disc at (u_px, v_px) without its table (all zero): cheap, for
+        guesses that are not confirmed yet. Image (h, w, 3) uint8 BGR."""
         return Appearance(*_contrast(image, u_px, v_px, radius_px), _EMPTY, 0.0, learned=True)
 
     def adapted(
@@ -111,9 +118,10 @@ class Appearance:
         share: float,
         blur_px: float = math.nan,
     ) -> Appearance:
-        """Moved by `share` (0..1) towards what the disc looks like now: light and plate change.
+        """A copy moved by `share` (0..1) towards the disc's present colours.
 
-        `blur_px` of its edge, where it was measured, is taken over with ten times that share.
+        Disc and image as in `learn`. `blur_px` of its edge, where measured, is taken over with ten
+        times that share.
         """
         ball, surround, direction, separation = _contrast(image, u_px, v_px, radius_px)
         return replace(
@@ -122,7 +130,7 @@ class Appearance:
             surround_bgr=self.surround_bgr + share * (surround - self.surround_bgr),
             direction=self.direction + share * (direction - self.direction),
             separation=self.separation + share * (separation - self.separation),
-            table=retouched(self.table, image, u_px, v_px, radius_px, share),
+            table=adapted_table(self.table, image, u_px, v_px, radius_px, share),
             blur_px=self.blur_px
             + (min(1.0, 10 * share) * (blur_px - self.blur_px) if math.isfinite(blur_px) else 0.0),
         )
@@ -130,10 +138,10 @@ class Appearance:
     def here(
         self, image: np.ndarray, u_px: float, v_px: float, radius_px: float
     ) -> tuple[np.ndarray, float, float]:
-        """(direction (3,), separation, contrast) measured at this very place of the image.
+        """(direction (3,), separation, contrast) measured at the disc (u_px, v_px, radius_px).
 
-        The contrast is ball minus surround along the appearance's own direction: 1 where both look
-        as learned, negative where dark and bright have changed places.
+        The contrast is ball minus surround along the appearance's own direction: 1 where both have
+        the learned colours, negative where dark and bright are exchanged.
         """
         ball, ring, direction, separation = _contrast(image, u_px, v_px, radius_px)
         return direction, separation, float(self.direction @ (ball - ring))
@@ -143,7 +151,8 @@ _EMPTY = np.zeros(BINS**3, np.uint8)
 
 
 def parse_colour(colour: str) -> np.ndarray:
-    """(3,) BGR of a name in `NAMED` or of "#rrggbb"; raises `ValueError` otherwise."""
+    """Colour (3,) BGR, 0..255, of a name in `NAMED` or of "#rrggbb". `ValueError`: any other
+    text."""
     text = NAMED.get(colour.strip().lower(), colour.strip())
     if not re.fullmatch(r"#[0-9a-fA-F]{6}", text):
         names = ", ".join(NAMED)
@@ -155,12 +164,12 @@ def parse_colour(colour: str) -> np.ndarray:
 def _contrast(
     image: np.ndarray, u: float, v: float, radius: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """(ball (3,), surround (3,), direction (3,), separation): Fisher's discriminant.
+    """(ball (3,), surround (3,), direction (3,), separation) of a disc: Fisher's discriminant.
 
     direction = S^-1 d / (d' S^-1 d), d = ball - surround, S = scatter of both + noise floor.
     """
-    n_ball, ball, ball_scatter = moments(image, u, v, 0.0, 0.8 * radius)
-    n_ring, ring, ring_scatter = moments(image, u, v, 1.25 * radius, 1.7 * radius + 2.0)
+    n_ball, ball, ball_scatter = colour_moments(image, u, v, 0.0, 0.8 * radius)
+    n_ring, ring, ring_scatter = colour_moments(image, u, v, 1.25 * radius, 1.7 * radius + 2.0)
     if n_ball < 4 or n_ring < 4:
         return ball, ring, np.full(3, 1e-3), 0.0
     scatter = 0.5 * (ball_scatter + ring_scatter) + NOISE_FLOOR**2 * np.eye(3)
@@ -229,7 +238,7 @@ def _histogram(colours: np.ndarray) -> np.ndarray:
 def _learned_table(image: np.ndarray, u: float, v: float, radius: float) -> np.ndarray:
     """P(ball | colour) from the disc's colours against those of the rest of the image.
 
-    The disc's colours count at several brightnesses too: it will roll through light and shade.
+    The disc's colours count at eight brightnesses, since the ball rolls through light and shade.
     """
     h, w = image.shape[:2]
     grid_v, grid_u = np.mgrid[0:h, 0:w]

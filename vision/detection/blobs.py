@@ -1,4 +1,4 @@
-"""Patches of the ball's colour in a whole image: robust, coarse."""
+"""Where in an image are patches of the ball's colour? Robust and coarse: centres to some pixels."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from vision.appearance import Appearance
-from vision.pixels import lookup
+from vision.detection.appearance import Appearance
+from vision.detection.pixels import probability_map
 
 
 @dataclass(frozen=True)
 class Blob:
-    """A patch of the ball's colour: centre and radius of the disc of its area, px; 0 <= score <= 1.
+    """A patch of the ball's colour: its centroid, and the radius of the disc that has its area
+    [px].
 
-    The score is how well a disc would fill the patch's bounding box.
+    `score` (0..1): its area over that of the disc through the longer side of its bounding box.
     """
 
     u_px: float
@@ -25,22 +26,22 @@ class Blob:
     score: float
 
 
-def find(
+def find_blobs(
     image: np.ndarray,
     appearance: Appearance,
-    *,
     radius_px: tuple[float, float],
     mask: np.ndarray | None = None,
+    *,
     least: float = 0.43,
 ) -> list[Blob]:
     """Patches of the ball's colour in an image (h, w, 3) uint8 BGR, most disc-like first.
 
-    `radius_px` bounds the radius (min, max); patches down to half and up to twice that stay in,
-    since hands hide and streaks lengthen. `mask` (h, w) uint8: nonzero where the ball can be.
-    `least` is the P(ball) from which a pixel counts.
+    `radius_px` bounds the radius (min, max); patches from half to twice that are kept, since hands
+    hide a part and motion lengthens. `mask` (h, w) uint8 is nonzero where the ball can be. A pixel
+    counts from P(ball) = `least` on.
     """
     step = int(np.clip(radius_px[0] / 4.0, 1, 4))
-    likely = lookup(image, appearance.table, step)
+    likely = probability_map(image, appearance.table, step)
     if mask is not None:
         h, w = likely.shape
         likely = np.where(mask[::step, ::step][:h, :w] > 0, likely, np.uint8(0))

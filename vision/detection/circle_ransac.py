@@ -1,4 +1,9 @@
-"""The circle that most edge points share: what an outline is where another edge runs beside it."""
+"""Which circle do most edge points lie on, where points of another edge are among them?
+
+RANSAC (Fischler and Bolles, Comm. ACM 24, 1981) with regular triples in place of random ones: the
+points go once round a turn, so triples a fixed stride apart contain one within a free arc, and the
+result is the same at every call.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +13,8 @@ import numpy as np
 
 from vision.compiled import kernel
 
-ARCS = 3  # a third and less of the turn apart: an arc that is free over two of these will do
-LEAST_SHARE = 0.45
+ARCS = 3  # strides of n / 3, n / 5 and n / 7 points: the shortest triple spans 2 / 7 of the turn
+LEAST_SHARE = 0.45  # of the points; chosen below a half, since another edge may hide that much
 
 
 @kernel
@@ -26,12 +31,13 @@ def _through(points, i, j, k):
 
 
 @kernel
-def shared_circle(points, radius, slack_px):
-    """(u, v, radius, share) of the circle that most of the points (n, 2) lie on within `slack_px`.
+def consensus_circle(points, radius, slack_px):
+    """The circle that most points lie on within `slack_px`, (4,): u, v, radius [px], share of the
+    points on it (RANSAC with regular triples).
 
-    The points go once round; NaN ones count as off. Circles through three of them, up to two
-    thirds of the turn apart, are asked, if their radius is within a third of `radius`. Share 0:
-    none held `LEAST_SHARE` of the points.
+    `points` (n, 2) [px] go once round a turn; NaN counts as off. Circles whose radius differs by
+    more than a third from `radius` are passed over. Share 0: no circle held `LEAST_SHARE` of the
+    points.
     """
     n = points.shape[0]
     best, most = np.zeros(4), LEAST_SHARE * n - 0.5

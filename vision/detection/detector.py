@@ -1,8 +1,9 @@
-"""Find one ball in an image, and locate it to a hundredth of a pixel. Pure functions.
+"""Where is the disc near a guess, to a hundredth of a pixel, and how certain is that?
 
-`find` asks each pixel's colour whether it is the ball's and groups the answers: robust, coarse.
-`locate` casts rays from a guess, takes the edge on each, fits an ellipse robustly, and then the
-rim's pixels: exact, local. Nothing here decides whether to believe a result; `vision.gate` does.
+`locate_ball` casts rays from the guess, takes the edge on each, fits an ellipse robustly
+(`outline`), then a model to the rim's pixels (`rim`), and joins the two. Pure functions; whether a
+result is accepted is decided by `vision.tracking.gate`. Rough guesses come from `blobs` and
+`hough_circles`.
 """
 
 from __future__ import annotations
@@ -12,15 +13,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vision.appearance import SIGNED_ABOVE, Appearance
-from vision.blobs import Blob, find
-from vision.outline import BLURRED_STD, FLAT_STD, Outline, freed, trace
-from vision.pixels import share
-from vision.rim import polish
+from vision.detection.appearance import SIGNED_ABOVE, Appearance
+from vision.detection.outline import (
+    BLURRED_STD,
+    FLAT_STD,
+    Outline,
+    retrace_on_consensus,
+    trace_outline,
+)
+from vision.detection.pixels import mean_probability
+from vision.detection.rim import fit_rim
 
-__all__ = ["Appearance", "Blob", "Detection", "find", "locate"]
-
-# What the outline deviates from an ellipse (blur, a shadow's edge) is common to some ten rays.
+# Deviations of the outline from an ellipse (blur, a shadow's edge) are common to some nine rays.
 RAYS_SHARE = 9.0
 APART_PX = 0.3  # between rim and rays, from which the rays count more
 # Light from one side makes one edge stronger and lays a shadow at the other; the centre then leans
@@ -41,7 +45,8 @@ REACH = 0.6  # rays search from (1 - REACH) to (1 + REACH) radii
 class Detection:
     """A located disc with what is needed to judge it.
 
-    `sigma_px` std of the centre per axis; `inliers` share of the rays in the image whose edge lies
+    `u_px, v_px, radius_px` centre and mean radius of the outline; `sigma_px` standard deviation of
+    the centre per axis; `inliers` share of the rays in the image whose edge lies
     on the ellipse; `coverage` share of the full turn so covered, by eighths with at least one in
     three rays good; `contrast` 1 where ball and plate differ as in the appearance, negative where
     the sign is wrong; `residual_px` rms of the inliers; `fill` and `spill` the mean P(ball) of the
@@ -63,7 +68,7 @@ class Detection:
     inside_px: float = 0.0
 
 
-def locate(
+def locate_ball(
     image: np.ndarray,
     appearance: Appearance,
     u_px: float,
@@ -72,13 +77,14 @@ def locate(
     *,
     reach: float = REACH,
 ) -> Detection | None:
-    """The disc near a guess, or None where too few edges lie on any ellipse.
+    """The disc near a guess (px), or None where too few edges lie on any ellipse.
 
-    A first outline is traced along the appearance's direction in colour space, about the guess.
-    Where it is not whole, another follows along the direction found at the spot. Then the rim's
-    pixels are fitted (`vision.rim`); where that fails, the outline stays.
+    `image` (h, w, 3) uint8 BGR; rays search from (1 - reach) to (1 + reach) times `radius_px`. A
+    first outline is traced along the appearance's direction in colour space. Where it is not whole
+    and smooth, it is traced again along the direction measured at the spot. Then a model is fitted
+    to the rim's pixels (`vision.detection.rim`); where that fails, the outline stays.
     """
-    direction, signed = appearance.direction, appearance.signed
+    direction, signed, table = appearance.direction, appearance.signed, appearance.table
     if not appearance.learned:
         direction = appearance.here(image, u_px, v_px, radius_px)[0]
     # Edges of either sign are found inside a mirroring ball too: look for its rim alone.
@@ -88,7 +94,7 @@ def locate(
         return None
     contrast = None
     if signed and line.residual_px > max(0.2, ROUGH_SHARE * line.radius_px):
-        line = freed(image, direction, signed, line, 0.35) or line
+        line = retrace_on_consensus(image, direction, signed, line, 0.35) or line
     if not _plain(line):
         line, contrast = _refined(image, appearance, line, direction, signed)
     rim = _fitted(image, appearance, line)
@@ -106,8 +112,8 @@ def locate(
         coverage=line.coverage,
         contrast=contrast if appearance.learned and signed else 1.0,
         residual_px=line.residual_px,
-        fill=share(image, appearance.table, u, v, 0.0, 0.85 * radius),
-        spill=share(image, appearance.table, u, v, 1.2 * radius + 1.0, 1.6 * radius + 2.0),
+        fill=mean_probability(image, table, u, v, 0.0, 0.85 * radius),
+        spill=mean_probability(image, table, u, v, 1.2 * radius + 1.0, 1.6 * radius + 2.0),
         blur_px=math.nan if rim is None else float(rim[6]),
     )
 
@@ -119,15 +125,15 @@ def _plain(line: Outline) -> bool:
 
 
 def _fitted(image: np.ndarray, appearance: Appearance, line: Outline) -> np.ndarray | None:
-    """What `vision.rim.polish` makes of the outline, or None where it is not to be trusted.
+    """What `rim.polish` makes of the outline, or None where it is not to be trusted.
 
-    A stick or a hand across the outline has edges and levels of its own: rays tell them better.
+    A stick or a hand across the outline has edges of its own, which rays tell apart better.
     """
     if line.share <= WHOLE or line.coverage < 1.0:
         return None
     radius, flat = line.radius_px, BLURRED_STD if _plain(line) else FLAT_STD
     guess = line.u_px, line.v_px, radius
-    rim = polish(image, *guess, appearance.blur_px, flat, appearance.smeared, RIM_ROUNDS)
+    rim = fit_rim(image, *guess, appearance.blur_px, flat, appearance.smeared, RIM_ROUNDS)
     if not (math.isfinite(rim[3]) and rim[5] > 0.7 and rim[9] == 0.0):
         return None
     moved = math.hypot(rim[0] - line.u_px, rim[1] - line.v_px)
@@ -137,12 +143,12 @@ def _fitted(image: np.ndarray, appearance: Appearance, line: Outline) -> np.ndar
 
 
 def _agreed(line: Outline, rim: np.ndarray | None) -> tuple[float, float, float, float]:
-    """(u, v, radius, sigma) px: the rim's, less of it the farther the rays' outline is from it.
+    """(u, v, radius, sigma) px: a mixture of the rim's fit and the rays' outline.
 
-    Shadows and reflections that the rim's model lacks take it off where rays see an edge beside
-    them. With the share w = 1 / (1 + (d / `APART_PX`)^4) of the rim at a distance d, the variance
-    is w^2 of the rim's, (1 - w)^2 of the rays', and what a mixture's two places add, w (1 - w) d^2
-    over both axes.
+    Shadows and reflections that the rim's model lacks pull its fit away from the rays' outline, so
+    the rim counts less the farther the two are apart. With the share
+    w = 1 / (1 + (d / `APART_PX`)^4) of the rim at a distance d, the variance is w^2 of the rim's,
+    (1 - w)^2 of the rays', and w (1 - w) d^2 over both axes for the mixture of two places.
     """
     rays = _line_variance(line)
     if rim is None:
@@ -155,18 +161,22 @@ def _agreed(line: Outline, rim: np.ndarray | None) -> tuple[float, float, float,
 
 
 def _rim_variance(rim: np.ndarray) -> float:
-    """Of the fitted centre per axis, from the fit alone: its noise, more of it where sectors
-    disagree by more, and what sets the two halves of the edge apart beyond noise. Each half holds
-    half the information, so noise alone sets them apart by four times its variance, and what is
-    one half's own error is half as large in the mean."""
+    """Variance (px^2) of the rim's centre per axis.
+
+    Its noise, scaled up where sectors disagree by more, plus what sets the inner and outer halves
+    of the edge apart beyond noise. Each half holds half the information, so noise alone sets them
+    apart by four times its variance, and one half's own error is half as large in the mean.
+    """
     noise = LEVELS_SHARE * float(rim[3]) * max(1.0, float(rim[4])) ** 2
     return noise + 0.25 * max(0.0, float(rim[7]) - 4.0 * float(rim[3]))
 
 
 def _line_variance(line: Outline) -> float:
-    """Of a traced outline's centre per axis: what the residuals say, of which neighbouring rays
-    share much, what light from one side does to all, and what an arc that is not seen leaves
-    open."""
+    """Variance (px^2) of a traced outline's centre per axis.
+
+    From the residuals (which neighbouring rays share), the shift by light from one side, and the
+    arc that is not seen.
+    """
     common = math.hypot(LIGHT_SHARE_PX * line.lopsided, UNSEEN_PX * (1.0 - min(line.share, 1.0)))
     return RAYS_SHARE * line.variance_px2 + common**2
 
@@ -178,20 +188,20 @@ def _settled(
     guess: tuple[float, float, float],
     reach: float,
 ) -> Outline | None:
-    """The outline about a guess, cast anew from its own answer until that stays.
+    """The outline about a guess, traced again from its own result until that stays.
 
-    Rays from a guess near the ball's edge meet other edges too, and an ellipse through them all is
-    a compromise that lies somewhere between: only an outline that confirms itself is one.
+    Rays from a guess near the ball's edge meet other edges too, and an ellipse through them all
+    lies somewhere between: only an outline that is found again from its own centre is accepted.
     """
     line, moved, radius = None, math.inf, guess[2]
     for _ in range(SETTLE_ROUNDS):
-        line = trace(image, direction, signed, *guess, reach)
+        line = trace_outline(image, direction, signed, *guess, reach)
         if line is None:
             return None
         u, v, radius = guess
         guess = line.u_px, line.v_px, line.radius_px
         moved = math.hypot(guess[0] - u, guess[1] - v) + abs(guess[2] - radius)
-        # A plain outline is believed at once where it lay well within the rays' reach.
+        # A whole smooth outline is accepted at once where it lay well within the rays' reach.
         if moved < SETTLED * radius or (_plain(line) and moved < 0.4 * reach * radius):
             return line
     return line if moved < RESTLESS * radius else None
@@ -200,7 +210,7 @@ def _settled(
 def _refined(
     image: np.ndarray, appearance: Appearance, first: Outline, direction: np.ndarray, signed: bool
 ) -> tuple[Outline, float]:
-    """The outline along the direction found at the spot, and the contrast there.
+    """The outline along the colour direction measured at the spot, and the contrast there.
 
     Where that direction shows no outline, the first one stays.
     """
@@ -209,7 +219,7 @@ def _refined(
         u, v, radius = line.u_px, line.v_px, line.radius_px
         local, separation, contrast = appearance.here(image, u, v, radius)
         signs = separation > SIGNED_ABOVE
-        last = trace(image, local, signs, u, v, radius, 0.35 if signs else UNSIGNED_REACH)
+        last = trace_outline(image, local, signs, u, v, radius, 0.35 if signs else UNSIGNED_REACH)
         if last is None or math.hypot(last.u_px - u, last.v_px - v) < 0.03 * radius:
             break
         # The colours were measured at the wrong place: once more.
@@ -217,7 +227,9 @@ def _refined(
     if first.share < WHOLE:
         # Something lies in front or beside, and may have been measured as the plate.
         u, v, radius = first.u_px, first.v_px, first.radius_px
-        known = trace(image, direction, signed, u, v, radius, 0.35 if signed else UNSIGNED_REACH)
+        known = trace_outline(
+            image, direction, signed, u, v, radius, 0.35 if signed else UNSIGNED_REACH
+        )
         if last is None or (known is not None and known.variance_px2 < last.variance_px2):
             last = known
     return (first if last is None else last), contrast

@@ -1,4 +1,4 @@
-"""Compiled: the robust ellipse through edge points."""
+"""Which ellipse lies through edge points, some of which are outliers? Compiled."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from vision.compiled import kernel
 
 
 @kernel
-def solved(A, b):
-    """x of A x = b by Gauss-Jordan elimination, and A^-1; A symmetric positive definite."""
+def solve_linear(A, b):
+    """Solve A x = b by Gauss-Jordan elimination without pivoting, for a symmetric positive definite
+    A (n, n) and b (n,); returns x (n,) and A^-1 (n, n)."""
     # Loops, not slices: these compile in a tenth of the time.
     n = A.shape[0]
     M = np.zeros((n, 2 * n + 1))
@@ -71,14 +72,16 @@ def _normal(points, weight, used, q, u, v, scale):
 
 
 @kernel
-def fit(points, weight, u, v, radius, scale, flat_std, rounds):
-    """Robust ellipse r(a) = R + x cos a + y sin a + c cos 2a + s sin 2a through edge points.
+def fit_ellipse(points, weight, u, v, radius, scale, flat_std, rounds):
+    """Robust ellipse r(a) = R + x cos a + y sin a + c cos 2a + s sin 2a through points (n, 2) px.
 
     A centred ellipse (and a streak, the disc swept along a line) has even harmonics only, so the
     first harmonic is the centre's error; it is moved away and the angles are taken anew. c and s
     are held near 0 with `flat_std` (share of R), which matters when an arc is hidden. `scale` (px)
-    is how far off the guess (u, v, radius) may be: the weights start there and narrow. Returns
-    (u, v, R, variance per axis, rms of the inliers, inlier flags).
+    is how far off the guess (u, v, radius) may be: Tukey's weights start there and narrow over at
+    most `rounds` rounds; `weight` (n,) multiplies them, 0 leaves a point out. Returns u, v, R (px),
+    variance of the centre per axis (px^2; infinite below six inliers), rms of the inliers (px) and
+    inlier flags (n,).
     """
     used = np.zeros(points.shape[0], np.bool_)
     for i in range(points.shape[0]):
@@ -95,7 +98,7 @@ def fit(points, weight, u, v, radius, scale, flat_std, rounds):
         A[2, 2] += 1e-9
         A[3, 3] += noise / (flat_std * radius) ** 2
         A[4, 4] += noise / (flat_std * radius) ** 2
-        q, inverse = solved(A, b)
+        q, inverse = solve_linear(A, b)
         u, v = u + q[1], v + q[2]
         fresh = _after(points, used, q, u, v)
         last = scale

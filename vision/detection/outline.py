@@ -1,29 +1,74 @@
-"""Compiled: edges along rays and their ellipse, of a ball, a blurred or a mirroring one."""
+"""Which ellipse do the edges along rays from a guess lie on?
+
+Rays are cast from the guess (`rays`), an edge is taken on each, and an ellipse is fitted robustly
+(`ellipse`). Variants: an edge of something else beside the ball (`retrace_on_consensus`), and the
+outer edge of a mirroring ball (`outer_outline`).
+"""
 
 from __future__ import annotations
+
+import math
+from typing import NamedTuple
 
 import numpy as np
 
 from vision.compiled import kernel
-from vision.ellipse import fit
-from vision.rays import cast
+from vision.detection.circle_ransac import consensus_circle
+from vision.detection.ellipse import fit_ellipse
+from vision.detection.rays import cast_rays
+
+# Prior of the flattening, share of the radius: of a sphere (perspective, lens), which keeps an
+# outline in its form where a hand or a thing of its colour hides part of it; and of a sphere
+# blurred by its motion, which is believed only of a whole outline.
+FLAT_STD, BLURRED_STD = 0.03, 0.12
+ROUNDS = 8
+# Shares of the radius: how far off the shared circle an edge may lie, how far short rays reach,
+# and the prior of the flattening of an outline of which a part is not believed.
+SLACKS, SHORT_REACH, ROUND_STD = (0.014, 0.024), 0.08, 0.01
+AWAY = 0.06  # farther from the first outline than noise sets the shared circle
+
+
+class Outline(NamedTuple):
+    """An ellipse through edge points.
+
+    `u_px, v_px, radius_px` centre and mean radius; `variance_px2` of the centre per axis, from the
+    residuals alone; `residual_px` rms of the inliers; `good` rays on the ellipse and `inside` rays
+    in the image (counts); `lopsided` first harmonic of the edge's strength round the turn, relative
+    to its mean; `coverage` share of the turn that is covered: eighths with at least one in three
+    rays on the ellipse.
+    """
+
+    u_px: float
+    v_px: float
+    radius_px: float
+    variance_px2: float
+    residual_px: float
+    good: float
+    inside: float
+    lopsided: float
+    coverage: float
+
+    @property
+    def share(self) -> float:
+        """Share of the rays in the image that lie on the ellipse."""
+        return self.good / max(self.inside, 1.0)
 
 
 @kernel
 def _best_fit(points, outer, weight, u, v, radius, inside, flat_std, blurred_std, rounds):
-    """`fit` of a ball, of a mirroring ball, or of a blurred one."""
-    best = fit(points, weight, u, v, radius, 0.15 * radius, flat_std, rounds)
+    """`fit_ellipse` of a ball, of a mirroring ball, or of a blurred one, whichever holds."""
+    best = fit_ellipse(points, weight, u, v, radius, 0.15 * radius, flat_std, rounds)
     double = 0
     for i in range(points.shape[0]):
         apart = max(abs(outer[i, 0] - points[i, 0]), abs(outer[i, 1] - points[i, 1]))
         double += apart > 0.03 * radius
     if double > 0.2 * inside:
-        # Two edges on many rays: a mirroring ball's rim reflects the plate. The outer one is its.
-        rim = fit(outer, weight, u, v, 1.1 * radius, 0.15 * radius, flat_std, rounds)
+        # Two edges on many rays: a mirroring ball reflects the plate; its outline is the outer one.
+        rim = fit_ellipse(outer, weight, u, v, 1.1 * radius, 0.15 * radius, flat_std, rounds)
         if rim[5].sum() >= 0.8 * inside and rim[4] < 0.03 * radius and rim[2] > 1.03 * best[2]:
             best = rim
     if best[5].sum() < 0.9 * inside or best[4] > 0.03 * radius:
-        blurred = fit(points, weight, u, v, radius, 0.3 * radius, blurred_std, rounds)
+        blurred = fit_ellipse(points, weight, u, v, radius, 0.3 * radius, blurred_std, rounds)
         if blurred[5].sum() >= 0.9 * inside:
             best = blurred
     return best
@@ -31,14 +76,15 @@ def _best_fit(points, outer, weight, u, v, radius, inside, flat_std, blurred_std
 
 @kernel
 def trace_rays(image, u, v, radius, reach, w, n_rays, signed, flat_std, blurred_std, rounds):
-    """Edges along rays about a guess and the ellipse through them (`cast`, `fit`).
+    """Edges along rays about a guess and the ellipse through them (`cast_rays`, `fit_ellipse`).
 
-    Returns an array: 0 u, 1 v, 2 radius, 3 variance per axis, 4 rms of the inliers, 5 how many, 6
-    rays inside the image, 7 first harmonic of the edge's strength over its mean, 8 coverage by
-    eighths with at least one in three rays good; and whether an ellipse was found.
+    `image`, `u`, `v`, `radius`, `reach` and `signed` as in `trace_outline`; `w` (3,): colour
+    direction; `n_rays`: a multiple of 8; `flat_std` and `rounds`: as in `fit_ellipse`;
+    `blurred_std`: the `flat_std` with which a blurred ball is tried. Returns the fields of
+    `Outline` in their order, (9,), and whether an ellipse was found.
     """
     out = np.zeros(9)
-    points, outer, strength, inside = cast(image, u, v, radius, reach, w, n_rays, signed)
+    points, outer, strength, inside = cast_rays(image, u, v, radius, reach, w, n_rays, signed)
     typical = np.median(strength)
     if not typical > 0.0:
         return out, False
@@ -84,26 +130,28 @@ def _beyond(points, u, v, radius, used):
 
 
 @kernel
-def ring_about(image, u, v, radius, w, n_rays, flat_std, rounds):
-    """(u, v, radius, share of the rays on it) of a ball of which the circle given is but a part.
+def trace_outer_ring(image, u, v, radius, w, n_rays, flat_std, rounds):
+    """(u, v, radius, share of the rays on it) of a mirroring ball about its inner circle (px).
 
-    A mirroring ball shows the plate's picture about that of the room: a ring whose outer edge is
-    the ball's. It surrounds the inner outline, need not be concentric with it, and is weaker where
-    the ball's own shadow lies; so the outermost edges of either sign are asked, and an ellipse is
-    taken on which rays from its own centre meet edges in most directions. Share 0: none.
+    A mirroring ball shows the plate in a ring about the image of the room; the ring's outer edge is
+    the ball's outline. It surrounds the inner circle, need not be concentric with it, and is weaker
+    where the ball's own shadow lies. So edges of either sign are taken, and an ellipse counts on
+    which rays from its own centre meet edges in most directions. Share 0: none.
     """
     out = np.zeros(4)
     u2, v2, radius2 = u, v, 1.25 * radius
     for turn in range(3):
         reach = 0.22 if turn == 0 else 0.12
-        points, outer, _strength, inside = cast(image, u2, v2, radius2, reach, w, n_rays, False)
+        points, outer, _strength, inside = cast_rays(
+            image, u2, v2, radius2, reach, w, n_rays, False
+        )
         both = np.concatenate((points, outer))
         weight = np.zeros(2 * n_rays)
         _beyond(both, u, v, radius, weight)
         if weight.sum() < 0.5 * n_rays:
             return out
         scale = (0.08 if turn == 0 else 0.04) * radius
-        got = fit(both, weight, u2, v2, radius2, scale, flat_std, rounds)
+        got = fit_ellipse(both, weight, u2, v2, radius2, scale, flat_std, rounds)
         u2, v2, radius2 = got[0], got[1], got[2]
         off = np.sqrt((u2 - u) ** 2 + (v2 - v) ** 2)
         if not (1.08 * radius < radius2 < 1.6 * radius and off < radius2 - 0.95 * radius):
@@ -118,3 +166,111 @@ def ring_about(image, u, v, radius, w, n_rays, flat_std, rounds):
             return out
         out[0], out[1], out[2], out[3] = u2, v2, radius2, on / inside
     return out
+
+
+def trace_outline(
+    image: np.ndarray,
+    direction: np.ndarray,
+    signed: bool,
+    u: float,
+    v: float,
+    radius: float,
+    reach: float,
+) -> Outline | None:
+    """The outline about a guess (px) in an image (h, w, 3) uint8 BGR.
+
+    `direction` (3,) is the colour direction along which edges are taken; with `signed` they must
+    fall outwards along it. Rays run from (1 - reach) to (1 + reach) radii. None where the fit left
+    the rays' reach or rests on fewer than ten edges.
+    """
+    shape = FLAT_STD, BLURRED_STD, ROUNDS
+    place = float(u), float(v), float(radius)
+    values, found = trace_rays(image, *place, reach, direction, _rays(radius), signed, *shape)
+    return Outline(*values.tolist()) if found else None
+
+
+def _rays(radius: float) -> int:
+    """Number of rays: one every two pixels of the outline, a multiple of 8 from 24 to 72."""
+    return 8 * min(max(int(2 * math.pi * radius / 2.0 / 8), 3), 9)
+
+
+def retrace_on_consensus(
+    image: np.ndarray, direction: np.ndarray, signed: bool, line: Outline, reach: float
+) -> Outline | None:
+    """Trace a rough outline again around its majority circle; None where that is no better.
+
+    The end of a ball's shadow may be a stronger edge than a dark ball's own outline. Most edges lie
+    on the ball's circle (`consensus_circle`); short rays from there do not reach the shadow's end,
+    and points farther than the slack from the circle are dropped. Better is: over 60 % of the rays
+    on it, and under 70 % of the residual of `line`.
+    """
+    for slack in SLACKS:
+        again = _on_shared_circle(image, direction, signed, line, reach, slack * line.radius_px)
+        if again is not None and again.share > 0.6 and again.residual_px < 0.7 * line.residual_px:
+            return again
+    return None
+
+
+def _on_shared_circle(
+    image: np.ndarray,
+    direction: np.ndarray,
+    signed: bool,
+    line: Outline,
+    reach: float,
+    slack: float,
+) -> Outline | None:
+    """The outline through the edges within `slack` px of their consensus circle."""
+    u, v, radius = line.u_px, line.v_px, line.radius_px
+    for rays in (reach, SHORT_REACH):
+        points, _, strength, inside = cast_rays(
+            image, u, v, radius, rays, direction, _rays(radius), signed
+        )
+        circle = consensus_circle(points, radius, slack)
+        if circle[3] == 0.0:
+            return None
+        u, v, radius = (float(c) for c in circle[:3])
+        beyond = np.hypot(points[:, 0] - u, points[:, 1] - v) - radius
+        away = math.hypot(u - line.u_px, v - line.v_px) > AWAY * radius
+        arc = _is_arc(beyond > slack) or _is_arc(beyond < -slack)
+        if rays == reach and not (arc or away):  # mere noise
+            return None
+    weight = (strength > 0.0).astype(float)
+    u, v, radius, variance, rms, good = fit_ellipse(
+        points, weight, u, v, radius, slack, ROUND_STD, ROUNDS
+    )
+    octants = good[: len(good) // 8 * 8].reshape(8, -1).mean(1)
+    wave = np.exp(2j * np.pi * np.arange(len(strength)) / len(strength))
+    return Outline(
+        float(u),
+        float(v),
+        float(radius),
+        float(variance),
+        float(rms),
+        float(good.sum()),
+        float(inside),
+        float(2.0 * abs(strength @ wave) / max(strength.sum(), 1e-9)),
+        float(np.mean(octants > 0.34)),
+    )
+
+
+def _is_arc(flags: np.ndarray) -> bool:
+    """Whether an eighth of the turn or more is set without a gap: by an edge, not by noise."""
+    twice = np.concatenate((flags, flags)).astype(np.int8)
+    least = max(len(flags) // 8, 3)
+    return bool((np.convolve(twice, np.ones(least, np.int8), "valid") == least).any())
+
+
+def outer_outline(
+    image: np.ndarray, direction: np.ndarray, u: float, v: float, radius: float
+) -> tuple[float, float, float, float] | None:
+    """(u, v, radius, share of the rays) of the outer edge about an inner outline (px), or None.
+
+    In an image (h, w, 3) uint8 BGR along the colour direction (3,); for mirroring balls, see
+    `trace_outer_ring`.
+    """
+    ring = trace_outer_ring(
+        image, float(u), float(v), float(radius), direction, 72, FLAT_STD, ROUNDS
+    )
+    return (
+        (float(ring[0]), float(ring[1]), float(ring[2]), float(ring[3])) if ring[3] > 0.0 else None
+    )

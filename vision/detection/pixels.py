@@ -1,4 +1,8 @@
-"""Compiled kernels over the pixels in and around a disc: colours, scatter, P(ball)."""
+"""Which colours, and which P(ball), do the pixels in and around a disc have? Compiled kernels.
+
+`image` is (h, w, 3) uint8 BGR, `table` (32768,) uint8 the table of `Appearance`; places and radii
+are in px. Large discs are sampled every few pixels, so that the cost stays bounded.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +14,9 @@ from vision.compiled import kernel
 
 
 @kernel
-def moments(image, u, v, r_in, r_out):
-    """(count, mean (3,), covariance (3, 3)) of the colours with r_in <= r < r_out about (u, v)."""
+def colour_moments(image, u, v, r_in, r_out):
+    """Count, mean (3,) and covariance (3, 3) of the colours at distances r_in <= r < r_out from (u,
+    v); all 0 where there are no pixels."""
     h, wd, _ = image.shape
     total, mean, cov = 0, np.zeros(3), np.zeros((3, 3))
     step = max(1, int(r_out / 12.0))
@@ -33,8 +38,9 @@ def moments(image, u, v, r_in, r_out):
 
 
 @kernel
-def share(image, table, u, v, r_in, r_out):
-    """Mean table value (0..1) of the colours with r_in <= r < r_out about (u, v); 0 where none."""
+def mean_probability(image, table, u, v, r_in, r_out):
+    """Mean P(ball) (0..1) of the pixels at distances r_in <= r < r_out from (u, v); 0 where there
+    are none."""
     h, wd, _ = image.shape
     total, hits = 0, 0.0
     step = max(1, int(r_out / 10.0))
@@ -49,11 +55,11 @@ def share(image, table, u, v, r_in, r_out):
 
 
 @kernel
-def retouched(table, image, u, v, radius, rate):
+def adapted_table(table, image, u, v, radius, rate):
     """The table (32768,) with the colours of the disc raised and those of its surround lowered.
 
-    Each pixel that is asked moves its colour's entry by `rate` (0..1) towards 255 or 0; the disc
-    comes last, so that a thing of the ball's colour beside it does not take that away.
+    Each sampled pixel moves its colour's entry by `rate` (0..1) towards 255 or 0; the disc comes
+    last, so that a thing of the ball's colour beside it does not remove that colour.
     """
     out = table.copy()
     h, wd, _ = image.shape
@@ -73,8 +79,8 @@ def retouched(table, image, u, v, radius, rate):
 
 
 @kernel
-def lookup(image, table, step):
-    """Table values (h // step, w // step) uint8 of the colours of every step-th pixel."""
+def probability_map(image, table, step):
+    """255 P(ball) of every `step`-th pixel, (h // step, w // step) uint8."""
     h, wd = image.shape[0] // step, image.shape[1] // step
     out = np.empty((h, wd), np.uint8)
     for i in range(h):
@@ -90,7 +96,8 @@ def lookup(image, table, step):
 
 @kernel
 def mean_between(image, u, v, r_in, r_out):
-    """Mean of a grey image (h, w) with r_in <= r < r_out about (u, v); 0 where none."""
+    """Mean of a grey image (h, w) at distances r_in <= r < r_out from (u, v); 0 where there are no
+    pixels."""
     h, wd = image.shape
     total, value = 0, 0.0
     for i in range(max(0, int(v - r_out)), min(h, int(v + r_out) + 2)):
@@ -103,10 +110,13 @@ def mean_between(image, u, v, r_in, r_out):
 
 
 @kernel
-def remember(image, table, known, row, rows, step, gain, u, v, radius, least):
-    """Move `rows` rows of the map `known` (h / step, w / step) float32, from `row` on and round, by
-    gain (rows of the map,) towards whether each spot's colour has a table value above `least`;
-    spots within `radius` of (u, v), all in map cells, stay. In place."""
+def update_map(image, table, known, row, rows, step, gain, u, v, radius, least):
+    """Update `rows` rows of the map `known` (h / step, w / step) float32 in place, from `row` on.
+
+    Each cell moves by its row's `gain` towards 1 where its pixel's table value exceeds `least`,
+    else towards 0; rows wrap round at the end. Cells within `radius` of (u, v) stay; these three
+    are in cells.
+    """
     h, w = known.shape
     for m in range(rows):
         i = (row + m) % h

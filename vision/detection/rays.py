@@ -1,7 +1,8 @@
-"""Compiled: where the ball ends along rays from a guess.
+"""Where does the ball end along rays from a guess? Compiled.
 
 Everything here works on the scalar image p = w . bgr, in which the ball is bright (+) and the plate
-dark (-), whatever their colours; `w` is `Appearance.direction`.
+dark (-), whatever their colours; `w` (3,) is `Appearance.direction`. The edge is the centroid of
+the derivative of a Gaussian (sigma 1.1 px) of the profile along the ray.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import numpy as np
 from vision.compiled import fast_kernel, kernel
 
 STEP = 0.5  # sampling along a ray, px
-OUTER_SHARE = 0.35
+OUTER_SHARE = 0.35  # of the strongest edge's strength, from which another one farther out counts
 HALF = 6  # half width of the derivative kernel, samples
 _sigma = 2.2  # samples, i.e. 1.1 px: about the edge blur of a focused lens, so near its optimum
 _taps = np.arange(1, HALF + 1)
@@ -21,7 +22,7 @@ KERNEL /= KERNEL.sum()
 
 @fast_kernel
 def _project(image, i0, i1, j0, j1, w):
-    """p (i1 - i0, j1 - j0) float32 of a window: a third of the memory for the rays to read."""
+    """p (i1 - i0, j1 - j0) float32 of a window of the image (h, w, 3) uint8."""
     out = np.empty((i1 - i0, j1 - j0), np.float32)
     w0, w1, w2 = np.float32(w[0]), np.float32(w[1]), np.float32(w[2])
     for i in range(i0, i1):
@@ -36,7 +37,7 @@ def _project(image, i0, i1, j0, j1, w):
 
 @kernel
 def _sample(p, x, y):
-    """p at the sub-pixel place (x, y), bilinear; NaN outside."""
+    """p at the sub-pixel place (x, y) px, bilinear; NaN outside."""
     if not (x >= 0.0 and y >= 0.0 and x < p.shape[1] - 1 and y < p.shape[0] - 1):
         return np.nan
     i, j = int(y), int(x)
@@ -48,11 +49,11 @@ def _sample(p, x, y):
 
 @kernel
 def _steepest(profile, n, r_first, r_guess, signed):
-    """(radius, strength, outer radius) of the strongest and the outermost fall of n samples.
+    """(radius, strength, outer radius) of the strongest and the outermost fall of n samples (px).
 
     The place is the centroid of the derivative above half its peak: unbiased for a sharp edge and
-    for the symmetric ramp of motion blur alike. The outermost one has a third of the strength of
-    the strongest or more; often both are the same.
+    for the symmetric ramp of motion blur alike. The outermost fall has at least `OUTER_SHARE` of
+    the strongest one's strength; often both are the same.
     """
     half = HALF
     edge = np.zeros(n)
@@ -95,11 +96,12 @@ def _centroid(edge, peak, first, last):
 
 
 @kernel
-def cast(image, u, v, radius, reach, w, n_rays, signed):
-    """Edge points, outermost edge points (n_rays, 2) px (NaN: none), strength (n_rays,), and how
-    many rays lay inside the image.
+def cast_rays(image, u, v, radius, reach, w, n_rays, signed):
+    """Edge points along `n_rays` rays about (u, v) px in an image (h, w, 3) uint8.
 
-    Rays run from (1 - reach) to (1 + reach) times `radius` about (u, v).
+    Rays run from (1 - reach) to (1 + reach) times `radius`; `signed` takes falls of p only, else
+    edges of either sign. Returns the strongest and the outermost edge of each ray (n_rays, 2) px
+    (NaN: none), the strength (n_rays,), and how many rays lay inside the image.
     """
     points, outer = np.full((n_rays, 2), np.nan), np.full((n_rays, 2), np.nan)
     strength = np.zeros(n_rays)

@@ -1,4 +1,9 @@
-"""The pixels about the ball's rim, their colours, and the colour direction that shows it best."""
+"""Which pixels lie about the ball's rim, and which colour direction shows the rim best?
+
+Compiled parts of `rim.fit_rim`. Pixels are rows (8,) of a float32 array `px`: 0 x = distance from
+the outline (px, positive outside), 1 turn (angle / 2 pi, 0..1), 2 p = w . bgr (`project_colours`),
+3-5 b, g, r (0..255), 6-7 cos, sin of the angle.
+"""
 
 from __future__ import annotations
 
@@ -7,18 +12,18 @@ import math
 import numpy as np
 
 from vision.compiled import fast_kernel, kernel
-from vision.ellipse import solved
+from vision.detection.ellipse import solve_linear
 
 ZONE = 2.2  # where the blur ends, in its standard deviations (a box ends at 1.73)
 BLUR0 = 0.9  # px, first guess
-SHADE_PX = 0.03
-SMEAR_PX = 0.3
-LUMA = np.array([0.114, 0.587, 0.299])
+# How far light and shade, and coarsely stored colour, move the edge: px per share of the contrast.
+SHADE_PX, SMEAR_PX = 0.03, 0.3
+LUMA = np.array([0.114, 0.587, 0.299])  # ITU-R BT.601, in BGR order
 
 
 @fast_kernel
 def _angle(x, y):
-    """atan2(y, x) / 2 pi in 0..1 to 0.001: enough to tell the sector."""
+    """atan2(y, x) / 2 pi in 0..1, accurate to 0.001, which suffices to tell the sector."""
     ax, ay = abs(x), abs(y)
     t = min(ax, ay) / (max(ax, ay) + 1e-12)
     a = t * (0.97239411 - 0.19194795 * t * t)
@@ -32,9 +37,12 @@ def _angle(x, y):
 
 
 @fast_kernel
-def gather(image, u, v, q, lo, hi, px):
-    """Pixels between the radii R - lo and R + hi: rows (x, turn 0..1, -, b, g, r,
-    cos, sin) into px; their count."""
+def gather_pixels(image, u, v, q, lo, hi, px):
+    """Write the pixels between the radii R - lo and R + hi (px) about (u, v) into `px`.
+
+    `q` (3,) is R and the flattening (cos 2t, sin 2t) in px. Column 2 is left as it was. Returns
+    their count; pixels beyond the array's length are left out.
+    """
     R = q[0]
     bend = abs(q[1]) + abs(q[2])
     r_out, r_in = R + hi + bend, max(R - lo - bend, 0.0)
@@ -67,9 +75,14 @@ def gather(image, u, v, q, lo, hi, px):
 
 
 @fast_kernel
-def colours(px, n, blur, flat, mean, noise):
-    """Of the level zones: mean colours per side and sector into mean (2, k, 4: n, b, g, r), the
-    covariance within sectors into noise (3, 3). Returns the share of pixels at the range's ends."""
+def zone_colours(px, n, blur, flat, mean, noise):
+    """Compute the mean colours of the level zones beside the blur, and the noise within them, from
+    the first n pixels of `px`.
+
+    Writes `mean` (2, k, 4): side (0 inside), sector, (count, b, g, r), and `noise` (3, 3), the
+    covariance of bgr within sectors. `blur` (k,) and the zones' width `flat` in px. Returns the
+    share of pixels that are clipped at either end of the range.
+    """
     k = blur.size
     mean[:] = 0.0
     noise[:] = 0.0
@@ -110,11 +123,14 @@ def colours(px, n, blur, flat, mean, noise):
 
 @kernel
 def best_direction(mean, noise, radius, smeared, w):
-    """The colour direction (3,) in which the edge is best located, into w; False where none is.
+    """Write the colour direction (3,) in which the edge is located best into w.
 
-    Noise moves the centre by (sigma / A) sqrt(2 s / (sqrt(pi) R)) along a direction, light and
-    shade by about SHADE_PX of their share of the contrast, colour that was stored coarsely
-    (`smeared`) by SMEAR_PX of its share: w = (N + S)^-1 d makes their sum least.
+    `mean` and `noise` are those of `zone_colours`; `radius` in px. Noise moves the centre by
+    (sigma / A) sqrt(2 s / (sqrt(pi) R)) along a direction, light and shade by about SHADE_PX of
+    their share of the contrast, colour that was stored coarsely (`smeared`) by SMEAR_PX of its
+    share: w = (N + S)^-1 d minimises their sum, with d the mean colour inside minus outside;
+    scaled so that w . d = 1. Returns False where fewer than three sectors show a side or the
+    contrast is nil.
     """
     k = mean.shape[1]
     d, S = np.zeros(3), np.zeros((3, 3))
@@ -155,7 +171,7 @@ def best_direction(mean, noise, radius, smeared, w):
                 across = (1.0 if c == e else 0.0) - LUMA[c] * LUMA[e] / length
                 S[c, e] += weight * SMEAR_PX**2 * chroma * across
         S[c, c] += 0.3
-    got, _ = solved(S, d)
+    got, _ = solve_linear(S, d)
     power = got[0] * d[0] + got[1] * d[1] + got[2] * d[2]
     if not power > 0.0:
         return False
@@ -165,6 +181,7 @@ def best_direction(mean, noise, radius, smeared, w):
 
 
 @fast_kernel
-def project(px, n, w):
+def project_colours(px, n, w):
+    """Write p = w . bgr of the first n pixels of `px` into column 2; `w` (3,)."""
     for m in range(n):
         px[m, 2] = w[0] * px[m, 3] + w[1] * px[m, 4] + w[2] * px[m, 5]

@@ -1,4 +1,9 @@
-"""How far each sector of the rim lies off its model, and the ellipse's motion they agree on."""
+"""What do the sectors of the rim say? Their brightness levels, blur, and the ellipse's motion.
+
+The steps of one Gauss-Newton turn of `rim.fit_rim`, compiled, in the order in which it calls them.
+The symbols (x, n, p, H, a0, a1, b0, b1, s) are those of `rim`. `px` (m, 8) are the pixels of
+`rim_pixels.gather_pixels`, `n` their count, k the number of sectors.
+"""
 
 from __future__ import annotations
 
@@ -7,18 +12,137 @@ import math
 import numpy as np
 
 from vision.compiled import fast_kernel, kernel
-from vision.ellipse import solved
-from vision.rim_pixels import ZONE
+from vision.detection.ellipse import solve_linear
+from vision.detection.rim_pixels import ZONE
 
 _z = np.arange(600) / 50.0 - 6.0
 BELL_TABLE = np.exp(-0.5 * _z**2) / math.sqrt(2.0 * math.pi)
 STEP_TABLE = np.array([0.5 + 0.5 * math.erf(z / math.sqrt(2.0)) for z in _z])
+WIDE = 0.07  # of a turn, to both sides: what a slope is pooled over
 
 
 @fast_kernel
-def shifts_of(px, n, blur, bend, a0, a1, b0, b1, lean, out):
-    """Per sector into out (k, 6): sum of derivative times residual, of its square, the moment of
-    the blur, the squared contrast that it was seen with, and the first two inside x = 0 alone."""
+def level_sums(px, n, blur, flat, bend, lean, inner, outer):
+    """Write sums over the level zones beside the blur, per sector, into `inner` (k, 6) and `outer`
+    (k, 6).
+
+    A row holds: count, mean f, mean p, and Sff, Sfp, Spp about the means; f is n(x) inside and x
+    [px] outside. `blur` (k,) [px]; `flat`: the zones' width [px]; `bend`: 2 / R [1/px]; `lean`
+    (k,): the lamp's gradient (`lamp_gradients`), which is subtracted from p inside.
+    """
+    k = blur.size
+    inner[:] = 0.0
+    outer[:] = 0.0
+    for m in range(n):
+        x = px[m, 0]
+        sector = min(int(px[m, 1] * k), k - 1)
+        far = abs(x) - ZONE * blur[sector] - 0.4
+        if far < 0.0 or far > flat:
+            continue
+        f, p, row = x, px[m, 2], outer[sector]
+        if x < 0.0:
+            f, p, row = math.sqrt(-bend * x), p - lean[sector] * x, inner[sector]
+        row[0] += 1.0
+        row[1] += f
+        row[2] += p
+        row[3] += f * f
+        row[4] += f * p
+        row[5] += p * p
+    for out in (inner, outer):
+        for i in range(k):
+            row = out[i]
+            if row[0] > 0.0:
+                row[1] /= row[0]
+                row[2] /= row[0]
+                row[3] -= row[0] * row[1] * row[1]
+                row[4] -= row[0] * row[1] * row[2]
+                row[5] -= row[0] * row[2] * row[2]
+
+
+@kernel
+def sector_levels(sums, floor, level, slope):
+    """Fit level at the edge and slope per sector into `level`, `slope` (k,) from `sums` (k, 6).
+
+    Returns the noise variance of p, at least `floor`; NaN without samples. Slopes are pooled over
+    7 % of the turn to both sides and shrunk towards a mean over a sixth to both sides; levels are
+    pooled over two sectors to both sides, from which a sector departs only as far as its scatter
+    exceeds the noise (James-Stein shrinkage).
+    """
+    k = sums.shape[0]
+    wide = max(1, int(k * WIDE))
+    spread, free = 0.0, 0.0
+    strength, calm = np.empty(k), np.empty(k)
+    most = max(wide, k // 6)
+    for i in range(k):
+        ff, fp = 1e-9, 0.0
+        for d in range(-wide, wide + 1):
+            ff += sums[(i + d) % k, 3]
+            fp += sums[(i + d) % k, 4]
+        slope[i], strength[i] = fp / ff, ff
+        for d in range(wide + 1, most + 1):
+            ff += sums[(i + d) % k, 3] + sums[(i - d) % k, 3]
+            fp += sums[(i + d) % k, 4] + sums[(i - d) % k, 4]
+        calm[i] = fp / ff
+    left = np.full(k, np.nan)
+    for i in range(k):
+        if sums[i, 0] >= 4.0:
+            rest = sums[i, 5] - 2.0 * slope[i] * sums[i, 4] + slope[i] ** 2 * sums[i, 3]
+            left[i] = rest / (sums[i, 0] - 1.0)
+    seen = left[np.isfinite(left)]
+    noise = max(np.median(seen), floor) if seen.size else np.nan
+    part = wide / most  # of the calm slope's noise is the near one's own
+    steep, apart, chance = 1e-12, 1e-12, 0.0
+    for i in range(k):
+        steep += calm[i] ** 2
+        apart += (slope[i] - calm[i]) ** 2
+        chance += noise / strength[i]
+    keep = max(0.0, 1.0 - chance * (1.0 - part) / apart)
+    calmer = max(0.0, 1.0 - chance * part / steep)
+    for i in range(k):
+        slope[i] = calmer * calm[i] + keep * (slope[i] - calm[i])
+        level[i] = sums[i, 2] - slope[i] * sums[i, 1]
+    smooth = np.zeros(k)
+    for i in range(k):
+        total, count = 0.0, 1e-9
+        for d in range(-2, 3):
+            m = (i + d) % k
+            total += sums[m, 0] * level[m]
+            count += sums[m, 0]
+        smooth[i] = total / count
+        if sums[i, 0] >= 4.0:
+            spread += (level[i] - smooth[i]) ** 2
+            free += 0.8 * noise / sums[i, 0]
+    keep = max(0.0, 1.0 - free / spread) if spread > 0.0 else 0.0
+    for i in range(k):
+        trust = keep if sums[i, 0] >= 4.0 else 0.0
+        level[i] = smooth[i] + trust * (level[i] - smooth[i])
+    return noise
+
+
+@kernel
+def lamp_gradients(a0, radius, lean):
+    """Write the gradient along x [per px] of the lamp's light into `lean` (k,): the light falls as
+    1 - x / R, with R = `radius` [px].
+
+    `a0` (k,) are the levels inside. The darkest sector's level is taken as light from all round,
+    which does not fall off; only what exceeds it comes from the lamp.
+    """
+    dark = a0[0]
+    for i in range(1, a0.size):
+        if abs(a0[i]) < abs(dark):  # no light at all is p = 0
+            dark = a0[i]
+    for i in range(a0.size):
+        lean[i] = (a0[i] - dark) / radius
+
+
+@fast_kernel
+def sector_shifts(px, n, blur, bend, a0, a1, b0, b1, lean, out):
+    """Sums over the edge zone per sector, into out (k, 6).
+
+    0 derivative times residual, 1 squared derivative (their ratio is the shift in px), 2 first
+    moment of the blur, 3 squared contrast summed over the pixels, 4 and 5 as 0 and 1 over the inner
+    half (x < 0) alone. `a0, a1, b0, b1, lean` (k,) as in `rim`, interpolated between sectors.
+    """
     k = blur.size
     out[:] = 0.0
     for m in range(n):
@@ -59,8 +183,8 @@ def shifts_of(px, n, blur, bend, a0, a1, b0, b1, lean, out):
 
 @kernel
 def _halves_apart(shifts, power, good, rows, cov):
-    """Mean square per axis (px^2) of how far the centre seen in the inner halves of the edge lies
-    from that seen in the outer halves: what the model lacks moves the two differently."""
+    """Mean square per axis (px^2) of the distance between the centres seen in the inner and in the
+    outer halves of the edge: effects that the model lacks move the two differently."""
     b = np.zeros(5)
     for i in range(shifts.shape[0]):
         s0, s1 = shifts[i, 4], shifts[i, 5]
@@ -77,12 +201,14 @@ def _halves_apart(shifts, power, good, rows, cov):
 
 
 @kernel
-def agreed(shifts, noise, rows, q, flat_std, good):
-    """The ellipse's motion (5,) that the sectors agree on (Tukey's weights), the centre's variance
-    per axis, the rms of the residuals over what the noise explains, and `_halves_apart`; `good`
-    (k,) is filled.
+def ellipse_step(shifts, noise, rows, q, flat_std, good):
+    """Robust weighted least squares (Tukey's biweight) of the ellipse's motion to the shifts.
 
-    `rows` (k, 5) are the motion's effects on each sector's shift.
+    `shifts` (k, 6) of `sector_shifts`, `noise` variance of p, `rows` (k, 5) the motion's effect on
+    each sector's shift, `q` (3,) R and flattening (px), `flat_std` its prior (share of R). Returns
+    the motion (5,) px (dR, du, dv, dc, ds), the centre's variance per axis (px^2; infinite where
+    no sector shows an edge), the rms of the residuals over what the noise explains, and
+    `_halves_apart`; fills `good` (k,) with the sectors that were used.
     """
     k = shifts.shape[0]
     d, power, left = np.zeros(k), np.zeros(k), np.zeros(k)
@@ -118,7 +244,7 @@ def agreed(shifts, noise, rows, q, flat_std, good):
                 N[o, m] = N[m, o]
         b[3] -= prior * q[1]
         b[4] -= prior * q[2]
-        move, cov = solved(N, b)
+        move, cov = solve_linear(N, b)
         for i in range(k):
             fitted = 0.0
             for m in range(5):
@@ -136,8 +262,11 @@ def agreed(shifts, noise, rows, q, flat_std, good):
 
 
 @kernel
-def blurs(shifts, arc, blur, most):
-    """New blur per sector: s^2 = 2 M / (A arc) as a mean and, where it shows, a second harmonic."""
+def update_blurs(shifts, arc, blur, most):
+    """Update `blur` (k,) px in place: s^2 = 2 M / (A arc), as a mean and a second harmonic.
+
+    M is the moment in `shifts`, A the contrast, `arc` a sector's length (px); 0.45 <= s <= `most`.
+    """
     k = blur.size
     N, b = np.zeros((3, 3)), np.zeros(3)
     row = np.empty(3)
@@ -157,7 +286,7 @@ def blurs(shifts, arc, blur, most):
         return
     for m in range(3):
         N[m, m] *= 1.001
-    got, _ = solved(N, b)
+    got, _ = solve_linear(N, b)
     for i in range(k):
         t = 6.2831853 * (i + 0.5) / k
         s2 = got[0] + got[1] * math.cos(2.0 * t) + got[2] * math.sin(2.0 * t)
@@ -165,8 +294,9 @@ def blurs(shifts, arc, blur, most):
 
 
 @fast_kernel
-def moved_off(px, n, move):
-    """Take the ellipse's small motion off the pixels' x, in place."""
+def shift_pixels(px, n, move):
+    """Subtract the ellipse's small motion `move` (5,) [px] (dR, du, dv, dc, ds) from the x of the
+    first n pixels, in place."""
     for m in range(n):
         c, s = px[m, 6], px[m, 7]
         px[m, 0] -= (

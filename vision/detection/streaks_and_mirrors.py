@@ -1,4 +1,8 @@
-"""Balls whose plain outline is not theirs: streaks, and polished ones that mirror the plate."""
+"""Where is a ball whose strongest outline is not its own?
+
+Two kinds: a ball smeared to a streak by its motion, and a polished one, in which the strongest
+outline is that of the room's image.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +12,12 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from vision.appearance import Appearance
-from vision.detector import REACH, WHOLE, Detection, locate
-from vision.outline import ring
+from vision.detection.appearance import Appearance
+from vision.detection.detector import REACH, WHOLE, Detection, locate_ball
+from vision.detection.outline import outer_outline
 
-# Of a streak: the radius of the ball in the smaller image, and the share of it that light from a
-# side, seen through ramps that wide, moves the middle.
+# Of a streak: the ball's radius in the smaller image, and the share of the radius by which light
+# from one side moves the middle between ramps that wide.
 STREAK_RADIUS_PX, STREAK_SHARE = 8.0, 0.02
 RING_SHARE = 0.03  # of the radius: sigma of a mirroring ball's rim, whose two sides are alike
 
@@ -21,10 +25,12 @@ RING_SHARE = 0.03  # of the radius: sigma of a mirroring ball's rim, whose two s
 def locate_streak(
     image: np.ndarray, appearance: Appearance, u_px: float, v_px: float, radius_px: float
 ) -> Detection | None:
-    """As `locate`, of a ball that moved by up to its diameter while exposed.
+    """The disc near a guess [px], for a ball that moved by up to its diameter while exposed; None
+    where the ball is too small for it or its outline is not whole.
 
-    Half-way up its ramps a streak shorter than the ball is as round as the ball, and its middle is
-    the place at mid exposure; in an image some radii / 8 times smaller the ramps are edges again.
+    `image` (h, w, 3) uint8 BGR. Half-way up its ramps a streak shorter than the ball is as round as
+    the ball, and its middle is the place at mid exposure; in an image some radii / 8 times smaller
+    the ramps are edges again, and `locate_ball` finds them.
     """
     step = int(radius_px / STREAK_RADIUS_PX)
     if step < 2:
@@ -39,7 +45,7 @@ def locate_streak(
         cv2.resize(window[: h * step, : w * step], (w, h), interpolation=cv2.INTER_AREA)
     )
     at = ((u_px - x0 + 0.5) / step - 0.5, (v_px - y0 + 0.5) / step - 0.5)
-    found = locate(small, appearance, *at, radius_px / step)
+    found = locate_ball(small, appearance, *at, radius_px / step)
     if found is None or found.inliers < WHOLE or found.coverage < 1.0:
         return None
     radius = step * found.radius_px
@@ -54,13 +60,18 @@ def locate_streak(
     )
 
 
-def surround(image: np.ndarray, appearance: Appearance, found: Detection) -> Detection | None:
-    """The ball of whose silhouette `found` is but the inside: polished balls mirror the plate in a
-    ring about the room. None where no outer edge is consistent round most of the turn."""
-    got = ring(image, appearance.direction, found.u_px, found.v_px, found.radius_px)
-    if got is None:
+def mirror_silhouette(
+    image: np.ndarray, appearance: Appearance, found: Detection
+) -> Detection | None:
+    """The silhouette of a mirroring ball about the inner outline `found`.
+
+    Polished balls mirror the plate in a ring about the image of the room; the ring's outer edge is
+    the silhouette. None where no outer edge is consistent round most of the turn.
+    """
+    ring = outer_outline(image, appearance.direction, found.u_px, found.v_px, found.radius_px)
+    if ring is None:
         return None
-    u, v, radius, on = got
+    u, v, radius, share = ring
     sigma = math.hypot(found.sigma_px, RING_SHARE * radius)
     return replace(
         found,
@@ -68,7 +79,7 @@ def surround(image: np.ndarray, appearance: Appearance, found: Detection) -> Det
         v_px=v,
         radius_px=radius,
         sigma_px=sigma,
-        inliers=on,
+        inliers=share,
         blur_px=math.nan,
         inside_px=found.radius_px,
     )

@@ -1,9 +1,9 @@
-"""Compiled: where printed edges lie in the image, and the pose that explains them.
+"""Where do printed edges lie in the image, and which motion of the plate explains them? Compiled.
 
-Corners of a black square are found too far inside by corner finders (0.2 px at a lens blur of
-0.5 px: `cornerSubPix` follows the rounded tip). The sides have no such bias: a symmetric blur
-leaves the middle of a straight edge where it was. So each side is cut by short profiles, and the
-pose (6 numbers) is fitted to all of them by robust Gauss-Newton steps.
+Corner finders place the corners of a black square too far inside (0.2 px at a lens blur of 0.5 px:
+`cornerSubPix` follows the rounded tip). The sides have no such bias: a symmetric blur leaves the
+middle of a straight edge where it was. So each side is cut by short profiles, and the pose
+(6 numbers) is fitted to all of them by robust Gauss-Newton steps.
 
 Everything an njit function calls stands in this file, so the lens appears here a second time.
 """
@@ -95,12 +95,16 @@ def _by_motion(nu, nv, by_u, by_v, arm, row):  # pragma: no cover - compiled
 def cut_edges(
     image, points, along, pose, pinhole, lens, search, reach, ball
 ):  # pragma: no cover - compiled
-    """Cut each expected edge by a profile across it.
+    """Cut each expected edge of the print by a profile across it, in `image` (h, w, 3) uint8.
 
-    `points` (m, 2) lie on the sides in the plate frame, `along` (m, 2) runs clockwise along the
-    side, so that the dark print lies to its right. `ball` (u, v, radius) px hides what lies under
-    it. Returns offsets (m,) px towards the inside, contrasts (m,) (0: not seen), Jacobian (m, 6)
-    of the offset by the pose's small rotation and translation in camera axes.
+    `points` (m, 2) [m] lie on the sides in the plate frame; `along` (m, 2), unit vectors, run
+    clockwise along the side, so that the dark print lies to their right. `pose` (4, 4):
+    camera_from_plate; `pinhole`: (fx, fy, cx, cy); `lens`: (k1, k2, p1, p2, k3). The edge is
+    searched within `search` px of its expected place; its levels are taken `reach` px to both sides
+    of it. `ball` (u, v, radius) px hides what lies under it.
+
+    Returns offsets (m,) px towards the inside, contrasts (m,) (0: not seen), and the Jacobian (m,
+    6) of the offset by the pose's small rotation [rad] and translation [m] in camera axes.
     """
     m = points.shape[0]
     offset, contrast, jacobian = np.zeros(m), np.zeros(m), np.zeros((m, 6))
@@ -132,10 +136,13 @@ def cut_edges(
 
 @kernel
 def fit_motion(offset, contrast, jacobian, floor_px):  # pragma: no cover - compiled
-    """Small motion (6,) that explains the offsets, robustly (Tukey's biweight).
+    """Small motion (6,) of the plate that explains the offsets, by weighted least squares with
+    Tukey's biweight.
 
-    Returns the motion, weights (m,) (0: outlier), and J^T W J (6, 6). All weights are zero when
-    too little was seen.
+    `offset` (m,) px, `contrast` (m,) (0: not seen) and `jacobian` (m, 6) of `cut_edges`; the
+    residuals' scale is at least `floor_px`. Returns the motion (rotation [rad], translation [m],
+    camera axes), weights (m,) (0: outlier), and J^T W J (6, 6). All weights are zero where fewer
+    than 24 cuts were seen or kept.
     """
     m = offset.size
     weight = np.zeros(m)

@@ -1,4 +1,4 @@
-"""Markers on the plate: where they are, how to find them, and the plate's pose from them."""
+"""Where is the plate in the image? Its markers, how they are found, and the pose from them."""
 
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -7,23 +7,25 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from vision.edges import cut_edges, fit_motion
+from vision.plate.edges import cut_edges, fit_motion
 from vision.view import Camera, View
 
 _CUTS = 8  # profiles across each side of a marker
 _FINE = 2  # px searched for an edge on each side of where it is expected, once nearly there
-_FLOOR_PX = 0.02  # no printed edge is believed to be straighter than this
-_RMS_LIMIT_PX = 0.2
-_STILL_PX = 0.3  # a fit that still moves more than this has not arrived
+_FLOOR_PX = 0.02  # printed edges are assumed to be no straighter than this
+_RMS_LIMIT_PX = 0.2  # of the residuals, above which a fit is refused
+_STILL_PX = 0.3  # a fit whose last step moves an edge by more than this has not converged
 _TILT_LIMIT_RAD = np.radians(0.2)
 
 
 @dataclass(frozen=True, eq=False)
 class MarkerLayout:
-    """Printed ArUco markers: `ids` (n,), `corners_m` (n, 4, 2) in the plate frame.
+    """Printed ArUco markers: `ids` (n,), `corners_m` (n, 4, 2) in the plate frame [m].
 
     Corners in ArUco's order: top left, top right, bottom right, bottom left of the printed marker.
-    `dictionary` is the name of an OpenCV dictionary, for example "DICT_4X4_50".
+    `dictionary`: name of an OpenCV dictionary, for example "DICT_4X4_50".
+
+    `ValueError`: shapes that do not match, ids that repeat or an unknown dictionary.
     """
 
     ids: np.ndarray
@@ -45,14 +47,15 @@ class MarkerLayout:
 
     @cached_property
     def module_m(self) -> float:
-        """Side of one printed square of a marker (the smallest marker's)."""
+        """Side [m] of one printed square of the smallest marker."""
         sides = np.linalg.norm(np.roll(self.corners_m, -1, axis=1) - self.corners_m, axis=2)
         book = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
         return float(sides.min()) / (book.markerSize + 2)
 
     @cached_property
     def edge_points(self) -> tuple[np.ndarray, np.ndarray]:
-        """Points (4 n k, 2) m on the markers' sides and unit directions, clockwise along them."""
+        """Points (4 n k, 2) [m] on the markers' sides, k on each, and unit directions (4 n k, 2),
+        clockwise along the sides."""
         start = self.corners_m[:, :, None]  # (n, 4, 1, 2)
         side = np.roll(self.corners_m, -1, axis=1)[:, :, None] - start
         share = np.linspace(0.14, 0.86, _CUTS)[:, None]  # away from the rounded corners
@@ -62,9 +65,10 @@ class MarkerLayout:
 
 
 def default_layout(plate_side_m: float, marker_side_m: float = 0.024) -> MarkerLayout:
-    """Eight markers, 5 mm inside the plate's edge: four in the corners, four mid-edge.
+    """Eight markers, 5 mm inside the plate's edge: four in the corners, four mid-edge. The middle
+    stays free for the ball, which hides at most two of them.
 
-    The ball spends its time in the middle, which stays free; it hides at most two of them.
+    `ValueError`: the plate is too small for them.
     """
     far = plate_side_m / 2 - 0.005 - marker_side_m / 2
     if far < 1.5 * marker_side_m:
@@ -76,7 +80,11 @@ def default_layout(plate_side_m: float, marker_side_m: float = 0.024) -> MarkerL
 
 
 class PoseFit(NamedTuple):
-    """The plate's pose in one image. `n_corners` 0: refused, and `view` is the guess unchanged."""
+    """The plate's pose in one image, with the residuals' rms [px] (NaN: nothing was seen) and the
+    number of markers' corners that fit.
+
+    `n_corners` 0: the fit was refused, and `view` is the guess unchanged.
+    """
 
     view: View
     rms_px: float
@@ -84,18 +92,21 @@ class PoseFit(NamedTuple):
 
     @property
     def accepted(self) -> bool:
+        """Whether `view` is a measured pose."""
         return self.n_corners > 0
 
 
 class FoundMarkers(NamedTuple):
-    """Markers found in a whole image: `ids` (k,), `corners_px` (k, 4, 2)."""
+    """Markers found in a whole image: `ids` (k,), `corners_px` (k, 4, 2), corners in the order of
+    `MarkerLayout`."""
 
     ids: np.ndarray
     corners_px: np.ndarray
 
 
 def detect(image: np.ndarray, layout: MarkerLayout) -> FoundMarkers:
-    """Find the layout's markers anywhere in an image (h, w[, 3]) uint8: slow (2 to 20 ms)."""
+    """The layout's markers anywhere in an image (h, w[, 3]) uint8; an id that is seen twice is left
+    out, because one of the two is a reflection or a second plate. Takes 2 to 20 ms."""
     corners, ids, _ = _detector(layout.dictionary).detectMarkers(image)
     if ids is None or len(corners) == 0:
         return FoundMarkers(np.zeros(0, int), np.zeros((0, 4, 2)))
@@ -107,9 +118,12 @@ def detect(image: np.ndarray, layout: MarkerLayout) -> FoundMarkers:
 
 
 def find_pose(image: np.ndarray, layout: MarkerLayout, camera: Camera) -> PoseFit | None:
-    """The plate's pose from one image without any guess; None when under 3 markers were found.
+    """The plate's pose from one image (h, w, 3) uint8 without a guess; None where under three
+    markers are seen or no fit is accepted.
 
-    A plane seen from afar has two poses that look alike; both are refined, the better one stays.
+    A plane seen from afar has two poses that look alike (IPPE: Collins and Bartoli, Int. J. Comput.
+    Vis. 109, 2014); both are refined by `track_pose`, and the one with the smaller residual is
+    returned.
     """
     found = detect(image, layout)
     if len(found.ids) < 3:
@@ -138,14 +152,16 @@ def track_pose(
     *,
     ball: tuple[float, float, float] | None = None,
 ) -> PoseFit:
-    """The plate's pose near a guess that puts the markers within about 0.8 of a printed square.
+    """The plate's pose near `view_guess`, which must put the markers within about 0.8 of a printed
+    square; robust Gauss-Newton steps on the printed edges (`edges`).
 
-    `image` (h, w, 3) uint8; `ball` (u, v, radius) px is what hides the plate, if known; what else
-    hides an edge is left out as an outlier. The view's `pose_cov` holds the fit's covariance.
-    Refused (`n_corners` 0, view = guess) when under a third of all edges, two thirds of those seen
-    or a quarter of the corners fit (a shift by one printed square lets some sides fit), when they
-    leave a tilt uncertain by more than 0.2 degrees, when the fit does not come to rest, or when the
-    rms exceeds 0.2 px.
+    `image` (h, w, 3) uint8; `ball` (u, v, radius) px is what hides the plate, if known; whatever
+    else hides an edge is left out as an outlier. The view's `pose_cov` holds the fit's covariance.
+
+    The fit is refused (`n_corners` 0, view = guess) when under a third of all edges, two thirds of
+    those seen or a quarter of the corners fit (a shift by one printed square lets some sides fit),
+    when they leave a tilt uncertain by more than 0.2 degrees, when the fit does not come to rest,
+    or when the rms exceeds 0.2 px.
     """
     view, moved_px = view_guess, np.inf
     for coarse in (True, False, False, False):
@@ -183,7 +199,8 @@ def _covariance(left, weight, jacobian, inverse, rms: float) -> np.ndarray:
 
 
 def edge_offsets(image: np.ndarray, layout: MarkerLayout, view: View) -> np.ndarray:
-    """How far the print lies inside of where `view` expects it, (n, 4, 8) px by marker and side.
+    """Distances (n, 4, 8) [px] by which the print's edges lie inside those that `view` expects, in
+    an image (h, w, 3) uint8: marker, side, cut.
 
     Eight cuts a side, from its first corner to the next; NaN where no edge was seen.
     """

@@ -1,8 +1,8 @@
-"""A camera that the operating system knows: V4L2 on Linux, MSMF or DSHOW on Windows.
+"""How is a camera of the operating system opened, set and read? V4L2, MSMF or DSHOW.
 
-Settings are made in the order in which a driver resets the later ones (format, size, rate,
-exposure), read back and refused where they differ: half the rate or an exposure that adapts to the
-light looks right on a screen and is wrong in every time stamp.
+Settings are made in the order format, size, rate, exposure, since a driver resets the later ones
+with the earlier ones, then read back and refused where they differ: half the rate, or an exposure
+that adapts to the light, shows on no screen and makes every time stamp wrong.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from typing import Protocol
 import cv2
 import numpy as np
 
-from vision.clock import ForeignClock, own_clock, wall_minus_monotonic
-from vision.source_errors import GarbageError, GoneError, SettingsError
+from vision.sources.clock import ForeignClock, own_clock, wall_minus_monotonic
+from vision.sources.source_errors import GarbageError, GoneError, SettingsError
 
 DEVICE = re.compile(r"^(\d+|/dev/(video\d+|v4l/.+))$")
 
 
 class Capture(Protocol):
-    """What is used of `cv2.VideoCapture`."""
+    """The methods of `cv2.VideoCapture` that are used here."""
 
     def isOpened(self) -> bool: ...
     def read(self) -> tuple[bool, np.ndarray]: ...
@@ -37,10 +37,12 @@ class Capture(Protocol):
 
 @dataclass(frozen=True)
 class CameraSettings:
-    """What a camera is set to; None leaves it as it is.
+    """Settings of a camera; None leaves one as it is. `fourcc` is a format such as "MJPG".
 
     `stamp` says which moment of a V4L2 camera's exposure the driver stamps: "start" (USB cameras)
     or "end" (most others); the frame's time is moved from there to the exposure's middle.
+
+    `ValueError`: values that no camera has.
     """
 
     fourcc: str | None = None
@@ -64,7 +66,10 @@ class CameraSettings:
 
 @dataclass(frozen=True)
 class Backend:
-    """How one system's camera interface counts. `stamps`: "kernel", "stream" (own zero), "none"."""
+    """One system's camera interface and its units. `api`: OpenCV's number of it; `manual`: the
+    value of CAP_PROP_AUTO_EXPOSURE for a manual exposure; `powers`: whether exposures are powers of
+    two of a second, else units of 100 us; `stamps`: which clock dates the frames, "kernel",
+    "stream" (with a zero of its own) or "none"."""
 
     name: str
     api: int
@@ -73,10 +78,11 @@ class Backend:
     stamps: str
 
     def of_exposure(self, exposure_s: float) -> float:
-        """The property's value nearest to an exposure in seconds."""
+        """The property's value nearest to an exposure [s]."""
         return float(round(np.log2(exposure_s) if self.powers else exposure_s / 1e-4))
 
     def to_exposure(self, value: float) -> float:
+        """The exposure [s] that a value of the property means."""
         return 2.0**value if self.powers else value * 1e-4
 
 
@@ -87,14 +93,18 @@ ANY = Backend("OpenCV", cv2.CAP_ANY, manual=0.0, powers=True, stamps="none")
 
 
 def backends(platform: str = sys.platform) -> tuple[Backend, ...]:
-    """The interfaces to try on a system, best first."""
+    """The camera interfaces to try on a system (`sys.platform`'s name), best first."""
     if platform.startswith("linux"):
         return (V4L2,)
     return (MSMF, DSHOW) if platform == "win32" else (ANY,)
 
 
 def capture(target: str | int, api: int = cv2.CAP_ANY, params: list[int] | None = None) -> Capture:
-    """OpenCV's capture, silent: the libraries beneath would print lines of their own."""
+    """OpenCV's capture of a file, address or camera index; its libraries are kept from printing.
+
+    `api`: OpenCV's number of the interface; `params`: properties and their values in turn. The
+    capture may have failed to open: ask `isOpened`.
+    """
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
@@ -104,9 +114,10 @@ def capture(target: str | int, api: int = cv2.CAP_ANY, params: list[int] | None 
 def apply_settings(
     device: Capture, backend: Backend, settings: CameraSettings, address: str
 ) -> float | None:
-    """Set a camera and read it back; returns its exposure (s) where that is now known.
+    """Set a camera and read it back; returns its exposure [s], None where it was not set.
 
-    Raises `SettingsError` with every difference in one line.
+    `SettingsError`: the camera reads back other values; the message has every difference in one
+    line.
     """
     wanted: list[tuple[str, int, float, float]] = []  # name, property, value, tolerance
     if settings.fourcc is not None:
@@ -151,7 +162,7 @@ def _say(name: str, value: float, backend: Backend) -> str:
 
 
 class CameraFeed:
-    """An open camera; a `vision.live.Feed`. `fps` is the rate that it claims.
+    """An open camera; a `vision.sources.live.Feed`. `fps` is the rate that it claims.
 
     `stamped_by` is "kernel" where the frames carry the driver's stamps, "stream" where these count
     from the stream's start, else "arrival".
@@ -175,7 +186,10 @@ class CameraFeed:
         self.fps = device.get(cv2.CAP_PROP_FPS)
 
     def read(self) -> tuple[np.ndarray, float]:
-        """The next image and the middle of its exposure (s, `time.monotonic`)."""
+        """The next image (h, w, 3) and the middle of its exposure [s, `time.monotonic`].
+
+        `GoneError`: the camera fails or is unplugged.
+        """
         try:
             ok, image = self._device.read()
         except cv2.error as error:
@@ -203,13 +217,13 @@ class CameraFeed:
         return min(taken_s + shift_s, arrived_s)
 
     def decode(self, raw: np.ndarray) -> np.ndarray:
-        """The image as it came; `GarbageError` where it is none."""
+        """The image (h, w, 3) as it came. `GarbageError`: it is no colour image."""
         if not isinstance(raw, np.ndarray) or raw.ndim != 3 or raw.size == 0:
             raise GarbageError("the camera gave something that is no colour image")
         return raw
 
     def interrupt(self) -> None:
-        """Nothing can: a driver's wait ends by its own time limit."""
+        """Does nothing: a driver's wait ends by its own time limit."""
 
     def close(self) -> None:
         """Free the camera."""
@@ -223,7 +237,11 @@ def open_camera(
     candidates: tuple[Backend, ...] | None = None,
     opener: Callable[[str | int, int], Capture] = capture,
 ) -> CameraFeed:
-    """Open a camera by index or device path. Raises `GoneError`, `SettingsError`."""
+    """Open a camera by index or device path, with the first of the `candidates` (default:
+    `backends()`) that answers; `opener` makes the capture.
+
+    `GoneError`: no camera there, or none answers; `SettingsError`: a setting is not taken.
+    """
     target = int(address) if address.isdigit() else address
     if isinstance(target, str) and not Path(target).exists():
         raise GoneError(f"{address}: no such camera; {_present()}")

@@ -1,4 +1,4 @@
-"""Stamps of other clocks on the rig's clock, which is `time.monotonic`."""
+"""When was a stamp of another clock, on the rig's clock (`time.monotonic`)?"""
 
 from __future__ import annotations
 
@@ -14,10 +14,9 @@ WINDOW_S = 30.0
 
 
 def own_clock(stamp_s: float, arrived_s: float, wall_minus_monotonic_s: float) -> float | None:
-    """A stamp of this machine (its monotonic clock, or seconds since 1970) on `time.monotonic`.
-
-    None where it cannot be one: it lies after its arrival, or `OLDEST_S` before.
-    """
+    """The time on `time.monotonic` [s] of a stamp of this machine (its monotonic clock, or seconds
+    since 1970); None where it cannot be one: it lies after its arrival, or over `OLDEST_S`
+    before."""
     for candidate_s in (stamp_s, stamp_s - wall_minus_monotonic_s):
         if -AHEAD_S <= arrived_s - candidate_s <= OLDEST_S:
             return min(candidate_s, arrived_s)
@@ -25,7 +24,7 @@ def own_clock(stamp_s: float, arrived_s: float, wall_minus_monotonic_s: float) -
 
 
 def wall_minus_monotonic() -> float:
-    """Seconds between the wall clock's zero and the monotonic clock's."""
+    """Seconds by which the wall clock (since 1970) is ahead of the monotonic clock."""
     return time.time() - time.monotonic()
 
 
@@ -44,7 +43,8 @@ class ForeignClock:
         self._last_stamp_s: float | None = None
 
     def to_rig(self, stamp_s: float, arrived_s: float) -> float:
-        """The stamp on the rig's clock, never after its arrival; a clock set back starts anew."""
+        """The stamp's time on the rig's clock [s], never after its arrival; a clock that was set
+        back starts the window anew."""
         if self._last_stamp_s is not None and stamp_s <= self._last_stamp_s:
             self._smallest.clear()
         self._last_stamp_s = stamp_s

@@ -1,8 +1,8 @@
-"""A live source read by its own thread: the newest frame wins, and troubles come by name.
+"""How is a live source read without falling behind? By a thread of its own; the newest frame wins.
 
-A reader slower than the camera would otherwise end seconds behind, on frames queued in the driver.
-The thread only takes frames in; they are decoded when somebody wants them, so that it keeps up
-with any camera and a dropped frame costs next to nothing.
+A reader slower than the camera would otherwise fall seconds behind, on frames queued in the driver.
+The thread only takes frames in; they are decoded in the consumer's thread, so that it keeps up with
+any camera and a dropped frame costs next to nothing.
 """
 
 from __future__ import annotations
@@ -15,40 +15,44 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from vision.source_errors import GarbageError, SizeChangedError, SourceError, StalledError
+from vision.sources.source_errors import GarbageError, SizeChangedError, SourceError, StalledError
 
-PATIENCE_S = 5.0
-RETRY_S = 0.1
-JOIN_S = 0.5
+PATIENCE_S = 5.0  # without a new frame, until a source counts as stalled
+RETRY_S = 0.1  # between attempts to connect
+JOIN_S = 0.5  # that a thread is given to end
 
 
 class Feed(Protocol):
-    """One connection to a camera. `read` and `close` are called from the capture thread only."""
+    """One connection to a camera. `read` and `close` are called by the capture thread only."""
 
     duplicates: int  # frames that showed the same exposure again, skipped
     stamped_by: str  # where the last frame's time is from, such as "kernel" or "arrival"
 
     def read(self) -> tuple[Any, float] | None:
-        """Wait for the next frame: what `decode` takes, and its time on `time.monotonic` (s).
+        """Wait for the next frame: what `decode` takes, and its time [s, `time.monotonic`]; None at
+        the regular end.
 
-        None where it ended as it should. Raises `GarbageError` for what is no frame (and may be
-        called again), any other error where the connection is of no more use.
+        `GarbageError`: data that are no frame; `read` may be called again. Any other error: the
+        connection is of no more use.
         """
         ...
 
     def decode(self, raw: Any) -> np.ndarray:
-        """The image (h, w, 3) uint8 BGR, else `GarbageError`; called by the consumer."""
+        """The image (h, w, 3) uint8 BGR of what `read` gave; called by the consumer.
+        `GarbageError`: it is no image."""
         ...
 
     def interrupt(self) -> None:
         """Make a waiting `read` return soon where that can be done; from any thread."""
         ...
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Free what `read` used."""
+        ...
 
 
-class Pump:
-    """One thread that empties a feed into a slot for one frame."""
+class CaptureThread:
+    """Thread that reads a feed into a slot for one frame; `overwritten` counts frames not taken."""
 
     def __init__(self, feed: Feed) -> None:
         self.feed = feed
@@ -93,9 +97,10 @@ class Pump:
         return got is not None
 
     def take(self, patience_s: float) -> tuple[Any, float] | None:
-        """The newest frame not taken before, waiting for it; None after the regular end.
+        """The newest frame not taken before and its time [s, `time.monotonic`], waiting for it;
+        None after the regular end.
 
-        Raises what the feed raised, `StalledError` when nothing came for `patience_s`.
+        Raises what the feed raised; `StalledError`: nothing came for `patience_s`.
         """
         with self._news:
             if not self._news.wait_for(self._has_news, patience_s):
@@ -119,14 +124,15 @@ class Pump:
             return self._slot is not None
 
     def stop(self) -> None:
-        """End the thread; one that a driver holds is left to end when the driver lets go."""
+        """End the thread, waiting for it at most `JOIN_S`; one that waits in a driver ends when the
+        driver returns."""
         self._stopping = True
         self.feed.interrupt()
         self.thread.join(JOIN_S)
 
 
 class LiveReader:
-    """The newest frame of whatever `connect` connects to, again and again.
+    """Reads the newest frame of what `connect` connects to, and connects again after a failure.
 
     `start_s` is the zero of the frames' times on `time.monotonic` (now where not given), `dropped`
     counts frames that nobody took, `duplicates` repeats, `reconnects` new connections.
@@ -148,38 +154,42 @@ class LiveReader:
         self._last_s = -math.inf
         self._dropped = self._duplicates = 0  # of former connections
         self._down = False
-        self._pump = Pump(connect())
+        self._capture = CaptureThread(connect())
 
     @property
     def dropped(self) -> int:
-        return self._dropped + self._pump.overwritten
+        """Frames that came while nobody asked, or were not newer than the last one."""
+        return self._dropped + self._capture.overwritten
 
     @property
     def duplicates(self) -> int:
-        return self._duplicates + self._pump.feed.duplicates
+        """Frames that showed an exposure again."""
+        return self._duplicates + self._capture.feed.duplicates
 
     @property
     def stamped_by(self) -> str:
-        return self._pump.feed.stamped_by
+        """Where the last frame's time is from, see `Feed`."""
+        return self._capture.feed.stamped_by
 
     def read(self) -> tuple[np.ndarray, float] | None:
-        """The newest frame not read before and its time (s from `start_s`); None after the end.
+        """The newest frame not read before, (h, w, 3) uint8, and its time [s from `start_s`]; None
+        after the end. Waits for it, at most `patience_s`.
 
-        Waits for it. Raises a `SourceError` by name; the next call reconnects where that is needed,
-        for at most `patience_s`.
+        `SourceError`: nothing came, it is damaged, has another size, or the connection broke; the
+        next call reconnects where that is needed, for at most `patience_s`.
         """
-        if self._down and not self._pump.waits():
+        if self._down and not self._capture.waits():
             self.reconnect()
         self._down = False
         try:
-            while (got := self._pump.take(self.patience_s)) is not None:
+            while (got := self._capture.take(self.patience_s)) is not None:
                 raw, taken_s = got
                 if taken_s > self._last_s:
                     break
                 self._dropped += 1  # not newer than what was given already
             else:
                 return None
-            image = self._pump.feed.decode(raw)
+            image = self._capture.feed.decode(raw)
         except GarbageError as error:  # the connection may be sound
             raise GarbageError(f"{self._address}: {error}") from error
         except StalledError as error:
@@ -203,28 +213,29 @@ class LiveReader:
 
     def newer(self) -> bool:
         """Whether a newer frame waits to be read."""
-        return self._pump.waits()
+        return self._capture.waits()
 
     def reconnect(self, timeout_s: float | None = None) -> None:
-        """Close and open again, trying for `timeout_s` (`patience_s` where not given).
+        """Close the connection and open it again, trying for `timeout_s` (`patience_s` where not
+        given).
 
-        Raises what the last attempt raised.
+        `SourceError` or `OSError`: that of the last attempt.
         """
         deadline_s = time.monotonic() + (self.patience_s if timeout_s is None else timeout_s)
-        self._pump.stop()
+        self._capture.stop()
         self._down = True
         while True:
             try:
-                pump = Pump(self._connect())
+                pump = CaptureThread(self._connect())
                 break
             except (SourceError, OSError):
                 if time.monotonic() + RETRY_S > deadline_s:
                     raise
             time.sleep(RETRY_S)
         self._dropped, self._duplicates = self.dropped, self.duplicates
-        self._pump, self._down = pump, False
+        self._capture, self._down = pump, False
         self.reconnects += 1
 
     def close(self) -> None:
         """Stop reading and free the camera."""
-        self._pump.stop()
+        self._capture.stop()

@@ -1,6 +1,7 @@
-"""MJPEG over HTTP, read by ourselves: frames as they are complete, times as the server says them.
+"""How is MJPEG over HTTP read? Each frame when its last byte came, at the time its server says.
 
-A general video library hides a part's headers and dates the frames by a rate that it invents.
+Read here rather than by a general video library, which hides a part's headers (the server's time
+stamps) and dates frames by a rate that it assumes.
 """
 
 from __future__ import annotations
@@ -18,13 +19,13 @@ from urllib.parse import unquote, urljoin, urlsplit
 import cv2
 import numpy as np
 
-from vision.clock import ForeignClock, own_clock, wall_minus_monotonic
-from vision.multipart import Multipart, Part, boundary_of
-from vision.source_errors import GarbageError, GoneError, SourceError
+from vision.sources.clock import ForeignClock, own_clock, wall_minus_monotonic
+from vision.sources.multipart import Multipart, Part, boundary_of
+from vision.sources.source_errors import GarbageError, GoneError, SourceError
 
-CHUNK = 1 << 20
+CHUNK = 1 << 20  # bytes read at a time at most
 REDIRECTS = 5
-# The moment of the exposure first; the rest is when the frame was sent.
+# Headers with the moment of the exposure come first; the others say when the frame was sent.
 STAMP_HEADERS = (
     "x-ustreamer-grab-begin-time",
     "x-ustreamer-grab-time",
@@ -36,13 +37,14 @@ STAMP_HEADERS = (
 
 
 class NotMultipartError(SourceError, ValueError):
-    """The address answers, but with something else than a multipart stream."""
+    """The address answers with something other than a multipart stream."""
 
 
 def server_stamp(headers: dict[str, str]) -> float | None:
-    """The server's time stamp among a part's headers (lower-case names), in seconds of its clock.
+    """The server's time stamp [s of its clock] among a part's headers (lower-case name -> value);
+    None where there is none.
 
-    Milli-, micro- and nanoseconds since 1970 are told by their size.
+    Stamps in milli-, micro- or nanoseconds since 1970 are recognised by their size.
     """
     for name in STAMP_HEADERS:
         try:
@@ -68,7 +70,8 @@ class PartClock:
         self._last_s = -math.inf
 
     def date(self, stamp_s: float | None, arrived_s: float, wall_minus_monotonic_s: float) -> float:
-        """The part's time (s) on `time.monotonic`, never after its arrival."""
+        """The part's time [s] on `time.monotonic`, not after its arrival where it has a stamp
+        (`stamp_s` None: it has none)."""
         if stamp_s is None:
             # Parts of one chunk arrive together and are still one after the other.
             taken_s = max(arrived_s, self._last_s + 1e-6)
@@ -82,7 +85,7 @@ class PartClock:
 
 
 class HttpFeed:
-    """One connection to an MJPEG server; a `vision.live.Feed`."""
+    """One connection to an MJPEG server; a `vision.sources.live.Feed`."""
 
     def __init__(self, address: str, *, timeout_s: float) -> None:
         """Connect. Raises `GoneError` where nobody answers, `NotMultipartError` for other data."""
@@ -102,7 +105,11 @@ class HttpFeed:
         self._last: tuple[bytes, float | None] = (b"", None)
 
     def read(self) -> tuple[bytes, float] | None:
-        """The next image's bytes and time; see `vision.live.Feed`."""
+        """The next image's bytes and time [s, `time.monotonic`]; None at the regular end.
+
+        `GarbageError`: a broken part; later ones may be sound. `GoneError`: the connection broke
+        off.
+        """
         while True:
             while not self._parts:
                 if self._multipart.closed:
@@ -130,7 +137,7 @@ class HttpFeed:
         return data
 
     def decode(self, raw: bytes) -> np.ndarray:
-        """The image (h, w, 3) uint8 BGR of a part; `GarbageError` where there is none."""
+        """The image (h, w, 3) uint8 BGR of a part's bytes. `GarbageError`: they are no image."""
         try:
             image = cv2.imdecode(np.frombuffer(raw, np.uint8), cv2.IMREAD_COLOR) if raw else None
         except cv2.error:
@@ -140,7 +147,7 @@ class HttpFeed:
         return image
 
     def interrupt(self) -> None:
-        """End a waiting `read`."""
+        """End a waiting `read`; it then raises `GoneError`."""
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
 
@@ -152,7 +159,7 @@ class HttpFeed:
 
 
 def without_password(address: str) -> str:
-    """The address as it may be shown and logged."""
+    """The address without "user:password@", as it may be shown and logged."""
     return re.sub(r"^(\w+://)[^/@]*@", r"\1", address)
 
 

@@ -1,9 +1,9 @@
-"""The parts of a multipart/x-mixed-replace stream, from chunks cut anywhere (RFC 2046, 5.1).
+"""How is a multipart/x-mixed-replace stream cut into its parts (RFC 2046, section 5.1)?
 
-What cameras really send differs from the standard, so it is read with tolerance: bare newlines,
-boundaries declared with their dashes, no newline before a boundary, lengths missing or wrong. A
-JPEG is complete with its own last byte: its end is not awaited in the next frame's beginning, and
-a broken one costs no frame after it.
+The chunks may be cut anywhere. What cameras send differs from the standard and is accepted: bare
+newlines, boundaries declared with their dashes, no newline before a boundary, lengths missing or
+wrong. A JPEG is complete with its own last byte (`JpegEnd`): the next frame need not begin first,
+and a broken JPEG costs no later frame.
 """
 
 from __future__ import annotations
@@ -11,11 +11,16 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from vision.jpeg import START, JpegEnd
-
-MAX_HEAD = 16 * 1024
-MAX_BODY = 64 * 1024 * 1024
+MAX_HEAD = 16 * 1024  # bytes; chosen: ten times what camera servers send
+MAX_BODY = 64 * 1024 * 1024  # bytes; chosen: an uncompressed 20 megapixel image
 _BLANK_LINE = re.compile(rb"\n\r?\n")
+
+START = b"\xff\xd8"  # of every JPEG
+# In entropy-coded data 0xff is followed by a stuffed 0 or a restart marker, before a real marker
+# by fill bytes 0xff at most.
+_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
+_SCAN, _END = 0xDA, 0xD9
+_FRAMES = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
 
 
 @dataclass(frozen=True)
@@ -28,7 +33,8 @@ class Part:
 
 
 def boundary_of(content_type: str) -> str:
-    """The boundary that a Content-Type header declares, without its dashes; else `ValueError`."""
+    """The boundary that a Content-Type header declares, without its dashes. `ValueError`: it
+    declares none."""
     found = re.search(r'boundary\s*=\s*(?:"([^"]+)"|([^\s;,]+))', content_type, re.IGNORECASE)
     name = (found[1] or found[2]).lstrip("-") if found else ""
     if not name:
@@ -37,7 +43,8 @@ def boundary_of(content_type: str) -> str:
 
 
 class Multipart:
-    """Takes chunks of a stream, gives its parts; `closed` after the last boundary."""
+    """Parser of one multipart stream with this `boundary` (without its dashes); `closed` is True
+    after the last boundary."""
 
     def __init__(self, boundary: str) -> None:
         name = boundary.lstrip("-").encode("latin-1")
@@ -55,7 +62,7 @@ class Multipart:
         self.closed = False
 
     def feed(self, chunk: bytes) -> list[Part]:
-        """The parts that this chunk completes, broken ones among them."""
+        """The parts that this chunk completes, in order; broken parts have a `fault`."""
         self._data += chunk
         while not self.closed and self._state():
             pass
@@ -168,3 +175,66 @@ class Multipart:
         """Report the part; the next one begins at the next boundary, wherever this was to end."""
         self._parts.append(Part(self._headers, b"", fault))
         self._state = self._seek
+
+
+class JpegEnd:
+    """Finds the end of one JPEG that begins at byte 0 of a growing buffer, without decoding it.
+
+    A stream without lengths shows a frame's end only by the next frame's beginning, one frame too
+    late; the JPEG's own markers (ITU-T T.81, annex B) show it at once. They also show most damage,
+    which decoders pass as grey or torn images.
+    """
+
+    def __init__(self) -> None:
+        self._at = 2  # where the next marker is looked for
+        self._entropy = False  # whether that is inside entropy-coded data
+        self._frame = False  # whether a frame header (the size) was seen
+        self._scan = False
+
+    def find(self, data: bytes | bytearray, stop: int | None = None) -> int | None:
+        """Index one past the JPEG's last byte, or None while that byte has not arrived.
+
+        `data` is the whole buffer at every call, of which the bytes before `stop` count; bytes
+        searched in an earlier call are not searched again.
+
+        `ValueError`: the data cannot be a JPEG.
+        """
+        size = len(data) if stop is None else min(stop, len(data))
+        if size >= 2 and data[:2] != START:
+            raise ValueError("no JPEG: it does not begin like one")
+        while self._at + 2 <= size:
+            if self._entropy:
+                found = _MARKER.search(data, self._at, size)
+                if found is None:
+                    self._at = max(self._at, size - 1)
+                    return None
+                self._at, self._entropy = found.start(), False
+            if data[self._at] != 0xFF:
+                raise ValueError("corrupt JPEG: data where a marker belongs")
+            kind = data[self._at + 1]
+            if kind == 0xFF:
+                self._at += 1
+            elif kind == _END:
+                if not (self._frame and self._scan):
+                    raise ValueError("corrupt JPEG: it ends before its image")
+                return self._at + 2
+            elif not self._segment(data, kind, size):
+                return None
+        return None
+
+    def _segment(self, data: bytes | bytearray, kind: int, size: int) -> bool:
+        """Step over one segment; False where its length has not arrived."""
+        if kind < 0xC0 or kind == 0xD8 or 0xD0 <= kind <= 0xD7:
+            raise ValueError(f"corrupt JPEG: marker 0x{kind:02x} out of place")
+        if self._at + 4 > size:
+            return False
+        length = int.from_bytes(data[self._at + 2 : self._at + 4], "big")
+        if length < 2:
+            raise ValueError("corrupt JPEG: a segment shorter than its own length")
+        self._frame |= kind in _FRAMES
+        if kind == _SCAN and not self._frame:
+            raise ValueError("corrupt JPEG: a scan before the frame header")
+        self._at += 2 + length
+        self._entropy = kind == _SCAN
+        self._scan |= self._entropy
+        return True

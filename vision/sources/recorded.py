@@ -1,4 +1,4 @@
-"""Frames that are kept: a video file or a folder of images, every one in its order."""
+"""How are a video file and a folder of images read, every frame in its order?"""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from vision.camera_device import capture
-from vision.repeats import has_repeats
+from vision.sources.camera_device import capture
+from vision.sources.repeats import has_repeats
 
 IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp"})
 DEFAULT_FPS = 30.0
@@ -21,11 +21,12 @@ Reader = Callable[[], tuple[np.ndarray, float] | None]
 
 
 @dataclass(frozen=True)
-class Recorded:
-    """How to read something kept: `read` gives (image, container's stamp in s) or None at the end.
+class RecordedFrames:
+    """How to read a recording: `read` gives (image (h, w, 3) uint8, container's stamp [s]), None at
+    the end; `close` frees it.
 
     `fps` is the claimed rate, `frames_total` the claimed count (None where unknown), `repeats`
-    whether it is known to hold repeats.
+    whether it is known to hold repeats (None: not known).
     """
 
     read: Reader
@@ -35,8 +36,8 @@ class Recorded:
     repeats: bool | None
 
 
-def open_file(path: str | Path) -> Recorded:
-    """Open a video file, or one that a server holds. `ValueError` where it cannot be decoded."""
+def open_file(path: str | Path) -> RecordedFrames:
+    """Open a video file or the address of one. `ValueError`: it cannot be decoded."""
     device = capture(str(path))
     if not device.isOpened():
         raise ValueError(f"{path}: not a video that can be decoded (truncated, or no video at all)")
@@ -49,7 +50,7 @@ def open_file(path: str | Path) -> Recorded:
         return (image, device.get(cv2.CAP_PROP_POS_MSEC) / 1e3) if ok else None
 
     total = int(count) if count > 0 else None
-    return Recorded(read, device.release, fps, total, has_repeats(_images(path)))
+    return RecordedFrames(read, device.release, fps, total, has_repeats(_images(path)))
 
 
 def _images(path: str | Path) -> Iterator[np.ndarray]:
@@ -62,8 +63,11 @@ def _images(path: str | Path) -> Iterator[np.ndarray]:
         device.release()
 
 
-def open_folder(path: Path, fps: float) -> Recorded:
-    """The images of a folder in natural order, at `fps`. `ValueError` where there are none."""
+def open_folder(path: Path, fps: float) -> RecordedFrames:
+    """The images of a folder in natural order, dated at `fps`.
+
+    `ValueError`: the folder has no images; `read` raises it for one that cannot be decoded.
+    """
     files = [f for f in path.iterdir() if f.suffix.lower() in IMAGE_SUFFIXES]
     if not files:
         looked_for = ", ".join(sorted(IMAGE_SUFFIXES))
@@ -81,4 +85,4 @@ def open_folder(path: Path, fps: float) -> Recorded:
         return None
 
     pictures = (image for f in files if (image := cv2.imread(str(f))) is not None)
-    return Recorded(read, lambda: None, fps, len(files), has_repeats(pictures))
+    return RecordedFrames(read, lambda: None, fps, len(files), has_repeats(pictures))

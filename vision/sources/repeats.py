@@ -1,4 +1,4 @@
-"""Repeats: frames of a container between which the camera took no new picture.
+"""Which frames of a container show the same exposure again?
 
 A container may claim more frames than there were exposures (a 250 fps file of a 10 fps webcam).
 Repeats carry no new light but a later time stamp, which would turn a moving ball into a stuttering
@@ -14,6 +14,8 @@ from itertools import islice, pairwise
 import cv2
 import numpy as np
 
+from vision.noise import noise_level
+
 # A new exposure differs from the last by 1.13 sigma of sensor noise on average (mean of
 # |N(0, 2 sigma^2)|). A re-encoded repeat stays an order of magnitude below that, or below one grey
 # level in a twentieth of the pixels, which no sensor does.
@@ -27,19 +29,9 @@ ENOUGH, AT_MOST = 24, 1500
 LONG_RUN = 6
 
 
-def noise_level(image: np.ndarray) -> float:
-    """Standard deviation of the pixel noise of an image (h, w, 3) uint8, in grey levels.
-
-    J. Immerkaer, "Fast noise variance estimation", CVIU 64 (1996): the mean response of a
-    difference of two Laplacians, blind to constant, linear and quadratic shading.
-    """
-    kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
-    response = cv2.filter2D(image[:, :, 1], cv2.CV_32F, kernel)
-    return float(np.abs(response).mean()) * math.sqrt(math.pi / 2) / 6
-
-
 def local_change(image: np.ndarray, other: np.ndarray) -> float:
-    """The largest mean change of an 8x8 block between two images (h, w, 3) uint8."""
+    """The largest mean change of an 8x8 block between two images (h, w, 3) uint8 of one size, in
+    grey levels."""
     h, w = image.shape[:2]
     blocks = (max(1, w // 8), max(1, h // 8))
     change = cv2.resize(cv2.absdiff(image, other), blocks, interpolation=cv2.INTER_AREA)
@@ -88,10 +80,10 @@ class RepeatFilter:
         self._moved = False
 
     def is_repeat(self, image: np.ndarray) -> bool:
-        """True where the (h, w, 3) image shows the same exposure as its predecessor.
+        """Whether the (h, w, 3) image shows the same exposure as its predecessor.
 
         The mean change is judged against the noise of the picture itself; the largest local change
-        since the last kept frame saves a small ball creeping over a large still plate.
+        since the last kept frame saves a small ball that creeps over a large still plate.
         """
         last, kept = self._last, self._kept
         self._last = image

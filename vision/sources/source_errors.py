@@ -1,19 +1,18 @@
-"""What can go wrong with a live source, by name.
+"""What can go wrong with a live source?
 
-Each is also the built-in error that fits, so that a caller who knows none of these names gets one
-clear line. After each of them the source may be asked for the next frame again: it comes back by
-itself when the camera does.
+Each error is also the built-in one that fits, so that callers may catch either. After each of them
+the next frame may be asked for: the source reconnects by itself when the camera is back.
 """
 
 from __future__ import annotations
 
 
 class SourceError(Exception):
-    """Any trouble of a source that a later attempt may find gone."""
+    """Any failure of a source that may be over at a later attempt."""
 
 
 class StalledError(SourceError, TimeoutError):
-    """Connected, but no new frame came for the source's patience."""
+    """Connected, but no new frame came within the source's `patience_s`."""
 
 
 class GoneError(SourceError, ConnectionError):
@@ -29,7 +28,7 @@ class GarbageError(SourceError, ValueError):
 
 
 class SettingsError(SourceError, OSError):
-    """A camera does not do what it was set to, as its own read-back says."""
+    """A camera did not take a setting: it reads back another value."""
 
 
 class UserCameraError(SourceError, OSError):

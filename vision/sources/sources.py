@@ -1,30 +1,140 @@
-"""What `open_source` gives: an iterator of frames, from something kept or something live."""
+"""Where do frames come from? A video file, a folder of images, a stream or a camera.
+
+`open_source` gives an iterator of frames (`Source`). Repeats that a container shows between two
+exposures are skipped and counted (`repeats`). A live source is read by a thread of its own
+(`live`); its failures are `source_errors`.
+"""
 
 from __future__ import annotations
 
 import math
+import re
 import time
 from collections.abc import Callable
+from pathlib import Path
 from types import TracebackType
 
 import numpy as np
 
 from vision.frames import Frame
-from vision.live import LiveReader
-from vision.recorded import Recorded
-from vision.repeats import RepeatFilter
-from vision.source_errors import GarbageError
+from vision.sources.camera_device import DEVICE, CameraSettings, open_camera
+from vision.sources.live import PATIENCE_S, Feed, LiveReader
+from vision.sources.mjpeg_http import HttpFeed, NotMultipartError, without_password
+from vision.sources.recorded import DEFAULT_FPS, RecordedFrames, open_file, open_folder
+from vision.sources.repeats import RepeatFilter
+from vision.sources.source_errors import GarbageError, GoneError
+from vision.sources.stream import StreamFeed
+from vision.sources.user_camera import UserFeed, load_class, split_address
+
+__all__ = ["CameraSettings", "Source", "open_source"]
+
+STREAM = re.compile(r"^(rtsps?|https?|udp|tcp|rtmp)://")
+
+
+def open_source(
+    address: str | Path | int,
+    *,
+    fps: float | None = None,
+    settings: CameraSettings | None = None,
+    start_s: float | None = None,
+    patience_s: float = PATIENCE_S,
+) -> Source:
+    """Open any address: a video file, a folder of images, a stream (http, rtsp, udp), a camera by
+    index or device path (/dev/video0), a camera class in a user's file ("mine.py:MyCamera").
+
+    `fps`: the rate of a folder, whose images carry no time (default 30); `settings`: what a camera
+    is set to; `patience_s`: how long a live source waits for something new before it raises
+    `StalledError`. Times of files are the container's. Those of live sources count from `start_s`
+    on `time.monotonic` (default: the opening) and are the middle of the exposure where it is known,
+    else the driver's or server's stamp, else the arrival.
+
+    `FileNotFoundError`: nothing is there; `ValueError`: nothing can be decoded, `settings` for
+    something that is no camera, or a user's file without a class; a `SourceError`: troubles of a
+    live source.
+    """
+    text = str(address)
+    user = split_address(text)
+    if settings is not None and not DEVICE.match(text):
+        raise ValueError(f"{text}: only a camera by index or device path takes settings")
+    if user is not None:
+        file, name = user
+        make = load_class(file, name)
+        return _live(text, lambda: UserFeed(file, name, make), patience_s, start_s)
+    if DEVICE.match(text):
+        return _live(text, lambda: open_camera(text, settings), patience_s, start_s)
+    if STREAM.match(text):
+        return _open_stream(text, patience_s, start_s)
+    path = Path(text)
+    if path.suffix == ".py":
+        raise ValueError(f"{text}: which camera class in that file? write {text}:MyCamera")
+    if path.is_dir():
+        return RecordedSource(text, open_folder(path, fps or DEFAULT_FPS))
+    if not path.exists():
+        raise FileNotFoundError(f"{text}: no such file or folder; check the address")
+    if path.stat().st_size == 0:
+        raise ValueError(f"{text}: the file is empty (0 bytes)")
+    return RecordedSource(text, open_file(path))
+
+
+def _open_stream(text: str, patience_s: float, start_s: float | None) -> Source:
+    if text.startswith("http"):
+        try:
+            return _live(text, lambda: HttpFeed(text, timeout_s=patience_s), patience_s, start_s)
+        except NotMultipartError as error:
+            first = _other_http(text, patience_s, error)
+    else:
+        first = StreamFeed(text, timeout_s=patience_s)
+    if first.is_file:
+        first.close()
+        return RecordedSource(without_password(text), open_file(text))
+    return _live(
+        text, lambda: StreamFeed(text, timeout_s=patience_s), patience_s, start_s, first=first
+    )
+
+
+def _other_http(text: str, patience_s: float, error: NotMultipartError) -> StreamFeed:
+    """Open what HTTP serves besides MJPEG, such as a file or a playlist."""
+    try:
+        return StreamFeed(text, timeout_s=patience_s)
+    except GoneError:
+        raise NotMultipartError(f"{error}, nor a video that can be decoded") from None
+
+
+def _live(
+    text: str,
+    connect: Callable[[], Feed],
+    patience_s: float,
+    start_s: float | None,
+    *,
+    first: Feed | None = None,
+) -> Source:
+    """The source of `connect`; `first` is a connection that stands already."""
+    first = first or connect()
+    claimed = getattr(first, "fps", 0.0)
+    fps = claimed if math.isfinite(claimed) and 0.1 < claimed < 1e4 else DEFAULT_FPS
+    waiting = [first]
+    shown = without_password(text)
+    reader = LiveReader(
+        lambda: waiting.pop() if waiting else connect(),
+        shown,
+        patience_s=patience_s,
+        start_s=start_s,
+    )
+    return LiveSource(shown, reader, fps)
 
 
 class Source:
-    """Iterator of `Frame` and context manager over any address; see `vision.sources.open_source`.
+    """Iterator of `Frame` and context manager over any address; see `sources.open_source`.
 
-    `size` is (w, h) px, `duplicates` the repeats skipped so far, `nominal_fps` what the container
-    claims, `frames_total` how many frames it claims (None where it does not say), `missing` how
-    many of these could not be decoded (known after the last frame), `live` whether it can be read
-    only once, `stamped_by` whose times they are ("container", "kernel", "stream", "server",
+    `size`: (w, h) px; `duplicates`: the repeats skipped so far; `nominal_fps`: what the container
+    claims; `frames_total`: how many frames it claims (None where it does not say); `missing`: how
+    many of these could not be decoded (known after the last frame); `live`: whether it can be read
+    only once; `stamped_by`: whose times they are ("container", "kernel", "stream", "server",
     "camera" or "arrival"). Of a live source, `dropped` counts the frames that came while nobody
-    asked, and `start_s` is the zero of the times on `time.monotonic` (None for what is kept).
+    asked, and `start_s` is the zero of the times on `time.monotonic` (None for a recording).
+
+    `RecordedSource` and `LiveSource` are its two kinds. `ValueError`: no first frame can be
+    decoded.
     """
 
     live = False
@@ -74,14 +184,17 @@ class Source:
 
     @property
     def duplicates(self) -> int:
+        """Repeats skipped so far."""
         raise NotImplementedError
 
     @property
     def dropped(self) -> int:
+        """Frames that came while nobody asked; 0 for a recording."""
         return 0
 
     @property
     def stamped_by(self) -> str:
+        """Whose times the frames carry; "container" for a recording."""
         return "container"
 
     def _next(self) -> tuple[np.ndarray, float] | None:
@@ -89,13 +202,14 @@ class Source:
         return first if first is not None else self._read()
 
     def reconnect(self, timeout_s: float | None = None) -> None:
-        """Close and open a live source again, see `LiveReader.reconnect`; nothing for others."""
+        """Close a live source and open it again, see `LiveReader.reconnect`; nothing happens for a
+        recording."""
 
 
 class RecordedSource(Source):
-    """Every frame of something kept, at the container's times, without its repeats."""
+    """Every frame of a file or folder, at the container's times, without its repeats."""
 
-    def __init__(self, address: str, kept: Recorded) -> None:
+    def __init__(self, address: str, kept: RecordedFrames) -> None:
         self._filter = RepeatFilter(repeats=kept.repeats)
         self._repeats = 0
         self._last_t_s = -math.inf
@@ -105,6 +219,7 @@ class RecordedSource(Source):
 
     @property
     def duplicates(self) -> int:
+        """Repeats skipped so far."""
         return self._repeats
 
     def __next__(self) -> Frame:
@@ -152,7 +267,7 @@ class LiveSource(Source):
         self._read = reader.read
 
     def _first_read(self) -> tuple[np.ndarray, float] | None:
-        """Whoever comes in the middle of a stream may find half a frame; the next one is whole."""
+        """The first whole frame: a connection made within a frame begins with a part of it."""
         deadline_s = time.monotonic() + self._reader.patience_s
         while True:
             try:
@@ -163,14 +278,17 @@ class LiveSource(Source):
 
     @property
     def duplicates(self) -> int:
+        """Frames that showed an exposure again and were skipped so far."""
         return self._reader.duplicates
 
     @property
     def dropped(self) -> int:
+        """Frames that came while nobody asked, those before the first one read included."""
         return self._reader.dropped + self._skipped_first
 
     @property
     def stamped_by(self) -> str:
+        """Where the last frame's time is from, see `vision.sources.live.Feed`."""
         return self._reader.stamped_by
 
     def __next__(self) -> Frame:
@@ -186,4 +304,6 @@ class LiveSource(Source):
         return Frame(*got, index)
 
     def reconnect(self, timeout_s: float | None = None) -> None:
+        """Close the source and open it again, see `LiveReader.reconnect`; it raises the error of
+        the last attempt."""
         self._reader.reconnect(timeout_s)

@@ -1,6 +1,6 @@
-"""Streams that OpenCV decodes: rtsp, udp, and what HTTP serves besides MJPEG.
+"""How are streams read that OpenCV decodes: rtsp, udp, and what HTTP serves besides MJPEG?
 
-Their time stamps are invented there (25 fps for a 60 fps stream), so frames are dated on arrival.
+OpenCV assumes their time stamps (25 fps for a 60 fps stream), so frames are dated on arrival.
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ import time
 import cv2
 import numpy as np
 
-from vision.camera_device import Capture, capture
-from vision.mjpeg_http import without_password
-from vision.source_errors import GoneError
+from vision.sources.camera_device import Capture, capture
+from vision.sources.mjpeg_http import without_password
+from vision.sources.source_errors import GoneError
 
 
 class StreamFeed:
-    """A stream read through OpenCV; a `vision.live.Feed`.
+    """A stream read through OpenCV; a `vision.sources.live.Feed`.
 
     `fps` is the rate that it claims, `is_file` whether it has an end: a file on a server.
     """
@@ -39,7 +39,10 @@ class StreamFeed:
         self.is_file = self._device.get(cv2.CAP_PROP_FRAME_COUNT) > 0
 
     def read(self) -> tuple[np.ndarray, float]:
-        """The next image and when it arrived (s, `time.monotonic`)."""
+        """The next image (h, w, 3) uint8 and when it arrived [s, `time.monotonic`].
+
+        `GoneError`: the stream ends or broke off.
+        """
         ok, image = self._device.read()
         if not ok:
             raise GoneError(f"{self._address}: the stream ended or broke off; is it still sent?")
@@ -50,7 +53,7 @@ class StreamFeed:
         return raw
 
     def interrupt(self) -> None:
-        """Nothing can: a wait ends by the time limit given at the start."""
+        """Does nothing: a wait ends by the time limit given at the start."""
 
     def close(self) -> None:
         """End the connection."""

@@ -1,4 +1,4 @@
-"""A camera class from a user's own file, for cameras that no common interface knows.
+"""How is a camera read that no common interface knows? By a class in a user's own file.
 
 The address is "mine.py:MyCamera". The class needs no base class, only this:
 
@@ -29,7 +29,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from vision.source_errors import UserCameraError
+from vision.sources.source_errors import UserCameraError
 
 NEAR_S = 10.0  # between a stamp and its arrival; beyond, it is of another clock
 AHEAD_S = 0.1
@@ -44,7 +44,11 @@ def split_address(address: str) -> tuple[Path, str] | None:
 
 
 def load_class(file: Path, name: str) -> Callable[[], Any]:
-    """The class `name` of a Python file. Raises `UserCameraError`, `FileNotFoundError`."""
+    """The class `name` of a Python file, which is executed for it.
+
+    `FileNotFoundError`: there is no such file; `UserCameraError`: it fails to load or has no such
+    class.
+    """
     if not file.is_file():
         raise FileNotFoundError(f"{file}:{name}: no such file; check the camera's address")
     module_name = f"user_camera_{file.stem}"
@@ -83,7 +87,7 @@ def _named(address: str, where: str, error: BaseException, file: Path) -> UserCa
 
 
 class UserFeed:
-    """One object of a user's camera class, opened; a `vision.live.Feed`."""
+    """One object of a user's camera class, opened; a `vision.sources.live.Feed`."""
 
     def __init__(self, file: Path, name: str, make: Callable[[], Any]) -> None:
         """Make and open. Raises `UserCameraError` with file and class for whatever fails."""
@@ -112,13 +116,17 @@ class UserFeed:
             raise _named(self._address, what, error, self._file) from error
 
     def read(self) -> tuple[np.ndarray, float] | None:
-        """The next image, copied, and its time; see the module's text."""
-        got = self._call("read", self._reading.read)
-        if got is None:
+        """The next image, copied, (h, w, 3) or (h, w) uint8, and its time [s, `time.monotonic`];
+        None where the camera has ended.
+
+        `UserCameraError`: the class fails or breaks its contract (the module's docstring).
+        """
+        pair = self._call("read", self._reading.read)
+        if pair is None:
             return None
-        if not isinstance(got, tuple) or len(got) != 2:
-            raise self._breach(f"returned {type(got).__name__}, not a tuple (image, t_s) or None")
-        image, t_s = got
+        if not isinstance(pair, tuple) or len(pair) != 2:
+            raise self._breach(f"returned {type(pair).__name__}, not a tuple (image, t_s) or None")
+        image, t_s = pair
         self._check_image(image)
         return np.array(image), self._checked_time(t_s, time.monotonic())
 
@@ -150,14 +158,15 @@ class UserFeed:
         return UserCameraError(f"{self._address}: read: {text}")
 
     def decode(self, raw: np.ndarray) -> np.ndarray:
-        """The image (h, w, 3); grey becomes three equal channels."""
+        """The image (h, w, 3) uint8 BGR; a grey one (h, w) becomes three equal channels."""
         return cv2.cvtColor(raw, cv2.COLOR_GRAY2BGR) if raw.ndim == 2 else raw
 
     def interrupt(self) -> None:
-        """Nothing can: the user's `read` ends when it ends."""
+        """Does nothing: the user's `read` cannot be ended from outside."""
 
     def close(self) -> None:
-        """Close the user's camera; `UserCameraError` where that fails."""
+        """Close the user's camera by its `close` or `__exit__`, if it has one. `UserCameraError`:
+        that fails."""
         method = getattr(self._camera, self._closing, None)
         if method is not None:
             self._call(self._closing, method, *([None] * 3 if self._closing == "__exit__" else []))

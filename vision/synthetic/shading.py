@@ -1,4 +1,4 @@
-"""Compiled loops of the synthetic camera; every helper they call stands in this file.
+"""How bright is each pixel of a rendered frame? Compiled loops of the synthetic camera.
 
 `rays` (h, w, 2) are the pixels' ideal normalised coordinates, so a distorting lens costs nothing.
 """
@@ -12,7 +12,11 @@ from vision.compiled import kernel
 
 @kernel
 def texel_maps(rays, texel_from_ray, map_x, map_y):  # pragma: no cover - compiled
-    """Where each pixel of a region looks in the texture, by the plane's homography (3, 3)."""
+    """Write the texture coordinates [texels] of a region's pixels into `map_x`, `map_y` (h, w)
+    float32, for `cv2.remap`.
+
+    `rays` (h, w, 2): normalised coordinates; `texel_from_ray` (3, 3): the plane's homography.
+    """
     h = texel_from_ray.astype(np.float32)
     for i in range(map_x.shape[0]):
         for j in range(map_x.shape[1]):
@@ -24,7 +28,8 @@ def texel_maps(rays, texel_from_ray, map_x, map_y):  # pragma: no cover - compil
 
 @kernel
 def lay_over(image, layer, gain):  # pragma: no cover - compiled
-    """Premultiplied BGRA `layer` over a region of `image`, both (h, w, ..) uint8, in place."""
+    """Lay the premultiplied BGRA `layer` (h, w, 4), times `gain`, over a region of `image` (h, w,
+    3), both uint8, in place."""
     scale = np.int32(round(gain * 65536.0))
     for i in range(image.shape[0]):
         for j in range(image.shape[1]):
@@ -41,8 +46,9 @@ def lay_over(image, layer, gain):  # pragma: no cover - compiled
 
 
 @kernel
-def expose(clean, noise, brightness):  # pragma: no cover - compiled
-    """Sensor: flat uint8 `clean` times brightness plus `noise` (int16, 1/64 DN), rounded."""
+def expose_sensor(clean, noise, brightness):  # pragma: no cover - compiled
+    """Sensor values (n,) uint8: `clean` (n,) uint8 times `brightness` plus `noise` (n,) int16 in
+    1/64 grey level, rounded and clipped."""
     out = np.empty(clean.size, np.uint8)
     scale = np.int32(round(brightness * 64.0))
     for i in range(clean.size):
@@ -75,9 +81,12 @@ def _light_left(px, py, pz, light, radius, strength):  # pragma: no cover - comp
 def cast_shadow(
     image, rays, cover, normal, centre, radius, light, strength
 ):  # pragma: no cover - compiled
-    """Darken a region of the plate under a ball at `centre` (camera frame), in place.
+    """Darken a region (h, w, 3) of the plate under a ball at `centre` (3,) [m, camera frame], in
+    place.
 
-    `cover` (h, w) uint8 is the plate's alpha: what is not plate lies far below and stays.
+    `rays` (h, w, 2): normalised coordinates; `cover` (h, w) uint8: the plate's alpha; what is not
+    plate lies far below and stays. `normal` (3,): of the plate; `radius` [m]; `light` (3,): towards
+    the lamp; both vectors in the camera frame; `strength` (0..1): share of the light that is taken.
     """
     n0, n1, n2 = normal[0], normal[1], normal[2]
     depth = n0 * centre[0] + n1 * centre[1] + n2 * centre[2] - radius
@@ -117,10 +126,13 @@ def _lit(x, y, gap, along, centre, radius, light, half):  # pragma: no cover - c
 def paint_ball(
     image, rays, centres, radius, px_per_m, soft_px, bgr, light, half
 ):  # pragma: no cover - compiled
-    """Paint a ball over a region (h, w, 3), averaged over its places `centres` (k, 3), in place.
+    """Paint a ball over a region (h, w, 3), averaged over its places `centres` (k, 3) [m, camera
+    frame], in place.
 
-    A pixel's ray passes the centre at distance p; the outline is where p = radius exactly, and
-    the edge falls off there as a Gaussian of `soft_px` integrates.
+    A pixel's ray (`rays` (h, w, 2)) passes the centre at distance p; the outline is where p =
+    `radius` [m], and the edge falls off there as the integral of a Gaussian of `soft_px`.
+    `px_per_m`: scale at the ball; `bgr`: colour; `light` and `half` (3,): directions of the lamp
+    and of the highlight in the camera frame.
     """
     k = centres.shape[0]
     reach = 3.2 * soft_px

@@ -1,4 +1,4 @@
-"""A virtual camera over a virtual table: frames whose sub-pixel truth is known exactly.
+"""What would a camera over the table see? Rendered frames whose sub-pixel truth is known exactly.
 
 The truth is the `View`: what it says about a plate point or the ball's outline is where the edge
 of the rendered picture lies (50 % of the way from one side to the other). The lens is OpenCV's,
@@ -13,9 +13,9 @@ from math import ceil
 import cv2
 import numpy as np
 
-from vision.markers import MarkerLayout, default_layout
-from vision.shading import cast_shadow, expose, lay_over, paint_ball, texel_maps
-from vision.texture import PADDING, TEXELS, desk_picture, plate_from_texel, plate_texture
+from vision.plate.markers import MarkerLayout, default_layout
+from vision.synthetic.shading import cast_shadow, expose_sensor, lay_over, paint_ball, texel_maps
+from vision.synthetic.texture import PADDING, TEXELS, desk_picture, plate_from_texel, plate_texture
 from vision.view import Camera, View
 
 Colour = tuple[float, float, float]  # blue, green, red, 0 to 255
@@ -24,7 +24,8 @@ _PIXEL_SIGMA = 12**-0.5  # a square pixel's own blur
 
 @dataclass(frozen=True)
 class DeskBall:
-    """A ball-like thing that lies on the desk beside the plate, for example a decoy."""
+    """A ball-like thing that lies on the desk beside the plate, for example a decoy; `xy_m` along
+    the plate's axes, colour in BGR."""
 
     xy_m: tuple[float, float]
     radius_m: float
@@ -33,7 +34,12 @@ class DeskBall:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What there is to see. `light` points from the level plate to the lamp."""
+    """What the camera looks at; colours are BGR, 0..255. `light` points from the level plate to the
+    lamp.
+
+    `desk_drop_m`: how far the desk lies below the plate; `shadow` (0..1): the share of light that
+    the ball's shadow takes; `lens_blur_px` and `noise_dn` (grey levels): standard deviations.
+    """
 
     plate_side_m: float = 0.275
     layout: MarkerLayout = field(default_factory=lambda: default_layout(0.275))
@@ -50,14 +56,16 @@ class Scene:
 
 
 def virtual_camera(*, distorted: bool = True) -> Camera:
-    """640x480, 33 x 25 degrees, like a 1/2.9-inch sensor behind a 6 mm lens; mild barrel."""
+    """A camera of 640 x 480 px, 33 x 25 degrees: a 1/2.9-inch sensor behind a 6 mm lens, with mild
+    barrel distortion unless `distorted` is False."""
     matrix = np.array([[1086.0, 0, 322.7], [0, 1084.4, 241.9], [0, 0, 1]])
     lens = (-0.09, 0.04, 4e-4, -3e-4, 0.0) if distorted else (0.0,) * 5
     return Camera(matrix, np.array(lens), 640, 480)
 
 
 def virtual_view(camera: Camera | None = None) -> View:
-    """The level plate as a hurried student hangs the camera: 0.75 m up, a little askew."""
+    """The level plate under a camera (default: `virtual_camera()`) 0.75 m above it that hangs about
+    one degree askew."""
     turn, _ = cv2.Rodrigues(np.radians([0.9, -1.3, 1.1]))
     pose = np.eye(4)
     pose[:3, :3] = np.asarray(turn) @ np.diag([1.0, -1.0, -1.0])
@@ -103,8 +111,9 @@ class Renderer:
     ) -> np.ndarray:
         """One frame (h, w, 3) uint8 BGR of the plate turned by `rotation` (3, 3, world_from_plate).
 
-        `ball_xy_m` is the ball's centre in the plate frame at mid exposure, None for no ball; it
-        moves with `velocity_m_s` during `exposure_s`. `brightness` scales all light (1 = normal).
+        `ball_xy_m`: the ball's centre in the plate frame at mid exposure, None for no ball; it
+        moves with `velocity_m_s` (2,) during `exposure_s`. `brightness` scales all light (1 =
+        normal).
         """
         view = self.view.tilted(rotation)
         image = self._desk.copy()
@@ -117,11 +126,13 @@ class Renderer:
     def render_sheet(
         self, sheet: np.ndarray, size_m: tuple[float, float], camera_from_sheet: np.ndarray
     ) -> np.ndarray:
-        """One frame of a flat printed sheet held between camera and plate, as for a calibration.
+        """One frame (h, w, 3) uint8 BGR of a flat printed sheet held between camera and plate, as
+        for a calibration.
 
-        `sheet` (h, w) uint8 covers `size_m` (width, height); the sheet's frame has its origin in
-        the top left corner of the print, x right, y down (OpenCV's boards). `camera_from_sheet`
-        (4, 4). Drawn three times finer and averaged, since its scale varies too much to prefilter.
+        `sheet` (h, w) uint8 covers `size_m` (width, height). `camera_from_sheet` (4, 4) [m]: pose
+        of the sheet's frame, which has its origin in the top left corner of the print, x right, y
+        down (OpenCV's boards). The sheet is drawn three times finer and averaged, since its scale
+        varies too much to prefilter.
         """
         h, w = sheet.shape
         pose = np.asarray(camera_from_sheet, float)
@@ -150,7 +161,7 @@ class Renderer:
     def _expose(self, image: np.ndarray, brightness: float) -> np.ndarray:
         start = int(self._rng.integers(self._noise.size - image.size))
         noise = self._noise[start : start + image.size]
-        return expose(image.reshape(-1), noise, brightness).reshape(image.shape)
+        return expose_sensor(image.reshape(-1), noise, brightness).reshape(image.shape)
 
     def _draw_noise(self) -> np.ndarray:
         """Sensor noise in 1/64 DN, longer than a frame; every frame starts elsewhere in it."""

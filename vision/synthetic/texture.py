@@ -1,9 +1,9 @@
-"""Pictures that the synthetic camera looks at: the plate with its markers, the desk below it."""
+"""What do the plate with its markers and the desk below it look like, before lens and light?"""
 
 import cv2
 import numpy as np
 
-from vision.markers import MarkerLayout
+from vision.plate.markers import MarkerLayout
 
 TEXELS = 1100  # along the plate's side: about 2.7 a pixel, so bilinear sampling adds no steps
 PADDING = 10  # transparent texels around the plate
@@ -20,7 +20,7 @@ def _grain(rng: np.random.Generator, size: int, scales: tuple[tuple[int, float],
 
 
 def plate_from_texel(plate_side_m: float) -> np.ndarray:
-    """(3, 3): texel centre (column, row, 1) -> plate (x, y, 1) m; row 0 lies at +y."""
+    """Homography (3, 3): texel centre (column, row, 1) -> plate (x, y, 1) [m]; row 0 lies at +y."""
     texel = plate_side_m / TEXELS
     middle = (TEXELS + 2 * PADDING - 1) / 2
     return np.array([[texel, 0, -texel * middle], [0, -texel, texel * middle], [0, 0, 1.0]])
@@ -58,7 +58,12 @@ def plate_texture(
     blur_texels: float,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Premultiplied BGRA (n, n, 4) uint8, already blurred by the lens and a pixel's area."""
+    """The plate as premultiplied BGRA (n, n, 4) uint8, n = TEXELS + 2 PADDING, blurred by the lens
+    and a pixel's area (standard deviation `blur_texels`).
+
+    `plate_bgr`: colour of the plate, 0..255; `rng`: for the grain. `ValueError`: a marker lies off
+    the plate.
+    """
     size = TEXELS + 2 * PADDING
     shade = 1.0 + _grain(rng, size, ((280, 0.008), (40, 0.004), (3, 0.006)))
     colour = shade[..., None] * np.asarray(plate_bgr, np.float32)
@@ -95,9 +100,11 @@ def desk_picture(
     drop_m: float,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """The desk as seen at `points_m` (h, w, 2), its places on the desk; (h, w, 3) float32.
+    """The desk's colours BGR (h, w, 3) float32 at its places `points_m` (h, w, 2): wood grain along
+    x and the plate's soft shadow.
 
-    Wood grain along x and the plate's soft shadow; `light` points to the lamp.
+    `light` (3,) points to the lamp; `drop_m`: how far the desk lies below the plate; `rng`: for the
+    grain.
     """
     x, y = points_m[..., 0].astype(np.float32), points_m[..., 1].astype(np.float32)
     h, w = x.shape

@@ -1,4 +1,4 @@
-"""A ball of unknown colour, found by itself: the round thing that moves.
+"""Which thing is the ball, if its colour is not known? The round thing that moves.
 
 Still things of any colour are background. A hand moves but is not round; a mark on the tilting
 plate is round but hardly moves; what is round, keeps its size and colour, and travels, is the ball.
@@ -7,26 +7,26 @@ plate is round but hardly moves; what is round, keeps its size and colour, and t
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
-from vision.appearance import Appearance
-from vision.detector import Detection, locate
+from vision.detection.appearance import Appearance
+from vision.detection.detector import Detection, locate_ball
+from vision.detection.hough_circles import Circle, hough_circles
+from vision.detection.pixels import colour_moments, mean_between, mean_probability
+from vision.detection.streaks_and_mirrors import mirror_silhouette
 from vision.frames import Frame
-from vision.gate import believable, weight
-from vision.pixels import mean_between, moments, share
-from vision.repeats import noise_level
-from vision.unusual import surround
-from vision.votes import Circle, circles
+from vision.noise import noise_level
+from vision.tracking.gate import is_plausible, outline_significance
 
 WORK_SIZE = 320  # px, longer side of the image that is searched for motion and circles
-FORGET_S = 0.4
-AT_MOST = 12
+FORGET_S = 0.4  # time constant of the background
+AT_MOST = 12  # discs watched at a time
 # Of the image's longer side: a mark at the edge of a plate tilted by 6 degrees shifts by 1 %.
 TRAVEL = 0.03
-LEAST_WEIGHT = 7.0
+LEAST_SIGNIFICANCE = 7.0
 # A ball's outline is whole and sharp. Its shadow on a bright plate is round and moves as well,
 # but its edge is soft here and hidden by the ball there.
 LEAST_QUALITY = 0.83
@@ -37,32 +37,41 @@ DARK = 80.0  # brightest channel's mean below which a disc counts as badly lit
 
 
 @dataclass(frozen=True, eq=False)
-class Mover:
-    """A round thing under observation: its looks when first seen, and where it was since."""
+class MovingDisc:
+    """A round thing that is watched: its appearance when first seen, and its places since.
 
-    looks: Appearance
-    path: tuple[tuple[float, float, float], ...]  # u, v, radius in px
+    `path`: (u, v, radius) [px] by frame, at most the last 41; `quality` (0..1): the smoothed share
+    of its outline that was seen; `misses`: the number of last frames in which it was not found.
+    """
+
+    appearance: Appearance
+    path: tuple[tuple[float, float, float], ...]
     quality: float
     misses: int = 0
 
     @property
     def last(self) -> tuple[float, float, float]:
+        """(u, v, radius) [px] where the disc was seen last."""
         return self.path[-1]
 
     @property
-    def weight(self) -> float:
-        """How much it stands out."""
-        return weight(self.looks.separation, self.last[2])
+    def significance(self) -> float:
+        """Significance of the disc's outline, see `gate.outline_significance`."""
+        return outline_significance(self.appearance.separation, self.last[2])
 
     def guess(self) -> tuple[float, float]:
-        """Where it goes on to at the speed of the last step."""
+        """(u, v) [px] in the next frame, at the speed of the last step."""
         if len(self.path) < 2:
             return self.last[:2]
         (u0, v0, _), (u1, v1, _) = self.path[-2:]
         return 2 * u1 - u0, 2 * v1 - v0
 
     def convincing(self, least_px: float) -> bool:
-        """Seen often, of one size, and travelling (over `least_px`) rather than jittering."""
+        """Whether the disc was seen in six frames or more, has one size, and travelled over
+        `least_px`.
+
+        Travelling: its span exceeds 40 % of its path's length, which jitter does not reach.
+        """
         if len(self.path) < 6 or self.misses or self.quality < LEAST_QUALITY:
             return False
         path = np.array(self.path)
@@ -74,9 +83,10 @@ class Mover:
 
 
 class Acquisition:
-    """Watches frames until one ball is found; then says how it looks and where it is.
+    """Watches frames until one ball is found; then gives its appearance and place.
 
-    `radius_px` (min, max) and `mask` (h, w) bound it, `colour` (an assumed appearance) narrows it.
+    `radius_px` (min, max) bounds its radius, `mask` (h, w) uint8 is nonzero where it can be,
+    `colour` is an assumed appearance that it must have.
     """
 
     def __init__(
@@ -93,10 +103,11 @@ class Acquisition:
         self._difference = np.zeros((1, 1), np.uint8)  # 255 where the small image has changed
         self._scale = 1.0
         self._t_s = 0.0
-        self._movers: list[Mover] = []
+        self._movers: list[MovingDisc] = []
 
     def step(self, frame: Frame) -> tuple[Appearance, Detection] | None:
-        """The ball's looks and place once it has been recognised, else None."""
+        """The ball's appearance and detection in this frame, once it has been recognised, else
+        None; frames come in order of time."""
         image = frame.image
         scale = self._scale = max(1.0, max(image.shape[:2]) / WORK_SIZE)
         size = (round(image.shape[1] / scale), round(image.shape[0] / scale))
@@ -107,7 +118,7 @@ class Acquisition:
             lo, hi = self._bounds or (3.0 * scale, 0.22 * min(image.shape[:2]))
             steps = max(2, math.ceil(math.log(hi / lo) / 0.13))
             radii = np.geomspace(lo, hi, steps) / scale
-            rings = circles(small, radii, noise=noise_level(small), region=region, at_most=10)
+            rings = hough_circles(small, radii, noise=noise_level(small), region=region, at_most=10)
         places = [
             (scale * (c.u_px + 0.5) - 0.5, scale * (c.v_px + 0.5) - 0.5, scale * c.radius_px)
             for c in rings
@@ -118,7 +129,10 @@ class Acquisition:
         return self._recognised(image)
 
     def _changed(self, small: np.ndarray, t_s: float) -> np.ndarray | None:
-        """Mask (h, w) uint8 around what differs from the background; None where nothing does."""
+        """Mask (h, w) uint8 around what differs from the background; None where nothing does.
+
+        The background is a running mean with time constant `FORGET_S`.
+        """
         now = small.astype(np.float32)
         if self._background is None:
             self._background, self._t_s = now, t_s
@@ -144,8 +158,8 @@ class Acquisition:
         return region if region.any() else None
 
     def _follow(
-        self, mover: Mover, image: np.ndarray, places: list[tuple[float, float, float]]
-    ) -> Mover | None:
+        self, mover: MovingDisc, image: np.ndarray, places: list[tuple[float, float, float]]
+    ) -> MovingDisc | None:
         """The mover in the next image, by its outline near the guess or a circle of its size."""
         radius = mover.last[2]
         near = [
@@ -157,13 +171,13 @@ class Acquisition:
         guesses += [(u, v) for d, u, v in sorted(near)[:1] if d < 4.0 * radius]
         bounds = (0.8 * radius, 1.25 * radius)
         for u, v in guesses:
-            found = locate(image, mover.looks, u, v, radius)
-            if found is not None and believable(found, mover.looks, bounds, strict=True):
+            found = locate_ball(image, mover.appearance, u, v, radius)
+            if found is not None and is_plausible(found, mover.appearance, bounds, strict=True):
                 step = (found.u_px, found.v_px, found.radius_px)
                 quality = mover.quality + 0.3 * (found.inliers - mover.quality)
-                return Mover(mover.looks, (*mover.path[-40:], step), quality)
-        misses = mover.misses + 1
-        return Mover(mover.looks, mover.path, mover.quality, misses) if misses < 4 else None
+                return MovingDisc(mover.appearance, (*mover.path[-40:], step), quality)
+        missed = replace(mover, misses=mover.misses + 1)
+        return missed if missed.misses < 4 else None
 
     def _start(self, image: np.ndarray, places: list[tuple[float, float, float]]) -> None:
         for u, v, r in places:
@@ -171,18 +185,18 @@ class Acquisition:
                 math.hypot(u - m.last[0], v - m.last[1]) < 0.7 * m.last[2] for m in self._movers
             ):
                 continue
-            looks = Appearance.sketch(image, u, v, r)
+            appearance = Appearance.sketch(image, u, v, r)
             bounds = (0.7 * r, 1.4 * r)
-            found = locate(image, looks, u, v, r)
-            if found is None or not believable(found, looks, bounds, strict=True):
+            found = locate_ball(image, appearance, u, v, r)
+            if found is None or not is_plausible(found, appearance, bounds, strict=True):
                 continue
-            looks, found = _outermost(image, looks, found)
+            appearance, found = _outermost(image, appearance, found)
             if self._allowed(image, found):
                 place = (found.u_px, found.v_px, found.radius_px)
-                self._movers.append(Mover(looks, (place,), found.inliers))
+                self._movers.append(MovingDisc(appearance, (place,), found.inliers))
 
     def _allowed(self, image: np.ndarray, found: Detection) -> bool:
-        """Whether it is of the size and colour that were asked for."""
+        """Whether it has the size and colour that were asked for, and stands alone."""
         if self._bounds and not self._bounds[0] <= found.radius_px <= self._bounds[1]:
             return False
         if not self._alone(found):
@@ -190,30 +204,32 @@ class Acquisition:
         if self._colour is None:
             return True
         u, v, r = found.u_px, found.v_px, 0.85 * found.radius_px
-        if share(image, self._colour.table, u, v, 0.0, r) > 0.35:
+        if mean_probability(image, self._colour.table, u, v, 0.0, r) > 0.35:
             return True
-        # In the dark noise hides a pixel's colour, not the disc's: ask its mean, brightened.
-        mean = moments(image, u, v, 0.0, r)[1]
+        # In the dark noise hides a pixel's colour, not the disc's: judge its mean, brightened.
+        mean = colour_moments(image, u, v, 0.0, r)[1]
         if mean.max() > DARK:
             return False
         lit = np.clip(mean * (2.0 * DARK / max(float(mean.max()), 1.0)), 0, 255).astype(int) >> 3
         return bool(self._colour.table[lit[0] << 10 | lit[1] << 5 | lit[2]] > 255 * 0.35)
 
     def _alone(self, found: Detection) -> bool:
-        """Whether still background lies about it: not a highlight on a ball, nor a knuckle."""
+        """Whether still background surrounds it, unlike a highlight on a ball, or a knuckle."""
         u, v = ((x + 0.5) / self._scale - 0.5 for x in (found.u_px, found.v_px))
         r = found.radius_px / self._scale
         return mean_between(self._difference, u, v, 1.25 * r + 1.0, 1.7 * r + 1.5) < 255 * 0.65
 
     def _recognised(self, image: np.ndarray) -> tuple[Appearance, Detection] | None:
         least = TRAVEL * max(image.shape[:2])
-        sure = [m for m in self._movers if m.convincing(least) and m.weight > LEAST_WEIGHT]
-        for best in sorted(sure, key=lambda m: -m.weight * math.sqrt(len(m.path))):
+        sure = [
+            m for m in self._movers if m.convincing(least) and m.significance > LEAST_SIGNIFICANCE
+        ]
+        for best in sorted(sure, key=lambda m: -m.significance * math.sqrt(len(m.path))):
             u, v, r = best.last
-            looks = Appearance.learn(image, u, v, r)
-            found = locate(image, looks, u, v, r)
+            appearance = Appearance.learn(image, u, v, r)
+            found = locate_ball(image, appearance, u, v, r)
             if found is not None and not (self._bounds is None and _glint(image, found)):
-                return looks, _ringed(best, found, image)
+                return appearance, _ringed(best, found, image)
         return None
 
 
@@ -221,40 +237,41 @@ def _glint(image: np.ndarray, found: Detection) -> bool:
     """Whether it may be a highlight: see `SMALL_PX`."""
     place, r = (found.u_px, found.v_px), found.radius_px
     inside, beside = (
-        moments(image, *place, 0.0, 0.7 * r)[1],
-        moments(image, *place, 1.3 * r, 2 * r)[1],
+        colour_moments(image, *place, 0.0, 0.7 * r)[1],
+        colour_moments(image, *place, 1.3 * r, 2 * r)[1],
     )
     white_on_bright = inside.min() > BRIGHT and beside.max() > 0.5 * BRIGHT
     return r < SMALL_PX and (not math.isfinite(found.blur_px) or bool(white_on_bright))
 
 
-def _distinct(movers: list[Mover]) -> list[Mover]:
-    """Of movers that ended on the same disc the one that was watched longest."""
-    kept: list[Mover] = []
+def _distinct(movers: list[MovingDisc]) -> list[MovingDisc]:
+    """One mover per disc: of those that ended on the same, the one that was watched longest."""
+    distinct: list[MovingDisc] = []
     for m in sorted(movers, key=lambda m: (m.misses, -len(m.path))):
-        if all(math.hypot(m.last[0] - k.last[0], m.last[1] - k.last[1]) > k.last[2] for k in kept):
-            kept.append(m)
-    return kept
+        u, v, _ = m.last
+        if all(math.hypot(u - d.last[0], v - d.last[1]) > d.last[2] for d in distinct):
+            distinct.append(m)
+    return distinct
 
 
 def _outermost(
-    image: np.ndarray, looks: Appearance, found: Detection
+    image: np.ndarray, appearance: Appearance, found: Detection
 ) -> tuple[Appearance, Detection]:
-    """The largest believable disc about the same centre: a ball's highlights are round as well."""
+    """The largest plausible disc about the same centre: a ball's highlights are round as well."""
     inner = found
     for factor in (1.2, 1.4, 1.65, 2.0):
         radius = factor * inner.radius_px
         wider = Appearance.sketch(image, inner.u_px, inner.v_px, radius)
-        disc = locate(image, wider, inner.u_px, inner.v_px, radius, reach=0.2)
+        disc = locate_ball(image, wider, inner.u_px, inner.v_px, radius, reach=0.2)
         bounds = (max(1.1 * found.radius_px, 0.85 * radius), 1.15 * radius)
-        if disc is None or not believable(disc, wider, bounds, strict=True):
+        if disc is None or not is_plausible(disc, wider, bounds, strict=True):
             continue
         if math.hypot(disc.u_px - inner.u_px, disc.v_px - inner.v_px) < 0.2 * inner.radius_px:
-            looks, found = wider, disc
-    return looks, found
+            appearance, found = wider, disc
+    return appearance, found
 
 
-def _ringed(mover: Mover, found: Detection, image: np.ndarray) -> Detection:
-    """The silhouette about what was watched, where it is but the inside of a mirroring ball."""
-    whole = surround(image, mover.looks, found)
-    return found if whole is None else whole
+def _ringed(mover: MovingDisc, found: Detection, image: np.ndarray) -> Detection:
+    """The silhouette about `found` where that is the inner outline of a mirroring ball."""
+    silhouette = mirror_silhouette(image, mover.appearance, found)
+    return found if silhouette is None else silhouette

@@ -1,4 +1,8 @@
-"""Discs that could be the ball, followed loosely until one is believed: motion settles doubts."""
+"""Which of several discs of the ball's colour is the ball? They are followed until one is clear.
+
+The discs of a frame are associated with those of the last by distance and size; of several, the
+only one that moves is chosen.
+"""
 
 from __future__ import annotations
 
@@ -7,22 +11,27 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vision.appearance import Appearance
-from vision.detector import Detection, find, locate
-from vision.gate import TELLING_FILL, believable, weight
-from vision.imposters import Imposters
-from vision.repeats import noise_level
-from vision.votes import circles
+from vision.detection.appearance import Appearance
+from vision.detection.blobs import find_blobs
+from vision.detection.detector import Detection, locate_ball
+from vision.detection.hough_circles import hough_circles
+from vision.noise import noise_level
+from vision.tracking.gate import TELLING_FILL, is_plausible, outline_significance
+from vision.tracking.static_distractors import StaticDistractors
 
-AT_MOST = 8
-KNOWN_STILL = 0.4
-# Of a disc whose colour is all that speaks for it; a ball of 5 px on a plain plate has 15 and more.
-LEAST_WEIGHT = 12.0
+AT_MOST = 8  # patches of colour that are looked at more closely
+DISTRACTOR_LIMIT = 0.4  # of `StaticDistractors.at`, above which a disc is a known still thing
+# Of a disc that is known by its colour alone; a ball of 5 px on a plain plate has 15 and more.
+LEAST_SIGNIFICANCE = 12.0
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """A disc seen in `hits` frames, missed in the last `misses`; `start` is where it was first."""
+class DiscCandidate:
+    """A disc seen in `hits` frames and missed in the last `misses`.
+
+    `seen` is its last detection, `start` (u, v) px its first place, `span_px` the farthest that it
+    was from there.
+    """
 
     seen: Detection
     start: tuple[float, float]
@@ -32,55 +41,64 @@ class Candidate:
 
     @property
     def moved(self) -> bool:
-        """Farther than a mark on the tilting plate can seem to."""
+        """Whether the disc moved farther than a mark on the tilting plate appears to: over 5 px and
+        over half its radius."""
         return self.span_px > max(5.0, 0.5 * self.seen.radius_px)
 
-    def again(self, seen: Detection) -> Candidate:
-        """Seen once more."""
+    def again(self, seen: Detection) -> DiscCandidate:
+        """The candidate after it was detected once more, as `seen`."""
         span = math.hypot(seen.u_px - self.start[0], seen.v_px - self.start[1])
         return replace(
             self, seen=seen, hits=self.hits + 1, misses=0, span_px=max(span, self.span_px)
         )
 
 
-def discs(
+def find_discs(
     image: np.ndarray,
-    looks: Appearance,
+    appearance: Appearance,
     radius_px: tuple[float, float],
     mask: np.ndarray | None,
-    imposters: Imposters | None,
+    distractors: StaticDistractors | None,
 ) -> list[Detection]:
-    """Every believable disc of the ball's colour that is not a known still thing."""
+    """Every plausible disc of the ball's colour that is not a known still thing.
+
+    `image` (h, w, 3) uint8 BGR, `radius_px` (min, max), `mask` (h, w) uint8 nonzero where the ball
+    can be.
+    """
     found: list[Detection] = []
-    # An assumed colour may be near the plate's: what stands out of it at some level counts.
-    levels = (0.43,) if looks.learned else (0.43, 0.65, 0.85)
+    # An assumed colour may be near the plate's: several levels of P(ball) are tried.
+    levels = (0.43,) if appearance.learned else (0.43, 0.65, 0.85)
     blobs = [
         blob
         for least in levels
-        for blob in find(image, looks, radius_px=radius_px, mask=mask, least=least)[:AT_MOST]
+        for blob in find_blobs(image, appearance, radius_px, mask, least=least)[:AT_MOST]
     ]
     for blob in blobs:
         guess = float(np.clip(blob.radius_px, *radius_px))
-        disc = locate(image, looks, blob.u_px, blob.v_px, guess)
-        if disc is None or not believable(disc, looks, radius_px, strict=True):
+        disc = locate_ball(image, appearance, blob.u_px, blob.v_px, guess)
+        if disc is None or not is_plausible(disc, appearance, radius_px, strict=True):
             continue
         u, v, r = disc.u_px, disc.v_px, disc.radius_px
-        if not looks.learned and weight(looks.here(image, u, v, r)[1], r) < LEAST_WEIGHT:
+        if (
+            not appearance.learned
+            and outline_significance(appearance.here(image, u, v, r)[1], r) < LEAST_SIGNIFICANCE
+        ):
             continue
-        if imposters is not None and imposters.at(u, v, r) > KNOWN_STILL:
+        if distractors is not None and distractors.at(u, v, r) > DISTRACTOR_LIMIT:
             continue
         if all(math.hypot(u - f.u_px, v - f.v_px) > r for f in found):
             found.append(disc)
     return found
 
 
-def follow(known: list[Candidate], found: list[Detection]) -> list[Candidate]:
-    """The candidates after another frame: nearest of like size continues, the rest is new.
+def associate(known: list[DiscCandidate], found: list[Detection]) -> list[DiscCandidate]:
+    """The candidates after another frame, in which `found` were seen.
 
-    A candidate that was missed twice in a row is dropped.
+    Each continues with the nearest detection of its size (within three radii); detections that are
+    left become new candidates. A candidate that is missed three times in a row is dropped.
     """
     free = list(found)
-    after: list[Candidate] = []
+    after: list[DiscCandidate] = []
     for c in known:
         near = [
             (math.hypot(d.u_px - c.seen.u_px, d.v_px - c.seen.v_px), i)
@@ -91,14 +109,14 @@ def follow(known: list[Candidate], found: list[Detection]) -> list[Candidate]:
             after.append(c.again(free.pop(min(near)[1])))
         elif c.misses < 2:
             after.append(replace(c, misses=c.misses + 1))
-    return after + [Candidate(d, (d.u_px, d.v_px)) for d in free]
+    return after + [DiscCandidate(d, (d.u_px, d.v_px)) for d in free]
 
 
-def chosen(candidates: list[Candidate], *, at_once: bool) -> Candidate | None:
-    """The one to believe, or None while it is not clear.
+def choose_candidate(candidates: list[DiscCandidate], *, at_once: bool) -> DiscCandidate | None:
+    """The candidate to accept as the ball, or None while it is not clear which one is.
 
-    A lone one after two frames, or `at_once` where its outline is complete; of several the only
-    one that moves.
+    It is the only one that moves or, where there is only one candidate, that one after two frames;
+    with `at_once` already after one frame, where its outline is complete.
     """
     here = [c for c in candidates if c.misses == 0]
     moving = [c for c in here if c.moved and c.hits >= 3]
@@ -110,25 +128,27 @@ def chosen(candidates: list[Candidate], *, at_once: bool) -> Candidate | None:
     return here[0] if here[0].hits >= 2 or (at_once and whole) else None
 
 
-def rough_places(
+def rough_centres(
     image: np.ndarray,
-    looks: Appearance,
+    appearance: Appearance,
     origin: tuple[float, float],
     radius_px: float,
     limit_px: float,
 ) -> list[tuple[float, float]]:
-    """Rough centres within `limit_px` of the origin, nearest first: patches of the ball's colour,
-    and circles of its size where its colour tells little."""
+    """Rough centres (u, v) px within about `limit_px` of the origin, nearest first.
+
+    Patches of the ball's colour, and circles of its size where its colour tells little.
+    """
     u, v = origin
     reach = limit_px + 1.6 * radius_px
     x0, y0 = max(0, int(u - reach)), max(0, int(v - reach))
     window = image[y0 : max(0, int(v + reach)) + 1, x0 : max(0, int(u + reach)) + 1]
     if min(window.shape[:2]) < radius_px:
         return []
-    blobs = find(window, looks, radius_px=(radius_px / 1.3, radius_px * 1.3))[:4]
+    blobs = find_blobs(window, appearance, (radius_px / 1.3, radius_px * 1.3))[:4]
     places = [(b.u_px + x0, b.v_px + y0) for b in blobs]
-    if looks.fill < TELLING_FILL:
-        rings = circles(
+    if appearance.fill < TELLING_FILL:
+        rings = hough_circles(
             window, radius_px * np.array([0.93, 1.0, 1.07]), noise=noise_level(window), at_most=3
         )
         places += [(c.u_px + x0, c.v_px + y0) for c in rings]

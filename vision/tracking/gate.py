@@ -1,20 +1,25 @@
-"""Whether to believe a located disc. A wrong position that passes for good is the worst result."""
+"""Is a located disc plausibly the ball? Tests of outline, size, colour and contrast.
+
+A wrong position that passes as good is worse than a lost ball, so the tests are strict where no
+prediction supports the place.
+"""
 
 from __future__ import annotations
 
 import math
 
-from vision.appearance import Appearance
-from vision.detector import Detection
+from vision.detection.appearance import Appearance
+from vision.detection.detector import Detection
 
 # Below this mean P(ball) of its own pixels the colour table says nothing about a ball.
 TELLING_FILL = 0.35
 
 
-def weight(separation: float, radius_px: float) -> float:
-    """Significance of a disc: separation from its surround times the root of its outline's length.
+def outline_significance(separation: float, radius_px: float) -> float:
+    """Significance of a disc: `separation` from its surround (in sigmas) times sqrt(`radius_px`).
 
-    Tips of sticks, specks and flecks of shadow are short outlines of little contrast.
+    The signal-to-noise ratio of an outline grows with the root of its length. Tips of sticks,
+    specks and flecks of shadow are short outlines of little contrast.
     """
     return separation * math.sqrt(radius_px)
 
@@ -25,26 +30,26 @@ def _clear(found: Detection) -> bool:
     return found.inliers > 0.85 and found.coverage == 1.0 and sharp and found.spill < 0.15
 
 
-def believable(
+def is_plausible(
     found: Detection | None,
-    looks: Appearance,
+    appearance: Appearance,
     radius_px: tuple[float, float],
     *,
     strict: bool = False,
     familiar: bool = False,
 ) -> bool:
-    """True where the disc has the ball's outline, size and colour.
+    """Whether the disc has the ball's outline, size and colour; False for None.
 
-    `radius_px` (min, max) is what the ball's radius can be here. `strict` is for a first lock and
-    for a ball found again, where no prediction speaks for the place: nearly the whole outline
-    must be seen. `familiar` says that place and size are as predicted: a clear outline may then
-    have changed its colour, as lamps and windows do to it.
+    `radius_px` (min, max) bounds the ball's radius here. `strict` is for a first lock and for a
+    ball found again, where no prediction supports the place: nearly the whole outline must be seen.
+    `familiar` says that place and size are as predicted: a clear outline may then have changed its
+    colour, as it does under lamps and windows.
     """
     if found is None or not radius_px[0] <= found.radius_px <= radius_px[1]:
         return False
-    telling = looks.fill >= TELLING_FILL
+    telling = appearance.fill >= TELLING_FILL
     known = 0.25 if familiar and _clear(found) else 0.65 if strict else 0.5
-    if telling and found.fill < known * looks.fill:
+    if telling and found.fill < known * appearance.fill:
         return False
     if found.contrast < 0.25 or found.coverage < (0.87 if strict else 0.5):
         return False
@@ -52,6 +57,6 @@ def believable(
     if found.inliers >= (0.75 if strict else 0.55) and found.residual_px <= rough_px:
         return True
     # Motion blur roughens the outline in proportion to the ball; colour then speaks for the rest.
-    coloured = telling and found.fill > 0.8 * looks.fill and found.spill < 0.15
+    coloured = telling and found.fill > 0.8 * appearance.fill and found.spill < 0.15
     whole = found.inliers >= 0.9 and found.coverage == 1.0
     return coloured and whole and found.residual_px <= 0.15 * found.radius_px

@@ -1,4 +1,8 @@
-"""Where the ball can be in the next frame: constant velocity, disturbed by a bounded push."""
+"""Where can the ball be in the next frame? A Kalman filter in the image.
+
+Constant velocity with a random acceleration, held over the step, of standard deviation
+`PUSH_RADII_S2` radii/s^2; both axes share one covariance.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +13,17 @@ import numpy as np
 
 # In ball radii: a 20 mm ball on a plate tilted by 18 degrees, or nudged by a finger, gains 3 m/s^2.
 PUSH_RADII_S2 = 150.0
-START_SPEED_RADII_S = 25.0
+START_SPEED_RADII_S = 25.0  # of a ball seen for the first time: 0.25 m/s for a radius of 10 mm
 GATE_SIGMAS = 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
-    """Kalman state of both image axes: `place`, `speed` (2,) px and px/s; `cov` of either axis:
-    (place, place and speed, speed)."""
+class ImageMotion:
+    """Kalman state of both image axes: `place` (2,) [px], `speed` (2,) [px/s], at the time `t_s`.
+
+    `cov` of either axis: variance of the place [px^2], covariance of place and speed [px^2/s],
+    variance of the speed [px^2/s^2].
+    """
 
     place: np.ndarray
     speed: np.ndarray
@@ -24,13 +31,17 @@ class Motion:
     t_s: float
 
     @staticmethod
-    def start(u_px: float, v_px: float, radius_px: float, sigma_px: float, t_s: float) -> Motion:
-        """At rest as far as known."""
+    def at_rest(
+        u_px: float, v_px: float, radius_px: float, sigma_px: float, t_s: float
+    ) -> ImageMotion:
+        """The state of a ball seen once, at (u_px, v_px) at the time `t_s`: place +- `sigma_px`,
+        speed 0 +- `START_SPEED_RADII_S` radii/s."""
         cov = (sigma_px**2, 0.0, (START_SPEED_RADII_S * radius_px) ** 2)
-        return Motion(np.array([u_px, v_px]), np.zeros(2), cov, t_s)
+        return ImageMotion(np.array([u_px, v_px]), np.zeros(2), cov, t_s)
 
-    def at(self, t_s: float, radius_px: float) -> Motion:
-        """Predicted to t_s >= self.t_s: F P F' + Q, Q of white acceleration held over the step."""
+    def at(self, t_s: float, radius_px: float) -> ImageMotion:
+        """The state predicted to `t_s`, at or after the state's own: F P F' + Q, with Q of white
+        acceleration held over the step."""
         dt = max(t_s - self.t_s, 0.0)
         xx, xv, vv = self.cov
         g0, g1 = 0.5 * dt * dt, dt
@@ -40,29 +51,35 @@ class Motion:
             xv + dt * vv + push * g0 * g1,
             vv + push * g1 * g1,
         )
-        return Motion(self.place + dt * self.speed, self.speed, cov, self.t_s + dt)
+        return ImageMotion(self.place + dt * self.speed, self.speed, cov, self.t_s + dt)
 
-    def corrected(self, u_px: float, v_px: float, sigma_px: float) -> Motion:
-        """With a measurement of this standard deviation per axis: P (I - K H)."""
+    def corrected(self, u_px: float, v_px: float, sigma_px: float) -> ImageMotion:
+        """The state after a measured place [px] of standard deviation `sigma_px` per axis: the
+        Kalman update.
+
+            K = P H' / (H P H' + sigma^2),   covariance (I - K H) P
+        """
         xx, xv, vv = self.cov
-        whole = xx + sigma_px**2
-        gain = xx / whole, xv / whole
+        innovation_cov = xx + sigma_px**2
+        gain = xx / innovation_cov, xv / innovation_cov
         innovation = np.array([u_px, v_px]) - self.place
         cov = (xx - gain[0] * xx, xv - gain[0] * xv, vv - gain[1] * xv)
-        return Motion(
+        return ImageMotion(
             self.place + gain[0] * innovation, self.speed + gain[1] * innovation, cov, self.t_s
         )
 
     @property
     def sigma_px(self) -> float:
-        """Standard deviation of the place per axis."""
+        """Standard deviation of the place per axis (px)."""
         return math.sqrt(self.cov[0])
 
 
-def gates(ahead: Motion, radius_px: float) -> tuple[float, float]:
-    """How far (px) from the prediction a disc is believed, and one with nearly the whole outline.
+def gate_radii(ahead: ImageMotion, radius_px: float) -> tuple[float, float]:
+    """Near and far gate: distances [px] from the prediction within which a disc is accepted;
+    `radius_px`: the ball's.
 
-    The far gate allows for kicks and for time stamps that jitter by a frame or two.
+    Between the two nearly the whole outline must be seen. The far gate allows for kicks and for
+    time stamps that jitter by a frame or two.
     """
     reach = GATE_SIGMAS * ahead.sigma_px
     near = min(reach, 2.0 * radius_px) + 0.3 * radius_px

@@ -1,9 +1,10 @@
-"""One ball through time: search, track, coast, lost, and found again.
+"""Where is the one ball in this frame, given the frames before?
 
     search -> track <-> coast -> lost -> track
 
-In `track` a position was measured and believed in this very frame. A frame without one is `coast`
-(a prediction) for at most 100 ms after it was last seen, if only roughly, then `lost`: no position.
+In `track` a position was measured and accepted in this very frame. A frame without one is `coast`
+(a prediction) for at most 100 ms after the ball was last seen, if only roughly, then `lost`, which
+has no position.
 """
 
 from __future__ import annotations
@@ -13,36 +14,46 @@ from dataclasses import replace
 
 import numpy as np
 
-from vision.acquisition import Acquisition
-from vision.appearance import Appearance
-from vision.candidates import KNOWN_STILL, Candidate, chosen, discs, follow, rough_places
-from vision.detector import REACH, Detection, locate
+from vision.detection.appearance import Appearance
+from vision.detection.detector import REACH, Detection, locate_ball
+from vision.detection.streaks_and_mirrors import locate_streak, mirror_silhouette
 from vision.frames import Frame, Track
-from vision.gate import TELLING_FILL, believable
-from vision.imposters import Imposters
-from vision.kinematics import Motion, gates
-from vision.unusual import locate_streak, surround
+from vision.tracking.acquisition import Acquisition
+from vision.tracking.candidates import (
+    DISTRACTOR_LIMIT,
+    DiscCandidate,
+    associate,
+    choose_candidate,
+    find_discs,
+    rough_centres,
+)
+from vision.tracking.gate import TELLING_FILL, is_plausible
+from vision.tracking.kinematics import ImageMotion, gate_radii
+from vision.tracking.static_distractors import StaticDistractors
 
 COAST_S = 0.100
-GOOD_SHARE = 0.2  # of the radius: a sigma above it only helps to predict, not passed as good
-# How far the radius may be from what it was: the ball nears and leaves the lens by a few per cent,
-# a wide lens and motion blur do the rest.
+GOOD_SHARE = 0.2  # of the radius: a position with a larger sigma only corrects the prediction
+# How far the radius may be from its usual value: the ball's distance changes it by a few per cent,
+# a wide lens and motion blur by more.
 RADIUS_SLACK = 0.25
-SAME_SIZE = 0.06  # share of the radius that a ball's outline keeps from one frame to the next
-ROUGH = 0.03  # residual of an outline, share of the radius, that a sharp whole ball never has
-INNER = 0.92  # share of the radius below which a sharp outline is the picture in a mirroring ball
-SWOLLEN = 0.1  # share of the radius by which no blur makes a ball larger
+SAME_SIZE_SHARE = 0.06  # share of the radius that a ball's outline keeps from one frame to the next
+ROUGH_SHARE = 0.03  # residual of an outline, share of the radius, that a sharp whole ball never has
+INNER_SHARE = (
+    0.92  # share of the radius below which a sharp outline is the image in a mirroring one
+)
+SWOLLEN_SHARE = 0.1  # share of the radius by which no blur makes a ball larger
 ADAPT_SHARE = 0.03  # of every whole view of the ball, into its size
-ADAPT_EVERY, LOOKS_SHARE = 4, 0.1  # and of every fourth into its looks
-# Looks that the tracker taught itself and has not seen for so long may have been a hand's.
-DOUBT_S = 1.0
+ADAPT_EVERY, APPEARANCE_SHARE = 4, 0.1  # and of every fourth into its appearance
+# An appearance that was learned by motion and not seen for so long may have been a hand's.
+RELEARN_AFTER_S = 1.0
 
 
 class Tracker:
     """Follows one ball frame by frame.
 
-    `appearance` None: the ball is the round thing that moves, and its looks are learned from it.
-    `radius_px` (min, max) bounds its radius; `mask` (h, w) uint8 is nonzero where it can be.
+    `appearance`: the ball's; None: the ball is the round thing that moves, and its appearance is
+    learned from it. `radius_px` (min, max) bounds its radius; `mask` (h, w) uint8 is nonzero where
+    it can be. The attribute `appearance` is the one tracked by at present (None: not yet known).
     """
 
     def __init__(
@@ -55,14 +66,14 @@ class Tracker:
         self.appearance = appearance
         self._given_bounds = radius_px
         self._mask = mask
-        # A ball whose looks are not known from images is found by its motion (too).
+        # A ball whose appearance is not known from images may be found by its motion, too.
         self._self_taught = appearance is None or not appearance.learned
         self._asked = appearance
         self._acquisition: Acquisition | None = None
-        self._motion: Motion | None = None
+        self._motion: ImageMotion | None = None
         self._radius_px = math.nan
-        self._imposters: Imposters | None = None
-        self._candidates: list[Candidate] = []
+        self._distractors: StaticDistractors | None = None
+        self._candidates: list[DiscCandidate] = []
         self._lock_px = (math.nan, math.nan)
         self._mirrors = False  # its silhouette was found about an inner outline
         self._proven = False  # has moved since it was locked
@@ -72,19 +83,19 @@ class Tracker:
 
     @property
     def radius_px(self) -> float:
-        """The ball's usual radius, NaN before the first lock."""
+        """The ball's usual radius (px), NaN before the first lock."""
         return self._radius_px
 
     @property
     def proven(self) -> bool:
-        """Whether what is tracked has moved since it was locked, as a still thing does not."""
+        """Whether what is tracked has moved since the lock; a still thing has not."""
         return self._proven
 
     def step(self, frame: Frame) -> Track:
-        """The ball in this frame; frames come in order of time."""
+        """The ball's track in this frame; frames come in order of time."""
         image = frame.image
-        if self._imposters is None:
-            self._imposters = Imposters((image.shape[0], image.shape[1]))
+        if self._distractors is None:
+            self._distractors = StaticDistractors((image.shape[0], image.shape[1]))
         found = self._measure(frame)
         if found is not None and self._motion is not None:
             return self._accept(frame, found)
@@ -97,7 +108,7 @@ class Tracker:
                 return self._accept(frame, found)
         return Track(self._state)
 
-    def _coast(self, ahead: Motion) -> Track:
+    def _coast(self, ahead: ImageMotion) -> Track:
         self._state = "coast"
         u, v = (float(x) for x in ahead.place)
         return Track("coast", u, v, ahead.sigma_px, self._radius_px)
@@ -111,16 +122,16 @@ class Tracker:
         return found
 
     def _accept(self, frame: Frame, found: Detection) -> Track:
-        """Update motion, size, looks and what is known to be still."""
-        motion, looks, imposters = self._motion, self.appearance, self._imposters
+        """Update motion, size, appearance and distractors from an accepted detection."""
+        motion, appearance, distractors = self._motion, self.appearance, self._distractors
         assert motion is not None
-        assert looks is not None
-        assert imposters is not None
+        assert appearance is not None
+        assert distractors is not None
         ahead = motion.at(frame.t_s, self._radius_px)
         u, v, sigma = found.u_px, found.v_px, self._sigma_px(found) + 0.02 * found.radius_px
-        if math.hypot(*(ahead.place - (u, v))) > gates(ahead, self._radius_px)[0]:
-            # A kick, or a time stamp that lies: the speed learned so far is worth nothing.
-            self._motion = Motion.start(u, v, self._radius_px, sigma, frame.t_s)
+        if math.hypot(*(ahead.place - (u, v))) > gate_radii(ahead, self._radius_px)[0]:
+            # A kick or a wrong time stamp: the speed estimated so far no longer holds.
+            self._motion = ImageMotion.at_rest(u, v, self._radius_px, sigma, frame.t_s)
         else:
             self._motion = ahead.corrected(u, v, sigma)
         claimed, self._good_s = self._sigma_px(found), frame.t_s
@@ -132,24 +143,29 @@ class Tracker:
             self._views += 1
             if self._views % ADAPT_EVERY == 0:
                 place = u, v, found.radius_px
-                self.appearance = looks.adapted(frame.image, *place, LOOKS_SHARE, found.blur_px)
-        if looks.fill >= TELLING_FILL:
-            imposters.update(frame.image, looks, u, v, self._radius_px, frame.t_s - motion.t_s)
+                self.appearance = appearance.adapted(
+                    frame.image, *place, APPEARANCE_SHARE, found.blur_px
+                )
+        if appearance.fill >= TELLING_FILL:
+            distractors.update(
+                frame.image, appearance, u, v, self._radius_px, frame.t_s - motion.t_s
+            )
         span = math.hypot(found.u_px - self._lock_px[0], found.v_px - self._lock_px[1])
         self._proven |= span > max(5.0, 0.5 * self._radius_px)
         return Track("track", found.u_px, found.v_px, claimed, found.radius_px)
 
     def _lock(self, frame: Frame, found: Detection, *, proven: bool) -> Detection:
-        looks = self.appearance
-        assert looks is not None
-        if not looks.learned:
+        """Start to track this detection; `proven`: it is known to move."""
+        appearance = self.appearance
+        assert appearance is not None
+        if not appearance.learned:
             seen = Appearance.learn(frame.image, found.u_px, found.v_px, found.radius_px)
             # What was asked for stays valid: one view does not show the ball in all light.
-            table = np.maximum(seen.table, looks.table // 2)
+            table = np.maximum(seen.table, appearance.table // 2)
             self.appearance = replace(seen, table=table)
         if not math.isfinite(self._radius_px):
             self._radius_px = found.radius_px
-        self._motion = Motion.start(
+        self._motion = ImageMotion.at_rest(
             found.u_px, found.v_px, self._radius_px, found.sigma_px, frame.t_s
         )
         self._lock_px, self._proven, self._candidates = (found.u_px, found.v_px), proven, []
@@ -171,45 +187,47 @@ class Tracker:
         return 0 <= i < h and 0 <= j < w and bool(self._mask[i, j])
 
     def _sigma_px(self, found: Detection) -> float:
-        """Its sigma; more where it is rough and not of the usual size: half of it may be hidden or
-        blurred away, and then the centre is off by as much as the radius is."""
-        rough = found.residual_px > ROUGH * self._radius_px
+        """Sigma of the detection (px); larger where its outline is rough and not of the usual size.
+
+        Half of it may then be hidden or blurred, and the centre is off by as much as the radius is.
+        """
+        rough = found.residual_px > ROUGH_SHARE * self._radius_px
         amiss = abs(found.radius_px - self._radius_px) if rough else 0.0
         return math.hypot(found.sigma_px, amiss)
 
     def _search(self, frame: Frame) -> Detection | None:
-        """The ball anywhere in the image, by its looks or, while these are unknown, its motion."""
-        looks = self.appearance
-        if looks is not None and looks.fill >= TELLING_FILL:
+        """The ball anywhere in the image, by appearance or, while that is unknown, by motion."""
+        appearance = self.appearance
+        if appearance is not None and appearance.fill >= TELLING_FILL:
             self._observe(frame)
-            pick = chosen(self._candidates, at_once=looks.learned)
+            pick = choose_candidate(self._candidates, at_once=appearance.learned)
             if pick is not None:
                 return self._lock(frame, pick.seen, proven=pick.moved)
-            long_lost = self._self_taught and frame.t_s - self._good_s > DOUBT_S
-            if looks.learned and not long_lost:
+            long_lost = self._self_taught and frame.t_s - self._good_s > RELEARN_AFTER_S
+            if appearance.learned and not long_lost:
                 return None
         if self._acquisition is None:
             self._acquisition = Acquisition(self._given_bounds, self._mask, colour=self._asked)
-        got = self._acquisition.step(frame)
-        if got is None:
+        acquired = self._acquisition.step(frame)
+        if acquired is None:
             return None
-        self.appearance, found = got
+        self.appearance, found = acquired
         self._mirrors = found.inside_px > 0.0
         self._acquisition, self._radius_px = None, found.radius_px
         return self._lock(frame, found, proven=True)
 
     def _observe(self, frame: Frame) -> None:
-        looks = self.appearance
-        assert looks is not None
+        appearance = self.appearance
+        assert appearance is not None
         bounds = self._bounds(frame.image)
-        found = discs(frame.image, looks, bounds, self._mask, self._imposters)
-        self._candidates = follow(self._candidates, found)
+        found = find_discs(frame.image, appearance, bounds, self._mask, self._distractors)
+        self._candidates = associate(self._candidates, found)
 
     def _doubt(self, frame: Frame, found: Detection | None) -> Detection | None:
-        """`found`, or another disc that moves while the locked one has not: that is the ball."""
-        motion, imposters = self._motion, self._imposters
+        """`found`, or the one other disc that moves while the locked one has not."""
+        motion, distractors = self._motion, self._distractors
         assert motion is not None
-        assert imposters is not None
+        assert distractors is not None
         self._observe(frame)
         u, v = motion.place
         away = [
@@ -222,45 +240,47 @@ class Tracker:
         ]
         if len(away) != 1:
             return found
-        imposters.add(float(u), float(v), self._radius_px)
+        distractors.add(float(u), float(v), self._radius_px)
         return self._lock(frame, away[0].seen, proven=True)
 
-    def _follow(self, frame: Frame, ahead: Motion) -> Detection | None:
+    def _follow(self, frame: Frame, ahead: ImageMotion) -> Detection | None:
         """The ball near its prediction, by its outline; else from its colour or circle there."""
-        image, looks, imposters = frame.image, self.appearance, self._imposters
+        image, appearance, distractors = frame.image, self.appearance, self._distractors
         motion, radius, bounds = self._motion, self._radius_px, self._bounds(frame.image)
-        assert looks is not None
-        assert imposters is not None
+        assert appearance is not None
+        assert distractors is not None
         assert motion is not None
-        near, far = gates(ahead, radius)
+        near, far = gate_radii(ahead, radius)
         last = (float(motion.place[0]), float(motion.place[1]))
-        was_on = imposters.at(*last, radius)
-        # It may have gone on as it went, or been stopped, or the time stamps lie.
+        was_on = distractors.at(*last, radius)
+        # It may have moved on as predicted, or stopped, or the time stamps are wrong.
         origins = [(float(ahead.place[0]), float(ahead.place[1])), last]
 
         def seen(u: float, v: float, reach: float = REACH) -> Detection | None:
-            found = locate(image, looks, u, v, radius, reach=reach)
-            if not self._mirrors or found is None or found.radius_px > INNER * radius:
+            found = locate_ball(image, appearance, u, v, radius, reach=reach)
+            if not self._mirrors or found is None or found.radius_px > INNER_SHARE * radius:
                 return found
-            return surround(image, looks, found)
+            return mirror_silhouette(image, appearance, found)
 
         def good(found: Detection | None) -> bool:
-            if found is None or (self._mirrors and found.radius_px < INNER * radius):
+            if found is None or (self._mirrors and found.radius_px < INNER_SHARE * radius):
                 return False
             jump = min(math.hypot(found.u_px - u, found.v_px - v) for u, v in origins)
-            same = jump < near and abs(found.radius_px - radius) < SAME_SIZE * radius
+            same = jump < near and abs(found.radius_px - radius) < SAME_SIZE_SHARE * radius
             strict = jump > near
-            if jump > far or not believable(found, looks, bounds, strict=strict, familiar=same):
+            if jump > far or not is_plausible(
+                found, appearance, bounds, strict=strict, familiar=same
+            ):
                 return False
-            # Blur leaves the half-way outline no larger: that is a compromise between two things.
-            rough = found.residual_px > ROUGH * radius
-            if rough and found.radius_px > (1.0 + SWOLLEN) * radius:
+            # Blur does not enlarge the half-way outline; a fit between two things may.
+            rough = found.residual_px > ROUGH_SHARE * radius
+            if rough and found.radius_px > (1.0 + SWOLLEN_SHARE) * radius:
                 return False
-            # A flat mark may be rolled over, step by step; a still thing is not jumped to.
-            on = imposters.at(found.u_px, found.v_px, radius)
-            return self._inside(found) and (on <= KNOWN_STILL or was_on > 0.1)
+            # The ball may roll over a known mark, but a jump onto one is a wrong detection.
+            on = distractors.at(found.u_px, found.v_px, radius)
+            return self._inside(found) and (on <= DISTRACTOR_LIMIT or was_on > 0.1)
 
-        # Where it is as predicted, short rays will do; beside it they see a part of it.
+        # Where the ball is as predicted, short rays suffice; farther off they see a part of it.
         short = min(0.25 + 3.0 * ahead.sigma_px / radius, REACH)
         found = seen(*origins[0], reach=short)
         if found is not None and found.coverage == 1.0 and found.inliers > 0.85 and good(found):
@@ -269,12 +289,12 @@ class Tracker:
         if good(found):
             return found
         for origin in origins:
-            for u, v in rough_places(image, looks, origin, radius, far):
+            for u, v in rough_centres(image, appearance, origin, radius, far):
                 found = seen(u, v)
                 if good(found):
                     return found
         for u, v in origins:
-            found = locate_streak(image, looks, u, v, radius)
+            found = locate_streak(image, appearance, u, v, radius)
             if good(found):
                 return found
         return None

@@ -1,9 +1,12 @@
-"""Where unexplained pushes act: innovations explained by a push that depends on time or state.
+"""Where an unexplained disturbance acts, if it depends on time or state.
 
-An innovation answers a push late and smeared (the observer remembers), so bins of innovations show
-little. Here a pattern of pushes f, one free size a bin, is sent through the observer's own response
-h and fitted to the innovations z: C = h * f, gain in log-likelihood b'A^-1 b / 2 with A = C'C and
-b = C'z (the score test). Nothing is iterated; the pattern that gains most says where.
+An innovation responds to a disturbance late and smeared (the observer has memory), so bins of
+innovations show little. Here a disturbance f, one free size a bin, is filtered by the
+observer's response h and fitted to the innovations z:
+
+    C = h * f,   A = C'C,   b = C'z,   gain = b'A^-1 b/2 - PENALTY_PER_SIZE k
+
+(score test, k sizes, nothing iterated). The model fails in the region of bins that gains most.
 """
 
 from collections.abc import Iterator
@@ -14,18 +17,19 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.signal import fftconvolve
 
-PER_SIZE = 3.0  # log-likelihood that a free size costs
-NEARLY = 0.9  # of the best gain: the smallest region that has it is told
-CLIP = 5.0  # deviations beyond which an innovation says no more
-LONGEST_S = 4.0
-AROUND = 120  # frequencies to either side that a rhythm is compared with
+# Log-likelihood that a free size costs; as decision_rule.PENALTY_PER_PARAMETER.
+PENALTY_PER_SIZE = 3.0
+NEARLY_BEST_SHARE = 0.9  # of the best gain: the smallest region that reaches it is reported
+CLIP_Z = 5.0  # standard deviations at which innovations are clipped
+RESPONSE_S = 4.0  # of the observer to a disturbance
+RHYTHM_NEIGHBOURS = 120  # frequencies on either side that a rhythm is compared with
 
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """The innovations of a channel: z (n,) over their expected deviation, 0 where masked by
-    w (n,); h (l,) the answer to a push, of unit power; segments in which the observer runs on;
-    t_s (n,) on one axis for all runs."""
+    """The innovations of a channel: `z` (n,) over their expected deviation, 0 where masked; `w`
+    (n,): the mask, 0 or 1; `h` (l,): the observer's response to a disturbance, of unit power;
+    `segments`: slices in which the observer runs on; `t_s` (n,): times on one axis for all runs."""
 
     z: np.ndarray
     w: np.ndarray
@@ -33,17 +37,19 @@ class Series:
     segments: tuple[slice, ...]
     t_s: np.ndarray
 
-    def answered(self, pushes: np.ndarray) -> np.ndarray:
-        """What pushes (n, m) do to the innovations (n, m)."""
-        out = np.zeros(pushes.shape)
+    def responses(self, forces: np.ndarray) -> np.ndarray:
+        """The innovations (n, m) that the disturbances `forces` (n, m) cause: each column convolved
+        with h within the segments, 0 where masked."""
+        out = np.zeros(forces.shape)
         for part in self.segments:
             length = part.stop - part.start
             h = self.h[:length, None]
-            out[part] = fftconvolve(pushes[part], h, axes=0)[:length]
+            out[part] = fftconvolve(forces[part], h, axes=0)[:length]
         return out * self.w[:, None]
 
-    def seen(self) -> np.ndarray:
-        """The push that each moment seems to have got (n,): unit variance where nothing is."""
+    def apparent(self) -> np.ndarray:
+        """The apparent disturbance (n,) of each sample by the matched filter (correlation of z with
+        h); its variance is 1 where there is no disturbance."""
         out = np.zeros(len(self.z))
         for part in self.segments:
             length = part.stop - part.start
@@ -53,20 +59,22 @@ class Series:
 
     @property
     def lag(self) -> int:
-        """Samples by which the answer to a push is late."""
+        """Samples from a disturbance to the largest value of the response h."""
         return int(np.argmax(np.abs(self.h)))
 
 
 def response(step_s: float, process: float, measured: float, tau_s: float = np.inf) -> np.ndarray:
-    """Innovations (l,) of a steady observer of position and speed after a push, of unit power.
+    """Innovations (l,), scaled to unit power, of a steady-state Kalman filter of position and speed
+    after a short disturbance.
 
-    process: white acceleration; measured: deviation of a position; tau_s in which speed decays.
+    `step_s`: sampling period; `process`: density of white acceleration; `measured`: standard
+    deviation of a position; `tau_s`: time constant in which speed decays (infinite: a free mass).
     """
     decay = exp(-step_s / tau_s)
     reach = tau_s * (1.0 - decay) if np.isfinite(tau_s) else step_s
     f = np.array([[1.0, reach], [0.0, decay]])
     q = process**2 * step_s * np.array([[step_s**2 / 3, step_s / 2], [step_s / 2, 1.0]])
-    p, gain, count = np.diag([measured**2, 1.0]), np.zeros(2), int(max(LONGEST_S / step_s, 8))
+    p, gain, count = np.diag([measured**2, 1.0]), np.zeros(2), int(max(RESPONSE_S / step_s, 8))
     for _ in range(count):
         p = f @ p @ f.T + q
         gain = p[:, 0] / (p[0, 0] + measured**2)
@@ -82,11 +90,13 @@ def response(step_s: float, process: float, measured: float, tau_s: float = np.i
 
 @dataclass(frozen=True, eq=False)
 class Coordinate:
-    """A quantity on which pushes may depend, in bins: value (n,), edges (m + 1,).
+    """A quantity on which a disturbance may depend, in bins: `value` (n,) by sample, `edges` (m +
+    1,).
 
-    kind and axis name it; side (n,) -1, 0 or 1: each bin has a size for either side (the way of a
-    motion), the bins being of a magnitude; second: the other coordinate of a place on the plate;
-    whole: one size an interval, not one a bin; anchored: a region begins with the first bin.
+    `kind` and `axis` name it. `side` (n,), -1, 0 or 1: the direction of a motion; each bin (of a
+    magnitude then) has one size for either side. `second`: the other coordinate of a place.
+    `whole`: a region has one size, not one for each bin. `anchored`: a region begins with the first
+    bin.
     """
 
     kind: str
@@ -99,7 +109,7 @@ class Coordinate:
     anchored: bool = False
 
     def bins(self) -> np.ndarray:
-        """The bin (n,) of every sample, -1 outside."""
+        """The bin (n,) of every sample, -1 outside the edges."""
         with np.errstate(invalid="ignore"):
             found = np.searchsorted(self.edges, self.value, side="right") - 1
         inside = np.isfinite(self.value) & (self.value <= self.edges[-1]) & (found >= 0)
@@ -108,8 +118,9 @@ class Coordinate:
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """Pushes within bins first..last (of `second`: first_2..last_2) of a coordinate, on one side
-    or both (0); sizes (k,), and the gain beyond what they cost."""
+    """A disturbance within the bins `first` to `last` of a coordinate (`second`: first and last bin
+    of the second coordinate), on one side (+1 or -1) or both (0); `sizes` (k,), and the gain less
+    what they cost."""
 
     coordinate: Coordinate
     first: int
@@ -120,7 +131,7 @@ class Pattern:
     second: tuple[int, int] = (0, 0)
 
     def inside(self) -> np.ndarray:
-        """The samples (n,) of the region."""
+        """Whether each sample (n,) lies in the region."""
         c = self.coordinate
         k = c.bins()
         found = (k >= self.first) & (k <= self.last)
@@ -133,7 +144,8 @@ class Pattern:
 
 
 def columns(c: Coordinate) -> np.ndarray:
-    """Unit pushes (n, bins): of one bin, and on one side where the coordinate has sides."""
+    """Unit disturbances (n, bins), each 1 in the samples of one bin; where the coordinate has
+    sides, the bins of side 1 come first and then those of side -1."""
     k, m = c.bins(), len(c.edges) - 1
     if c.second is not None:
         m2 = len(c.second.edges) - 1
@@ -170,9 +182,10 @@ def _choices(c: Coordinate) -> Iterator[tuple[np.ndarray, int, int, int, tuple[i
 
 
 def best(series: Series, c: Coordinate) -> tuple[Pattern, np.ndarray] | None:
-    """The smallest region that explains nearly as much as the best, and its answer (n,)."""
-    pushes = series.answered(columns(c))
-    a, b = pushes.T @ pushes, pushes.T @ series.z
+    """The smallest region of a coordinate (by power) that gains nearly as much as the best one, and
+    the innovations (n,) that it explains; None where no bin has samples."""
+    forces = series.responses(columns(c))
+    a, b = forces.T @ forces, forces.T @ series.z
     power = a.diagonal().copy()
     a[np.diag_indices_from(a)] += 1e-6 * max(float(power.mean()), 1e-9)
     found = []
@@ -180,35 +193,39 @@ def best(series: Series, c: Coordinate) -> tuple[Pattern, np.ndarray] | None:
         own = chosen[power[chosen] > 1e-9]
         if len(own):
             sizes = _sizes(a[np.ix_(own, own)], b[own], c.whole)
-            gain = 0.5 * float(b[own] @ sizes) - PER_SIZE * (1 if c.whole else len(own))
+            gain = 0.5 * float(b[own] @ sizes) - PENALTY_PER_SIZE * (1 if c.whole else len(own))
             found.append(
                 (float(power[own].sum()), own, Pattern(c, i, j, side, sizes, gain, second))
             )
     if not found:
         return None
     top = max(pattern.gain for _, _, pattern in found)
-    good = [one for one in found if one[2].gain >= top - (1 - NEARLY) * abs(top)]
+    good = [one for one in found if one[2].gain >= top - (1 - NEARLY_BEST_SHARE) * abs(top)]
     _, own, pattern = min(good, key=lambda one: one[0])
-    return pattern, pushes[:, own] @ pattern.sizes
+    return pattern, forces[:, own] @ pattern.sizes
 
 
 def _sizes(a: np.ndarray, b: np.ndarray, whole: bool) -> np.ndarray:
-    """The pushes (k,) that explain most: a d = b, or one size for all."""
+    """The sizes (k,) that gain most: A d = b, or one size for all."""
     return np.full(len(b), b.sum() / a.sum()) if whole else np.linalg.solve(a, b)
 
 
 def significance(series: Series, pattern: Pattern, answer: np.ndarray) -> float:
-    """The gain over the level of what is left: coloured or wild noise makes nothing stand out."""
+    """The region's gain over the noise level that is left without `answer` (n,), the innovations
+    that it explains; its cost is subtracted after the division. Coloured noise thereby makes no
+    region significant."""
     left = replace(series, z=series.z - answer)
-    level = max(1.0, float(np.mean(left.seen()[series.w > 0] ** 2)))
-    cost = PER_SIZE * (1 if pattern.coordinate.whole else len(pattern.sizes))
+    level = max(1.0, float(np.mean(left.apparent()[series.w > 0] ** 2)))
+    cost = PENALTY_PER_SIZE * (1 if pattern.coordinate.whole else len(pattern.sizes))
     return (pattern.gain + cost) / level - cost
 
 
 def rhythm(series: Series) -> tuple[float, float, float]:
-    """Frequency [Hz], gain and significance of the sinusoidal push that explains most.
+    """Frequency [Hz], gain and significance of the sinusoidal disturbance that gains most
+    (periodogram); the last two less what it costs.
 
-    Its significance is over the level beside it; (0, 0, 0) where the series is too short.
+    The significance is the gain over the level of the neighbouring frequencies. (0, 0, 0): the
+    series is too short.
     """
     step = float(np.median(np.diff(series.t_s)))
     slots = np.round((series.t_s - series.t_s[0]) / step).astype(int)
@@ -221,14 +238,14 @@ def rhythm(series: Series) -> tuple[float, float, float]:
     fine &= power > 1e-2 * power.max()
     if not fine.any():
         return 0.0, 0.0, 0.0
-    seen, window = series.seen(), np.sin(np.pi * slots / slots[-1]) ** 2
+    apparent, window = series.apparent(), np.sin(np.pi * slots / slots[-1]) ** 2
 
     def spectrum(weights: np.ndarray) -> np.ndarray:
-        line = np.fft.rfft(np.bincount(slots, weights * seen, length))
+        line = np.fft.rfft(np.bincount(slots, weights * apparent, length))
         return np.abs(line[fine]) ** 2 / (power[fine] * float(weights**2 @ series.w))
 
-    gain = spectrum(np.ones(len(seen)))
-    beside = median_filter(spectrum(window), 2 * AROUND + 1, mode="nearest") / np.log(2)
+    gain = spectrum(np.ones(len(apparent)))
+    beside = median_filter(spectrum(window), 2 * RHYTHM_NEIGHBOURS + 1, mode="nearest") / np.log(2)
     k = int(np.argmax(gain / np.maximum(beside, 1.0)))
-    cost = 4 * PER_SIZE
+    cost = 4 * PENALTY_PER_SIZE
     return float(hz[fine][k]), float(gain[k]) - cost, float(gain[k] / max(beside[k], 1.0)) - cost

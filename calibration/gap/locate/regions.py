@@ -4,11 +4,11 @@ from math import degrees, inf
 
 import numpy as np
 
-from calibration.gap.pushes import Pattern
+from calibration.gap.locate.disturbances import Pattern
 
-MOST = 0.85  # a region with this share of the samples is no region
-ENDS = {"x": ("left", "right"), "y": ("near", "far")}  # y points away from the operator
-EDGE = 0.5  # of the half side of the plate: beyond it, "edge"
+WHOLE_SHARE = 0.85  # a region with this share of the samples is no region
+SIDE_WORDS = {"x": ("left", "right"), "y": ("near", "far")}  # y points away from the operator
+PLATE_EDGE_SHARE = 0.5  # of the half side of the plate: beyond it, "edge"
 
 
 def _from_zero(pattern: Pattern) -> tuple[float, float]:
@@ -19,18 +19,20 @@ def _from_zero(pattern: Pattern) -> tuple[float, float]:
 
 
 def number(value: float) -> str:
-    """Two significant digits, without a tail."""
+    """`value` with two significant digits; from 100 on, rounded to a whole number."""
     return f"{value:.2g}" if abs(value) < 100 else f"{value:.0f}"
 
 
-def region(pattern: Pattern, *, ball: bool, kept: np.ndarray, half_side_m: float,
-           starts_s: np.ndarray) -> str:  # fmt: skip
-    """The region in plain words; kept (n,) are the samples that count, starts_s (r,) where each
-    run begins on the common time axis."""
+def region(
+    pattern: Pattern, *, ball: bool, kept: np.ndarray, half_side_m: float, starts_s: np.ndarray
+) -> str:
+    """The region of a pattern in plain words. `ball`: whether the channel is one of the ball's;
+    `kept` (n,): whether each sample counts; `half_side_m`: half the plate's side; `starts_s` (r,):
+    where each run begins on the common time axis."""
     c = pattern.coordinate
     inside = pattern.inside()
     counted = kept & (c.bins() >= 0)
-    whole = bool(inside[counted].mean() >= MOST) if counted.any() else True
+    whole = bool(inside[counted].mean() >= WHOLE_SHARE) if counted.any() else True
     if c.kind == "always":
         return "everywhere, always to the same side"
     if c.kind == "time":
@@ -96,7 +98,7 @@ def _speed(pattern: Pattern, ball: bool, whole: bool) -> str:
     if pattern.side:
         way = f" towards {'plus' if pattern.side > 0 else 'minus'} {c.axis}"
         if ball:
-            way = f" towards the {ENDS[c.axis][pattern.side > 0]}"
+            way = f" towards the {SIDE_WORDS[c.axis][pattern.side > 0]}"
             way = way.replace("near", "near side").replace("far", "far side")
     sense = "" if way else _against(pattern)
     if whole or (low == 0 and high == inf):
@@ -115,8 +117,10 @@ def _against(pattern: Pattern) -> str:
     if c.side is None or not half or 2 * half != len(pattern.sizes):
         return ""
     k = c.bins()
-    count = [np.bincount(k[(c.side == side) & pattern.inside()] - pattern.first, minlength=half)
-             for side in (1, -1)]  # fmt: skip
+    count = [
+        np.bincount(k[(c.side == side) & pattern.inside()] - pattern.first, minlength=half)
+        for side in (1, -1)
+    ]
     if any(len(n) != half or not n.any() for n in count):
         return ""
     forth = np.average(pattern.sizes[:half], weights=count[0])
@@ -148,8 +152,8 @@ def _position(pattern: Pattern, half_side_m: float, whole: bool) -> str:
     words = _between(axis, low, high, 1000.0, "mm")
     for side, at in ((0, -high), (1, low)):
         if np.isfinite(at) and (low == -inf, high == inf)[side]:
-            part = "edge" if at >= EDGE * half_side_m else "part"
-            return f"{ENDS[axis][side]} {part} of the plate ({words})"
+            part = "edge" if at >= PLATE_EDGE_SHARE * half_side_m else "part"
+            return f"{SIDE_WORDS[axis][side]} {part} of the plate ({words})"
     return f"where the ball is at {words}"
 
 

@@ -1,8 +1,11 @@
-"""Noise levels estimated on the log itself, by maximum likelihood of the innovations.
+"""Noise levels of the filters, by maximum likelihood of the innovations of a model on its log.
 
-Ball: process q (white acceleration), camera r and its memory (AR(1)) together: a wrong q alone
-makes healthy logs look faulty. Servo, per axis: process q and the encoder's own r, while it moves:
-the error of a resting encoder is one constant and no noise.
+    (q, r, rho) = argmin C(q, r, rho),   C as in `calibration.gap.model.fit`
+
+Ball: process noise q (white acceleration) [m/s2/sqrt(Hz)], camera noise r [m] and its AR(1)
+coefficient rho from frame to frame. Servo, per axis: process noise q and the encoder's r [rad],
+where it moves: the error of a resting encoder is a constant. The levels depend on the model: beside
+a wrong one they take its misfit in.
 """
 
 from collections.abc import Callable
@@ -10,37 +13,39 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import minimize
 
-from calibration.gap.evidence import Evidence
-from calibration.gap.fit import loss
-from calibration.gap.knobs import BALL, SERVO, Model
+from calibration.gap.model.data import Evidence
+from calibration.gap.model.fit import loss
+from calibration.gap.model.parameters import BALL, SERVO, Model
 
-LEAST_GAIN = 6.0  # in log-likelihood, for which camera noise is called coloured
-IMPOSSIBLE = 1e9  # the cost of noise under which a filter overflows
+MIN_COLOUR_GAIN = 6.0  # log-likelihood that an AR(1) camera noise has to gain; chosen
+DIVERGED_COST = 1e9  # of noise levels under which a filter overflows
 SMALLEST_M, LARGEST_RHO = 2e-6, 0.95
 
 
-def estimate(evidence: Evidence, model: Model, parts: tuple[str, ...]) -> np.record:
-    """Levels (dtype NOISE) that make the innovations of `model` most likely."""
+def estimate(evidence: Evidence, model: Model, outputs: tuple[str, ...]) -> np.record:
+    """Noise levels (dtype NOISE) that make the innovations of `model` on these outputs most likely
+    (the module's equation); levels of other outputs stay as in the evidence."""
     levels = evidence.levels.copy()
-    for part in parts:
-        if part == BALL:
+    for output in outputs:
+        if output == BALL:
             _ball(evidence, model, levels)
         else:
-            _servo(evidence, model, levels, SERVO.index(part))
+            _servo(evidence, model, levels, SERVO.index(output))
     return levels
 
 
 def _search(cost: Callable[[np.ndarray], float], start: list[float]) -> np.ndarray:
-    """Nelder and Mead in logarithms: a factor of 2 first, a few per cent at the end."""
-    simplex = np.array([start] + [[v + 0.7 * (i == j) for j, v in enumerate(start)]
-                                  for i in range(len(start))])  # fmt: skip
+    """argmin by Nelder and Mead over logarithms: first steps of a factor 2, 5 % at the end."""
+    simplex = np.array(
+        [start] + [[v + 0.7 * (i == j) for j, v in enumerate(start)] for i in range(len(start))]
+    )
     options = {"initial_simplex": simplex, "xatol": 0.05, "fatol": 0.5, "maxfev": 60}
 
-    def told(x: np.ndarray) -> float:
-        found = cost(x)
-        return found if np.isfinite(found) else IMPOSSIBLE
+    def finite(x: np.ndarray) -> float:
+        value = cost(x)
+        return value if np.isfinite(value) else DIVERGED_COST
 
-    return minimize(told, start, method="Nelder-Mead", options=options).x
+    return minimize(finite, start, method="Nelder-Mead", options=options).x
 
 
 def _servo(evidence: Evidence, model: Model, levels: np.record, a: int) -> None:
@@ -58,8 +63,13 @@ def _servo(evidence: Evidence, model: Model, levels: np.record, a: int) -> None:
 
 
 def _ball(evidence: Evidence, model: Model, levels: np.record) -> None:
-    frame_s = float(np.median(np.concatenate([np.diff(run.exposed_s) for run in evidence.runs
-                                              if len(run.exposed_s) > 1])))  # fmt: skip
+    frame_s = float(
+        np.median(
+            np.concatenate(
+                [np.diff(run.exposed_s) for run in evidence.runs if len(run.exposed_s) > 1]
+            )
+        )
+    )
 
     def put(x: np.ndarray) -> None:
         levels["ball_process"], levels["ball_measured"] = np.exp(x[:2])
@@ -75,14 +85,15 @@ def _ball(evidence: Evidence, model: Model, levels: np.record) -> None:
     put(white)
     if _coloured(evidence.with_levels(levels), model):
         coloured = _search(cost, [*white, 0.0])
-        put(coloured if cost(coloured) < cost(white) - LEAST_GAIN else white)
+        put(coloured if cost(coloured) < cost(white) - MIN_COLOUR_GAIN else white)
 
 
 def _coloured(evidence: Evidence, model: Model) -> bool:
-    """Do the residuals of neighbouring frames still hang together under white camera noise?"""
+    """True if residuals of neighbouring frames are correlated under white camera noise: an
+    autocorrelation at lag 1 to 3 beyond 3.5/sqrt(n)."""
     z = (evidence.roll(model, BALL).z * evidence.masks[BALL]).reshape(-1, 2)
     for lag in (1, 2, 3):
-        hang = np.sum(z[lag:] * z[:-lag], axis=0) / np.maximum(np.sum(z**2, axis=0), 1e-30)
-        if np.abs(hang).max() > 3.5 / np.sqrt(len(z)):
+        correlation = np.sum(z[lag:] * z[:-lag], axis=0) / np.maximum(np.sum(z**2, axis=0), 1e-30)
+        if np.abs(correlation).max() > 3.5 / np.sqrt(len(z)):
             return True
     return False

@@ -1,39 +1,43 @@
-"""Which effect helps most: a screen over all, exact refits of those that it puts first.
+"""Exact refits of the effects that the linear screen ranks first.
 
-Releasing an effect's knobs from their box gains log-likelihood; an effect is missing when that
-gain is beyond what chance and small faults of the model give.
+A candidate's parameters are released from their tolerance box and fitted with all others. Its gain
+G is the fall of the cost C (`calibration.gap.model.fit`), its score the penalised gain of the
+parameters released (`calibration.gap.decision_rule`).
 """
 
 from dataclasses import dataclass, replace
 
-from calibration.gap.fit import evaluate
-from calibration.gap.knobs import PERIODIC
-from calibration.gap.menu import (
-    LEAST_PHASE_RAD,
+from calibration.gap.decision_rule import (
+    EFFECTS_REFITTED,
+    MAX_SATURATION_RATIO,
+    MAX_STRIBECK_SPEED_SHARE,
+    MIN_AXIS_GAIN,
+    MIN_LATE_REFIT_GAIN,
+    MIN_PHASE_RAD,
+    MIN_REFIT_GAIN,
+    MIN_SHARE_OF_BEST,
+    MIN_SHARE_OF_BEST_ON_AXIS,
+    penalised_gain,
+)
+from calibration.gap.model.fit import evaluate
+from calibration.gap.model.parameters import PERIODIC, released
+from calibration.gap.model.state import Key, State, refit, settle
+from calibration.gap.name.candidates import (
     Start,
-    afresh,
     fastest,
+    is_wide_dead_zone,
     largest_volts,
     reach,
-    released,
-    swallows,
+    resets_servo,
 )
-from calibration.gap.screen import Screened, at_first_noise, beyond_knobs
-from calibration.gap.state import Key, State, refit, settle
+from calibration.gap.name.screen import Screened, at_start_noise
 from rig.effects import BY_NAME
-
-WORTH_AN_AXIS = 6.0  # gain on an axis below which the effect is not released there
-OUTDONE = 0.8  # of what the best effect promises on an axis, below which it is left to that one
-WORTH_ANOTHER = 12.0  # promise of one behind that is still tried while none before keeps its own
-FALLS = 0.4  # of the fastest motion: a Stribeck speed beyond is Coulomb friction
-LEAST_PROMISE, FAR_BEHIND = 4.0, 0.1  # a screened gain below is not worth a fit
-CUTS = 1.03  # of the volts that a log reached: a limit above has hardly cut anything
-REFITS = 5  # so many of the screened effects are fitted exactly
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
-    """An effect released on some axes and refitted: its gain beyond what its knobs cost."""
+class CandidateFit:
+    """An effect released on some axes and refitted, with the state of that fit; `gain`: the fall of
+    the cost C."""
 
     name: str
     axes: tuple[str, ...]
@@ -42,99 +46,123 @@ class Trial:
 
     @property
     def keys(self) -> tuple[Key, ...]:
+        """The effect on each of its axes, as (effect, axis)."""
         return tuple((self.name, axis) for axis in self.axes)
 
     @property
     def score(self) -> float:
-        if not any(self.is_one(axis) for axis in self.axes):
+        """The penalised gain of the parameters released; -inf if the effect is identified on no
+        axis."""
+        if not any(self.is_identified(axis) for axis in self.axes):
             return -float("inf")
-        knobs = sum(
-            len(released(BY_NAME[self.name], axis, self.state.believed, self.state.fit.setting))
+        parameters = sum(
+            len(released(BY_NAME[self.name], axis, self.state.nominal, self.state.fit.setting))
             for axis in self.axes
         )
-        return beyond_knobs(self.gain, knobs)
+        return penalised_gain(self.gain, parameters)
 
-    def is_one(self, axis: str) -> bool:
-        """Is it on this axis what its name says, and larger than nothing?"""
-        believed, setting = self.state.believed, self.state.fit.setting
+    def is_identified(self, axis: str) -> bool:
+        """Whether the fitted size on this axis exceeds the decision rule's minimum and the logs
+        show its shape: saturation is reached, the motion spans enough of a period, Stribeck
+        friction falls with speed."""
+        nominal, setting = self.state.nominal, self.state.fit.setting
         if self.name == "saturation":
             reached = largest_volts(self.state.evidence, axis)
-            return setting[f"saturation.limit_V.{axis}"] < CUTS * reached
-        if self.name in PERIODIC:  # a fraction of a period is a curve, and no ripple
-            turns = setting[f"{self.name}.periods_per_turn.{axis}"]
-            if turns * reach(self.state.evidence, axis) < LEAST_PHASE_RAD[self.name]:
+            return setting[f"saturation.limit_V.{axis}"] < MAX_SATURATION_RATIO * reached
+        if self.name in PERIODIC:
+            periods = setting[f"{self.name}.periods_per_turn.{axis}"]
+            if periods * reach(self.state.evidence, axis) < MIN_PHASE_RAD[self.name]:
                 return False
-        if self.name == "stribeck_friction":  # one that does not fall with speed is Coulomb's
-            falls = setting[f"stribeck_friction.speed_rad_s.{axis}"]
-            if falls > FALLS * fastest(self.state.evidence, axis):
+        if self.name == "stribeck_friction":
+            speed = setting[f"stribeck_friction.speed_rad_s.{axis}"]
+            if speed > MAX_STRIBECK_SPEED_SHARE * fastest(self.state.evidence, axis):
                 return False
-        return believed.beyond(self.name, axis, setting)
+        return nominal.exceeds_minimum(self.name, axis, setting)
 
 
-def rank(state: State, screened: list[Screened], *, most: int = REFITS) -> list[Trial]:
-    """The effects that the screen puts first, each released on the axes that need it; refitted."""
+def rank(
+    state: State, screened: list[Screened], *, most: int = EFFECTS_REFITTED
+) -> list[CandidateFit]:
+    """Refit the `most` effects that the screen ranks first, each released on the axes that need it;
+    best score first.
+
+    Lower-ranked effects are refitted, too, while no better-ranked one has kept its screened gain.
+    """
     by_name: dict[str, list[Screened]] = {}
     for one in screened:
         by_name.setdefault(one.name, []).append(one)
-    promise = {name: sum(max(o.gain, 0.0) for o in found) for name, found in by_name.items()}
-    order = sorted(promise, key=lambda name: -promise[name])
-    most_on = {BY_NAME[name].side: promise[name] for name in reversed(order)}
-    trials: list[Trial] = []
+    gain = {name: sum(max(o.gain, 0.0) for o in found) for name, found in by_name.items()}
+    order = sorted(gain, key=lambda name: -gain[name])
+    best_on_side = {BY_NAME[name].side: gain[name] for name in reversed(order)}
+    fits: list[CandidateFit] = []
     for i, name in enumerate(order):
-        best = max((trial.score for trial in trials), default=0.0)
-        if promise[name] < LEAST_PROMISE or (i >= most and best >= promise[name]):
+        best = max((candidate.score for candidate in fits), default=0.0)
+        if gain[name] < MIN_REFIT_GAIN or (i >= most and best >= gain[name]):
             break
-        if promise[name] < FAR_BEHIND * most_on[BY_NAME[name].side]:
+        if gain[name] < MIN_SHARE_OF_BEST * best_on_side[BY_NAME[name].side]:
             continue
-        if i < most or promise[name] >= WORTH_ANOTHER:
-            trials.append(_release(state, name, _axes(by_name[name], screened)))
-    return sorted(trials, key=lambda trial: -trial.score)
+        if i < most or gain[name] >= MIN_LATE_REFIT_GAIN:
+            fits.append(_release(state, name, _axes(by_name[name], screened)))
+    return sorted(fits, key=lambda candidate: -candidate.score)
 
 
-def rank_one(state: State, one: Screened) -> State:
-    """The state with one screened effect released on its axis and fitted."""
+def release_one(state: State, one: Screened) -> State:
+    """The state with one screened effect released on its axis and all parameters of its outputs
+    refitted."""
     return _release(state, one.name, [one]).state
 
 
 def _axes(found: list[Screened], screened: list[Screened]) -> list[Screened]:
-    """The axes on which an effect is worth its release: another does not promise far more there."""
+    """The axes on which to release an effect: it gains enough there, and no other far more."""
     best = {one.axis: one.gain for one in reversed(screened)}  # best first
-    worth = [one for one in found if one.gain > max(WORTH_AN_AXIS, OUTDONE * best[one.axis])]
+    worth = [
+        one
+        for one in found
+        if one.gain > max(MIN_AXIS_GAIN, MIN_SHARE_OF_BEST_ON_AXIS * best[one.axis])
+    ]
     return worth or found[:1]
 
 
-def _release(state: State, name: str, chosen: list[Screened]) -> Trial:
+def _release(state: State, name: str, chosen: list[Screened]) -> CandidateFit:
+    """The effect released on the axes of `chosen` and refitted; without the axes on which it turns
+    out not to be identified, where another axis is left."""
     axes = tuple(one.axis for one in chosen)
     keys = tuple((name, axis) for axis in axes)
-    felt = {part for axis in axes for k in state.believed.of(name, axis) for part in k.parts}
-    parts = tuple(part for part in state.evidence.parts if part in felt)
+    felt = {output for axis in axes for k in state.nominal.of(name, axis) for output in k.outputs}
+    outputs = tuple(output for output in state.evidence.outputs if output in felt)
     starts = [
         {k: v for one in chosen for k, v in getattr(one, which).items()}
         for which in ("start", "tried")
     ]
-    anew = {f"servo_{one.axis}" for one in chosen if afresh(one.start)}
-    evidence = at_first_noise(state, anew)
+    anew = {f"servo_{one.axis}" for one in chosen if resets_servo(one.start)}
+    evidence = at_start_noise(state, anew)
     moved = min(
-        (evaluate(evidence, state.believed, _inside(state, start), parts) for start in starts),
+        (evaluate(evidence, state.nominal, _inside(state, start), outputs) for start in starts),
         key=lambda found: found.cost,
     )
     begun = replace(
         state,
         evidence=evidence,
         named=(*state.named, *keys),
-        fit=replace(state.fit, setting=moved.setting, rolls=state.fit.rolls | moved.rolls,
-                    costs=state.fit.costs | moved.costs),
-    )  # fmt: skip
-    done = refit(begun, begun.bounds(parts))
-    if loud := {f"servo_{one.axis}" for one in chosen if swallows(one.start)}:
-        done = settle(done, loud)
-    trial = Trial(name, axes, done, state.fit.cost - done.fit.cost)
-    real = [one for one in chosen if trial.is_one(one.axis)]
-    return _release(state, name, real) if 0 < len(real) < len(chosen) else trial
+        fit=replace(
+            state.fit,
+            setting=moved.setting,
+            rolls=state.fit.rolls | moved.rolls,
+            costs=state.fit.costs | moved.costs,
+        ),
+    )
+    done = refit(begun, begun.bounds(outputs))
+    if wide := {f"servo_{one.axis}" for one in chosen if is_wide_dead_zone(one.start)}:
+        done = settle(done, wide)
+    candidate = CandidateFit(name, axes, done, state.fit.cost - done.fit.cost)
+    real = [one for one in chosen if candidate.is_identified(one.axis)]
+    return _release(state, name, real) if 0 < len(real) < len(chosen) else candidate
 
 
 def _inside(state: State, start: Start) -> dict[str, float]:
-    """The state's setting with a start in it, every knob in its range."""
-    knobs = state.believed.knobs
-    clipped = {k: min(max(v, knobs[k].range[0]), knobs[k].range[1]) for k, v in start.items()}
+    """The state's setting with a start in it, every parameter clipped to its range."""
+    parameters = state.nominal.parameters
+    clipped = {
+        k: min(max(v, parameters[k].range[0]), parameters[k].range[1]) for k, v in start.items()
+    }
     return state.fit.setting | clipped

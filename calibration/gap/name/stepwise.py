@@ -1,37 +1,42 @@
-"""Name what is missing: add the effect that helps most while one is significant, then defend it.
+"""Stepwise naming: forward selection of effects, then backward elimination.
 
-Refine before adding: an effect is tried with its inner shape (period, Stribeck speed), and the
-noise is settled anew before another may enter.
-Each name is then taken out again and its rivals tried in its place, at the noise of the final
-model: names that no longer pay leave, better ones take over, close ones are told as "A or B".
+Forward: the effect with the largest score S (`calibration.gap.decision_rule`) is added while S
+reaches its threshold. An effect is fitted with its inner shape (period, Stribeck speed) at once,
+and the noise levels are estimated anew before another may enter.
+
+Backward: each accepted effect is removed and its RIVALS_REFITTED strongest alternatives are
+refitted at the final noise levels. It is dropped if its score falls below NAME_THRESHOLD, replaced
+if an alternative scores more, and reported as "A or B" if the difference is below RIVAL_MARGIN.
 """
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from math import exp
 
-from calibration.gap.evidence import Evidence
-from calibration.gap.fit import evaluate
-from calibration.gap.knobs import Believed
-from calibration.gap.screen import Screened, Screens, screen
-from calibration.gap.search import Trial, rank
-from calibration.gap.state import Key, State, baseline, parts_of, refit, settle
-from calibration.gap.unknown import shapes
+from calibration.gap.decision_rule import (
+    DRY_FRICTIONS,
+    MAX_EFFECTS,
+    MIN_SHARE_OF_TOTAL,
+    MIN_SHARE_ON_OUTPUT,
+    NAME_THRESHOLD,
+    PROBABILITY_TEMPERATURE,
+    RELATED_FRICTION_THRESHOLD,
+    RIVALS_REFITTED,
+)
+from calibration.gap.model.data import Evidence
+from calibration.gap.model.fit import evaluate
+from calibration.gap.model.parameters import NominalModel
+from calibration.gap.model.state import Key, State, baseline, outputs_of, refit, settle
+from calibration.gap.name.refit import CandidateFit, rank
+from calibration.gap.name.screen import Screened, Screens, screen
+from calibration.gap.unnamed.basis import unnamed_terms
 from rig.effects import BY_NAME
-
-THRESHOLD = 5.0  # of a score (log-likelihood beyond its knobs' own) for an effect to be missing
-KIN, FRICTIONS = 15.0, ("coulomb_friction", "stribeck_friction", "dead_zone")
-MARGIN = 5.0  # between two names below which neither is told alone
-SMALL = 0.05  # of all that is explained: a further effect below must not stand in for another
-TINY = 0.01  # of what is explained on the same channel: the model is no better than that
-MOST = 7
-RIVALS = 3
-TEMPERATURE = 2.0
 
 
 @dataclass(frozen=True, eq=False)
 class Rival:
-    """Another name in the place of an accepted one: how much worse it does (its margin)."""
+    """An alternative to an accepted effect, with its state; `margin`: the accepted effect's score
+    minus the rival's."""
 
     name: str
     margin: float
@@ -40,7 +45,8 @@ class Rival:
 
 @dataclass(frozen=True, eq=False)
 class Accepted:
-    """A name, the axes on which it is released, its score, and its rivals, best first."""
+    """An accepted effect, the axes on which it is released, its score, and its rivals, best
+    first."""
 
     name: str
     axes: tuple[str, ...]
@@ -49,118 +55,151 @@ class Accepted:
 
     @property
     def probability(self) -> float:
-        odds = [exp(-min(max(r.margin, -200.0), 200.0) / TEMPERATURE) for r in self.rivals]
-        nothing = exp(-max(self.score, 0.0) / TEMPERATURE)
+        """Probability of the name against its rivals and against chance, with T =
+        PROBABILITY_TEMPERATURE.
+
+            1/(1 + sum_rivals exp(-margin/T) + exp(-score/T))
+
+        It is calibrated on simulated tables alone; on real ones it is only a score.
+        """
+        odds = [
+            exp(-min(max(r.margin, -200.0), 200.0) / PROBABILITY_TEMPERATURE) for r in self.rivals
+        ]
+        nothing = exp(-max(self.score, 0.0) / PROBABILITY_TEMPERATURE)
         return 1.0 / (1.0 + sum(odds) + nothing)
 
     @property
     def margin(self) -> float:
+        """The margin to the best rival; infinite without one."""
         return min((r.margin for r in self.rivals), default=float("inf"))
 
 
 @dataclass(frozen=True, eq=False)
 class Naming:
-    """The baseline, the final state, what was accepted in its order, and the last ranking,
-    the path of additions, and the last screen."""
+    """The result of stepwise naming: the baseline, the final state, the accepted effects in the
+    order in which they were added, the last ranking, the path of additions (name, state), which
+    begins with ("", baseline), and the last screen."""
 
     before: State
     after: State
     accepted: tuple[Accepted, ...]
-    last: tuple[Trial, ...]
+    last: tuple[CandidateFit, ...]
     path: tuple[tuple[str, State], ...]
     screened: list[Screened]
 
 
-def settled_baseline(evidence: Evidence, believed: Believed) -> State:
-    """The baseline at the noise that the log itself shows."""
-    state = baseline(evidence, believed, iterations=3)
-    return settle(state, state.evidence.parts)
+def settled_baseline(evidence: Evidence, nominal: NominalModel) -> State:
+    """The baseline fit of `nominal` with the noise levels estimated on the logs."""
+    state = baseline(evidence, nominal, iterations=3)
+    return settle(state, state.evidence.outputs)
 
 
 def name_effects(state: State) -> Naming:
-    """Add, refine, defend; `state` is the settled baseline."""
+    """Stepwise naming from the settled baseline `state`: forward selection, then backward
+    elimination."""
     before, path = state, [("", state)]
-    last: list[Trial] = []
+    last: list[CandidateFit] = []
     screened: list[Screened] = []
     screens: Screens = {}
     total, explained = 0.0, {}
-    while len({effect for effect, _ in state.named}) < MOST:
-        screened = screen(state, state.evidence.parts, known=screens)
+    while len({effect for effect, _ in state.named}) < MAX_EFFECTS:
+        screened = screen(state, state.evidence.outputs, known=screens)
         last = rank(state, screened)
-        worth = [trial for trial in last if trial.score >= _needed(state, trial, explained)]
-        if not worth or (worth[0].score < SMALL * total and _stands_in(state, worth[0])):
+        worth = [
+            candidate
+            for candidate in last
+            if candidate.score >= entry_threshold(state, candidate, explained)
+        ]
+        if not worth or (
+            worth[0].score < MIN_SHARE_OF_TOTAL * total and _stands_in_for_unnamed(state, worth[0])
+        ):
             break
         best = worth[0]
-        parts = parts_of(BY_NAME[best.name], best.axes)
+        outputs = outputs_of(BY_NAME[best.name], best.axes)
         total += best.score
-        explained |= {part: explained.get(part, 0.0) + best.score for part in parts}
-        state = settle(best.state, parts)
+        explained |= {output: explained.get(output, 0.0) + best.score for output in outputs}
+        state = settle(best.state, outputs)
         path.append((best.name, state))
     accepted: list[Accepted] = []
     for name in dict.fromkeys(effect for effect, _ in state.named):
-        state, found = _defend(state, name)
+        state, found = backward_step(state, name)
         if found:
             accepted.append(found)
     return Naming(before, state, tuple(accepted), tuple(last), tuple(path), screened)
 
 
-def _needed(state: State, trial: Trial, explained: Mapping[str, float]) -> float:
-    """The score from which on an effect may enter: not where a model that is only nearly right
-    would ask for it; and beside another dry friction on the same axis (the assumed one of arm and
-    joints, too) one more has to be sure of itself."""
-    kin = {axis for name, axis in state.named if name in FRICTIONS}
-    beside = state.believed.load_friction or kin & set(trial.axes)
-    sure = KIN if trial.name in FRICTIONS and beside else THRESHOLD
-    there = [explained.get(p, 0.0) for p in parts_of(BY_NAME[trial.name], trial.axes)]
-    return max(sure, TINY * max(there))
+def entry_threshold(state: State, candidate: CandidateFit, explained: Mapping[str, float]) -> float:
+    """The score that a candidate needs to enter; `explained`: output -> score that is named there
+    so far.
+
+    NAME_THRESHOLD; RELATED_FRICTION_THRESHOLD for a dry friction beside another one on the same
+    axis, the assumed one of arm and joints included; and at least MIN_SHARE_ON_OUTPUT of the score
+    that is already named on its outputs, since the model is not exact.
+    """
+    related = {axis for name, axis in state.named if name in DRY_FRICTIONS}
+    beside = state.nominal.load_friction or related & set(candidate.axes)
+    enough = (
+        RELATED_FRICTION_THRESHOLD if candidate.name in DRY_FRICTIONS and beside else NAME_THRESHOLD
+    )
+    named = [explained.get(p, 0.0) for p in outputs_of(BY_NAME[candidate.name], candidate.axes)]
+    return max(enough, MIN_SHARE_ON_OUTPUT * max(named))
 
 
-def _stands_in(state: State, best: Trial) -> bool:
-    """Would a term without a name explain far more of what is left than this small addition?"""
-    parts = {part for name, axis in best.keys for part in parts_of(BY_NAME[name], (axis,))}
-    rivals = [shape.score for shape in shapes(state) if shape.part in parts]
+def _stands_in_for_unnamed(state: State, best: CandidateFit) -> bool:
+    """True if an unnamed term on the same outputs scores more than twice this small addition."""
+    outputs = {output for name, axis in best.keys for output in outputs_of(BY_NAME[name], (axis,))}
+    rivals = [term.score for term in unnamed_terms(state) if term.output in outputs]
     return max(rivals, default=0.0) > 2.0 * best.score
 
 
-def without(state: State, keys: Iterable[Key]) -> State:
-    """The state with some effects back inside their boxes, refitted."""
+def drop_effects(state: State, keys: Iterable[Key]) -> State:
+    """The state with the effects `keys` (effect, axis) back inside their tolerance boxes,
+    refitted."""
     keys = set(keys)
-    parts = {p for name, axis in keys for p in parts_of(BY_NAME[name], (axis,))}
-    knobs = state.believed.knobs
+    outputs = {p for name, axis in keys for p in outputs_of(BY_NAME[name], (axis,))}
+    parameters = state.nominal.parameters
     setting = {
         name: value
         for name, value in state.fit.setting.items()
-        if (knobs[name].effect, knobs[name].axis) not in keys
+        if (parameters[name].effect, parameters[name].axis) not in keys
     }
-    moved = evaluate(state.evidence, state.believed, setting, parts)
-    fit = replace(state.fit, setting=setting, rolls=state.fit.rolls | moved.rolls,
-                  costs=state.fit.costs | moved.costs)  # fmt: skip
+    moved = evaluate(state.evidence, state.nominal, setting, outputs)
+    fit = replace(
+        state.fit,
+        setting=setting,
+        rolls=state.fit.rolls | moved.rolls,
+        costs=state.fit.costs | moved.costs,
+    )
     bare = replace(state, fit=fit, named=tuple(k for k in state.named if k not in keys))
-    return refit(bare, bare.bounds(parts))
+    return refit(bare, bare.bounds(outputs))
 
 
-def _twins(own: Trial, other: Trial) -> bool:
-    """A turned camera and an antisymmetric cross coupling are the same data, and no rivals."""
+def _same_data(own: CandidateFit, other: CandidateFit) -> bool:
+    """True for camera yaw and an antisymmetric cross coupling: the same data, so no rivals."""
     if (own.name, other.name) != ("camera_yaw", "cross_coupling") or len(other.axes) < 2:
         return False
     x, y = (other.state.fit.setting[f"cross_coupling.fraction.{axis}"] for axis in "xy")
     return x * y < 0.0
 
 
-def _defend(state: State, name: str) -> tuple[State, Accepted | None]:
-    """Try the name's place with its rivals: it stays, leaves, or hands over."""
+def backward_step(state: State, name: str) -> tuple[State, Accepted | None]:
+    """Remove an effect and refit its alternatives: it stays, is replaced by an alternative that
+    scores more, or is dropped.
+
+    Returns the state that follows, and the effect that stands in its place (None: dropped).
+    """
     keys = [key for key in state.named if key[0] == name]
-    bare = without(state, keys)
-    parts = [p for p in parts_of(BY_NAME[name], [a for _, a in keys]) if p in bare.fit.rolls]
-    trials = rank(bare, screen(bare, parts, without=keys), most=RIVALS)
-    own = Trial(name, tuple(axis for _, axis in keys), state, bare.fit.cost - state.fit.cost)
-    if trials and trials[0].score > own.score and trials[0].score >= THRESHOLD:
-        winner = trials[0]
-        state = settle(winner.state, parts_of(BY_NAME[winner.name], winner.axes))
-        trials = [own, *trials[1:]]
+    bare = drop_effects(state, keys)
+    outputs = [p for p in outputs_of(BY_NAME[name], [a for _, a in keys]) if p in bare.fit.rolls]
+    fits = rank(bare, screen(bare, outputs, skip=keys), most=RIVALS_REFITTED)
+    own = CandidateFit(name, tuple(axis for _, axis in keys), state, bare.fit.cost - state.fit.cost)
+    if fits and fits[0].score > own.score and fits[0].score >= NAME_THRESHOLD:
+        winner = fits[0]
+        state = settle(winner.state, outputs_of(BY_NAME[winner.name], winner.axes))
+        fits = [own, *fits[1:]]
         own = winner
-    if own.score < THRESHOLD:
+    if own.score < NAME_THRESHOLD:
         return bare, None
-    rivals = [Rival(t.name, own.score - t.score, t.state) for t in trials if not _twins(own, t)]
+    rivals = [Rival(t.name, own.score - t.score, t.state) for t in fits if not _same_data(own, t)]
     rivals.sort(key=lambda rival: rival.margin)
     return state, Accepted(own.name, own.axes, own.score, tuple(rivals))

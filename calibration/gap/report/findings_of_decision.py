@@ -1,27 +1,27 @@
-"""From a decision to the answer's pieces: parameters with intervals, what the log cannot show,
-the ranking, the calibrated servo, and the rig file that the simulator then runs."""
+"""The pieces of the findings from a decision: parameters with intervals, what the log cannot show,
+the ranking, the calibrated servo, and the extended rig that the simulator then runs."""
 
 from collections.abc import Mapping
 from dataclasses import replace
 from math import atan2, cos, hypot, inf, sin
 
-from calibration.gap.decide import Decision
-from calibration.gap.findings import Candidate, Interval, Named, Untestable
-from calibration.gap.intervals import interval
-from calibration.gap.knobs import (
+from calibration.gap.findings import Interval, Named, RankedEffect, Untestable
+from calibration.gap.model.intervals import interval
+from calibration.gap.model.parameters import (
     BALL,
     CALIBRATED,
-    COAST,
-    HEIGHT,
+    COAST_KEY,
+    HEIGHT_KEY,
     IN_RECORD,
     PERIODIC,
     SERVO,
-    Believed,
+    NominalModel,
 )
-from calibration.gap.menu import largest_volts
-from calibration.gap.name import Accepted
-from calibration.gap.screen import Screened
-from calibration.gap.state import State, parts_of
+from calibration.gap.model.state import State, outputs_of
+from calibration.gap.name.candidates import largest_volts
+from calibration.gap.name.decide import Decision
+from calibration.gap.name.screen import Screened
+from calibration.gap.name.stepwise import Accepted
 from rig.effects import BY_NAME, CATALOGUE
 from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, Rig
 
@@ -34,22 +34,27 @@ TWINS: Mapping[str, tuple[str, ...]] = {
 Parameters = dict[str, dict[str, Interval]]
 
 
-def parameters(state: State, name: str, axes: tuple[str, ...],
-               spread: Mapping[str, tuple[float, int]]) -> Parameters:  # fmt: skip
-    """axis -> catalogue key -> interval of a named effect."""
+def parameters(
+    state: State, name: str, axes: tuple[str, ...], spread: Mapping[str, tuple[float, int]]
+) -> Parameters:
+    """The fitted parameters of a named effect: axis -> catalogue key -> 95 % interval. `spread`:
+    parameter name -> (standard deviation, blocks), as from `deviations`; infinite where it has no
+    entry."""
     found: Parameters = {}
     for axis in axes:
         by_key = {
-            knob.key: interval(state.fit.setting[knob.name], spread.get(knob.name, (inf, 2)))
-            for knob in state.believed.of(name, axis)
-            if knob.name in state.fit.setting
+            parameter.key: interval(
+                state.fit.setting[parameter.name], spread.get(parameter.name, (inf, 2))
+            )
+            for parameter in state.nominal.of(name, axis)
+            if parameter.name in state.fit.setting
         }
         found[axis] = _catalogue_keys(name, by_key)
     return found
 
 
 def _catalogue_keys(name: str, by_key: dict[str, Interval]) -> dict[str, Interval]:
-    """Sine and cosine back to amplitude and phase; a dead zone's sides to widths of their own."""
+    """Amplitude and phase from sine and cosine; keys that no catalogue has left out."""
     if name in PERIODIC:
         s, c = by_key["sine"], by_key["cosine"]
         size, phase = hypot(s.value, c.value), atan2(c.value, s.value)
@@ -64,12 +69,14 @@ def _catalogue_keys(name: str, by_key: dict[str, Interval]) -> dict[str, Interva
     return {key: interval for key, interval in by_key.items() if key not in IN_RECORD}
 
 
-def one_dead_zone(found: tuple[Named, ...], state: State,
-                  spread: Mapping[str, tuple[float, int]]) -> tuple[Named, ...]:  # fmt: skip
-    """A dead zone of width w with an offset |o| < w is a dead zone with two sides: w - o, w + o.
+def one_dead_zone(
+    found: tuple[Named, ...], state: State, spread: Mapping[str, tuple[float, int]]
+) -> tuple[Named, ...]:
+    """Join a dead zone of half width w and a voltage offset |o| < w to one dead zone with the sides
+    w - o and w + o, among the named effects `found`.
 
-    The two are the same volts for every command; the simpler words are preferred, also where the
-    offset exceeds w by no more than its own tolerance, which no log takes off the two sides either.
+    Both give the same volts for every command, so one effect is preferred to two, also where the
+    offset exceeds w by no more than its own tolerance. `spread`: as in `parameters`.
     """
     by_name, tolerance = {one.name: one for one in found}, BY_NAME["voltage_offset"].tolerance
     dead, offset = by_name.get("dead_zone"), by_name.get("voltage_offset")
@@ -77,14 +84,17 @@ def one_dead_zone(found: tuple[Named, ...], state: State,
         return found
     sides: Parameters = {}
     for axis, pairs in dead.parameters.items():
-        w, knob = pairs["half_width_V"], state.believed.knobs[f"voltage_offset.offset_V.{axis}"]
-        o = state.fit.setting.get(knob.name, knob.believed)
-        if abs(o - knob.believed) < 1.1 * knob.tolerance:
+        w, parameter = (
+            pairs["half_width_V"],
+            state.nominal.parameters[f"voltage_offset.offset_V.{axis}"],
+        )
+        o = state.fit.setting.get(parameter.name, parameter.nominal)
+        if abs(o - parameter.nominal) < 1.1 * parameter.tolerance:
             sides[axis] = pairs
             continue
         if abs(o) >= w.value + tolerance:
             return found
-        one = interval(o, spread.get(knob.name, (0.0, 2)))
+        one = interval(o, spread.get(parameter.name, (0.0, 2)))
         reach = hypot(w.high - w.value, one.high - o, 0.95 * tolerance)
         sides[axis] = {
             key: Interval(size, size - reach, size + reach)
@@ -98,7 +108,8 @@ def one_dead_zone(found: tuple[Named, ...], state: State,
 
 
 def effects_of(state: State, name: str) -> dict[str, dict[str, dict[str, float]]]:
-    """A named effect as a rig file has it: {name: {axis: {key: value}}}."""
+    """A named effect of the state as a rig file has it: {name: {axis: {key: value}}}; sizes that
+    cannot be negative are clipped to 0."""
     axes = tuple(axis for effect, axis in state.named if effect == name)
     found = parameters(state, name, axes, {})
     return {
@@ -109,34 +120,40 @@ def effects_of(state: State, name: str) -> dict[str, dict[str, dict[str, float]]
     }
 
 
-def named(decision: Decision, accepted: Accepted,
-          spread: Mapping[str, tuple[float, int]]) -> Named:  # fmt: skip
-    believed, setting = decision.state.believed, decision.state.fit.setting
-    axes = tuple(a for a in accepted.axes if believed.beyond(accepted.name, a, setting))
+def named(decision: Decision, accepted: Accepted, spread: Mapping[str, tuple[float, int]]) -> Named:
+    """An accepted effect as the findings have it, on the axes where it exceeds the decision rule's
+    minimum (all its axes if none does). `spread`: as in `parameters`."""
+    nominal, setting = decision.state.nominal, decision.state.fit.setting
+    axes = tuple(a for a in accepted.axes if nominal.exceeds_minimum(accepted.name, a, setting))
     found = parameters(decision.state, accepted.name, axes or accepted.axes, spread)
     return Named(accepted.name, accepted.probability, TWINS.get(accepted.name, ()), found)
 
 
-def ranking(decision: Decision) -> tuple[Candidate, ...]:
-    """The accepted names and their rivals, each once, best first."""
-    found: dict[str, Candidate] = {}
+def ranking(decision: Decision) -> tuple[RankedEffect, ...]:
+    """The accepted names, their rivals and the effects of the last ranking, each once, best score
+    first."""
+    found: dict[str, RankedEffect] = {}
     for one in decision.naming.accepted:
-        found[one.name] = Candidate(one.name, one.score, one.probability, TWINS.get(one.name, ()))
+        found[one.name] = RankedEffect(
+            one.name, one.score, one.probability, TWINS.get(one.name, ())
+        )
         for rival in one.rivals:
             share = (1.0 - one.probability) / max(len(one.rivals), 1)
-            found.setdefault(rival.name, Candidate(rival.name, one.score - rival.margin, share))
-    for trial in decision.naming.last:
-        found.setdefault(trial.name, Candidate(trial.name, trial.score, 0.0))
+            found.setdefault(rival.name, RankedEffect(rival.name, one.score - rival.margin, share))
+    for fit in decision.naming.last:
+        found.setdefault(fit.name, RankedEffect(fit.name, fit.score, 0.0))
     return tuple(sorted(found.values(), key=lambda c: -c.score))
 
 
 def calibrated(state: State, spread: Mapping[str, tuple[float, int]]) -> dict[str, Interval]:
-    """K and tau of each axis that has a servo channel."""
+    """The fitted K [rad/s/V] and tau [s] of each axis that has a servo channel, with 95 %
+    intervals, by the labels "gain_x_rad_s_V", "time_constant_x_s" and likewise for y. `spread`: as
+    in `parameters`."""
     found = {}
     for key in CALIBRATED:
         for axis in "xy":
             name = f".{key}.{axis}"
-            if f"servo_{axis}" in state.evidence.parts and name in state.fit.setting:
+            if f"servo_{axis}" in state.evidence.outputs and name in state.fit.setting:
                 label = key.replace("gain_", f"gain_{axis}_").replace(
                     "constant_", f"constant_{axis}_"
                 )
@@ -145,7 +162,8 @@ def calibrated(state: State, spread: Mapping[str, tuple[float, int]]) -> dict[st
 
 
 def untestable(state: State, screened: list[Screened] | None) -> tuple[Untestable, ...]:
-    """Effects that this log would not have shown inside their sensible range; None: none tried."""
+    """The effects that these logs would not have shown within their range, because a channel or the
+    motion is missing. `screened` None: nothing was screened, so only the channels are known."""
     smallest: dict[str, float] = {}
     for one in screened or ():
         smallest[one.name] = min(one.smallest, smallest.get(one.name, inf))
@@ -157,17 +175,17 @@ def untestable(state: State, screened: list[Screened] | None) -> tuple[Untestabl
             continue
         size = smallest.get(effect.name)
         key = PERIODIC.get(effect.name, first.key)
-        there = set(state.evidence.parts) & set(parts_of(effect, effect.axes))
-        if size is None and there and screened is not None:  # it was tried in the model
+        there = set(state.evidence.outputs) & set(outputs_of(effect, effect.axes))
+        if size is None and there and screened is not None:  # it was tried
             continue
         if size is None:
             servo = "volts and angles of a servo that moves"
             channel = servo if effect.side == "servo" else "the ball"
             found.append(Untestable(effect.name, f"the log lacks {channel}", {}))
         elif effect.name == "saturation":
-            servos = [p[-1] for p in state.evidence.parts if p != BALL]
+            servos = [p[-1] for p in state.evidence.outputs if p != BALL]
             volts = max(largest_volts(state.evidence, axis) for axis in servos)
-            if volts < 0.99 * state.believed.rig.servo.voltage_limit_V:
+            if volts < 0.99 * state.nominal.rig.servo.voltage_limit_V:
                 why = f"the log hardly ever used more than {volts:.2f} V"
                 found.append(Untestable(effect.name, why, {key: volts}))
         elif size > max(abs(first.low), abs(first.high)):
@@ -176,11 +194,12 @@ def untestable(state: State, screened: list[Screened] | None) -> tuple[Untestabl
     return tuple(found)
 
 
-def extended(decision: Decision, found: tuple[Named, ...],
-             servo: Mapping[str, Interval]) -> Rig:  # fmt: skip
-    """The believed rig with the named effects, the unnamed term, and K and tau as calibrated."""
-    believed: Believed = decision.state.believed
-    rig = believed.rig
+def extended(decision: Decision, found: tuple[Named, ...], servo: Mapping[str, Interval]) -> Rig:
+    """The nominal rig with the named effects `found`, K and tau as fitted (`servo`, mean of both
+    axes), the unnamed term, the ball's height, and without the friction of the load where the logs
+    refute it."""
+    nominal: NominalModel = decision.state.nominal
+    rig = nominal.rig
     effects = {n: {a: dict(p) for a, p in by.items()} for n, by in rig.effects.items()}
     for one in found:
         for axis, pairs in one.parameters.items():
@@ -194,45 +213,49 @@ def extended(decision: Decision, found: tuple[Named, ...],
     }
     fitted = {key: sum(v) / len(v) for key, v in mean.items() if v}
     drive = rig.drive
-    if not believed.load_friction:  # the logs do not show the assumed friction of arm and joints
+    if not nominal.load_friction:  # the assumed friction of arm and joints is refuted
         drive = replace(
             drive, arm_friction_nm=_light_friction(decision.state), joint_friction_nm=0.0
         )
-    camera = replace(rig.camera, ball_height_m=higher(decision.state))
-    return replace(rig, effects=effects, servo=replace(rig.servo, **fitted), drive=drive,
-                   camera=camera)  # fmt: skip
+    camera = replace(rig.camera, ball_height_m=ball_height_m(decision.state))
+    return replace(
+        rig, effects=effects, servo=replace(rig.servo, **fitted), drive=drive, camera=camera
+    )
 
 
-def higher(state: State) -> float:
-    """By how much the ball's centre lies higher than its pictures were taken for [m]; as believed
-    where a scale that says so was not found."""
-    knob = state.believed.knobs[f"camera_scale.{HEIGHT}.xy"]
-    return state.fit.setting.get(knob.name, knob.believed)
+def ball_height_m(state: State) -> float:
+    """Fitted height of the ball's centre above the plane for which its positions were computed
+    [m]."""
+    parameter = state.nominal.parameters[f"camera_scale.{HEIGHT_KEY}.xy"]
+    return state.fit.setting.get(parameter.name, parameter.nominal)
 
 
 def _light_friction(state: State) -> float:
-    """What brakes arm and plate in the gap of the gears [N m], mean of the axes; 0: not seen."""
+    """Friction on arm and plate while they coast in the gears' gap [N m], mean of the axes; 0 if
+    none was fitted."""
     found = [
-        value for name, value in state.fit.setting.items() if f".{COAST}." in name and value > 0.0
+        value
+        for name, value in state.fit.setting.items()
+        if f".{COAST_KEY}." in name and value > 0.0
     ]
-    load = GEARS_INERTIA_HIGH_KG_M2 + state.believed.rig.drive.plate_inertia_kg_m2
+    load = GEARS_INERTIA_HIGH_KG_M2 + state.nominal.rig.drive.plate_inertia_kg_m2
     return load * len(found) / sum(found) if found else 0.0
 
 
 def _allowed(name: str, key: str, value: float) -> float:
-    """A value that a rig file takes: sizes that cannot be negative are not."""
+    """A value that a rig file takes: sizes that cannot be negative are clipped to 0."""
     parameter = next(p for p in BY_NAME[name].parameters if p.key == key)
     return float(max(value, 0.0) if parameter.low >= 0 else value)
 
 
 def enough_motion(state: State) -> str | None:
-    """What the log lacks to name anything, or None."""
+    """What the logs lack to name anything, in words for the user; None if they lack nothing."""
     theta = [r.theta_rad for r in state.evidence.runs]
-    step = state.believed.rig.servo.encoder_step_rad
+    step = state.nominal.rig.servo.encoder_step_rad
     moved = any(float(t[:, a].max() - t[:, a].min()) > 8 * step for t in theta for a in range(2))
-    if not state.evidence.parts:
+    if not state.evidence.outputs:
         return "no channel has signals enough"
-    servo = [part for part in SERVO if part in state.evidence.parts]
-    if not moved and (servo or BALL in state.evidence.parts):
+    servo = [output for output in SERVO if output in state.evidence.outputs]
+    if not moved and (servo or BALL in state.evidence.outputs):
         return "the servos hardly move"
     return None

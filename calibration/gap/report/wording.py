@@ -1,84 +1,97 @@
-"""The answer in plain words: the sentence that sums it up, and what a reader should know beside."""
+"""The findings in plain words: the sentence that sums them up, and notes."""
 
 from collections.abc import Mapping
 from math import degrees, hypot
 
-from calibration.gap.answer import higher
-from calibration.gap.chance import ONE_IN
-from calibration.gap.decide import Decision
+from calibration.gap.decision_rule import CHANCE_ONE_IN, NAME_THRESHOLD
 from calibration.gap.findings import Interval, Named
-from calibration.gap.knobs import CALIBRATED, PERIODIC
-from calibration.gap.name import THRESHOLD
-from calibration.gap.state import State
-from calibration.gap.unknown_words import describe
+from calibration.gap.model.parameters import CALIBRATED, PERIODIC
+from calibration.gap.model.state import State
+from calibration.gap.name.decide import Decision
+from calibration.gap.report.findings_of_decision import ball_height_m
+from calibration.gap.unnamed.wording import describe
 from rig.effects import BY_NAME
 
-EDGE = 0.01  # of a knob's step
-VAGUE = 0.5  # width of an interval over its value
+RANGE_END_STEPS = 0.01  # of a parameter's step: closer to its range's end, it is at the end
+VAGUE_WIDTH = 0.5  # width of an interval over its value beyond which it is not known
 ANGLES = ("play_rad", "offset_rad", "amplitude_rad", "slope_rad", "angle_rad")
 
 
 def notes(decision: Decision, servo: Mapping[str, Interval]) -> tuple[str, ...]:
-    """What the names do not say: the servo, the ball's height, what chance alone would bring."""
+    """Notes to print beside the names: on the servo's K and tau, the ball's height, parameters at
+    the limit of their range, and the thresholds of chance. `servo`: as from `calibrated`."""
     state = decision.state
     return (
-        _servo_notes(state, servo) + _height_note(state) + _edge_notes(state)
+        _servo_notes(state, servo)
+        + _height_note(state)
+        + _edge_notes(state)
         + _chance_note(decision)
-    )  # fmt: skip
+    )
 
 
 def vague(value: Interval) -> bool:
-    """Is the interval of K or tau so wide that the log says little of it?"""
-    return value.high - value.low > VAGUE * abs(value.value)
+    """Whether the interval of K or tau is wider than VAGUE_WIDTH times its value, so that the logs
+    say little of it."""
+    return value.high - value.low > VAGUE_WIDTH * abs(value.value)
 
 
 def far_off(value: Interval, nominal: float, limit: float) -> bool:
-    """Is K or tau surely further from the rig file's than the share `limit` of it?"""
+    """Whether K or tau differs from the rig file's value `nominal` by more than the share `limit`,
+    with an interval that excludes it and is not vague."""
     sure = not value.low <= nominal <= value.high and not vague(value)
     return sure and abs(value.value / nominal - 1) > limit
 
 
 def _servo_notes(state: State, servo: Mapping[str, Interval]) -> tuple[str, ...]:
-    """K or tau outside what a rig file may differ: say "recalibrate the servo"; or not known."""
-    rig, found = state.believed.rig.servo, []
+    """Notes on K and tau: outside CALIBRATED "recalibrate the servo"; or not known."""
+    rig, found = state.nominal.rig.servo, []
     for label, value in servo.items():
         key = "gain_rad_s_V" if label.startswith("gain") else "time_constant_s"
         nominal = getattr(rig, key)
         limit = CALIBRATED[key]
         if vague(value):
-            found.append(f"these logs do not tell {label}: {value.value:.3g} [{value.low:.3g}, "
-                         f"{value.high:.3g}], the rig file says {nominal:.4g}")  # fmt: skip
+            found.append(
+                f"these logs do not tell {label}: {value.value:.3g} [{value.low:.3g}, "
+                f"{value.high:.3g}], the rig file says {nominal:.4g}"
+            )
         elif far_off(value, nominal, limit):
-            found.append(f"recalibrate the servo: {label} is {value.value:.4g}, the rig file says "
-                         f"{nominal:.4g} (tolerance {100 * limit:.0f} %)")  # fmt: skip
+            found.append(
+                f"recalibrate the servo: {label} is {value.value:.4g}, the rig file says "
+                f"{nominal:.4g} (tolerance {100 * limit:.0f} %)"
+            )
     return tuple(found)
 
 
 def _edge_notes(state: State) -> tuple[str, ...]:
-    """A size at the end of what may be: it stands in for something else."""
+    """Notes on sizes at the end of their range: they may stand in for something else."""
     setting, found = state.fit.setting, []
     for effect, axis in state.named:
-        knob, *more = state.believed.of(effect, axis)
-        value = setting.get(knob.name, knob.believed)
-        if any(end and abs(value - end) < EDGE * knob.step for end in knob.range):
-            key, told = knob.key, value
+        parameter, *more = state.nominal.of(effect, axis)
+        value = setting.get(parameter.name, parameter.nominal)
+        if any(
+            end and abs(value - end) < RANGE_END_STEPS * parameter.step for end in parameter.range
+        ):
+            key, told = parameter.key, value
             if effect in PERIODIC:  # turned by its sine and cosine
-                cosine = setting.get(more[0].name, more[0].believed)
+                cosine = setting.get(more[0].name, more[0].nominal)
                 key, told = PERIODIC[effect], hypot(value, cosine)
-            found.append(f"{effect}: {axis} {key} = {told:.3g} is the most it may be: it may "
-                         "stand in for something else; check geometry and units in rig.toml"
-            )  # fmt: skip
+            found.append(
+                f"{effect}: {axis} {key} = {told:.3g} is the most it may be: it may "
+                "stand in for something else; check geometry and units in rig.toml"
+            )
     return tuple(found)
 
 
 def _height_note(state: State) -> tuple[str, ...]:
-    """A scale that comes with a shift as the plate tilts: the ball is higher than believed."""
-    more = higher(state) - state.believed.rig.camera.ball_height_m
+    """The note on a scale that comes with a shift as the plate tilts: a higher ball."""
+    more = ball_height_m(state) - state.nominal.rig.camera.ball_height_m
     if not more or ("camera_scale", "xy") not in state.named:
         return ()
     way = "higher" if more > 0 else "lower"
-    return (f"the scale comes with a shift as the plate tilts: the ball's centre lies "
-            f"{1e3 * abs(more):.0f} mm {way} than its pictures were taken for",)  # fmt: skip
+    return (
+        f"the scale comes with a shift as the plate tilts: the ball's centre lies "
+        f"{1e3 * abs(more):.0f} mm {way} than its pictures were taken for",
+    )
 
 
 def _chance_note(decision: Decision) -> tuple[str, ...]:
@@ -86,20 +99,22 @@ def _chance_note(decision: Decision) -> tuple[str, ...]:
     if chance is None:
         return ()
     scores = ", ".join(
-        f"{score:.1f} on {part.replace('_', ' ')}" for part, score in chance.scores.items()
+        f"{score:.1f} on {output.replace('_', ' ')}" for output, score in chance.scores.items()
     )
-    return (f"by chance alone the best name on a log like this scores {scores} in 1 of {ONE_IN} "
-            f"({chance.draws} draws): a name needs more, and at least {THRESHOLD:g}",)  # fmt: skip
+    return (
+        f"by chance alone the best name on a log like this scores {scores} in 1 of {CHANCE_ONE_IN} "
+        f"({chance.draws} draws): a name needs more, and at least {NAME_THRESHOLD:g}",
+    )
 
 
 def sentence(decision: Decision, names: tuple[Named, ...]) -> str:
-    """What is wrong, in plain words."""
-    told = [_told(name) for name in names]
-    left = decision.shape and describe(decision.shape)
+    """The verdict as one or two sentences in plain words, for the user."""
+    told = [_effect_words(name) for name in names]
+    left = decision.unnamed and describe(decision.unnamed)
     if decision.verdict == "nothing-missing":
         return "Nothing is missing: the model explains the log within the declared tolerances."
     if decision.verdict == "unknown-effect":
-        channel = decision.shape.channel if decision.shape else "the log"
+        channel = decision.unnamed.channel if decision.unnamed else "the log"
         return f"Something that has no name in the catalogue acts on {channel}: {left}."
     if decision.verdict == "undecided":
         rivals = dict.fromkeys(r.name for one in decision.accepted for r in one.rivals[:1])
@@ -108,7 +123,7 @@ def sentence(decision: Decision, names: tuple[Named, ...]) -> str:
     return text + (f" Something without a name is left: {left}." if left else "")
 
 
-def _told(name: Named) -> str:
+def _effect_words(name: Named) -> str:
     words = BY_NAME[name.name].sentence.rstrip(".").lower()
     sizes = []
     for axis, pairs in name.parameters.items():

@@ -1,133 +1,147 @@
-"""What no name explains: its shape on a fixed basis, found in what is left of the innovations.
+"""What no name explains: an unnamed term on a fixed basis, fitted to the residuals.
 
-Families (see `rig.unknown`): a map (force over the plate, volts over the servo's angle), a
-dependence on speed, one rhythm, one segment of time. Each is linear in its coefficients; where a
-frequency or a window has to be found, the periodogram and a matched filter propose it. The score
-is the gain in log-likelihood beyond what the coefficients and the places looked at cost.
+Families (`rig.discrepancy`), each linear in its k coefficients c: a map (force over the plate,
+volts over the servo's angle), a dependence on speed, one rhythm, one segment of time, a force that
+turns with the ball. A periodogram proposes the frequency, a matched filter the window. With the
+other parameters free within their tolerance boxes, the score is
+
+    S = G - PENALTY_PER_PARAMETER k - (SEARCH_PENALTY where a frequency or a window was searched)
+
+and 0 gain where the term's RMS along the recorded motion is below MIN_FELT.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
+from itertools import accumulate
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from calibration.gap.attitude import attitude
-from calibration.gap.evidence import Evidence
-from calibration.gap.fit import Fit, bounded_step, differences, normal_equations, weights
-from calibration.gap.knobs import BALL, SERVO
-from calibration.gap.screen import PER_KNOB
-from calibration.gap.state import State
-from rig.unknown import Unknown, pack, unknown_acceleration, unknown_volts
+from calibration.gap.decision_rule import MIN_FELT, PENALTY_PER_PARAMETER, SEARCH_PENALTY
+from calibration.gap.model.data import Evidence
+from calibration.gap.model.fit import (
+    ParameterFit,
+    bounded_step,
+    differences,
+    normal_equations,
+    weights,
+)
+from calibration.gap.model.parameters import BALL, SERVO
+from calibration.gap.model.state import State
+from rig.discrepancy import Discrepancy, discrepancy_acceleration, discrepancy_volts, pack
 
 WINDOWS_S = (0.3, 0.6, 1.2, 2.5, 5.0, 10.0)
-SEARCHED = 7.0  # log-likelihood that the choice of a frequency or a window costs
-ORDERS = (1, 2, 3)
-# RMS [m/s2, V] below which it is no effect: the tolerances of rolling, of friction and dead zone.
-SMOOTHED = 15
-LEAST_FELT = {"ball": 0.0015, "servo": 0.025}
+ORDERS = (1, 2, 3)  # of a map over the plate
+SMOOTHING_SAMPLES = 15  # of a servo's speed: encoder counts are steps
 UNIT = {"ball": 0.02, "servo": 0.02}  # m/s2 and V: size of the trial coefficients
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
-    """An unnamed term: its part, its kind (map, speed, rhythm, segment, turning), score and
-    coefficients. The model has no room for a turning one: it is told, not added."""
+class UnnamedTerm:
+    """An unnamed term: its output, its kind (map, speed, rhythm, segment or turning), score,
+    coefficients (`unknown`), and the state fitted with it. The model cannot hold a turning one: its
+    `unknown` and state are those without the term."""
 
-    part: str
+    output: str
     kind: str
     score: float
-    unknown: Unknown
+    unknown: Discrepancy
     state: State
 
     @property
     def channel(self) -> str:
-        """The channel that it moves most."""
-        if self.part != BALL:
-            return self.part
+        """The channel that the term moves most."""
+        if self.output != BALL:
+            return self.output
         size = [
-            sum(float(np.sum(np.square(value))) for name, value in vars(self.unknown).items()
-                if name.startswith("ball") and name.endswith(axis) and isinstance(value, tuple))
+            sum(
+                float(np.sum(np.square(value)))
+                for name, value in vars(self.unknown).items()
+                if name.startswith("ball") and name.endswith(axis) and isinstance(value, tuple)
+            )
             + (self.unknown.ball_segment["xy".index(axis)] ** 2)
             for axis in "xy"
-        ]  # fmt: skip
+        ]
         return "ball_x" if size[0] >= size[1] else "ball_y"
 
 
-def shapes(state: State) -> list[Shape]:
-    """Every family on every part, best first."""
-    found = [shape for part in state.evidence.parts for shape in _of_part(state, part)]
-    return sorted(found, key=lambda shape: -shape.score)
+def unnamed_terms(state: State) -> list[UnnamedTerm]:
+    """Every family of terms fitted on every output of the state, best score first."""
+    found = [term for output in state.evidence.outputs for term in _terms_of(state, output)]
+    return sorted(found, key=lambda term: -term.score)
 
 
-def _of_part(state: State, part: str) -> Iterator[Shape]:
-    side = "ball" if part == BALL else "servo"
-    axes = "xy" if part == BALL else part[-1]
-    nuisance = _nuisance(state, part)
+def _terms_of(state: State, output: str) -> Iterator[UnnamedTerm]:
+    side = "ball" if output == BALL else "servo"
+    axes = "xy" if output == BALL else output[-1]
+    nuisance = _nuisance(state, output)
     for order in ORDERS if side == "ball" else (4,):
         places = [i * 4 + j for i in range(4) for j in range(4) if i + j <= order]
         places = places if side == "ball" else list(range(4))
-        units = [_unit(f"{side}_map_{a}", i) for a in axes for i in places]
-        yield _fitted(state, part, "map", units, nuisance, {})
-    # On a servo what grows with speed is K and tau: that term is left out.
-    units = [
-        _unit(f"{side}_speed_{a}", i) for a in axes for i in range(4) if part == BALL or i != 1
-    ]
-    yield _fitted(state, part, "speed", units, nuisance, {})
-    units = [_unit(f"{side}_rhythm_{a}", i) for a in axes for i in range(2)]
-    for hz in _peaks(state, part):
-        yield _fitted(state, part, "rhythm", units, nuisance, {f"{side}_rhythm_hz": hz}, SEARCHED)
-    if part == BALL and all(state.evidence.ball_axes):
+        units = [(f"{side}_map_{a}", i) for a in axes for i in places]
+        yield _fitted(state, output, "map", units, nuisance, {})
+    # On a servo the term proportional to speed is K and tau: it is left out.
+    units = [(f"{side}_speed_{a}", i) for a in axes for i in range(4) if output == BALL or i != 1]
+    yield _fitted(state, output, "speed", units, nuisance, {})
+    units = [(f"{side}_rhythm_{a}", i) for a in axes for i in range(2)]
+    for hz in _peaks(state, output):
+        yield _fitted(
+            state, output, "rhythm", units, nuisance, {f"{side}_rhythm_hz": hz}, SEARCH_PENALTY
+        )
+    if output == BALL and all(state.evidence.ball_axes):
         yield turning(state, nuisance)
-    units = [_unit(f"{side}_segment", "xy".index(a)) for a in axes]
-    for window in _windows(state, part, side):
+    units = [(f"{side}_segment", "xy".index(a)) for a in axes]
+    for window in _windows(state, output, side):
         fixed = {f"{side}_segment_s": window}
-        yield _fitted(state, part, "segment", units, nuisance, fixed, SEARCHED)
+        yield _fitted(state, output, "segment", units, nuisance, fixed, SEARCH_PENALTY)
 
 
-Unit = tuple[str, int]
+Unit = tuple[str, int]  # a coefficient: field of `Unknown` and index in it
 
 
-def _unit(name: str, i: int) -> Unit:
-    return name, i
-
-
-def _term(units: list[Unit], sizes: np.ndarray, fixed: dict, base: Unknown) -> Unknown:
+def _term(units: list[Unit], sizes: np.ndarray, fixed: dict, base: Discrepancy) -> Discrepancy:
     """The unnamed term with the units at these sizes, on top of `base`."""
-    values = {f.name: getattr(base, f.name) for f in fields(Unknown)} | fixed
+    values = {f.name: getattr(base, f.name) for f in fields(Discrepancy)} | fixed
     for (name, i), size in zip(units, sizes, strict=True):
         row = list(values[name])
         row[i] += float(size)
         values[name] = tuple(row)
-    return Unknown(**values)
+    return Discrepancy(**values)
 
 
-def _nuisance(state: State, part: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Columns (n, k) of the free knobs of a part, their lower and upper room, their steps."""
-    bounds = state.bounds((part,))
-    knobs = [state.believed.knobs[name] for name in bounds]
-    only = Fit(state.fit.setting, {part: state.fit.rolls[part]}, {}, state.fit.columns)
-    columns = differences(state.evidence, state.believed, only, knobs, bounds)[part]
-    value = np.array([state.fit.setting.get(k.name, k.believed) for k in knobs])
-    low, high = (np.array([bounds[k.name][i] for k in knobs]) for i in (0, 1))
-    return columns, low - value, high - value, np.array([k.step for k in knobs])
+def _nuisance(state: State, output: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Secants (n, k) of the free parameters of an output, room below and above, steps."""
+    bounds = state.bounds((output,))
+    parameters = [state.nominal.parameters[name] for name in bounds]
+    only = ParameterFit(state.fit.setting, {output: state.fit.rolls[output]}, {}, state.fit.columns)
+    columns = differences(state.evidence, state.nominal, only, parameters, bounds)[output]
+    value = np.array([state.fit.setting.get(k.name, k.nominal) for k in parameters])
+    low, high = (np.array([bounds[k.name][i] for k in parameters]) for i in (0, 1))
+    return columns, low - value, high - value, np.array([k.step for k in parameters])
 
 
-def _fitted(state: State, part: str, kind: str, units: list[Unit], nuisance: tuple,
-            fixed: dict, searched: float = 0.0) -> Shape:  # fmt: skip
-    """Fit a family linearly beside the free knobs, then score it by its real roll-out."""
-    unit = UNIT["ball" if part == BALL else "servo"]
-    base, believed = state.fit.rolls[part], state.believed
-    have = believed.rig.unknown
+def _fitted(
+    state: State,
+    output: str,
+    kind: str,
+    units: list[Unit],
+    nuisance: tuple,
+    fixed: dict,
+    searched: float = 0.0,
+) -> UnnamedTerm:
+    """Fit a family linearly beside the free parameters; its gain is what it adds to theirs."""
+    unit = UNIT["ball" if output == BALL else "servo"]
+    base, nominal = state.fit.rolls[output], state.nominal
+    have = nominal.rig.unknown
     eye = np.eye(len(units)) * unit
     models = [
-        believed.with_unknown(_term(units, row, fixed, have)).model(state.fit.setting)
-        for row in eye
+        nominal.with_unknown(_term(units, row, fixed, have)).model(state.fit.setting) for row in eye
     ]
-    rolls = state.evidence.rolls([(model, part) for model in models])
+    rolls = state.evidence.rolls([(model, output) for model in models])
     columns = np.column_stack([nuisance[0], *[r.slope(base, unit) for r in rolls]])
     k = len(units)
-    only = Fit(state.fit.setting, {part: base}, {})
-    a, b = normal_equations(state.evidence, only, {part: columns})
+    only = ParameterFit(state.fit.setting, {output: base}, {})
+    a, b = normal_equations(state.evidence, only, {output: columns})
     low = np.append(nuisance[1], np.full(k, -np.inf))
     high = np.append(nuisance[2], np.full(k, np.inf))
     step = bounded_step(a, b, low, high, np.append(nuisance[3], np.full(k, unit)))
@@ -135,43 +149,49 @@ def _fitted(state: State, part: str, kind: str, units: list[Unit], nuisance: tup
     alone = bounded_step(a[:-k, :-k], b[:-k], nuisance[1], nuisance[2], nuisance[3])
     gain += float(0.5 * alone @ a[:-k, :-k] @ alone + b[:-k] @ alone)
     unknown = _term(units, step[-k:], fixed, have)
-    felt = float(np.sqrt(np.mean(np.square(_felt(state, part, unknown)))))
-    least = LEAST_FELT["ball" if part == BALL else "servo"]
-    if felt < least + (state.believed.friction_slack_V if part != BALL else 0.0):
+    felt = float(np.sqrt(np.mean(np.square(_felt(state, output, unknown)))))
+    least = MIN_FELT["ball" if output == BALL else "servo"]
+    if felt < least + (state.nominal.friction_slack_V if output != BALL else 0.0):
         gain = 0.0
-    new = replace(state, believed=believed.with_unknown(unknown))
-    return Shape(part, kind, gain - PER_KNOB * k - searched, unknown, new)
+    new = replace(state, nominal=nominal.with_unknown(unknown))
+    return UnnamedTerm(output, kind, gain - PENALTY_PER_PARAMETER * k - searched, unknown, new)
 
 
-def _felt(state: State, part: str, unknown: Unknown) -> np.ndarray:
+def _felt(state: State, output: str, unknown: Discrepancy) -> np.ndarray:
     """The unnamed term along the recorded motion [V or m/s2], (n,)."""
-    rig = state.believed.rig
+    rig = state.nominal.rig
     u, half = pack(unknown, rig.servo.angle_limit_rad), rig.linkage.plate_side_m / 2
     values: list[float] = []
     for run in state.evidence.runs:
-        if part == BALL and len(run.exposed_s) > 2:
+        if output == BALL and len(run.exposed_s) > 2:
             v = np.gradient(run.ball_m, run.exposed_s, axis=0)
             for i in range(0, len(v), 5):
                 x, y = run.ball_m[i] / half
-                values += [unknown_acceleration(u, a, x, y, v[i, a], run.exposed_s[i])
-                           for a in range(2)]  # fmt: skip
-        elif part != BALL:
-            a = SERVO.index(part)
+                values += [
+                    discrepancy_acceleration(u, a, x, y, v[i, a], run.exposed_s[i])
+                    for a in range(2)
+                ]
+        elif output != BALL:
+            a = SERVO.index(output)
             omega = np.gradient(run.theta_rad[:, a], run.t_s)
-            omega = np.convolve(omega, np.ones(SMOOTHED) / SMOOTHED, "same")  # counts are steps
-            values += [unknown_volts(u, a, run.theta_rad[i, a], omega[i], run.t_s[i])
-                       for i in range(0, len(run.t_s), 20)]  # fmt: skip
+            omega = np.convolve(
+                omega, np.ones(SMOOTHING_SAMPLES) / SMOOTHING_SAMPLES, "same"
+            )  # counts are steps
+            values += [
+                discrepancy_volts(u, a, run.theta_rad[i, a], omega[i], run.t_s[i])
+                for i in range(0, len(run.t_s), 20)
+            ]
     return np.array(values)
 
 
-def _peaks(state: State, part: str) -> list[float]:
-    """The two frequencies [Hz] at which the residuals swing most, beyond their neighbours."""
-    z = state.fit.z(part) * state.evidence.masks[part]
-    t, run = state.evidence.times(part)
+def _peaks(state: State, output: str) -> list[float]:
+    """The two frequencies [Hz] with the largest periodogram over the mean of their neighbours."""
+    z = state.fit.z(output) * state.evidence.masks[output]
+    t, run = state.evidence.times(output)
     chosen = run == np.bincount(run).argmax()
     t, z = t[chosen], z[chosen]
-    columns = [z[0::2], z[1::2]] if part == BALL else [z]
-    t = t[0::2] if part == BALL else t
+    columns = [z[0::2], z[1::2]] if output == BALL else [z]
+    t = t[0::2] if output == BALL else t
     step = float(np.median(np.diff(t)))
     even = np.arange(t[0], t[-1], max(step, 0.005))
     swings = [np.fft.rfft(np.interp(even, t, c), 4 * len(even)) for c in columns]
@@ -190,15 +210,15 @@ def _peaks(state: State, part: str) -> list[float]:
     return [float(hz[first]), *second]
 
 
-def _windows(state: State, part: str, side: str) -> list[tuple[float, float]]:
+def _windows(state: State, output: str, side: str) -> list[tuple[float, float]]:
     """The two windows of time in which a constant force explains most (matched filter)."""
-    t, run = state.evidence.times(part)
-    z = state.fit.z(part) * np.sqrt(weights(state.fit.z(part), state.evidence.masks[part]))
-    stride = 2 if part == BALL else 1
+    t, run = state.evidence.times(output)
+    z = state.fit.z(output) * np.sqrt(weights(state.fit.z(output), state.evidence.masks[output]))
+    stride = 2 if output == BALL else 1
     t, run, z = t[::stride], run[::stride], z.reshape(-1, stride)
     found: list[tuple[float, float, float]] = []
     for length in WINDOWS_S:
-        kernel = _response(state.evidence, state, part, side, length, stride)
+        kernel = _response(state.evidence, state, output, side, length, stride)
         if kernel is None or len(kernel) >= len(t):
             continue
         match = np.array([np.correlate(z[:, c], kernel, "valid") for c in range(stride)])
@@ -210,31 +230,43 @@ def _windows(state: State, part: str, side: str) -> list[tuple[float, float]]:
     return [(begin, end) for _, begin, end in found[:2]]
 
 
-def _response(evidence: Evidence, state: State, part: str, side: str, length: float,
-              stride: int) -> np.ndarray | None:  # fmt: skip
-    """What a unit force of `length` seconds does to the residuals, from its start on."""
-    t, run = evidence.times(part)
+def _response(
+    evidence: Evidence, state: State, output: str, side: str, length: float, stride: int
+) -> np.ndarray | None:
+    """The change of the residuals by a unit force of `length` seconds, from its start on; None: the
+    log is too short."""
+    t, run = evidence.times(output)
     t, first = t[::stride], run[::stride] == 0
     t = t[first]
     if t[-1] - t[0] < length + 3.0:
         return None
     begin = float(t[0]) + 1.0
     fixed = {f"{side}_segment_s": (begin, begin + length)}
-    axis = 0 if part == BALL else SERVO.index(part)
-    unknown = _term([(f"{side}_segment", axis)], np.array([UNIT[side]]), fixed, Unknown())
-    model = state.believed.with_unknown(unknown).model(state.fit.setting)
-    z = evidence.roll(model, part).z - state.fit.z(part)
+    axis = 0 if output == BALL else SERVO.index(output)
+    unknown = _term([(f"{side}_segment", axis)], np.array([UNIT[side]]), fixed, Discrepancy())
+    model = state.nominal.with_unknown(unknown).model(state.fit.setting)
+    z = evidence.roll(model, output).z - state.fit.z(output)
     z = z.reshape(-1, stride)[: len(t), 0]
     i = int(np.searchsorted(t, begin))
     keep = int(np.searchsorted(t, begin + length + 1.0)) - i
     return z[i : i + keep]
 
 
-def turning(state: State, nuisance: tuple) -> Shape:
-    """A force that turns with the ball: a heavy side, of which each run has its own direction.
+def _attitude(path_m: np.ndarray, radius_m: float) -> np.ndarray:
+    """Attitude (n, 3, 3) of a ball that rolls without slip along `path_m` (n, 2), first the
+    identity: R_i = exp([(-dy, dx, 0)/r]x) R_(i-1)."""
+    dx, dy = np.diff(path_m, axis=0, prepend=path_m[:1]).T
+    steps = Rotation.from_rotvec(np.column_stack([-dy, dx, np.zeros(len(dx))]) / radius_m)
+    return np.array(list(accumulate(steps.as_matrix(), lambda done, step: step @ done)))
 
-    The ball rolls, so its attitude follows from its path: dR = [(-dy, dx, 0)/r]x R. The force is
-    c (R e)_xy, linear in e; its effect on the innovations is the filter's answer to a short push.
+
+def turning(state: State, nuisance: tuple) -> UnnamedTerm:
+    """The force that turns with the ball, as of a heavy side: c (R e)_xy, linear in the vector c e.
+
+    R is the ball's attitude along its path, e the direction of the heavy side at the start of each
+    run. The force acts on the innovations through the filter's response to a short push.
+    `nuisance`: columns, lower and upper bounds, and scales of the parameters that are free beside
+    it.
     """
     kernel = _response(state.evidence, state, BALL, "ball", 0.05, 2)
     found: list[np.ndarray] = []
@@ -242,7 +274,7 @@ def turning(state: State, nuisance: tuple) -> Shape:
     begin = 0
     for run in state.evidence.runs:
         n = len(run.exposed_s)
-        turned = attitude(run.ball_m, state.believed.rig.ball.radius_m)
+        turned = _attitude(run.ball_m, state.nominal.rig.ball.radius_m)
         for j in range(3):
             column = np.zeros((total, 2))
             for a in range(2):
@@ -252,7 +284,7 @@ def turning(state: State, nuisance: tuple) -> Shape:
         begin += n
     k = len(found)
     columns = np.column_stack([nuisance[0], *found])
-    only = Fit(state.fit.setting, {BALL: state.fit.rolls[BALL]}, {})
+    only = ParameterFit(state.fit.setting, {BALL: state.fit.rolls[BALL]}, {})
     a, b = normal_equations(state.evidence, only, {BALL: columns})
     low, high = (
         np.append(side, np.full(k, s * np.inf))
@@ -260,6 +292,8 @@ def turning(state: State, nuisance: tuple) -> Shape:
     )
     step = bounded_step(a, b, low, high, np.append(nuisance[3], np.full(k, UNIT["ball"])))
     gain = -float(0.5 * step @ a @ step + b @ step)
-    if np.linalg.norm(step[-k:]) / k**0.5 < LEAST_FELT["ball"]:
+    if np.linalg.norm(step[-k:]) / k**0.5 < MIN_FELT["ball"]:
         gain = 0.0
-    return Shape(BALL, "turning", gain - PER_KNOB * k, state.believed.rig.unknown, state)
+    return UnnamedTerm(
+        BALL, "turning", gain - PENALTY_PER_PARAMETER * k, state.nominal.rig.unknown, state
+    )

@@ -1,20 +1,20 @@
-"""An unnamed term in a lab's words."""
+"""An unnamed term in plain words, and as a formula."""
 
 from collections.abc import Callable
 
 import numpy as np
 
-from calibration.gap.knobs import BALL
-from calibration.gap.unknown import Shape
-from rig.unknown import Unknown
+from calibration.gap.model.parameters import BALL
+from calibration.gap.unnamed.basis import UnnamedTerm
+from rig.discrepancy import Discrepancy
 
 
-def describe(shape: Shape) -> str:
-    """The shape in a lab's words."""
-    u, side = shape.unknown, "ball" if shape.part == BALL else "servo"
+def describe(term: UnnamedTerm) -> str:
+    """The term's kind and size in plain words, for the report."""
+    u, side = term.unknown, "ball" if term.output == BALL else "servo"
     unit = "m/s2" if side == "ball" else "V"
     words: dict[str, Callable[[], str]] = {
-        "map": lambda: _map_words(shape),
+        "map": lambda: _map_words(term),
         "speed": lambda: f"a {'force' if side == 'ball' else 'voltage'} that depends on speed",
         "rhythm": lambda: (
             f"a rhythm of {getattr(u, f'{side}_rhythm_hz'):.2f} Hz, "
@@ -27,35 +27,38 @@ def describe(shape: Shape) -> str:
             f"{max(abs(v) for v in getattr(u, f'{side}_segment')):.2g} {unit}"
         ),
     }
-    return words[shape.kind]()
+    return words[term.kind]()
 
 
-def _largest(u: Unknown, side: str, part: str) -> float:
-    return max(float(np.hypot(*getattr(u, f"{side}_{part}_{a}"))) for a in "xy")
+def _largest(u: Discrepancy, side: str, kind: str) -> float:
+    return max(float(np.hypot(*getattr(u, f"{side}_{kind}_{a}"))) for a in "xy")
 
 
-def _map_words(shape: Shape) -> str:
-    if shape.part != BALL:
-        return f"volts on {shape.part[-1]} that depend on the servo's angle"
+def _map_words(term: UnnamedTerm) -> str:
+    if term.output != BALL:
+        return f"volts on {term.output[-1]} that depend on the servo's angle"
     return "a force that depends on the place on the plate"
 
 
-SPARSE = 0.15  # of the largest term: smaller ones are left out of a formula
-SPEEDS = {"ball": ("tanh(v/0.01)", "v", "v|v|", "|v|"),
-          "servo": ("tanh(w/0.05)", "w", "w|w|", "|w|")}  # fmt: skip
+SPARSE = 0.15  # of the largest coefficient: smaller ones are left out of a formula
+SPEEDS = {
+    "ball": ("tanh(v/0.01)", "v", "v|v|", "|v|"),
+    "servo": ("tanh(w/0.05)", "w", "w|w|", "|w|"),
+}
 
 
-def formula(shape: Shape) -> str | None:
-    """The few terms that carry the unnamed term, axis by axis; None where it has no formula.
+def formula(term: UnnamedTerm) -> str | None:
+    """The largest coefficients of the unnamed term as a formula, axis by axis; None where all are
+    0.
 
-    Ball [m/s2]: x, y over half the plate's side, v its speed [m/s]; servo [V]: q = angle over the
-    servo's limit, w its speed [rad/s]; T2, T3 .. Chebyshev polynomials; t the run's time [s].
+    Ball [m/s2]: x, y over half the plate's side, v its speed [m/s]. Servo [V]: q its angle over the
+    servo's limit, w its speed [rad/s]. T2, T3 ...: Chebyshev polynomials; t: the run's time [s].
     """
-    side = "ball" if shape.part == BALL else "servo"
-    axes = "xy" if shape.part == BALL else shape.part[-1]
+    side = "ball" if term.output == BALL else "servo"
+    axes = "xy" if term.output == BALL else term.output[-1]
     told = []
     for axis in axes:
-        terms = [(c, w) for c, w in _terms(shape.unknown, side, axis) if c != 0.0]
+        terms = [(c, w) for c, w in _terms(term.unknown, side, axis) if c != 0.0]
         largest = max((abs(c) for c, _ in terms), default=0.0)
         kept = [f"{c:+.2g} {w}".strip() for c, w in terms if abs(c) >= SPARSE * largest]
         if kept:
@@ -63,8 +66,8 @@ def formula(shape: Shape) -> str | None:
     return "; ".join(told) or None
 
 
-def _terms(u: Unknown, side: str, axis: str) -> list[tuple[float, str]]:
-    """Every coefficient of an axis with its term in words."""
+def _terms(u: Discrepancy, side: str, axis: str) -> list[tuple[float, str]]:
+    """Every coefficient of an axis with its function in words."""
     coefficients = getattr(u, f"{side}_map_{axis}")
     if side == "ball":
         places = [(_power("x", i), _power("y", j)) for i in range(4) for j in range(4)]

@@ -1,23 +1,23 @@
-"""Values from a page are a stranger's: numbers are made numbers and clamped, choices checked."""
+"""Values that arrive from the browser are untrusted: convert, clamp, and check choices."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
-from rig.loop import HIGHEST_GAINS
+from rig.loop.loop import HIGHEST_GAINS
 
 
 @dataclass(frozen=True)
 class Range:
-    """What a number may be, in its unit."""
+    """Lowest and highest value of an input and the step of its slider, in the unit of the input."""
 
     low: float
     high: float
     step: float
 
     def clamp(self, value: Any) -> float:
-        """The number within the range. ValueError: it is none."""
+        """The value as a number, clamped to the range. ValueError: it is no finite number."""
         try:
             number = float(value)
         except (TypeError, ValueError, OverflowError):
@@ -30,7 +30,7 @@ class Range:
 KP = Range(0.0, HIGHEST_GAINS[0], 0.05)  # rad/m
 KI = Range(0.0, HIGHEST_GAINS[1], 0.05)  # rad/(m s)
 KD = Range(0.0, HIGHEST_GAINS[2], 0.05)  # rad s/m
-PLAY_DEG = Range(0.0, 3.0, 0.1)  # full width at the servo
+BACKLASH_DEG = Range(0.0, 3.0, 0.1)  # full width at the servo
 REPETITIONS = Range(1, 100, 1)
 PAUSE_S = Range(0, 600, 1)
 PUSH_M_S = Range(0.0, 0.4, 0.01)
@@ -38,13 +38,16 @@ SPEED = Range(0.1, 8.0, 0.1)
 
 
 def choice(value: Any, options: Sequence[str]) -> str:
-    """One of the options. ValueError: it is none of them."""
+    """The value, if it is one of the options. ValueError: it is none of them."""
     if not isinstance(value, str) or value not in options:
         raise ValueError(f"{str(value)[:40]!r} is none of {', '.join(options)}")
     return value
 
 
 def on_plate(xy_m: Sequence[float], side_m: float, margin_m: float) -> tuple[float, float]:
-    """A point on the plate, at least `margin_m` from its edge."""
+    """A point (x, y) [m] clamped to the plate, at least `margin_m` from its edges.
+
+    ValueError: a coordinate is no finite number.
+    """
     reach = Range(-(side_m / 2 - margin_m), side_m / 2 - margin_m, 0.001)
     return reach.clamp(xy_m[0]), reach.clamp(xy_m[1])

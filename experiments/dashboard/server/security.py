@@ -1,4 +1,4 @@
-"""Who may see the page and speak on its websocket: a token, the Host and the Origin, all checked.
+"""Access to the page and its websocket: token, Host and Origin of every request are checked.
 
 The page is reached by a link that bears the token; its answer sets a cookie, which the websocket
 brings. A page of another site knows neither token nor cookie and bears another Origin; a name that
@@ -6,21 +6,18 @@ somebody points at this machine (DNS rebinding) is another Host.
 """
 
 import ipaddress
-import secrets
 from collections.abc import Sequence
 from dataclasses import dataclass
 from hmac import compare_digest
 from http.cookies import CookieError, SimpleCookie
-from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
 LOCAL_NAMES = frozenset({"127.0.0.1", "localhost", "[::1]"})
-TOKEN_BYTES = 24
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What a request says of itself: every value of the headers that matter, and its path."""
+class PageRequest:
+    """Path and security headers of a request, every value of each header."""
 
     path: str
     hosts: Sequence[str]
@@ -31,8 +28,11 @@ class Asked:
 
 @dataclass(frozen=True)
 class Gate:
-    """What a request has to know. names: hosts it may ask for; any_address: any IP address, too
-    (where the server listens to the network: an address cannot be rebound)."""
+    """Checks requests. names: allowed hosts; any_address: any IP address is allowed, too.
+
+    A server that listens to the network allows any address: unlike a name, an address cannot be
+    rebound to another machine.
+    """
 
     token: str
     port: int
@@ -41,18 +41,18 @@ class Gate:
 
     @property
     def cookie(self) -> str:
-        """Its name; cookies do not tell ports apart, so the name does."""
+        """Name of the cookie. It holds the port, since browsers share cookies between ports."""
         return f"rig_dashboard_{self.port}"
 
-    def refusal(self, asked: Asked) -> str | None:
-        """Why the request is refused, in one line; None where it may pass."""
-        if len(asked.hosts) != 1 or not self._is_here(asked.hosts[0]):
+    def refusal(self, request: PageRequest) -> str | None:
+        """Why the request is refused, in one line; None: it may pass."""
+        if len(request.hosts) != 1 or not self._is_here(request.hosts[0]):
             return "wrong host: open the link that rig dashboard printed"
-        origin = f"http://{asked.hosts[0]}".lower()
-        strangers = [one for one in asked.origins if one.lower() != origin]
-        if strangers or len(asked.origins) > 1 or (asked.websocket and not asked.origins):
+        origin = f"http://{request.hosts[0]}".lower()
+        other_origins = [given for given in request.origins if given.lower() != origin]
+        if other_origins or len(request.origins) > 1 or (request.websocket and not request.origins):
             return "a page of another origin may not speak to the table"
-        if not (self._in_query(asked.path) or self._in_cookies(asked.cookies)):
+        if not (self._in_query(request.path) or self._in_cookies(request.cookies)):
             return "no valid token: open the link that rig dashboard printed"
         return None
 
@@ -79,7 +79,7 @@ class Gate:
         return compare_digest(given.encode("utf-8", "replace"), self.token.encode())
 
     def headers(self) -> dict[str, str]:
-        """What every answer of the page bears."""
+        """HTTP headers that every answer gets: the cookie, no frames, no referrer, no cache."""
         return {
             "Set-Cookie": f"{self.cookie}={self.token}; HttpOnly; SameSite=Strict; Path=/",
             "X-Frame-Options": "DENY",
@@ -98,28 +98,10 @@ def _is_address(name: str) -> bool:
 
 
 def gate_of(host: str, port: int, token: str) -> Gate:
-    """The gate of a server that listens at `host`."""
+    """The gate of a server that listens at `host` and `port`."""
     from socket import getfqdn, gethostname
 
     if host in ("127.0.0.1", "localhost", "::1"):
         return Gate(token, port)
     names = LOCAL_NAMES | {host.lower(), gethostname().lower(), getfqdn().lower()}
     return Gate(token, port, names, any_address=host in ("0.0.0.0", "::"))
-
-
-def kept_token(path: Path) -> str:
-    """The token of a file that only its owner reads; made where there is none, so that an open
-    page finds the server again after a restart. Delete the file for a new token."""
-    try:
-        text = path.read_text(encoding="ascii").strip()
-        if len(text) >= TOKEN_BYTES:
-            return text
-        path.unlink()
-    except FileNotFoundError:
-        pass
-    except UnicodeDecodeError:
-        path.unlink()
-    token = secrets.token_urlsafe(TOKEN_BYTES)
-    path.touch(mode=0o600)
-    path.write_text(token + "\n", encoding="ascii")
-    return token

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from typing import TYPE_CHECKING, Any
 
-from experiments.dashboard.security import Asked, Gate, gate_of
+from experiments.dashboard.server.security import Gate, PageRequest, gate_of
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -21,7 +21,7 @@ class PortBusyError(ValueError):
 
 
 def free_port(host: str, port: int) -> int:
-    """The port, or any free one for 0. PortBusyError: somebody else listens there."""
+    """The port number, any free one for 0. PortBusyError: another program listens there."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with socket.socket(family, socket.SOCK_STREAM) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -36,11 +36,11 @@ def free_port(host: str, port: int) -> int:
         return probe.getsockname()[1]
 
 
-def asked_of(request: Any) -> Asked:
-    """What matters of a websockets `Request`."""
+def page_request(request: Any) -> PageRequest:
+    """Path and security headers of a `websockets` request."""
     headers = request.headers
     upgrade = ",".join(headers.get_all("Upgrade")).lower()
-    return Asked(
+    return PageRequest(
         request.path,
         headers.get_all("Host"),
         headers.get_all("Origin"),
@@ -55,7 +55,7 @@ def guarded(process_request: Callable | None, gate: Gate) -> Callable:
     from websockets.http11 import Response
 
     def guard(connection: Any, request: Any):
-        why = gate.refusal(asked_of(request))
+        why = gate.refusal(page_request(request))
         if why is not None:
             body = f"{why}\n".encode()
             head = Headers({"Content-Type": "text/plain", "Content-Length": str(len(body))})
@@ -94,7 +94,7 @@ def open_server(host: str, port: int, token: str) -> "tuple[ViserServer, Gate]":
     import viser
     from viser import _messages as messages
 
-    # A knock that is no handshake (a port scan, a closed tab) is no fault of ours: no traceback.
+    # A connection without a handshake (a port scan, a closed tab) is no fault here: no traceback.
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
 
     port = free_port(host, port)
@@ -116,6 +116,6 @@ def open_server(host: str, port: int, token: str) -> "tuple[ViserServer, Gate]":
 
 
 def link_of(gate: Gate, host: str) -> str:
-    """What to open in the browser."""
+    """The link to open in a browser on this machine, token included."""
     name = "127.0.0.1" if host in ("0.0.0.0", "localhost", "::", "::1") else host
     return f"http://{name}:{gate.port}/?token={gate.token}"

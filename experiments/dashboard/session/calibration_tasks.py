@@ -1,10 +1,11 @@
-"""The steps of `rig calibrate` as the page asks for them; in a worker process, picklable."""
+"""The steps of `rig calibrate` as tasks for a worker process. Everything here can be pickled."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.dashboard.desk import Tell
-from experiments.dashboard.tasks import Shown
+from experiments.dashboard.session.tasks import CaptionedPicture
+from experiments.dashboard.session.worker_process import ProgressSender
 from rig.parameters import Rig
 
 CALIBRATION_STEPS = ("camera", "table", "time", "level", "servo", "play")
@@ -21,9 +22,12 @@ NOT_REAL = {
 
 
 @dataclass(frozen=True)
-class Measure:
-    """A step of `rig calibrate`: of the virtual table, or (rig_file) of a real one through its
-    camera and these recorded runs, newest first. *_mm: of the prints, as measured."""
+class CalibrationRequest:
+    """A step of `rig calibrate` for the virtual table or, with `rig_file`, for a real one.
+
+    A real table is measured through its camera and from recorded `runs`, newest first; square_mm
+    and plate_marker_mm: sizes on the printed sheets, as measured.
+    """
 
     step: str
     rig: Rig
@@ -35,63 +39,113 @@ class Measure:
     plate_marker_mm: float = 24.0
 
 
-def calibrate(what: Measure, tell: Tell) -> list[Shown]:
-    """One step; its pictures, growing meanwhile. ValueError, OSError: refused, why."""
-    from experiments import calibrate_camera as seeing
-    from experiments import calibrate_motion as moving
-    from experiments import calibrate_play as playing
+def calibration_step(
+    request: CalibrationRequest, progress: ProgressSender
+) -> list[CaptionedPicture]:
+    """Do one step and return its pictures; those of the lens are also sent while they grow.
+
+    The result is kept in `request.out`. ValueError, OSError: why the step was refused.
+    """
     from rig.rigfile import write_rig
 
-    step, out, seed, file = what.step, what.out, what.seed, what.rig_file
-    source = what.rig.table.camera if file is not None else None
+    _check_possible(request)
+    step, out = request.step, request.out
     out.mkdir(parents=True, exist_ok=True)
+    file = request.rig_file
     if file is None:
         file = out / "table.toml"
-        write_rig(what.rig, file)
-    elif step in NOT_REAL:
-        raise ValueError(NOT_REAL[step])
-    elif step in ("camera", "table") and not source:
-        raise ValueError("the rig file names no camera: set table.camera")
-    elif step in ("time", "level") and not what.runs:
-        raise ValueError(f"{step} is measured from recorded runs: record one with the ball first")
-    squares, square_mm, marker_mm, book = SHEET
-    printed = what.square_mm, what.square_mm * marker_mm / square_mm
-    sheet = seeing.sheet_of(squares, *printed, book)
-    tell(step, 0, 1)
-    if step == "camera":
-        seeing.camera(
-            source, file, out, sheet=sheet, distance_m=0.75, most=40, seconds=180.0, seed=seed,
-            shown=lambda pictures: tell.show([Shown(p, CAPTIONS[p.name]) for p in pictures]),
-        )  # fmt: skip
-    elif step == "table":
-        seeing.table(source, file, out, frames=12, plate_marker_mm=what.plate_marker_mm,
-                     layout_file=None, sheet=sheet, seed=seed)  # fmt: skip
-    elif step == "time":
-        run = what.runs[0] if what.runs else None
-        moving.time(run, None, file, out, seconds=6.0, seed=seed)
-    elif step == "level":
-        moving.level(what.runs, file, out, seconds=40.0, seed=seed)
-    elif step == "servo":
-        moving.servo(file, out, seed=seed)
-    elif step == "play":
-        playing.play(file, out, seed=seed)
+        write_rig(request.rig, file)
+    progress(step, 0, 1)
+    if step in ("camera", "table"):
+        _measure_optics(request, file, progress)
     else:
-        raise ValueError(f"no step '{step}'; known: {', '.join(CALIBRATION_STEPS)}")
-    tell(step, 1, 1)
+        _measure_motion(request, file)
+    progress(step, 1, 1)
     names = {"camera": ("coverage.png", "residuals.png", "camera.png"), "table": ("plate.png",)}
     pictures = [out / name for name in names.get(step, (f"{step}.png",))]
-    known = CAPTIONS.get
-    return [Shown(p, known(p.name) or f"{step}: data and fit") for p in pictures if p.is_file()]
+    return [
+        CaptionedPicture(path, CAPTIONS.get(path.name) or f"{step}: data and fit")
+        for path in pictures
+        if path.is_file()
+    ]
 
 
-def print_sheets(rig: Rig, out: Path, tell: Tell) -> Path:
-    """The sheets for lens and plate as PDF, in one file to download."""
+def _check_possible(request: CalibrationRequest) -> None:
+    """ValueError: no such step, or a real table that cannot do it."""
+    step = request.step
+    if step not in CALIBRATION_STEPS:
+        raise ValueError(f"no step '{step}'; known: {', '.join(CALIBRATION_STEPS)}")
+    if request.rig_file is None:
+        return
+    if step in NOT_REAL:
+        raise ValueError(NOT_REAL[step])
+    if step in ("camera", "table") and not request.rig.table.camera:
+        raise ValueError("the rig file names no camera: set table.camera")
+    if step in ("time", "level") and not request.runs:
+        raise ValueError(f"{step} is measured from recorded runs: record one with the ball first")
+
+
+def _measure_optics(request: CalibrationRequest, file: Path, progress: ProgressSender) -> None:
+    """The steps camera and table, through the camera of a real table or the virtual one."""
+    from experiments.calibrate import camera
+
+    source = request.rig.table.camera if request.rig_file is not None else None
+    squares, square_mm, marker_mm, book = SHEET
+    marker_mm = request.square_mm * marker_mm / square_mm
+    sheet = camera.sheet_of(squares, request.square_mm, marker_mm, book)
+
+    def show(pictures: Sequence[Path]) -> None:
+        progress.show([CaptionedPicture(path, CAPTIONS[path.name]) for path in pictures])
+
+    if request.step == "camera":
+        camera.calibrate_camera(
+            source,
+            file,
+            request.out,
+            sheet=sheet,
+            distance_m=0.75,
+            most=40,
+            seconds=180.0,
+            seed=request.seed,
+            shown=show,
+        )
+        return
+    camera.calibrate_table(
+        source,
+        file,
+        request.out,
+        frames=12,
+        plate_marker_mm=request.plate_marker_mm,
+        layout_file=None,
+        sheet=sheet,
+        seed=request.seed,
+    )
+
+
+def _measure_motion(request: CalibrationRequest, file: Path) -> None:
+    """The steps time, level, servo and play, from recorded runs or on the virtual table."""
+    from experiments.calibrate import backlash, motion
+
+    step, out, seed = request.step, request.out, request.seed
+    if step == "time":
+        run = request.runs[0] if request.runs else None
+        motion.calibrate_time(run, None, file, out, seconds=6.0, seed=seed)
+    elif step == "level":
+        motion.calibrate_level(request.runs, file, out, seconds=40.0, seed=seed)
+    elif step == "servo":
+        motion.calibrate_servo(file, out, seed=seed)
+    else:
+        backlash.calibrate_backlash(file, out, seed=seed)
+
+
+def print_sheets(rig: Rig, out: Path, progress: ProgressSender) -> Path:
+    """Draw the sheets for lens and plate as PDF; the path of a ZIP file with them in `out`."""
     from zipfile import ZipFile
 
-    from experiments.calibrate_camera import make_sheets, sheet_of
+    from experiments.calibrate.camera import make_sheets, sheet_of
     from rig.rigfile import write_rig
 
-    tell("drawing the sheets", 0, 1)
+    progress("drawing the sheets", 0, 1)
     out.mkdir(parents=True, exist_ok=True)
     write_rig(rig, out / "table.toml")
     make_sheets(out / "table.toml", out, paper="a4", sheet=sheet_of(*SHEET), plate_marker_mm=24.0)

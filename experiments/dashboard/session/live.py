@@ -1,4 +1,4 @@
-"""What the loop said last: the newest row and short memories of it, for whoever draws."""
+"""Latest log row and a short ring buffer, read by the drawing thread."""
 
 import threading
 import time
@@ -9,20 +9,22 @@ import numpy as np
 
 from rig.log import INDEX
 
-POINTS = 250  # of a curve: a panel is no wider
-CURVE_S = 20.0
-FRESH = 2048  # rows that wait for the ghost: 4 s
+POINTS = 250  # of a curve; chosen: a panel is about so many pixels wide
+CURVE_S = 20.0  # length of the curves; chosen
+UNREAD = 2048  # rows kept for the drawing thread: 4 s at 500 Hz
+TRAIL = 180  # observations in the ball's trail: 3 s at 60 Hz
 _T, _X, _Y = INDEX["t_s"], INDEX["ball_x_m"], INDEX["ball_y_m"]
 _COV = INDEX["ball_cov_xx_m2"]
 _PHASE = INDEX["phase"]
 
 
 @dataclass(frozen=True, eq=False)
-class Now:
-    """The newest row (len(COLUMNS),) with the ball as last seen; None before the first.
+class LiveState:
+    """The newest row (len(COLUMNS),) with the ball's last observed position; None before the first.
 
-    seen_s: the table's time when the ball was last seen; cov_m2: xx, xy, yy of that sight; rate:
-    ticks a wall second over the last seconds; silent_s: wall time since the last row.
+    seen_s: the table's time of that observation; cov_m2: its covariance xx, xy, yy [m²]; rate:
+    ticks a second of wall time, over the last seconds; silent_s: wall time since the last row; run:
+    counts the runs.
     """
 
     row: np.ndarray | None
@@ -34,52 +36,51 @@ class Now:
 
 
 @dataclass
-class Mean:
-    """The centroid of a run's ball so far: k-means with one cluster is the mean."""
+class RunningCentroid:
+    """Centroid of the ball's observations so far: k-means with one cluster is their mean."""
 
     n: int = 0
     sum_m: np.ndarray = field(default_factory=lambda: np.zeros(2))
 
     def add(self, xy_m: np.ndarray) -> None:
+        """Add an observation (2,)."""
         self.n, self.sum_m = self.n + 1, self.sum_m + xy_m
 
     @property
     def xy_m(self) -> np.ndarray | None:
+        """The centroid (2,) [m]; None without observations."""
         return self.sum_m / self.n if self.n else None
 
 
-class Live:
-    """Rows go in from the thread that drains the loop, pictures come out in the thread that draws.
-
-    Nothing here waits: a reader that is slow misses rows.
-    """
+class LiveBuffer:
+    """Written by the session's thread, read by the drawing thread; a slow reader misses rows."""
 
     def __init__(self, rate_hz: float) -> None:
         self._lock = threading.Lock()
         self._every = max(1, round(CURVE_S * rate_hz / POINTS))
         self._curve: deque[np.ndarray] = deque(maxlen=POINTS)
-        self._fresh: deque[np.ndarray] = deque(maxlen=FRESH)
-        self._trail: deque[tuple[float, float]] = deque(maxlen=180)
+        self._unread: deque[np.ndarray] = deque(maxlen=UNREAD)
+        self._trail: deque[tuple[float, float]] = deque(maxlen=TRAIL)
         self._arrivals: deque[tuple[float, int]] = deque(maxlen=64)
         self._row: np.ndarray | None = None
         self._ball, self._cov = np.full(2, np.nan), (np.nan, np.nan, np.nan)
         self._seen_s, self._count, self._last_s, self._run = np.nan, 0, time.monotonic(), 0
-        self.centroid = Mean()
+        self.centroid = RunningCentroid()
 
     def begin(self) -> None:
-        """Another run: its time starts at zero again."""
+        """Forget the rows: another run begins, whose time starts at zero."""
         with self._lock:
             self._curve.clear()
-            self._fresh.clear()
+            self._unread.clear()
             self._trail.clear()
             self._arrivals.clear()
             self._row, self._ball = None, np.full(2, np.nan)
             self._seen_s, self._count = np.nan, 0
-            self.centroid = Mean()
+            self.centroid = RunningCentroid()
             self._run += 1
 
     def add(self, row: np.ndarray) -> None:
-        """A row of the loop, copied."""
+        """Add a row of the loop (len(COLUMNS),); it is copied."""
         row = row.copy()
         with self._lock:
             if row[_X] == row[_X]:  # a new observation
@@ -88,26 +89,26 @@ class Live:
                 self._trail.append((float(row[_X]), float(row[_Y])))
                 if row[_PHASE] == 2:
                     self.centroid.add(self._ball)
-            self._fresh.append(row)
+            self._unread.append(row)
             self._row = row
             self._count += 1
             if self._count % self._every == 0:
-                kept = row.copy()
-                kept[_X : _Y + 1] = self._ball
-                self._curve.append(kept)
+                point = row.copy()
+                point[_X : _Y + 1] = self._ball
+                self._curve.append(point)
             now_s = time.monotonic()
             self._last_s = now_s
             if self._count % 50 == 0:
                 self._arrivals.append((now_s, self._count))
 
-    def now(self) -> Now:
-        """The newest state; its row is the caller's own."""
+    def now(self) -> LiveState:
+        """The newest state; its row is a copy."""
         with self._lock:
             row = None if self._row is None else self._row.copy()
             if row is not None:
                 row[_X : _Y + 1] = self._ball
             silent_s = time.monotonic() - self._last_s
-            return Now(row, self._seen_s, self._cov, self._rate(), silent_s, self._run)
+            return LiveState(row, self._seen_s, self._cov, self._rate(), silent_s, self._run)
 
     def _rate(self) -> float:
         if len(self._arrivals) < 2:
@@ -115,19 +116,19 @@ class Live:
         (t0, n0), (t1, n1) = self._arrivals[0], self._arrivals[-1]
         return (n1 - n0) / (t1 - t0) if t1 > t0 else float("nan")
 
-    def fresh(self) -> list[np.ndarray]:
-        """The rows since the last call, oldest first."""
+    def unread(self) -> list[np.ndarray]:
+        """The rows (len(COLUMNS),) since the last call, oldest first."""
         with self._lock:
-            rows = list(self._fresh)
-            self._fresh.clear()
+            rows = list(self._unread)
+            self._unread.clear()
             return rows
 
     def curve(self) -> np.ndarray:
-        """Thinned rows of the last seconds (n <= POINTS, len(COLUMNS)), the ball held."""
+        """Thinned rows (n <= POINTS, len(COLUMNS)) of the last `CURVE_S`, the ball held."""
         with self._lock:
             return np.array(self._curve)
 
     def trail(self) -> np.ndarray:
-        """The ball's last places (n, 2) [m]."""
+        """The last observations of the ball (n <= TRAIL, 2) [m]."""
         with self._lock:
             return np.array(self._trail).reshape(-1, 2)

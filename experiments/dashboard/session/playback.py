@@ -1,14 +1,17 @@
-"""A film of motions: where it stands, how fast it runs; scrubbed by hand or by the clock."""
+"""Playback of recorded or simulated motions in place of the live table."""
 
 import time
 from collections.abc import Callable
 
-from experiments.dashboard.sides import Motion
-from experiments.dashboard.video import Video
+from experiments.dashboard.session.video import Video
+from experiments.gap.closed_loop_replay import TableMotion
 
 
-class Player:
-    """Time of a film of `end_s` seconds; `clock` stands for the system's in tests."""
+class PlaybackClock:
+    """Position in a film of `end_s` seconds, with speed and pause; loop: begin again at its end.
+
+    clock: seconds, monotonic; tests give their own.
+    """
 
     def __init__(
         self, end_s: float, *, loop: bool = False, clock: Callable[[], float] = time.monotonic
@@ -18,7 +21,7 @@ class Player:
 
     @property
     def t_s(self) -> float:
-        """Where it stands; at its end it stops, or begins again."""
+        """Present position [s]; at the end it stops, or begins again."""
         if not self.playing:
             return self._from_s
         t_s = self._from_s + self._speed * (self._clock() - self._since)
@@ -30,36 +33,38 @@ class Player:
         return t_s
 
     def seek(self, t_s: float) -> None:
+        """Go to a time [s], clamped to the film."""
         self._from_s, self._since = min(max(t_s, 0.0), self.end_s), self._clock()
 
     def play(self, playing: bool) -> None:
-        """Run or stand; from its end it starts anew."""
+        """Play or pause; from the end it plays from the beginning."""
         here = self.t_s
         self.seek(0.0 if playing and here >= self.end_s else here)
         self.playing = playing
 
     def set_speed(self, speed: float) -> None:
+        """Play so many times as fast as it was recorded."""
         self.seek(self.t_s)
         self._speed = speed
 
 
-class Stage:
-    """What is shown instead of the live table: one motion, or three beside each other; a video may
-    come later."""
+class Playback:
+    """One recorded motion, alone or beside those of two models; `video` may be set later."""
 
     def __init__(
         self,
         name: str,
-        shown: Motion,
-        others: tuple[Motion, Motion] | None = None,
+        motion: TableMotion,
+        models: tuple[TableMotion, TableMotion] | None = None,
         *,
         playing: bool = True,
     ) -> None:
-        self.name, self.shown, self.others = name, shown, others
-        self.player = Player(shown.end_s, loop=others is not None)
-        self.player.play(playing)
+        self.name, self.motion, self.models = name, motion, models
+        self.clock = PlaybackClock(motion.end_s, loop=models is not None)
+        self.clock.play(playing)
         self.video: Video | None = None
 
     def close(self) -> None:
+        """Close the video."""
         if self.video is not None:
             self.video.close()

@@ -1,7 +1,7 @@
-"""The real table's camera on the page: through a run's own eye, or one of its own between runs.
+"""The real table's camera on the page: through the eye of a run, or an idle eye between runs.
 
-A camera serves one program at a time: whoever needs it (a run, a calibration) borrows it here, and
-looking on begins again when it is given back.
+A camera serves one program at a time: a run or a calibration borrows it here, and the idle eye
+opens it again when it is given back.
 """
 
 import threading
@@ -10,63 +10,64 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from experiments.dashboard.virtual_eye import sight_words
-from experiments.live_eye import open_ball, watching
-from rig.hardware.eye import CameraEye
+from experiments.dashboard.session.virtual_camera import sight_words
+from experiments.runs.live_eye import open_ball, watching
+from rig.hardware.camera.eye import CameraEye
 from rig.parameters import Rig
 
-AGAIN_S = 5.0  # after a camera that could not be opened
-PATIENCE_S = 20.0
+RETRY_S = 5.0  # wait after a camera could not be opened; chosen
+OPENING_S = 20.0  # longest wait for the idle eye to let go of the camera; chosen
 
 
 class RealCamera:
-    """The interface of `VirtualEye`: `look`, `newest`, `rest`; and `lent` to who needs the camera.
+    """Same interface as `VirtualCamera`; `lend` frees the camera for a run or a calibration.
 
-    A thread holds the eye between runs, so that neither page nor loop waits for a camera.
+    A thread of its own holds the idle eye, so that neither page nor loop waits for a camera.
     """
 
     def __init__(self, rig: Rig) -> None:
         self._rig = rig
         self._wake = threading.Condition()
-        self._wanted = self._closed = self._holds = False
-        self._lent = 0
-        self._own: CameraEye | None = None
-        self._runs: CameraEye | None = None
-        self._why = ""
+        self._wanted = self._closed = self._holds_camera = False
+        self._borrowers = 0
+        self._idle_eye: CameraEye | None = None
+        self._run_eye: CameraEye | None = None
+        self._error = ""
         self._thread = threading.Thread(target=self._serve, daemon=True, name="real camera")
         self._thread.start()
 
-    def look(
+    def request(
         self, theta_rad: np.ndarray | None, ball_m: np.ndarray | None = None, t_s: float = 0.0
     ) -> None:
-        """Somebody wants to see; the angles help an eye that is not a run's own."""
+        """Somebody looks: open the camera where it is free. The pose is not used."""
         with self._wake:
             self._wanted = True
             self._wake.notify_all()
 
     def newest(self) -> tuple[np.ndarray, str] | None:
-        """The image (240, 320, 3) RGB and what is said of it, since the last call.
+        """The image (240, 320, 3) RGB with words on it, if one came since the last call.
 
-        OSError: the camera cannot be looked through, why.
+        OSError: why the camera cannot be looked through.
         """
         with self._wake:
-            if self._why:
-                why, self._why = self._why, ""
+            if self._error:
+                why, self._error = self._error, ""
                 raise OSError(why)
-            eye = self._runs or self._own
-            found = eye.peephole.look() if eye is not None else None
-        if found is None:
+            eye = self._run_eye or self._idle_eye
+            preview = eye.preview.look() if eye is not None else None
+        if preview is None:
             return None
-        image, track, seen = found
+        image, track, seen = preview
         return image, sight_words(track, seen)
 
-    def rest(self) -> None:
-        """Nobody looks: between runs the camera is let go of."""
+    def release(self) -> None:
+        """Nobody looks: close the idle eye."""
         with self._wake:
             self._wanted = False
             self._wake.notify_all()
 
     def close(self) -> None:
+        """End the thread and close the idle eye."""
         with self._wake:
             self._closed = True
             self._wake.notify_all()
@@ -74,63 +75,64 @@ class RealCamera:
 
     def check_free(self) -> None:
         """ValueError: a run or a calibration has the camera."""
-        if self._lent:
+        if self._borrowers:
             raise ValueError("a run or a calibration has the camera: wait until it has ended")
 
     @contextmanager
-    def lent(self) -> Iterator[Callable[[CameraEye | None], None]]:
-        """The camera is free while inside; what is yielded takes the eye that now looks.
+    def lend(self) -> Iterator[Callable[[CameraEye | None], None]]:
+        """Free the camera for as long as the context lasts.
 
-        ValueError: somebody has it already. OSError: it is still being opened by this page.
+        Yields a function that takes the borrower's eye (or None), which the page then looks
+        through. ValueError: the camera is lent already. OSError: it is still being opened.
         """
 
-        def shown(eye: CameraEye | None) -> None:
+        def show_through(eye: CameraEye | None) -> None:
             with self._wake:
-                self._runs = eye
+                self._run_eye = eye
 
         with self._wake:
             self.check_free()
-            self._lent += 1
+            self._borrowers += 1
             self._wake.notify_all()
-            free = self._wake.wait_for(lambda: not self._holds, PATIENCE_S)
+            free = self._wake.wait_for(lambda: not self._holds_camera, OPENING_S)
         try:
             if not free:
                 raise OSError("the camera is still being opened to look through: try again")
-            yield shown
+            yield show_through
         finally:
             with self._wake:
-                self._lent, self._runs = self._lent - 1, None
+                self._borrowers, self._run_eye = self._borrowers - 1, None
                 self._wake.notify_all()
 
     # --- the thread that holds the camera between runs ---
-    def _ours(self) -> bool:
-        return self._wanted and not self._lent and not self._closed
+    def _may_hold(self) -> bool:
+        return self._wanted and not self._borrowers and not self._closed
 
     def _serve(self) -> None:
         while True:
             with self._wake:
-                self._wake.wait_for(lambda: self._ours() or self._closed)
+                self._wake.wait_for(lambda: self._may_hold() or self._closed)
                 if self._closed:
                     return
-                self._holds = True
+                self._holds_camera = True
             try:
                 self._watch()
                 why = ""
             except (OSError, ValueError) as error:
                 why = str(error)
             with self._wake:
-                self._holds, self._why = False, why
+                self._holds_camera, self._error = False, why
                 self._wake.notify_all()
                 if why:
-                    self._wake.wait_for(lambda: self._closed, AGAIN_S)
+                    self._wake.wait_for(lambda: self._closed, RETRY_S)
 
     def _watch(self) -> None:
         """Hold the camera until nobody looks or somebody needs it. OSError, ValueError: why not."""
         with watching(self._rig, open_ball) as eye, self._wake:
-            self._own = eye
+            self._idle_eye = eye
             try:
-                while self._ours():
+                while self._may_hold():
                     self._wake.wait(0.1)
                     eye.latest(-np.inf)  # raises what ended the camera
             finally:
-                self._own = None
+                self._idle_eye = None

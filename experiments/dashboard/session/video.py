@@ -1,4 +1,4 @@
-"""A run's video: read by time for the replay; rendered from the recording where nobody filmed."""
+"""Video of a run: frames by time for the replay, or rendered from the recording of a simulation."""
 
 import threading
 from pathlib import Path
@@ -6,15 +6,19 @@ from typing import Any
 
 import numpy as np
 
-from experiments.dashboard.desk import Tell
+from experiments.dashboard.session.worker_process import ProgressSender
 
 VIDEO = "video.mkv"
-STEP_S = 1 / 30
-WIDEST_PX = 480
+STEP_S = 1 / 30  # between frames of a rendered video
+SEEK_AHEAD_S = 2.0  # further ahead it seeks, nearer it decodes frame by frame; chosen
+WIDEST_PX = 480  # of a shown frame; chosen: a panel is narrower
 
 
 class Video:
-    """Frames by time. Threads may ask and close at any time: FFmpeg allows one at a time."""
+    """Frames by time. Any thread may call: a lock lets one at a time use the decoder.
+
+    OSError, `av.FFmpegError`: the file is not a video.
+    """
 
     def __init__(self, path: Path) -> None:
         import av
@@ -26,12 +30,14 @@ class Video:
         self._from_s, self._to_s = 0.0, 0.0  # how long the present image is shown
 
     def at(self, t_s: float) -> np.ndarray | None:
-        """The image (h, w, 3) RGB at a time: its last one past the end; None once it is closed or
-        where the same image is shown as before."""
+        """The frame (h, w, 3) RGB at a time [s], past the end the last one.
+
+        None: closed, or the same frame as in the last call.
+        """
         with self._lock:
             if self._file is None or self._from_s <= t_s < self._to_s:
                 return None
-            if not self._from_s <= t_s < self._to_s + 2.0:  # further ahead or back: jump
+            if not self._from_s <= t_s < self._to_s + SEEK_AHEAD_S:  # further ahead or back: jump
                 self._file.seek(int(t_s / self._stream.time_base), stream=self._stream)
                 self._frames = self._file.decode(self._stream)
             for frame in self._frames:
@@ -49,32 +55,35 @@ class Video:
             return image.to_ndarray(format="rgb24", width=width, height=height)
 
     def close(self) -> None:
+        """Close the file; `at` returns None from now on."""
         with self._lock:
             if self._file is not None:
                 self._file.close()
             self._file = None
 
 
-def render_video(folder: Path, tell: Tell) -> Path:
-    """The video of a simulated run: what the virtual camera saw of the measured poses."""
-    from experiments.dashboard.sides import motion_of
-    from experiments.dashboard.virtual_eye import Looker
-    from experiments.film import Film
-    from experiments.recording import read_run
+def render_video(folder: Path, progress: ProgressSender) -> Path:
+    """Render what the virtual camera saw of the measured poses of a simulated run; the file's path.
+
+    ValueError: the run was measured, or has no rows.
+    """
+    from experiments.dashboard.session.virtual_camera import VirtualCameraRenderer
+    from experiments.gap.closed_loop_replay import table_motion
+    from experiments.records.recording import read_run
+    from experiments.track.film import Film
     from rig.rigfile import from_dict
 
     run = read_run(folder)
     if run.meta.get("source") != "simulated":
         raise ValueError("nobody filmed this run: there is no video of it")
-    motion, looker = motion_of(run.log), Looker(from_dict(run.meta["rig"]))
-    part = folder / f"part-{VIDEO}"
+    motion, renderer = table_motion(run.log), VirtualCameraRenderer(from_dict(run.meta["rig"]))
+    unfinished = folder / f"part-{VIDEO}"
     times = np.arange(0.0, motion.end_s, STEP_S)
-    with Film(part, looker.size) as film:
+    with Film(unfinished, renderer.size) as film:
         for i, t_s in enumerate(times):
             if i % 30 == 0:
-                tell("rendering the video", i, len(times))
-            theta, ball, _ = motion.at(float(t_s))
-            there = (float(ball[0]), float(ball[1])) if np.isfinite(ball).all() else None
-            image, _ = looker.look((float(theta[0]), float(theta[1])), there, float(t_s))
+                progress("rendering the video", i, len(times))
+            theta_rad, ball_m, _ = motion.at(float(t_s))
+            image, _ = renderer.look(theta_rad, ball_m, float(t_s))
             film.add(image, float(t_s))
-    return part.rename(folder / VIDEO)
+    return unfinished.rename(folder / VIDEO)

@@ -1,7 +1,7 @@
-"""The virtual camera looked through: frames of the measured pose, rendered and tracked elsewhere.
+"""The virtual camera on the page: the measured pose, rendered and tracked in another process.
 
 It shows what a camera above the table would see; the loop's own observations do not come from it.
-A process of its own renders and tracks the newest pose only, so that nothing waits for it.
+Only the newest pose is rendered, and nothing waits for it.
 """
 
 import multiprocessing
@@ -13,61 +13,76 @@ from typing import Any
 
 import numpy as np
 
+from experiments.dashboard.session.worker_process import NICE_INCREMENT
 from rig.parameters import Rig
 
-SMALL = (320, 240)
+IMAGE_SIZE_PX = (320, 240)  # width and height on the page; chosen: as wide as its panel
 
 
-class Looker:
-    """Renders poses as the virtual camera sees them, and tracks the ball in what it rendered."""
+class VirtualCameraRenderer:
+    """Renders poses as the virtual camera sees them, and tracks the ball in the rendered images."""
 
     def __init__(self, rig: Rig) -> None:
-        from experiments.assemble import virtual_scene
-        from vision.appearance import Appearance
+        from experiments.runs.assemble import MAX_TILT_RAD, virtual_scene
         from vision.ball_camera import BallCamera
-        from vision.synthetic import Renderer, virtual_view
+        from vision.detection.appearance import Appearance
+        from vision.synthetic.synthetic import Renderer, virtual_view
 
         scene, view = virtual_scene(rig), virtual_view()
         self.size = view.camera.width_px, view.camera.height_px
         self._ratio, self._count = rig.linkage.ratio, 0
         self._renderer = Renderer(scene, view, np.random.default_rng(1))
         self._camera = BallCamera.over_plate(
-            view, scene.layout, rig.ball.radius_m, rig.linkage.plate_side_m,
+            view,
+            scene.layout,
+            rig.ball.radius_m,
+            rig.linkage.plate_side_m,
+            MAX_TILT_RAD,
             appearance=Appearance.of_colour(rig.ball.colour),
-        )  # fmt: skip
+        )
 
     def look(
-        self, theta: tuple[float, float], ball: tuple[float, float] | None, t_s: float
+        self, theta_rad: np.ndarray, ball_m: np.ndarray | None, t_s: float
     ) -> tuple[np.ndarray, str]:
-        """The image (h, w, 3) BGR with what the tracker saw drawn in, and the same in words."""
-        from rig.linkage import plate_rotation, tilt_sines
-        from vision.frames import Frame
-        from vision.overlay import draw
+        """The image (h, w, 3) BGR with the tracker's ellipse drawn in, and the same in words.
 
-        turn = plate_rotation(tilt_sines(theta, self._ratio))
+        theta_rad (2,): servo angles; ball_m (2,): the ball on the plate, None or NaN without it;
+        times must grow.
+        """
+        from rig.plant.ball import plate_rotation, tilt_sines
+        from vision.frames import Frame
+        from vision.overlay import draw_track
+
+        ball = None
+        if ball_m is not None and np.all(np.isfinite(ball_m)):
+            ball = float(ball_m[0]), float(ball_m[1])
+        turn = plate_rotation(tilt_sines((float(theta_rad[0]), float(theta_rad[1])), self._ratio))
         image = self._renderer.render(turn, ball)
         seen, track, _ = self._camera.step(Frame(image, t_s, self._count), turn)
         self._count += 1
-        return draw(image, track, ()), sight_words(track, seen)
+        return draw_track(image, track, ()), sight_words(track, seen)
 
 
-def _see(rig: Rig, here: Connection) -> None:
-    """The eye's process: pose in, image and words out, until the other end is closed."""
+def _serve_images(rig: Rig, pipe: Connection) -> None:
+    """The camera's process: pose in, image and words out, until the other end is closed."""
     import cv2
 
     with suppress(OSError, AttributeError):
-        os.nice(5)
+        os.nice(NICE_INCREMENT)
     cv2.setNumThreads(1)
-    looker = Looker(rig)
+    renderer = VirtualCameraRenderer(rig)
     with suppress(EOFError, OSError, KeyboardInterrupt):
         while True:
-            image, words = looker.look(*here.recv())
-            small = cv2.resize(image, SMALL, interpolation=cv2.INTER_AREA)
-            here.send((np.ascontiguousarray(small[:, :, ::-1]), words))
+            image, words = renderer.look(*pipe.recv())
+            small = cv2.resize(image, IMAGE_SIZE_PX, interpolation=cv2.INTER_AREA)
+            pipe.send((np.ascontiguousarray(small[:, :, ::-1]), words))
 
 
 def sight_words(track: Any, seen: Any) -> str:
-    """State, ellipse and covariance of a frame."""
+    """Markdown: the tracker's state, the ball's ellipse [px], its place and covariance.
+
+    track: `vision` track of a frame; seen: its observation, or None.
+    """
     words = f"tracker: **{track.state}**"
     if np.isfinite(track.u_px):
         words += (
@@ -84,8 +99,8 @@ def sight_words(track: Any, seen: Any) -> str:
     return words
 
 
-class VirtualEye:
-    """`look` at a pose (dropped while the last one is still being seen); `newest` what was seen."""
+class VirtualCamera:
+    """`request` an image of a pose, then read the `newest`; the process starts when first asked."""
 
     def __init__(self, rig: Rig) -> None:
         self._rig = rig
@@ -93,40 +108,40 @@ class VirtualEye:
         self._process: Any = None
         self._busy = False
 
-    def look(self, theta_rad: np.ndarray | None, ball_m: np.ndarray | None, t_s: float) -> None:
+    def request(self, theta_rad: np.ndarray | None, ball_m: np.ndarray | None, t_s: float) -> None:
+        """Ask for an image of a pose, without waiting; dropped while the last is being made.
+
+        theta_rad (2,): servo angles, None: unknown yet, no image; ball_m (2,), None: no ball.
+        """
         if theta_rad is None:
             return
         if self._pipe is None:
             context = multiprocessing.get_context("spawn")
             self._pipe, there = context.Pipe()
             self._process = context.Process(
-                target=_see, args=(self._rig, there), daemon=True, name="virtual eye"
+                target=_serve_images, args=(self._rig, there), daemon=True, name="virtual camera"
             )
             self._process.start()
             there.close()
         if self._busy:
             return
-        ball = None
-        if ball_m is not None and np.all(np.isfinite(ball_m)):
-            ball = float(ball_m[0]), float(ball_m[1])
-        theta = float(theta_rad[0]), float(theta_rad[1])
         with suppress(OSError):
-            self._pipe.send((theta, ball, t_s))
+            self._pipe.send((theta_rad, ball_m, t_s))
             self._busy = True
 
     def newest(self) -> tuple[np.ndarray, str] | None:
-        """The image (240, 320, 3) RGB and words of what was seen since the last call."""
+        """The image (240, 320, 3) RGB with words on it, if one came since the last call."""
         if self._pipe is None:
             return None
         with suppress(EOFError, OSError):
             if self._pipe.poll():
-                found = self._pipe.recv()
+                answer = self._pipe.recv()
                 self._busy = False
-                return found
+                return answer
         return None
 
-    def rest(self) -> None:
-        """End the process."""
+    def release(self) -> None:
+        """Nobody looks: end the process."""
         if self._pipe is None:
             return
         self._pipe.close()
@@ -134,4 +149,4 @@ class VirtualEye:
         self._process.join(2.0)
         self._pipe, self._process, self._busy = None, None, False
 
-    close = rest
+    close = release

@@ -1,4 +1,7 @@
-"""What travels to the loop's process: how to make the virtual table and its operator's hand."""
+"""Job of a loop process that simulates the virtual table and the operator who handles the ball.
+
+The functions here build table and operator inside the loop process, so they can be pickled.
+"""
 
 import time
 from dataclasses import replace
@@ -7,27 +10,27 @@ from math import inf
 
 import numpy as np
 
-from experiments.assemble import known, simulated_hand, simulated_table
-from experiments.protocol import Protocol
-from rig.controllers import ARMS
-from rig.guard import GuardLimits
-from rig.hands import Hand
-from rig.loop_process import Job
-from rig.paced import Paced
+from experiments.runs.assemble import known, simulated_operator, simulated_table
+from experiments.runs.protocol import Protocol
+from rig.control.controllers import COMPENSATORS
+from rig.course import Course
+from rig.loop.paced import Paced
+from rig.loop.process import Job
+from rig.operator import Operator
 from rig.parameters import Rig
-from rig.shared_ring import SharedArray
-from rig.simulate import Course
-from rig.simulator import SimulatedTable
+from rig.safety.monitor import MonitorLimits
+from rig.shared_memory import SharedArray
+from rig.simulation.simulator import SimulatedTable
 from rig.table import Reading, Table
 
-AWAY_M = (1.0, 1.0)  # beside the plate: the ball is still in somebody's hand
-BALANCE_FROM_M = (0.06, 0.045)
+AWAY_M = (1.0, 1.0)  # beside the plate: the operator still holds the ball
+BALANCE_FROM_M = (0.06, 0.045)  # start of the ball; chosen: one sees it being caught
 DAY_S = 86400
-PLACE, RELEASE = range(2)
+PLACE, RELEASE = range(2)  # entries of the shared steps (2,), 1.0: done at the page
 
 
-class Endless:
-    """Rows of zeros (n, 2) that take no room, in a course without an end."""
+class EndlessZeros:
+    """Zeros (n, 2) that take no memory: targets and pushes of a course of a whole day."""
 
     def __init__(self, rows: int) -> None:
         self._rows = rows
@@ -41,14 +44,14 @@ class Endless:
         return np.zeros(2)
 
 
-def balancing(rig: Rig) -> Course:
-    """Keep the ball in the middle for a day."""
-    rest = Endless(round(DAY_S * rig.control_rate_hz))
+def balancing_course(rig: Rig) -> Course:
+    """The course that keeps the ball in the middle for a day."""
+    rest = EndlessZeros(round(DAY_S * rig.control_rate_hz))
     return Course(rest, rest, BALANCE_FROM_M, 0.0)  # pyright: ignore[reportArgumentType]
 
 
 def virtual_table(rig: Rig, course: Course, seed: int, speed: float, away: bool) -> Table:
-    """The rig's plant held to the wall clock, `speed` times as fast."""
+    """The simulated table, held to `speed` times the wall clock; away: without its ball yet."""
     if away:
         course = replace(course, start_m=AWAY_M)
     table = simulated_table(rig, course, seed, None)
@@ -57,59 +60,63 @@ def virtual_table(rig: Rig, course: Course, seed: int, speed: float, away: bool)
     return Paced(
         table,
         clock=lambda: speed * time.monotonic(),
-        sleep=lambda left_s: time.sleep(max(left_s, 0.0) / speed),
+        sleep=lambda remaining_s: time.sleep(max(remaining_s, 0.0) / speed),
     )
 
 
-class PageHand(Hand):
-    """A person at the page is the hand: `words` (2,) says that the ball was placed, was let go."""
+class PageOperator(Operator):
+    """The operator at the page; `steps` (2,): the ball was placed, it was let go."""
 
-    def __init__(self, table: SimulatedTable, start_m: tuple[float, float], words: SharedArray):
+    def __init__(self, table: SimulatedTable, start_m: tuple[float, float], steps: SharedArray):
         super().__init__()
-        self._table, self._start_m, self._words = table, start_m, words
+        self._table, self._start_m, self._steps = table, start_m, steps
         self._placed = self._let_go = False
 
     def act(self, reading: Reading, wanted_m_s2: tuple[float, float]) -> tuple[float, float]:
-        if not self._placed and self._words.array[PLACE]:
+        if not self._placed and self._steps.array[PLACE]:
             self._placed = True
             self._table.place(self._start_m)
-        if self._placed and not self._let_go and self._words.array[RELEASE]:
+        if self._placed and not self._let_go and self._steps.array[RELEASE]:
             self._let_go = True
             self._table.release()
         self._table.push(wanted_m_s2)
         return wanted_m_s2
 
 
-def page_hand(start_m: tuple[float, float], words: SharedArray, table: Paced) -> Hand:
-    return PageHand(table.table, start_m, words)
+def page_operator(start_m: tuple[float, float], steps: SharedArray, table: Paced) -> Operator:
+    """The operator at the page, for the table of the loop process."""
+    return PageOperator(table.table, start_m, steps)
 
 
-def virtual_hand(protocol: Protocol, course: Course, seed: int, table: Paced) -> Hand:
-    return simulated_hand(table.table, protocol, course, seed)
+def virtual_operator(protocol: Protocol, course: Course, seed: int, table: Paced) -> Operator:
+    """The simulated operator of a protocol, for the table of the loop process."""
+    return simulated_operator(table.table, protocol, course, seed)
 
 
-FREE = Protocol(title="Balancing", duration_s=DAY_S / 24)
+BALANCING = Protocol(title="Balancing", duration_s=DAY_S / 24)
 
 
-def job(
+def virtual_job(
     rig: Rig,
-    arm: str,
+    method: str,
     course: Course,
     *,
-    protocol: Protocol = FREE,
+    protocol: Protocol = BALANCING,
     seed: int = 1,
     speed: float = 1.0,
-    words: SharedArray | None = None,
+    steps: SharedArray | None = None,
 ) -> Job:
-    """A run of the virtual table for a loop process; with `words` a person at the page is the hand.
+    """The job of one run: course, compensator `method`, seed, `speed` times the wall clock.
 
-    A busy machine makes a virtual table late, never unsafe: the guard does not end it for that.
+    steps (2,): the operator at the page handles the ball (see `PageOperator`); None: a simulated
+    operator does. Late ticks never end the run: a busy machine makes a virtual table late, not
+    unsafe.
     """
-    if words is None:
-        hand = partial(virtual_hand, protocol, course, seed)
+    if steps is None:
+        operator = partial(virtual_operator, protocol, course, seed)
         course = replace(course, operator=())
     else:
-        hand = partial(page_hand, course.start_m, words)
-    table = partial(virtual_table, rig, course, seed, speed, words is not None)
-    limits = replace(GuardLimits.of_rig(rig), late_s=inf, late_ticks=inf)
-    return Job(table, known(rig), ARMS[arm], course, hand=hand, limits=limits)  # pyright: ignore[reportArgumentType]
+        operator = partial(page_operator, course.start_m, steps)
+    table = partial(virtual_table, rig, course, seed, speed, steps is not None)
+    limits = replace(MonitorLimits.of_rig(rig), late_s=inf, late_ticks=inf)
+    return Job(table, known(rig), COMPENSATORS[method], course, operator=operator, limits=limits)  # pyright: ignore[reportArgumentType]

@@ -1,4 +1,4 @@
-"""Long work in a process of its own, one piece at a time; its words come back as they are said."""
+"""A worker process for long work: one task at a time, whose progress and output come back."""
 
 import io
 import multiprocessing
@@ -11,11 +11,14 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
-NICE = 5  # the loop comes first
+NICE_INCREMENT = 5  # lower priority than the loop process; chosen
 
 
-class Tell:
-    """What a task tells while it works: progress (stage, done, total), and what is to be shown."""
+class ProgressSender:
+    """Sends the progress of a task (stage, done, total) and intermediate results to the page.
+
+    A `ProgressCall` of `experiments.progress`.
+    """
 
     def __init__(self, send: Callable[[tuple[str, Any]], None]) -> None:
         self._send = send
@@ -24,26 +27,29 @@ class Tell:
         self._send(("progress", (stage, done, total)))
 
     def show(self, what: Any) -> None:
-        """Something picklable for whoever hears."""
+        """Send an intermediate result, which can be pickled."""
         self._send(("shown", what))
 
 
-Task = Callable[[Tell], Any]  # picklable; what it returns is, too
+WorkerTask = Callable[[ProgressSender], Any]  # it and its result can be pickled
 
 
 @dataclass(frozen=True)
-class Piece:
-    """A piece of work and who hears of it: heard(kind, what) with the kinds "progress" (stage,
-    done, total), "shown" (what), "line" (text), "done" (what the task returned) and "failed" (a
-    sentence)."""
+class WorkItem:
+    """A task with its name, and the function that gets its messages.
+
+    `on_message(kind, what)` is called from the worker's thread with the kinds "progress" (stage,
+    done, total), "shown" (intermediate result), "line" (printed text), and at last "done" (what the
+    task returned) or "failed" (a sentence).
+    """
 
     name: str
-    task: Task
-    heard: Callable[[str, Any], None]
+    task: WorkerTask
+    on_message: Callable[[str, Any], None]
 
 
 class _Lines(io.TextIOBase):
-    """What the work prints, line by line."""
+    """Text file that sends what a task prints, line by line."""
 
     def __init__(self, there: Connection) -> None:
         self._there, self._part = there, ""
@@ -57,17 +63,17 @@ class _Lines(io.TextIOBase):
         return len(text)
 
 
-def _work(there: Connection) -> None:
-    """The work's process: one task after the other, as what they import takes seconds."""
+def _serve_tasks(there: Connection) -> None:
+    """Main function of the process: task after task, since their imports take seconds."""
     with suppress(OSError, AttributeError):
-        os.nice(NICE)
+        os.nice(NICE_INCREMENT)
     lines = _Lines(there)
     with suppress(BrokenPipeError, EOFError):  # the program has died: nobody wants to know
         while True:
-            task: Task = there.recv()
+            task: WorkerTask = there.recv()
             try:
                 with redirect_stdout(lines), redirect_stderr(lines):
-                    done = task(Tell(there.send))
+                    done = task(ProgressSender(there.send))
                 there.send(("done", done))
             except BrokenPipeError:
                 raise
@@ -76,41 +82,44 @@ def _work(there: Connection) -> None:
                 there.send(("failed", str(error) if known else f"{type(error).__name__}: {error}"))
 
 
-class Desk:
-    """Pieces of work in turn. `put` returns at once; `cancel` ends the present piece."""
+class WorkerProcess:
+    """Does work items in turn in one process, which starts with the first. `put` does not wait."""
 
     def __init__(self) -> None:
-        self._waiting: deque[Piece] = deque()
+        self._waiting: deque[WorkItem] = deque()
         self._wake = threading.Condition()  # its lock may be taken twice
         self._process: Any = None
         self._pipe: Any = None
         self._killed = False  # the process, or it is about to die
         self._now, self._closed = "", False
-        self._thread = threading.Thread(target=self._serve, daemon=True, name="desk")
+        self._thread = threading.Thread(target=self._serve, daemon=True, name="worker")
         self._thread.start()
 
-    def put(self, piece: Piece, *, instead: bool = False) -> None:
-        """ValueError: a piece of this name waits or is being done; `instead` of it, it is ended."""
+    def put(self, item: WorkItem, *, instead: bool = False) -> None:
+        """Enqueue work; instead: end the work of this name first.
+
+        ValueError: work of this name waits or is being done.
+        """
         with self._wake:
             if instead:
-                self.cancel(piece.name)
-            elif self._now == piece.name or any(one.name == piece.name for one in self._waiting):
-                raise ValueError(f"{piece.name} is on already: wait, or cancel it")
-            self._waiting.append(piece)
+                self.cancel(item.name)
+            elif self._now == item.name or any(other.name == item.name for other in self._waiting):
+                raise ValueError(f"{item.name} is on already: wait, or cancel it")
+            self._waiting.append(item)
             self._wake.notify_all()
 
     def cancel(self, name: str) -> bool:
-        """End a piece of work by its name, wherever it is. True: it had not begun, so that nobody
-        will hear of it."""
+        """End the work of a name. True: it had not begun, so no message will come of it."""
         with self._wake:
-            waited = any(one.name == name for one in self._waiting)
-            self._waiting = deque(one for one in self._waiting if one.name != name)
+            waited = any(waiting.name == name for waiting in self._waiting)
+            self._waiting = deque(waiting for waiting in self._waiting if waiting.name != name)
             if self._now == name and self._process is not None:
                 self._process.terminate()
                 self._killed = True
             return waited
 
     def close(self) -> None:
+        """End the process and the thread; waiting work is dropped."""
         with self._wake:
             self._closed = True
             self._waiting.clear()
@@ -127,26 +136,26 @@ class Desk:
                     self._wake.wait()
                 if self._closed:
                     return
-                piece = self._waiting.popleft()
-                self._now = piece.name
-            with suppress(Exception):  # who hears is asked to put, never to fail
-                self._do(piece)
+                item = self._waiting.popleft()
+                self._now = item.name
+            with suppress(Exception):  # of a receiver that failed: the next item is served
+                self._do(item)
 
-    def _do(self, piece: Piece) -> None:
+    def _do(self, item: WorkItem) -> None:
         pipe = self._worker()
         ended = False
         with suppress(EOFError, OSError):
-            pipe.send(piece.task)
+            pipe.send(item.task)
             while not ended:
                 kind, what = pipe.recv()
                 ended = kind in ("done", "failed")
-                piece.heard(kind, what)
+                item.on_message(kind, what)
         if not ended:
             self._killed = True
-            piece.heard("failed", "ended before it was done")
+            item.on_message("failed", "ended before it was done")
 
     def _worker(self) -> Connection:
-        """The pipe to the work's process, started where there is none."""
+        """The pipe to the process, started where there is none."""
         with self._wake:
             if self._killed:
                 self._process.join(5.0)
@@ -155,7 +164,7 @@ class Desk:
             if self._process is None:
                 context = multiprocessing.get_context("spawn")
                 self._pipe, there = context.Pipe()
-                self._process = context.Process(target=_work, args=(there,), daemon=True)
+                self._process = context.Process(target=_serve_tasks, args=(there,), daemon=True)
                 self._process.start()
                 there.close()
             return self._pipe

@@ -11,19 +11,19 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments.dashboard.controls import Controls
-from experiments.dashboard.desk import Desk, Piece
-from experiments.dashboard.gallery import Gallery
-from experiments.dashboard.measuring import (
+from experiments.dashboard.server.controls import Controls
+from experiments.dashboard.session.calibration_tasks import (
     CALIBRATION_STEPS,
     NOT_REAL,
-    Measure,
-    calibrate,
+    CalibrationRequest,
+    calibration_step,
     print_sheets,
 )
-from experiments.dashboard.real_camera import RealCamera
-from experiments.dashboard.session import Session
-from experiments.dashboard.tasks import RunRow
+from experiments.dashboard.session.real_camera import RealCamera
+from experiments.dashboard.session.session import Session
+from experiments.dashboard.session.tasks import RunSummary
+from experiments.dashboard.session.worker_process import WorkerProcess, WorkItem
+from experiments.dashboard.tabs.gallery import Gallery
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -55,12 +55,18 @@ class CalibrateTab:
     """
 
     def __init__(
-        self, server: "ViserServer", controls: Controls, desk: Desk, session: Session, out: Path,
+        self,
+        server: "ViserServer",
+        controls: Controls,
+        worker: WorkerProcess,
+        session: Session,
+        out: Path,
         send: Callable[[int | None, Path], None],
-        *, real: tuple[Path, RealCamera | None] | None = None,
-        rows: Callable[[], list[RunRow]] = list,
-    ) -> None:  # fmt: skip
-        self._controls, self._desk, self._session, self._send = controls, desk, session, send
+        *,
+        real: tuple[Path, RealCamera | None] | None = None,
+        rows: Callable[[], list[RunSummary]] = list,
+    ) -> None:
+        self._controls, self._worker, self._session, self._send = controls, worker, session, send
         self._out, self._real, self._rows = out, real, rows
         self._borrowed = ExitStack()
         gui = server.gui
@@ -94,7 +100,7 @@ class CalibrateTab:
         self._left: tuple[str, ...] = ()
 
     def begin(self, steps: tuple[str, ...]) -> None:
-        """Do these steps in turn; the first that is refused is the last."""
+        """Do these steps in turn, until one is refused. ValueError: a step or a run is on."""
         if "on" in self._state.values():
             raise ValueError("a step is on: wait, or cancel it")
         if self._real and self._session.status.state == "running":
@@ -102,22 +108,28 @@ class CalibrateTab:
         self._left = tuple(steps)
         self._next()
 
-    def _measure(self, step: str) -> Measure:
+    def _measure(self, step: str) -> CalibrationRequest:
         """What is to be done for a step; the camera of a real table is borrowed for it."""
         out, rig = self._out / "calibration", self._session.rig
         if self._real is None:
-            return Measure(step, rig, out)
+            return CalibrationRequest(step, rig, out)
         file, camera = self._real
         if camera is not None and step in ("camera", "table"):
-            self._borrowed.enter_context(camera.lent())
+            self._borrowed.enter_context(camera.lend())
         runs = [
-            row.folder for row in self._rows()
+            row.folder
+            for row in self._rows()
             if row.protocol in LED_ABOUT and row.outcome == "completed"
-        ]  # fmt: skip
-        return Measure(
-            step, rig, out, rig_file=file, runs=tuple(runs[:MOST_RUNS]),
-            square_mm=float(self._square.value), plate_marker_mm=float(self._marker.value),
-        )  # fmt: skip
+        ]
+        return CalibrationRequest(
+            step,
+            rig,
+            out,
+            rig_file=file,
+            runs=tuple(runs[:MOST_RUNS]),
+            square_mm=float(self._square.value),
+            plate_marker_mm=float(self._marker.value),
+        )
 
     def _next(self) -> None:
         if not self._left:
@@ -126,13 +138,15 @@ class CalibrateTab:
                 self._write()
             return
         step, self._left = self._left[0], self._left[1:]
-        task = partial(calibrate, self._measure(step))
+        task = partial(calibration_step, self._measure(step))
 
-        def heard(kind: str, what: Any) -> None:
-            self._controls.orders.put(f"calibrate {step}", partial(self._heard, step, kind, what))
+        def on_message(kind: str, what: Any) -> None:
+            self._controls.queue.put(
+                f"calibrate {step}", partial(self._on_message, step, kind, what)
+            )
 
         try:
-            self._desk.put(Piece("calibration", task, heard))
+            self._worker.put(WorkItem("calibration", task, on_message))
         except ValueError:
             self._borrowed.close()
             raise
@@ -150,7 +164,7 @@ class CalibrateTab:
         words = [f"**{self._on}: {self._words}**{more}", *self._lines]
         self._verdict.content = "\n\n".join(words)
 
-    def _heard(self, step: str, kind: str, what: Any) -> None:
+    def _on_message(self, step: str, kind: str, what: Any) -> None:
         if kind == "line" and not what.startswith(("written", "believed")):
             counted = what.startswith("picture ") and self._lines
             if counted and self._lines[-1].startswith("picture "):
@@ -174,7 +188,7 @@ class CalibrateTab:
             self._mark(step, "accepted", "accepted")
             self._keep(step)
             self._gallery.show(what)
-            self._controls.orders.put("next step", self._next)
+            self._controls.queue.put("next step", self._next)
 
     def _mark(self, step: str, state: str, words: str) -> None:
         self._buttons[step].label = f"{MARKS[state]}{step}: {STEPS[step]}"
@@ -196,21 +210,23 @@ class CalibrateTab:
 
     def _cancel(self) -> None:
         self._left = ()
-        if self._desk.cancel("calibration"):
+        if self._worker.cancel("calibration"):
             step = next(step for step, state in self._state.items() if state == "on")
-            self._heard(step, "failed", "it was cancelled before it began")
+            self._on_message(step, "failed", "it was cancelled before it began")
 
     def _sheets(self, page: int | None) -> None:
         """Draw the sheets to print and send them to the page."""
 
-        def heard(kind: str, what: Any) -> None:
+        def on_message(kind: str, what: Any) -> None:
             if kind == "done":
-                self._controls.orders.put("sheets", lambda: self._send(page, what), page)
+                self._controls.queue.put("sheets", lambda: self._send(page, what), page)
             elif kind == "failed":
-                self._controls.orders.put("sheets", partial(_refuse, what), page)
+                self._controls.queue.put("sheets", partial(_refuse, what), page)
 
-        self._desk.put(
-            Piece("sheets", partial(print_sheets, self._session.rig, self._out / "sheets"), heard)
+        self._worker.put(
+            WorkItem(
+                "sheets", partial(print_sheets, self._session.rig, self._out / "sheets"), on_message
+            )
         )
 
 

@@ -5,16 +5,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.dashboard.tasks import Shown
+from experiments.dashboard.session.tasks import CaptionedPicture
 
 if TYPE_CHECKING:
     from viser import ViserServer
 
-WIDEST_PX = 900
+WIDEST_PX = 900  # chosen: a panel is narrower
 
 
-def pixels(shown: Shown) -> np.ndarray:
-    """The picture as RGB (h, w, 3), no wider than a panel can use. OSError: not readable."""
+def pixels(shown: CaptionedPicture) -> np.ndarray:
+    """The picture as RGB (h, w, 3), at most `WIDEST_PX` wide. OSError: not readable."""
     import cv2
 
     image = cv2.imread(str(shown.path))
@@ -34,8 +34,8 @@ class Gallery:
         self._folder: Any = server.gui.add_folder(label, visible=False)
         self._images: list[Any] = []
 
-    def show(self, pictures: Sequence[Shown]) -> None:
-        """Show these instead of the last ones; called by the worker alone."""
+    def show(self, pictures: Sequence[CaptionedPicture]) -> None:
+        """Show these instead of the last ones; called in the thread of the queue alone."""
         images = [(pixels(one), one.caption) for one in pictures]
         if [one.label for one in self._images] == [caption for _, caption in images]:
             for old, (image, _) in zip(self._images, images, strict=True):

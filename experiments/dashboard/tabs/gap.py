@@ -6,12 +6,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments.dashboard.clamps import choice
-from experiments.dashboard.controls import Controls
-from experiments.dashboard.desk import Desk, Piece
-from experiments.dashboard.gallery import Gallery
-from experiments.dashboard.player import Stage
-from experiments.dashboard.tasks import GapAnswer, RunRow, find_gap
+from experiments.dashboard.server.controls import Controls
+from experiments.dashboard.server.input_limits import choice
+from experiments.dashboard.session.playback import Playback
+from experiments.dashboard.session.tasks import GapAnswer, RunSummary, find_gap
+from experiments.dashboard.session.worker_process import WorkerProcess, WorkItem
+from experiments.dashboard.tabs.gallery import Gallery
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -55,15 +55,21 @@ def stage_lines(on: int, done: bool) -> str:
 
 
 class GapTab:
-    """`show_map` lays the disagreement on the plate, `play` starts the film of both models."""
+    """`show_map` lays the disagreement on the plate, `show_playback` starts a film."""
 
     def __init__(
-        self, server: "ViserServer", controls: Controls, desk: Desk, out: Path,
-        rows: Callable[[], list[RunRow]], show_map: Callable[[Any], None],
-        play: Callable[[Stage | None], None], send: Callable[[int | None, Path], None],
-    ) -> None:  # fmt: skip
-        self._controls, self._desk, self._out, self._rows = controls, desk, out, rows
-        self._show_map, self._play, self._send = show_map, play, send
+        self,
+        server: "ViserServer",
+        controls: Controls,
+        worker: WorkerProcess,
+        out: Path,
+        rows: Callable[[], list[RunSummary]],
+        show_map: Callable[[Any], None],
+        show_playback: Callable[[Playback | None], None],
+        send: Callable[[int | None, Path], None],
+    ) -> None:
+        self._controls, self._worker, self._out, self._rows = controls, worker, out, rows
+        self._show_map, self._show_playback, self._send = show_map, show_playback, send
         gui = server.gui
         gui.add_markdown("Find out which effect the model lacks: start with the demo.")
         demo = gui.add_button("Demo: find a hidden play", color="green")
@@ -99,11 +105,11 @@ class GapTab:
         number = 1 + sum(1 for _ in self._out.glob("gap-*"))
         task = partial(find_gap, logs, self._out / f"gap-{number}", number)
 
-        def heard(kind: str, what: Any) -> None:
-            self._controls.orders.put("gap", partial(self._heard, kind, what))
+        def on_message(kind: str, what: Any) -> None:
+            self._controls.queue.put("gap", partial(self._on_message, kind, what))
 
-        self._desk.put(Piece("gap", task, heard))
-        self._play(None)  # a film and pictures of before would be taken for this one's
+        self._worker.put(WorkItem("gap", task, on_message))
+        self._show_playback(None)  # a film and pictures of before would be taken for this one's
         self._gallery.show([])
         self._on = -1
         self._film.visible = self._report.visible = False
@@ -113,10 +119,10 @@ class GapTab:
         self._lay(None)
 
     def _cancel(self) -> None:
-        if self._desk.cancel("gap"):
-            self._heard("failed", "it was cancelled before it began")
+        if self._worker.cancel("gap"):
+            self._on_message("failed", "it was cancelled before it began")
 
-    def _heard(self, kind: str, what: Any) -> None:
+    def _on_message(self, kind: str, what: Any) -> None:
         if kind == "progress":
             stage, k, n = what
             self._on = BEGINS.get(stage, self._on)
@@ -144,7 +150,7 @@ class GapTab:
         self._words.content = f"**{answer.verdict}: {answer.sentence}**\n\n{lines}"
         self._gallery.show(answer.pictures)
         self._lay(answer.plate_map)
-        self._film.visible = answer.sides is not None
+        self._film.visible = answer.models is not None
         self._report.visible = True
 
     def _lay(self, plate_map: Any) -> None:
@@ -153,10 +159,11 @@ class GapTab:
         self._clear.visible = plate_map is not None
 
     def _start_film(self) -> None:
-        if self.answer is None or self.answer.sides is None:
+        if self.answer is None or self.answer.models is None:
             raise ValueError("no effect was named: there is nothing to compare")
-        recorded, before, after, name = self.answer.sides
-        self._play(Stage(f"{name}: recorded, before, after", recorded, (before, after)))
+        models = self.answer.models
+        name = f"{models.name}: recorded, before, after"
+        self._show_playback(Playback(name, models.recorded, (models.before, models.after)))
 
     def _download(self, page: int | None) -> None:
         if self.answer is None:

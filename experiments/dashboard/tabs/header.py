@@ -1,11 +1,11 @@
-"""What every page shows above its tabs: who holds the controls, the state, and the stop."""
+"""What every page shows outside its tabs: lock of the controls, state, stop, light or dark."""
 
 from typing import TYPE_CHECKING, Any
 
-from experiments.dashboard.controls import Controls
-from experiments.dashboard.live import Now
-from experiments.dashboard.plan import Status
-from experiments.dashboard.session import Session
+from experiments.dashboard.server.controls import Controls
+from experiments.dashboard.session.live import LiveState
+from experiments.dashboard.session.plan import SessionStatus
+from experiments.dashboard.session.session import Session
 
 if TYPE_CHECKING:
     from viser import ClientHandle, ViserServer
@@ -23,15 +23,15 @@ STATES = {
 }
 
 
-def link_words(now: Now, status: Status, rate_hz: float) -> str:
-    """Loop and camera in a few words."""
+def link_words(now: LiveState, status: SessionStatus, rate_hz: float) -> str:
+    """A line (Markdown): ticks a second of the loop, and whether the camera sees the ball."""
     if status.state not in ("balancing", "running", "starting"):
         return "loop: off · camera: off"
     if now.row is None or status.state == "starting":
         return "loop: starting · camera: starting"
     if now.silent_s > SILENT_S:
         return f"loop: **silent for {now.silent_s:.0f} s** · camera: ?"
-    speed = status.leg.plan.speed if status.leg else 1.0
+    speed = status.run.plan.speed if status.run else 1.0
     rate = f"{now.rate:.0f} of {rate_hz * speed:.0f} ticks/s" if now.rate == now.rate else "ok"
     blind_s = float(now.row[0]) - now.seen_s
     seen = "sees the ball" if blind_s < BLIND_S else "**does not see the ball**"
@@ -39,7 +39,7 @@ def link_words(now: Now, status: Status, rate_hz: float) -> str:
 
 
 class Header:
-    """The shared lines and the stop; a line and a button of each page's own."""
+    """The state and the stop, shared by all pages; and each page's own line and button."""
 
     def __init__(
         self, server: "ViserServer", controls: Controls, session: Session, table: str
@@ -54,39 +54,67 @@ class Header:
         self._words = ""
 
     def stop(self, page: int | None) -> None:
-        """End what moves."""
+        """Stop what moves; `page` is named in the run's events."""
         self._session.stop(f"page {page}")
 
     def joined(self, client: "ClientHandle") -> None:
-        """A page of its own has come; called by the worker."""
+        """A page connected; called in the thread of the control panel queue."""
         page = client.client_id
         words = client.gui.add_markdown("", order=-100)
         take = client.gui.add_button("Take over the controls", order=-90, color="orange")
         self._own[page] = words, take
         self._controls.button(take, "take over", self._take, everybody=True)
-        self._controls.seat = self._controls.seat.joined(page)
-        self.draw_seats()
+        self._controls.lock = self._controls.lock.joined(page)
+        self.draw_locks()
 
     def left(self, page: int) -> None:
+        """A page disconnected; called in the thread of the control panel queue."""
         self._own.pop(page, None)
-        self._controls.seat = self._controls.seat.left(page)
-        self.draw_seats()
+        self._controls.lock = self._controls.lock.left(page)
+        self.draw_locks()
 
     def _take(self, page: int | None) -> None:
         if page is None:
             return
-        self._controls.seat = self._controls.seat.taken(page)
+        self._controls.lock = self._controls.lock.taken(page)
         self._session.note(f"page {page} took over the controls")
-        self.draw_seats()
+        self.draw_locks()
 
-    def draw_seats(self) -> None:
-        seat = self._controls.seat
+    def draw_locks(self) -> None:
+        """Tell every page whether it holds the controls."""
+        lock = self._controls.lock
         for page, (words, take) in self._own.items():
-            words.content = seat.words(page)
-            take.visible = not seat.may(page)
+            words.content = lock.words(page)
+            take.visible = not lock.may(page)
 
-    def draw(self, now: Now, status: Status, rate_hz: float, *, film: bool = False) -> None:
+    def draw(
+        self, now: LiveState, status: SessionStatus, rate_hz: float, *, film: bool = False
+    ) -> None:
+        """Show the state; only what changed is sent. film: recorded motion is shown."""
         words = f"**{STATES[status.state]}** ({self._table})  \n{link_words(now, status, rate_hz)}"
         words += FILM if film else LIVE
         if words != self._words:
             self._words = self._state.content = words
+
+
+class Theme:
+    """Light or dark for every page; `?darkMode` in the address makes one page dark alone."""
+
+    def __init__(self, server: "ViserServer") -> None:
+        self._server, self._dark = server, False
+        self._apply()
+
+    def add_widgets(self, controls: Controls) -> None:
+        """Add the button that switches it, below everything else."""
+        button = self._server.gui.add_button("Light / dark", color="gray", order=100)
+        controls.button(button, "light / dark", lambda page: self.turn(), everybody=True)
+
+    def turn(self) -> None:
+        """Switch between light and dark."""
+        self._dark = not self._dark
+        self._apply()
+
+    def _apply(self) -> None:
+        self._server.gui.configure_theme(
+            dark_mode=self._dark, show_logo=False, show_share_button=False, control_width="large"
+        )

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.dashboard.clamps import SPEED, Range, choice
-from experiments.dashboard.controls import Controls
-from experiments.dashboard.desk import Desk, Piece
-from experiments.dashboard.player import Stage
-from experiments.dashboard.sides import motion_of
-from experiments.dashboard.tasks import RunRow
-from experiments.dashboard.video import VIDEO, Video, render_video
-from experiments.recording import read_run
+from experiments.dashboard.server.controls import Controls
+from experiments.dashboard.server.input_limits import SPEED, Range, choice
+from experiments.dashboard.session.playback import Playback
+from experiments.dashboard.session.tasks import RunSummary
+from experiments.dashboard.session.video import VIDEO, Video, render_video
+from experiments.dashboard.session.worker_process import WorkerProcess, WorkItem
+from experiments.gap.closed_loop_replay import table_motion
+from experiments.records.recording import read_run
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -25,13 +25,22 @@ LIVE = "The live table is shown."
 
 
 class ReplayTab:
-    """`play` shows a stage instead of the live table, or (None) goes back; `draw` follows it."""
+    """`show_playback` starts a film or, with None, goes back to the live table."""
 
     def __init__(
-        self, server: "ViserServer", controls: Controls, desk: Desk,
-        rows: Callable[[], list[RunRow]], play: Callable[[Stage | None], None],
-    ) -> None:  # fmt: skip
-        self._controls, self._desk, self._rows, self._play = controls, desk, rows, play
+        self,
+        server: "ViserServer",
+        controls: Controls,
+        worker: WorkerProcess,
+        rows: Callable[[], list[RunSummary]],
+        show_playback: Callable[[Playback | None], None],
+    ) -> None:
+        self._controls, self._worker, self._rows, self._show_playback = (
+            controls,
+            worker,
+            rows,
+            show_playback,
+        )
         gui = server.gui
         gui.add_markdown("Choose a run and press **Show**; drag the slider to look anywhere.")
         self._picked: Any = gui.add_dropdown("Run", (NONE,))
@@ -45,12 +54,12 @@ class ReplayTab:
         pause = gui.add_button("Play / pause")
         controls.button(pause, "play", lambda page: self._toggle())
         back = gui.add_button("Back to the live table", color="gray")
-        controls.button(back, "live", lambda page: self._play(None))
+        controls.button(back, "live", lambda page: self._show_playback(None))
         self._words: Any = gui.add_markdown(LIVE)
         blank = np.full((4, 4, 3), 128, np.uint8)
         self._image: Any = gui.add_image(blank, format="jpeg", visible=False)
         self._about: Any = gui.add_markdown("")  # the video
-        self._stage: Stage | None = None
+        self._playback: Playback | None = None
         self._shown = LIVE
 
     def refresh(self) -> None:
@@ -66,40 +75,42 @@ class ReplayTab:
         found = [row.folder for row in self._rows() if row.folder.name == self._run.now]
         if not found:
             raise ValueError("no such run: make one in the tab Run")
-        stage = Stage(found[0].name, motion_of(read_run(found[0]).log))
-        self._play(stage)
+        playback = Playback(found[0].name, table_motion(read_run(found[0]).log))
+        self._show_playback(playback)
         if (found[0] / VIDEO).is_file():
-            self._add_video(stage, found[0] / VIDEO)
+            self._add_video(playback, found[0] / VIDEO)
             return
 
-        def heard(kind: str, what: Any) -> None:
-            self._controls.orders.put("video", partial(self._heard, stage, kind, what))
+        def on_message(kind: str, what: Any) -> None:
+            self._controls.queue.put("video", partial(self._on_message, playback, kind, what))
 
-        self._desk.put(Piece("video", partial(render_video, found[0]), heard), instead=True)
+        self._worker.put(
+            WorkItem("video", partial(render_video, found[0]), on_message), instead=True
+        )
         self._about.content = (
             "*The video is made from the recording: about a quarter of its length, more on a busy "
             "machine.*"
         )
 
-    def _heard(self, stage: Stage, kind: str, what: Any) -> None:
-        if stage is not self._stage:
+    def _on_message(self, playback: Playback, kind: str, what: Any) -> None:
+        if playback is not self._playback:
             return
         if kind == "progress":
             self._about.content = f"*{what[0]}: {100 * what[1] // max(what[2], 1)} %*"
         elif kind == "failed":
             self._about.content = str(what)
         elif kind == "done":
-            self._add_video(stage, what)
+            self._add_video(playback, what)
 
-    def _add_video(self, stage: Stage, path: Path) -> None:
-        stage.video = Video(path)
+    def _add_video(self, playback: Playback, path: Path) -> None:
+        playback.video = Video(path)
         self._about.content = "What the camera saw, and what the tracker makes of it."
 
-    def on_stage(self, stage: Stage | None) -> None:
+    def on_playback(self, playback: Playback | None) -> None:
         """What is shown from now on; told by the app."""
-        if self._stage is not None:
-            self._stage.close()
-        self._stage, self._image.visible, self._about.content = stage, False, ""
+        if self._playback is not None:
+            self._playback.close()
+        self._playback, self._image.visible, self._about.content = playback, False, ""
         self._speed.now = self._fast.value = 1.0
 
     def show_frame(self, image: np.ndarray) -> None:
@@ -108,31 +119,31 @@ class ReplayTab:
         if not self._image.visible:
             self._image.visible = True
 
-    def _need(self) -> Stage:
-        if self._stage is None:
+    def _need(self) -> Playback:
+        if self._playback is None:
             raise ValueError("choose a run and press Show first")
-        return self._stage
+        return self._playback
 
     def _seek(self, percent: float) -> None:
-        player = self._need().player
-        player.seek(player.end_s * percent / 100)
+        clock = self._need().clock
+        clock.seek(clock.end_s * percent / 100)
 
     def _set_speed(self, speed: float) -> None:
-        if self._stage is not None:
-            self._stage.player.set_speed(speed)
+        if self._playback is not None:
+            self._playback.clock.set_speed(speed)
 
     def _toggle(self) -> None:
-        player = self._need().player
-        player.play(not player.playing)
+        clock = self._need().clock
+        clock.play(not clock.playing)
 
     def draw(self) -> None:
         """Where the film stands; the slider follows while it runs."""
-        stage, words = self._stage, LIVE
-        if stage is not None:
-            t_s, end_s = stage.player.t_s, stage.player.end_s
-            words = f"**Replay** of {stage.name}: {t_s:.1f} of {end_s:.1f} s"
+        playback, words = self._playback, LIVE
+        if playback is not None:
+            t_s, end_s = playback.clock.t_s, playback.clock.end_s
+            words = f"**Replay** of {playback.name}: {t_s:.1f} of {end_s:.1f} s"
             percent = round(100 * t_s / end_s, 1)
-            if stage.player.playing and abs(percent - self._scrub.value) > 0.4:
+            if playback.clock.playing and abs(percent - self._scrub.value) > 0.4:
                 self._scrub.value = self._at.now = percent
         if words != self._shown:
             self._shown = self._words.content = words

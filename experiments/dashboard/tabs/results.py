@@ -6,12 +6,18 @@ from math import hypot
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments.dashboard.clamps import choice
-from experiments.dashboard.controls import Controls
-from experiments.dashboard.desk import Desk, Piece
-from experiments.dashboard.gallery import Gallery
-from experiments.dashboard.live import Live
-from experiments.dashboard.tasks import RunRow, draw_figures, list_runs, write_report
+from experiments.dashboard.server.controls import Controls
+from experiments.dashboard.server.input_limits import choice
+from experiments.dashboard.session.live import LiveBuffer
+from experiments.dashboard.session.tasks import (
+    DrawnFigures,
+    RunSummary,
+    draw_figures,
+    list_runs,
+    report_of_runs,
+)
+from experiments.dashboard.session.worker_process import WorkerProcess, WorkItem
+from experiments.dashboard.tabs.gallery import Gallery
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -25,7 +31,7 @@ MEANS = (
 )
 
 
-def table(rows: list[RunRow], centroids: dict[str, tuple[float, float]]) -> str:
+def table(rows: list[RunSummary], centroids: dict[str, tuple[float, float]]) -> str:
     """The newest runs as a Markdown table."""
     if not rows:
         return "No runs yet: make some in the tab **Run**."
@@ -35,7 +41,7 @@ def table(rows: list[RunRow], centroids: dict[str, tuple[float, float]]) -> str:
         where = centroids.get(row.folder.name)
         words = "-" if where is None else f"({where[0]:+.2f}, {where[1]:+.2f})"
         time = f"{stamp[:2]}:{stamp[2:4]}:{stamp[4:]}"
-        lines.append(f"| {row.protocol} {time} | {row.arm} | {row.outcome} | {words} |")
+        lines.append(f"| {row.protocol} {time} | {row.method} | {row.outcome} | {words} |")
     more = len(rows) - LISTED
     lines += ["", MEANS]
     return "\n".join(lines) + (f"\n\n{more} more in the folder." if more > 0 else "")
@@ -45,12 +51,21 @@ class ResultsTab:
     """`refresh` when a run has been recorded; `draw` for the live centroid."""
 
     def __init__(
-        self, server: "ViserServer", controls: Controls, desk: Desk, out: Path, live: Live,
+        self,
+        server: "ViserServer",
+        controls: Controls,
+        worker: WorkerProcess,
+        out: Path,
+        live: LiveBuffer,
         send: Callable[[int | None, Path], None],
-    ) -> None:  # fmt: skip
-        self._controls, self._desk, self._out, self._live, self._send = (
-            controls, desk, out, live, send,
-        )  # fmt: skip
+    ) -> None:
+        self._controls, self._worker, self._out, self._live, self._send = (
+            controls,
+            worker,
+            out,
+            live,
+            send,
+        )
         gui = server.gui
         gui.add_markdown("Every finished run appears here; figures come as runs complete.")
         self._centroid: Any = gui.add_markdown("")
@@ -63,7 +78,7 @@ class ResultsTab:
         self._words: Any = gui.add_markdown("")
         self._gallery = Gallery(server, "Figures")
         self._table: Any = gui.add_markdown("")
-        self._rows: list[RunRow] = []
+        self._rows: list[RunSummary] = []
         self._centroids: dict[str, tuple[float, float]] = {}
         self._live_words = ""
         self.refresh()
@@ -75,7 +90,8 @@ class ResultsTab:
         self.figures(name)
 
     @property
-    def rows(self) -> list[RunRow]:
+    def rows(self) -> list[RunSummary]:
+        """The recorded runs, newest first."""
         return self._rows
 
     def refresh(self, protocol: str | None = None) -> None:
@@ -84,7 +100,7 @@ class ResultsTab:
         names = tuple(dict.fromkeys(row.protocol for row in self._rows)) or (NONE,)
         if names != self._picked.options:
             self._picked.options = names
-        if protocol in names:
+        if protocol is not None and protocol in names:
             self._picked.value = self._protocol.now = protocol
         elif self._protocol.now not in names:
             self._protocol.now = names[0]
@@ -92,11 +108,11 @@ class ResultsTab:
         if protocol in names:
             self.figures(protocol)
 
-    def _together(self, protocol: str) -> list[RunRow]:
+    def _together(self, protocol: str) -> list[RunSummary]:
         return [row for row in self._rows if row.protocol == protocol][:TOGETHER]
 
     def figures(self, protocol: str | None = None) -> None:
-        """Let the desk draw what the newest runs of the protocol allow."""
+        """Draw what the newest runs of a protocol allow, in the worker. ValueError: no runs."""
         name = protocol or self._protocol.now
         rows = self._together(name)
         if not rows:
@@ -105,23 +121,23 @@ class ResultsTab:
         self._put("figures", task, self._drawn, instead=True)  # of fewer runs
 
     def report(self, page: int | None) -> None:
-        """Write the report of the newest runs and send it to the page."""
+        """Write the report of the newest runs in the worker, then send it to the page."""
         rows = self._together(self._protocol.now)
         if not rows:
             raise ValueError("no runs yet: make some in the tab Run")
-        task = partial(write_report, [row.folder for row in rows], self._out / "report")
+        task = partial(report_of_runs, [row.folder for row in rows], self._out / "report")
         self._put("report", task, lambda path: self._send(page, path))
 
     def _put(
         self, name: str, task: Any, done: Callable[[Any], None], *, instead: bool = False
     ) -> None:
-        def heard(kind: str, what: Any) -> None:
-            self._controls.orders.put(name, partial(self._heard, name, done, kind, what))
+        def on_message(kind: str, what: Any) -> None:
+            self._controls.queue.put(name, partial(self._on_message, name, done, kind, what))
 
         self._words.content = f"*{name}: being made*"
-        self._desk.put(Piece(name, task, heard), instead=instead)
+        self._worker.put(WorkItem(name, task, on_message), instead=instead)
 
-    def _heard(self, name: str, done: Callable[[Any], None], kind: str, what: Any) -> None:
+    def _on_message(self, name: str, done: Callable[[Any], None], kind: str, what: Any) -> None:
         if kind == "progress":
             self._words.content = f"*{name}: {what[0]}*"
         elif kind == "failed":
@@ -130,11 +146,11 @@ class ResultsTab:
             self._words.content = ""
             done(what)
 
-    def _drawn(self, found: dict[str, Any]) -> None:
-        for row in found["rows"]:
+    def _drawn(self, figures: DrawnFigures) -> None:
+        for row in figures.rows:
             if row.centroid_cm is not None:
                 self._centroids[row.folder.name] = row.centroid_cm
-        self._gallery.show(found["figures"])
+        self._gallery.show(figures.pictures)
         self._table.content = table(self._rows, self._centroids)
 
     def draw(self, *, running: bool) -> None:

@@ -1,4 +1,4 @@
-"""The tab Run: choose a protocol, start, pause, stop; gains, play, target and pushes."""
+"""The tab Run: protocol, start and pause; gains, the table's backlash, target and pushes."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -6,101 +6,102 @@ from functools import partial
 from math import cos, degrees, radians, sin
 from typing import TYPE_CHECKING, Any
 
-from experiments.assemble import with_play
-from experiments.dashboard.clamps import (
+from experiments.dashboard.server.controls import Controls
+from experiments.dashboard.server.input_limits import (
+    BACKLASH_DEG,
     KD,
     KI,
     KP,
-    PLAY_DEG,
     PUSH_M_S,
     REPETITIONS,
     Range,
     choice,
     on_plate,
 )
-from experiments.dashboard.controls import Controls
-from experiments.dashboard.plan import Plan, Status
-from experiments.dashboard.pose import plays
-from experiments.dashboard.progress import IDLE, Progress
-from experiments.dashboard.session import Session
-from experiments.protocol import read_protocol, shipped
-from rig.commands import Push, SetGains, Target
+from experiments.dashboard.session.plan import RunPlan, SessionStatus
+from experiments.dashboard.session.session import Session
+from experiments.dashboard.view.pose import backlash_widths
+from experiments.runs.assemble import with_play
+from experiments.runs.protocol import read_protocol, shipped
+from rig.loop.commands import Push, SetGains, Target
 
 if TYPE_CHECKING:
     from viser import ViserServer
 
-ARMS = {"both": ("without", "with"), "with the model": ("with",), "without": ("without",)}
+METHODS = {"both": ("without", "with"), "with the model": ("with",), "without": ("without",)}
 WHAT = "Choose a protocol and press **Start**; or play with the balancing table."
 WHAT_REAL = (
     "**A real table.** Homed with `rig home`? Choose a protocol, clear the plate, a hand at the "
     "switch, tick **Arm**, press **Start**; every run is armed anew."
 )
 SPEEDS = ("1 x", "2 x", "4 x")
-PUSH_S = 0.08
+PUSH_S = 0.08  # duration of a push; chosen: a tap
 ARROWS = {"left": 180.0, "right": 0.0, "away": 90.0, "near": 270.0}
 KEYS = (
     "Keys: **R** start, **N** next run, **B** balance, **Esc** stop, **Shift + arrows** push, "
     "**Ctrl + K** all of them."
 )
+IDLE = "no run: choose a protocol and press **Start**"
+
+
+def minutes(seconds: float) -> str:
+    """A duration as m:ss."""
+    rounded = max(0, round(seconds))
+    return f"{rounded // 60}:{rounded % 60:02d}"
+
+
+def progress_words(status: SessionStatus) -> str:
+    """A line (Markdown) on the present run: which one, its time, time left of the plan."""
+    planned = status.run
+    if planned is None:
+        return f"{status.words}. {IDLE}" if status.state == "stopped" else IDLE
+    of = f"run {planned.number} of {planned.of}"
+    left = f"{minutes(status.remaining_s)} left"
+    if status.state == "pause":
+        return f"**Pause**: {status.words}, {left}; press **Next run**"
+    return f"{of}: {status.words}, {status.t_s:.1f} of {status.duration_s:.1f} s, {left}"
+
+
+class ProgressLine:
+    """The same line, which after the last run of a plan says that it is done."""
+
+    def __init__(self) -> None:
+        self._last: SessionStatus | None = None
+
+    def words(self, status: SessionStatus) -> str:
+        """The line for the present status."""
+        if status.run is not None:
+            self._last = status if status.state == "running" else None
+        elif self._last is not None and self._last.run is not None:
+            planned = self._last.run
+            if planned.number == planned.of and self._last.t_s >= self._last.duration_s - 0.5:
+                many = f"All {planned.of} runs are" if planned.of > 1 else "The run is"
+                return f"**{many} done**: see the tab **Results**."
+        return progress_words(status)
 
 
 class RunTab:
-    """The widgets of the tab in the container that is open when it is made; `look` turns every
-    page to the live table when a run begins."""
+    """The tab Run, in the container that is open when it is made.
+
+    show_live: turns every page to the live table; called when a run or balancing begins.
+    """
 
     def __init__(
-        self, server: "ViserServer", controls: Controls, session: Session,
-        look: Callable[[], None],
-    ) -> None:  # fmt: skip
+        self,
+        server: "ViserServer",
+        controls: Controls,
+        session: Session,
+        show_live: Callable[[], None],
+    ) -> None:
         self._server, self._controls, self._session = server, controls, session
-        self._look = look
+        self._show_live = show_live
         self._handles: dict[int, Any] = {}
-        self._progress = Progress()
+        self._progress = ProgressLine()
+        self._shown: dict[Any, Any] = {}
         gui, virtual = server.gui, not session.table.real
         gui.add_markdown(WHAT if virtual else WHAT_REAL)
-        self._protocol = controls.value(
-            gui.add_dropdown("Protocol", shipped(), initial_value="free-release"),
-            "protocol",
-            partial(choice, options=shipped()),
-        )
-        self._arm = controls.value(
-            gui.add_dropdown("Backlash model", tuple(ARMS), initial_value="both"),
-            "arm",
-            partial(choice, options=tuple(ARMS)),
-        )
-        self._repetitions = controls.value(
-            gui.add_number("Repetitions", 1, min=1, max=100, step=1),
-            "repetitions",
-            lambda v: int(REPETITIONS.clamp(v)),
-        )
-        self._speed = controls.value(
-            gui.add_dropdown(
-                "Virtual time", SPEEDS, hint="How fast its time runs", visible=virtual
-            ),
-            "virtual time",
-            partial(choice, options=SPEEDS),
-        )
-        self._pause = controls.value(gui.add_checkbox("Pause between runs", False), "pause", bool)
-        self._hand = controls.value(
-            gui.add_checkbox(
-                "I place and let go", False, hint="You are the operator's hand", visible=virtual
-            ),
-            "hand",
-            bool,
-        )
-        self._arm_box: Any = gui.add_checkbox(
-            "Arm: the plate is clear, a hand is at the switch", False, visible=not virtual
-        )
-        self._armed = controls.value(self._arm_box, "arm the table", bool)
-        self._start = gui.add_button("Start", color="green", icon=None)
-        controls.button(self._start, "start", lambda page: self.start())
-        self._next = gui.add_button("Next run", color="green", visible=False)
-        controls.button(self._next, "next run", lambda page: self.go_on())
-        self._asked = gui.add_markdown("", visible=False)
-        self._done = gui.add_button("Done", color="orange", visible=False)
-        controls.button(self._done, "confirm", lambda page: session.confirm())
-        self._balance = gui.add_button("Balance again", color="green", visible=False)
-        controls.button(self._balance, "balance", lambda page: self.balance())
+        self._add_choices(virtual)
+        self._add_buttons()
         self._bar: Any = gui.add_progress_bar(0.0)
         self._words: Any = gui.add_markdown(IDLE)
         with gui.add_folder("Controller's gains", expand_by_default=False):
@@ -108,35 +109,73 @@ class RunTab:
         with gui.add_folder("Ball: target and pushes", expand_by_default=True):
             self._add_ball()
         with gui.add_folder("Virtual table's play", expand_by_default=False, visible=virtual):
-            self._play = self._add_play()
+            self._backlash = self._add_backlash()
         gui.add_markdown(KEYS)
         self._events: Any = gui.add_markdown("")
-        self._shown: dict[Any, Any] = {}
+
+    def _add_choices(self, virtual: bool) -> None:
+        """Protocol, methods, repetitions and how the runs are made."""
+        gui, value = self._server.gui, self._controls.value
+        protocols = gui.add_dropdown("Protocol", shipped(), initial_value="free-release")
+        self._protocol = value(protocols, "protocol", partial(choice, options=shipped()))
+        methods = gui.add_dropdown("Backlash model", tuple(METHODS), initial_value="both")
+        self._methods = value(methods, "method", partial(choice, options=tuple(METHODS)))
+        self._repetitions = value(
+            gui.add_number("Repetitions", 1, min=1, max=100, step=1),
+            "repetitions",
+            lambda v: int(REPETITIONS.clamp(v)),
+        )
+        speeds = gui.add_dropdown(
+            "Virtual time", SPEEDS, hint="How fast its time runs", visible=virtual
+        )
+        self._speed = value(speeds, "virtual time", partial(choice, options=SPEEDS))
+        self._pause = value(gui.add_checkbox("Pause between runs", False), "pause", bool)
+        by_hand = gui.add_checkbox(
+            "I place and let go", False, hint="You are the operator's hand", visible=virtual
+        )
+        self._by_hand = value(by_hand, "hand", bool)
+        self._arm_box: Any = gui.add_checkbox(
+            "Arm: the plate is clear, a hand is at the switch", False, visible=not virtual
+        )
+        self._armed = value(self._arm_box, "arm the table", bool)
+
+    def _add_buttons(self) -> None:
+        """Start, next run, what the operator is asked to do, balance."""
+        gui, button = self._server.gui, self._controls.button
+        self._start = gui.add_button("Start", color="green", icon=None)
+        button(self._start, "start", lambda page: self.start())
+        self._next = gui.add_button("Next run", color="green", visible=False)
+        button(self._next, "next run", lambda page: self.go_on())
+        self._step = gui.add_markdown("", visible=False)
+        self._done = gui.add_button("Done", color="orange", visible=False)
+        button(self._done, "confirm", lambda page: self._session.confirm())
+        self._balance = gui.add_button("Balance again", color="green", visible=False)
+        button(self._balance, "balance", lambda page: self.balance())
 
     def start(self) -> None:
-        """Put the plan together from the checked values and start it."""
+        """Start the plan that the inputs describe. ValueError, OSError: not armed, impossible."""
         protocol, real = read_protocol(self._protocol.now), self._session.table.real
         self._take_arming()
         self._session.start(
-            Plan(
+            RunPlan(
                 protocol,
-                ARMS[self._arm.now],
+                METHODS[self._methods.now],
                 self._repetitions.now,
                 protocol.seed,
                 pause=self._pause.now or real,  # who armed it for a run armed it for that one
-                by_hand=self._hand.now,
+                by_hand=self._by_hand.now,
                 speed=float(self._speed.now.split()[0]),
             )
         )
-        self._look()
+        self._show_live()
 
     def balance(self) -> None:
-        """The virtual table balances again, for all to see."""
+        """Balance the virtual table again and show it on every page."""
         self._session.balance()
-        self._look()
+        self._show_live()
 
     def go_on(self) -> None:
-        """The next run of the plan."""
+        """Begin the next run of the plan; a real table has to be armed for it."""
         if self._session.status.state == "pause":
             self._take_arming()
         self._session.go_on()
@@ -150,9 +189,15 @@ class RunTab:
         self._armed.now = self._arm_box.value = False
 
     def _slider(
-        self, label: str, limits: Range, value: float, apply: Callable[[float], None], hint: str,
-        *, visible: bool = True,
-    ):  # fmt: skip
+        self,
+        label: str,
+        limits: Range,
+        value: float,
+        apply: Callable[[float], None],
+        hint: str,
+        *,
+        visible: bool = True,
+    ):
         handle = self._server.gui.add_slider(
             label, limits.low, limits.high, limits.step, value, hint=hint, visible=visible
         )
@@ -201,14 +246,18 @@ class RunTab:
         back = gui.add_button("Target back to the protocol's", color="gray")
         controls.button(back, "target", lambda page: self._session.put(Target(None)))
         self._push = self._slider(
-            "Push [m/s]", PUSH_M_S, 0.15, lambda value: None, "speed that a push gives",
+            "Push [m/s]",
+            PUSH_M_S,
+            0.15,
+            lambda value: None,
+            "speed that a push gives",
             visible=virtual,
-        )  # fmt: skip
+        )
         arrows = gui.add_button_group("Push", tuple(ARROWS), visible=virtual)
         controls.pick(arrows, "push", lambda label: self.push(ARROWS[choice(label, tuple(ARROWS))]))
 
     def push(self, angle_deg: float) -> None:
-        """Push the virtual ball towards an angle on the plate."""
+        """Push the virtual ball; angle from +x towards +y. ValueError: a real table."""
         if self._session.table.real:
             raise ValueError("push a real ball with a stick")
         strength = self._push.now / PUSH_S
@@ -216,46 +265,53 @@ class RunTab:
         self._session.put(Push((strength * cos(angle), strength * sin(angle)), PUSH_S))
 
     def aim(self, xy_m: tuple[float, float]) -> None:
-        """Send the ball to a point of the plate, as far as it may."""
+        """Send the ball to a point (x, y) of the plate, clamped to where the ball fits."""
         side = self._session.rig.linkage.plate_side_m
         self._session.put(Target(on_plate(xy_m, side, self._session.rig.ball.radius_m)))
 
-    def _add_play(self) -> list:
-        gear, joint = plays(self._session.rig)
+    def _add_backlash(self) -> list:
+        gear, joint = backlash_widths(self._session.rig)
         rows = (("Gear play [deg]", gear), ("Joint play [deg]", joint))
         start = [round(degrees(float(play.mean())), 1) for _, play in rows]
         kept = [
-            self._slider(label, PLAY_DEG, value, partial(self._set_play, i),
-                         "a new virtual table starts")
+            self._slider(
+                label,
+                BACKLASH_DEG,
+                value,
+                partial(self._set_backlash, i),
+                "a new virtual table starts",
+            )
             for i, ((label, _), value) in enumerate(zip(rows, start, strict=True))
-        ]  # fmt: skip
-        self._add_back(kept, start, lambda: self._set_plays(start))
+        ]
+        self._add_back(kept, start, lambda: self._set_backlashes(start))
         return kept
 
-    def _set_play(self, which: int, value: float) -> None:
-        wanted = [kept.now for kept in self._play]
+    def _set_backlash(self, which: int, value: float) -> None:
+        wanted = [kept.now for kept in self._backlash]
         wanted[which] = value
-        self._set_plays(wanted)
+        self._set_backlashes(wanted)
 
-    def _set_plays(self, wanted: list[float]) -> None:
+    def _set_backlashes(self, wanted: list[float]) -> None:
         words = "a new virtual table: gear play {:.1f}, joint play {:.1f} degrees"
         self._session.note(words.format(*wanted))
         gear, joint = map(radians, wanted)
-        self._session.again(with_play(self._session.rig, gear_rad=gear, joint_rad=joint))
+        self._session.set_plant(with_play(self._session.rig, gear_rad=gear, joint_rad=joint))
 
-    def draw(self, status: Status, events: list[str]) -> None:
-        """Show what happens; only what changed is sent."""
+    def draw(self, status: SessionStatus, events: list[str]) -> None:
+        """Show the status and the newest events; only what changed is sent to the pages."""
         on = status.state in ("running", "pause")
         real = self._session.table.real
         then = "the table sees that you have" if real else "then press Done"
-        asked = f"**Please {status.asked}**, {then}." if status.asked else ""
+        operator_step = (
+            f"**Please {status.operator_step}**, {then}." if status.operator_step else ""
+        )
         self._set(self._start, "visible", not on)
         self._set(self._next, "visible", status.state == "pause")
         self._set(self._balance, "visible", status.state == "stopped" and not real)
-        self._set(self._asked, "visible", bool(asked))
-        self._set(self._done, "visible", bool(asked) and not real)
-        if asked:
-            self._set(self._asked, "content", asked)
+        self._set(self._step, "visible", bool(operator_step))
+        self._set(self._done, "visible", bool(operator_step) and not real)
+        if operator_step:
+            self._set(self._step, "content", operator_step)
         self._set(self._bar, "value", round(100 * status.share, 1))
         self._set(self._words, "content", self._progress.words(status))
         self._set(self._events, "content", "  \n".join(["*Events*", *events[::-1]]))

@@ -1,7 +1,7 @@
-"""Play made visible: a tooth between two others for every play, drawn 40 times as large.
+"""Backlash gauges: a tooth between two jaws for each gear and joint, drawn 40 times as large.
 
-Where the tooth stands comes from the model (nothing measures it), the number below from the
-table's own observer.
+The position of the tooth comes from the model (nothing measures it), the number below it from the
+controller's observer.
 """
 
 from math import degrees, isfinite
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.dashboard.pose import TOOTH_M, plays, teeth
+from experiments.dashboard.view.pose import TOOTH_M, backlash_widths, gauges
 from rig.parameters import Rig
 
 if TYPE_CHECKING:
@@ -24,8 +24,8 @@ PLACES = {  # of the four gauges, beside the two servos
 }
 
 
-class Gauge:
-    """One play: two jaws of the driven side, the driver's tooth between them."""
+class BacklashGauge:
+    """One backlash: two jaws of the driven side, the tooth of the driving side between them."""
 
     def __init__(self, server: "ViserServer", kind: str, axis: int) -> None:
         scene, name = server.scene, f"/teeth/{kind}_{'xy'[axis]}"
@@ -39,16 +39,21 @@ class Gauge:
             scene.add_box(f"{name}/jaw_{side}", FREE, tuple(size)) for side in "ab"
         ]
         self._label: Any = scene.add_label(
-            f"{name}/label", self._words, position=(0, 0, 2.2 * TOOTH_M), font_screen_scale=0.7,
+            f"{name}/label",
+            self._words,
+            position=(0, 0, 2.2 * TOOTH_M),
+            font_screen_scale=0.7,
             anchor="bottom-center",
-        )  # fmt: skip
+        )
         self._colours: list[tuple[int, int, int]] = [FREE, FREE]
 
     def show(self, visible: bool) -> None:
+        """Show or hide the gauge."""
         self._root.visible = visible
 
     def draw(self, play_rad: float, twist_rad: float, found_rad: float, rig: Rig) -> None:
-        half, at, touches = teeth(play_rad, twist_rad, rig)
+        """Full width and twist of the backlash, and the width the observer found (NaN: none)."""
+        half, at, touches = gauges(play_rad, twist_rad, rig)
         self._tooth.position = tuple(at * self._along)
         for i, (jaw, side) in enumerate(zip(self._jaws, (-1, 1), strict=True)):
             jaw.position = tuple(side * (half + TOOTH_M) * self._along)
@@ -61,20 +66,20 @@ class Gauge:
             self._label.text = text
 
 
-class Teeth:
+class BacklashGauges:
     """All four gauges."""
 
     def __init__(self, server: "ViserServer") -> None:
-        self._gauges = {place: Gauge(server, *place) for place in PLACES}
+        self._gauges = {place: BacklashGauge(server, *place) for place in PLACES}
 
     def show(self, visible: bool) -> None:
-        """Recorded runs have no model that runs beside them: no teeth."""
+        """Show or hide all; a recorded run has no model beside it that gives the twists."""
         for gauge in self._gauges.values():
             gauge.show(visible)
 
     def draw(self, rig: Rig, gear_rad: np.ndarray, joint_rad: np.ndarray, found: np.ndarray):
         """Twists (2,) of the model's gears and joints; found (2, 2): gear and joint by axis."""
-        gear, joint = plays(rig)
+        gear, joint = backlash_widths(rig)
         for axis in range(2):
             self._gauges["gear", axis].draw(gear[axis], gear_rad[axis], found[0, axis], rig)
             self._gauges["joint", axis].draw(joint[axis], joint_rad[axis], found[1, axis], rig)

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.dashboard.pose import quaternion
+from experiments.dashboard.session.virtual_camera import IMAGE_SIZE_PX
+from experiments.dashboard.view.pose import quaternion
 from rig.log import INDEX
 from rig.parameters import Rig
 
@@ -14,17 +15,18 @@ if TYPE_CHECKING:
 
     from vision.view import View
 
-SMALL = (320, 240)
 _THETA, _BALL = INDEX["theta_x_rad"], INDEX["ball_x_m"]
-SEEN = "What the table's camera sees, and what the tracker makes of it."
+CAMERA_WORDS = "What the table's camera sees, and what the tracker makes of it."
 NO_FILM = "*A film without a camera's pictures is shown.*"
-UNSEEN = "The rig file names no camera (table.camera): what is shown is drawn at the measured pose."
+NO_CAMERA_WORDS = (
+    "The rig file names no camera (table.camera): what is shown is drawn at the measured pose."
+)
 
 
 def view_of(real: Rig | None) -> "View":
-    """Where the camera hangs: as calibrated, or the virtual one's place where nothing is known."""
+    """Pose of the camera: as calibrated, or of the virtual camera without a calibration."""
     from calibration.bundle import load
-    from vision.synthetic import virtual_view
+    from vision.synthetic.synthetic import virtual_view
 
     if real is not None and real.table.calibration:
         with suppress(OSError, ValueError):
@@ -43,10 +45,17 @@ class CameraView:
         world_from_camera = np.linalg.inv(view.camera_from_plate)
         height, f = view.camera.height_px, float(view.camera.matrix[1, 1])
         self._frustum: Any = server.scene.add_camera_frustum(
-            "/camera", 2 * np.arctan(0.5 * height / f), view.camera.width_px / height, scale=0.035,
-            thickness=0.0015, color=(90, 98, 110), wxyz=quaternion(world_from_camera[:3, :3]),
-            position=tuple(0.55 * world_from_camera[:3, 3]), visible=False, cast_shadow=False,
-        )  # fmt: skip
+            "/camera",
+            2 * np.arctan(0.5 * height / f),
+            view.camera.width_px / height,
+            scale=0.035,
+            thickness=0.0015,
+            color=(90, 98, 110),
+            wxyz=quaternion(world_from_camera[:3, :3]),
+            position=tuple(0.55 * world_from_camera[:3, 3]),
+            visible=False,
+            cast_shadow=False,
+        )
         self._box: Any = None
         self._image: Any = None
         self._words: Any = None
@@ -58,36 +67,41 @@ class CameraView:
         kind = "table's" if own else "virtual"
         gui.add_markdown(
             "What the camera sees at the measured pose, and what the tracker makes of it."
-            if self._real is None else SEEN if own else UNSEEN
-        )  # fmt: skip
+            if self._real is None
+            else CAMERA_WORDS
+            if own
+            else NO_CAMERA_WORDS
+        )
         self._box = gui.add_checkbox(f"Look through the {kind} camera", False)
         self._words = gui.add_markdown("")
-        blank = np.full((*SMALL[::-1], 3), 128, np.uint8)
+        blank = np.full((*IMAGE_SIZE_PX[::-1], 3), 128, np.uint8)
         self._image = gui.add_image(blank, format="jpeg", visible=False)
 
     @property
     def wanted(self) -> bool:
+        """Whether the box is ticked."""
         return self._box.value is True
 
-    def look(self, wanted: bool) -> None:
-        """Tick the box."""
+    def set_wanted(self, wanted: bool) -> None:
+        """Tick or clear the box."""
         self._box.value = wanted
 
-    def follow(self, eye: Any, row: np.ndarray | None, fresh: bool, *, ask: bool) -> None:
-        """Show what the eye (a `VirtualEye` or `RealCamera`) sees, if somebody wants to look.
+    def follow(self, source: Any, row: np.ndarray | None, fresh: bool, *, ask: bool) -> None:
+        """Show the newest image of a `VirtualCamera` or `RealCamera`, if the box is ticked.
 
-        row: the loop's newest, `fresh` if the ball in it is; ask: whether to ask for a new image.
+        row (len(COLUMNS),): the loop's newest; fresh: its ball was observed just now; ask: ask for
+        a new image.
         """
         if not self.wanted:
-            eye.rest()
+            source.release()
             self.hide()
             return
         if ask:
             ball = row[_BALL : _BALL + 2] if row is not None and fresh else None
             theta = None if row is None else row[_THETA : _THETA + 2]
-            eye.look(theta, ball, 0.0 if row is None else float(row[0]))
+            source.request(theta, ball, 0.0 if row is None else float(row[0]))
         try:
-            sight = eye.newest()
+            sight = source.newest()
         except OSError as error:
             self.say(f"The camera cannot be looked through: {error}")
             return

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.analysis.samples import held
 from rig.log import INDEX
 
 if TYPE_CHECKING:
@@ -67,13 +68,6 @@ def chart_data(chart: Chart, rows: np.ndarray) -> tuple[np.ndarray, ...]:
     return tuple(found)
 
 
-def held(values: np.ndarray) -> np.ndarray:
-    """Blanks (NaN) become the value before them, 0 at the start."""
-    known = np.where(np.isfinite(values), np.arange(len(values)), -1)
-    last = np.maximum.accumulate(known)
-    return np.where(last >= 0, values[np.maximum(last, 0)], 0.0)
-
-
 class Curves:
     """The charts in the container that is open when it is made; `draw` ten times a second.
 
@@ -114,6 +108,7 @@ class Curves:
                 plot.visible = not words
 
     def draw(self, rows: np.ndarray) -> None:
+        """Show rows (n, len(COLUMNS)) of the log."""
         self.rest("")
         for chart, plot in zip(CHARTS, self._plots, strict=True):
             plot.data = chart_data(chart, rows)

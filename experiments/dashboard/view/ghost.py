@@ -1,7 +1,7 @@
-"""The model beside the table: the rig's plant driven by the volts that the table got.
+"""The model beside the table: the rig's plant driven by the volts applied to the table.
 
-A ball integrates twice, so a free model runs away from its table within seconds: once a second it
-is set onto what was measured, and the difference is what the model makes wrong in up to a second.
+The ball integrates twice, so a free model leaves the table within seconds: once a second the model
+is set onto the measurement, and the difference is its prediction error over up to a second.
 """
 
 from collections import deque
@@ -9,12 +9,12 @@ from math import inf
 
 import numpy as np
 
-from rig import plant, plant_record
 from rig.log import INDEX, Phase
 from rig.parameters import Rig
-from rig.simulator import table_tick
+from rig.plant import plant, plant_record
+from rig.simulation.simulator import table_tick
 
-ANCHOR_S = 1.0
+ANCHOR_S = 1.0  # between two settings onto the measurement; chosen
 SPEED_FROM = 6  # observations
 _T, _THETA, _VOLTS = INDEX["t_s"], INDEX["theta_x_rad"], INDEX["voltage_x_V"]
 _X, _EXPOSED, _PHASE = INDEX["ball_x_m"], INDEX["ball_exposed_s"], INDEX["phase"]
@@ -35,6 +35,7 @@ class Ghost:
 
     @property
     def ball_m(self) -> np.ndarray:
+        """The model's ball (2,) [m]."""
         return self._s[plant.BALL].copy()
 
     @property
@@ -53,6 +54,7 @@ class Ghost:
         return self._s[plant.ARM] - self._s[plant.PLATE]
 
     def follow(self, rows: list[np.ndarray]) -> None:
+        """Advance the model by the volts of these rows, (len(COLUMNS),) each."""
         for row in rows:
             self._tick(row)
 
@@ -71,9 +73,18 @@ class Ghost:
         held = bool(row[_PHASE] < Phase.RUN)
         volts = np.nan_to_num(row[_VOLTS : _VOLTS + 2])
         fell = table_tick(
-            self._s, self._p, self._history, volts, 0.0, 0.0, held, t_s, self._tick_s, inf,
+            self._s,
+            self._p,
+            self._history,
+            volts,
+            0.0,
+            0.0,
+            held,
+            t_s,
+            self._tick_s,
+            inf,
             self._seen,
-        )  # fmt: skip
+        )
         if fell:
             self.on_plate = False
 

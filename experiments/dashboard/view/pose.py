@@ -1,11 +1,11 @@
-"""Where things stand in the scene: pure geometry of the linkage, metres, plate level at z = 0."""
+"""Geometry of the scene [m]: plate, linkage and backlash gauges; the level plate is at z = 0."""
 
 from math import cos, sin
 
 import numpy as np
 
-from rig.linkage import plate_rotation, tilt_sines
 from rig.parameters import Rig
+from rig.plant.ball import plate_rotation, tilt_sines
 
 DROP_M = 0.075  # from the plate down to the servos' shafts
 ZOOM = 40.0  # a play of a degree is half a millimetre at the arm: drawn larger
@@ -44,7 +44,7 @@ def linkage(axis: int, theta_rad: np.ndarray, rig: Rig) -> np.ndarray:
     return np.array([shaft, tip, edge])
 
 
-def teeth(play_rad: float, twist_rad: float, rig: Rig) -> tuple[float, float, int]:
+def gauges(play_rad: float, twist_rad: float, rig: Rig) -> tuple[float, float, int]:
     """A play as drawn: half the gap [m], the tooth's place in it [m], and the side that it touches
     (-1, 1; 0: it floats). Drawn ZOOM times as large as at the arm's end."""
     scale = ZOOM * rig.linkage.arm_radius_m
@@ -61,7 +61,7 @@ def plate_point(origin: np.ndarray, direction: np.ndarray) -> np.ndarray | None:
     return (origin - origin[2] / direction[2] * direction)[:2]
 
 
-def plays(rig: Rig) -> tuple[np.ndarray, np.ndarray]:
+def backlash_widths(rig: Rig) -> tuple[np.ndarray, np.ndarray]:
     """Full gear and joint play of the rig's effects by axis, (2,) each [rad]."""
     found = []
     for name in ("gear_backlash", "joint_backlash"):

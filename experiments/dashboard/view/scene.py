@@ -1,10 +1,10 @@
-"""The table as one sees it: plate, arms, ball, ghost, trail, target, in the browser's 3-D view."""
+"""The 3-D view: plate, arms, ball, ghost, trail and target, and the legend of what they mean."""
 
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.dashboard.pose import DROP_M, linkage, plate_wxyz
+from experiments.dashboard.view.pose import DROP_M, linkage, plate_wxyz
 from rig.parameters import Rig
 
 if TYPE_CHECKING:
@@ -13,10 +13,47 @@ if TYPE_CHECKING:
 ORANGE, GHOST, GREEN = (255, 112, 16), (70, 150, 255), (26, 150, 65)
 PLATE, METAL, DARK = (228, 232, 238), (120, 128, 140), (70, 76, 86)
 AWAY = (0.0, 0.0, -9.0)
+LEGEND_TABLE = """
+**Grey plate, orange ball**: the table as it is measured. Its trail is where the ball was, the
+**target** is where it shall be.
+
+**Blue ball**: the model, driven by the same volts. "model off by 3 mm" is how far the two balls
+are apart: what the model does not know.
+
+**Blocks beside the servos**: the play of gear and joint, 40 times as large. The **yellow** tooth
+moves between two jaws: a **grey** jaw is free, a **red** one is touched.
+"""
+LEGEND_VIRTUAL = """
+"gear x: 1.0°, found 0.9°": the virtual table has 1.0 degrees of play; 0.9 is what the controller's
+observer has found of it while it moves ("-": nothing yet).
+"""
+LEGEND_REAL = """
+"gear x: 1.0°, found 0.9°": the rig file says 1.0 degrees of play; 0.9 is what the controller's
+observer has found while it moves ("-": nothing yet).
+"""
+LEGEND_CURVES = """
+**Curves**: estimated shaft torque is what the controller's observer takes the twisted shafts to
+pass on; estimated play is what that observer has found, gear full, joint dashed.
+"""
+LEGEND_FILMS = """
+**Two small plates behind** (tab Gap, before and after): the model without and with the named
+effect, at the same moment of the recorded run; "off by" is the distance to the recorded ball.
+
+**Coloured cells on the plate**: how far model and recording disagree there, in units of what even
+a perfect model would leave (noise floors).
+"""
+
+
+def legend_words(real: bool) -> str:
+    """Markdown for the tab Legend: the shapes and colours of the view."""
+    paragraphs = (
+        LEGEND_TABLE + (LEGEND_REAL if real else LEGEND_VIRTUAL) + LEGEND_CURVES + LEGEND_FILMS
+    )
+    return "\n\n&nbsp;\n\n".join(paragraphs.strip().split("\n\n"))
 
 
 def light(server: "ViserServer") -> None:
-    """Where one stands at first, and the lamps."""
+    """Set the first view point and the lamps."""
     camera = server.initial_camera
     camera.position, camera.look_at = (0.24, -0.62, 0.52), (0.03, 0.03, -0.03)
     camera.fov = 0.82
@@ -29,9 +66,10 @@ def ball_mesh(radius_m: float) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (n, 3) and faces (m, 3) of a sphere, by longitude and latitude."""
     rows, columns = 13, 24
     polar, around = np.meshgrid(
-        np.linspace(0, np.pi, rows), np.linspace(0, 2 * np.pi, columns, endpoint=False),
+        np.linspace(0, np.pi, rows),
+        np.linspace(0, 2 * np.pi, columns, endpoint=False),
         indexing="ij",
-    )  # fmt: skip
+    )
     across = np.sin(polar)
     corners = np.stack([across * np.cos(around), across * np.sin(around), np.cos(polar)], axis=-1)
     i, j = np.meshgrid(np.arange(rows - 1), np.arange(columns), indexing="ij")
@@ -41,7 +79,7 @@ def ball_mesh(radius_m: float) -> tuple[np.ndarray, np.ndarray]:
     return (radius_m * corners).reshape(-1, 3).astype(np.float32), faces.astype(np.uint32)
 
 
-class Puppet:
+class PlateModel:
     """One plate with a ball on it, under a name of the scene tree, `at` metres from the origin."""
 
     def __init__(
@@ -56,11 +94,18 @@ class Puppet:
             f"{name}/plate/top", PLATE, (side, side, 0.006), position=(0, 0, -0.003)
         )
         half = side / 2
-        corners = np.array([[-half, -half, 0.0005], [half, -half, 0.0005],
-                            [half, half, 0.0005], [-half, half, 0.0005]])  # fmt: skip
+        corners = np.array(
+            [
+                [-half, -half, 0.0005],
+                [half, -half, 0.0005],
+                [half, half, 0.0005],
+                [-half, half, 0.0005],
+            ]
+        )
         edges = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
-        cross = np.array([[[-0.02, 0, 0.0005], [0.02, 0, 0.0005]],
-                          [[0, -0.02, 0.0005], [0, 0.02, 0.0005]]])  # fmt: skip
+        cross = np.array(
+            [[[-0.02, 0, 0.0005], [0.02, 0, 0.0005]], [[0, -0.02, 0.0005], [0, 0.02, 0.0005]]]
+        )
         lines = np.concatenate([edges, cross])
         scene.add_line_segments(f"{name}/plate/edges", lines, METAL, thickness=0.0012)
         vertices, faces = ball_mesh(radius)
@@ -74,6 +119,7 @@ class Puppet:
         self.ball.position = _on_plate(ball_m, self._rig.ball.radius_m)
 
     def show(self, visible: bool) -> None:
+        """Show or hide plate and ball."""
         if self.root.visible != visible:
             self.root.visible = visible
 
@@ -89,12 +135,17 @@ class TableScene:
 
     def __init__(self, server: "ViserServer", rig: Rig) -> None:
         self._rig, scene = rig, server.scene
-        self.table = Puppet(server, "/table", rig)
+        self.table = PlateModel(server, "/table", rig)
         vertices, faces = ball_mesh(rig.ball.radius_m)
         self.ghost = scene.add_mesh_simple(
-            "/table/plate/ghost", vertices, faces, color=GHOST, opacity=0.45, position=AWAY,
+            "/table/plate/ghost",
+            vertices,
+            faces,
+            color=GHOST,
+            opacity=0.45,
+            position=AWAY,
             cast_shadow=False,
-        )  # fmt: skip
+        )
         self.target = scene.add_cylinder(
             "/table/plate/target", 0.006, 0.0015, GREEN, position=(0, 0, 0.001)
         )
@@ -102,9 +153,12 @@ class TableScene:
         self.trail = scene.add_line_segments("/table/plate/trail", empty, ORANGE, thickness=0.0015)
         self.gap = scene.add_line_segments("/table/plate/gap", empty, GHOST, thickness=0.002)
         self.gap_label = scene.add_label(
-            "/table/plate/gap_label", "", position=AWAY, anchor="bottom-center",
+            "/table/plate/gap_label",
+            "",
+            position=AWAY,
+            anchor="bottom-center",
             font_screen_scale=0.8,
-        )  # fmt: skip
+        )
         self.centroid = scene.add_icosphere(
             "/table/plate/centroid", 0.003, (20, 20, 20), position=AWAY, subdivisions=1
         )
@@ -131,9 +185,12 @@ class TableScene:
             at = np.zeros(3)
             at[axis], at[2] = half + 0.03, 0.02
             scene.add_label(
-                f"/table/axis_{name}", name, position=at, font_screen_scale=0.9,
+                f"/table/axis_{name}",
+                name,
+                position=at,
+                font_screen_scale=0.9,
                 anchor="center-center",
-            )  # fmt: skip
+            )
 
     def pose(
         self, theta_rad: np.ndarray, ball_m: np.ndarray | None, target_m: np.ndarray | None

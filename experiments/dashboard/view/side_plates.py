@@ -1,11 +1,11 @@
-"""Beside the table: the map of disagreement on its plate, and both models' plates behind it."""
+"""The map of disagreement on the plate, and the plates of two models behind the table."""
 
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.dashboard.player import Stage
-from experiments.dashboard.scene import Puppet
+from experiments.dashboard.session.playback import Playback
+from experiments.dashboard.view.scene import PlateModel
 from rig.parameters import Rig
 
 if TYPE_CHECKING:
@@ -42,32 +42,35 @@ class SidePlates:
     def __init__(self, server: "ViserServer", rig: Rig) -> None:
         self._server = server
         self._plates = {
-            name: Puppet(server, f"/{name}", rig, at=at, ghost=True) for name, at in BEHIND.items()
+            name: PlateModel(server, f"/{name}", rig, at=at, ghost=True)
+            for name, at in BEHIND.items()
         }
         self._labels: list[Any] = []
         for name, plate in self._plates.items():
             plate.show(False)
-            self._labels.append(server.scene.add_label(
-                f"/{name}/label", WORDS[name], position=(0, 0.16, 0.03), anchor="bottom-center"
-            ))  # fmt: skip
-        self._stage: Stage | None = None
+            self._labels.append(
+                server.scene.add_label(
+                    f"/{name}/label", WORDS[name], position=(0, 0.16, 0.03), anchor="bottom-center"
+                )
+            )
+        self._playback: Playback | None = None
         self._map: Any = None
         self._legend: Any = None
 
-    def begin(self, stage: Stage | None) -> None:
-        """What is on from now on."""
-        self._stage = stage
-        beside = stage is not None and stage.others is not None
+    def begin(self, playback: Playback | None) -> None:
+        """Prepare for a playback; None: the live table is shown."""
+        self._playback = playback
+        beside = playback is not None and playback.models is not None
         for plate in self._plates.values():
             plate.show(beside)
 
     def draw(self, t_s: float) -> None:
-        """Both models at the film's time."""
-        if self._stage is None or self._stage.others is None:
+        """Pose both models at a time of the film [s]."""
+        if self._playback is None or self._playback.models is None:
             return
-        _, seen, _ = self._stage.shown.at(t_s)
+        _, seen, _ = self._playback.motion.at(t_s)
         for (name, plate), label, motion in zip(
-            self._plates.items(), self._labels, self._stage.others, strict=True
+            self._plates.items(), self._labels, self._playback.models, strict=True
         ):
             theta, ball, _ = motion.at(t_s)
             plate.pose(theta, ball)
@@ -86,11 +89,19 @@ class SidePlates:
         x, y, size = plate_map
         at = (float(x[0] + x[-1]) / 2, float(y[0] + y[-1]) / 2, 0.0004)
         self._map = self._server.scene.add_image(
-            "/table/plate/map", map_image(plate_map), float(np.ptp(x)), float(np.ptp(y)),
-            format="png", position=at, wxyz=(0.0, 1.0, 0.0, 0.0), cast_shadow=False,
-        )  # fmt: skip
+            "/table/plate/map",
+            map_image(plate_map),
+            float(np.ptp(x)),
+            float(np.ptp(y)),
+            format="png",
+            position=at,
+            wxyz=(0.0, 1.0, 0.0, 0.0),
+            cast_shadow=False,
+        )
         top = float(np.nanmax(size))
         self._legend = self._server.scene.add_label(
-            "/table/plate/map_legend", f"disagreement: pale 0, dark {top:.1f} noise floors",
-            position=(0, -float(np.ptp(y)) / 2 - 0.02, 0.0), anchor="top-center",
-        )  # fmt: skip
+            "/table/plate/map_legend",
+            f"disagreement: pale 0, dark {top:.1f} noise floors",
+            position=(0, -float(np.ptp(y)) / 2 - 0.02, 0.0),
+            anchor="top-center",
+        )

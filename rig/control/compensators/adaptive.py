@@ -14,15 +14,15 @@ parameters go down the normalised gradient, projected onto c_l <= c_r, |c| <= HI
 
 *Symmetric*: c_l = -c_r, one parameter, and the observer estimates d besides (third order).
 *Asymmetric*: both are free; a level error is then the play's middle, as nothing tells them apart.
-Gear play, which the motor's own sensors show, is undone as in the arm *with*.
+Gear play, which the motor's own sensors show, is undone as in the compensator *with*.
 """
 
 import numpy as np
 
 from rig.compiled import compiled
-from rig.elementary import sine
-from rig.shaft import play_operator
-from rig.signals import R_BALL, R_EXPOSED, R_NEW, R_THETA, R_TIME
+from rig.plant.elementary_functions import sine
+from rig.plant.shaft import play_operator
+from rig.table import R_BALL, R_EXPOSED, R_NEW, R_THETA, R_TIME
 
 POLE_1_S = 4.0  # of the observer: the slower, the less of the camera's noise, the later
 STEP, STEP_ASYMMETRIC = 0.04, 0.01  # Gamma, of a frame; two that share their error go slower
@@ -50,7 +50,11 @@ ADAPTIVE_STATE = np.dtype(
 
 @compiled
 def inverse(s, a, wanted, upper, lower, least):
-    """BI(wanted) [rad] for break points upper >= lower; a turn counts beyond `least`."""
+    """BI(wanted) on axis `a` [rad] for break points upper >= lower [rad].
+
+    s: record ADAPTIVE_STATE, changed in place. The wanted angle has turned when it has come back
+    from its last extreme by more than `least` [rad].
+    """
     if s.way[a] == RIGHT:
         s.turn[a] = max(s.turn[a], wanted)
         if wanted < s.turn[a] - least:
@@ -64,7 +68,11 @@ def inverse(s, a, wanted, upper, lower, least):
 
 @compiled
 def believe(s, a, theta, ball_gain, tick_s, symmetric):
-    """One tick of the observer: plate, ball, and what the ball owes to each parameter."""
+    """Advance the observer of axis `a` by one tick: believed plate, ball, and sensitivities xi.
+
+    s: record ADAPTIVE_STATE, changed in place; theta: encoder angle [rad]; ball_gain: b [m/s2/rad];
+    tick_s: period [s]; symmetric: c_left = -c_right, one parameter.
+    """
     upper, lower = s.c[a, RIGHT], s.c[a, LEFT]
     if theta - upper >= s.plate[a]:
         s.side[a] = RIGHT
@@ -85,7 +93,13 @@ def believe(s, a, theta, ball_gain, tick_s, symmetric):
 
 @compiled
 def adapt(s, a, seen_m, late_ticks, dt, symmetric):
-    """A frame: the gradient step, then the observer's correction by the same error."""
+    """Take a frame on axis `a`: gradient step of c, then the observer's correction by the error e.
+
+    s: record ADAPTIVE_STATE, changed in place; seen_m: measured position [m]; late_ticks: age of
+    the frame in ticks; dt: time since the frame before [s]; symmetric: as in `believe`. A frame
+    whose error is above PUSHED_M, or that comes after more than 0.25 s, restarts the observer's
+    ball instead.
+    """
     back = min(max(late_ticks, 0), min(HISTORY, s.ticks[a]) - 1)
     error = seen_m - s.past[a, (s.ticks[a] - 1 - back) % HISTORY]
     if abs(error) > PUSHED_M or dt > 0.25:
@@ -120,7 +134,12 @@ def adapt(s, a, seen_m, late_ticks, dt, symmetric):
 
 @compiled
 def adaptive_inverse(s, a, reading, wanted, factor, ball_gain, tick_s, least, symmetric):
-    """Servo reference [rad]; `factor` is what the inverse makes of its parameters (1: trusts)."""
+    """Servo reference on axis `a` [rad] of the adaptive inverse; runs its observer and adaptation.
+
+    s: record ADAPTIVE_STATE, changed in place; reading (READING_SIZE,); wanted: wanted plate angle
+    [rad]; factor: share of the estimated width that is compensated (1: all of it); ball_gain
+    [m/s2/rad]; tick_s: period [s]; least: of `inverse` [rad]; symmetric: as in `believe`.
+    """
     theta = reading[R_THETA + a]
     if s.ticks[a] == 0:
         s.plate[a], s.turn[a], s.exposed[a] = theta, wanted, -1.0

@@ -18,5 +18,5 @@ SHARE = 0.7
 
 @compiled
 def disturbance_volts(observed, torque_per_volt):
-    """Volts against the observed torque [N m]."""
+    """Volts share Omega/A against the observed torque Omega [N m]; torque_per_volt: A [N m/V]."""
     return SHARE * observed / torque_per_volt

@@ -7,8 +7,8 @@ tau w' + w = K V and a reference that stands, s' = 0 asks for V = w (1 - lambda 
     V = w (1 - lambda tau)/K + (K_s/lambda) s + eta sat(s/phi)
 
 reaches the surface in finite time where eta is above the friction; K_s/lambda makes its
-proportional part that of the other arms. *In the gap* the motor is led to the other side so that
-it lands softly (as in Nordin and Gutman's survey, Automatica 38, 2002): with d left to go
+proportional part that of the other compensators. *In the gap* the motor is led to the other side so
+that it lands softly (as in Nordin and Gutman's survey, Automatica 38, 2002): with d left to go
 
     w = sqrt(2 a d),   which is zero at d = 0 and brakes by a all the way.
 
@@ -21,7 +21,7 @@ from math import sqrt
 import numpy as np
 
 from rig.compiled import compiled
-from rig.shaft import play_operator
+from rig.plant.shaft import play_operator
 
 LAMBDA_1_S = 25.0
 ETA_V, PHI_RAD_S = 0.15, 0.5
@@ -34,14 +34,20 @@ HYBRID_STATE = np.dtype([("plate", np.float64, (2,)), ("shift", np.float64, (2,)
 
 @compiled
 def landing_speed(left):
-    """sqrt(2 a d) with the sign of what is `left` to go [rad/s]."""
+    """Speed sqrt(2 a d) at which to cross what is `left` of the gap [rad], with its sign
+    [rad/s].
+    """
     speed = sqrt(2.0 * BRAKING_RAD_S2 * abs(left))
     return speed if left > 0.0 else -speed
 
 
 @compiled
 def soft_reference(s, a, wanted, theta, joint, least, tick_s):
-    """Servo reference [rad]: its shift crosses the joint's gap with a soft landing."""
+    """Servo reference on axis `a` [rad], shifted across the joint's gap so that it lands softly.
+
+    s: record HYBRID_STATE, changed in place; wanted, theta: wanted plate angle and encoder angle
+    [rad]; joint: full width [rad]; least: smallest error that counts [rad]; tick_s: period [s].
+    """
     half = 0.5 * joint
     s.plate[a] = play_operator(s.plate[a], theta, half, -half)
     missing, aim = wanted - s.plate[a], min(max(s.shift[a], -half), half)
@@ -58,7 +64,12 @@ def soft_reference(s, a, wanted, theta, joint, least, tick_s):
 
 @compiled
 def sliding_volts(error, rate, gain, motor_gain, lag_s):
-    """V on the surface s = lambda e - w, plus what reaches it."""
+    """Volts of the sliding mode in contact: those on the surface plus those that reach it [V].
+
+    error: reference minus encoder angle [rad]; rate: omega [rad/s]; gain: K_s [V/rad]; motor_gain:
+    K [rad/s/V]; lag_s: tau. With s = lambda e - omega, the module's law for a reference that
+    stands.
+    """
     s = LAMBDA_1_S * error - rate
     on_surface = rate * (1.0 - LAMBDA_1_S * lag_s) / motor_gain
     return on_surface + gain / LAMBDA_1_S * s + ETA_V * min(max(s / PHI_RAD_S, -1.0), 1.0)
@@ -66,7 +77,11 @@ def sliding_volts(error, rate, gain, motor_gain, lag_s):
 
 @compiled
 def gap_left(error, twist, gear, least):
-    """How far the motor is from the side that must push [rad]; 0 in contact there."""
+    """How far the motor is from the side of the gear that must push [rad]; 0 in contact there.
+
+    error: reference minus encoder angle [rad], whose sign names the side (none within `least`);
+    twist: about the middle of the play [rad]; gear: full width [rad].
+    """
     half = 0.5 * gear
     if error > least:
         return min(max(half - twist, 0.0), gear)
@@ -77,7 +92,11 @@ def gap_left(error, twist, gear, least):
 
 @compiled
 def hybrid_volts(error, rate, motor_rate, twist, gear, gain, motor_gain, lag_s, least):
-    """Volts of the mode that the play is in [V]."""
+    """Volts of the mode that the gear is in, contact or crossing the gap [V].
+
+    motor_rate: of the motor [rad/s]; the other arguments are those of `gap_left` and
+    `sliding_volts`.
+    """
     left = gap_left(error, twist, gear, least)
     if abs(left) <= least:
         return sliding_volts(error, rate, gain, motor_gain, lag_s)

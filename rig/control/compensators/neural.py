@@ -8,16 +8,16 @@ network learns what that leaves over (Selmic and Lewis, IEEE CDC 2000; US patent
 
 so that |W| <= |sigma|/k whatever comes. The first layer V is fixed and drawn once, a basis as good
 as any (Igelnik and Pao, IEEE Trans. Neural Networks 6, 1995). u' is the motor's speed: volts are
-u'/K, and K_b/K is the proportional gain that all arms have.
+u'/K, and K_b/K is the proportional gain that all compensators have.
 """
 
 from math import exp
 
 import numpy as np
 
-from rig.arms.smooth import filtered_rate
 from rig.compiled import compiled
-from rig.shaft import play_operator
+from rig.control.compensators.smooth import filtered_rate
+from rig.plant.shaft import play_operator
 
 HIDDEN, INPUTS = 8, 5
 LEARNING, FORGETTING = 200.0, 0.5  # S [1/s2], k [s/rad]
@@ -37,7 +37,11 @@ NEURAL_STATE = np.dtype(
 
 @compiled
 def answer(s, a, wanted, rate, missing):
-    """y = W' sigma(V' x) [rad/s] for x = (1, wanted, its rate, what is missing, the plate)."""
+    """y = W' sigma(V' x) on axis `a` [rad/s]; writes sigma into s, a record NEURAL_STATE.
+
+    x = (1, wanted [rad], its rate [rad/s], missing = wanted minus plate [rad], the believed plate
+    angle [rad]); sigma is the logistic function minus 1/2.
+    """
     y = 0.0
     for i in range(HIDDEN):
         v = FIRST_LAYER[i]
@@ -49,17 +53,23 @@ def answer(s, a, wanted, rate, missing):
 
 @compiled
 def learn(s, a, missing, tick_s):
-    """One tick of the tuning law."""
+    """Advance the weights W of axis `a` by one tick of the tuning law; missing = tau~ [rad]."""
     for i in range(HIDDEN):
         s.weights[a, i] -= (
-            tick_s * LEARNING * (s.sigma[a, i] * missing + FORGETTING * abs(missing)
-                                 * s.weights[a, i])
-        )  # fmt: skip
+            tick_s
+            * LEARNING
+            * (s.sigma[a, i] * missing + FORGETTING * abs(missing) * s.weights[a, i])
+        )
 
 
 @compiled
 def neural_volts(s, a, wanted, theta, joint, gain, motor_gain, tick_s):
-    """Volts for a joint play of full width `joint` [rad], 0 where it is not known."""
+    """Volts of the neural compensator on axis `a` [V], before the servo's rate feedback.
+
+    s: record NEURAL_STATE, changed in place; wanted, theta: wanted plate angle and encoder angle
+    [rad]; joint: full width [rad], 0 where it is not known; gain: K_s [V/rad]; motor_gain: K
+    [rad/s/V]; tick_s: period [s].
+    """
     half = 0.5 * joint
     if s.ticks[a] == 0:
         s.plate[a] = theta

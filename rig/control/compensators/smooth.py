@@ -26,13 +26,17 @@ SMOOTH_STATE = np.dtype(
 
 @compiled
 def shift(half, rate):
-    """alpha tanh(k u') [rad]: half the width times how surely the motion has a direction."""
+    """alpha tanh(k u') [rad]; half: half width alpha [rad], rate: u' [rad/s]."""
     return half * tanh(rate / WIDTH_RAD_S)
 
 
 @compiled
 def filtered_rate(slow, a, wanted, tick_s, first):
-    """s/(lag s + 1) of the wanted angle [rad/s]; `slow` (2,) is the filter's state."""
+    """s/(lag s + 1) of the wanted angle on axis `a` [rad/s].
+
+    slow (2,): the filter's state [rad], changed in place; wanted [rad]; tick_s: period [s]; first:
+    the filter starts at this tick.
+    """
     if first:
         slow[a] = wanted
     rate = (wanted - slow[a]) / LAG_S
@@ -42,7 +46,11 @@ def filtered_rate(slow, a, wanted, tick_s, first):
 
 @compiled
 def smooth_inverse(s, a, wanted, joint, gear, motor_gain, tick_s):
-    """Servo reference [rad] and extra volts for plays of full width `joint` and `gear` [rad]."""
+    """Servo reference [rad] and extra volts [V] on axis `a`; joint, gear: full widths [rad].
+
+    s: record SMOOTH_STATE, changed in place; wanted: wanted plate angle [rad]; motor_gain: K
+    [rad/s/V]; tick_s: period [s].
+    """
     first = s.ticks[a] == 0
     rate = filtered_rate(s.slow, a, wanted, tick_s, first)
     motor = shift(0.5 * gear, rate)

@@ -10,14 +10,12 @@ from contextlib import suppress
 from math import pi
 from types import TracebackType
 
-from rig.hardware import wire
-from rig.hardware.board_clock import BoardClock
-from rig.hardware.choose import Eye
-from rig.hardware.link import LINK_DEAD_S, Link, LinkLost
-from rig.hardware.seen import Seen
-from rig.hardware.wire import Arm, Command, ConfigAnswer, ConfigRequest, Disarm, Telemetry
+from rig.hardware.board import wire
+from rig.hardware.board.link import LINK_DEAD_S, Link, LinkLost
+from rig.hardware.board.wire import Arm, Command, ConfigAnswer, ConfigRequest, Disarm, Telemetry
+from rig.hardware.observations import BoardClock, ObservationFeed, ObservationSource
 from rig.hardware.wiring import Wiring
-from rig.levelling import LevelOnExit
+from rig.safety.levelling import LevelOnExit
 from rig.table import Reading
 
 ANSWER_S = 3.0  # an Arduino that resets on opening spends two seconds in its boot loader
@@ -32,8 +30,8 @@ REASONS = {
 }
 
 
-class BoardStopped(OSError):  # noqa: N818 - the state, not the slip
-    """The board took the volts away by itself; the message says why."""
+class BoardStopped(OSError):  # noqa: N818 - it names a board state used as a run ending
+    """The board took the volts away by itself; the message says why. Outcome: "board stopped"."""
 
     outcome = "board stopped"
 
@@ -42,11 +40,14 @@ class BoardStopped(OSError):  # noqa: N818 - the state, not the slip
 
 
 class BoardTable(LevelOnExit):
-    """A table on a serial or USB board. Open means configured and disarmed; `with` arms it.
+    """A table on a serial or USB board: configured and disarmed when opened; `with` arms it.
 
-    The board's own tick is the loop's: `read` waits for its next telemetry, and the newest wins.
-    LinkLost: it vanished, is silent or deaf (raised within 100 ms); BoardStopped: it levelled by
-    itself. `homed` False: zeros are not known yet, so the board keeps to 1.5 V and does not level.
+    The board's tick is the loop's: `read` waits for its next telemetry, of several the newest.
+    homed False: the zeros are not known yet, so the board keeps to 1.5 V and does not level. eye:
+    where observations of the ball come from; tachometer_rad_s_V: speed at the load shaft per volt
+    of the tachometer; clock: monotonic [s]. ticks_missed: of the board; newest: telemetry.
+    ValueError: a period or a field that the board cannot take. LinkLost: the board does not answer
+    or speaks another version.
     """
 
     def __init__(
@@ -58,14 +59,14 @@ class BoardTable(LevelOnExit):
         voltage_limit_V: float = 6.0,
         angle_limit_rad: float = pi / 6,
         homed: bool = True,
-        eye: Eye | None = None,
+        eye: ObservationSource | None = None,
         tachometer_rad_s_V: float = TACHOMETER_RAD_S_V,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.period_s, self.voltage_limit_V = period_s, voltage_limit_V
         self.ticks_missed = 0  # of the board's: their telemetry came late or never
         self.newest: Telemetry | None = None
-        self._link, self._wiring, self._seen = link, wiring or Wiring(), Seen(eye)
+        self._link, self._wiring, self._feed = link, wiring or Wiring(), ObservationFeed(eye)
         self._tachometer, self._clock = tachometer_rad_s_V, clock
         self._parser, self._times = wire.Parser(), BoardClock(clock)
         self._unheard: deque[tuple[int, float]] = deque()
@@ -80,16 +81,16 @@ class BoardTable(LevelOnExit):
 
     @property
     def is_fresh(self) -> bool:
-        """Was it reset, and not opened for homing since? Then its counts mean nothing: home it."""
+        """Whether the board was reset and not opened since: its counts mean nothing then."""
         return bool(self._answer.features & wire.IS_FRESH)
 
     @property
     def zero_s(self) -> float:
-        """The first reading's moment on the host's monotonic clock; NaN before it."""
+        """Moment of the first reading on the host's monotonic clock [s]; NaN before it."""
         return self._times.zero_s
 
     def notes(self) -> dict[str, int]:
-        """What a recording shall keep of this link: ticks not heard, frames that were garbage."""
+        """Return what a recording keeps of this link: ticks_missed and bad_frames."""
         return {"ticks_missed": self.ticks_missed, "bad_frames": self._parser.bad_frames}
 
     # --- before the run ---
@@ -102,10 +103,15 @@ class BoardTable(LevelOnExit):
         negative = [polarity < 0 for polarity in wiring.polarities()]
         bits = homed | negative[0] << 1 | negative[1] << 2 | wiring.crossed << 3
         return ConfigRequest(
-            wire.VERSION, secrets.randbelow(65536), period_ms, bits, *wiring.zero_counts,
-            wiring.counts_per_rev, round(angle_limit_rad / wiring.step_rad),
+            wire.VERSION,
+            secrets.randbelow(65536),
+            period_ms,
+            bits,
+            *wiring.zero_counts,
+            wiring.counts_per_rev,
+            round(angle_limit_rad / wiring.step_rad),
             round(1000 * self.voltage_limit_V),
-        )  # fmt: skip
+        )
 
     def _configure(self, request: ConfigRequest) -> ConfigAnswer:
         """Ask until the board answers. LinkLost: it does not, or speaks another version."""
@@ -134,7 +140,9 @@ class BoardTable(LevelOnExit):
         )
 
     def arm(self) -> None:
-        """Let volts flow from now on. The board must confirm; LinkLost, BoardStopped otherwise."""
+        """Let volts flow from now on. LinkLost: the board is lost; BoardStopped: it does not
+        confirm.
+        """
         word = Arm(self._answer.token, self._sequence)
         until = self._clock() + LINK_DEAD_S
         try:
@@ -157,6 +165,11 @@ class BoardTable(LevelOnExit):
 
     # --- the contract ---
     def read(self) -> Reading:
+        """Wait for the board's next telemetry and return its reading.
+
+        LinkLost: the board vanished, is silent or deaf (raised within 100 ms). BoardStopped: it
+        took the volts away by itself. CameraStopped: the camera of `eye` failed.
+        """
         before, packet = self._read_us, self._await_telemetry()
         self._check(packet)
         self._read_us, t_s = packet.clock_us, self._times.reading()
@@ -170,12 +183,17 @@ class BoardTable(LevelOnExit):
             )
             speeds = (self._tachometer * x, self._tachometer * y)
         return Reading(
-            t_s, self._wiring.angles((packet.count_0, packet.count_1)), speeds, self._seen.look(t_s)
+            t_s, self._wiring.angles((packet.count_0, packet.count_1)), speeds, self._feed.take(t_s)
         )
 
     def drive(self, volts: tuple[float, float]) -> None:
+        """Command volts (x, y), which the board applies for 20 ms at most without a newer command.
+
+        ValueError: volts that are not finite, or other than 0 V on a board that is not armed.
+        LinkLost, BoardStopped: the board is lost or has stopped.
+        """
         if not all(map(math.isfinite, volts)):
-            raise ValueError(f"volts must be finite, got {volts}; use rig.limits.limit")
+            raise ValueError(f"volts must be finite, got {volts}; use rig.safety.limits.limit")
         if self._ended is not None:
             raise self._ended
         if not self._armed:
@@ -189,7 +207,10 @@ class BoardTable(LevelOnExit):
         self._unheard.append((self._sequence, self._clock()))
 
     def close(self) -> None:
-        """0 V and disarmed, confirmed by the board where it still answers."""
+        """Disarm the board at 0 V, confirmed where it still answers, and let the link go.
+
+        A board that has stopped by itself levels the plate alone and is told nothing more.
+        """
         if self._closed:
             return
         self._closed = True

@@ -5,8 +5,10 @@ from typing import Protocol
 LINK_DEAD_S = 0.08  # so long may a board be silent or deaf; the error is raised within 100 ms
 
 
-class LinkLost(OSError):  # noqa: N818 - the state, not the slip
-    """The device vanished or fell silent: one line with its name."""
+class LinkLost(OSError):  # noqa: N818 - it names a link state used as a run ending
+    """The device vanished or fell silent: one line with its name. Outcome of the run: "link
+    lost".
+    """
 
     outcome = "link lost"
 
@@ -24,11 +26,13 @@ class Link(Protocol):
         ...
 
     def receive(self) -> bytes:
-        """Everything that is there now; b"" when nothing is. Never waits."""
+        """Return everything that has arrived; b"" when nothing has. It does not wait for bytes
+        to come.
+        """
         ...
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait until bytes are there, at most `timeout_s`; tells whether they are."""
+        """Wait until bytes are there, at most `timeout_s`; return whether they are."""
         ...
 
     def close(self) -> None:

@@ -7,7 +7,7 @@ from contextlib import suppress
 
 import serial
 
-from rig.hardware.link import LINK_DEAD_S, LinkLost
+from rig.hardware.board.link import LINK_DEAD_S, LinkLost
 
 # A vanished device shows by any of these, by call and by platform (termios.error is none of them).
 _GONE = (OSError, serial.SerialException, TypeError)
@@ -29,7 +29,10 @@ _CURES = {
 
 
 class SerialLink:
-    """A serial port, held alone. LinkLost: the port is not there, busy, gone or hung."""
+    """A board on a serial port, held alone; baud in bit/s.
+
+    LinkLost: the port is not there, busy, gone or hung.
+    """
 
     def __init__(self, port: str, baud: int = 500_000) -> None:
         self.name = f"board on {port}"
@@ -46,6 +49,7 @@ class SerialLink:
             raise LinkLost(number or errno.EIO, f"{self.name}: {why}; {cure}") from None
 
     def send(self, data: bytes) -> None:
+        """Hand all of `data` to the port. LinkLost: the port is gone or takes no bytes in time."""
         while data:
             try:
                 sent = self._serial.write(data) if self._takes_bytes() else 0
@@ -65,12 +69,16 @@ class SerialLink:
         return bool(select.select([], [self._serial.fileno()], [], LINK_DEAD_S / 2)[1])
 
     def receive(self) -> bytes:
+        """Return everything that is there now; b"" when nothing is. LinkLost: the port is gone."""
         try:
             return self._serial.read(max(self._serial.in_waiting, 1))
         except _GONE as error:
             raise self._lost(_short(error)) from None
 
     def wait(self, timeout_s: float) -> bool:
+        """Wait at most `timeout_s` until bytes are there; return whether they are. LinkLost: it
+        is gone.
+        """
         try:
             if not _POSIX:  # select takes sockets only there
                 return self._wait_by_reading(timeout_s)
@@ -87,6 +95,7 @@ class SerialLink:
         return bool(self._serial.in_waiting)
 
     def close(self) -> None:
+        """Let the port go; does nothing where it is closed or gone."""
         with suppress(*_GONE):
             self._serial.close()
 

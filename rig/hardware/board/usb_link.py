@@ -1,4 +1,4 @@
-"""A board on USB: the same bytes over two bulk endpoints of a vendor-class interface, by pyusb."""
+"""A board on USB: packets over two bulk endpoints of a vendor-class interface, by pyusb."""
 
 import errno
 import time
@@ -8,7 +8,7 @@ from functools import partial
 import usb.core
 import usb.util
 
-from rig.hardware.link import LINK_DEAD_S, LinkLost
+from rig.hardware.board.link import LINK_DEAD_S, LinkLost
 
 VENDOR, PRODUCT = 0x1209, 0x0001  # pid.codes' number for experiments
 VENDOR_CLASS = 0xFF
@@ -18,10 +18,11 @@ _NO_PERMISSION = "your user may not open it: add the udev rule (rig doctor tells
 
 
 class UsbLink:
-    """The first device with these numbers, its vendor-class interface held alone.
+    """A board on USB: the first device with these numbers, its vendor-class interface held alone.
 
-    `backend`: pyusb's, by default libusb. LinkLost: no such device, not ours to open, gone, hung.
-    A stalled endpoint is cleared once; stalled again, the device counts as lost.
+    backend: pyusb's, by default libusb; clock: monotonic [s]. LinkLost: there is no such device, it
+    may not be opened, is gone or hangs. A stalled endpoint is cleared once; stalled again, the
+    device counts as lost.
     """
 
     def __init__(
@@ -73,11 +74,15 @@ class UsbLink:
         )
 
     def send(self, data: bytes) -> None:
+        """Hand all of `data` to the device. LinkLost: it is gone or takes no bytes in time."""
         sent = self._transfer(self._out, partial(self._out.write, data, _ms(LINK_DEAD_S / 2)))
         if sent != len(data):
             raise self._lost("it takes no bytes any more")
 
     def receive(self) -> bytes:
+        """Return everything that is there within 1 ms; b"" when nothing is. LinkLost: the device
+        is gone.
+        """
         if not self._arrived:
             self._read(0.001)
         data = bytes(self._arrived)
@@ -85,6 +90,9 @@ class UsbLink:
         return data
 
     def wait(self, timeout_s: float) -> bool:
+        """Wait at most `timeout_s` until bytes are there; return whether they are. LinkLost: it
+        is gone.
+        """
         return bool(self._arrived) or self._read(timeout_s)
 
     def _read(self, timeout_s: float) -> bool:
@@ -120,6 +128,7 @@ class UsbLink:
             raise self._lost(error.strerror or str(error)) from None
 
     def close(self) -> None:
+        """Let the device go, also where it has vanished."""
         usb.util.dispose_resources(self._device)  # swallows what a vanished device says
 
     def _lost(self, why: str) -> LinkLost:

@@ -21,11 +21,12 @@ LIMITED, EXPIRED, LATE_TICK, BYTES_LOST = 0x100, 0x200, 0x400, 0x800
 
 @dataclass(frozen=True)
 class ConfigRequest:
-    """Host to board: who I am and how the table is wired. Ends a latch, never arms.
+    """Host to board: who asks, and how the table is wired. It ends a latch but never arms.
 
-    nonce comes back in the answer; period_ms of the telemetry; wired: bit 0 zeros are known, bits
-    1 and 2 channel 0, 1 has negative polarity, bit 3 motor plugs are crossed; zero counts of
-    channels 0, 1; counts_per_rev; angle limit in counts; limit of volts [mV].
+    nonce: comes back in the answer; period_ms: of the telemetry; wired: bit 0 the zeros are known,
+    bits 1 and 2 channel 0, 1 has negative polarity, bit 3 motor plugs are crossed; zero_0, zero_1:
+    zero counts of channels 0, 1; counts_per_rev: of an encoder at the load shaft; angle_limit
+    [counts]; limit_mV: of the volts.
     """
 
     KIND: ClassVar[int] = 0x01
@@ -43,7 +44,9 @@ class ConfigRequest:
 
 @dataclass(frozen=True)
 class Arm:
-    """Host to board: arm with the token of the last answer; commands are newer than sequence."""
+    """Host to board: let volts flow. token: of the last answer; commands are newer than
+    sequence.
+    """
 
     KIND: ClassVar[int] = 0x02
     LAYOUT: ClassVar[str] = "<IH"
@@ -53,7 +56,7 @@ class Arm:
 
 @dataclass(frozen=True)
 class Disarm:
-    """Host to board: 0 V now, no command until armed again."""
+    """Host to board: 0 V now, and no command is obeyed until the board is armed again."""
 
     KIND: ClassVar[int] = 0x03
     LAYOUT: ClassVar[str] = "<"
@@ -61,7 +64,7 @@ class Disarm:
 
 @dataclass(frozen=True)
 class Command:
-    """Host to board: volts of motor channels 0, 1 [mV], for ttl_ms at most; the newest wins."""
+    """Host to board: volts of motor channels 0, 1 [mV], for ttl_ms at most; the newest counts."""
 
     KIND: ClassVar[int] = 0x04
     LAYOUT: ClassVar[str] = "<HBhh"
@@ -73,9 +76,11 @@ class Command:
 
 @dataclass(frozen=True)
 class ConfigAnswer:
-    """Board to host: accepted where the version is the host's; the token arms once.
+    """Board to host: answer to the request with this nonce, accepted where its version is ours.
 
-    features: bit 0 it has tachometer inputs, bit 1 this is the first request since it was reset.
+    token: arms once; clock_us: the board's clock; period_ms: of its telemetry; supply_mV: motors'
+    supply; limit_mV: of the volts; features: bit 0 it has tachometer inputs, bit 1 this is the
+    first request since it was reset.
     """
 
     KIND: ClassVar[int] = 0x11
@@ -92,7 +97,12 @@ class ConfigAnswer:
 
 @dataclass(frozen=True)
 class Telemetry:
-    """Board to host: its clock, the last command it took, flags, counts and volts [mV] applied."""
+    """Board to host, every period.
+
+    clock_us: the board's clock; sequence: of the last command that it took; flags: bits above;
+    bad_frames: frames refused so far, modulo 256; count_0, count_1: of the encoders; mV_0, mV_1:
+    volts applied [mV].
+    """
 
     KIND: ClassVar[int] = 0x12
     LAYOUT: ClassVar[str] = "<IHHBiihh"
@@ -108,7 +118,7 @@ class Telemetry:
 
 @dataclass(frozen=True)
 class TelemetryWithTachometer(Telemetry):
-    """The same with what the tachometer inputs read [mV]."""
+    """Telemetry and what the inputs of tachometers 0, 1 read [mV]."""
 
     KIND: ClassVar[int] = 0x13
     LAYOUT: ClassVar[str] = "<IHHBiihhhh"
@@ -132,7 +142,10 @@ KINDS: dict[int, type[Packet]] = {
 
 
 def cobs(data: bytes) -> bytes:
-    """Consistent overhead byte stuffing of at most 254 bytes: the same bytes without a zero."""
+    """Return at most 254 bytes as bytes without a zero (consistent overhead byte stuffing).
+
+    Cheshire and Baker, IEEE/ACM Trans. Networking 7(2), 1999. ValueError: more than 254 bytes.
+    """
     if len(data) > 254:
         raise ValueError(f"a frame of {len(data)} bytes is too long; at most 254")
     out = bytearray()
@@ -143,7 +156,7 @@ def cobs(data: bytes) -> bytes:
 
 
 def uncobs(data: bytes) -> bytes | None:
-    """The inverse of `cobs` (at most 254 bytes without a zero); None where it is no such thing."""
+    """Return the bytes that `cobs` has stuffed; None where `data` is no such thing."""
     out = bytearray()
     i = 0
     while i < len(data):
@@ -158,12 +171,14 @@ def uncobs(data: bytes) -> bytes | None:
 
 
 def crc(data: bytes) -> int:
-    """CRC-16/CCITT-FALSE: polynomial 0x1021, start 0xFFFF, not reflected."""
+    """Return the CRC-16/CCITT-FALSE: polynomial 0x1021, start 0xFFFF, not reflected."""
     return binascii.crc_hqx(data, 0xFFFF)
 
 
 def encode(packet: Packet) -> bytes:
-    """The packet as one frame. ValueError: a field does not fit its place."""
+    """Return the packet as one frame, its closing zero included. ValueError: a field does not
+    fit.
+    """
     try:
         body = struct.pack(packet.LAYOUT, *astuple(packet))
     except struct.error as error:
@@ -173,7 +188,7 @@ def encode(packet: Packet) -> bytes:
 
 
 def decode(frame: bytes) -> Packet | None:
-    """The packet of a frame without its closing zero; None where it is damaged or unknown."""
+    """Return the packet of a frame without its closing zero; None: damaged or unknown."""
     data = uncobs(frame) if len(frame) < LONGEST_FRAME else None
     if data is None or len(data) < 3 or crc(data[:-2]) != int.from_bytes(data[-2:], "little"):
         return None
@@ -184,7 +199,7 @@ def decode(frame: bytes) -> Packet | None:
 
 
 class Parser:
-    """Finds packets in a stream of bytes; damaged frames are counted and skipped."""
+    """Finds packets in a stream of bytes; damaged frames are counted (bad_frames) and skipped."""
 
     def __init__(self) -> None:
         self.bad_frames = 0
@@ -192,7 +207,7 @@ class Parser:
         self._too_long = False
 
     def feed(self, data: bytes) -> list[Packet]:
-        """The packets that `data` completes, in order."""
+        """Return the packets that `data` completes, in order."""
         found: list[Packet] = []
         *ended, rest = data.split(b"\0")
         for part in ended:

@@ -16,21 +16,21 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from rig.hardware.peephole import Peephole
-from rig.linkage import plate_rotation, tilt_sines
-from rig.shared_ring import SharedArray, SharedRing
+from rig.hardware.camera.preview import Preview
+from rig.plant.ball import plate_rotation, tilt_sines
+from rig.shared_memory import SharedArray, SharedRing
 from vision.frames import Frame, Observation, Track
-from vision.source_errors import GarbageError
+from vision.sources.source_errors import GarbageError
 
-STALL_S = 0.3  # the pilot has levelled the plate by then (rig.pilot.BLIND_S)
+STALL_S = 0.3  # the controller has levelled the plate by then (rig.control.tick.BLIND_S)
 OPEN_S = 90.0  # a process has to import OpenCV, open a camera and, once, compile what sees
 SIGHTS = 16
 SIGHT = np.dtype([("frame_s", np.float64), ("seen", np.int64), ("numbers", np.float64, (5,))])
 TROUBLE = np.dtype([("text", "S240"), ("said", np.int64), ("over", np.int64)])
 
 
-class CameraStopped(OSError):  # noqa: N818 - the state, not the slip
-    """The camera gave nothing more; the message says why."""
+class CameraStopped(OSError):  # noqa: N818 - it names a camera state used as a run ending
+    """The camera gives no more frames; the message says why. Outcome of the run: "camera stall"."""
 
     outcome = "camera stall"
 
@@ -40,7 +40,11 @@ class Sees(Protocol):
 
     def step(
         self, frame: Frame, rotation_hint: np.ndarray
-    ) -> "tuple[Observation | None, Track, object]": ...
+    ) -> "tuple[Observation | None, Track, object]":
+        """Return observation, track and view of a frame; rotation_hint (3, 3): world from plate,
+        a guess.
+        """
+        ...
 
 
 # What makes the frames (times on `time.monotonic`, as of open_source(..., start_s=0.0); closed at
@@ -49,10 +53,12 @@ Opener = Callable[[], tuple[Iterable[Frame], Sees]]
 
 
 class CameraEye:
-    """What the loop holds: `latest` for the table's `read`, `tell` for the encoders' hint.
+    """What the loop holds of a camera: `latest` for a table's `read`, `tell` for the encoders'
+    hint.
 
-    ratio: of the linkage. Times given out count from `begin`, else from the first `latest`. Can be
-    pickled to the loop's process. `close` frees it (by who made it) and ends who sees.
+    ratio: 2 R_d/L of the linkage; stall_s: longest time without a frame; frames: how many were
+    taken. Times given out count from `begin`, else from the first `latest`. It can be pickled to
+    the loop's process.
     """
 
     def __init__(self, ratio: float, *, stall_s: float = STALL_S) -> None:
@@ -60,23 +66,25 @@ class CameraEye:
         self.sights = SharedRing(SIGHT, SIGHTS)
         self.theta = SharedArray((2,), np.dtype(np.float64))
         self.trouble = SharedArray((1,), TROUBLE)
-        self.peephole = Peephole()
+        self.preview = Preview()
         self.zero_s: float | None = None
         self.frames = 0
         self._arrived_s: float | None = None
 
     def begin(self, zero_s: float) -> None:
-        """The table's time zero on `time.monotonic`."""
+        """Set the table's time zero, a time of `time.monotonic` [s]."""
         self.zero_s = zero_s
 
     def tell(self, theta_rad: tuple[float, float]) -> None:
-        """The encoders' angles now: the plate's pose where its markers are not seen."""
+        """Take the encoder angles now: they give the plate's pose where its markers are not
+        seen.
+        """
         self.theta.array[:] = theta_rad
 
     def latest(self, after_s: float) -> Observation | None:
-        """The newest observation of light after `after_s`, never the same twice; else None.
+        """Return the newest observation exposed after `after_s` [s], never one twice; else None.
 
-        CameraStopped: no frame for `stall_s`, or what the camera itself raised.
+        CameraStopped: no frame for `stall_s`, or the camera itself failed.
         """
         now_s = time.monotonic()
         if self.zero_s is None:
@@ -103,11 +111,16 @@ class CameraEye:
 
     # --- who sees ---
     def put(self, frame_s: float, seen: Observation | None) -> None:
+        """Send what was seen in the frame of time frame_s (`time.monotonic`), None for no ball,
+        to the loop.
+        """
         numbers = (np.nan,) * 5 if seen is None else (*seen.xy_m, *seen.cov_m2)
         self.sights.write((frame_s, seen is not None, numbers))
 
     def fail(self, error: BaseException) -> None:
-        """Keep what ended it, for the loop; of no interest once it is over."""
+        """Keep the error that ended the seeing, for the loop to raise; nothing once the eye is
+        closed.
+        """
         if self.over:
             return
         text = f"{type(error).__name__}: {error}"
@@ -116,15 +129,20 @@ class CameraEye:
 
     @property
     def over(self) -> bool:
+        """Whether seeing is to end: the eye was closed."""
         return len(self.trouble.array) == 0 or bool(self.trouble.array["over"][0])
 
     def close(self) -> None:
-        for part in (self.sights, self.theta, self.trouble, self.peephole):
+        """Let go of the shared memory; the process that made it frees it, which ends the seeing."""
+        for part in (self.sights, self.theta, self.trouble, self.preview):
             part.close()
 
 
 def see(eye: CameraEye, opener: Opener) -> None:
-    """See frame after frame until the eye is closed; whatever ends it is kept for the loop."""
+    """See frame after frame until the eye is closed; whatever ends it before is kept for the loop.
+
+    opener makes the frames and the ball camera here, in the thread or process that sees.
+    """
     try:
         frames, camera = opener()
         with ExitStack() as stack:
@@ -140,7 +158,7 @@ def see(eye: CameraEye, opener: Opener) -> None:
                 hint = plate_rotation(tilt_sines(theta, eye.ratio))
                 observation, track, _ = camera.step(frame, hint)
                 eye.put(frame.t_s, observation)
-                eye.peephole.show(frame.image, track, observation)
+                eye.preview.show(frame.image, track, observation)
     except StopIteration:
         eye.fail(EOFError("the source has no more frames"))
     except BaseException as error:  # raised again, by name, where the loop reads
@@ -154,9 +172,11 @@ def _process(eye: CameraEye, opener: Opener) -> None:
 
 
 class Watcher:
-    """Runs `see` beside the loop, in a thread or (`process`) a spawned process, while inside.
+    """Context in which `see` runs beside the loop, in a spawned process or, without `process`, a
+    thread.
 
-    Waits for the first frame. CameraStopped: it did not come, with the camera's own reason.
+    Entering it waits for the first frame, at most patience_s. CameraStopped: that did not come,
+    with the camera's own reason.
     """
 
     def __init__(

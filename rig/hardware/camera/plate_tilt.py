@@ -3,16 +3,16 @@
 import numpy as np
 
 from vision.frames import Frame, Observation, Track
-from vision.markers import MarkerLayout, find_pose, track_pose
+from vision.plate.markers import MarkerLayout, find_pose, track_pose
 from vision.view import View
 
 LOOK_AFRESH = 5  # pictures without markers, and the whole picture is searched for them again
 
 
 class MarkerTilt:
-    """Sees through `rig.hardware.eye` as a ball camera does; the pair that travels: the sines.
+    """Measures the plate's tilt by its markers, in the place of a ball camera (`eye.see`).
 
-    `level` is the calibrated view of the level plate.
+    level: calibrated view of the level plate; layout: of the markers on the plate.
     """
 
     def __init__(self, level: View, layout: MarkerLayout) -> None:
@@ -21,7 +21,10 @@ class MarkerTilt:
     def step(
         self, frame: Frame, rotation_hint: np.ndarray
     ) -> tuple[Observation | None, Track, View]:
-        """The sines of a picture, as an observation; None where too few markers are seen."""
+        """Return (observation, track, view); the observation's xy_m holds (sin phi_x, sin phi_y).
+
+        None, and a lost track, where too few markers are seen. rotation_hint is not used.
+        """
         fit = track_pose(frame.image, self._layout, self._last)
         if not fit.accepted and self._misses % LOOK_AFRESH == 0:
             fit = find_pose(frame.image, self._layout, self._level.camera) or fit
@@ -34,6 +37,10 @@ class MarkerTilt:
 
 
 def sines(view: View, level: View) -> tuple[float, float]:
-    """How far the +x and +y sides are down: the third row of world_from_plate, negated."""
+    """(sin phi_x, sin phi_y) [1]: how far the +x and +y sides lie below those of the level plate.
+
+    They are the third row of world_from_plate, negated; view: of the frame, level: of the level
+    plate.
+    """
     turn = level.camera_from_plate[:3, :3].T @ view.camera_from_plate[:3, :3]
     return float(-turn[2, 0]), float(-turn[2, 1])

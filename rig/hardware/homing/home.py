@@ -9,7 +9,7 @@ which arm tilts which axis, in which direction, and whether the middle is level.
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
 
-from rig.hardware.homing_moves import (
+from rig.hardware.homing.homing_moves import (
     FARTHEST_RAD,
     LEVEL_SINE,
     SWING_RAD,
@@ -30,10 +30,11 @@ from rig.table import Table
 
 @dataclass(frozen=True)
 class Homing:
-    """What homing found. By axis (x, y): travel between the stops, volts that moved the arm.
+    """What homing found; pairs by axis (x, y).
 
-    level: the plate's sines in the middle as the markers see them; None where they were not seen,
-    and then which axis is which, and which way is down, is the rig file's word.
+    travel_rad: between the stops; moving_V: volts that moved the arm; level: (sin phi_x, sin phi_y)
+    in the middle between the stops as the markers see them, None where they were not seen. Which
+    axis is which, and which way is down, is then what the rig file says.
     """
 
     wiring: Wiring
@@ -51,7 +52,11 @@ Plan = Generator[Pair, Sight, Homing]
 
 
 def plan(rig: Rig) -> Plan:
-    """The whole of homing for a table opened with raw wiring. HomingRefused by name."""
+    """Yield the volts of both motor channels, tick by tick, and return the homing at the end.
+
+    It is sent a `Sight` after every tick; the table is opened with raw wiring. HomingRefused: what
+    was seen does not allow a homing; the message names it and the cure.
+    """
     sight = yield 0.0, 0.0
     arms: list[Arm] = []
     for motor in (0, 1):
@@ -185,9 +190,10 @@ def _homing(
 
 
 def home(table: Table, rig: Rig, tilt: Callable[[float], Pair | None] = lambda t_s: None) -> Homing:
-    """Home an armed table that was opened with raw wiring; it ends at 0 V in the middle.
+    """Home an armed table that was opened with raw wiring; it ends in the middle, at 0 V.
 
-    `tilt` gives the plate's sines when a new picture of it was taken; called in every tick.
+    tilt: called at every tick with the reading's time [s]; gives (sin phi_x, sin phi_y) when a new
+    picture of the plate was taken, else None. HomingRefused: as `plan`; OSError: the table is lost.
     """
     steps = plan(rig)
     volts = next(steps)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pydantic import TypeAdapter
 
-from rig.hardware.home import Homing
+from rig.hardware.homing.home import Homing
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig
 from rig.table import Table
@@ -20,16 +20,23 @@ BOOT_S, DRIFT = 0.3, 2e-3  # a ceramic resonator is good to half a percent at wo
 CURE = "run rig home"
 
 
-class NotHomed(ValueError):  # noqa: N818 - the state, not the slip
-    """The table's encoders are not known to be right; the message ends with the cure."""
+class NotHomed(ValueError):  # noqa: N818 - it names a state used as a run ending
+    """The table's encoders are not known to be right; the message ends with the cure.
+
+    Outcome of the run: "not homed".
+    """
 
     outcome = "not homed"
 
 
 @dataclass(frozen=True)
 class Homed:
-    """A homing and what it holds for. at: ISO time; boot_id: the table's power-up, where it
-    tells; travel_rad by axis; confirmed: the markers saw the plate move."""
+    """A homing as kept in a file, and the table that it holds for.
+
+    kind, where: of the table's [table] (kind; port or address); boot_id: name of the table's
+    power-up (None where it has none); at: ISO time, UTC; confirmed: the markers saw the plate move;
+    travel_rad: between the stops, by axis (x, y); wiring: what the homing found.
+    """
 
     kind: str
     where: str
@@ -41,15 +48,20 @@ class Homed:
 
     @classmethod
     def of(cls, found: Homing, rig: Rig, boot_id: str | None) -> "Homed":
+        """Return the record of a homing that was found just now on the rig's table."""
         now = datetime.now(UTC).isoformat(timespec="seconds")
         where = (rig.table.kind, _where(rig))
         return cls(*where, boot_id, now, found.confirmed, found.travel_rad, found.wiring)
 
     def save(self, path: Path) -> None:
+        """Write the homing to a JSON file that `load` reads. OSError: it cannot be written."""
         path.write_text(json.dumps(asdict(self), indent=1) + "\n", encoding="utf-8")
 
     def check(self, rig: Rig, boot_id: str | None, now: datetime | None = None) -> None:
-        """NotHomed: it was another table, another power-up, or too long ago."""
+        """Raise NotHomed where the homing is of another table, another power-up, or too long ago.
+
+        boot_id: as `power_up` names it now; now: the time (default: the system's).
+        """
         if (self.kind, self.where) != (rig.table.kind, _where(rig)):
             raise NotHomed(f"the homing is of another table ({self.kind} {self.where}): {CURE}")
         if self.wiring.counts_per_rev != rig.servo.encoder_counts_per_rev:
@@ -64,7 +76,9 @@ class Homed:
             raise NotHomed(f"the homing of {self.at} is older than {hours:g} hours: {CURE}")
 
     def check_angles(self, theta_rad: tuple[float, float]) -> None:
-        """NotHomed: the arms are where they cannot be, so the counters were lost."""
+        """Raise NotHomed where the encoders (x, y) show angles beyond the stops: the counters
+        were lost.
+        """
         for axis, angle, travel in zip("xy", theta_rad, self.travel_rad, strict=True):
             if not abs(angle) < 0.5 * travel + MARGIN_RAD:
                 raise NotHomed(
@@ -78,9 +92,10 @@ def _where(rig: Rig) -> str:
 
 
 def power_up(table: Table, now_s: float | None = None) -> str | None:
-    """What names this power-up of a table that has been read; None where it cannot tell.
+    """Return what names this power-up of a table that has been read; None where it cannot tell.
 
-    A board tells its clock, which began at its last reset: that moment on the host's clock.
+    It is the table's own identity or, of a board, which tells its clock, the moment of its last
+    reset on the host's monotonic clock. now_s: that clock's time.
     """
     if (boot_id := getattr(table, "boot_id", None)) is not None:
         return f"id {boot_id}"
@@ -100,12 +115,12 @@ def _same(before: str | None, now: str | None, age_s: float) -> bool:
 
 
 def home_file(rig_file: Path) -> Path:
-    """Where the homing of a rig file's table is kept."""
+    """Return where the homing of a rig file's table is kept: FILE.home.json beside FILE.toml."""
     return rig_file.with_suffix(".home.json")
 
 
 def load(path: Path) -> Homed:
-    """The kept homing. NotHomed: there is none, or the file is none."""
+    """Return the kept homing. NotHomed: there is no such file, or it holds no homing."""
     if not path.is_file():
         raise NotHomed(f"this table has not been homed ({path} is missing): {CURE}")
     try:

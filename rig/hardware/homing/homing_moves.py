@@ -26,7 +26,10 @@ SPEED_RAD_S = 0.3  # a tachometer that shows this: the motor turns
 
 
 class HomingRefused(ValueError):  # noqa: N818 - the state, not the slip
-    """Homing found what must not be driven. `name`: one of a few words, for programs."""
+    """Homing found what must not be driven.
+
+    name: one of a few words, for programs; the message ends with what to check.
+    """
 
     def __init__(self, name: str, text: str) -> None:
         super().__init__(f"homing: {name}: {text}")
@@ -35,7 +38,11 @@ class HomingRefused(ValueError):  # noqa: N818 - the state, not the slip
 
 @dataclass(frozen=True)
 class Sight:
-    """One tick by channel: time, encoder angles [rad], motor speeds [rad/s], the plate's sines."""
+    """One tick as a homing plan is sent it, by channel (0, 1).
+
+    t_s: the reading's time; theta_rad: encoder angles; speed_rad_s: motor speeds, None without
+    tachometers; tilt: (sin phi_x, sin phi_y) of a new picture of the plate, else None.
+    """
 
     t_s: float
     theta_rad: Pair
@@ -45,7 +52,11 @@ class Sight:
 
 @dataclass(frozen=True)
 class Arm:
-    """A motor channel, the encoder that follows it, which way, by which volts, from where."""
+    """An arm that homing has found, by channel.
+
+    motor, encoder: its channels; sign: 1 where positive volts raise its counts, else -1; moving_V:
+    volts at which it first moved; low, high: encoder angles at its stops [rad].
+    """
 
     motor: int
     encoder: int
@@ -56,12 +67,13 @@ class Arm:
 
     @property
     def middle(self) -> float:
+        """Encoder angle in the middle between the stops [rad]."""
         return 0.5 * (self.low + self.high)
 
     def towards(self, target: float, sight: Sight) -> float:
-        """Volts of its motor that hold it at an encoder angle."""
-        wish = self.sign * HOLD_V_RAD * (target - sight.theta_rad[self.encoder])
-        return max(-MOST_V, min(MOST_V, wish))
+        """Volts of its motor that hold it at the encoder angle `target` [rad], within +-MOST_V."""
+        commanded = self.sign * HOLD_V_RAD * (target - sight.theta_rad[self.encoder])
+        return max(-MOST_V, min(MOST_V, commanded))
 
 
 Steps = Generator[Pair, Sight, Sight]
@@ -72,7 +84,7 @@ def _volts(motor: int, volts: float) -> Pair:
 
 
 def rest(sight: Sight) -> Steps:
-    """0 V until what hangs loose has settled."""
+    """Give 0 V until what hangs loose has settled; returns the last sight."""
     begin_s = sight.t_s
     while sight.t_s - begin_s < SETTLE_S:
         sight = yield 0.0, 0.0
@@ -80,7 +92,12 @@ def rest(sight: Sight) -> Steps:
 
 
 def nudge(motor: int, sight: Sight) -> Generator[Pair, Sight, tuple[Arm, Sight]]:
-    """More and more volts until an arm moves: one way, then the other (it may lie at a stop)."""
+    """Raise the volts of a motor until an arm moves; return that arm and the last sight.
+
+    First one way, then the other, as the arm may lie at a stop. HomingRefused: "coupled", both
+    encoders follow this motor; "missing encoder", it turns but no encoder counts; "stuck", nothing
+    moves.
+    """
     turned = False
     for way in (1, -1):
         begin, first = sight, None
@@ -123,7 +140,11 @@ def _turns(motor: int, first: Pair | None, sight: Sight) -> bool:
 def find_stops(
     arm: Arm, held: list[Arm], sight: Sight
 ) -> Generator[Pair, Sight, tuple[Arm, Sight]]:
-    """Both ends of an arm's way, others held in their middle."""
+    """Drive an arm to both of its stops; return it with low and high, and the last sight.
+
+    held: arms that are held in their middle meanwhile. HomingRefused: "no stop" within FARTHEST_RAD
+    or SEEK_S.
+    """
     sight = yield from _seek(arm, 1, held, sight)
     high = sight.theta_rad[arm.encoder]
     sight = yield from _seek(arm, -1, held, sight)
@@ -162,7 +183,10 @@ def _with_held(arm: Arm, volts: float, held: list[Arm], sight: Sight) -> Pair:
 
 
 def hold(arms: list[Arm], targets: list[float], sight: Sight) -> Steps:
-    """Bring arms to encoder angles and let them settle."""
+    """Bring arms to encoder angles `targets` [rad] and let them settle; return the last sight.
+
+    HomingRefused: "stuck", an arm does not arrive.
+    """
     begin_s, there_s = sight.t_s, sight.t_s
     while sight.t_s - there_s < SETTLE_S:
         out = [0.0, 0.0]
@@ -183,7 +207,11 @@ Looked = tuple[Pair | None, list[float], Sight]
 
 
 def look(arms: list[Arm], targets: list[float], sight: Sight) -> Generator[Pair, Sight, Looked]:
-    """The plate's mean sines with the arms held there (None unseen), and the arms' own angles."""
+    """Return the plate's mean sines and the arms' mean angles at `targets`, and the last sight.
+
+    The sines are (sin phi_x, sin phi_y), None where too few pictures show the markers; angles [rad]
+    are those of the encoders. HomingRefused: as `hold`.
+    """
     sight = yield from hold(arms, targets, sight)
     begin_s, seen = sight.t_s, []
     angles = [0.0, 0.0]

@@ -1,25 +1,29 @@
-"""The guard over a served table: what its user may do, and what happens when the user is silent.
+"""The watchdog of a served table: what its user may do, and what happens when the user is silent.
 
 Pure but for its own state: times come in, volts go out.
 """
 
 from math import inf, isfinite
 
-from rig.hardware.remote_wire import SILENT_S, Drive
+from rig.hardware.network.remote_wire import SILENT_S, DriveRequest
 from rig.hardware.wiring import Wiring
-from rig.levelling import Levelling
-from rig.limits import limit
 from rig.parameters import ANGLE_MARGIN_RAD
-from vision.clock import ForeignClock
+from rig.safety.levelling import Levelling
+from rig.safety.limits import limit
+from vision.sources.clock import ForeignClock
 
 LEVEL_S = 0.5
 HOLD_S = 0.05  # so long a command's volts last without a newer one
 HOMING_LIMIT_V = 3.0  # while nobody knows where the stops are
 
 
-class Guard:
-    """Volts of the newest fresh command while armed, for 50 ms; silent for 100 ms: level for 0.5 s,
-    then 0 V, latched."""
+class ClientWatchdog:
+    """Decides the volts of a served table from the commands of its user, and from their silence.
+
+    While armed, the volts of the newest fresh command hold for 50 ms; after 100 ms without one the
+    plate is levelled for 0.5 s, then 0 V, latched. armed, latched, homed, wiring: the present
+    state; stale: commands that were not obeyed.
+    """
 
     def __init__(self, voltage_limit_V: float, angle_limit_rad: float) -> None:
         self._limit_V, self._angle_limit_rad = voltage_limit_V, angle_limit_rad
@@ -34,46 +38,53 @@ class Guard:
         self._clamped(self._volts, self._volts)  # compiles now, not while a user waits
 
     def meet(self) -> None:
-        """A new user with a clock of their own."""
+        """Begin with a new user, whose clock is not known yet."""
         self._clock, self._sent_s = ForeignClock(), -inf
 
     def hear(self, sent_s: float, now_s: float) -> float:
-        """How long a message was on its way, beyond the fastest so far [s]; inf for an old one."""
+        """Return how long a message took, beyond the fastest so far [s]; inf for an old one.
+
+        sent_s: on the user's clock; now_s: on ours. Old is one that was not sent after the last one
+        heard.
+        """
         if not sent_s > self._sent_s:
             return inf
         self._sent_s = sent_s
         return now_s - self._clock.to_rig(sent_s, now_s)
 
     def configure(self, wiring: Wiring, homed: bool) -> None:
-        """What channels mean, from now on; disarms."""
+        """Disarm and take the wiring; homed False: channels as they are, at HOMING_LIMIT_V."""
         self.disarm()
         self.wiring, self.homed = wiring, homed
 
     def arm(self, now_s: float) -> None:
+        """Arm at 0 V and end a latch; now_s: on our clock."""
         self.armed, self.latched = True, False
         self._volts, self._fresh_s = (0.0, 0.0), now_s
 
     def disarm(self) -> None:
-        """0 V from now on; for a user who says goodbye."""
+        """Give 0 V from now on, without levelling; for a user who says goodbye."""
         self.armed, self._stopped_s = False, -inf
 
     def stop(self, now_s: float) -> None:
-        """Level, then 0 V, until armed anew."""
+        """Level the plate, then 0 V, latched until armed anew; nothing where the table is not
+        armed.
+        """
         if self.armed:
             self.armed, self.latched, self._stopped_s = False, True, now_s
             self._levelling = Levelling(self._limit_V)
 
-    def obey(self, wish: Drive, now_s: float) -> bool:
-        """A command that arrived; one that was too long on its way is not obeyed."""
-        age_s = self.hear(wish.sent_s, now_s)
-        if age_s > 1e-3 * wish.ttl_ms or not (isfinite(wish.x_V) and isfinite(wish.y_V)):
+    def obey(self, request: DriveRequest, now_s: float) -> bool:
+        """Take a command; False where it was too long on its way or its volts are not finite."""
+        age_s = self.hear(request.sent_s, now_s)
+        if age_s > 1e-3 * request.ttl_ms or not (isfinite(request.x_V) and isfinite(request.y_V)):
             self.stale += 1
             return False
-        self._volts, self._fresh_s = (wish.x_V, wish.y_V), now_s
+        self._volts, self._fresh_s = (request.x_V, request.y_V), now_s
         return True
 
     def volts(self, theta_rad: tuple[float, float], now_s: float) -> tuple[float, float]:
-        """Volts (x, y) for this tick."""
+        """Return the volts (x, y) for this tick; theta_rad: encoder angles, now_s: on our clock."""
         if self.armed and now_s - self._fresh_s > SILENT_S:
             self.stop(now_s)
         if self.armed:
@@ -88,7 +99,7 @@ class Guard:
         most = self._limit_V if self.homed else min(HOMING_LIMIT_V, self._limit_V)
         reach = self._angle_limit_rad + ANGLE_MARGIN_RAD if self.homed else inf
         x, y = (
-            limit(wish, a, 0.0, 0.0, most, reach, inf)
-            for wish, a in zip(volts, theta_rad, strict=True)
+            limit(commanded, a, 0.0, 0.0, most, reach, inf)
+            for commanded, a in zip(volts, theta_rad, strict=True)
         )
         return x, y

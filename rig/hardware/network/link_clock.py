@@ -16,9 +16,9 @@ SHORTEST_S = 5.0  # of that line
 
 @dataclass(frozen=True)
 class ClockRecord:
-    """Their clock minus ours [s], good to half the round trip [s]; how fast it grows [1e-6].
+    """Their clock minus ours [s], good to half the round trip [s], and the drift of that offset.
 
-    drift_ppm is NaN before `SHORTEST_S`; exchanges: how many were seen.
+    drift_ppm [1e-6]: NaN before `SHORTEST_S`; exchanges: how many were seen.
     """
 
     offset_s: float
@@ -28,7 +28,7 @@ class ClockRecord:
 
 
 class LinkClock:
-    """Fed with every exchange; `record` says what is known."""
+    """Estimates another machine's clock from exchanges of messages."""
 
     def __init__(self) -> None:
         self._points: deque[tuple[float, float, float]] = deque(maxlen=KEPT)  # ours, offset, trip
@@ -39,7 +39,11 @@ class LinkClock:
     def exchange(
         self, sent_s: float, received_s: float, answered_s: float, arrived_s: float
     ) -> None:
-        """We sent and got the answer (our clock), they received and answered (theirs)."""
+        """Take one exchange: sent_s, arrived_s by our clock, received_s, answered_s by theirs.
+
+        Offset and round trip by RFC 5905, section 8: offset = ((received - sent) + (answered -
+        arrived))/2, round trip = (arrived - sent) - (answered - received).
+        """
         trip_s = (arrived_s - sent_s) - (answered_s - received_s)
         offset_s = 0.5 * ((received_s - sent_s) + (answered_s - arrived_s))
         self._exchanges += 1
@@ -51,6 +55,7 @@ class LinkClock:
             self._best = (arrived_s, offset_s, trip_s)
 
     def record(self) -> ClockRecord:
+        """Return what is known of their clock: the offset of the fastest recent exchange."""
         recent = [*list(self._points)[-BELIEVED:], self._best]
         _, offset_s, trip_s = min(recent, key=lambda point: point[2])
         return ClockRecord(offset_s, trip_s, self._drift_ppm(), self._exchanges)

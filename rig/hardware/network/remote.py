@@ -9,18 +9,15 @@ from contextlib import suppress
 from dataclasses import asdict
 from typing import Any, Self
 
-from rig.hardware import remote_wire as wire
-from rig.hardware.choose import Eye
-from rig.hardware.link import LinkLost
-from rig.hardware.link_clock import LinkClock
-from rig.hardware.remote_wire import Telemetry, Wire, read_token
-from rig.hardware.seen import Seen, TickClock
+from rig.hardware.board.link import LinkLost
+from rig.hardware.network import remote_wire as wire
+from rig.hardware.network.link_clock import LinkClock
+from rig.hardware.network.remote_wire import RemoteReading, Wire
+from rig.hardware.observations import ObservationFeed, ObservationSource, TickClock
 from rig.hardware.wiring import Wiring
-from rig.levelling import LevelOnExit
+from rig.safety.levelling import LevelOnExit
 from rig.table import Reading
 from vision.frames import Observation
-
-__all__ = ["RemoteTable", "read_token"]
 
 CONNECT_S = 5.0
 DEAD_S = 0.09  # the table ticks all the time: so long a silence is a dead link
@@ -29,11 +26,13 @@ PINGS = 10
 
 
 class RemoteTable(LevelOnExit):
-    """`read` waits for the next tick of the served table; only the newest one counts.
+    """A table that `rig serve` drives on another machine; of several ticks the newest counts.
 
     `with` arms it, for this connection and until a stop by silence: then the table stays at 0 V.
-    `wiring` is what homing found; `homed` False gives the channels as they are, at low volts. The
-    ball comes from the server's camera, or from `eye` here.
+    wiring: what homing found; homed False: the channels as they are, at low volts. The ball comes
+    from the server's camera, or from `eye` here. clock: how the server's clock stands to ours;
+    late_ticks: readings that a newer one replaced. LinkLost: nobody answers there, or the token is
+    refused; ValueError: the server's encoders have another number of counts than the wiring.
     """
 
     def __init__(
@@ -43,11 +42,11 @@ class RemoteTable(LevelOnExit):
         token: bytes,
         wiring: Wiring,
         *,
-        eye: Eye | None = None,
+        eye: ObservationSource | None = None,
         homed: bool = True,
     ) -> None:
         self._name = f"remote table {host}:{port}"
-        self._time, self._seen, self.clock = TickClock(), Seen(eye), LinkClock()
+        self._time, self._feed, self.clock = TickClock(), ObservationFeed(eye), LinkClock()
         self._tick, self._dead, self._last_exposed_s = 0, "", -math.inf
         self._echoed_s, self._way_s = -math.inf, 0.0
         self._armed = False
@@ -107,23 +106,28 @@ class RemoteTable(LevelOnExit):
         return self
 
     def arm(self) -> None:
-        """Let commands through; for every connection, and anew after a stop by silence."""
+        """Let commands through; anew after a stop by silence. LinkLost: the connection is gone."""
         self._send(wire.ARM)
         self._armed = False  # until the table says so
 
     @property
     def zero_s(self) -> float:
-        """The first reading's moment on this machine's monotonic clock."""
+        """Moment of the first reading on this machine's monotonic clock [s]; NaN before it."""
         return self._time.zero_s
 
     def read(self) -> Reading:
+        """Wait for the served table's next tick and return its reading, in times of this machine.
+
+        LinkLost: the connection is gone or silent for DEAD_S, the table there failed, or it was
+        stopped because it heard nothing from here. CameraStopped: the camera of `eye` failed.
+        """
         newest, ball, more = None, None, True
         while newest is None or more:
             for kind, payload in self._receive(DEAD_S):
                 if kind == wire.READING:
                     if newest is not None:
                         self.late_ticks += 1
-                    newest = Telemetry.unpack(payload)
+                    newest = RemoteReading.unpack(payload)
                     ball = self._ball(newest) or ball
             more = bool(select.select([self._wire.sock], [], [], 0.0)[0])
         arrived_s = time.monotonic()
@@ -140,7 +144,7 @@ class RemoteTable(LevelOnExit):
             )
         return self._reading(newest, ball, arrived_s)
 
-    def _reading(self, row: Telemetry, ball: tuple | None, arrived_s: float) -> Reading:
+    def _reading(self, row: RemoteReading, ball: tuple | None, arrived_s: float) -> Reading:
         """The table's times on this machine's clock."""
         t_s = self._time.time(row.t_s, arrived_s - self._way_s, self.period_s)
         speed = (row.speed_x, row.speed_y) if row.flags & wire.WITH_SPEED else None
@@ -149,9 +153,9 @@ class RemoteTable(LevelOnExit):
             xy_m, cov_m2, exposed_s = ball
             exposed_s = t_s - (row.t_s - exposed_s)
             seen = Observation(xy_m, cov_m2, exposed_s)
-        return Reading(t_s, (row.theta_x, row.theta_y), speed, seen or self._seen.look(t_s))
+        return Reading(t_s, (row.theta_x, row.theta_y), speed, seen or self._feed.take(t_s))
 
-    def _ball(self, row: Telemetry) -> tuple | None:
+    def _ball(self, row: RemoteReading) -> tuple | None:
         if not row.flags & wire.WITH_BALL or row.exposed_s <= self._last_exposed_s:
             return None
         self._last_exposed_s = row.exposed_s
@@ -159,14 +163,17 @@ class RemoteTable(LevelOnExit):
         return (row.ball_x, row.ball_y), covariance, row.exposed_s
 
     def drive(self, volts: tuple[float, float]) -> None:
-        """Send volts; before `arm` the table keeps them at 0."""
+        """Send volts (x, y); before `arm` the table keeps them at 0.
+
+        ValueError: volts that are not finite. LinkLost: the connection is gone.
+        """
         if not all(map(math.isfinite, volts)):
-            raise ValueError(f"volts must be finite, got {volts}; use rig.limits.limit")
+            raise ValueError(f"volts must be finite, got {volts}; use rig.safety.limits.limit")
         now_s = time.monotonic()
-        self._send(wire.DRIVE, wire.Drive(self._tick, now_s, TTL_MS, *volts).pack())
+        self._send(wire.DRIVE, wire.DriveRequest(self._tick, now_s, TTL_MS, *volts).pack())
 
     def notes(self) -> dict[str, Any]:
-        """What a recording shall keep of this link: the two clocks, late ticks."""
+        """Return what a recording keeps of this link: the clock's record and late_ticks."""
         return {"clock": asdict(self.clock.record()), "late_ticks": self.late_ticks}
 
     def close(self) -> None:

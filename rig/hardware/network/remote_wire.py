@@ -6,21 +6,16 @@ key made of all three and numbered, so that nobody can add, change, repeat or re
 """
 
 import hmac
-import secrets
 import socket
-import stat
 import struct
-import sys
 from contextlib import suppress
 from dataclasses import astuple, dataclass
 from math import nan
-from pathlib import Path
 
 from rig.hardware.wiring import Wiring
 
 VERSION = 1
 NONCE_BYTES, SEAL_BYTES, LONGEST = 32, 8, 400
-SHORTEST_TOKEN = 16
 PORT = 7643
 SILENT_S = 0.1  # without a fresh command for so long the table stops by itself
 
@@ -31,7 +26,7 @@ ARMED, LATCHED, WITH_BALL, WITH_SPEED = 1, 2, 4, 8  # flags of a reading
 
 
 class ProtocolError(Exception):
-    """Bytes that no honest peer sends."""
+    """Bytes that no peer with the right token and this protocol sends."""
 
 
 def _packs(layout: str):
@@ -64,7 +59,11 @@ class _Packed:
 @_packs("H16sddHB")
 @dataclass(frozen=True)
 class Welcome(_Packed):
-    """What the table is. boot_id is new whenever the encoders may have lost their place."""
+    """Server to user: what the table is. boot_id is new when the encoders may have lost their
+    place.
+
+    tachometers: 1 where the table has them, else 0.
+    """
 
     version: int
     boot_id: bytes
@@ -77,7 +76,7 @@ class Welcome(_Packed):
 @_packs("dd")
 @dataclass(frozen=True)
 class Ping(_Packed):
-    """Clock question and answer: sent on the asker's clock, received on the other's."""
+    """Clock question and answer: sent_s on the asker's clock, received_s on the other's."""
 
     sent_s: float
     received_s: float = nan
@@ -86,7 +85,7 @@ class Ping(_Packed):
 @_packs("BBbbbbiiHB")
 @dataclass(frozen=True)
 class Configure(_Packed):
-    """The wiring that homing found; homed 0: channels as they are, at low volts."""
+    """User to server: the wiring that homing found; homed 0: channels as they are, at low volts."""
 
     swap: int
     crossed: int
@@ -101,11 +100,12 @@ class Configure(_Packed):
 
     @classmethod
     def of(cls, w: Wiring, homed: bool) -> "Configure":
+        """Return the message of a wiring."""
         signs = (*w.sign_volts, *w.sign_angle, *w.zero_counts)
         return cls(int(w.swap), int(w.crossed), *signs, w.counts_per_rev, int(homed))
 
     def wiring(self) -> Wiring:
-        """ValueError where the numbers make none."""
+        """Return the wiring of the message. ValueError: its numbers make none."""
         return Wiring(
             bool(self.swap),
             (self.volts_0, self.volts_1),
@@ -118,8 +118,11 @@ class Configure(_Packed):
 
 @_packs("IdHdd")
 @dataclass(frozen=True)
-class Drive(_Packed):
-    """Volts (x, y), sent at `sent_s` on the user's clock, good for `ttl_ms`; `tick` answers."""
+class DriveRequest(_Packed):
+    """User to server: volts (x, y), sent at `sent_s` on the user's clock, good for `ttl_ms`.
+
+    tick: of the reading that it answers.
+    """
 
     tick: int
     sent_s: float
@@ -130,8 +133,14 @@ class Drive(_Packed):
 
 @_packs("IBdddddddddddddd")
 @dataclass(frozen=True)
-class Telemetry(_Packed):
-    """One tick of the table. echo_*: the newest command's times, for the clocks."""
+class RemoteReading(_Packed):
+    """Server to user: one tick of the table.
+
+    flags: ARMED, LATCHED, WITH_BALL, WITH_SPEED; t_s: the reading's time; sent_s: on the server's
+    clock; echo_*: when the newest command was sent (user's clock) and received (server's), for the
+    clocks; theta [rad], speed [rad/s], ball [m], cov [m2], exposed_s: as in `Reading`, NaN where
+    missing.
+    """
 
     tick: int
     flags: int
@@ -152,7 +161,7 @@ class Telemetry(_Packed):
 
 
 def proof(token: bytes, server_nonce: bytes, client_nonce: bytes) -> bytes:
-    """What only who knows the token can say about these two random numbers."""
+    """Return the proof of knowing the token: an HMAC-SHA-256 of both random numbers by it."""
     return _key(token, b"rig client", server_nonce, client_nonce)
 
 
@@ -171,12 +180,16 @@ class Wire:
         self._sent = self._received = 0
 
     def seal(self, token: bytes, server_nonce: bytes, client_nonce: bytes, *, server: bool) -> None:
+        """Make both directions' keys from the token and both random numbers; server: at which end.
+
+        Every message but those of UNSEALED is sealed from then on.
+        """
         labels = (b"rig down", b"rig up") if server else (b"rig up", b"rig down")
         keys = (_key(token, label, server_nonce, client_nonce) for label in labels)
         self._out, self._in = keys
 
     def send(self, kind: int, payload: bytes = b"") -> None:
-        """OSError: the connection is gone, or the other end no longer takes anything."""
+        """Send a message. OSError: the connection is gone, or the other end takes nothing more."""
         seal = b""
         if kind not in UNSEALED:
             seal = self._seal(self._out, self._sent, kind, payload)
@@ -187,9 +200,10 @@ class Wire:
             raise BlockingIOError("the other end does not read")
 
     def receive(self) -> list[tuple[int, bytes]]:
-        """All whole messages that are there. ProtocolError: not ours; ConnectionError: gone.
+        """Return all whole messages (kind, payload) that are there.
 
-        Waits as long as the socket's timeout says for the first bytes.
+        Waits for the first bytes as long as the socket's time limit says. ProtocolError: not of
+        this protocol, or a wrong seal; ConnectionError: the connection is gone.
         """
         with suppress(BlockingIOError):
             data = self.sock.recv(65536)
@@ -229,32 +243,6 @@ class Wire:
         return hmac.digest(key, struct.pack("<QB", number, kind) + payload, "sha256")[:SEAL_BYTES]
 
     def close(self) -> None:
+        """Close the connection; does nothing where it is gone."""
         with suppress(OSError):
             self.sock.close()
-
-
-def read_token(path: Path) -> bytes:
-    """The secret of a file that only its owner can read. ValueError, FileNotFoundError: one line.
-
-    Both machines hold the same file: `rig serve` makes it.
-    """
-    if not path.is_file():
-        raise FileNotFoundError(
-            f'token file {path} not found: "rig serve" makes one; copy it from that machine'
-        )
-    mode = path.stat().st_mode
-    if sys.platform != "win32" and mode & (stat.S_IRWXG | stat.S_IRWXO):
-        raise ValueError(f"token file {path} can be read by others: chmod 600 {path}")
-    token = path.read_bytes().strip()
-    if len(token) < SHORTEST_TOKEN:
-        raise ValueError(
-            f"token file {path} holds {len(token)} characters, {SHORTEST_TOKEN} are needed: "
-            'remove it and let "rig serve" make one'
-        )
-    return token
-
-
-def make_token(path: Path) -> None:
-    """Write a new secret that only its owner can read. FileExistsError: there is one."""
-    path.touch(mode=0o600, exist_ok=False)
-    path.write_text(secrets.token_hex(32) + "\n", encoding="ascii")

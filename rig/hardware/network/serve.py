@@ -1,7 +1,8 @@
 """`rig serve`: a table on this machine, driven from another one over the network.
 
 One thread ticks the table, whoever is connected or not. One user at a time; who falls silent loses
-the table (see `served.Guard`). Nothing is listened to but who proves to know the token.
+the table (see `client_watchdog.ClientWatchdog`). Nothing is listened to but who proves to know the
+token.
 """
 
 import secrets
@@ -11,9 +12,9 @@ import time
 from collections.abc import Callable
 from math import nan
 
-from rig.hardware import remote_wire as wire
-from rig.hardware.remote_wire import Drive, Ping, ProtocolError, Telemetry, Wire
-from rig.hardware.served import Guard
+from rig.hardware.network import remote_wire as wire
+from rig.hardware.network.client_watchdog import ClientWatchdog
+from rig.hardware.network.remote_wire import DriveRequest, Ping, ProtocolError, RemoteReading, Wire
 from rig.hardware.wiring import Wiring
 from rig.table import Reading, Table
 
@@ -24,10 +25,11 @@ ANSWER_SHARE = 0.4  # of a tick: so long is the answer to this very tick waited 
 
 
 class Server:
-    """Serves `table`, opened with its channels as they are (raw wiring). A context manager.
+    """Serves `table`, opened with its channels as they are (raw wiring), to one user at a time.
 
-    `port` 0 takes any free one; `port` then tells which. `say` gets a line for a person about
-    whoever comes and goes.
+    A context manager. port 0 takes any free one; the attribute `port` tells which. counts_per_rev,
+    angle_limit_rad: of the table's servos; say: gets a line for a person about whoever comes and
+    goes. OSError: it cannot listen at that host and port.
     """
 
     def __init__(
@@ -43,7 +45,7 @@ class Server:
     ) -> None:
         self._table, self._token, self._say = table, token, say
         self._raw = Wiring(counts_per_rev=counts_per_rev)
-        self.guard = Guard(table.voltage_limit_V, angle_limit_rad)
+        self.watchdog = ClientWatchdog(table.voltage_limit_V, angle_limit_rad)
         self.boot_id = secrets.token_bytes(16)
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         try:
@@ -72,7 +74,7 @@ class Server:
         self._table.drive((0.0, 0.0))
 
     def run(self, until: Callable[[], bool] = lambda: False) -> None:
-        """Tick until told; raises what the table raises, after telling the user."""
+        """Tick until `until` is true; raise what the table raises, after telling the user."""
         try:
             while not until():
                 self.tick()
@@ -82,33 +84,33 @@ class Server:
             raise
 
     def tick(self) -> None:
-        """One tick: read the table, tell the user, wait shortly for the answer, drive."""
+        """Run one tick: read the table, tell the user, wait shortly for the answer, drive."""
         reading = self._table.read()
         now_s = time.monotonic()
         self._tick = (self._tick + 1) & 0xFFFFFFFF
         counts = [round(a / self._raw.step_rad) for a in reading.theta_rad]
-        theta = self.guard.wiring.angles((counts[0], counts[1]))
+        theta = self.watchdog.wiring.angles((counts[0], counts[1]))
         self._speeds = reading.motor_speed_rad_s is not None
         if self._user is not None and self._user.proven:
             self._user.tell(wire.READING, self._telemetry(reading, theta, now_s).pack())
         self._let_in(now_s)
         self._listen(now_s + ANSWER_SHARE * self._table.period_s)
-        volts = self.guard.volts(theta, time.monotonic())
-        self._table.drive(self.guard.wiring.to_board(volts))
+        volts = self.watchdog.volts(theta, time.monotonic())
+        self._table.drive(self.watchdog.wiring.to_board(volts))
 
-    def _telemetry(self, reading: Reading, theta, now_s: float) -> Telemetry:
-        flags = wire.ARMED * self.guard.armed | wire.LATCHED * self.guard.latched
+    def _telemetry(self, reading: Reading, theta, now_s: float) -> RemoteReading:
+        flags = wire.ARMED * self.watchdog.armed | wire.LATCHED * self.watchdog.latched
         speed, xy, covariance, exposed = (nan, nan), (nan, nan), (nan, nan, nan), nan
         if reading.motor_speed_rad_s is not None:
             flags |= wire.WITH_SPEED
-            speed = self.guard.wiring.from_board(reading.motor_speed_rad_s)
+            speed = self.watchdog.wiring.from_board(reading.motor_speed_rad_s)
         if reading.ball is not None:
             flags |= wire.WITH_BALL
             ball = reading.ball
             xy, covariance, exposed = ball.xy_m, ball.cov_m2, ball.exposed_s
         echo = self._user.echo if self._user is not None else (nan, nan)
         floats = [reading.t_s, now_s, *echo, *theta, *speed, *xy, *covariance, exposed]
-        return Telemetry(self._tick, flags, *floats)
+        return RemoteReading(self._tick, flags, *floats)
 
     # --- who comes, what is said ---
     def _let_in(self, now_s: float) -> None:
@@ -123,7 +125,7 @@ class Server:
             new.wire.close()
             return
         self._user = new
-        self.guard.meet()
+        self.watchdog.meet()
         new.tell(wire.HELLO, bytes([wire.VERSION]) + new.nonce)
 
     def _listen(self, until_s: float) -> None:
@@ -132,7 +134,7 @@ class Server:
         if user is None:
             return
         while True:
-            wait_s = until_s - time.monotonic() if self.guard.armed else 0.0
+            wait_s = until_s - time.monotonic() if self.watchdog.armed else 0.0
             ready = not user.gone and select.select([user.wire.sock], [], [], max(wait_s, 0.0))[0]
             now_s = time.monotonic()
             answered = False
@@ -147,7 +149,7 @@ class Server:
                     user.gone = user.gone or "is gone"
             patience_s = GREETING_S
             if user.proven:
-                patience_s = GONE_S if self.guard.latched else IDLE_S
+                patience_s = GONE_S if self.watchdog.latched else IDLE_S
             if not user.gone and now_s - user.heard_s > patience_s:
                 user.gone = f"was silent for {patience_s:g} s"
             if user.gone:
@@ -162,21 +164,21 @@ class Server:
             self._check(user, kind, payload)
         elif kind == wire.PING:
             sent_s = Ping.unpack(payload).sent_s
-            self.guard.hear(sent_s, now_s)
+            self.watchdog.hear(sent_s, now_s)
             user.tell(wire.PONG, Ping(sent_s, now_s).pack())
         elif kind == wire.CONFIGURE:
             said = wire.Configure.unpack(payload)
-            self.guard.configure(said.wiring(), bool(said.homed))
+            self.watchdog.configure(said.wiring(), bool(said.homed))
         elif kind == wire.ARM:
-            self.guard.arm(now_s)
+            self.watchdog.arm(now_s)
         elif kind == wire.DRIVE:
-            wish = Drive.unpack(payload)
-            if self.guard.obey(wish, now_s):
-                user.echo = (wish.sent_s, now_s)
-            return wish.tick == self._tick
+            request = DriveRequest.unpack(payload)
+            if self.watchdog.obey(request, now_s):
+                user.echo = (request.sent_s, now_s)
+            return request.tick == self._tick
         elif kind == wire.BYE:
             user.gone = "said goodbye"
-            self.guard.disarm()
+            self.watchdog.disarm()
         else:
             raise ProtocolError(f"kind {kind}")
         return False
@@ -200,7 +202,7 @@ class Server:
         self._say(f"{user.name} is connected")
 
     def _part(self, user: "_User", now_s: float) -> None:
-        self.guard.stop(now_s)
+        self.watchdog.stop(now_s)
         self._say(f"{user.name} {user.gone}")
         user.wire.close()
         self._user = None

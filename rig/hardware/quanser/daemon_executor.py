@@ -12,7 +12,7 @@ Job = tuple[int, Callable[..., Any], tuple]
 
 
 class OneThread:
-    """`call` runs a function in this object's own thread and gives back what it gave."""
+    """A daemon thread of its own in which functions are run in order."""
 
     def __init__(self, name: str) -> None:
         self._orders: SimpleQueue[Job | None] = SimpleQueue()
@@ -23,11 +23,17 @@ class OneThread:
         Thread(target=self._work, name=name, daemon=True).start()
 
     def post(self, function: Callable[..., Any], *arguments: Any) -> None:
-        """Run it, too, without waiting; the next `call` raises its error instead of running."""
+        """Run the function in the thread without waiting for it.
+
+        An error of it is raised by the next `call`, which does not run its own function then.
+        """
         self._orders.put((0, function, arguments))
 
     def call(self, function: Callable[..., Any], *arguments: Any, patience_s: float) -> Any:
-        """The function's result or its error; TimeoutError after `patience_s`."""
+        """Run the function in the thread; return its result or raise its error.
+
+        TimeoutError: no answer within `patience_s`.
+        """
         self._count += 1
         self._orders.put((self._count, function, arguments))
         while True:
@@ -42,7 +48,7 @@ class OneThread:
             return value
 
     def end(self) -> None:
-        """Let the thread end when it is done with what it was given."""
+        """Let the thread end when everything that it was given is done."""
         self._orders.put(None)
 
     def _work(self) -> None:

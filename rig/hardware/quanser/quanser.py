@@ -13,13 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from rig.hardware.choose import Eye
-from rig.hardware.link import LinkLost
-from rig.hardware.one_thread import OneThread
-from rig.hardware.seen import Seen, TickClock
+from rig.hardware.board.link import LinkLost
+from rig.hardware.observations import ObservationFeed, ObservationSource, TickClock
+from rig.hardware.quanser.daemon_executor import OneThread
 from rig.hardware.wiring import Wiring
-from rig.levelling import LevelOnExit
 from rig.parameters import GEAR_RATIO_HIGH, Rig
+from rig.safety.levelling import LevelOnExit
 from rig.table import Reading
 
 CARD = "q2_usb"
@@ -38,11 +37,14 @@ class _ExpiredError(Exception):
 
 
 class QuanserTable(LevelOnExit):
-    """Two encoders in, two amplifiers out, tachometers on the analog inputs where they are wired.
+    """A table on a Quanser Q2-USB card: encoders and, where wired, tachometers in, two amplifiers
+    out.
 
     `read` waits for the card's hardware clock. Motor volts are clamped at the servo's limit and
     divided by the amplifier's gain. The card's own watchdog gives 0 V when the program hangs for
-    0.1 s. Every call is made from one thread and given up after 90 ms: `LinkLost`.
+    0.1 s. Every call is made from one thread and given up after 90 ms. homed False: it is never
+    levelled. LinkLost: the vendor's module is missing, or the card is not there, without a
+    watchdog, or gone.
     """
 
     boot_id: str | None = None  # the card has none: `shift_counts` marks its counters instead
@@ -52,7 +54,7 @@ class QuanserTable(LevelOnExit):
         rig: Rig,
         wiring: Wiring,
         *,
-        eye: Eye | None = None,
+        eye: ObservationSource | None = None,
         homed: bool = True,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -61,7 +63,7 @@ class QuanserTable(LevelOnExit):
         self.voltage_limit_V = min(rig.servo.voltage_limit_V, OUTPUT_LIMIT_V * self._gain)
         self._wiring, self._tachometer = wiring, rig.servo.tachometer
         self._name = f"Quanser card {CARD} {rig.table.address or '0'}"
-        self._clock, self._time, self._seen = clock, TickClock(), Seen(eye)
+        self._clock, self._time, self._feed = clock, TickClock(), ObservationFeed(eye)
         self._channels = np.array([0, 1], np.uint32)
         self._counts, self._inputs = np.zeros(2, np.int32), np.zeros(2)
         self._ticks, self._arrived_s = 0, -math.inf
@@ -108,15 +110,20 @@ class QuanserTable(LevelOnExit):
 
     @property
     def zero_s(self) -> float:
-        """The first reading's moment on the host's monotonic clock."""
+        """Moment of the first reading on the host's monotonic clock [s]; NaN before it."""
         return self._time.zero_s
 
     def read(self) -> Reading:
+        """Wait for the card's next tick and return its reading.
+
+        LinkLost: the card is gone, or its watchdog expired. CameraStopped: the camera of `eye`
+        failed.
+        """
         counts = self._next_counts()
         t_s = self._time.time(self._ticks * self.period_s, self._arrived_s, self.period_s)
         speed = self._speeds() if self._tachometer else None
         angles = self._wiring.angles((int(counts[0]), int(counts[1])))
-        return Reading(t_s, angles, speed, self._seen.look(t_s))
+        return Reading(t_s, angles, speed, self._feed.take(t_s))
 
     def _next_counts(self) -> np.ndarray:
         """The newest sample; after a late tick the ones that were missed are read over at once."""
@@ -143,9 +150,12 @@ class QuanserTable(LevelOnExit):
         return self._wiring.from_board((float(first), float(second)))
 
     def drive(self, volts: tuple[float, float]) -> None:
-        """Not waited for: what goes wrong with it is raised by the next `read`."""
+        """Apply volts (x, y) without waiting; what goes wrong is raised by the next `read`.
+
+        ValueError: volts that are not finite. LinkLost: the card is lost.
+        """
         if not all(map(math.isfinite, volts)):
-            raise ValueError(f"volts must be finite, got {volts}; use rig.limits.limit")
+            raise ValueError(f"volts must be finite, got {volts}; use rig.safety.limits.limit")
         if self._dead:
             raise LinkLost(self._dead)
         out = np.array(self._wiring.to_board(volts), np.float64)
@@ -159,13 +169,19 @@ class QuanserTable(LevelOnExit):
         self._card.write_analog(self._channels, 2, out)
 
     def shift_counts(self, by: tuple[int, int]) -> None:
-        """Add to the card's counters, at rest: after a power-up they are seen to be others."""
+        """Add `by` (channel 0, 1) to the card's counters, at rest, to mark them as homed.
+
+        After a power-up they are seen to be others. LinkLost: the card is gone.
+        """
         now = np.zeros(2, np.int32)
         self._ask("read_encoder", self._channels, 2, now)
         self._ask("set_encoder_counts", self._channels, 2, now + np.array(by, np.int32))
 
     def close(self) -> None:
-        """0 V, then stop, delete, close: each tried whatever became of the one before."""
+        """Give 0 V, then stop, delete and close: each tried whatever became of the one before.
+
+        LinkLost: a step failed on a card that was not lost before.
+        """
         if self._card is None:
             return
         was_dead = bool(self._dead)

@@ -1,0 +1,236 @@
+"""Bounded Gauss-Newton with Huber's loss over a few parameters: the one estimator of the workflow.
+
+Cost, over the outputs that depend on the parameters p, with e_i the innovations and s_i the
+standard deviations that the filter expects of them (both depend on p; s does where backlash hides
+the motor from the encoder):
+
+    C(p) = sum_i m_i (rho(e_i/s_i) + log s_i),   rho(z) = z^2/2        for |z| <= h
+                                                          h (|z| - h/2) beyond,  h = HUBER_Z
+
+m_i are the weights of the samples (`Evidence.masks`). For Gaussian innovations C is minus the
+log-likelihood but for a constant (Schweppe, IEEE Trans. Inf. Theory 11, 1965), so a difference of C
+is a log-likelihood ratio; Huber's rho (Ann. Math. Stat. 35, 1964) bounds the influence of outliers.
+Derivatives are secants over `Parameter.step`: backlash and friction have none at zero.
+"""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from calibration.gap.model.data import Evidence, Roll
+from calibration.gap.model.parameters import NominalModel, Parameter
+
+HUBER_Z = 3.0  # 0.27 % of Gaussian samples lie beyond
+ITERATIONS = 6
+CONVERGED_GAIN = 0.05  # a gain in C below this ends the fit
+STALE_SECANT_GAIN = 5.0  # a gain in C since the secants were taken beyond which they are renewed
+STEP_LENGTHS = (1.0, 0.33, 0.1)  # of the Gauss-Newton step, tried in turn
+Bounds = Mapping[str, tuple[float, float]]
+
+
+def loss(roll: Roll, mask: np.ndarray) -> float:
+    """Cost C of one output (the module's equation) for the prediction `roll` and the weights `mask`
+    (n,); infinite where all residuals are 0, as after a prediction that is nowhere finite."""
+    if not roll.z.any():
+        return float("inf")
+    z = np.abs(roll.z)
+    rho = np.where(z <= HUBER_Z, 0.5 * z * z, HUBER_Z * (z - 0.5 * HUBER_Z))
+    return float(np.sum(mask * (rho + roll.log_std)))
+
+
+def weights(z: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Huber's weights (n,) times `mask`: 1 for residuals |z| <= HUBER_Z, HUBER_Z/|z| beyond."""
+    return mask * np.minimum(1.0, HUBER_Z / np.maximum(np.abs(z), 1e-300))
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterFit:
+    """A setting of the parameters (name -> value), its predictions and costs by output.
+
+    `columns`: secants dz/dp (n,) by (output, parameter name), as far as they are known near this
+    setting.
+    """
+
+    setting: dict[str, float]
+    rolls: dict[str, Roll]
+    costs: dict[str, float]
+    columns: Mapping[tuple[str, str], np.ndarray] = field(default_factory=dict)
+
+    @property
+    def cost(self) -> float:
+        """Sum of the costs C of all outputs."""
+        return sum(self.costs.values())
+
+    def z(self, output: str) -> np.ndarray:
+        """Residuals (n,) of an output, in expected standard deviations."""
+        return self.rolls[output].z
+
+
+def evaluate(
+    evidence: Evidence, nominal: NominalModel, setting: Mapping[str, float], outputs: Iterable[str]
+) -> ParameterFit:
+    """The predictions and costs of a setting (parameter name -> value) on some outputs; nothing is
+    fitted. `KeyError`: no such parameter."""
+    model, outputs = nominal.model(setting), list(outputs)
+    rolls = dict(zip(outputs, evidence.rolls([(model, output) for output in outputs]), strict=True))
+    costs = {output: loss(roll, evidence.masks[output]) for output, roll in rolls.items()}
+    return ParameterFit(dict(setting), rolls, costs)
+
+
+def differences(
+    evidence: Evidence,
+    nominal: NominalModel,
+    at: ParameterFit,
+    parameters: Sequence[Parameter],
+    bounds: Bounds,
+) -> dict[str, np.ndarray]:
+    """Secants dz/dp by output, (n, k) for n residuals and k = len(`parameters`); those that `at`
+    already has are taken from `at.columns`.
+
+    The step is `Parameter.step`, backwards where it would leave `bounds` (name -> (low, high))
+    upwards. The column is 0 for an output that does not depend on the parameter.
+    """
+    columns = {
+        output: np.zeros((len(roll.z), len(parameters))) for output, roll in at.rolls.items()
+    }
+    todo = []
+    for i, parameter in enumerate(parameters):
+        for output in parameter.outputs:
+            if output in columns and (output, parameter.name) in at.columns:
+                columns[output][:, i] = at.columns[output, parameter.name]
+        outputs = [
+            p for p in parameter.outputs if p in columns and (p, parameter.name) not in at.columns
+        ]
+        if not outputs:
+            continue
+        value = at.setting.get(parameter.name, parameter.nominal)
+        low, high = bounds[parameter.name]
+        step = (
+            parameter.step
+            if value + parameter.step <= high or value - parameter.step < low
+            else -parameter.step
+        )
+        model = nominal.model(at.setting | {parameter.name: value + step})
+        todo += [(i, step, model, output) for output in outputs]
+    rolls = evidence.rolls([(model, output) for _, _, model, output in todo])
+    for (i, step, _, output), roll in zip(todo, rolls, strict=True):
+        columns[output][:, i] = roll.slope(at.rolls[output], step)
+    return columns
+
+
+def kept_columns(
+    columns: Mapping[str, np.ndarray], parameters: Sequence[Parameter], dropping: Collection[str]
+) -> dict[tuple[str, str], np.ndarray]:
+    """Columns (n,) by (output, parameter name) out of `columns`, output -> (n, k), without those of
+    the effects `dropping`, whose secants change from step to step (backlash, delays, periods)."""
+    return {
+        (output, parameter.name): columns[output][:, i]
+        for output in columns
+        for i, parameter in enumerate(parameters)
+        if output in parameter.outputs and parameter.effect not in dropping
+    }
+
+
+def normal_equations(
+    evidence: Evidence, at: ParameterFit, columns: Mapping[str, np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """J'WJ (k, k) and J'Wz (k,) summed over the outputs of `columns` (output -> J (n, k)); W:
+    Huber's weights times the masks."""
+    k = next(iter(columns.values())).shape[1]
+    a, b = np.zeros((k, k)), np.zeros(k)
+    for output, j in columns.items():
+        w = weights(at.rolls[output].z, evidence.masks[output])
+        wj = j * w[:, None]
+        a += wj.T @ j
+        b += wj.T @ at.rolls[output].z
+    return a, b
+
+
+def bounded_step(
+    a: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray, scale: np.ndarray
+) -> np.ndarray:
+    """argmin_d d'Ad/2 + b'd subject to low <= d <= high, all (k,), A (k, k); `scale` (k,): the
+    parameters' steps. Solved by bounded-variable least squares (`scipy.optimize.lsq_linear`).
+
+    A ridge of 1e-3 in units of the steps keeps a parameter on which no data depend where it is.
+    `LinAlgError`: A + ridge is not positive definite.
+    """
+    h = a * np.outer(scale, scale)
+    h[np.diag_indices_from(h)] += 1e-3
+    upper = np.linalg.cholesky(h).T
+    right = np.linalg.solve(upper.T, -b * scale)
+    low, high = np.minimum(low / scale, -1e-12), np.maximum(high / scale, 1e-12)
+    return lsq_linear(upper, right, (low, high), method="bvls").x * scale
+
+
+def fit(
+    evidence: Evidence,
+    nominal: NominalModel,
+    start: ParameterFit,
+    bounds: Bounds,
+    *,
+    iterations: int = ITERATIONS,
+    bent: Collection[str] = (),
+) -> ParameterFit:
+    """Fit the parameters of `bounds` (name -> (low, high)) from `start` by bounded Gauss-Newton
+    until C falls by less than CONVERGED_GAIN; all other parameters stay as in `start`.
+
+    Secants are taken once, and at every step for the effects `bent` (backlash, delays, periods).
+    Where C stalls after it fell by STALE_SECANT_GAIN, all secants are taken anew. `KeyError`: no
+    such parameter.
+    """
+    parameters = [nominal.parameters[name] for name in bounds]
+    best = _inside(evidence, nominal, start, bounds)
+    scale = np.array([parameter.step for parameter in parameters])
+    taken_at = start.cost
+    for _ in range(iterations):
+        columns = differences(evidence, nominal, best, parameters, bounds)
+        best = replace(best, columns={**best.columns, **kept_columns(columns, parameters, bent)})
+        a, b = normal_equations(evidence, best, columns)
+        value = np.array([best.setting.get(k.name, k.nominal) for k in parameters])
+        low, high = (np.array([bounds[k.name][i] for k in parameters]) for i in (0, 1))
+        step = bounded_step(a, b, low - value, high - value, scale)
+        better = _along(evidence, nominal, best, parameters, value, step)
+        gain = best.cost - better.cost if better is not None else 0.0
+        best = better or best
+        if gain < CONVERGED_GAIN:
+            if taken_at - best.cost < STALE_SECANT_GAIN:
+                break
+            best, taken_at = replace(best, columns={}), best.cost
+    return best
+
+
+def _inside(
+    evidence: Evidence, nominal: NominalModel, start: ParameterFit, bounds: Bounds
+) -> ParameterFit:
+    """The start with every free parameter inside its bounds."""
+    moved = {}
+    for name, (low, high) in bounds.items():
+        value = start.setting.get(name, nominal.parameters[name].nominal)
+        moved[name] = min(max(value, low), high)
+    if all(start.setting.get(n, nominal.parameters[n].nominal) == v for n, v in moved.items()):
+        return start
+    inside = evaluate(evidence, nominal, start.setting | moved, start.rolls)
+    return replace(inside, columns=start.columns)
+
+
+def _along(
+    evidence: Evidence,
+    nominal: NominalModel,
+    at: ParameterFit,
+    parameters: Sequence[Parameter],
+    value: np.ndarray,
+    step: np.ndarray,
+) -> ParameterFit | None:
+    """The first of the shortened steps that lowers C; None if none does."""
+    for share in STEP_LENGTHS:
+        setting = dict(
+            zip((k.name for k in parameters), (value + share * step).tolist(), strict=True)
+        )
+        tried = evaluate(evidence, nominal, at.setting | setting, at.rolls)
+        tried = replace(tried, columns=at.columns)
+        if tried.cost < at.cost:
+            return tried
+    return None

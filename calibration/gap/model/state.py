@@ -1,0 +1,149 @@
+"""A point of the search: evidence, fitted setting of the parameters, effects released so far.
+
+The baseline is the nominal model with every parameter free inside its tolerance; K, tau and the
+noise levels are always free.
+"""
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calibration.gap.model.data import Evidence
+from calibration.gap.model.fit import ParameterFit, evaluate, fit
+from calibration.gap.model.noise import estimate
+from calibration.gap.model.parameters import (
+    BALL,
+    CALIBRATED,
+    GUESSES,
+    SERVO,
+    NominalModel,
+    Parameter,
+    released,
+)
+from rig.effects import BY_NAME, Effect
+
+RESTART_RATIO = 1.7  # of K or tau to its nominal: beyond, other starts are tried, too; chosen
+Key = tuple[str, str]  # effect, axis
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A point of the search: the evidence at its noise levels, the nominal model, the fit, and the
+    released effects as pairs (effect, axis)."""
+
+    evidence: Evidence
+    nominal: NominalModel
+    fit: ParameterFit
+    named: tuple[Key, ...] = ()
+
+    def bounds(self, outputs: Iterable[str], named: Iterable[Key] | None = None) -> dict:
+        """Parameter name -> (low, high), for every parameter that is free and moves one of the
+        outputs.
+
+        Parameters of the released effects `named` (None: those of the state) get the effect's
+        range, all others their tolerance box.
+        """
+        chosen = set(self.named if named is None else named)
+        outputs, found = set(outputs), {}
+        for parameter in self.nominal.parameters.values():
+            if not outputs & set(parameter.outputs):
+                continue
+            effect = BY_NAME.get(parameter.effect)
+            key = (parameter.effect, parameter.axis)
+            if effect and key in chosen and parameter in self._released(effect, parameter.axis):
+                found[parameter.name] = parameter.range
+            elif parameter.tolerance > 0:
+                low, high = parameter.box
+                if parameter.effect == "voltage_offset" and ("dead_zone", parameter.axis) in chosen:
+                    width = self.fit.setting.get(f"dead_zone.half_width_V.{parameter.axis}", 0.0)
+                    low, high = low - width, high + width  # a width of its own on each side
+                found[parameter.name] = low, high
+        return found
+
+    def _released(self, effect: Effect, axis: str) -> list[Parameter]:
+        return released(effect, axis, self.nominal, self.fit.setting)
+
+
+def outputs_of(effect: Effect, axes: Iterable[str]) -> tuple[str, ...]:
+    """The outputs in which an effect on these axes is looked for: "ball", or the servos' of the
+    axes."""
+    if effect.side != "servo":
+        return (BALL,)
+    return SERVO if "xy" in axes else tuple(f"servo_{axis}" for axis in axes)
+
+
+def refit(state: State, bounds: Mapping[str, tuple[float, float]], *, iterations: int = 6) -> State:
+    """The state with the parameters of `bounds` (name -> (low, high)) fitted on the outputs that
+    they move; all other parameters and outputs stay. `KeyError`: no such parameter."""
+    felt = {output for name in bounds for output in state.nominal.parameters[name].outputs}
+    old = state.fit
+    start = ParameterFit(
+        old.setting,
+        {p: r for p, r in old.rolls.items() if p in felt},
+        {p: c for p, c in old.costs.items() if p in felt},
+        old.columns,
+    )
+    bent = {effect for effect, _ in state.named}
+    done = fit(state.evidence, state.nominal, start, bounds, iterations=iterations, bent=bent)
+    merged = ParameterFit(
+        done.setting,
+        old.rolls | done.rolls,
+        old.costs | done.costs,
+        done.columns,
+    )
+    return replace(state, fit=merged)
+
+
+def baseline(evidence: Evidence, nominal: NominalModel, *, iterations: int = 6) -> State:
+    """The nominal model fitted inside its tolerance boxes, output by output. Where K or tau end
+    beyond RESTART_RATIO of nominal, a fit from the best of other starts is tried, too."""
+    begun = State(evidence, nominal, evaluate(evidence, nominal, {}, evidence.outputs))
+    state = _within_boxes(begun, iterations)
+    servo = [parameter for parameter in nominal.parameters.values() if not parameter.effect]
+    ratio = [state.fit.setting.get(k.name, k.nominal) / k.nominal for k in servo]
+    if all(1 / RESTART_RATIO < r < RESTART_RATIO for r in ratio):
+        return state
+    other = _within_boxes(replace(state, fit=_servo_guess(evidence, nominal)), iterations)
+    return other if other.fit.cost < state.fit.cost else state
+
+
+def _within_boxes(state: State, iterations: int) -> State:
+    for output in state.evidence.outputs:
+        state = refit(state, state.bounds((output,)), iterations=iterations)
+    return state
+
+
+def _servo_guess(evidence: Evidence, nominal: NominalModel) -> ParameterFit:
+    """The nominal model, K and tau of each axis the best of the grid GUESSES x GUESSES."""
+    best = evaluate(evidence, nominal, {}, evidence.outputs)
+    for output in set(SERVO) & set(evidence.outputs):
+        k, tau = (nominal.parameters[f".{key}.{output[-1]}"] for key in CALIBRATED)
+        for gain in GUESSES:
+            for time in GUESSES:
+                tried = {k.name: gain * k.nominal, tau.name: time * tau.nominal}
+                found = evaluate(evidence, nominal, best.setting | tried, (output,))
+                if found.cost < best.costs[output]:
+                    best = ParameterFit(
+                        found.setting, best.rolls | found.rolls, best.costs | found.costs
+                    )
+    return best
+
+
+def with_levels(state: State, levels: np.record, outputs: Collection[str]) -> State:
+    """The state at other noise levels (dtype NOISE), with the costs of `outputs` evaluated anew;
+    the setting stays."""
+    evidence, old = state.evidence.with_levels(levels), state.fit
+    new = evaluate(evidence, state.nominal, old.setting, outputs)
+    columns = {key: column for key, column in old.columns.items() if key[0] not in outputs}
+    fit = ParameterFit(old.setting, old.rolls | new.rolls, old.costs | new.costs, columns)
+    return replace(state, evidence=evidence, fit=fit)
+
+
+def settle(state: State, outputs: Iterable[str]) -> State:
+    """Estimate the noise levels of some outputs anew, then fit everything that is free on them;
+    outputs without evidence are passed over."""
+    outputs = tuple(output for output in outputs if output in state.evidence.outputs)
+    model = state.nominal.model(state.fit.setting)
+    state = with_levels(state, estimate(state.evidence, model, outputs), outputs)
+    return refit(state, state.bounds(outputs))

@@ -1,0 +1,104 @@
+"""The verdict: named, unknown effect, both, nothing missing, or two names that no log separates.
+
+1. Names from stepwise selection (`stepwise`).
+2. Names whose score chance alone reaches on such a log are dropped (`bootstrap`).
+3. The residuals of the final model are fitted by unnamed terms (`calibration.gap.unnamed.basis`).
+4. Where an unnamed term is significant, a name stays only if it still scores beside that term:
+   otherwise it stood in for it.
+"""
+
+from dataclasses import dataclass
+
+from calibration.gap.decision_rule import (
+    NAME_THRESHOLD,
+    RIVAL_MARGIN,
+    UNNAMED_SHARE,
+    UNNAMED_THRESHOLD,
+)
+from calibration.gap.model.state import State
+from calibration.gap.name.bootstrap import ChanceScores, chance_scores
+from calibration.gap.name.stepwise import Accepted, Naming, drop_effects, name_effects
+from calibration.gap.unnamed.basis import UnnamedTerm, unnamed_terms
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """The verdict (one of `findings.VERDICTS`), the naming behind it, the accepted effects, the
+    significant unnamed term (None: there is none), the final state, and the chance thresholds
+    (None: there was no name to judge)."""
+
+    verdict: str
+    naming: Naming
+    accepted: tuple[Accepted, ...]
+    unnamed: UnnamedTerm | None
+    state: State
+    chance: ChanceScores | None = None
+
+
+def decide(before: State) -> Decision:
+    """The decision on a settled baseline, by the module's four steps."""
+    naming = name_effects(before)
+    chance, accepted, state = _beyond_chance(naming)
+    left = _significant(unnamed_terms(state))
+    if left is None:
+        return Decision(
+            _verdict(accepted, "nothing-missing"), naming, accepted, None, state, chance
+        )
+    accepted, state = _names_beside(left, accepted, state)
+    if not accepted:
+        alone = _significant(unnamed_terms(before)) or left
+        return Decision("unknown-effect", naming, (), alone, alone.state, chance)
+    return Decision(_verdict(accepted, ""), naming, accepted, left, left.state, chance)
+
+
+def _verdict(accepted: tuple[Accepted, ...], none: str) -> str:
+    """The verdict on these effects; `none` where there are none."""
+    if any(one.margin < RIVAL_MARGIN for one in accepted):
+        return "undecided"
+    return "named" if accepted else none
+
+
+def _beyond_chance(naming: Naming) -> tuple[ChanceScores | None, tuple[Accepted, ...], State]:
+    """The chance thresholds, the effects that exceed them, and the state with those alone."""
+    state = naming.after
+    if not naming.accepted:
+        return None, (), state
+    chance = chance_scores(state, state.evidence.outputs)
+    kept = tuple(
+        one for one in naming.accepted if one.score >= _chance_threshold(one, chance, state)
+    )
+    lost = [(one.name, axis) for one in naming.accepted if one not in kept for axis in one.axes]
+    return chance, kept, drop_effects(state, lost) if lost else state
+
+
+def _chance_threshold(one: Accepted, chance: ChanceScores, state: State) -> float:
+    """The score that chance reaches on the outputs of this effect."""
+    parameters = (parameter for axis in one.axes for parameter in state.nominal.of(one.name, axis))
+    return chance.of({output for parameter in parameters for output in parameter.outputs})
+
+
+def _significant(found: list[UnnamedTerm]) -> UnnamedTerm | None:
+    """The best of the unnamed terms, if it is significant."""
+    return found[0] if found and found[0].score >= UNNAMED_THRESHOLD else None
+
+
+def _names_beside(
+    left: UnnamedTerm, accepted: tuple[Accepted, ...], state: State
+) -> tuple[tuple[Accepted, ...], State]:
+    """The effects that still score beside the unnamed term, and the state with those alone.
+
+    An effect's score beside the term is S + S_term - S_term without the effect: what both explain
+    together less what the term explains alone.
+    """
+    kept: list[Accepted] = []
+    for one in accepted:
+        keys = [(one.name, axis) for axis in one.axes]
+        bare = drop_effects(state, keys)
+        rival = _significant(unnamed_terms(bare))
+        need = max(NAME_THRESHOLD, UNNAMED_SHARE * left.score)
+        gain = one.score + left.score - (rival.score if rival is not None else 0.0)
+        if gain >= need:
+            kept.append(one)
+        else:
+            state = bare
+    return tuple(kept), state

@@ -1,0 +1,205 @@
+"""Buttons and inputs of the pages: one page holds the controls, one thread serves their actions.
+
+A callback of a page only enqueues an action, so nothing waits for a page. The thread of the queue
+checks that the page holds the controls, checks and clamps its value, and acts. What an action
+raises is shown to the page that asked and noted in the run's events.
+"""
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from queue import Full, Queue
+from typing import Any, Generic, TypeVar
+
+T = TypeVar("T")
+QUEUE_LENGTH = 256  # actions; chosen: a slider that is dragged sends tens of them a second
+REPEAT_S = 4.0  # the same refusal is shown to a page once in this time; chosen
+
+
+class WatchingError(PermissionError):
+    """The page does not hold the controls."""
+
+
+@dataclass(frozen=True)
+class ControlLock:
+    """Numbers of the connected pages in order of arrival, and the page that holds the controls."""
+
+    pages: tuple[int, ...] = ()
+    holder: int | None = None
+
+    def joined(self, page: int) -> "ControlLock":
+        """The lock after a page connected: that page holds the controls if no other does."""
+        pages = (*(other for other in self.pages if other != page), page)
+        return ControlLock(pages, page if self.holder is None else self.holder)
+
+    def left(self, page: int) -> "ControlLock":
+        """The lock after a page disconnected: its controls are free until a page takes them."""
+        pages = tuple(other for other in self.pages if other != page)
+        return ControlLock(pages, None if self.holder == page else self.holder)
+
+    def taken(self, page: int) -> "ControlLock":
+        """The lock after a page took the controls. ValueError: the page is not connected."""
+        if page not in self.pages:
+            raise ValueError(f"page {page} is not connected: reload it")
+        return replace(self, holder=page)
+
+    def may(self, page: int | None) -> bool:
+        """Whether a page holds the controls; None (no page) never does."""
+        return page is not None and page == self.holder
+
+    def words(self, page: int) -> str:
+        """Markdown for a page: whether it holds the controls or watches."""
+        if self.holder == page:
+            others = len(self.pages) - 1
+            watch = f"; {others} other page{'s' * (others > 1)} watching" if others else ""
+            return f"**You hold the controls** (page {page}){watch}."
+        holder = f"Page {self.holder} holds" if self.holder is not None else "Nobody holds"
+        return f"**You are watching** (page {page}). {holder} the controls. You can always stop."
+
+
+@dataclass(frozen=True)
+class QueuedAction:
+    """An action with its name, for the page that asked (None: the program itself)."""
+
+    what: str
+    do: Callable[[], None]
+    page: int | None = None
+
+
+class ControlPanelQueue:
+    """Serves actions in turn in its own thread; `failed(action, error)` gets what they raise."""
+
+    def __init__(self, failed: Callable[[QueuedAction, Exception], None]) -> None:
+        self._failed = failed
+        self._waiting: Queue[QueuedAction | None] = Queue(QUEUE_LENGTH)
+        self._thread = threading.Thread(target=self._serve, daemon=True, name="control panel queue")
+        self._thread.start()
+
+    def put(self, what: str, do: Callable[[], None], page: int | None = None) -> bool:
+        """Enqueue from any thread without waiting; False: the queue is full, the action dropped."""
+        try:
+            self._waiting.put_nowait(QueuedAction(what, do, page))
+        except Full:
+            return False
+        return True
+
+    def close(self) -> None:
+        """Serve the actions that wait, then end the thread (at most 5 s)."""
+        self._waiting.put(None)
+        self._thread.join(5.0)
+
+    def _serve(self) -> None:
+        while (action := self._waiting.get()) is not None:
+            try:
+                action.do()
+            except Exception as error:
+                self._failed(action, error)
+
+
+class CheckedValue(Generic[T]):
+    """The last value of an input that passed its checks."""
+
+    def __init__(self, now: T) -> None:
+        self.now = now
+
+
+class Controls:
+    """Connects buttons and inputs of the pages to the queue, the lock and the checks of values.
+
+    `notify(page, title, text)` shows a message on a page (None: on all pages); `note(text)` adds a
+    line to the run's events.
+    """
+
+    def __init__(
+        self, notify: Callable[[int | None, str, str], None], note: Callable[[str], None]
+    ) -> None:
+        self.lock = ControlLock()
+        self._notify, self._note = notify, note
+        self._last_notice: tuple[int | None, str, str] | None = None
+        self._last_notice_s = -REPEAT_S
+        self.queue = ControlPanelQueue(self._failed)
+
+    def _failed(self, action: QueuedAction, error: Exception) -> None:
+        """Show an error to its page; note it in the run's events, unless it is a refusal."""
+        if not isinstance(error, WatchingError):
+            self._note(f"{action.what}: {type(error).__name__}: {error}")
+        notice = action.page, action.what, str(error) or type(error).__name__
+        now_s = time.monotonic()
+        if notice != self._last_notice or now_s - self._last_notice_s > REPEAT_S:
+            self._notify(*notice)
+            self._last_notice, self._last_notice_s = notice, now_s
+
+    def check(self, page: int | None) -> None:
+        """WatchingError: the page does not hold the controls."""
+        if not self.lock.may(page):
+            raise WatchingError("you are watching: press 'Take over the controls' first")
+
+    def button(
+        self, handle: Any, what: str, act: Callable[[int | None], None], *, everybody: bool = False
+    ) -> None:
+        """Call `act(page)` when the button or command is used by the page that holds the controls,
+        or with `everybody` by any page."""
+
+        def pressed(event: Any) -> None:
+            page = event.client_id
+
+            def do() -> None:
+                if not everybody:
+                    self.check(page)
+                act(page)
+
+            if not self.queue.put(what, do, page):
+                self._notify(page, what, "too much at once: wait a moment")
+
+        register = getattr(handle, "on_click", None) or handle.on_trigger
+        register(pressed)
+
+    def pick(self, handle: Any, what: str, act: Callable[[Any], None]) -> None:
+        """Call `act(label)` when the page that holds the controls presses one of a button group."""
+
+        def pressed(event: Any) -> None:
+            page, label = event.client_id, handle.value
+
+            def do() -> None:
+                self.check(page)
+                act(label)
+
+            self.queue.put(what, do, page)
+
+        handle.on_click(pressed)
+
+    def value(
+        self,
+        handle: Any,
+        what: str,
+        clean: Callable[[Any], T],
+        apply: Callable[[T], None] = lambda value: None,
+    ) -> CheckedValue[T]:
+        """Check and apply what a page sets on an input.
+
+        `clean(raw)` converts and clamps (ValueError: refused), `apply(value)` uses the result; the
+        input then shows the last value that was accepted. The program reads the returned
+        `CheckedValue.now`, never the input's own value, which a page can set at any time.
+        """
+        checked = CheckedValue(clean(handle.value))
+
+        def updated(event: Any) -> None:
+            page, raw = event.client_id, handle.value
+            if page is None:  # set by the program
+                return
+
+            def do() -> None:
+                try:
+                    self.check(page)
+                    value = clean(raw)
+                    apply(value)
+                    checked.now = value
+                finally:
+                    if handle.value != checked.now:
+                        handle.value = checked.now
+
+            self.queue.put(what, do, page)
+
+        handle.on_update(updated)
+        return checked

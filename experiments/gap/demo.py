@@ -1,0 +1,31 @@
+"""The demo of `rig gap`: runs of a virtual table with a joint play that its rig file lacks."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from experiments.progress import ProgressCall, silent
+from experiments.runs.protocol import read_protocol
+from experiments.runs.runner import RunRequest, keep_simulated, simulate_run
+from rig.parameters import Rig
+
+DEMO_PLAY_RAD = {"x": 0.035, "y": 0.020}  # 2.0 and 1.1 degrees at the servo shaft
+
+
+def demo_runs(out: Path, *, seed: int, progress: ProgressCall = silent) -> list[Path]:
+    """Record the runs `steps`, `sine-sweep` and `free-release` in out/runs; return their folders.
+
+    Simulated with the joint play DEMO_PLAY_RAD, which the recorded rig file lacks, and the seeds
+    `seed` to `seed` + 2. OSError: the folder cannot be written.
+    """
+    nominal = Rig()
+    plays = {axis: {"play_rad": play} for axis, play in DEMO_PLAY_RAD.items()}
+    plant = replace(nominal, effects={"joint_backlash": plays})
+    runs = []
+    for i, name in enumerate(("steps", "sine-sweep", "free-release")):
+        progress("recording the demo's runs", i, 3)
+        request = RunRequest(
+            plant, read_protocol(name), "without", seed + i, out / "runs", kind=nominal
+        )
+        runs.append(keep_simulated(request, simulate_run(request)))
+    progress("recording the demo's runs", 3, 3)
+    return runs

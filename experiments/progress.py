@@ -1,0 +1,10 @@
+"""The call with which long work reports its progress."""
+
+from collections.abc import Callable
+
+# progress(stage, done, total)
+ProgressCall = Callable[[str, int, int], None]
+
+
+def silent(stage: str, done: int, total: int) -> None:
+    """Ignore the progress of a stage: the default `ProgressCall`."""

@@ -1,0 +1,73 @@
+"""The same work on many inputs: in processes of this machine, or in those of a Dask cluster."""
+
+from collections.abc import Callable, Iterable, Iterator
+from itertools import islice
+from os import cpu_count
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+AHEAD = 3  # calls a process that are made before they are wanted
+
+
+def results_of(
+    function: Callable[..., T],
+    calls: Iterable[tuple],
+    *,
+    jobs: int | None = None,
+    cluster: str | None = None,
+) -> Iterator[T]:
+    """Yield function(*call) of every call, in the order in which the calls finish.
+
+    jobs: processes (default: one for each core; 1: this process alone); cluster: address of a Dask
+    scheduler instead. `calls` may be a generator: it is asked for no more than three calls a
+    process ahead. ValueError: Dask is not installed, or no scheduler answers there. An exception of
+    `function` is raised again.
+    """
+    if cluster is not None:
+        yield from _on_cluster(function, calls, cluster)
+        return
+    count = jobs or cpu_count() or 1
+    if count == 1:
+        yield from (function(*call) for call in calls)
+        return
+    from joblib import Parallel, delayed, parallel_config
+
+    with parallel_config("loky", n_jobs=count, inner_max_num_threads=1):
+        parallel = Parallel(return_as="generator_unordered", pre_dispatch=f"{AHEAD}*n_jobs")
+        yield from parallel(delayed(function)(*call) for call in calls)  # pyright: ignore
+
+
+def _on_cluster(function: Callable[..., T], calls: Iterable[tuple], address: str) -> Iterator[T]:
+    client = dask_client(address)
+    try:
+        from distributed import as_completed  # pyright: ignore[reportMissingImports]
+
+        calls = iter(calls)
+        room = AHEAD * max(1, sum(client.nthreads().values()))
+        running = as_completed(
+            client.submit(function, *call, pure=False) for call in islice(calls, room)
+        )
+        for future in running:
+            yield future.result()
+            for call in islice(calls, 1):
+                running.add(client.submit(function, *call, pure=False))
+    finally:
+        client.close()
+
+
+def dask_client(address: str) -> Any:
+    """Client of the Dask scheduler at `address`, given 10 s to answer.
+
+    ValueError: Dask is not installed, or no scheduler answers there.
+    """
+    try:
+        from distributed import Client  # pyright: ignore[reportMissingImports]
+    except ImportError:
+        raise ValueError(
+            f"--cluster {address}: Dask is not installed; install the extra 'cluster'"
+        ) from None
+    try:
+        return Client(address, timeout="10s")
+    except (OSError, ValueError) as error:
+        line = " ".join(str(error).split())
+        raise ValueError(f"--cluster {address}: no Dask scheduler there ({line})") from None

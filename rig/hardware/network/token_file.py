@@ -1,0 +1,55 @@
+"""Token files: a secret of a server in a file that only its owner can read.
+
+`rig serve` and `rig dashboard` let in only who knows the token of such a file.
+"""
+
+import secrets
+import stat
+import sys
+from pathlib import Path
+
+SHORTEST_TOKEN = 16  # characters; chosen: 64 random bits, written as hexadecimal digits
+
+
+def read_token(path: Path) -> bytes:
+    """Return the token of a file, without white space at its ends.
+
+    FileNotFoundError: no such file. ValueError: others than its owner can read it, or it holds
+    fewer than `SHORTEST_TOKEN` characters. Both messages are one line and say what to do.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(
+            f'token file {path} not found: "rig serve" makes one; copy it from that machine'
+        )
+    mode = path.stat().st_mode
+    if sys.platform != "win32" and mode & (stat.S_IRWXG | stat.S_IRWXO):
+        raise ValueError(f"token file {path} can be read by others: chmod 600 {path}")
+    token = path.read_bytes().strip()
+    if len(token) < SHORTEST_TOKEN:
+        raise ValueError(
+            f"token file {path} holds {len(token)} characters, {SHORTEST_TOKEN} are needed: "
+            'remove it and let "rig serve" make one'
+        )
+    return token
+
+
+def make_token(path: Path) -> None:
+    """Write a new token (64 hexadecimal digits). FileExistsError: the file exists."""
+    path.touch(mode=0o600, exist_ok=False)
+    path.write_text(secrets.token_hex(32) + "\n", encoding="ascii")
+
+
+def keep_token(path: Path) -> str:
+    """Return the token of a file; a new one where `read_token` refuses the file or there is none.
+
+    A server that is started again keeps its token, so that an open page finds it again. Delete the
+    file for a new token. OSError: it cannot be written.
+    """
+    try:
+        return read_token(path).decode("ascii")
+    except FileNotFoundError:
+        pass
+    except ValueError:  # too short, read by others, or no text
+        path.unlink()
+    make_token(path)
+    return read_token(path).decode("ascii")

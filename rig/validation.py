@@ -1,0 +1,51 @@
+"""What files are checked with: a strict pydantic model, and one line about what is wrong in one."""
+
+from types import NoneType, UnionType
+from typing import Any, Union, get_args, get_origin
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+
+class StrictModel(BaseModel):
+    """Base model of a file's records: unknown keys, infinite and undefined numbers are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def first_error_line(
+    error: ValidationError, model: type[BaseModel] | None = None, *, within: str = ""
+) -> str:
+    """Return one line about the first fault in a file; unknown keys come before all other faults.
+
+        unknown key 'start.z'; known: x_m, y_m
+        key 'title' is missing; known: title, duration_s
+        duration_s = -3: Input should be greater than 0.1
+
+    error: of pydantic's validation; model: of the whole file, by which the known keys are listed;
+    within: name of the section that was validated, where it was not the whole file.
+    """
+    fault = min(error.errors(), key=lambda one: one["type"] != "extra_forbidden")
+    where = ".".join(str(part) for part in (*([within] if within else []), *fault["loc"]))
+    names = _known_keys(model, fault["loc"][:-1])
+    known = f"; known: {', '.join(names)}" if names else ""
+    if fault["type"] == "extra_forbidden":
+        return f"unknown key '{where}'{known}"
+    if fault["type"] == "missing":
+        return f"key '{where}' is missing{known}"
+    given = fault["input"]
+    if isinstance(given, str | int | float):
+        return f"{where} = {given!r}: {fault['msg']}"
+    return f"{where}: {fault['msg']}" if where else str(fault["msg"])
+
+
+def _known_keys(kind: Any, place: tuple[int | str, ...]) -> list[str]:
+    """Keys of the model at a place of a nested one; none where its types do not tell."""
+    for part in place:
+        fields = getattr(kind, "model_fields", None)
+        if fields is not None:
+            kind = fields[part].annotation if part in fields else None
+        else:  # list[kind], dict[str, kind]
+            kind = (get_args(kind) or (None,))[-1]
+        if get_origin(kind) in (Union, UnionType):
+            kind = next(one for one in get_args(kind) if one is not NoneType)
+    return list(getattr(kind, "model_fields", {}))
