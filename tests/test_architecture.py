@@ -1,14 +1,17 @@
 """The house rules that a machine can keep."""
 
 import ast
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
-ARROW = ("vision", "rig", "calibration", "experiments")
+from tests.support import ROOT
+from tests.support.parts import need
+
+PACKAGES = ("vision", "rig", "calibration", "experiments")
 HEAVY = {
     "cv2",
     "numba",
@@ -21,32 +24,42 @@ HEAVY = {
     "mcap",
     "pyarrow",
 }
+SOURCES = [path for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
 
 
-def imports(path: Path) -> set[str]:
-    """Top-level package names that a file imports, wherever in the file."""
-    found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            found |= {alias.name.split(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}: relative import"
-            found.add((node.module or "").split(".")[0])
-    return found
+def lint_imports(folder: Path) -> subprocess.CompletedProcess:
+    """The contracts of pyproject.toml asked of the packages in `folder`."""
+    need("importlinter")
+    code = (
+        f"import sys; sys.path.insert(0, {str(folder)!r})\n"
+        "from importlinter.cli import lint_imports\n"
+        "sys.exit(lint_imports('pyproject.toml', no_cache=True))"
+    )
+    command = [sys.executable, "-c", code]
+    return subprocess.run(command, capture_output=True, text=True, cwd=folder)
 
 
-@pytest.mark.parametrize("package", ARROW)
-def test_a_package_imports_only_from_its_left(package: str):
-    allowed = set(ARROW[: ARROW.index(package) + 1])
-    for path in (ROOT / package).rglob("*.py"):
-        wrong = (imports(path) & set(ARROW)) - allowed
-        assert not wrong, f"{path.relative_to(ROOT)} imports {wrong}: the arrow is {ARROW}"
+def test_packages_and_rooms_import_one_way():
+    out = lint_imports(ROOT)
+    assert out.returncode == 0, out.stdout
 
 
-def test_the_arrow_test_would_notice(tmp_path: Path):
-    bad = tmp_path / "bad.py"
-    bad.write_text("def f():\n    from experiments.cli import main\n    return main\n")
-    assert imports(bad) == {"experiments"}
+@pytest.mark.parametrize(
+    ("room", "bad"),
+    [
+        ("vision/view.py", "import rig.table"),
+        ("rig/loop/process.py", "import rig.hardware.camera.eye"),
+        ("calibration/gap/model/fit.py", "import calibration.gap.name.screen"),
+    ],
+)
+def test_the_import_contracts_would_notice(tmp_path: Path, room: str, bad: str):
+    for package in PACKAGES:
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("*.pyc"))
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    (tmp_path / room).write_text(f"def f():\n    {bad}\n")
+    out = lint_imports(tmp_path)
+    assert out.returncode == 1
+    assert bad.removeprefix("import ") in out.stdout
 
 
 def test_help_imports_nothing_heavy():
@@ -60,10 +73,21 @@ def test_help_imports_nothing_heavy():
 
 
 def test_no_file_has_outgrown_its_noun():
-    long = {
-        str(path.relative_to(ROOT)): lines
-        for package in ARROW
-        for path in (ROOT / package).rglob("*.py")
-        if (lines := len(path.read_text(encoding="utf-8").splitlines())) > 280
-    }
-    assert not long, f"over 280 lines: {long}"
+    sizes = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in SOURCES}
+    assert not {path: lines for path, lines in sizes.items() if lines > 400}
+
+
+def test_a_function_fits_a_screen():
+    long = [
+        f"{path.relative_to(ROOT)}:{node.lineno} {node.name}"
+        for path in SOURCES
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        and (node.end_lineno or 0) - node.lineno >= 60
+    ]
+    assert not long
+
+
+def test_a_floor_holds_no_more_files_than_a_stranger_reads():
+    floors = {folder: len(list(folder.glob("*.py"))) for folder in {p.parent for p in SOURCES}}
+    assert not {folder: files for folder, files in floors.items() if files > 20}

@@ -5,17 +5,20 @@ under the product's own pilot. Two minutes; `--seeds 1` takes half a minute.
 """
 
 import argparse
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "engines"))
-
-from ball_windows import WINDOW_S, residuals, rms_mm  # pyright: ignore[reportMissingImports]
-from closed_loop import cell, default_table, on_mujoco, on_product, quiet  # pyright: ignore[reportMissingImports]
-from comparison import (  # pyright: ignore[reportMissingImports]
+from tests.support.mujoco_engine.ball_windows import WINDOW_S, residuals, rms_mm
+from tests.support.mujoco_engine.closed_loop import (
+    cell,
+    default_table,
+    on_mujoco,
+    on_product,
+    quiet,
+)
+from tests.support.mujoco_engine.comparison import (
     Start,
     by_mujoco,
     by_product,
@@ -24,7 +27,7 @@ from comparison import (  # pyright: ignore[reportMissingImports]
     steps,
     table_with,
 )
-from mujoco_mechanism import Build  # pyright: ignore[reportMissingImports]
+from tests.support.mujoco_engine.mechanism import Build
 
 CASES = {
     "no friction, no play": table_with(dry=False),

@@ -9,17 +9,16 @@ rendered frames; their numbers stand apart. `--weak N` adds trials below the amp
 
 import argparse
 import secrets
-import sys
 from pathlib import Path
 
 from joblib import Parallel, delayed
 
-from experiments.blind.command import Means, keep_logs, publish, run_trials
-from experiments.blind.draws import Plan, plan_trials
+from experiments.blind.command import AnalysisOptions, keep_logs, publish, run_trials
+from experiments.blind.draws import TrialPlan, plan_trials
+from experiments.blind.results_table import rows, show
 from experiments.blind.seal import open_seal, sealed_hash
-from experiments.blind.table import rows, show
-from experiments.blind.trial import Trial
-from experiments.console import bars
+from experiments.blind.trial import BlindTrial
+from experiments.cli.console import bars
 
 BESIDE = ("pushed", "free-release", "sine-sweep", "circle", "slow-triangle", "hold")  # own: all
 GOALS = {"own": 0.99, "foreign": 0.99, "mujoco": 0.95, "camera": 0.99}
@@ -40,25 +39,25 @@ def asked() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def drawn(options: argparse.Namespace, seed: int) -> list[Trial]:
+def drawn(options: argparse.Namespace, seed: int) -> list[BlindTrial]:
     """Every trial that was asked for; the parts have names and seeds of their own."""
     if options.engine == "camera":
         from experiments.blind.through_camera import VARIANTS, draw_camera_trials
 
         return draw_camera_trials(seed, -(-options.trials // len(VARIANTS)))
     nothing = options.trials if options.nothing is None else options.nothing
-    parts = {"": Plan(options.trials, nothing, seed)}
+    parts = {"": TrialPlan(options.trials, nothing, seed)}
     if options.weak:
-        parts["weak-"] = Plan(options.weak, 0, seed + 1, kinds=("weak",))
+        parts["weak-"] = TrialPlan(options.weak, 0, seed + 1, kinds=("weak",))
     beside = BESIDE if options.engine == "own" else BESIDE[:4]
     for i, protocol in enumerate(beside if options.beside else ()):
-        plan = Plan(options.beside, 0, seed + 2 + i, kinds=("single",), protocols=(protocol,))
+        plan = TrialPlan(options.beside, 0, seed + 2 + i, kinds=("single",), protocols=(protocol,))
         parts[f"{protocol}-"] = plan
     make = plan_trials
     if options.engine != "own":
-        from blind_logs import trials_for
+        from tests.support.blind_logs import trials_for
 
-        def make(plan: Plan) -> list[Trial]:
+        def make(plan: TrialPlan) -> list[BlindTrial]:
             return trials_for(options.engine, plan)
 
     from dataclasses import replace
@@ -69,18 +68,17 @@ def drawn(options: argparse.Namespace, seed: int) -> list[Trial]:
 def main() -> None:
     options = asked()
     out = options.out / options.engine
-    sys.path.insert(0, str(Path(__file__).parents[1] / "engines"))
     make_log = None
     if options.engine == "camera":
         from experiments.blind.through_camera import camera_log as make_log
     elif options.engine != "own":
-        from blind_logs import other_log as make_log
+        from tests.support.blind_logs import other_log as make_log
     digest = sealed_hash(out) if options.seed is None else None
     seed = secrets.randbits(48) if options.seed is None else options.seed
     trials = open_seal(out, digest) if digest else drawn(options, seed)
     slow = options.engine in ("mujoco", "camera")
     with bars() as progress:
-        means = Means(
+        means = AnalysisOptions(
             jobs=options.jobs, cluster=options.cluster, keep_logs=slow, make_log=make_log,
             suffix=".parquet", progress=progress,
         )  # fmt: skip
@@ -90,9 +88,9 @@ def main() -> None:
             made = jobs(delayed(keep_logs)(t, out / "logs", make_log, means.suffix) for t in wanted)
             for k, _ in enumerate(made):
                 progress("logs", k + 1, len(wanted))
-        marks = run_trials(trials, out, means, first=options.first)
+        scores = run_trials(trials, out, means, first=options.first)
         title = f"Blind trials, engine: {options.engine}"
-        results = publish(marks, out, means, title=title, right_goal=GOALS[options.engine])
+        results = publish(scores, out, means, title=title, right_goal=GOALS[options.engine])
     show(rows(results, right_goal=GOALS[options.engine]), title)
     print(f"table: {out / 'table.md'}   figures: {out / 'confusion.png'}, {out / 'power.png'}")
 

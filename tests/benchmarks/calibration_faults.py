@@ -3,26 +3,25 @@
 `python tests/benchmarks/calibration_faults.py [seeds]`; about 15 s a seed.
 """
 
+import argparse
 import sys
-from pathlib import Path
 from time import process_time
 
 import cv2
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "calibration"))
-
-from planted import FAULTS, good_set, pictures, verdict  # pyright: ignore[reportMissingImports]
-
-from calibration.camera import calibrate_images
-from calibration.sheet import Sheet
+from calibration.camera.lens import calibrate_images
+from calibration.camera.sheet import Sheet
+from tests.support.planted_pictures import FAULTS, good_set, pictures, verdict
 
 GOOD, RENDERED = 20, 2
 
 
 def main() -> None:
     """Print one row a fault and one for the good sets of either kind."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
+    parser.add_argument("seeds", type=int, nargs="?", default=3)
+    seeds, start = parser.parse_args().seeds, process_time()
     cv2.setNumThreads(1)
-    seeds, start = int(sys.argv[1]) if len(sys.argv) > 1 else 3, process_time()
     print(f"| planted fault | named | refused | warned | passed | what was said ({seeds} seeds) |")
     print("|---|---|---|---|---|---|")
     for fault in FAULTS:

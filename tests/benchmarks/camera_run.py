@@ -7,15 +7,14 @@ Wants a quiet machine with two cores to itself. Prints each run's outcome, how f
 from the truth and how old it was; exit code 1 where no run was completed.
 """
 
+import argparse
 import sys
 from pathlib import Path
 
 import numpy as np
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests/experiments")]
-from rig_lab import Lab  # noqa: E402  # pyright: ignore[reportMissingImports]
-from virtual_film import measured_and_true, newer  # noqa: E402  # pyright: ignore[reportMissingImports]
+from tests.support.rig_lab import Lab
+from tests.support.virtual_film import measured_and_true, newer
 
 
 def told(run, folder: Path) -> str:
@@ -53,4 +52,6 @@ def main(runs: int) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(int(sys.argv[1]) if len(sys.argv) > 1 else 3))
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
+    parser.add_argument("runs", type=int, nargs="?", default=3)
+    sys.exit(main(parser.parse_args().runs))

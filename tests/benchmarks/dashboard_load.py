@@ -93,9 +93,9 @@ def one(app, gate, seconds: float, pages: bool) -> tuple[int, int]:
 
 
 def main() -> None:
-    from experiments.assemble import load_rig
     from experiments.dashboard.app import App
-    from experiments.dashboard.server import open_server
+    from experiments.dashboard.server.server import open_server
+    from experiments.runs.assemble import load_rig
 
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--pairs", type=int, default=8)
@@ -105,7 +105,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as out:
         server, gate = open_server("127.0.0.1", 0, "benchmark-token-" + "x" * 20)
         app = App(server, load_rig(None), Path(out))
-        app.camera.look(True)
+        app.camera.set_wanted(True)
         state(app, "balancing")
         app.session.stop("the benchmark")
         state(app, "stopped")

@@ -17,27 +17,25 @@ from pathlib import Path
 
 import numpy as np
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests/engines"), str(ROOT / "tests/rig/hardware")]
-from board_world import World, table_on  # noqa: E402  # pyright: ignore[reportMissingImports]
-from simavr_chip import Chip, missing  # noqa: E402  # pyright: ignore[reportMissingImports]
-from simavr_faults import (  # noqa: E402  # pyright: ignore[reportMissingImports]
+from experiments.records.recording import Recorder, read_run
+from experiments.runs.assemble import known, load_rig
+from rig.control.controllers import COMPENSATORS
+from rig.course import Course
+from rig.hardware.board import board as driver
+from rig.hardware.board.board import BoardStopped
+from rig.hardware.board.link import LinkLost
+from rig.loop.loop import Loop
+from tests.support.boards.chip import NEEDED, Chip
+from tests.support.boards.chip_faults import (
     KINDS,
     Fault,
     FaultyLink,
     HostKilledError,
     draw,
 )
-from simavr_oracle import Oracle  # noqa: E402  # pyright: ignore[reportMissingImports]
-
-from experiments.assemble import known, load_rig  # noqa: E402
-from experiments.recording import Recorder, read_run  # noqa: E402
-from rig.controllers import ARMS  # noqa: E402
-from rig.hardware import board as driver  # noqa: E402
-from rig.hardware.board import BoardStopped  # noqa: E402
-from rig.hardware.link import LinkLost  # noqa: E402
-from rig.loop import Loop  # noqa: E402
-from rig.simulate import Course  # noqa: E402
+from tests.support.boards.chip_oracle import Oracle
+from tests.support.boards.world import World, table_on
+from tests.support.parts import missing
 
 RUN_S = 0.6
 LEVEL_RAD = 0.06  # friction and offset leave 0.026 (0.36 V); at 0 V the arm sinks in its play
@@ -94,7 +92,7 @@ def _run(world: World, fault: Fault, rig, keep) -> str:
         table = table_on(world, FaultyLink(world, fault))
         with table:
             table.level_s = 0.4
-            ending = Loop(table, known(rig), ARMS["with"], way, keep=keep).run()
+            ending = Loop(table, known(rig), COMPENSATORS["with"], way, keep=keep).run()
         return ending.outcome
     except HostKilledError:
         return "host killed"
@@ -169,7 +167,7 @@ def main() -> int:
     parser.add_argument("--faults", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
-    if lack := missing():
+    if lack := missing(*NEEDED):
         print(lack)
         return 2
     begin, numbers = time.monotonic(), iter(range(10**9))

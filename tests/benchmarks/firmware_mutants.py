@@ -8,6 +8,7 @@ one operator or number in the functions that decide about volts; it dies when a 
 are any that are not known to change nothing.
 """
 
+import argparse
 import os
 import re
 import signal
@@ -20,10 +21,9 @@ from functools import partial
 from itertools import product
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests/rig/hardware")]
-import board_host  # noqa: E402  # pyright: ignore[reportMissingImports]
-import test_board as tests  # noqa: E402  # pyright: ignore[reportMissingImports]
+from tests.rig.hardware.board import test_board as tests
+from tests.support import ROOT
+from tests.support.boards import host as board_host
 
 SOURCE = ROOT / "rig/firmware/protocol.c"
 FUNCTIONS = ("take_config", "take_arm", "take_command", "guarded_mV", "stalled", "watch", "apply")
@@ -140,6 +140,9 @@ def piece_of(words: list[str], count: int) -> tuple[int, int]:
 
 
 def main() -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
+    parser.add_argument("piece", type=int, nargs="*", help="FIRST [LAST]")
+    asked = parser.parse_args().piece
     begin, text = time.monotonic(), SOURCE.read_text()
     for case in cases():  # here, so that every child finds the plant compiled
         case()
@@ -147,7 +150,7 @@ def main() -> int:
     every = list(mutants(text))
     known = {shown for _, shown, _ in every}
     assert known >= EQUIVALENT, f"no mutants any more: {EQUIVALENT - known}"
-    piece, alive = every[slice(*piece_of(sys.argv[1:], len(every)))], []
+    piece, alive = every[slice(*piece_of(asked, len(every)))], []
     for line, shown, changed in piece:
         if not dies(changed) and shown not in EQUIVALENT:
             alive.append((line, shown))

@@ -4,17 +4,18 @@ Rendered 640x480 frames in the loop, the plate moving: CPU time of the parts in 
 error of the observations against the renderer's truth (arm "with", free release and pushes).
 """
 
+import argparse
 import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
 
-from experiments.assemble import load_rig, rendered_eye
-from experiments.protocol import read_protocol
-from experiments.runner import Order, run
-from experiments.runs import calibrate_camera
-from rig.linkage import plate_rotation, tilt_sines
+from experiments.runs.assemble import load_rig, rendered_eye
+from experiments.runs.protocol import read_protocol
+from experiments.runs.runner import RunRequest, run
+from experiments.runs.runs import calibrate_camera
+from rig.plant.ball import plate_rotation, tilt_sines
 from vision.frames import Frame
 
 FRAMES = 600
@@ -40,6 +41,7 @@ def parts(bundle: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def main() -> None:
+    argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0]).parse_args()
     with tempfile.TemporaryDirectory() as folder:
         out, rig = Path(folder), load_rig(None)
         bundle = calibrate_camera(rig, out, 1)
@@ -53,7 +55,7 @@ def main() -> None:
         print("| protocol | frames | seen | RMS x, y [mm] | worst [mm] | bias x, y [mm] |")
         print("|---|---|---|---|---|---|")
         for name in ("free-release", "pushed", "circle"):
-            pairs = run(Order(rig, read_protocol(name), "with", 1, out, bundle)).pairs
+            pairs = run(RunRequest(rig, read_protocol(name), "with", 1, out, bundle)).pairs
             error = 1000 * (pairs[:, 3:] - pairs[:, 1:3])
             seen = np.isfinite(error).all(axis=1)
             rms, bias = np.sqrt(np.mean(error[seen] ** 2, axis=0)), error[seen].mean(axis=0)

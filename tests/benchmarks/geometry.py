@@ -13,17 +13,18 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from vision.appearance import Appearance
 from vision.ball_camera import BallCamera, ball_mask, radius_range
+from vision.detection.appearance import Appearance
 from vision.frames import Frame
-from vision.markers import MarkerLayout
-from vision.synthetic import Renderer, Scene, virtual_view
-from vision.tracker import Tracker
+from vision.plate.markers import MarkerLayout
+from vision.synthetic.synthetic import Renderer, Scene, virtual_view
+from vision.tracking.tracker import Tracker
 from vision.view import View
 
 PLACES = np.linspace(-0.115, 0.115, 21)
 RADII_M, HEIGHTS_M = (0.0146, 0.020), (0.6, 0.75, 0.9)
 TILT_DEG, CORNER_PX, REST = 6.0, 0.1, 2
+MAX_TILT_RAD = 0.105
 GOALS = {"clean": (0.05, 0.15, 0.02), "noisy": (0.06, None, 0.02)}  # RMS, worst mm; mm per degree
 INSIDE_95 = 5.991  # of a chi-square with two degrees of freedom
 
@@ -59,7 +60,8 @@ def look(radius_m: float, height_m: float, *, noisy: bool, seed: int) -> Seen:
     renderer, side = Renderer(scene, view, rng), scene.plate_side_m
     tracker = Tracker(
         appearance=Appearance.of_colour("orange"),
-        radius_px=radius_range(view, radius_m, side), mask=ball_mask(view, radius_m, side),
+        radius_px=radius_range(view, radius_m, side, MAX_TILT_RAD),
+        mask=ball_mask(view, radius_m, side, MAX_TILT_RAD),
     )  # fmt: skip
     px_m = height_m / view.camera.pinhole[0]
     errors, covs, tilts, missed, index = [], [], [], 0, 0

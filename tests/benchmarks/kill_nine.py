@@ -11,17 +11,14 @@ import argparse
 import os
 import random
 import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "experiments"))
-from killed_program import kill_after, opened_by_mcap, start, whole
-
-from experiments.recording import read_run
+from experiments.records.recording import read_run
+from tests.support.killed_program import kill_after, opened_by_mcap, start, whole
 
 
 def kills(folder: Path, count: int, seed: int) -> None:

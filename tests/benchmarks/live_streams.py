@@ -7,21 +7,16 @@ capture, then stops and starts the server. About 40 s.
 
 from __future__ import annotations
 
+import argparse
 import multiprocessing
-import sys
 import time
-from pathlib import Path
 
 import cv2
 import numpy as np
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests/vision")]
-
-from stream_server import Server, part  # noqa: E402
-
-from vision.source_errors import SourceError  # noqa: E402
-from vision.sources import open_source  # noqa: E402
+from tests.support.stream_server import Server, part
+from vision.sources.source_errors import SourceError
+from vision.sources.sources import open_source
 
 LEVELS = 160  # frames are numbered by their brightness, modulo this
 RATE_HZ = 60.0
@@ -91,6 +86,7 @@ def consume(read, camera, work_s, seconds=4.0):
 
 
 def main():
+    argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0]).parse_args()
     camera = Camera()
     address = camera.start()
     print(f"{RATE_HZ:g} Hz, 640x480: frames behind at delivery, median / 99 % / worst, read")

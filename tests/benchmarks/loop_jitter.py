@@ -21,14 +21,14 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.assemble import known, load_rig
-from experiments.live_run import record_live
-from experiments.recording import Recorder, read_run
-from rig.loop_process import Job
-from rig.paced import Paced
-from rig.realtime import PRIORITY
-from rig.simulate import Course
-from rig.simulator import SimulatedTable
+from experiments.records.recording import Recorder, read_run
+from experiments.runs.assemble import known, load_rig
+from experiments.runs.live_run import record_live
+from rig.course import Course
+from rig.loop.paced import Paced
+from rig.loop.process import Job
+from rig.loop.realtime import PRIORITY
+from rig.simulation.simulator import SimulatedTable
 
 PERIOD_S = 0.002
 RIG = load_rig(None)
@@ -58,13 +58,13 @@ class Busy:
     def see(self) -> None:
         from vision.ball_camera import BallCamera
         from vision.frames import Frame
-        from vision.markers import default_layout
-        from vision.synthetic import Renderer, Scene, virtual_view
+        from vision.plate.markers import default_layout
+        from vision.synthetic.synthetic import Renderer, Scene, virtual_view
 
         layout = default_layout(0.275)
         scene = Scene(plate_side_m=0.275, layout=layout, ball_radius_m=0.019625)
         renderer = Renderer(scene, virtual_view(), np.random.default_rng(0))
-        camera = BallCamera.over_plate(virtual_view(), layout, 0.019625, 0.275)
+        camera = BallCamera.over_plate(virtual_view(), layout, 0.019625, 0.275, 0.105)
         while not self.over.is_set():
             at = 0.05 * np.cos(0.1 * self.frames), 0.05 * np.sin(0.1 * self.frames)
             image = renderer.render(np.eye(3), at)

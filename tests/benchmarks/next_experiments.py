@@ -12,12 +12,12 @@ import argparse
 import numpy as np
 from joblib import Parallel, delayed
 
-from calibration.gap.name import MARGIN
+from calibration.gap.decision_rule import RIVAL_MARGIN
 from calibration.gap.next_experiment import propose, record, separation
+from experiments.analysis.statistics import wilson
 from experiments.blind.sizes import factor, smallest
-from experiments.gap_menu import experiment_menu
-from experiments.protocol import course, read_protocol
-from experiments.statistics import wilson
+from experiments.gap.protocol_choices import experiment_menu
+from experiments.runs.protocol import course, read_protocol
 from rig.effects import BY_NAME
 from rig.parameters import Rig
 
@@ -61,7 +61,7 @@ def one(pair: tuple[str, str], seed: int) -> tuple[tuple[str, str], str, list[bo
     for j in (0, 1):
         way = course(shorter, rig, seed + 1000 + j)
         run = record(rig, effects[j], way, rng)
-        found.append(separation(run.log, way, rig, effects[j], effects[1 - j]) >= MARGIN)
+        found.append(separation(run.log, way, rig, effects[j], effects[1 - j]) >= RIVAL_MARGIN)
     return pair, plan.protocol, found
 
 

@@ -6,18 +6,15 @@ in the file are not made again.
 
 import argparse
 import json
-import sys
 from dataclasses import replace
 from math import degrees, radians
 from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
-from experiments.assemble import another_unit, known, load_rig, with_play
-from experiments.calibrate_play import measure
-from experiments.statistics import wilson
+from experiments.analysis.statistics import wilson
+from experiments.calibrate.backlash import measure
+from experiments.runs.assemble import another_unit, known, load_rig, with_play
 from rig.parameters import Rig
 
 

@@ -3,6 +3,7 @@
 The default table with other play, 20 other units of the kind each, arm "with"; both axes counted.
 """
 
+import argparse
 from dataclasses import replace
 from itertools import product
 from math import degrees, radians
@@ -10,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.assemble import another_unit, load_rig
-from experiments.protocol import read_protocol
-from experiments.runner import Order, simulate_order
+from experiments.runs.assemble import another_unit, load_rig
+from experiments.runs.protocol import read_protocol
+from experiments.runs.runner import RunRequest, simulate_run
 from rig.parameters import Rig
 
 SEEDS = range(20)
@@ -32,7 +33,7 @@ def estimates(rig: Rig, place: str, protocol: str) -> tuple[np.ndarray, np.ndarr
     """Widths and standard deviations at the end of each run, both axes [deg]."""
     plan, found = read_protocol(protocol), []
     for seed in SEEDS:
-        log = simulate_order(Order(another_unit(rig, seed), plan, "with", seed, Path())).log
+        log = simulate_run(RunRequest(another_unit(rig, seed), plan, "with", seed, Path())).log
         found += [
             [degrees(log[f"estimated_{place}_play{s}_{a}_rad"][-1]) for s in ("", "_std")]
             for a in "xy"
@@ -42,6 +43,7 @@ def estimates(rig: Rig, place: str, protocol: str) -> tuple[np.ndarray, np.ndarr
 
 
 def main() -> None:
+    argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0]).parse_args()
     print("| play | place | protocol | off middle | median | median error | worst | stated std |")
     print("|---|---|---|---|---|---|---|---|")
     cases = product(("gear", "joint"), ("free-release", "steps"), (0.0, 0.6), PLAYS_DEG)

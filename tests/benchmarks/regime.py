@@ -6,20 +6,21 @@ play. Does a ball 10 cm out pull a resting plate to its side, and what does the 
 say of a closed-loop run?
 """
 
+import argparse
 from dataclasses import replace
 from math import degrees
 
 import numpy as np
 
-from experiments.assemble import known, load_rig
-from experiments.protocol import course, read_protocol
-from rig import plant, plant_record
-from rig.controllers import ARMS
-from rig.hands import SimulatedHand
-from rig.joint_observer import KEEPS
-from rig.loop import Loop
+from experiments.runs.assemble import known, load_rig
+from experiments.runs.protocol import course, read_protocol
+from rig.control.controllers import COMPENSATORS
+from rig.estimation.joint_observer import KEEPS
+from rig.loop.loop import Loop
 from rig.parameters import Rig
-from rig.simulator import SimulatedTable
+from rig.plant import plant, plant_record
+from rig.simulation.operator import SimulatedOperator
+from rig.simulation.simulator import SimulatedTable
 
 SWEEPS = {
     "joint_friction_nm": (0.0, 1e-4, 3e-4, 6e-4, 1e-3, 3e-3, 1e-2, 2e-2, 4e-2),
@@ -44,13 +45,16 @@ def believed(rig: Rig, seed: int) -> tuple[float, float]:
     motion it then believes [deg] (play and wind-up)."""
     way = course(read_protocol("steps"), rig, seed)
     table = SimulatedTable(rig, np.random.default_rng(seed), start_m=way.start_m)
-    loop = Loop(table, known(rig), ARMS["with"], way, hand=SimulatedHand(table, 0.0))
+    loop = Loop(
+        table, known(rig), COMPENSATORS["with"], way, operator=SimulatedOperator(table, 0.0)
+    )
     loop.run()
-    joint = loop.pilot["play"]["joint"]
+    joint = loop.state["backlash"]["joint"]
     return float(np.mean(joint["keeps"])), degrees(2 * float(np.median(joint["mean"][KEEPS, :, 3])))
 
 
 def main() -> None:
+    argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0]).parse_args()
     rig = load_rig(None)
     print("| assumed value | a ball 10 cm out moves the plate by | says it keeps | lost motion |")
     print("|---|---|---|---|")

@@ -19,14 +19,14 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from vision_cases import report  # pyright: ignore[reportMissingImports]
-from vision_peers import PEERS  # pyright: ignore[reportMissingImports]
-from vision_scenes import STANDARD, Look, Shot, Studio, rolling  # pyright: ignore[reportMissingImports]
 
-from vision.appearance import Appearance
-from vision.candidates import discs
+from tests.benchmarks.vision_cases import report
+from tests.benchmarks.vision_peers import PEERS
+from tests.benchmarks.vision_scenes import STANDARD, Look, Shot, Studio, rolling
+from vision.detection.appearance import Appearance
 from vision.frames import Frame
-from vision.tracker import Tracker
+from vision.tracking.candidates import find_discs
+from vision.tracking.tracker import Tracker
 
 WRONG_PX = 5.0
 PHASES = 10
@@ -102,11 +102,11 @@ def tracking(colour: str | None) -> Method:
 
 def finding(first: Shot, mask: np.ndarray) -> Method:
     """The ball anywhere on the plate in one image, by the looks learned in the first."""
-    looks = Appearance.learn(first.image, first.u_px, first.v_px, first.radius_px)
+    appearance = Appearance.learn(first.image, first.u_px, first.v_px, first.radius_px)
     bounds = (0.8 * first.radius_px, 1.25 * first.radius_px)
 
     def find(shot: Shot, _index: int) -> tuple[float, float, float] | None:
-        found = discs(shot.image, looks, bounds, mask, None)
+        found = find_discs(shot.image, appearance, bounds, mask, None)
         if not found:
             return None
         best = max(found, key=lambda d: d.inliers - d.residual_px / d.radius_px)
@@ -211,11 +211,11 @@ HEAD += ["missed %", "wrong %", "CPU ms"]
 
 
 def compared(
-    looks: list[Look], size: tuple[int, int], frames: int, seed: int, *, peers: bool
+    appearance: list[Look], size: tuple[int, int], frames: int, seed: int, *, peers: bool
 ) -> tuple[list[list[str]], dict[str, Score]]:
     """Print the table's rows of these scenes; they, and the tracker's score on each, are given."""
     rows, tracked = [], {}
-    for look in looks:
+    for look in appearance:
         name = f"{look.name}, {size[1]} rows"
         bound = Studio(look, size).bound_px()
         scores = judged(look, size, frames, seed, peers=peers)
@@ -240,11 +240,11 @@ def main() -> None:
     options.add_argument("--out", type=Path, help="a folder for the pictures and the CSV")
     chosen = options.parse_args()
     cv2.setNumThreads(1)
-    looks = [look for look in STANDARD if chosen.only in look.name]
-    plan = [((640, 480), looks), ((1280, 720), [k for k in looks if k.name in LARGE])]
+    appearance = [look for look in STANDARD if chosen.only in look.name]
+    plan = [((640, 480), appearance), ((1280, 720), [k for k in appearance if k.name in LARGE])]
     if chosen.size:
         w, h = (int(x) for x in chosen.size.split("x"))
-        plan = [((w, h), looks)]
+        plan = [((w, h), appearance)]
     print(f"seed {chosen.seed}; n: calls of each method on the same images\n")
     print("| " + " | ".join(HEAD) + " |\n" + "|---" * len(HEAD) + "|")
     rows, tracked = [HEAD], {}

@@ -9,10 +9,10 @@ import argparse
 
 import cv2
 import numpy as np
-from vision_scenes import PLATES, Look, Studio  # pyright: ignore[reportMissingImports]
 
-from vision.appearance import Appearance
-from vision.detector import locate
+from tests.benchmarks.vision_scenes import PLATES, Look, Studio
+from vision.detection.appearance import Appearance
+from vision.detection.detector import locate_ball
 
 BALLS = ("orange", "green", "white", "black")
 UNSEEN = {("white", "pale"), ("black", "dark")}  # hardly a ball's contrast
@@ -41,15 +41,15 @@ def random_look(rng: np.random.Generator, name: str) -> Look:
 
 def located(look: Look, rng: np.random.Generator) -> list[tuple[float, float] | None]:
     """(error, claimed sigma) px per axis at some places of a look; None where no disc was found."""
-    studio, looks, found = Studio(look, (640, 480), int(rng.integers(1_000_000))), None, []
+    studio, appearance, found = Studio(look, (640, 480), int(rng.integers(1_000_000))), None, []
     for _ in range(PLACES):
         way = rng.uniform(0, 2 * np.pi)
         speed = look.speed_m_s * np.cos(way), look.speed_m_s * np.sin(way)
         shot = studio.shot(tuple(rng.uniform(-0.08, 0.08, 2)), speed)
         u, v, r = shot.u_px, shot.v_px, shot.radius_px
-        looks = looks or Appearance.learn(shot.image, u, v, r)
+        appearance = appearance or Appearance.learn(shot.image, u, v, r)
         du, dv = GUESS_PX * rng.normal(size=2)
-        disc = locate(shot.image, looks, u + du, v + dv, r)
+        disc = locate_ball(shot.image, appearance, u + du, v + dv, r)
         off = disc and float(np.hypot(disc.u_px - u, disc.v_px - v)) / 2**0.5
         found.append(disc and (off, disc.sigma_px))
     return found

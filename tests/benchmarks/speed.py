@@ -19,20 +19,19 @@ from pathlib import Path
 import numba
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "engines"))
-
-from comparison import Start  # pyright: ignore[reportMissingImports]
-from mujoco_table import MujocoTable  # pyright: ignore[reportMissingImports]
-from speed_c import C, builds, pack_state
-from speed_numpy import Tables
-
-from experiments.assemble import another_unit, known, load_rig
-from rig import lanes, plant, plant_record
-from rig.batch import simulate_many
+from experiments.runs.assemble import another_unit, known, load_rig
 from rig.compiled import compiled
-from rig.constants import LANES
-from rig.controllers import WITH
-from rig.simulate import DESK, Course, Task, draw, simulate
+from rig.control.controllers import WITH
+from rig.course import Course
+from rig.plant import plant, plant_record
+from rig.plant.constants import LANES
+from rig.simulation import vectorized_plants
+from rig.simulation.batch import simulate_many
+from rig.simulation.simulate import TICK_BUFFERS, Task, draw, simulate
+from tests.benchmarks.speed_c import C, builds, pack_state
+from tests.benchmarks.speed_numpy import Tables
+from tests.support.mujoco_engine.comparison import Start
+from tests.support.mujoco_engine.table import MujocoTable
 
 TICK_S, STEPS = 0.002, 20
 RUN_TICKS, BATCH_TICKS, SETS = 500, 500, 1000
@@ -42,7 +41,8 @@ COLD = """
 import time
 import numpy as np
 from rig.parameters import Rig
-from rig.simulate import Course, draw, simulate
+from rig.simulation.simulate import draw, simulate
+from rig.course import Course
 rig, way = Rig(), Course(np.zeros((50, 2)), np.zeros((50, 2)))
 simulate(rig, rig, 0, way, draw(np.random.default_rng(0), rig, way))
 print(time.process_time())
@@ -64,12 +64,14 @@ def one_run(s, p, history, volts, seen):
 
 
 @compiled
-def one_block(b, plants, history, volts, never, desks):
+def one_block(b, plants, history, volts, never, buffers):
     """LANES plants under the same volts."""
     for k in range(volts.shape[0]):
         for lane in range(LANES):
             history[lane, 0, 0], history[lane, 0, 1] = volts[k, 0], volts[k, 1]
-        lanes.advance_block(b, plants, history, False, False, k * TICK_S, TICK_S, never, desks)
+        vectorized_plants.advance_block(
+            b, plants, history, False, False, k * TICK_S, TICK_S, never, buffers
+        )
 
 
 class Run:
@@ -99,10 +101,10 @@ class Batch:
         ]
 
     def _block(self, plants: np.ndarray) -> np.ndarray:
-        b = lanes.block_of(plants, [START] * LANES)
+        b = vectorized_plants.block_of(plants, [START] * LANES)
         never, history = np.full(LANES, np.inf), np.zeros((LANES, 2, 2))
-        one_block(b, plants, history, VOLTS[:BATCH_TICKS], never, np.zeros(LANES, DESK))
-        return b.reshape(-1, LANES)[lanes.BALL : lanes.BALL + 2].T
+        one_block(b, plants, history, VOLTS[:BATCH_TICKS], never, np.zeros(LANES, TICK_BUFFERS))
+        return b.reshape(-1, LANES)[vectorized_plants.BALL : vectorized_plants.BALL + 2].T
 
     def lanes(self, cores: int = 1) -> np.ndarray:
         """Final balls (SETS, 2) from blocks of LANES."""
@@ -188,8 +190,10 @@ def single(rivals: dict[str, C]) -> tuple[dict, dict]:
 
 def vector_limit(fast: C, batch_speed: np.ndarray) -> dict:
     """How many vector instructions a block's step has, and what the unit could do with them."""
-    again = numba.njit(error_model="numpy")(lanes._cheap_step.py_func)  # the cache has no listing
-    again(lanes.block_of(Batch().blocks[0], [START] * LANES), 0.0, 1e-4)
+    again = numba.njit(error_model="numpy")(
+        vectorized_plants._cheap_step.py_func
+    )  # the cache has no listing
+    again(vectorized_plants.block_of(Batch().blocks[0], [START] * LANES), 0.0, 1e-4)
     ((_, text),) = again.inspect_asm().items()
     arithmetic = r"\tv(?:add|sub|mul|div|sqrt|max|min|fn?m(?:add|sub)\d+)pd\t.*%zmm"
     instructions = len(re.findall(arithmetic, text))
@@ -264,7 +268,9 @@ def compare(rivals: dict[str, C]) -> dict:
         "numpy": (lambda: by_numpy(batch.plants, 1), SETS * STEPS),
         "closed batch": (lambda: simulate_many(closed), 64 * 1000 * STEPS),
         "closed one by one": (
-            lambda: [simulate(t.rig, t.known, t.arm, t.course, t.draws) for t in closed[:16]],
+            lambda: [
+                simulate(t.rig, t.known, t.compensator, t.course, t.draws) for t in closed[:16]
+            ],
             16 * 1000 * STEPS,
         ),
     }

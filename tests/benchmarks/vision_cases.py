@@ -16,13 +16,13 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from vision_scenes import Shot  # pyright: ignore[reportMissingImports]
-from vision_scripts import Script, cases  # pyright: ignore[reportMissingImports]
 
-from vision.appearance import Appearance
+from tests.benchmarks.vision_scenes import Shot
+from tests.benchmarks.vision_scripts import Script, cases
+from vision.detection.appearance import Appearance
 from vision.frames import Frame, Track
-from vision.overlay import contact_sheet, draw
-from vision.tracker import Tracker
+from vision.overlay import contact_sheet, draw_track
+from vision.tracking.tracker import Tracker
 
 WRONG_PX, WRONG_SIGMAS = 3.0, 4.0
 CELL = (220, 130)  # px of a picture in the contact sheet
@@ -56,8 +56,8 @@ class Figure:
 
 def followed(name: str, script: Script) -> Figure:
     """A tracker's figure on a script."""
-    looks = Appearance.of_colour("orange") if name.endswith("colour named") else None
-    tracker, figure = Tracker(appearance=looks), Figure(name)
+    appearance = Appearance.of_colour("orange") if name.endswith("colour named") else None
+    tracker, figure = Tracker(appearance=appearance), Figure(name)
     errors, kept = [], []
     for k, (shot, clear) in enumerate(script):
         track = tracker.step(Frame(shot.image, shot.t_s, k))
@@ -91,7 +91,7 @@ def _judge(figure: Figure, track: Track, shot: Shot, clear: bool | None, k: int)
 
 def _thumbnail(shot: Shot, track: Track, name: str) -> np.ndarray:
     """The ball's surroundings at full scale with what was made of them, and the error in words."""
-    image = draw(shot.image, track, [])
+    image = draw_track(shot.image, track, [])
     w, h = CELL
     u = int(np.clip(shot.u_px - w / 2, 0, image.shape[1] - w))
     v = int(np.clip(shot.v_px - h / 2, 22, image.shape[0] - h))

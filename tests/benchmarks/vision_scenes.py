@@ -14,7 +14,8 @@ from functools import cached_property
 
 import cv2
 import numpy as np
-from vision_rays import light_plate, trace_ball
+
+from tests.benchmarks.vision_rays import light_plate, trace_ball
 
 Colour = tuple[float, float, float]  # BGR, 0..255
 HEIGHT_M, FOCAL_PER_ROW = 0.75, 1125.0 / 480.0

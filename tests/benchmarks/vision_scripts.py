@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from vision_scenes import BALLS, PLATES, SHADED, Look, Shot, Studio, rolling  # pyright: ignore[reportMissingImports]
+
+from tests.benchmarks.vision_scenes import BALLS, PLATES, SHADED, Look, Shot, Studio, rolling
 
 SKIN = (120.0, 150.0, 205.0)
 Script = Iterator[tuple[Shot, bool | None]]  # the shot; whether the ball shows, None: half of it

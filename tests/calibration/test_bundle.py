@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from calibration.bundle import BundleError, Draft, calibrate_virtual, load, load_draft
-from calibration.camera import PARAMETERS
-from calibration.records import DataFile, Section, fingerprint
-from vision.synthetic import Renderer, Scene, virtual_view
+from calibration.camera.lens_fit import PARAMETERS
+from calibration.records import DataFile, SectionRecord, fingerprint
+from vision.synthetic.synthetic import Renderer, Scene, virtual_view
 
 MADE = datetime(2024, 5, 1, 12, 0, tzinfo=UTC)
 RADIUS_M = 0.019625
@@ -75,10 +75,13 @@ def broken(bundle, path, change):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda d: d.update(bal_radius_m=0.02), "unknown key bal_radius_m; known keys: .*ball_rad"),
-        (lambda d: d["lens"].update(focal=3), r"unknown key lens\.focal; known keys: matrix"),
-        (lambda d: d.pop("ball_radius_m"), "ball_radius_m: Field required"),
-        (lambda d: d.update(ball_radius_m=-1), "ball_radius_m: Input should be greater than 0"),
+        (lambda d: d.update(bal_radius_m=0.02), "unknown key 'bal_radius_m'; known: .*ball_rad"),
+        (lambda d: d["lens"].update(focal=3), r"unknown key 'lens\.focal'; known: matrix"),
+        (lambda d: d.pop("ball_radius_m"), "key 'ball_radius_m' is missing"),
+        (
+            lambda d: d.update(ball_radius_m=-1),
+            "ball_radius_m = -1: Input should be greater",
+        ),
         (lambda d: d.update(schema_version=2), "schema_version"),
         (lambda d: d["lens"].update(distortion=[0, 0]), "lens.distortion"),
         (lambda d: d["markers"].update(dictionary="DICT_NONE"), "no dictionary"),
@@ -114,7 +117,7 @@ def test_a_file_grows_section_by_section(made, tmp_path):
     """Lens first, plate later: until both are there it serves nobody who measures."""
     _, bundle = made
     path = tmp_path / "camera.json"
-    section = Section(made=MADE, data=[DataFile(name="a.png", sha256="00", size_bytes=1)])
+    section = SectionRecord(made=MADE, data=[DataFile(name="a.png", sha256="00", size_bytes=1)])
     draft = Draft(made=MADE, source="measured").with_section("lens", section, lens=bundle.lens)
     draft.save(path)
     assert load_draft(path) == draft

@@ -14,10 +14,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-pytest.importorskip("mujoco", reason="the other engine is not installed: uv sync --group dev")
-
-from ball_windows import residuals, rms_mm
-from comparison import (
+from rig.parameters import GRAVITY_M_S2, Walls
+from tests.support.mujoco_engine.ball_windows import residuals, rms_mm
+from tests.support.mujoco_engine.comparison import (
     DEGREE,
     TICK_S,
     Gap,
@@ -29,9 +28,7 @@ from comparison import (
     steps,
     table_with,
 )
-from mujoco_mechanism import Build
-
-from rig.parameters import GRAVITY_M_S2, Walls
+from tests.support.mujoco_engine.mechanism import Build
 
 SERVO_RAD, PLATE_RAD, BALL_RMS_M = 1e-3, 2.5e-4, 1.5e-4
 CASES = {

@@ -5,13 +5,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from foreign_parts import packed
-from foreign_plant import RATIO, G, _behind, _servo, _tilt
-from foreign_runs import bang, quiet, seen
-from foreign_table import CAMERA_DELAY_S
-from foreign_truth import plant_and_eye
 from hypothesis import given
 from hypothesis import strategies as st
+
+from tests.support.foreign.parts import packed
+from tests.support.foreign.plant import RATIO, G, _behind, _servo, _tilt
+from tests.support.foreign.runs import bang, quiet, seen, slope
+from tests.support.foreign.table import CAMERA_DELAY_S
+from tests.support.foreign.truth import plant_and_eye
 
 K, TAU, FACTOR = 1.53, 0.025, 0.6
 COUNT = 2 * np.pi / 4096
@@ -154,10 +155,6 @@ def test_joint_play_loses_its_width_at_a_reversal():
     assert found[49] == pytest.approx(0.18)
     back = np.interp(-0.1, -theta[50:, 0], found[50:])
     assert back == pytest.approx(0.12, abs=1e-3)
-
-
-def slope(x: float, y: float) -> dict:
-    return {"level_offset": {"x": {"slope_rad": x}, "y": {"slope_rad": y}}}
 
 
 def test_a_ball_on_a_slope_and_the_camera_that_sees_it():

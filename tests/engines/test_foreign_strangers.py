@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from foreign_plant import G
-from foreign_runs import bang, nothing_odd, quiet, seen
-from foreign_truth import STRANGERS, strange
+
+from tests.support.foreign.plant import G
+from tests.support.foreign.runs import bang, nothing_odd, quiet, seen
+from tests.support.foreign.truth import STRANGERS, strange
 
 FACTOR = 0.6
 COUNT = 2 * np.pi / 4096

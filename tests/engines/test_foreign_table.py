@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
-from foreign_parts import packed
-from foreign_plant import RADIUS_M, _roll
-from foreign_protocols import PROTOCOLS
-from foreign_runs import nothing_odd
-from foreign_table import (
+
+from experiments.records.importing import read_log
+from rig.effects import CATALOGUE, check
+from tests.support.foreign.parts import packed
+from tests.support.foreign.plant import RADIUS_M, _roll
+from tests.support.foreign.protocols import PROTOCOLS
+from tests.support.foreign.runs import nothing_odd
+from tests.support.foreign.table import (
     CAMERA_DELAY_S,
     NOISE_M,
     NOMINAL_GAIN,
@@ -17,10 +20,7 @@ from foreign_table import (
     make_log,
     write_csv,
 )
-from foreign_truth import BOXES, STRANGERS, plant_and_eye
-
-from experiments.importing import read_log
-from rig.effects import CATALOGUE, check
+from tests.support.foreign.truth import BOXES, STRANGERS, plant_and_eye
 
 DEG = np.pi / 180
 LARGE = {  # about six times what a minute of data shows
@@ -187,8 +187,13 @@ def test_on_a_moving_plate_the_ball_is_mujocos():
 
     Gravity alone misses by more than the camera's noise.
     """
-    pytest.importorskip("mujoco", reason="the other engine is not installed: uv sync --group dev")
-    from comparison import TICK_S, Start, by_mujoco, multisine, table_with
+    from tests.support.mujoco_engine.comparison import (
+        TICK_S,
+        Start,
+        by_mujoco,
+        multisine,
+        table_with,
+    )
 
     run = by_mujoco(table_with(dry=False), multisine(), Start((0.03, -0.03)))
     plant, _ = plant_and_eye({}, (1.53,) * 2, (0.025,) * 2, delay_s=0.0, factor=0.6)

@@ -5,12 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-pytest.importorskip("mujoco", reason="the other engine is not installed: uv sync --group dev")
-
-from closed_loop import Cell, cell, default_table, on_mujoco, on_product, quiet
-from mujoco_table import MujocoTable
-
 from rig.parameters import Rig
+from tests.support.mujoco_engine.closed_loop import (
+    Cell,
+    cell,
+    default_table,
+    on_mujoco,
+    on_product,
+    quiet,
+)
+from tests.support.mujoco_engine.table import MujocoTable
 
 
 def mujoco_table(rig: Rig | None = None) -> MujocoTable:
@@ -72,6 +76,7 @@ def release_cells(arm: str) -> tuple[Cell, Cell]:
     return ours, cell([on_mujoco(rig, arm, 15.0, seed) for seed in range(2)])
 
 
+@pytest.mark.slow
 def test_the_same_limit_cycle_without_the_inverse():
     """9 mm against 0.3 mm of noise: seeds differ by 3 % in each number, two of them by 6 %."""
     ours, theirs = release_cells("without")
@@ -83,6 +88,7 @@ def test_the_same_limit_cycle_without_the_inverse():
     assert theirs.joint_deg == pytest.approx(1.5, abs=0.15)
 
 
+@pytest.mark.slow
 def test_the_inverse_helps_as_much_on_the_foreign_table():
     """Play undone, a few weak cycles are left and seeds differ by 10 %: 25 % for two of them."""
     ours, theirs = release_cells("with")

@@ -7,18 +7,21 @@ looks at forces. Its own dry friction is 0.012 V.
 import numpy as np
 import pytest
 
-pytest.importorskip("mujoco", reason="the other engine is not installed: uv sync --group dev")
-
-import foreign_table
-import mujoco_logs
-from foreign_parts import Pilot
-from foreign_plant import G
-from foreign_runs import SLACK, bang, nothing_odd, quiet, seen
-from foreign_table import completed
-from foreign_truth import plant_and_eye
-from mujoco_hidden import ARM_FRICTION_NM, BLOCK_S, JOINT_FRICTION_NM, HiddenTable, sine_as_cubic
-
 from rig.parameters import Servo
+from tests.support.foreign import table as foreign_table
+from tests.support.foreign.parts import Pilot
+from tests.support.foreign.plant import G
+from tests.support.foreign.runs import SLACK, bang, nothing_odd, quiet, seen, slope
+from tests.support.foreign.table import completed
+from tests.support.foreign.truth import plant_and_eye
+from tests.support.mujoco_engine import logs as mujoco_logs
+from tests.support.mujoco_engine.hidden import (
+    ARM_FRICTION_NM,
+    BLOCK_S,
+    JOINT_FRICTION_NM,
+    HiddenTable,
+    sine_as_cubic,
+)
 
 FACTOR, RATIO = 0.6, 2 * 0.0254 / 0.275
 OWN_FRICTION_V = (ARM_FRICTION_NM + JOINT_FRICTION_NM) / Servo().torque_per_volt_nm
@@ -36,10 +39,6 @@ def still(effects=None, *, ball=None, odd=None, seconds=1.0, pilot: Pilot = SLAC
         step_s=BLOCK_S,
         **more,
     )
-
-
-def slope(x: float, y: float) -> dict:
-    return {"level_offset": {"x": {"slope_rad": x}, "y": {"slope_rad": y}}}
 
 
 def test_each_servo_answers_a_step_with_its_own_gain_time_constant_and_friction():

@@ -1,22 +1,15 @@
 """Every mutant of the safety code dies, or stands here with the proof that it is no other code."""
 
-import sys
 from functools import partial
-from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
-sys.path[:0] = [
-    str(Path(__file__).parent),
-    str(ROOT / "tests/rig"),
-    str(ROOT / "tests/rig/hardware"),
-]
+import pytest
 
-import limiter_laws  # noqa: E402  # pyright: ignore[reportMissingImports]
-import suites  # noqa: E402
-import test_guard  # noqa: E402  # pyright: ignore[reportMissingImports]
-import test_levelling  # noqa: E402  # pyright: ignore[reportMissingImports]
-import test_served  # noqa: E402  # pyright: ignore[reportMissingImports]
-from mutate import survivors  # noqa: E402
+from tests.mutation import suites
+from tests.mutation.mutate import survivors
+from tests.rig.hardware.network import test_client_watchdog as test_served
+from tests.rig.safety import test_levelling
+from tests.rig.safety import test_monitor as test_guard
+from tests.support import ROOT, limiter_laws
 
 
 def identity(function):
@@ -26,19 +19,19 @@ def identity(function):
 # A part of a mutant's name, and why it is the same code.
 SAME = {
     "age_s=0.0  [['0.0']: 0.0 -> -1]": "an age of -1 s is as fresh as one of 0 s",
-    "(rate_rad_s - rate_rad_s)  [['(wish_V": "NaN or 0 each: adding and subtracting them is alike",
+    "(rate_rad_s - rate_rad_s)  [['(commanded_V": "NaN or 0 each: + and - are alike",
     "['allowed > 0.0']: Gt -> GtE": "0 V would be returned as 0 V",
     "['allowed < 0.0']: Lt -> LtE": "0 V would be returned as 0 V",
     "strict=True": "what is zipped are pairs by their types",
     "seen_s: float = -inf  [['-inf']: USub dropped]": "seen_s: read only where it is finite",
-    "theta_rad: float = 0.0": "Push(): of no meaning while its sign is 0",
-    "since_s: float = 0.0": "Push(): of no meaning while its sign is 0",
+    "theta_rad: float = 0.0": "StallWatch(): of no meaning while its sign is 0",
+    "since_s: float = 0.0": "StallWatch(): of no meaning while its sign is 0",
     "theta_rad: tuple[float, float] = (0.0, 0.0)": "not read before the first reading",
-    "late_s: float = 0.0  [": "Memory(): look() always replaces it",
-    "GuardLimits(0.0, inf, inf, inf)  # of these only what a stall is  [['0.0']": "not used",
+    "late_s: float = 0.0  [": "MonitorState(): check() always replaces it",
+    "MonitorLimits(0.0, inf, inf, inf)  # of these only what a stall is  [['0.0']": "not used",
     "self._volts, self._pushes = [0.0, 0.0]": "+-1 V is no push either",
-    "limit(wish, theta, 0.0, 0.0, most, inf, inf)  [['0.0']": "no angle and no slew is too much",
-    "limit(wish, a, 0.0, 0.0, most, reach, inf)  [['0.0']": "of a rate they die; no slew too much",
+    "limit(commanded, theta, 0.0, 0.0, most, inf, inf)  [['0.0']": "no angle, no slew is too much",
+    "limit(commanded, a, 0.0, 0.0, most, reach, inf)  [['0.0']": "those of a rate die; no slew",
     "self._volts = (0.0, 0.0)  [['0.0']": "served: arm() sets them before they are read",
     "self._fresh_s = self._stopped_s = -inf": "arm() and configure() set them before that",
     "[['self._levelling = Levelling(voltage_limit_V)']: dropped]": "stop() sets it before that",
@@ -50,7 +43,7 @@ def unexplained(alive: list[str]) -> list[str]:
 
 
 def test_every_mutant_of_the_limiter_dies():
-    path = ROOT / "rig/limits.py"
+    path = ROOT / "rig/safety/limits.py"
 
     def check(module) -> None:
         limiter_laws.laws(module.limit)
@@ -68,10 +61,11 @@ GUARD_TESTS = [
 ]
 
 
+@pytest.mark.slow
 def test_every_mutant_of_the_guard_dies():
     names = suites.quickest_first(test_guard, GUARD_TESTS)
     check = partial(suites.run_tests, test_guard, names=names)
-    count, alive = survivors(ROOT / "rig/guard.py", check)
+    count, alive = survivors(ROOT / "rig/safety/monitor.py", check)
     assert count > 150
     assert not unexplained(alive), "\n".join(unexplained(alive))
 
@@ -84,13 +78,15 @@ def dies(path: str, tests) -> tuple[int, list[str]]:
     return count, unexplained(alive)
 
 
+@pytest.mark.slow
 def test_every_mutant_of_the_watchdog_over_a_served_table_dies():
-    count, alive = dies("rig/hardware/served.py", test_served)
+    count, alive = dies("rig/hardware/network/client_watchdog.py", test_served)
     assert count > 60
     assert not alive, "\n".join(alive)
 
 
+@pytest.mark.slow
 def test_every_mutant_of_levelling_dies():
-    count, alive = dies("rig/levelling.py", test_levelling)
+    count, alive = dies("rig/safety/levelling.py", test_levelling)
     assert count > 30
     assert not alive, "\n".join(alive)

@@ -6,14 +6,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_predict import LEVELS, sizes, table
 
-from experiments.assemble import known, load_rig
-from rig import plant, plant_record
+from experiments.runs.assemble import known, load_rig
+from rig.discrepancy import (
+    ZERO_4,
+    ZERO_16,
+    Discrepancy,
+    discrepancy_acceleration,
+    discrepancy_volts,
+    pack,
+)
 from rig.parameters import Rig, Servo
-from rig.predict import Signals, predict
+from rig.plant import plant, plant_record
+from rig.prediction.innovations import Signals, predict
 from rig.rigfile import read_rig, write_rig
-from rig.unknown import ZERO_4, ZERO_16, Unknown, pack, unknown_acceleration, unknown_volts
+from tests.rig.prediction.test_innovations import LEVELS, sizes, table
 
 
 def one(n: int, i: int, value: float) -> tuple[float, ...]:
@@ -23,16 +30,16 @@ def one(n: int, i: int, value: float) -> tuple[float, ...]:
 @pytest.mark.parametrize("i", range(4))
 @pytest.mark.parametrize("j", range(4))
 def test_the_map_is_made_of_chebyshev_products(i: int, j: int):
-    u = pack(Unknown(ball_map_y=one(16, 4 * i + j, 2.0)))
+    u = pack(Discrepancy(ball_map_y=one(16, 4 * i + j, 2.0)))
     for x, y in ((0.3, -0.7), (-1.0, 1.0), (0.0, 0.5)):
         expected = 2.0 * cos(i * np.arccos(x)) * cos(j * np.arccos(y))
-        assert unknown_acceleration(u, 1, x, y, 0.0, 0.0) == pytest.approx(expected, abs=1e-12)
-        assert unknown_acceleration(u, 0, x, y, 0.0, 0.0) == 0.0
+        assert discrepancy_acceleration(u, 1, x, y, 0.0, 0.0) == pytest.approx(expected, abs=1e-12)
+        assert discrepancy_acceleration(u, 0, x, y, 0.0, 0.0) == 0.0
 
 
 def test_speed_rhythm_and_segment_act_as_written():
     u = pack(
-        Unknown(
+        Discrepancy(
             ball_speed_x=(0.1, 0.2, 0.3, 0.4), ball_rhythm_x=(0.5, 0.6), ball_rhythm_hz=1.5,
             ball_segment=(0.7, 0.0), ball_segment_s=(2.0, 3.0),
         )
@@ -40,35 +47,35 @@ def test_speed_rhythm_and_segment_act_as_written():
     v, t = -0.05, 2.5
     speed = 0.1 * tanh(v / 0.01) + 0.2 * v + 0.3 * v * abs(v) + 0.4 * abs(v)
     rhythm = 0.5 * sin(2 * pi * 1.5 * t) + 0.6 * cos(2 * pi * 1.5 * t)
-    assert unknown_acceleration(u, 0, 0, 0, v, t) == pytest.approx(speed + rhythm + 0.7)
+    assert discrepancy_acceleration(u, 0, 0, 0, v, t) == pytest.approx(speed + rhythm + 0.7)
     at_end = 0.5 * sin(2 * pi * 1.5 * 3) + 0.6 * cos(2 * pi * 1.5 * 3)
-    assert unknown_acceleration(u, 0, 0, 0, v, 3.0) == pytest.approx(speed + at_end)
-    u = pack(Unknown(servo_map_y=(1.0, 0.0, 0.0, 2.0), servo_segment=(0.0, 3.0)))
+    assert discrepancy_acceleration(u, 0, 0, 0, v, 3.0) == pytest.approx(speed + at_end)
+    u = pack(Discrepancy(servo_map_y=(1.0, 0.0, 0.0, 2.0), servo_segment=(0.0, 3.0)))
     z = 0.2 / (pi / 6)
     expected = z + 2 * (8 * z**4 - 8 * z**2 + 1)
-    assert unknown_volts(u, 1, 0.2, 0.0, 1.0) == pytest.approx(expected)
+    assert discrepancy_volts(u, 1, 0.2, 0.0, 1.0) == pytest.approx(expected)
 
 
 def test_a_servo_that_turns_further_has_a_wider_map():
-    shape = Unknown(servo_map_x=(0.0, 0.0, 0.0, 2.0))
-    assert unknown_volts(pack(shape, 3.0), 0, 3.0, 0.0, 0.0) == pytest.approx(2.0)
+    shape = Discrepancy(servo_map_x=(0.0, 0.0, 0.0, 2.0))
+    assert discrepancy_volts(pack(shape, 3.0), 0, 3.0, 0.0, 0.0) == pytest.approx(2.0)
     wide = replace(Rig(), servo=Servo(angle_limit_rad=3.0), unknown=shape)
     assert plant_record.pack(wide)["unknown"]["servo_angle"] == 3.0
 
 
 CASES = {
-    "map": (Unknown(ball_map_x=one(16, 9, 0.05)), "ball"),
-    "ball speed": (Unknown(ball_speed_y=(0.02, 0.0, 0.0, 0.0)), "ball"),
-    "ball rhythm": (Unknown(ball_rhythm_x=(0.05, 0.0), ball_rhythm_hz=1.3), "ball"),
-    "ball segment": (Unknown(ball_segment=(0.1, 0.0), ball_segment_s=(1.0, 1.5)), "ball"),
-    "servo map": (Unknown(servo_map_x=(0.0, 0.3, 0.0, 0.0)), "servo"),
-    "servo speed": (Unknown(servo_speed_x=(0.0, 0.0, 0.1, 0.0)), "servo"),
-    "servo rhythm": (Unknown(servo_rhythm_y=(0.3, 0.1), servo_rhythm_hz=3.0), "servo"),
-    "servo segment": (Unknown(servo_segment=(0.4, 0.0), servo_segment_s=(1.0, 1.5)), "servo"),
+    "map": (Discrepancy(ball_map_x=one(16, 9, 0.05)), "ball"),
+    "ball speed": (Discrepancy(ball_speed_y=(0.02, 0.0, 0.0, 0.0)), "ball"),
+    "ball rhythm": (Discrepancy(ball_rhythm_x=(0.05, 0.0), ball_rhythm_hz=1.3), "ball"),
+    "ball segment": (Discrepancy(ball_segment=(0.1, 0.0), ball_segment_s=(1.0, 1.5)), "ball"),
+    "servo map": (Discrepancy(servo_map_x=(0.0, 0.3, 0.0, 0.0)), "servo"),
+    "servo speed": (Discrepancy(servo_speed_x=(0.0, 0.0, 0.1, 0.0)), "servo"),
+    "servo rhythm": (Discrepancy(servo_rhythm_y=(0.3, 0.1), servo_rhythm_hz=3.0), "servo"),
+    "servo segment": (Discrepancy(servo_segment=(0.4, 0.0), servo_segment_s=(1.0, 1.5)), "servo"),
 }
 
 
-def log(unknown: Unknown) -> Signals:
+def log(unknown: Discrepancy) -> Signals:
     """A closed-loop log of a table with this unnamed term, without noise."""
     rig = replace(table(None, 1000.0), unknown=unknown)
     p, s = plant_record.pack(rig, step_s=2e-5), plant.rest((0.01, -0.02))
@@ -100,10 +107,10 @@ def test_simulator_and_predictor_share_the_term(name: str):
 
 
 def test_it_lives_in_the_rig_file_and_controllers_do_not_see_it(tmp_path: Path):
-    rig = replace(load_rig(None), unknown=Unknown(ball_map_x=one(16, 5, 0.1)))
+    rig = replace(load_rig(None), unknown=Discrepancy(ball_map_x=one(16, 5, 0.1)))
     write_rig(rig, tmp_path / "rig.toml")
     assert read_rig(tmp_path / "rig.toml") == rig
-    assert known(rig).unknown == Unknown()
+    assert known(rig).unknown == Discrepancy()
     (tmp_path / "bad.toml").write_text("[unknown]\nball_speed_x = [1.0]\n")
     with pytest.raises(ValueError, match="it needs 4"):
         read_rig(tmp_path / "bad.toml")
@@ -111,6 +118,6 @@ def test_it_lives_in_the_rig_file_and_controllers_do_not_see_it(tmp_path: Path):
 
 def test_zero_coefficients_change_nothing():
     bare = table(None, 500.0)
-    told = replace(bare, unknown=Unknown(ball_map_x=ZERO_16, servo_map_y=ZERO_4))
+    told = replace(bare, unknown=Discrepancy(ball_map_x=ZERO_16, servo_map_y=ZERO_4))
     assert plant_record.pack(told).tobytes() == plant_record.pack(bare).tobytes()
     assert plant_record.pack(told)["unknown"]["on"] == 0

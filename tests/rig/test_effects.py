@@ -5,7 +5,15 @@ from math import inf, radians
 
 import numpy as np
 import pytest
-from helpers import (
+
+from rig.control.controllers import WITH
+from rig.course import Course
+from rig.effects import BY_NAME, CATALOGUE, check, values
+from rig.parameters import Ball, CameraTiming, Gains, Rig
+from rig.plant import effect_equations as equations
+from rig.plant import plant, plant_record
+from rig.plant.plant import ARM, BALL, MOTOR, MOTOR_RATE, PLATE
+from tests.support.simulated import (
     TICK_S,
     ball_state,
     constant_volts,
@@ -14,13 +22,6 @@ from helpers import (
     smooth_rig,
     tilted,
 )
-
-from rig import effect_equations as equations
-from rig import plant, plant_record, simulate
-from rig.controllers import WITH
-from rig.effects import BY_NAME, CATALOGUE, check, values
-from rig.parameters import Ball, CameraTiming, Gains, Rig
-from rig.plant import ARM, BALL, MOTOR, MOTOR_RATE, PLATE
 
 # The agreed table: name -> (side, axes, {key: null or None where no null is named}).
 TABLE = {
@@ -105,7 +106,7 @@ def excited(seed=1, seconds=1.0):
     targets = np.repeat(rng.uniform(-0.08, 0.08, (n // 50 + 1, 2)), 50, axis=0)[:n]
     pushes = np.zeros((n, 2))
     pushes[100:150] = 0.5, -0.3
-    return simulate.Course(targets, pushes, (0.03, -0.02))
+    return Course(targets, pushes, (0.03, -0.02))
 
 
 def swinging(seconds=1.0):

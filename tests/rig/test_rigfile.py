@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.assemble import load_rig
+from experiments.runs.assemble import load_rig
 from rig.effects import CATALOGUE
 from rig.parameters import Rig, nominal_servo
 from rig.rigfile import from_dict, read_rig, to_dict, write_rig
@@ -66,9 +66,13 @@ def test_the_shipped_table_survives_writing(tmp_path: Path):
         ("[servo]\ngain = 1.5", ["servo.gain", "known", "gain_rad_s_V"]),
         ("[motor]\nx = 1", ["unknown key 'motor'", "servo"]),
         ("[ball]\nradius_m = 0.2", ["radius_m", "0.1375", "does not fit"]),
-        ("[ball]\nradius_m = -0.01", ["radius_m", "above 0"]),
+        ("[ball]\nradius_m = -0.01", ["ball.radius_m = -0.01", "greater than 0"]),
         ("[servo]\ngain_rad_s_V = 'fast'", ["servo.gain_rad_s_V", "number"]),
         ("[servo]\ngain_rad_s_V = nan", ["gain_rad_s_V", "finite"]),
+        ("[servo]\ntachometer_scale = inf", ["servo.tachometer_scale", "finite"]),
+        ("[servo]\nencoder_counts_per_rev = 0", ["encoder_counts_per_rev = 0", "greater than 0"]),
+        ("[camera]\ndropout = 1.5", ["camera.dropout = 1.5", "less than or equal to 1"]),
+        ("[play]\ngear_x_rad = -0.1", ["play.gear_x_rad = -0.1", "greater than or equal to 0"]),
         ("[servo]\ntime_constant_s = 0.0001", ["time_constant_s", "inertia"]),
         ("[linkage]\narm_radius_m = 0.2", ["arm_radius_m", "upright"]),
         ("[effects.backlash]\nx.play_rad = 1", ["unknown effect", "gear_backlash"]),

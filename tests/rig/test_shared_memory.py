@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig.shared_ring import SharedArray, SharedRing
+from rig.shared_memory import SharedArray, SharedRing
 
 ROW = np.dtype((np.float64, (3,)))
 

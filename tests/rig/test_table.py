@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.assemble import load_rig
-from rig.paced import Paced
+from experiments.runs.assemble import load_rig
+from rig.loop.paced import Paced
 from rig.parameters import Rig
-from rig.simulator import SimulatedTable
+from rig.simulation.simulator import SimulatedTable
 from rig.table import Table
 
 CLEAN = Rig()

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from experiments.importing import read_log
+from experiments.records.importing import read_log
 from rig.rigfile import read_rig
 
 

@@ -7,14 +7,14 @@ stranger sits they draw from the seed, so that all logs of such a trial have one
 from dataclasses import replace
 
 import numpy as np
-from foreign_truth import STRANGERS
 
-from experiments.blind.draws import Plan, plan_trials
-from experiments.blind.strangers import NAMES
-from experiments.blind.trial import Trial
-from experiments.protocol import read_protocol
+from experiments.blind.draws import TrialPlan, plan_trials
+from experiments.blind.trial import BlindTrial
+from experiments.blind.uncatalogued_effects import NAMES
+from experiments.runs.protocol import read_protocol
 from rig.log import Log
 from rig.parameters import Drive, Rig, Servo
+from tests.support.foreign.truth import STRANGERS
 
 PROTOCOLS = {
     "steps": "steps",
@@ -33,12 +33,12 @@ TABLE = Rig(
 )
 
 
-def trials_for(engine: str, plan: Plan) -> list[Trial]:
+def trials_for(engine: str, plan: TrialPlan) -> list[BlindTrial]:
     """The trials of a plan on that table ("foreign" or "mujoco")."""
     return [_placed(trial, engine) for trial in plan_trials(replace(plan, table=TABLE))]
 
 
-def _placed(trial: Trial, engine: str) -> Trial:
+def _placed(trial: BlindTrial, engine: str) -> BlindTrial:
     if trial.kind != "stranger":
         return replace(trial, engine=engine)
     if trial.battery == "battery":
@@ -46,12 +46,12 @@ def _placed(trial: Trial, engine: str) -> Trial:
     return replace(trial, engine=engine, seeds=trial.seeds[:1], protocols=trial.protocols[:1])
 
 
-def other_log(trial: Trial, protocol: str, seed: int) -> Log:
+def other_log(trial: BlindTrial, protocol: str, seed: int) -> Log:
     """One log of a trial on its table; an `experiments.blind.logs.LogMaker`."""
     if trial.engine == "mujoco":
-        from mujoco_logs import make_log
+        from tests.support.mujoco_engine.logs import make_log
     else:
-        from foreign_table import make_log
+        from tests.support.foreign.table import make_log
     servo, noise, stranger = trial.plant["servo"], trial.noise, trial.stranger
     if stranger is not None:
         name = OTHERS[stranger["kind"]]

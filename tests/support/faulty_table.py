@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from experiments.assemble import known, load_rig
-from rig.levelling import LevelOnExit
-from rig.loop import Loop
-from rig.simulate import Course
-from rig.simulator import SimulatedTable
+from experiments.runs.assemble import known, load_rig
+from rig.course import Course
+from rig.loop.loop import Loop
+from rig.safety.levelling import LevelOnExit
+from rig.simulation.simulator import SimulatedTable
 from rig.table import Reading
 
 TABLE = load_rig(None)

@@ -1,6 +1,6 @@
 """A program that records a paced loop, to be killed.
 
-    python killed_program.py FOLDER TICKS [BYTES]
+    python -m tests.support.killed_program FOLDER TICKS [BYTES]
 
 The loop's process writes the clock of every tick into TICKS, which outlives everybody, so that one
 knows afterwards what there was to record. With BYTES no file may grow beyond them.
@@ -17,16 +17,17 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.assemble import known, load_rig
-from experiments.live_run import record_live
-from experiments.recording import Recorder, Run, read_run, recover
-from rig.guard import GuardLimits
-from rig.loop_process import Job
-from rig.paced import Paced
-from rig.simulate import Course
-from rig.simulator import SimulatedTable
+from experiments.records.recording import Recorder, Run, read_run, recover
+from experiments.runs.assemble import known, load_rig
+from experiments.runs.live_run import record_live
+from rig.course import Course
+from rig.loop.paced import Paced
+from rig.loop.process import Job
+from rig.safety.monitor import MonitorLimits
+from rig.simulation.simulator import SimulatedTable
+from tests.support import ROOT
+from tests.support.waiting import wait_for
 
-ROOT = Path(__file__).parents[2]
 RIG = load_rig(None)
 MOST_TICKS = 20_000
 LOST_S = 0.2  # at most so much of the end may be missing
@@ -51,7 +52,7 @@ class Witness(Paced):
 def job(ticks: str) -> Job:
     n = MOST_TICKS
     way = Course(np.zeros((n, 2)), np.zeros((n, 2)), (-0.08, 0.06))
-    patient = replace(GuardLimits.of_rig(RIG), late_s=10.0, late_ticks=1e9)  # a busy machine
+    patient = replace(MonitorLimits.of_rig(RIG), late_s=10.0, late_ticks=1e9)  # a busy machine
     return Job(partial(Witness, ticks), known(RIG), 0, way, limits=patient)
 
 
@@ -72,7 +73,7 @@ def start(folder: Path, *more: str, ticks: Path | None = None) -> tuple[subproce
     """The program, recording into `folder`; and the witness's file."""
     ticks = ticks or folder.with_suffix(".ticks")
     np.zeros((MOST_TICKS, 2)).tofile(ticks)
-    command = [sys.executable, __file__, str(folder), str(ticks), *more]
+    command = [sys.executable, "-m", "tests.support.killed_program", str(folder), str(ticks), *more]
     return subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True), ticks
 
 
@@ -82,19 +83,26 @@ def witnessed(ticks: Path) -> np.ndarray:
     return told[told[:, 0] > 0]
 
 
-def wait_for(program: subprocess.Popen, ticks: Path, count: int, patience_s: float = 150.0) -> None:
-    deadline_s = time.monotonic() + patience_s
-    while len(witnessed(ticks)) < count:
-        if program.poll() is not None or time.monotonic() > deadline_s:
-            program.kill()
-            raise AssertionError(f"the loop does not run: {program.communicate()[1]}")
-        time.sleep(0.02)
+def wait_for_ticks(
+    program: subprocess.Popen, ticks: Path, count: int, patience_s: float = 150.0
+) -> None:
+    """Until the loop has made `count` ticks; kills the program and fails where it does not."""
+
+    def enough() -> bool:
+        return program.poll() is not None or len(witnessed(ticks)) >= count
+
+    try:
+        wait_for(f"{count} ticks", enough, patience_s)
+        assert program.poll() is None, "the program has ended"
+    except AssertionError as error:
+        program.kill()
+        raise AssertionError(f"the loop does not run: {program.communicate()[1]}") from error
 
 
 def kill_after(folder: Path, seconds: float) -> float:
     """Start, kill -9 `seconds` after the loop's begin, check; returns what was lost [s]."""
     program, ticks = start(folder)
-    wait_for(program, ticks, 5)
+    wait_for_ticks(program, ticks, 5)
     time.sleep(seconds)
     killed_s = time.monotonic()
     program.kill()

@@ -7,12 +7,12 @@ from functools import cache
 import cv2
 import numpy as np
 
-from calibration.camera import CameraCalibration, calibrate_camera, calibrate_images
-from calibration.plate import level_pose
-from calibration.sheet import Sheet, SheetView
-from calibration.sheet_poses import sheet_poses
-from vision.markers import default_layout
-from vision.synthetic import Renderer, Scene, virtual_camera, virtual_view
+from calibration.camera.lens import CameraCalibration, calibrate_camera, calibrate_images
+from calibration.camera.plate import level_pose
+from calibration.camera.sheet import Sheet, SheetView
+from calibration.camera.virtual import sheet_poses
+from vision.plate.markers import default_layout
+from vision.synthetic.synthetic import Renderer, Scene, virtual_camera, virtual_view
 from vision.view import Camera, View
 
 SHEET, SIZE = Sheet(), (640, 480)

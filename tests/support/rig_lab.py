@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.assemble import load_rig
-from experiments.recording import read_run
-from experiments.runs import calibrate_camera
+from experiments.records.recording import read_run
+from experiments.runs.assemble import load_rig
+from experiments.runs.runs import calibrate_camera
+from tests.support import ROOT
 
-HERE = Path(__file__).parent
 KNOWN = "[servo]\ngain_rad_s_V = 1.735\ntime_constant_s = 0.046\n"
 PROTOCOL = """title = "short"
 duration_s = {seconds}
@@ -42,7 +42,7 @@ class Lab:
     """A served table and a rig file that names it, in a folder of memory: a disk that is busy
     would halt the plant."""
 
-    def __init__(self, *, film: bool = False, program: str = "served_table.py") -> None:
+    def __init__(self, *, film: bool = False, program: str = "served_table") -> None:
         memory = Path("/dev/shm")
         place = memory if memory.is_dir() else None
         self._folder = tempfile.TemporaryDirectory(prefix="rig_lab_", dir=place)
@@ -54,14 +54,16 @@ class Lab:
         self.rig = folder / "lab.toml"
         text = f"{KNOWN}[table]\n{self._told('port')}\n"
         if film:
-            self.camera = self._serve("virtual_film.py")
+            self.camera = self._serve("virtual_film")
             calibrate_camera(load_rig(None), folder, 1)
             text += f'camera = "{self._told("film")}"\ncalibration = "calibration.json"\n'
         self.rig.write_text(text)
 
     def _serve(self, program: str, *words: str) -> subprocess.Popen:
-        command = [sys.executable, str(HERE / program), str(self.folder), *words]
-        return subprocess.Popen(command, stdout=subprocess.DEVNULL, preexec_fn=_before_others)
+        command = [sys.executable, "-m", f"tests.support.{program}", str(self.folder), *words]
+        return subprocess.Popen(
+            command, cwd=ROOT, stdout=subprocess.DEVNULL, preexec_fn=_before_others
+        )
 
     def _told(self, name: str) -> str:
         """What a process says in a file once it serves."""

@@ -1,9 +1,9 @@
 """A lab of its own: `rig serve` over a simulated plant whose ball is placed and let go in time.
 
-Run as a process: served_table.py FOLDER [film]. FOLDER gets rig.token and, once it serves, "port"
-(what [table] has to say); its volts are appended to "volts" (time, x, y) from the plant's side of
-everything. With `film` the table sees nothing by itself: it shows what a camera would see
-(virtual_film.py).
+Run as a process: python -m tests.support.served_table FOLDER [film]. FOLDER gets rig.token and,
+once it serves, "port" (what [table] has to say); its volts are appended to "volts" (time, x, y)
+from the plant's side of everything. With `film` the table sees nothing by itself: it shows what a
+camera would see (virtual_film.py).
 """
 
 import sys
@@ -12,14 +12,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from virtual_film import Film
 
-from experiments.assemble import load_rig
-from rig.hardware.remote_wire import make_token, read_token
-from rig.hardware.serve import Server
-from rig.paced import Paced
-from rig.realtime import go_realtime
-from rig.simulator import SimulatedTable
+from experiments.runs.assemble import load_rig
+from rig.hardware.network.serve import Server
+from rig.hardware.network.token_file import make_token, read_token
+from rig.loop.paced import Paced
+from rig.loop.realtime import go_realtime
+from rig.simulation.simulator import SimulatedTable
+from tests.support.virtual_film import Film
 
 START_M = (-0.1, 0.1)
 AWAY_M = (1.0, 1.0)  # of a ball that lies in a drawer
@@ -51,8 +51,8 @@ class Lab:
             self.film.now_s = self._ticks * self.table.period_s
         self._ticks += 1
         self.server.tick()
-        now_s, guard = time.monotonic(), self.server.guard
-        if not (guard.armed and guard.homed):
+        now_s, watchdog = time.monotonic(), self.server.watchdog
+        if not (watchdog.armed and watchdog.homed):
             if self._armed_s is not None:
                 self._armed_s = None
                 self.table.place(AWAY_M)

@@ -5,8 +5,10 @@ from math import radians
 
 import numpy as np
 
-from rig import plant, plant_record, simulate
+from rig.course import Course
 from rig.parameters import Ball, Drive, Rig, Servo
+from rig.plant import plant, plant_record
+from rig.simulation import simulate
 
 TICK_S = 0.002
 DEGREE = radians(1)
@@ -65,15 +67,15 @@ def random_steps(rng, seconds: float, *, reach_m: float = 0.06, every_s: float =
     n = round(seconds / TICK_S)
     each = round(every_s / TICK_S)
     points = rng.uniform(-reach_m, reach_m, (n // each + 1, 2))
-    return simulate.Course(np.repeat(points, each, axis=0)[:n], np.zeros((n, 2)))
+    return Course(np.repeat(points, each, axis=0)[:n], np.zeros((n, 2)))
 
 
 def free_release(seconds: float, start_m=(-0.13, 0.13)):
     n = round(seconds / TICK_S)
-    return simulate.Course(np.zeros((n, 2)), np.zeros((n, 2)), start_m)
+    return Course(np.zeros((n, 2)), np.zeros((n, 2)), start_m)
 
 
-def run(rig: Rig, arm: int, course: simulate.Course, seed: int, known: Rig | None = None):
+def run(rig: Rig, arm: int, course: Course, seed: int, known: Rig | None = None):
     """A closed-loop run; the controller knows the rig without its effects unless told."""
     draws = simulate.draw(np.random.default_rng(seed), rig, course)
     return simulate.simulate(rig, known or replace(rig, effects={}), arm, course, draws)

@@ -126,11 +126,3 @@ class Script:
                 return
             send(item)
             self.sent += 1
-
-
-def until(condition):
-    """Wait for something that another thread brings about."""
-    deadline = time.monotonic() + 5
-    while not condition():
-        assert time.monotonic() < deadline, "it did not happen"
-        time.sleep(0.001)

@@ -1,7 +1,8 @@
 """A camera over a virtual table: the plant's process notes what the light shows, another one makes
 pictures of it and serves them as MJPEG over HTTP, each with the moment of its exposure.
 
-Run as a process: virtual_film.py FOLDER. FOLDER/seen is what to show; FOLDER/film gets the address.
+Run as a process: python -m tests.support.virtual_film FOLDER. FOLDER/seen is what to show;
+FOLDER/film gets the address.
 """
 
 import sys
@@ -62,13 +63,12 @@ def measured_and_true(log, folder: Path) -> np.ndarray:
 
 
 def main(folder: Path) -> None:
-    sys.path.insert(0, str(Path(__file__).parents[1] / "vision"))
     import cv2
-    from stream_server import Server, part  # pyright: ignore[reportMissingImports]
 
-    from experiments.assemble import load_rig, virtual_scene
-    from rig.linkage import plate_rotation
-    from vision.synthetic import Renderer, virtual_view
+    from experiments.runs.assemble import load_rig, virtual_scene
+    from rig.plant.ball import plate_rotation
+    from tests.support.stream_server import Server, part
+    from vision.synthetic.synthetic import Renderer, virtual_view
 
     cv2.setNumThreads(1)
     shown = np.memmap(folder / "seen", np.float64, "r", shape=LAYOUT)

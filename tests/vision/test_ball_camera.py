@@ -5,25 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vision.appearance import Appearance
+from tests.support.poses import tilt
 from vision.ball_camera import BallCamera, ball_mask, radius_range
+from vision.detection.appearance import Appearance
 from vision.frames import Frame, Track
-from vision.synthetic import DeskBall, Renderer, Scene, virtual_view
+from vision.synthetic.synthetic import DeskBall, Renderer, Scene, virtual_view
 
 RADIUS_M, SIDE_M = 0.019625, 0.275
+MAX_TILT_RAD = 0.105
 DECOY = DeskBall((0.19, 0.12), 0.0196, Scene().ball_bgr)
 NEAR_DECOY = DeskBall((-0.17, 0.17), 0.0196, Scene().ball_bgr)
-
-
-def tilt(s_x, s_y):
-    c = np.sqrt(1 - s_x**2 - s_y**2)
-    return np.array(
-        [
-            [1 - s_x**2 / (1 + c), -s_x * s_y / (1 + c), s_x],
-            [-s_x * s_y / (1 + c), 1 - s_y**2 / (1 + c), s_y],
-            [-s_x, -s_y, c],
-        ]
-    )
 
 
 def circle(t):
@@ -45,7 +36,7 @@ def run(path, *, decoys=(), appearance=None, frames=100, **light):
     scene = Scene(desk_balls=decoys)
     renderer = Renderer(scene, virtual_view(), np.random.default_rng(3))
     eye = BallCamera.over_plate(
-        renderer.view, scene.layout, RADIUS_M, SIDE_M, appearance=appearance
+        renderer.view, scene.layout, RADIUS_M, SIDE_M, MAX_TILT_RAD, appearance=appearance
     )
     errors, scores, states = [], [], []
     for k in range(frames):
@@ -70,8 +61,8 @@ def run(path, *, decoys=(), appearance=None, frames=100, **light):
 @pytest.mark.parametrize("decoys", [(), (DECOY,), (NEAR_DECOY,)])
 @pytest.mark.parametrize("colour", ["orange", None])
 def test_ball_is_seen_to_hundredths_of_a_millimetre(path, decoys, colour):
-    looks = None if colour is None else Appearance.of_colour(colour)
-    errors, scores, states = run(path, decoys=decoys, appearance=looks, frames=80)
+    appearance = None if colour is None else Appearance.of_colour(colour)
+    errors, scores, states = run(path, decoys=decoys, appearance=appearance, frames=80)
     assert len(errors) > 50
     assert np.abs(errors).max() < 0.0003  # no wrong lock, no slip
     assert np.sqrt(np.mean(errors**2, axis=0)).max() < 0.00005
@@ -88,8 +79,10 @@ def test_dim_light_costs_little():
 def test_a_decoy_on_the_desk_is_never_the_ball_when_there_is_none():
     scene = Scene(desk_balls=(NEAR_DECOY,))
     renderer = Renderer(scene, virtual_view(), np.random.default_rng(3))
-    looks = Appearance.of_colour("orange")
-    eye = BallCamera.over_plate(renderer.view, scene.layout, RADIUS_M, SIDE_M, appearance=looks)
+    appearance = Appearance.of_colour("orange")
+    eye = BallCamera.over_plate(
+        renderer.view, scene.layout, RADIUS_M, SIDE_M, MAX_TILT_RAD, appearance=appearance
+    )
     for k in range(40):
         rotation = tilt(*swing(k / 60))
         seen, _, _ = eye.step(Frame(renderer.render(rotation, None), k / 60, k), rotation)
@@ -163,8 +156,8 @@ def test_finds_the_plate_again_after_the_camera_was_knocked():
 
 def test_geometry_bounds_the_ball():
     view = virtual_view()
-    low, high = radius_range(view, RADIUS_M, SIDE_M)
-    mask = ball_mask(view, RADIUS_M, SIDE_M)
+    low, high = radius_range(view, RADIUS_M, SIDE_M, MAX_TILT_RAD)
+    mask = ball_mask(view, RADIUS_M, SIDE_M, MAX_TILT_RAD)
     rng = np.random.default_rng(1)
     for _ in range(50):
         eye = view.tilted(tilt(*rng.uniform(-0.07, 0.07, 2)))

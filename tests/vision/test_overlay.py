@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from vision.frames import Track
-from vision.overlay import COLOURS, contact_sheet, draw
+from vision.overlay import COLOURS, contact_sheet, draw_track
 
 GREY = np.full((120, 160, 3), 90, np.uint8)
 
 
 @pytest.mark.parametrize("state", ["track", "coast"])
 def test_outline_is_drawn_in_the_colour_of_the_state(state):
-    out = draw(GREY, Track(state, 80.0, 70.0, 0.05, 20.0), [(60.0, 70.0), (80.0, 70.0)])
+    out = draw_track(GREY, Track(state, 80.0, 70.0, 0.05, 20.0), [(60.0, 70.0), (80.0, 70.0)])
     assert tuple(out[70, 100]) == COLOURS[state]
     assert tuple(out[50, 80]) == COLOURS[state]
     assert out[70, 70, 0] > 200 > 100 > out[70, 70, 2]  # the trail, in cyan
@@ -19,14 +19,14 @@ def test_outline_is_drawn_in_the_colour_of_the_state(state):
 
 @pytest.mark.parametrize("state", ["search", "lost"])
 def test_without_a_ball_nothing_is_drawn_on_the_plate(state):
-    out = draw(GREY, Track(state), [(float("nan"), float("nan"))])
+    out = draw_track(GREY, Track(state), [(float("nan"), float("nan"))])
     assert np.array_equal(out[22:], GREY[22:])
     assert not np.array_equal(out[:20], GREY[:20])  # but the state is written
 
 
 def test_drawing_leaves_the_frame_alone():
     before = GREY.copy()
-    draw(GREY, Track("track", 80.0, 70.0, 0.05, 20.0), [])
+    draw_track(GREY, Track("track", 80.0, 70.0, 0.05, 20.0), [])
     assert np.array_equal(GREY, before)
 
 

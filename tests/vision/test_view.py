@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.support.poses import tilt
 from vision.view import Camera, View
 
 RADIUS_M = 0.019625
@@ -17,17 +18,6 @@ LENSES = {"ideal": (0, 0, 0, 0, 0), "mild": (-0.12, 0.05, 4e-4, -3e-4, 0.01)}
 def camera(lens="ideal"):
     matrix = np.array([[1095.0, 0, 322.0], [0, 1093.0, 238.0], [0, 0, 1]])
     return Camera(matrix, np.array(LENSES[lens], float), 640, 480)
-
-
-def tilt(s_x, s_y):
-    c = np.sqrt(1 - s_x**2 - s_y**2)
-    return np.array(
-        [
-            [1 - s_x**2 / (1 + c), -s_x * s_y / (1 + c), s_x],
-            [-s_x * s_y / (1 + c), 1 - s_y**2 / (1 + c), s_y],
-            [-s_x, -s_y, c],
-        ]
-    )
 
 
 def view(lens="ideal", s_x=0.0, s_y=0.0):

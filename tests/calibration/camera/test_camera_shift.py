@@ -6,13 +6,13 @@ import cv2
 import numpy as np
 import pytest
 
-from calibration.knock import KnockWatch, fixed_markers, knocked, plate_moved
-from calibration.plate import level_pose
+from calibration.camera.camera_shift import ShiftMonitor, camera_shift, fixed_markers, plate_moved
+from calibration.camera.plate import level_pose
 from vision.ball_camera import BallCamera
 from vision.frames import Frame
-from vision.markers import FoundMarkers, default_layout
-from vision.synthetic import Renderer, Scene, virtual_view
-from vision.tracker import Tracker
+from vision.plate.markers import FoundMarkers, default_layout
+from vision.synthetic.synthetic import Renderer, Scene, virtual_view
+from vision.tracking.tracker import Tracker
 from vision.view import View
 
 LAYOUT, MM_PER_PX = default_layout(0.275), 0.69
@@ -36,8 +36,12 @@ def with_fixed(image: np.ndarray, view: View, places=PLACES) -> np.ndarray:
     for number, (x, y) in places.items():
         print_ = np.pad(cv2.aruco.generateImageMarker(book, number, 48), 24, constant_values=255)
         half = FIXED_SIDE_M / 2 * 96 / 48
-        square = [(x - half, y + half), (x + half, y + half), (x + half, y - half),
-                  (x - half, y - half)]  # fmt: skip
+        square = [
+            (x - half, y + half),
+            (x + half, y + half),
+            (x + half, y - half),
+            (x - half, y - half),
+        ]
         corners = view.pixel_from_plate(np.column_stack((square, np.zeros(4))))
         texels = 96 * np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32) - 0.5
         warp = cv2.getPerspectiveTransform(texels, corners.astype(np.float32))
@@ -72,8 +76,8 @@ def test_a_plate_alone_has_none():
 
 
 def said_after(fixed, images) -> list[str]:
-    watch = KnockWatch(fixed, every_s=1.0)
-    return [said for k, image in enumerate(images) if (said := watch.look(image, float(k)))]
+    watch = ShiftMonitor(fixed, every_s=1.0)
+    return [said for k, image in enumerate(images) if (said := watch.check(image, float(k)))]
 
 
 @pytest.mark.parametrize(
@@ -105,24 +109,24 @@ def test_a_glimpse_is_not_enough(fixed):
     assert not said_after(fixed, [still, odd, odd, still, odd, odd, still])
 
 
-def test_knocked_is_a_pure_judgement(fixed):
+def test_the_shift_is_a_pure_judgement(fixed):
     ids, corners = np.array(fixed.ids), np.array(fixed.corners_px)
-    assert knocked(FoundMarkers(ids, corners), fixed) is None
-    assert knocked(FoundMarkers(ids[:0], corners[:0]), fixed) is None
-    found = knocked(FoundMarkers(ids, corners + np.array((4.0, 3.0))), fixed)
+    assert camera_shift(FoundMarkers(ids, corners), fixed) is None
+    assert camera_shift(FoundMarkers(ids[:0], corners[:0]), fixed) is None
+    found = camera_shift(FoundMarkers(ids, corners + np.array((4.0, 3.0))), fixed)
     assert found is not None
     assert found.moved_px == pytest.approx(5.0)
     assert found.moved_mm == pytest.approx(5.0 * MM_PER_PX)
-    assert knocked(FoundMarkers(ids, corners + 0.5), fixed) is None
+    assert camera_shift(FoundMarkers(ids, corners + 0.5), fixed) is None
 
 
 def test_without_fixed_markers_the_plates_centre_tells():
     view = virtual_view()
     camera = BallCamera(view, LAYOUT, Tracker(), 0.02)
-    watch, said = KnockWatch(None), []
+    watch, said = ShiftMonitor(None), []
     for k, image in enumerate(frames(moved_view((0.004, 0.0, 0.0)), 4, 7, {})):
         camera.step(Frame(image, float(k), k), np.eye(3))
-        said.append(watch.look(image, float(k), camera.drift_m))
+        said.append(watch.check(image, float(k), camera.drift_m))
     assert [bool(text) for text in said] == [False, False, True, False]
     assert "plate's centre lies 4." in str(said[2]) or "3.9" in str(said[2])
     assert plate_moved(float("nan")) is None

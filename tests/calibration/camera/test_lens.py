@@ -7,19 +7,12 @@ import cv2
 import numpy as np
 import pytest
 
-from calibration.camera import (
-    PARAMETERS,
-    CalibrationError,
-    Sheet,
-    SheetView,
-    calibrate_camera,
-    calibrate_images,
-    coverage,
-    find_sheet,
-)
-from calibration.on_plate import disagreement_mm, shift_mm, std_mm
-from calibration.sheet_poses import sheet_poses
-from vision.synthetic import Renderer, Scene, virtual_camera, virtual_view
+from calibration.camera.lens import calibrate_camera, calibrate_images, coverage
+from calibration.camera.lens_fit import PARAMETERS
+from calibration.camera.plate_uncertainty import disagreement_mm, shift_mm, std_mm
+from calibration.camera.sheet import CalibrationError, Sheet, SheetView, find_sheet
+from calibration.camera.virtual import sheet_poses
+from vision.synthetic.synthetic import Renderer, Scene, virtual_camera, virtual_view
 
 SHEET, SIZE = Sheet(), (640, 480)
 FIELD = (640 / 1086, 480 / 1084)

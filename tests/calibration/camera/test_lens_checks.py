@@ -1,13 +1,21 @@
 """Planted faults are refused or warned about by name; good sets pass without a word."""
 
 import pytest
-from planted import FAULTS, SIZE, good_set, pictures, seen_views, sheet_on_plate, verdict
 
-from calibration.camera import CalibrationError, calibrate_camera, calibrate_images
-from calibration.plate import level_pose
-from calibration.sheet import Sheet
-from vision.markers import default_layout
-from vision.synthetic import virtual_camera
+from calibration.camera.lens import calibrate_camera, calibrate_images
+from calibration.camera.plate import level_pose
+from calibration.camera.sheet import CalibrationError, Sheet
+from tests.support.planted_pictures import (
+    FAULTS,
+    SIZE,
+    good_set,
+    pictures,
+    seen_views,
+    sheet_on_plate,
+    verdict,
+)
+from vision.plate.markers import default_layout
+from vision.synthetic.synthetic import virtual_camera
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.title)

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibration.camera import CalibrationError
-from calibration.plate import level_pose
-from vision.markers import MarkerLayout, default_layout
-from vision.synthetic import Renderer, Scene, virtual_view
+from calibration.camera.plate import level_pose
+from calibration.camera.sheet import CalibrationError
+from vision.plate.markers import MarkerLayout, default_layout
+from vision.synthetic.synthetic import Renderer, Scene, virtual_view
 from vision.view import View
 
 LEVEL = np.eye(3)

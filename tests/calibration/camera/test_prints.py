@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 import pytest
 
-from calibration.pages import MM_PER_POINT, Page, write_pdf, write_png
-from calibration.prints import board_page, plate_pages, sheet_files
-from calibration.sheet import Sheet, sheet_view
-from vision.markers import MarkerLayout, default_layout, detect
+from calibration.camera.pages import MM_PER_POINT, Page, write_pdf, write_png
+from calibration.camera.prints import board_page, plate_pages, sheet_files
+from calibration.camera.sheet import Sheet, sheet_view
+from vision.plate.markers import MarkerLayout, default_layout, detect
 
 SHEET, SIDE_M = Sheet(), 0.275
 LAYOUT = default_layout(SIDE_M)

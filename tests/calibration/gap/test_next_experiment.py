@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from calibration.gap import next_experiment as nx
-from calibration.gap.name import MARGIN
-from experiments.assemble import load_rig
-from experiments.gap_menu import experiment_menu
-from experiments.protocol import course, read_protocol
+from calibration.gap.decision_rule import RIVAL_MARGIN
+from experiments.gap.protocol_choices import experiment_menu
+from experiments.runs.assemble import load_rig
+from experiments.runs.protocol import course, read_protocol
 from rig.parameters import Rig, Servo
 
 TABLE = load_rig(None)
@@ -28,18 +28,19 @@ BENT = {"linkage_quadratic": {"x": {"coefficient_1_rad": 0.8}}}
 PAIRS = [(FRICTION, DEAD_ZONE), (PLAY, DELAY), (DRAG, ROLLING), (RIPPLE, BENT)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pair", PAIRS, ids=lambda pair: " or ".join(next(iter(e)) for e in pair))
 def test_the_proposal_tells_the_pair_apart_when_it_is_run(pair):
     plan = nx.propose(TABLE, pair, experiment_menu(TABLE))
     assert plan is not None
     assert plan.separates == tuple(next(iter(effects)) for effects in pair)
-    assert plan.separation >= nx.CLEAR
+    assert plan.separation >= nx.CLEAR_SEPARATION
     protocol = read_protocol(plan.protocol)
     assert plan.seconds == protocol.duration_s + protocol.start.hold_s
     for own, other in (pair, pair[::-1]):  # other targets, pushes and noise than in the proposal
         way = course(protocol, TABLE, 71)
         run = nx.record(TABLE, own, way, np.random.default_rng(72))
-        assert nx.separation(run.log, way, TABLE, own, other) > 2 * MARGIN
+        assert nx.separation(run.log, way, TABLE, own, other) > 2 * RIVAL_MARGIN
 
 
 def test_the_same_question_gives_the_same_answer():
@@ -83,10 +84,10 @@ def test_the_shortest_clear_one_stands_first():
     assert [one.protocol for one in nx.ranked(some)] == ["short", "long", "better", "dull", "none"]
 
 
-def test_effects_join_those_that_are_believed():
+def test_effects_join_those_that_are_nominal():
     both = nx.with_effects(TABLE, {"joint_backlash": {"x": {"offset_rad": 0.001}}})
-    believed = TABLE.effects["joint_backlash"]["x"]["play_rad"]
-    assert both.effects["joint_backlash"]["x"] == {"play_rad": believed, "offset_rad": 0.001}
+    nominal = TABLE.effects["joint_backlash"]["x"]["play_rad"]
+    assert both.effects["joint_backlash"]["x"] == {"play_rad": nominal, "offset_rad": 0.001}
     assert "offset_rad" not in TABLE.effects["joint_backlash"]["x"]
     with pytest.raises(ValueError, match="no effect 'moonlight'"):
         nx.propose(TABLE, ({"moonlight": {"x": {"lux": 1.0}}}, DRAG), experiment_menu(TABLE))

@@ -6,37 +6,36 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gap_tables import RIG, evidence_of, foreign, released, without_columns
 
-from calibration.gap.evidence import BROKEN
 from calibration.gap.findings import Interval
-from calibration.gap.fit import evaluate
-from calibration.gap.knobs import BALL, Believed
-from calibration.gap.words import notes, vague
-from calibration.gap.workflow import investigate_logs
-from experiments.gap_words import recalibration
+from calibration.gap.investigation import investigate
+from calibration.gap.model.data import DIVERGED_Z
+from calibration.gap.model.fit import evaluate
+from calibration.gap.model.parameters import BALL, NominalModel
+from calibration.gap.report.wording import notes, vague
+from experiments.gap.words import recalibration
+from rig.discrepancy import Discrepancy
 from rig.log import Log
-from rig.unknown import Unknown
+from tests.support.gap.tables import RIG, evidence_of, foreign, released, without_columns
 
 
 def test_a_model_that_runs_away_is_no_model_of_the_log():
     evidence = evidence_of(foreign("steps", seed=1, duration_s=6.0))
-    believed = Believed(RIG, load_friction=False)
-    wild = believed.with_unknown(Unknown(servo_map_x=(0.0, 0.0, 0.0, 1e9)))
+    nominal = NominalModel(RIG, load_friction=False)
+    wild = nominal.with_unknown(Discrepancy(servo_map_x=(0.0, 0.0, 0.0, 1e9)))
     roll = evidence.roll(wild.model({}), "servo_x")
-    assert np.all(roll.z[1:] == BROKEN)
-    sane, lost = (evaluate(evidence, b, {}, ["servo_x"]).cost for b in (believed, wild))
+    assert np.all(roll.z[1:] == DIVERGED_Z)
+    sane, lost = (evaluate(evidence, b, {}, ["servo_x"]).cost for b in (nominal, wild))
     assert lost > 100 * abs(sane)
 
 
+@pytest.mark.slow
 def test_a_solid_ball_in_a_groove_and_a_web_camera_are_found_beyond_the_usual():
     """A gain 30 % too small and pictures 0.15 s late, as on a ball and beam."""
     hidden = {"camera_scale": {"fraction": -0.3}, "camera_delay": {"extra_s": 0.15}}
     hidden = {name: {"xy": pairs} for name, pairs in hidden.items()}
     log = foreign("steps", seed=4, duration_s=20.0, effects=hidden)
-    found = investigate_logs(
-        [without_columns(log, "voltage")], RIG, until="name", quick=True
-    ).findings
+    found = investigate([without_columns(log, "voltage")], RIG, until="name", quick=True).findings
     named = {effect.name: effect.parameters["xy"] for effect in found.effects}
     assert set(named) == {"camera_scale", "camera_delay"}, found.sentence
     assert named["camera_scale"]["fraction"].value == pytest.approx(-0.3, abs=0.02)
@@ -46,10 +45,14 @@ def test_a_solid_ball_in_a_groove_and_a_web_camera_are_found_beyond_the_usual():
 
 def test_a_size_at_the_end_of_what_may_be_is_told():
     state = released(evidence_of(foreign("steps", seed=1, duration_s=6.0)), ("camera_yaw", "xy"))
-    knob = state.believed.of("camera_yaw", "xy")[0]
+    parameter = state.nominal.of("camera_yaw", "xy")[0]
 
-    for value, told in ((knob.high, True), (knob.low, True), (0.5 * knob.high, False)):
-        fit = evaluate(state.evidence, state.believed, {knob.name: value}, [BALL])
+    for value, told in (
+        (parameter.upper, True),
+        (parameter.lower, True),
+        (0.5 * parameter.upper, False),
+    ):
+        fit = evaluate(state.evidence, state.nominal, {parameter.name: value}, [BALL])
         decided: Any = SimpleNamespace(state=replace(state, fit=fit), chance=None)
         assert bool(notes(decided, {})) is told
 
@@ -92,9 +95,10 @@ BRIDGED = replace(
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_bridge_that_swallows_half_the_volts_is_no_noise(seed: int):
-    found = investigate_logs([bridge_log(seed)], BRIDGED, until="name", quick=True).findings
+    found = investigate([bridge_log(seed)], BRIDGED, until="name", quick=True).findings
     sizes = {effect.name: effect.parameters["x"] for effect in found.effects}
     assert set(sizes) == {"dead_zone"}, found.sentence
     for width in sizes["dead_zone"].values():  # one, or one a side

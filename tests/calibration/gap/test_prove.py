@@ -5,14 +5,14 @@ from functools import cache
 
 import numpy as np
 import pytest
-from gap_tables import RIG, evidence_of, foreign, without_columns
 
-from calibration.gap.knobs import BALL
+from calibration.gap.investigation import Investigation, investigate
+from calibration.gap.model.parameters import BALL
 from calibration.gap.prove import model_of, on, prove, rms, split
-from calibration.gap.workflow import Investigation, investigate_logs
 from rig.parameters import CHANNELS, GRAVITY_M_S2, Rig
-from rig.plant_record import pack
-from rig.predict import Signals, ball_ahead, noise
+from rig.plant.plant_record import pack
+from rig.prediction.innovations import Signals, ball_ahead, noise
+from tests.support.gap.tables import RIG, evidence_of, foreign, without_columns
 
 PLAY = {"joint_backlash": {"x": {"play_rad": 0.035}}}
 SECONDS = 15.0
@@ -23,7 +23,7 @@ def investigation() -> Investigation:
     """Play hidden in two runs of one table: the fit sees one, the proof the other."""
     logs = [foreign("steps", seed=seed, effects=PLAY, imperfect=False, duration_s=SECONDS)
             for seed in (3, 4)]  # fmt: skip
-    return investigate_logs(logs, RIG, until="prove")
+    return investigate(logs, RIG, until="prove")
 
 
 def closed(before: float, after: float) -> float:
@@ -104,7 +104,7 @@ def test_the_steps_go_from_the_model_as_it_came_to_the_last_effect():
 
 def test_nothing_missing_has_no_gap():
     log = foreign("steps", seed=10, duration_s=8.0)
-    found = investigate_logs([without_columns(log, "ball", "target")], RIG).findings
+    found = investigate([without_columns(log, "ball", "target")], RIG).findings
     assert found.verdict == "nothing-missing"
     assert found.gap.before == found.gap.after == {"servo_x": 1.0, "servo_y": 1.0}
     assert not found.effects
@@ -117,13 +117,13 @@ def test_the_two_parts_share_nothing_and_together_are_all(runs: int):
     logs = [foreign("steps", seed=seed, duration_s=4.0) for seed in range(runs)]
     whole = evidence_of(*logs)
     train, test = split(whole)
-    for part in whole.parts:
-        mine, other = train.masks[part], test.masks[part]
-        np.testing.assert_array_equal(mine + other, whole.masks[part])
+    for output in whole.outputs:
+        mine, other = train.masks[output], test.masks[output]
+        np.testing.assert_array_equal(mine + other, whole.masks[output])
         assert not (mine * other).any()
         assert mine.any()
         assert other.any()
-        t, run = whole.times(part)
+        t, run = whole.times(output)
         if runs > 1:
             assert set(run[mine > 0]).isdisjoint(run[other > 0])
         else:
@@ -183,11 +183,11 @@ def test_rms_leaves_out_what_the_masks_leave_out():
     evidence = evidence_of(foreign("steps", seed=2, duration_s=4.0))
     model = investigation().decision
     assert model is not None
-    believed = model_of(model.state)
-    whole = rms(evidence, believed)
+    nominal = model_of(model.state)
+    whole = rms(evidence, nominal)
     half = (np.arange(len(evidence.masks[BALL])) // 2 % 2).astype(float)
     masks = [evidence.masks | {BALL: evidence.masks[BALL] * chosen} for chosen in (half, 1 - half)]
-    part, rest = (rms(replace(evidence, masks=mask), believed) for mask in masks)
+    part, rest = (rms(replace(evidence, masks=mask), nominal) for mask in masks)
     assert part["servo_x"] == whole["servo_x"]
     both = np.sqrt((part["ball_x"] ** 2 + rest["ball_x"] ** 2) / 2)
     assert both == pytest.approx(whole["ball_x"], rel=0.01)

@@ -1,4 +1,4 @@
-"""Play from a table's own signals: known truths come back, wherever they sit."""
+"""Backlash from a table's own signals: known truths come back, wherever they sit."""
 
 from dataclasses import replace
 from math import radians
@@ -6,17 +6,17 @@ from math import radians
 import numpy as np
 import pytest
 
-from calibration.play import (
-    Play,
+from calibration.camera.sheet import CalibrationError
+from calibration.motion.backlash import (
+    BacklashEstimate,
     gear_by_strikes,
     gear_by_tachometer,
     offset_V,
     whole_by_motor,
 )
-from calibration.play_moves import Motion, perform, strikes, sweeps
-from calibration.sheet import CalibrationError
+from calibration.motion.manoeuvres import Trace, perform, strikes, sweeps
 from rig.parameters import Rig, Servo
-from rig.simulator import SimulatedTable
+from rig.simulation.simulator import SimulatedTable
 
 SERVO = Servo(gain_rad_s_V=1.735, time_constant_s=0.046)
 
@@ -36,7 +36,7 @@ def table(gear_deg: float, joint_deg: float, middle_deg: float = 0.0) -> Rig:
     )
 
 
-def swept(rig: Rig, *, encoder: bool = True, count: int = 8) -> Motion:
+def swept(rig: Rig, *, encoder: bool = True, count: int = 8) -> Trace:
     with SimulatedTable(rig, np.random.default_rng(5), held=True) as one:
         return perform(
             one, (sweeps(one.period_s, count), sweeps(one.period_s, count)), encoder=encoder
@@ -44,7 +44,7 @@ def swept(rig: Rig, *, encoder: bool = True, count: int = 8) -> Motion:
 
 
 @pytest.fixture(scope="module")
-def one_sided() -> tuple[Rig, Motion]:
+def one_sided() -> tuple[Rig, Trace]:
     rig = table(1.6, 1.0, 0.5)
     return rig, swept(rig)
 
@@ -82,14 +82,14 @@ def test_the_motor_side_alone_shows_the_whole():
 
 def test_a_table_that_does_not_move_is_refused():
     n = 500
-    still = Motion(np.arange(n) * 0.002, np.zeros((n, 2)), np.zeros((n, 2)), np.zeros((n, 2)),
-                   np.ones((n, 2), int))  # fmt: skip
+    zero = np.zeros((n, 2))
+    still = Trace(np.arange(n) * 0.002, zero, zero, zero, np.ones((n, 2), int))
     for work in (gear_by_tachometer, whole_by_motor):
         with pytest.raises(CalibrationError):
             work(still, 0, Rig())
 
 
 def test_intervals_never_reach_below_no_play():
-    low, high = Play(0.001, 0.002, 10).interval_rad
+    low, high = BacklashEstimate(0.001, 0.002, 10).interval_rad
     assert low == 0.0
     assert high > 0.004

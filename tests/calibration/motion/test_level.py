@@ -6,13 +6,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from calibration.backlash import behind_play
-from calibration.level import level_record, timing_from_ball
-from calibration.rolling import Rolling, fit_rolling, rolling
-from calibration.sheet import CalibrationError
-from experiments.assemble import another_unit, known, load_rig
-from rig.controllers import ARMS
-from rig.simulate import Course, draw, simulate
+from calibration.camera.sheet import CalibrationError
+from calibration.motion.level import level_record, timing_from_ball
+from calibration.motion.rolling import Rolling, behind_backlash, fit_rolling, rolling
+from experiments.runs.assemble import another_unit, known, load_rig
+from rig.control.controllers import COMPENSATORS
+from rig.course import Course
+from rig.simulation.simulate import draw, simulate
 
 SEEDS, DEGREE = (0, 1, 2, 3), np.radians(1)
 KIND = known(load_rig(None))
@@ -32,7 +32,7 @@ def log(seed: int):
     targets = 0.05 * np.column_stack([np.sin(2 * np.pi * f * t) for f in (0.35, 0.45)])
     way = Course(targets, np.zeros_like(targets))
     draws = draw(np.random.default_rng(seed), rig, way)
-    return simulate(rig, KIND, ARMS["without"], way, draws).log
+    return simulate(rig, KIND, COMPENSATORS["without"], way, draws).log
 
 
 @cache
@@ -61,7 +61,6 @@ def test_gain_and_play_come_with_it(seed):
 def test_the_ball_tells_the_delay_within_its_interval(seed):
     axes = [[rolling(log(seed), a)] for a in range(2)]
     found = timing_from_ball(axes, KIND, KIND.camera.delay_s).delay_s
-    true = KIND.camera.delay_s - 0.003 * (seed - 1)
     true = KIND.camera.delay_s + 0.003 * (seed - 1)
     assert found.low <= true <= found.high
     assert found.high - found.low < 0.012
@@ -89,13 +88,13 @@ def test_too_little_is_said():
     assert len(pushed)
 
 
-def test_behind_play_follows_at_half_the_width():
+def test_behind_backlash_follows_at_half_the_width():
     theta = np.concatenate((np.linspace(0, 1, 50), np.linspace(1, -1, 100)))
-    out = behind_play(theta, 0.2)
+    out = behind_backlash(theta, 0.2)
     assert out[49] == pytest.approx(0.9)
     assert out[-1] == pytest.approx(-0.9)
     assert np.all(np.abs(out - theta) <= 0.1 + 1e-12)
-    assert np.array_equal(behind_play(theta, 0.0), theta)
+    assert np.array_equal(behind_backlash(theta, 0.0), theta)
 
 
 def test_an_exact_ball_gives_exact_numbers():
@@ -113,4 +112,4 @@ def test_an_exact_ball_gives_exact_numbers():
     assert fit.slope_rad[0] == pytest.approx(slope, abs=1e-6)
     assert fit.gain_m_s2[0] == pytest.approx(gain, rel=1e-4)
     assert fit.late_s[0] == pytest.approx(0.007, abs=1e-4)
-    assert fit.play_rad[0] < 1e-3
+    assert fit.backlash_rad[0] < 1e-3

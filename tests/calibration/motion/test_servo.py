@@ -6,12 +6,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from calibration.manoeuvres import rest
-from calibration.servo import calibrate_servos, mean_value
-from calibration.sheet import CalibrationError
-from experiments.assemble import another_unit, load_rig
+from calibration.camera.sheet import CalibrationError
+from calibration.motion.manoeuvres import rest
+from calibration.motion.servo import calibrate_servos, mean_value
+from experiments.runs.assemble import another_unit, load_rig
 from rig.parameters import Rig, torque_per_volt
-from rig.simulator import SimulatedTable
+from rig.simulation.simulator import SimulatedTable
 
 SEEDS = (0, 1, 2)
 

@@ -5,15 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibration.backlash import behind_play
-from calibration.manoeuvres import perform, wiggle
-from calibration.sheet import CalibrationError
-from calibration.timing import TiltWatch, Wiggle, camera_delay, expected_sines, plate_sines
-from experiments.assemble import another_unit, known, load_rig, virtual_scene
-from rig.linkage import plate_rotation
-from rig.plate_eye import PlateEye
-from rig.simulator import SimulatedTable
-from vision.synthetic import Renderer, virtual_view
+from calibration.camera.sheet import CalibrationError
+from calibration.motion.manoeuvres import perform, wiggle
+from calibration.motion.rolling import behind_backlash
+from calibration.motion.timing import TiltRecorder, Wiggle, camera_delay, expected_sines
+from experiments.runs.assemble import another_unit, known, load_rig, virtual_scene
+from rig.hardware.camera.plate_tilt import sines as plate_sines
+from rig.plant.ball import plate_rotation
+from rig.simulation.rendered_camera import RenderedPlateCamera
+from rig.simulation.simulator import SimulatedTable
+from vision.synthetic.synthetic import Renderer, virtual_view
 
 KIND = known(load_rig(None))
 HERTZ = (0.7, 2.3)
@@ -23,14 +24,14 @@ HERTZ = (0.7, 2.3)
 def test_the_delay_comes_back_within_half_a_millisecond_through_rendered_frames(seed, late_s):
     rig = another_unit(load_rig(None), seed) if seed else load_rig(None)
     made = Renderer(virtual_scene(rig), virtual_view(), np.random.default_rng(seed))
-    watch = TiltWatch(virtual_view(), made.scene.layout)
-    eye = PlateEye(made, late_s, watch.look)
+    tilt = TiltRecorder(virtual_view(), made.scene.layout)
+    eye = RenderedPlateCamera(made, late_s, tilt.add)
     table = SimulatedTable(rig, np.random.default_rng(seed), held=True, eye=eye)
     table.level_s = 0.0
     with table:
         one, two = (wiggle(table.period_s, 3.5, HERTZ) for _ in range(2))
         trace = perform(table, (one, two))
-    found = camera_delay(Wiggle(trace.t_s, trace.theta_rad, *watch.seen()), KIND)
+    found = camera_delay(Wiggle(trace.t_s, trace.theta_rad, *tilt.sines()), KIND)
     delay = found.delay_s
     assert delay.value == pytest.approx(late_s, abs=0.0005)
     assert delay.low <= late_s <= delay.high
@@ -47,7 +48,7 @@ def made_up(late_s, play_rad=0.02, noise=1e-4, frames=200, size=0.15, seed=0):
     rng = np.random.default_rng(seed)
     sines = np.empty((frames, 2))
     for a in range(2):
-        behind = behind_play(theta[:, a], play_rad)
+        behind = behind_backlash(theta[:, a], play_rad)
         sines[:, a] = KIND.linkage.ratio * np.sin(np.interp(stamp - late_s, t, behind))
     return Wiggle(t, theta, stamp, sines + rng.normal(0, noise, sines.shape))
 

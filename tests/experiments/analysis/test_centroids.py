@@ -4,7 +4,6 @@ import subprocess
 import sys
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,15 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from experiments.centroids import centroid, two_clusters
-from experiments.mean_of_run import expected_mean_m, integral_identity
-from experiments.samples import ball_samples, place, run_part
-from rig import simulate
+from experiments.analysis.centroids import centroid, two_clusters
+from experiments.analysis.mean_of_run import expected_mean_m, integral_identity
+from experiments.analysis.samples import ball_samples, place, run_part
+from rig.course import Course
 from rig.log import INDEX, Log
 from rig.parameters import Gains, Rig
 from rig.rigfile import read_rig
+from rig.simulation import simulate
+from tests.support import ROOT
 
-ROOT = Path(__file__).parents[2]
 DEFAULT = read_rig(ROOT / "experiments" / "rigs" / "default.toml")
 PD = Gains(integral_rad_m_s=0.0)
 
@@ -30,7 +30,7 @@ def simulated(kind, *, arm=0, seconds=15.0, start=0.13, hold_s=0.0, seed=1):
     """A release from (-start, start): of the default table, one without effects, that with a PD."""
     rig = {"default": DEFAULT, "clean": Rig(), "pd": Rig(gains=PD)}[kind]
     n = round(seconds * 500)
-    course = simulate.Course(np.zeros((n, 2)), np.zeros((n, 2)), (-start, start), hold_s)
+    course = Course(np.zeros((n, 2)), np.zeros((n, 2)), (-start, start), hold_s)
     draws = simulate.draw(np.random.default_rng(seed), rig, course)
     return simulate.simulate(rig, replace(rig, effects={}), arm, course, draws).log
 
@@ -89,7 +89,8 @@ def test_two_clusters_do_not_find_the_arms_of_simulated_releases():
 
 def test_the_module_does_not_import_sklearn():
     code = (
-        "import sys, experiments.centroids, experiments.metrics; sys.exit('sklearn' in sys.modules)"
+        "import sys, experiments.analysis.centroids, experiments.analysis.metrics;"
+        "sys.exit('sklearn' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == 0
 

@@ -2,22 +2,23 @@
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from experiments.limit_cycle import limit_cycle, noise_std
-from experiments.metrics import run_metrics, settled_interval, settling_time
-from experiments.push_detection import detect_pushes
-from experiments.samples import Samples
-from rig import simulate
+from experiments.analysis.limit_cycle import limit_cycle, noise_std
+from experiments.analysis.metrics import run_metrics, settled_interval, settling_time
+from experiments.analysis.push_detection import detect_pushes
+from experiments.analysis.samples import Samples
+from rig.course import Course
 from rig.log import INDEX, Log
 from rig.rigfile import read_rig
+from rig.simulation import simulate
+from tests.support import ROOT
 
-DEFAULT = read_rig(Path(__file__).parents[2] / "experiments" / "rigs" / "default.toml")
+DEFAULT = read_rig(ROOT / "experiments" / "rigs" / "default.toml")
 
 
 def made(xy, *, hz=60.0, **columns):
@@ -47,7 +48,7 @@ def simulated(seed, *, arm=0, seconds=15.0, start=(-0.13, 0.13), hold_s=0.0, pus
     push = np.zeros((n, 2))
     for t, vx, vy in pushes:
         push[round(t * 500) : round(t * 500) + 40] = vx / 0.08, vy / 0.08
-    course = simulate.Course(np.zeros((n, 2)), push, start, hold_s)
+    course = Course(np.zeros((n, 2)), push, start, hold_s)
     draws = simulate.draw(np.random.default_rng(seed), rig, course)
     return simulate.simulate(rig, replace(rig, effects={}), arm, course, draws).log
 

@@ -6,9 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.assemble import load_rig
-from experiments.protocol import read_protocol
-from experiments.regime import (
+from experiments.analysis.regime import (
     BETWEEN,
     DROPS,
     KEEPS,
@@ -17,11 +15,13 @@ from experiments.regime import (
     regime_of_record,
     regime_sentence,
 )
-from experiments.report_runs import report_runs
-from experiments.rivals import little_friction
-from experiments.runner import Order, run
-from rig import plant, plant_record
+from experiments.paper.alternative_explanations import little_friction
+from experiments.reports.report_runs import report_runs
+from experiments.runs.assemble import load_rig
+from experiments.runs.protocol import read_protocol
+from experiments.runs.runner import RunRequest, run
 from rig.parameters import Rig
+from rig.plant import plant, plant_record
 
 TABLE = load_rig(None)
 
@@ -65,7 +65,7 @@ def test_a_record_says_what_its_rig_says_and_none_says_so():
 def test_a_report_of_runs_names_each_runs_regime(tmp_path: Path):
     short = read_protocol("hold").model_copy(update={"duration_s": 1.0})
     rigs = (TABLE, with_friction(TABLE, 1e-4))
-    folders = [run(Order(rig, short, "with", 1, tmp_path / "runs")).folder for rig in rigs]
+    folders = [run(RunRequest(rig, short, "with", 1, tmp_path / "runs")).folder for rig in rigs]
     (tmp_path / "out").mkdir()
     page = report_runs(folders, tmp_path / "out").read_text(encoding="utf-8")
     assert KEEPS in page

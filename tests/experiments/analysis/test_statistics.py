@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from experiments.statistics import (
+from experiments.analysis.statistics import (
     SUBSETS,
     holm,
     mean_interval,

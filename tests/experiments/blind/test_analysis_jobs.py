@@ -4,17 +4,18 @@ import json
 from pathlib import Path
 
 import pytest
-from blind_fakes import failing_one, one_who_peeks, silent_one
 
-from experiments.blind.command import Means, blind_trial, maker, run_trials
-from experiments.blind.draws import Plan, plan_trials
+from experiments.blind.analysis_jobs import analyse_packed, pack_folder
+from experiments.blind.command import AnalysisOptions, blind_trial, maker, run_trials
+from experiments.blind.draws import TrialPlan, plan_trials
 from experiments.blind.logs import write_logs
 from experiments.blind.seal import SEAL, TRUTH, hash_of, open_seal, seal, sealed_hash
-from experiments.blind.work import answer_packed, dask_client, pack
-from experiments.importing import read_log
+from experiments.records.importing import read_log
+from experiments.workers import dask_client
 from rig.log import CONTRACT
+from tests.support.blind_fakes import failing_one, one_who_peeks, silent_one
 
-TRIALS = plan_trials(Plan(3, 1, 2, protocols=("steps",), kinds=("single", "stranger")))
+TRIALS = plan_trials(TrialPlan(3, 1, 2, protocols=("steps",), kinds=("single", "stranger")))
 
 
 def test_a_folder_holds_logs_and_rig_file_and_nothing_else(tmp_path: Path):
@@ -44,17 +45,17 @@ def test_the_seal_holds_and_shows_when_it_is_broken(tmp_path: Path):
 
 
 def test_trials_run_elsewhere_and_go_on_where_they_stopped(tmp_path: Path):
-    said: list[str] = []
+    stated: list[str] = []
     shown: list[tuple[int, int]] = []
 
     def progress(stage: str, done: int, total: int) -> None:
         shown.append((done, total))
 
-    marks = run_trials(
-        TRIALS, tmp_path, Means(silent_one, jobs=1, say=said.append, progress=progress)
+    scores = run_trials(
+        TRIALS, tmp_path, AnalysisOptions(silent_one, jobs=1, say=stated.append, progress=progress)
     )
-    assert hash_of(TRIALS) in said[0]
-    assert [m.trial for m in marks] == TRIALS
+    assert hash_of(TRIALS) in stated[0]
+    assert [m.trial for m in scores] == TRIALS
     assert shown == [(0, 4), (1, 4), (2, 4), (3, 4), (4, 4)]
     files = sorted((tmp_path / "answers").iterdir())
     seen = [json.loads(path.read_text(encoding="utf-8"))["answer"]["files"] for path in files]
@@ -62,17 +63,19 @@ def test_trials_run_elsewhere_and_go_on_where_they_stopped(tmp_path: Path):
     kept = files[0].read_bytes()
     files[1].unlink()
     shown.clear()
-    run_trials(TRIALS, tmp_path, Means(silent_one, jobs=1, say=said.append, progress=progress))
+    run_trials(
+        TRIALS, tmp_path, AnalysisOptions(silent_one, jobs=1, say=stated.append, progress=progress)
+    )
     assert shown == [(3, 4), (4, 4)]
     assert files[0].read_bytes() == kept
     with pytest.raises(ValueError, match="other trials"):
-        run_trials(TRIALS[:2], tmp_path, Means(silent_one, say=said.append))
+        run_trials(TRIALS[:2], tmp_path, AnalysisOptions(silent_one, say=stated.append))
     assert json.loads((tmp_path / SEAL).read_text(encoding="utf-8"))["trials"] == 4
 
 
 def test_a_failed_analysis_is_an_answer_in_one_line(tmp_path: Path):
     write_logs(TRIALS[0], tmp_path)
-    name, result = answer_packed(("a", pack(tmp_path)), failing_one)
+    name, result = analyse_packed(("a", pack_folder(tmp_path)), failing_one)
     assert name == "a"
     assert result["answer"]["verdict"] == "failed"
     assert result["answer"]["sentence"] == "ValueError: nothing to see in blind-"
@@ -91,10 +94,10 @@ def test_a_cluster_that_is_not_there_is_said_in_one_line():
 
 
 def test_the_command_writes_table_figures_and_results(tmp_path: Path):
-    said: list[str] = []
+    stated: list[str] = []
     results = blind_trial(
         trials=6, out=tmp_path, seed=4, effects=("dead_zone", "viscous_drag"),
-        protocols=("servo-squares",), answer=one_who_peeks, jobs=1, say=said.append,
+        protocols=("servo-squares",), answer=one_who_peeks, jobs=1, say=stated.append,
     )  # fmt: skip
     assert results["trials"] == 12
     assert set(results["effects"]) <= {"dead_zone", "viscous_drag"}
@@ -103,9 +106,9 @@ def test_the_command_writes_table_figures_and_results(tmp_path: Path):
     assert (
         "| right name, one hidden effect | at least 99 % |" in (tmp_path / "table.md").read_text()
     )
-    again = blind_trial(trials=9, out=tmp_path, answer=one_who_peeks, jobs=1, say=said.append)
+    again = blind_trial(trials=9, out=tmp_path, answer=one_who_peeks, jobs=1, say=stated.append)
     assert again["trials"] == 12  # without a seed, what is sealed there
-    assert said[0] == said[1]
+    assert stated[0] == stated[1]
 
 
 def test_onto_a_recorded_log(tmp_path: Path):

@@ -7,23 +7,29 @@ import json
 from pathlib import Path
 
 import pytest
-from blind_fakes import one_who_peeks
 
-from experiments.blind.command import Means, run_trials
-from experiments.blind.draws import Plan, plan_trials
+from experiments.blind.command import AnalysisOptions, run_trials
+from experiments.blind.draws import TrialPlan, plan_trials
+from tests.support.blind_fakes import one_who_peeks
+from tests.support.parts import need
 
-distributed = pytest.importorskip("distributed", reason="Dask is not installed (extra `cluster`)")
+need("distributed")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # what a cluster warns of at its end is its own
 def test_a_cluster_gives_the_same_answers_bit_for_bit(tmp_path: Path):
-    trials = plan_trials(Plan(5, 3, 2, protocols=("servo-squares",), kinds=("single",)))
-    here = Means(one_who_peeks, jobs=2, say=lambda text: None)
+    trials = plan_trials(TrialPlan(5, 3, 2, protocols=("servo-squares",), kinds=("single",)))
+    here = AnalysisOptions(one_who_peeks, jobs=2, say=lambda text: None)
     run_trials(trials, tmp_path / "here", here)
+    import distributed
+
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
     ) as cluster:
-        there = Means(one_who_peeks, cluster=cluster.scheduler_address, say=lambda text: None)
+        there = AnalysisOptions(
+            one_who_peeks, cluster=cluster.scheduler_address, say=lambda text: None
+        )
         run_trials(trials, tmp_path / "there", there)
     for trial in trials:
         one, other = (

@@ -6,25 +6,25 @@ import numpy as np
 import pytest
 
 from experiments.blind import sizes
-from experiments.blind.draws import EVERY, Plan, _kinds, draw_trial, plan_trials
-from experiments.blind.tables import KNOWN
-from experiments.blind.trial import Trial, from_plain, to_plain
+from experiments.blind.draws import ALL_EFFECTS, TrialPlan, _kinds, draw_trial, plan_trials
+from experiments.blind.hidden_tables import KNOWN
+from experiments.blind.trial import BlindTrial, from_plain, to_plain
 from rig.effects import BY_NAME, check
 
-PLAN = Plan(40, 10, 7, protocols=("steps",))
+PLAN = TrialPlan(40, 10, 7, protocols=("steps",))
 
 
 @pytest.fixture(scope="module")
-def trials() -> list[Trial]:
+def trials() -> list[BlindTrial]:
     return plan_trials(PLAN)
 
 
-def of_kind(kind: str, count: int = 30, effects: tuple[str, ...] = EVERY) -> list[Trial]:
+def of_kind(kind: str, count: int = 30, effects: tuple[str, ...] = ALL_EFFECTS) -> list[BlindTrial]:
     plan = replace(PLAN, effects=effects)
     return [draw_trial(plan, number, kind) for number in range(1, count + 1)]
 
 
-def test_the_seed_decides_and_the_order_hides_the_kinds(trials: list[Trial]):
+def test_the_seed_decides_and_the_order_hides_the_kinds(trials: list[BlindTrial]):
     assert plan_trials(PLAN) == trials
     assert plan_trials(replace(PLAN, seed=8)) != trials
     kinds = [trial.kind for trial in trials]
@@ -35,7 +35,7 @@ def test_the_seed_decides_and_the_order_hides_the_kinds(trials: list[Trial]):
     assert [from_plain(to_plain(trial)) for trial in trials] == trials
 
 
-def test_the_rig_file_knows_nothing_of_what_is_hidden(trials: list[Trial]):
+def test_the_rig_file_knows_nothing_of_what_is_hidden(trials: list[BlindTrial]):
     for trial in trials:
         known = set(trial.believed["effects"])
         assert known == (set(KNOWN) if trial.kind == "realistic" else set())
@@ -46,7 +46,7 @@ def test_the_rig_file_knows_nothing_of_what_is_hidden(trials: list[Trial]):
         check(trial.plant["effects"])
 
 
-@pytest.mark.parametrize("name", [n for n in EVERY if n != "saturation"])
+@pytest.mark.parametrize("name", [n for n in ALL_EFFECTS if n != "saturation"])
 def test_sizes_lie_between_1_5_and_6_times_the_smallest(name: str):
     key = BY_NAME[name].parameters[0].key
     for trial in of_kind("single", 20, (name,)):
@@ -65,7 +65,7 @@ def test_a_saturation_lies_below_the_volts_used():
             assert 0.2 < values["limit_V"] < 6 / 1.15
 
 
-def test_imperfections_stay_inside_the_tolerances(trials: list[Trial]):
+def test_imperfections_stay_inside_the_tolerances(trials: list[BlindTrial]):
     for trial in trials:
         if trial.kind != "nothing":
             continue

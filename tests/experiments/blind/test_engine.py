@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.assemble import known, load_rig
-from experiments.blind import engine, strangers
-from experiments.blind.draws import Plan, draw_trial
+from experiments.blind import engine, uncatalogued_effects
+from experiments.blind.draws import TrialPlan, draw_trial
 from experiments.blind.logs import own_run, process, spoiled
 from experiments.blind.trial import Noise
-from experiments.protocol import course, read_protocol
-from rig.controllers import ARMS
-from rig.simulate import draw, simulate
+from experiments.runs.assemble import known, load_rig
+from experiments.runs.protocol import course, read_protocol
+from rig.control.controllers import COMPENSATORS
+from rig.simulation.simulate import draw, simulate
 
 RIG = load_rig(None)
-STEPS = Plan(1, 1, 3, protocols=("steps",))
+STEPS = TrialPlan(1, 1, 3, protocols=("steps",))
 
 
 def short(seconds: float = 4.0):
@@ -26,9 +26,9 @@ def short(seconds: float = 4.0):
 def test_undisturbed_it_is_the_houses_own_run_bit_for_bit(name: str):
     way = course(read_protocol(name).model_copy(update={"duration_s": 7.0}), RIG, 5)
     draws = draw(np.random.default_rng(1), RIG, way)
-    own = simulate(RIG, known(RIG), ARMS["without"], way, draws)
+    own = simulate(RIG, known(RIG), COMPENSATORS["without"], way, draws)
     quiet = np.zeros((len(draws.tachometer), 4))
-    other = engine.disturbed(RIG, known(RIG), ARMS["without"], way, draws, noise=quiet)
+    other = engine.disturbed(RIG, known(RIG), COMPENSATORS["without"], way, draws, noise=quiet)
     assert own.outcome == other.outcome
     np.testing.assert_array_equal(own.log.rows, other.log.rows)
 
@@ -40,11 +40,11 @@ def test_noise_of_another_length_is_refused():
         engine.disturbed(RIG, RIG, 0, way, draws, noise=np.zeros((3, 4)))
 
 
-@pytest.mark.parametrize("name", strangers.NAMES)
+@pytest.mark.parametrize("name", uncatalogued_effects.NAMES)
 def test_every_stranger_changes_the_run(name: str):
     trial = draw_trial(STEPS, 4, "nothing")
     trial = replace(trial, noise=Noise())
-    stranger = strangers.draw(name, 3.0, np.random.default_rng(2), seconds=30.0)
+    stranger = uncatalogued_effects.draw(name, 3.0, np.random.default_rng(2), seconds=30.0)
     with_it = replace(trial, stranger=stranger)
     one, other = (own_run(t, "steps", 11) for t in (trial, with_it))
     assert one.outcome == other.outcome == "completed"
@@ -60,9 +60,9 @@ def test_every_stranger_changes_the_run(name: str):
 
 def pull(stranger: dict, x: float, y: float, t: float = 0.0, steps: int = 1):
     """What a stranger does to a ball at rest at (x, y): (4,); and the heavy side after."""
-    from rig import plant, plant_record
+    from rig.plant import plant, plant_record
 
-    g, out = strangers.pack(stranger), np.zeros(4)
+    g, out = uncatalogued_effects.disturbance_record(stranger), np.zeros(4)
     own = g["heavy_side"].copy()
     s, p = plant.rest((x, y)), plant_record.pack(RIG)
     for _ in range(steps):
@@ -72,7 +72,7 @@ def pull(stranger: dict, x: float, y: float, t: float = 0.0, steps: int = 1):
 
 
 def base(name: str, **more) -> dict:
-    drawn = strangers.draw(name, 2.0, np.random.default_rng(0), seconds=30.0)
+    drawn = uncatalogued_effects.draw(name, 2.0, np.random.default_rng(0), seconds=30.0)
     return drawn | {"place_m": [0.01, 0.0], "direction": [1.0, 0.0]} | more
 
 
@@ -101,13 +101,13 @@ def test_the_wind_blows_on_its_side():
 
 
 def test_an_unbalanced_ball_falls_to_its_heavy_side_which_turns_with_it():
-    from rig import plant, plant_record
+    from rig.plant import plant, plant_record
 
     ball = base("unbalanced_ball", heavy_side=[1.0, 0.0, 0.0])
     out, _ = pull(ball, 0, 0)
     assert out[0] == pytest.approx(RIG.ball.rolling_factor * 9.81 * ball["size"])
     # Rolling a quarter turn towards +x brings the heavy side down.
-    g, p, s = strangers.pack(ball), plant_record.pack(RIG), plant.rest()
+    g, p, s = uncatalogued_effects.disturbance_record(ball), plant_record.pack(RIG), plant.rest()
     own, quarter = g["heavy_side"].copy(), 0.5 * np.pi * RIG.ball.radius_m
     s[plant.BALL_W, 0] = 0.05
     for _ in range(round(quarter / 0.05 / 1e-4)):

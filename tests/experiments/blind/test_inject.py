@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 
 from experiments.blind import inject as hide
-from experiments.blind.draws import Plan, draw_trial
+from experiments.blind.draws import TrialPlan, draw_trial
 from experiments.blind.inject import NOT_POSSIBLE, inject, possible
 from experiments.blind.logs import own_run
-from rig import effect_equations as equations
 from rig.effects import BY_NAME
 from rig.log import Log
+from rig.plant import effect_equations as equations
 
 RATIO = 2 * 0.0254 / 0.275
 
 
 @pytest.fixture(scope="module")
 def log() -> Log:
-    whole = own_run(draw_trial(Plan(1, 1, 3), 1, "nothing"), "steps", 5).log
+    whole = own_run(draw_trial(TrialPlan(1, 1, 3), 1, "nothing"), "steps", 5).log
     return whole.where(slice(0, 4000))
 
 

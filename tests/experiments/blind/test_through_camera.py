@@ -7,8 +7,8 @@ import pytest
 
 from experiments.blind import through_camera
 from experiments.blind.through_camera import VARIANTS, camera_log, draw_camera_trials, mounted
-from vision.markers import default_layout
-from vision.synthetic import virtual_view
+from vision.plate.markers import default_layout
+from vision.synthetic.synthetic import virtual_view
 
 
 def test_each_variant_hides_what_it_says():

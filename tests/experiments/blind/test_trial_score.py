@@ -5,12 +5,12 @@ from math import isnan
 
 import pytest
 
-from experiments.blind.marks import mark
-from experiments.blind.score import calibration, confusion, power, summary
-from experiments.blind.table import markdown, rows
-from experiments.blind.trial import Trial
+from experiments.blind.results_table import markdown, rows
+from experiments.blind.score_summary import calibration, confusion, power, summary
+from experiments.blind.trial import BlindTrial
+from experiments.blind.trial_score import score_trial
 
-BASE = Trial("t", "single", "", ("steps",), (1,), {}, {}, factor=2.0)
+BASE = BlindTrial("t", "single", "", ("steps",), (1,), {}, {}, factor=2.0)
 FRICTION = replace(BASE, hidden={"coulomb_friction": {"x": {"friction_V": 0.04}}})
 YAW = replace(BASE, hidden={"camera_yaw": {"xy": {"angle_rad": 0.03}}})
 PAIR = replace(BASE, kind="pair", hidden=FRICTION.hidden | YAW.hidden)
@@ -32,14 +32,14 @@ RIGHT = effect("coulomb_friction", {"x": {"friction_V": interval(0.041)}, "y": {
 
 
 def test_a_right_name_with_its_axis_size_and_interval():
-    m = mark(FRICTION, named(RIGHT))
+    m = score_trial(FRICTION, named(RIGHT))
     assert m.right
     assert m.axes_right
     assert m.errors == (pytest.approx(0.025),)
     assert m.covered == (True,)
-    assert m.said == ((0.9, True),)
+    assert m.stated == ((0.9, True),)
     far = effect("coulomb_friction", {"y": {"friction_V": interval(0.08)}})
-    off = mark(FRICTION, named(far))
+    off = score_trial(FRICTION, named(far))
     assert off.right
     assert not off.axes_right
     assert off.errors == ()
@@ -47,44 +47,46 @@ def test_a_right_name_with_its_axis_size_and_interval():
 
 def test_a_wrong_name_an_extra_one_and_a_confident_one():
     wrong = effect("dead_zone", {"x": {"half_width_V": interval(0.04)}}, 0.97)
-    m = mark(FRICTION, named(wrong))
+    m = score_trial(FRICTION, named(wrong))
     assert (m.right, m.extra, m.confident_wrong) == (False, ("dead_zone",), True)
-    both = mark(FRICTION, named(RIGHT, wrong))
+    both = score_trial(FRICTION, named(RIGHT, wrong))
     assert (both.right, both.found) == (False, ("coulomb_friction",))
-    unsure = mark(FRICTION, {"verdict": "undecided", "effects": [wrong, RIGHT]})
-    assert (unsure.right, unsure.among, unsure.confident_wrong) == (False, True, False)
+    unsure = score_trial(FRICTION, {"verdict": "undecided", "effects": [wrong, RIGHT]})
+    assert (unsure.right, unsure.truth_among, unsure.confident_wrong) == (False, True, False)
     assert unsure.named == ()
 
 
 def test_a_pair_needs_both_and_nothing_else():
     yaw = effect("camera_yaw", {"xy": {"angle_rad": interval(0.03)}})
-    assert mark(PAIR, named(RIGHT, yaw)).right
-    assert not mark(PAIR, named(RIGHT)).right
-    assert not mark(PAIR, named(RIGHT, yaw, effect("plate_bowl", {}))).right
+    assert score_trial(PAIR, named(RIGHT, yaw)).right
+    assert not score_trial(PAIR, named(RIGHT)).right
+    assert not score_trial(PAIR, named(RIGHT, yaw, effect("plate_bowl", {}))).right
 
 
 def test_twins_are_the_same_data():
     scale = replace(BASE, hidden={"camera_scale": {"xy": {"fraction": 0.05}}})
-    assert mark(scale, named(effect("ball_inertia", {}))).right
+    assert score_trial(scale, named(effect("ball_inertia", {}))).right
     sides = {"x": {"fraction": interval(-0.03)}, "y": {"fraction": interval(0.031)}}
-    assert mark(YAW, named(effect("cross_coupling", sides))).right
+    assert score_trial(YAW, named(effect("cross_coupling", sides))).right
     same = {"x": {"fraction": interval(0.03)}, "y": {"fraction": interval(0.031)}}
-    assert not mark(YAW, named(effect("cross_coupling", same))).right
-    assert not mark(YAW, named(effect("cross_coupling", {"x": {"fraction": interval(0.03)}}))).right
+    assert not score_trial(YAW, named(effect("cross_coupling", same))).right
+    assert not score_trial(
+        YAW, named(effect("cross_coupling", {"x": {"fraction": interval(0.03)}}))
+    ).right
 
 
 def test_a_dead_zone_is_compared_by_its_sides():
     hidden = {"dead_zone": {"x": {"positive_V": 0.06, "negative_V": 0.02}}}
     shape = replace(BASE, kind="shape", hidden=hidden)
     sides = {"positive_V": interval(0.06), "negative_V": interval(0.03)}
-    m = mark(shape, named(effect("dead_zone", {"x": sides})))
+    m = score_trial(shape, named(effect("dead_zone", {"x": sides})))
     assert m.errors == (pytest.approx(0.0), pytest.approx(0.5))
     assert m.covered == (True, False)
-    half = mark(shape, named(effect("dead_zone", {"x": {"half_width_V": interval(0.04)}})))
+    half = score_trial(shape, named(effect("dead_zone", {"x": {"half_width_V": interval(0.04)}})))
     assert half.right
     assert half.covered == (True,)  # the sides differ by what an offset within tolerance does
     apart = {"dead_zone": {"x": {"positive_V": 0.08, "negative_V": 0.02}}}
-    half = mark(
+    half = score_trial(
         replace(shape, hidden=apart),
         named(effect("dead_zone", {"x": {"half_width_V": interval(0.05)}})),
     )
@@ -99,7 +101,7 @@ def test_a_phase_is_compared_around_the_circle():
         "phase_rad": {"value": -3.15, "low": -3.3, "high": -3.0},
         "periods_per_turn": interval(10.1),
     }
-    m = mark(trial, named(effect("transmission_ripple", {"x": answered})))
+    m = score_trial(trial, named(effect("transmission_ripple", {"x": answered})))
     assert m.covered == (True, True, True)
     assert m.errors == (pytest.approx(0.02),)
     assert m.shape_errors == (pytest.approx(0.01),)
@@ -109,18 +111,18 @@ def test_nothing_strangers_and_what_cannot_be_tested():
     nothing, stranger = replace(BASE, kind="nothing"), replace(BASE, kind="stranger")
     quiet = {"verdict": "nothing-missing", "effects": []}
     unknown = {"verdict": "unknown-effect", "effects": [], "unknown": {"channel": "ball_x"}}
-    assert mark(nothing, quiet).right
-    assert not mark(nothing, unknown).right
-    assert mark(stranger, unknown).right
-    assert not mark(stranger, named(RIGHT, unknown={"channel": "ball_x"})).right
+    assert score_trial(nothing, quiet).right
+    assert not score_trial(nothing, unknown).right
+    assert score_trial(stranger, unknown).right
+    assert not score_trial(stranger, named(RIGHT, unknown={"channel": "ball_x"})).right
     hidden = {"saturation": {"x": {"limit_V": 5.5}}}
     dark = replace(BASE, kind="untestable", hidden=hidden)
-    said = [{"name": "saturation", "why": "few volts", "smallest": {"limit_V": 2.0}}]
-    assert mark(dark, quiet | {"untestable": said}).right
-    assert not mark(dark, quiet | {"untestable": [said[0] | {"smallest": {}}]}).right
-    assert not mark(dark, quiet).right
+    stated = [{"name": "saturation", "why": "few volts", "smallest": {"limit_V": 2.0}}]
+    assert score_trial(dark, quiet | {"untestable": stated}).right
+    assert not score_trial(dark, quiet | {"untestable": [stated[0] | {"smallest": {}}]}).right
+    assert not score_trial(dark, quiet).right
     blind = [{"name": "saturation", "why": "the log lacks volts and angles", "smallest": {}}]
-    assert mark(dark, quiet | {"untestable": blind}).right
+    assert score_trial(dark, quiet | {"untestable": blind}).right
 
 
 def test_closed_gap_and_error_ahead():
@@ -130,23 +132,23 @@ def test_closed_gap_and_error_ahead():
         "held_out": True,
         "ahead_1s_mm": {"before": 6.0, "after": 2.2, "floor": 2.0},
     }
-    m = mark(FRICTION, named(RIGHT, gap=gap))
+    m = score_trial(FRICTION, named(RIGHT, gap=gap))
     assert m.closed == pytest.approx(0.99)
     assert m.ahead == pytest.approx(1.1)
-    assert isnan(mark(FRICTION, named(RIGHT, gap=gap | {"held_out": False})).closed)
-    assert isnan(mark(FRICTION, named(RIGHT)).ahead)
+    assert isnan(score_trial(FRICTION, named(RIGHT, gap=gap | {"held_out": False})).closed)
+    assert isnan(score_trial(FRICTION, named(RIGHT)).ahead)
 
 
 def test_the_confusion_matrix_counts_every_trial_once():
     wrong = effect("dead_zone", {})
-    marks = [
-        mark(FRICTION, named(RIGHT)),
-        mark(FRICTION, named(wrong)),
-        mark(FRICTION, named(RIGHT, wrong)),
-        mark(FRICTION, {"verdict": "undecided", "effects": [wrong]}),
-        mark(YAW, {"verdict": "nothing-missing"}),
+    scores = [
+        score_trial(FRICTION, named(RIGHT)),
+        score_trial(FRICTION, named(wrong)),
+        score_trial(FRICTION, named(RIGHT, wrong)),
+        score_trial(FRICTION, {"verdict": "undecided", "effects": [wrong]}),
+        score_trial(YAW, {"verdict": "nothing-missing"}),
     ]
-    assert confusion(marks) == {
+    assert confusion(scores) == {
         "coulomb_friction": {"coulomb_friction": 1, "dead_zone": 1, "several": 1, "undecided": 1},
         "camera_yaw": {"nothing-missing": 1},
     }
@@ -162,7 +164,9 @@ def test_calibration_of_said_probabilities():
 
 def test_power_is_sorted_into_amplitudes():
     weak = replace(FRICTION, kind="weak", factor=0.5)
-    cells = power([mark(weak, {"verdict": "nothing-missing"}), mark(FRICTION, named(RIGHT))])
+    cells = power(
+        [score_trial(weak, {"verdict": "nothing-missing"}), score_trial(FRICTION, named(RIGHT))]
+    )
     assert [(c["from"], c["to"], c["detected"]["k"]) for c in cells] == [
         (0.3, 0.6, 0),
         (1.5, 2.5, 1),
@@ -170,23 +174,27 @@ def test_power_is_sorted_into_amplitudes():
 
 
 def test_other_protocols_are_reported_beside_the_goals():
-    marks = [mark(FRICTION, named(RIGHT)) for _ in range(4)]
-    marks.append(mark(replace(FRICTION, protocols=("hold",)), {"verdict": "nothing-missing"}))
-    numbers = summary(marks)
+    scores = [score_trial(FRICTION, named(RIGHT)) for _ in range(4)]
+    scores.append(
+        score_trial(replace(FRICTION, protocols=("hold",)), {"verdict": "nothing-missing"})
+    )
+    numbers = summary(scores)
     assert numbers["kinds"]["single"]["right"]["n"] == 4
     assert {name: group["right"]["k"] for name, group in numbers["protocols"].items()} == {
         "steps": 4,
         "hold": 0,
     }
-    alone = summary(marks[-1:])
+    alone = summary(scores[-1:])
     assert alone["kinds"]["single"]["right"]["n"] == 1
 
 
 def test_the_table_has_its_goals_and_the_numbers():
-    marks = [mark(FRICTION, named(RIGHT)) for _ in range(99)]
-    marks.append(mark(FRICTION, {"verdict": "failed"}))
-    marks += [mark(replace(BASE, kind="nothing", variant="plain"), {"verdict": "nothing-missing"})]
-    lines = {row.what: row for row in rows(summary(marks))}
+    scores = [score_trial(FRICTION, named(RIGHT)) for _ in range(99)]
+    scores.append(score_trial(FRICTION, {"verdict": "failed"}))
+    scores += [
+        score_trial(replace(BASE, kind="nothing", variant="plain"), {"verdict": "nothing-missing"})
+    ]
+    lines = {row.what: row for row in rows(summary(scores))}
     assert lines["right name, one hidden effect"].met is True
     assert lines["right name, one hidden effect"].reached == "99.0 % (94.6 to 99.8; 99/100)"
     assert lines["nothing missing, plain: named"].met is True

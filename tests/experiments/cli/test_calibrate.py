@@ -9,20 +9,20 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from gap_calls import call
 
 from calibration.bundle import load, load_draft
+from calibration.camera.sheet import Sheet
+from calibration.camera.virtual import sheet_pictures
 from calibration.records import fingerprint
-from calibration.sheet import Sheet
-from calibration.virtual import sheet_pictures
-from experiments.assemble import load_rig
-from experiments.calibrate_views import pick
-from experiments.protocol import read_protocol
-from experiments.recording import read_run
-from experiments.runner import Order, keep_simulated, run, simulate_order
+from experiments.calibrate.views import pick
+from experiments.records.recording import read_run
+from experiments.runs.assemble import load_rig
+from experiments.runs.protocol import read_protocol
+from experiments.runs.runner import RunRequest, keep_simulated, run, simulate_run
 from rig.rigfile import read_rig
+from tests.support.gap.calls import call
 from vision.frames import Frame
-from vision.synthetic import Renderer, Scene, virtual_view
+from vision.synthetic.synthetic import Renderer, Scene, virtual_view
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +88,7 @@ def test_numbers_are_the_tables(made: Path):
 def test_the_calibration_serves_a_run_through_frames(made: Path, tmp_path: Path):
     hold = read_protocol("hold").model_copy(update={"duration_s": 1.0})
     bundle = made / "calibration.json"
-    done = run(Order(load_rig(None), hold, "without", 1, tmp_path, bundle))
+    done = run(RunRequest(load_rig(None), hold, "without", 1, tmp_path, bundle))
     assert done.ending.outcome == "completed"
     error = done.pairs[:, 3:] - done.pairs[:, 1:3]
     assert np.nanmax(np.abs(error)) < 5e-4
@@ -102,7 +102,7 @@ def test_a_knock_is_said_in_the_run(made: Path, tmp_path: Path):
     moved = tmp_path / "moved.json"
     moved.write_text(json.dumps(whole))
     hold = read_protocol("hold").model_copy(update={"duration_s": 3.5})
-    done = run(Order(load_rig(None), hold, "without", 1, tmp_path, moved))
+    done = run(RunRequest(load_rig(None), hold, "without", 1, tmp_path, moved))
     said = [e["text"] for e in read_run(done.folder).events if "moved camera" in e["text"]]
     assert len(said) == 1
     assert "rig calibrate table" in said[0]
@@ -190,8 +190,8 @@ def test_level_and_time_from_a_recorded_run(tmp_path: Path):
     """A run on disk: what it was made from comes back."""
     steps = read_protocol("sine-sweep").model_copy(update={"duration_s": 25.0})
     rig = replace(load_rig(None), effects={"level_offset": {"x": {"slope_rad": 0.003}}})
-    order = Order(rig, steps, "without", 5, tmp_path / "runs")
-    folder = keep_simulated(order, simulate_order(order))
+    order = RunRequest(rig, steps, "without", 5, tmp_path / "runs")
+    folder = keep_simulated(order, simulate_run(order))
     assert call("calibrate", "level", folder, "--out", tmp_path / "out") == 0
     assert call("calibrate", "time", folder, "--out", tmp_path / "out") == 0
     draft = load_draft(tmp_path / "out" / "calibration.json")

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments import cli
-from experiments.importing import read_log
-from experiments.recording import read_run
+from experiments.cli import application
+from experiments.records.importing import read_log
+from experiments.records.recording import read_run
 
 QUICK = 'title = "quick"\nduration_s = 1.0\n[start]\nhold_s = 0.0\n'
 
@@ -21,7 +21,7 @@ QUICK = 'title = "quick"\nduration_s = 1.0\n[start]\nhold_s = 0.0\n'
 def call(monkeypatch, *arguments: str) -> int:
     monkeypatch.setattr(sys, "argv", ["rig", *arguments])
     try:
-        cli.main()
+        application.main()
     except SystemExit as end:
         return int(end.code or 0)
     return 0

@@ -6,22 +6,15 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from gap_calls import RIG, SERVO_ONLY, answer, assert_contract, call, foreign, written
 
-from experiments import protocol
-from experiments.protocol import read_protocol
-from experiments.recording import read_run
-from experiments.runner import Order, keep_simulated, simulate_order
-from rig.rigfile import read_rig, write_rig
+from experiments.records.recording import read_run
+from experiments.runs import protocol
+from experiments.runs.protocol import read_protocol
+from experiments.runs.runner import RunRequest, keep_simulated, simulate_run
+from rig.rigfile import read_rig
+from tests.support.gap.calls import RIG, SERVO_ONLY, answer, assert_contract, call, foreign, written
 
 PLAY = {"joint_backlash": {"x": {"play_rad": 0.04}}}
-
-
-@pytest.fixture(scope="module")
-def rig_file(tmp_path_factory) -> Path:
-    path = tmp_path_factory.mktemp("rig") / "rig.toml"
-    write_rig(RIG, path)
-    return path
 
 
 @pytest.fixture(scope="module")
@@ -29,8 +22,8 @@ def run_folder(tmp_path_factory) -> Path:
     """A run folder of a simulated table with play in a joint that its rig file does not know."""
     steps = read_protocol("steps").model_copy(update={"duration_s": 10.0})
     plant, folder = replace(RIG, effects=PLAY), tmp_path_factory.mktemp("runs")
-    order = Order(plant, steps, "without", 5, folder, kind=RIG)
-    return keep_simulated(order, simulate_order(order))
+    order = RunRequest(plant, steps, "without", 5, folder, kind=RIG)
+    return keep_simulated(order, simulate_run(order))
 
 
 def test_a_run_folder_from_end_to_end(run_folder: Path, tmp_path: Path):
@@ -96,6 +89,7 @@ def test_a_csv_stops_at_the_stage_that_is_asked_for(stage: str, tmp_path: Path, 
         assert [effect["name"] for effect in found["effects"]] == ["voltage_offset"]
 
 
+@pytest.mark.slow
 def test_tolerances_come_from_five_clean_runs(capsys, tmp_path: Path, rig_file):
     names = []
     for seed in range(1, 6):
@@ -145,6 +139,7 @@ def test_bad_input_is_exit_2_and_one_line(arguments, words, capsys, monkeypatch,
         assert word in lines[0]
 
 
+@pytest.mark.slow
 def test_the_demo_finds_names_adds_and_closes_its_play(capsys, monkeypatch, tmp_path: Path):
     def short(name: str) -> protocol.Protocol:  # as shipped, but for the time that it takes
         return read_protocol(name).model_copy(update={"duration_s": 10.0})

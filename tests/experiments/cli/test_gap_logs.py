@@ -4,9 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gap_calls import (
+
+from experiments.gap.gap import investigate
+from experiments.records.exporting import export_log
+from experiments.runs.protocol import read_protocol
+from rig.log import Log
+from tests.support.gap.calls import (
     BALL_ONLY,
-    RIG,
     SERVO_ONLY,
     answer,
     assert_contract,
@@ -14,19 +18,6 @@ from gap_calls import (
     foreign,
     written,
 )
-
-from experiments.exporting import export_log
-from experiments.gap import investigate
-from experiments.protocol import read_protocol
-from rig.log import Log
-from rig.rigfile import write_rig
-
-
-@pytest.fixture(scope="module")
-def rig_file(tmp_path_factory) -> Path:
-    path = tmp_path_factory.mktemp("rig") / "rig.toml"
-    write_rig(RIG, path)
-    return path
 
 
 @pytest.mark.parametrize(
@@ -53,6 +44,7 @@ def test_what_a_log_lacks_is_skipped_and_said_so(blank, channels, tmp_path, rig_
     assert ("rolling_resistance" in lacking) == (not any("ball" in c for c in channels))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate_hz", [50.0, 1000.0])
 def test_other_rates(rate_hz: float, tmp_path: Path, rig_file):
     path = written(tmp_path, foreign(10.0, rate_hz=rate_hz, hidden="offset"))
@@ -79,6 +71,7 @@ def test_no_motion_is_undecided_for_want_of_excitation(capsys, tmp_path: Path, r
     assert not (tmp_path / "rig.toml").exists()
 
 
+@pytest.mark.slow
 def test_two_names_between_which_no_log_decides_come_with_the_next_experiment(
     tmp_path: Path, rig_file
 ):

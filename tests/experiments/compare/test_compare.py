@@ -5,11 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from experiments import compare as bench
-from experiments.assemble import load_rig
-from experiments.compare_grid import Grid, cells, read_grid
-from experiments.compare_words import words
-from experiments.console import silent
+from experiments.compare import compare as bench
+from experiments.compare.grid import Grid, cells, read_grid
+from experiments.compare.words import words
+from experiments.progress import silent
+from experiments.runs.assemble import load_rig
+from tests.support.parts import need
 
 SMALL = {
     "title": "small",
@@ -62,9 +63,12 @@ def test_two_processes_give_the_same_bits(tmp_path):
     assert json.dumps(rows(tmp_path / "a")) == json.dumps(rows(tmp_path / "b", jobs=2))
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # what a cluster warns of at its end is its own
 def test_a_dask_cluster_of_two_processes_gives_the_same_bits(tmp_path):
-    distributed = pytest.importorskip("distributed", reason="Dask is not installed (`cluster`)")
+    need("distributed")
+    import distributed
+
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
     here = rows(tmp_path / "a")

@@ -4,9 +4,9 @@ from math import radians
 
 import pytest
 
-from experiments.assemble import load_rig
-from experiments.compare import plan, sizes
-from experiments.compare_grid import Cell, cells, orders, read_grid, retuned_names, table_of
+from experiments.compare.compare import plan, sizes
+from experiments.compare.grid import Cell, cells, read_grid, retuned_names, run_requests, table_of
+from experiments.runs.assemble import load_rig
 
 GRID = read_grid(None)
 RIG = load_rig(None)
@@ -34,7 +34,7 @@ def test_every_cell_is_a_table_that_can_be_built():
 
 def test_arms_of_a_cell_get_the_same_units_and_draws():
     cell = cells(GRID)[0]
-    one, other = (orders(RIG, GRID, cell, arm) for arm in ("without", "neural"))
+    one, other = (run_requests(RIG, GRID, cell, arm) for arm in ("without", "neural"))
     for a, b in zip(one, other, strict=True):
         assert a.rig == b.rig
         assert a.seed == b.seed
@@ -44,7 +44,7 @@ def test_arms_of_a_cell_get_the_same_units_and_draws():
 
 def test_faults_reach_the_right_side():
     def first(fault: str):
-        return orders(RIG, GRID, Cell("joint 3", "as measured", "hold", fault), "with")[0]
+        return run_requests(RIG, GRID, Cell("joint 3", "as measured", "hold", fault), "with")[0]
 
     assert first("play taken for half").believed.play.factor == 0.5
     late = first("camera 30 ms later")
@@ -56,9 +56,9 @@ def test_faults_reach_the_right_side():
 
 def test_retuned_is_the_arm_without_and_other_gains():
     name = retuned_names(GRID)[-1]
-    order = orders(RIG, GRID, cells(GRID)[0], name)[0]
-    assert order.arm == "without"
-    assert order.believed.gains.proportional_rad_m == GRID.retuned[-1].proportional_rad_m
+    request = run_requests(RIG, GRID, cells(GRID)[0], name)[0]
+    assert request.arm == "without"
+    assert request.believed.gains.proportional_rad_m == GRID.retuned[-1].proportional_rad_m
 
 
 @pytest.mark.parametrize(

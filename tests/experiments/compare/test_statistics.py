@@ -5,13 +5,13 @@ from itertools import product
 import numpy as np
 import pytest
 
-from experiments.compare_statistics import (
+from experiments.compare.statistics import (
     EVEN,
     HARMS,
     HELPS,
     OPEN,
     against,
-    correct,
+    correct_p_values,
     equal_activity_rival,
     exact_p,
     mean,
@@ -53,7 +53,7 @@ def test_verdicts_follow_size_and_p():
     table["odd"] = [{"settled_error": e, "servo_activity": 0.01} for e in wide]
     tests = [against(table, arm, "without", "settled_error", (1, i))
              for i, arm in enumerate(("good", "bad", "same", "odd"))]  # fmt: skip
-    correct(tests)
+    correct_p_values(tests)
     assert [t["verdict"] for t in tests] == [HELPS, HARMS, EVEN, OPEN]
     assert all(t["p_holm"] >= t["p"] for t in tests)
 

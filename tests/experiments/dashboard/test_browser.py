@@ -1,4 +1,4 @@
-"""The whole study by hand in a real browser. Skipped, loudly, where there is none.
+"""The whole study by hand in a real browser.
 
 One test: its steps share the program and the pages, and each needs what the one before it left.
 RIG_ARTEFACTS names a folder in which screenshots are kept; RIG_BROWSER_PATIENCE_S (default 240)
@@ -9,16 +9,14 @@ import json
 import os
 import re
 import time
-import warnings
 from pathlib import Path
 
 import pytest
-from browser import CHROMIUM, FLAGS, Program, sees_table, wait_for
 
-sync_api = pytest.importorskip(
-    "playwright.sync_api", reason="NO BROWSER TESTS: playwright is missing"
-)
-from page import Hand  # noqa: E402  it needs playwright
+from tests.support.in_browser.page import Hand
+from tests.support.in_browser.program import FLAGS, PATIENCE_S, Program, sees_table
+from tests.support.parts import PARTS
+from tests.support.waiting import wait_for
 
 SIZES = ((1280, 800), (1920, 1080))
 TABS = ("Run", "Calibrate", "Results", "Gap", "Replay")
@@ -26,15 +24,16 @@ TABS = ("Run", "Calibrate", "Results", "Gap", "Replay")
 
 @pytest.fixture
 def chromium():
-    if not Path(CHROMIUM).is_file():
-        warnings.warn(pytest.PytestWarning(f"no {CHROMIUM}"), stacklevel=1)
-        pytest.skip(f"NO BROWSER TESTS: {CHROMIUM} is missing")
-    with sync_api.sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=PARTS["chromium"].find(), args=FLAGS)
         yield browser
         browser.close()
 
 
+@pytest.mark.slow
+@pytest.mark.timeout(1800)  # chosen: a loaded machine takes ten times as long as a quiet one
 def test_the_whole_study_in_a_browser(chromium, tmp_path: Path):
     artefacts = Path(os.environ.get("RIG_ARTEFACTS", tmp_path / "shots"))
     artefacts.mkdir(parents=True, exist_ok=True)
@@ -81,7 +80,7 @@ def ball_and_plate(page: Hand) -> None:
         spread, ball, plate = sees_table(page.view())
         return spread > 15 and ball > 200 and plate > 5000
 
-    wait_for("ball and plate in the 3-D view", seen)
+    wait_for("ball and plate in the 3-D view", seen, PATIENCE_S, every_s=0.2)
     page.see("You hold the controls")
     page.page.keyboard.down("Shift")
     page.page.mouse.click(600, 420)  # on the plate
@@ -222,7 +221,7 @@ def looks(chromium, page: Hand, program: Program, artefacts: Path) -> Hand:
     """Nothing is cut off or overlaps, in either size, light and dark; pictures are kept."""
     page.close()
     # A browser of its own: one that has drawn much without a graphics card stands still at times.
-    fresh = chromium.browser_type.launch(executable_path=CHROMIUM, args=FLAGS)
+    fresh = chromium.browser_type.launch(executable_path=PARTS["chromium"].find(), args=FLAGS)
     watcher = Hand(fresh, program.link, artefacts, sharp=True)
     for theme in ("light", "dark"):
         for width, height in SIZES:

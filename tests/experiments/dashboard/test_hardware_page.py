@@ -1,27 +1,18 @@
 """The dashboard before a table that another process serves: nothing moves that was not armed."""
 
 import json
-import time
 from collections.abc import Iterator
 
 import pytest
-from rig_lab import Lab
 
-from experiments.assemble import load_rig
 from experiments.dashboard.app import App
-from experiments.dashboard.plan import Plan
-from experiments.dashboard.server import open_server
-from experiments.protocol import read_protocol
-from experiments.recording import read_run
-
-
-@pytest.fixture(scope="module")
-def lab() -> Iterator[Lab]:
-    one = Lab()
-    try:
-        yield one
-    finally:
-        one.end()
+from experiments.dashboard.server.server import open_server
+from experiments.dashboard.session.plan import RunPlan
+from experiments.records.recording import read_run
+from experiments.runs.assemble import load_rig
+from experiments.runs.protocol import read_protocol
+from tests.support.rig_lab import Lab
+from tests.support.waiting import wait_for
 
 
 @pytest.fixture
@@ -35,30 +26,24 @@ def app(lab: Lab) -> Iterator[App]:
         server.stop()
 
 
-def wait_for(what: str, holds) -> None:
-    end = time.monotonic() + 120
-    while not holds():
-        assert time.monotonic() < end, f"{what} did not come"
-        time.sleep(0.02)
-
-
 def test_a_real_table_is_homed_and_armed_for_every_run_and_stopped_by_everybody(lab, app):
     session, tab = app.session, app.run_tab
-    wait_for("rest", lambda: session.status.state == "stopped")  # opening the page moves nothing
+    # Opening the page moves nothing.
+    wait_for("rest", lambda: session.status.state == "stopped", 120.0)
     with pytest.raises(ValueError, match="tick Arm"):
         tab.start()
     with pytest.raises(ValueError, match="in a run alone"):
         session.balance()
     with pytest.raises(ValueError, match="has not been homed"):
-        session.start(Plan(read_protocol("servo-squares"), ("with",), 1, 1))
+        session.start(RunPlan(read_protocol("servo-squares"), ("with",), 1, 1))
     assert not (lab.folder / "volts").read_text()
     assert lab.call("home", "--yes")[0] == 0
     tab._armed.now, tab._protocol.now = True, "servo-squares"
     tab.start()
-    wait_for("motion", lambda: session.status.t_s > 1.0)
+    wait_for("motion", lambda: session.status.t_s > 1.0, 120.0)
     assert not tab._armed.now  # used up
     session.stop("page 7")
-    wait_for("rest", lambda: session.status.state == "stopped")
+    wait_for("rest", lambda: session.status.state == "stopped", 120.0)
     (folder,) = (lab.out / "runs").iterdir()
     meta = json.loads((folder / "run.json").read_text())
     assert (meta["source"], meta["outcome"]) == ("measured", "aborted")
@@ -70,15 +55,15 @@ def test_a_real_table_is_homed_and_armed_for_every_run_and_stopped_by_everybody(
 
 def test_a_person_is_told_on_the_page_and_the_table_sees_what_they_did(lab, app):
     asked = set()
-    plan = Plan(read_protocol(lab.protocol(3.0)), ("without", "with"), 1, 1, pause=True)
+    plan = RunPlan(read_protocol(lab.protocol(3.0)), ("without", "with"), 1, 1, pause=True)
     before = set((lab.out / "runs").iterdir())
     app.session.start(plan)
 
     def paused() -> bool:
-        asked.add(app.session.status.asked[:5])
+        asked.add(app.session.status.operator_step[:5])
         return app.session.status.state == "pause"
 
-    wait_for("the pause", paused)
+    wait_for("the pause", paused, 120.0)
     assert {"place", "let i"} <= asked
     app.session.stop("page 7")  # the second run is never begun
     (folder,) = set((lab.out / "runs").iterdir()) - before

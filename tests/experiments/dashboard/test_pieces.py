@@ -12,51 +12,55 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from experiments.dashboard.clamps import KP, PLAY_DEG, choice, on_plate
-from experiments.dashboard.controls import Controls
-from experiments.dashboard.curves import CHARTS, chart_data, held
-from experiments.dashboard.live import POINTS, Live
-from experiments.dashboard.orders import LONGEST, Orders
-from experiments.dashboard.plan import Plan, Status, legs
-from experiments.dashboard.player import Player
-from experiments.dashboard.pose import linkage, plate_point, plate_wxyz, quaternion, teeth
-from experiments.dashboard.seat import Seat
-from experiments.protocol import read_protocol
-from rig.linkage import plate_rotation
+from experiments.analysis.samples import held
+from experiments.dashboard.server.controls import (
+    QUEUE_LENGTH,
+    ControlLock,
+    ControlPanelQueue,
+    Controls,
+)
+from experiments.dashboard.server.input_limits import BACKLASH_DEG, KP, choice, on_plate
+from experiments.dashboard.session.live import POINTS, LiveBuffer
+from experiments.dashboard.session.plan import RunPlan, SessionStatus, planned_runs
+from experiments.dashboard.session.playback import PlaybackClock
+from experiments.dashboard.view.curves import CHARTS, chart_data
+from experiments.dashboard.view.pose import gauges, linkage, plate_point, plate_wxyz, quaternion
+from experiments.runs.protocol import read_protocol
 from rig.log import COLUMNS, INDEX
 from rig.parameters import Rig
+from rig.plant.ball import plate_rotation
 
 
 # --- the seat ---
 def test_one_page_holds_the_controls_and_others_take_over_knowingly():
-    seat = Seat().joined(1).joined(2)
-    assert seat.may(1)
-    assert not seat.may(2)
-    assert "watching" in seat.words(2)
-    seat = seat.taken(2)
-    assert seat.may(2)
-    assert not seat.may(1)
-    seat = seat.left(2)
-    assert not seat.may(1)  # nobody gets them without asking
-    assert "Nobody holds" in seat.words(1)
-    assert seat.joined(3).may(3)  # a page that comes (or is reloaded) while they are free
+    lock = ControlLock().joined(1).joined(2)
+    assert lock.may(1)
+    assert not lock.may(2)
+    assert "watching" in lock.words(2)
+    lock = lock.taken(2)
+    assert lock.may(2)
+    assert not lock.may(1)
+    lock = lock.left(2)
+    assert not lock.may(1)  # nobody gets them without asking
+    assert "Nobody holds" in lock.words(1)
+    assert lock.joined(3).may(3)  # a page that comes (or is reloaded) while they are free
     with pytest.raises(ValueError, match="not connected"):
-        seat.taken(9)
+        lock.taken(9)
 
 
 @given(st.lists(st.tuples(st.sampled_from(["join", "leave", "take"]), st.integers(0, 4))))
 def test_never_two_hold_the_controls(steps):
-    seat = Seat()
+    lock = ControlLock()
     for what, page in steps:
         if what == "join":
-            seat = seat.joined(page)
+            lock = lock.joined(page)
         elif what == "leave":
-            seat = seat.left(page)
-        elif page in seat.pages:
-            seat = seat.taken(page)
-        assert sum(seat.may(page) for page in range(5)) <= 1
-        assert seat.holder is None or seat.holder in seat.pages
-    assert not seat.may(None)
+            lock = lock.left(page)
+        elif page in lock.pages:
+            lock = lock.taken(page)
+        assert sum(lock.may(page) for page in range(5)) <= 1
+        assert lock.holder is None or lock.holder in lock.pages
+    assert not lock.may(None)
 
 
 # --- clamps ---
@@ -74,7 +78,7 @@ def test_whatever_a_page_sends_is_within_the_limits_or_refused(value):
 @pytest.mark.parametrize("value", [nan, inf, -inf, True, None, "abc", [1.0], 10**400])
 def test_what_is_no_number_is_refused(value):
     with pytest.raises(ValueError, match="no number"):
-        PLAY_DEG.clamp(value)
+        BACKLASH_DEG.clamp(value)
 
 
 @given(ANYTHING)
@@ -91,28 +95,30 @@ def test_a_target_stays_on_the_plate(x, y):
 # --- the queue ---
 def test_orders_are_served_in_turn_and_failures_are_told():
     failures, served = [], []
-    orders = Orders(lambda order, error: failures.append((order.what, order.page, str(error))))
-    orders.put("one", lambda: served.append(1))
-    orders.put("two", lambda: (_ for _ in ()).throw(ValueError("broken")), 7)
-    orders.put("three", lambda: served.append(3))
-    orders.close()
+    queue = ControlPanelQueue(
+        lambda order, error: failures.append((order.what, order.page, str(error)))
+    )
+    queue.put("one", lambda: served.append(1))
+    queue.put("two", lambda: (_ for _ in ()).throw(ValueError("broken")), 7)
+    queue.put("three", lambda: served.append(3))
+    queue.close()
     assert served == [1, 3]
     assert failures == [("two", 7, "broken")]
 
 
 def test_a_full_queue_drops_and_never_waits():
     gate = threading.Event()
-    orders = Orders(lambda order, error: None)
+    queue = ControlPanelQueue(lambda order, error: None)
 
     def slow() -> None:
         gate.wait()
 
-    orders.put("slow", slow)
-    results = [orders.put("more", lambda: None) for _ in range(LONGEST + 10)]
+    queue.put("slow", slow)
+    results = [queue.put("more", lambda: None) for _ in range(QUEUE_LENGTH + 10)]
     gate.set()
-    orders.close()
+    queue.close()
     assert not all(results)
-    assert sum(results) >= LONGEST - 1
+    assert sum(results) >= QUEUE_LENGTH - 1
 
 
 class FakeHandle:
@@ -140,7 +146,7 @@ def controls():
 
 def test_a_watching_page_moves_nothing_and_its_slider_goes_back():
     c, told, noted = controls()
-    c.seat = Seat().joined(1).joined(2)
+    c.lock = ControlLock().joined(1).joined(2)
     handle, applied = FakeHandle(3.0), []
     kept = c.value(handle, "gain", KP.clamp, applied.append)
     handle.value = 5.0
@@ -148,7 +154,7 @@ def test_a_watching_page_moves_nothing_and_its_slider_goes_back():
     handle2 = FakeHandle(0)
     c.button(handle2, "start", lambda page: applied.append("start"))
     handle2.callback(FakeEvent(2))
-    c.orders.close()
+    c.queue.close()
     assert applied == []
     assert handle.value == kept.now == 3.0
     assert [what[0] for what in told] == [2, 2]
@@ -157,7 +163,7 @@ def test_a_watching_page_moves_nothing_and_its_slider_goes_back():
 
 def test_a_value_beyond_its_limit_is_clamped_and_everybody_may_stop():
     c, told, _ = controls()
-    c.seat = Seat().joined(1).joined(2)
+    c.lock = ControlLock().joined(1).joined(2)
     handle, applied = FakeHandle(3.0), []
     kept = c.value(handle, "gain", KP.clamp, applied.append)
     handle.value = 1e9
@@ -166,7 +172,7 @@ def test_a_value_beyond_its_limit_is_clamped_and_everybody_may_stop():
     c.button(stop, "stop", lambda page: applied.append(f"stop {page}"), everybody=True)
     stop.callback(FakeEvent(2))
     handle.callback(FakeEvent(None))  # set by the program: not an order
-    c.orders.close()
+    c.queue.close()
     assert applied == [KP.high, "stop 2"]
     assert handle.value == kept.now == KP.high
     assert told == []
@@ -174,7 +180,7 @@ def test_a_value_beyond_its_limit_is_clamped_and_everybody_may_stop():
 
 def test_an_exception_becomes_a_notification_and_a_line_in_the_events():
     c, told, noted = controls()
-    c.seat = Seat().joined(1)
+    c.lock = ControlLock().joined(1)
     button = FakeHandle(False)
 
     def act(page):
@@ -182,24 +188,26 @@ def test_an_exception_becomes_a_notification_and_a_line_in_the_events():
 
     c.button(button, "push", act)
     button.callback(FakeEvent(1))
-    c.orders.close()
+    c.queue.close()
     assert told == [(1, "push", "no motor")]
     assert noted == ["push: RuntimeError: no motor"]
 
 
 # --- plan ---
 def test_a_plan_pairs_the_arms_of_a_seed():
-    plan = Plan(read_protocol("free-release"), ("without", "with"), 2, 5, speed=2.0)
-    found = [(leg.seed, leg.arm, leg.number, leg.of) for leg in legs(plan)]
+    plan = RunPlan(read_protocol("free-release"), ("without", "with"), 2, 5, speed=2.0)
+    found = [
+        (planned.seed, planned.method, planned.number, planned.of) for planned in planned_runs(plan)
+    ]
     assert found == [
         (5, "without", 1, 4),
         (5, "with", 2, 4),
         (6, "without", 3, 4),
         (6, "with", 4, 4),
     ]
-    status = Status("running", leg=legs(plan)[1], t_s=8.25)
+    status = SessionStatus("running", run=planned_runs(plan)[1], t_s=8.25)
     assert status.share == pytest.approx(0.375)
-    assert status.left_s == pytest.approx(2.5 * 16.5 / 2)
+    assert status.remaining_s == pytest.approx(2.5 * 16.5 / 2)
     assert replace(status, t_s=99.0).share == 0.5
 
 
@@ -230,7 +238,7 @@ def test_quaternion_is_the_rotation(x, y):
 
 @given(st.floats(0, 0.05), st.floats(-0.1, 0.1))
 def test_a_tooth_never_leaves_its_gap_and_touches_at_its_ends(play, twist):
-    half, at, touches = teeth(play, twist, Rig())
+    half, at, touches = gauges(play, twist, Rig())
     assert abs(at) <= half + 1e-12
     if abs(twist) < play / 2 - 1e-4:
         assert touches == 0
@@ -248,7 +256,7 @@ def test_a_click_meets_the_plate():
 # --- curves and rows ---
 def test_blanks_are_held_and_curves_are_thinned():
     assert list(held(np.array([nan, 1.0, nan, nan, 2.0]))) == [0.0, 1.0, 1.0, 1.0, 2.0]
-    live = Live(500.0)
+    live = LiveBuffer(500.0)
     row = np.full(len(COLUMNS), nan)
     for tick in range(12000):
         row[0] = tick / 500
@@ -262,14 +270,14 @@ def test_blanks_are_held_and_curves_are_thinned():
         data = chart_data(chart, rows)
         assert all(np.isfinite(part).all() and len(part) == POINTS for part in data)
     assert live.now().row is not None
-    assert len(live.fresh()) <= 2048
-    assert live.fresh() == []
+    assert len(live.unread()) <= 2048
+    assert live.unread() == []
 
 
 # --- film ---
 def test_a_film_plays_scrubs_and_stops_at_its_end():
     now = [0.0]
-    player = Player(10.0, clock=lambda: now[0])
+    player = PlaybackClock(10.0, clock=lambda: now[0])
     player.play(True)
     now[0] = 2.0
     assert player.t_s == 2.0

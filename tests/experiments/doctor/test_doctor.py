@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from experiments import cli
-from experiments.doctor import BAD, NOTE, OK, Device, Facts, examine, udev_rule, usable
-from experiments.doctor_facts import gather
+from experiments.cli import application
+from experiments.doctor.doctor import BAD, NOTE, OK, Device, Facts, examine, udev_rule, usable
+from experiments.doctor.facts import gather
 from rig.parameters import Rig, TableChoice
 
 WELL = Facts(
@@ -119,7 +119,7 @@ def test_facts_of_this_machine_can_be_gathered(tmp_path: Path):
 def doctor(monkeypatch, capsys, rig: Path) -> tuple[int, str]:
     monkeypatch.setattr(sys, "argv", ["rig", "doctor", "--rig", str(rig)])
     try:
-        cli.main()
+        application.main()
         code = 0
     except SystemExit as end:
         code = int(end.code or 0)
@@ -146,7 +146,7 @@ def test_a_port_that_is_not_there_is_one_line(words, tmp_path, monkeypatch, caps
     (tmp_path / "serial.toml").write_text(text)
     monkeypatch.setattr("sys.argv", ["rig", *words, "--rig", "serial.toml", "--yes"])
     with pytest.raises(SystemExit) as end:
-        cli.main()
+        application.main()
     said = capsys.readouterr()
     assert end.value.code == 2
     assert said.err.count("\n") == 1

@@ -2,31 +2,26 @@
 libusb, pyserial and file calls of a real program."""
 
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
-import pytest
+from experiments.doctor.doctor import udev_rule
+from tests.support import ROOT
+from tests.support.parts import need
 
-from experiments.doctor import udev_rule
-
-if shutil.which("umockdev-run") is None:
-    pytest.skip(
-        "NO umockdev (apt install umockdev): rig doctor is NOT tested with devices",
-        allow_module_level=True,
-    )
+need("umockdev", "libusb")
 
 HUB = "12010002090000406b1d020002050302010109021900010100e0000904000001090000000705810304000c"
 ARDUINO = "12010002020000404123430001000102000109021900010100e0000904000001090000000705810304000c"
-# One vendor-class interface, bulk endpoints 0x81 and 0x02, as rig/hardware/usb_link.py wants it.
+# One vendor-class interface, bulk endpoints 0x81 and 0x02, as usb_link.py wants it.
 BOARD = (
     "120100020000004009120100000100000001"
     "0902200001010080320904000002ff0000000705810240000007050202400000"
 )
-ROOT = "/devices/pci0000:00/0000:00:14.0/usb1"
+USB_BUS = "/devices/pci0000:00/0000:00:14.0/usb1"
 DEVICES = f"""\
-P: {ROOT}
+P: {USB_BUS}
 N: bus/usb/001/001
 E: DEVNAME=/dev/bus/usb/001/001
 E: DEVTYPE=usb_device
@@ -37,7 +32,7 @@ A: speed=480
 A: bConfigurationValue=1
 H: descriptors={HUB}
 
-P: {ROOT}/1-1
+P: {USB_BUS}/1-1
 N: bus/usb/001/004
 E: DEVNAME=/dev/bus/usb/001/004
 E: DEVTYPE=usb_device
@@ -48,7 +43,7 @@ A: speed=12
 A: bConfigurationValue=1
 H: descriptors={BOARD}
 
-P: {ROOT}/1-2
+P: {USB_BUS}/1-2
 N: bus/usb/001/005
 E: DEVNAME=/dev/bus/usb/001/005
 E: DEVTYPE=usb_device
@@ -63,17 +58,17 @@ A: idProduct=0043
 A: product=Uno of umockdev
 H: descriptors={ARDUINO}
 
-P: {ROOT}/1-2/1-2:1.0
+P: {USB_BUS}/1-2/1-2:1.0
 E: DEVTYPE=usb_interface
 E: SUBSYSTEM=usb
 A: bInterfaceNumber=00
 
-P: {ROOT}/1-2/1-2:1.0/tty/ttyACM7
+P: {USB_BUS}/1-2/1-2:1.0/tty/ttyACM7
 N: ttyACM7
 E: SUBSYSTEM=tty
 L: device=../../../1-2:1.0
 
-P: {ROOT}/1-3/1-3:1.0/video4linux/video5
+P: {USB_BUS}/1-3/1-3:1.0/video4linux/video5
 N: video5
 E: SUBSYSTEM=video4linux
 A: name=Global shutter
@@ -94,9 +89,13 @@ def doctor(folder: Path, rig: str, *shut: str) -> tuple[int, str]:
     command = ["umockdev-run", "-d", "all.umockdev", "--", "sh", "-c", take + 'exec "$@"', "sh"]
     program = [sys.executable, "-m", "experiments.cli", "doctor", "--rig", "lab.toml"]
     said = subprocess.run(
-        [*command, *asked, *program], cwd=folder, capture_output=True, text=True, timeout=120,
-        env=os.environ | {"COLUMNS": "200", "PYTHONPATH": str(Path(__file__).parents[2])},
-    )  # fmt: skip
+        [*command, *asked, *program],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        env=os.environ | {"COLUMNS": "200", "PYTHONPATH": str(ROOT)},
+    )
     assert "Traceback" not in said.stderr
     return said.returncode, said.stdout + said.stderr
 

@@ -5,16 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from gap_logs import RIG, log_of, table_log
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from experiments.gap_checks import check, step_of
-from experiments.gap_input import released
-from experiments.gap_physics import ball_response, servo_response
-from experiments.protocol import read_protocol
-from experiments.runner import Order, simulate_order
+from experiments.gap.checks import check, step_of
+from experiments.gap.input import released
+from experiments.gap.physics import ball_response, servo_response
+from experiments.runs.protocol import read_protocol
+from experiments.runs.runner import RunRequest, simulate_run
 from rig.parameters import Linkage, Servo
+from tests.support.gap.logs import RIG, log_of, table_log
 
 
 def scaled(**factors):
@@ -62,8 +62,8 @@ def test_a_table_with_faults_is_not_refused(protocol):
         "cross_coupling": {"x": {"fraction": 0.15}},
     }
     rig = replace(RIG, effects=effects, servo=Servo(gain_rad_s_V=2.9, time_constant_s=0.05))
-    order = Order(rig, read_protocol(protocol), "without", 3, Path(), kind=RIG)
-    assert check(released(simulate_order(order).log, RIG.camera.delay_s), RIG) == []
+    order = RunRequest(rig, read_protocol(protocol), "without", 3, Path(), kind=RIG)
+    assert check(released(simulate_run(order).log, RIG.camera.delay_s), RIG) == []
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.assemble import known, load_rig
-from experiments.closed_loop_proof import closed_loop_rows
-from experiments.gap_input import GapInput, read_evidence
-from experiments.protocol import Protocol, read_protocol
-from experiments.runner import Order, keep_simulated, run, simulate_order
+from experiments.gap.closed_loop_proof import closed_loop_rows
+from experiments.gap.input import GapInput, read_evidence
+from experiments.runs.assemble import known, load_rig
+from experiments.runs.protocol import Protocol, read_protocol
+from experiments.runs.runner import RunRequest, keep_simulated, run, simulate_run
 
 TRUTH = load_rig(None)
 WITHOUT_PLAY = replace(
@@ -20,8 +20,8 @@ HOLD = read_protocol("hold").model_copy(update={"duration_s": 30.0})
 
 
 def recorded(folder: Path, protocol: Protocol, *, arm: str = "without", seed: int = 9) -> Path:
-    order = Order(TRUTH, protocol, arm, seed, folder)
-    return keep_simulated(order, simulate_order(order))
+    order = RunRequest(TRUTH, protocol, arm, seed, folder)
+    return keep_simulated(order, simulate_run(order))
 
 
 def by_name(inputs: GapInput, before=WITHOUT_PLAY, after=TRUTH, seeds: int = 3) -> dict:
@@ -48,7 +48,7 @@ def test_with_its_hidden_play_the_model_cycles_like_the_table(holding: GapInput)
 
 def test_a_run_through_the_real_loop_serves_as_well(tmp_path: Path):
     short = HOLD.model_copy(update={"duration_s": 12.0})
-    rows = by_name(read_evidence([run(Order(TRUTH, short, "without", 4, tmp_path)).folder]))
+    rows = by_name(read_evidence([run(RunRequest(TRUTH, short, "without", 4, tmp_path)).folder]))
     row = rows["limit cycle amplitude x"]
     assert abs(row.after - row.measured) < abs(np.nan_to_num(row.before) - row.measured)
 

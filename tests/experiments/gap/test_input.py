@@ -4,17 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gap_logs import RIG, log_of, table_log
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from experiments.exporting import export_log
-from experiments.gap_input import read_evidence
-from experiments.recording import write_run
-from experiments.run_folder import read_meta, replace_json
+from experiments.gap.input import read_evidence
+from experiments.records.exporting import export_log
+from experiments.records.recording import write_run
+from experiments.records.run_folder import read_meta, replace_json
 from rig.log import INDEX
 from rig.parameters import CameraTiming, Gains, Linkage, Servo
 from rig.rigfile import to_dict, write_rig
+from tests.support.gap.logs import RIG, log_of, table_log
 
 SLOW = [HealthCheck.too_slow, HealthCheck.function_scoped_fixture]
 

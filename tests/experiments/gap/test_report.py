@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from gap_findings import ALL, RANKING, around, named, no_motion, nothing, rivals, unknown
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -21,10 +20,10 @@ from calibration.gap.findings import (
     ProofRow,
     Step,
 )
-from experiments import gap_figures as figures
-from experiments.gap_report import write_gap_report
-from experiments.gap_summary import summary_lines
-from experiments.gap_words import (
+from experiments.gap import figures
+from experiments.gap.report import write_gap_report
+from experiments.gap.summary import summary_lines
+from experiments.gap.words import (
     added_toml,
     closed_share,
     floors,
@@ -38,6 +37,16 @@ from experiments.gap_words import (
 from rig.effects import CATALOGUE
 from rig.parameters import CHANNELS, Rig
 from rig.rigfile import from_dict
+from tests.support.gap.findings import (
+    ALL,
+    RANKING,
+    around,
+    named,
+    no_motion,
+    nothing,
+    rivals,
+    unknown,
+)
 
 
 @pytest.fixture(scope="module")

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.assemble import known, load_rig
-from experiments.exporting import export_run
-from experiments.importing import read_log
-from experiments.metrics import run_metrics
-from experiments.numbers import MEASURES, measures
-from experiments.recording import read_run
-from experiments.reproduce import reproduce
+from experiments.analysis.metrics import run_metrics
+from experiments.analysis.numbers import MEASURES, measures
+from experiments.paper.reproduce import reproduce
+from experiments.records.exporting import export_run
+from experiments.records.importing import read_log
+from experiments.records.recording import read_run
+from experiments.runs.assemble import known, load_rig
 from rig.rigfile import to_dict
 
 

@@ -8,8 +8,8 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.io import loadmat
 
-from experiments.exporting import export_log, export_run
-from experiments.recording import write_run
+from experiments.records.exporting import export_log, export_run
+from experiments.records.recording import write_run
 from rig.log import CONTRACT, INDEX, NAMES, Log, Phase, blank_row
 
 

@@ -8,10 +8,10 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from scipy.io import savemat
 
-from experiments.exporting import export_log, export_run
-from experiments.importing import GAPLESS, ONE_OF, read_log
-from experiments.recording import Recorder, write_run
-from experiments.samples_schema import LONGEST_S, SHORTEST_S
+from experiments.records.exporting import export_log, export_run
+from experiments.records.importing import GAPLESS, ONE_OF, read_log
+from experiments.records.recording import Recorder, write_run
+from experiments.records.samples_file import LONGEST_S, SHORTEST_S
 from rig.log import COLUMNS, INDEX, NAMES, Log
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False, width=64)

@@ -5,9 +5,9 @@ import signal
 from pathlib import Path
 
 import pytest
-from killed_program import kill_after, opened_by_mcap, start, wait_for, whole
 
-from experiments.recording import read_run
+from experiments.records.recording import read_run
+from tests.support.killed_program import kill_after, opened_by_mcap, start, wait_for_ticks, whole
 
 POSIX = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="kill -9 is of POSIX")
 
@@ -37,7 +37,7 @@ def test_no_more_room_ends_the_run_with_its_reason_and_all_rows(tmp_path: Path):
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
 def test_a_signal_ends_the_run_and_the_recording_says_so(tmp_path: Path, name: str):
     program, ticks = start(tmp_path / "run")
-    wait_for(program, ticks, 100)
+    wait_for_ticks(program, ticks, 100)
     program.send_signal(getattr(signal, name))
     program.communicate(timeout=90)
     run = read_run(tmp_path / "run")

@@ -3,11 +3,11 @@
 import h5py
 import numpy as np
 import pytest
-from gap_logs import log_of, table_log
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from experiments.importing import read_log
+from experiments.records.importing import read_log
+from tests.support.gap.logs import log_of, table_log
 
 HEADER = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM"
 

@@ -20,8 +20,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from experiments import recording
-from experiments.recording import (
+from experiments.records import recording
+from experiments.records.recording import (
     Recorder,
     new_run_folder,
     read_run,
@@ -30,6 +30,7 @@ from experiments.recording import (
     write_truth,
 )
 from rig.log import COLUMNS, Log
+from tests.support import ROOT
 
 START = {"source": "simulated", "protocol": "hold", "arm": "with", "seed": 7}
 ANY = st.floats(allow_nan=True, allow_infinity=True, width=64)
@@ -370,7 +371,7 @@ def test_recover_leaves_a_living_run_alone(tmp_path):
 CHILD = """
 import mmap, sys, time
 import numpy as np
-from experiments.recording import Recorder
+from experiments.records.recording import Recorder
 from rig.log import COLUMNS
 folder, shared = sys.argv[1:]
 file = open(shared, "r+b")
@@ -396,7 +397,7 @@ def test_kill_9_takes_nothing_that_is_older_than_a_fifth_of_a_second(tmp_path):
         shared = tmp_path / f"{i}.done"
         shared.write_bytes(bytes(16))
         command = [sys.executable, "-c", CHILD, str(tmp_path / str(i)), str(shared)]
-        children.append((subprocess.Popen(command, cwd=Path(__file__).parents[2]), i))
+        children.append((subprocess.Popen(command, cwd=ROOT), i))
     deadline = time.monotonic() + 20
     for child, i in children:
         with (tmp_path / f"{i}.done").open("rb") as file:

@@ -10,20 +10,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.decoder import DecoderFactory as McapDecoderFactory
 
-from experiments.samples_reading import read_samples
-from experiments.samples_schema import (
-    CHUNK_ROWS,
+from experiments.records.samples_file import (
     RECORD,
-    event_message,
+    event_record,
     finished_file,
+    message_records,
     opening,
-    pack,
     plain_ending,
+    read_samples,
     sample_schema,
 )
 from rig.log import COLUMNS, INDEX, NAMES
 
 START_NS = int(datetime(2026, 11, 20, 10, 15, 2, tzinfo=UTC).timestamp()) * 10**9
+CHUNK_ROWS = 2**20 // RECORD.itemsize + 1  # the writer ends a chunk beyond 1 MiB
 EVENTS = [{"t_s": 0.001, "text": "begin"}, {"t_s": 0.5, "text": "push", "speed_m_s": 0.1}]
 
 
@@ -36,8 +36,8 @@ def example(n):
 
 def plain_file(rows, ending=True):
     """A file as it stands while it is recorded: an event, rows, an event."""
-    first, last = (event_message(event, START_NS, i)[1] for i, event in enumerate(EVENTS))
-    body = opening() + first + pack(rows, START_NS).tobytes() + last
+    first, last = (event_record(event, START_NS, i) for i, event in enumerate(EVENTS))
+    body = opening() + first + message_records(rows, START_NS).tobytes() + last
     return body + plain_ending() if ending else body
 
 
@@ -62,7 +62,7 @@ class _JsonFactory(McapDecoderFactory):
 @pytest.mark.parametrize("finished", [True, False])
 def test_the_official_reader_sees_every_value_at_its_time(finished):
     rows = example(CHUNK_ROWS + 10)
-    data = b"".join(finished_file(rows, EVENTS, START_NS)) if finished else plain_file(rows)
+    data = finished_file(rows, EVENTS, START_NS) if finished else plain_file(rows)
     messages = list(official(data, order=True))
     times = [time for _, time, _ in messages]
     assert times == sorted(times)
@@ -81,7 +81,7 @@ def test_the_index_and_the_checksums_are_right():
     from mcap.stream_reader import StreamReader
 
     rows = example(2 * CHUNK_ROWS + 1)
-    data = b"".join(finished_file(rows, EVENTS, START_NS))
+    data = finished_file(rows, EVENTS, START_NS)
     assert sum(1 for _ in StreamReader(io.BytesIO(data), validate_crcs=True).records) > len(rows)
     reader = make_reader(io.BytesIO(data), validate_crcs=True)
     summary = reader.get_summary()
@@ -107,7 +107,7 @@ def test_the_rows_are_what_protobuf_itself_would_write():
     rows = example(1)
     for name, value in zip(NAMES, rows[0], strict=True):
         setattr(message, name, value)
-    record = pack(rows, 0).tobytes()
+    record = message_records(rows, 0).tobytes()
     assert record[9 + 22 :] == message.SerializeToString(deterministic=True)
     assert len(record) == RECORD.itemsize
 
@@ -117,13 +117,21 @@ def test_the_rows_are_what_protobuf_itself_would_write():
 def test_a_file_cut_anywhere_keeps_every_whole_row(data):
     rows = example(7)
     whole = plain_file(rows, ending=False)
-    first = whole.index(pack(rows[:1], START_NS).tobytes())
+    first = whole.index(message_records(rows[:1], START_NS).tobytes())
     cut = data.draw(st.integers(0, len(whole)))
     samples = read_samples(whole[:cut])
     assert not samples.complete
     expected = rows[: max(0, (cut - first) // RECORD.itemsize)]
     np.testing.assert_array_equal(samples.rows, expected)
     assert len(samples.events) == (cut >= first) + (cut == len(whole))
+
+
+@pytest.mark.parametrize("cut", [1, 7, 8, 9])
+def test_a_finished_file_without_its_last_bytes_is_not_complete(cut):
+    data = finished_file(example(9), EVENTS, START_NS)
+    samples = read_samples(data[:-cut])
+    assert not samples.complete
+    np.testing.assert_array_equal(samples.rows, example(9))
 
 
 @pytest.mark.parametrize("cut", [0, 1, 5, 100, RECORD.itemsize - 1])
@@ -135,7 +143,7 @@ def test_the_official_streaming_reader_reads_a_cut_file(cut):
     from mcap.stream_reader import StreamReader
 
     rows = example(9)
-    body = opening() + pack(rows, START_NS).tobytes()
+    body = opening() + message_records(rows, START_NS).tobytes()
     messages = []
     try:
         for record in StreamReader(io.BytesIO(body[: len(body) - cut])).records:
@@ -158,7 +166,7 @@ def test_zeros_after_a_power_cut_end_the_rows():
 @given(st.data(), st.booleans())
 def test_damaged_bytes_never_raise_more_than_a_value_error(data, finished):
     rows = example(20)
-    whole = b"".join(finished_file(rows, EVENTS, START_NS)) if finished else plain_file(rows)
+    whole = finished_file(rows, EVENTS, START_NS) if finished else plain_file(rows)
     broken = bytearray(whole)
     for _ in range(data.draw(st.integers(1, 4))):
         broken[data.draw(st.integers(8, len(whole) - 1))] = data.draw(st.integers(0, 255))
@@ -168,11 +176,12 @@ def test_damaged_bytes_never_raise_more_than_a_value_error(data, finished):
 
 def test_a_damaged_chunk_is_left_out_and_said():
     rows = example(2 * CHUNK_ROWS)
-    data = bytearray(b"".join(finished_file(rows, EVENTS, START_NS)))
+    data = bytearray(finished_file(rows, EVENTS, START_NS))
     data[len(opening()) + 5000] ^= 0xFF
     samples = read_samples(bytes(data))
     assert not samples.complete
-    np.testing.assert_array_equal(samples.rows, rows[CHUNK_ROWS:])
+    assert CHUNK_ROWS <= len(samples.rows) < 1.02 * CHUNK_ROWS  # declarations are in the first, too
+    np.testing.assert_array_equal(samples.rows, rows[-len(samples.rows) :])
     assert samples.events == EVENTS
 
 
@@ -227,7 +236,7 @@ def test_our_schema_rewritten_by_another_tool_is_read_too():
     from mcap.writer import Writer
 
     rows = example(6)
-    records = pack(rows, START_NS)
+    records = message_records(rows, START_NS)
     out = io.BytesIO()
     writer = Writer(out)
     writer.start()

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from rig_lab import Lab
+
+from tests.support.rig_lab import Lab
 
 TRIES = 3
 # A busy machine's doing: a process that had no turn in time is a lost table or camera.

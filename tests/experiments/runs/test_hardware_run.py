@@ -5,22 +5,12 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from rig_lab import Lab
 
-from experiments.recording import read_run
-
-
-@pytest.fixture(scope="module")
-def lab() -> Iterator[Lab]:
-    one = Lab()
-    try:
-        yield one
-    finally:
-        one.end()
+from experiments.records.recording import read_run
+from tests.support.rig_lab import Lab
 
 
 @pytest.fixture(scope="module")

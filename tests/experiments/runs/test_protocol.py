@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.protocol import course, read_protocol, shipped
+from experiments.runs.protocol import course, read_protocol, shipped
 from rig.parameters import Linkage, Rig
 
 SHIPPED = (

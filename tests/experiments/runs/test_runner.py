@@ -6,13 +6,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.assemble import another_unit, known, load_rig, rendered_eye
-from experiments.metrics import run_metrics
-from experiments.protocol import Protocol, Pushes, Start, read_protocol
-from experiments.recording import read_run
-from experiments.reproduce import fit_camera
-from experiments.runner import Order, contract_columns, events, keep_simulated, run, simulate_order
-from experiments.runs import calibrate_camera
+from experiments.analysis.metrics import run_metrics
+from experiments.paper.reproduce import fit_camera
+from experiments.records.recording import read_run
+from experiments.runs.assemble import another_unit, known, load_rig, rendered_eye
+from experiments.runs.protocol import Protocol, Pushes, Start, read_protocol
+from experiments.runs.runner import (
+    RunRequest,
+    contract_columns,
+    events,
+    keep_simulated,
+    run,
+    simulate_run,
+)
+from experiments.runs.runs import calibrate_camera
 from rig.rigfile import from_dict
 
 TABLE = load_rig(None)
@@ -21,9 +28,9 @@ SHORT = Protocol(title="short", duration_s=10.0, start=Start(x_m=-0.13, y_m=0.13
 
 def test_the_recorded_loop_and_the_kernel_give_the_same_run(tmp_path: Path):
     protocol = replace_pushes(SHORT, Pushes(kind="drawn", first_s=3.0, every_s=2.0))
-    order = Order(TABLE, protocol, "with", 7, tmp_path)
-    done = run(order)
-    recording, result = read_run(done.folder), simulate_order(order)
+    request = RunRequest(TABLE, protocol, "with", 7, tmp_path)
+    done = run(request)
+    recording, result = read_run(done.folder), simulate_run(request)
     assert done.ending.outcome == result.outcome == "completed"
     assert np.array_equal(recording.log.rows, result.log.rows, equal_nan=True)
     noted = [{"t_s": e["t_s"], "text": e["text"]} for e in recording.events]
@@ -33,7 +40,9 @@ def test_the_recorded_loop_and_the_kernel_give_the_same_run(tmp_path: Path):
     pushed = [e["t_s"] for e in noted if e["text"] == "pushed"]
     assert len(pushed) >= 3
     assert np.allclose(seen, pushed, atol=0.15)  # the ball itself shows each, and no other
-    kept = read_run(keep_simulated(replace(order, seed=8), simulate_order(replace(order, seed=8))))
+    kept = read_run(
+        keep_simulated(replace(request, seed=8), simulate_run(replace(request, seed=8)))
+    )
     assert kept.meta["outcome"] == "completed"
     assert not np.array_equal(kept.log.rows, recording.log.rows, equal_nan=True)
 
@@ -44,7 +53,7 @@ def replace_pushes(protocol: Protocol, pushes: Pushes) -> Protocol:
 
 def test_run_json_says_what_the_controller_knows_and_truth_json_the_rest(tmp_path: Path):
     folder = run(
-        Order(TABLE, SHORT.model_copy(update={"duration_s": 0.5}), "with", 1, tmp_path)
+        RunRequest(TABLE, SHORT.model_copy(update={"duration_s": 0.5}), "with", 1, tmp_path)
     ).folder
     meta = read_run(folder).meta
     assert from_dict(meta["rig"]) == known(TABLE)
@@ -57,7 +66,7 @@ def test_run_json_says_what_the_controller_knows_and_truth_json_the_rest(tmp_pat
 
 def test_a_ball_placed_wrongly_stops_the_run_with_a_reason(tmp_path: Path):
     wrong = SHORT.model_copy(update={"start": Start(x_m=0.1, y_m=0.1, tolerance_m=1e-4)})
-    done = run(Order(TABLE, wrong, "with", 1, tmp_path))
+    done = run(RunRequest(TABLE, wrong, "with", 1, tmp_path))
     assert done.ending.outcome == "aborted"
     assert "place it again" in done.ending.reason
     assert read_run(done.folder).meta["reason"] == done.ending.reason
@@ -65,7 +74,7 @@ def test_a_ball_placed_wrongly_stops_the_run_with_a_reason(tmp_path: Path):
 
 def test_the_papers_way_of_pushing_runs_and_is_recorded(tmp_path: Path):
     protocol = replace_pushes(SHORT, Pushes(kind="at-centre"))
-    recording = read_run(run(Order(TABLE, protocol, "with", 1, tmp_path)).folder)
+    recording = read_run(run(RunRequest(TABLE, protocol, "with", 1, tmp_path)).folder)
     assert run_metrics(recording.log).pushes >= 2
 
 
@@ -80,7 +89,7 @@ def test_other_units_differ_within_the_spread_of_real_ones():
 
 
 def test_a_servo_run_needs_no_ball(tmp_path: Path):
-    done = run(Order(TABLE, read_protocol("servo-squares"), "without", 1, tmp_path))
+    done = run(RunRequest(TABLE, read_protocol("servo-squares"), "without", 1, tmp_path))
     assert done.ending.outcome == "completed"
     log = read_run(done.folder).log
     assert np.abs(log["theta_x_rad"]).max() > 0.09
@@ -88,7 +97,7 @@ def test_a_servo_run_needs_no_ball(tmp_path: Path):
 
 
 def test_contract_columns_keep_what_metrics_need():
-    log = simulate_order(Order(TABLE, SHORT, "with", 3, Path())).log
+    log = simulate_run(RunRequest(TABLE, SHORT, "with", 3, Path())).log
     whole, thin = run_metrics(log), run_metrics(contract_columns(log))
     assert whole.distance_m == thin.distance_m
     assert np.array_equal(whole.servo_tracking_rad, thin.servo_tracking_rad)
@@ -99,7 +108,7 @@ def test_contract_columns_keep_what_metrics_need():
 def seen_runs(tmp_path_factory: pytest.TempPathFactory):
     out = tmp_path_factory.mktemp("frames")
     bundle = calibrate_camera(TABLE, out, 1)
-    return [run(Order(TABLE, SHORT, "with", seed, out, bundle)) for seed in (1, 2, 3)]
+    return [run(RunRequest(TABLE, SHORT, "with", seed, out, bundle)) for seed in (1, 2, 3)]
 
 
 def test_runs_through_frames_see_the_ball_to_a_tenth_of_a_millimetre(seen_runs):
@@ -121,7 +130,7 @@ def test_the_fitted_statistical_camera_agrees_with_the_frames(seen_runs):
     assert 2e-6 < fitted.camera.noise_m < 1e-4
     frames = [run_metrics(read_run(done.folder).log) for done in seen_runs]
     numbers = [
-        run_metrics(simulate_order(Order(fitted, SHORT, "with", seed, Path())).log)
+        run_metrics(simulate_run(RunRequest(fitted, SHORT, "with", seed, Path())).log)
         for seed in (1, 2, 3)
     ]
     for read in (

@@ -2,11 +2,11 @@
 
 import pytest
 
-from experiments.assemble import load_rig
-from experiments.protocol import read_protocol
-from experiments.recording import read_run
-from experiments.runner import Order, run, simulate_order
-from rig.own_file import load_controller
+from experiments.records.recording import read_run
+from experiments.runs.assemble import load_rig
+from experiments.runs.protocol import read_protocol
+from experiments.runs.runner import RunRequest, run, simulate_run
+from rig.control.user_controller import load_controller
 
 GOOD = """
 class Mine:
@@ -34,7 +34,7 @@ def protocol(folder, last: int = 10**9, text: str = PROTOCOL):
 def test_it_runs_and_is_recorded_as_its_own_arm(tmp_path):
     plan = protocol(tmp_path)
     assert plan.arms == ["own"]
-    done = run(Order(load_rig(None), plan, "own", 1, tmp_path / "runs"))
+    done = run(RunRequest(load_rig(None), plan, "own", 1, tmp_path / "runs"))
     assert done.ending.outcome == "completed"
     meta = read_run(done.folder).meta
     assert meta["arm"] == "own"
@@ -42,7 +42,7 @@ def test_it_runs_and_is_recorded_as_its_own_arm(tmp_path):
 
 
 def test_what_it_raises_ends_the_run_with_the_reason_recorded(tmp_path):
-    done = run(Order(load_rig(None), protocol(tmp_path, 100), "own", 1, tmp_path / "runs"))
+    done = run(RunRequest(load_rig(None), protocol(tmp_path, 100), "own", 1, tmp_path / "runs"))
     assert done.ending.outcome == "aborted"
     whole = read_run(done.folder)
     assert whole.meta["outcome"] == "aborted"
@@ -52,7 +52,7 @@ def test_what_it_raises_ends_the_run_with_the_reason_recorded(tmp_path):
 
 def test_it_has_no_place_in_the_batch_kernel(tmp_path):
     with pytest.raises(ValueError, match="tick by tick"):
-        simulate_order(Order(load_rig(None), protocol(tmp_path), "own", 1, tmp_path))
+        simulate_run(RunRequest(load_rig(None), protocol(tmp_path), "own", 1, tmp_path))
 
 
 @pytest.mark.parametrize(

@@ -1,20 +1,16 @@
 """A film through a live source's troubles."""
 
 import json
-import sys
 import threading
-from pathlib import Path
 
 import cv2
 import pytest
 
-from experiments.live_frames import frames_of
-from experiments.track import track_video
-from vision.source_errors import GarbageError, GoneError
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "vision"))
-from footage import rolling
-from stream_server import BOUNDARY, Server, part
+from experiments.track.live_frames import frames_of
+from experiments.track.track import track_video
+from tests.support.footage import rolling
+from tests.support.stream_server import BOUNDARY, Server, part
+from vision.sources.source_errors import GarbageError, GoneError
 
 
 class Source:

@@ -2,9 +2,7 @@
 
 import csv
 import json
-import sys
 from fractions import Fraction
-from pathlib import Path
 from types import SimpleNamespace
 
 import av
@@ -12,14 +10,11 @@ import cv2
 import numpy as np
 import pytest
 
-from experiments.track import METRIC_COLUMNS, PIXEL_COLUMNS, learn_looks, track_video
-from vision.markers import default_layout
+from experiments.track.track import METRIC_COLUMNS, PIXEL_COLUMNS, learn_appearance, track_video
+from tests.support.footage import rolling
+from tests.support.parts import FOOTAGE, needs
+from vision.plate.markers import default_layout
 from vision.view import Camera, View
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "vision"))
-from footage import rolling
-
-REAL = Path(__file__).parents[2].parent / "shared/data/ball_on_plate/balancing_1.mp4"
 
 
 def write(path, film, *, repeat=1):
@@ -124,7 +119,7 @@ def test_still_scene_says_what_to_do(tmp_path):
     summary = track_video(write(tmp_path / "v.mp4", still), tmp_path / "out")
     assert summary["states"]["track"] == 0
     assert "say its colour" in summary["notes"][0]
-    assert learn_looks(tmp_path / "v.mp4") is None
+    assert learn_appearance(tmp_path / "v.mp4") is None
     for frame in still.frames:
         cv2.imwrite(str(tmp_path / f"{frame.index}.png"), frame.image)
     told = track_video(tmp_path, tmp_path / "told", ball_colour="green")
@@ -148,9 +143,9 @@ def test_unknown_colour_is_refused_before_anything_is_read(tmp_path):
         track_video("does-not-matter.mp4", tmp_path / "out", ball_colour="octarine")
 
 
-@pytest.mark.skipif(not REAL.exists(), reason=f"footage not found: {REAL}")
+@needs("footage")
 def test_real_footage_without_being_told_the_colour(tmp_path):
-    summary = track_video(REAL, tmp_path)
+    summary = track_video(FOOTAGE, tmp_path)
     assert summary["states"]["track"] > 0.97 * summary["frames"]
     assert 600 < summary["frames"] < 760
     assert summary["frames"] + summary["duplicates"] == 6016

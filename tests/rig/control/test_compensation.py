@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig import compensation
-from rig.shaft import play_operator
+from rig.control import compensation
+from rig.plant.shaft import play_operator
 
 NO_DEADLINE = settings(deadline=None)  # a first call may have to compile
 LEAST = 0.003

@@ -4,22 +4,22 @@ from math import exp, radians, sqrt, tanh
 
 import numpy as np
 import pytest
-from helpers import TICK_S, random_steps, realistic
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig import controllers
-from rig.arms import adaptive, disturbance, hybrid, neural, smooth
-from rig.arms.choice import CURES, FIRST
-from rig.batch import simulate_many
 from rig.compiled import compiled
-from rig.controllers import ARMS
-from rig.loop import Loop
+from rig.control import controllers
+from rig.control.compensators import adaptive, disturbance, hybrid, neural, smooth
+from rig.control.compensators.choice import FIRST_PUBLISHED, PUBLISHED
+from rig.control.controllers import COMPENSATORS
+from rig.loop.loop import Loop
+from rig.plant.shaft import play_operator
 from rig.rigfile import from_dict
-from rig.shaft import play_operator
-from rig.signals import R_BALL, R_EXPOSED, R_NEW, R_THETA, R_TIME, blank_reading
-from rig.simulate import Task, draw, simulate
-from rig.simulator import SimulatedTable
+from rig.simulation.batch import simulate_many
+from rig.simulation.simulate import Task, draw, simulate
+from rig.simulation.simulator import SimulatedTable
+from rig.table import R_BALL, R_EXPOSED, R_NEW, R_THETA, R_TIME, blank_reading
+from tests.support.simulated import TICK_S, random_steps, realistic
 
 NO_DEADLINE = settings(deadline=None, max_examples=50)
 GAIN_M_S2, LEAST = 1.087, 0.003
@@ -227,18 +227,18 @@ def test_a_disturbance_moves_the_motor_by_the_share_that_is_left():
 # all of them
 
 
-@pytest.mark.parametrize("arm", sorted(CURES))
+@pytest.mark.parametrize("arm", sorted(PUBLISHED))
 def test_loop_kernel_and_batch_give_the_same_bits(arm):
     rig = realistic(gear_deg=1.5, joint_deg=2.0, joint_offset_rad=0.004)
     course, seen = random_steps(np.random.default_rng(2), 3.0), from_dict({})
-    task = Task(rig, seen, ARMS[arm], course, draw(np.random.default_rng(3), rig, course))
-    one = simulate(task.rig, task.known, task.arm, task.course, task.draws)
-    other = Task(rig, seen, ARMS["with"], course, task.draws)
+    task = Task(rig, seen, COMPENSATORS[arm], course, draw(np.random.default_rng(3), rig, course))
+    one = simulate(task.rig, task.known, task.compensator, task.course, task.draws)
+    other = Task(rig, seen, COMPENSATORS["with"], course, task.draws)
     many = simulate_many([other, task, task])[1]
     np.testing.assert_array_equal(many.log.rows, one.log.rows)
     rows: list[np.ndarray] = []
     with SimulatedTable(rig, np.random.default_rng(3), start_m=course.start_m) as table:
-        Loop(table, seen, ARMS[arm], course, keep=lambda row: rows.append(row.copy())).run()
+        Loop(table, seen, COMPENSATORS[arm], course, keep=lambda row: rows.append(row.copy())).run()
     np.testing.assert_array_equal(np.array(rows), one.log.rows)
     assert not np.array_equal(
         one.log["wanted_voltage_x_V"], simulate_many([other])[0].log["wanted_voltage_x_V"]
@@ -246,13 +246,13 @@ def test_loop_kernel_and_batch_give_the_same_bits(arm):
 
 
 def test_names_and_numbers_are_apart_from_the_papers_arms():
-    assert len(set(ARMS.values())) == len(ARMS)
-    assert all(number >= FIRST for number in CURES.values())
+    assert len(set(COMPENSATORS.values())) == len(COMPENSATORS)
+    assert all(number >= FIRST_PUBLISHED for number in PUBLISHED.values())
 
 
 def test_a_calibrated_play_and_its_error_reach_the_controller():
     rig = from_dict({"play": {"joint_x_rad": 0.02, "gear_y_rad": 0.01, "factor": 1.5}})
-    g = controllers.settings(rig, ARMS["with"])
+    g = controllers.settings(rig, COMPENSATORS["with"])
     assert list(g["joint_given"]) == [0.02, 0.0]
     assert list(g["gear_given"]) == [0.0, 0.01]
-    assert g["play_factor"] == 1.5
+    assert g["backlash_factor"] == 1.5

@@ -5,12 +5,13 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers import DEGREE, TICK_S, free_release, random_steps, run, smooth_rig
 
-from rig import controllers, observers, play_observer
-from rig.controllers import GEAR_INVERSE_ON_REFERENCE, SHAM, WITH, WITHOUT
+from rig.control import controllers
+from rig.control.controllers import GEAR_INVERSE_ON_REFERENCE, SHAM, WITH, WITHOUT
+from rig.estimation import backlash_observer, observers
 from rig.parameters import CameraTiming, Drive, Gains, Rig
-from rig.signals import R_THETA, R_TIME, blank_reading
+from rig.table import R_THETA, R_TIME, blank_reading
+from tests.support.simulated import DEGREE, TICK_S, free_release, random_steps, run, smooth_rig
 
 SEEDS = range(8)
 
@@ -31,8 +32,8 @@ def tick(rig=None, *, ball=(0.0, 0.0), velocity=(0.0, 0.0), theta=(0.0, 0.0), ta
     """Control state and volts of one tick at an exactly known ball."""
     rig = rig or Rig()
     g, c = controllers.settings(rig, WITHOUT), controllers.start()
-    q = play_observer.settings(rig)
-    belief, play = observers.start(), play_observer.start(q)
+    q = backlash_observer.settings(rig)
+    belief, play = observers.start(), backlash_observer.start(q)
     belief["ball"], belief["velocity"], belief["exposed"] = ball, velocity, 0.0
     row, volts = blank_reading(), np.zeros(2)
     row[R_TIME] = 0.0

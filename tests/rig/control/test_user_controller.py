@@ -4,11 +4,11 @@ from math import nan
 
 import numpy as np
 import pytest
-from helpers import random_steps
 
-from rig.loop import Loop
+from rig.loop.loop import Loop
 from rig.parameters import Rig
-from rig.simulator import SimulatedTable
+from rig.simulation.simulator import SimulatedTable
+from tests.support.simulated import random_steps
 
 
 class Steering:

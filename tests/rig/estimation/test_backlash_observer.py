@@ -6,19 +6,20 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers import DEGREE, TICK_S, free_release, random_steps, realistic, run
 
-from rig import play_observer, simulate
-from rig.controllers import WITH, WITHOUT
-from rig.parameters import Rig
-from rig.play_observer import (
-    gear_play,
-    joint_play,
-    known_play,
+from rig.control.controllers import WITH, WITHOUT
+from rig.course import Course
+from rig.estimation import backlash_observer
+from rig.estimation.backlash_observer import (
+    gear_backlash,
+    joint_backlash,
+    known_width,
     lost_in_gear,
     lost_in_joint,
 )
-from rig.signals import R_NEW, R_THETA, R_TIME, READING_SIZE, blank_reading
+from rig.parameters import Rig
+from rig.table import R_NEW, R_THETA, R_TIME, READING_SIZE, blank_reading
+from tests.support.simulated import DEGREE, TICK_S, free_release, random_steps, realistic, run
 
 SEEDS = range(8)
 
@@ -81,7 +82,7 @@ def test_more_play_is_found_as_more(place):
 @pytest.mark.parametrize("place", ["gear", "joint"])
 def test_a_play_of_a_degree_counts_as_known_in_the_end(place):
     found, std = estimates(place, 1.0, "steps", WITHOUT)
-    assert all(known_play(w, d) == w for w, d in zip(found, std, strict=True))
+    assert all(known_width(w, d) == w for w, d in zip(found, std, strict=True))
 
 
 @pytest.mark.parametrize("scale", [-0.02, 0.0, 0.02])
@@ -101,7 +102,7 @@ def test_gear_play_under_slow_triangles_is_found_whatever_the_tachometers_scale(
     t = TICK_S * np.arange(round(16 / TICK_S))
     triangle = 4 * np.abs((t / 4 + 0.25) % 1 - 0.5) - 1
     targets = 0.35 * np.column_stack([triangle, -triangle])
-    course = simulate.Course(targets, np.zeros_like(targets), servo_only=True)
+    course = Course(targets, np.zeros_like(targets), servo_only=True)
     log = run(rig, WITHOUT, course, 0).log
     found = [log[f"estimated_gear_play_{a}_rad"][-1] / DEGREE for a in "xy"]
     np.testing.assert_allclose(found, degrees, atol=0.15 if degrees else 0.044)
@@ -116,10 +117,10 @@ def still(seconds=5.0):
 
 
 def test_estimators_start_at_zero_play_and_do_not_claim_to_know_it():
-    q = play_observer.settings(Rig())
-    e = play_observer.start(q)
+    q = backlash_observer.settings(Rig())
+    e = backlash_observer.start(q)
     for a in range(2):
-        for place in (gear_play, joint_play):
+        for place in (gear_backlash, joint_backlash):
             width, deviation = place(e, q, a)
             assert width == 0.0
             assert deviation >= 2 * DEGREE
@@ -132,12 +133,12 @@ def test_the_first_rows_of_a_run_say_zero():
 
 
 def test_a_table_that_does_not_move_shows_no_play():
-    q = play_observer.settings(Rig())
-    e = play_observer.start(q)
+    q = backlash_observer.settings(Rig())
+    e = backlash_observer.start(q)
     for row in still():
-        play_observer.observe_play(e, q, row)
+        backlash_observer.observe_backlash(e, q, row)
     for a in range(2):
-        for place, known in ((gear_play, lost_in_gear), (joint_play, lost_in_joint)):
+        for place, known in ((gear_backlash, lost_in_gear), (joint_backlash, lost_in_joint)):
             assert place(e, q, a)[1] >= 2 * DEGREE
             assert known(e, q, a) == 0.0
 
@@ -151,7 +152,7 @@ def test_too_short_a_run_says_so(place):
         width = log[f"estimated_{place}_play_{a}_rad"][-1]
         deviation = log[f"estimated_{place}_play_std_{a}_rad"][-1]
         assert deviation > 1.9 * DEGREE
-        assert known_play(width, deviation) == 0.0
+        assert known_width(width, deviation) == 0.0
 
 
 def test_gear_play_without_a_tachometer_is_never_known():
@@ -165,14 +166,14 @@ def test_gear_play_without_a_tachometer_is_never_known():
 
 
 def test_a_ball_that_is_not_seen_teaches_no_joint_play():
-    q = play_observer.settings(Rig())
-    e = play_observer.start(q)
+    q = backlash_observer.settings(Rig())
+    e = backlash_observer.start(q)
     for k, row in enumerate(still()):
         row[R_THETA] = 0.1 * np.sin(0.02 * k)
         row[R_NEW] = 0.0
-        play_observer.observe_play(e, q, row)
-    assert joint_play(e, q, 0)[0] == 0.0
-    assert joint_play(e, q, 0)[1] >= 2 * DEGREE
+        backlash_observer.observe_backlash(e, q, row)
+    assert joint_backlash(e, q, 0)[0] == 0.0
+    assert joint_backlash(e, q, 0)[1] >= 2 * DEGREE
 
 
 def last(log, place, axis):
@@ -198,9 +199,7 @@ def test_hard_braking_does_not_spoil_the_gears_play(amplitude):
     """The arm coasts across the gap when the motor brakes hard: those edges teach nothing."""
     n = 6000
     squares = np.where((np.arange(n) // 250) % 2 == 0, amplitude, -amplitude)
-    way = simulate.Course(
-        np.column_stack([squares, squares]), np.zeros((n, 2)), (0.0, 0.0), 0.0, True
-    )
+    way = Course(np.column_stack([squares, squares]), np.zeros((n, 2)), (0.0, 0.0), 0.0, True)
     log = run(realistic(gear_deg=1.0), WITHOUT, way, 0).log
     for a in "xy":
         assert last(log, "gear", a)[0] == pytest.approx(1.0 * DEGREE, abs=0.15 * DEGREE)
@@ -217,19 +216,19 @@ def test_wind_up_that_the_rig_file_explains_is_no_play(stiffness):
 
 def test_estimators_see_readings_alone():
     """Their arguments are their state, their settings and the reading; settings know no effects."""
-    plain = getattr(play_observer.observe_play, "py_func")  # noqa: B009
+    plain = getattr(backlash_observer.observe_backlash, "py_func")  # noqa: B009
     assert list(inspect.signature(plain).parameters) == ["e", "q", "reading"]
     assert READING_SIZE == 10
     effects = {
         "joint_backlash": {"x": {"play_rad": 0.05}},
         "level_offset": {"x": {"slope_rad": 0.1}},
     }
-    bare, told = play_observer.settings(Rig()), play_observer.settings(Rig(effects=effects))
+    bare, told = backlash_observer.settings(Rig()), backlash_observer.settings(Rig(effects=effects))
     assert bare.tobytes() == told.tobytes()
 
 
 def test_known_play_needs_two_deviations():
-    assert known_play(0.02, 0.0099) == 0.02
-    assert known_play(0.02, 0.0101) == 0.0
-    assert known_play(0.0, 0.0) == 0.0
-    assert known_play(0.02, np.nan) == 0.0
+    assert known_width(0.02, 0.0099) == 0.02
+    assert known_width(0.02, 0.0101) == 0.0
+    assert known_width(0.0, 0.0) == 0.0
+    assert known_width(0.02, np.nan) == 0.0

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rig import observers
+from rig.estimation import observers
 from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, Gains, Rig, Servo
-from rig.signals import R_BALL, R_EXPOSED, R_MOTOR, R_NEW, R_THETA, R_TIME, blank_reading
+from rig.table import R_BALL, R_EXPOSED, R_MOTOR, R_NEW, R_THETA, R_TIME, blank_reading
 
 TICK_S = 0.002
 RIG = Rig()

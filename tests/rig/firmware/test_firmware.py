@@ -1,25 +1,30 @@
 """The real firmware binary, its registers and pins simulated, under the ordinary loop."""
 
-import sys
 from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 import pytest
-from simavr_chip import Chip, firmware
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "rig/hardware"))
-from board_host import HostBoard  # pyright: ignore[reportMissingImports]
-from board_world import World, table_on  # pyright: ignore[reportMissingImports]
-
-from experiments.assemble import known, load_rig
-from experiments.protocol import course, read_protocol
-from rig.controllers import ARMS
-from rig.hands import SimulatedHand
-from rig.hardware.wire import Arm, Command, ConfigAnswer, ConfigRequest, Parser, Telemetry, encode
+from experiments.runs.assemble import known, load_rig
+from experiments.runs.protocol import course, read_protocol
+from rig.control.controllers import COMPENSATORS
+from rig.hardware.board.wire import (
+    Arm,
+    Command,
+    ConfigAnswer,
+    ConfigRequest,
+    Parser,
+    Telemetry,
+    encode,
+)
 from rig.log import Log
-from rig.loop import Loop
+from rig.loop.loop import Loop
 from rig.parameters import Rig
+from rig.simulation.operator import SimulatedOperator
+from tests.support.boards.chip import Chip, firmware
+from tests.support.boards.host import HostBoard
+from tests.support.boards.world import World, table_on
 
 
 def balance(
@@ -32,14 +37,14 @@ def balance(
         protocol = protocol.model_copy(update={"duration_s": seconds})
     way = course(protocol, rig, seed)
     world = World(board, rig, seed=seed, start_m=way.start_m, held=True)
-    hand, rows = SimulatedHand(world.plant, way.hold_s), []
+    operator, rows = SimulatedOperator(world.plant, way.hold_s), []
     with table_on(world) as table:
         loop = Loop(
             table,
             known(rig),
-            ARMS[arm],
+            COMPENSATORS[arm],
             way,
-            hand=hand,
+            operator=operator,
             keep=lambda row: rows.append(row.copy()),
         )
         ending = loop.run()
@@ -62,8 +67,12 @@ def test_the_firmware_balances_the_ball(on_chip):
     assert np.all(np.abs(world.arms_rad) < 0.03)
 
 
-@pytest.mark.parametrize("arm", ["smooth", "adaptive", "adaptive-asymmetric", "hybrid", "neural",
-                                 "disturbance"])  # fmt: skip
+SLOWER = ("adaptive", "adaptive-asymmetric", "hybrid", "neural", "disturbance")
+
+
+@pytest.mark.parametrize(
+    "arm", ["smooth", *(pytest.param(name, marks=pytest.mark.slow) for name in SLOWER)]
+)
 def test_the_cures_of_the_literature_do_too(arm: str):
     log, world, outcome = balance(Chip(), arm=arm, seconds=5.0)
     assert outcome == "completed"

@@ -2,20 +2,17 @@
 a real serial device, and protocol.c behind the real USB library."""
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from simavr_chip import Chip
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "rig/hardware"))
-from board_commands import Lab  # pyright: ignore[reportMissingImports]
-from board_host import HostBoard  # pyright: ignore[reportMissingImports]
-
-from experiments.recording import Run, read_run
-from rig.hardware.homing_moves import MOST_V
+from experiments.records.recording import Run, read_run
+from rig.hardware.homing.homing_moves import MOST_V
 from rig.hardware.wiring import Wiring
+from tests.support.boards.chip import Chip
+from tests.support.boards.commands import Lab
+from tests.support.boards.host import HostBoard
 
 ODD = Wiring(swap=True, sign_volts=(-1, 1), sign_angle=(1, -1), zero_counts=(20, -12), crossed=True)
 BALL = """title = "short"

@@ -1,17 +1,12 @@
 """A part of the fault campaign; the whole is tests/benchmarks/fault_campaign.py."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-from simavr_chip import firmware
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "rig/hardware"))
-sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
-from board_host import HostBoard  # pyright: ignore[reportMissingImports]
-from fault_campaign import campaign, one, table  # pyright: ignore[reportMissingImports]
-from simavr_faults import KINDS, resampled
+from tests.benchmarks.fault_campaign import campaign, one, table
+from tests.support.boards.chip import firmware
+from tests.support.boards.chip_faults import KINDS, resampled
+from tests.support.boards.host import HostBoard
 
 OUTCOMES = (
     "completed", "host killed", "no link", "ball lost", "link lost", "board stopped", "late loop",
@@ -24,6 +19,7 @@ def results():
     return campaign(22, 1)
 
 
+@pytest.mark.slow
 def test_nothing_unsafe_happens_and_every_run_ends_with_a_name(results):
     assert not [r for r in results if r.unsafe], table(results)
     assert all(r.outcome.startswith(OUTCOMES) for r in results), table(results)
@@ -32,6 +28,7 @@ def test_nothing_unsafe_happens_and_every_run_ends_with_a_name(results):
     assert sum(r.rows for r in results) > 1000
 
 
+@pytest.mark.slow
 def test_the_campaign_repeats(results):
     assert one(KINDS[3], 1 + 3) == results[3]
 

@@ -6,26 +6,24 @@ import threading
 import time
 from contextlib import ExitStack
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from simavr_chip import firmware
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "rig/hardware"))
-from board_pty import real_time  # pyright: ignore[reportMissingImports]
-
-from rig.controllers import ARMS
-from rig.hardware.board import BoardStopped, BoardTable
-from rig.hardware.link import LinkLost
-from rig.hardware.serial_link import SerialLink
-from rig.loop import Loop
+from rig.control.controllers import COMPENSATORS
+from rig.course import Course
+from rig.hardware.board.board import BoardStopped, BoardTable
+from rig.hardware.board.link import LinkLost
+from rig.hardware.board.serial_link import SerialLink
+from rig.loop.loop import Loop
 from rig.parameters import Rig
-from rig.simulate import Course
-from rig.simulator import SimulatedTable
+from rig.simulation.simulator import SimulatedTable
+from tests.support import ROOT
+from tests.support.boards.chip import firmware
+from tests.support.boards.pty import real_time
 from vision.frames import Observation
 
-PROGRAM = Path(__file__).parents[1] / "rig/hardware/board_pty.py"
+PROGRAM = "tests.support.boards.pty"
 SECONDS = 3.0
 TRIES = 3
 
@@ -54,7 +52,7 @@ class PipedEye:
 def warm() -> None:
     """Compile what the loop runs before a board waits for it."""
     way = Course(np.zeros((2, 2)), np.zeros((2, 2)))
-    Loop(SimulatedTable(Rig(), np.random.default_rng(1)), Rig(), ARMS["without"], way).run()
+    Loop(SimulatedTable(Rig(), np.random.default_rng(1)), Rig(), COMPENSATORS["without"], way).run()
 
 
 def balance() -> tuple[str, np.ndarray, float]:
@@ -63,7 +61,8 @@ def balance() -> tuple[str, np.ndarray, float]:
     n = round(SECONDS * rig.control_rate_hz)
     way = Course(np.zeros((n, 2)), np.zeros((n, 2)))
     served = subprocess.Popen(
-        [sys.executable, str(PROGRAM), "chip", str(SECONDS + 10)],
+        [sys.executable, "-m", PROGRAM, "chip", str(SECONDS + 10)],
+        cwd=ROOT,
         stdout=subprocess.PIPE,
         text=True,
     )
@@ -75,7 +74,9 @@ def balance() -> tuple[str, np.ndarray, float]:
             at_end.callback(eye.listening.join, 10.0)  # before the pipe is closed under it
             table = BoardTable(link, eye=eye)
             eye.table = table
-            loop = Loop(table, rig, ARMS["without"], way, keep=lambda row: rows.append(row.copy()))
+            loop = Loop(
+                table, rig, COMPENSATORS["without"], way, keep=lambda row: rows.append(row.copy())
+            )
             with real_time(), table:
                 ending = loop.run()
         finally:

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rig.hardware.board.link import LinkLost
+from rig.hardware.camera.plate_tilt import MarkerTilt
 from rig.hardware.choose import file_wiring, host_and_port, open_table, raw_wiring, usb_numbers
-from rig.hardware.link import LinkLost
-from rig.hardware.plate_tilt import MarkerTilt
 from rig.hardware.wiring import Wiring
-from rig.linkage import plate_rotation
-from rig.paced import Paced
+from rig.loop.paced import Paced
 from rig.parameters import Rig, TableChoice
+from rig.plant.ball import plate_rotation
 from vision.frames import Frame
-from vision.markers import default_layout
-from vision.synthetic import Renderer, Scene, virtual_view
+from vision.plate.markers import default_layout
+from vision.synthetic.synthetic import Renderer, Scene, virtual_view
 
 
 def test_wirings_of_a_rig_file():

@@ -1,35 +1,31 @@
 """One contract for every table, each by its name: simulated, protocol.c without a chip, the real
 firmware, a real serial device, USB, the Quanser stand-in, a table on another machine."""
 
-import sys
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
-import contract
 import numpy as np
 import pytest
-from board_host import HostBoard
-from board_pty import PtyBoard, SteppedLink
-from board_world import World, WorldEye, WorldLink, table_on
-from quanser_card import Bench, install
-from remote_bench import Cable, patiently, realtime, served
-from usb_fake import FakeUsb
 
-from experiments.assemble import load_rig
-from rig.hardware import quanser
-from rig.hardware.board import BoardTable
-from rig.hardware.link import LinkLost
-from rig.hardware.serial_link import SerialLink
-from rig.hardware.usb_link import UsbLink
+from experiments.runs.assemble import load_rig
+from rig.hardware.board.board import BoardTable
+from rig.hardware.board.link import LinkLost
+from rig.hardware.board.serial_link import SerialLink
+from rig.hardware.board.usb_link import UsbLink
+from rig.hardware.quanser import quanser
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig
-from rig.simulator import SimulatedTable
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "engines"))
-from simavr_chip import Chip  # pyright: ignore[reportMissingImports]
+from rig.simulation.simulator import SimulatedTable
+from tests.support.boards.chip import Chip
+from tests.support.boards.host import HostBoard
+from tests.support.boards.pty import PtyBoard, SteppedLink
+from tests.support.boards.usb_fake import FakeUsb
+from tests.support.boards.world import World, WorldEye, WorldLink, table_on
+from tests.support.hardware import contract
+from tests.support.hardware.quanser_card import Bench, install
+from tests.support.hardware.remote_bench import Cable, patiently, realtime, served
 
 ODD = Wiring(swap=True, sign_volts=(-1, 1), sign_angle=(1, -1), zero_counts=(7, -4), crossed=True)
 Pair = tuple[float, float]

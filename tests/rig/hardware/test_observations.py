@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rig.hardware.seen import TickClock
+from rig.hardware.observations import TickClock
 
 
 def test_a_slow_fast_or_jumping_device_is_followed():

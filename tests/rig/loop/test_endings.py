@@ -2,14 +2,16 @@
 
 import numpy as np
 import pytest
-from helpers import free_release, run
 
-from rig import observers, plant, plant_record
+from rig.course import Course
 from rig.effects import check
-from rig.limits import limit
+from rig.estimation import observers
 from rig.parameters import CameraTiming, Rig
-from rig.signals import R_BALL, R_EXPOSED, R_NEW, R_TIME, blank_reading
-from rig.simulate import Course, draw, simulate
+from rig.plant import plant, plant_record
+from rig.safety.limits import limit
+from rig.simulation.simulate import draw, simulate
+from rig.table import R_BALL, R_EXPOSED, R_NEW, R_TIME, blank_reading
+from tests.support.simulated import free_release, run
 
 
 def test_an_observation_given_twice_changes_nothing():

@@ -7,14 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from experiments.assemble import known, load_rig
-from rig.commands import Command, CommandSlot, Push, SetGains, Stop, Target
-from rig.controllers import ARMS
-from rig.hands import Hand, PushingHand, SimulatedHand
-from rig.loop import Ending, Loop
+from experiments.runs.assemble import known, load_rig
+from rig.control.controllers import COMPENSATORS
+from rig.course import Course
+from rig.loop.commands import Command, CommandSlot, Push, SetGains, Stop, Target
+from rig.loop.loop import Ending, Loop
+from rig.operator import Operator
 from rig.parameters import Rig
-from rig.simulate import Course, draw, simulate
-from rig.simulator import SimulatedTable
+from rig.simulation.operator import PushingOperator, SimulatedOperator
+from rig.simulation.simulate import draw, simulate
+from rig.simulation.simulator import SimulatedTable
 
 TABLE = load_rig(None)
 
@@ -26,7 +28,15 @@ def course(seconds: float, *, start=(-0.13, 0.13), hold_s: float = 0.3) -> Cours
     return Course(np.zeros((n, 2)), pushes, start, hold_s)
 
 
-def run(rig: Rig, arm: str, way: Course, *, seed: int = 3, hand: type = SimulatedHand, **settings_):
+def run(
+    rig: Rig,
+    arm: str,
+    way: Course,
+    *,
+    seed: int = 3,
+    operator: type = SimulatedOperator,
+    **settings_,
+):
     table = SimulatedTable(
         rig, np.random.default_rng(seed), start_m=way.start_m, held=way.hold_s > 0
     )
@@ -39,7 +49,13 @@ def run(rig: Rig, arm: str, way: Course, *, seed: int = 3, hand: type = Simulate
 
     with table:
         loop = Loop(
-            table, known(rig), ARMS[arm], way, hand=hand(table, way.hold_s), keep=both, **settings_
+            table,
+            known(rig),
+            COMPENSATORS[arm],
+            way,
+            operator=operator(table, way.hold_s),
+            keep=both,
+            **settings_,
         )
         ending = loop.run()
     assert table.volts_V == (0.0, 0.0)
@@ -51,7 +67,7 @@ def test_the_loop_and_the_batch_kernel_give_the_same_bits(arm: str):
     way = course(6.0)
     ending, rows = run(TABLE, arm, way)
     seen = known(TABLE)
-    batch = simulate(TABLE, seen, ARMS[arm], way, draw(np.random.default_rng(3), seen, way))
+    batch = simulate(TABLE, seen, COMPENSATORS[arm], way, draw(np.random.default_rng(3), seen, way))
     assert ending.outcome == batch.outcome == "completed"
     assert np.array_equal(rows, batch.log.rows, equal_nan=True)
 
@@ -61,7 +77,9 @@ def test_a_ball_that_rolls_off_ends_as_lost_in_loop_and_batch_alike():
     way.pushes_m_s2[100:140] = (-8.0, 0.0)
     ending, rows = run(TABLE, "with", way)
     seen = known(TABLE)
-    batch = simulate(TABLE, seen, ARMS["with"], way, draw(np.random.default_rng(3), seen, way))
+    batch = simulate(
+        TABLE, seen, COMPENSATORS["with"], way, draw(np.random.default_rng(3), seen, way)
+    )
     assert ending.outcome == batch.outcome == "ball lost"
     assert np.array_equal(rows, batch.log.rows, equal_nan=True)
     assert len(rows) < 3000
@@ -87,7 +105,7 @@ def test_target_and_gains_and_push_are_obeyed_within_limits():
     way = course(6.0, start=(0.0, 0.0), hold_s=0.0)
     table = SimulatedTable(TABLE, np.random.default_rng(0))
     loop = Loop(
-        table, known(TABLE), 0, way, hand=SimulatedHand(table, 0.0), commands=slot,
+        table, known(TABLE), 0, way, operator=SimulatedOperator(table, 0.0), commands=slot,
         event=lambda t, text: events.append(text),
     )  # fmt: skip
     loop._tick(table.read())
@@ -100,12 +118,12 @@ def test_target_and_gains_and_push_are_obeyed_within_limits():
 def test_the_papers_hand_pushes_a_ball_that_rests_at_the_centre():
     way = replace(course(12.0, start=(0.0, 0.0), hold_s=0.0), pushes_m_s2=np.zeros((6000, 2)))
 
-    class Papers(PushingHand):
+    class Papers(PushingOperator):
         def __init__(self, table: SimulatedTable, hold_s: float) -> None:
             rng = np.random.default_rng(1)
             super().__init__(table, hold_s, speed_m_s=0.2, seconds=0.08, rng=rng)
 
-    _, rows = run(TABLE, "with", way, hand=Papers)
+    _, rows = run(TABLE, "with", way, operator=Papers)
     pushed = rows[:, 11] > 0
     starts = np.flatnonzero(np.diff(pushed.astype(int)) > 0)
     assert 2 <= len(starts) <= 20
@@ -118,12 +136,12 @@ def test_the_papers_hand_pushes_a_ball_that_rests_at_the_centre():
 def test_a_ball_never_let_go_ends_as_not_released():
     way = course(2.0)
 
-    class Stubborn(SimulatedHand):
+    class Stubborn(SimulatedOperator):
         def act(self, reading, wanted_m_s2):
             self._table.held = True
             return (0.0, 0.0)
 
-    ending, rows = run(TABLE, "with", way, hand=Stubborn)
+    ending, rows = run(TABLE, "with", way, operator=Stubborn)
     assert ending.outcome == "not released"
     assert np.all(rows[:, -1] == 1)
 
@@ -163,7 +181,7 @@ def test_a_person_is_asked_step_by_step_and_waited_for():
     table = SimulatedTable(TABLE, np.random.default_rng(1), start_m=(0.03, 0.0), held=True)
     told, events, phases = [], [], []
 
-    class Person(Hand):
+    class Person(Operator):
         def act(self, reading, wanted_m_s2):
             if reading.t_s > 1.0 and phases[-1] == 0:
                 table.place((-0.055, 0.052))
@@ -178,7 +196,7 @@ def test_a_person_is_asked_step_by_step_and_waited_for():
     phases.append(0)
     with table:
         ending = Loop(
-            table, known(TABLE), ARMS["with"], way, hand=Person(told.append), keep=keep,
+            table, known(TABLE), COMPENSATORS["with"], way, operator=Person(told.append), keep=keep,
             event=lambda t, text: events.append(text),
         ).run()  # fmt: skip
     assert ending.outcome == "completed"

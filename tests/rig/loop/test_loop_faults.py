@@ -6,13 +6,13 @@ from math import nan
 
 import numpy as np
 import pytest
-from faulty import FAULT_S, FaultyTable, run
 
-from rig.commands import CommandSlot, Stop, Target
-from rig.endings import Ending, ending_of
-from rig.hands import Hand
-from rig.levelling import LEVEL_LIMIT_V
-from rig.stopping import stop_on_signals
+from rig.loop.commands import CommandSlot, Stop, Target
+from rig.loop.loop import Ending, ending_of
+from rig.loop.signals import stop_on_signals
+from rig.operator import Operator
+from rig.safety.levelling import LEVEL_LIMIT_V
+from tests.support.faulty_table import FAULT_S, FaultyTable, run
 from vision.frames import Observation
 
 
@@ -100,7 +100,7 @@ class BangError(Exception):
 
 @pytest.mark.parametrize("error", [ValueError("a mistake"), BangError("gone"), KeyboardInterrupt()])
 def test_an_exception_anywhere_in_a_tick_leaves_no_volts(error: BaseException):
-    class Bad(Hand):
+    class Bad(Operator):
         def act(self, reading, wanted_m_s2):
             if reading.t_s >= FAULT_S:
                 raise error
@@ -108,7 +108,7 @@ def test_an_exception_anywhere_in_a_tick_leaves_no_volts(error: BaseException):
 
     table = FaultyTable()
     with pytest.raises(type(error)):
-        run(table, hand=Bad())
+        run(table, operator=Bad())
     first = next(v for t, *v in table.driven if t >= FAULT_S)
     assert first == [0.0, 0.0]
     safe(table, FAULT_S, level=True)
@@ -134,14 +134,14 @@ def test_a_table_that_cannot_be_driven_any_more_tells_its_first_error():
 
 
 def test_a_controller_that_asks_for_no_number_ends_the_run(monkeypatch: pytest.MonkeyPatch):
-    from rig import loop
+    from rig.loop import loop
 
-    def spoiled(pilot, q, row, target, applied, wish, tick=loop.pilot_tick):
-        tick(pilot, q, row, target, applied, wish)
+    def spoiled(state, q, row, target, applied, commanded, tick=loop.control_tick):
+        tick(state, q, row, target, applied, commanded)
         if row[0] >= FAULT_S:
-            wish[1] = nan
+            commanded[1] = nan
 
-    monkeypatch.setattr(loop, "pilot_tick", spoiled)
+    monkeypatch.setattr(loop, "control_tick", spoiled)
     table = FaultyTable()
     ending, rows = run(table)
     assert (ending.outcome, ending.level) == ("no number", True)

@@ -13,21 +13,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.assemble import known, load_rig
-from rig.commands import Push, SetGains, Stop, Target
-from rig.controllers import ARMS
-from rig.guard import GuardLimits
-from rig.hands import Hand, SimulatedHand
-from rig.loop import Ending
-from rig.loop_process import PARENT_SILENT_S, Job, LoopProcess, _Inbox
-from rig.mailbox import Mailbox, Orders, encode, taken_orders
-from rig.paced import Paced
-from rig.simulate import Course, draw, simulate
-from rig.simulator import SimulatedTable
+from experiments.runs.assemble import known, load_rig
+from rig.control.controllers import COMPENSATORS
+from rig.course import Course
+from rig.loop.commands import Push, SetGains, Stop, Target
+from rig.loop.loop import Ending
+from rig.loop.paced import Paced
+from rig.loop.process import PARENT_SILENT_S, Job, LoopProcess, _Inbox
+from rig.loop.shared_channel import SharedChannel, SharedCommandSlot, encode, take_commands
+from rig.operator import Operator
+from rig.safety.monitor import MonitorLimits
+from rig.simulation.operator import SimulatedOperator
+from rig.simulation.simulate import draw, simulate
+from rig.simulation.simulator import SimulatedTable
+from tests.support import ROOT
 
 TABLE = load_rig(None)
 # A busy machine that grants no priority may be late as it likes.
-PATIENT = replace(GuardLimits.of_rig(TABLE), late_s=10.0, late_ticks=1e9)
+PATIENT = replace(MonitorLimits.of_rig(TABLE), late_s=10.0, late_ticks=1e9)
 
 
 def course(seconds: float) -> Course:
@@ -40,12 +43,14 @@ def paced_table(seed: int = 3, pace: bool = True):
     return Paced(table) if pace else table
 
 
-def hand(table) -> SimulatedHand:
-    return SimulatedHand(getattr(table, "table", table), 0.3)
+def hand(table) -> SimulatedOperator:
+    return SimulatedOperator(getattr(table, "table", table), 0.3)
 
 
 def job(seconds: float, **more) -> Job:
-    return Job(paced_table, known(TABLE), ARMS["with"], course(seconds), hand, PATIENT, **more)
+    return Job(
+        paced_table, known(TABLE), COMPENSATORS["with"], course(seconds), hand, PATIENT, **more
+    )
 
 
 def test_it_gives_the_same_bits_as_the_batch_kernel_and_notes_its_jitter():
@@ -54,7 +59,9 @@ def test_it_gives_the_same_bits_as_the_batch_kernel_and_notes_its_jitter():
     ending = loop.run(rows.append, lambda t_s, text: events.append(text))
     assert ending.outcome == "completed"
     seen, way = known(TABLE), course(1.5)
-    batch = simulate(TABLE, seen, ARMS["with"], way, draw(np.random.default_rng(3), seen, way))
+    batch = simulate(
+        TABLE, seen, COMPENSATORS["with"], way, draw(np.random.default_rng(3), seen, way)
+    )
     assert np.array_equal(np.array(rows), batch.log.rows, equal_nan=True)
     assert events == ["released"]
     notes = loop.notes
@@ -90,14 +97,14 @@ def test_a_stop_from_another_thread_and_commands_before_it():
     assert "target (0.01, 0.02)" in events
 
 
-class BadHand(Hand):
+class BadHand(Operator):
     def act(self, reading, wanted_m_s2):
         if reading.t_s > 0.2:
             raise ValueError("a user's mistake")
         return wanted_m_s2
 
 
-def bad_hand(table) -> Hand:
+def bad_hand(table) -> Operator:
     return BadHand()
 
 
@@ -135,7 +142,7 @@ def test_a_loop_that_is_killed_or_hangs_is_named(name: str):
 
 
 def test_a_slow_reader_never_stops_the_loop_and_is_told_what_it_lost(monkeypatch):
-    monkeypatch.setattr("rig.mailbox.ROWS", 64)
+    monkeypatch.setattr("rig.loop.shared_channel.ROWS", 64)
     loop, rows = LoopProcess(job(2.0)), []
 
     def keep(row) -> None:
@@ -159,11 +166,10 @@ def alive(pid: int) -> bool:
 
 PROGRAM = """
 import os, sys, time
-sys.path.insert(0, "tests/rig")
 import numpy as np
 from functools import partial
-from test_loop_process import black_box_job
-from rig.loop_process import LoopProcess
+from tests.rig.loop.test_process import black_box_job
+from rig.loop.process import LoopProcess
 if __name__ == "__main__":
     loop = LoopProcess(black_box_job(sys.argv[1]))
     print(loop.pid, flush=True)
@@ -194,10 +200,9 @@ def black_box_job(path: str) -> Job:
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="signals of POSIX")
 def test_when_the_program_dies_the_loop_levels_the_plate_at_once(tmp_path: Path):
     path = tmp_path / "volts"
-    root = Path(__file__).parents[2]
     command = [sys.executable, "-c", PROGRAM, str(path)]
     program = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, cwd=root, text=True
+        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, cwd=ROOT, text=True
     )
     assert program.stdout is not None
     loop_pid = int(program.stdout.readline())
@@ -226,7 +231,7 @@ def test_when_the_program_dies_the_loop_levels_the_plate_at_once(tmp_path: Path)
 
 
 def test_a_program_that_hangs_or_is_not_the_parent_ends_the_loop():
-    box = Mailbox()
+    box = SharedChannel()
     try:
         box.beat("parent_s")
         inbox = _Inbox(box, os.getppid())
@@ -234,30 +239,30 @@ def test_a_program_that_hangs_or_is_not_the_parent_ends_the_loop():
         box.pulse.array["parent_s"][0] -= PARENT_SILENT_S
         assert inbox.take() == [Stop("the program was silent for 2 s", "program lost")]
         orphan = _Inbox(box, os.getppid() + 1)
-        words = "the program that started the loop has died"
-        assert orphan.take() == [Stop(words, "program lost")]
+        events = "the program that started the loop has died"
+        assert orphan.take() == [Stop(events, "program lost")]
     finally:
         box.close()
 
 
 def test_commands_pass_through_shared_memory_as_they_were():
-    box = Mailbox()
+    box = SharedChannel()
     try:
-        orders = Orders(box)
+        commands = SharedCommandSlot(box)
         sent = [Push((1.0, -2.0), 0.1), Target((0.01, 0.02)), Target(None), SetGains(1.0, 2.0, 3.0)]
         for command in sent:
-            orders.put(command)
-        assert taken_orders(box) == sent
-        assert taken_orders(box) == []
+            commands.put(command)
+        assert take_commands(box) == sent
+        assert take_commands(box) == []
         for k in range(200):
-            orders.put(SetGains(float(k), 0.0, 0.0))
-        assert taken_orders(box) == [SetGains(float(k), 0.0, 0.0) for k in range(136, 200)]
-        orders.put(Stop("ä" * 500, "interrupted"))
-        orders.put(Stop("second"))
-        assert taken_orders(box) == [Stop("ä" * 120, "interrupted")]
-        assert taken_orders(box) == [Stop("ä" * 120, "interrupted")]
+            commands.put(SetGains(float(k), 0.0, 0.0))
+        assert take_commands(box) == [SetGains(float(k), 0.0, 0.0) for k in range(136, 200)]
+        commands.put(Stop("ä" * 500, "interrupted"))
+        commands.put(Stop("second"))
+        assert take_commands(box) == [Stop("ä" * 120, "interrupted")]
+        assert take_commands(box) == [Stop("ä" * 120, "interrupted")]
         with pytest.raises(TypeError, match="no command"):
-            orders.put("left")  # type: ignore[arg-type]
+            commands.put("left")  # type: ignore[arg-type]
         assert encode("ä", 1) == b""
     finally:
         box.close()

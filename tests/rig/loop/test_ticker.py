@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig.deadlines import Ticker, sleep_until
-from rig.jitter import EDGES_US, Jitter
+from rig.loop.jitter import EDGES_US, Jitter
+from rig.loop.ticker import Ticker, sleep_until
 
 PERIOD = 0.002
 

@@ -1,6 +1,6 @@
 """The rolling ball: closed forms on a plate at rest, a full 3-D model on a moving one.
 
-The 3-D model shares nothing with `rig.ball`: the plate's rotation matrix is integrated in the
+The 3-D model shares nothing with `rig.plant.ball`: the plate's rotation matrix is integrated in the
 inertial frame, the ball is a free rigid body, and the contact force comes out of nine linear
 equations (Newton, Euler, and the rolling constraint differentiated once).
 """
@@ -10,13 +10,13 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers import TICK_S, WEIGHTLESS, ball_state, moved, smooth_rig, tilted
 from scipy.integrate import solve_ivp
 
-from rig import plant, plant_record
-from rig.ball import plate_rates, plate_sines, rolling, velocity
 from rig.parameters import GRAVITY_M_S2, Ball, Rig
-from rig.plant import BALL, BALL_W, PLATE, PLATE_RATE, SPIN
+from rig.plant import plant, plant_record
+from rig.plant.ball import plate_rates, plate_sines, rolling, velocity
+from rig.plant.plant import BALL, BALL_W, PLATE, PLATE_RATE, SPIN
+from tests.support.simulated import TICK_S, WEIGHTLESS, ball_state, moved, smooth_rig, tilted
 
 RATIO = 2 * 0.0254 / 0.275
 HOLLOW, SOLID = Ball(mass_kg=0.0), Ball(mass_kg=0.0, hollow=False)
@@ -119,7 +119,7 @@ def rigid_body(sway, ball, end_s):
 
 
 def rig_equations(sway, ball, end_s):
-    """x, y, spin at `end_s` from the functions of `rig.ball`, integrated to many digits."""
+    """x, y, spin at `end_s` from the functions of `rig.plant.ball`, integrated to many digits."""
 
     def motion(t):
         q, q1, _ = sway.theta(t)

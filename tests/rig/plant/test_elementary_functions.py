@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rig.compiled import compiled
-from rig.elementary import cosine, decaying, fma, sine, sine_cosine
+from rig.plant.elementary_functions import cosine, decaying, fma, sine, sine_cosine
 
 ULP = 2.3e-16
 

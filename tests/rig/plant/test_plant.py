@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import DEGREE, SMOOTH, TICK_S, ball_state, constant_volts, moved, smooth_rig, tilted
 
-from rig import plant, plant_record
-from rig.ball import velocity
 from rig.parameters import Ball, Drive, Rig, Servo, Walls, torque_per_volt
-from rig.plant import (
+from rig.plant import plant, plant_record
+from rig.plant.ball import velocity
+from rig.plant.plant import (
     ARM,
     ARM_RATE,
     BALL,
@@ -21,6 +20,16 @@ from rig.plant import (
     PLATE,
     PLATE_RATE,
     SPIN,
+)
+from tests.support.simulated import (
+    DEGREE,
+    SMOOTH,
+    TICK_S,
+    ball_state,
+    constant_volts,
+    moved,
+    smooth_rig,
+    tilted,
 )
 
 

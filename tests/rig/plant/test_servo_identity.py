@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers import SMOOTH, TICK_S, constant_volts, moved, smooth_rig
 from scipy.optimize import curve_fit
 
 from rig.parameters import Drive, Rig, Servo, nominal_servo, torque_per_volt
-from rig.plant import ARM, ARM_RATE, MOTOR, MOTOR_RATE, PLATE, PLATE_RATE
+from rig.plant.plant import ARM, ARM_RATE, MOTOR, MOTOR_RATE, PLATE, PLATE_RATE
+from tests.support.simulated import SMOOTH, TICK_S, constant_volts, moved, smooth_rig
 
 MEASURED = Servo(gain_rad_s_V=1.735, time_constant_s=0.046)
 SERVOS = [Servo(), MEASURED]

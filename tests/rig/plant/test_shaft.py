@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from rig.shaft import (
+from rig.plant.shaft import (
     DEAD_ZONE,
     EXACT,
     NONE,

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig import plant, plant_record
-from rig.effect_equations import camera_map
 from rig.effects import BY_NAME, CATALOGUE
 from rig.parameters import Ball, Drive, Rig
-from rig.predict import Innovations, Signals, noise, predict, signals
+from rig.plant import plant, plant_record
+from rig.plant.effect_equations import camera_map
+from rig.prediction.innovations import Innovations, Signals, noise, predict, signals
 
 # Shafts so stiff and free of friction that the predictor's rigid ones are the truth; where play is
 # under test friction must hold the driven side.
@@ -153,13 +153,13 @@ def test_the_moving_plate_matters():
 
 
 def test_a_log_of_the_loop_gives_signals_and_missing_channels_stay_empty():
-    from experiments.assemble import known as believed
-    from experiments.assemble import load_rig
-    from experiments.protocol import read_protocol
-    from experiments.runner import Order, simulate_order
+    from experiments.runs.assemble import known as believed
+    from experiments.runs.assemble import load_rig
+    from experiments.runs.protocol import read_protocol
+    from experiments.runs.runner import RunRequest, simulate_run
 
     rig = load_rig(None)
-    run = simulate_order(Order(rig, read_protocol("steps"), "with", 1, Path())).log
+    run = simulate_run(RunRequest(rig, read_protocol("steps"), "with", 1, Path())).log
     found = signals(run, camera_delay_s=rig.camera.delay_s)
     assert len(found.t_s) == len(run)
     assert np.all(np.diff(found.exposed_s) > 0)

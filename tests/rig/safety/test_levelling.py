@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rig.levelling import Levelling, LevelOnExit, bring_level
+from rig.safety.levelling import Levelling, LevelOnExit, bring_level
 from rig.table import Reading
 
 

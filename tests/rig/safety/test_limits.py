@@ -6,15 +6,15 @@ import sys
 
 import numpy as np
 import pytest
-from helpers import run
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
-from limiter_laws import laws
 
-from rig import simulate
-from rig.limits import LOOK_AHEAD_S, STALE_S, limit
+from rig.course import Course
 from rig.parameters import Gains, Rig
+from rig.safety.limits import LOOK_AHEAD_S, STALE_S, limit
+from tests.support.limiter_laws import laws
+from tests.support.simulated import run
 
 
 def clip(wish, theta, volts, angle):
@@ -237,7 +237,7 @@ def test_full_volts_end_before_the_stop():
     """Whatever is asked, the servo does not reach its mechanical stop."""
     n = 1500
     wild = np.where((np.arange(n)[:, None] // 300) % 2 == 0, 30.0, -30.0) * np.ones((n, 2))
-    way = simulate.Course(wild, np.zeros((n, 2)), (0.0, 0.0), 0.0, True)
+    way = Course(wild, np.zeros((n, 2)), (0.0, 0.0), 0.0, True)
     log = run(Rig(gains=Gains(servo_proportional_V_rad=1e3)), 0, way, 0).log
     assert np.abs(log["theta_x_rad"]).max() > 0.4
     assert np.abs(log["theta_x_rad"]).max() < Rig().servo.stop_rad - 0.02

@@ -9,23 +9,32 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from experiments.assemble import another_unit, load_rig
-from experiments.protocol import read_protocol
-from experiments.runner import Order, simulate_orders
-from rig.guard import GuardLimits, Memory, Push, Trip, check_wish, look, push
+from experiments.runs.assemble import another_unit, load_rig
+from experiments.runs.protocol import read_protocol
+from experiments.runs.runner import RunRequest, simulate_runs
 from rig.log import Log
 from rig.parameters import ANGLE_MARGIN_RAD, Rig
+from rig.safety.monitor import (
+    Fault,
+    MonitorLimits,
+    MonitorState,
+    StallWatch,
+    check,
+    check_command,
+    watch_stall,
+)
 from rig.table import Reading
+from tests.support import ROOT
 from vision.frames import Observation
 
-LIMITS = GuardLimits.of_rig(Rig())
+LIMITS = MonitorLimits.of_rig(Rig())
 TABLE = load_rig(None)
 TICK = 0.002
 
 
 def derived() -> dict:
     """What the tests made of the guard's own names, made again (for its mutants)."""
-    return {"LIMITS": GuardLimits.of_rig(Rig())}
+    return {"LIMITS": MonitorLimits.of_rig(Rig())}
 
 
 def see(exposed_s: float, xy=(0.0, 0.0), cov=(1e-8, 0.0, 1e-8)) -> Observation:
@@ -34,11 +43,11 @@ def see(exposed_s: float, xy=(0.0, 0.0), cov=(1e-8, 0.0, 1e-8)) -> Observation:
 
 def watch(readings, volts=lambda k: (0.0, 0.0), *, balancing=False, late=lambda k: 0.0):
     """Look at readings one by one: (tick of the trip, trip), or (None, None)."""
-    memory = Memory()
+    state = MonitorState()
     for k, reading in enumerate(readings):
-        memory, trip = look(memory, LIMITS, reading, volts(k), balancing=balancing, late_s=late(k))
-        if trip is not None:
-            return k, trip
+        state, fault = check(state, LIMITS, reading, volts(k), balancing=balancing, late_s=late(k))
+        if fault is not None:
+            return k, fault
     return None, None
 
 
@@ -55,21 +64,19 @@ def readings_of(log: Log):
         yield Reading(row[0], (row[3], row[4]), None, ball)
 
 
-def healthy(log: Log, servo_only: bool) -> Trip | None:
-    memory, volts = Memory(), (0.0, 0.0)
+def healthy(log: Log, servo_only: bool) -> Fault | None:
+    state, volts = MonitorState(), (0.0, 0.0)
     for row, reading in zip(log.rows, readings_of(log), strict=True):
         balancing = row[-1] == 2 and not servo_only
-        memory, trip = look(memory, LIMITS_OF_TABLE, reading, volts, balancing=balancing)
-        if trip is not None:
-            return trip
+        state, fault = check(state, LIMITS_OF_TABLE, reading, volts, balancing=balancing)
+        if fault is not None:
+            return fault
         volts = (row[1], row[2])
     return None
 
 
-LIMITS_OF_TABLE = GuardLimits.of_rig(TABLE)
-PROTOCOLS = sorted(
-    p.stem for p in (Path(__file__).parents[2] / "experiments/protocols").glob("*.toml")
-)
+LIMITS_OF_TABLE = MonitorLimits.of_rig(TABLE)
+PROTOCOLS = sorted(p.stem for p in (ROOT / "experiments/protocols").glob("*.toml"))
 
 
 @pytest.mark.parametrize("name", PROTOCOLS)
@@ -78,15 +85,15 @@ def test_no_healthy_run_of_a_shipped_protocol_trips_it(name: str, tmp_path: Path
     protocol = read_protocol(name)
     protocol = protocol.model_copy(update={"duration_s": min(protocol.duration_s, 8.0)})
     rigs = [TABLE, *[another_unit(TABLE, seed) for seed in range(3)]]
-    orders = [
-        Order(rig, protocol, arm, seed, tmp_path, kind=TABLE)
+    requests = [
+        RunRequest(rig, protocol, arm, seed, tmp_path, kind=TABLE)
         for seed, rig in enumerate(rigs)
         for arm in ("without", "with")
     ]
-    logs = simulate_orders(orders, lambda order, run: run)
-    for order, run in zip(orders, logs, strict=True):
+    logs = simulate_runs(requests, lambda request, run: run)
+    for request, run in zip(requests, logs, strict=True):
         if run.outcome == "completed":
-            assert healthy(run.log, protocol.servo_only) is None, (name, order.seed, order.arm)
+            assert healthy(run.log, protocol.servo_only) is None, (name, request.seed, request.arm)
     assert sum(run.outcome == "completed" for run in logs) >= len(logs) / 2
 
 
@@ -96,7 +103,7 @@ def test_limits_are_the_tables_own():
     assert LIMITS.rate_rad_s == 2 * servo.gain_rad_s_V * servo.voltage_limit_V
     assert LIMITS.noise_rad == 4 * servo.encoder_step_rad
     assert LIMITS.angle_rad == servo.angle_limit_rad + ANGLE_MARGIN_RAD
-    defaults = GuardLimits(1.0, 2.0, 3.0, 4.0)
+    defaults = MonitorLimits(1.0, 2.0, 3.0, 4.0)
     assert astuple(defaults) == (1.0, 2.0, 3.0, 4.0, 2.0, 0.08, 0.004, 1.25, 0.5, 0.1, 0.05, 25.0)
 
 
@@ -104,22 +111,22 @@ def test_limits_are_the_tables_own():
 @pytest.mark.parametrize("bad", [nan, inf, -inf])
 def test_what_is_no_number_ends_the_run(bad: float):
     for reading in (Reading(bad, (0.0, 0.0)), Reading(0.0, (bad, 0.0)), Reading(0.0, (0.0, bad))):
-        _, trip = watch([reading])
-        assert trip is not None
-        assert (trip.name, trip.level) == ("no number", False)
-    _, trip = look(Memory(), LIMITS, Reading(bad, (0.0, 0.0)), (0, 0), balancing=False)
-    assert trip is not None
-    assert "time" in trip.reason
+        _, fault = watch([reading])
+        assert fault is not None
+        assert (fault.name, fault.level) == ("no number", False)
+    _, fault = check(MonitorState(), LIMITS, Reading(bad, (0.0, 0.0)), (0, 0), balancing=False)
+    assert fault is not None
+    assert "time" in fault.reason
     balls = (see(bad), see(0.0, (bad, 0.0)), see(0.0, (0.0, bad)), see(0.0, cov=(bad, 0.0, 0.0)))
     for ball in balls:
-        _, trip = watch([Reading(0.0, (0.0, 0.0), None, ball)])
-        assert trip is not None
-        assert (trip.name, trip.level) == ("no number", True)
+        _, fault = watch([Reading(0.0, (0.0, 0.0), None, ball)])
+        assert fault is not None
+        assert (fault.name, fault.level) == ("no number", True)
     for wish in ((bad, 0.0), (0.0, bad)):
-        trip = check_wish(*wish)
-        assert trip is not None
-        assert (trip.name, trip.level) == ("no number", True)
-    assert check_wish(5.0, -1e9) is None
+        fault = check_command(*wish)
+        assert fault is not None
+        assert (fault.name, fault.level) == ("no number", True)
+    assert check_command(5.0, -1e9) is None
 
 
 # --- encoder jump ---
@@ -129,20 +136,20 @@ def test_an_encoder_that_jumps_is_seen_in_the_same_tick(sign: int, axis: int):
     most = LIMITS.rate_rad_s * TICK + LIMITS.noise_rad
     for size, expected in ((1.01 * most, 50), (0.99 * most, None)):
         way = ticks(60, lambda k, size=size: sign * size if k >= 50 else 0.0, axis)
-        k, trip = watch(way)
+        k, fault = watch(way)
         assert k == expected
-        if trip is not None:
-            assert (trip.name, trip.level) == ("encoder jump", False)
-            assert f"servo {'xy'[axis]}" in trip.reason
-            assert "in 2.0 ms" in trip.reason
+        if fault is not None:
+            assert (fault.name, fault.level) == ("encoder jump", False)
+            assert f"servo {'xy'[axis]}" in fault.reason
+            assert "in 2.0 ms" in fault.reason
 
 
 def test_a_longer_time_allows_a_longer_way():
-    memory, _ = look(Memory(), LIMITS, Reading(0.0, (0.0, 0.0)), (0.0, 0.0), balancing=False)
+    state, _ = check(MonitorState(), LIMITS, Reading(0.0, (0.0, 0.0)), (0.0, 0.0), balancing=False)
     far = LIMITS.rate_rad_s * 0.02
     for t_s, name in ((0.022, None), (0.012, "encoder jump")):
-        _, trip = look(memory, LIMITS, Reading(t_s, (far, 0.0)), (0.0, 0.0), balancing=False)
-        assert (trip and trip.name) == name
+        _, fault = check(state, LIMITS, Reading(t_s, (far, 0.0)), (0.0, 0.0), balancing=False)
+        assert (fault and fault.name) == name
 
 
 # --- runaway ---
@@ -150,11 +157,11 @@ def test_a_longer_time_allows_a_longer_way():
 @pytest.mark.parametrize("axis", [0, 1])
 def test_an_arm_beyond_its_limit_ends_the_run(sign: int, axis: int):
     for angle, expected in ((LIMITS.angle_rad - 1e-6, None), (LIMITS.angle_rad + 1e-6, 99)):
-        k, trip = watch(ticks(100, lambda k, a=angle: sign * a * k / 99, axis))
+        k, fault = watch(ticks(100, lambda k, a=angle: sign * a * k / 99, axis))
         assert k == expected
-        if trip is not None:
-            assert (trip.name, trip.level) == ("limit", True)
-            assert "0.60 rad" in trip.reason
+        if fault is not None:
+            assert (fault.name, fault.level) == ("limit", True)
+            assert "0.60 rad" in fault.reason
 
 
 # --- stall ---
@@ -167,10 +174,10 @@ def test_volts_without_motion_are_a_stall_within_a_tenth_of_a_second(volts: floa
             return ((volts, 0.0) if axis == 0 else (0.0, volts)) if k > 10 else (0.0, 0.0)
 
         way = ticks(120, lambda k, d=drift: d * TICK * max(0, k - 10), axis)
-        k, trip = watch(way, drive)
-        assert trip is not None
-        assert (trip.name, trip.level) == ("stall", False)
-        assert f"servo {'xy'[axis]}" in trip.reason
+        k, fault = watch(way, drive)
+        assert fault is not None
+        assert (fault.name, fault.level) == ("stall", False)
+        assert f"servo {'xy'[axis]}" in fault.reason
         assert k is not None
         assert k == pytest.approx(11 + 0.08 / TICK, abs=1)
         assert (k - 10) * TICK < 0.1
@@ -198,47 +205,55 @@ def test_an_arm_turned_round_at_full_speed_is_no_stall():
 
 
 def test_one_push_is_followed_step_by_step():
-    p = push(Push(), LIMITS, 3.0, 0.1, 1.0)
-    assert p == Push(1.0, 0.1, 1.0)
-    assert push(p, LIMITS, 3.0, 0.103, 1.1) is p  # not far enough
-    assert push(p, LIMITS, 3.0, 0.1, 1.1) is p
-    assert push(p, LIMITS, 3.0, 0.05, 1.1) == Push(1.0, 0.05, 1.0)  # fell back: no progress
-    assert push(p, LIMITS, 3.0, 0.105, 1.1) == Push(1.0, 0.105, 1.1)
-    assert push(p, LIMITS, -3.0, 0.1, 1.1) == Push(-1.0, 0.1, 1.1)
-    assert push(p, LIMITS, 1.9, 0.1, 1.1) == Push(0.0, 0.1, 1.1)
-    assert push(Push(-1.0, 0.1, 1.0), LIMITS, -2.0, 0.05, 1.2) == Push(-1.0, 0.05, 1.2)
+    p = watch_stall(StallWatch(), LIMITS, 3.0, 0.1, 1.0)
+    assert p == StallWatch(1.0, 0.1, 1.0)
+    assert watch_stall(p, LIMITS, 3.0, 0.103, 1.1) is p  # not far enough
+    assert watch_stall(p, LIMITS, 3.0, 0.1, 1.1) is p
+    assert watch_stall(p, LIMITS, 3.0, 0.05, 1.1) == StallWatch(
+        1.0, 0.05, 1.0
+    )  # fell back: no progress
+    assert watch_stall(p, LIMITS, 3.0, 0.105, 1.1) == StallWatch(1.0, 0.105, 1.1)
+    assert watch_stall(p, LIMITS, -3.0, 0.1, 1.1) == StallWatch(-1.0, 0.1, 1.1)
+    assert watch_stall(p, LIMITS, 1.9, 0.1, 1.1) == StallWatch(0.0, 0.1, 1.1)
+    assert watch_stall(StallWatch(-1.0, 0.1, 1.0), LIMITS, -2.0, 0.05, 1.2) == StallWatch(
+        -1.0, 0.05, 1.2
+    )
     exact = replace(LIMITS, stall_rad=0.25)
-    assert push(Push(1.0, 0.0, 1.0), exact, 3.0, 0.25, 1.1) == Push(1.0, 0.25, 1.1)
+    assert watch_stall(StallWatch(1.0, 0.0, 1.0), exact, 3.0, 0.25, 1.1) == StallWatch(
+        1.0, 0.25, 1.1
+    )
 
 
 # --- time ---
 def test_time_that_stands_still_is_a_silent_link():
     for t_s in (0.0, -0.002):
-        k, trip = watch([Reading(0.0, (0.0, 0.0)), Reading(t_s, (0.0, 0.0))])
+        k, fault = watch([Reading(0.0, (0.0, 0.0)), Reading(t_s, (0.0, 0.0))])
         assert k == 1
-        assert trip is not None
-        assert (trip.name, trip.level) == ("link silent", False)
-        assert "0.000 s" in trip.reason
+        assert fault is not None
+        assert (fault.name, fault.level) == ("link silent", False)
+        assert "0.000 s" in fault.reason
 
 
 def test_a_tick_that_comes_much_too_late_ends_the_run():
     limit = LIMITS.late_s
     for late, name in ((limit + 1e-3, "late loop"), (limit - 1e-3, None)):
         way = [Reading(0.0, (0.0, 0.0)), Reading(TICK + late, (0.0, 0.0))]
-        _, trip = watch(way)
-        assert (trip and trip.name) == name
-        _, trip = watch(ticks(2), late=lambda k, late=late: late)
-        assert (trip and trip.name) == name
-        if trip is not None:
-            assert trip.level
-            assert "101 ms late (limit 100)" in trip.reason
-    _, trip = watch([Reading(0.0, (0.0, 0.0)), Reading(1.002, (0.0, 0.0))])
-    assert trip is not None
-    assert "1000 ms late" in trip.reason
-    _, trip = watch(ticks(1), late=lambda k: 1.0)  # the first tick may be late, too
-    assert trip is not None
+        _, fault = watch(way)
+        assert (fault and fault.name) == name
+        _, fault = watch(ticks(2), late=lambda k, late=late: late)
+        assert (fault and fault.name) == name
+        if fault is not None:
+            assert fault.level
+            assert "101 ms late (limit 100)" in fault.reason
+    _, fault = watch([Reading(0.0, (0.0, 0.0)), Reading(1.002, (0.0, 0.0))])
+    assert fault is not None
+    assert "1000 ms late" in fault.reason
+    _, fault = watch(ticks(1), late=lambda k: 1.0)  # the first tick may be late, too
+    assert fault is not None
     exact = replace(LIMITS, late_s=0.25)
-    assert look(Memory(), exact, ticks(1)[0], (0, 0), balancing=False, late_s=0.25)[1] is None
+    assert (
+        check(MonitorState(), exact, ticks(1)[0], (0, 0), balancing=False, late_s=0.25)[1] is None
+    )
 
 
 @pytest.mark.parametrize("own", [False, True], ids=["wall clock", "table's time"])
@@ -250,24 +265,24 @@ def test_missed_ticks_add_up_and_are_forgiven(own: bool):
             t_s += 2 * TICK if own and k % every == 0 else TICK
             way.append(Reading(t_s, (0.0, 0.0)))
         late = (lambda k: 0.0) if own else (lambda k, e=every: TICK if k % e == 0 else 0.0)
-        k, trip = watch(way, late=late)
-        assert (trip is not None) == trips
-        if trip is not None and k is not None:
-            assert trip.name == "late loop"
-            assert trip.level
-            assert "than 5 % of the ticks" in trip.reason
+        k, fault = watch(way, late=late)
+        assert (fault is not None) == trips
+        if fault is not None and k is not None:
+            assert fault.name == "late loop"
+            assert fault.level
+            assert "than 5 % of the ticks" in fault.reason
             net = 1 - 9 * LIMITS.late_share  # a missed tick and nine in time
             assert k == pytest.approx(10 * LIMITS.late_ticks / net, rel=0.1)
     almost = [Reading(k * 1.89 * TICK, (0.0, 0.0)) for k in range(700)]
     assert watch(almost)[1] is None
     assert watch(ticks(700), late=lambda k: 0.89 * TICK)[1] is None
-    memory = Memory()
+    state = MonitorState()
     for k, reading in enumerate(ticks(27)):
-        memory, trip = look(memory, LIMITS, reading, (0, 0), balancing=False, late_s=TICK)
-        assert (trip is None) == (k < 25)
-        assert memory.missed == min(k + 1, 25)
-    memory, _ = look(Memory(missed=0.0), LIMITS, ticks(1)[0], (0, 0), balancing=False)
-    assert memory.missed == 0.0
+        state, fault = check(state, LIMITS, reading, (0, 0), balancing=False, late_s=TICK)
+        assert (fault is None) == (k < 25)
+        assert state.missed == min(k + 1, 25)
+    state, _ = check(MonitorState(missed=0.0), LIMITS, ticks(1)[0], (0, 0), balancing=False)
+    assert state.missed == 0.0
 
 
 # --- camera ---
@@ -278,87 +293,89 @@ def balls(n: int, exposed_of, every: int = 8):
 
 
 def test_a_camera_that_stalls_is_named():
-    k, trip = watch(balls(2000, lambda t: min(t, 1.0) - 0.01), balancing=True)
-    assert trip is not None  # the same frame again and again is nothing new
-    assert trip.name == "camera stall"
-    assert trip.level
+    k, fault = watch(balls(2000, lambda t: min(t, 1.0) - 0.01), balancing=True)
+    assert fault is not None  # the same frame again and again is nothing new
+    assert fault.name == "camera stall"
+    assert fault.level
     assert k is not None
     assert k * TICK < 1.0 + LIMITS.unseen_s + 0.03
-    k, trip = watch(balls(2000, lambda t: t - LIMITS.old_s - 1e-3), balancing=True)
+    k, fault = watch(balls(2000, lambda t: t - LIMITS.old_s - 1e-3), balancing=True)
     assert k == 0
-    assert trip is not None
-    assert "0.50 s old" in trip.reason
+    assert fault is not None
+    assert "0.50 s old" in fault.reason
     assert watch(balls(2000, lambda t: t - LIMITS.old_s + 1e-3), balancing=True)[1] is None
     assert watch(balls(2000, lambda t: t - 0.012), balancing=True)[1] is None
 
 
 def test_a_ball_never_seen_counts_from_the_begin_of_balancing():
-    k, trip = watch(ticks(2000), balancing=True)
-    assert trip is not None
-    assert "1.25 s" in trip.reason
+    k, fault = watch(ticks(2000), balancing=True)
+    assert fault is not None
+    assert "1.25 s" in fault.reason
     assert k == pytest.approx(LIMITS.unseen_s / TICK, abs=2)
     assert watch(ticks(2000), balancing=False)[1] is None
     assert watch(balls(2000, lambda t: -3.0), balancing=False)[1] is None
-    memory = Memory()
+    state = MonitorState()
     for reading in ticks(700):
-        memory, _ = look(memory, LIMITS, reading, (0.0, 0.0), balancing=False)
-    _, trip = look(memory, LIMITS, Reading(1.41, (0.0, 0.0)), (0.0, 0.0), balancing=True)
-    assert trip is None
+        state, _ = check(state, LIMITS, reading, (0.0, 0.0), balancing=False)
+    _, fault = check(state, LIMITS, Reading(1.41, (0.0, 0.0)), (0.0, 0.0), balancing=True)
+    assert fault is None
     exact = replace(LIMITS, unseen_s=0.5, late_s=9.0, old_s=0.25)
-    memory = Memory(t_s=0.0, seen_s=0.0)
+    state = MonitorState(t_s=0.0, seen_s=0.0)
     still = Reading(0.5, (0.0, 0.0))
-    assert look(memory, exact, still, (0, 0), balancing=True)[1] is None
+    assert check(state, exact, still, (0, 0), balancing=True)[1] is None
     old = Reading(0.5, (0.0, 0.0), None, see(0.25))
-    after, trip = look(memory, exact, old, (0, 0), balancing=True)
-    assert trip is None
+    after, fault = check(state, exact, old, (0, 0), balancing=True)
+    assert fault is None
     assert (after.exposed_s, after.seen_s) == (0.25, 0.5)
-    after, _ = look(after, exact, replace(old, t_s=0.6), (0, 0), balancing=True)
+    after, _ = check(after, exact, replace(old, t_s=0.6), (0, 0), balancing=True)
     assert after.seen_s == 0.5
 
 
 def test_every_edge_itself_is_still_fine():
     """Numbers that a float holds exactly: at the limit is within it."""
-    edge = GuardLimits(0.25, 4.0, 0.5, 2.0, 2.0, 0.5, 0.25, 0.5, 0.25, 0.5, 0.05, 25.0)
-    memory, trip = look(Memory(), edge, Reading(8.0, (0.5, -0.5)), (3.0, 0.0), balancing=False)
-    assert trip is None
-    assert (memory.t_s, memory.theta_rad, memory.late_s) == (8.0, (0.5, -0.5), 0.0)
-    assert memory.pushes == (Push(1.0, 0.5, 8.0), Push())
-    after, trip = look(memory, edge, Reading(8.25, (2.0, -2.0)), (0.0, 0.0), balancing=False)
-    assert trip is None  # 1.5 rad in 0.25 s, and at the angle limit
+    edge = MonitorLimits(0.25, 4.0, 0.5, 2.0, 2.0, 0.5, 0.25, 0.5, 0.25, 0.5, 0.05, 25.0)
+    state, fault = check(
+        MonitorState(), edge, Reading(8.0, (0.5, -0.5)), (3.0, 0.0), balancing=False
+    )
+    assert fault is None
+    assert (state.t_s, state.theta_rad, state.late_s) == (8.0, (0.5, -0.5), 0.0)
+    assert state.pushes == (StallWatch(1.0, 0.5, 8.0), StallWatch())
+    after, fault = check(state, edge, Reading(8.25, (2.0, -2.0)), (0.0, 0.0), balancing=False)
+    assert fault is None  # 1.5 rad in 0.25 s, and at the angle limit
     assert after.late_s == 0.0
-    still = Memory(8.0, (0.0, 0.0), (Push(1.0, 0.0, 7.75), Push(-1.0, 0.0, 7.75)))
-    after, trip = look(still, edge, Reading(8.25, (0.0, 0.0)), (2.0, -2.0), balancing=False)
-    assert trip is None
-    _, trip = look(after, edge, Reading(8.26, (0.0, 0.0)), (2.0, -2.0), balancing=False)
-    assert trip is not None
-    assert trip.name == "stall"
+    still = MonitorState(8.0, (0.0, 0.0), (StallWatch(1.0, 0.0, 7.75), StallWatch(-1.0, 0.0, 7.75)))
+    after, fault = check(still, edge, Reading(8.25, (0.0, 0.0)), (2.0, -2.0), balancing=False)
+    assert fault is None
+    _, fault = check(after, edge, Reading(8.26, (0.0, 0.0)), (2.0, -2.0), balancing=False)
+    assert fault is not None
+    assert fault.name == "stall"
     for volts in (3.0, -3.0):  # the first push counts from its own time
         both = (volts, volts)
-        _, trip = look(Memory(), edge, Reading(8.0, (0.0, 0.0)), both, balancing=False)
-        assert trip is None
-    early, _ = look(memory, edge, Reading(8.125, (0.5, -0.5)), (0.0, 0.0), balancing=False)
+        _, fault = check(MonitorState(), edge, Reading(8.0, (0.0, 0.0)), both, balancing=False)
+        assert fault is None
+    early, _ = check(state, edge, Reading(8.125, (0.5, -0.5)), (0.0, 0.0), balancing=False)
     assert early.late_s == 0.0
     aged = Reading(8.25, (0.5, -0.5), None, see(6.5))
-    _, trip = look(memory, edge, aged, (0.0, 0.0), balancing=True)
-    assert trip is not None
-    assert "1.75 s old" in trip.reason
+    _, fault = check(state, edge, aged, (0.0, 0.0), balancing=True)
+    assert fault is not None
+    assert "1.75 s old" in fault.reason
     for late_s, missed in ((0.9 * 0.25, 0.0), (0.2251, 1.0)):
-        after, _ = look(memory, edge, Reading(8.25, (0, 0)), (0, 0), balancing=False, late_s=late_s)
+        after, _ = check(state, edge, Reading(8.25, (0, 0)), (0, 0), balancing=False, late_s=late_s)
         assert (after.missed, after.late_s) == (missed, late_s)
-    _, trip = look(memory, edge, Reading(9.25, (0.5, -0.5)), (0.0, 0.0), balancing=False)
-    assert trip is not None
-    assert trip.reason.startswith("a tick came 1000 ms late (limit 500)")
-    _, trip = look(memory, edge, Reading(8.5, (9.0, -0.5)), (0.0, 0.0), balancing=False)
-    assert trip is not None
-    assert "from 0.500 to 9.000 rad in 500.0 ms" in trip.reason
+    _, fault = check(state, edge, Reading(9.25, (0.5, -0.5)), (0.0, 0.0), balancing=False)
+    assert fault is not None
+    assert fault.reason.startswith("a tick came 1000 ms late (limit 500)")
+    _, fault = check(state, edge, Reading(8.5, (9.0, -0.5)), (0.0, 0.0), balancing=False)
+    assert fault is not None
+    assert "from 0.500 to 9.000 rad in 500.0 ms" in fault.reason
 
 
 def test_what_it_remembers_and_says_cannot_be_changed():
-    for one, name in ((LIMITS, "stall_V"), (Trip("a", "b"), "name"), (Push(), "sign")):
+    for one, name in ((LIMITS, "stall_V"), (Fault("a", "b"), "name"), (StallWatch(), "sign")):
         with pytest.raises(FrozenInstanceError):
             setattr(one, name, 0.0)
     with pytest.raises(FrozenInstanceError):
-        Memory().missed = 0.0  # type: ignore[misc]
+        MonitorState().missed = 0.0  # type: ignore[misc]
 
 
 ANY = st.floats(allow_nan=True, allow_infinity=True)
@@ -374,9 +391,9 @@ ODD = st.builds(
 @settings(deadline=None)
 @given(st.lists(st.tuples(ODD, st.tuples(ANY, ANY), st.booleans(), ANY), max_size=20))
 def test_it_never_raises_and_remembers_only_numbers(given_):
-    memory = Memory()
+    state = MonitorState()
     for reading, volts, balancing, late_s in given_:
-        memory, trip = look(memory, LIMITS, reading, volts, balancing=balancing, late_s=late_s)
-        if trip is None:
-            assert np.isfinite([memory.t_s, *memory.theta_rad, memory.missed]).all()
-            assert memory.t_s == reading.t_s
+        state, fault = check(state, LIMITS, reading, volts, balancing=balancing, late_s=late_s)
+        if fault is None:
+            assert np.isfinite([state.t_s, *state.theta_rad, state.missed]).all()
+            assert state.t_s == reading.t_s

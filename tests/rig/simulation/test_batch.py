@@ -5,27 +5,44 @@ from math import radians
 
 import numpy as np
 import pytest
-from helpers import TICK_S, ball_state, constant_volts, free_release, moved, random_steps, realistic
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from rig import plant, plant_record
-from rig.batch import simulate_many
-from rig.constants import COSTLY, LANES, PAIRS, SINGLES
-from rig.controllers import SHAM, WITH, WITHOUT
+from rig.control.controllers import SHAM, WITH, WITHOUT
+from rig.course import Course
+from rig.discrepancy import Discrepancy
 from rig.effects import BY_NAME, CATALOGUE
-from rig.lanes import BALL, FALLEN, X, advance_block, block_of, is_costly, is_delayed
 from rig.parameters import CameraTiming, Drive, Rig, Walls
-from rig.simulate import DESK, Course, Task, draw, simulate
-from rig.unknown import Unknown
+from rig.plant import plant, plant_record
+from rig.plant.constants import COSTLY, LANES, PAIRS, SINGLES
+from rig.simulation.batch import simulate_many
+from rig.simulation.simulate import TICK_BUFFERS, Task, draw, simulate
+from rig.simulation.vectorized_plants import (
+    BALL,
+    FALLEN,
+    X,
+    advance_block,
+    block_of,
+    is_costly,
+    is_delayed,
+)
+from tests.support.simulated import (
+    TICK_S,
+    ball_state,
+    constant_volts,
+    free_release,
+    moved,
+    random_steps,
+    realistic,
+)
 
 
 def alone(task: Task):
-    return simulate(task.rig, task.known, task.arm, task.course, task.draws)
+    return simulate(task.rig, task.known, task.compensator, task.course, task.draws)
 
 
 def task_of(rig: Rig, course: Course, *, arm: int = WITH, seed: int = 0) -> Task:
-    known = replace(rig, effects={}, unknown=Unknown())
+    known = replace(rig, effects={}, unknown=Discrepancy())
     return Task(rig, known, arm, course, draw(np.random.default_rng(seed), rig, course))
 
 
@@ -110,7 +127,7 @@ def test_a_lane_does_not_see_its_neighbours():
 
 def test_an_unnamed_term_runs_alone_and_in_its_place():
     course = random_steps(np.random.default_rng(3), 0.5)
-    odd = Rig(unknown=Unknown(ball_speed_x=(0.1, 0.0, 0.0, 0.0)))
+    odd = Rig(unknown=Discrepancy(ball_speed_x=(0.1, 0.0, 0.0, 0.0)))
     assert_same([task_of(Rig(), course), task_of(odd, course), task_of(realistic(), course)])
 
 
@@ -135,13 +152,13 @@ def test_open_loop_block_moves_as_the_plant_alone():
     rigs[3] = replace(rigs[3], effects={"input_delay": {"x": {"delay_s": 0.0031}}})
     plants = np.array([plant_record.pack(rig) for rig in rigs])
     b = block_of(plants, [(0.01 * i, 0.0) for i in range(LANES)])
-    history, desks = np.zeros((LANES, 4, 2)), np.zeros(LANES, DESK)
+    history, buffers = np.zeros((LANES, 4, 2)), np.zeros(LANES, TICK_BUFFERS)
     volts = constant_volts(0.7, -0.4, 0.1)
     for k, pair in enumerate(volts):
         history[:, 1:] = history[:, :-1].copy()
         history[:, 0] = pair
         never = np.full(LANES, np.inf)
-        advance_block(b, plants, history, False, True, k * TICK_S, TICK_S, never, desks)
+        advance_block(b, plants, history, False, True, k * TICK_S, TICK_S, never, buffers)
     found = b.reshape(-1, LANES)
     for i, rig in enumerate(rigs):
         want = moved(rig, volts, state=ball_state((0.01 * i, 0.0)))[-1]

@@ -5,11 +5,12 @@ from functools import partial
 
 import numpy as np
 import pytest
-from helpers import DEGREE, TICK_S, free_release, random_steps, realistic, run
 
-from rig import simulate
-from rig.controllers import WITH, WITHOUT
+from rig.control.controllers import WITH, WITHOUT
+from rig.course import Course
 from rig.parameters import CameraTiming, Rig
+from rig.simulation import simulate
+from tests.support.simulated import DEGREE, TICK_S, free_release, random_steps, realistic, run
 
 
 def jobs(count=6):
@@ -48,7 +49,7 @@ def test_a_run_does_not_touch_what_it_is_given():
 def test_a_longer_run_begins_like_a_shorter_one():
     """The same seed: more ticks draw more numbers, not other ones."""
     course = random_steps(np.random.default_rng(0), 3.0)
-    short = simulate.Course(course.targets_m[:500], course.pushes_m_s2[:500])
+    short = Course(course.targets_m[:500], course.pushes_m_s2[:500])
     long_rows, short_rows = (run(Rig(), WITH, c, 1).log.rows for c in (course, short))
     np.testing.assert_array_equal(long_rows[:500], short_rows)
 
@@ -109,7 +110,7 @@ def test_a_quiet_run_completes():
 
 def test_held_ball_stays_until_it_is_let_go():
     course = free_release(2.0, (-0.08, 0.08))
-    held = simulate.Course(course.targets_m, course.pushes_m_s2, course.start_m, hold_s=0.5)
+    held = Course(course.targets_m, course.pushes_m_s2, course.start_m, hold_s=0.5)
     t, xy = run(Rig(), WITHOUT, held, 0).log.ball()
     np.testing.assert_allclose(xy[t < 0.5], np.tile([-0.08, 0.08], ((t < 0.5).sum(), 1)), atol=2e-3)
     assert np.abs(xy[-1] - [-0.08, 0.08]).max() > 0.02
@@ -120,7 +121,7 @@ def test_mirrored_table_gives_the_mirrored_run():
     course = random_steps(np.random.default_rng(3), 3.0)
     rig = Rig(effects={"joint_backlash": {a: {"play_rad": DEGREE} for a in "xy"}})
     draws = simulate.draw(np.random.default_rng(0), rig, course)
-    turned = simulate.Course(-course.targets_m, -course.pushes_m_s2)
+    turned = Course(-course.targets_m, -course.pushes_m_s2)
     signs = np.array([-1.0, -1.0, 1.0])
     other = simulate.Draws(draws.camera * signs, -draws.tachometer)
     a = simulate.simulate(rig, Rig(), WITH, course, draws).log

@@ -1,38 +1,28 @@
-"""The real firmware binary in libsimavr: an ATmega328P as `board_world.World` takes a board."""
+"""The real firmware binary in libsimavr: an ATmega328P as `world.World` takes a board."""
 
+import atexit
 import ctypes
-import shutil
 import subprocess
 import tempfile
 from functools import cache
 from pathlib import Path
 
-import pytest
+from tests.support import ROOT
+from tests.support.parts import need
 
-ROOT = Path(__file__).parents[2]
 FIRMWARE = ROOT / "rig/firmware"
 RUNNER = Path(__file__).with_name("simavr_runner.c")
 SUPPLY_V = 12.0
 CYCLES_MS = 16_000
 _BUILT = tempfile.TemporaryDirectory(prefix="firmware")
-CURE = "apt install gcc simavr libsimavr-dev gcc-avr avr-libc libelf-dev"
-
-
-def missing() -> str | None:
-    """What is not there to build and run the firmware, or None."""
-    for tool in ("avr-gcc", "make", "cc"):
-        if shutil.which(tool) is None:
-            return f"NO {tool} ({CURE}): the firmware binary is NOT tested"
-    if not Path("/usr/include/simavr/sim_avr.h").exists():
-        return f"NO libsimavr-dev ({CURE}): the firmware binary is NOT tested"
-    return None
+atexit.register(_BUILT.cleanup)
+NEEDED = ("avr-gcc", "make", "cc", "simavr")
 
 
 @cache
 def firmware(mcu: str = "atmega328p") -> Path:
     """The .elf, built by the shipped Makefile; skips the test loudly where that cannot be."""
-    if lack := missing():
-        pytest.skip(lack)
+    need(*NEEDED)
     arguments = ["make", "-s", f"MCU={mcu}", f"BUILD={_BUILT.name}"]
     subprocess.run(arguments, cwd=FIRMWARE, check=True, stdout=subprocess.DEVNULL)
     return Path(_BUILT.name) / f"{mcu}.elf"

@@ -4,7 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from board_world import World, WorldLink  # pyright: ignore[reportMissingImports]
+
+from tests.support.boards.world import World, WorldLink
 
 TTY_BUFFER = 4096  # what a halted host's kernel keeps
 

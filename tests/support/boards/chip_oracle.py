@@ -1,9 +1,8 @@
 """An independent judge of a board: what it may do with the bytes that really reached it."""
 
-from board_world import World  # pyright: ignore[reportMissingImports]
-
-from rig.hardware.wire import Arm, Command, ConfigAnswer, Parser
+from rig.hardware.board.wire import Arm, Command, ConfigAnswer, Parser
 from rig.parameters import ANGLE_MARGIN_RAD, Rig
+from tests.support.boards.world import World
 
 WATCHDOG_S, LEVEL_S, LEVEL_V = 0.1, 0.5, 3.0
 LATE_S = 0.03  # the way through the chip, and a crystal 3 % off

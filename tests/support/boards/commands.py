@@ -6,23 +6,22 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from board_pty import PtyBoard, SteppedLink
-from board_world import World
-from usb_fake import FakeUsb
 
-from experiments import cli
-from experiments.assemble import load_rig
-from rig.commands import CommandSlot
-from rig.endings import Ending, ending_of
-from rig.hardware import homed as homing
-from rig.hardware.board import BoardTable
-from rig.hardware.serial_link import SerialLink
-from rig.hardware.usb_link import UsbLink
+from experiments.cli import application
+from experiments.runs.assemble import load_rig
+from rig.hardware.board.board import BoardTable
+from rig.hardware.board.serial_link import SerialLink
+from rig.hardware.board.usb_link import UsbLink
+from rig.hardware.homing import homed as homing
 from rig.hardware.wiring import Wiring
-from rig.linkage import tilt_sines
-from rig.loop import Loop
-from rig.loop_process import Job
+from rig.loop.commands import CommandSlot
+from rig.loop.loop import Ending, Loop, ending_of
+from rig.loop.process import Job
 from rig.parameters import Rig
+from rig.plant.ball import tilt_sines
+from tests.support.boards.pty import PtyBoard, SteppedLink
+from tests.support.boards.usb_fake import FakeUsb
+from tests.support.boards.world import World
 from vision.frames import Observation
 
 AWAY_M = (1.0, 1.0)  # of a ball that lies in a drawer
@@ -42,7 +41,9 @@ class LoopHere:
         try:
             with job.table() as table:  # pyright: ignore[reportGeneralTypeIssues]
                 inbox, way = self._slot, job.course
-                loop = Loop(table, job.known, job.arm, way, commands=inbox, keep=keep, event=event)
+                loop = Loop(
+                    table, job.known, job.compensator, way, commands=inbox, keep=keep, event=event
+                )
                 return loop.run()
         except BaseException as error:
             return ending_of(error)
@@ -118,14 +119,14 @@ class Lab:
             return homing.power_up(table, self.clock())
 
         for name, stand_in in {
-            "rig.hardware.serial_link.SerialLink": serial,
-            "rig.hardware.usb_link.UsbLink": usb,
-            "rig.hardware.board.BoardTable": table,
-            "experiments.hardware.power_up": power_up,
-            "experiments.hardware.plate_tilt": tilt,
-            "experiments.hardware.go_realtime": dict,
-            "experiments.hardware_run.watching": seeing,
-            "experiments.live_run.LoopProcess": LoopHere,
+            "rig.hardware.board.serial_link.SerialLink": serial,
+            "rig.hardware.board.usb_link.UsbLink": usb,
+            "rig.hardware.board.board.BoardTable": table,
+            "experiments.runs.hardware.power_up": power_up,
+            "experiments.runs.hardware.plate_tilt": tilt,
+            "experiments.runs.hardware.go_realtime": dict,
+            "experiments.runs.hardware_run.watching": seeing,
+            "experiments.runs.live_run.LoopProcess": LoopHere,
         }.items():
             self._patch.setattr(name, stand_in)
 
@@ -154,7 +155,7 @@ class Lab:
         self._patch.setattr(sys, "argv", ["rig", *words, "--rig", str(self.rig_file), "--yes"])
         code = 0
         try:
-            cli.main()
+            application.main()
         except SystemExit as end:
             code = int(end.code or 0)
         self._begun_s = None

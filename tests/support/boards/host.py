@@ -1,17 +1,19 @@
 """The firmware's own protocol.c, built for this machine: a board without a chip."""
 
+import atexit
 import ctypes
-import shutil
 import subprocess
 import tempfile
 from functools import cache
 from pathlib import Path
 
-import pytest
+from tests.support import ROOT
+from tests.support.parts import need
 
-FIRMWARE = Path(__file__).parents[3] / "rig/firmware"
+FIRMWARE = ROOT / "rig/firmware"
 SUPPLY_V = 12.0
 _BUILT = tempfile.TemporaryDirectory(prefix="board")
+atexit.register(_BUILT.cleanup)
 
 # What protocol.h keeps to itself is opaque here; these few calls are all that is needed.
 _GLUE = """
@@ -54,16 +56,14 @@ def library(*changes: str) -> ctypes.CDLL:
 
     changes: compiler's options that spoil it on purpose, to see whether a test notices.
     """
-    compiler = shutil.which("cc") or shutil.which("gcc")
-    if compiler is None:
-        pytest.skip("NO C COMPILER (apt install gcc): the firmware's protocol is NOT tested")
+    need("cc")
     folder = Path(_BUILT.name) / "_".join(["protocol", *changes])
     folder.mkdir()
     (folder / "glue.c").write_text(_GLUE)
     sources = [folder / "glue.c", FIRMWARE / "protocol.c"]
     subprocess.run(
         [
-            compiler,
+            "cc",
             "-shared",
             "-fPIC",
             "-O2",

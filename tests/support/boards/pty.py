@@ -1,7 +1,8 @@
 """A board on a real pseudo terminal in real time: a thread, or a process of its own.
 
-Run as a program (`python board_pty.py chip|host SECONDS`) it prints the port's name, then a line
-`exposed_s x_m y_m` on the monotonic clock for every ball seen, and ends when the time is over.
+Run as a program (`python -m tests.support.boards.pty chip|host SECONDS`) it prints the port's name,
+then a line `exposed_s x_m y_m` on the monotonic clock for every ball seen, and ends when the time
+is over.
 """
 
 import os
@@ -10,10 +11,9 @@ import threading
 import time
 from contextlib import contextmanager, suppress
 
-from board_host import HostBoard
-from board_world import STEP_S, World
-
 from rig.parameters import Rig
+from tests.support.boards.host import HostBoard
+from tests.support.boards.world import STEP_S, World
 
 
 class PtyBoard:
@@ -109,10 +109,7 @@ def real_time():
 
 def main(kind: str, seconds: float) -> None:
     if kind == "chip":
-        from pathlib import Path
-
-        sys.path.insert(0, str(Path(__file__).parents[2] / "engines"))
-        from simavr_chip import Chip  # pyright: ignore[reportMissingImports]
+        from tests.support.boards.chip import Chip
 
         board = Chip()
     else:

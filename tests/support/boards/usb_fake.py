@@ -6,9 +6,10 @@ import errno
 from array import array
 from types import SimpleNamespace
 
-from board_world import World
 from usb.backend import IBackend
 from usb.core import USBError, USBTimeoutError
+
+from tests.support.boards.world import World
 
 IN, OUT = 0x81, 0x02
 

@@ -9,11 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from rig.hardware.board import BoardTable
-from rig.hardware.link import LinkLost
+from rig.hardware.board.board import BoardTable
+from rig.hardware.board.link import LinkLost
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig
-from rig.simulator import SimulatedTable
+from rig.simulation.simulator import SimulatedTable
 from vision.frames import Observation
 
 STEP_S = 1e-3

@@ -3,10 +3,11 @@
 from collections.abc import Callable
 
 import numpy as np
-from foreign_parts import Course, Eye, Odd, Pilot, Plant, packed
-from foreign_plant import run
-from foreign_table import CAMERA_DELAY_S, COLUMNS, NOMINAL_GAIN, NOMINAL_TAU, STEP_S
-from foreign_truth import plant_and_eye, strange
+
+from tests.support.foreign.parts import Course, Eye, Odd, Pilot, Plant, packed
+from tests.support.foreign.plant import run
+from tests.support.foreign.table import CAMERA_DELAY_S, COLUMNS, NOMINAL_GAIN, NOMINAL_TAU, STEP_S
+from tests.support.foreign.truth import plant_and_eye, strange
 
 DT = 0.002
 Engine = Callable[[Plant, Eye, Odd, Pilot, Course], np.ndarray]
@@ -72,3 +73,7 @@ def seen(log: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     xy = np.column_stack([log["ball_x_m"], log["ball_y_m"]])
     new = np.isfinite(xy[:, 0])
     return log["ball_exposed_s"][new], xy[new]
+
+
+def slope(x: float, y: float) -> dict:
+    return {"level_offset": {"x": {"slope_rad": x}, "y": {"slope_rad": y}}}

@@ -10,10 +10,18 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from foreign_parts import Course, Odd, Pilot, packed
-from foreign_plant import VOLTS_HOLD_S, run
-from foreign_protocols import PROTOCOLS, SERVO_ONLY, ask
-from foreign_truth import SERVO_SPREAD, Effects, imperfections, merged, plant_and_eye, strange
+
+from tests.support.foreign.parts import Course, Odd, Pilot, packed
+from tests.support.foreign.plant import VOLTS_HOLD_S, run
+from tests.support.foreign.protocols import PROTOCOLS, SERVO_ONLY, ask
+from tests.support.foreign.truth import (
+    SERVO_SPREAD,
+    Effects,
+    imperfections,
+    merged,
+    plant_and_eye,
+    strange,
+)
 
 STEP_S = 0.25e-3
 CAMERA_HZ, CAMERA_DELAY_S, NOISE_M = 60.0, 0.012, 0.0003

@@ -8,7 +8,8 @@ from math import inf, radians
 from typing import Any
 
 import numpy as np
-from foreign_parts import Eye, Odd, Plant
+
+from tests.support.foreign.parts import Eye, Odd, Plant
 
 Effects = Mapping[str, Mapping[str, Mapping[str, float]]]
 

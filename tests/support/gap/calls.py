@@ -8,13 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "engines"))
-from foreign_table import make_log  # pyright: ignore[reportMissingImports]
-
-from experiments import cli
-from experiments.exporting import export_log
+from experiments.cli import application
+from experiments.records.exporting import export_log
 from rig.log import Log
 from rig.parameters import Rig
+from tests.support.foreign.table import make_log
 
 RIG = Rig()
 OFFSET = {"voltage_offset": {"y": {"offset_V": 0.1}}}
@@ -32,7 +30,7 @@ def call(*arguments) -> int:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", ["rig", *map(str, arguments)])
         try:
-            cli.main()
+            application.main()
         except SystemExit as end:
             return int(end.code or 0)
     return 0

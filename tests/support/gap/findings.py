@@ -6,7 +6,6 @@ from math import radians
 import numpy as np
 
 from calibration.gap.findings import (
-    Candidate,
     ClosedLoopRow,
     Findings,
     Gap,
@@ -17,6 +16,7 @@ from calibration.gap.findings import (
     PlateMap,
     Profile,
     ProofRow,
+    RankedEffect,
     Step,
     Untestable,
     Where,
@@ -77,12 +77,12 @@ CALIBRATED = {
     "time_constant_y_s": around(0.0262, 0.02),
 }
 RANKING = (
-    Candidate("joint_backlash", 812.0, 0.985),
-    Candidate("linkage_cubic", 240.0, 0.009),
-    Candidate("camera_delay", 130.0, 0.004, ("encoder_to_plate_delay",)),
-    Candidate("level_offset", 90.0, 0.002, ("encoder_zero", "asymmetric_play")),
-    Candidate("rolling_resistance", 41.0, 0.0),
-    Candidate("viscous_drag", 12.0, 0.0),
+    RankedEffect("joint_backlash", 812.0, 0.985),
+    RankedEffect("linkage_cubic", 240.0, 0.009),
+    RankedEffect("camera_delay", 130.0, 0.004, ("encoder_to_plate_delay",)),
+    RankedEffect("level_offset", 90.0, 0.002, ("encoder_zero", "asymmetric_play")),
+    RankedEffect("rolling_resistance", 41.0, 0.0),
+    RankedEffect("viscous_drag", 12.0, 0.0),
 )
 
 CLOSED_LOOP = (
@@ -199,7 +199,8 @@ def rivals() -> Findings:
         sentence="It is camera_delay or linkage_cubic.",
         effects=(late, other),
         ranking=(
-            Candidate("camera_delay", 44.0, 0.57, twin), Candidate("linkage_cubic", 43.5, 0.41),
+            RankedEffect("camera_delay", 44.0, 0.57, twin),
+            RankedEffect("linkage_cubic", 43.5, 0.41),
         ),
         next_experiment=NextExperiment("steps", ("camera_delay", "linkage_cubic"), 30.0, 27.0),
         rig_after=None, steps=(), proof=(), closed_loop=(),

@@ -1,20 +1,15 @@
 """Logs of a table that shares no code with the model, as evidence, for the gap workflow's tests."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "engines"))
-import foreign_table  # pyright: ignore[reportMissingImports]
-
-from calibration.gap.evidence import Evidence, gather
-from calibration.gap.fit import evaluate
-from calibration.gap.knobs import Believed
-from calibration.gap.state import Key, State
-from calibration.gap.workflow import levels_of, usable_runs
+from calibration.gap.investigation import levels_of, usable_runs
+from calibration.gap.model.data import Evidence, gather
+from calibration.gap.model.fit import evaluate
+from calibration.gap.model.parameters import NominalModel
+from calibration.gap.model.state import Key, State
 from rig.log import Log
 from rig.parameters import Rig
+from tests.support.foreign import table as foreign_table
 
 RIG = Rig()
 
@@ -30,9 +25,9 @@ def evidence_of(*logs: Log, rig: Rig = RIG) -> Evidence:
 
 def released(evidence: Evidence, *named: Key, rig: Rig = RIG) -> State:
     """The believed model with these effects released, not yet fitted."""
-    believed = Believed(rig, load_friction=False)
-    start = evaluate(evidence, believed, {}, evidence.parts)
-    return State(evidence, believed, start, named)
+    nominal = NominalModel(rig, load_friction=False)
+    start = evaluate(evidence, nominal, {}, evidence.outputs)
+    return State(evidence, nominal, start, named)
 
 
 def without_columns(log: Log, *starts: str) -> Log:

@@ -4,9 +4,9 @@ from math import sin
 
 import numpy as np
 
-from rig.levelling import LevelOnExit
 from rig.parameters import Rig
-from rig.simulator import SimulatedTable
+from rig.safety.levelling import LevelOnExit
+from rig.simulation.simulator import SimulatedTable
 from rig.table import Reading
 
 STEP_RAD = 2 * np.pi / 4096

@@ -10,13 +10,13 @@ from contextlib import contextmanager, suppress
 
 import numpy as np
 
-from rig.hardware.link import LinkLost
-from rig.hardware.remote import RemoteTable
-from rig.hardware.serve import Server
+from rig.hardware.board.link import LinkLost
+from rig.hardware.network.remote import RemoteTable
+from rig.hardware.network.serve import Server
 from rig.hardware.wiring import Wiring
-from rig.paced import Paced
+from rig.loop.paced import Paced
 from rig.parameters import Rig
-from rig.simulator import SimulatedTable
+from rig.simulation.simulator import SimulatedTable
 
 TOKEN = b"0123456789abcdef0123456789abcdef"
 

@@ -4,8 +4,10 @@ import re
 from contextlib import suppress
 from pathlib import Path
 
-from browser import PATIENCE_S, pixels, wait_for
 from playwright.sync_api import Browser, Locator, Page, TimeoutError, expect
+
+from tests.support.in_browser.program import PATIENCE_S, pixels
+from tests.support.waiting import wait_for
 
 STILL_S = 10.0  # so long what is drawn may take to hold still
 # Buttons, tabs, labels and inputs in view that reach out of the window, whose words do not fit, or
@@ -67,7 +69,7 @@ class Hand:
             self.page.evaluate("window.dispatchEvent(new Event('focus'))")
             return words.is_visible()
 
-        wait_for("the page", there, every_s=1.0)
+        wait_for("the page", there, PATIENCE_S, every_s=1.0)
 
     def see(self, text: str | re.Pattern) -> None:
         """Wait until the text can be seen."""

@@ -5,17 +5,16 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-CHROMIUM = "/usr/bin/chromium"
+from tests.support import ROOT
+
 FLAGS = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
 PATIENCE_S = float(os.environ.get("RIG_BROWSER_PATIENCE_S", "240"))
 RIG = (sys.executable, "-m", "experiments.cli")
-ROOT = Path(__file__).parents[2]
 
 
 class Program:
@@ -26,9 +25,13 @@ class Program:
         command = [*RIG, "dashboard", "--port", str(port), "--out", str(out)]
         environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}
         self._process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=self.log, text=True, env=environment,
+            command,
+            stdout=subprocess.PIPE,
+            stderr=self.log,
+            text=True,
+            env=environment,
             start_new_session=True,  # its own share of a busy machine
-        )  # fmt: skip
+        )
         assert self._process.stdout is not None
         self.link = self._process.stdout.readline().strip()
         found = re.fullmatch(r"http://127\.0\.0\.1:(\d+)/\?token=\S{32,}", self.link)
@@ -72,11 +75,3 @@ def sees_table(image: np.ndarray) -> tuple[float, int, int]:
     ball = (red > 150) & (red - blue > 70) & (green > 40) & (green < red - 25)
     plate = (abs(red - blue) < 14) & (red > 190) & (red < 246)
     return float(image.std()), int(ball.sum()), int(plate.sum())
-
-
-def wait_for(what: str, holds, seconds: float = PATIENCE_S, *, every_s: float = 0.2) -> None:
-    """Poll until `holds()` is true; AssertionError names what did not come."""
-    end = time.monotonic() + seconds
-    while not holds():
-        assert time.monotonic() < end, f"{what} did not come within {seconds:g} s"
-        time.sleep(every_s)

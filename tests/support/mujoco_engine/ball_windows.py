@@ -5,10 +5,10 @@ and a drift, which any fit would take out) is taken off the residual.
 """
 
 import numpy as np
-from comparison import TICK_S, Trajectory
 
-from rig.ball import rolling, velocity
 from rig.parameters import GRAVITY_M_S2, Ball
+from rig.plant.ball import rolling, velocity
+from tests.support.mujoco_engine.comparison import TICK_S, Trajectory
 
 WINDOW_S = 0.75
 

@@ -3,17 +3,18 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from mujoco_mechanism import Build
-from mujoco_table import MujocoTable
 
-from experiments.assemble import known, load_rig, with_play
-from experiments.limit_cycle import limit_cycle
-from experiments.samples import ball_samples
-from rig.controllers import ARMS
+from experiments.analysis.limit_cycle import limit_cycle
+from experiments.analysis.samples import ball_samples
+from experiments.runs.assemble import known, load_rig, with_play
+from rig.control.controllers import COMPENSATORS
+from rig.course import Course
 from rig.log import Log
-from rig.loop import Loop
+from rig.loop.loop import Loop
 from rig.parameters import Rig
-from rig.simulate import Course, draw, simulate
+from rig.simulation.simulate import draw, simulate
+from tests.support.mujoco_engine.mechanism import Build
+from tests.support.mujoco_engine.table import MujocoTable
 
 TICK_S = 0.002
 START_M = (-0.13, 0.13)
@@ -42,7 +43,7 @@ def on_product(rig: Rig, arm: str, seconds: float, seed: int) -> Log:
     """A run of the product's simulator. RuntimeError: it was not completed."""
     course = release(seconds)
     draws = draw(np.random.default_rng(seed), rig, course)
-    done = simulate(rig, known(rig), ARMS[arm], course, draws)
+    done = simulate(rig, known(rig), COMPENSATORS[arm], course, draws)
     if done.outcome != "completed":
         raise RuntimeError(done.outcome)
     return done.log
@@ -52,7 +53,9 @@ def on_mujoco(rig: Rig, arm: str, seconds: float, seed: int, *, build: Build = C
     """The same loop on the MuJoCo table, tick by tick through the seam."""
     course, rows = release(seconds), []
     table = MujocoTable(rig, np.random.default_rng(seed), build=build, start_m=START_M)
-    loop = Loop(table, known(rig), ARMS[arm], course, keep=lambda row: rows.append(row.copy()))
+    loop = Loop(
+        table, known(rig), COMPENSATORS[arm], course, keep=lambda row: rows.append(row.copy())
+    )
     ending = loop.run()
     if ending.outcome != "completed":
         raise RuntimeError(f"{ending.outcome}: {ending.reason}")

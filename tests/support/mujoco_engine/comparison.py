@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from mujoco_mechanism import Build
-from mujoco_table import MujocoTable
 
-from rig import plant, plant_record
-from rig.ball import velocity
 from rig.parameters import Ball, Drive, Rig
+from rig.plant import plant, plant_record
+from rig.plant.ball import velocity
+from tests.support.mujoco_engine.mechanism import Build
+from tests.support.mujoco_engine.table import MujocoTable
 
 TICK_S = 0.002
 DEGREE = np.pi / 180

@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 from math import sqrt
 
 import numpy as np
-from foreign_parts import Odd, Plant, packed
-from foreign_plant import G, _at_motor, _held, _odd_forces
-from mujoco_mechanism import Build
-from mujoco_table import MujocoTable, mujoco
 
 from rig.parameters import Ball, Drive, Rig, Servo
+from tests.support.foreign.parts import Odd, Plant, packed
+from tests.support.foreign.plant import G, _at_motor, _held, _odd_forces
+from tests.support.mujoco_engine.mechanism import Build
+from tests.support.mujoco_engine.table import MujocoTable, mujoco
 
 ARM_FRICTION_NM, JOINT_FRICTION_NM = 3e-4, 1.2e-3  # a well-kept table: together 0.012 V
 BLOCK_S = 1e-3  # forces and volts are held for so long at most

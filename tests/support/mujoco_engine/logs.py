@@ -3,9 +3,10 @@
 from math import ceil
 
 import numpy as np
-from foreign_parts import Course, Eye, Odd, Pilot, Plant, packed
-from foreign_plant import COUNT_RAD, HALF_M, RADIUS_M, VOLTS_HOLD_S, _look, _pilot
-from foreign_table import (
+
+from tests.support.foreign.parts import Course, Eye, Odd, Pilot, Plant, packed
+from tests.support.foreign.plant import COUNT_RAD, HALF_M, RADIUS_M, VOLTS_HOLD_S, _look, _pilot
+from tests.support.foreign.table import (
     CAMERA_DELAY_S,
     NOISE_M,
     NOMINAL_GAIN,
@@ -15,8 +16,8 @@ from foreign_table import (
     hidden,
     streams_of,
 )
-from foreign_truth import Effects, plant_and_eye
-from mujoco_hidden import BLOCK_S, STEP_S, HiddenTable, Moved
+from tests.support.foreign.truth import Effects, plant_and_eye
+from tests.support.mujoco_engine.hidden import BLOCK_S, STEP_S, HiddenTable, Moved
 
 
 class _Camera:

@@ -6,11 +6,11 @@ from math import sqrt
 from typing import Any
 
 import numpy as np
-from mujoco_mechanism import Build, mechanism
 
-from rig.levelling import LevelOnExit
 from rig.parameters import Rig
+from rig.safety.levelling import LevelOnExit
 from rig.table import Reading
+from tests.support.mujoco_engine.mechanism import Build, mechanism
 from vision.frames import Observation
 
 mujoco: Any = importlib.import_module("mujoco")  # its compiled part has no types
@@ -116,7 +116,7 @@ class MujocoTable(LevelOnExit):
 
     def drive(self, volts: tuple[float, float]) -> None:
         if not np.isfinite(volts).all():
-            raise ValueError(f"volts must be finite, got {volts}; use rig.limits.limit")
+            raise ValueError(f"volts must be finite, got {volts}; use rig.safety.limits.limit")
         self._volts = volts
 
     def close(self) -> None:

@@ -2,27 +2,28 @@
 
 import numpy as np
 import pytest
-from footage import BGR, disc, exposed, plate, still_disc
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vision.appearance import NAMED, Appearance, parse_colour
-from vision.detector import find, locate
-from vision.gate import believable
+from tests.support.footage import BGR, disc, exposed, plate, still_disc
+from vision.detection.appearance import NAMED, Appearance, parse_colour
+from vision.detection.blobs import find_blobs
+from vision.detection.detector import locate_ball
+from vision.tracking.gate import is_plausible
 
 
 def errors_and_scores(radius, *, noise, shade, count=24):
     """Errors (n, 2) px of located discs and the same over the sigma that was claimed."""
     rng = np.random.default_rng(5)
-    errors, scores, looks = [], [], None
+    errors, scores, appearance = [], [], None
     for k in range(count):
         u, v = rng.uniform(75, 85, 2)
         image = still_disc(radius, (u, v), noise=noise, shade=shade, seed=k)
-        looks = looks or Appearance.learn(image, u, v, radius)
+        appearance = appearance or Appearance.learn(image, u, v, radius)
         off = rng.uniform(-0.2, 0.2, 2) * radius
-        found = locate(image, looks, u + off[0], v + off[1], 1.05 * radius)
+        found = locate_ball(image, appearance, u + off[0], v + off[1], 1.05 * radius)
         assert found is not None
-        assert believable(found, looks, (0.8 * radius, 1.25 * radius), strict=True)
+        assert is_plausible(found, appearance, (0.8 * radius, 1.25 * radius), strict=True)
         error = np.array([found.u_px - u, found.v_px - v])
         errors.append(error)
         scores.append(error / found.sigma_px)
@@ -45,11 +46,11 @@ def test_sigma_is_honest(radius, noise, shade):
 
 
 def test_no_bias_towards_any_part_of_the_pixel():
-    looks, errors = None, []
+    appearance, errors = None, []
     for k, part in enumerate(np.linspace(0, 1, 21)):
         image = still_disc(15, (80 + part, 80 + part), noise=0.0, shade=0.0, seed=k)
-        looks = looks or Appearance.learn(image, 80, 80, 15)
-        found = locate(image, looks, 80, 80, 15)
+        appearance = appearance or Appearance.learn(image, 80, 80, 15)
+        found = locate_ball(image, appearance, 80, 80, 15)
         assert found is not None
         errors.append(found.u_px - 80 - part)
     assert np.abs(errors).max() < 0.006
@@ -59,9 +60,9 @@ def test_no_bias_towards_any_part_of_the_pixel():
 @given(u=st.floats(60, 100), v=st.floats(60, 100), radius=st.floats(8, 40))
 def test_mirrored_image_gives_the_mirrored_place(u, v, radius):
     image = still_disc(radius, (u, v), noise=1.0, shade=0.3, seed=3)
-    looks = Appearance.learn(image, u, v, radius)
-    found = locate(image, looks, u, v, radius)
-    mirrored = locate(np.ascontiguousarray(image[:, ::-1]), looks, 159 - u, v, radius)
+    appearance = Appearance.learn(image, u, v, radius)
+    found = locate_ball(image, appearance, u, v, radius)
+    mirrored = locate_ball(np.ascontiguousarray(image[:, ::-1]), appearance, 159 - u, v, radius)
     assert found is not None
     assert mirrored is not None
     assert abs(found.u_px - (159 - mirrored.u_px)) < 0.02
@@ -77,10 +78,10 @@ def test_ball_half_behind_a_stick_keeps_its_place(hidden):
         image[:, 40:62] = 40
     else:
         image[40:66, :] = 40
-    looks = Appearance.learn(whole, 80.3, 79.6, 25)
-    found = locate(exposed(image, 2.0, np.random.default_rng(2)), looks, 83, 82, 25)
+    appearance = Appearance.learn(whole, 80.3, 79.6, 25)
+    found = locate_ball(exposed(image, 2.0, np.random.default_rng(2)), appearance, 83, 82, 25)
     assert found is not None
-    assert believable(found, looks, (20, 31))
+    assert is_plausible(found, appearance, (20, 31))
     error = np.hypot(found.u_px - 80.3, found.v_px - 79.6)
     assert error < 0.3
     assert error < 4 * found.sigma_px
@@ -96,17 +97,17 @@ def test_streak_is_located_at_its_middle():
         disc(image, place, 18, np.array((30.0, 120.0, 190.0)))
         images.append(image)
     still = exposed(images[18], 2.0, rng)
-    looks = Appearance.learn(still, 80, 80, 18)
-    found = locate(exposed(np.mean(images, axis=0), 2.0, rng), looks, 84, 82, 18)
+    appearance = Appearance.learn(still, 80, 80, 18)
+    found = locate_ball(exposed(np.mean(images, axis=0), 2.0, rng), appearance, 84, 82, 18)
     assert found is not None
-    assert believable(found, looks, (14, 23))
+    assert is_plausible(found, appearance, (14, 23))
     assert np.hypot(found.u_px - 80, found.v_px - 80) < 0.4
 
 
 @pytest.mark.parametrize("what", ["plate", "square", "inverse", "small"])
 def test_what_is_not_the_ball_is_not_believed(what):
     ball = still_disc(20, (80, 80), noise=2.0, shade=0.2, seed=1)
-    looks = Appearance.learn(ball, 80, 80, 20)
+    appearance = Appearance.learn(ball, 80, 80, 20)
     image = np.full((160, 160, 3), (150.0, 165.0, 175.0), np.float32)
     if what == "square":
         image[60:100, 50:110] = (30, 120, 190)
@@ -115,15 +116,17 @@ def test_what_is_not_the_ball_is_not_believed(what):
         disc(image, (80, 80), 20, np.array((150.0, 165.0, 175.0)))
     elif what == "small":
         disc(image, (80, 80), 12, np.array((30.0, 120.0, 190.0)))
-    found = locate(exposed(image, 2.0, np.random.default_rng(4)), looks, 82, 79, 20)
-    assert not believable(found, looks, (16, 25))
+    found = locate_ball(exposed(image, 2.0, np.random.default_rng(4)), appearance, 82, 79, 20)
+    assert not is_plausible(found, appearance, (16, 25))
 
 
 @pytest.mark.parametrize("at", [(-30.0, 50.0), (2.0, 2.0), (640.0, 90.0), (80.0, 1e4)])
 def test_guesses_at_and_beyond_the_border_are_harmless(at):
     image = still_disc(20, (80, 80), noise=2.0, shade=0.2, seed=1)
-    looks = Appearance.learn(image, 80, 80, 20)
-    assert not believable(locate(image, looks, *at, 20), looks, (16, 25), strict=True)
+    appearance = Appearance.learn(image, 80, 80, 20)
+    assert not is_plausible(
+        locate_ball(image, appearance, *at, 20), appearance, (16, 25), strict=True
+    )
 
 
 @pytest.mark.parametrize("colour", ["orange", "white", "black", "green", "red", "blue", "yellow"])
@@ -133,35 +136,35 @@ def test_named_ball_is_found_first(colour, on):
         pytest.skip("the ball has its plate's colour")
     image = plate(on, (320, 240), np.random.default_rng(2))
     disc(image, (190.0, 130.0), 14, np.array(BGR[colour], float), shade=0.25)
-    looks = Appearance.of_colour(colour)
+    appearance = Appearance.of_colour(colour)
     seen = exposed(image, 2.0, np.random.default_rng(3))
     found = [
         blob
         for least in (0.43, 0.65, 0.85)
-        for blob in find(seen, looks, radius_px=(8, 25), least=least)
+        for blob in find_blobs(seen, appearance, (8, 25), least=least)
     ]
     assert any(np.hypot(b.u_px - 190, b.v_px - 130) < 4 for b in found)
-    fits = [locate(seen, looks, b.u_px, b.v_px, b.radius_px) for b in found]
-    right = [f for f in fits if believable(f, looks, (8, 25), strict=True)]
+    fits = [locate_ball(seen, appearance, b.u_px, b.v_px, b.radius_px) for b in found]
+    right = [f for f in fits if is_plausible(f, appearance, (8, 25), strict=True)]
     assert right
     assert all(f is not None and np.hypot(f.u_px - 190, f.v_px - 130) < 0.5 for f in right)
 
 
 def test_mask_hides_what_lies_outside():
     image = still_disc(15, (40, 80), noise=2.0, shade=0.0, seed=1)
-    looks = Appearance.learn(image, 40, 80, 15)
+    appearance = Appearance.learn(image, 40, 80, 15)
     mask = np.zeros(image.shape[:2], np.uint8)
     mask[:, 80:] = 255
-    assert find(image, looks, radius_px=(10, 20))
-    assert not find(image, looks, radius_px=(10, 20), mask=mask)
+    assert find_blobs(image, appearance, (10, 20))
+    assert not find_blobs(image, appearance, (10, 20), mask=mask)
 
 
 def test_learned_looks_know_their_ball():
     image = still_disc(20, (80, 80), noise=2.0, shade=0.2, seed=1)
-    looks = Appearance.learn(image, 80, 80, 20)
-    assert looks.fill > 0.9
-    assert looks.signed
-    _, _, contrast = looks.here(image, 80, 80, 20)
+    appearance = Appearance.learn(image, 80, 80, 20)
+    assert appearance.fill > 0.9
+    assert appearance.signed
+    _, _, contrast = appearance.here(image, 80, 80, 20)
     assert contrast == pytest.approx(1.0, abs=1e-6)
 
 

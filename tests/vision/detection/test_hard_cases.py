@@ -1,22 +1,17 @@
 """The benchmark's hard cases in short, and the fitted rim in bad light and JPEG."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
-
-from vision_cases import followed  # pyright: ignore[reportMissingImports]
-from vision_scenes import SHADED, Studio  # pyright: ignore[reportMissingImports]
-from vision_scripts import cases  # pyright: ignore[reportMissingImports]
-
-from vision.appearance import Appearance
-from vision.detector import locate
-from vision.rim import colour_is_smeared
+from tests.benchmarks.vision_cases import followed
+from tests.benchmarks.vision_scenes import SHADED, Studio
+from tests.benchmarks.vision_scripts import cases
+from vision.detection.appearance import Appearance
+from vision.detection.detector import locate_ball
+from vision.detection.rim import colour_is_smeared
 
 SHORT = [
     "a hand over the ball",
@@ -39,11 +34,13 @@ def test_hard_case_passes_no_wrong_position(name):
 def errors_and_sigmas(look, count=8):
     """Errors (n, 2) px of the ball located from a rough guess, and the sigmas (n,) claimed."""
     studio, rng = Studio(look), np.random.default_rng(3)
-    errors, sigmas, looks = [], [], None
+    errors, sigmas, appearance = [], [], None
     for _ in range(count):
         shot = studio.shot(rng.uniform(-0.08, 0.08, 2))
-        looks = looks or Appearance.learn(shot.image, shot.u_px, shot.v_px, shot.radius_px)
-        found = locate(shot.image, looks, shot.u_px + 2.0, shot.v_px - 1.5, 30.0)
+        appearance = appearance or Appearance.learn(
+            shot.image, shot.u_px, shot.v_px, shot.radius_px
+        )
+        found = locate_ball(shot.image, appearance, shot.u_px + 2.0, shot.v_px - 1.5, 30.0)
         assert found is not None
         errors.append((found.u_px - shot.u_px, found.v_px - shot.v_px))
         sigmas.append(found.sigma_px)

@@ -4,22 +4,12 @@ import cv2
 import numpy as np
 import pytest
 
-from vision.markers import MarkerLayout, default_layout, detect, find_pose, track_pose
-from vision.synthetic import Renderer, Scene, virtual_view
+from tests.support.poses import tilt
+from vision.plate.markers import MarkerLayout, default_layout, detect, find_pose, track_pose
+from vision.synthetic.synthetic import Renderer, Scene, virtual_view
 
 RADIUS_M = 0.019625
 CORNER = (-0.13, 0.13)
-
-
-def tilt(s_x, s_y):
-    c = np.sqrt(1 - s_x**2 - s_y**2)
-    return np.array(
-        [
-            [1 - s_x**2 / (1 + c), -s_x * s_y / (1 + c), s_x],
-            [-s_x * s_y / (1 + c), 1 - s_y**2 / (1 + c), s_y],
-            [-s_x, -s_y, c],
-        ]
-    )
 
 
 @pytest.fixture(scope="module")

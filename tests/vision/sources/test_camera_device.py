@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vision.camera_device import (
+from vision.sources.camera_device import (
     DSHOW,
     MSMF,
     V4L2,
@@ -19,10 +19,10 @@ from vision.camera_device import (
     backends,
     open_camera,
 )
-from vision.clock import wall_minus_monotonic
-from vision.live import LiveReader
-from vision.source_errors import GarbageError, GoneError, SettingsError
-from vision.sources import open_source
+from vision.sources.clock import wall_minus_monotonic
+from vision.sources.live import LiveReader
+from vision.sources.source_errors import GarbageError, GoneError, SettingsError
+from vision.sources.sources import open_source
 
 MJPG = float(cv2.VideoWriter.fourcc(*"MJPG"))
 WANTED = CameraSettings("MJPG", 640, 480, 60.0, 0.004)
@@ -115,7 +115,7 @@ def test_all_differences_stand_in_one_line():
 
 def test_a_television_rate_is_no_difference():
     device = Device(stubborn={cv2.CAP_PROP_FPS: 60000 / 1001})
-    apply_settings(device, V4L2, WANTED, "0")
+    assert apply_settings(device, V4L2, WANTED, "0") == WANTED.exposure_s
 
 
 @given(st.floats(1e-4, 1.0))

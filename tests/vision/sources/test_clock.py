@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vision.clock import WINDOW_S, ForeignClock, own_clock
+from vision.sources.clock import WINDOW_S, ForeignClock, own_clock
 
 WALL = 1.7e9  # seconds since 1970 at the monotonic clock's zero
 

@@ -6,8 +6,8 @@ import time
 import numpy as np
 import pytest
 
-from vision.live import LiveReader
-from vision.source_errors import (
+from vision.sources.live import LiveReader
+from vision.sources.source_errors import (
     GarbageError,
     GoneError,
     SizeChangedError,

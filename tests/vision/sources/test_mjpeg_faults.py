@@ -6,28 +6,17 @@ import time
 from itertools import pairwise
 
 import pytest
-from stream_server import BOUNDARY, Script, Server, jpeg, level_of, part, until
 
-from vision.source_errors import (
+from tests.support.stream_server import BOUNDARY, Script, Server, jpeg, level_of, part
+from tests.support.waiting import wait_for
+from vision.sources.source_errors import (
     GarbageError,
     GoneError,
     SizeChangedError,
     SourceError,
     StalledError,
 )
-from vision.sources import open_source
-
-
-@pytest.fixture
-def script():
-    return Script([part(jpeg(10))])
-
-
-@pytest.fixture
-def server(script):
-    with Server(script) as server:
-        yield server
-        script.put(None, None)  # one for each connection that a test may have open
+from vision.sources.sources import open_source
 
 
 def test_a_stall_is_named_and_goes_on(server, script):
@@ -36,7 +25,7 @@ def test_a_stall_is_named_and_goes_on(server, script):
         with pytest.raises(StalledError, match=f"{server.port}/stream: no new frame"):
             next(source)
         script.put(part(jpeg(20)))
-        until(source._reader.newer)
+        wait_for("a newer frame", source._reader.newer)
         assert level_of(next(source)) == 20
         assert len(server.requests) == 1
 

@@ -3,22 +3,11 @@
 import time
 
 import pytest
-from stream_server import BOUNDARY, Script, Server, jpeg, level_of, part, until
 
-from vision.mjpeg_http import PartClock, server_stamp, without_password
-from vision.sources import open_source
-
-
-@pytest.fixture
-def script():
-    return Script([part(jpeg(10))])
-
-
-@pytest.fixture
-def server(script):
-    with Server(script) as server:
-        yield server
-        script.put(None, None)  # one for each connection that a test may have open
+from tests.support.stream_server import BOUNDARY, Script, Server, jpeg, level_of, part
+from tests.support.waiting import wait_for
+from vision.sources.mjpeg_http import PartClock, server_stamp, without_password
+from vision.sources.sources import open_source
 
 
 def test_frames_come_with_size_and_index(server, script):
@@ -65,7 +54,7 @@ def test_a_slow_reader_gets_the_newest_frame(server, script):
         next(source)
         for burst in range(4):
             script.put(*[part(jpeg(20 + 40 * burst + k)) for k in range(30)])
-            until(lambda n=29 * (burst + 1): source.dropped == n)
+            wait_for("the count", lambda n=29 * (burst + 1): source.dropped == n)
             assert level_of(next(source)) == 20 + 40 * burst + 29
         assert source.dropped == 4 * 29
 
@@ -73,7 +62,7 @@ def test_a_slow_reader_gets_the_newest_frame(server, script):
 def test_the_first_frame_does_not_wait_for_a_late_reader(server, script):
     with open_source(server.address) as source:
         script.put(part(jpeg(20)), part(jpeg(30)))
-        until(lambda: source.dropped == 1)
+        wait_for("the count", lambda: source.dropped == 1)
         frame = next(source)
         assert level_of(frame) == 30
         assert source.dropped == 2
@@ -112,7 +101,7 @@ def test_the_same_frame_again_is_a_repeat_unless_it_is_stamped_anew(server, scri
     with open_source(server.address) as source:
         next(source)
         script.put(part(same), part(same), part(same))
-        until(lambda: source.duplicates == 2)
+        wait_for("the count", lambda: source.duplicates == 2)
         next(source)
         for _ in range(3):
             script.put(part(same, x_timestamp=f"{time.time():.6f}"))

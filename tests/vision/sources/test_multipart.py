@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from stream_server import BOUNDARY, jpeg, part
 
-from vision.jpeg import JpegEnd
-from vision.multipart import Multipart, boundary_of
+from tests.support.stream_server import BOUNDARY, jpeg, part
+from vision.sources.multipart import JpegEnd, Multipart, boundary_of
 
 JPEGS = [jpeg(level, (16, 16)) for level in (10, 100, 200)]
 

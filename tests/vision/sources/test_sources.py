@@ -6,12 +6,13 @@ import av
 import cv2
 import numpy as np
 import pytest
-from footage import rolling
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vision.repeats import RepeatFilter, has_repeats, noise_level
-from vision.sources import open_source
+from tests.support.footage import rolling
+from vision.noise import noise_level
+from vision.sources.repeats import RepeatFilter, has_repeats
+from vision.sources.sources import open_source
 
 
 def write_video(path, images, *, codec="libx264", fps=30, times=None, crf="18"):

@@ -6,12 +6,12 @@ import time
 
 import numpy as np
 import pytest
-from footage import rolling
-from stream_server import Server
-from test_sources import write_video
 
-from vision.source_errors import GoneError
-from vision.sources import open_source
+from tests.support.footage import rolling
+from tests.support.stream_server import Server
+from tests.vision.sources.test_sources import write_video
+from vision.sources.source_errors import GoneError
+from vision.sources.sources import open_source
 
 
 @pytest.fixture(scope="module")

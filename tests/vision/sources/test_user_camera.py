@@ -5,9 +5,9 @@ import time
 import numpy as np
 import pytest
 
-from vision.source_errors import StalledError, UserCameraError
-from vision.sources import open_source
-from vision.user_camera import split_address
+from vision.sources.source_errors import StalledError, UserCameraError
+from vision.sources.sources import open_source
+from vision.sources.user_camera import split_address
 
 GOOD = """
 import time
@@ -83,7 +83,7 @@ def test_a_class_is_opened_read_to_its_end_and_closed_once(tmp_path):
         assert source.size == (8, 6)
         frames = list(source)
         assert source.stamped_by == "camera"
-        log = source._reader._pump.feed._camera.log
+        log = source._reader._capture.feed._camera.log
     levels = [int(f.image[0, 0, 0]) for f in frames]
     assert levels[-1] == 20
     assert all(f.image.min() == f.image.max() for f in frames)  # copies, not the user's buffer

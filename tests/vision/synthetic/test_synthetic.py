@@ -6,21 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
-from vision.synthetic import DeskBall, Renderer, Scene, virtual_camera, virtual_view
+from tests.support.poses import tilt
+from vision.synthetic.synthetic import DeskBall, Renderer, Scene, virtual_camera, virtual_view
 
 QUIET = Scene(noise_dn=0.0, shadow=0.0)
 LEVEL = np.eye(3)
-
-
-def tilt(s_x, s_y):
-    c = np.sqrt(1 - s_x**2 - s_y**2)
-    return np.array(
-        [
-            [1 - s_x**2 / (1 + c), -s_x * s_y / (1 + c), s_x],
-            [-s_x * s_y / (1 + c), 1 - s_y**2 / (1 + c), s_y],
-            [-s_x, -s_y, c],
-        ]
-    )
 
 
 def renderer(scene=QUIET, seed=4, distorted=True):

@@ -1,17 +1,17 @@
 """The tracker on real footage, against places that were read by eye from its raw frames."""
 
 import csv
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from vision.appearance import Appearance
-from vision.sources import open_source
-from vision.tracker import Tracker
+from tests.support import DATA
+from tests.support.parts import FOOTAGE, needs
+from vision.detection.appearance import Appearance
+from vision.sources.sources import open_source
+from vision.tracking.tracker import Tracker
 
-VIDEO = Path(__file__).parents[2].parent / "shared/data/ball_on_plate/balancing_1.mp4"
-LABELS = Path(__file__).parents[1] / "data/balancing_1_labels.csv"
+LABELS = DATA / "balancing_1_labels.csv"
 OFF_PX = 8.0
 
 
@@ -31,11 +31,11 @@ def longest(flags) -> int:
     return best
 
 
-@pytest.mark.skipif(not VIDEO.exists(), reason=f"footage not found: {VIDEO}")
+@needs("footage")
 @pytest.mark.parametrize("colour", [None, "green"])
 def test_real_footage_is_followed_to_its_end(colour):
     tracker = Tracker(appearance=Appearance.of_colour(colour) if colour else None)
-    with open_source(VIDEO) as source:
+    with open_source(FOOTAGE) as source:
         tracks = {frame.index: tracker.step(frame) for frame in source}
     first = next(k for k, t in enumerate(tracks.values()) if t.state == "track")
     states = [t.state for t in tracks.values()][first:]

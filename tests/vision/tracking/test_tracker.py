@@ -1,20 +1,17 @@
 """The tracker on drawn footage: the ball, only the ball, and nothing where it is not."""
 
 from itertools import groupby, pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
-from footage import rolling
 
-from vision.acquisition import Acquisition
-from vision.appearance import Appearance
+from tests.support.footage import rolling
+from vision.detection.appearance import Appearance
 from vision.frames import Frame
-from vision.imposters import Imposters
-from vision.kinematics import Motion
-from vision.tracker import COAST_S, Tracker
-
-REAL = Path(__file__).parents[2].parent / "shared/data/ball_on_plate/balancing_1.mp4"
+from vision.tracking.acquisition import Acquisition
+from vision.tracking.kinematics import ImageMotion
+from vision.tracking.static_distractors import StaticDistractors
+from vision.tracking.tracker import COAST_S, Tracker
 
 
 def follow(film, tracker):
@@ -48,8 +45,8 @@ def test_ball_among_still_things_of_its_colour(colour, on, radius, named):
     film = rolling(
         colour, on=on, radius=radius, decoys=True, hidden=(1.4, 1.8), seconds=2.4, rest_s=0.3
     )
-    looks = Appearance.of_colour(colour) if named else None
-    tracks, errors = follow(film, Tracker(appearance=looks))
+    appearance = Appearance.of_colour(colour) if named else None
+    tracks, errors = follow(film, Tracker(appearance=appearance))
     assert np.nanmax(errors) < 1.0  # never another thing, never a hidden ball
     first = next(k for k, t in enumerate(tracks) if t.state == "track")
     assert first < 0.3 * 30 + 12
@@ -109,10 +106,10 @@ def test_mask_and_radius_keep_the_tracker_off_other_things():
     film = rolling("green", on="white", decoys=True, seconds=1.0, rest_s=9.0)
     mask = np.zeros((480, 640), np.uint8)
     mask[150:350, 50:400] = 255  # the ball's side of the plate
-    looks = Appearance.of_colour("green")
-    _, errors = follow(film, Tracker(appearance=looks, mask=mask))
+    appearance = Appearance.of_colour("green")
+    _, errors = follow(film, Tracker(appearance=appearance, mask=mask))
     assert np.isfinite(errors[2:]).all()
-    tracks, _ = follow(film, Tracker(appearance=looks, mask=mask, radius_px=(30, 40)))
+    tracks, _ = follow(film, Tracker(appearance=appearance, mask=mask, radius_px=(30, 40)))
     assert {t.state for t in tracks} == {"search"}
 
 
@@ -131,9 +128,9 @@ def test_acquisition_learns_colour_and_size():
     film = rolling("blue", on="grey", radius=14.0, rest_s=0.2, decoys=True)
     acquisition = Acquisition()
     got = next(got for f in film.frames if (got := acquisition.step(f)) is not None)
-    looks, found = got
+    appearance, found = got
     assert found.radius_px == pytest.approx(14.0, abs=0.5)
-    assert np.argmax(looks.ball_bgr) == 0
+    assert np.argmax(appearance.ball_bgr) == 0
 
 
 def test_acquisition_keeps_to_the_colour_that_was_asked_for():
@@ -146,10 +143,10 @@ def test_imposters_are_remembered_and_forgotten():
     film = rolling("green", on="white", decoys=True, seconds=0.1)
     image, place = film.frames[0].image, film.truth[0]
     assert place is not None
-    looks = Appearance.learn(image, *place, 16.0)
-    known = Imposters((480, 640))
+    appearance = Appearance.learn(image, *place, 16.0)
+    known = StaticDistractors((480, 640))
     for _ in range(20):
-        known.update(image, looks, *place, 16.0, 1 / 30)
+        known.update(image, appearance, *place, 16.0, 1 / 30)
     assert known.at(0.8 * 640, 0.25 * 480, 16.0) > 0.75
     assert known.at(*place, 16.0) == 0.0
     known.add(*place, 16.0)
@@ -157,7 +154,7 @@ def test_imposters_are_remembered_and_forgotten():
 
 
 def test_prediction_follows_constant_speed():
-    motion = Motion.start(100.0, 50.0, 20.0, 0.1, 0.0)
+    motion = ImageMotion.at_rest(100.0, 50.0, 20.0, 0.1, 0.0)
     for k in range(1, 40):
         motion = motion.at(k / 60, 20.0).corrected(100 + 5.0 * k, 50 - 2.0 * k, 0.1)
     ahead = motion.at(40 / 60, 20.0)

@@ -5,14 +5,14 @@ import re
 import numpy as np
 import pytest
 
-from calibration.gap import knobs
-from calibration.gap.channels import in_a_row, segments
-from calibration.gap.coordinates import since_reversal, slope, turns
-from calibration.gap.locate import strongest
-from calibration.gap.pushes import Coordinate, Pattern, Series, best, response, rhythm
-from calibration.gap.regions import region
-from rig import predict
+from calibration.gap.locate.channels import on_one_axis, segments
+from calibration.gap.locate.coordinates import since_reversal, slope, turns
+from calibration.gap.locate.disturbances import Coordinate, Pattern, Series, best, response, rhythm
+from calibration.gap.locate.locate import strongest
+from calibration.gap.locate.regions import region
+from calibration.gap.model import parameters
 from rig.parameters import Rig
+from rig.prediction import innovations
 
 RIG = Rig()
 STEP_S, N = 1 / 60, 2400
@@ -26,7 +26,7 @@ def series(seed: int = 0, segments: tuple[slice, ...] = (slice(0, N),)) -> Serie
 
 
 def pushed(quiet: Series, push: np.ndarray) -> Series:
-    answer = quiet.answered(push[:, None])[:, 0]
+    answer = quiet.responses(push[:, None])[:, 0]
     return Series(quiet.z + answer, quiet.w, quiet.h, quiet.segments, quiet.t_s)
 
 
@@ -62,10 +62,10 @@ def test_the_response_is_that_of_the_filter_that_made_the_innovations():
     exposed = np.arange(30, 460) * STEP_S
     ball = np.zeros((len(exposed), 2))
     ball[:, 0] = 0.01 * np.maximum(exposed - exposed[250] + STEP_S / 2, 0)
-    known = predict.Signals(t, np.zeros((len(t), 2)), np.zeros((len(t), 2)), exposed, ball)
-    levels = predict.noise(ball_process=0.002, ball_measured=3e-4)
-    model = knobs.Believed(RIG, load_friction=False).model({})
-    out, _ = predict.ball_innovations(model.record, known, levels)
+    known = innovations.Signals(t, np.zeros((len(t), 2)), np.zeros((len(t), 2)), exposed, ball)
+    levels = innovations.noise(ball_process=0.002, ball_measured=3e-4)
+    model = parameters.NominalModel(RIG, load_friction=False).model({})
+    out, _ = innovations.ball_innovations(model.record, known, levels)
     got = out[250:, 0]
     h = response(STEP_S, 0.002, 3e-4)[: len(got)]
     got = got[: len(h)]
@@ -183,7 +183,7 @@ def test_turns_are_told_when_seen_and_tremor_is_none():
 
 
 def test_runs_follow_each_other_and_observers_start_anew():
-    t_s, starts = in_a_row([np.array([0.0, 1.0, 2.0]), np.array([0.5, 1.5])])
+    t_s, starts = on_one_axis([np.array([0.0, 1.0, 2.0]), np.array([0.5, 1.5])])
     assert t_s.tolist() == [0, 1, 2, 2.5, 3.5]
     assert starts.tolist() == [0, 2]
     times = [np.array([0, 0.1, 0.2, 0.9, 1.0]), np.zeros(0), np.array([0.0, 0.1, 0.2])]
@@ -196,6 +196,6 @@ def test_a_push_is_not_answered_in_the_next_run():
     cut = series(0, (slice(0, 1000), slice(1000, N)))
     push = np.zeros((N, 1))
     push[999] = 1.0
-    answer = cut.answered(push)
+    answer = cut.responses(push)
     assert answer[999, 0] > 0
     assert not answer[1000:].any()

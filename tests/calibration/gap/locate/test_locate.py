@@ -1,24 +1,21 @@
 """Where the model is wrong, in logs of a table that shares no code with the model."""
 
 import re
-import sys
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "engines"))
-from foreign_table import make_log  # pyright: ignore[reportMissingImports]
-
-from calibration.gap import evidence, knobs, name
-from calibration.gap.channels import channel, present
 from calibration.gap.findings import Where
-from calibration.gap.locate import QUIET, Located, locate, rms, sentence
-from calibration.gap.state import State, with_levels
-from rig import predict
+from calibration.gap.locate.channels import channel, present
+from calibration.gap.locate.locate import NO_DEPARTURE, Located, locate, rms, sentence
+from calibration.gap.model import data, parameters
+from calibration.gap.model.state import State, with_levels
+from calibration.gap.name import stepwise
 from rig.log import Log
 from rig.parameters import CHANNELS, Rig
+from rig.prediction import innovations
+from tests.support.foreign.table import make_log
 
 RIG = Rig()
 SEED = 3
@@ -33,14 +30,14 @@ STRANGERS = {"rhythm": 0.15, "bump": 0.008, "dent": 0.05}
 def test_the_sentence_tells_the_largest_gap():
     where = [Where("ball_x", "within 80 ms after the x servo reverses", 7.91)]
     assert sentence(where) == "ball x, within 80 ms after the x servo reverses: 7.9 times the noise"
-    assert sentence([]) == QUIET
+    assert sentence([]) == NO_DEPARTURE
 
 
 def state_of(columns: dict[str, np.ndarray], *more: dict[str, np.ndarray]) -> State:
     logs = [Log.from_columns(c) for c in (columns, *more)]
-    runs = [evidence.usable(log, camera_delay_s=RIG.camera.delay_s) for log in logs]
-    gathered = evidence.gather(runs, predict.noise())
-    return name.settled_baseline(gathered, knobs.Believed(RIG, load_friction=False))
+    runs = [data.usable(log, camera_delay_s=RIG.camera.delay_s) for log in logs]
+    gathered = data.gather(runs, innovations.noise())
+    return stepwise.settled_baseline(gathered, parameters.NominalModel(RIG, load_friction=False))
 
 
 def floors_of(state: State) -> dict[str, float]:
@@ -98,7 +95,7 @@ def test_the_region_of_a_hidden_effect(what, pattern):
 def test_nothing_hidden_nothing_stands_out(seed):
     state = clean(seed, ("steps", "pushed", "sweep", "circle", "corner")[seed % 5])
     found = locate(state, floors_of(state))
-    assert found.sentence == QUIET, found.sentence
+    assert found.sentence == NO_DEPARTURE, found.sentence
     assert not found.where
 
 
@@ -158,6 +155,6 @@ def test_a_floor_of_nothing_is_refused():
 
 def test_without_the_final_levels_the_channel_is_still_right():
     state = state_of(hidden_log("dent"))
-    same = with_levels(state, state.evidence.levels, state.evidence.parts)
+    same = with_levels(state, state.evidence.levels, state.evidence.outputs)
     found = locate(same, floors_of(clean(SEED)))
     assert {w.channel for w in found.where} == {"ball_x", "ball_y"}

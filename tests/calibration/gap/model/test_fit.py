@@ -6,26 +6,26 @@ from math import inf
 
 import numpy as np
 import pytest
-from gap_tables import RIG, evidence_of, foreign, released, without_columns
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from calibration.gap import noise
-from calibration.gap.evidence import Roll
-from calibration.gap.fit import (
-    HUBER,
+from calibration.gap.model import noise
+from calibration.gap.model.data import Roll
+from calibration.gap.model.fit import (
+    HUBER_Z,
     bounded_step,
     differences,
     evaluate,
     fit,
-    known,
+    kept_columns,
     loss,
     normal_equations,
     weights,
 )
-from calibration.gap.knobs import BALL, SERVO
-from calibration.gap.state import State
+from calibration.gap.model.parameters import BALL, SERVO
+from calibration.gap.model.state import State
+from tests.support.gap.tables import RIG, evidence_of, foreign, released, without_columns
 
 GAIN, TAU = (1.72, 1.40), (0.031, 0.021)
 OFFSET = {"x": 0.08, "y": -0.05}
@@ -40,28 +40,28 @@ def servos() -> State:
     truth = {f".gain_rad_s_V.{a}": g for a, g in zip("xy", GAIN, strict=True)}
     truth |= {f".time_constant_s.{a}": t for a, t in zip("xy", TAU, strict=True)}
     truth |= {f"voltage_offset.offset_V.{a}": v for a, v in OFFSET.items()}
-    levels = noise.estimate(state.evidence, state.believed.model(truth), SERVO)
+    levels = noise.estimate(state.evidence, state.nominal.model(truth), SERVO)
     return released(state.evidence.with_levels(levels))
 
 
 def wide(state: State, *effects: str) -> dict[str, tuple[float, float]]:
-    """K and tau, and the first knob of some effects, free in their whole range."""
-    knobs = [k for k in state.believed.knobs.values() if not k.effect]
-    knobs += [state.believed.of(name, axis)[0] for name in effects for axis in "xy"]
-    return {knob.name: knob.range for knob in knobs}
+    """K and tau, and the first parameter of some effects, free in their whole range."""
+    parameters = [k for k in state.nominal.parameters.values() if not k.effect]
+    parameters += [state.nominal.of(name, axis)[0] for name in effects for axis in "xy"]
+    return {parameter.name: parameter.range for parameter in parameters}
 
 
 def test_gain_time_constant_and_offset_come_back():
     state = servos()
-    done = fit(state.evidence, state.believed, state.fit, wide(state, "voltage_offset"))
+    done = fit(state.evidence, state.nominal, state.fit, wide(state, "voltage_offset"))
     for a, gain, tau in zip("xy", GAIN, TAU, strict=True):
         assert done.setting[f".gain_rad_s_V.{a}"] == pytest.approx(gain, rel=0.005)
         assert done.setting[f".time_constant_s.{a}"] == pytest.approx(tau, rel=0.03)
         assert done.setting[f"voltage_offset.offset_V.{a}"] == pytest.approx(OFFSET[a], abs=0.003)
     assert set(done.rolls) == set(SERVO)  # nobody saw a ball
-    again = evaluate(state.evidence, state.believed, done.setting, SERVO)
+    again = evaluate(state.evidence, state.nominal, done.setting, SERVO)
     assert again.cost == done.cost < state.fit.cost
-    rms = [np.sqrt(np.mean(done.z(part)[5:] ** 2)) for part in SERVO]
+    rms = [np.sqrt(np.mean(done.z(output)[5:] ** 2)) for output in SERVO]
     np.testing.assert_allclose(rms, 1.0, atol=0.05)
 
 
@@ -69,10 +69,10 @@ def test_far_nominal_values_are_found_too():
     """K and tau unknown: half and three times the true ones."""
     state = servos()
     off = {".gain_rad_s_V.x": 0.8, ".time_constant_s.x": 0.09}
-    start = evaluate(state.evidence, state.believed, off, ["servo_x"])
+    start = evaluate(state.evidence, state.nominal, off, ["servo_x"])
     names = [*off, "voltage_offset.offset_V.x"]
-    bounds = {name: state.believed.knobs[name].range for name in names}
-    done = fit(state.evidence, state.believed, start, bounds, iterations=12)
+    bounds = {name: state.nominal.parameters[name].range for name in names}
+    done = fit(state.evidence, state.nominal, start, bounds, iterations=12)
     assert done.setting[".gain_rad_s_V.x"] == pytest.approx(GAIN[0], rel=0.005)
     assert done.setting[".time_constant_s.x"] == pytest.approx(TAU[0], rel=0.03)
 
@@ -85,7 +85,7 @@ def test_bounds_hold_and_the_cost_never_rises():
     }
     costs = []
     for iterations in (0, 1, 2, 6):
-        done = fit(state.evidence, state.believed, state.fit, bounds, iterations=iterations)
+        done = fit(state.evidence, state.nominal, state.fit, bounds, iterations=iterations)
         costs.append(done.cost)
         for name, (low, high) in bounds.items():
             slack = 1e-9 * (1 + abs(high))
@@ -98,7 +98,7 @@ def test_bounds_hold_and_the_cost_never_rises():
 
 @st.composite
 def programmes(draw):
-    """J'J (k, k), b (k,), a box around 0 and scales: some knobs unfelt, some bounds open."""
+    """J'J (k, k), b (k,), a box around 0 and scales: some parameters unfelt, some bounds open."""
     k = draw(st.integers(1, 7))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     scale = 10.0 ** rng.uniform(-4, 0, k)
@@ -140,21 +140,21 @@ def test_no_other_solver_finds_a_lower_place(programme):
     assert value(step) <= other.fun + 1e-6 * (1 + abs(other.fun))
 
 
-def test_a_knob_that_nothing_feels_stays():
+def test_a_parameter_that_nothing_feels_stays():
     a = np.diag([4.0, 0.0])
     step = bounded_step(a, np.array([-8.0, 0.0]), np.full(2, -5.0), np.full(2, 5.0), np.ones(2))
     np.testing.assert_allclose(step, [2.0, 0.0], atol=1e-3)
 
 
 @settings(max_examples=60, deadline=None)
-@given(z=st.lists(st.floats(-40, 40).filter(lambda v: abs(abs(v) - HUBER) > 1e-3), min_size=1),
+@given(z=st.lists(st.floats(-40, 40).filter(lambda v: abs(abs(v) - HUBER_Z) > 1e-3), min_size=1),
        log_std=st.floats(-3, 3))  # fmt: skip
 def test_hubers_loss_is_square_inside_straight_outside_and_its_slope_is_the_weights(z, log_std):
     z = np.array([*z, 0.5])
     mask = (np.arange(len(z)) % 3 != 1).astype(float)
     spread = np.full(len(z), log_std)
-    inside, size = np.abs(z) <= HUBER, np.abs(z)
-    rho = np.where(inside, z**2 / 2, HUBER * size - HUBER**2 / 2)
+    inside, size = np.abs(z) <= HUBER_Z, np.abs(z)
+    rho = np.where(inside, z**2 / 2, HUBER_Z * size - HUBER_Z**2 / 2)
     assert loss(Roll(z, spread), mask) == pytest.approx(float(mask @ (rho + spread)), abs=1e-9)
     e = 1e-6
     for i in range(len(z)):
@@ -189,40 +189,42 @@ def both() -> State:
 )
 def test_differences_are_the_secants_of_the_roll_outs(name: str, linear: bool):
     state = both()
-    knob, believed = state.believed.knobs[name], state.believed
-    columns = differences(state.evidence, believed, state.fit, [knob], {name: knob.range})
-    for part, roll in state.fit.rolls.items():
+    parameter, nominal = state.nominal.parameters[name], state.nominal
+    columns = differences(state.evidence, nominal, state.fit, [parameter], {name: parameter.range})
+    for output, roll in state.fit.rolls.items():
         secants = []
-        for step in (knob.step, 0.1 * knob.step):
-            moved = state.evidence.roll(believed.model({name: knob.believed + step}), part)
+        for step in (parameter.step, 0.1 * parameter.step):
+            moved = state.evidence.roll(nominal.model({name: parameter.nominal + step}), output)
             secants.append((moved.z - roll.z) / step)
-        np.testing.assert_allclose(columns[part][:, 0], secants[0], rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(columns[output][:, 0], secants[0], rtol=1e-9, atol=1e-12)
         size = np.linalg.norm(secants[0])
-        assert (size > 0) == (part in knob.parts)
+        assert (size > 0) == (output in parameter.outputs)
         if linear and size > 0:
             assert np.linalg.norm(secants[1] - secants[0]) < 0.05 * size
 
 
 def test_at_the_upper_bound_the_difference_goes_down():
     state, name = both(), "voltage_offset.offset_V.x"
-    knob, believed = state.believed.knobs[name], state.believed
-    top = evaluate(state.evidence, believed, {name: 0.02}, ["servo_x"])
-    column = differences(state.evidence, believed, top, [knob], {name: (-0.02, 0.02)})["servo_x"]
-    below = state.evidence.roll(believed.model({name: 0.02 - knob.step}), "servo_x").z
-    np.testing.assert_allclose(column[:, 0], (top.z("servo_x") - below) / knob.step)
+    parameter, nominal = state.nominal.parameters[name], state.nominal
+    top = evaluate(state.evidence, nominal, {name: 0.02}, ["servo_x"])
+    column = differences(state.evidence, nominal, top, [parameter], {name: (-0.02, 0.02)})[
+        "servo_x"
+    ]
+    below = state.evidence.roll(nominal.model({name: 0.02 - parameter.step}), "servo_x").z
+    np.testing.assert_allclose(column[:, 0], (top.z("servo_x") - below) / parameter.step)
 
 
 def test_columns_that_are_known_are_kept_and_bent_ones_are_not():
     state = both()
     names = ["voltage_offset.offset_V.x", "coulomb_friction.friction_V.x"]
-    knobs = [state.believed.knobs[name] for name in names]
-    bounds = {knob.name: knob.range for knob in knobs}
-    columns = differences(state.evidence, state.believed, state.fit, knobs, bounds)
-    kept = known(columns, knobs, {"coulomb_friction"})
+    parameters = [state.nominal.parameters[name] for name in names]
+    bounds = {parameter.name: parameter.range for parameter in parameters}
+    columns = differences(state.evidence, state.nominal, state.fit, parameters, bounds)
+    kept = kept_columns(columns, parameters, {"coulomb_friction"})
     assert set(kept) == {("servo_x", names[0])}
     marked = {key: column + 7.0 for key, column in kept.items()}
     again = differences(
-        state.evidence, state.believed, replace(state.fit, columns=marked), knobs, bounds
+        state.evidence, state.nominal, replace(state.fit, columns=marked), parameters, bounds
     )
     np.testing.assert_array_equal(again["servo_x"][:, 0], columns["servo_x"][:, 0] + 7.0)
     np.testing.assert_array_equal(again["servo_x"][:, 1], columns["servo_x"][:, 1])
@@ -230,8 +232,10 @@ def test_columns_that_are_known_are_kept_and_bent_ones_are_not():
 
 def test_the_normal_equations_sum_over_parts_with_hubers_weights():
     state = both()
-    knob = state.believed.knobs["camera_delay.extra_s.xy"]
-    columns = differences(state.evidence, state.believed, state.fit, [knob], {knob.name: (-1, 1)})
+    parameter = state.nominal.parameters["camera_delay.extra_s.xy"]
+    columns = differences(
+        state.evidence, state.nominal, state.fit, [parameter], {parameter.name: (-1, 1)}
+    )
     a, b = normal_equations(state.evidence, state.fit, columns)
     j, z = columns[BALL][:, 0], state.fit.z(BALL)
     w = weights(z, state.evidence.masks[BALL])
@@ -240,5 +244,5 @@ def test_the_normal_equations_sum_over_parts_with_hubers_weights():
 
 
 def test_the_rigs_own_numbers_are_where_the_search_starts():
-    believed = both().believed
-    assert believed.knobs[".gain_rad_s_V.x"].believed == RIG.servo.gain_rad_s_V
+    nominal = both().nominal
+    assert nominal.parameters[".gain_rad_s_V.x"].nominal == RIG.servo.gain_rad_s_V

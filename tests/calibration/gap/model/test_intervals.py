@@ -5,14 +5,21 @@ from functools import cache
 
 import numpy as np
 import pytest
-from gap_tables import RIG, evidence_of, foreign, foreign_table, released, without_columns
 
-from calibration.gap import answer
 from calibration.gap.findings import Interval
-from calibration.gap.fit import evaluate
-from calibration.gap.intervals import deviations, interval
-from calibration.gap.state import State, refit, settle
-from calibration.gap.workflow import investigate_logs
+from calibration.gap.investigation import investigate
+from calibration.gap.model.fit import evaluate
+from calibration.gap.model.intervals import deviations, interval
+from calibration.gap.model.state import State, refit, settle
+from calibration.gap.report import findings_of_decision
+from tests.support.gap.tables import (
+    RIG,
+    evidence_of,
+    foreign,
+    foreign_table,
+    released,
+    without_columns,
+)
 
 SEEDS, SECONDS = range(20), 10.0
 FINE_STEP_S = 5e-5  # of the foreign table, so that its own error is not taken for the fit's
@@ -26,10 +33,10 @@ def fitted(name: str, key: str, sizes: dict[str, float], seed: int, channel: str
     log = foreign(protocol, seed=seed, effects=effects, duration_s=SECONDS)
     other = {"servo": ("ball", "target"), "ball": ("voltage",)}[channel]
     state = released(evidence_of(without_columns(log, *other)), *((name, a) for a in sizes))
-    start = {state.believed.of(name, axis)[0].name: 0.6 * size for axis, size in sizes.items()}
-    begun = evaluate(state.evidence, state.believed, start, state.evidence.parts)
+    start = {state.nominal.of(name, axis)[0].name: 0.6 * size for axis, size in sizes.items()}
+    begun = evaluate(state.evidence, state.nominal, start, state.evidence.outputs)
     state = replace(state, fit=begun)
-    return settle(refit(state, state.bounds(state.evidence.parts)), state.evidence.parts)
+    return settle(refit(state, state.bounds(state.evidence.outputs)), state.evidence.outputs)
 
 
 @cache
@@ -45,9 +52,9 @@ def intervals(name: str, key: str, low: float, high: float, channel: str,
             state = fitted(name, key, sizes, seed, channel, protocol)
             spread = deviations(state)
             truth = foreign_table.hidden(effects=None, seed=seed, seconds=SECONDS)
-            servo = answer.calibrated(state, spread)
+            servo = findings_of_decision.calibrated(state, spread)
             for i, (axis, size) in enumerate(sizes.items()):
-                one = answer.parameters(state, name, (axis,), spread)[axis][key]
+                one = findings_of_decision.parameters(state, name, (axis,), spread)[axis][key]
                 found.setdefault(key, []).append((one, size))
                 if servo:
                     for label, value in (
@@ -67,6 +74,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", [*list(CASES)[:2], "rests"])
 def test_forty_intervals_hold_their_truth_about_as_often_as_they_say(case: str):
     for key, pairs in intervals(*CASES[case]).items():
@@ -92,12 +100,12 @@ def test_the_width_of_students_t():
 
 
 @pytest.mark.parametrize("seconds", [12.0, 48.0])
-def test_deviations_are_known_for_every_free_knob_and_are_finite(seconds: float):
+def test_deviations_are_known_for_every_free_parameter_and_are_finite(seconds: float):
     log = without_columns(foreign("steps", seed=4, duration_s=seconds), "ball", "target")
     state = released(evidence_of(log))
-    state = refit(state, state.bounds(state.evidence.parts))
+    state = refit(state, state.bounds(state.evidence.outputs))
     spread = deviations(state)
-    assert set(spread) == set(state.bounds(state.evidence.parts))
+    assert set(spread) == set(state.bounds(state.evidence.outputs))
     blocks = {n for _, n in spread.values()}
     assert max(blocks) == pytest.approx(seconds, abs=1)
     assert all(0 < std < 1 for std, _ in spread.values())
@@ -108,11 +116,12 @@ def test_four_times_the_data_make_a_clearly_smaller_interval():
     for seconds in (12.0, 48.0):
         log = without_columns(foreign("steps", seed=4, duration_s=seconds), "ball", "target")
         state = released(evidence_of(log))
-        state = settle(refit(state, state.bounds(state.evidence.parts)), state.evidence.parts)
+        state = settle(refit(state, state.bounds(state.evidence.outputs)), state.evidence.outputs)
         reach.append(deviations(state)[".gain_rad_s_V.x"][0])
     assert 0.3 * reach[0] < reach[1] < 0.85 * reach[0]  # half, but for what the boxes leave open
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "sides",
     [
@@ -123,7 +132,7 @@ def test_four_times_the_data_make_a_clearly_smaller_interval():
 def test_a_clear_dead_zone_has_a_narrow_interval_whether_its_sides_are_alike_or_not(sides: dict):
     log = foreign("steps", seed=3, effects={"dead_zone": {"x": sides}})
     log = without_columns(log, "ball", "target")
-    effects = investigate_logs([log], RIG, until="name").findings.effects
+    effects = investigate([log], RIG, until="name").findings.effects
     assert [effect.name for effect in effects] == ["dead_zone"]
     found = effects[0]
     assert set(found.parameters["x"]) == set(sides)

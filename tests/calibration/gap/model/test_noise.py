@@ -4,20 +4,20 @@ from functools import cache
 
 import numpy as np
 import pytest
-from gap_tables import RIG, evidence_of, foreign
 
-from calibration.gap import noise
-from calibration.gap.evidence import Evidence
-from calibration.gap.knobs import BALL, SERVO, Believed
-from rig import predict
+from calibration.gap.model import noise
+from calibration.gap.model.data import Evidence
+from calibration.gap.model.parameters import BALL, SERVO, NominalModel
+from rig.prediction import innovations
+from tests.support.gap.tables import RIG, evidence_of, foreign
 
 FRAME_S = 1 / 60
 NOISE_M, PROCESS = 3e-4, 0.002  # of the foreign table: camera [m], ball [m/s/sqrt(s)]
 SERVO_V = 5e-4  # V sqrt(s) at the motor: K/tau of it kicks the speed
 SERVO_PROCESS = SERVO_V * RIG.servo.gain_rad_s_V / RIG.servo.time_constant_s
 COUNT_RAD = RIG.servo.encoder_step_rad / 12**0.5
-MODEL = Believed(RIG, load_friction=False).model({})
-FAR_OFF = predict.noise(
+MODEL = NominalModel(RIG, load_friction=False).model({})
+FAR_OFF = innovations.noise(
     servo_process=0.5, servo_measured=1e-4, ball_process=0.01, ball_measured=1e-4
 )
 
@@ -71,11 +71,11 @@ def test_white_noise_is_not_called_coloured(seed: int):
 
 def test_innovations_are_white_and_as_large_as_expected_at_the_estimated_levels():
     known = evidence(1, colour=0.6)
-    levels = noise.estimate(known, MODEL, known.parts)
-    for part in known.parts:
-        keep = known.masks[part] > 0
-        z = known.with_levels(levels).roll(MODEL, part).z[keep]
-        stride = 2 if part == BALL else 1
+    levels = noise.estimate(known, MODEL, known.outputs)
+    for output in known.outputs:
+        keep = known.masks[output] > 0
+        z = known.with_levels(levels).roll(MODEL, output).z[keep]
+        stride = 2 if output == BALL else 1
         assert np.sqrt(np.mean(z**2)) == pytest.approx(1.0, abs=0.05)
         hang = np.corrcoef(z[stride:], z[:-stride])[0, 1]
         assert abs(hang) < 0.08  # counts of an encoder are never quite white

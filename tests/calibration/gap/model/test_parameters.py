@@ -1,27 +1,27 @@
-"""Every knob turns the model exactly as a rig file with the same numbers would."""
+"""A parameter changes the model exactly as a rig file with the same number would."""
 
 from dataclasses import replace
 from math import cos, hypot, inf, sin
 
 import numpy as np
 import pytest
-from gap_tables import RIG, evidence_of, foreign
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calibration.gap.knobs import BALL, INNER, PERIODIC, SERVO, Believed
-from experiments.assemble import load_rig
+from calibration.gap.model.parameters import BALL, INNER_SHAPE, PERIODIC, SERVO, NominalModel
+from experiments.runs.assemble import load_rig
 from rig.effects import BY_NAME, CATALOGUE, Effect
 from rig.parameters import Rig
-from rig.plant_record import pack
+from rig.plant.plant_record import pack
+from tests.support.gap.tables import RIG, evidence_of, foreign
 
-TABLE = load_rig(None)  # plays, friction, offsets and a slope are believed
+TABLE = load_rig(None)  # plays, friction, offsets and a slope are nominal
 NAMES = [effect.name for effect in CATALOGUE]
 # What no equation of the predictor reads: derived for a simulated table, or split by sides.
 IDLE = ("arm_stick", "plate_stick", "camera_delay", "dead_zone_half_width_V")
 RIGS = {"bare": RIG, "shipped": TABLE}
 KEYS = [(e, axis) for e in CATALOGUE for axis in e.axes]
-# Sizes at which every first knob must show in its own part.
+# Sizes at which every first parameter must show in its own output.
 SIZES = {"limit_V": 1.0, "extra_V": 0.1, "sine": 0.02}
 
 
@@ -36,12 +36,12 @@ def with_effect(rig: Rig, name: str, axis: str, pairs: dict[str, float]) -> Rig:
 
 
 def turned(name: str, axis: str, pairs: dict[str, float]) -> dict[str, float]:
-    """The knobs' setting that means the same as `pairs` of a rig file."""
-    knobs = dict(pairs)
+    """The parameters' setting that means the same as `pairs` of a rig file."""
+    parameters = dict(pairs)
     if name in PERIODIC:
-        size, phase = knobs.pop(PERIODIC[name]), knobs.pop("phase_rad")
-        knobs |= {"sine": size * cos(phase), "cosine": size * sin(phase)}
-    return {f"{name}.{key}.{axis}": value for key, value in knobs.items()}
+        size, phase = parameters.pop(PERIODIC[name]), parameters.pop("phase_rad")
+        parameters |= {"sine": size * cos(phase), "cosine": size * sin(phase)}
+    return {f"{name}.{key}.{axis}": value for key, value in parameters.items()}
 
 
 def assert_same(one: np.record, other: np.record) -> None:
@@ -75,21 +75,21 @@ def test_a_setting_is_the_rig_file_with_the_same_numbers(
     effect, rig = BY_NAME[name], RIGS[which]
     axis = data.draw(st.sampled_from(effect.axes))
     pairs = drawn(data, effect)
-    model = Believed(rig, load_friction=False).model(turned(name, axis, pairs))
+    model = NominalModel(rig, load_friction=False).model(turned(name, axis, pairs))
     assert_same(model.record, pack(with_effect(without_load(rig), name, axis, pairs)))
     assert model.gain_rad_s_V == (rig.servo.gain_rad_s_V,) * 2
 
 
 @pytest.mark.parametrize("rig", [RIG, TABLE], ids=["bare", "shipped"])
-def test_no_setting_and_all_knobs_at_rest_are_the_believed_rig(rig: Rig):
-    believed = Believed(rig, load_friction=False)
-    assert_same(believed.model({}).record, pack(without_load(rig)))
-    rest = {name: knob.believed for name, knob in believed.knobs.items()}
-    assert_same(believed.model(rest).record, pack(without_load(rig)))
+def test_no_setting_and_all_parameters_at_rest_are_the_nominal_rig(rig: Rig):
+    nominal = NominalModel(rig, load_friction=False)
+    assert_same(nominal.model({}).record, pack(without_load(rig)))
+    rest = {name: parameter.nominal for name, parameter in nominal.parameters.items()}
+    assert_same(nominal.model(rest).record, pack(without_load(rig)))
 
 
 def test_gain_and_time_constant_belong_to_their_axis():
-    model = Believed(RIG, load_friction=False).model(
+    model = NominalModel(RIG, load_friction=False).model(
         {".gain_rad_s_V.y": 1.9, ".time_constant_s.x": 0.04}
     )
     assert model.gain_rad_s_V == (RIG.servo.gain_rad_s_V, 1.9)
@@ -98,8 +98,8 @@ def test_gain_and_time_constant_belong_to_their_axis():
 
 
 def test_under_load_the_friction_stays_and_the_joint_feels_its_wound_up_shaft():
-    believed = Believed(TABLE, load_friction=True)
-    model = believed.model({"joint_backlash.play_rad.x": 0.04}).record
+    nominal = NominalModel(TABLE, load_friction=True)
+    model = nominal.model({"joint_backlash.play_rad.x": 0.04}).record
     truth = pack(with_effect(TABLE, "joint_backlash", "x", {"play_rad": 0.04}))
     drive = TABLE.drive
     wound = 2 * drive.joint_friction_nm / drive.joint_stiffness_nm_rad
@@ -110,51 +110,57 @@ def test_under_load_the_friction_stays_and_the_joint_feels_its_wound_up_shaft():
     np.testing.assert_allclose(model["gear_1"], truth["gear_1"])
 
 
-def test_every_parameter_has_its_knob_and_starts_where_the_rig_file_has_it():
-    believed = Believed(TABLE, load_friction=False)
+def test_every_key_has_its_parameter_and_starts_where_the_rig_file_has_it():
+    nominal = NominalModel(TABLE, load_friction=False)
     for effect, axis in KEYS:
-        keys = {knob.key for knob in believed.of(effect.name, axis)}
+        keys = {parameter.key for parameter in nominal.of(effect.name, axis)}
         catalogue = {p.key for p in effect.parameters}
         if effect.name in PERIODIC:
             catalogue = catalogue - {PERIODIC[effect.name], "phase_rad"} | {"sine", "cosine"}
-        catalogue |= set(INNER.get(effect.name, []))  # its inner shape, which no rig file names
+        catalogue |= set(INNER_SHAPE.get(effect.name, []))  # not in rig files
         assert keys == catalogue
-    assert len(believed.knobs) == 4 + sum(len(believed.of(e.name, a)) for e, a in KEYS)
+    assert len(nominal.parameters) == 4 + sum(len(nominal.of(e.name, a)) for e, a in KEYS)
     for name, by_axis in TABLE.effects.items():
         for axis, pairs in by_axis.items():
             for key, value in pairs.items():
-                assert believed.knobs[f"{name}.{key}.{axis}"].believed == value
+                assert nominal.parameters[f"{name}.{key}.{axis}"].nominal == value
     ripple = {"amplitude_rad": 0.01, "phase_rad": 0.7, "periods_per_turn": 9.0}
-    rippled = Believed(with_effect(RIG, "transmission_ripple", "y", ripple), load_friction=False)
-    knobs = [rippled.knobs[f"transmission_ripple.{k}.y"].believed for k in ("sine", "cosine")]
-    assert hypot(*knobs) == pytest.approx(0.01)
-    assert knobs[0] == pytest.approx(0.01 * cos(0.7))
+    rippled = NominalModel(
+        with_effect(RIG, "transmission_ripple", "y", ripple), load_friction=False
+    )
+    parameters = [
+        rippled.parameters[f"transmission_ripple.{k}.y"].nominal for k in ("sine", "cosine")
+    ]
+    assert hypot(*parameters) == pytest.approx(0.01)
+    assert parameters[0] == pytest.approx(0.01 * cos(0.7))
 
 
-def test_boxes_hold_the_believed_value_and_lie_within_tolerance_and_range():
+def test_boxes_hold_the_nominal_value_and_lie_within_tolerance_and_range():
     for rig in (RIG, TABLE):
-        for knob in Believed(rig, load_friction=False).knobs.values():
-            (low, high), (least, most) = knob.box, knob.range
-            assert least <= low <= knob.believed <= high <= most, knob.name
-            assert knob.believed == inf or high - low <= 2.0001 * knob.tolerance
-            assert knob.step > 0
-    play = Believed(RIG, load_friction=False).knobs["joint_backlash.play_rad.x"]
+        for parameter in NominalModel(rig, load_friction=False).parameters.values():
+            (low, high), (least, most) = parameter.box, parameter.range
+            assert least <= low <= parameter.nominal <= high <= most, parameter.name
+            assert parameter.nominal == inf or high - low <= 2.0001 * parameter.tolerance
+            assert parameter.step > 0
+    play = NominalModel(RIG, load_friction=False).parameters["joint_backlash.play_rad.x"]
     assert play.box == (0.0, BY_NAME["joint_backlash"].tolerance)  # a play has no negative side
 
 
 def test_tolerances_are_the_catalogues_or_those_given():
-    usual = Believed(RIG, load_friction=False)
-    wide = Believed(RIG, load_friction=False, tolerances={"voltage_offset": 0.3})
+    usual = NominalModel(RIG, load_friction=False)
+    wide = NominalModel(RIG, load_friction=False, tolerances={"voltage_offset": 0.3})
     for effect, axis in KEYS:
         first, *rest = usual.of(effect.name, axis)
         assert first.tolerance == effect.tolerance or effect.name in PERIODIC
-        assert all(knob.tolerance == 0 for knob in rest)
-    assert wide.knobs["voltage_offset.offset_V.x"].box == (-0.3, 0.3)
-    assert wide.knobs["level_offset.slope_rad.x"] == usual.knobs["level_offset.slope_rad.x"]
+        assert all(parameter.tolerance == 0 for parameter in rest)
+    assert wide.parameters["voltage_offset.offset_V.x"].box == (-0.3, 0.3)
+    assert (
+        wide.parameters["level_offset.slope_rad.x"] == usual.parameters["level_offset.slope_rad.x"]
+    )
     setting = {"voltage_offset.offset_V.x": 0.1}
-    assert usual.beyond("voltage_offset", "x", setting)
-    assert not usual.beyond("voltage_offset", "y", setting)
-    assert not wide.beyond("voltage_offset", "x", setting)
+    assert usual.exceeds_minimum("voltage_offset", "x", setting)
+    assert not usual.exceeds_minimum("voltage_offset", "y", setting)
+    assert not wide.exceeds_minimum("voltage_offset", "x", setting)
 
 
 @pytest.fixture(scope="module")
@@ -163,11 +169,11 @@ def evidence():
 
 
 @pytest.mark.parametrize(("effect", "axis"), KEYS, ids=lambda v: getattr(v, "name", v))
-def test_a_knob_is_felt_in_its_own_parts_alone(evidence, effect: Effect, axis: str):
-    believed = Believed(RIG, load_friction=False)
-    first = believed.of(effect.name, axis)[0]
-    size = SIZES.get(first.key, first.believed + 3 * first.step)
-    model, bare = believed.model({first.name: size}), believed.model({})
-    for part in (*SERVO, BALL):
-        same = np.array_equal(evidence.roll(model, part).z, evidence.roll(bare, part).z)
-        assert same == (part not in first.parts), (part, first.parts)
+def test_a_parameter_is_felt_in_its_own_parts_alone(evidence, effect: Effect, axis: str):
+    nominal = NominalModel(RIG, load_friction=False)
+    first = nominal.of(effect.name, axis)[0]
+    size = SIZES.get(first.key, first.nominal + 3 * first.step)
+    model, bare = nominal.model({first.name: size}), nominal.model({})
+    for output in (*SERVO, BALL):
+        same = np.array_equal(evidence.roll(model, output).z, evidence.roll(bare, output).z)
+        assert same == (output not in first.outputs), (output, first.outputs)

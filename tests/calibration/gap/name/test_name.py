@@ -4,12 +4,12 @@ import re
 from dataclasses import replace
 
 import pytest
-from gap_tables import RIG, foreign, foreign_table, without_columns
 
 from calibration.gap.findings import Findings, Named
-from calibration.gap.words import _told
-from calibration.gap.workflow import investigate_logs
+from calibration.gap.investigation import investigate
+from calibration.gap.report.wording import _effect_words
 from rig.effects import BY_NAME
+from tests.support.gap.tables import RIG, foreign, foreign_table, without_columns
 
 SECONDS = 20.0
 Hidden = dict[str, dict[str, dict[str, float]]]
@@ -23,6 +23,7 @@ ONE: dict[str, Hidden] = {
     "camera_delay": {"camera_delay": {"xy": {"extra_s": 0.015}}},
     "rolling_resistance": {"rolling_resistance": {"xy": {"deceleration_m_s2": 0.012}}},
 }
+USUAL = {"coulomb_friction", "joint_backlash", "camera_delay"}  # one of servo, shaft, camera
 TURNED: Hidden = {"camera_yaw": {"xy": {"angle_rad": 0.05}}}
 DRAG: Hidden = {"viscous_drag": {"xy": {"rate_1_s": 0.1}}}
 LATE: Hidden = {"input_delay": {"x": {"delay_s": 0.008}}}
@@ -38,7 +39,7 @@ def answer(hidden: Hidden, seed: int = 3, stranger: str | None = None,
            seconds: float = SECONDS) -> Findings:  # fmt: skip
     odd = (stranger, STRANGERS[stranger]) if stranger else None
     log = foreign("steps", seed=seed, effects=hidden, stranger=odd, duration_s=seconds)
-    return investigate_logs([log], RIG, until="name", quick=True).findings
+    return investigate([log], RIG, until="name", quick=True).findings
 
 
 def by_name(found: Findings) -> dict[str, Named]:
@@ -61,7 +62,9 @@ def assert_named(found: Findings, hidden: Hidden) -> None:
         assert name in found.sentence
 
 
-@pytest.mark.parametrize("name", ONE)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=() if n in USUAL else pytest.mark.slow) for n in ONE]
+)
 def test_one_hidden_effect_is_named_with_axis_size_twins_and_what_the_log_cannot_show(name: str):
     found = answer(ONE[name])
     assert_named(found, ONE[name])
@@ -78,17 +81,21 @@ def test_one_hidden_effect_is_named_with_axis_size_twins_and_what_the_log_cannot
     assert not missing.keys() & {name, "coulomb_friction", "level_offset", "camera_delay"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pair", TWO, ids=" and ".join)
 def test_two_at_once_get_both_names_and_no_third(pair: tuple[str, str]):
     hidden = ONE[pair[0]] | ONE[pair[1]]
     assert_named(answer(hidden), hidden)
 
 
+@pytest.mark.slow
 def test_a_longer_delay_is_found_as_well_as_a_shorter_one():
     assert_named(answer(LATE), LATE)
 
 
-@pytest.mark.parametrize("seed", range(10, 16))
+@pytest.mark.parametrize(
+    "seed", [10, *(pytest.param(n, marks=pytest.mark.slow) for n in range(11, 16))]
+)
 def test_nothing_hidden_gets_no_name(seed: int):
     found = answer({}, seed, seconds=15.0)
     assert found.verdict == "nothing-missing", found.sentence
@@ -100,6 +107,7 @@ def test_nothing_hidden_gets_no_name(seed: int):
         assert gain == pytest.approx(truth.gain[i], rel=0.015)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [3])
 def test_a_rhythm_has_no_name_but_a_frequency(seed: int):
     found = answer({}, seed, "rhythm")
@@ -136,9 +144,10 @@ def test_a_bump_has_no_name_but_its_seconds(seed: int):
     assert overlap > 0.75 * (max(end, odd.bump_to) - min(begin, odd.bump_from))
 
 
+@pytest.mark.slow
 def test_a_turned_camera_is_named_with_its_twin_beside_it():
     log = without_columns(foreign("steps", seed=3, effects=TURNED), "voltage")
-    found = investigate_logs([log], RIG, until="name").findings
+    found = investigate([log], RIG, until="name").findings
     assert found.verdict == "named", found.sentence
     assert found.effects[0].twins == ("antisymmetric_cross_coupling",)
 
@@ -146,12 +155,13 @@ def test_a_turned_camera_is_named_with_its_twin_beside_it():
 def test_probabilities_of_rivals_are_shares_of_one():
     """At a steady speed around a circle all that slows the ball looks alike."""
     log = foreign("circle", seed=3, duration_s=12.0, effects=DRAG)
-    found = investigate_logs([without_columns(log, "voltage")], RIG, until="name").findings
+    found = investigate([without_columns(log, "voltage")], RIG, until="name").findings
     assert found.verdict == "undecided"
     assert "viscous_drag" in by_name(found)
     assert sum(effect.probability for effect in found.effects) < 1.05
 
 
+@pytest.mark.slow
 def test_tolerances_of_the_rig_decide_what_is_missing_and_the_argument_goes_before_them():
     hidden = {"voltage_offset": {"y": {"offset_V": 0.08}}}
     log = foreign("steps", seed=7, duration_s=10.0, effects=hidden)
@@ -162,35 +172,37 @@ def test_tolerances_of_the_rig_decide_what_is_missing_and_the_argument_goes_befo
         (loose, None, "nothing-missing"),
         (loose, {"voltage_offset": 0.02}, "named"),
     ):
-        found = investigate_logs([log], rig, until="name", tolerances=tolerances).findings
+        found = investigate([log], rig, until="name", tolerances=tolerances).findings
         assert found.verdict == verdict
 
 
+@pytest.mark.slow
 def test_a_healthy_servo_that_rests_between_its_moves_gets_no_name():
-    found = investigate_logs([foreign("squares", seed=7)], RIG, until="name").findings
+    found = investigate([foreign("squares", seed=7)], RIG, until="name").findings
     assert found.verdict == "nothing-missing", found.sentence
 
 
 def test_the_same_logs_give_the_same_answer_on_one_thread_and_on_two():
     log = foreign("steps", seed=3, duration_s=10.0, effects=ONE["voltage_offset"])
-    answers = [investigate_logs([log], RIG, until="name", threads=n).findings.to_json()
+    answers = [investigate([log], RIG, until="name", threads=n).findings.to_json()
                for n in (1, 2)]  # fmt: skip
     assert answers[0] == answers[1]
 
 
 def test_a_stage_that_is_none_is_refused():
     with pytest.raises(ValueError, match="known: locate, name, add, prove, next"):
-        investigate_logs([], RIG, until="guess")
+        investigate([], RIG, until="guess")
 
 
+@pytest.mark.slow
 def test_a_limit_above_the_volts_that_last_is_told_untestable():
     log = foreign("corner", seed=70, duration_s=15.0)
     volts = abs(log["voltage_x_V"])
     assert volts.max() > 0.99 * RIG.servo.voltage_limit_V  # for a few ticks, at the release
-    found = investigate_logs([log], RIG, until="name", quick=True).findings
+    found = investigate([log], RIG, until="name", quick=True).findings
     told = {one.name: one for one in found.untestable}["saturation"]
     assert told.smallest["limit_V"] < 0.8 * volts.max()
 
 
 def test_a_name_without_sizes_is_told_all_the_same():
-    assert "x" not in _told(Named("dead_zone", 1.0, (), {"x": {}})).rsplit(":", 1)[1]
+    assert "x" not in _effect_words(Named("dead_zone", 1.0, (), {"x": {}})).rsplit(":", 1)[1]

@@ -8,13 +8,12 @@ import sys
 from pathlib import Path
 
 import pytest
-
-pytest.importorskip("viser")
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
-from experiments.dashboard.server import PortBusyError, free_port, link_of, open_server
+from experiments.dashboard.server.server import PortBusyError, free_port, link_of, open_server
+from tests.support import ROOT
 
 TOKEN = "a-token-of-some-length-for-tests"
 
@@ -103,7 +102,7 @@ def test_a_busy_port_is_said_and_nothing_is_started(tmp_path: Path):
             [*program, "--port", str(port), "--out", str(tmp_path)],
             capture_output=True,
             text=True,
-            env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
         )
         assert told.returncode == 2
         assert told.stdout == ""

@@ -5,7 +5,7 @@ with a ball at (0.02, -0.03) m.
 """
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,15 +14,16 @@ import pytest
 
 from calibration.bundle import load
 from experiments.dashboard.app import App
-from experiments.dashboard.camera_view import view_of
-from experiments.dashboard.desk import Tell
-from experiments.dashboard.measuring import Measure, calibrate
-from experiments.dashboard.real_camera import RealCamera
-from experiments.dashboard.server import open_server
-from experiments.live_eye import open_ball, watching
+from experiments.dashboard.server.server import open_server
+from experiments.dashboard.session.calibration_tasks import CalibrationRequest, calibration_step
+from experiments.dashboard.session.real_camera import RealCamera
+from experiments.dashboard.session.worker_process import ProgressSender
+from experiments.dashboard.view.camera_view import view_of
+from experiments.runs.live_eye import open_ball, watching
 from rig.parameters import Rig
 from rig.rigfile import write_rig
-from vision.sources import open_source
+from tests.support.waiting import wait_for
+from vision.sources.sources import open_source
 
 CAMERA = """
 import time
@@ -30,11 +31,11 @@ from itertools import cycle
 
 import numpy as np
 
-from calibration.sheet import Sheet
-from calibration.virtual import sheet_pictures
-from experiments.assemble import virtual_scene
+from calibration.camera.sheet import Sheet
+from calibration.camera.virtual import sheet_pictures
+from experiments.runs.assemble import virtual_scene
 from rig.parameters import Rig
-from vision.synthetic import Renderer, virtual_view
+from vision.synthetic.synthetic import Renderer, virtual_view
 
 
 class _Shows:
@@ -66,18 +67,18 @@ class Ball(_Shows):
 """
 
 
-class Heard(Tell):
+class Heard(ProgressSender):
     """What a task tells, kept."""
 
     def __init__(self) -> None:
         super().__init__(self._keep)
-        self.shown: list[set[str]] = []
+        self.show_through: list[set[str]] = []
 
     def _keep(self, word) -> None:
         kind, what = word
         if kind == "shown":
             assert all(one.path.is_file() for one in what)
-            self.shown.append({one.path.name for one in what})
+            self.show_through.append({one.path.name for one in what})
 
 
 @pytest.fixture(scope="module")
@@ -90,17 +91,20 @@ def lab(tmp_path_factory) -> Path:
 def rig_of(lab: Path, camera: str, calibration: str = "") -> Rig:
     """A table with this class as its camera; nothing is ever asked of the table itself."""
     table = replace(
-        Rig().table, kind="serial", port="nowhere", camera=f"{lab / 'own.py'}:{camera}",
+        Rig().table,
+        kind="serial",
+        port="nowhere",
+        camera=f"{lab / 'own.py'}:{camera}",
         calibration=calibration or str(lab / "made" / "calibration.json"),
-    )  # fmt: skip
+    )
     return replace(Rig(), table=table)
 
 
 def measured(lab: Path, step: str, camera: str, **more) -> tuple[Heard, list]:
     rig, heard = rig_of(lab, camera), Heard()
     write_rig(rig, lab / "lab.toml")
-    return heard, calibrate(
-        Measure(step, rig, lab / "made", rig_file=lab / "lab.toml", **more), heard
+    return heard, calibration_step(
+        CalibrationRequest(step, rig, lab / "made", rig_file=lab / "lab.toml", **more), heard
     )
 
 
@@ -108,9 +112,11 @@ def measured(lab: Path, step: str, camera: str, **more) -> tuple[Heard, list]:
 def bundle(lab: Path) -> Path:
     """The calibration of the lab's camera, made as the page makes it."""
     heard, pictures = measured(lab, "camera", "Sheets")
-    assert {"coverage.png"} in heard.shown  # before there was anything to fit
+    assert {"coverage.png"} in heard.show_through  # before there was anything to fit
     both = {"coverage.png", "residuals.png"}
-    assert sum(both <= shown for shown in heard.shown) >= 2  # then both, again and again
+    assert (
+        sum(both <= show_through for show_through in heard.show_through) >= 2
+    )  # then both, again and again
     assert [one.path.name for one in pictures][-1] == "camera.png"
     _, pictures = measured(lab, "table", "Plate")
     assert [one.path.name for one in pictures] == ["plate.png"]
@@ -126,21 +132,14 @@ def eye(lab: Path, bundle: Path) -> Iterator[RealCamera]:
         one.close()
 
 
-def wait_for(what: str, holds: Callable[[], bool], seconds: float = 60.0) -> None:
-    end = time.monotonic() + seconds
-    while not holds():
-        assert time.monotonic() < end, f"{what} did not come"
-        time.sleep(0.02)
-
-
 def seen_through(eye: RealCamera, seconds: float = 60.0) -> tuple[np.ndarray, str]:
     """The first picture in which the tracker has the ball."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
-        eye.look(None)
-        found = eye.newest()
-        if found is not None and "track**" in found[1]:
-            return found
+        eye.request(None)
+        preview = eye.newest()
+        if preview is not None and "track**" in preview[1]:
+            return preview
         time.sleep(0.05)
     raise AssertionError("no picture with the ball came")
 
@@ -162,21 +161,21 @@ def test_the_page_looks_through_the_tables_camera_between_runs(eye: RealCamera):
 def test_who_needs_the_camera_gets_it_and_the_page_sees_through_its_eye(lab, bundle, eye):
     seen_through(eye)
     rig = rig_of(lab, "Ball", str(bundle))
-    with eye.lent() as shown, watching(rig, open_ball) as runs:
-        assert not eye._holds
-        shown(runs)
+    with eye.lend() as show_through, watching(rig, open_ball) as runs:
+        assert not eye._holds_camera
+        show_through(runs)
         seen_through(eye)
-        with pytest.raises(ValueError, match="wait until it has ended"), eye.lent():
+        with pytest.raises(ValueError, match="wait until it has ended"), eye.lend():
             pass
-        assert eye._runs is runs
-    assert eye._runs is None
+        assert eye._run_eye is runs
+    assert eye._run_eye is None
     seen_through(eye)  # and again by itself
 
 
 def test_a_camera_that_cannot_be_opened_is_told_and_a_closed_page_lets_go(lab, bundle):
     eye = RealCamera(rig_of(lab, "Nobody", str(bundle)))
-    eye.look(None)
-    wait_for("a reason", lambda: bool(eye._why))
+    eye.request(None)
+    wait_for("a reason", lambda: bool(eye._error))
     with pytest.raises(OSError, match="Nobody"):
         eye.newest()
     eye.close()
@@ -185,8 +184,8 @@ def test_a_camera_that_cannot_be_opened_is_told_and_a_closed_page_lets_go(lab, b
 
 def test_an_eye_nobody_looks_through_is_let_go(eye: RealCamera):
     seen_through(eye)
-    eye.rest()
-    wait_for("the camera's release", lambda: not eye._holds)
+    eye.release()
+    wait_for("the camera's release", lambda: not eye._holds_camera)
 
 
 def test_what_a_real_table_cannot_be_asked_is_refused_with_the_way_out(lab: Path):
@@ -196,7 +195,9 @@ def test_what_a_real_table_cannot_be_asked_is_refused_with_the_way_out(lab: Path
         measured(lab, "level", "Plate")
     rig = replace(rig_of(lab, ""), table=replace(rig_of(lab, "").table, camera=""))
     with pytest.raises(ValueError, match=r"set table\.camera"):
-        calibrate(Measure("camera", rig, lab / "none", rig_file=lab / "lab.toml"), Heard())
+        calibration_step(
+            CalibrationRequest("camera", rig, lab / "none", rig_file=lab / "lab.toml"), Heard()
+        )
 
 
 def test_the_frustum_hangs_where_the_calibration_says(lab: Path, bundle: Path):
@@ -214,7 +215,7 @@ def test_on_the_page_a_step_borrows_the_camera_that_was_looked_through(lab, bund
     server, _ = open_server("127.0.0.1", 0, "a-token-of-some-length-for-tests")
     app = App(server, rig, tmp_path, rig_file=lab / "page.toml")
     try:
-        app.camera.look(True)
+        app.camera.set_wanted(True)
         wait_for("the image", lambda: app.camera._image.visible)
         assert "tracker" in app.camera._words.content
         eye = app.eye
@@ -233,7 +234,7 @@ def test_on_the_page_a_step_borrows_the_camera_that_was_looked_through(lab, bund
         tab.begin(("level",))
         wait_for("the refusal", lambda: tab._state["level"] == "refused")
         assert "record one with the ball" in tab._verdict.content
-        wait_for("the page's own eye again", lambda: eye._own is not None)
+        wait_for("the page's own eye again", lambda: eye._idle_eye is not None)
     finally:
         app.close()
         server.stop()

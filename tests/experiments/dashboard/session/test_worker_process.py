@@ -5,39 +5,39 @@ from queue import Queue
 
 import pytest
 
-from experiments.dashboard.desk import Desk, Piece
+from experiments.dashboard.session.worker_process import WorkerProcess, WorkItem
 
 
-def good(tell):
-    tell("halfway", 1, 2)
+def good(progress):
+    progress("halfway", 1, 2)
     print("a line", "of two words")
     return {"answer": 42}
 
 
-def refused(tell):
+def refused(progress):
     raise ValueError("the sheet is too small: print it again")
 
 
-def broken(tell):
+def broken(progress):
     raise RuntimeError("broken")
 
 
-def endless(tell):
-    tell("on", 0, 1)
+def endless(progress):
+    progress("on", 0, 1)
     time.sleep(600)
 
 
 @pytest.fixture
-def desk():
-    made = Desk()
+def worker():
+    made = WorkerProcess()
     yield made
     made.close()
 
 
-def heard(desk: Desk, name: str, task, most: int = 9) -> list:
+def on_message(worker: WorkerProcess, name: str, task, most: int = 9) -> list:
     """Everything that a piece of work says until it has ended."""
     words: Queue = Queue()
-    desk.put(Piece(name, task, lambda kind, what: words.put((kind, what))))
+    worker.put(WorkItem(name, task, lambda kind, what: words.put((kind, what))))
     found = []
     while not found or found[-1][0] not in ("done", "failed"):
         found.append(words.get(timeout=120))
@@ -45,35 +45,37 @@ def heard(desk: Desk, name: str, task, most: int = 9) -> list:
     return found
 
 
-def test_progress_lines_and_answer_come_back_in_order(desk):
-    assert heard(desk, "good", good) == [
+def test_progress_lines_and_answer_come_back_in_order(worker):
+    assert on_message(worker, "good", good) == [
         ("progress", ("halfway", 1, 2)),
         ("line", "a line of two words"),
         ("done", {"answer": 42}),
     ]
 
 
-def test_a_refusal_is_its_sentence_and_a_fault_its_name(desk):
-    assert heard(desk, "a", refused) == [("failed", "the sheet is too small: print it again")]
-    assert heard(desk, "b", broken) == [("failed", "RuntimeError: broken")]
+def test_a_refusal_is_its_sentence_and_a_fault_its_name(worker):
+    assert on_message(worker, "a", refused) == [
+        ("failed", "the sheet is too small: print it again")
+    ]
+    assert on_message(worker, "b", broken) == [("failed", "RuntimeError: broken")]
 
 
-def test_work_is_cancelled_and_the_next_piece_is_served(desk):
+def test_work_is_cancelled_and_the_next_piece_is_served(worker):
     words: Queue = Queue()
-    desk.put(Piece("endless", endless, lambda *what: words.put(what)))
+    worker.put(WorkItem("endless", endless, lambda *what: words.put(what)))
     assert words.get(timeout=120) == ("progress", ("on", 0, 1))
     with pytest.raises(ValueError, match="endless is on already"):
-        desk.put(Piece("endless", endless, lambda *what: None))
-    desk.cancel("endless")
+        worker.put(WorkItem("endless", endless, lambda *what: None))
+    worker.cancel("endless")
     assert words.get(timeout=120)[0] == "failed"
-    assert heard(desk, "good", good)[-1][0] == "done"
+    assert on_message(worker, "good", good)[-1][0] == "done"
 
 
-def test_new_work_takes_the_place_of_the_old_while_that_is_being_done(desk):
+def test_new_work_takes_the_place_of_the_old_while_that_is_being_done(worker):
     words: Queue = Queue()
-    desk.put(Piece("work", endless, lambda *what: words.put(what)))
+    worker.put(WorkItem("work", endless, lambda *what: words.put(what)))
     assert words.get(timeout=120) == ("progress", ("on", 0, 1))
-    desk.put(Piece("work", good, lambda *what: words.put(what)), instead=True)
+    worker.put(WorkItem("work", good, lambda *what: words.put(what)), instead=True)
     found = [words.get(timeout=120) for _ in range(4)]
     assert found[0][0] == "failed"  # the old one's last word
     assert found[-1] == ("done", {"answer": 42})

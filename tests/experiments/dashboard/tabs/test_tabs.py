@@ -4,17 +4,17 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.dashboard.gap_tab import BEGINS, STAGES, stage_lines
-from experiments.dashboard.header import link_words
-from experiments.dashboard.live import Now
-from experiments.dashboard.plan import Plan, Status, legs
-from experiments.dashboard.progress import Progress, minutes, progress_words
-from experiments.dashboard.results_tab import table
-from experiments.dashboard.side_plates import CELL_PX, map_image, off_words
-from experiments.dashboard.sides import motion_of
-from experiments.dashboard.tasks import RunRow, list_runs
-from experiments.protocol import read_protocol
-from experiments.recording import write_run
+from experiments.dashboard.session.live import LiveState
+from experiments.dashboard.session.plan import RunPlan, SessionStatus, planned_runs
+from experiments.dashboard.session.tasks import RunSummary, list_runs
+from experiments.dashboard.tabs.gap import BEGINS, STAGES, stage_lines
+from experiments.dashboard.tabs.header import link_words
+from experiments.dashboard.tabs.results import table
+from experiments.dashboard.tabs.run import ProgressLine, minutes, progress_words
+from experiments.dashboard.view.side_plates import CELL_PX, map_image, off_words
+from experiments.gap.closed_loop_replay import table_motion
+from experiments.records.recording import write_run
+from experiments.runs.protocol import read_protocol
 from rig.log import Log
 
 
@@ -36,39 +36,39 @@ def test_five_stages_are_marked_in_turn():
 
 
 def test_progress_says_what_is_on_and_how_long_it_takes():
-    leg = legs(Plan(read_protocol("free-release"), ("without", "with"), 1, 1))[0]
-    words = progress_words(Status("running", leg.words, leg, 8.25))
+    planned = planned_runs(RunPlan(read_protocol("free-release"), ("without", "with"), 1, 1))[0]
+    words = progress_words(SessionStatus("running", planned.words, planned, 8.25))
     assert "run 1 of 2" in words
     assert "8.2 of 16.5 s" in words
     assert "0:25 left" in words
-    assert "Next run" in progress_words(Status("pause", "run 2 of 2 is next", leg))
+    assert "Next run" in progress_words(SessionStatus("pause", "run 2 of 2 is next", planned))
     assert minutes(61.4) == "1:01"
 
 
 def test_the_end_of_a_plan_is_said_and_a_stopped_one_is_not_done():
-    first, last = legs(Plan(read_protocol("free-release"), ("without", "with"), 1, 1))
-    progress = Progress()
-    progress.words(Status("running", first.words, first, 16.4))
-    assert "done" not in progress.words(Status("balancing"))
-    progress.words(Status("running", last.words, last, 16.4))
-    assert progress.words(Status("balancing")).startswith("**All 2 runs are done**")
-    progress.words(Status("running", last.words, last, 3.0))
-    assert "done" not in progress.words(Status("stopped", "the table rests at 0 V"))
+    first, last = planned_runs(RunPlan(read_protocol("free-release"), ("without", "with"), 1, 1))
+    progress = ProgressLine()
+    progress.words(SessionStatus("running", first.words, first, 16.4))
+    assert "done" not in progress.words(SessionStatus("balancing"))
+    progress.words(SessionStatus("running", last.words, last, 16.4))
+    assert progress.words(SessionStatus("balancing")).startswith("**All 2 runs are done**")
+    progress.words(SessionStatus("running", last.words, last, 3.0))
+    assert "done" not in progress.words(SessionStatus("stopped", "the table rests at 0 V"))
 
 
 def test_a_silent_loop_and_an_unseen_ball_are_said():
     row = np.zeros(40)
     row[0] = 5.0
-    on = Status("balancing")
-    seen = Now(row, 4.99, (0, 0, 0), 500.0, 0.0, 1)
+    on = SessionStatus("balancing")
+    seen = LiveState(row, 4.99, (0, 0, 0), 500.0, 0.0, 1)
     assert "500 of 500 ticks/s" in link_words(seen, on, 500.0)
     assert "sees the ball" in link_words(seen, on, 500.0)
-    blind = Now(row, 4.0, (0, 0, 0), 500.0, 0.0, 1)
+    blind = LiveState(row, 4.0, (0, 0, 0), 500.0, 0.0, 1)
     assert "does not see" in link_words(blind, on, 500.0)
-    silent = Now(row, 4.99, (0, 0, 0), 500.0, 3.0, 1)
+    silent = LiveState(row, 4.99, (0, 0, 0), 500.0, 3.0, 1)
     assert "silent for 3 s" in link_words(silent, on, 500.0)
-    assert "off" in link_words(seen, Status("stopped"), 500.0)
-    assert "starting" in link_words(seen, Status("starting"), 500.0)
+    assert "off" in link_words(seen, SessionStatus("stopped"), 500.0)
+    assert "starting" in link_words(seen, SessionStatus("starting"), 500.0)
 
 
 def test_before_and_after_say_how_far_off_they_are():
@@ -85,12 +85,12 @@ def test_runs_are_listed_newest_first_and_read_as_a_film(tmp_path: Path):
         write_run(tmp_path / name, start, log, outcome="completed")
     (tmp_path / "no-run").mkdir()
     rows = list_runs(tmp_path)
-    assert [row.arm for row in rows] == ["without", "with"]
+    assert [row.method for row in rows] == ["without", "with"]
     words = table(rows, {rows[0].folder.name: (0.1, -0.2)})
     assert "(+0.10, -0.20)" in words
     assert "No runs" in table([], {})
-    assert isinstance(rows[0], RunRow)
-    film = motion_of(log)
+    assert isinstance(rows[0], RunSummary)
+    film = table_motion(log)
     assert len(film.t_s) < 40
     assert np.isnan(film.at(0.0)[1]).all()  # not seen yet
     assert np.allclose(film.at(0.5)[1], 0.01)

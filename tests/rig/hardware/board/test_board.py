@@ -4,18 +4,26 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from board_host import HostBoard
-from board_world import World, WorldLink, table_on
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.hardware import wire
-from rig.hardware.board import TACHOMETER_RAD_S_V, BoardStopped, BoardTable
-from rig.hardware.eye import CameraStopped
-from rig.hardware.link import LinkLost
-from rig.hardware.wire import Arm, Command, ConfigAnswer, ConfigRequest, Disarm, Parser, Telemetry
+from rig.hardware.board import wire
+from rig.hardware.board.board import TACHOMETER_RAD_S_V, BoardStopped, BoardTable
+from rig.hardware.board.link import LinkLost
+from rig.hardware.board.wire import (
+    Arm,
+    Command,
+    ConfigAnswer,
+    ConfigRequest,
+    Disarm,
+    Parser,
+    Telemetry,
+)
+from rig.hardware.camera.eye import CameraStopped
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig
+from tests.support.boards.host import HostBoard
+from tests.support.boards.world import World, WorldLink, table_on
 
 LIMIT = 341  # counts of 30 degrees
 SIGNS = st.tuples(st.sampled_from([-1, 1]), st.sampled_from([-1, 1]))

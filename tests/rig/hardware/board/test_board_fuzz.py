@@ -1,18 +1,18 @@
 """The parser in C and the one in Python agree, whatever comes; the state machine keeps its word."""
 
 import random
-import shutil
 import struct
 import subprocess
 from dataclasses import astuple
 from pathlib import Path
 
-import pytest
-from board_host import FIRMWARE, parse
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig.hardware.wire import KINDS, Packet, Parser, encode
+from rig.hardware.board.wire import KINDS, Packet, Parser, encode
+from tests.support import ROOT
+from tests.support.boards.host import FIRMWARE, parse
+from tests.support.parts import need
 
 SANITIZERS = "-fsanitize=address,undefined"
 
@@ -63,9 +63,8 @@ def test_both_parsers_agree_on_rough_streams(seed: int):
 
 def test_a_million_bytes_under_the_sanitizers(tmp_path: Path):
     """No undefined step, no broken promise of the state machine, the same packets as in Python."""
-    if shutil.which("cc") is None:
-        pytest.skip("NO C COMPILER (apt install gcc): the firmware's parser is NOT fuzzed")
-    binary, source = tmp_path / "fuzz", Path(__file__).with_name("board_fuzz.c")
+    need("cc")
+    binary, source = tmp_path / "fuzz", ROOT / "tests/support/boards/board_fuzz.c"
     flags = [SANITIZERS, "-fno-sanitize-recover=all", "-O1", "-g", f"-I{FIRMWARE}"]
     subprocess.run(["cc", *flags, source, FIRMWARE / "protocol.c", "-o", binary], check=True)
     data = rough_stream(1_000_000, 1)

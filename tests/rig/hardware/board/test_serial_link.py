@@ -1,23 +1,23 @@
 """A board on a real serial device (a pty): the contract, vanished, hung, foreign, taken.
 
-Time passes while the host waits; `tests/engines/test_firmware_pty.py` has it in real time.
+Time passes while the host waits; `tests/rig/firmware/test_firmware_pty.py` has it in real time.
 """
 
 import os
 import time
 
-import contract
 import numpy as np
 import pytest
-from board_host import HostBoard
-from board_pty import PtyBoard, SteppedLink
-from board_world import World
 
-from rig.hardware import board as board_module
-from rig.hardware.board import BoardStopped, BoardTable
-from rig.hardware.link import LinkLost
-from rig.hardware.serial_link import SerialLink
+from rig.hardware.board import board as board_module
+from rig.hardware.board.board import BoardStopped, BoardTable
+from rig.hardware.board.link import LinkLost
+from rig.hardware.board.serial_link import SerialLink
 from rig.parameters import Rig
+from tests.support.boards.host import HostBoard
+from tests.support.boards.pty import PtyBoard, SteppedLink
+from tests.support.boards.world import World
+from tests.support.hardware import contract
 
 SLACK_S = 1.0  # what a busy machine's scheduler may add
 

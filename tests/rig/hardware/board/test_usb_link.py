@@ -1,14 +1,14 @@
 """A board on USB through pyusb: found, opened, stalled, hung, unplugged. The device is a fake."""
 
 import pytest
-from board_host import HostBoard
-from board_world import World, WorldLink
-from usb_fake import IN, OUT, FakeUsb
 
-from rig.hardware.board import BoardTable
-from rig.hardware.link import LINK_DEAD_S, LinkLost
-from rig.hardware.usb_link import UsbLink
+from rig.hardware.board.board import BoardTable
+from rig.hardware.board.link import LINK_DEAD_S, LinkLost
+from rig.hardware.board.usb_link import UsbLink
 from rig.parameters import Rig
+from tests.support.boards.host import HostBoard
+from tests.support.boards.usb_fake import IN, OUT, FakeUsb
+from tests.support.boards.world import World, WorldLink
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.hardware.wire import (
+from rig.hardware.board.wire import (
     KINDS,
     LONGEST_FRAME,
     LONGEST_PAYLOAD,

@@ -7,10 +7,10 @@ from functools import partial
 import numpy as np
 import pytest
 
-from rig.hardware.eye import CameraEye, CameraStopped, Watcher, see
+from rig.hardware.camera.eye import CameraEye, CameraStopped, Watcher, see
 from rig.parameters import Rig
 from vision.frames import Frame, Observation, Track
-from vision.source_errors import GarbageError, GoneError
+from vision.sources.source_errors import GarbageError, GoneError
 
 RATIO = Rig().linkage.ratio
 BLANK = np.zeros((4, 4, 3), np.uint8)
@@ -174,11 +174,11 @@ def test_a_process_sees_too_and_says_its_troubles(eye: CameraEye):
 
 
 def test_the_real_ball_camera_sees_rendered_frames_through_it(eye: CameraEye):
-    from rig.linkage import plate_rotation, tilt_sines
-    from vision.appearance import Appearance
+    from rig.plant.ball import plate_rotation, tilt_sines
     from vision.ball_camera import BallCamera
-    from vision.markers import default_layout
-    from vision.synthetic import Renderer, Scene, virtual_view
+    from vision.detection.appearance import Appearance
+    from vision.plate.markers import default_layout
+    from vision.synthetic.synthetic import Renderer, Scene, virtual_view
 
     layout, radius_m, theta = default_layout(0.275), 0.019625, (0.1, -0.05)
     scene = Scene(plate_side_m=0.275, layout=layout, ball_radius_m=radius_m)
@@ -186,7 +186,9 @@ def test_the_real_ball_camera_sees_rendered_frames_through_it(eye: CameraEye):
     turn = plate_rotation(tilt_sines(theta, RATIO))
     frames = [Frame(renderer.render(turn, (0.03, -0.04)), 10.0 + k / 60, k) for k in range(4)]
     orange = Appearance.of_colour("orange")
-    camera = BallCamera.over_plate(virtual_view(), layout, radius_m, 0.275, appearance=orange)
+    camera = BallCamera.over_plate(
+        virtual_view(), layout, radius_m, 0.275, 0.105, appearance=orange
+    )
     eye.tell(theta)
     see(eye, lambda: (frames, camera))
     sights = eye.sights.read()

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from miswired import STEP_RAD, Miswired
 
-from experiments.assemble import load_rig
-from rig.hardware.home import Homing, home, plan
-from rig.hardware.homing_moves import MOST_V, HomingRefused, Sight
+from experiments.runs.assemble import load_rig
+from rig.hardware.homing.home import Homing, home, plan
+from rig.hardware.homing.homing_moves import MOST_V, HomingRefused, Sight
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig, TableChoice
+from tests.support.hardware.miswired import STEP_RAD, Miswired
 
 REAL = replace(load_rig(None), control_rate_hz=200.0)  # play, friction, offsets, not quite level
 SIGNS = [(1, 1), (-1, 1), (1, -1), (-1, -1)]

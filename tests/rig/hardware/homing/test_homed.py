@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rig.hardware.home import Homing
-from rig.hardware.homed import CLOCK_TURN_S, Homed, NotHomed, home_file, load, power_up
+from rig.hardware.homing.home import Homing
+from rig.hardware.homing.homed import CLOCK_TURN_S, Homed, NotHomed, home_file, load, power_up
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig, TableChoice
 
@@ -85,7 +85,7 @@ def test_a_boards_clock_names_its_power_up(now_s, later_s, up_s, drift):
     one = homed(power_up(told(0.0), now_s))  # pyright: ignore[reportArgumentType]
     again = power_up(told(later_s * (1 + drift)), now_s + later_s)  # pyright: ignore
     at = datetime.fromisoformat(one.at) + timedelta(seconds=later_s)
-    one.check(RIG, again, at)
+    assert one.check(RIG, again, at) is None
 
 
 def test_a_board_that_was_reset_is_seen():

@@ -4,16 +4,16 @@ from math import inf, nan
 
 import pytest
 
-from rig.hardware.remote_wire import Drive
-from rig.hardware.served import Guard
+from rig.hardware.network.client_watchdog import ClientWatchdog
+from rig.hardware.network.remote_wire import DriveRequest
 from rig.hardware.wiring import Wiring
 
 T = 0.0  # the server's clock, so that differences are exact; the user's shows a second less
 ODD = Wiring(swap=True)
 
 
-def guard(*, homed: bool = True, armed: bool = True, limit_V: float = 6.0) -> Guard:
-    one = Guard(limit_V, 0.5)
+def watchdog(*, homed: bool = True, armed: bool = True, limit_V: float = 6.0) -> ClientWatchdog:
+    one = ClientWatchdog(limit_V, 0.5)
     one.hear(T - 1.5, T - 0.5)
     one.configure(Wiring(), homed)
     if armed:
@@ -21,13 +21,15 @@ def guard(*, homed: bool = True, armed: bool = True, limit_V: float = 6.0) -> Gu
     return one
 
 
-def told(one: Guard, x_V: float, y_V: float = 0.0, *, at_s: float = T, way_s: float = 0.0) -> bool:
+def told(
+    one: ClientWatchdog, x_V: float, y_V: float = 0.0, *, at_s: float = T, way_s: float = 0.0
+) -> bool:
     """A command that arrives at `at_s`."""
-    return one.obey(Drive(0, at_s - 1.0 - way_s, 50, x_V, y_V), at_s)
+    return one.obey(DriveRequest(0, at_s - 1.0 - way_s, 50, x_V, y_V), at_s)
 
 
 def test_volts_flow_when_armed_and_told_and_last_50_ms():
-    one = guard()
+    one = watchdog()
     assert one.volts((0.0, 0.0), T) == (0.0, 0.0)
     assert told(one, 1.0, -2.0)
     assert one.volts((0.0, 0.0), T) == (1.0, -2.0)
@@ -39,7 +41,7 @@ def test_volts_flow_when_armed_and_told_and_last_50_ms():
 
 
 def test_none_flow_before_arming_after_disarming_and_of_an_arming_before():
-    one = guard(armed=False)
+    one = watchdog(armed=False)
     assert (one.armed, one.latched) == (False, False)
     told(one, 1.0)
     assert one.volts((0.2, 0.2), T) == (0.0, 0.0)
@@ -59,7 +61,7 @@ def test_none_flow_before_arming_after_disarming_and_of_an_arming_before():
 
 @pytest.mark.parametrize("homed", [True, False])
 def test_silence_of_100_ms_levels_for_half_a_second_and_latches(homed: bool):
-    one = guard(homed=homed)
+    one = watchdog(homed=homed)
     told(one, 2.0)
     assert one.volts((0.1, -0.5), T + 0.1) == (0.0, 0.0)
     assert one.armed
@@ -78,7 +80,7 @@ def test_silence_of_100_ms_levels_for_half_a_second_and_latches(homed: bool):
 
 
 def test_arming_counts_as_a_word_and_goodbye_ends_levelling():
-    one = guard()
+    one = watchdog()
     assert one.volts((0.1, 0.0), T + 0.1) == (0.0, 0.0)
     assert one.armed
     assert one.volts((0.1, 0.0), T + 0.101)[0] < 0.0
@@ -86,10 +88,10 @@ def test_arming_counts_as_a_word_and_goodbye_ends_levelling():
     assert one.volts((0.1, 0.0), T + 0.102) == (0.0, 0.0)
     one.stop(T + 0.2)  # nobody is armed: nothing to stop
     assert one.volts((0.1, 0.0), T + 0.2) == (0.0, 0.0)
-    other = guard(armed=False)
+    other = watchdog(armed=False)
     other.stop(T)
     assert not other.latched
-    unheard_of = Guard(6.0, 0.5)  # armed before anybody said what its channels mean
+    unheard_of = ClientWatchdog(6.0, 0.5)  # armed before anybody said what its channels mean
     assert unheard_of.wiring == Wiring()
     assert unheard_of.volts((0.2, 0.2), T) == (0.0, 0.0)
     unheard_of.arm(T)
@@ -98,7 +100,7 @@ def test_arming_counts_as_a_word_and_goodbye_ends_levelling():
 
 
 def test_levelling_keeps_to_the_tables_limit_and_gives_up_on_an_arm_that_does_not_follow():
-    one = guard(limit_V=2.5)
+    one = watchdog(limit_V=2.5)
     one.stop(T)
     given = [one.volts((0.4, 0.0), T + 0.002 * k)[0] for k in range(60)]
     assert given[0] == given[30] == -2.5
@@ -114,24 +116,24 @@ def test_levelling_keeps_to_the_tables_limit_and_gives_up_on_an_arm_that_does_no
     [(True, 6.0, 6.0), (False, 6.0, 3.0), (False, 2.0, 2.0), (True, 2.0, 2.0)],
 )
 def test_volts_are_clamped(homed: bool, limit_V: float, most: float):
-    one = guard(homed=homed, limit_V=limit_V)
+    one = watchdog(homed=homed, limit_V=limit_V)
     told(one, 9.0, -9.0)
     assert one.volts((0.0, 0.0), T) == (most, -most)
 
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_beyond_the_limit_of_angle_only_volts_that_lead_back_pass(side: int):
-    one, raw = guard(), guard(homed=False)
+    one, raw = watchdog(), watchdog(homed=False)
     for volts, theta, expected in ((2, 0.57, 2), (2, 0.59, 0), (-2, 0.59, -2), (2, -0.59, 2)):
         told(one, side * volts)
         told(raw, side * volts)
         assert one.volts((side * theta, 0.0), T) == (side * expected, 0.0)
         assert raw.volts((side * theta, 0.0), T) == (side * volts, 0.0)
-        one, raw = guard(), guard(homed=False)
+        one, raw = watchdog(), watchdog(homed=False)
 
 
 def test_what_was_long_on_its_way_is_old_or_no_number_is_not_obeyed():
-    one = guard()
+    one = watchdog()
     assert told(one, 1.0, at_s=T + 0.05, way_s=0.05) is True
     assert told(one, 2.0, at_s=T + 0.06, way_s=0.051) is False
     assert not told(one, 2.0, at_s=T + 0.06, way_s=0.051)  # the same again
@@ -146,7 +148,7 @@ def test_what_was_long_on_its_way_is_old_or_no_number_is_not_obeyed():
 
 
 def test_a_new_user_has_a_clock_of_their_own():
-    one = guard()
+    one = watchdog()
     assert one.hear(T - 51.0, T) == inf
     one.meet()
     assert one.hear(T - 51.0, T) == 0.0

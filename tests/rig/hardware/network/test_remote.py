@@ -10,16 +10,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from remote_bench import TOKEN, Cable, Served, patiently, realtime, served
 
-from rig.hardware import remote_wire as wire
-from rig.hardware.link import LinkLost
-from rig.hardware.link_clock import LinkClock
-from rig.hardware.remote import RemoteTable, read_token
-from rig.hardware.served import HOLD_S, Guard
+from rig.hardware.board.link import LinkLost
+from rig.hardware.network import remote_wire as wire
+from rig.hardware.network.client_watchdog import HOLD_S, ClientWatchdog
+from rig.hardware.network.link_clock import LinkClock
+from rig.hardware.network.remote import RemoteTable
+from rig.hardware.network.token_file import make_token, read_token
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig
-from rig.simulator import SimulatedTable
+from rig.simulation.simulator import SimulatedTable
+from tests.support.hardware.remote_bench import TOKEN, Cable, Served, patiently, realtime, served
 
 CLEAN = replace(Rig(), walls=replace(Rig().walls, present=True))
 
@@ -193,7 +194,7 @@ def test_commands_that_were_held_up_are_not_obeyed():
         cable.hold.clear()
         time.sleep(0.1)
         assert max(v[0] for _, v in one.volts) < 3.0
-        assert one.server.guard.stale >= 20
+        assert one.server.watchdog.stale >= 20
         table.close()
 
 
@@ -258,11 +259,13 @@ def test_one_user_at_a_time_and_strangers_do_not_disturb():
 
 @patiently
 def test_a_stranger_who_says_nothing_makes_room(monkeypatch):
-    monkeypatch.setattr("rig.hardware.serve.GREETING_S", 0.2)
+    monkeypatch.setattr("rig.hardware.network.serve.GREETING_S", 0.2)
     with served(CLEAN) as one:
         with socket.create_connection(("127.0.0.1", one.server.port)):
             time.sleep(0.4)
-            one.open().close()
+            table = one.open()
+            assert np.isfinite(table.read().t_s)
+            table.close()
         time.sleep(0.02)
         with socket.create_connection(("127.0.0.1", one.server.port)) as stranger:
             stranger.sendall(b"GET / HTTP/1.1\r\n\r\n")
@@ -310,7 +313,7 @@ def test_token_files(tmp_path: Path):
     path = tmp_path / "rig.token"
     with pytest.raises(FileNotFoundError, match="rig serve"):
         read_token(path)
-    wire.make_token(path)
+    make_token(path)
     assert path.stat().st_mode & 0o777 == 0o600
     assert len(read_token(path)) == 64
     path.chmod(0o644)
@@ -372,32 +375,32 @@ steps = st.tuples(
 @settings(max_examples=300, deadline=None)
 @given(st.lists(steps, max_size=60))
 def test_the_guard_lets_nothing_unfresh_through(todo):
-    guard, now, fresh = Guard(6.0, 0.52), 10.0, -1.0
-    guard.hear(now, now)  # the greeting's clock questions
+    watchdog, now, fresh = ClientWatchdog(6.0, 0.52), 10.0, -1.0
+    watchdog.hear(now, now)  # the greeting's clock questions
     for what, x, y, theta in todo:
         now += 0.002
-        if what == "drive" and guard.obey(wire.Drive(0, now, 50, x, y), now):
+        if what == "drive" and watchdog.obey(wire.DriveRequest(0, now, 50, x, y), now):
             fresh = now
         elif what == "late":
-            guard.obey(wire.Drive(0, now - 0.2, 50, x, y), now)
+            watchdog.obey(wire.DriveRequest(0, now - 0.2, 50, x, y), now)
         elif what == "arm":
-            guard.arm(now)
+            watchdog.arm(now)
         elif what == "disarm":
-            guard.disarm()
+            watchdog.disarm()
         elif what == "stop":
-            guard.stop(now)
+            watchdog.stop(now)
         elif what == "wait":
             now += 0.15
         elif what in ("home", "raw"):
-            guard.configure(Wiring(), what == "home")
-        out = guard.volts((theta, -theta), now)
+            watchdog.configure(Wiring(), what == "home")
+        out = watchdog.volts((theta, -theta), now)
         assert all(np.isfinite(v) and abs(v) <= 6.0 for v in out)
-        if guard.armed and any(out):
+        if watchdog.armed and any(out):
             assert now - fresh <= HOLD_S + 1e-9
-            if guard.homed and abs(theta) > 0.62:
+            if watchdog.homed and abs(theta) > 0.62:
                 assert out[0] * theta <= 0
                 assert -out[1] * theta <= 0
-        elif not guard.homed:
+        elif not watchdog.homed:
             assert out == (0.0, 0.0)
         elif any(out):  # levelling: back to zero, at most 3 V
             assert abs(out[0]) <= 3.0

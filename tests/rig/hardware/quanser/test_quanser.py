@@ -4,22 +4,22 @@ import sys
 import time
 from dataclasses import replace
 
-import contract
 import numpy as np
 import pytest
-from quanser_card import Bench, install
 
-from experiments.assemble import known, load_rig
-from rig.controllers import ARMS
-from rig.hands import SimulatedHand
-from rig.hardware import quanser
-from rig.hardware.link import LinkLost
-from rig.hardware.quanser import QuanserTable
+from experiments.runs.assemble import known, load_rig
+from rig.control.controllers import COMPENSATORS
+from rig.course import Course
+from rig.hardware.board.link import LinkLost
+from rig.hardware.quanser import quanser
+from rig.hardware.quanser.quanser import QuanserTable
 from rig.hardware.wiring import Wiring
-from rig.loop import Loop
+from rig.loop.loop import Loop
 from rig.parameters import Rig, TableChoice
-from rig.simulate import Course
-from rig.simulator import SimulatedTable
+from rig.simulation.operator import SimulatedOperator
+from rig.simulation.simulator import SimulatedTable
+from tests.support.hardware import contract
+from tests.support.hardware.quanser_card import Bench, install
 
 CLEAN = Rig(table=TableChoice(kind="quanser"))
 
@@ -132,7 +132,7 @@ def test_a_whole_protocol_balances_the_ball_through_the_card(monkeypatch):
     rows = []
     with opened(one, rig) as table:
         ending = Loop(
-            table, known(rig), ARMS["with"], course, hand=SimulatedHand(plant, 0.5),
+            table, known(rig), COMPENSATORS["with"], course, operator=SimulatedOperator(plant, 0.5),
             keep=lambda row: rows.append(row.copy()),
         ).run()  # fmt: skip
     assert ending.outcome == "completed"

@@ -1,0 +1,29 @@
+"""What pytest has to know of these tests: which modules assert, and what a run did not try."""
+
+import re
+import sys
+
+import pytest
+
+if "tests.support" not in sys.modules:  # but for a plugin that lies in it (bare_machine)
+    pytest.register_assert_rewrite("tests.support")
+
+from tests.support import parts
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """The parts that this machine lacks, what was not tried for that, and what brings them."""
+    reasons = [str(report.longrepr) for report in terminalreporter.stats.get("skipped", [])]
+    found = [re.search(r"needs ([\w, -]+):", reason) for reason in reasons]
+    lacking = {name for names in found if names for name in names[1].split(", ")}
+    if lacking & set(parts.PARTS):
+        terminalreporter.section("not tried on this machine")
+        for line in parts.advice(lacking & set(parts.PARTS)):
+            terminalreporter.write_line(line)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """A slow test may take five times as long as the others before it counts as hung."""
+    for item in items:
+        if item.get_closest_marker("slow") and not item.get_closest_marker("timeout"):
+            item.add_marker(pytest.mark.timeout(1500))
