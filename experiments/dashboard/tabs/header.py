@@ -97,6 +97,10 @@ class Header:
             self._words = self._state.content = words
 
 
+# A path or a number without a blank breaks where the panel ends instead of leaving it.
+WRAP = "<style>p, li, td, h4 { overflow-wrap: anywhere }</style>"
+
+
 class Theme:
     """Light or dark for every page; `?darkMode` in the address makes one page dark alone."""
 
@@ -105,7 +109,8 @@ class Theme:
         self._apply()
 
     def add_widgets(self, controls: Controls) -> None:
-        """Add the button that switches it, below everything else."""
+        """Add the button that switches it, below everything else, and the page's line breaks."""
+        self._server.gui.add_html(WRAP)
         button = self._server.gui.add_button("Light / dark", color="gray", order=100)
         controls.button(button, "light / dark", lambda page: self.turn(), everybody=True)
 

@@ -37,7 +37,7 @@ def chromium():
 def test_the_whole_study_in_a_browser(chromium, tmp_path: Path):
     artefacts = Path(os.environ.get("RIG_ARTEFACTS", tmp_path / "shots"))
     artefacts.mkdir(parents=True, exist_ok=True)
-    out = tmp_path / "out"
+    out = tmp_path / ("a-folder-whose-name-has-no-blank" * 2)  # as a person's paths are: long
     out.mkdir()
     program, begin_s = Program(out), time.monotonic()
 
