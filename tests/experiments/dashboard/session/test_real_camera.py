@@ -123,8 +123,9 @@ def bundle(lab: Path) -> Path:
     return lab / "made" / "calibration.json"
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def eye(lab: Path, bundle: Path) -> Iterator[RealCamera]:
+    """One for several tests, each of which leaves its camera open or free."""
     one = RealCamera(rig_of(lab, "Ball", str(bundle)))
     try:
         yield one
@@ -172,6 +173,12 @@ def test_who_needs_the_camera_gets_it_and_the_page_sees_through_its_eye(lab, bun
     seen_through(eye)  # and again by itself
 
 
+def test_an_eye_nobody_looks_through_is_let_go(eye: RealCamera):
+    seen_through(eye)
+    eye.release()
+    wait_for("the camera's release", lambda: not eye._holds_camera)
+
+
 def test_a_camera_that_cannot_be_opened_is_told_and_a_closed_page_lets_go(lab, bundle):
     eye = RealCamera(rig_of(lab, "Nobody", str(bundle)))
     eye.request(None)
@@ -180,12 +187,6 @@ def test_a_camera_that_cannot_be_opened_is_told_and_a_closed_page_lets_go(lab, b
         eye.newest()
     eye.close()
     assert not eye._thread.is_alive()
-
-
-def test_an_eye_nobody_looks_through_is_let_go(eye: RealCamera):
-    seen_through(eye)
-    eye.release()
-    wait_for("the camera's release", lambda: not eye._holds_camera)
 
 
 def test_what_a_real_table_cannot_be_asked_is_refused_with_the_way_out(lab: Path):
