@@ -1,5 +1,6 @@
 """`rig home` with a camera: pictures of the virtual table over HTTP, its markers seen by the real
 vision chain in a process of its own, in real time. A ball so seen: tests/benchmarks/camera_run.py.
+The same without real time: tests/rig/firmware/test_firmware_commands.py.
 """
 
 import json
@@ -34,6 +35,7 @@ def homed(lab: Lab) -> tuple[int, str, str]:
     pytest.skip(f"THIS MACHINE IS TOO BUSY for a camera in real time, {TRIES} tries: {said}")
 
 
+@pytest.mark.slow
 def test_the_markers_find_signs_and_level(lab: Lab):
     with lab.rig.open("a") as file:
         file.write("sign_angle = [-1, 1]\n")  # a wrong word: what the markers see goes before it

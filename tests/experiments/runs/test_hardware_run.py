@@ -1,27 +1,38 @@
-"""`rig home` and `rig run` on a table that another process serves: all but the last cable."""
+"""`rig home` and `rig run` on a table that another process serves: all but the last cable.
+
+The slow ones part by part: tests/rig/loop/test_process.py (a program that dies),
+tests/rig/hardware/network/test_remote.py (silence on the cable), homing/test_homed.py (power-ups),
+tests/experiments/records/test_kill_nine.py (either signal).
+"""
 
 import json
 import os
 import signal
 import subprocess
 import time
+from contextlib import redirect_stderr
+from io import StringIO
 
 import numpy as np
 import pytest
 
 from experiments.records.recording import read_run
+from tests.support.gap.calls import call
 from tests.support.rig_lab import Lab
+
+
+def refused(*arguments) -> str:
+    """What a command says that ends with 2 before it opens the table."""
+    with redirect_stderr(StringIO()) as said:
+        assert call(*arguments) == 2
+    return said.getvalue()
 
 
 @pytest.fixture(scope="module")
 def homed(lab: Lab) -> Lab:
     arguments = ("run", lab.protocol(5.0), "--out", str(lab.out), "--arm", "with", "--yes")
-    code, _, error = lab.call(*arguments)
-    assert code == 2
-    assert "has not been homed" in error
-    code, _, error = lab.call("home")
-    assert code == 2
-    assert "--yes" in error
+    assert "has not been homed" in refused(*arguments, "--rig", lab.rig)
+    assert "--yes" in refused("home", "--rig", lab.rig)
     code, out, error = lab.call("home", "--yes")
     assert code == 0, error
     assert "no markers were seen" in out
@@ -41,7 +52,7 @@ def running(homed: Lab, seconds: float, arm: str) -> tuple[subprocess.Popen, lis
     while time.monotonic() < deadline and child.poll() is None:
         runs = homed.runs() if (homed.out / "runs").exists() else []
         mine = [r for r in runs if r.meta["protocol"]["duration_s"] == seconds]
-        if mine and len(mine[0].log) > 2000:
+        if mine and len(mine[0].log) > 1500:
             return child, mine[0].folder
         time.sleep(0.1)
     child.kill()
@@ -70,7 +81,9 @@ def test_a_protocol_runs_on_the_served_table_and_is_recorded_as_measured(homed: 
     assert results["source"] == "measured"
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)]
+)
 def test_a_signal_ends_at_zero_volts_with_its_reason(homed: Lab, number: signal.Signals):
     child, folder = running(homed, 60.0 + number, "without")
     child.send_signal(number)
@@ -85,6 +98,7 @@ def test_a_signal_ends_at_zero_volts_with_its_reason(homed: Lab, number: signal.
     assert homed.volts()[-1, 1:].tolist() == [0.0, 0.0]
 
 
+@pytest.mark.slow
 def test_a_program_that_is_killed_leaves_the_table_at_zero_volts(homed: Lab):
     child, folder = running(homed, 61.0, "with")
     child.send_signal(signal.SIGKILL)
@@ -97,6 +111,7 @@ def test_a_program_that_is_killed_leaves_the_table_at_zero_volts(homed: Lab):
     assert read_run(folder).meta["outcome"] is None  # as a kill leaves it: rig recover
 
 
+@pytest.mark.slow
 def test_a_served_table_that_hangs_is_named_and_another_power_up_wants_homing(homed: Lab):
     child, folder = running(homed, 63.0, "with")
     os.kill(homed.process.pid, signal.SIGSTOP)

@@ -33,6 +33,7 @@ period_s = 1.0
 hold_s = 0.0
 """
 MAKES = {"serial": Chip, "usb": HostBoard}
+CABLES = ["serial", pytest.param("usb", marks=pytest.mark.slow)]
 
 
 @pytest.fixture
@@ -73,7 +74,7 @@ def check_rest(lab: Lab) -> None:
     assert np.abs(lab.world.arms_rad).max() < 0.06
 
 
-@pytest.mark.parametrize("cable", MAKES)
+@pytest.mark.parametrize("cable", CABLES)
 def test_home_then_squares_then_a_ball_then_a_reset(cable: str, make_lab):
     lab = make_lab(cable, MAKES[cable]())
     (lab.folder / "mine.toml").write_text(BALL.format(seconds=6.0))

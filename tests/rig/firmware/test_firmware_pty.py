@@ -1,4 +1,7 @@
-"""The real firmware behind a real serial device in real time, in a process of its own."""
+"""The real firmware behind a real serial device in real time, in a process of its own.
+
+Without real time: test_firmware_commands.py and tests/rig/hardware/test_contract.py.
+"""
 
 import subprocess
 import sys
@@ -84,6 +87,7 @@ def balance() -> tuple[str, np.ndarray, float]:
     return ending.outcome, np.array(rows), table.ticks_missed / n
 
 
+@pytest.mark.slow
 def test_the_firmware_balances_the_ball_in_real_time_over_a_serial_device():
     """A machine too busy to give either process its turn for 80 ms is a lost link, rightly: then
     once more, and in the end skipped."""
