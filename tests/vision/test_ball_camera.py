@@ -57,9 +57,16 @@ def run(path, *, decoys=(), appearance=None, frames=100, **light):
     return np.array(errors), np.array(scores), states
 
 
-@pytest.mark.parametrize("path", [circle, release])
-@pytest.mark.parametrize("decoys", [(), (DECOY,), (NEAR_DECOY,)])
-@pytest.mark.parametrize("colour", ["orange", None])
+def every_way():
+    """Path, decoys and colour in every combination; every pair of them is in one that is quick."""
+    for i, path in enumerate((circle, release)):
+        for j, decoys in enumerate(((), (DECOY,), (NEAR_DECOY,))):
+            for k, colour in enumerate(("orange", None)):
+                marks = pytest.mark.slow if (i + j + k) % 2 else ()
+                yield pytest.param(path, decoys, colour, marks=marks)
+
+
+@pytest.mark.parametrize(("path", "decoys", "colour"), [*every_way()])
 def test_ball_is_seen_to_hundredths_of_a_millimetre(path, decoys, colour):
     appearance = None if colour is None else Appearance.of_colour(colour)
     errors, scores, states = run(path, decoys=decoys, appearance=appearance, frames=80)

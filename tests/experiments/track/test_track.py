@@ -144,6 +144,7 @@ def test_unknown_colour_is_refused_before_anything_is_read(tmp_path):
 
 
 @needs("footage")
+@pytest.mark.slow
 def test_real_footage_without_being_told_the_colour(tmp_path):
     summary = track_video(FOOTAGE, tmp_path)
     assert summary["states"]["track"] > 0.97 * summary["frames"]

@@ -13,17 +13,11 @@ from vision.detection.appearance import Appearance
 from vision.detection.detector import locate_ball
 from vision.detection.rim import colour_is_smeared
 
-SHORT = [
-    "a hand over the ball",
-    "a disc of its colour on the plate",
-    "half outside the image",
-    "corrupt frames",
-    "duplicated frames",
-    "set down elsewhere, colour named",
-]
+SHORT = ["a hand over the ball", "a disc of its colour on the plate", "corrupt frames"]
+MORE = ["half outside the image", "duplicated frames", "set down elsewhere, colour named"]
 
 
-@pytest.mark.parametrize("name", SHORT)
+@pytest.mark.parametrize("name", [*SHORT, *(pytest.param(n, marks=pytest.mark.slow) for n in MORE)])
 def test_hard_case_passes_no_wrong_position(name):
     figure = followed(name, cases()[name](32))
     assert figure.wrong == 0
