@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from experiments.gap import demo
 from experiments.records.recording import read_run
-from experiments.runs import protocol
-from experiments.runs.protocol import read_protocol
+from experiments.runs.protocol import Protocol, read_protocol
 from experiments.runs.runner import RunRequest, keep_simulated, simulate_run
 from rig.rigfile import read_rig
 from tests.support.gap.calls import RIG, SERVO_ONLY, answer, assert_contract, call, foreign, written
@@ -139,12 +139,35 @@ def test_bad_input_is_exit_2_and_one_line(arguments, words, capsys, monkeypatch,
         assert word in lines[0]
 
 
+def short(name: str) -> Protocol:
+    """As shipped, but for the time that it takes."""
+    return read_protocol(name).model_copy(update={"duration_s": 10.0})
+
+
+def test_the_demo_hides_a_play_of_which_the_investigation_is_not_told(
+    capsys, monkeypatch, tmp_path: Path
+):
+    asked = []
+    monkeypatch.setattr(demo, "read_protocol", short)
+    monkeypatch.setattr(
+        "experiments.cli.gap._investigate_and_report",
+        lambda runs, **more: asked.append((runs, more)),
+    )
+    assert call("gap", "--demo", "--out", tmp_path, "--seed", "2") == 0
+    assert "hidden in the simulated table" in capsys.readouterr().out
+    ((runs, more),) = asked
+    assert (more["rig_file"], more["until"]) == (None, "next")
+    assert runs
+    for run in runs:
+        assert set(json.loads((run / "truth.json").read_text())["rig"]["effects"]) == {
+            "joint_backlash"
+        }
+        assert read_run(run).meta["rig"]["effects"] == {}
+
+
 @pytest.mark.slow
 def test_the_demo_finds_names_adds_and_closes_its_play(capsys, monkeypatch, tmp_path: Path):
-    def short(name: str) -> protocol.Protocol:  # as shipped, but for the time that it takes
-        return read_protocol(name).model_copy(update={"duration_s": 10.0})
-
-    monkeypatch.setattr(protocol, "read_protocol", short)
+    monkeypatch.setattr(demo, "read_protocol", short)
     assert call("gap", "--demo", "--out", tmp_path, "--seed", "2") == 0
     found = answer(tmp_path)
     assert_contract(found)

@@ -44,10 +44,10 @@ def test_what_a_log_lacks_is_skipped_and_said_so(blank, channels, tmp_path, rig_
     assert ("rolling_resistance" in lacking) == (not any("ball" in c for c in channels))
 
 
-@pytest.mark.slow
+@pytest.mark.parametrize("blank", [SERVO_ONLY, pytest.param((), marks=pytest.mark.slow)])
 @pytest.mark.parametrize("rate_hz", [50.0, 1000.0])
-def test_other_rates(rate_hz: float, tmp_path: Path, rig_file):
-    path = written(tmp_path, foreign(10.0, rate_hz=rate_hz, hidden="offset"))
+def test_other_rates(rate_hz: float, blank: tuple[str, ...], tmp_path: Path, rig_file):
+    path = written(tmp_path, foreign(10.0, rate_hz=rate_hz, hidden="offset"), *blank)
     assert call("gap", path, "--rig", rig_file, "--out", tmp_path, "--until", "name") == 0
     found = answer(tmp_path)
     assert found["verdict"] == "named", found["sentence"]

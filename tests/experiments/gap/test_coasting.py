@@ -5,22 +5,42 @@ from pathlib import Path
 
 import pytest
 
-from calibration.gap.investigation import investigate
-from experiments.runs.protocol import read_protocol
+from calibration.gap.investigation import investigate, levels_of, usable_runs
+from calibration.gap.model.data import gather
+from calibration.gap.model.parameters import NominalModel
+from calibration.gap.name.screen import screen
+from calibration.gap.name.stepwise import settled_baseline
+from experiments.runs.protocol import Protocol, read_protocol
 from experiments.runs.runner import RunRequest, simulate_run
+from rig.log import Log
 from rig.parameters import Drive, Rig
 
 LIGHT_NM, PLAY_RAD = 1.5e-3, 0.02
 
 
+DRIVE = Drive(arm_friction_nm=LIGHT_NM, joint_friction_nm=0.0)
+BELIEVED = replace(Rig(), drive=replace(DRIVE, arm_friction_nm=0.0))
+
+
+def recorded(protocol: Protocol) -> Log:
+    hidden = {"gear_backlash": {"x": {"play_rad": PLAY_RAD}}}
+    plant = replace(Rig(), drive=DRIVE, effects=hidden)
+    return simulate_run(RunRequest(plant, protocol, "without", 4, Path(), kind=Rig())).log
+
+
+def test_it_is_the_first_guess_of_a_short_log():
+    log = recorded(read_protocol("steps").model_copy(update={"duration_s": 12.0}))
+    evidence = gather(usable_runs([log], BELIEVED), levels_of(BELIEVED))
+    before = settled_baseline(evidence, NominalModel(BELIEVED, load_friction=False))
+    first = max(screen(before, ("servo_x",)), key=lambda one: one.worth)
+    assert (first.name, first.axis) == ("gear_backlash", "x")
+    assert first.start["gear_backlash.play_rad.x"] == pytest.approx(PLAY_RAD, rel=0.15)
+    assert first.start["gear_backlash.coast_s2_rad.x"] > 0.0
+
+
 @pytest.mark.slow
 def test_it_is_named_and_the_friction_that_brakes_the_arm_goes_into_the_model():
-    drive = Drive(arm_friction_nm=LIGHT_NM, joint_friction_nm=0.0)
-    hidden = {"gear_backlash": {"x": {"play_rad": PLAY_RAD}}}
-    plant = replace(Rig(), drive=drive, effects=hidden)
-    order = RunRequest(plant, read_protocol("steps"), "without", 4, Path(), kind=Rig())
-    believed = replace(Rig(), drive=replace(drive, arm_friction_nm=0.0))
-    found = investigate([simulate_run(order).log], believed, quick=True).findings
+    found = investigate([recorded(read_protocol("steps"))], BELIEVED, quick=True).findings
     assert [effect.name for effect in found.effects] == ["gear_backlash"], found.sentence
     (axis, pairs), *others = found.effects[0].parameters.items()
     assert (axis, others) == ("x", [])

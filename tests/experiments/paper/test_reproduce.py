@@ -8,13 +8,16 @@ import numpy as np
 import pytest
 
 from experiments.analysis.metrics import run_metrics
-from experiments.analysis.numbers import MEASURES, measures
+from experiments.analysis.numbers import MEASURES, measures, recorded
+from experiments.paper.claims import CLAIMS, judge
 from experiments.paper.reproduce import reproduce
+from experiments.paper.study_report import unfinished
 from experiments.records.exporting import export_run
 from experiments.records.importing import read_log
 from experiments.records.recording import read_run
 from experiments.runs.assemble import known, load_rig
 from experiments.runs.protocol import Protocol, read_protocol
+from experiments.runs.runner import RunRequest, simulate_run
 from rig.rigfile import to_dict
 
 MOST_S = 24.0
@@ -149,6 +152,22 @@ def test_controllers_of_other_units_know_the_kind_alone(study):
             assert "tachometer_scale" in (folder / "truth.json").read_text()
 
 
+def test_claims_of_runs_that_did_not_complete_are_left_open():
+    rows = [dict.fromkeys(MEASURES, float("nan"))] * 2
+    table = {name: {"with": rows, "without": rows} for name in {c.protocol for c in CLAIMS}}
+    for claim in judge(table, 1):
+        assert (claim["holds"], claim["runs"], claim["left_out"]) == (None, 0, 2)
+
+
+def test_runs_of_figures_that_did_not_complete_are_named():
+    log = simulate_run(RunRequest(load_rig(None), short("free-release"), "with", 1, Path())).log
+    runs = [recorded(Path(name), log, name) for name in ("completed", "ball-lost")]
+    (said,) = unfinished({"10": {"with": runs}})
+    assert said.startswith("Fig. 10 with: ball-lost ended as 'ball-lost'")
+    assert "is a part, not a whole run" in said
+
+
+@pytest.mark.slow
 def test_a_study_of_a_table_that_loses_its_ball_says_so_and_claims_nothing(tmp_path: Path):
     rig = load_rig(None)
     wild = replace(rig, gains=replace(rig.gains, proportional_rad_m=9.0, derivative_rad_s_m=0.3))
