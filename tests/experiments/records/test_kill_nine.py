@@ -22,6 +22,7 @@ def test_kill_9_at_a_random_moment_takes_at_most_a_fifth_of_a_second(tmp_path: P
 
 
 @POSIX
+@pytest.mark.slow  # a full disk by default: tests/experiments/cli/test_cli.py
 def test_no_more_room_ends_the_run_with_its_reason_and_all_rows(tmp_path: Path):
     program, _ = start(tmp_path / "run", "150000")
     _, words = program.communicate(timeout=150)
@@ -36,7 +37,9 @@ def test_no_more_room_ends_the_run_with_its_reason_and_all_rows(tmp_path: Path):
 
 
 @POSIX
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
+@pytest.mark.parametrize(
+    "name", ["SIGTERM", pytest.param("SIGINT", marks=pytest.mark.slow)]
+)  # Ctrl-C by default: tests/experiments/cli/test_cli.py
 def test_a_signal_ends_the_run_and_the_recording_says_so(tmp_path: Path, name: str):
     program, ticks = start(tmp_path / "run")
     wait_for_ticks(program, ticks, 100)

@@ -91,7 +91,9 @@ def test_the_region_of_a_hidden_effect(what, pattern):
     assert {w.channel.split("_")[0] for w in found.where} == {found.sentence.split()[0]}
 
 
-@pytest.mark.parametrize("seed", range(1, 11))
+@pytest.mark.parametrize(
+    "seed", [*range(1, 6), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(6, 11))]
+)
 def test_nothing_hidden_nothing_stands_out(seed):
     state = clean(seed, ("steps", "pushed", "sweep", "circle", "corner")[seed % 5])
     found = locate(state, floors_of(state))
