@@ -14,7 +14,6 @@ from rig.parameters import Rig, torque_per_volt
 from rig.simulation.simulator import SimulatedTable
 
 SEEDS = (0, 1, 2)
-UNITS = [SEEDS[0], *(pytest.param(seed, marks=pytest.mark.slow) for seed in SEEDS[1:])]
 
 
 def unit(seed: int) -> Rig:
@@ -40,7 +39,7 @@ def truth(rig: Rig, axis: str) -> tuple[float, float]:
     return -dry - offset, dry - offset
 
 
-@pytest.mark.parametrize("seed", UNITS)
+@pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("axis", ["x", "y"])
 def test_breakaway_volts_come_back_within_5_mV(seed, axis):
     found = getattr(measured(seed), axis)
@@ -50,7 +49,7 @@ def test_breakaway_volts_come_back_within_5_mV(seed, axis):
     assert found.sign == 1
 
 
-@pytest.mark.parametrize("seed", UNITS)
+@pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("axis", ["x", "y"])
 def test_gain_and_time_constant_come_back_within_2_and_3_percent(seed, axis):
     found, servo = getattr(measured(seed), axis), unit(seed).servo
