@@ -1,0 +1,167 @@
+"""One servo axis and a ball on a moving plate: written from the equations, apart from the product.
+
+Fixed steps of `STEP_s`. The servo's first order lag is exact under a constant voltage, dry friction
+is implicit (it stops the shaft and never drives it), the ball is a leapfrog with an impulse at the
+contact point that makes it roll, or slip where friction is too small.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+STEP_s = 0.00025
+G_m_s2 = 9.81
+
+
+class Servo(NamedTuple):
+    """Two axes, every entry of shape (2,). Voltages act at the motor's terminals."""
+
+    gain_rad_s_V: np.ndarray
+    tau_s: np.ndarray
+    offset_V: np.ndarray
+    dead_V: np.ndarray  # half width of the dead zone
+    asymmetry: np.ndarray  # V (1 + a sgn V)
+    friction_V: np.ndarray
+    softness_rad_s: np.ndarray  # 0: a friction that sticks; else tanh(omega / softness)
+    extra_V: np.ndarray  # Stribeck: friction + extra exp(-(omega / speed)^2)
+    extra_speed_rad_s: np.ndarray
+    drag_V_s: np.ndarray  # V - drag |omega|: viscous friction that differs by direction
+    pendulum_V: np.ndarray  # V - pendulum sin(theta)
+    spring_V_rad: np.ndarray  # V - spring max(theta - from, 0)
+    spring_from_rad: np.ndarray
+    gear_rad: np.ndarray  # full width between motor and encoder
+    coast_1_s: np.ndarray  # the arm's own damping inside the gear's gap
+    coast_rad_s2: np.ndarray  # and its dry deceleration
+    joint_rad: np.ndarray  # full width between encoder and plate
+    joint_V: np.ndarray  # friction of the plate, felt while a flank of the joint pushes it
+
+
+class Ball(NamedTuple):
+    """A ball on the plate. `spin` is m r^2 / J: 1.5 hollow, 2.5 solid."""
+
+    spin: float
+    radius_m: float
+    arm_m: float
+    side_m: float
+    level_rad: np.ndarray  # (2,) constant slope
+    bowl_1_s2: float
+    rolling_m_s2: float
+    drag_1_s: float
+    off_centre_m: float  # of the centre of mass
+    waves: np.ndarray  # (n, 4) slope in rad, wave numbers k_x and k_y in rad/m, phase
+    mu: float  # friction at the contact point
+    walls: bool
+    restitution: float
+
+
+@njit(cache=True)
+def speed_after(omega, theta, V, pushes, p, i, h):
+    """omega at t + h of tau omega' = K (V_eff - F(omega)) - omega for axis i."""
+    u = V * (1.0 + p.asymmetry[i] * np.sign(V))
+    u = np.sign(u) * max(abs(u) - p.dead_V[i], 0.0) + p.offset_V[i]
+    u -= p.pendulum_V[i] * math.sin(theta) + p.drag_V_s[i] * abs(omega)
+    u -= p.spring_V_rad[i] * max(theta - p.spring_from_rad[i], 0.0)
+    level = p.friction_V[i] + p.extra_V[i] * math.exp(-((omega / p.extra_speed_rad_s[i]) ** 2))
+    level += p.joint_V[i] * pushes
+    decay = math.exp(-h / p.tau_s[i])
+    reach = (1.0 - decay) * p.gain_rad_s_V[i]
+    if p.softness_rad_s[i] > 0.0:
+        return decay * omega + reach * (u - level * math.tanh(omega / p.softness_rad_s[i]))
+    free = decay * omega + reach * u
+    return np.sign(free) * max(abs(free) - reach * level, 0.0)
+
+
+@njit(cache=True)
+def servo_step(shaft, V, p, i, h):
+    """Move `shaft` = (motor angle, motor speed, arm angle, arm speed, plate's servo angle) by h."""
+    motor, omega, arm, arm_speed, plate = shaft
+    half = 0.5 * p.joint_rad[i]
+    pushes = 1.0 if abs(arm - plate) >= half * (1.0 - 1e-9) else 0.0
+    new = speed_after(omega, arm, V, pushes, p, i, h)
+    motor += 0.5 * h * (omega + new)
+    if p.gear_rad[i] > 0.0:
+        arm_speed *= math.exp(-h * p.coast_1_s[i])
+        arm_speed = np.sign(arm_speed) * max(abs(arm_speed) - h * p.coast_rad_s2[i], 0.0)
+        arm += h * arm_speed
+        gap = 0.5 * p.gear_rad[i]
+        if abs(arm - motor) > gap:  # the flank takes the arm along
+            arm = motor + gap * np.sign(arm - motor)
+            arm_speed = new
+    else:
+        arm, arm_speed = motor, new
+    plate = min(max(plate, arm - half), arm + half)
+    shaft[0], shaft[1], shaft[2], shaft[3], shaft[4] = motor, new, arm, arm_speed, plate
+
+
+@njit(cache=True)
+def tilt_rad(theta, b):
+    """phi with sin(phi) = 2 R_d sin(theta) / L."""
+    return math.asin(2.0 * b.arm_m / b.side_m * math.sin(theta))
+
+
+@njit(cache=True)
+def whole_acceleration(x, y, vx, vy, heavy, b, out):
+    """Accelerations that act on ball and spin alike: bowl, drag, resistance, heavy side, waves."""
+    factor = b.spin / (1.0 + b.spin)
+    pull = factor * G_m_s2 * b.off_centre_m / b.radius_m
+    out[0] = -b.bowl_1_s2 * x - b.drag_1_s * vx + pull * heavy[0]
+    out[1] = -b.bowl_1_s2 * y - b.drag_1_s * vy + pull * heavy[1]
+    for slope, kx, ky, phase in b.waves:
+        k = math.hypot(kx, ky)
+        rise = slope * math.cos(kx * x + ky * y + phase)
+        out[0] -= factor * G_m_s2 * rise * kx / k
+        out[1] -= factor * G_m_s2 * rise * ky / k
+
+
+@njit(cache=True)
+def roll_heavy_side(heavy, vx, vy, b, h):
+    """heavy' = w x heavy with w = (-v_y, v_x, 0) / r; `heavy` keeps its length of 1."""
+    wx, wy = -vy / b.radius_m, vx / b.radius_m
+    nx, ny, nz = heavy
+    heavy[0] += h * wy * nz
+    heavy[1] -= h * wx * nz
+    heavy[2] += h * (wx * ny - wy * nx)
+    heavy /= math.sqrt(heavy[0] ** 2 + heavy[1] ** 2 + heavy[2] ** 2)
+
+
+@njit(cache=True)
+def ball_step(ball, heavy, phi, rate, old_rate, push, b, h):
+    """Move `ball` = (x, y, v_x, v_y, r w_x, r w_y) by h in the plate's frame.
+
+    free: v' = g sin(phi + level) + phi' (x phi_x' + y phi_y') - r phi''
+    contact: slip = v + r phi' - r w; the impulse that ends it is bounded by mu g h.
+    """
+    x, y = ball[0], ball[1]
+    extra = np.empty(2)
+    whole_acceleration(x, y, ball[2], ball[3], heavy, b, extra)
+    turning = x * rate[0] + y * rate[1]
+    slip = np.empty(2)
+    for i in range(2):
+        pull = G_m_s2 * math.sin(phi[i] + b.level_rad[i]) + rate[i] * turning
+        ball[2 + i] += h * (pull + extra[i] + push[i]) - b.radius_m * (rate[i] - old_rate[i])
+        ball[4 + i] += h * (extra[i] + push[i])
+        slip[i] = ball[2 + i] + b.radius_m * rate[i] - ball[4 + i]
+    size = math.hypot(slip[0], slip[1])
+    need = size / (1.0 + b.spin)
+    share = min(1.0, b.mu * G_m_s2 * h / need) if need > 0.0 else 0.0
+    for i in range(2):
+        impulse = -share * slip[i] / (1.0 + b.spin)
+        ball[2 + i] += impulse
+        ball[4 + i] -= b.spin * impulse
+    speed = math.hypot(ball[2], ball[3])
+    if b.rolling_m_s2 > 0.0 and speed > 0.0:
+        lost = min(1.0, b.rolling_m_s2 * h / speed)
+        for i in range(2):
+            ball[4 + i] -= lost * ball[2 + i]
+            ball[2 + i] -= lost * ball[2 + i]
+    for i in range(2):
+        ball[i] += h * ball[2 + i]
+        rim = 0.5 * b.side_m - b.radius_m
+        if b.walls and abs(ball[i]) > rim:
+            ball[i] = np.sign(ball[i]) * rim
+            if ball[i] * ball[2 + i] > 0.0:
+                ball[4 + i] -= (1.0 + b.restitution) * ball[2 + i]
+                ball[2 + i] *= -b.restitution
+    roll_heavy_side(heavy, ball[2], ball[3], b, h)

@@ -1,0 +1,64 @@
+"""Effects that no catalogue has: "unknown" is the right answer."""
+
+import numpy as np
+
+from tests.support.worlds.logs import World, axis_log, rig_toml, table_log, truth
+
+ROWS = 20000  # 40 s
+
+
+def unknown(columns: dict, *accepted: str) -> World:
+    """The log of a table with something that has no name."""
+    return columns, rig_toml(), truth({}, *accepted, kind="unknown")
+
+
+def heavy_sided_ball(seed: int) -> World:
+    """Centre of mass 0.2 mm off the centre: up to 0.06 m/s2, turning with the ball."""
+    rng = np.random.default_rng(seed)
+    return unknown(table_log(rng, {}, {"off_centre_m": 0.0002}, {}))
+
+
+def wavy_plate(seed: int) -> World:
+    """Five waves of 40 to 110 mm in random directions, slopes of 4 mrad each."""
+    rng = np.random.default_rng(seed)
+    number, way = 2.0 * np.pi / rng.uniform(0.04, 0.11, 5), rng.uniform(0.0, np.pi, 5)
+    waves = [np.full(5, 0.004), number * np.cos(way), number * np.sin(way), rng.uniform(0, 6.3, 5)]
+    return unknown(table_log(rng, {}, {"waves": np.stack(waves, axis=1)}, {}))
+
+
+def slipping_encoder(seed: int) -> World:
+    """The encoder's wheel slips by up to 1.5 degrees, eight times in 40 s."""
+    rng = np.random.default_rng(seed)
+    jumps = np.zeros((ROWS, 2))
+    jumps[rng.integers(1000, ROWS - 500, 8), rng.integers(0, 2, 8)] = rng.uniform(-0.026, 0.026, 8)
+    return unknown(table_log(rng, {}, {}, {}, slipped=np.cumsum(jumps, axis=0)))
+
+
+def pendulum(seed: int) -> World:
+    """A rod on the arm: V - 0.5 V sin(theta); equal to `cogging` with one period a turn."""
+    rng = np.random.default_rng(seed)
+    return unknown(axis_log(rng, {"pendulum_V": 0.5}, target_rad=1.5), "cogging")
+
+
+def cable(seed: int) -> World:
+    """A cable pulls like a spring of 3 V/rad beyond 0.1 rad, on one side alone."""
+    rng = np.random.default_rng(seed)
+    columns = axis_log(rng, {"spring_V_rad": 3.0, "spring_from_rad": 0.1}, target_rad=0.6)
+    return unknown(columns)
+
+
+def fan(seed: int) -> World:
+    """Gusts of 0.12 m/s2 towards +x and +y/2, one to three seconds long, a third of the time."""
+    rng = np.random.default_rng(seed)
+    push, row = np.zeros((ROWS, 2)), 0
+    while row < ROWS:
+        start = row + int(rng.uniform(2.0, 6.0) * 500)
+        row = start + int(rng.uniform(1.0, 3.0) * 500)
+        push[start:row] = 0.12, 0.06
+    return unknown(table_log(rng, {}, {}, {}, push=push, size_m=0.07))
+
+
+def slipping_ball(seed: int) -> World:
+    """An oily plate: friction coefficient 0.006, the ball slides where the plate is steep."""
+    rng = np.random.default_rng(seed)
+    return unknown(table_log(rng, {}, {"mu": 0.006}, {}))
