@@ -30,9 +30,9 @@ def pink_drift(seed: int) -> World:
 
 
 def limit_cycle(seed: int) -> World:
-    """High gains on a slow inner loop: both axes swing on their own at 0.5 to 0.8 Hz."""
+    """High gains on a slow inner loop: both axes swing on their own at 0.56 Hz."""
     rng = np.random.default_rng(seed)
-    gains = {"kp_rad_m": 16.0, "kd_rad_s_m": 5.0, "angle_limit_rad": 0.12, "inner_V_rad": 2.0}
+    gains = {"kp_rad_m": 4.0, "kd_rad_s_m": 4.0, "angle_limit_rad": 0.12, "inner_V_rad": 3.0}
     columns = table_log(rng, {}, {}, gains | {"ki_rad_m_s": 0.0}, size_m=0.03)
     return columns, rig_toml(), truth({}, kind="healthy")
 

@@ -57,19 +57,23 @@ class Ball(NamedTuple):
 
 
 @njit(cache=True)
-def speed_after(omega, theta, V, pushes, p, i, h):
-    """omega at t + h of tau omega' = K (V_eff - F(omega)) - omega for axis i."""
+def speed_after(omega, theta, V, lead, p, i, h):
+    """omega at t + h of tau omega' = K (V_eff - F(omega)) - omega for axis i.
+
+    lead = arm - plate: the plate's friction is felt where a flank of the joint pushes it.
+    """
     u = V * (1.0 + p.asymmetry[i] * np.sign(V))
     u = np.sign(u) * max(abs(u) - p.dead_V[i], 0.0) + p.offset_V[i]
     u -= p.pendulum_V[i] * math.sin(theta) + p.drag_V_s[i] * abs(omega)
     u -= p.spring_V_rad[i] * max(theta - p.spring_from_rad[i], 0.0)
     level = p.friction_V[i] + p.extra_V[i] * math.exp(-((omega / p.extra_speed_rad_s[i]) ** 2))
-    level += p.joint_V[i] * pushes
     decay = math.exp(-h / p.tau_s[i])
     reach = (1.0 - decay) * p.gain_rad_s_V[i]
     if p.softness_rad_s[i] > 0.0:
         return decay * omega + reach * (u - level * math.tanh(omega / p.softness_rad_s[i]))
     free = decay * omega + reach * u
+    if lead * np.sign(free) >= 0.5 * p.joint_rad[i] * (1.0 - 1e-9):
+        level += p.joint_V[i]
     return np.sign(free) * max(abs(free) - reach * level, 0.0)
 
 
@@ -78,8 +82,7 @@ def servo_step(shaft, V, p, i, h):
     """Move `shaft` = (motor angle, motor speed, arm angle, arm speed, plate's servo angle) by h."""
     motor, omega, arm, arm_speed, plate = shaft
     half = 0.5 * p.joint_rad[i]
-    pushes = 1.0 if abs(arm - plate) >= half * (1.0 - 1e-9) else 0.0
-    new = speed_after(omega, arm, V, pushes, p, i, h)
+    new = speed_after(omega, arm, V, arm - plate, p, i, h)
     motor += 0.5 * h * (omega + new)
     if p.gear_rad[i] > 0.0:
         arm_speed *= math.exp(-h * p.coast_1_s[i])
