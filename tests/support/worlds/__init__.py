@@ -22,6 +22,7 @@ WORLDS = {
         positions.late_camera_250ms_at_30hz,
         positions.late_camera_250ms_at_60hz,
         positions.late_camera_250ms_at_100hz,
+        positions.home_made_table,
         axes.wide_dead_zone,
         axes.bare_motor,
         axes.asymmetric_viscous,

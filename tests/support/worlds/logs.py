@@ -57,6 +57,7 @@ def loop(**changes) -> Loop:
             "angle_limit_rad": 0.5,
             "inner_V_rad": 14.0,
             "limit_V": 6.0,
+            "lag_s": 0.0,
             **changes,
         }
     )
@@ -175,16 +176,16 @@ def axis_log(
 
 
 def position_log(
-    rng, rows_hz, delay_s, ball_changes, seconds=60.0, size_m=0.06, push_m_s2=0.03
+    rng, rows_hz, delay_s, ball_changes, seconds=60.0, size_m=0.06, push_m_s2=0.03, lag_s=0.0
 ) -> dict[str, np.ndarray]:
     """A table whose servos take an angle; the gains suit a loop that is `delay_s` late."""
     n = int(seconds * rows_hz)
-    speed = min(1.6, 0.25 / delay_s)  # rad/s of the closed loop
+    speed = min(1.6, 0.25 / (delay_s + lag_s))  # rad/s of the closed loop
     plate = ball(**ball_changes)
     factor = plate.spin / (1.0 + plate.spin) * 9.81 * 2.0 * plate.arm_m / plate.side_m
     kp, kd = speed**2 / factor, 1.6 * speed / factor
     gains = {"kp_rad_m": kp, "kd_rad_s_m": kd, "ki_rad_m_s": 0.15 * kp * speed}
-    settings = loop(rows_hz=rows_hz, delay_s=delay_s, speed_filter_s=0.08, **gains)
+    settings = loop(rows_hz=rows_hz, delay_s=delay_s, speed_filter_s=0.08, lag_s=lag_s, **gains)
     push = coloured(rng, (n, 2), push_m_s2, 0.05, rows_hz)
     camera = rng.normal(0.0, 0.0005, (n, 2))
     targets = np.stack([steps(rng, n, rows_hz, size_m, (2.0, 5.0)) for _ in range(2)], axis=1)

@@ -25,6 +25,7 @@ class Loop(NamedTuple):
     angle_limit_rad: float
     inner_V_rad: float
     limit_V: float
+    lag_s: float  # of servos that take an angle; 0: they follow exactly
 
 
 @njit(cache=True)
@@ -124,6 +125,7 @@ def run_axis(p, rows_hz, inner_V_rad, limit_V, targets, open_V, torque_V):
 def run_positions(b, loop, targets, push, camera_noise):
     """A table whose plate goes in a straight line from one row's angle to the next.
 
+    With `lag_s` the angle is a command, held for a row, and lag theta_p' = theta - theta_p.
     Columns theta_x, theta_y, ball_x, ball_y a row; every row has a ball, `loop.delay_s` old.
     """
     rows = len(targets)
@@ -133,7 +135,7 @@ def run_positions(b, loop, targets, push, camera_noise):
     path, log = np.zeros((rows * inner + 1, 2)), np.zeros((rows, 4))
     memory = np.zeros((2, 3))
     ball, heavy = np.zeros(6), np.array([0.0, 0.0, -1.0])
-    theta, goal = np.zeros(2), np.zeros(2)
+    theta, goal, angle = np.zeros(2), np.zeros(2), np.zeros(2)
     phi, rate, old = np.zeros(2), np.zeros(2), np.zeros(2)
     for row in range(rows):
         seen = look(path[max(row * inner - late, 0)], camera_noise[row], loop)
@@ -141,10 +143,15 @@ def run_positions(b, loop, targets, push, camera_noise):
             theta[i] = goal[i]
             log[row, i], log[row, 2 + i] = theta[i], seen[i]
             goal[i] = wanted_angle(memory[i], targets[row, i], seen[i], 1.0 / loop.rows_hz, loop)
+            if loop.lag_s > 0.0:
+                log[row, i] = goal[i]
         for k in range(inner):
             for i in range(2):
-                angle = theta[i] + (goal[i] - theta[i]) * (k + 1) / inner
-                new = tilt_rad(angle, b)
+                if loop.lag_s > 0.0:
+                    angle[i] += (1.0 - math.exp(-h / loop.lag_s)) * (goal[i] - angle[i])
+                else:
+                    angle[i] = theta[i] + (goal[i] - theta[i]) * (k + 1) / inner
+                new = tilt_rad(angle[i], b)
                 old[i] = rate[i]
                 rate[i] = (new - phi[i]) / h
                 phi[i] = new

@@ -65,7 +65,7 @@ def walls(seed: int) -> World:
     """Healthy, with a rim; targets beyond the rim keep the ball lying at a wall at times."""
     rng = np.random.default_rng(seed)
     columns = table_log(rng, {}, {"walls": True}, {}, size_m=0.16)
-    rig = rig_toml(walls={"present": True})
+    rig = rig_toml(walls={"present": True, "restitution": 0.5})
     return columns, rig, truth({}, kind="healthy")
 
 
