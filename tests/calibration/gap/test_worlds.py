@@ -28,7 +28,9 @@ def roll(plate, seconds, start=(0.0, 0.0, 0.0, 0.0), tilt=(0.0, 0.0), heavy=(0.0
 def axis(volts, **changes):
     """(V, theta, omega) of a single axis under given volts, 500 rows a second."""
     zero = np.zeros(len(volts))
-    return run_axis(logs.servo(**changes), 500.0, 0.0, 99.0, zero, np.asarray(volts, float), zero)
+    return run_axis(
+        logs.servo(**changes), 500.0, 1e9, 0.0, 99.0, zero, np.asarray(volts, float), zero
+    )
 
 
 @pytest.mark.parametrize(("spin", "factor"), [(logs.SOLID, 5 / 7), (logs.HOLLOW, 3 / 5)])

@@ -169,10 +169,8 @@ def axis_log(
     targets = steps(rng, n, rows_hz, target_rad, hold_s)
     volts = steps(rng, n, rows_hz, open_V, hold_s)
     gain = inner_V_rad if target_rad else 0.0
-    log = run_axis(servo(**servo_changes), rows_hz, gain, limit_V, targets, volts, torque)
-    count = 2.0 * np.pi / counts
-    theta = np.round(log[:, 1] / count) * count
-    return {"t_s": np.arange(n) / rows_hz, "voltage_x_V": log[:, 0], "theta_x_rad": theta}
+    log = run_axis(servo(**servo_changes), rows_hz, counts, gain, limit_V, targets, volts, torque)
+    return {"t_s": np.arange(n) / rows_hz, "voltage_x_V": log[:, 0], "theta_x_rad": log[:, 1]}
 
 
 def position_log(

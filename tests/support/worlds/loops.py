@@ -107,15 +107,16 @@ def run_table(p, b, loop, start, targets, torque_V, push, slipped, camera_noise)
 
 
 @njit(cache=True)
-def run_axis(p, rows_hz, inner_V_rad, limit_V, targets, open_V, torque_V):
-    """Axis 0 alone: V = clip(P (target - theta) + open_V); columns V, theta, omega, unrounded."""
+def run_axis(p, rows_hz, counts, inner_V_rad, limit_V, targets, open_V, torque_V):
+    """Axis 0 alone: V = clip(P (target - theta) + open_V); columns V, theta in counts, omega."""
     log = np.empty((len(targets), 3))
     shaft = np.zeros(5)
     inner = round(1.0 / (rows_hz * STEP_s))
     for row in range(len(targets)):
-        V = inner_V_rad * (targets[row] - shaft[2]) + open_V[row]
+        theta = round(shaft[2] * counts / 6.283185307179586) * 6.283185307179586 / counts
+        V = inner_V_rad * (targets[row] - theta) + open_V[row]
         V = min(max(V, -limit_V), limit_V)
-        log[row, 0], log[row, 1], log[row, 2] = V, shaft[2], shaft[3]
+        log[row, 0], log[row, 1], log[row, 2] = V, theta, shaft[1]
         for _ in range(inner):
             servo_step(shaft, V + torque_V[row], p, 0, STEP_s)
     return log
