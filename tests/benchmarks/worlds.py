@@ -71,7 +71,7 @@ def row_of(name: str, seed: int, out: Path, timeout_s: float) -> tuple[str, ...]
     start = time.perf_counter()
     answer, words = answer_of(folder, timeout_s)
     seconds = f"{time.perf_counter() - start:.0f}"
-    really = " + ".join(truth["required"]) or truth["kind"]
+    really = " + ".join(truth["required"]).replace("|", " or ") or truth["kind"]
     told = (answer["verdict"], names(answer)) if answer else ("failed", words)
     far = ahead(answer) if answer else "-"
     return (
