@@ -114,12 +114,13 @@ class Step:
 
 @dataclass(frozen=True)
 class ProofRow:
-    """One model on held-out data: its gap by channel, in noise floors, and its error 1 s ahead [mm]
-    (None: no ball was seen)."""
+    """One model on held-out data: its gap by channel, in noise floors, and its error 1 s ahead, of
+    the ball [mm] (None: no ball was seen) and by servo channel [degrees]."""
 
     model: str  # "nothing added", "best rival: NAME", "unnamed term", "named: NAME + NAME"
     gap: dict[str, float]
     ahead_1s_mm: float | None
+    ahead_1s_deg: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -145,6 +146,8 @@ class Gap:
     held_out: bool = False
     floors: dict[str, float] = field(default_factory=dict)  # channel -> floor [rad or m]
     ahead_1s_mm: dict[str, float] = field(default_factory=dict)  # before, after, floor
+    # servo channel -> before, after, floor
+    ahead_1s_deg: dict[str, dict[str, float]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -193,6 +196,7 @@ class Findings:
             "floor": self.gap.floor,
             "floor_si": self.gap.floors,
             "ahead_1s_mm": self.gap.ahead_1s_mm,
+            "ahead_1s_deg": self.gap.ahead_1s_deg,
         }
         following = self.next_experiment
         left = self.unknown

@@ -7,11 +7,14 @@ judged on the other. With e the innovations of a channel on the judged half,
 
 The floor is the RMS that repeated clean runs of this table leave, if the rig file has it
 (`rig gap --tolerances-from`), else that of the accepted model refitted on the judged half: the same
-for all rows, never estimated anew for "before". The proof is reported; it takes no name back.
+for all rows, never estimated anew for "before". The RMS error 1 s ahead of the ball (predicted from
+the measured angles alone) and of the servos (from the volts alone) is told as well. Whether a name
+may stand at all is judged by `calibration.gap.veto`.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import degrees
 
 import numpy as np
 
@@ -21,7 +24,7 @@ from calibration.gap.model.fit import evaluate
 from calibration.gap.model.parameters import BALL, SERVO, Model
 from calibration.gap.model.state import State, refit
 from rig.parameters import CHANNELS, Rig
-from rig.prediction.innovations import ball_ahead
+from rig.prediction.innovations import Signals, ball_ahead, servo_ahead
 
 # Residuals beyond it are left out of every RMS (a disturbance that was not masked); chosen.
 OUTLIER_Z = 6.0
@@ -72,17 +75,30 @@ def rms(evidence: Evidence, model: Model) -> dict[str, float]:
     return found
 
 
-def ahead_mm(evidence: Evidence, model: Model) -> float | None:
-    """RMS error of the ball's position predicted 1 s ahead [mm], over the exposures that the mask
-    leaves; None where no ball was seen or no exposure is left."""
-    if BALL not in evidence.outputs:
-        return None
-    errors = np.concatenate(
-        [ball_ahead(model.record, run, evidence.levels) for run in evidence.runs]
-    )
-    inside = evidence.masks[BALL].reshape(-1, 2) > 0
-    chosen = inside & np.isfinite(errors)
-    return float(1e3 * np.sqrt(np.mean(errors[chosen] ** 2))) if chosen.any() else None
+def ahead(evidence: Evidence, model: Model, output: str) -> tuple[np.ndarray, np.ndarray]:
+    """Errors (m,) of an output predicted 1 s ahead [m or rad], where its mask leaves them, and
+    their deviations (m,) as the filter expects them; those of the ball's axes one after the other.
+    """
+    found = [_ahead_of_run(run, evidence, model, output) for run in evidence.runs]
+    errors, spread = (np.concatenate(column) for column in zip(*found, strict=True))
+    chosen = (evidence.masks[output] > 0) & np.isfinite(errors)
+    return errors[chosen], spread[chosen]
+
+
+def _ahead_of_run(
+    run: Signals, evidence: Evidence, model: Model, output: str
+) -> tuple[np.ndarray, np.ndarray]:
+    if output == BALL:
+        errors, spread = ball_ahead(model.record, run, evidence.levels)
+        return errors.ravel(), np.repeat(spread, 2)
+    servo = model.gain_rad_s_V, model.time_constant_s
+    return servo_ahead(model.record, run, evidence.levels, *servo, SERVO.index(output))
+
+
+def ahead_1s(evidence: Evidence, model: Model) -> dict[str, float]:
+    """RMS error 1 s ahead by output [m, rad]; outputs in which no prediction ends are left out."""
+    errors = {output: ahead(evidence, model, output)[0] for output in evidence.outputs}
+    return {o: float(np.sqrt(np.mean(e * e))) for o, e in errors.items() if len(e)}
 
 
 def model_of(state: State) -> Model:
@@ -117,25 +133,30 @@ def prove(models: Mapping[str, State], after: str, levels: np.record) -> Proof:
     train, test = split(states[after].evidence)
     floor_model = model_of(on(states[after], test))
     floor, source = floors(states[after].nominal.rig, rms(test, floor_model))
-    floor_ahead = ahead_mm(test, floor_model)
+    aheads = {"floor": ahead_1s(test, floor_model)}
     rows, raw = [], {}
     for label, state in states.items():
         fitted = model_of(on(state, train))
         raw[label] = rms(test, fitted)
         gaps = {c: raw[label][c] / floor[c] for c in floor if c in raw[label]}
-        rows.append(ProofRow(label, gaps, ahead_mm(test, fitted)))
+        aheads[label] = ahead_1s(test, fitted)
+        rows.append(ProofRow(label, gaps, *_in_units(aheads[label])))
     by = {row.model: row for row in rows}
-    before = rows[0]
-    ahead = {"before": before.ahead_1s_mm, "after": by[after].ahead_1s_mm, "floor": floor_ahead}
-    gap = Gap(
-        before.gap,
-        by[after].gap,
-        source,
-        True,
-        floor,
-        {k: v for k, v in ahead.items() if v is not None},
-    )
-    return Proof(gap, tuple(rows))
+    before, last = rows[0], by[after]
+    told = {"before": before.model, "after": after, "floor": "floor"}
+    mm = {k: 1e3 * aheads[label][BALL] for k, label in told.items() if BALL in aheads[label]}
+    deg = {
+        output: {k: degrees(aheads[label][output]) for k, label in told.items()}
+        for output in SERVO
+        if all(output in aheads[label] for label in told.values())
+    }
+    return Proof(Gap(before.gap, last.gap, source, True, floor, mm, deg), tuple(rows))
+
+
+def _in_units(errors: Mapping[str, float]) -> tuple[float | None, dict[str, float]]:
+    """Errors 1 s ahead by output: of the ball [mm] (None: not there), of the servos [degrees]."""
+    ball = 1e3 * errors[BALL] if BALL in errors else None
+    return ball, {output: degrees(errors[output]) for output in SERVO if output in errors}
 
 
 def steps(

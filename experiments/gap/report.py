@@ -96,7 +96,7 @@ def summary(found: Findings) -> list[str]:
     ahead = gap.ahead_1s_mm
     if "before" in ahead and "after" in ahead and ahead["after"] < 0.98 * ahead["before"]:
         floor = (
-            f"; no model can do better than about {sig(ahead['floor'])} mm"
+            f"; fitted to these data themselves the model reaches {sig(ahead['floor'])} mm"
             if "floor" in ahead
             else ""
         )

@@ -192,16 +192,20 @@ def _before_after(found: Findings) -> Table:
 
 def _proof_table(found: Findings) -> Table:
     channels = channels_of(*(row.gap for row in found.proof))
+    servos = channels_of(*(row.ahead_1s_deg for row in found.proof))
     rows = [
         [
             row.model,
             *(floors(row.gap.get(channel, nan)) for channel in channels),
             sig(row.ahead_1s_mm),
+            *(sig(row.ahead_1s_deg.get(channel)) for channel in servos),
         ]
         for row in found.proof
     ]
     named = [i for i, row in enumerate(found.proof) if row.model.startswith("named")]
-    head = ("model", *(f"{channel_words(c)} [floors]" for c in channels), "1 s ahead [mm]")
+    gaps = (f"{channel_words(c)} [floors]" for c in channels)
+    degrees = (f"{channel_words(c)} 1 s ahead [deg]" for c in servos)
+    head = ("model", *gaps, "ball 1 s ahead [mm]", *degrees)
     return Table(
         head, rows, "The models on the same held-out data.", marks=dict.fromkeys(named, "strong")
     )

@@ -3,6 +3,8 @@
 What the logs cannot show stands with the smallest amplitude that they would have shown.
 """
 
+from collections.abc import Mapping
+
 from calibration.gap.findings import Findings, Named
 from experiments.gap.words import (
     channel_words,
@@ -78,12 +80,19 @@ def _gap_lines(found: Findings) -> list[str]:
             pairs.append(f"{channel_words(channel)} {floors(before)}{after}")
         where = "on data not used for the fit" if gap.held_out else "on the data of the fit"
         lines.append(_line("gap", f"{', '.join(pairs)} ({where}; 1.0 = noise, {gap.floor})"))
-    ahead = gap.ahead_1s_mm
-    if "before" in ahead:
-        after = f" -> {sig(ahead['after'])}" if "after" in ahead else ""
-        floor = f" (floor {sig(ahead['floor'])})" if "floor" in ahead else ""
-        lines.append(_line("1 s ahead", f"{sig(ahead['before'])}{after} mm{floor}"))
+    lines += [_ahead_line("ball", gap.ahead_1s_mm, "mm")] if gap.ahead_1s_mm else []
+    lines += [
+        _ahead_line(channel_words(channel), ahead, "deg")
+        for channel, ahead in gap.ahead_1s_deg.items()
+    ]
     return lines
+
+
+def _ahead_line(channel: str, ahead: Mapping[str, float], unit: str) -> str:
+    """The error 1 s ahead of one channel: before, after, and that of a fit to the judged data."""
+    after = f" -> {sig(ahead['after'])}" if "after" in ahead else ""
+    floor = f" (floor {sig(ahead['floor'])})" if "floor" in ahead else ""
+    return _line("1 s ahead", f"{channel} {sig(ahead['before'])}{after} {unit}{floor}")
 
 
 def _servo_lines(found: Findings) -> list[str]:

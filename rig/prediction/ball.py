@@ -185,8 +185,9 @@ def predict_ball(p, levels, t, theta, exposed, ball, fresh, longest_gap_s, out, 
 
 
 @compiled
-def look_ahead(p, levels, t, theta, exposed, ball, fresh, horizon_s, every_s, errors):
-    """Fill `errors` (m, 2) [m]: measured minus predicted `horizon_s` ahead, once every `every_s`.
+def look_ahead(p, levels, t, theta, exposed, ball, fresh, horizon_s, every_s, errors, spread):
+    """Fill `errors` (m, 2) [m], measured minus predicted `horizon_s` ahead once every `every_s`,
+    and `spread` (m,) [m], their standard deviations as the filter expects them.
 
     Other arguments are those of `predict_ball`. From a filtered state on only the encoder angles
     are used. Rows in which no window ends keep what they held; a window that crosses a fresh start
@@ -225,5 +226,5 @@ def look_ahead(p, levels, t, theta, exposed, ball, fresh, horizon_s, every_s, er
             out[begin : j + 1],
             std[begin : j + 1],
         )
-        errors[j] = out[j]
+        errors[j], spread[j] = out[j], std[j]
         seen[i + 1 : j] = ball[i + 1 : j]

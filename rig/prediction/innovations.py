@@ -9,7 +9,7 @@ the tick.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,7 +36,8 @@ class Signals:
 
     t_s (n,): ticks; volts_V, theta_rad (n, 2): applied volts and encoder angles; exposed_s (k,),
     ball_m (k, 2): observations; fresh (k,), optional: true at exposures at which the ball's filter
-    starts anew; driven: axes that have a servo channel (the volts of the others are taken as 0).
+    starts anew; driven: axes that have a servo channel (the volts of the others are taken as 0);
+    corrected (n,), optional: true at ticks whose angles correct the servos' filters (None: all).
     """
 
     t_s: np.ndarray
@@ -46,6 +47,7 @@ class Signals:
     ball_m: np.ndarray
     fresh: np.ndarray | None = None
     driven: tuple[bool, bool] = (True, True)
+    corrected: np.ndarray | None = None
 
     def has_servo(self, a: int) -> bool:
         """Whether volts and angle of axis `a` are there in every row, and the axis is driven."""
@@ -126,6 +128,9 @@ def servo_innovations(
     """
     shape = known.theta_rad.shape
     out, std = np.full(shape, np.nan), np.full(shape, np.nan)
+    corrected = known.corrected
+    if corrected is None:
+        corrected = np.ones(len(known.t_s), np.bool_)
     for a in axes:
         if known.has_servo(a):
             predict_axis(
@@ -135,6 +140,7 @@ def servo_innovations(
                 known.t_s,
                 known.volts_V,
                 known.theta_rad,
+                corrected,
                 gain_rad_s_V[a],
                 time_constant_s[a],
                 out,
@@ -171,14 +177,15 @@ def ball_innovations(
 
 def ball_ahead(
     p: np.record, known: Signals, levels: np.record, *, horizon_s: float = 1.0, every_s: float = 0.5
-) -> np.ndarray:
-    """Return errors (k, 2) [m] of positions predicted `horizon_s` ahead from the angles alone.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return errors (k, 2) [m] of positions predicted `horizon_s` ahead from the angles alone, and
+    their deviations (k,) [m] as the filter expects them.
 
     p: record PLANT; levels: of `noise`; every_s: least distance of two predictions. Row i belongs
     to the exposure in which a prediction ends; NaN where none does.
     """
     k = len(known.exposed_s)
-    errors = np.full((k, 2), np.nan)
+    errors, spread = np.full((k, 2), np.nan), np.full(k, np.nan)
     if k:
         fresh = known.fresh if known.fresh is not None else np.zeros(k, np.bool_)
         look_ahead(
@@ -192,5 +199,38 @@ def ball_ahead(
             horizon_s,
             every_s,
             errors,
+            spread,
         )
-    return errors
+    return errors, spread
+
+
+def servo_ahead(
+    p: np.record,
+    known: Signals,
+    levels: np.record,
+    gain_rad_s_V: Sequence[float],
+    time_constant_s: Sequence[float],
+    a: int,
+    *,
+    horizon_s: float = 1.0,
+    every_s: float = 0.5,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return errors (n,) [rad] of axis `a`'s angle predicted `horizon_s` ahead from the volts
+    alone, and their deviations (n,) [rad] as the filter expects them; arguments as of
+    `servo_innovations` and `ball_ahead`.
+
+    The filter is corrected for `horizon_s` before each prediction begins.
+    """
+    n = len(known.t_s)
+    errors, spread = np.full(n, np.nan), np.full(n, np.nan)
+    if not known.has_servo(a):
+        return errors, spread
+    since = known.t_s - known.t_s[0]
+    for shift in np.arange(0.0, 2.0 * horizon_s, every_s):
+        part = (since - shift) // horizon_s
+        blind = (part >= 0.0) & (part % 2.0 == 1.0)
+        ends = np.flatnonzero(np.diff(blind.astype(int)) == -1) + 1
+        masked = replace(known, corrected=~blind)
+        out, std = servo_innovations(p, masked, levels, gain_rad_s_V, time_constant_s, (a,))
+        errors[ends], spread[ends] = out[ends, a], std[ends, a]
+    return errors, spread

@@ -174,11 +174,12 @@ def _corrected(miss, depth, r, states, cov):
 
 
 @compiled
-def predict_axis(p, levels, a, t, volts, theta, gain, tau, out, std):
+def predict_axis(p, levels, a, t, volts, theta, corrected, gain, tau, out, std):
     """Fill column `a` of `out` and `std` (n, 2) [rad]: encoder innovations and their deviations.
 
     p: record PLANT; levels: record NOISE; t (n,) [s], volts (n, 2) [V], theta (n, 2) [rad]; gain: K
-    [rad/s/V]; tau: time constant [s]. The first row is left as it was. Ticks longer than
+    [rad/s/V]; tau: time constant [s]; corrected (n,): rows whose angle corrects the filter. The
+    first row and those that do not correct it are left as they were. Ticks longer than
     `_longest_step` allows are cut into equal parts.
     """
     r = levels.servo_measured[a] ** 2
@@ -223,6 +224,8 @@ def predict_axis(p, levels, a, t, volts, theta, gain, tau, out, std):
             if not coasts:
                 arm = play_operator(arm, motor - torque / p.gear_k[a], beta_1, beta_2)
                 arm = held_arm(p, a, arm, anchor, torque)
+        if not corrected[k + 1]:
+            continue
         miss, depth = theta[k + 1, a] - arm, _depth(motor, arm, beta_1, beta_2)
         states, cov = (motor, speed, arm, arm_speed, anchor), (p00, p01, p11, still, s01, s11)
         out[k + 1, a] = miss

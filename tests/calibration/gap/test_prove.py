@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from calibration.gap.investigation import Investigation, investigate
-from calibration.gap.model.parameters import BALL
+from calibration.gap.model.parameters import BALL, NominalModel
 from calibration.gap.prove import model_of, on, prove, rms, split
 from rig.parameters import CHANNELS, GRAVITY_M_S2, Rig
 from rig.plant.plant_record import pack
-from rig.prediction.innovations import Signals, ball_ahead, noise
+from rig.prediction.innovations import Signals, ball_ahead, noise, servo_ahead
 from tests.support.gap.tables import RIG, evidence_of, foreign, without_columns
 
 PLAY = {"joint_backlash": {"x": {"play_rad": 0.035}}}
@@ -145,7 +145,7 @@ def rolling(gain_m_s2: float) -> Signals:
 
 def slope_error(horizon_s: float, slope_rad: float, known: Signals) -> np.ndarray:
     rig = Rig(effects={"level_offset": {"x": {"slope_rad": slope_rad}}} if slope_rad else {})
-    errors = ball_ahead(pack(rig), known, LIVELY, horizon_s=horizon_s)
+    errors, _ = ball_ahead(pack(rig), known, LIVELY, horizon_s=horizon_s)
     return errors[np.isfinite(errors).all(axis=1)]
 
 
@@ -170,13 +170,29 @@ def test_no_window_crosses_a_fresh_start():
     known = rolling(RIG.ball_gain_m_s2)
     fresh = np.zeros(len(known.exposed_s), bool)
     fresh[::400] = True  # every 1.6 s: at most one whole window between two of them
-    errors = ball_ahead(pack(RIG), replace(known, fresh=fresh), LIVELY)
+    errors, _ = ball_ahead(pack(RIG), replace(known, fresh=fresh), LIVELY)
     ends = known.exposed_s[np.isfinite(errors[:, 0])]
     starts = known.exposed_s[fresh]
     for end in ends:
         assert end - starts[starts <= end].max() > 0.9
-    everywhere = ball_ahead(pack(RIG), known, LIVELY)
+    everywhere, _ = ball_ahead(pack(RIG), known, LIVELY)
     assert 1 <= len(ends) < np.isfinite(everywhere[:, 0]).sum()
+
+
+@pytest.mark.parametrize("missing_V", [0.0, 0.1])
+def test_ahead_a_servo_misses_by_the_way_of_the_volts_that_the_model_lacks(missing_V: float):
+    """theta = K V (t - tau (1 - exp(-t/tau))) from rest; the filter has found the speed."""
+    gain, tau, volts = RIG.servo.gain_rad_s_V, RIG.servo.time_constant_s, 0.4
+    t = np.arange(0.0, 8.0, 0.002)
+    angle = gain * (volts + missing_V) * (t - tau * (1.0 - np.exp(-t / tau)))
+    pair = np.column_stack([np.full(len(t), volts), np.zeros(len(t))])
+    known = Signals(t, pair, np.column_stack([angle, 0 * t]), np.zeros(0), np.zeros((0, 2)))
+    record = NominalModel(RIG, load_friction=False).model({}).record
+    errors, spread = servo_ahead(record, known, LIVELY, (gain,) * 2, (tau,) * 2, 0)
+    late = np.isfinite(errors) & (t > 3.0)
+    assert late.sum() >= 6
+    np.testing.assert_allclose(errors[late], gain * missing_V * 1.0, rtol=0.06, atol=1e-6)
+    assert np.all(spread[late] > 0.0)
 
 
 def test_rms_leaves_out_what_the_masks_leave_out():
