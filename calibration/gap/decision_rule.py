@@ -48,6 +48,16 @@ CHANCE_ONE_IN = 100  # a name's score is exceeded by chance in 1 of so many logs
 BOOTSTRAP_DRAWS = 300  # of the linear screen, so that 3 of them lie beyond; chosen
 MIN_BLOCKS = 12  # of time, on a short log: 2^12 patterns of signs; chosen
 
+# --- the veto of data that were not fitted (veto.py) ----------------------------------------------
+MIN_WINDOWS = 8  # predictions 1 s ahead: with fewer their mean says nothing; chosen
+OUTLIER_SHARE = 0.95  # quantile of squared errors at which they are bounded: pushes; chosen
+# Error 1 s ahead over what the noise explains. The noise is known to a factor of about 1.3, so
+# twice is beyond doubt; names then have to take away at least half of the excess. Chosen.
+UNEXPLAINED_RATIO, MIN_EXPLAINED_SHARE = 2.0, 0.5
+SURE_Z = 2.0  # standard errors by which a rival has to predict better, 2.3 % by chance; chosen
+MAX_ROUNDS = 3  # of naming, while every name was refuted; chosen
+RANGE_END_STEPS = 0.01  # of a parameter's step: closer to its range's end, it is at the end
+
 # --- what has no name -----------------------------------------------------------------------------
 UNNAMED_THRESHOLD = 8.0  # score of an unnamed term; chosen
 UNNAMED_SHARE = 1.0  # of that score which a name has to keep beside the term; chosen

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import inf
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from rig.prediction.innovations import Signals, ball_innovations, servo_innovati
 MAX_RATE_HZ = 600.0  # above, a tick is less than an encoder count: several ticks become one
 DIVERGED_Z = 1e6  # residual beyond which a prediction has diverged
 AFTER_PUSH_S = 0.05
+WALL_MARGIN_M = 0.002  # by which a wall and the measured place of a ball may be off; chosen
 # Of `information_weights`; chosen.
 WEIGHT_WINDOW_S, FULL_WEIGHT_COUNTS, MIN_WEIGHT = 0.05, 8.0, 0.4
 REPEATED_CORRELATION = 0.995  # of two cycles that count as one motion repeated; chosen
@@ -46,10 +48,10 @@ class Roll:
         return (self.z - base.z) / step
 
 
-def usable(log: Log, *, camera_delay_s: float) -> Signals:
+def usable(log: Log, *, camera_delay_s: float, reach_m: float = inf) -> Signals:
     """A log's signals as the workflow uses them: at most MAX_RATE_HZ, missing axes 0, exposures of
-    a held or pushed ball left out. `camera_delay_s`: from exposure to row, for logs without
-    exposure times."""
+    a held or pushed ball, or of one at a wall, left out. `camera_delay_s`: from exposure to row,
+    for logs without exposure times; `reach_m`: of the ball's centre between walls."""
     known = _thinned(signals(log, camera_delay_s=camera_delay_s))
     driven = known.has_servo(0), known.has_servo(1)
     theta = np.where(np.isnan(known.theta_rad).all(axis=0), 0.0, known.theta_rad)
@@ -57,7 +59,7 @@ def usable(log: Log, *, camera_delay_s: float) -> Signals:
     seen = ~np.isnan(known.ball_m)
     ball = np.where(seen.any(axis=0), known.ball_m, 0.0)
     kept = np.isfinite(ball).all(axis=1) & seen.any()
-    touched = _touched(log, known.exposed_s)
+    touched = _touched(log, known.exposed_s) | _at_wall(ball, reach_m)
     fresh = np.concatenate([[True], touched[:-1] & ~touched[1:]])[: len(touched)]
     kept &= ~touched
     return replace(
@@ -83,6 +85,16 @@ def _touched(log: Log, exposed_s: np.ndarray) -> np.ndarray:
     back = np.clip(np.searchsorted(t, exposed_s - AFTER_PUSH_S), 0, len(t) - 1)
     so_far = np.concatenate([[0], np.cumsum(operated)])
     return so_far[at + 1] > so_far[back]
+
+
+def _at_wall(ball_m: np.ndarray, reach_m: float) -> np.ndarray:
+    """True (k,) for exposures of a ball (k, 2) that touches a wall before the next one or did so
+    since the last one: its place and its way between two exposures reach beyond `reach_m`."""
+    if not np.isfinite(reach_m) or len(ball_m) < 2:
+        return np.zeros(len(ball_m), bool)
+    step = np.abs(np.diff(ball_m, axis=0))
+    way = np.maximum(np.vstack([step[:1], step]), np.vstack([step, step[-1:]]))
+    return np.any(np.abs(ball_m) + way > reach_m - WALL_MARGIN_M, axis=1, keepdims=True)[:, 0]
 
 
 def _thinned(known: Signals) -> Signals:

@@ -1,30 +1,50 @@
-"""Noise levels of the filters, by maximum likelihood of the innovations of a model on its log.
+"""Noise levels of the filters, from what the data say of each other, whatever the rig's model.
 
-    (q, r, rho) = argmin C(q, r, rho),   C as in `calibration.gap.model.fit`
+    (q, r) = argmin sum m (rho(e/s)/kappa + log s)
+
+e: what a flexible model leaves of the innovations (`calibration.gap.model.flexible`).
+
+Process noise is what no smooth function of the measured signals explains over HORIZON_S, so the
+filter sees every sample that is so far from the one before. One sample ahead is not enough: at 100
+Hz white noise that is large enough explains any misfit, and the noise of a controller that
+differentiates the position enters the plate with it. Levels that were estimated beside the model
+alone would take its misfit in. rho is Huber's loss at NOISE_HUBER_Z with its consistency factor
+kappa for Gaussian residuals (Huber and Ronchetti, Robust Statistics, 2009, ch. 6), so that a push
+does not raise the level.
 
 Ball: process noise q (white acceleration) [m/s2/sqrt(Hz)], camera noise r [m] and its AR(1)
-coefficient rho from frame to frame. Servo, per axis: process noise q and the encoder's r [rad],
-where it moves: the error of a resting encoder is a constant. The levels depend on the model: beside
-a wrong one they take its misfit in.
+coefficient rho from frame to frame, by maximum likelihood at the rate of the camera. Servo, per
+axis: process noise q and the encoder's r [rad], where it moves: the error of a resting encoder is a
+constant.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import minimize
+from scipy.stats import norm
 
-from calibration.gap.model.data import Evidence
-from calibration.gap.model.fit import loss
+from calibration.gap.model.data import Evidence, Roll, gather
+from calibration.gap.model.fit import weights
+from calibration.gap.model.flexible import Regressors, ball_regressors, servo_regressors
 from calibration.gap.model.parameters import BALL, SERVO, Model
+from rig.prediction.innovations import Signals
 
+# Several ticks of camera and loop, and about the time in which a ball crosses its own noise and a
+# servo answers; longer, and a log of 20 s has too few samples for it. Chosen.
+HORIZON_S = {BALL: 0.05, SERVO[0]: 0.02, SERVO[1]: 0.02}
+NOISE_HUBER_Z = 1.0
+CONSISTENCY = 2.0 * norm.cdf(NOISE_HUBER_Z) - 1.0  # E[psi(z) z] of a standard normal z
 MIN_COLOUR_GAIN = 6.0  # log-likelihood that an AR(1) camera noise has to gain; chosen
 DIVERGED_COST = 1e9  # of noise levels under which a filter overflows
-SMALLEST_M, LARGEST_RHO = 2e-6, 0.95
+SMALLEST_M = 2e-6
+RHOS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)
 
 
 def estimate(evidence: Evidence, model: Model, outputs: tuple[str, ...]) -> np.record:
-    """Noise levels (dtype NOISE) that make the innovations of `model` on these outputs most likely
-    (the module's equation); levels of other outputs stay as in the evidence."""
+    """Noise levels (dtype NOISE) of these outputs by the module's equation, beside the flexible
+    model on top of `model`; levels of other outputs stay as in the evidence."""
     levels = evidence.levels.copy()
     for output in outputs:
         if output == BALL:
@@ -32,6 +52,43 @@ def estimate(evidence: Evidence, model: Model, outputs: tuple[str, ...]) -> np.r
         else:
             _servo(evidence, model, levels, SERVO.index(output))
     return levels
+
+
+def thinned(evidence: Evidence, output: str) -> tuple[Evidence, list[np.ndarray]]:
+    """The evidence of an output with one sample each HORIZON_S, and the places (m,) of these
+    samples in every run. The ball keeps exposures, a servo the rows that correct its filter."""
+    places, runs = [], []
+    for run in evidence.runs:
+        t = run.exposed_s if output == BALL else run.t_s
+        new = run.fresh if output == BALL and run.fresh is not None else np.zeros(len(t), np.bool_)
+        chosen = _every(t, new, HORIZON_S[output])
+        places.append(np.flatnonzero(chosen))
+        runs.append(_only(run, chosen, new) if output == BALL else replace(run, corrected=chosen))
+    few = gather(runs, evidence.levels)
+    return replace(few, masks={output: few.masks.get(output, np.zeros(0))}), places
+
+
+def _every(t: np.ndarray, new: np.ndarray, apart_s: float) -> np.ndarray:
+    """True (n,) for samples `apart_s` apart, counted anew where `new` (n,) is true."""
+    if len(t) < 2:
+        return np.ones(len(t), np.bool_)
+    k = max(1, round(apart_s / float(np.median(np.diff(t)))))
+    first = np.maximum.accumulate(np.where(new, np.arange(len(t)), 0))
+    return (np.arange(len(t)) - first) % k == 0
+
+
+def _only(run: Signals, chosen: np.ndarray, new: np.ndarray) -> Signals:
+    return replace(
+        run, exposed_s=run.exposed_s[chosen], ball_m=run.ball_m[chosen], fresh=new[chosen]
+    )
+
+
+def _level(roll: Roll, z: np.ndarray, mask: np.ndarray) -> float:
+    """The module's cost of residuals z (n,) in the place of those of `roll`."""
+    size = np.abs(z)
+    h = NOISE_HUBER_Z
+    rho = np.where(size <= h, 0.5 * size * size, h * (size - 0.5 * h)) / CONSISTENCY
+    return float(np.sum(mask * (rho + roll.log_std)))
 
 
 def _search(cost: Callable[[np.ndarray], float], start: list[float]) -> np.ndarray:
@@ -49,13 +106,20 @@ def _search(cost: Callable[[np.ndarray], float], start: list[float]) -> np.ndarr
 
 
 def _servo(evidence: Evidence, model: Model, levels: np.record, a: int) -> None:
-    smallest = 0.02 * levels["servo_measured"][a]
+    output, smallest = SERVO[a], 0.02 * levels["servo_measured"][a]
+    few, places = thinned(evidence, output)
+    mask, here = few.masks[output], np.zeros(len(few.masks[output]), np.bool_)
+    starts = np.cumsum([0, *(len(run.t_s) for run in few.runs[:-1])])
+    here[np.concatenate([at + start for at, start in zip(places, starts, strict=True)])] = True
+    rows = servo_regressors(evidence.runs, output, model.time_constant_s[a]).over(places)
 
     def cost(x: np.ndarray) -> float:
         levels["servo_process"][a], levels["servo_measured"][a] = np.exp(x)
         penalty = 1e6 if np.exp(x[1]) < smallest or not -12 < x[0] < 8 else 0.0
-        trial = evidence.with_levels(levels)
-        return loss(trial.roll(model, SERVO[a]), evidence.masks[SERVO[a]]) + penalty
+        roll = few.with_levels(levels).roll(model, output)
+        z, m = roll.z[here], mask[here]
+        left = rows.unexplained(z, weights(z, m), *np.exp(x))
+        return _level(Roll(left, roll.log_std[here]), left, m) + penalty
 
     start = [float(np.log(levels[n][a])) for n in ("servo_process", "servo_measured")]
     best = np.exp(_search(cost, start))
@@ -63,37 +127,45 @@ def _servo(evidence: Evidence, model: Model, levels: np.record, a: int) -> None:
 
 
 def _ball(evidence: Evidence, model: Model, levels: np.record) -> None:
-    frame_s = float(
-        np.median(
-            np.concatenate(
-                [np.diff(run.exposed_s) for run in evidence.runs if len(run.exposed_s) > 1]
-            )
-        )
-    )
-
-    def put(x: np.ndarray) -> None:
-        levels["ball_process"], levels["ball_measured"] = np.exp(x[:2])
-        rho = LARGEST_RHO / (1 + np.exp(-x[2])) if len(x) > 2 else 0.0
-        levels["ball_memory_s"] = -frame_s / np.log(rho) if rho > 0.02 else 0.0
+    levels["ball_memory_s"] = 0.0
+    few, places = thinned(evidence, BALL)
+    rows = ball_regressors(evidence.runs, float(model.record["half_side"]))
+    thin = [axis.over(places) for axis in rows]
 
     def cost(x: np.ndarray) -> float:
-        put(x)
+        levels["ball_process"], levels["ball_measured"] = np.exp(x)
         penalty = 1e6 if np.exp(x[1]) < SMALLEST_M or x[0] < -14 else 0.0
-        return loss(evidence.with_levels(levels).roll(model, BALL), evidence.masks[BALL]) + penalty
+        return _ball_level(few.with_levels(levels), model, thin) + penalty
 
     white = _search(cost, [float(np.log(levels[n])) for n in ("ball_process", "ball_measured")])
-    put(white)
-    if _coloured(evidence.with_levels(levels), model):
-        coloured = _search(cost, [*white, 0.0])
-        put(coloured if cost(coloured) < cost(white) - MIN_COLOUR_GAIN else white)
+    levels["ball_process"], levels["ball_measured"] = np.exp(white)
+    levels["ball_memory_s"] = _memory_s(evidence, model, levels.copy(), rows)
 
 
-def _coloured(evidence: Evidence, model: Model) -> bool:
-    """True if residuals of neighbouring frames are correlated under white camera noise: an
-    autocorrelation at lag 1 to 3 beyond 3.5/sqrt(n)."""
-    z = (evidence.roll(model, BALL).z * evidence.masks[BALL]).reshape(-1, 2)
-    for lag in (1, 2, 3):
-        correlation = np.sum(z[lag:] * z[:-lag], axis=0) / np.maximum(np.sum(z**2, axis=0), 1e-30)
-        if np.abs(correlation).max() > 3.5 / np.sqrt(len(z)):
-            return True
-    return False
+def _ball_level(evidence: Evidence, model: Model, rows: Sequence[Regressors]) -> float:
+    """The module's cost of both axes of the ball at the levels of the evidence."""
+    roll, mask, levels = evidence.roll(model, BALL), evidence.masks[BALL], evidence.levels
+    noise = float(levels["ball_process"]), float(levels["ball_measured"])
+    z, w = roll.z.reshape(-1, 2), weights(roll.z, mask).reshape(-1, 2)
+    left = [rows[a].unexplained(z[:, a], w[:, a], *noise) for a in range(2)]
+    return _level(roll, np.column_stack(left).ravel(), mask)
+
+
+def _memory_s(
+    evidence: Evidence, model: Model, levels: np.record, rows: Sequence[Regressors]
+) -> float:
+    """The time in which the camera's noise forgets itself [s], from frame to frame; 0 where an
+    AR(1) noise gains less than MIN_COLOUR_GAIN."""
+    frame_s = rows[0].step_s
+    costs = {}
+    for rho in RHOS:
+        levels["ball_memory_s"] = -frame_s / np.log(rho) if rho else 0.0
+        costs[rho] = _ball_level(evidence.with_levels(levels), model, rows)
+    best = min(costs, key=lambda rho: costs[rho])
+    if costs[0.0] - costs[best] < MIN_COLOUR_GAIN:
+        return 0.0
+    near = [rho for rho in RHOS if abs(RHOS.index(rho) - RHOS.index(best)) <= 1]
+    if len(near) == 3:  # the lowest point of the parabola through three
+        a, b, _ = np.polyfit(near, [costs[rho] for rho in near], 2)
+        best = float(np.clip(-0.5 * b / a, near[0], near[2])) if a > 0 else best
+    return float(-frame_s / np.log(best))

@@ -43,15 +43,13 @@ OWN_STEPS = {
     "viscous_drag.rate_1_s": 0.01,
 }
 SLOWEST_STRIBECK_RAD_S = 0.04  # below, encoder counts cannot tell it from how friction sets in
-# Ranges beyond the catalogue's, for tables of other makes: an H-bridge takes half of the volts
-# (these reach up to the supply), a ball in a groove rolls with half of 5/7 g, a web camera is
-# 0.2 s late.
+# Ranges beyond the catalogue's, up to the supply: an H-bridge takes half of the volts.
 REACHES_SUPPLY = ("friction_V", "half_width_V", "positive_V", "negative_V")
-WIDER_RANGES = {"camera_scale.fraction": (-0.5, 1.0), "camera_delay.extra_s": (-0.02, 0.3)}
 # Gear backlash has an inner shape: how far arm and plate coast in the gap (rig.plant.plant_record).
 COAST_KEY, LONGEST_COAST_S2_RAD = "coast_s2_rad", 0.5
-# So has a camera scale: a ball higher than assumed seems larger, and shifted as the plate tilts.
-HEIGHT_KEY, HIGHEST_M = "height_m", 0.1
+# So has a camera scale: a ball higher than assumed seems larger, and shifted as the plate tilts. At
+# most its own diameter, as where its positions were taken for those of its lowest point or its top.
+HEIGHT_KEY = "height_m"
 INNER_SHAPE = {"gear_backlash": [COAST_KEY], "camera_scale": [HEIGHT_KEY]}
 IN_RECORD = {COAST_KEY: "gear_coast", HEIGHT_KEY: "camera_height"}  # not in the catalogue
 GUESSES = (0.2, 0.5, 1.0, 2.0, 5.0)  # of the nominal K and tau: starts of a fit far from them
@@ -107,13 +105,11 @@ class Parameter:
 def _range(effect: Effect, key: str) -> tuple[float, float]:
     if key == COAST_KEY:
         return 0.0, LONGEST_COAST_S2_RAD
-    if key == HEIGHT_KEY:
-        return -HIGHEST_M, HIGHEST_M
     if key in ("sine", "cosine"):
         high = next(p.high for p in effect.parameters if p.key == PERIODIC[effect.name])
         return -high, high
     parameter = next(p for p in effect.parameters if p.key == key)
-    return WIDER_RANGES.get(f"{effect.name}.{key}", (parameter.low, parameter.high))
+    return parameter.low, parameter.high
 
 
 def _keys(effect: Effect) -> list[str]:
@@ -168,7 +164,9 @@ class NominalModel:
         gear = effect.name == "gear_backlash" and max(self._start["gear_backlash_play_rad"]) == 0.0
         if gear and self.load_friction:
             tolerance = 0.0  # below one count, beside shafts that wind up, it is not identifiable
-        low, high = _range(effect, key)
+        low, high = (-inf, inf) if key == HEIGHT_KEY else _range(effect, key)
+        if key == HEIGHT_KEY:
+            low, high = -2.0 * self.rig.ball.radius_m, 2.0 * self.rig.ball.radius_m
         if key in REACHES_SUPPLY:
             high = max(high, self.rig.servo.voltage_limit_V)
         if key == "limit_V":

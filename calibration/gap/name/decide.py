@@ -7,6 +7,7 @@
    otherwise it stood in for it.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from calibration.gap.decision_rule import (
@@ -35,9 +36,10 @@ class Decision:
     chance: ChanceScores | None = None
 
 
-def decide(before: State) -> Decision:
-    """The decision on a settled baseline, by the module's four steps."""
-    naming = name_effects(before)
+def decide(before: State, barred: Collection[str] = ()) -> Decision:
+    """The decision on a settled baseline, by the module's four steps; `barred`: effects that are
+    not tried."""
+    naming = name_effects(before, barred)
     chance, accepted, state = _beyond_chance(naming)
     left = _significant(unnamed_terms(state))
     if left is None:

@@ -41,6 +41,9 @@ from rig.effects import CATALOGUE
 from rig.prediction.innovations import noise
 
 SMALLEST_COASTING_PLAY_RAD = 0.005
+# Times the tried size to which a screen extrapolates: sizes of a ladder stand 2 to 5 apart, an
+# effect with one size is nearly linear; chosen.
+LADDER_REACH, LINEAR_REACH = 2.0, 6.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,13 +99,15 @@ def screen(
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """An effect on one axis as it is tried: its k starts (`group`), and the change of z that each
-    makes (`columns` (n, k))."""
+    """An effect on one axis as it is tried: its k starts (`group`), the change of z that each makes
+    (`columns` (n, k)), and by how much more than its size the linear screen may extrapolate
+    (`reach`)."""
 
     name: str
     axis: str
     group: list[Start]
     columns: np.ndarray
+    reach: float
 
     def others(self, parameters: list[Parameter]) -> np.ndarray:
         """Indices of those of `parameters` that belong to another effect or axis than this
@@ -136,17 +141,18 @@ def candidates(state: State, output: str, skip: set[Key]) -> Candidates:
         base.setting, {output: base.rolls[output]}, {output: base.costs[output]}, base.columns
     )
     nuisance = differences(state.evidence, state.nominal, only, parameters, bounds)[output]
-    tried: list[tuple[str, str, list[Start]]] = []
+    tried: list[tuple[str, str, list[Start], float]] = []
     for effect in CATALOGUE:
         for axis in effect.axes:
             if output in outputs_of(effect, (axis,)) and (effect.name, axis) not in skip:
                 groups = starts(effect, axis, state.nominal, state.evidence)
-                tried += [(effect.name, axis, group) for group in groups]
+                reach = LADDER_REACH if len(groups) > 1 else LINEAR_REACH
+                tried += [(effect.name, axis, group, reach) for group in groups]
     rolls = iter(
         state.evidence.rolls(
             [
                 (state.nominal.model(base.setting | s), output)
-                for _, _, group in tried
+                for _, _, group, _ in tried
                 for s in group
             ]
         )
@@ -157,8 +163,9 @@ def candidates(state: State, output: str, skip: set[Key]) -> Candidates:
             axis,
             group,
             np.column_stack([next(rolls).z - base.rolls[output].z for _ in group]),
+            reach,
         )
-        for name, axis, group in tried
+        for name, axis, group, reach in tried
     ]
     return Candidates(parameters, bounds, nuisance, found)
 
@@ -267,8 +274,8 @@ def _gain(state: State, output: str, tried: Candidates, one: Candidate) -> Scree
     high = np.array([bounds[parameters[i].name][1] for i in keep]) - value
     k = len(group)
     first = state.nominal.of(one.name, one.axis)[0]
-    low = np.append(low, np.full(k, -6.0 if one.two_sided(state.nominal) else 0.0))
-    high = np.append(high, np.full(k, 6.0))
+    low = np.append(low, np.full(k, -one.reach if one.two_sided(state.nominal) else 0.0))
+    high = np.append(high, np.full(k, one.reach))
     scale = np.append([parameters[i].step for i in keep], np.ones(k))
     step = bounded_step(a, b, low, high, scale)
     gain = -float(0.5 * step @ a @ step + b @ step)

@@ -9,7 +9,7 @@ refitted at the final noise levels. It is dropped if its score falls below NAME_
 if an alternative scores more, and reported as "A or B" if the difference is below RIVAL_MARGIN.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import exp
 
@@ -45,20 +45,22 @@ class Rival:
 
 @dataclass(frozen=True, eq=False)
 class Accepted:
-    """An accepted effect, the axes on which it is released, its score, and its rivals, best
-    first."""
+    """An accepted effect, the axes on which it is released, its score, and its rivals, best first.
+    `explained`: the share of the excess error 1 s ahead that the names explain (0 to 1;
+    `calibration.gap.veto`), 1 where nothing else is left to explain."""
 
     name: str
     axes: tuple[str, ...]
     score: float
     rivals: tuple[Rival, ...]
+    explained: float = 1.0
 
     @property
     def probability(self) -> float:
         """Probability of the name against its rivals and against chance, with T =
         PROBABILITY_TEMPERATURE.
 
-            1/(1 + sum_rivals exp(-margin/T) + exp(-score/T))
+            1/(1 + sum_rivals exp(-margin/T) + exp(-score/T)), at most `explained`
 
         It is calibrated on simulated tables alone; on real ones it is only a score.
         """
@@ -66,7 +68,7 @@ class Accepted:
             exp(-min(max(r.margin, -200.0), 200.0) / PROBABILITY_TEMPERATURE) for r in self.rivals
         ]
         nothing = exp(-max(self.score, 0.0) / PROBABILITY_TEMPERATURE)
-        return 1.0 / (1.0 + sum(odds) + nothing)
+        return min(self.explained, 1.0 / (1.0 + sum(odds) + nothing))
 
     @property
     def margin(self) -> float:
@@ -94,16 +96,17 @@ def settled_baseline(evidence: Evidence, nominal: NominalModel) -> State:
     return settle(state, state.evidence.outputs)
 
 
-def name_effects(state: State) -> Naming:
+def name_effects(state: State, barred: Collection[str] = ()) -> Naming:
     """Stepwise naming from the settled baseline `state`: forward selection, then backward
-    elimination."""
+    elimination; the effects `barred` are not tried."""
+    skip = [(name, axis) for name in barred for axis in BY_NAME[name].axes]
     before, path = state, [("", state)]
     last: list[CandidateFit] = []
     screened: list[Screened] = []
     screens: Screens = {}
     total, explained = 0.0, {}
     while len({effect for effect, _ in state.named}) < MAX_EFFECTS:
-        screened = screen(state, state.evidence.outputs, known=screens)
+        screened = screen(state, state.evidence.outputs, skip=skip, known=screens)
         last = rank(state, screened)
         worth = [
             candidate
@@ -122,7 +125,7 @@ def name_effects(state: State) -> Naming:
         path.append((best.name, state))
     accepted: list[Accepted] = []
     for name in dict.fromkeys(effect for effect, _ in state.named):
-        state, found = backward_step(state, name)
+        state, found = backward_step(state, name, skip)
         if found:
             accepted.append(found)
     return Naming(before, state, tuple(accepted), tuple(last), tuple(path), screened)
@@ -182,16 +185,18 @@ def _same_data(own: CandidateFit, other: CandidateFit) -> bool:
     return x * y < 0.0
 
 
-def backward_step(state: State, name: str) -> tuple[State, Accepted | None]:
-    """Remove an effect and refit its alternatives: it stays, is replaced by an alternative that
-    scores more, or is dropped.
+def backward_step(
+    state: State, name: str, skip: Sequence[Key] = ()
+) -> tuple[State, Accepted | None]:
+    """Remove an effect and refit its alternatives, but those of `skip`: it stays, is replaced by an
+    alternative that scores more, or is dropped.
 
     Returns the state that follows, and the effect that stands in its place (None: dropped).
     """
     keys = [key for key in state.named if key[0] == name]
     bare = drop_effects(state, keys)
     outputs = [p for p in outputs_of(BY_NAME[name], [a for _, a in keys]) if p in bare.fit.rolls]
-    fits = rank(bare, screen(bare, outputs, skip=keys), most=RIVALS_REFITTED)
+    fits = rank(bare, screen(bare, outputs, skip=[*keys, *skip]), most=RIVALS_REFITTED)
     own = CandidateFit(name, tuple(axis for _, axis in keys), state, bare.fit.cost - state.fit.cost)
     if fits and fits[0].score > own.score and fits[0].score >= NAME_THRESHOLD:
         winner = fits[0]

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from math import degrees, hypot
 
-from calibration.gap.decision_rule import CHANCE_ONE_IN, NAME_THRESHOLD
+from calibration.gap.decision_rule import CHANCE_ONE_IN, NAME_THRESHOLD, RANGE_END_STEPS
 from calibration.gap.findings import Interval, Named
 from calibration.gap.model.parameters import CALIBRATED, PERIODIC
 from calibration.gap.model.state import State
@@ -12,7 +12,6 @@ from calibration.gap.report.findings_of_decision import ball_height_m
 from calibration.gap.unnamed.wording import describe
 from rig.effects import BY_NAME
 
-RANGE_END_STEPS = 0.01  # of a parameter's step: closer to its range's end, it is at the end
 VAGUE_WIDTH = 0.5  # width of an interval over its value beyond which it is not known
 ANGLES = ("play_rad", "offset_rad", "amplitude_rad", "slope_rad", "angle_rad")
 
@@ -116,6 +115,11 @@ def sentence(decision: Decision, names: tuple[Named, ...]) -> str:
     if decision.verdict == "unknown-effect":
         channel = decision.unnamed.channel if decision.unnamed else "the log"
         return f"Something that has no name in the catalogue acts on {channel}: {left}."
+    if not decision.accepted:
+        return (
+            "Something is missing, but no effect of the catalogue that fits these logs also "
+            "predicts data that were not fitted: none is named."
+        )
     if decision.verdict == "undecided":
         rivals = dict.fromkeys(r.name for one in decision.accepted for r in one.rivals[:1])
         return f"{'; '.join(told)}, or {' or '.join(rivals)}: this log cannot tell them apart."

@@ -1,4 +1,5 @@
-"""Noise levels come out as they were put in, from wrong starts, on a foreign table's logs."""
+"""Noise levels come out as they were put in, from wrong starts, on a foreign table's logs, and they
+do so beside a model that is grossly wrong."""
 
 from functools import cache
 
@@ -13,6 +14,9 @@ from tests.support.gap.tables import RIG, evidence_of, foreign
 
 FRAME_S = 1 / 60
 NOISE_M, PROCESS = 3e-4, 0.002  # of the foreign table: camera [m], ball [m/s/sqrt(s)]
+# Three standard deviations of a robust estimate from every third to tenth sample, about 1000 of
+# them; and of a process noise of which a flexible model explains a part by chance.
+ROBUST, CHANCE = 0.1, 0.35
 SERVO_V = 5e-4  # V sqrt(s) at the motor: K/tau of it kicks the speed
 SERVO_PROCESS = SERVO_V * RIG.servo.gain_rad_s_V / RIG.servo.time_constant_s
 COUNT_RAD = RIG.servo.encoder_step_rad / 12**0.5
@@ -40,8 +44,8 @@ def memory(levels: np.record) -> float:
 @pytest.mark.parametrize("process", [1.0, 3.0])
 def test_the_servos_process_and_the_encoders_count(seed: int, process: float):
     levels = noise.estimate(evidence(seed, process), MODEL, SERVO)
-    np.testing.assert_allclose(levels["servo_process"], process * SERVO_PROCESS, rtol=0.15)
-    np.testing.assert_allclose(levels["servo_measured"], COUNT_RAD, rtol=0.05)
+    np.testing.assert_allclose(levels["servo_process"], process * SERVO_PROCESS, rtol=CHANCE)
+    np.testing.assert_allclose(levels["servo_measured"], COUNT_RAD, rtol=ROBUST + 0.02)
     assert levels["ball_process"] == FAR_OFF["ball_process"]  # not asked for
 
 
@@ -50,7 +54,7 @@ def test_the_servos_process_and_the_encoders_count(seed: int, process: float):
 def test_white_camera_noise_and_the_balls_process(seed: int, process: float, camera: float):
     levels = noise.estimate(evidence(seed, process, camera), MODEL, (BALL,))
     assert levels["ball_measured"] == pytest.approx(camera * NOISE_M, rel=0.06)
-    assert levels["ball_process"] == pytest.approx(process * PROCESS, rel=0.25)
+    assert levels["ball_process"] == pytest.approx(process * PROCESS, rel=CHANCE + 0.05)
     assert levels["ball_memory_s"] == 0.0
     np.testing.assert_array_equal(levels["servo_process"], FAR_OFF["servo_process"])
 
@@ -76,6 +80,28 @@ def test_innovations_are_white_and_as_large_as_expected_at_the_estimated_levels(
         keep = known.masks[output] > 0
         z = known.with_levels(levels).roll(MODEL, output).z[keep]
         stride = 2 if output == BALL else 1
-        assert np.sqrt(np.mean(z**2)) == pytest.approx(1.0, abs=0.05)
+        assert np.sqrt(np.mean(z**2)) == pytest.approx(1.0, abs=ROBUST)
         hang = np.corrcoef(z[stride:], z[:-stride])[0, 1]
         assert abs(hang) < 0.08  # counts of an encoder are never quite white
+
+
+# Hidden effect, output, and how many times too large its process noise may come out; beside the
+# model alone, without the flexible one, it is 10, 124 and 83 times too large.
+WRONG = {
+    "camera_delay": ({"camera_delay": {"xy": {"extra_s": 0.1}}}, BALL, 7.0),
+    "dead_zone": ({"dead_zone": {"x": {"half_width_V": 1.0}}}, "servo_x", 20.0),
+    "coulomb_friction": ({"coulomb_friction": {"x": {"friction_V": 0.5}}}, "servo_x", 30.0),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_the_noise_takes_in_little_of_what_a_wrong_model_misses(name: str):
+    hidden, output, most = WRONG[name]
+    known = evidence_of(foreign("steps", seed=3, effects=hidden, imperfect=False))
+    levels = noise.estimate(known, MODEL, (output,))
+    if output == BALL:
+        assert levels["ball_process"] < most * PROCESS
+        assert levels["ball_measured"] < 1.5 * NOISE_M
+    else:
+        assert levels["servo_process"][0] < most * SERVO_PROCESS
+        assert levels["servo_measured"][0] < 2.0 * COUNT_RAD

@@ -24,7 +24,7 @@ def test_a_single_effect_in_white_noise_follows_chi_squared(name: str, key: str)
     rng = np.random.default_rng(4)
     blocks, draws = 400, 40_000
     column = rng.standard_normal(blocks)
-    one = Candidate(name, "x", [{f"{name}.{key}.x": 0.05}], column[:, None])
+    one = Candidate(name, "x", [{f"{name}.{key}.x": 0.05}], column[:, None], 6.0)
     nominal = choose_friction_model(
         evidence_of(foreign("steps", seed=3, duration_s=3.0)), RIG, None
     )
