@@ -6,6 +6,7 @@ asks for them with what `Investigation` holds.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 
@@ -16,13 +17,14 @@ from calibration.gap.model.data import gather, usable
 from calibration.gap.model.fit import evaluate
 from calibration.gap.model.intervals import deviations
 from calibration.gap.model.state import State
-from calibration.gap.name.decide import Decision, decide
+from calibration.gap.name.decide import Decision
 from calibration.gap.name.load_friction import choose_friction_model, creeping_servos
 from calibration.gap.name.stepwise import Accepted, Rival, settled_baseline
 from calibration.gap.prove import floors, model_of, prove, rms, steps
 from calibration.gap.report import findings_of_decision, wording
 from calibration.gap.unnamed import basis
 from calibration.gap.unnamed.wording import describe, formula
+from calibration.gap.veto import decide_by_proof
 from rig.log import Log
 from rig.parameters import Rig
 from rig.prediction.innovations import Signals, noise
@@ -85,15 +87,18 @@ def investigate(
         return Investigation(_too_little_motion(still, lacking, notes))
     before = settled_baseline(evidence, nominal)
     report("name", 1, 4)
-    decision = decide(before)
+    decision, refuted = decide_by_proof(before)
+    notes += refuted
     report("add and prove", 3, 4)
     return Investigation(_findings(decision, until, notes, quick=quick), decision)
 
 
 def usable_runs(logs: Sequence[Log], rig: Rig) -> list[Signals]:
-    """The signals of each log as the workflow uses them (`usable`), with the camera's delay of
-    `rig`."""
-    return [usable(log, camera_delay_s=rig.camera.delay_s) for log in logs]
+    """The signals of each log as the workflow uses them (`usable`), with the camera's delay and the
+    walls of `rig`."""
+    half = rig.linkage.plate_side_m / 2
+    reach = half - rig.ball.radius_m if rig.walls.present else inf
+    return [usable(log, camera_delay_s=rig.camera.delay_s, reach_m=reach) for log in logs]
 
 
 def levels_of(rig: Rig) -> np.record:
@@ -123,8 +128,10 @@ def _findings(decision: Decision, until: str, notes: tuple[str, ...], *, quick: 
     names = tuple(findings_of_decision.named(decision, one, spread) for one in decision.accepted)
     names = findings_of_decision.one_dead_zone(names, state, spread)
     told = {name.name for name in names}
-    if decision.verdict == "undecided" and not any(
-        one.margin < RIVAL_MARGIN for one in decision.accepted if one.name in told
+    if (
+        names
+        and decision.verdict == "undecided"
+        and not any(one.margin < RIVAL_MARGIN for one in decision.accepted if one.name in told)
     ):
         decision = replace(decision, verdict="named")
     servo = findings_of_decision.calibrated(state, spread)

@@ -1,0 +1,288 @@
+"""A name has to predict what its fit has not seen: the proof can take it back.
+
+The logs are split in two (`calibration.gap.prove.split`); on each part in turn the model is fitted
+with all names and with some of them left out, and the other part is predicted 1 s ahead from the
+inputs alone and one sample ahead. With e_k the errors 1 s ahead of an output, in the same windows
+for both models,
+
+    D = mean_k (e_k^2 without - e_k^2 with),   se = std_k(...)/sqrt(K)
+
+and C the cost one sample ahead (`calibration.gap.model.fit`):
+
+1. All names of an output together: C with them is lower, and D > -se: 1 s ahead they do no harm (a
+   small effect may not show there). They are refuted, too, if the model with them still errs by
+   more than UNEXPLAINED_RATIO times what its noise explains, and they took away less than
+   MIN_EXPLAINED_SHARE of the excess: then something else acts, which they imitate. Where more is
+   taken away, that share bounds their probability.
+2. Each name beside the others: as the first half of rule 1.
+3. The 95 % interval of its size excludes the nominal value, and the size is not at the end of its
+   range, where it would have to be larger to be what its name says.
+4. Its best rival in its place does not predict better 1 s ahead: D < SURE_Z se of the rival's gain.
+
+Squares are bounded at the OUTLIER_SHARE quantile of the model without, so that a push that nobody
+recorded does not decide. A name that is refuted leaves the model. Where none is
+left, or a rival predicted better, the naming is repeated without those that were refuted, at most
+MAX_ROUNDS times: the imitation may have kept the right one out.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from math import degrees
+
+import numpy as np
+
+from calibration.gap.decision_rule import (
+    MAX_ROUNDS,
+    MIN_EXPLAINED_SHARE,
+    MIN_WINDOWS,
+    OUTLIER_SHARE,
+    RANGE_END_STEPS,
+    RIVAL_MARGIN,
+    SURE_Z,
+    UNEXPLAINED_RATIO,
+)
+from calibration.gap.model.data import Evidence
+from calibration.gap.model.fit import loss
+from calibration.gap.model.intervals import deviations, interval
+from calibration.gap.model.parameters import BALL, PERIODIC
+from calibration.gap.model.state import Key, State, outputs_of
+from calibration.gap.name.decide import Decision, decide
+from calibration.gap.name.stepwise import Accepted, drop_effects
+from calibration.gap.prove import ahead, model_of, on, split
+from rig.effects import BY_NAME
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Errors 1 s ahead (k,) of an output on data that were not fitted, their deviations (k,) as the
+    filter expects them [m or rad], and the cost one sample ahead. `rms`: the typical error."""
+
+    errors: np.ndarray
+    spread: np.ndarray
+    cost: float
+
+    @property
+    def rms(self) -> float:
+        """RMS error 1 s ahead [m or rad]."""
+        return float(np.sqrt(np.mean(self.errors**2)))
+
+
+def held_out(state: State, outputs: Iterable[str]) -> dict[str, Prediction]:
+    """The predictions of a state's model by output, each part of the logs predicted by the fit on
+    the other; outputs that one part lacks are left out."""
+    halves = split(state.evidence)
+    found: dict[str, list[tuple[np.ndarray, np.ndarray, float]]] = {}
+    outputs = [o for o in outputs if all(half.masks[o].any() for half in halves)]
+    for train, test in (halves, halves[::-1]):
+        fitted = on(state, train)
+        judged = replace(test, masks={o: test.masks[o] for o in outputs})
+        model = model_of(fitted)
+        for output in outputs:
+            cost = _cost(judged, fitted, output)
+            found.setdefault(output, []).append((*ahead(judged, model, output), cost))
+    return {
+        output: Prediction(
+            np.concatenate([part[0] for part in parts]),
+            np.concatenate([part[1] for part in parts]),
+            sum(part[2] for part in parts),
+        )
+        for output, parts in found.items()
+    }
+
+
+def _cost(evidence: Evidence, state: State, output: str) -> float:
+    return loss(evidence.roll(model_of(state), output), evidence.masks[output])
+
+
+def gained(without: Prediction, with_it: Prediction) -> tuple[float, float]:
+    """D and its standard error of the module's equation [m2 or rad2]; (0, 0) with fewer than
+    MIN_WINDOWS windows."""
+    if len(without.errors) < MIN_WINDOWS or len(without.errors) != len(with_it.errors):
+        return 0.0, 0.0
+    most = np.quantile(without.errors**2, OUTLIER_SHARE)
+    d = np.minimum(without.errors**2, most) - np.minimum(with_it.errors**2, most)
+    return float(d.mean()), float(d.std() / np.sqrt(len(d)))
+
+
+def explained_share(before: Prediction, after: Prediction) -> float:
+    """Share of the excess error 1 s ahead over what noise explains that the names took away, 0 to
+    1; 1 where the model with them errs by no more than UNEXPLAINED_RATIO times the noise."""
+    if len(after.errors) < MIN_WINDOWS:
+        return 1.0
+    expected = float(np.median(after.spread**2))
+    error = _typical(after.errors)
+    if error <= UNEXPLAINED_RATIO**2 * expected:
+        return 1.0
+    excess = max(_typical(before.errors) - expected, 1e-30)
+    return float(np.clip(1.0 - (error - expected) / excess, 0.0, 1.0))
+
+
+def _typical(errors: np.ndarray) -> float:
+    """The mean square of errors, from their median: of a normal variable it is 0.455 sigma^2."""
+    return float(np.median(errors**2)) / 0.455
+
+
+def decide_by_proof(before: State) -> tuple[Decision, tuple[str, ...]]:
+    """The decision on a settled baseline whose names the held-out data do not refute, and in words
+    the reasons of those that they did."""
+    barred: list[str] = []
+    reasons: tuple[str, ...] = ()
+    decision = tried = decide(before)
+    for i in range(MAX_ROUNDS):
+        tried = decide(before, barred) if i else tried
+        judged, outdone, more = judge(tried)
+        reasons += more
+        if i == 0 or judged.accepted:
+            decision = judged
+        lost = sorted({one.name for one in tried.accepted} - {one.name for one in judged.accepted})
+        if not lost or (judged.accepted and not outdone):
+            break
+        barred += outdone or lost
+    return decision, reasons
+
+
+def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
+    """The decision without the names that the held-out data refute, those of them that a rival
+    outdoes, and the reasons in words."""
+    accepted, state, reasons = decision.accepted, decision.state, []
+    if not accepted:
+        return decision, [], ()
+    outputs = [o for o in state.evidence.outputs if any(o in _outputs(one) for one in accepted)]
+    bare = drop_effects(state, [key for one in accepted for key in _keys(one)])
+    before, after = held_out(bare, outputs), held_out(state, outputs)
+    lost: list[Accepted] = []
+    spread = deviations(state)
+    for one in accepted:
+        if reason := _not_a_size(state, one, spread):
+            lost.append(one)
+            reasons.append(f"not named: {one.name}: {reason}")
+    for output in (o for o in outputs if o in after):
+        here = [one for one in accepted if output in _outputs(one) and one not in lost]
+        reason = _refuted(output, before[output], after[output])
+        if reason and here:
+            lost += here
+            reasons.append(f"not named: {_names(here)}: {reason}")
+    for one in accepted if len(accepted) - len(lost) > 1 else ():
+        if one not in lost and (reason := _harm_of_one(state, one, after)):
+            lost.append(one)
+            reasons.append(f"not named: {one.name}: {reason}")
+    outdone = []
+    for one in accepted:
+        if one not in lost and (reason := _rival_is_better(one, after)):
+            outdone.append(one)
+            reasons.append(f"not named: {one.name}: {reason}")
+    lost += outdone
+    share = {o: explained_share(before[o], after[o]) for o in after}
+    kept = tuple(_capped(one, share) for one in accepted if one not in lost)
+    if not lost:
+        return replace(decision, accepted=kept), [], ()
+    return _without(decision, kept, lost), [one.name for one in outdone], tuple(reasons)
+
+
+def _outputs(one: Accepted) -> tuple[str, ...]:
+    return outputs_of(BY_NAME[one.name], one.axes)
+
+
+def _keys(one: Accepted) -> list[Key]:
+    return [(one.name, axis) for axis in one.axes]
+
+
+def _names(accepted: Iterable[Accepted]) -> str:
+    return " + ".join(one.name for one in accepted)
+
+
+def _name(output: str) -> str:
+    return "the ball" if output == BALL else output.replace("_", " ")
+
+
+def _size(output: str, value: float) -> str:
+    return f"{1e3 * value:.3g} mm" if output == BALL else f"{degrees(value):.3g} degrees"
+
+
+def _not_a_size(state: State, one: Accepted, spread: Mapping[str, tuple[float, int]]) -> str:
+    """The reason of rule 3 in words; "" if the name stands on one of its axes."""
+    reasons = []
+    for axis in one.axes:
+        first, *more = state.nominal.of(one.name, axis)
+        free = [first, more[0]] if one.name in PERIODIC else [first]
+        sizes = [state.fit.setting.get(k.name, k.nominal) - k.nominal for k in free]
+        sure = interval(0.0, max(spread.get(k.name, (0.0, 2)) for k in free)).high
+        value = first.nominal + sizes[0]
+        if float(np.linalg.norm(sizes)) < sure:
+            reasons.append("the interval of its size holds its nominal value")
+        elif any(e and abs(value - e) < RANGE_END_STEPS * first.step for e in first.range):
+            reasons.append("its size is at the end of its range, so it stands for something else")
+        else:
+            return ""
+    return reasons[0]
+
+
+def _refuted(output: str, before: Prediction, after: Prediction) -> str:
+    """The reason of rule 1 in words; "" if the names of this output stand."""
+    if reason := _harm(output, before, after):
+        return reason
+    if explained_share(before, after) < MIN_EXPLAINED_SHARE:
+        noise = _size(output, float(np.median(after.spread)))
+        return (
+            f"1 s ahead on data not used, {_name(output)} errs by {_size(output, before.rms)} "
+            f"without and {_size(output, after.rms)} with it, where noise explains {noise}: "
+            "something else acts"
+        )
+    return ""
+
+
+def _harm(output: str, without: Prediction, with_it: Prediction) -> str:
+    """The reason of the first half of rule 1 in words; "" if there is none."""
+    d, se = gained(without, with_it)
+    if d < -se:
+        return (
+            f"1 s ahead on data not used, {_name(output)} errs by {_size(output, without.rms)} "
+            f"without and {_size(output, with_it.rms)} with it"
+        )
+    if with_it.cost >= without.cost:
+        return f"it predicts {_name(output)} no better on data not used"
+    return ""
+
+
+def _harm_of_one(state: State, one: Accepted, after: dict[str, Prediction]) -> str:
+    """The reason of rule 2 in words; "" if the name helps on one of its outputs, and harms on
+    none."""
+    outputs = [o for o in _outputs(one) if o in after]
+    without = held_out(drop_effects(state, _keys(one)), outputs)
+    reasons = {output: _harm(output, without[output], after[output]) for output in outputs}
+    harmed = [o for o in outputs if (dse := gained(without[o], after[o]))[0] < -dse[1]]
+    if harmed or (outputs and all(reasons.values())):
+        return reasons[(harmed or outputs)[0]]
+    return ""
+
+
+def _rival_is_better(one: Accepted, after: dict[str, Prediction]) -> str:
+    """The reason of rule 4 in words; "" if the best rival predicts no better 1 s ahead."""
+    for rival in one.rivals[:1]:
+        outputs = [o for o in _outputs(one) if o in after]
+        others = held_out(rival.state, outputs)
+        for output in outputs:
+            d, se = gained(after[output], others[output])
+            if d > SURE_Z * se:
+                return (
+                    f"1 s ahead on data not used, {_name(output)} errs by "
+                    f"{_size(output, after[output].rms)} with it and by "
+                    f"{_size(output, others[output].rms)} with {rival.name} in its place"
+                )
+    return ""
+
+
+def _capped(one: Accepted, share: Mapping[str, float]) -> Accepted:
+    """The name with the smallest share that is explained of its outputs."""
+    return replace(one, explained=min((share[o] for o in _outputs(one) if o in share), default=1.0))
+
+
+def _without(decision: Decision, kept: tuple[Accepted, ...], lost: list[Accepted]) -> Decision:
+    """The decision with the names `kept`, and those in `lost` back inside their tolerances."""
+    keys = [key for one in lost for key in _keys(one)]
+    state = drop_effects(decision.state, keys)
+    close = any(one.margin < RIVAL_MARGIN for one in kept)
+    verdict = "undecided" if close else "named"
+    if not kept:
+        verdict = "unknown-effect" if decision.unnamed else "undecided"
+    return replace(decision, accepted=kept, state=state, verdict=verdict)

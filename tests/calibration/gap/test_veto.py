@@ -1,0 +1,99 @@
+"""Names that data which were not fitted refute: the rule on plain numbers, and on a whole log."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from calibration.gap.decision_rule import MIN_WINDOWS
+from calibration.gap.findings import Findings
+from calibration.gap.investigation import investigate
+from calibration.gap.model.parameters import NominalModel
+from calibration.gap.name.decide import Decision, decide
+from calibration.gap.name.stepwise import settled_baseline
+from calibration.gap.veto import Prediction, explained_share, gained, judge
+from tests.support.gap.tables import RIG, evidence_of, foreign
+
+COUNT = 200
+
+
+def errors(size: float, seed: int = 1, count: int = COUNT, noise: float = 1.0) -> Prediction:
+    """Normal errors of this size where the filter expects `noise`."""
+    drawn = size * np.random.default_rng(seed).standard_normal(count)
+    return Prediction(drawn, np.full(count, noise), 0.0)
+
+
+@pytest.mark.parametrize(("with_it", "sign"), [(0.5, 1), (1.0, 0), (2.0, -1)])
+def test_the_gain_has_the_sign_of_what_falls(with_it: float, sign: int):
+    base = errors(1.0)
+    d, se = gained(base, replace(base, errors=with_it * base.errors))
+    assert np.sign(d) == sign
+    assert abs(d) >= 3.0 * se or sign == 0
+
+
+def test_one_push_does_not_decide():
+    base = errors(1.0)
+    pushed = base.errors.copy()
+    pushed[7] = 300.0
+    better = replace(base, errors=np.append(0.5 * pushed[:7], [310.0, *(0.5 * pushed[8:])]))
+    d, se = gained(replace(base, errors=pushed), better)
+    assert d > 3.0 * se
+
+
+def test_too_few_windows_say_nothing():
+    few = errors(1.0, count=MIN_WINDOWS - 1)
+    assert gained(few, replace(few, errors=9.0 * few.errors)) == (0.0, 0.0)
+    assert explained_share(errors(90.0, count=3), errors(80.0, count=3)) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "share"),
+    [
+        (9.0, 8.0, 1.0 - 63.0 / 80.0),  # far above the noise, and hardly lower
+        (9.0, 4.0, 1.0 - 15.0 / 80.0),  # far above the noise, but most of it is explained
+        (9.0, 12.0, 0.0),  # worse than without
+        (1.5, 1.4, 1.0),  # little is missing at all
+        (9.0, 1.1, 1.0),  # explained down to the noise
+    ],
+)
+def test_the_share_of_the_excess_error_that_the_names_explain(
+    before: float, after: float, share: float
+):
+    found = explained_share(errors(before, count=4000), errors(after, seed=2, count=4000))
+    assert found == pytest.approx(share, abs=0.1)
+
+
+@cache
+def decision_on_a_late_camera() -> Decision:
+    """A camera 0.1 s late; the delay itself is barred, so whatever is named imitates it."""
+    log = foreign(
+        "steps", seed=3, effects={"camera_delay": {"xy": {"extra_s": 0.1}}}, duration_s=20.0
+    )
+    nominal = NominalModel(RIG, load_friction=False)
+    return decide(settled_baseline(evidence_of(log), nominal), barred=["camera_delay"])
+
+
+def test_what_imitates_a_delay_is_refuted_or_told_beside_an_unknown_effect():
+    decision = decision_on_a_late_camera()
+    judged, _, reasons = judge(decision)
+    lost = {one.name for one in decision.accepted} - {one.name for one in judged.accepted}
+    assert bool(lost) == bool(reasons)
+    assert all(any(name in reason for reason in reasons) for name in lost)
+    if not judged.accepted:
+        assert judged.verdict in ("unknown-effect", "undecided")
+        assert not judged.state.named
+    else:
+        assert judged.unnamed is not None
+
+
+@pytest.mark.parametrize("delay_s", [0.1, 0.25])
+def test_a_delay_far_from_nominal_is_found_from_the_start(delay_s: float):
+    """Levels and friction of a real table, which a search near zero takes for a scale."""
+    log = foreign(
+        "steps", seed=4, effects={"camera_delay": {"xy": {"extra_s": delay_s}}}, duration_s=20.0
+    )
+    found: Findings = investigate([log], RIG, until="add", quick=True).findings
+    assert "camera_delay" in {one.name for one in found.effects}
+    one = next(one for one in found.effects if one.name == "camera_delay")
+    assert one.parameters["xy"]["extra_s"].value == pytest.approx(delay_s, rel=0.1)
