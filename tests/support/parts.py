@@ -15,6 +15,7 @@ import pytest
 from tests.support import ROOT
 
 UV_LINE = "uv run --group dev --extra cluster pytest"
+RECORDINGS = ROOT.parent / "shared/data"
 FOOTAGE = ROOT.parent / "shared/data/ball_on_plate/balancing_1.mp4"
 
 
@@ -78,6 +79,11 @@ PARTS = {
         "the tracker on real footage",
         file=FOOTAGE,
         by_hand=f"balancing_1.mp4 in {FOOTAGE.parent.relative_to(ROOT.parent)} beside the checkout",
+    ),
+    "recordings": Part(
+        "rig gap on recordings of real tables",
+        file=RECORDINGS / "position_table/run.csv",
+        by_hand="position_table and positioning_axis in shared/data beside the checkout",
     ),
 }
 

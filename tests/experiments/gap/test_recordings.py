@@ -1,0 +1,65 @@
+"""`rig gap` on recordings of real tables of other people, each half by itself.
+
+What is known of them stands in the README of their folders: a table whose servos take an angle (a
+delay of 0.09 to 0.13 s, the y axis 0.006 to 0.009 rad off level) and a positioning axis with
+published parameters (Coulomb friction of 0.58 V).
+"""
+
+from pathlib import Path
+
+import pytest
+
+from calibration.gap.findings import Findings
+from experiments.gap.gap import investigate
+from tests.support.parts import RECORDINGS, needs
+
+TABLE, AXIS = RECORDINGS / "position_table", RECORDINGS / "positioning_axis"
+CERTAIN = 0.9  # probability from which a name is told as certain
+
+
+def half_of_table(which: int, folder: Path) -> Path:
+    """One half of the table's recording; the commanded angle is taken for the angle."""
+    head, *rows = (TABLE / "run.csv").read_text(encoding="utf-8").splitlines()
+    middle = len(rows) // 2
+    part = rows[:middle] if which == 1 else rows[middle:]
+    path = folder / f"half_{which}.csv"
+    path.write_text("\n".join([head.replace("command", "theta"), *part]), encoding="utf-8")
+    return path
+
+
+def certain(found: Findings) -> set[str]:
+    return {one.name for one in found.effects if one.probability >= CERTAIN}
+
+
+@pytest.mark.slow
+@needs("recordings")
+@pytest.mark.parametrize("which", [1, 2])
+def test_a_table_with_position_servos_is_late_and_nothing_else_is_certain(
+    which: int, tmp_path: Path
+):
+    found = investigate([half_of_table(which, tmp_path)], TABLE / "rig.toml", until="prove")
+    assert found.verdict == "named", found.sentence
+    sizes = {one.name: one.parameters for one in found.effects}
+    assert 0.09 < sizes["camera_delay"]["xy"]["extra_s"].value < 0.13
+    assert certain(found) <= {"camera_delay", "level_offset"}
+    if "level_offset" in sizes:
+        assert {a for a, keys in sizes["level_offset"].items() if keys} == {"y"}
+        assert 0.005 < sizes["level_offset"]["y"]["slope_rad"].value < 0.009
+    ahead = found.gap.ahead_1s_mm
+    assert ahead["after"] < 0.75 * ahead["before"]
+
+
+@pytest.mark.slow
+@needs("recordings")
+@pytest.mark.parametrize("which", ["a", "b"])
+def test_a_positioning_axis_has_its_published_friction(which: str, tmp_path: Path):
+    rig = tmp_path / "rig.toml"
+    rig.write_text("[servo]\ngain_rad_s_V = 0.691\ntime_constant_s = 0.467\n", encoding="utf-8")
+    found = investigate([AXIS / f"run_{which}.csv"], rig, until="prove")
+    assert certain(found) == {"coulomb_friction"}, found.sentence
+    friction = found.effects[0].parameters["x"]["friction_V"]
+    assert friction.low < 0.580 < friction.high
+    assert friction.value == pytest.approx(0.580, rel=0.03)
+    assert found.unknown is not None  # its viscous friction differs by direction
+    ahead = found.gap.ahead_1s_deg["servo_x"]
+    assert ahead["after"] < 0.5 * ahead["before"]
