@@ -14,7 +14,8 @@ and C the cost one sample ahead (`calibration.gap.model.fit`):
    more than UNEXPLAINED_RATIO times what its noise explains, and they took away less than
    MIN_EXPLAINED_SHARE of the excess: then something else acts, which they imitate. Where more is
    taken away, that share bounds their probability.
-2. Each name beside the others: as the first half of rule 1.
+2. Each name beside the others: as the first half of rule 1. Where something without a name is left,
+   a name may stand for a part of it: it needs D > SURE_Z se on one of its outputs.
 3. The 95 % interval of its size excludes the nominal value, and the size is not at the end of its
    range, where it would have to be larger to be what its name says.
 4. Its best rival in its place does not predict better 1 s ahead: D < SURE_Z se of the rival's gain.
@@ -162,8 +163,8 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
         if reason and here:
             lost += here
             reasons.append(f"not named: {_names(here)}: {reason}")
-    for one in accepted if len(accepted) - len(lost) > 1 else ():
-        if one not in lost and (reason := _harm_of_one(state, one, after)):
+    for one in accepted if len(accepted) - len(lost) > 1 or decision.unnamed else ():
+        if one not in lost and (reason := _harm_of_one(decision, one, after)):
             lost.append(one)
             reasons.append(f"not named: {one.name}: {reason}")
     outdone = []
@@ -244,15 +245,22 @@ def _harm(output: str, without: Prediction, with_it: Prediction) -> str:
     return ""
 
 
-def _harm_of_one(state: State, one: Accepted, after: dict[str, Prediction]) -> str:
+def _harm_of_one(decision: Decision, one: Accepted, after: dict[str, Prediction]) -> str:
     """The reason of rule 2 in words; "" if the name helps on one of its outputs, and harms on
     none."""
     outputs = [o for o in _outputs(one) if o in after]
-    without = held_out(drop_effects(state, _keys(one)), outputs)
+    without = held_out(drop_effects(decision.state, _keys(one)), outputs)
     reasons = {output: _harm(output, without[output], after[output]) for output in outputs}
-    harmed = [o for o in outputs if (dse := gained(without[o], after[o]))[0] < -dse[1]]
+    gains = {output: gained(without[output], after[output]) for output in outputs}
+    harmed = [o for o, (d, se) in gains.items() if d < -se]
     if harmed or (outputs and all(reasons.values())):
         return reasons[(harmed or outputs)[0]]
+    unsure = outputs and all(d < SURE_Z * se for d, se in gains.values())
+    if decision.unnamed and unsure:
+        return (
+            "something without a name is left, and 1 s ahead on data not used it is not certain "
+            f"that {_name(outputs[0])} is predicted better with it"
+        )
     return ""
 
 

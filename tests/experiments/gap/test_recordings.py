@@ -14,6 +14,9 @@ from experiments.gap.gap import investigate
 from tests.support.parts import RECORDINGS, needs
 
 TABLE, AXIS = RECORDINGS / "position_table", RECORDINGS / "positioning_axis"
+# The owners know of the delay and the level; a ball that rolls on a film over a plate of 30 cm may
+# well be slowed, and the plate be crowned: nobody has measured it.
+POSSIBLE = {"camera_delay", "level_offset", "rolling_resistance", "plate_bowl"}
 CERTAIN = 0.9  # probability from which a name is told as certain
 
 
@@ -34,14 +37,14 @@ def certain(found: Findings) -> set[str]:
 @pytest.mark.slow
 @needs("recordings")
 @pytest.mark.parametrize("which", [1, 2])
-def test_a_table_with_position_servos_is_late_and_nothing_else_is_certain(
+def test_a_table_with_position_servos_is_late_and_nothing_that_cannot_be_is_certain(
     which: int, tmp_path: Path
 ):
     found = investigate([half_of_table(which, tmp_path)], TABLE / "rig.toml", until="prove")
     assert found.verdict == "named", found.sentence
     sizes = {one.name: one.parameters for one in found.effects}
     assert 0.09 < sizes["camera_delay"]["xy"]["extra_s"].value < 0.13
-    assert certain(found) <= {"camera_delay", "level_offset"}
+    assert certain(found) <= POSSIBLE
     if "level_offset" in sizes:
         assert {a for a, keys in sizes["level_offset"].items() if keys} == {"y"}
         assert 0.005 < sizes["level_offset"]["y"]["slope_rad"].value < 0.009
