@@ -179,7 +179,7 @@ class App:
     def _commands(self) -> None:
         """Keys, and the entries of the command palette (Ctrl + K)."""
         add, button = self.server.gui.add_command, self.controls.button
-        button(add("Stop", hotkey="escape"), "stop", self.header.stop, everybody=True)
+        self.controls.stop_button(add("Stop", hotkey="escape"), "stop", self.header.stop)
         button(add("Start the run", hotkey="R"), "start", lambda page: self.run_tab.start())
         button(add("Next run", hotkey="N"), "next run", lambda page: self.run_tab.go_on())
         button(add("Balance again", hotkey="B"), "balance", lambda page: self.run_tab.balance())

@@ -2,7 +2,8 @@
 
 A callback of a page only enqueues an action, so nothing waits for a page. The thread of the queue
 checks that the page holds the controls, checks and clamps its value, and acts. What an action
-raises is shown to the page that asked and noted in the run's events.
+raises is shown to the page that asked and noted in the run's events. STOP alone waits for nothing:
+it acts in the callback, and refuses every action that was enqueued before it.
 """
 
 import threading
@@ -19,6 +20,10 @@ REPEAT_S = 4.0  # the same refusal is shown to a page once in this time; chosen
 
 class WatchingError(PermissionError):
     """The page does not hold the controls."""
+
+
+class StoppedError(PermissionError):
+    """STOP was pressed after the action was asked for."""
 
 
 @dataclass(frozen=True)
@@ -115,6 +120,7 @@ class Controls:
         self, notify: Callable[[int | None, str, str], None], note: Callable[[str], None]
     ) -> None:
         self.lock = ControlLock()
+        self._stops = 0  # presses of STOP so far
         self._notify, self._note = notify, note
         self._last_notice: tuple[int | None, str, str] | None = None
         self._last_notice_s = -REPEAT_S
@@ -122,7 +128,7 @@ class Controls:
 
     def _failed(self, action: QueuedAction, error: Exception) -> None:
         """Show an error to its page; note it in the run's events, unless it is a refusal."""
-        if not isinstance(error, WatchingError):
+        if not isinstance(error, (WatchingError, StoppedError)):
             self._note(f"{action.what}: {type(error).__name__}: {error}")
         notice = action.page, action.what, str(error) or type(error).__name__
         now_s = time.monotonic()
@@ -135,6 +141,16 @@ class Controls:
         if not self.lock.may(page):
             raise WatchingError("you are watching: press 'Take over the controls' first")
 
+    def _check_still(self, page: int | None, stops: int) -> None:
+        """Also StoppedError: STOP was pressed since `stops` presses of it were counted."""
+        self.check(page)
+        if stops != self._stops:
+            raise StoppedError("STOP was pressed meanwhile: ask again")
+
+    def _enqueue(self, what: str, do: Callable[[], None], page: int | None) -> None:
+        if not self.queue.put(what, do, page):
+            self._notify(page, what, "too much at once: wait a moment")
+
     def button(
         self, handle: Any, what: str, act: Callable[[int | None], None], *, everybody: bool = False
     ) -> None:
@@ -142,30 +158,44 @@ class Controls:
         or with `everybody` by any page."""
 
         def pressed(event: Any) -> None:
-            page = event.client_id
+            page, stops = event.client_id, self._stops
 
             def do() -> None:
                 if not everybody:
-                    self.check(page)
+                    self._check_still(page, stops)
                 act(page)
 
-            if not self.queue.put(what, do, page):
-                self._notify(page, what, "too much at once: wait a moment")
+            self._enqueue(what, do, page)
 
-        register = getattr(handle, "on_click", None) or handle.on_trigger
-        register(pressed)
+        _on_press(handle, pressed)
+
+    def stop_button(self, handle: Any, what: str, act: Callable[[int | None], None]) -> None:
+        """Call `act(page)` in the callback itself, whatever waits in the queue, for any page.
+
+        What the page that holds the controls asked for before it is refused, so that nothing
+        begins after a stop. `act` has to be short and safe in any thread.
+        """
+
+        def pressed(event: Any) -> None:
+            self._stops += 1
+            try:
+                act(event.client_id)
+            except Exception as error:
+                self._failed(QueuedAction(what, lambda: None, event.client_id), error)
+
+        _on_press(handle, pressed)
 
     def pick(self, handle: Any, what: str, act: Callable[[Any], None]) -> None:
         """Call `act(label)` when the page that holds the controls presses one of a button group."""
 
         def pressed(event: Any) -> None:
-            page, label = event.client_id, handle.value
+            page, label, stops = event.client_id, handle.value, self._stops
 
             def do() -> None:
-                self.check(page)
+                self._check_still(page, stops)
                 act(label)
 
-            self.queue.put(what, do, page)
+            self._enqueue(what, do, page)
 
         handle.on_click(pressed)
 
@@ -185,13 +215,13 @@ class Controls:
         checked = CheckedValue(clean(handle.value))
 
         def updated(event: Any) -> None:
-            page, raw = event.client_id, handle.value
+            page, raw, stops = event.client_id, handle.value, self._stops
             if page is None:  # set by the program
                 return
 
             def do() -> None:
                 try:
-                    self.check(page)
+                    self._check_still(page, stops)
                     value = clean(raw)
                     apply(value)
                     checked.now = value
@@ -199,7 +229,13 @@ class Controls:
                     if handle.value != checked.now:
                         handle.value = checked.now
 
-            self.queue.put(what, do, page)
+            self._enqueue(what, do, page)
 
         handle.on_update(updated)
         return checked
+
+
+def _on_press(handle: Any, pressed: Callable[[Any], None]) -> None:
+    """Register a callback of a button, or of a command of the palette."""
+    register = getattr(handle, "on_click", None) or handle.on_trigger
+    register(pressed)

@@ -1,7 +1,7 @@
 """Session of the table: balancing, planned runs, pauses, stops; one loop process at a time.
 
-Pages reach it through the `ControlPanelQueue` alone. Its own thread reads the rows of the loop
-process and records them; the loop process waits for neither.
+Pages reach it through the `ControlPanelQueue`, and `stop` directly. Its own thread reads the rows
+of the loop process and records them; the loop process waits for neither.
 """
 
 import os
@@ -60,6 +60,7 @@ class Session:
         self._waits = self._closed = False
         self._loop: LoopProcess | None = None
         self._stop: Stop | None = None  # asked for while a loop is being started
+        self._stops = 0  # how often it was stopped
         self._busy = False
         self._notes: deque[str] = deque(maxlen=64)
         self._status = SessionStatus("starting", "the loop's process starts")
@@ -74,9 +75,15 @@ class Session:
         return self._status
 
     def start(self, plan: RunPlan) -> None:
-        """Begin a plan; balancing ends. ValueError, OSError: a run is on, or it is impossible."""
+        """Begin a plan; balancing ends.
+
+        ValueError, OSError: a run is on, it is impossible, or it was stopped before it began.
+        """
+        stops = self._stops
         self.table.check(plan, self.rig)
         with self._wake:
+            if stops != self._stops:
+                raise ValueError("STOP was pressed meanwhile: press Start again")
             if self._planned or self._status.state in ("running", "pause"):
                 raise ValueError("a run is on: stop it first")
             self._planned.extend(planned_runs(plan))
@@ -91,8 +98,9 @@ class Session:
             self._wake.notify_all()
 
     def stop(self, who: str) -> None:
-        """End what moves, drop the plan, leave the table at rest. Any page may call it."""
+        """End what moves, drop the plan, leave the table at rest; from any thread, for any page."""
         with self._wake:
+            self._stops += 1
             self._planned.clear()
             self._balance = self._waits = False
             self._end_loop(Stop(f"stopped by {who}", "aborted"))

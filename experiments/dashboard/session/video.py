@@ -2,11 +2,14 @@
 
 import threading
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from experiments.dashboard.session.worker_process import ProgressSender
+
+if TYPE_CHECKING:
+    from experiments.gap.closed_loop_replay import TableMotion
 
 VIDEO = "video.mkv"
 STEP_S = 1 / 30  # between frames of a rendered video
@@ -62,22 +65,36 @@ class Video:
             self._file = None
 
 
-def render_video(folder: Path, progress: ProgressSender) -> Path:
-    """Render what the virtual camera saw of the measured poses of a simulated run; the file's path.
+def replay_run(folder: Path, progress: ProgressSender) -> Path:
+    """Read a run, show (its name, its `TableMotion`), then find or render its video; the file.
 
-    ValueError: the run was measured, or has no rows.
+    OSError, ValueError: the run cannot be read; or it was measured and nobody filmed it.
     """
-    from experiments.dashboard.session.virtual_camera import VirtualCameraRenderer
     from experiments.gap.closed_loop_replay import table_motion
     from experiments.records.recording import read_run
+
+    run = read_run(folder)
+    motion = table_motion(run.log)
+    progress.show((folder.name, motion))
+    video = folder / VIDEO
+    return video if video.is_file() else render_video(video, run.meta, motion, progress)
+
+
+def render_video(
+    video: Path, meta: dict[str, Any], motion: "TableMotion", progress: ProgressSender
+) -> Path:
+    """Render what the virtual camera saw of the poses of a simulated run into a file; its path.
+
+    ValueError: the run was measured.
+    """
+    from experiments.dashboard.session.virtual_camera import VirtualCameraRenderer
     from experiments.track.film import Film
     from rig.rigfile import from_dict
 
-    run = read_run(folder)
-    if run.meta.get("source") != "simulated":
+    if meta.get("source") != "simulated":
         raise ValueError("nobody filmed this run: there is no video of it")
-    motion, renderer = table_motion(run.log), VirtualCameraRenderer(from_dict(run.meta["rig"]))
-    unfinished = folder / f"part-{VIDEO}"
+    renderer = VirtualCameraRenderer(from_dict(meta["rig"]))
+    unfinished = video.with_name(f"part-{video.name}")
     times = np.arange(0.0, motion.end_s, STEP_S)
     with Film(unfinished, renderer.size) as film:
         for i, t_s in enumerate(times):
@@ -86,4 +103,4 @@ def render_video(folder: Path, progress: ProgressSender) -> Path:
             theta_rad, ball_m, _ = motion.at(float(t_s))
             image, _ = renderer.look(theta_rad, ball_m, float(t_s))
             film.add(image, float(t_s))
-    return unfinished.rename(folder / VIDEO)
+    return unfinished.rename(video)

@@ -48,13 +48,13 @@ class Header:
         gui = server.gui
         self._state: Any = gui.add_markdown("", order=-80)
         stop = gui.add_button("STOP (everybody may)", color="red", order=-70)
-        controls.button(stop, "stop", self.stop, everybody=True)
+        controls.stop_button(stop, "stop", self.stop)
         gui.add_markdown(NO_EMERGENCY, order=-60)
         self._own: dict[int, tuple[Any, Any]] = {}
         self._words = ""
 
     def stop(self, page: int | None) -> None:
-        """Stop what moves; `page` is named in the run's events."""
+        """Stop what moves, from any thread; `page` is named in the run's events."""
         self._session.stop(f"page {page}")
 
     def joined(self, client: "ClientHandle") -> None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,10 +10,8 @@ from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.server.input_limits import SPEED, Range, choice
 from experiments.dashboard.session.playback import Playback
 from experiments.dashboard.session.tasks import RunSummary
-from experiments.dashboard.session.video import VIDEO, Video, render_video
+from experiments.dashboard.session.video import Video, replay_run
 from experiments.dashboard.session.worker_process import WorkerProcess, WorkItem
-from experiments.gap.closed_loop_replay import table_motion
-from experiments.records.recording import read_run
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -22,6 +19,9 @@ if TYPE_CHECKING:
 NONE = "(no runs yet)"
 PERCENT = Range(0.0, 100.0, 0.1)
 LIVE = "The live table is shown."
+MAKING = (
+    "*The video is made from the recording: about a quarter of its length, more on a busy machine.*"
+)
 
 
 class ReplayTab:
@@ -60,6 +60,7 @@ class ReplayTab:
         self._image: Any = gui.add_image(blank, format="jpeg", visible=False)
         self._about: Any = gui.add_markdown("")  # the video
         self._playback: Playback | None = None
+        self._item: WorkItem | None = None  # that reads the chosen run
         self._shown = LIVE
 
     def refresh(self) -> None:
@@ -71,43 +72,39 @@ class ReplayTab:
                 self._run.now = names[0]
 
     def show(self) -> None:
-        """Read the chosen run and play it; its video comes with it, or as soon as it is made."""
+        """Have the worker read the chosen run and make its video; what it read before is dropped.
+
+        ValueError: there is no such run.
+        """
         found = [row.folder for row in self._rows() if row.folder.name == self._run.now]
         if not found:
             raise ValueError("no such run: make one in the tab Run")
-        playback = Playback(found[0].name, table_motion(read_run(found[0]).log))
-        self._show_playback(playback)
-        if (found[0] / VIDEO).is_file():
-            self._add_video(playback, found[0] / VIDEO)
-            return
+        folder = found[0]
 
         def on_message(kind: str, what: Any) -> None:
-            self._controls.queue.put("video", partial(self._on_message, playback, kind, what))
+            self._controls.queue.put("replay", partial(self._on_message, item, kind, what))
 
-        self._worker.put(
-            WorkItem("video", partial(render_video, found[0]), on_message), instead=True
-        )
-        self._about.content = (
-            "*The video is made from the recording: about a quarter of its length, more on a busy "
-            "machine.*"
-        )
+        item = WorkItem("replay", partial(replay_run, folder), on_message)
+        self._item, self._about.content = item, f"*{folder.name} is read.*"
+        self._worker.put(item, instead=True)
 
-    def _on_message(self, playback: Playback, kind: str, what: Any) -> None:
-        if playback is not self._playback:
+    def _on_message(self, item: WorkItem, kind: str, what: Any) -> None:
+        if item is not self._item:  # another run was chosen, or another film is shown
             return
-        if kind == "progress":
+        if kind == "shown":
+            self._show_playback(Playback(*what))
+            self._item, self._about.content = item, MAKING
+        elif kind == "progress":
             self._about.content = f"*{what[0]}: {100 * what[1] // max(what[2], 1)} %*"
         elif kind == "failed":
             self._about.content = str(what)
         elif kind == "done":
-            self._add_video(playback, what)
-
-    def _add_video(self, playback: Playback, path: Path) -> None:
-        playback.video = Video(path)
-        self._about.content = "What the camera saw, and what the tracker makes of it."
+            self._need().video = Video(what)
+            self._about.content = "What the camera saw, and what the tracker makes of it."
 
     def on_playback(self, playback: Playback | None) -> None:
-        """What is shown from now on; told by the app."""
+        """What is shown from now on; told by the app. What is still being read is not shown."""
+        self._item = None
         if self._playback is not None:
             self._playback.close()
         self._playback, self._image.visible, self._about.content = playback, False, ""

@@ -1,11 +1,8 @@
-"""The dashboard's small pieces: seat, clamps, queue, plan, teeth, film."""
+"""The dashboard's small pieces: clamps, plan, teeth, film."""
 
-import threading
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from math import inf, isfinite, nan, radians
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,12 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from experiments.analysis.samples import held
-from experiments.dashboard.server.controls import (
-    QUEUE_LENGTH,
-    ControlLock,
-    ControlPanelQueue,
-    Controls,
-)
 from experiments.dashboard.server.input_limits import BACKLASH_DEG, KP, choice, on_plate
 from experiments.dashboard.session.live import POINTS, LiveBuffer
 from experiments.dashboard.session.plan import RunPlan, SessionStatus, planned_runs
@@ -29,39 +20,6 @@ from experiments.runs.protocol import read_protocol
 from rig.log import COLUMNS, INDEX
 from rig.parameters import Rig
 from rig.plant.ball import plate_rotation
-
-
-# --- the seat ---
-def test_one_page_holds_the_controls_and_others_take_over_knowingly():
-    lock = ControlLock().joined(1).joined(2)
-    assert lock.may(1)
-    assert not lock.may(2)
-    assert "watching" in lock.words(2)
-    lock = lock.taken(2)
-    assert lock.may(2)
-    assert not lock.may(1)
-    lock = lock.left(2)
-    assert not lock.may(1)  # nobody gets them without asking
-    assert "Nobody holds" in lock.words(1)
-    assert lock.joined(3).may(3)  # a page that comes (or is reloaded) while they are free
-    with pytest.raises(ValueError, match="not connected"):
-        lock.taken(9)
-
-
-@given(st.lists(st.tuples(st.sampled_from(["join", "leave", "take"]), st.integers(0, 4))))
-def test_never_two_hold_the_controls(steps):
-    lock = ControlLock()
-    for what, page in steps:
-        if what == "join":
-            lock = lock.joined(page)
-        elif what == "leave":
-            lock = lock.left(page)
-        elif page in lock.pages:
-            lock = lock.taken(page)
-        assert sum(lock.may(page) for page in range(5)) <= 1
-        assert lock.holder is None or lock.holder in lock.pages
-    assert not lock.may(None)
-
 
 # --- clamps ---
 ANYTHING = st.one_of(
@@ -90,107 +48,6 @@ def test_a_choice_is_one_of_the_options(value):
 @given(st.floats(-10, 10), st.floats(-10, 10))
 def test_a_target_stays_on_the_plate(x, y):
     assert max(map(abs, on_plate((x, y), 0.275, 0.02))) <= 0.1375 - 0.02 + 1e-12
-
-
-# --- the queue ---
-def test_orders_are_served_in_turn_and_failures_are_told():
-    failures, served = [], []
-    queue = ControlPanelQueue(
-        lambda order, error: failures.append((order.what, order.page, str(error)))
-    )
-    queue.put("one", lambda: served.append(1))
-    queue.put("two", lambda: (_ for _ in ()).throw(ValueError("broken")), 7)
-    queue.put("three", lambda: served.append(3))
-    queue.close()
-    assert served == [1, 3]
-    assert failures == [("two", 7, "broken")]
-
-
-def test_a_full_queue_drops_and_never_waits():
-    gate = threading.Event()
-    queue = ControlPanelQueue(lambda order, error: None)
-
-    def slow() -> None:
-        gate.wait()
-
-    queue.put("slow", slow)
-    results = [queue.put("more", lambda: None) for _ in range(QUEUE_LENGTH + 10)]
-    gate.set()
-    queue.close()
-    assert not all(results)
-    assert sum(results) >= QUEUE_LENGTH - 1
-
-
-class FakeHandle:
-    """What is used of a viser input."""
-
-    def __init__(self, value):
-        self.value = value
-        self.callback: Callable[[Any], None] = print
-
-    def on_update(self, callback):
-        self.callback = callback
-
-    on_click = on_update
-
-
-class FakeEvent:
-    def __init__(self, page):
-        self.client_id = page
-
-
-def controls():
-    told, noted = [], []
-    return Controls(lambda *what: told.append(what), noted.append), told, noted
-
-
-def test_a_watching_page_moves_nothing_and_its_slider_goes_back():
-    c, told, noted = controls()
-    c.lock = ControlLock().joined(1).joined(2)
-    handle, applied = FakeHandle(3.0), []
-    kept = c.value(handle, "gain", KP.clamp, applied.append)
-    handle.value = 5.0
-    handle.callback(FakeEvent(2))
-    handle2 = FakeHandle(0)
-    c.button(handle2, "start", lambda page: applied.append("start"))
-    handle2.callback(FakeEvent(2))
-    c.queue.close()
-    assert applied == []
-    assert handle.value == kept.now == 3.0
-    assert [what[0] for what in told] == [2, 2]
-    assert noted == []  # a refusal is no event of the run
-
-
-def test_a_value_beyond_its_limit_is_clamped_and_everybody_may_stop():
-    c, told, _ = controls()
-    c.lock = ControlLock().joined(1).joined(2)
-    handle, applied = FakeHandle(3.0), []
-    kept = c.value(handle, "gain", KP.clamp, applied.append)
-    handle.value = 1e9
-    handle.callback(FakeEvent(1))
-    stop = FakeHandle(False)
-    c.button(stop, "stop", lambda page: applied.append(f"stop {page}"), everybody=True)
-    stop.callback(FakeEvent(2))
-    handle.callback(FakeEvent(None))  # set by the program: not an order
-    c.queue.close()
-    assert applied == [KP.high, "stop 2"]
-    assert handle.value == kept.now == KP.high
-    assert told == []
-
-
-def test_an_exception_becomes_a_notification_and_a_line_in_the_events():
-    c, told, noted = controls()
-    c.lock = ControlLock().joined(1)
-    button = FakeHandle(False)
-
-    def act(page):
-        raise RuntimeError("no motor")
-
-    c.button(button, "push", act)
-    button.callback(FakeEvent(1))
-    c.queue.close()
-    assert told == [(1, "push", "no motor")]
-    assert noted == ["push: RuntimeError: no motor"]
 
 
 # --- plan ---

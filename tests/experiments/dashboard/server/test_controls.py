@@ -1,0 +1,186 @@
+"""Lock, queue and inputs of the control panel: who may do what, in which order."""
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from experiments.dashboard.server.controls import (
+    QUEUE_LENGTH,
+    ControlLock,
+    ControlPanelQueue,
+    Controls,
+)
+from experiments.dashboard.server.input_limits import KP
+
+
+def test_one_page_holds_the_controls_and_others_take_over_knowingly():
+    lock = ControlLock().joined(1).joined(2)
+    assert lock.may(1)
+    assert not lock.may(2)
+    assert "watching" in lock.words(2)
+    lock = lock.taken(2)
+    assert lock.may(2)
+    assert not lock.may(1)
+    lock = lock.left(2)
+    assert not lock.may(1)  # nobody gets them without asking
+    assert "Nobody holds" in lock.words(1)
+    assert lock.joined(3).may(3)  # a page that comes (or is reloaded) while they are free
+    with pytest.raises(ValueError, match="not connected"):
+        lock.taken(9)
+
+
+@given(st.lists(st.tuples(st.sampled_from(["join", "leave", "take"]), st.integers(0, 4))))
+def test_never_two_hold_the_controls(steps):
+    lock = ControlLock()
+    for what, page in steps:
+        if what == "join":
+            lock = lock.joined(page)
+        elif what == "leave":
+            lock = lock.left(page)
+        elif page in lock.pages:
+            lock = lock.taken(page)
+        assert sum(lock.may(page) for page in range(5)) <= 1
+        assert lock.holder is None or lock.holder in lock.pages
+    assert not lock.may(None)
+
+
+def test_orders_are_served_in_turn_and_failures_are_told():
+    failures, served = [], []
+    queue = ControlPanelQueue(
+        lambda order, error: failures.append((order.what, order.page, str(error)))
+    )
+    queue.put("one", lambda: served.append(1))
+    queue.put("two", lambda: (_ for _ in ()).throw(ValueError("broken")), 7)
+    queue.put("three", lambda: served.append(3))
+    queue.close()
+    assert served == [1, 3]
+    assert failures == [("two", 7, "broken")]
+
+
+def test_a_full_queue_drops_and_never_waits():
+    gate = threading.Event()
+    queue = ControlPanelQueue(lambda order, error: None)
+
+    def slow() -> None:
+        gate.wait()
+
+    queue.put("slow", slow)
+    results = [queue.put("more", lambda: None) for _ in range(QUEUE_LENGTH + 10)]
+    gate.set()
+    queue.close()
+    assert not all(results)
+    assert sum(results) >= QUEUE_LENGTH - 1
+
+
+class FakeHandle:
+    """What is used of a viser input."""
+
+    def __init__(self, value):
+        self.value = value
+        self.callback: Callable[[Any], None] = print
+
+    def on_update(self, callback):
+        self.callback = callback
+
+    on_click = on_update
+
+
+class FakeEvent:
+    def __init__(self, page):
+        self.client_id = page
+
+
+def controls():
+    told, noted = [], []
+    return Controls(lambda *what: told.append(what), noted.append), told, noted
+
+
+def test_a_watching_page_moves_nothing_and_its_slider_goes_back():
+    c, told, noted = controls()
+    c.lock = ControlLock().joined(1).joined(2)
+    handle, applied = FakeHandle(3.0), []
+    kept = c.value(handle, "gain", KP.clamp, applied.append)
+    handle.value = 5.0
+    handle.callback(FakeEvent(2))
+    handle2 = FakeHandle(0)
+    c.button(handle2, "start", lambda page: applied.append("start"))
+    handle2.callback(FakeEvent(2))
+    c.queue.close()
+    assert applied == []
+    assert handle.value == kept.now == 3.0
+    assert [what[0] for what in told] == [2, 2]
+    assert noted == []  # a refusal is no event of the run
+
+
+def test_a_value_beyond_its_limit_is_clamped_and_everybody_may_stop():
+    c, told, _ = controls()
+    c.lock = ControlLock().joined(1).joined(2)
+    handle, applied = FakeHandle(3.0), []
+    kept = c.value(handle, "gain", KP.clamp, applied.append)
+    handle.value = 1e9
+    handle.callback(FakeEvent(1))
+    stop = FakeHandle(False)
+    c.button(stop, "stop", lambda page: applied.append(f"stop {page}"), everybody=True)
+    stop.callback(FakeEvent(2))
+    handle.callback(FakeEvent(None))  # set by the program: not an order
+    c.queue.close()
+    assert applied == [KP.high, "stop 2"]
+    assert handle.value == kept.now == KP.high
+    assert told == []
+
+
+def test_an_exception_becomes_a_notification_and_a_line_in_the_events():
+    c, told, noted = controls()
+    c.lock = ControlLock().joined(1)
+    button = FakeHandle(False)
+
+    def act(page):
+        raise RuntimeError("no motor")
+
+    c.button(button, "push", act)
+    button.callback(FakeEvent(1))
+    c.queue.close()
+    assert told == [(1, "push", "no motor")]
+    assert noted == ["push: RuntimeError: no motor"]
+
+
+def test_stop_waits_for_nothing_and_nothing_begins_after_it():
+    c, told, noted = controls()
+    c.lock = ControlLock().joined(1).joined(2)
+    busy, acted = threading.Event(), []
+    stop, start, slider = FakeHandle(False), FakeHandle(False), FakeHandle(3.0)
+    c.stop_button(stop, "stop", lambda page: acted.append(f"stop {page}"))
+    c.button(start, "start", lambda page: acted.append("start"))
+    kept = c.value(slider, "gain", KP.clamp, lambda value: acted.append(f"gain {value}"))
+    c.queue.put("a whole recording is read", lambda: busy.wait(30.0) and None)
+    start.callback(FakeEvent(1))
+    slider.value = 5.0
+    slider.callback(FakeEvent(1))
+    while c.queue.put("more", lambda: None):
+        pass  # the queue is full
+    stop.callback(FakeEvent(2))
+    assert acted == ["stop 2"]  # at once
+    busy.set()
+    c.queue.close()
+    assert acted == ["stop 2"]
+    assert [what[0:2] for what in told] == [(1, "start"), (1, "gain")]
+    assert slider.value == kept.now == 3.0
+    assert noted == []
+
+
+def test_a_stop_that_fails_is_told():
+    c, told, noted = controls()
+    stop = FakeHandle(False)
+
+    def act(page):
+        raise RuntimeError("no loop")
+
+    c.stop_button(stop, "stop", act)
+    stop.callback(FakeEvent(4))
+    c.queue.close()
+    assert told == [(4, "stop", "no loop")]
+    assert noted == ["stop: RuntimeError: no loop"]
