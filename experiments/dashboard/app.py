@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.dashboard.server.controls import Controls
+from experiments.dashboard.server.messages import admit_values
 from experiments.dashboard.session.live import LiveBuffer, LiveState
 from experiments.dashboard.session.plan import PlannedRun
 from experiments.dashboard.session.playback import Playback
@@ -69,6 +70,7 @@ class App:
         )  # no figure waits for an analysis
         self.playback: Playback | None = None
         self.controls = Controls(self.notify, self.session.note)
+        admit_values(server, self.controls)
         self._ghost_of, self._ghost = rig, Ghost(rig)
         kind = f"{rig.table.kind} table" if table.real else "virtual table"
         self._build(f"{kind} of {rig_file.name}" if rig_file else kind)
@@ -93,7 +95,7 @@ class App:
         with panel.add_tab("Live curves"):
             self.curves = Curves(server)
         with panel.add_tab("Camera"):
-            self.camera.add_widgets()
+            self.camera.add_widgets(self.controls)
         with panel.add_tab("Legend"):
             gui.add_markdown(legend_words(self.session.table.real))
         panel.dock_left()

@@ -1,17 +1,21 @@
 """Buttons and inputs of the pages: one page holds the controls, one thread serves their actions.
 
-A callback of a page only enqueues an action, so nothing waits for a page. The thread of the queue
-checks that the page holds the controls, checks and clamps its value, and acts. What an action
-raises is shown to the page that asked and noted in the run's events. STOP alone waits for nothing:
-it acts in the callback, and refuses every action that was enqueued before it.
+A callback of a page only enqueues an action, so nothing waits for a page. What a page sends for an
+input is checked (who sent it, its type, its limits) before anything stores it; that value, and none
+that is read later, goes into the queue, whose thread acts. What an action raises is shown to the
+page that asked and noted in the run's events. STOP alone waits for nothing: it acts in the
+callback, and refuses every action that was enqueued before it.
 """
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from queue import Full, Queue
 from typing import Any, Generic, TypeVar
+
+from experiments.dashboard.server.input_limits import choice, flag
 
 T = TypeVar("T")
 QUEUE_LENGTH = 256  # actions; chosen: a slider that is dragged sends tens of them a second
@@ -102,6 +106,20 @@ class ControlPanelQueue:
                 self._failed(action, error)
 
 
+@dataclass(frozen=True)
+class InputRules:
+    """What a page may set on an input: `clean(raw)` converts and clamps (ValueError: refused).
+
+    use: called with the page and the value that was cleaned; everybody: also a page that watches
+    may set it.
+    """
+
+    what: str
+    clean: Callable[[Any], Any]
+    use: Callable[[int, Any], None]
+    everybody: bool = False
+
+
 class CheckedValue(Generic[T]):
     """The last value of an input that passed its checks."""
 
@@ -121,6 +139,7 @@ class Controls:
     ) -> None:
         self.lock = ControlLock()
         self._stops = 0  # presses of STOP so far
+        self._rules: dict[int, InputRules] = {}  # by id of the handle: handles have no hash
         self._notify, self._note = notify, note
         self._last_notice: tuple[int | None, str, str] | None = None
         self._last_notice_s = -REPEAT_S
@@ -130,7 +149,10 @@ class Controls:
         """Show an error to its page; note it in the run's events, unless it is a refusal."""
         if not isinstance(error, (WatchingError, StoppedError)):
             self._note(f"{action.what}: {type(error).__name__}: {error}")
-        notice = action.page, action.what, str(error) or type(error).__name__
+        self._tell(action.page, action.what, error)
+
+    def _tell(self, page: int | None, what: str, error: Exception) -> None:
+        notice = page, what, str(error) or type(error).__name__
         now_s = time.monotonic()
         if notice != self._last_notice or now_s - self._last_notice_s > REPEAT_S:
             self._notify(*notice)
@@ -147,9 +169,11 @@ class Controls:
         if stops != self._stops:
             raise StoppedError("STOP was pressed meanwhile: ask again")
 
-    def _enqueue(self, what: str, do: Callable[[], None], page: int | None) -> None:
-        if not self.queue.put(what, do, page):
+    def _enqueue(self, what: str, do: Callable[[], None], page: int | None) -> bool:
+        taken = self.queue.put(what, do, page)
+        if not taken:
             self._notify(page, what, "too much at once: wait a moment")
+        return taken
 
     def button(
         self, handle: Any, what: str, act: Callable[[int | None], None], *, everybody: bool = False
@@ -167,7 +191,7 @@ class Controls:
 
             self._enqueue(what, do, page)
 
-        _on_press(handle, pressed)
+        self._on_press(handle, what, pressed)
 
     def stop_button(self, handle: Any, what: str, act: Callable[[int | None], None]) -> None:
         """Call `act(page)` in the callback itself, whatever waits in the queue, for any page.
@@ -183,21 +207,29 @@ class Controls:
             except Exception as error:
                 self._failed(QueuedAction(what, lambda: None, event.client_id), error)
 
-        _on_press(handle, pressed)
+        self._on_press(handle, what, pressed)
 
-    def pick(self, handle: Any, what: str, act: Callable[[Any], None]) -> None:
+    def _on_press(self, handle: Any, what: str, pressed: Callable[[Any], None]) -> None:
+        """Register the callback of a button, or of a command of the palette."""
+        if hasattr(handle, "on_trigger"):
+            handle.on_trigger(pressed)
+            return
+        handle.on_click(pressed)
+        self._rules[id(handle)] = InputRules(what, flag, lambda page, value: None, everybody=True)
+
+    def pick(self, handle: Any, options: Sequence[str], act: Callable[[str], None]) -> None:
         """Call `act(label)` when the page that holds the controls presses one of a button group."""
 
-        def pressed(event: Any) -> None:
-            page, label, stops = event.client_id, handle.value, self._stops
+        def use(page: int, label: str) -> None:
+            stops = self._stops
 
             def do() -> None:
                 self._check_still(page, stops)
                 act(label)
 
-            self._enqueue(what, do, page)
+            self._enqueue(label, do, page)
 
-        handle.on_click(pressed)
+        self._rules[id(handle)] = InputRules("press", partial(choice, options=options), use)
 
     def value(
         self,
@@ -205,37 +237,54 @@ class Controls:
         what: str,
         clean: Callable[[Any], T],
         apply: Callable[[T], None] = lambda value: None,
+        *,
+        everybody: bool = False,
     ) -> CheckedValue[T]:
-        """Check and apply what a page sets on an input.
+        """Check and apply what the page that holds the controls (everybody: any page) sets.
 
         `clean(raw)` converts and clamps (ValueError: refused), `apply(value)` uses the result; the
-        input then shows the last value that was accepted. The program reads the returned
-        `CheckedValue.now`, never the input's own value, which a page can set at any time.
+        input goes back to the last value that was accepted if that fails. The program reads the
+        returned `CheckedValue.now`.
         """
         checked = CheckedValue(clean(handle.value))
 
-        def updated(event: Any) -> None:
-            page, raw, stops = event.client_id, handle.value, self._stops
-            if page is None:  # set by the program
-                return
+        def use(page: int, value: T) -> None:
+            stops = self._stops
 
             def do() -> None:
                 try:
-                    self._check_still(page, stops)
-                    value = clean(raw)
+                    if not everybody:
+                        self._check_still(page, stops)
                     apply(value)
-                    checked.now = value
-                finally:
-                    if handle.value != checked.now:
-                        handle.value = checked.now
+                except Exception:
+                    handle.value = checked.now
+                    raise
+                checked.now = value
 
-            self._enqueue(what, do, page)
+            if not self._enqueue(what, do, page):
+                handle.value = checked.now
 
-        handle.on_update(updated)
+        self._rules[id(handle)] = InputRules(what, clean, use, everybody)
         return checked
 
+    def cleaned(self, page: int, handle: Any, raw: Any) -> Any:
+        """What is to be stored of a value that a page sends for an input.
 
-def _on_press(handle: Any, pressed: Callable[[Any], None]) -> None:
-    """Register a callback of a button, or of a command of the palette."""
-    register = getattr(handle, "on_click", None) or handle.on_trigger
-    register(pressed)
+        WatchingError: the page may not set it. ValueError: no input, or not one of its values.
+        """
+        rules = self._rules.get(id(handle))
+        if rules is None:
+            raise ValueError("nobody may set this")
+        if not rules.everybody:
+            self.check(page)
+        return rules.clean(raw)
+
+    def use(self, page: int, handle: Any, value: Any) -> None:
+        """Enqueue the use of a value that was cleaned and stored."""
+        self._rules[id(handle)].use(page, value)
+
+    def refuse(self, page: int, handle: Any, error: Exception) -> None:
+        """Tell a page why its value was not taken."""
+        rules = self._rules.get(id(handle))
+        if rules is not None:
+            self._tell(page, rules.what, error)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import isfinite
+from math import inf
 from typing import Any
 
 from rig.loop.loop import HIGHEST_GAINS
@@ -17,14 +17,11 @@ class Range:
     step: float
 
     def clamp(self, value: Any) -> float:
-        """The value as a number, clamped to the range. ValueError: it is no finite number."""
-        try:
-            number = float(value)
-        except (TypeError, ValueError, OverflowError):
-            raise ValueError(f"{str(value)[:40]!r} is no number") from None
-        if isinstance(value, bool) or not isfinite(number):
-            raise ValueError(f"{value!r} is no number")
-        return min(max(number, self.low), self.high)
+        """The value, clamped to the range. ValueError: it is no finite number."""
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        if not number or not abs(value) < inf:
+            raise ValueError(f"{type(value).__name__} is no number")
+        return float(min(max(value, self.low), self.high))
 
 
 KP = Range(0.0, HIGHEST_GAINS[0], 0.05)  # rad/m
@@ -32,15 +29,23 @@ KI = Range(0.0, HIGHEST_GAINS[1], 0.05)  # rad/(m s)
 KD = Range(0.0, HIGHEST_GAINS[2], 0.05)  # rad s/m
 BACKLASH_DEG = Range(0.0, 3.0, 0.1)  # full width at the servo
 REPETITIONS = Range(1, 100, 1)
+PRINTED_MM = Range(5.0, 100.0, 0.1)  # squares of the sheet, markers of the plate
 PAUSE_S = Range(0, 600, 1)
 PUSH_M_S = Range(0.0, 0.4, 0.01)
 SPEED = Range(0.1, 8.0, 0.1)
 
 
+def flag(value: Any) -> bool:
+    """The value, if it is a truth value. ValueError: it is none."""
+    if not isinstance(value, bool):
+        raise ValueError(f"{type(value).__name__} is neither yes nor no")
+    return value
+
+
 def choice(value: Any, options: Sequence[str]) -> str:
     """The value, if it is one of the options. ValueError: it is none of them."""
     if not isinstance(value, str) or value not in options:
-        raise ValueError(f"{str(value)[:40]!r} is none of {', '.join(options)}")
+        raise ValueError(f"that is none of {', '.join(options)}")
     return value
 
 

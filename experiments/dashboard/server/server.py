@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from typing import TYPE_CHECKING, Any
 
+from experiments.dashboard.server.messages import LONGEST
 from experiments.dashboard.server.security import Gate, PageRequest, gate_of
 
 if TYPE_CHECKING:
@@ -77,6 +78,7 @@ def _gated(gate: Gate) -> Iterator[list[Any]]:
 
     def gated_serve(*args: Any, **settings: Any):
         settings["process_request"] = guarded(settings.get("process_request"), gate)
+        settings["max_size"] = LONGEST
         served.append(settings)
         return serve(*args, **settings)
 

@@ -11,7 +11,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments.dashboard.server.controls import Controls
+from experiments.dashboard.server.controls import CheckedValue, Controls
+from experiments.dashboard.server.input_limits import PRINTED_MM
 from experiments.dashboard.session.calibration_tasks import (
     CALIBRATION_STEPS,
     NOT_REAL,
@@ -45,6 +46,7 @@ REAL = (
     "places and tilts until all cells are green; **table** with the plate level and empty; "
     "**time** and **level** from the newest runs with the ball."
 )
+PRINTED_DEFAULT_MM = 24.0  # of `rig calibrate sheet`
 LED_ABOUT, MOST_RUNS = ("steps", "circle", "free-release", "pushed"), 4
 
 
@@ -72,8 +74,8 @@ class CalibrateTab:
         gui = server.gui
         gui.add_markdown(REAL if real else VIRTUAL)
         if real:
-            self._square: Any = gui.add_number("Square as printed [mm]", 24.0, min=5.0, max=100.0)
-            self._marker: Any = gui.add_number("Plate marker [mm]", 24.0, min=5.0, max=100.0)
+            self._square_mm = self._add_number(gui, "Square as printed [mm]")
+            self._marker_mm = self._add_number(gui, "Plate marker [mm]")
         else:
             everything = gui.add_button("All steps", color="green")
             controls.button(everything, "calibrate", lambda page: self.begin(CALIBRATION_STEPS))
@@ -98,6 +100,11 @@ class CalibrateTab:
         self._kept: dict[str, list[str]] = {}
         self._on, self._words, self._since_s, self._shown_s = "", "", 0.0, -1
         self._left: tuple[str, ...] = ()
+
+    def _add_number(self, gui: Any, label: str) -> CheckedValue[float]:
+        low, high = PRINTED_MM.low, PRINTED_MM.high
+        handle = gui.add_number(label, PRINTED_DEFAULT_MM, min=low, max=high)
+        return self._controls.value(handle, label, PRINTED_MM.clamp)
 
     def begin(self, steps: tuple[str, ...]) -> None:
         """Do these steps in turn, until one is refused. ValueError: a step or a run is on."""
@@ -127,8 +134,8 @@ class CalibrateTab:
             out,
             rig_file=file,
             runs=tuple(runs[:MOST_RUNS]),
-            square_mm=float(self._square.value),
-            plate_marker_mm=float(self._marker.value),
+            square_mm=self._square_mm.now,
+            plate_marker_mm=self._marker_mm.now,
         )
 
     def _next(self) -> None:

@@ -39,7 +39,7 @@ def link_words(now: LiveState, status: SessionStatus, rate_hz: float) -> str:
 
 
 class Header:
-    """The state and the stop, shared by all pages; and each page's own line and button."""
+    """The state and the stop, shared by all pages; and each page's own line."""
 
     def __init__(
         self, server: "ViserServer", controls: Controls, session: Session, table: str
@@ -50,7 +50,11 @@ class Header:
         stop = gui.add_button("STOP (everybody may)", color="red", order=-70)
         controls.stop_button(stop, "stop", self.stop)
         gui.add_markdown(NO_EMERGENCY, order=-60)
-        self._own: dict[int, tuple[Any, Any]] = {}
+        self._take_over: Any = gui.add_button(
+            "Take over the controls", order=-90, color="orange", visible=False
+        )
+        controls.button(self._take_over, "take over", self._take, everybody=True)
+        self._own: dict[int, Any] = {}
         self._words = ""
 
     def stop(self, page: int | None) -> None:
@@ -60,10 +64,7 @@ class Header:
     def joined(self, client: "ClientHandle") -> None:
         """A page connected; called in the thread of the control panel queue."""
         page = client.client_id
-        words = client.gui.add_markdown("", order=-100)
-        take = client.gui.add_button("Take over the controls", order=-90, color="orange")
-        self._own[page] = words, take
-        self._controls.button(take, "take over", self._take, everybody=True)
+        self._own[page] = client.gui.add_markdown("", order=-100)
         self._controls.lock = self._controls.lock.joined(page)
         self.draw_locks()
 
@@ -83,9 +84,9 @@ class Header:
     def draw_locks(self) -> None:
         """Tell every page whether it holds the controls."""
         lock = self._controls.lock
-        for page, (words, take) in self._own.items():
+        for page, words in self._own.items():
             words.content = lock.words(page)
-            take.visible = not lock.may(page)
+        self._take_over.visible = bool(lock.pages) and lock.pages != (lock.holder,)
 
     def draw(
         self, now: LiveState, status: SessionStatus, rate_hz: float, *, film: bool = False

@@ -16,6 +16,7 @@ from experiments.dashboard.server.input_limits import (
     REPETITIONS,
     Range,
     choice,
+    flag,
     on_plate,
 )
 from experiments.dashboard.session.plan import RunPlan, SessionStatus
@@ -129,15 +130,15 @@ class RunTab:
             "Virtual time", SPEEDS, hint="How fast its time runs", visible=virtual
         )
         self._speed = value(speeds, "virtual time", partial(choice, options=SPEEDS))
-        self._pause = value(gui.add_checkbox("Pause between runs", False), "pause", bool)
+        self._pause = value(gui.add_checkbox("Pause between runs", False), "pause", flag)
         by_hand = gui.add_checkbox(
             "I place and let go", False, hint="You are the operator's hand", visible=virtual
         )
-        self._by_hand = value(by_hand, "hand", bool)
+        self._by_hand = value(by_hand, "hand", flag)
         self._arm_box: Any = gui.add_checkbox(
             "Arm: the plate is clear, a hand is at the switch", False, visible=not virtual
         )
-        self._armed = value(self._arm_box, "arm the table", bool)
+        self._armed = value(self._arm_box, "arm the table", flag)
 
     def _add_buttons(self) -> None:
         """Start, next run, what the operator is asked to do, balance."""
@@ -254,7 +255,7 @@ class RunTab:
             visible=virtual,
         )
         arrows = gui.add_button_group("Push", tuple(ARROWS), visible=virtual)
-        controls.pick(arrows, "push", lambda label: self.push(ARROWS[choice(label, tuple(ARROWS))]))
+        controls.pick(arrows, tuple(ARROWS), lambda label: self.push(ARROWS[label]))
 
     def push(self, angle_deg: float) -> None:
         """Push the virtual ball; angle from +x towards +y. ValueError: a real table."""

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.dashboard.server.controls import Controls
+from experiments.dashboard.server.input_limits import flag
 from experiments.dashboard.session.virtual_camera import IMAGE_SIZE_PX
 from experiments.dashboard.view.pose import quaternion
 from rig.log import INDEX
@@ -60,7 +62,7 @@ class CameraView:
         self._image: Any = None
         self._words: Any = None
 
-    def add_widgets(self) -> None:
+    def add_widgets(self, controls: Controls) -> None:
         """The box and the image, in the container that is open."""
         gui = self._server.gui
         own = self._real is not None and bool(self._real.table.camera)
@@ -73,6 +75,7 @@ class CameraView:
             else NO_CAMERA_WORDS
         )
         self._box = gui.add_checkbox(f"Look through the {kind} camera", False)
+        self._wanted = controls.value(self._box, "camera", flag, everybody=True)
         self._words = gui.add_markdown("")
         blank = np.full((*IMAGE_SIZE_PX[::-1], 3), 128, np.uint8)
         self._image = gui.add_image(blank, format="jpeg", visible=False)
@@ -80,11 +83,11 @@ class CameraView:
     @property
     def wanted(self) -> bool:
         """Whether the box is ticked."""
-        return self._box.value is True
+        return self._wanted.now
 
     def set_wanted(self, wanted: bool) -> None:
         """Tick or clear the box."""
-        self._box.value = wanted
+        self._box.value = self._wanted.now = wanted
 
     def follow(self, source: Any, row: np.ndarray | None, fresh: bool, *, ask: bool) -> None:
         """Show the newest image of a `VirtualCamera` or `RealCamera`, if the box is ticked.

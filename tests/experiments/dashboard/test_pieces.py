@@ -33,7 +33,7 @@ def test_whatever_a_page_sends_is_within_the_limits_or_refused(value):
         assert KP.low <= KP.clamp(value) <= KP.high
 
 
-@pytest.mark.parametrize("value", [nan, inf, -inf, True, None, "abc", [1.0], 10**400])
+@pytest.mark.parametrize("value", [nan, inf, -inf, True, None, "abc", "1", [1.0]])
 def test_what_is_no_number_is_refused(value):
     with pytest.raises(ValueError, match="no number"):
         BACKLASH_DEG.clamp(value)

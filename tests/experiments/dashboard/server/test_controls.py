@@ -83,10 +83,8 @@ class FakeHandle:
         self.value = value
         self.callback: Callable[[Any], None] = print
 
-    def on_update(self, callback):
+    def on_click(self, callback):
         self.callback = callback
-
-    on_click = on_update
 
 
 class FakeEvent:
@@ -99,38 +97,34 @@ def controls():
     return Controls(lambda *what: told.append(what), noted.append), told, noted
 
 
-def test_a_watching_page_moves_nothing_and_its_slider_goes_back():
+def test_a_watching_page_presses_nothing_and_everybody_may_stop():
     c, told, noted = controls()
     c.lock = ControlLock().joined(1).joined(2)
-    handle, applied = FakeHandle(3.0), []
-    kept = c.value(handle, "gain", KP.clamp, applied.append)
-    handle.value = 5.0
-    handle.callback(FakeEvent(2))
-    handle2 = FakeHandle(0)
-    c.button(handle2, "start", lambda page: applied.append("start"))
-    handle2.callback(FakeEvent(2))
+    start, stop, acted = FakeHandle(False), FakeHandle(False), []
+    c.button(start, "start", lambda page: acted.append("start"))
+    start.callback(FakeEvent(2))
+    c.stop_button(stop, "stop", lambda page: acted.append(f"stop {page}"))
+    stop.callback(FakeEvent(2))
     c.queue.close()
-    assert applied == []
-    assert handle.value == kept.now == 3.0
-    assert [what[0] for what in told] == [2, 2]
+    assert acted == ["stop 2"]
+    assert [what[0] for what in told] == [2]
     assert noted == []  # a refusal is no event of the run
 
 
-def test_a_value_beyond_its_limit_is_clamped_and_everybody_may_stop():
+def test_a_value_that_cannot_be_used_goes_back():
     c, told, _ = controls()
-    c.lock = ControlLock().joined(1).joined(2)
-    handle, applied = FakeHandle(3.0), []
-    kept = c.value(handle, "gain", KP.clamp, applied.append)
-    handle.value = 1e9
-    handle.callback(FakeEvent(1))
-    stop = FakeHandle(False)
-    c.button(stop, "stop", lambda page: applied.append(f"stop {page}"), everybody=True)
-    stop.callback(FakeEvent(2))
-    handle.callback(FakeEvent(None))  # set by the program: not an order
+    c.lock = ControlLock().joined(1)
+    handle = FakeHandle(3.0)
+
+    def apply(value: float) -> None:
+        raise ValueError("no film is shown")
+
+    kept = c.value(handle, "time", KP.clamp, apply)
+    handle.value = c.cleaned(1, handle, 5.0)
+    c.use(1, handle, 5.0)
     c.queue.close()
-    assert applied == [KP.high, "stop 2"]
-    assert handle.value == kept.now == KP.high
-    assert told == []
+    assert handle.value == kept.now == 3.0
+    assert told == [(1, "time", "no film is shown")]
 
 
 def test_an_exception_becomes_a_notification_and_a_line_in_the_events():
@@ -159,7 +153,7 @@ def test_stop_waits_for_nothing_and_nothing_begins_after_it():
     c.queue.put("a whole recording is read", lambda: busy.wait(30.0) and None)
     start.callback(FakeEvent(1))
     slider.value = 5.0
-    slider.callback(FakeEvent(1))
+    c.use(1, slider, 5.0)
     while c.queue.put("more", lambda: None):
         pass  # the queue is full
     stop.callback(FakeEvent(2))

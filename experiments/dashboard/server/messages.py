@@ -1,0 +1,62 @@
+"""Which messages of a page reach viser: values of inputs, presses, clicks, the page's view.
+
+viser 1.1.1 (pinned) sets whatever attribute of an input a message names, and keeps uploads that
+nothing asked for. Here nothing passes that is not on the list, and of an input only a value that
+`Controls` has checked.
+"""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from experiments.dashboard.server.controls import Controls
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+LONGEST = 1 << 16  # bytes of a message; chosen: a page's own are shorter than 1 kB
+
+
+def admit_values(server: "ViserServer", controls: Controls) -> None:
+    """Let pages press, click, look around, and set the inputs that `controls` knows.
+
+    Called before anything is on the page; inputs of `server.gui` alone, none of a single page.
+    """
+    from viser import _messages as messages
+
+    socket = server._websock_server
+    handlers: Any = socket._incoming_handlers
+    inputs = server.gui._gui_input_handle_from_uuid
+    (store,) = handlers[messages.GuiUpdateMessage]
+
+    async def update(page: Any, message: messages.GuiUpdateMessage) -> None:
+        handle = inputs.get(message.uuid) if isinstance(message.uuid, str) else None
+        if handle is None or list(message.updates) != ["value"]:
+            return
+        raw = message.updates["value"]
+        try:
+            value = controls.cleaned(page, handle, raw)
+        except (ValueError, PermissionError) as error:
+            controls.refuse(page, handle, error)
+            value = handle.value
+        else:
+            await store(page, replace(message, updates={"value": value}))
+            controls.use(page, handle, value)
+        client = server._connected_clients.get(page)
+        if value != raw and client is not None:  # the page shows what it asked for
+            shown = messages.GuiUpdateMessage(message.uuid, {"value": value})
+            client._websock_connection.queue_message(shown)
+
+    admitted = {
+        messages.GuiUpdateMessage: [update],
+        messages.CommandTriggerMessage: handlers[messages.CommandTriggerMessage],
+        messages.ScenePointerMessage: handlers[messages.ScenePointerMessage],
+    }
+    handlers.clear()
+    handlers.update(admitted)
+
+    def admit_view(connection: Any) -> None:
+        own = connection._incoming_handlers
+        for kind in set(own) - {messages.ViewerCameraMessage}:
+            del own[kind]
+
+    socket.on_client_connect(admit_view)

@@ -1,0 +1,173 @@
+"""What pages may send, tried with real websockets against a real viser server."""
+
+import threading
+from typing import Any
+
+import msgspec
+import pytest
+import viser
+import zstandard
+from viser import _messages as messages
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Origin, Subprotocol
+
+from experiments.dashboard.server.controls import ControlLock, Controls
+from experiments.dashboard.server.input_limits import KP, choice, flag
+from experiments.dashboard.server.messages import LONGEST, admit_values
+from experiments.dashboard.server.server import open_server
+from tests.support.waiting import wait_for
+
+TOKEN = "a-token-of-some-length-for-tests"
+CAMERA = messages.ViewerCameraMessage(
+    wxyz=(1, 0, 0, 0),
+    position=(0, 0, 1),
+    fov=1.0,
+    near=0.1,
+    far=10.0,
+    image_height=9,
+    image_width=9,
+    look_at=(0, 0, 0),
+    up_direction=(0, 0, 1),
+)
+
+
+class Panel:
+    """A slider, a list, a box that everybody may tick, arrows and a stop, behind the filter."""
+
+    def __init__(self):
+        self.server, self.gate = open_server("127.0.0.1", 0, TOKEN)
+        self.told: list[Any] = []
+        self.applied: list[Any] = []
+        self.arrows: list[str] = []
+        self.stopped = threading.Event()
+        self.controls = c = Controls(lambda *what: self.told.append(what), print)
+        admit_values(self.server, c)
+        gui = self.server.gui
+        self.slider: Any = gui.add_slider("P", KP.low, KP.high, KP.step, 3.0)
+        self.gain = c.value(self.slider, "gain", KP.clamp, self.applied.append)
+        self.list: Any = gui.add_dropdown("method", ("a", "b"))
+        self.method = c.value(self.list, "method", lambda v: choice(v, ("a", "b")))
+        self.box: Any = gui.add_checkbox("camera", False)
+        self.camera = c.value(self.box, "camera", flag, everybody=True)
+        self.group: Any = gui.add_button_group("push", ("left", "right"))
+        c.pick(self.group, ("left", "right"), self.arrows.append)
+        self.unknown: Any = gui.add_checkbox("nobody's", False)
+        self.stop: Any = gui.add_button("STOP")
+        c.stop_button(self.stop, "stop", lambda page: self.stopped.set())
+
+    def page(self) -> ClientConnection:
+        """A page that is connected and has told its view."""
+        before = len(self.server.get_clients())
+        there = connect(
+            f"ws://127.0.0.1:{self.gate.port}/",
+            origin=Origin(f"http://127.0.0.1:{self.gate.port}"),
+            additional_headers={"Cookie": f"{self.gate.cookie}={TOKEN}"},
+            subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
+            compression=None,
+        )
+        self.say(there, CAMERA)
+        wait_for("the page", lambda: len(self.server.get_clients()) > before, 10.0)
+        self.controls.lock = self.controls.lock.joined(before)
+        return there
+
+    def say(self, there: ClientConnection, message: Any) -> None:
+        there.send(msgspec.msgpack.encode(message.as_serializable_dict()))
+
+    def set(self, there: ClientConnection, handle: Any, **updates: Any) -> None:
+        self.say(there, messages.GuiUpdateMessage(handle._impl.uuid, updates))
+
+    def heard(self, there: ClientConnection, page: int) -> None:
+        """Wait until everything that the page sent before has been served."""
+        self.set(there, self.box, value="x")
+        wait_for("the notice", lambda: (page, "camera") in [t[:2] for t in self.told], 10.0)
+        done = threading.Event()
+        self.controls.queue.put("last", done.set)
+        assert done.wait(10.0)
+
+
+def said(there: ClientConnection) -> list[dict]:
+    """The messages of the next packet from the server."""
+    packet = there.recv(timeout=5.0)
+    assert isinstance(packet, bytes)
+    length = int.from_bytes(packet[8:16], "little")  # of the compressed part
+    return msgspec.msgpack.decode(zstandard.decompress(packet[16 : 16 + length]))["messages"]
+
+
+@pytest.fixture
+def panel():
+    one = Panel()
+    yield one
+    one.server.stop()
+
+
+def test_no_page_changes_anything_of_an_input_but_its_value(panel: Panel):
+    panel.page()
+    watcher = panel.page()
+    for name, value in (("removed", True), ("update_cb", []), ("is_button", False), ("x", 1)):
+        panel.set(watcher, panel.stop, **{name: value})
+        panel.set(watcher, panel.stop, **{"value": True, name: value})
+    panel.heard(watcher, 1)
+    assert not panel.stopped.is_set()
+    panel.set(watcher, panel.stop, value=True)
+    assert panel.stopped.wait(5.0)
+
+
+def test_only_the_holder_sets_values_and_the_one_that_was_sent_is_applied(panel: Panel):
+    holder, watcher = panel.page(), panel.page()
+    for i in range(100):
+        panel.set(watcher, panel.slider, value=0.05)
+        panel.set(holder, panel.slider, value=4.0 + 0.01 * i)
+    panel.set(holder, panel.slider, value=1e9)
+    panel.heard(watcher, 1)
+    panel.heard(holder, 0)
+    assert panel.applied == pytest.approx([*(4.0 + 0.01 * i for i in range(100)), KP.high])
+    assert panel.slider.value == panel.gain.now == KP.high
+    assert (1, "gain") in [told[:2] for told in panel.told]
+    assert panel.controls.lock == ControlLock((0, 1), 0)
+
+
+@pytest.mark.parametrize("value", [None, "5", True, [1, 2], {"a": 1}, float("nan"), float("inf")])
+def test_a_value_of_another_type_is_not_stored(panel: Panel, value):
+    holder = panel.page()
+    for handle in (panel.slider, panel.list, panel.group):
+        panel.set(holder, handle, value=value)
+    panel.set(holder, panel.unknown, value=True)
+    panel.heard(holder, 0)
+    assert (panel.slider.value, panel.list.value, panel.unknown.value) == (3.0, "a", False)
+    assert panel.applied == panel.arrows == []
+
+
+def test_a_page_that_was_refused_shows_what_holds(panel: Panel):
+    holder, watcher = panel.page(), panel.page()
+    panel.set(watcher, panel.slider, value=5.0)
+    panel.set(watcher, panel.box, value=True)  # everybody may
+    panel.set(holder, panel.group, value="right")
+    panel.heard(watcher, 1)
+    panel.heard(holder, 0)
+    assert panel.camera.now is True
+    assert panel.arrows == ["right"]
+    echoes = []
+    while not echoes:
+        for message in said(watcher):
+            if message.get("uuid") == panel.slider._impl.uuid and "updates" in message:
+                echoes.append(message["updates"])
+    assert echoes == [{"value": 3.0}]
+
+
+def test_uploads_and_long_messages_are_not_kept(panel: Panel):
+    holder = panel.page()
+    upload = messages.FileTransferStartUpload(
+        source_component_uuid=panel.stop._impl.uuid,
+        transfer_uuid="t",
+        filename="f",
+        mime_type="",
+        part_count=9,
+        size_bytes=9,
+    )
+    panel.say(holder, upload)
+    panel.heard(holder, 0)
+    assert panel.server.gui._current_file_upload_states == {}
+    holder.send(bytes(LONGEST + 1))
+    with pytest.raises(ConnectionClosed):
+        sum(len(said) for said in holder)
