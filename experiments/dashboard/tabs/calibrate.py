@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.dashboard.server.controls import CheckedValue, Controls
 from experiments.dashboard.server.input_limits import PRINTED_MM
+from experiments.dashboard.server.untrusted_text import plain
 from experiments.dashboard.session.calibration_tasks import (
     CALIBRATION_STEPS,
     NOT_REAL,
@@ -168,7 +169,7 @@ class CalibrateTab:
             self._write(f", {seconds} s")
 
     def _write(self, more: str = "") -> None:
-        words = [f"**{self._on}: {self._words}**{more}", *self._lines]
+        words = [f"**{self._on}: {plain(self._words)}**{more}", *map(plain, self._lines)]
         self._verdict.content = "\n\n".join(words)
 
     def _on_message(self, step: str, kind: str, what: Any) -> None:
@@ -207,11 +208,12 @@ class CalibrateTab:
     def _keep(self, step: str) -> None:
         """The verdict stays in the list of what was found."""
         self._kept[step] = self._lines
-        found = ["**What was found** (accepted; kept in " + f"{self._out / 'calibration'})"]
+        found = [f"**What was found** (accepted; kept in {plain(self._out / 'calibration')})"]
         for name in STEPS:
             found += [f"**{name}**" for _ in self._kept.get(name, ())[:1]]
             found += [
-                f"- {line.removeprefix(name).lstrip(': ')}" for line in self._kept.get(name, ())
+                f"- {plain(line.removeprefix(name).lstrip(': '))}"
+                for line in self._kept.get(name, ())
             ]
         self._found.content = "\n".join(line if line[0] == "-" else f"\n{line}\n" for line in found)
 

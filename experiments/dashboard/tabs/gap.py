@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.server.input_limits import choice
+from experiments.dashboard.server.untrusted_text import plain
 from experiments.dashboard.session.playback import Playback
 from experiments.dashboard.session.tasks import GapAnswer, RunSummary, find_gap
 from experiments.dashboard.session.worker_process import WorkerProcess, WorkItem
@@ -128,10 +129,10 @@ class GapTab:
             self._on = BEGINS.get(stage, self._on)
             self._stages.content = stage_lines(self._on, False)
             self._bar.value = 100.0 * min((self._on + 0.3) / 5 + 0.1 * k / max(n, 1), 0.97)
-            self._does = DOES.get(stage, stage)
+            self._does = DOES.get(stage, plain(stage))
         elif kind == "failed":
             self._does = ""
-            self._words.content = f"**stopped**: {what}"
+            self._words.content = f"**stopped**: {plain(what)}"
         elif kind == "done":
             self._end(what)
 
@@ -146,8 +147,8 @@ class GapTab:
         self.answer, self._does = answer, ""
         self._bar.value = 100.0
         self._stages.content = stage_lines(4, True)
-        lines = "\n\n".join(answer.lines[:7])
-        self._words.content = f"**{answer.verdict}: {answer.sentence}**\n\n{lines}"
+        lines = "\n\n".join(map(plain, answer.lines[:7]))
+        self._words.content = f"**{plain(answer.verdict)}: {plain(answer.sentence)}**\n\n{lines}"
         self._gallery.show(answer.pictures)
         self._lay(answer.plate_map)
         self._film.visible = answer.models is not None

@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING, Any
 
 from experiments.dashboard.server.controls import Controls
+from experiments.dashboard.server.untrusted_text import plain
 from experiments.dashboard.session.live import LiveState
 from experiments.dashboard.session.plan import SessionStatus
 from experiments.dashboard.session.session import Session
@@ -92,7 +93,8 @@ class Header:
         self, now: LiveState, status: SessionStatus, rate_hz: float, *, film: bool = False
     ) -> None:
         """Show the state; only what changed is sent. film: recorded motion is shown."""
-        words = f"**{STATES[status.state]}** ({self._table})  \n{link_words(now, status, rate_hz)}"
+        words = f"**{STATES[status.state]}** ({plain(self._table)})  \n"
+        words += link_words(now, status, rate_hz)
         words += FILM if film else LIVE
         if words != self._words:
             self._words = self._state.content = words

@@ -8,6 +8,7 @@ import numpy as np
 
 from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.server.input_limits import SPEED, Range, choice
+from experiments.dashboard.server.untrusted_text import plain
 from experiments.dashboard.session.playback import Playback
 from experiments.dashboard.session.tasks import RunSummary
 from experiments.dashboard.session.video import Video, replay_run
@@ -85,7 +86,7 @@ class ReplayTab:
             self._controls.queue.put("replay", partial(self._on_message, item, kind, what))
 
         item = WorkItem("replay", partial(replay_run, folder), on_message)
-        self._item, self._about.content = item, f"*{folder.name} is read.*"
+        self._item, self._about.content = item, f"*{plain(folder.name)} is read.*"
         self._worker.put(item, instead=True)
 
     def _on_message(self, item: WorkItem, kind: str, what: Any) -> None:
@@ -95,9 +96,9 @@ class ReplayTab:
             self._show_playback(Playback(*what))
             self._item, self._about.content = item, MAKING
         elif kind == "progress":
-            self._about.content = f"*{what[0]}: {100 * what[1] // max(what[2], 1)} %*"
+            self._about.content = f"*{plain(what[0])}: {100 * what[1] // max(what[2], 1)} %*"
         elif kind == "failed":
-            self._about.content = str(what)
+            self._about.content = plain(what)
         elif kind == "done":
             self._need().video = Video(what)
             self._about.content = "What the camera saw, and what the tracker makes of it."
@@ -138,7 +139,7 @@ class ReplayTab:
         playback, words = self._playback, LIVE
         if playback is not None:
             t_s, end_s = playback.clock.t_s, playback.clock.end_s
-            words = f"**Replay** of {playback.name}: {t_s:.1f} of {end_s:.1f} s"
+            words = f"**Replay** of {plain(playback.name)}: {t_s:.1f} of {end_s:.1f} s"
             percent = round(100 * t_s / end_s, 1)
             if playback.clock.playing and abs(percent - self._scrub.value) > 0.4:
                 self._scrub.value = self._at.now = percent

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.server.input_limits import choice
+from experiments.dashboard.server.untrusted_text import plain
 from experiments.dashboard.session.live import LiveBuffer
 from experiments.dashboard.session.tasks import (
     DrawnFigures,
@@ -41,7 +42,8 @@ def table(rows: list[RunSummary], centroids: dict[str, tuple[float, float]]) -> 
         where = centroids.get(row.folder.name)
         words = "-" if where is None else f"({where[0]:+.2f}, {where[1]:+.2f})"
         time = f"{stamp[:2]}:{stamp[2:4]}:{stamp[4:]}"
-        lines.append(f"| {row.protocol} {time} | {row.method} | {row.outcome} | {words} |")
+        cells = (f"{row.protocol} {time}", row.method, row.outcome)
+        lines.append(f"| {' | '.join(map(plain, cells))} | {words} |")
     more = len(rows) - LISTED
     lines += ["", MEANS]
     return "\n".join(lines) + (f"\n\n{more} more in the folder." if more > 0 else "")
@@ -139,9 +141,9 @@ class ResultsTab:
 
     def _on_message(self, name: str, done: Callable[[Any], None], kind: str, what: Any) -> None:
         if kind == "progress":
-            self._words.content = f"*{name}: {what[0]}*"
+            self._words.content = f"*{name}: {plain(what[0])}*"
         elif kind == "failed":
-            self._words.content = f"{name}: {what}"
+            self._words.content = f"{name}: {plain(what)}"
         elif kind == "done":
             self._words.content = ""
             done(what)

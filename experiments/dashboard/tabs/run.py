@@ -19,6 +19,7 @@ from experiments.dashboard.server.input_limits import (
     flag,
     on_plate,
 )
+from experiments.dashboard.server.untrusted_text import plain
 from experiments.dashboard.session.plan import RunPlan, SessionStatus
 from experiments.dashboard.session.session import Session
 from experiments.dashboard.view.pose import backlash_widths
@@ -55,12 +56,12 @@ def progress_words(status: SessionStatus) -> str:
     """A line (Markdown) on the present run: which one, its time, time left of the plan."""
     planned = status.run
     if planned is None:
-        return f"{status.words}. {IDLE}" if status.state == "stopped" else IDLE
+        return f"{plain(status.words)}. {IDLE}" if status.state == "stopped" else IDLE
     of = f"run {planned.number} of {planned.of}"
     left = f"{minutes(status.remaining_s)} left"
     if status.state == "pause":
-        return f"**Pause**: {status.words}, {left}; press **Next run**"
-    return f"{of}: {status.words}, {status.t_s:.1f} of {status.duration_s:.1f} s, {left}"
+        return f"**Pause**: {plain(status.words)}, {left}; press **Next run**"
+    return f"{of}: {plain(status.words)}, {status.t_s:.1f} of {status.duration_s:.1f} s, {left}"
 
 
 class ProgressLine:
@@ -304,7 +305,7 @@ class RunTab:
         real = self._session.table.real
         then = "the table sees that you have" if real else "then press Done"
         operator_step = (
-            f"**Please {status.operator_step}**, {then}." if status.operator_step else ""
+            f"**Please {plain(status.operator_step)}**, {then}." if status.operator_step else ""
         )
         self._set(self._start, "visible", not on)
         self._set(self._next, "visible", status.state == "pause")
@@ -315,7 +316,7 @@ class RunTab:
             self._set(self._step, "content", operator_step)
         self._set(self._bar, "value", round(100 * status.share, 1))
         self._set(self._words, "content", self._progress.words(status))
-        self._set(self._events, "content", "  \n".join(["*Events*", *events[::-1]]))
+        self._set(self._events, "content", "  \n".join(["*Events*", *map(plain, events[::-1])]))
 
     def _set(self, handle: Any, name: str, value: Any) -> None:
         if self._shown.get((id(handle), name)) != value:

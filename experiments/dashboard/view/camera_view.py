@@ -7,6 +7,7 @@ import numpy as np
 
 from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.server.input_limits import flag
+from experiments.dashboard.server.untrusted_text import plain
 from experiments.dashboard.session.virtual_camera import IMAGE_SIZE_PX
 from experiments.dashboard.view.pose import quaternion
 from rig.log import INDEX
@@ -106,7 +107,7 @@ class CameraView:
         try:
             sight = source.newest()
         except OSError as error:
-            self.say(f"The camera cannot be looked through: {error}")
+            self.say(f"The camera cannot be looked through: {plain(error)}")
             return
         if sight is not None:
             self.show(*sight)

@@ -1,13 +1,26 @@
 """Who may pass the gate: token, Host and Origin, on the page and on the websocket."""
 
+import re
 import stat
+from base64 import b64encode
+from functools import reduce
+from hashlib import sha256
 from pathlib import Path
 
+import numpy as np
 import pytest
+import viser
+import zstandard
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.dashboard.server.security import Gate, PageRequest, gate_of
+from experiments.dashboard.server.security import (
+    CONTENT_POLICY,
+    SCRIPTS,
+    Gate,
+    PageRequest,
+    gate_of,
+)
 from rig.hardware.network.token_file import keep_token
 
 GATE = Gate("secret-token", 7644)
@@ -82,3 +95,24 @@ def test_a_token_is_kept_for_its_owner_alone(tmp_path: Path):
     assert stat.S_IMODE(file.stat().st_mode) == 0o600
     file.write_text("short\n")
     assert keep_token(file) != token
+
+
+def test_the_page_runs_the_scripts_of_visers_page_and_no_others():
+    page = (Path(viser.__file__).parent / "client/build/index.html").read_text()
+    loader = re.fullmatch(
+        r'.*<script data-p="([^"]*)" data-ss="(\d+)" data-cs="(\d+)">(.*?)</script>.*', page, re.S
+    )
+    assert loader is not None
+    packed, style, program, text = loader.groups()
+    alphabet = re.search(r'const A="(.*?)";', text)
+    assert alphabet is not None
+    digits = [alphabet[1].replace("\\\\", "\\").index(one) for one in packed]  # to base 88
+    words = np.reshape(digits[: len(digits) // 5 * 5], (-1, 5)) @ 88 ** np.arange(4, -1, -1)
+    rest = reduce(lambda value, digit: 88 * value + digit, digits[len(words) * 5 :], 0)
+    ends = len(digits) % 5 - 1
+    zipped = words.astype(">u4").tobytes() + (rest.to_bytes(ends, "big") if ends > 0 else b"")
+    sizes = int(style), int(program)
+    code = zstandard.ZstdDecompressor().decompress(zipped, sum(sizes))[sizes[0] :]
+    found = [b64encode(sha256(one).digest()).decode() for one in (text.encode(), code)]
+    assert [f"sha256-{one}" for one in found] == list(SCRIPTS)
+    assert "'unsafe-inline'" not in CONTENT_POLICY.partition("script-src")[2].partition(";")[0]

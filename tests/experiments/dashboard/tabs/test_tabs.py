@@ -94,3 +94,11 @@ def test_runs_are_listed_newest_first_and_read_as_a_film(tmp_path: Path):
     assert len(film.t_s) < 40
     assert np.isnan(film.at(0.0)[1]).all()  # not seen yet
     assert np.allclose(film.at(0.5)[1], 0.01)
+
+
+def test_a_run_of_somebody_else_writes_no_html_onto_the_page():
+    text = "with <iframe srcdoc='<script>alert(1)</script>'></iframe> | **x** | `y`"
+    words = table([RunSummary(Path("run"), text, text, 1, text)], {})
+    assert "<" not in words
+    assert words.count("|") == 3 * 5  # of the program's own cells
+    assert "<" not in progress_words(SessionStatus("stopped", text))

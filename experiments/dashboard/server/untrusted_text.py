@@ -1,0 +1,19 @@
+"""Text from files and exceptions on the page: shown as it is, never as Markdown or HTML."""
+
+import re
+
+LONGEST = 500  # characters; chosen: some lines of a panel
+_PUNCTUATION = re.compile(r"[!-/:-@\[-`{-~]")  # of ASCII: whatever HTML or Markdown may read
+
+
+def plain(text: object) -> str:
+    """The text for a Markdown widget, which shows it unchanged, on one line.
+
+    viser renders the HTML in its Markdown as it stands, so every text that is no literal of the
+    program goes through here. Punctuation becomes numeric character references, which neither HTML
+    nor Markdown reads as anything but the character; what is longer than LONGEST is cut off.
+    """
+    line = " ".join(str(text).split())
+    if len(line) > LONGEST:
+        line = line[: LONGEST - 1] + "…"
+    return _PUNCTUATION.sub(lambda found: f"&#{ord(found[0])};", line)

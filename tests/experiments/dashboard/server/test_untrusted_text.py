@@ -1,0 +1,21 @@
+"""Text of others on the page: no HTML, no Markdown, in one line."""
+
+import html
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from experiments.dashboard.server.untrusted_text import LONGEST, plain
+
+
+@given(st.text(alphabet=st.characters(codec="ascii"), max_size=200))
+def test_nothing_of_a_text_means_anything_and_all_of_it_is_shown(text):
+    shown = plain(text)
+    left = shown.replace("&#", "").replace(";", "")
+    assert all(one.isalnum() or one == " " or not one.isprintable() for one in left)
+    assert html.unescape(shown) == " ".join(text.split())
+
+
+def test_a_long_text_is_cut_off():
+    assert html.unescape(plain("a<" * LONGEST)).endswith("a…")
+    assert len(html.unescape(plain("a<" * LONGEST))) == LONGEST
