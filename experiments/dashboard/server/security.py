@@ -1,16 +1,20 @@
 """Access to the page and its websocket: token, Host and Origin of every request are checked.
 
-The page is reached by a link that bears the token; its answer sets a cookie, which the websocket
-brings. A page of another site knows neither token nor cookie and bears another Origin; a name that
-somebody points at this machine (DNS rebinding) is another Host.
+The page is reached by a link that bears the token; its answer sets a cookie and leads on to the
+page's own address, which bears no token; page and websocket bring the cookie. A page of another
+site knows neither token nor cookie and bears another Origin; a name that somebody points at this
+machine (DNS rebinding) is another Host. A browser sends a cookie to every port of its host: this
+one is bound to the path of the page, as hard to guess as the token, so that a server of somebody
+else on this machine is not sent it.
 """
 
 import ipaddress
 from collections.abc import Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from hmac import compare_digest
 from http.cookies import CookieError, SimpleCookie
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import parse_qs, parse_qsl, urlencode
 
 # The two scripts of viser 1.1.1's page: the loader, and the program that it unpacks. No other runs,
 # so that HTML in a text cannot act. viser needs the rest: bindings made by `Function`, styles set
@@ -61,6 +65,11 @@ class Gate:
     any_address: bool = False
 
     @property
+    def path(self) -> str:
+        """Path of the page and of its websocket. It stays as long as the token does."""
+        return f"/{sha256(b'path ' + self.token.encode()).hexdigest()[:32]}"
+
+    @property
     def cookie(self) -> str:
         """Name of the cookie. It holds the port, since browsers share cookies between ports."""
         return f"rig_dashboard_{self.port}"
@@ -73,18 +82,31 @@ class Gate:
         other_origins = [given for given in request.origins if given.lower() != origin]
         if other_origins or len(request.origins) > 1 or (request.websocket and not request.origins):
             return "a page of another origin may not speak to the table"
-        if not (self._in_query(request.path) or self._in_cookies(request.cookies)):
+        if self.bears_token(request):
+            return None
+        if not (self._is_page(request.path) and self._in_cookies(request.cookies)):
             return "no valid token: open the link that rig dashboard printed"
         return None
+
+    def bears_token(self, request: PageRequest) -> bool:
+        """Whether a page is asked for by the link; it is led on to the page's own address."""
+        tokens = parse_qs(request.path.partition("?")[2]).get("token", [])
+        return not request.websocket and any(map(self._right, tokens))
+
+    def page_of(self, path: str) -> str:
+        """Address of the page for a link: the rest of its query without the token."""
+        rest = [pair for pair in parse_qsl(path.partition("?")[2]) if pair[0] != "token"]
+        return f"{self.path}/" + (f"?{urlencode(rest)}" if rest else "")
+
+    def _is_page(self, path: str) -> bool:
+        given = path.partition("?")[0].rstrip("/")
+        return compare_digest(given.encode("utf-8", "replace"), self.path.encode())
 
     def _is_here(self, host: str) -> bool:
         name, _, port = host.lower().rpartition(":")
         if port != str(self.port):
             return False
         return name in self.names or (self.any_address and _is_address(name))
-
-    def _in_query(self, path: str) -> bool:
-        return any(map(self._right, parse_qs(urlsplit(path).query).get("token", [])))
 
     def _in_cookies(self, cookies: Sequence[str]) -> bool:
         for text in cookies:
@@ -101,8 +123,10 @@ class Gate:
 
     def headers(self) -> dict[str, str]:
         """HTTP headers of every answer: cookie, what the page may load, no referrer, no cache."""
+        # Lax, not Strict: the link may stand in somebody's message, and be followed from there.
+        bounds = f"HttpOnly; SameSite=Lax; Path={self.path}"
         return {
-            "Set-Cookie": f"{self.cookie}={self.token}; HttpOnly; SameSite=Strict; Path=/",
+            "Set-Cookie": f"{self.cookie}={self.token}; {bounds}",
             "X-Frame-Options": "DENY",
             "Content-Security-Policy": CONTENT_POLICY,
             "Referrer-Policy": "no-referrer",

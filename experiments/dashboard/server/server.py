@@ -51,16 +51,25 @@ def page_request(request: Any) -> PageRequest:
 
 
 def guarded(process_request: Callable | None, gate: Gate) -> Callable:
-    """viser's `process_request` behind the gate: 403 and a sentence for whoever may not pass."""
+    """viser's `process_request` behind the gate.
+
+    403 and a sentence for whoever may not pass; the link leads on to the page (303).
+    """
     from websockets.datastructures import Headers
     from websockets.http11 import Response
 
     def guard(connection: Any, request: Any):
-        why = gate.refusal(page_request(request))
+        asked = page_request(request)
+        why = gate.refusal(asked)
         if why is not None:
             body = f"{why}\n".encode()
             head = Headers({"Content-Type": "text/plain", "Content-Length": str(len(body))})
             return Response(403, "Forbidden", head, body)
+        if gate.bears_token(asked):
+            head = Headers({"Location": gate.page_of(request.path), "Content-Length": "0"})
+            head.update(gate.headers())
+            return Response(303, "See Other", head)
+        request.path = "/"  # the only page that viser serves
         answer = process_request(connection, request) if process_request else None
         if answer is not None:
             answer.headers.update(gate.headers())

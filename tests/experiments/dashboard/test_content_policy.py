@@ -1,4 +1,9 @@
-"""What the page may run, in a real browser: viser's own scripts and none in a text."""
+"""What a real browser runs of a page, and to whom it sends the cookie."""
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
 
@@ -9,6 +14,25 @@ from tests.support.parts import PARTS
 from tests.support.waiting import wait_for
 
 TEXT = "<iframe srcdoc='<script>top.acted = 1</script>'></iframe>"
+
+
+@contextmanager
+def other_server(sent: list[str | None]) -> Iterator[int]:
+    """Somebody else's server on this machine, which notes the cookies that it is sent."""
+
+    class Noting(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            sent.append(self.headers["Cookie"])
+            self.send_response(200)
+            self.end_headers()
+
+        def log_message(self, *args: object) -> None:
+            pass
+
+    with HTTPServer(("127.0.0.1", 0), Noting) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield server.server_port
+        server.shutdown()
 
 
 @pytest.mark.slow
@@ -29,9 +53,19 @@ def test_html_in_a_text_runs_no_script_and_the_page_works():
             page.get_by_text("escaped").wait_for(timeout=120e3)
             assert TEXT in page.get_by_text("escaped").inner_text()
             wait_for("the frame", lambda: page.locator("iframe").count() == 1, 10.0)
+            assert page.url.startswith(f"http://127.0.0.1:{gate.port}{gate.path}")
+            assert gate.token not in page.url
             page.wait_for_timeout(1000)  # longer than a script takes to run
             assert page.evaluate("window.acted") is None
             assert page.locator("canvas").count() > 0
+            assert page.evaluate("history.length") <= 2  # the link is not in the way back
+            sent = []
+            with other_server(sent) as port:
+                page.goto(f"http://127.0.0.1:{port}/")
+                page.goto(f"http://127.0.0.1:{gate.port}{gate.path}/")
+                page.get_by_text("escaped").wait_for(timeout=120e3)
+            assert len(sent) >= 1
+            assert not any(sent)
             browser.close()
     finally:
         server.stop()

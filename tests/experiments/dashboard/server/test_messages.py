@@ -60,7 +60,7 @@ class Panel:
         """A page that is connected and has told its view."""
         before = len(self.server.get_clients())
         there = connect(
-            f"ws://127.0.0.1:{self.gate.port}/",
+            f"ws://127.0.0.1:{self.gate.port}{self.gate.path}",
             origin=Origin(f"http://127.0.0.1:{self.gate.port}"),
             additional_headers={"Cookie": f"{self.gate.cookie}={TOKEN}"},
             subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],

@@ -30,9 +30,11 @@ COOKIE = ["other=1; rig_dashboard_7644=secret-token"]
 
 def test_the_printed_link_opens_the_page_and_its_cookie_the_websocket():
     assert GATE.refusal(PageRequest("/?token=secret-token", HERE)) is None
-    assert GATE.refusal(PageRequest("/", HERE, cookies=COOKIE)) is None
-    assert GATE.refusal(PageRequest("/", HERE, ORIGIN, COOKIE, websocket=True)) is None
-    local = PageRequest("/", ["localhost:7644"], ["http://localhost:7644"], COOKIE, websocket=True)
+    assert GATE.refusal(PageRequest(f"{GATE.path}/?darkMode", HERE, cookies=COOKIE)) is None
+    assert GATE.refusal(PageRequest(GATE.path, HERE, ORIGIN, COOKIE, websocket=True)) is None
+    local = PageRequest(
+        GATE.path, ["localhost:7644"], ["http://localhost:7644"], COOKIE, websocket=True
+    )
     assert GATE.refusal(local) is None
 
 
@@ -42,7 +44,7 @@ def test_the_printed_link_opens_the_page_and_its_cookie_the_websocket():
         (PageRequest("/", HERE), "token"),
         (PageRequest("/?token=wrong", HERE), "token"),
         (PageRequest("/?token=", HERE), "token"),
-        (PageRequest("/", HERE, cookies=["rig_dashboard_7645=secret-token"]), "token"),
+        (PageRequest(GATE.path, HERE, cookies=["rig_dashboard_7645=secret-token"]), "token"),
         (PageRequest("/?token=secret-token", ["evil.example:7644"]), "host"),
         (PageRequest("/?token=secret-token", ["127.0.0.1:80"]), "host"),
         (PageRequest("/?token=secret-token", ["127.0.0.1"]), "host"),
@@ -57,7 +59,10 @@ def test_the_printed_link_opens_the_page_and_its_cookie_the_websocket():
         (PageRequest("/", HERE, ["null"], COOKIE, websocket=True), "origin"),
         (PageRequest("/", HERE, [], COOKIE, websocket=True), "origin"),
         (PageRequest("/", HERE, [*ORIGIN, *ORIGIN], COOKIE, websocket=True), "origin"),
-        (PageRequest("/", HERE, ORIGIN, websocket=True), "token"),
+        (PageRequest(GATE.path, HERE, ORIGIN, websocket=True), "token"),
+        (PageRequest("/?token=secret-token", HERE, ORIGIN, websocket=True), "token"),
+        (PageRequest("/", HERE, cookies=COOKIE), "token"),
+        (PageRequest(f"{GATE.path}/more", HERE, cookies=COOKIE), "token"),
     ],
 )
 def test_everything_else_is_refused_with_its_reason(asked: PageRequest, word: str):
@@ -83,8 +88,20 @@ def test_a_server_for_the_network_answers_to_addresses_and_its_own_names():
 def test_the_answer_hides_the_token_from_scripts_and_frames():
     headers = GATE.headers()
     assert "HttpOnly" in headers["Set-Cookie"]
-    assert "SameSite=Strict" in headers["Set-Cookie"]
+    assert "SameSite=Lax" in headers["Set-Cookie"]
     assert headers["X-Frame-Options"] == "DENY"
+
+
+def test_the_cookie_is_bound_to_a_path_that_nobody_can_guess():
+    assert f"Path={GATE.path}" in GATE.headers()["Set-Cookie"]
+    assert len(GATE.path) >= 32
+    assert GATE.path == Gate("secret-token", 7644).path != Gate("another-token", 7644).path
+    assert GATE.token not in GATE.path
+
+
+def test_the_link_leads_on_without_its_token():
+    assert GATE.page_of("/?token=secret-token") == f"{GATE.path}/"
+    assert GATE.page_of("/?darkMode=1&token=secret-token") == f"{GATE.path}/?darkMode=1"
 
 
 def test_a_token_is_kept_for_its_owner_alone(tmp_path: Path):

@@ -39,7 +39,7 @@ def spoken(gate, *, origin: str | None, cookie: str = TOKEN, host: str = "127.0.
     import viser
 
     with connect(
-        f"ws://{host}:{gate.port}/",
+        f"ws://{host}:{gate.port}{gate.path}",
         origin=Origin(origin) if origin else None,
         additional_headers={"Cookie": f"{gate.cookie}={cookie}"} if cookie else None,
         subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
@@ -51,14 +51,18 @@ def spoken(gate, *, origin: str | None, cookie: str = TOKEN, host: str = "127.0.
 
 def test_only_the_link_opens_the_page(served):
     _, gate = served
-    answer, body = page(gate, f"/?token={TOKEN}")
-    assert answer.status == 200
-    assert b"<html" in body.lower()
-    assert TOKEN in (answer.getheader("Set-Cookie") or "")
+    answer, _ = page(gate, f"/?token={TOKEN}")
+    assert answer.status == 303
+    assert answer.getheader("Location") == f"{gate.path}/"
+    assert f"{TOKEN}; HttpOnly" in (answer.getheader("Set-Cookie") or "")
     answer, body = page(gate, "/")
     assert answer.status == 403
     assert b"no valid token" in body
-    assert page(gate, "/", Cookie=f"{gate.cookie}={TOKEN}")[0].status == 200
+    cookie = f"{gate.cookie}={TOKEN}"
+    answer, body = page(gate, f"{gate.path}/", Cookie=cookie)
+    assert answer.status == 200
+    assert b"<html" in body.lower()
+    assert page(gate, "/", Cookie=cookie)[0].status == 403
     assert page(gate, f"/?token={TOKEN}", Host=f"evil.example:{gate.port}")[0].status == 403
     assert page(gate, f"/?token={TOKEN}", Origin="http://evil.example")[0].status == 403
     odd = {"Upgrade": "WebSocket", "Connection": "Upgrade"}
