@@ -7,7 +7,6 @@ that a kill -9 takes none of the rows before it.
 import errno
 import math
 import os
-import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -47,7 +46,6 @@ from rig.loop.loop import ending_of
 __all__ = ["Recorder", "Run", "new_run_folder", "read_run", "recover", "write_run", "write_truth"]
 
 DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-STILL_S = 0.3  # a recording that has not grown for so long is not being written
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +90,7 @@ class Recorder:
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
         self._file = os.open(self.folder / "samples.mcap", flags, 0o644)
         try:
+            _lock(self._file)
             self._write(opening())
         except OSError:
             os.close(self._file)
@@ -129,20 +128,23 @@ class Recorder:
 
         outcome: one word or two, such as "completed"; reason: a sentence. The samples are rewritten
         compressed and indexed; without room for that they stay as they are, complete all the same.
-        ValueError: the recording was finished before. OSError: run.json cannot be written.
+        ValueError: the recording was finished before. OSError: run.json cannot be written, or the
+        file that was written is no longer in its folder.
         """
         if self._finished:
             raise ValueError(f"the recording in {self.folder} is finished already")
         self._finished = True
-        try:
-            with suppress(OSError):  # without an ending the rows are readable too
-                self._write(plain_ending())
-        finally:
-            os.close(self._file)
         duration_s = self._last_s if self.rows else None
         start = self._start | plain(notes)
         stop = stop_record(start, outcome, reason, self.rows, duration_s)
-        replace_json(self.folder / "run.json", stop)
+        try:
+            with suppress(OSError):  # without an ending the rows are readable too
+                self._write(plain_ending())
+            if os.fstat(self._file).st_nlink == 0:
+                raise OSError(f"{self.folder}: samples.mcap was removed while it was recorded")
+            replace_json(self.folder / "run.json", stop)
+        finally:
+            os.close(self._file)
         with suppress(OSError):
             self._compress()
 
@@ -247,13 +249,11 @@ def recover(folder: Path | str) -> Run:
     Errors as of `read_run`; ValueError: it is still being recorded; OSError: no room for the new
     file (the old one stays).
     """
+    path = Path(folder) / "samples.mcap"
+    if path.is_file() and _is_locked(path):
+        raise ValueError(f"{folder} is still being recorded: stop that run first")
     run = read_run(folder)
-    path = run.folder / "samples.mcap"
     if run.meta["truncated"]:
-        size = path.stat().st_size
-        time.sleep(STILL_S)
-        if path.stat().st_size != size:
-            raise ValueError(f"{run.folder} is still being recorded: stop that run first")
         start_ns = nanoseconds(run.meta["created"])
         _rewrite(path, SamplesFile(run.log.rows, run.events), start_ns)
     if run.meta["outcome"] is None or run.meta["truncated"]:
@@ -271,3 +271,28 @@ def recover(folder: Path | str) -> Run:
 def _rewrite(path: Path, samples: SamplesFile, start_ns: int) -> None:
     """Replace a file by its compressed and indexed form; it is whole at every moment."""
     replace(path, finished_file(samples.rows, samples.events, start_ns), sync=True)
+
+
+def _lock(file: int) -> bool:
+    """Lock an open file for its process. False: another has it.
+
+    On Windows the open file itself is the lock: it cannot be replaced.
+    """
+    try:
+        import fcntl
+    except ImportError:
+        return True
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError as error:
+        if error.errno not in (errno.ENOLCK, errno.EOPNOTSUPP):  # a disk without locks: go on
+            raise
+    return True
+
+
+def _is_locked(path: Path) -> bool:
+    """Whether a recorder has the file."""
+    with path.open("rb") as file:
+        return not _lock(file.fileno())

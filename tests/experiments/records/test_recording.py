@@ -9,7 +9,6 @@ import signal
 import struct
 import subprocess
 import sys
-import threading
 import time
 from datetime import UTC, datetime
 from pathlib import Path
@@ -336,6 +335,7 @@ def test_no_room_to_compress_leaves_the_plain_file(tmp_path, monkeypatch):
 def test_recover_completes_a_killed_run_once(tmp_path):
     recorder = record(tmp_path, example())
     os.write(recorder._file, b"\x05half a record")
+    os.close(recorder._file)  # as a kill does
     run = recover(tmp_path)
     assert_rows(run.log, example())
     assert run.events == EVENTS
@@ -346,26 +346,26 @@ def test_recover_completes_a_killed_run_once(tmp_path):
         (tmp_path / "samples.mcap").read_bytes(),
         (tmp_path / "run.json").read_bytes(),
     )
-    os.close(recorder._file)
 
 
-def test_recover_leaves_a_living_run_alone(tmp_path):
-    recorder, stop = record(tmp_path, example()), threading.Event()
-
-    def live():
-        while not stop.wait(0.01):
-            recorder.append(example()[-1])
-
-    thread = threading.Thread(target=live)
-    thread.start()
-    try:
-        with pytest.raises(ValueError, match="still being recorded"):
-            recover(tmp_path)
-    finally:
-        stop.set()
-        thread.join()
+def test_recover_leaves_a_living_run_alone_however_quiet_it_is(tmp_path):
+    rows = example()
+    recorder = record(tmp_path, rows[:50])
+    with pytest.raises(ValueError, match="still being recorded"):
+        recover(tmp_path)
+    for row in rows[50:]:
+        recorder.append(row)
     recorder.finish("done")
-    assert len(read_run(tmp_path).log) == recorder.rows > 100
+    assert_rows(read_run(tmp_path).log, rows)
+    assert recover(tmp_path).meta["outcome"] == "done"
+
+
+def test_a_recording_that_is_removed_while_it_is_made_is_not_called_complete(tmp_path):
+    recorder = record(tmp_path, example())
+    (tmp_path / "samples.mcap").unlink()
+    with pytest.raises(OSError, match="removed while it was recorded"):
+        recorder.finish("completed")
+    assert json.loads((tmp_path / "run.json").read_text())["outcome"] is None
 
 
 CHILD = """
