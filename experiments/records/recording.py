@@ -7,6 +7,7 @@ that a kill -9 takes none of the rows before it.
 import errno
 import math
 import os
+import shutil
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -30,6 +31,7 @@ from experiments.records.run_folder import (
 )
 from experiments.records.samples_file import (
     LONGEST_S,
+    RECORD,
     SHORTEST_S,
     SamplesFile,
     check_times,
@@ -245,7 +247,8 @@ def read_run(folder: Path | str) -> Run:
 def recover(folder: Path | str) -> Run:
     """Complete a run that was killed: whole records compressed and indexed, outcome "killed".
 
-    A run that had ended but lost rows gets the outcome "damaged"; a complete run is only read.
+    A run that had ended but lost rows gets the outcome "damaged"; a complete run is only read. What
+    could not be read stays in samples.damaged.mcap.
     Errors as of `read_run`; ValueError: it is still being recorded; OSError: no room for the new
     file (the old one stays).
     """
@@ -254,6 +257,7 @@ def recover(folder: Path | str) -> Run:
         raise ValueError(f"{folder} is still being recorded: stop that run first")
     run = read_run(folder)
     if run.meta["truncated"]:
+        _keep_damaged(path)
         start_ns = nanoseconds(run.meta["created"])
         _rewrite(path, SamplesFile(run.log.rows, run.events), start_ns)
     if run.meta["outcome"] is None or run.meta["truncated"]:
@@ -266,6 +270,18 @@ def recover(folder: Path | str) -> Run:
         meta = stop_record(meta, outcome, reason, len(run.log), last_s)
         replace_json(run.folder / "run.json", meta)
     return read_run(folder)
+
+
+def _keep_damaged(path: Path) -> None:
+    """Keep a file that holds more than could be read, beside the one that replaces it.
+
+    Half a record is what a kill leaves: of that there is nothing to be had.
+    """
+    if read_samples(path.read_bytes()).unread < RECORD.itemsize:
+        return
+    kept = path.with_suffix(f".damaged{path.suffix}")
+    if not kept.exists():
+        shutil.copy2(path, kept)
 
 
 def _rewrite(path: Path, samples: SamplesFile, start_ns: int) -> None:

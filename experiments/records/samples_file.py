@@ -9,8 +9,9 @@ https://protobuf.dev/programming-guides/encoding.
 While a run is recorded the file holds plain messages and can be cut anywhere; the finished file is
 written by the `mcap` package: the same messages in compressed chunks with an index. Reading goes
 record by record here and not by that package's `StreamReader`, for two reasons: rows in our own
-layout are read in blocks (15 000 rows in 0.02 s instead of 0.11 s), and records after a damaged
-one are still found. What another tool rewrote is decoded by its own schema.
+layout are read in blocks (15 000 rows in 0.02 s instead of 0.11 s), and rows after damaged bytes
+are still found: every row begins with the same eleven bytes. What another tool rewrote is decoded
+by its own schema.
 """
 
 import json
@@ -215,12 +216,14 @@ def finished_file(rows: np.ndarray, events: Sequence[dict], start_ns: int) -> by
 class SamplesFile:
     """Content of a samples file: rows (n, len(COLUMNS)), events, and whether it is complete.
 
-    complete: it ends as a finished file does and no record is damaged.
+    complete: it ends as a finished file does and every byte was understood; unread: how many bytes
+    were not (of a recording that was killed: half a record at most).
     """
 
     rows: np.ndarray
     events: list[dict] = field(default_factory=list)
     complete: bool = False
+    unread: int = 0
 
 
 @dataclass
@@ -234,25 +237,26 @@ class _Reading:
     blocks: list[np.ndarray] = field(default_factory=list)
     events: list[dict] = field(default_factory=list)
     complete: bool = False
-    damaged: bool = False
+    unread: int = 0  # bytes that were not understood
 
 
 def read_samples(data: bytes) -> SamplesFile:
     """Read the bytes of samples.mcap, whole or cut off, also rewritten by another tool.
 
-    Damaged records and all that follows the first incomplete record are left out. ValueError: the
-    data is no MCAP file.
+    Damaged records are left out; rows in our own layout are found again behind them. ValueError:
+    the data is no MCAP file.
     """
     if not data.startswith(MAGIC[: len(data)]):
         raise ValueError("it does not start like an MCAP file")
     reading = _Reading()
-    _read(memoryview(data), len(MAGIC), reading)
+    _read(data, len(MAGIC), reading)
     rows = np.concatenate([np.empty((0, len(COLUMNS))), *reading.blocks])
     ended = reading.complete and data.endswith(MAGIC)  # other readers begin at the end
-    return SamplesFile(rows, reading.events, ended and not reading.damaged)
+    whole = ended and not reading.unread
+    return SamplesFile(rows, reading.events, whole, reading.unread)
 
 
-def _read(buffer: memoryview, position: int, reading: _Reading) -> None:
+def _read(buffer: bytes, position: int, reading: _Reading) -> None:
     """Take every whole record of `buffer` from `position` into `reading`."""
     for opcode, content in _records(buffer, position, reading):
         if opcode == FOOTER:
@@ -261,11 +265,14 @@ def _read(buffer: memoryview, position: int, reading: _Reading) -> None:
         try:
             _take(opcode, content, reading)
         except Exception:  # of damaged bytes each parser has errors of its own: leave them out
-            reading.damaged = True
+            reading.unread += len(content)
 
 
-def _records(buffer: memoryview, position: int, reading: _Reading) -> Iterator[tuple[int, Any]]:
-    """Yield (opcode, content) of whole records, runs of own rows as (OWN_ROWS, records (k,))."""
+def _records(buffer: bytes, position: int, reading: _Reading) -> Iterator[tuple[int, Any]]:
+    """Yield (opcode, content) of whole records, runs of own rows as (OWN_ROWS, records (k,)).
+
+    No record but a chunk holds rows: one that seems to reach beyond the next row is damaged.
+    """
     while position + HEAD <= len(buffer):
         block = _own_rows(buffer, position, reading.own_layout)
         if len(block):
@@ -274,13 +281,28 @@ def _records(buffer: memoryview, position: int, reading: _Reading) -> Iterator[t
             continue
         opcode, length = struct.unpack_from("<BQ", buffer, position)
         end = position + HEAD + length
-        if opcode == 0 or end > len(buffer):  # half a record, or zeros after a power cut
-            return
-        yield opcode, buffer[position + HEAD : end]
-        position = end
+        whole = opcode != 0 and end <= len(buffer)  # not half a record, nor zeros of a power cut
+        stop = end if whole else len(buffer)
+        begin = _next_row(buffer, position + 1, stop, reading.own_layout)
+        if whole and (opcode == CHUNK or begin == end):
+            yield opcode, buffer[position + HEAD : end]
+            position = end
+            continue
+        reading.unread += begin - position
+        position = begin
+    reading.unread += len(buffer) - position
 
 
-def _own_rows(buffer: memoryview, position: int, channel: int | None) -> np.ndarray:
+def _next_row(buffer: bytes, position: int, stop: int, channel: int | None) -> int:
+    """Return where the first row in our own layout begins from `position`, or `stop` without."""
+    if channel is None:
+        return stop
+    begins = struct.pack("<BQH", MESSAGE, RECORD.itemsize - HEAD, channel)
+    found = buffer.find(begins, position, stop + len(begins) - 1)
+    return stop if found < 0 else found
+
+
+def _own_rows(buffer: bytes, position: int, channel: int | None) -> np.ndarray:
     """Return the records (k,) of our own layout that follow each other from `position`."""
     count = min(BLOCK_ROWS, (len(buffer) - position) // RECORD.itemsize)
     if channel is None or buffer[position] != MESSAGE or count == 0:
@@ -307,7 +329,7 @@ def _take(opcode: int, content: Any, reading: _Reading) -> None:
     elif opcode == CHUNK:
         chunk = Chunk.read(ReadDataStream(BytesIO(content)))
         stream, size = get_chunk_data_stream(chunk, validate_crc=True)
-        _read(memoryview(stream.read(size)), 0, reading)
+        _read(stream.read(size), 0, reading)
     elif opcode == SCHEMA:
         schema = Schema.read(ReadDataStream(BytesIO(content)))
         reading.schemas[schema.id] = schema
@@ -315,7 +337,7 @@ def _take(opcode: int, content: Any, reading: _Reading) -> None:
         _take_channel(content, reading)
 
 
-def _take_channel(content: memoryview, reading: _Reading) -> None:
+def _take_channel(content: bytes, reading: _Reading) -> None:
     """Keep what a channel is for, and how the samples' channel is decoded."""
     from mcap.data_stream import ReadDataStream
     from mcap.records import Channel
@@ -331,12 +353,14 @@ def _take_channel(content: memoryview, reading: _Reading) -> None:
     reading.decode = DecoderFactory().decoder_for("protobuf", schema)
 
 
-def _take_message(content: memoryview, reading: _Reading) -> None:
+def _take_message(content: bytes, reading: _Reading) -> None:
     """Take one event, or one row that is not in our own layout."""
-    payload = bytes(content[MESSAGE_HEAD:])
+    payload = content[MESSAGE_HEAD:]
     topic = reading.topics.get(struct.unpack_from("<H", content)[0])
     if topic == EVENTS:
         reading.events.append(json.loads(payload))
+    elif topic is None:
+        raise ValueError("a message of a channel that was not declared")
     elif topic == SAMPLES and reading.decode is not None:
         row = np.full((1, len(COLUMNS)), np.nan)
         for described, value in reading.decode(payload).ListFields():

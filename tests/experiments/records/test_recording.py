@@ -28,6 +28,7 @@ from experiments.records.recording import (
     write_run,
     write_truth,
 )
+from experiments.records.samples_file import RECORD, opening
 from rig.log import COLUMNS, Log
 from tests.support import ROOT
 
@@ -342,10 +343,23 @@ def test_recover_completes_a_killed_run_once(tmp_path):
     assert (run.meta["truncated"], run.meta["outcome"]) == (False, "killed")
     content = (tmp_path / "samples.mcap").read_bytes(), (tmp_path / "run.json").read_bytes()
     recover(tmp_path)
+    assert not (tmp_path / "samples.damaged.mcap").exists()  # half a record is nothing to keep
     assert content == (
         (tmp_path / "samples.mcap").read_bytes(),
         (tmp_path / "run.json").read_bytes(),
     )
+
+
+def test_recover_keeps_the_bytes_that_it_cannot_read(tmp_path):
+    rows = example()
+    recorder = record(tmp_path, rows, events=[])
+    os.close(recorder._file)
+    path = tmp_path / "samples.mcap"
+    content = bytearray(path.read_bytes())
+    content[len(opening()) + 10 * RECORD.itemsize + 4] ^= 0x08  # the length of row 10
+    path.write_bytes(content)
+    assert_rows(recover(tmp_path).log, np.delete(rows, 10, axis=0))
+    assert (tmp_path / "samples.damaged.mcap").read_bytes() == content
 
 
 def test_recover_leaves_a_living_run_alone_however_quiet_it_is(tmp_path):

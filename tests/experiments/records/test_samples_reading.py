@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from mcap.decoder import DecoderFactory as McapDecoderFactory
 
 from experiments.records.samples_file import (
+    HEAD,
     RECORD,
     event_record,
     finished_file,
@@ -172,6 +173,20 @@ def test_damaged_bytes_never_raise_more_than_a_value_error(data, finished):
         broken[data.draw(st.integers(8, len(whole) - 1))] = data.draw(st.integers(0, 255))
     samples = read_samples(bytes(broken))
     assert samples.rows.shape[1] == len(COLUMNS)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 7), st.sampled_from((9, 10, 11, 200)), st.integers(0, HEAD + 1))
+def test_one_flipped_bit_takes_one_row_and_no_more(bit, row, byte):
+    """Opcode, length and channel of a row: whatever it then seems to be, the next row is found."""
+    rows = example(500)
+    data = bytearray(plain_file(rows, ending=False))
+    first = data.index(message_records(rows[:1], START_NS).tobytes())
+    data[first + row * RECORD.itemsize + byte] ^= 1 << bit
+    samples = read_samples(bytes(data))
+    np.testing.assert_array_equal(samples.rows, np.delete(rows, row, axis=0))
+    assert not samples.complete
+    assert samples.unread <= RECORD.itemsize
 
 
 def test_a_damaged_chunk_is_left_out_and_said():
