@@ -26,6 +26,7 @@ from rig.parameters import Rig
 from rig.table import R_MOTOR, R_THETA, R_TIME
 
 METHODS = ("start", "control", "end")
+FAILURES = (Exception, SystemExit)  # `sys.exit` of a lab's code ends the run, not the program
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,7 @@ def now(state, q, reading: np.ndarray, target: np.ndarray, applied: np.ndarray) 
     )
 
 
-def _failed(controller: Any, method: str, error: Exception) -> ControllerError:
+def _failed(controller: Any, method: str, error: BaseException) -> ControllerError:
     where, trace = "", error.__traceback__
     while trace is not None:  # the innermost line that is not this file's
         if trace.tb_frame.f_code.co_filename != __file__:
@@ -114,7 +115,7 @@ def start_controller(controller: UserController, rig: Rig, period_s: float) -> N
     """Call the controller's `start`. ControllerError: it raised something."""
     try:
         controller.start(rig, period_s)
-    except Exception as error:  # whatever a lab's code raises must stop the rig, not crash it
+    except FAILURES as error:  # whatever a lab's code raises must stop the rig, not crash it
         raise _failed(controller, "start", error) from error
 
 
@@ -126,7 +127,7 @@ def command_volts(controller: UserController, seen: Now, out: np.ndarray) -> Non
     try:
         volts = controller.control(seen)
         out[0], out[1] = (float(v) for v in volts)
-    except Exception as error:  # as above
+    except FAILURES as error:  # as above
         out[:] = 0.0
         raise _failed(controller, "control", error) from error
 
@@ -135,7 +136,7 @@ def end_controller(controller: UserController, outcome: str) -> str:
     """Call the controller's `end`; return what failed in it as a sentence, "" where nothing did."""
     try:
         controller.end(outcome)
-    except Exception as error:  # the run is over: what it recorded must not be lost
+    except FAILURES as error:  # the run is over: what it recorded must not be lost
         return str(_failed(controller, "end", error))
     return ""
 
@@ -158,7 +159,7 @@ def load_controller(name: str) -> UserController:
     try:
         spec.loader.exec_module(module)
         controller = getattr(module, made)()
-    except Exception as error:  # whatever is wrong in a lab's file is bad input
+    except FAILURES as error:  # whatever is wrong in a lab's file is bad input
         raise ValueError(f"controller {path}:{made}: {type(error).__name__}: {error}") from error
     missing = [method for method in METHODS if not callable(getattr(controller, method, None))]
     if missing:

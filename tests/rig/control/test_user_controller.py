@@ -1,10 +1,12 @@
 """A lab's own controller: it steers, and whatever it does wrong stops the rig at 0 V."""
 
+import sys
 from math import nan
 
 import numpy as np
 import pytest
 
+from rig.control.user_controller import load_controller
 from rig.loop.loop import Loop
 from rig.parameters import Rig
 from rig.simulation.simulator import SimulatedTable
@@ -71,10 +73,15 @@ def _raise(volts):
     raise RuntimeError("no idea")
 
 
+def _leave(volts):
+    sys.exit(0)
+
+
 @pytest.mark.parametrize(
     ("what", "said"),
     [(_raise, "RuntimeError: no idea"), (lambda v: 1.0, "TypeError"), (lambda v: (1, 2, 3), "many"),
-     (lambda v: None, "TypeError"), (lambda v: ("a", 0), "could not convert")],
+     (lambda v: None, "TypeError"), (lambda v: ("a", 0), "could not convert"),
+     (_leave, "SystemExit: 0")],
 )  # fmt: skip
 def test_what_fails_in_it_stops_the_rig_and_is_recorded(what, said):
     controller = FailsAt(100, what)
@@ -101,6 +108,23 @@ def test_a_fault_at_the_start_never_moves_the_table():
     assert ending.outcome == "aborted"
     assert "no model file" in ending.reason
     assert len(rows) == 0
+
+
+@pytest.mark.parametrize("where", ["", "    def __init__(self):\n        sys.exit(3)\n"])
+def test_a_file_that_leaves_the_program_is_bad_input(tmp_path, where):
+    file = tmp_path / "mine.py"
+    file.write_text("import sys\nclass Mine:\n" + (where or "    sys.exit(3)\n"))
+    with pytest.raises(ValueError, match="SystemExit: 3"):
+        load_controller(f"{file}:Mine")
+
+
+@pytest.mark.parametrize("method", ["start", "end"])
+def test_leaving_the_program_at_the_start_or_the_end_is_said(method):
+    controller = Steering()
+    setattr(controller, method, lambda *given: sys.exit(0))
+    ending, _ = run(controller)
+    assert ending.outcome == ("aborted" if method == "start" else "completed")
+    assert f"{method} failed" in ending.reason
 
 
 def test_a_fault_at_the_end_does_not_take_the_run_away():
