@@ -19,7 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from calibration.camera.sheet import CalibrationError
-from rig.safety.limits import SLEW_V_S, limit
+from rig.parameters import Servo
+from rig.safety.limits import SLEW_V_S, braking, limit
 from rig.table import Table
 
 Manoeuvre = Generator[tuple[float, int], float, None]
@@ -69,7 +70,8 @@ def perform(
     and `theta_rad` of the trace is NaN. `CalibrationError`: a manoeuvre fails, or has not ended
     after PATIENCE_S.
     """
-    bounds = (table.voltage_limit_V, ANGLE_LIMIT_RAD, SLEW_V_S * table.period_s)
+    stops = braking(Servo(), table.period_s)  # the usual servo's: this one is not measured yet
+    bounds = (table.voltage_limit_V, ANGLE_LIMIT_RAD, SLEW_V_S * table.period_s, stops)
     wanted, applied = [next(one) for one in manoeuvres], [0.0, 0.0]
     rows: list[tuple[float, ...]] = []
     motor, last, ended = [0.0, 0.0], None, 0

@@ -21,7 +21,7 @@ def serve(
     Who does not know the token is not listened to; who falls silent for 0.1 s loses the table.
     """
     from experiments.runs.assemble import load_rig
-    from rig.hardware.choose import open_table, raw_wiring
+    from rig.hardware.choose import open_table
     from rig.hardware.network.serve import Server
     from rig.hardware.network.token_file import make_token, read_token
     from rig.loop.realtime import go_realtime
@@ -43,8 +43,7 @@ def serve(
         server = Server(
             table,
             token,
-            counts_per_rev=raw_wiring(known).counts_per_rev,
-            angle_limit_rad=known.servo.angle_limit_rad,
+            servo=known.servo,
             host=host,
             port=port,
             say=lambda text: typer.echo(text),

@@ -16,7 +16,7 @@ from rig.estimation import backlash_observer, observers
 from rig.estimation.backlash_observer import gear_backlash, joint_backlash
 from rig.log import INDEX
 from rig.parameters import Rig
-from rig.safety.limits import SLEW_V_S
+from rig.safety.limits import SLEW_V_S, braking
 from rig.table import R_BALL, R_EXPOSED, R_MOTOR, R_NEW, R_THETA, R_TIME
 
 PLACE, HOLD, RUN, BLIND = range(4)  # PLACE: the ball is still to come; BLIND: it is not seen
@@ -42,6 +42,9 @@ CONTROLLER_SETTINGS = np.dtype(
         ("voltage_limit", np.float64),
         ("angle_limit", np.float64),
         ("slew", np.float64),  # V a tick
+        ("delay", np.float64),  # with the next two: `limits.Braking`
+        ("time_constant", np.float64),
+        ("top_speed", np.float64),
     ]
 )
 
@@ -60,6 +63,8 @@ def settings(rig: Rig, compensator: int, *, servo_only: bool = False) -> np.reco
     q["voltage_limit"] = rig.servo.voltage_limit_V
     q["angle_limit"] = rig.servo.angle_limit_rad
     q["slew"] = SLEW_V_S / rig.control_rate_hz
+    stops = braking(rig.servo, 1 / rig.control_rate_hz, rig.gains.torque_filter_s)
+    q["delay"], q["time_constant"], q["top_speed"] = stops
     return q
 
 

@@ -18,7 +18,7 @@ from rig.operator import SAY, Operator
 from rig.parameters import Rig
 from rig.safety import monitor
 from rig.safety.levelling import LevelOnExit
-from rig.safety.limits import limit
+from rig.safety.limits import Braking, limit
 from rig.safety.monitor import Fault, MonitorLimits
 from rig.table import Reading, Table
 
@@ -156,7 +156,8 @@ class Loop:
         for a, theta in enumerate(reading.theta_rad):
             rate = self.state["estimate"]["rate"][a]
             last, bounds = self._applied[a], (q["voltage_limit"], q["angle_limit"], q["slew"])
-            now = limit(self._commanded[a], theta, rate, last, *bounds, age_s)
+            stops = Braking(q["delay"], q["time_constant"], q["top_speed"])
+            now = limit(self._commanded[a], theta, rate, last, *bounds, stops, age_s)
             self._applied[a] = 0.0 if failed else now
         self._table.drive((float(self._applied[0]), float(self._applied[1])))
         self._note(reading, row, target, push)

@@ -4,12 +4,13 @@ from math import inf
 from types import TracebackType
 from typing import Self
 
-from rig.safety.limits import limit
+from rig.safety.limits import Braking, limit
 from rig.safety.monitor import MonitorLimits, StallWatch, watch_stall
 from rig.table import Table
 
 LEVEL_GAIN_V_RAD = 14.0
 LEVEL_LIMIT_V = 3.0  # at most, and never above the table's own limit
+_AT_REST = Braking(delay_s=0.0, time_constant_s=0.0, top_speed_rad_s=1.0)  # no angle limit
 _FOLLOWS = MonitorLimits(0.0, inf, inf, inf)  # of these only what a stall is
 
 
@@ -35,7 +36,7 @@ class Levelling:
             stalled = one.sign != 0.0 and t_s - one.since_s > _FOLLOWS.stall_s
             self._pushes[a], self._follows[a] = one, self._follows[a] and not stalled
             commanded = -LEVEL_GAIN_V_RAD * theta if self._follows[a] else 0.0
-            self._volts[a] = limit(commanded, theta, 0.0, 0.0, most, inf, inf)
+            self._volts[a] = limit(commanded, theta, 0.0, 0.0, most, inf, inf, _AT_REST)
         return self._volts[0], self._volts[1]
 
 

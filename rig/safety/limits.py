@@ -1,37 +1,77 @@
 """The one limiter between commanded volts and the motor: a pure function.
 
 What it returns is what is applied and recorded. It is 0 V where the command, the angle, the rate or
-the last volts are no finite numbers, or the estimate behind the command is stale. It never changes
-the sign of a command and never makes it larger; volts may always fall to zero at once.
+the last volts are no finite numbers, or the estimate behind the command is stale. It makes a
+command larger, or turns its sign, for one purpose: to brake an arm that would pass its angle limit.
 """
 
+from typing import NamedTuple
+
 from rig.compiled import compiled
+from rig.parameters import Servo
 
 SLEW_V_S = 1500.0  # 0 to 3 V within a tick of 2 ms: faster than any loop here means to be
-LOOK_AHEAD_S = 0.03  # a servo at full speed cannot be stopped at the limit: it is met earlier
 STALE_S = 0.05  # an estimate that was not brought up to date for so long is worth nothing
+TAPER_RAD = 0.04  # chosen, because a steeper law swings about the limit: see test_limits
+LATE_TICKS = 1.5  # a rate is half a tick old, and volts act from this tick to the next
+
+
+class Braking(NamedTuple):
+    """What the limiter knows of how an arm stops.
+
+    delay_s: age of the rate when volts act; time_constant_s: of the servo; top_speed_rad_s: of the
+    arm at the voltage limit.
+    """
+
+    delay_s: float
+    time_constant_s: float
+    top_speed_rad_s: float
+
+
+def braking(servo: Servo, period_s: float, filter_s: float = 0.0) -> Braking:
+    """How the arms of a servo stop; period_s: of the tick, filter_s: time constant of the rate."""
+    top_speed_rad_s = servo.gain_rad_s_V * servo.voltage_limit_V
+    return Braking(filter_s + LATE_TICKS * period_s, servo.time_constant_s, top_speed_rad_s)
 
 
 @compiled
 def limit(
-    commanded_V, theta_rad, rate_rad_s, last_V, voltage_limit_V, angle_limit_rad, slew_V, age_s=0.0
+    commanded_V,
+    theta_rad,
+    rate_rad_s,
+    last_V,
+    voltage_limit_V,
+    angle_limit_rad,
+    slew_V,
+    braking,
+    age_s=0.0,
 ):
     """Volts that may be applied to one axis [V].
 
     commanded_V: what the controller asks; theta_rad, rate_rad_s: the encoder's angle and its rate;
-    last_V: what was applied before; age_s: how old the estimate behind the command is. |V| <=
-    voltage_limit_V; |V| grows by at most slew_V in a tick; where the arm is beyond angle_limit_rad,
-    or would be after LOOK_AHEAD_S, only volts that lead back pass. 0 V where an argument is not
-    finite or age_s is above STALE_S.
+    last_V: what was applied before; braking: a `Braking`; age_s: how old the estimate behind the
+    command is. |V| <= voltage_limit_V; |V| grows by at most slew_V in a tick; 0 V where an argument
+    is not finite or age_s is above STALE_S.
+
+    Towards the angle limit volts are bounded by the room that is left when the arm is braked. A
+    servo, tau w' = K V - w, that goes at w and gets -V_max stops after the distance
+
+        s = tau (w - W ln(1 + w / W)) <= tau w^2 / (2 W + w),    W = K V_max its top speed,
+
+    as ln(1 + u) >= 2 u / (2 + u). It has gone w delay before that, so that
+    room = angle_limit - theta - w delay - tau w^2 / (2 W + w). With more than TAPER_RAD of it the
+    command passes; from there the bound falls in proportion, through 0 V at no room, to -V_max.
     """
     unclear = (commanded_V - commanded_V) + (theta_rad - theta_rad) + (rate_rad_s - rate_rad_s)
     if not (unclear == 0.0 and last_V - last_V == 0.0 and age_s <= STALE_S):
         return 0.0
     allowed = min(max(commanded_V, -voltage_limit_V), voltage_limit_V)
-    allowed = min(max(allowed, min(last_V, 0.0) - slew_V), max(last_V, 0.0) + slew_V)
-    ahead = theta_rad + LOOK_AHEAD_S * rate_rad_s
-    if allowed > 0.0 and max(theta_rad, ahead) > angle_limit_rad:
-        return 0.0
-    if allowed < 0.0 and min(theta_rad, ahead) < -angle_limit_rad:
-        return 0.0
-    return allowed
+    speed = abs(rate_rad_s)
+    stopping = braking.delay_s + braking.time_constant_s * (
+        speed / (2.0 * braking.top_speed_rad_s + speed)
+    )
+    up = theta_rad + max(rate_rad_s, 0.0) * stopping
+    down = theta_rad + min(rate_rad_s, 0.0) * stopping
+    allowed = min(allowed, max((angle_limit_rad - up) / TAPER_RAD, -1.0) * voltage_limit_V)
+    allowed = max(allowed, -max((angle_limit_rad + down) / TAPER_RAD, -1.0) * voltage_limit_V)
+    return min(max(allowed, min(last_V, 0.0) - slew_V), max(last_V, 0.0) + slew_V)

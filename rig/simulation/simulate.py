@@ -18,7 +18,7 @@ from rig.log import COLUMNS, Log
 from rig.parameters import ANGLE_MARGIN_RAD, Rig
 from rig.plant import plant, plant_record
 from rig.plant.plant import SEEN_T
-from rig.safety.limits import limit
+from rig.safety.limits import Braking, limit
 from rig.simulation import statistical_camera
 from rig.simulation.simulator import camera_numbers, read_drives, table_tick
 from rig.simulation.statistical_camera import deliver, look, next_exposure
@@ -102,6 +102,7 @@ def measure_and_control(k, s, p, q, state, camera, ticks, tick_s, buffer):
             q.voltage_limit,
             q.angle_limit,
             q.slew,
+            Braking(q.delay, q.time_constant, q.top_speed),
         )
         runaway = runaway or abs(reading[R_THETA + a]) > q.angle_limit + ANGLE_MARGIN_RAD
     buffer.covariance[0] = buffer.covariance[2] = reading[R_VARIANCE]

@@ -4,6 +4,7 @@ from functools import partial
 
 import pytest
 
+from rig.parameters import Servo
 from tests.mutation import suites
 from tests.mutation.mutate import survivors
 from tests.rig.hardware.network import test_client_watchdog as test_served
@@ -18,7 +19,7 @@ def identity(function):
 
 # A part of a mutant's name, and why it is the same code.
 SAME = {
-    "age_s=0.0  [['0.0']: 0.0 -> -1]": "an age of -1 s is as fresh as one of 0 s",
+    "age_s=0.0,  [['0.0']: 0.0 -> -1]": "an age of -1 s is as fresh as one of 0 s",
     "(rate_rad_s - rate_rad_s)  [['(commanded_V": "NaN or 0 each: + and - are alike",
     "['allowed > 0.0']: Gt -> GtE": "0 V would be returned as 0 V",
     "['allowed < 0.0']: Lt -> LtE": "0 V would be returned as 0 V",
@@ -30,8 +31,9 @@ SAME = {
     "late_s: float = 0.0  [": "MonitorState(): check() always replaces it",
     "MonitorLimits(0.0, inf, inf, inf)  # of these only what a stall is  [['0.0']": "not used",
     "self._volts, self._pushes = [0.0, 0.0]": "+-1 V is no push either",
-    "limit(commanded, theta, 0.0, 0.0, most, inf, inf)  [['0.0']": "no angle, no slew is too much",
-    "limit(commanded, a, 0.0, 0.0, most, reach, inf)  [['0.0']": "those of a rate die; no slew",
+    "most, inf, inf, _AT_REST)  [['0.0']": "no angle, no slew is too much",
+    "_AT_REST = Braking(": "of no meaning without an angle limit",
+    "limit(commanded, a, w, 0.0, most, reach, inf, self._braking)  [['0.0']": "no slew",
     "self._volts = (0.0, 0.0)  [['0.0']": "served: arm() sets them before they are read",
     "self._fresh_s = self._stopped_s = -inf": "arm() and configure() set them before that",
     "[['self._levelling = Levelling(voltage_limit_V)']: dropped]": "stop() sets it before that",
@@ -46,8 +48,11 @@ def test_every_mutant_of_the_limiter_dies():
     path = ROOT / "rig/safety/limits.py"
 
     def check(module) -> None:
-        limiter_laws.laws(module.limit)
-        assert (module.SLEW_V_S, module.LOOK_AHEAD_S, module.STALE_S) == (1500.0, 0.03, 0.05)
+        limiter_laws.laws(module.limit, module.Braking(*limiter_laws.STOPS))
+        assert (module.SLEW_V_S, module.STALE_S, module.TAPER_RAD) == (1500.0, 0.05, 0.04)
+        stops = module.braking(Servo(gain_rad_s_V=1.5, time_constant_s=0.1), 0.002, 0.017)
+        assert stops == pytest.approx(limiter_laws.STOPS)
+        assert module.braking(Servo(), 0.002) == pytest.approx((0.003, 0.025, 9.18))
 
     count, alive = survivors(path, check, compiled=identity)
     assert count > 50

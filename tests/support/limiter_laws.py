@@ -1,12 +1,13 @@
 """What the limiter promises, as one function of a limiter: for the real one and for its mutants."""
 
 from itertools import product
-from math import copysign, inf, isfinite, nan
+from math import copysign, inf, isclose, isfinite, nan
 
-V, ANGLE, SLEW, AHEAD_S, STALE_S = 6.0, 0.5, 3.0, 0.03, 0.05
+V, ANGLE, SLEW, STALE_S, TAPER = 6.0, 0.5, 3.0, 0.05, 0.04
+STOPS = DELAY_S, TAU_S, TOP = (0.02, 0.1, 9.0)  # also as `Braking`, for who asks by name
 WISHES = (nan, inf, -inf, 0.0, 1e-3, -1e-3, 2.5, -2.5, 3.0, -3.0, 6.0, -6.0, 6.5, -6.5, 1e9, -1e9)
-THETAS = (nan, inf, 0.0, 0.3, -0.3, 0.5, -0.5, 0.501, -0.501, 4.0, -4.0)
-RATES = (nan, -inf, 0.0, 2.0, -2.0, 7.0, -7.0, 20.0, -20.0, 1e3, -1e3)
+THETAS = (nan, inf, 0.0, 0.3, -0.3, 0.47, -0.47, 0.5, -0.5, 0.52, -0.52, 0.6, -0.6, 4.0, -4.0)
+RATES = (nan, -inf, 0.0, 0.5, -0.5, 2.0, -2.0, 7.0, -7.0, 20.0, -20.0, 1e3, -1e3)
 LASTS = (nan, inf, 0.0, 1.0, -1.0, 4.0, -4.0, 6.0, -6.0, 9.0)
 AGES = (0.0, STALE_S, 0.0501, inf, nan)
 
@@ -15,21 +16,29 @@ def expected(wish: float, theta: float, rate: float, last: float, age_s: float) 
     """The promise in words, not in the limiter's own formulas."""
     if not all(map(isfinite, (wish, theta, rate, last))) or not age_s <= STALE_S:
         return 0.0  # unclear or stale
-    size = min(abs(wish), V)
-    grown = abs(last) if last * wish > 0.0 else 0.0
-    size = min(size, grown + SLEW)
-    side = copysign(1.0, wish)
-    outermost = max(side * theta, side * (theta + AHEAD_S * rate))
-    return 0.0 if outermost > ANGLE else side * size
+    most = {}
+    for side in (1.0, -1.0):  # towards either limit
+        towards = max(side * rate, 0.0)
+        way = DELAY_S * towards + TAU_S * towards**2 / (2 * TOP + towards)
+        room = ANGLE - side * theta - way
+        most[side] = V if room >= TAPER else max(room / TAPER, -1.0) * V
+    volts = max(min(wish, most[1.0]), -most[-1.0])
+    grown = abs(last) if last * volts > 0.0 else 0.0
+    return copysign(min(abs(volts), grown + SLEW), volts)
 
 
-def laws(limit) -> None:
-    """AssertionError where `limit` breaks its promise on a grid that holds every edge."""
+def laws(limit, stops) -> None:
+    """AssertionError where `limit` breaks its promise on a grid that holds every edge.
+
+    stops: STOPS as the limiter's `Braking`.
+    """
     for wish, theta, rate, last in product(WISHES, THETAS, RATES, LASTS):
-        told = limit(wish, theta, rate, last, V, ANGLE, SLEW)
-        assert told == expected(wish, theta, rate, last, 0.0), (wish, theta, rate, last, told)
+        told = limit(wish, theta, rate, last, V, ANGLE, SLEW, stops)
+        right = expected(wish, theta, rate, last, 0.0)
+        assert isclose(told, right, rel_tol=1e-9, abs_tol=1e-9), (wish, theta, rate, last, told)
     for wish, age_s in product(WISHES, AGES):
-        told = limit(wish, 0.1, 0.0, 2.0, V, ANGLE, SLEW, age_s)
+        told = limit(wish, 0.1, 0.0, 2.0, V, ANGLE, SLEW, stops, age_s)
         assert told == expected(wish, 0.1, 0.0, 2.0, age_s), (wish, age_s, told)
-    assert limit(9.0, 0.0, 0.0, 0.0, 2.0, 1.0, inf) == 2.0  # another table's limits
-    assert limit(-9.0, 0.9, 0.0, 0.0, 2.0, 1.0, inf) == -2.0
+    assert limit(9.0, 0.0, 0.0, 0.0, 2.0, 1.0, inf, stops) == 2.0  # another table's limits
+    assert limit(-9.0, 0.9, 0.0, 0.0, 2.0, 1.0, inf, stops) == -2.0
+    assert limit(9.0, 1e300, 1e300, 0.0, 2.0, inf, inf, stops) == 2.0  # a table without a limit

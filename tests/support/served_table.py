@@ -39,8 +39,8 @@ class Lab:
         self.table = SimulatedTable(rig, rng, start_m=AWAY_M, held=True, eye=self.film)
         make_token(folder / "rig.token")
         self.server = Server(
-            Paced(self.table), read_token(folder / "rig.token"), counts_per_rev=4096,
-            angle_limit_rad=rig.servo.angle_limit_rad, port=0, say=print,
+            Paced(self.table), read_token(folder / "rig.token"), servo=rig.servo,
+            port=0, say=print,
         )  # fmt: skip
         self._armed_s: float | None = None
         self._file = (folder / "volts").open("w", buffering=1)

@@ -3,17 +3,18 @@
 Pure but for its own state: times come in, volts go out.
 """
 
-from math import inf, isfinite
+from math import exp, inf, isfinite
 
 from rig.hardware.network.remote_wire import SILENT_S, DriveRequest
 from rig.hardware.wiring import Wiring
-from rig.parameters import ANGLE_MARGIN_RAD
+from rig.parameters import ANGLE_MARGIN_RAD, Servo
 from rig.safety.levelling import Levelling
-from rig.safety.limits import limit
+from rig.safety.limits import braking, limit
 from vision.sources.clock import ForeignClock
 
 LEVEL_S = 0.5
 HOLD_S = 0.05  # so long a command's volts last without a newer one
+RATE_FILTER_S = 0.02  # as in the loop (`Gains.torque_filter_s`)
 HOMING_LIMIT_V = 3.0  # while nobody knows where the stops are
 
 
@@ -21,12 +22,15 @@ class ClientWatchdog:
     """Decides the volts of a served table from the commands of its user, and from their silence.
 
     While armed, the volts of the newest fresh command hold for 50 ms; after 100 ms without one the
-    plate is levelled for 0.5 s, then 0 V, latched. armed, latched, homed, wiring: the present
-    state; stale: commands that were not obeyed.
+    plate is levelled for 0.5 s, then 0 V, latched. servo: of the table; period_s: of its tick.
+    armed, latched, homed, wiring: the present state; stale: commands that were not obeyed.
     """
 
-    def __init__(self, voltage_limit_V: float, angle_limit_rad: float) -> None:
-        self._limit_V, self._angle_limit_rad = voltage_limit_V, angle_limit_rad
+    def __init__(self, voltage_limit_V: float, servo: Servo, period_s: float) -> None:
+        self._limit_V, self._angle_limit_rad = voltage_limit_V, servo.angle_limit_rad
+        self._braking = braking(servo, period_s, RATE_FILTER_S)
+        self._last: tuple[tuple[float, float], float] | None = None  # angles, and when
+        self._rate_rad_s = (0.0, 0.0)
         self.armed = self.latched = False
         self.homed = False
         self.wiring = Wiring()
@@ -35,7 +39,7 @@ class ClientWatchdog:
         self._levelling = Levelling(voltage_limit_V)
         self.stale = 0
         self.meet()
-        self._clamped(self._volts, self._volts)  # compiles now, not while a user waits
+        self._clamped(self._volts, self._volts, self._volts)  # compiles now, not while a user waits
 
     def meet(self) -> None:
         """Begin with a new user, whose clock is not known yet."""
@@ -85,21 +89,39 @@ class ClientWatchdog:
 
     def volts(self, theta_rad: tuple[float, float], now_s: float) -> tuple[float, float]:
         """Return the volts (x, y) for this tick; theta_rad: encoder angles, now_s: on our clock."""
+        rate_rad_s = self._rates(theta_rad, now_s)
         if self.armed and now_s - self._fresh_s > SILENT_S:
             self.stop(now_s)
         if self.armed:
             is_held = now_s - self._fresh_s > HOLD_S
-            return (0.0, 0.0) if is_held else self._clamped(self._volts, theta_rad)
+            return (0.0, 0.0) if is_held else self._clamped(self._volts, theta_rad, rate_rad_s)
         if self.homed and now_s - self._stopped_s < LEVEL_S:
             return self._levelling.volts(theta_rad, now_s)
         return 0.0, 0.0
 
-    def _clamped(self, volts, theta_rad) -> tuple[float, float]:
-        """The table's own bounds, whatever the user's program allows itself."""
-        most = self._limit_V if self.homed else min(HOMING_LIMIT_V, self._limit_V)
-        reach = self._angle_limit_rad + ANGLE_MARGIN_RAD if self.homed else inf
+    def _rates(self, theta_rad: tuple[float, float], now_s: float) -> tuple[float, float]:
+        """Filtered rates of the arms [rad/s]; 0 before there are two ticks."""
+        last, self._last = self._last, (theta_rad, now_s)
+        if last is None or not now_s > last[1]:
+            return self._rate_rad_s
+        decay = exp(-(now_s - last[1]) / RATE_FILTER_S)
         x, y = (
-            limit(commanded, a, 0.0, 0.0, most, reach, inf)
-            for commanded, a in zip(volts, theta_rad, strict=True)
+            decay * rate + (1 - decay) * (angle - before) / (now_s - last[1])
+            for rate, angle, before in zip(self._rate_rad_s, theta_rad, last[0], strict=True)
+        )
+        self._rate_rad_s = x, y
+        return self._rate_rad_s
+
+    def _clamped(self, volts, theta_rad, rate_rad_s) -> tuple[float, float]:
+        """The table's own bounds, whatever the user's program allows itself.
+
+        They are met half a margin beyond the angle limit: the user's limiter comes first, and the
+        stop is not reached.
+        """
+        most = self._limit_V if self.homed else min(HOMING_LIMIT_V, self._limit_V)
+        reach = self._angle_limit_rad + ANGLE_MARGIN_RAD / 2 if self.homed else inf
+        x, y = (
+            limit(commanded, a, w, 0.0, most, reach, inf, self._braking)
+            for commanded, a, w in zip(volts, theta_rad, rate_rad_s, strict=True)
         )
         return x, y

@@ -16,6 +16,7 @@ from rig.hardware.network import remote_wire as wire
 from rig.hardware.network.client_watchdog import ClientWatchdog
 from rig.hardware.network.remote_wire import DriveRequest, Ping, ProtocolError, RemoteReading, Wire
 from rig.hardware.wiring import Wiring
+from rig.parameters import Servo
 from rig.table import Reading, Table
 
 GREETING_S = 2.0  # to prove oneself
@@ -27,8 +28,8 @@ ANSWER_SHARE = 0.4  # of a tick: so long is the answer to this very tick waited 
 class Server:
     """Serves `table`, opened with its channels as they are (raw wiring), to one user at a time.
 
-    A context manager. port 0 takes any free one; the attribute `port` tells which. counts_per_rev,
-    angle_limit_rad: of the table's servos; say: gets a line for a person about whoever comes and
+    A context manager. port 0 takes any free one; the attribute `port` tells which. servo: of the
+    table, both axes alike; say: gets a line for a person about whoever comes and
     goes. OSError: it cannot listen at that host and port.
     """
 
@@ -37,15 +38,14 @@ class Server:
         table: Table,
         token: bytes,
         *,
-        counts_per_rev: int,
-        angle_limit_rad: float,
+        servo: Servo,
         host: str = "127.0.0.1",
         port: int = wire.PORT,
         say: Callable[[str], None] = lambda text: None,
     ) -> None:
         self._table, self._token, self._say = table, token, say
-        self._raw = Wiring(counts_per_rev=counts_per_rev)
-        self.watchdog = ClientWatchdog(table.voltage_limit_V, angle_limit_rad)
+        self._raw = Wiring(counts_per_rev=servo.encoder_counts_per_rev)
+        self.watchdog = ClientWatchdog(table.voltage_limit_V, servo, table.period_s)
         self.boot_id = secrets.token_bytes(16)
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         try:

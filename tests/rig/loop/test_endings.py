@@ -8,7 +8,7 @@ from rig.effects import check
 from rig.estimation import observers
 from rig.parameters import CameraTiming, Rig
 from rig.plant import plant, plant_record
-from rig.safety.limits import limit
+from rig.safety.limits import Braking, limit
 from rig.simulation.simulate import draw, simulate
 from rig.table import R_BALL, R_EXPOSED, R_NEW, R_TIME, blank_reading
 from tests.support.simulated import free_release, run
@@ -96,5 +96,6 @@ def test_effects_out_of_range_are_refused(name: str, key: str, value: float):
 
 
 def test_the_limiter_does_not_trip_over_the_smallest_numbers():
-    assert limit(5e-324, 0.3, 0.0, 0.0, 6.0, 0.1, 1.0) == 0.0
-    assert limit(-5e-324, 0.3, 0.0, 0.0, 6.0, 0.1, 1.0) == -5e-324
+    stops = Braking(0.0, 0.025, 9.0)
+    assert limit(5e-324, 0.3, 0.0, 0.0, 6.0, 0.1, 1.0, stops) == -1.0
+    assert limit(-5e-324, 0.0, 0.0, 0.0, 6.0, 0.1, 1.0, stops) == -5e-324

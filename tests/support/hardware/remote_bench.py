@@ -57,8 +57,8 @@ class Served:
     def __init__(self, rig: Rig, table: SimulatedTable) -> None:
         self.table, self.said = table, []
         self.server = Server(
-            Paced(table), TOKEN, counts_per_rev=rig.servo.encoder_counts_per_rev,
-            angle_limit_rad=rig.servo.angle_limit_rad, port=0, say=self.said.append,
+            Paced(table), TOKEN, servo=rig.servo,
+            port=0, say=self.said.append,
         )  # fmt: skip
         self.error: BaseException | None = None
         self.volts: list[tuple[float, tuple[float, float]]] = []

@@ -1,19 +1,23 @@
 """The guard over a served table, tick by tick, without a network: when volts flow and when not."""
 
-from math import inf, nan
+from math import exp, inf, nan, pi, radians
 
+import numpy as np
 import pytest
 
 from rig.hardware.network.client_watchdog import ClientWatchdog
 from rig.hardware.network.remote_wire import DriveRequest
 from rig.hardware.wiring import Wiring
+from rig.parameters import ANGLE_MARGIN_RAD, Rig, Servo
+from rig.plant import plant, plant_record
 
 T = 0.0  # the server's clock, so that differences are exact; the user's shows a second less
+SERVO = Servo(angle_limit_rad=0.5)
 ODD = Wiring(swap=True)
 
 
 def watchdog(*, homed: bool = True, armed: bool = True, limit_V: float = 6.0) -> ClientWatchdog:
-    one = ClientWatchdog(limit_V, 0.5)
+    one = ClientWatchdog(limit_V, SERVO, 0.002)
     one.hear(T - 1.5, T - 0.5)
     one.configure(Wiring(), homed)
     if armed:
@@ -91,7 +95,8 @@ def test_arming_counts_as_a_word_and_goodbye_ends_levelling():
     other = watchdog(armed=False)
     other.stop(T)
     assert not other.latched
-    unheard_of = ClientWatchdog(6.0, 0.5)  # armed before anybody said what its channels mean
+    # Armed before anybody said what its channels mean.
+    unheard_of = ClientWatchdog(6.0, SERVO, 0.002)
     assert unheard_of.wiring == Wiring()
     assert unheard_of.volts((0.2, 0.2), T) == (0.0, 0.0)
     unheard_of.arm(T)
@@ -124,12 +129,49 @@ def test_volts_are_clamped(homed: bool, limit_V: float, most: float):
 @pytest.mark.parametrize("side", [1, -1])
 def test_beyond_the_limit_of_angle_only_volts_that_lead_back_pass(side: int):
     one, raw = watchdog(), watchdog(homed=False)
-    for volts, theta, expected in ((2, 0.57, 2), (2, 0.59, 0), (-2, 0.59, -2), (2, -0.59, 2)):
+    braked = ((2, 0.5, 2), (2, 0.53, 1.5), (2, 0.55, -1.5), (-2, 0.55, -2), (2, -0.55, 2))
+    for volts, theta, expected in braked:
         told(one, side * volts)
         told(raw, side * volts)
-        assert one.volts((side * theta, 0.0), T) == (side * expected, 0.0)
+        assert one.volts((side * theta, 0.0), T) == pytest.approx((side * expected, 0.0))
         assert raw.volts((side * theta, 0.0), T) == (side * volts, 0.0)
         one, raw = watchdog(), watchdog(homed=False)
+
+
+def test_an_arm_that_moves_is_braked_by_its_filtered_rate():
+    """25 rad/s for a tick, then 5: what remains of 6 V is the room over 0.04 rad."""
+    one = watchdog()
+    stops, share = (0.023, 0.025, 9.18), 1 - exp(-0.002 / 0.02)
+    assert one.volts((0.40, -0.40), T) == (0.0, 0.0)
+    first = share * 25.0
+    second = (1 - share) * first + share * 5.0
+    for k, (theta, rate) in enumerate(((0.45, first), (0.46, second)), 1):
+        told(one, 6.0, -6.0, at_s=T + 0.002 * k)
+        way = rate * stops[0] + stops[1] * rate**2 / (2 * stops[2] + rate)
+        right = 6.0 * max(min((0.54 - theta - way) / 0.04, 1.0), -1.0)
+        assert one.volts((theta, -theta), T + 0.002 * k) == pytest.approx((right, -right))
+        assert -6.0 < right < 6.0
+    again = one.volts((0.46, -0.46), T + 0.004)  # the same moment: no rate of its own
+    assert again == pytest.approx((right, -right))
+
+
+def test_full_volts_asked_for_ever_never_reach_the_stop():
+    """On the plant, with an encoder: whatever the user's program allows itself."""
+    rig, one = Rig(), ClientWatchdog(6.0, Servo(), 0.002)
+    one.configure(Wiring(), True)
+    one.arm(T)
+    p, s, history = plant_record.pack(rig), plant.rest(), plant_record.no_volts(rig)
+    widest = 0.0
+    for k in range(1000):
+        now_s = T + 0.002 * k
+        assert told(one, 6.0, at_s=now_s)
+        theta = 2 * pi / 4096 * round(s[plant.ARM, 0] / (2 * pi / 4096))
+        history[1:] = history[:-1].copy()
+        history[0] = one.volts((theta, 0.0), now_s)
+        plant.advance(s, p, history, now_s, 0.002, 0.0, 0.0, True, np.inf, np.full(7, np.nan))
+        widest = max(widest, abs(s[plant.ARM, 0]))
+    assert widest < rig.servo.angle_limit_rad + ANGLE_MARGIN_RAD / 2 + radians(0.5)
+    assert widest < rig.servo.stop_rad - radians(2.0)
 
 
 def test_what_was_long_on_its_way_is_old_or_no_number_is_not_obeyed():

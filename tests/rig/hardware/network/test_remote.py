@@ -18,7 +18,7 @@ from rig.hardware.network.link_clock import LinkClock
 from rig.hardware.network.remote import RemoteTable
 from rig.hardware.network.token_file import make_token, read_token
 from rig.hardware.wiring import Wiring
-from rig.parameters import Rig
+from rig.parameters import Rig, Servo
 from rig.simulation.simulator import SimulatedTable
 from tests.support.hardware.remote_bench import TOKEN, Cable, Served, patiently, realtime, served
 
@@ -375,7 +375,7 @@ steps = st.tuples(
 @settings(max_examples=300, deadline=None)
 @given(st.lists(steps, max_size=60))
 def test_the_guard_lets_nothing_unfresh_through(todo):
-    watchdog, now, fresh = ClientWatchdog(6.0, 0.52), 10.0, -1.0
+    watchdog, now, fresh = ClientWatchdog(6.0, Servo(angle_limit_rad=0.52), 0.002), 10.0, -1.0
     watchdog.hear(now, now)  # the greeting's clock questions
     for what, x, y, theta in todo:
         now += 0.002
@@ -385,6 +385,7 @@ def test_the_guard_lets_nothing_unfresh_through(todo):
             watchdog.obey(wire.DriveRequest(0, now - 0.2, 50, x, y), now)
         elif what == "arm":
             watchdog.arm(now)
+            fresh = now  # 0 V until a command comes, unless an arm has to be braked
         elif what == "disarm":
             watchdog.disarm()
         elif what == "stop":
