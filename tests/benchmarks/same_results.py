@@ -8,7 +8,8 @@ In the old checkout and in the new one, each into its own folder:
 
 then `uv run python tests/benchmarks/same_results.py OLD NEW`. It compares the `results.json` of the
 first two, every sample of every recorded run, and the answer to each of the 200 blind trials;
-times that an analysis took are left out. Exit code 0: no difference; 1: each is printed.
+times that an analysis took, and run folders, whose names begin with one, are left out. Exit code 0:
+no difference; 1: each is printed.
 """
 
 import argparse
@@ -20,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-TIMES = ("seconds", "seconds_median", "minutes")  # what an analysis took
+TIMES = ("seconds", "seconds_median", "minutes", "folder")  # what an analysis took, when it was
 
 
 def differences(old: Any, new: Any, place: str = "") -> Iterator[str]:
