@@ -16,6 +16,7 @@ NEEDY = (
     "tests/experiments/blind/test_cluster.py",
     "tests/experiments/dashboard/test_browser.py",
     "tests/experiments/doctor/test_doctor_devices.py",
+    "tests/experiments/gap/test_recordings.py",
     "tests/rig/firmware",
     "tests/rig/hardware/board/test_board.py",
     "tests/rig/hardware/board/test_board_fuzz.py",

@@ -11,6 +11,7 @@ import pytest
 
 from calibration.gap.findings import Findings
 from experiments.gap.gap import investigate
+from experiments.gap.input import read_evidence
 from tests.support.parts import RECORDINGS, needs
 
 TABLE, AXIS = RECORDINGS / "position_table", RECORDINGS / "positioning_axis"
@@ -32,6 +33,15 @@ def half_of_table(which: int, folder: Path) -> Path:
 
 def certain(found: Findings) -> set[str]:
     return {one.name for one in found.effects if one.probability >= CERTAIN}
+
+
+@needs("recordings")
+def test_the_recordings_are_read_and_what_is_odd_in_them_is_told(tmp_path: Path):
+    table = read_evidence([half_of_table(1, tmp_path), half_of_table(2, tmp_path)])
+    assert any("beyond the rig's stop" in note for note in table.notes)
+    assert all(log.has("ball_x_m") and not log.has("voltage_x_V") for log in table.logs)
+    axis = read_evidence([AXIS / "run_a.csv", AXIS / "run_b.csv"])
+    assert all(log.has("theta_x_rad") and not log.has("ball_x_m") for log in axis.logs)
 
 
 @pytest.mark.slow
