@@ -49,6 +49,9 @@ MEASUREMENTS = {
     "kill-9": Measurement("kill_nine.py", 11),
     "jitter": Measurement("loop_jitter.py --seconds 10", 3),
     "camera-run": Measurement("camera_run.py 3", 3),
+    "worlds": Measurement(
+        "worlds.py --out out/benchmarks/worlds --seeds 1 --first-seed 400 --jobs 2", 10
+    ),
     "page-load": Measurement("dashboard_load.py --pairs 8 --seconds 12 --minutes 30", 40),
     "next-experiment": Measurement("next_experiments.py --draws 3 --seed 7", 15),
 }
