@@ -1,9 +1,11 @@
 """A name has to predict what its fit has not seen: the proof can take it back.
 
-The logs are split in two (`calibration.gap.prove.split`); on each part in turn the model is fitted
-with all names and with some of them left out, and the other part is predicted 1 s ahead from the
-inputs alone and one sample ahead. With e_k the errors 1 s ahead of an output, in the same windows
-for both models,
+What is tried was chosen on all data; its numbers are held out. The logs are split in two
+(`calibration.gap.prove.split`); on each part in turn the model is fitted with all names and with
+some of them left out, and the other part is predicted 1 s ahead from the inputs alone and one
+sample ahead.
+
+With e_k the errors 1 s ahead of an output, in the same windows for both models,
 
     D = mean_k (e_k^2 without - e_k^2 with),   se = std_k(...)/sqrt(K)
 

@@ -94,7 +94,7 @@ def _at_wall(ball_m: np.ndarray, reach_m: float) -> np.ndarray:
         return np.zeros(len(ball_m), bool)
     step = np.abs(np.diff(ball_m, axis=0))
     way = np.maximum(np.vstack([step[:1], step]), np.vstack([step, step[-1:]]))
-    return np.any(np.abs(ball_m) + way > reach_m - WALL_MARGIN_M, axis=1, keepdims=True)[:, 0]
+    return np.asarray(np.any(np.abs(ball_m) + way > reach_m - WALL_MARGIN_M, axis=1))
 
 
 def _thinned(known: Signals) -> Signals:

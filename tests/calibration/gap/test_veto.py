@@ -89,7 +89,7 @@ def test_what_imitates_a_delay_is_refuted_or_told_beside_an_unknown_effect():
 
 @pytest.mark.parametrize("delay_s", [0.1, 0.25])
 def test_a_delay_far_from_nominal_is_found_from_the_start(delay_s: float):
-    """Levels and friction of a real table, which a search near zero takes for a scale."""
+    """A search that begins near zero takes such a delay for a scale or for backlash."""
     log = foreign(
         "steps", seed=4, effects={"camera_delay": {"xy": {"extra_s": delay_s}}}, duration_s=20.0
     )
