@@ -4,6 +4,7 @@ The centroid hardly measures play. With one cluster k-means gives the mean, and 
 tied down by the controller: see `mean_of_run.py`. Spread and limit cycle (`metrics.py`) say more.
 """
 
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -86,5 +87,7 @@ def _k_means(xy_m: np.ndarray, clusters: int) -> Any:
         )
     # sklearn's annotation of n_init is wrong (it takes numbers), hence the dictionary.
     settings: dict[str, Any] = {"n_init": STARTS, "random_state": SEED}
-    with threadpool_limits(1):  # more threads only wait for each other on so few samples
+    with threadpool_limits(1), warnings.catch_warnings():  # threads would wait for each other
+        # of a machine that does not tell its cores (a container without /sys), which decide nothing
+        warnings.filterwarnings("ignore", "Could not find the number of physical cores")
         return KMeans(clusters, **settings).fit(xy)

@@ -41,6 +41,16 @@ def test_k_means_with_one_cluster_is_the_mean(xy):
     np.testing.assert_allclose(centroid(xy), xy.mean(axis=0), atol=1e-12)
 
 
+def test_a_machine_that_does_not_tell_its_cores_is_no_warning(monkeypatch: pytest.MonkeyPatch):
+    from joblib.externals.loky.backend import context
+    from sklearn.utils import _openmp_helpers
+
+    nothing = ValueError("found 0 physical cores < 1")
+    monkeypatch.setattr(context, "_count_physical_cores", lambda: ("not found", nothing))
+    monkeypatch.delitem(_openmp_helpers._CPU_COUNTS, True, raising=False)
+    assert centroid(np.array([[0.0, 0.0]])) == pytest.approx([0.0, 0.0])
+
+
 def test_blank_samples_do_not_count():
     xy = np.array([[0.01, 0.02], [np.nan, 0.5], [0.03, 0.04]])
     np.testing.assert_allclose(centroid(xy), [0.02, 0.03])
