@@ -139,7 +139,9 @@ def _measure_motion(request: CalibrationRequest, file: Path) -> None:
 
 
 def print_sheets(rig: Rig, out: Path, progress: ProgressSender) -> Path:
-    """Draw the sheets for lens and plate as PDF; the path of a ZIP file with them in `out`."""
+    """Draw the sheets for lens and plate as PDF; returns the path of a ZIP file with them
+    in `out`.
+    """
     from zipfile import ZipFile
 
     from experiments.calibrate.camera import make_sheets, sheet_of
