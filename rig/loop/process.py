@@ -52,7 +52,7 @@ class AngleListener(Protocol):
     """Who is told the servo angles of every tick: a camera that needs them as a first guess."""
 
     def tell(self, theta_rad: tuple[float, float]) -> None:
-        """Take the encoder angles (x, y) of this tick."""
+        """Take the encoder angles theta_rad (x, y) of this tick."""
         ...
 
 

@@ -53,8 +53,9 @@ def plate_rates(theta_x, theta_y, omega_x, omega_y, ratio, cross_x, cross_y, s_x
 
 @inlined
 def velocity(w_x, w_y, omega_1, omega_2, radius):
-    """x', y' of the ball's centre in the plate's frame [m/s] from the state w = (w_x, w_y)
-    [m/s].
+    """x', y' of the ball's centre in the plate's frame [m/s] from the state w = (w_x, w_y) [m/s].
+
+    omega_1, omega_2 [rad/s]: of `plate_rates`; radius [m]: of the ball.
     """
     return w_x - radius * omega_2, w_y + radius * omega_1
 
@@ -76,7 +77,9 @@ def rolling(x, y, v_x, v_y, spin, slope_x, slope_y, omega_1, omega_2, factor, ra
 
 
 def tilt_sines(theta_rad: tuple[float, float], ratio: float) -> tuple[float, float]:
-    """sin(phi_x), sin(phi_y) by Eq. 14 [1] from the servo angles; `ratio` = 2 R_d/L."""
+    """sin(phi_x), sin(phi_y) by Eq. 14 [1] from the servo angles theta_rad (x, y); `ratio` = 2
+    R_d/L.
+    """
     return ratio * sin(theta_rad[0]), ratio * sin(theta_rad[1])
 
 

@@ -47,8 +47,8 @@ _BLOCK = 256
 def table_tick(s, p, history, applied, push_x, push_y, held, t, tick_s, exposure_s, seen):
     """Apply volts and move the plant one tick on (`plant.advance`); True when the ball fell.
 
-    history (n, 2) is shifted by one row and `applied` (2,) [V] becomes its first; the other
-    arguments are those of `plant.advance`.
+    history (n, 2) is shifted by one row and `applied` (2,) [V] becomes its first; t, tick_s: begin
+    and length of the tick [s]; s, p, push_x, push_y, held, exposure_s, seen: as of `plant.advance`.
     """
     for i in range(history.shape[0] - 1, 0, -1):
         history[i, 0], history[i, 1] = history[i - 1, 0], history[i - 1, 1]
@@ -144,7 +144,7 @@ class SimulatedTable(LevelOnExit):
         self.held = False
 
     def push(self, acceleration_m_s2: tuple[float, float]) -> None:
-        """Push the ball with this acceleration (x, y) [m/s2] until the next call."""
+        """Push the ball with acceleration_m_s2 (x, y) until the next call."""
         self._push = acceleration_m_s2
 
     # --- the contract ---
@@ -173,7 +173,7 @@ class SimulatedTable(LevelOnExit):
 
     @property
     def volts_V(self) -> tuple[float, float]:
-        """Volts (x, y) that stand at the motors' terminals."""
+        """Volts (x, y) that stand at the motors' terminals [V]."""
         return float(self._applied[0]), float(self._applied[1])
 
     def truth(self) -> dict[str, np.ndarray]:
@@ -255,11 +255,12 @@ class SimulatedTable(LevelOnExit):
 
 @compiled
 def read_drives(s, p, draws, reading):
-    """Write encoder angles [rad] and motor speeds [rad/s] of state s into reading (READING_SIZE,).
+    """Write encoder angles [rad] and motor speeds [rad/s] of state s (STATE_ROWS, 2) into reading
+    (READING_SIZE,).
 
-    Angles are those of the arm, to the nearest count; speeds those of the motor, ahead of the
-    gears, with the tachometer's scale error and noise from draws (2,) of normal numbers, NaN
-    without a tachometer.
+    p: record PLANT. Angles are those of the arm, to the nearest count; speeds those of the motor,
+    ahead of the gears, with the tachometer's scale error and noise from draws (2,) of normal
+    numbers, NaN without a tachometer.
     """
     for a in range(2):
         reading[R_THETA + a] = floor(s[ARM, a] / p.encoder_step + 0.5) * p.encoder_step
