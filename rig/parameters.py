@@ -77,8 +77,7 @@ class Servo(Section):
     """One servo unit, both axes alike: volts -> K/(tau s + 1) -> speed of the load shaft.
 
     K is gain_rad_s_V, tau is time_constant_s. Encoder counts are those of one turn of the load
-    shaft after quadrature. voltage_limit_V and angle_limit_rad: what the limiter allows; stop_rad:
-    mechanical end stop.
+    shaft after quadrature.
     """
 
     gain_rad_s_V: Positive = 1.53
@@ -86,7 +85,7 @@ class Servo(Section):
     encoder_counts_per_rev: Annotated[int, Gt(0)] = 4096
     voltage_limit_V: Positive = 6.0
     angle_limit_rad: Positive = pi / 6  # B
-    stop_rad: Positive = 0.61  # assumed
+    stop_rad: Positive = 0.61  # mechanical end stop: assumed
     tachometer: bool = True
     tachometer_noise_rad_s: NotNegative = 0.005  # assumed (brush ripple), at the load shaft
     tachometer_scale: Finite = 0.0  # relative error of the plant's tachometer; A allows 2 %
@@ -114,11 +113,7 @@ class Servo(Section):
 
 @dataclass(frozen=True)
 class Linkage(Section):
-    """Servo arm to plate edge: sin(phi) = 2 R_d sin(theta)/L (paper Eq. 14).
-
-    arm_radius_m: R_d; plate_side_m: L, the side of the square plate, which also bounds where the
-    ball may be.
-    """
+    """Servo arm to plate edge: sin(phi) = 2 R_d sin(theta)/L (paper Eq. 14)."""
 
     arm_radius_m: Positive = 0.0254
     plate_side_m: Positive = 0.275

@@ -42,7 +42,7 @@ class ClientWatchdog:
         self._clamped(self._volts, self._volts, self._volts)  # compiles now, not while a user waits
 
     def meet(self) -> None:
-        """Forget the last user's clock, as a new user is connected."""
+        """Begin with a new user, whose clock is not known yet."""
         self._clock, self._sent_s = ForeignClock(), -inf
 
     def hear(self, sent_s: float, now_s: float) -> float:
@@ -88,9 +88,7 @@ class ClientWatchdog:
         return True
 
     def volts(self, theta_rad: tuple[float, float], now_s: float) -> tuple[float, float]:
-        """Return the volts (x, y) for this tick [V]; theta_rad: encoder angles, now_s: on our
-        clock.
-        """
+        """Return the volts (x, y) for this tick; theta_rad: encoder angles, now_s: on our clock."""
         rate_rad_s = self._rates(theta_rad, now_s)
         if self.armed and now_s - self._fresh_s > SILENT_S:
             self.stop(now_s)
