@@ -194,8 +194,9 @@ def fit_pulses(pulsed: list[Move]) -> tuple[Value, Value, Value, Value]:
 
 
 def mean_value(numbers: list[float], least: int = _MIN_MOVES) -> Value:
-    """Mean of repeated measurements with its 95 % interval. `CalibrationError`: fewer than
-    `least`."""
+    """Mean of repeated measurements `numbers` with its 95 % interval, in their unit.
+    `CalibrationError`: fewer than `least`.
+    """
     if len(numbers) < least:
         raise CalibrationError(
             f"{len(numbers)} ramps in one direction can be used, {least} are needed: does the "
