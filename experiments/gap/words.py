@@ -40,7 +40,7 @@ def channel_words(channel: str) -> str:
 
 
 def sig(value: float | None, digits: int = 3) -> str:
-    """A number with `digits` significant figures; "-" for None, NaN or infinity.
+    """`value` with `digits` significant figures; "-" for None, NaN or infinity.
 
     Numbers below 1e-4 have two figures and an exponent.
     """

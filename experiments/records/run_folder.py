@@ -44,7 +44,9 @@ def new_run_folder(parent: Path, protocol: str, arm: str, now: datetime | None =
 
 
 def write_truth(folder: Path | str, truth: dict) -> None:
-    """Write truth.json, the simulated plant's true values, which only scorers open."""
+    """Write truth.json, the simulated plant's true values, which only scorers open. OSError: it
+    cannot be written.
+    """
     replace_json(Path(folder) / "truth.json", plain(truth))
 
 

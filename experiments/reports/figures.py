@@ -257,8 +257,9 @@ def play_map(cells: Sequence[dict], measure: str, title: str, unit: str) -> Figu
 def verdict_word(result: dict) -> str:
     """Verdict on an effect by its interval: "helps", "hurts", "neutral" or "unclear".
 
-    helps, hurts: the whole interval lies beyond the relevant size, above or below zero; neutral: it
-    lies within the relevant size on both sides; unclear: none of these.
+    result: fields of `Paired`, as `play_map` gets them. helps, hurts: the whole interval lies
+    beyond the relevant size, above or below zero; neutral: it lies within the relevant size on both
+    sides; unclear: none of these.
     """
     relevant = result["relevant"]
     if result["low"] > relevant:

@@ -119,7 +119,7 @@ RUN_HEAD = (
 
 
 def run_row(name: str, numbers: dict) -> list[str]:
-    """Cells of the table row of one run under RUN_HEAD.
+    """Cells of one run's row in a table with the head RUN_HEAD; name: the first cell.
 
     numbers: as of `experiments.analysis.numbers.run_numbers`.
     """
@@ -145,5 +145,5 @@ def run_row(name: str, numbers: dict) -> list[str]:
 
 
 def number(value: float, digits: int = 3) -> str:
-    """A number with `digits` decimals; "-" for None, NaN or infinity."""
+    """`value` with so many `digits` behind the point; "-" for None, NaN or infinity."""
     return f"{value:.{digits}f}" if value is not None and isfinite(value) else "-"
