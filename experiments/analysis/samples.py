@@ -104,7 +104,7 @@ def pair(log: Log, name: str) -> np.ndarray:
 
 
 def held(values: np.ndarray) -> np.ndarray:
-    """Values (n,) with each NaN or infinity replaced by the value before it, 0 at the start."""
+    """`values` (n,) with each NaN or infinity replaced by the value before it, 0 at the start."""
     known = np.where(np.isfinite(values), np.arange(len(values)), -1)
     last = np.maximum.accumulate(known)
     return np.where(last >= 0, values[np.maximum(last, 0)], 0.0)

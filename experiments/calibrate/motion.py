@@ -153,9 +153,10 @@ def calibrate_time(
     """Measure the camera's delay and keep it in `out`.
 
     From a run with its video, from a run's ball alone (`video` None), or from a motion of `seconds`
-    of the virtual table through rendered frames (`run` None). CalibrationError: the motion is
-    refused. ValueError: a video without its run, a run without servo angles, or a folder without
-    lens and plate where frames are used. OSError: a file or folder that cannot be used.
+    of the virtual table through rendered frames, drawn from `seed` (`run` None). CalibrationError:
+    the motion is refused. ValueError: a video without its run, a run without servo angles, or a
+    folder without lens and plate where frames are used. OSError: a file or folder that cannot be
+    used.
     """
     rig = load_rig(rig_file)
     if video is not None and run is None:

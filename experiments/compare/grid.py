@@ -212,7 +212,8 @@ def table_of(rig: Rig, grid: Grid, cell: Cell) -> Rig:
 def run_requests(rig: Rig, grid: Grid, cell: Cell, condition: str) -> list[RunRequest]:
     """Runs of a condition in a cell, one for each seed.
 
-    Every condition gets the same units (`another_unit`) and random numbers of a seed.
+    Every condition gets the same units (`another_unit`) and random numbers of a seed. ValueError:
+    the rig file does not allow the cell's table, or its protocol is wrong.
     """
     kind = table_of(rig, grid, cell)
     course = next((c for c in grid.courses if c.protocol == cell.protocol), None)

@@ -81,7 +81,9 @@ def stop_record(
 
 
 def nanoseconds(created: str) -> int:
-    """Time of an ISO date in ns since 1970 UTC. ValueError: no ISO date, or without time zone."""
+    """Time of `created`, an ISO date, in ns since 1970 UTC. ValueError: no ISO date, or without
+    time zone.
+    """
     time = datetime.fromisoformat(created)
     if time.tzinfo is None:
         raise ValueError(f"created: {created} has no time zone; write it like 2026-11-20T10:15:02Z")

@@ -131,7 +131,9 @@ def ball_now(b, t, a):
 
 @compiled
 def observe(b, q, reading, volts):
-    """Run one tick of the ball filter and the torque observer; arguments as of `observe_torque`."""
+    """Run one tick of the ball filter and the torque observer; b, q, reading, volts: as of
+    `observe_torque`.
+    """
     observe_ball(b, q, reading)
     observe_torque(b, q, reading, volts)
 

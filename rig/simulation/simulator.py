@@ -101,7 +101,8 @@ class SimulatedTable(LevelOnExit):
 
     The ball starts at `start_m` and is held there where `held`. `eye` replaces the statistical
     camera: noise and dropouts are then its own, while the effects and the delay of the rig file
-    still hold. fallen: the ball has left the plate.
+    still hold. fallen: the ball has left the plate. ValueError: the rig's effects are not those of
+    the catalogue.
     """
 
     def __init__(

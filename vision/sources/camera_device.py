@@ -258,8 +258,8 @@ def open_camera(
     candidates: tuple[Backend, ...] | None = None,
     opener: Callable[[str | int, int], Capture] = capture,
 ) -> CameraFeed:
-    """Open a camera by index or device path, with the first of the `candidates` (default:
-    `backends()`) that answers; `opener` makes the capture.
+    """Open the camera `address`, an index or device path, with the first of the `candidates`
+    (default: `backends()`) that answers; `opener` makes the capture.
 
     `GoneError`: no camera there, or none answers; `SettingsError`: a setting is not taken.
     """
