@@ -77,7 +77,9 @@ class Fault(StrictModel):
 
 
 class Robustness(StrictModel):
-    """Faults by name, and the backlashes and the protocol that they are run with."""
+    """Faults by name that the controllers do not know of; plays: names of the backlashes, and
+    protocol, that they are run with.
+    """
 
     plays: list[str] = []
     protocol: str = "hold"

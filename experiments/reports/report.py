@@ -96,9 +96,7 @@ def write_page(
 
 
 def recompute_section(how: str) -> Section:
-    """Last section of a page, *How to recompute*; how: a sentence with the command that makes its
-    numbers again.
-    """
+    """Last section of a page, *How to recompute*; how: the command that makes its numbers again."""
     return Section("How to recompute", [how])
 
 
