@@ -58,7 +58,9 @@ class GridCourse(StrictModel):
 
 
 class Retuned(StrictModel):
-    """Gains of a PID without compensator that replace the table's own."""
+    """Gains of a PID without compensator that replace the table's own, as in
+    `rig.parameters.Gains`.
+    """
 
     proportional_rad_m: float = Field(gt=0)
     derivative_rad_s_m: float = Field(gt=0)

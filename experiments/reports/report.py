@@ -82,9 +82,10 @@ def write_page(
 ) -> Path:
     """Render a page to `path` and return the path.
 
-    summary: sentences of the head; template: a file of `templates/`; content: the template's other
-    variables; `source` is shown beside the title of base.html, `numbered` = True numbers the
-    sections. OSError: the page cannot be written, or a picture of it cannot be read.
+    title: of the page; summary: sentences of the head; template: a file of `templates/`; content:
+    the template's other variables; `source` is shown beside the title of base.html, `numbered` =
+    True numbers the sections. OSError: the page cannot be written, or a picture of it cannot be
+    read.
     """
     loader = PackageLoader("experiments.reports")
     pages = Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)

@@ -206,7 +206,8 @@ class Task:
     """Everything that decides one run.
 
     rig: the plant; known: what its controller knows (no effects); compensator: a number of
-    `controllers.COMPENSATORS`; draws: of `draw(rng, rig, course)`.
+    `controllers.COMPENSATORS`; course: targets, pushes and start; draws: of `draw(rng, rig,
+    course)`.
     """
 
     rig: Rig

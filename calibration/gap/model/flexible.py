@@ -91,8 +91,9 @@ def observer(
     """Numerator (2,) and denominator (3,) of the steady-state Kalman filter from a disturbance to
     the innovations, for position and speed sampled every `step_s`.
 
-    `process`: density of white acceleration; `measured`: standard deviation of a position; `tau_s`:
-    time constant in which speed decays (infinite: a free mass).
+    `process`: density of white acceleration [m or rad, /s2/sqrt(Hz)]; `measured`: standard
+    deviation of a position [m or rad]; `tau_s`: time constant in which speed decays (infinite: a
+    free mass).
     """
     decay = float(np.exp(-step_s / tau_s))
     reach = tau_s * (1.0 - decay) if np.isfinite(tau_s) else step_s

@@ -53,9 +53,11 @@ def page_request(request: Any) -> PageRequest:
 
 
 def guarded(process_request: Callable | None, gate: Gate) -> Callable:
-    """viser's `process_request` behind the gate.
+    """A `process_request` for viser's websocket server that asks `gate` before `process_request`,
+    viser's own (None: it has none).
 
-    403 and a sentence for whoever may not pass; the link leads on to the page (303).
+    Who may not pass is answered 403 and a sentence; who comes by the link with the token is led on
+    to the page's own address (303).
     """
     from websockets.datastructures import Headers
     from websockets.http11 import Response
