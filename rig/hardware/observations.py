@@ -58,7 +58,9 @@ class ObservationSource(Protocol):
     """Whoever sees the ball."""
 
     def latest(self, after_s: float) -> Observation | None:
-        """Return the newest observation exposed after `after_s` (run's time [s]), or None."""
+        """Return the newest observation exposed after `after_s` (run's time [s]), or None. OSError:
+        the source has failed.
+        """
         ...
 
 
