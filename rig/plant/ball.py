@@ -77,9 +77,7 @@ def rolling(x, y, v_x, v_y, spin, slope_x, slope_y, omega_1, omega_2, factor, ra
 
 
 def tilt_sines(theta_rad: tuple[float, float], ratio: float) -> tuple[float, float]:
-    """sin(phi_x), sin(phi_y) by Eq. 14 [1] from the servo angles theta_rad (x, y); `ratio` = 2
-    R_d/L.
-    """
+    """sin(phi_x), sin(phi_y) by Eq. 14 [1] from the servo angles; `ratio` = 2 R_d/L."""
     return ratio * sin(theta_rad[0]), ratio * sin(theta_rad[1])
 
 

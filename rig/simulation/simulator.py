@@ -47,8 +47,8 @@ _BLOCK = 256
 def table_tick(s, p, history, applied, push_x, push_y, held, t, tick_s, exposure_s, seen):
     """Apply volts and move the plant one tick on (`plant.advance`); True when the ball fell.
 
-    history (n, 2) is shifted by one row and `applied` (2,) [V] becomes its first; t, tick_s: begin
-    and length of the tick [s]; s, p, push_x, push_y, held, exposure_s, seen: as of `plant.advance`.
+    history (n, 2) is shifted by one row and `applied` (2,) [V] becomes its first; the other
+    arguments are those of `plant.advance`.
     """
     for i in range(history.shape[0] - 1, 0, -1):
         history[i, 0], history[i, 1] = history[i - 1, 0], history[i - 1, 1]
@@ -101,8 +101,7 @@ class SimulatedTable(LevelOnExit):
 
     The ball starts at `start_m` and is held there where `held`. `eye` replaces the statistical
     camera: noise and dropouts are then its own, while the effects and the delay of the rig file
-    still hold. fallen: the ball has left the plate. ValueError: the rig's effects are not those of
-    the catalogue.
+    still hold. fallen: the ball has left the plate.
     """
 
     def __init__(
@@ -174,7 +173,7 @@ class SimulatedTable(LevelOnExit):
 
     @property
     def volts_V(self) -> tuple[float, float]:
-        """Volts (x, y) that stand at the motors' terminals [V]."""
+        """Volts (x, y) that stand at the motors' terminals."""
         return float(self._applied[0]), float(self._applied[1])
 
     def truth(self) -> dict[str, np.ndarray]:
@@ -256,12 +255,11 @@ class SimulatedTable(LevelOnExit):
 
 @compiled
 def read_drives(s, p, draws, reading):
-    """Write encoder angles [rad] and motor speeds [rad/s] of state s (STATE_ROWS, 2) into reading
-    (READING_SIZE,).
+    """Write encoder angles [rad] and motor speeds [rad/s] of state s into reading (READING_SIZE,).
 
-    p: record PLANT. Angles are those of the arm, to the nearest count; speeds those of the motor,
-    ahead of the gears, with the tachometer's scale error and noise from draws (2,) of normal
-    numbers, NaN without a tachometer.
+    Angles are those of the arm, to the nearest count; speeds those of the motor, ahead of the
+    gears, with the tachometer's scale error and noise from draws (2,) of normal numbers, NaN
+    without a tachometer.
     """
     for a in range(2):
         reading[R_THETA + a] = floor(s[ARM, a] / p.encoder_step + 0.5) * p.encoder_step
