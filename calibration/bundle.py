@@ -71,7 +71,11 @@ def _camera(lens: LensRecord) -> Camera:
 
 
 class Draft(_Common):
-    """A calibration that is being made: sections are added one after the other, in any order."""
+    """A calibration that is being made: sections are added one after the other, in any order.
+
+    `lens`, `plate`, `markers` and the ball's radius are None until they are measured; further
+    sections as of `calibration.records`.
+    """
 
     lens: LensRecord | None = None
     plate: PlateRecord | None = None
@@ -128,8 +132,9 @@ class Bundle(_Common):
         return self.plate.side_m
 
     def check_size(self, width_px: int, height_px: int) -> None:
-        """Raise `BundleError` where pictures of this size are not those that the lens was
-        calibrated with."""
+        """Raise `BundleError` where pictures of `width_px` x `height_px` are not of the size that
+        the lens was calibrated with.
+        """
         if (width_px, height_px) != (self.lens.width_px, self.lens.height_px):
             raise BundleError(
                 f"the calibration is for {self.lens.width_px}x{self.lens.height_px} px, the camera "

@@ -7,4 +7,4 @@ ProgressCall = Callable[[str, int, int], None]
 
 
 def silent(stage: str, done: int, total: int) -> None:
-    """Ignore the progress of a stage: the default `ProgressCall`."""
+    """Ignore the progress of a stage, `done` of `total`: the default `ProgressCall`."""

@@ -74,7 +74,9 @@ class Log:
 
     @classmethod
     def from_rows(cls, rows: np.ndarray, *, notes: tuple[str, ...] = ()) -> "Log":
-        """Copy `rows` (n, len(COLUMNS)), in the order of `COLUMNS`. ValueError: another shape."""
+        """Return a log with a copy of `rows` (n, len(COLUMNS)), in the order of `COLUMNS`; notes:
+        see `Log`. ValueError: another shape.
+        """
         rows = np.array(rows, dtype=np.float64, order="F")  # columns contiguous
         if rows.ndim != 2 or rows.shape[1] != len(COLUMNS):
             raise ValueError(
@@ -88,7 +90,7 @@ class Log:
     def from_columns(
         cls, columns: Mapping[str, np.ndarray], *, notes: tuple[str, ...] = ()
     ) -> "Log":
-        """Build a log of `columns` (name -> (n,)); missing ones are NaN.
+        """Return a log of `columns` (name -> (n,)); missing ones are NaN. notes: see `Log`.
 
         ValueError: an unknown name, no column at all, or lengths that differ.
         """

@@ -128,13 +128,14 @@ class Linkage(Section):
 class Ball(Section):
     """The ball: radius, mass, mass distribution and colour.
 
-    hollow: a thin spherical shell, else a solid sphere.
+    hollow: a thin spherical shell, else a solid sphere; colour: a name or "#rrggbb", for the
+    tracker.
     """
 
     radius_m: Positive = 0.019625
     mass_kg: Positive = 0.003
     hollow: bool = True
-    colour: str = "orange"  # a name or #rrggbb: what the tracker looks for
+    colour: str = "orange"
 
     @property
     def rolling_factor(self) -> float:
@@ -148,16 +149,17 @@ class Ball(Section):
 class CameraTiming(Section):
     """What the loop must know of the camera: parameters of the measurement, not of the physics.
 
-    noise_m: standard deviation of each coordinate; ball_height_m: how much higher the ball's centre
-    lies than the calibration takes it to be, which shifts its image by that height times the sine
-    of the tilt.
+    delay_s: from the exposure to the tick in which its observation is usable; noise_m: standard
+    deviation of each coordinate; dropout: share of frames without an observation; ball_height_m:
+    how much higher the ball's centre lies than the calibration takes it to be, which shifts its
+    image by that height times the sine of the tilt.
     """
 
     rate_hz: Positive = 60.0
-    delay_s: NotNegative = 0.012  # from exposure to the tick in which the observation is usable
+    delay_s: NotNegative = 0.012
     noise_m: NotNegative = 0.0003
-    dropout: Share = 0.0  # share of frames without an observation
-    ball_height_m: Finite = 0.0  # higher than it is taken for: seen shifted by so much of the sine
+    dropout: Share = 0.0
+    ball_height_m: Finite = 0.0
 
 
 @dataclass(frozen=True)
@@ -197,8 +199,9 @@ class Gains(Section):
     filters.
 
     u = proportional e + integral (integral of e) - derivative v gives the servo's reference [rad]
-    from the ball's error [m]; integral_limit_rad bounds the integral's part. ball_filter_rad_s:
-    bandwidth of the ball filter.
+    from the ball's error [m]; integral_limit_rad bounds the integral's part. V = servo_proportional
+    (reference - theta) - servo_derivative omega. ball_filter_rad_s: bandwidth of the ball filter;
+    torque_filter_s and observer_gain: tau and K of Eq. 9.
     """
 
     proportional_rad_m: NotNegative = 3.45
@@ -208,8 +211,8 @@ class Gains(Section):
     servo_proportional_V_rad: NotNegative = 14.0
     servo_derivative_V_s_rad: NotNegative = 0.0
     ball_filter_rad_s: Positive = 25.0
-    torque_filter_s: Positive = 0.02  # tau of Eq. 9
-    observer_gain: NotNegative = 1.0  # K of Eq. 9
+    torque_filter_s: Positive = 0.02
+    observer_gain: NotNegative = 1.0
 
 
 @dataclass(frozen=True)
@@ -231,11 +234,12 @@ class KnownBacklash(Section):
 class TableChoice:
     """Which table is driven and how it is reached; none of these keys changes the model.
 
-    port, baud: of the serial board; address: "host:port" of a remote table, number of a Quanser
-    card or "vendor:product" of a USB board; token_file: the remote table's secret; camera: an
-    address for `vision.sources.sources`; calibration: the camera's bundle. amplifier_gain: motor
-    volts per output volt of the Quanser card; card_options: handed to its driver. swap, crossed and
-    the signs by channel: the wiring (`rig.hardware.wiring`); what homing finds overrides them.
+    kind: one of TABLE_KINDS; port, baud: of the serial board; address: "host:port" of a remote
+    table, number of a Quanser card or "vendor:product" of a USB board; token_file: the remote
+    table's secret; camera: an address for `vision.open_source`; calibration: the camera's bundle.
+    amplifier_gain: motor volts per output volt of the Quanser card; card_options: handed to its
+    driver. swap, crossed and the signs by channel: the wiring (`rig.hardware.wiring`); what homing
+    finds overrides them.
     """
 
     kind: str = "simulated"

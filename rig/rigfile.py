@@ -53,7 +53,8 @@ def _beside(rig: Rig, folder: Path) -> Rig:
 
 
 def from_dict(data: dict[str, Any]) -> Rig:
-    """Return the rig of a parsed TOML document or of `to_dict`; a missing key has its default.
+    """Return the rig of `data`, a parsed TOML document or what `to_dict` gave; a missing key has
+    its default.
 
     ValueError (one line): an unknown key, which lists the known ones, or a wrong value.
     """

@@ -12,7 +12,8 @@ import numpy as np
 
 
 class SharedArray:
-    """A numpy array (`array`) in shared memory, zeros at first; pickled by its name.
+    """A numpy array (`array`) in shared memory, of this shape and dtype, zeros at first; pickled by
+    its name.
 
     Pickling it to a spawned process makes another view of the same memory. The process that made
     the memory frees it with `close`; the others only let go of it. FileNotFoundError: `name` is

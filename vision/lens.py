@@ -28,8 +28,9 @@ def distort(x: Any, y: Any, k: Coefficients) -> tuple[Any, Any]:
 
 
 def distort_jacobian(x: Any, y: Any, k: Coefficients) -> tuple[Any, Any, Any]:
-    """Entries (xx, xy, yy) of the symmetric matrix d distort / d (x, y) at the ideal point (x,
-    y)."""
+    """Entries (xx, xy, yy) of the symmetric matrix d distort / d (x, y) at the ideal point (x, y):
+    normalised coordinates, floats or arrays of any shape; `k` as in `distort`.
+    """
     k1, k2, p1, p2, k3 = k
     r2 = x * x + y * y
     gain = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
@@ -42,8 +43,9 @@ def distort_jacobian(x: Any, y: Any, k: Coefficients) -> tuple[Any, Any, Any]:
 
 
 def undistort(xd: Any, yd: Any, k: Coefficients, steps: int = 5) -> tuple[Any, Any]:
-    """The ideal point of the distorted point (xd, yd): the inverse of `distort` by Newton's method.
-    5 steps reach 1e-14 for lenses that do not fold."""
+    """The ideal point of the distorted point (xd, yd), both normalised coordinates: the inverse of
+    `distort` by `steps` steps of Newton's method. 5 steps reach 1e-14 for lenses that do not fold.
+    """
     if not any(k):
         return xd, yd
     x, y = xd, yd

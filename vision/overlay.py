@@ -51,7 +51,8 @@ def draw_track(
 
 
 def contact_sheet(images: Sequence[np.ndarray], columns: int) -> np.ndarray:
-    """One image of many of one size (h, w, 3), in rows of `columns`; empty cells are black.
+    """One image of many `images` of one size (h, w, 3) uint8, in rows of `columns`; empty cells are
+    black.
 
     `ValueError`: no images, no columns, or images of different sizes.
     """

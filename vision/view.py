@@ -26,7 +26,7 @@ _CIRCLE = np.linspace(0.0, 2.0 * pi, 16, endpoint=False)
 @dataclass(frozen=True, eq=False)
 class Camera:
     """A pinhole camera with OpenCV's lens; `matrix` (3, 3) [px] without skew, `distortion` (5,) =
-    (k1, k2, p1, p2, k3), see `lens`.
+    (k1, k2, p1, p2, k3), see `lens`; `width_px`, `height_px`: of its images.
 
     `ValueError`: focal lengths that are not positive, or a skew.
     """
@@ -92,7 +92,9 @@ class View:
         return replace(self, camera_from_plate=pose)
 
     def pixel_from_plate(self, points_m: np.ndarray) -> np.ndarray:
-        """Raw pixels (n, 2) of points (n, 3) in the plate frame [m]."""
+        """Raw pixels (n, 2) of `points_m` (n, 3) in the plate frame, which must lie in front of the
+        camera.
+        """
         pose = self.camera_from_plate
         points = np.asarray(points_m, float).reshape(-1, 3) @ pose[:3, :3].T + pose[:3, 3]
         return self.camera.pixel_from_ray(points[:, :2] / points[:, 2:])

@@ -188,7 +188,9 @@ def cells(views: Sequence[SheetView], size_px: tuple[int, int]) -> set[tuple[int
 
 
 def coverage(views: Sequence[SheetView], size_px: tuple[int, int]) -> float:
-    """Share (0 to 1) of the cells of a 6x4 grid over the image in which some corner was seen."""
+    """Share (0 to 1) of the cells of a 6x4 grid over the image of `size_px` (width, height) in
+    which some corner was seen.
+    """
     return len(cells(views, size_px)) / (GRID[0] * GRID[1])
 
 

@@ -87,9 +87,10 @@ def without_false_corners(
     """The views without corners that lie grossly off, their fit, the share of corners taken out,
     and the index of the picture with most of them (-1: none taken out).
 
-    Up to 6 fits in turn; after each, corners beyond FALSE_SIGMAS times the noise and beyond
-    FALSE_PX go. The noise comes from the median of all distances, which a tenth of false corners
-    hardly moves. `CalibrationError`: the views determine no camera.
+    `size_px`: (width, height) of the pictures. Up to 6 fits in turn; after each, corners beyond
+    FALSE_SIGMAS times the noise and beyond FALSE_PX go. The noise comes from the median of all
+    distances, which a tenth of false corners hardly moves. `CalibrationError`: the views determine
+    no camera.
     """
     kept, total = list(views), sum(len(view.points_m) for view in views)
     taken: dict[int, int] = {}

@@ -21,9 +21,12 @@ _EPS = 1e-5
 
 @dataclass(frozen=True)
 class Misfit:
-    """What a lens fit leaves unexplained, with z scores. `bent_mm`: peak-to-peak height of the
-    sheet over its best plane; `lens_px`: rms over the seen corners of what a richer lens would
-    change."""
+    """What a lens fit leaves unexplained.
+
+    `bent_mm`: peak-to-peak height of the sheet over its best plane; `lens_px`: rms over the seen
+    corners of what a richer lens would change; `bent_z`, `lens_z`: z scores of both, from the
+    module's test (`lens_checks.CLEAR_Z` is the limit).
+    """
 
     bent_mm: float
     bent_z: float

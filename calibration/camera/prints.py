@@ -122,8 +122,10 @@ def _plate_strip(page: Page, layout: MarkerLayout, origin, top: float, bottom: f
 
 
 def fixed_page(ids: Sequence[int], dictionary: str, side_m: float, paper: str = "a4") -> Page:
-    """Markers with these `ids` and side `side_m` [m] to be cut out and glued beside the plate,
-    where they stand still. `ValueError`: unknown paper, or it is too small."""
+    """Markers with these `ids` of an OpenCV dictionary (its name) and side `side_m` to be cut out
+    and glued beside the plate, where they stand still. `ValueError`: unknown paper, or it is too
+    small.
+    """
     side, gap = 1e3 * side_m, 26.0
     page = _fitting(paper, len(ids) * side + (len(ids) - 1) * gap, side, "the fixed markers")
     book = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))

@@ -91,8 +91,9 @@ def find_sheet(images: Iterable[np.ndarray], sheet: Sheet) -> list[SheetView]:
 
 
 def sheet_view(image: np.ndarray, sheet: Sheet, index: int = 0) -> SheetView | None:
-    """The sheet in one picture (h, w[, 3]) uint8, with the blur of its edges and the share of its
-    markers; None with under 12 corners."""
+    """The sheet in one picture `image` (h, w[, 3]) uint8, with the blur of its edges and the share
+    of its markers; None with under 12 corners. `index`: the picture's number, kept in the view.
+    """
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     detector = cv2.aruco.CharucoDetector(sheet.board)
     corners, ids, marker_corners, marker_ids = detector.detectBoard(grey)

@@ -19,8 +19,8 @@ def sheet_poses(
     count: int,
     rng: np.random.Generator,
 ) -> list[np.ndarray]:
-    """Random poses (4, 4) camera_from_sheet [m] of a sheet held before a camera; every other one is
-    tilted by 28 to 42 degrees, the others by 3 to 22, in all directions.
+    """`count` random poses (4, 4) camera_from_sheet [m] of a sheet held before a camera; every
+    other one is tilted by 28 to 42 degrees, the others by 3 to 22, in all directions.
 
     `field`: (width, height) of the view at distance 1; the sheet is held between 0.67 and 1 times
     `distance_m` away. The sheet's origin is the top left corner of the print, x right, y down.

@@ -137,16 +137,19 @@ class ClosedLoopRow:
 
 @dataclass(frozen=True)
 class Gap:
-    """Gaps by channel, before and after, over one noise floor. `floor`: where the floor comes from;
-    `held_out`: whether the gaps are on data that were not fitted."""
+    """Gaps by channel, `before` and `after` the names were added, over one noise floor.
+
+    `floor`: where the floor comes from; `floors`: its values by channel [rad or m]; `held_out`:
+    whether the gaps are on data that were not fitted. `ahead_1s_mm`, `ahead_1s_deg`: RMS error 1 s
+    ahead of the ball, and by servo channel, each under the keys "before", "after" and "floor".
+    """
 
     before: dict[str, float] = field(default_factory=dict)
     after: dict[str, float] = field(default_factory=dict)
     floor: str = "fullest model"  # or "repeated runs"
     held_out: bool = False
-    floors: dict[str, float] = field(default_factory=dict)  # channel -> floor [rad or m]
-    ahead_1s_mm: dict[str, float] = field(default_factory=dict)  # before, after, floor
-    # servo channel -> before, after, floor
+    floors: dict[str, float] = field(default_factory=dict)
+    ahead_1s_mm: dict[str, float] = field(default_factory=dict)
     ahead_1s_deg: dict[str, dict[str, float]] = field(default_factory=dict)
 
 
@@ -164,7 +167,15 @@ class NextExperiment:
 @dataclass(frozen=True, eq=False)
 class Findings:
     """The whole answer of `rig gap`. Tuples are empty, and other fields at their default, for
-    stages that did not run."""
+    stages that did not run.
+
+    `verdict`: one of VERDICTS, in words `sentence`. `where`: regions in which the model is wrong,
+    with `profiles` and `maps`; `effects`: what is named, `unknown`: what is left without a name,
+    `ranking`: every effect considered, `untestable`: what the logs would not show. `calibrated`: K
+    [rad/s/V] and tau [s] of the servos by label; `gap`, `steps`, `proof`, `closed_loop`: before and
+    after; `noise`: levels by their name in NOISE, means of both axes [SI]; `rig_before`,
+    `rig_after`: the nominal rig, and the one extended by the names.
+    """
 
     verdict: str
     sentence: str
@@ -182,7 +193,7 @@ class Findings:
     proof: tuple[ProofRow, ...] = ()
     closed_loop: tuple[ClosedLoopRow, ...] = ()
     notes: tuple[str, ...] = ()
-    noise: dict[str, float] = field(default_factory=dict)  # process, camera, colour as estimated
+    noise: dict[str, float] = field(default_factory=dict)
     rig_before: Rig | None = None
     rig_after: Rig | None = None
 

@@ -45,9 +45,12 @@ Choice = tuple[str, Course, float]  # name of a protocol, what it asks for, seco
 
 @dataclass(frozen=True)
 class Prospect:
-    """What a protocol promises: its duration [s] and the expected scores between the two effects if
-    the first or the second is true (infinite: not simulated, because the other is too small
-    already). `cannot`: why the rig cannot run it, "" if it can."""
+    """What a protocol promises for telling two effects apart.
+
+    `seconds`: its duration on the rig [s]; `if_first`, `if_second`: expected scores S_A, S_B
+    between the two, if the first or the second is true (infinite: not simulated, because the other
+    is too small already); `cannot`: why the rig cannot run it, "" if it can.
+    """
 
     protocol: str
     seconds: float

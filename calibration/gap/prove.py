@@ -117,7 +117,7 @@ def floors(rig: Rig, fullest: Mapping[str, float]) -> tuple[dict[str, float], st
 
 @dataclass(frozen=True, eq=False)
 class Proof:
-    """The gaps before and after, and one row for each model."""
+    """The gaps before and after, and one row of errors for each model that was judged."""
 
     gap: Gap
     rows: tuple[ProofRow, ...]

@@ -160,8 +160,8 @@ def pulse_angle(move: Move, gain: float, tau: float, offset: float, friction: fl
 
 
 def fit_pulses(pulsed: list[Move]) -> tuple[Value, Value, Value, Value]:
-    """K [rad/s/V], tau [s], offset and friction [V] by least squares over all pulses of one axis,
-    with 95 % intervals.
+    """K [rad/s/V], tau [s], offset and friction [V] by least squares over all pulses `pulsed` of
+    one axis, with 95 % intervals.
 
     The intervals come from the jackknife over up to 8 groups of pulses, since errors within a pulse
     are correlated, widened by the model's own error. `CalibrationError`: under 6 pulses, or all in
@@ -194,8 +194,9 @@ def fit_pulses(pulsed: list[Move]) -> tuple[Value, Value, Value, Value]:
 
 
 def mean_value(numbers: list[float], least: int = _MIN_MOVES) -> Value:
-    """Mean of repeated measurements with its 95 % interval. `CalibrationError`: fewer than
-    `least`."""
+    """Mean of repeated measurements `numbers` with its 95 % interval, in their unit.
+    `CalibrationError`: fewer than `least`.
+    """
     if len(numbers) < least:
         raise CalibrationError(
             f"{len(numbers)} ramps in one direction can be used, {least} are needed: does the "

@@ -15,7 +15,7 @@ SEED = 0
 
 
 def centroid(xy_m: np.ndarray) -> np.ndarray:
-    """Centroid (2,) [m] of positions xy (n, 2) as the paper makes it: k-means with one cluster.
+    """Centroid (2,) [m] of positions xy_m (n, 2) as the paper makes it: k-means with one cluster.
 
     With one cluster k-means gives the mean. Rows with NaN are left out. ValueError: the shape is
     not (n, 2), or no row is free of NaN.

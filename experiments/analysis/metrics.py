@@ -182,8 +182,8 @@ def final_settling_time(ball: Samples) -> float:
 def settling_time(ball: Samples, *, band_m: float = 0.02, stay_s: float = 1.0) -> float:
     """First time [s] from which every sample of `stay_s` lies within `band_m` of its target.
 
-    NaN where that never happens. A gap of more than GAP_S ends a stay: an unseen ball does not
-    count as staying.
+    NaN where that never happens. A gap of more than GAP_S between samples ends a stay: an unseen
+    ball does not count as staying.
     """
     if not len(ball.t_s):
         return nan

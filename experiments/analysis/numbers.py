@@ -32,7 +32,9 @@ class Recorded:
 
 
 def recorded(folder: Path, log: Log, outcome: str, *, servo_only: bool = False) -> Recorded:
-    """A recorded run with its metrics; servo_only as in `run_metrics`."""
+    """A recorded run with its metrics; outcome: as run.json has it; servo_only: as in
+    `run_metrics`.
+    """
     return Recorded(folder, log, run_metrics(log, servo_only=servo_only), outcome)
 
 
@@ -129,11 +131,12 @@ def _play(width_rad: np.ndarray, std_rad: np.ndarray) -> dict:
 
 
 def arm_numbers(runs: Sequence[Recorded]) -> dict:
-    """Numbers of one arm's runs for results.json: at least one run is needed.
+    """Numbers of one arm's runs, at least one, for results.json.
 
-    Positions are pooled over the runs' samples, servo numbers are means over the runs, "runs_list"
-    holds `run_numbers` of each run, and "intervals" (with two runs or more) the mean and 95 %
-    interval over the runs of every entry of MEASURES.
+    At the top and under "settled" (the settled parts): positions [cm], pooled over the samples of
+    all runs, and servo numbers [rad], means over the runs; "runs": their number; "runs_list":
+    `run_numbers` of each; "intervals" (two runs or more): mean and 95 % interval over the runs of
+    every entry of MEASURES.
     """
     samples = [ball_samples(run.log) for run in runs]
     settled = [s.where(s.t_s >= _settled_from(run)) for s, run in zip(samples, runs, strict=True)]

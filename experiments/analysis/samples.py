@@ -30,13 +30,13 @@ class Place:
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """New observations of the ball in the run phase, k of them.
+    """New observations of the ball in the run phase, k of them; times count from the first row of
+    the phase.
 
-    t_s (k,): when the light hit the sensor, from the first row of the phase; xy_m (k, 2): position;
-    target_m (k, 2): target at that time, the plate's centre where the log does not say; pushed
-    (k,): True while a push was on; until_s (k,): until when the log held the observation, from the
-    first row of the phase (a log may repeat values): an observation much later than that followed a
-    gap.
+    t_s (k,): when the light hit the sensor; xy_m (k, 2): position; target_m (k, 2): target at that
+    time, the plate's centre where the log does not say; pushed (k,): True while a push was on;
+    until_s (k,): the last time at which the log still holds the observation. Where the next t_s is
+    much later than until_s, the ball was not seen in between.
     """
 
     t_s: np.ndarray
@@ -46,7 +46,7 @@ class Samples:
     until_s: np.ndarray
 
     def where(self, chosen: np.ndarray | slice) -> "Samples":
-        """Samples selected by a mask (k,) or slice."""
+        """The samples that `chosen` selects, a mask (k,) or a slice."""
         return Samples(**{name: values[chosen] for name, values in vars(self).items()})
 
     @property
@@ -97,12 +97,14 @@ def mean_seen(values: np.ndarray) -> np.ndarray:
 
 
 def pair(log: Log, name: str) -> np.ndarray:
-    """The x and y columns of a signal, (n, 2); `{}` in the name stands for the axis."""
+    """The x and y columns of a signal as (n, 2), in the log's unit; name: the column's, with `{}`
+    in place of the axis. KeyError: no such column.
+    """
     return np.column_stack([log[name.format(axis)] for axis in "xy"])
 
 
 def held(values: np.ndarray) -> np.ndarray:
-    """Values (n,) with each NaN or infinity replaced by the value before it, 0 at the start."""
+    """`values` (n,) with each NaN or infinity replaced by the value before it, 0 at the start."""
     known = np.where(np.isfinite(values), np.arange(len(values)), -1)
     last = np.maximum.accumulate(known)
     return np.where(last >= 0, values[np.maximum(last, 0)], 0.0)

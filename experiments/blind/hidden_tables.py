@@ -63,7 +63,8 @@ def well_kept(nominal: Rig, rng: np.random.Generator) -> Rig:
 
 
 def calibrated_table(kind: Rig, rng: np.random.Generator) -> tuple[Rig, Rig]:
-    """A unit with the measured imperfections of FACTS.md D, and the rig as a calibration finds it.
+    """A unit with imperfections as measured on real tables, and the rig as its calibration finds
+    it.
 
     Returns (plant, nominal): the plant has its own K, tau, uneven breakaway, voltage offset and
     level (the effects in `KNOWN`, taken from `kind`), and every other effect within its tolerance;

@@ -52,7 +52,9 @@ def possible(log: Log) -> list[str]:
 
 
 def axes_with(log: Log, name: str) -> list[str]:
-    """The axes ("x", "y") of the log whose channels allow this effect, which acts per axis."""
+    """The axes ("x", "y") of the log whose channels allow the effect `name`, one that acts per
+    axis.
+    """
     first = "voltage_{}_V" if name in (*_VOLTS, "input_delay") else "ball_{}_m"
     return [a for a in "xy" if log.has(first.format(a), f"theta_{a}_rad")]
 

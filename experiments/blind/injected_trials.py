@@ -33,7 +33,8 @@ def _log(path: str) -> Log:
 def draw_injected_trials(
     paths: Sequence[Path], *, seed: int, each: int, rig_file: Path | None = None
 ) -> list[BlindTrial]:
-    """One trial of the logs as they came and up to `each` of every effect that all logs can hide.
+    """One trial of the logs as they came and up to `each` of every effect that all logs can hide,
+    drawn from `seed`.
 
     paths: recorded logs of one table; rig_file: its nominal rig. Draws whose effect the logs cannot
     hide are left out after 20 tries. ValueError, FileNotFoundError: a log or the rig file cannot be

@@ -69,7 +69,8 @@ def make_log(trial: BlindTrial, protocol: str, seed: int) -> Log:
 
 
 def own_run(trial: BlindTrial, protocol: str, seed: int) -> Simulated:
-    """One run in the rig's own simulator with the trial's noise and uncatalogued effect.
+    """One run in the rig's own simulator with the trial's noise and uncatalogued effect; seed: of
+    its random numbers.
 
     Returns the log and how the run ended. The controller uses no compensator and knows the nominal
     rig. ValueError: an unknown protocol.

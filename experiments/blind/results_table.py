@@ -188,7 +188,7 @@ def failures_markdown(scores: Sequence[TrialScore]) -> str:
 
 
 def show(lines: list[Row], title: str) -> None:
-    """Print the lines as a table to the terminal, at least 110 characters wide."""
+    """Print the lines as a table with this title to the terminal, at least 110 characters wide."""
     from rich.console import Console
     from rich.table import Table
 

@@ -81,8 +81,8 @@ def saturation_limit(peak_V: float, times: float) -> float:
 
 
 def draw_axes(name: str, rng: np.random.Generator) -> tuple[str, ...]:
-    """The axes that an effect acts on: x, y (80 % together) or both for an effect with one value
-    per axis; for any other effect the axes that the catalogue gives.
+    """The axes that the effect `name` acts on: x, y (80 % together) or both for an effect with one
+    value per axis; for any other effect the axes that the catalogue gives.
     """
     if BY_NAME[name].axes != PER_AXIS:
         return BY_NAME[name].axes
@@ -96,7 +96,8 @@ def draw_effect(
     within: tuple[float, float] = FACTORS,
     other_shape: bool = False,
 ) -> tuple[dict[str, dict[str, float]], float]:
-    """Random parameters of an effect, {axis: {key: value in SI}}, and the first axis's factor.
+    """Random parameters of the effect `name`, {axis: {key: value in SI}}, and the first axis's
+    factor.
 
     within: lowest and highest factor over the smallest amplitude (log-uniform); other_shape: draw
     the inner shape (period, speed, asymmetry) from the range in `SHAPES` instead of its usual

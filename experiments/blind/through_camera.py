@@ -38,7 +38,8 @@ SHIFTS_M = (0.003, 0.012)
 
 
 def draw_camera_trials(seed: int, each: int, *, protocol: str = "steps") -> list[BlindTrial]:
-    """`each` trials of every variant in `VARIANTS`, the variants in turn, on well-kept tables.
+    """`each` trials of every variant in `VARIANTS`, the variants in turn, on well-kept tables drawn
+    from `seed`.
 
     protocol: recorded by each trial. What is hidden concerns the camera alone.
     """
@@ -92,10 +93,11 @@ def _bundle():
 
 
 def mounted(view, layout, yaw_rad: float, shift_m):
-    """The view and the marker layout of a plate frame that is turned by yaw and shifted.
+    """The view and the marker layout of a plate frame that is turned by yaw_rad, counter-clockwise,
+    and shifted by shift_m (2,).
 
-    yaw_rad: counter-clockwise [rad]; shift_m (2,): [m]. With them measured positions are R(yaw)
-    true + shift, in every frame, whatever the plate's tilt.
+    view, layout: of the plate's true frame. With the new ones measured positions are R(yaw) true +
+    shift, in every frame, whatever the plate's tilt.
     """
     from vision.plate.markers import MarkerLayout
 
@@ -131,7 +133,8 @@ def _mounted_camera(trial: BlindTrial, seed: int):
 
 
 def camera_log(trial: BlindTrial, protocol: str, seed: int) -> Log:
-    """One log of a camera trial, from the release of the ball on; a `logs.LogMaker`.
+    """One log of a camera trial, from the release of the ball on; a `logs.LogMaker`. seed: of the
+    run.
 
     The real loop runs tick by tick on a simulated table whose rendered images go through the vision
     chain. ValueError: an unknown protocol.

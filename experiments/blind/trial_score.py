@@ -151,7 +151,8 @@ def _right(
 def comparable(
     name: str, values: Mapping[str, float], *, one_width: bool = False
 ) -> dict[str, float]:
-    """An effect's parameters under keys that do not depend on how they were written.
+    """The parameters `values` of the effect `name` under keys that do not depend on how they were
+    written.
 
     A dead zone becomes its two sides, positive_V and negative_V [V], or with `one_width` the mean
     of both under half_width_V [V]; every other effect is returned as it is.

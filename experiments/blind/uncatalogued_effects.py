@@ -74,8 +74,8 @@ def _direction(name: str, angle: float) -> list[float]:
 
 
 def disturbance_record(stranger: dict | None) -> np.record:
-    """The `engine.STRANGER` record that the compiled run takes, from the parameters that `draw`
-    returns; None: no uncatalogued effect acts.
+    """The `engine.STRANGER` record that the compiled run takes; stranger: the parameters that
+    `draw` returns, None: no uncatalogued effect acts.
     """
     g = engine.no_stranger()
     for key, value in (stranger or {}).items():

@@ -103,9 +103,9 @@ def calibrate_backlash(
 ) -> None:
     """Measure the virtual table's backlash, print it, and keep it in `out`.
 
-    Kept in the calibration and, as what the controllers know, in rig.toml (not with motor_only).
-    CalibrationError: nothing could be measured. ValueError, OSError: rig file or folder cannot be
-    used.
+    Kept in the calibration and, as what the controllers know, in rig.toml (not with motor_only,
+    which uses volts and tachometer alone). seed: of the sensors' noise. CalibrationError: nothing
+    could be measured. ValueError, OSError: rig file or folder cannot be used.
     """
     rig = load_rig(rig_file)
     folder = CalibrationFolder(out, "simulated")

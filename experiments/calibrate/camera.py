@@ -94,11 +94,11 @@ def calibrate_camera(
 ) -> CameraCalibration:
     """Measure the lens and keep it in `out`, with camera.png and coverage.png beside it.
 
-    source: a folder of images, a video or a camera; None: the virtual camera. distance_m: about the
-    distance of the plate. `most` pictures are taken from a video or camera, a live one for at most
-    `seconds`. shown: called with pictures of coverage and residuals as they grow. CalibrationError:
-    the pictures are refused; only coverage.png is written then. ValueError, OSError: a folder or
-    source that cannot be used.
+    source: a folder of images, a video or a camera; None: the virtual camera, its pictures drawn
+    from `seed`. distance_m: about the distance of the plate. `most` pictures are taken from a video
+    or camera, a live one for at most `seconds`. shown: called with pictures of coverage and
+    residuals as they grow. CalibrationError: the pictures are refused; only coverage.png is written
+    then. ValueError, OSError: a folder or source that cannot be used.
     """
     rig = load_rig(rig_file)
     folder = CalibrationFolder(out, _kind(source))
@@ -206,11 +206,11 @@ def calibrate_table(
 ) -> None:
     """Measure the pose of the level plate from `frames` frames of its markers; keep it in `out`.
 
-    source: folder, video or camera; None: the virtual camera. layout_file: JSON of own markers
-    (`calibration.records.MarkersRecord`); None: the printed ones of side `plate_marker_mm`. A
-    `sheet` that lies on the plate checks the print's scale. CalibrationError: the frames are
-    refused. ValueError: there is no lens yet, or the layout is wrong. OSError: a source or folder
-    that cannot be used.
+    source: folder, video or camera; None: the virtual camera, its frames drawn from `seed`.
+    layout_file: JSON of own markers (`calibration.records.MarkersRecord`); None: the printed ones
+    of side `plate_marker_mm`. A `sheet` that lies on the plate checks the print's scale.
+    CalibrationError: the frames are refused. ValueError: there is no lens yet, or the layout is
+    wrong. OSError: a source or folder that cannot be used.
     """
     rig = load_rig(rig_file)
     folder = CalibrationFolder(out, _kind(source))

@@ -49,11 +49,11 @@ class CalibrationFolder:
         warnings: Sequence[str] = (),
         **records: Any,
     ) -> None:
-        """Add a section and its records to calibration.json, and print where it stands.
+        """Add the section `name` and its records to calibration.json, and print where it stands.
 
-        data: files that the numbers came from, kept as fingerprints; warnings: kept and printed;
-        records: fields of `calibration.bundle.Draft`, None to remove one. OSError: the file cannot
-        be written.
+        data: files that the numbers came from, kept as fingerprints; pictures: that show it;
+        warnings: kept and printed; records: fields of `calibration.bundle.Draft`, None to remove
+        one. OSError: the file cannot be written.
         """
         section = SectionRecord(
             made=_now(),

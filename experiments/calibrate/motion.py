@@ -65,7 +65,8 @@ def _source(given: Sequence[_Given]) -> Source:
 def calibrate_servo(rig_file: Path | None, out: Path, *, seed: int) -> None:
     """Measure both servos of the virtual table; keep them in `out`, with their traces as CSV.
 
-    CalibrationError: the motion is refused. ValueError, OSError: rig file or folder cannot be used.
+    seed: of the sensors' noise. CalibrationError: the motion is refused. ValueError, OSError: rig
+    file or folder cannot be used.
     """
     rig = load_rig(rig_file)
     folder = CalibrationFolder(out, "simulated")
@@ -100,8 +101,8 @@ def calibrate_level(
     """Measure the plate's slope at servo angle 0 on both axes, and keep it in `out`.
 
     runs: run folders or logs in which the ball is led about; none: a run of `seconds` on the
-    virtual table. CalibrationError: the runs are refused. ValueError, OSError: a file or folder
-    that cannot be used.
+    virtual table, its noise drawn from `seed`. CalibrationError: the runs are refused. ValueError,
+    OSError: a file or folder that cannot be used.
     """
     rig = load_rig(rig_file)
     given = [_read(path) for path in runs]
@@ -152,9 +153,10 @@ def calibrate_time(
     """Measure the camera's delay and keep it in `out`.
 
     From a run with its video, from a run's ball alone (`video` None), or from a motion of `seconds`
-    of the virtual table through rendered frames (`run` None). CalibrationError: the motion is
-    refused. ValueError: a video without its run, a run without servo angles, or a folder without
-    lens and plate where frames are used. OSError: a file or folder that cannot be used.
+    of the virtual table through rendered frames, drawn from `seed` (`run` None). CalibrationError:
+    the motion is refused. ValueError: a video without its run, a run without servo angles, or a
+    folder without lens and plate where frames are used. OSError: a file or folder that cannot be
+    used.
     """
     rig = load_rig(rig_file)
     if video is not None and run is None:

@@ -44,7 +44,9 @@ class ViewPicker:
         return len(self.views) >= ENOUGH and coverage(self.views, self.size) >= MIN_COVERAGE
 
     def look(self, frame: Frame) -> bool:
-        """Look at one frame; True if the frame was kept."""
+        """Look at one frame; True if it was kept: the sheet is sharp in it and lies elsewhere than
+        before.
+        """
         image = frame.image
         self.size = (image.shape[1], image.shape[0])
         self._sample(image)

@@ -33,14 +33,18 @@ class Growing:
         (folder / RESIDUALS).unlink(missing_ok=True)  # of another set
 
     def add(self, image: np.ndarray) -> None:
-        """Add a picture (h, w[, 3]) uint8 to the set, if it shows the sheet, and draw."""
+        """Add the picture `image` (h, w[, 3]) uint8 to the set, if it shows the sheet, and draw.
+        OSError: as of `look`.
+        """
         view = sheet_view(image, self._sheet, len(self._views))
         if view is not None:
             self._views.append(view)
         self.look(image, self._views)
 
     def look(self, image: np.ndarray, views: Sequence[SheetView]) -> None:
-        """Draw the newest frame (h, w[, 3]) uint8 with the views kept so far."""
+        """Draw the newest frame `image` (h, w[, 3]) uint8 with the views kept so far, and tell
+        `shown`; nothing within EVERY_S of the last time. OSError: a picture cannot be written.
+        """
         now_s = time.monotonic()
         if now_s - self._drawn_s < EVERY_S:
             return
@@ -65,7 +69,7 @@ class Growing:
 
 
 def residual_picture(rms_px: np.ndarray, words: str, path: Path) -> Path:
-    """Draw the rms (n,) [px] of each picture as a bar, the largest in red: PNG.
+    """Draw the rms rms_px (n,) of each picture as a bar, the largest in red: PNG.
 
     words: the title. Returns `path`. OSError: it cannot be written.
     """

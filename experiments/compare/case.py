@@ -43,7 +43,9 @@ class Case:
 
 
 def traced(request) -> Traced:
-    """Make a requested run (`RunRequest`) in the loop and keep what a log does not hold."""
+    """Make the run that `request`, a `RunRequest`, asks for, tick by tick, and keep what a log does
+    not hold. ValueError: its protocol does not fit its rig.
+    """
     way = course(request.protocol, request.rig, request.seed)
     table = simulated_table(request.rig, way, request.seed, None)
     rows, inside = [], []
@@ -69,9 +71,11 @@ def traced(request) -> Traced:
 
 
 def telling_case(results: dict, rig: Rig, grid: Grid) -> Case:
-    """Simulate again, with the first seed, the held cell in which a condition gains most.
+    """Simulate again, with the first seed, the cell in which a condition gains most: of those
+    without a fault on the protocol *hold* or, without such cells, of all. results: as of
+    `run_comparison`.
 
-    The conditions are "without", the two best, and those that estimate the backlash.
+    Its conditions are "without", the two best, and those that estimate the backlash.
     """
     held = [c for c in results["cells"] if not c["fault"] and c["protocol"] == "hold"]
 

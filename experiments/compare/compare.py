@@ -57,7 +57,8 @@ def condition_rows(rig: dict, grid: dict, cell: dict, condition: str) -> list[di
     """Simulate a condition in a cell: for each seed one row of the measures KEPT.
 
     The values are NaN in a run that did not complete. rig, grid, cell: plain data, as `to_dict`,
-    `model_dump` and `asdict` make it, so that any worker can take them.
+    `model_dump` and `asdict` make it, so that any worker can take them. ValueError: the cell's
+    table or protocol is impossible.
     """
     wanted = run_requests(from_dict(rig), Grid.model_validate(grid), Cell(**cell), condition)
     return simulate_in_blocks(wanted, _measured)
@@ -204,6 +205,6 @@ def run_comparison(
 
 
 def sizes(grid: Grid) -> Sequence[int]:
-    """Numbers of cells, of conditions in cells and of runs of a grid."""
+    """(number of cells, of pairs of condition and cell, of runs) of a grid."""
     pairs = plan(grid)
     return len(cells(grid)), len(pairs), len(pairs) * grid.seeds

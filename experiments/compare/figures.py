@@ -20,9 +20,11 @@ def _conditions(results: Mapping) -> list[str]:
 
 
 def map_figure(results: Mapping, out: Path) -> Path:
-    """Draw the gain over no compensator [cm] of every condition in every cell; return the file.
+    """Draw the gain over no compensator [cm] of every condition in every cell; returns the PNG
+    file's path.
 
-    Bold: the sign is certain after Holm's correction; "lost": no mean gain is known.
+    results: as of `run_comparison`. Bold: the sign is certain after Holm's correction; "lost": no
+    mean gain is known. OSError: `out` cannot be written.
     """
     conditions, cells = _conditions(results), results["cells"]
     gain = np.array(
@@ -46,9 +48,10 @@ def map_figure(results: Mapping, out: Path) -> Path:
 
 
 def effect_figure(results: Mapping, out: Path) -> Path:
-    """Draw gains [cm] with 95 % intervals, one panel for each play; return the file.
+    """Draw gains [cm] with 95 % intervals, one panel for each play; returns the PNG file's path.
 
-    The cells are those of the first friction and protocol, without a fault.
+    results: as of `run_comparison`, of which the cells of the first friction and protocol, without
+    a fault, are drawn. OSError: `out` cannot be written.
     """
     first = next(iter(results["grid"]["frictions"]))
     cells = [c for c in results["cells"] if c["friction"] == first and not c["fault"]]
@@ -87,9 +90,8 @@ def _seconds(log: Log) -> np.ndarray:
 
 
 def case_figure(case: Case, out: Path) -> Path:
-    """Draw ball [cm] and servo [deg] over time on axis x, one row for each condition.
-
-    Returns the path of the PNG file.
+    """Draw ball [cm] and servo [deg] over time on axis x, one row for each condition; returns the
+    PNG file's path. OSError: `out` cannot be written.
     """
     figure, axes = plt.subplots(
         len(case.runs),
@@ -112,9 +114,8 @@ def case_figure(case: Case, out: Path) -> Path:
 
 
 def crossing_figure(case: Case, out: Path) -> Path:
-    """Draw one reversal of up to four conditions: wanted, reference, servo and plate [deg].
-
-    Returns the path of the PNG file.
+    """Draw one reversal of up to four conditions: wanted, reference, servo and plate [deg]; returns
+    the PNG file's path. OSError: `out` cannot be written.
     """
     conditions = [condition for condition in case.runs if condition != "adaptive-asymmetric"][:4]
     figure, axes = plt.subplots(
@@ -151,10 +152,11 @@ def _reversal(log: Log, before_s: float = 0.3, after_s: float = 0.7) -> slice:
 
 
 def convergence_figure(case: Case, out: Path) -> Path:
-    """Draw the two break points of the backlash [deg] over time, estimated and true.
+    """Draw the two break points of the backlash [deg] over time, estimated and true; returns the
+    PNG file's path.
 
-    The estimates are those of the adaptive inverses and of the observer of "with". Returns the path
-    of the PNG file.
+    The estimates are those of the adaptive inverses and of the observer of "with". OSError: `out`
+    cannot be written.
     """
     figure, ax = plt.subplots(figsize=(6.5, 3.0))
     for condition in ("adaptive", "adaptive-asymmetric"):

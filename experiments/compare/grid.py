@@ -58,7 +58,9 @@ class GridCourse(StrictModel):
 
 
 class Retuned(StrictModel):
-    """Gains of a PID without compensator that replace the table's own."""
+    """Gains of a PID without compensator that replace the table's own, as in
+    `rig.parameters.Gains`.
+    """
 
     proportional_rad_m: float = Field(gt=0)
     derivative_rad_s_m: float = Field(gt=0)
@@ -77,7 +79,9 @@ class Fault(StrictModel):
 
 
 class Robustness(StrictModel):
-    """Faults by name, and the backlashes and the protocol that they are run with."""
+    """Faults by name that the controllers do not know of; plays: names of the backlashes, and
+    protocol, that they are run with.
+    """
 
     plays: list[str] = []
     protocol: str = "hold"
@@ -212,7 +216,8 @@ def table_of(rig: Rig, grid: Grid, cell: Cell) -> Rig:
 def run_requests(rig: Rig, grid: Grid, cell: Cell, condition: str) -> list[RunRequest]:
     """Runs of a condition in a cell, one for each seed.
 
-    Every condition gets the same units (`another_unit`) and random numbers of a seed.
+    Every condition gets the same units (`another_unit`) and random numbers of a seed. ValueError:
+    the rig file does not allow the cell's table, or its protocol is wrong.
     """
     kind = table_of(rig, grid, cell)
     course = next((c for c in grid.courses if c.protocol == cell.protocol), None)

@@ -47,7 +47,12 @@ UNSEEN_S = 0.3  # an older sight of the ball is not drawn
 
 
 class App:
-    """Everything that lives while the dashboard is open; `close` ends it in order."""
+    """The dashboard of one rig: builds the pages of `server` and starts session, workers and
+    drawing thread; `close` ends them in order.
+
+    out: folder of runs, figures and reports; rig_file: of `rig`, None for the virtual table. The
+    attribute `playback` is the film that is shown, None while the live table is.
+    """
 
     def __init__(
         self, server: "ViserServer", rig: Rig, out: Path, *, rig_file: Path | None = None
@@ -151,7 +156,7 @@ class App:
         self.replay.refresh()
 
     def show_playback(self, playback: Playback | None) -> None:
-        """Show a playback instead of the live table, or (None) the live table again."""
+        """Show a film in place of the live table on every page; None: the live table again."""
         self.playback = playback
         self.camera.hide()
         self.replay.on_playback(playback)
@@ -168,7 +173,9 @@ class App:
         self.controls.queue.put("results", do)
 
     def send(self, page: int | None, path: Path) -> None:
-        """Let a page download a file."""
+        """Let a page download the file `path`; page None: every page. OSError: it cannot be
+        read.
+        """
         for client in self._of(page):
             client.send_file_download(path.name, path.read_bytes(), save_immediately=True)
 
@@ -205,7 +212,7 @@ class App:
         self.controls.queue.put("a page went", do)
 
     def notify(self, page: int | None, title: str, text: str) -> None:
-        """A notification for one page, or for all."""
+        """Show a message with this title for 8 s on a page; page None: on every page."""
         for client in self._of(page):
             with suppress(Exception):  # it may be gone by now
                 client.add_notification(title, text, auto_close_seconds=8.0, color="red")
@@ -298,7 +305,9 @@ class App:
         self.gauges.draw(self._ghost_of, ghost.gear_twist_rad, ghost.joint_twist_rad, found)
 
     def close(self) -> None:
-        """End the drawing, then session, workers, camera and queue."""
+        """End the drawing thread (waits at most 2 s), then session, workers, camera and queue, in
+        this order.
+        """
         self._over.set()
         self._thread.join(2.0)
         for part in (

@@ -22,9 +22,11 @@ def serve_dashboard(
     port: int,
     say: Callable[[str], None],
 ) -> None:
-    """Serve until Ctrl-C or SIGTERM; `say` gets the link. rig_file: None for the virtual table.
+    """Serve the dashboard until Ctrl-C or SIGTERM, then level the table and end in order.
 
-    PortBusyError: the port is taken, nothing was started.
+    rig_file: of `rig`, None for the virtual table; out: folder of everything that is made; host,
+    port: where to listen (port 0: any free one); say: is given the link to open. PortBusyError: the
+    port is taken, nothing was started.
     """
     server, gate = open_server(host, port, keep_token(out / "token"))
     app = App(server, rig, out, rig_file=rig_file)

@@ -38,10 +38,11 @@ class Device:
 class Facts:
     """What was found on the machine.
 
-    rtprio, memlock_bytes: limits of this session (None: this system has none); sdk: why the
-    vendor's module is missing, "" where it is installed; packages: versions by name, None where
-    missing; missing_files: files that the rig file names; remote: why the remote table does not
-    answer, homing: why the homing cannot be used (None: nothing wrong, or not checked).
+    serial, usb, cameras: device files by kind; usb_library: libusb is there; rtprio, memlock_bytes:
+    limits of this session (None: this system has none); sdk: why the vendor's module is missing, ""
+    where it is installed; packages: versions by name, None where missing; missing_files: files that
+    the rig file names; remote: why the remote table does not answer, homing: why the homing cannot
+    be used (None: nothing wrong, or not checked).
     """
 
     platform: str = "linux"
@@ -70,7 +71,9 @@ class Finding:
 
 
 def udev_rule(vendor: int = USB_VENDOR, product: int = USB_PRODUCT) -> str:
-    """udev rule that lets the group plugdev open the USB board with these numbers."""
+    """Line for a file of udev rules that lets the group plugdev open the USB board with the numbers
+    `vendor` and `product`.
+    """
     return (
         f'SUBSYSTEM=="usb", ATTR{{idVendor}}=="{vendor:04x}", ATTR{{idProduct}}=="{product:04x}", '
         'MODE="0660", GROUP="plugdev", TAG+="uaccess"'
@@ -83,9 +86,11 @@ def usable(findings: list[Finding]) -> bool:
 
 
 def examine(facts: Facts, rig: Rig) -> list[Finding]:
-    """Findings on the machine, those on the rig file's table first; only these can be BAD.
+    """Compare the facts of a machine with what the rig file's table needs.
 
-    ValueError: `table.address` of a USB board is wrong.
+    Returns first the findings on packages, table, camera and files, which may be BAD, then those
+    that only inform, NOTE at most (homing, real time, other devices). ValueError: `table.address`
+    of a USB board is wrong.
     """
     of_kind = {
         "simulated": _simulated,

@@ -14,9 +14,10 @@ from rig.parameters import Rig
 
 
 def gather(rig: Rig, rig_file: Path | None) -> Facts:
-    """Facts of this machine for a rig file's table; rig_file: None where none was given.
+    """Look at this machine for what the table of `rig` needs, and return what was found.
 
-    A remote table is asked whether it answers.
+    rig_file: where the rig is from, for its homing; None where none was given. A remote table is
+    asked whether it answers; nothing is moved.
     """
     usb, library = _usb_devices()
     rtprio, memlock = _limits()

@@ -224,7 +224,7 @@ def _most(values: np.ndarray) -> float:
 
 
 def step_of(theta_rad: np.ndarray) -> float | None:
-    """Step [rad] in which an encoder's angle theta (n,) moves; None where no step is found.
+    """Step [rad] in which an encoder's angle theta_rad (n,) moves; None where no step is found.
 
     Steps of a power of ten are taken for the rounding of the written numbers and give None.
     """

@@ -40,7 +40,7 @@ def channel_words(channel: str) -> str:
 
 
 def sig(value: float | None, digits: int = 3) -> str:
-    """A number with `digits` significant figures; "-" for None, NaN or infinity.
+    """`value` with `digits` significant figures; "-" for None, NaN or infinity.
 
     Numbers below 1e-4 have two figures and an exponent.
     """
@@ -131,7 +131,8 @@ def sentence_of(effect: str) -> str:
 
 
 def nominal_of(key: str, rig: Rig | None) -> float | None:
-    """The rig file's value of a calibrated servo number such as `gain_x_rad_s_V`.
+    """The rig file's value of the calibrated servo number `key`, such as `gain_x_rad_s_V`, in its
+    unit.
 
     None without a rig, or where its servo has no such number.
     """
@@ -144,7 +145,8 @@ def _without_axis(key: str) -> str:
 
 
 def recalibration(key: str, interval: Interval, rig: Rig | None) -> tuple[float | None, bool]:
-    """Relative distance of a calibrated number from the rig file's, and whether it is too large.
+    """Distance of the calibrated number `key` from the rig file's, as a share of it, and whether it
+    is too large.
 
     The limits are those of `calibration.gap.model.parameters.CALIBRATED`. (None, False) without a
     nominal number.

@@ -55,7 +55,8 @@ def _rows(wanted: Sequence[Sequence[RunRequest]]) -> list[list[dict[str, float]]
 
 
 def retuned(rig: Rig, seed: int) -> Gains:
-    """Gains of the PID without the model, tuned on seeds of its own over GAIN_GRID.
+    """Gains of the PID without the model, tuned over GAIN_GRID on TUNING_SEEDS seeds from `seed` +
+    3000 on, which no comparison uses.
 
     Chosen is the smallest mean settled error among gains that move the servo no more than the arm
     *with* does; the least servo activity where none does.

@@ -60,10 +60,11 @@ def reproduce(
 ) -> dict:
     """Make the whole study in `out` and return the content of results.json.
 
-    frames: the runs of Figs. 10 to 14 through rendered camera frames; pairs: paired seeds of each
-    claim; grid_pairs: of each cell of play. KeyboardInterrupt: unfinished runs are completed and
-    the interruption is raised again. ValueError: a protocol that the rig cannot run, or too few
-    frames with the ball; OSError: `out` cannot be written.
+    rig: the virtual table; seed: of everything that is drawn; frames: the runs of Figs. 10 to 14
+    through rendered camera frames; pairs: paired seeds of each claim; grid_pairs: of each cell of
+    play. KeyboardInterrupt: unfinished runs are completed and the interruption is raised again.
+    ValueError: a protocol that the rig cannot run, or too few frames with the ball; OSError: `out`
+    cannot be written.
     """
     bundle = calibrate_camera(rig, out, seed) if frames else None
     progress("camera calibrated", 1, 1)

@@ -44,7 +44,9 @@ def new_run_folder(parent: Path, protocol: str, arm: str, now: datetime | None =
 
 
 def write_truth(folder: Path | str, truth: dict) -> None:
-    """Write truth.json, the simulated plant's true values, which only scorers open."""
+    """Write truth.json, the simulated plant's true values, which only scorers open. OSError: it
+    cannot be written.
+    """
     replace_json(Path(folder) / "truth.json", plain(truth))
 
 
@@ -79,7 +81,9 @@ def stop_record(
 
 
 def nanoseconds(created: str) -> int:
-    """Time of an ISO date in ns since 1970 UTC. ValueError: no ISO date, or without time zone."""
+    """Time of `created`, an ISO date, in ns since 1970 UTC. ValueError: no ISO date, or without
+    time zone.
+    """
     time = datetime.fromisoformat(created)
     if time.tzinfo is None:
         raise ValueError(f"created: {created} has no time zone; write it like 2026-11-20T10:15:02Z")

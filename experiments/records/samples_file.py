@@ -76,7 +76,7 @@ def message_records(rows: np.ndarray, start_ns: int, first: int = 0) -> np.ndarr
 
 
 def check_times(t_s: np.ndarray | float) -> None:
-    """Raise ValueError where a time (any shape) [s] is NaN or not from -1e9 to 4e9."""
+    """Raise ValueError where a time t_s (any shape) [s] is NaN or not from -1e9 to 4e9."""
     t_s = np.atleast_1d(t_s)
     bad = t_s[~((t_s >= SHORTEST_S) & (t_s <= LONGEST_S))]
     if len(bad):

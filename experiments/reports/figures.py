@@ -89,12 +89,12 @@ def _two_axes(curves: Sequence[tuple[Log, str, str]], referred: Log) -> Figure:
 
 
 def ball_of_run(log: Log, colour: str) -> Figure:
-    """Ball position x, y [cm] over time of one run, with its reference."""
+    """Ball position x, y [cm] over time of one run in this colour, with its reference."""
     return _two_axes([(log, colour, "ball")], log)
 
 
 def servo_of_run(log: Log, colour: str) -> Figure:
-    """Servo angles x, y [rad] over time of one run, with the desired angles."""
+    """Servo angles x, y [rad] over time of one run in this colour, with the desired angles."""
     figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.4), sharex=True)
     t, theta, desired = _servo(log)
     for a, axis in enumerate(axes):
@@ -257,8 +257,9 @@ def play_map(cells: Sequence[dict], measure: str, title: str, unit: str) -> Figu
 def verdict_word(result: dict) -> str:
     """Verdict on an effect by its interval: "helps", "hurts", "neutral" or "unclear".
 
-    helps, hurts: the whole interval lies beyond the relevant size, above or below zero; neutral: it
-    lies within the relevant size on both sides; unclear: none of these.
+    result: fields of `Paired`, as `play_map` gets them. helps, hurts: the whole interval lies
+    beyond the relevant size, above or below zero; neutral: it lies within the relevant size on both
+    sides; unclear: none of these.
     """
     relevant = result["relevant"]
     if result["low"] > relevant:

@@ -82,9 +82,10 @@ def write_page(
 ) -> Path:
     """Render a page to `path` and return the path.
 
-    summary: sentences of the head; template: a file of `templates/`; content: the template's other
-    variables; `source` is shown beside the title of base.html, `numbered` = True numbers the
-    sections. OSError: the page cannot be written, or a picture of it cannot be read.
+    title: of the page; summary: sentences of the head; template: a file of `templates/`; content:
+    the template's other variables; `source` is shown beside the title of base.html, `numbered` =
+    True numbers the sections. OSError: the page cannot be written, or a picture of it cannot be
+    read.
     """
     loader = PackageLoader("experiments.reports")
     pages = Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
@@ -96,7 +97,7 @@ def write_page(
 
 
 def recompute_section(how: str) -> Section:
-    """Last section of a page: how its numbers are computed again."""
+    """Last section of a page, *How to recompute*; how: the command that makes its numbers again."""
     return Section("How to recompute", [how])
 
 
@@ -119,7 +120,7 @@ RUN_HEAD = (
 
 
 def run_row(name: str, numbers: dict) -> list[str]:
-    """Cells of the table row of one run under RUN_HEAD.
+    """Cells of one run's row in a table with the head RUN_HEAD; name: the first cell.
 
     numbers: as of `experiments.analysis.numbers.run_numbers`.
     """
@@ -145,5 +146,5 @@ def run_row(name: str, numbers: dict) -> list[str]:
 
 
 def number(value: float, digits: int = 3) -> str:
-    """A number with `digits` decimals; "-" for None, NaN or infinity."""
+    """`value` with so many `digits` behind the point; "-" for None, NaN or infinity."""
     return f"{value:.{digits}f}" if value is not None and isfinite(value) else "-"

@@ -123,11 +123,12 @@ def simulated_operator(
 
 
 def rendered_eye(rig: Rig, bundle_path: Path, seed: int):
-    """Camera over the simulated table that renders frames and detects the ball in them.
+    """The `RenderedCamera` over the simulated table, which renders frames and detects the ball in
+    them.
 
     The frames are rendered with the virtual camera's true geometry; positions are computed from
-    them with the calibration bundle at `bundle_path` alone. seed: of the image noise. Raises
-    `calibration.bundle.BundleError`, a ValueError, where the bundle cannot be used.
+    them with the calibration bundle at `bundle_path` alone. seed: of the image noise. BundleError,
+    a ValueError: the bundle cannot be used.
     """
     from calibration.bundle import load
     from rig.simulation.rendered_camera import RenderedCamera
@@ -141,7 +142,10 @@ def rendered_eye(rig: Rig, bundle_path: Path, seed: int):
 
 
 def ball_camera(rig: Rig, bundle):
-    """Ball detector for the rig's ball and plate through the bundle's calibrated view."""
+    """The `BallCamera` for the rig's ball and plate, through the view of `bundle`, a
+    `calibration.bundle.Bundle`. ValueError: the rig names an unknown colour, or the plate is not in
+    view.
+    """
     from vision.ball_camera import BallCamera
     from vision.detection.appearance import Appearance
 
@@ -178,7 +182,9 @@ def camera_lookout(eye, bundle_path: Path | None) -> Callable[[float], str | Non
 
 
 def virtual_scene(rig: Rig):
-    """Scene of the virtual camera: the rig's plate and ball, with the default markers."""
+    """The `Scene` of the virtual camera: the rig's plate and ball, with the default markers.
+    ValueError: the plate is too small for them.
+    """
     from vision.plate.markers import default_layout
     from vision.synthetic.synthetic import Scene
 

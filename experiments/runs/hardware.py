@@ -40,7 +40,8 @@ def check_there(rig: Rig) -> None:
 
 
 def consent(text: str, yes: bool) -> None:
-    """Ask a person at the table to press Enter before anything moves; `yes` True: do not ask.
+    """Show `text` to a person at the table, who presses Enter before anything moves; `yes` True: do
+    not ask.
 
     ValueError: nobody can be asked (no terminal), or nobody answered. KeyboardInterrupt: Ctrl-C.
     """
@@ -168,14 +169,16 @@ class Checked(LevelOnExit):
                 self._notes_file.write_text(json.dumps(notes()), encoding="utf-8")
 
     def read(self) -> Reading:
-        """The table's next reading; its angles [rad] are passed on to the eye."""
+        """Wait for the table's next reading; its angles [rad] are passed on to the eye. OSError:
+        the table or its camera is lost.
+        """
         reading = self._table.read()
         if self._eye is not None:
             self._eye.tell(reading.theta_rad)
         return reading
 
     def drive(self, volts: tuple[float, float]) -> None:
-        """Apply the voltages (x, y) [V]."""
+        """Apply the volts (x, y) [V]. ValueError, OSError: as the table's driver raises them."""
         self._table.drive(volts)
 
     def close(self) -> None:

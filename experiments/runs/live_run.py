@@ -62,6 +62,8 @@ class AnnouncingRecorder(Recorder):
         self.say(t_s, text)
 
     def finish(self, outcome: str, reason: str = "", **notes) -> None:
-        """Call `at_end`, then finish the recording (see `Recorder.finish`)."""
+        """Call `at_end`, then finish the recording; arguments and errors as of
+        `Recorder.finish`.
+        """
         self.at_end()
         super().finish(outcome, reason, **notes)

@@ -33,10 +33,11 @@ class Start(StrictModel):
 class Pushes(StrictModel):
     """How the ball is pushed: never, at drawn times, or whenever it rests at the centre.
 
-    kind "drawn": at times and in directions drawn from the seed, the same for both arms; a push is
-    with probability 1/2 opposite to the one before. "at-centre": the paper's way, which pushes the
-    better arm more often. first_s, every_s: time of the first drawn push and mean time between two;
-    speed_m_s: speed given to the ball; seconds: duration of a push.
+    kind "drawn": at times and in directions drawn from the seed, the same for both arms; every
+    other push or so (drawn with probability 1/2) is opposite to the one before, the others go
+    anywhere. "at-centre": the paper's way; the arm that rests at the centre more often is pushed
+    more often. first_s, every_s: time of the first drawn push and mean time between two; speed_m_s:
+    speed given to the ball; seconds: duration of a push.
     """
 
     kind: Literal["none", "drawn", "at-centre"] = "none"

@@ -97,11 +97,11 @@ def truth_record(request: RunRequest) -> dict:
 
 
 class Watch:
-    """Checks every row on its way to the recording.
+    """Checks every row of a run on its way to `recorder`.
 
     Stops a run with a wrong start; notes pushes and a moved camera as events; reports the progress
     every PROGRESS_EVERY rows. progress: None, or called with the run's time [s]; eye: the rendered
-    camera, None without one.
+    camera, None without one. BundleError, a ValueError: the request's calibration cannot be used.
     """
 
     def __init__(self, request: RunRequest, recorder: Recorder, progress, eye=None) -> None:
@@ -118,7 +118,9 @@ class Watch:
         self._slot = slot
 
     def keep(self, row: np.ndarray) -> None:
-        """Record the row of one tick and check it. OSError: it could not be written."""
+        """Record the row (len(COLUMNS),) of one tick, then `check` it. OSError: it could not be
+        written.
+        """
         self._recorder.append(row)
         self.check(row)
 

@@ -17,6 +17,7 @@ def calibrate_camera(rig: Rig, out: Path, seed: int) -> Path:
     """Calibrate the virtual camera from its own pictures, as a real one is calibrated.
 
     The pictures are drawn from `seed`. Returns the path of the bundle, calibration.json in `out`.
+    CalibrationError: the pictures are refused; OSError: `out` cannot be written.
     """
     from calibration.bundle import calibrate_virtual
     from vision.synthetic.synthetic import Renderer, virtual_view

@@ -46,7 +46,7 @@ class Film:
         return self
 
     def add(self, image: np.ndarray, t_s: float) -> None:
-        """Add the next frame (h, w, 3), shown from t_s [s] on.
+        """Add the next frame `image` (h, w, 3) uint8 BGR, shown from t_s [s] on.
 
         A time not later than the frame before is moved 1 ms after it. OSError: it cannot be
         written.
@@ -75,7 +75,8 @@ class Film:
 class Overlay:
     """A film whose failure does not end the tracking: the first OSError ends the film alone.
 
-    `trouble` then says why in one line, and the unfinished file is removed.
+    path, size: as of `Film`. `trouble` then says why in one line, and the unfinished file is
+    removed.
     """
 
     def __init__(self, path: Path, size: tuple[int, int]) -> None:

@@ -49,7 +49,9 @@ class Calibration(Protocol):
         ...
 
     def check_size(self, width_px: int, height_px: int) -> None:
-        """Raise ValueError where frames of this size are not those of the calibration."""
+        """Raise ValueError where frames of `width_px` x `height_px` are not of the size of the
+        calibration's.
+        """
         ...
 
 

@@ -173,7 +173,8 @@ def follow(c, g, estimate, reading, angles, volts):
     """Run the inner loop alone: volts that move the servos to `angles` (2,) [rad] into `volts`
     (2,).
 
-    The angles are clipped at the servo's limit; the volts are not yet limited.
+    c, g, estimate, reading: as of `control`. The angles are clipped at the servo's limit; the volts
+    are not yet limited.
     """
     for a in range(2):
         c.wanted_theta[a] = min(max(angles[a], -g.angle_limit), g.angle_limit)
@@ -185,9 +186,10 @@ def follow(c, g, estimate, reading, angles, volts):
 
 @compiled
 def level(g, estimate, reading, volts):
-    """Write the volts that hold both servos at angle zero into `volts` (2,).
+    """Write the volts that hold both servos at angle zero into `volts` (2,), not yet limited.
 
-    It is used before the ball is first seen and while it is out of sight.
+    g, estimate, reading: as of `control`. It is used before the ball is first seen and while it is
+    out of sight.
     """
     for a in range(2):
         volts[a] = -g.servo_kp * reading[R_THETA + a] - g.servo_kd * estimate.rate[a]

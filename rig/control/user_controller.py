@@ -60,7 +60,11 @@ class UserController(Protocol):
         ...
 
     def control(self, now: Now) -> tuple[float, float]:
-        """Return the volts (x, y) to command; called at every tick while the ball rolls."""
+        """Return the volts (x, y) to command [V]; called at every tick while the ball rolls.
+
+        They pass `limits.limit` before they are applied. Whatever is raised, or is not two numbers,
+        ends the run at 0 V.
+        """
         ...
 
     def end(self, outcome: str) -> None:

@@ -55,7 +55,8 @@ def observe_backlash(e, q, reading):
 def gear_backlash(e, q, a):
     """Full width of the gear's play on axis `a` and its standard deviation [rad].
 
-    The deviation includes the assumed wind-up, of which half may be wrong either way.
+    e, q: of `start` and `settings`. The deviation includes the assumed wind-up, of which half may
+    be wrong either way.
     """
     return 2.0 * max(e.gear.mean[a, 1], 0.0), 2.0 * sqrt(
         e.gear.cov[a, 1, 1] + (0.5 * q.gear.windup) ** 2
@@ -66,8 +67,8 @@ def gear_backlash(e, q, a):
 def joint_backlash(e, q, a):
     """Full width of the joint's play on axis `a` and its standard deviation [rad].
 
-    The shaft's wind-up is taken off the width; the deviation includes it, as half of it may be
-    wrong either way.
+    e, q: of `start` and `settings`. The shaft's wind-up is taken off the width; the deviation
+    includes it, as half of it may be wrong either way.
     """
     width = 2.0 * max(e.joint.alpha[a] - q.joint.windup, 0.0)
     return width, 2.0 * sqrt(e.joint.variance[a] + (0.5 * q.joint.windup) ** 2)
@@ -75,9 +76,11 @@ def joint_backlash(e, q, a):
 
 @compiled
 def lost_in_joint(e, q, a):
-    """Lost motion of the joint on axis `a`, full width [rad]; 0 where unknown or the plate drops.
+    """Lost motion of the joint on axis `a`, full width [rad]; 0 where it is unknown or the plate
+    drops.
 
-    The plate drops where the ball's weight, not friction, decides on which side of the gap it lies.
+    e, q: of `start` and `settings`. The plate drops where the ball's weight, not friction, decides
+    on which side of the gap it lies.
     """
     if e.joint.keeps[a] < 0.5:
         return 0.0
@@ -86,7 +89,9 @@ def lost_in_joint(e, q, a):
 
 @compiled
 def lost_in_gear(e, q, a):
-    """Lost motion of the gear on axis `a`, full width [rad]; 0 while it is unknown."""
+    """Lost motion of the gear on axis `a`, full width [rad]; 0 while it is unknown. e, q: of
+    `start` and `settings`.
+    """
     return known_width(2.0 * (e.gear.mean[a, 1] + q.gear.windup), 2.0 * sqrt(e.gear.cov[a, 1, 1]))
 
 

@@ -92,9 +92,10 @@ def _watch_braking(e, q, a, speed):
 
 @compiled
 def observe_gear(e, q, reading):
-    """Run one control tick of both axes on reading (READING_SIZE,); e is changed in place.
+    """Run one control tick of both axes on reading (READING_SIZE,).
 
-    Without a tachometer (NaN) nothing is learnt.
+    e, q: of `start` and `settings`; e is changed in place. Without a tachometer (NaN) nothing is
+    learnt.
     """
     t = e.ticks * q.tick_s
     for a in range(2):

@@ -173,9 +173,10 @@ def _weigh(e, q, a):
 
 @compiled
 def observe_joint(e, q, reading):
-    """Run one control tick of both axes on reading (READING_SIZE,); e is changed in place.
+    """Run one control tick of both axes on reading (READING_SIZE,).
 
-    The encoder angles are buffered at every tick; the filters step when a new observation has come.
+    e, q: of `start` and `settings`; e is changed in place. The encoder angles are buffered at every
+    tick; the filters step when a new observation has come.
     """
     e.tick += 1
     if e.tick == 0:

@@ -70,11 +70,12 @@ def start() -> np.record:
 
 @compiled
 def observe_ball(b, q, reading):
-    """Take a new observation into the ball filter; b is changed in place.
+    """Take a new observation into the ball filter.
 
-    reading (READING_SIZE,), without effect where it holds no newer observation. `b.ball` [m] and
-    `b.velocity` [m/s] are those at its exposure. Critically damped alpha-beta filter: alpha = 1 -
-    rho^2, beta = (1 - rho)^2, rho = exp(-filter dt).
+    b, q: of `start` and `settings`; b is changed in place. reading (READING_SIZE,) has no effect
+    where it holds no newer observation. `b.ball` [m] and `b.velocity` [m/s] are those at its
+    exposure. Critically damped alpha-beta filter: alpha = 1 - rho^2, beta = (1 - rho)^2, rho =
+    exp(-filter dt).
     """
     if reading[R_NEW] == 0.0:
         return
@@ -97,9 +98,10 @@ def observe_ball(b, q, reading):
 
 @compiled
 def observe_torque(b, q, reading, volts):
-    """Run one tick of Eq. 9's torque estimator and observer on both axes; b is changed in place.
+    """Run one tick of Eq. 9's torque estimator and observer on both axes.
 
-    reading (READING_SIZE,); volts (2,): applied since the last tick.
+    b, q: of `start` and `settings`; b is changed in place. reading (READING_SIZE,); volts (2,):
+    applied since the last tick.
     """
     for a in range(2):
         theta = reading[R_THETA + a]
@@ -121,23 +123,25 @@ def observe_torque(b, q, reading, volts):
 
 @compiled
 def ball_now(b, t, a):
-    """Position of the ball on axis `a` [m], carried on from its exposure to time t [s] at its
-    velocity.
+    """Position of the ball on axis `a` [m]: that of b, record ESTIMATE, carried on at its velocity
+    from its exposure to time t [s].
     """
     return b.ball[a] + b.velocity[a] * (t - b.exposed)
 
 
 @compiled
 def observe(b, q, reading, volts):
-    """Run one tick of the ball filter and the torque observer; arguments as of `observe_torque`."""
+    """Run one tick of the ball filter and the torque observer; b, q, reading, volts: as of
+    `observe_torque`.
+    """
     observe_ball(b, q, reading)
     observe_torque(b, q, reading, volts)
 
 
 @compiled
 def seconds_blind(b, reading):
-    """Time since the exposure of the last observation [s]; before the first, time since the
-    start + 1 s.
+    """Time from the exposure of the last observation to `reading` (READING_SIZE,) [s]; before the
+    first one, time since the start + 1 s. b: record ESTIMATE.
     """
     return reading[R_TIME] - b.exposed
 

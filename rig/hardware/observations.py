@@ -58,7 +58,9 @@ class ObservationSource(Protocol):
     """Whoever sees the ball."""
 
     def latest(self, after_s: float) -> Observation | None:
-        """Return the newest observation exposed after `after_s` (run's time [s]), or None."""
+        """Return the newest observation exposed after `after_s` (run's time [s]), or None. OSError:
+        the source has failed.
+        """
         ...
 
 
@@ -103,7 +105,8 @@ class BoardClock(FromFirst):
         self._host_s = math.nan
 
     def heard(self, clock_us: int) -> bool:
-        """Take the board's stamp at its arrival; the fastest deliveries tie it to the host's clock.
+        """Take the board's stamp clock_us at its arrival; the fastest deliveries tie it to the
+        host's clock.
 
         Returns False for a stamp that is not newer than the last: doubled or overtaken on its way.
         """
@@ -118,9 +121,13 @@ class BoardClock(FromFirst):
         return True
 
     def age_s(self) -> float:
-        """How long ago the last stamp heard was given [s]: large after a halt of this program."""
+        """Time since the last stamp heard was given by the board [s]: large after this program was
+        halted.
+        """
         return self._clock() - self._host_s
 
     def reading(self) -> float:
-        """Time of the last stamp heard, from the first reading on [s]; strictly increasing."""
+        """Return the board's last stamp as the time of a reading: seconds since the first reading
+        [s], strictly increasing.
+        """
         return self.seconds(self._host_s, 1e-4)

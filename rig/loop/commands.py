@@ -8,7 +8,7 @@ from typing import Protocol
 
 @dataclass(frozen=True)
 class Stop:
-    """End the run now; outcome and reason are kept in its recording."""
+    """End the run at the next tick; outcome and reason are kept in its recording."""
 
     reason: str
     outcome: str = "aborted"
@@ -16,7 +16,9 @@ class Stop:
 
 @dataclass(frozen=True)
 class Push:
-    """Push the (simulated) ball with this acceleration (x, y) for `seconds`."""
+    """Push the (simulated) ball with this acceleration (x, y) for `seconds` [s]; at a real table it
+    is only recorded.
+    """
 
     acceleration_m_s2: tuple[float, float]
     seconds: float = 0.08
@@ -24,7 +26,11 @@ class Push:
 
 @dataclass(frozen=True)
 class Target:
-    """Send the ball to xy_m (plate frame) instead of the course's targets; None: to these again."""
+    """Send the ball to xy_m in the plate's frame [m] in place of the course's targets; None: back
+    to these.
+
+    A place off the plate is refused with an event.
+    """
 
     xy_m: tuple[float, float] | None
 

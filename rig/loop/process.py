@@ -52,7 +52,7 @@ class AngleListener(Protocol):
     """Who is told the servo angles of every tick: a camera that needs them as a first guess."""
 
     def tell(self, theta_rad: tuple[float, float]) -> None:
-        """Take the encoder angles (x, y) of this tick."""
+        """Take the encoder angles theta_rad (x, y) of this tick."""
         ...
 
 
@@ -60,10 +60,11 @@ class AngleListener(Protocol):
 class Job:
     """A run as it travels to the loop's process: everything here can be pickled.
 
-    table: makes the table (a context manager), called in that process; operator: makes the table's
-    operator; limits: of the monitor; eye: what the table sees with, told the encoder angles;
-    controller: a user's, FILE.py:ClassName, "" for the built-in one; realtime: ask the system for
-    real time; trace: for how many ticks to keep the lateness itself, for a benchmark.
+    table: makes the table (a context manager), called in that process; known, compensator, course:
+    as of `Loop`; operator: makes the table's operator; limits: of the monitor; eye: what the table
+    sees with, told the encoder angles; controller: a user's, FILE.py:ClassName, "" for the built-in
+    one; realtime: ask the system for real time; trace: for how many ticks to keep the lateness
+    itself, for a benchmark.
     """
 
     table: Callable[[], Table]

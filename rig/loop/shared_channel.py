@@ -69,7 +69,9 @@ class SharedChannel:
 
 
 class SharedCommandSlot:
-    """The program's end of the commands: any thread may put."""
+    """Where the program that started the loop puts commands for it, from any thread; box: the run's
+    channel.
+    """
 
     def __init__(self, box: SharedChannel) -> None:
         self._box, self._lock = box, threading.RLock()
@@ -98,8 +100,8 @@ def _packed(command: Command) -> tuple[int, tuple[float, float, float]]:
 
 
 def take_commands(box: SharedChannel) -> list[Command]:
-    """Return the commands put since the last call; a stop alone when there is one. The loop's
-    end.
+    """Return the commands put since the last call; a stop alone when there is one. To be called in
+    the loop's process.
     """
     stop = box.stop.array[0]
     if stop["said"]:

@@ -53,8 +53,9 @@ def plate_rates(theta_x, theta_y, omega_x, omega_y, ratio, cross_x, cross_y, s_x
 
 @inlined
 def velocity(w_x, w_y, omega_1, omega_2, radius):
-    """x', y' of the ball's centre in the plate's frame [m/s] from the state w = (w_x, w_y)
-    [m/s].
+    """x', y' of the ball's centre in the plate's frame [m/s] from the state w = (w_x, w_y) [m/s].
+
+    omega_1, omega_2 [rad/s]: of `plate_rates`; radius [m]: of the ball.
     """
     return w_x - radius * omega_2, w_y + radius * omega_1
 

@@ -1,4 +1,8 @@
-"""The catalogue's equations, one compiled function each (play is in `shaft.py`).
+"""The catalogue's equations, one compiled function each.
+
+Elsewhere: gear and joint backlash in `shaft.py`, cross coupling in `ball.py`, level offset and
+drift in `step.ball_step`, the delay of the volts in `plant.late_row`, that of the camera in
+`rig.simulation.statistical_camera`.
 
 theta servo angle [rad], omega its rate [rad/s], V motor volts, t the run's time [s].
 """

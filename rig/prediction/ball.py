@@ -189,9 +189,9 @@ def look_ahead(p, levels, t, theta, exposed, ball, fresh, horizon_s, every_s, er
     """Fill `errors` (m, 2) [m], measured minus predicted `horizon_s` ahead once every `every_s`,
     and `spread` (m,) [m], their standard deviations as the filter expects them.
 
-    Other arguments are those of `predict_ball`. From a filtered state on only the encoder angles
-    are used. Rows in which no window ends keep what they held; a window that crosses a fresh start
-    is left out.
+    p, levels, t, theta, exposed, ball, fresh: as of `predict_ball`. From a filtered state on only
+    the encoder angles are used. Rows in which no window ends keep what they held; a window that
+    crosses a fresh start is left out.
     """
     m = exposed.shape[0]
     out, std = np.full((m, 2), np.nan), np.full(m, np.nan)

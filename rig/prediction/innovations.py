@@ -90,9 +90,12 @@ def noise(
     ball_measured: float = 3e-4,
     ball_memory_s: float = 0.0,
 ) -> np.record:
-    """Return the noise levels of the filters (dtype NOISE, which names the units).
+    """Return the noise levels of the filters (dtype NOISE).
 
-    servo_measured is by default the rounding of an encoder of 4096 counts, 2 pi/4096/sqrt(12) rad.
+    servo_process: random walk of the servos' speed [rad/s/sqrt(s)] and servo_measured: deviation of
+    an encoder reading [rad], each for both axes or (x, y), the latter by default the rounding of
+    4096 counts, 2 pi/4096/sqrt(12); ball_process: random walk of the ball's velocity [m/s/sqrt(s)];
+    ball_measured: deviation of an observed coordinate [m], correlated over ball_memory_s.
     """
     record = np.zeros(1, NOISE)[0]
     record["servo_process"], record["servo_measured"] = servo_process, servo_measured

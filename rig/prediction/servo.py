@@ -97,8 +97,9 @@ def plate_torque(winding, motor, anchor):
 def held_arm(p, a, arm, anchor, torque):
     """Angle of the arm in the gear's gap [rad], which a plate that sticks at `anchor` holds.
 
-    The joint's shaft is unwound there. torque: of the gear's shaft [N m]; where it is not 0, or the
-    joint has no friction, `arm` is returned unchanged.
+    p: record PLANT; arm: its angle before [rad]. The joint's shaft is unwound there. torque: of the
+    gear's shaft [N m]; where it is not 0, or the joint has no friction, `arm` is returned
+    unchanged.
     """
     if p.joint_friction == 0.0 or torque != 0.0:
         return arm
@@ -110,8 +111,9 @@ def held_arm(p, a, arm, anchor, torque):
 def light_arm(p, a, arm, arm_speed, motor, speed, beta_1, beta_2, h):
     """Torque of the gear's shaft [N m], angle [rad] and speed [rad/s] of the arm after h [s].
 
-    For a joint without friction: arm and plate are one body that light friction brakes; it coasts
-    through the gap from beta_2 to beta_1 [rad] and bounces at its ends.
+    p: record PLANT; arm, arm_speed, motor, speed: angles [rad] and speeds [rad/s] of arm and motor
+    before. For a joint without friction: arm and plate are one body that light friction brakes; it
+    coasts through the gap from beta_2 to beta_1 [rad] and bounces at its ends.
     """
     twist = motor - arm
     lost = min(max(twist, beta_2), beta_1)

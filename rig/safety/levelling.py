@@ -27,8 +27,8 @@ class Levelling:
         self._follows = [True, True]
 
     def volts(self, theta_rad: tuple[float, float], t_s: float) -> tuple[float, float]:
-        """Return the volts (x, y) from this reading to the next; theta_rad: encoder angles, t_s:
-        its time.
+        """Return the volts (x, y) [V] from this reading to the next; theta_rad: encoder angles (x,
+        y), t_s: the reading's time.
         """
         most = self._most_V
         for a, theta in enumerate(theta_rad):

@@ -16,20 +16,27 @@ MISSED = 0.9  # of a period late: a tick was missed
 
 @dataclass(frozen=True)
 class MonitorLimits:
-    """What a healthy table never does; a reading beyond these limits is a fault."""
+    """What a healthy table never does; a reading beyond these limits is a fault.
+
+    period_s: of the tick. Between two readings no arm turns faster than rate_rad_s, but for
+    noise_rad; beyond angle_rad it runs away; under volts of one sign above stall_V it moves their
+    way by stall_rad within stall_s. unseen_s: longest time without a newer exposure while the ball
+    is balanced; old_s: largest age of an observation; late_s: latest tick; late_ticks: number of
+    missed ticks that is a fault, of which each tick in time makes good late_share.
+    """
 
     period_s: float
-    rate_rad_s: float  # no servo turns faster ...
-    noise_rad: float  # ... but for so much between two readings
-    angle_rad: float  # further out is a runaway
-    stall_V: float = 2.0  # with volts of this size and one sign ...
-    stall_s: float = 0.08  # ... an arm has moved their way within this time ...
-    stall_rad: float = 0.004  # ... by this
-    unseen_s: float = 1.25  # without a newer exposure while the ball is balanced
-    old_s: float = 0.5  # an observation of light older than this
-    late_s: float = 0.1  # a tick later than this: the board has given up by then
-    late_share: float = 0.05  # more missed ticks than this share, lasting ...
-    late_ticks: float = 25.0  # ... until they have added up to so many
+    rate_rad_s: float
+    noise_rad: float
+    angle_rad: float
+    stall_V: float = 2.0
+    stall_s: float = 0.08
+    stall_rad: float = 0.004
+    unseen_s: float = 1.25
+    old_s: float = 0.5
+    late_s: float = 0.1
+    late_share: float = 0.05
+    late_ticks: float = 25.0
 
     @classmethod
     def of_rig(cls, rig: Rig) -> "MonitorLimits":

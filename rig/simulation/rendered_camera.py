@@ -84,7 +84,7 @@ class RenderedPlateCamera:
     ) -> Observation | None:
         """Render the empty plate at `exposed_s` and hand the frame to `keep`; returns None.
 
-        tilt_sines_true: (sin phi_x, sin phi_y); the other arguments are not used.
+        tilt_sines_true: (sin phi_x, sin phi_y). ball_xy_m, velocity_m_s and theta_rad are not used.
         """
         image: np.ndarray = self.renderer.render(plate_rotation(tilt_sines_true), None)
         self.keep(Frame(image, exposed_s + self.late_s, self.frames))

@@ -124,10 +124,10 @@ def measure_and_control(k, s, p, q, state, camera, ticks, tick_s, buffer):
 
 @inlined
 def load_inputs(buffer, targets, pushes, tachometer, lane, k):
-    """Copy tick k's inputs into the buffer: target, push and the tachometers' noise.
+    """Copy tick k's inputs of one run into the buffer: target, push and the tachometers' noise.
 
-    targets, pushes (lanes, n, 2), by the ticks since the release; tachometer (lanes, m, 2), by k.
-    Copied number by number, as a view of an array costs more.
+    targets, pushes (lanes, n, 2), by the ticks since the release; tachometer (lanes, m, 2), by k;
+    lane: number of the run in them. Copied number by number, as a view of an array costs more.
     """
     now = buffer.since_release
     for a in range(2):
@@ -147,7 +147,8 @@ def store_row(buffer, rows, lane, k):
 def expose(camera, p, fallen, camera_draws, lane, buffer):
     """Take the exposure of a tick, if the buffer's `seen` holds one; a fallen ball is not seen.
 
-    camera_draws (lanes, k, 3): as `Draws.camera`, a row an exposure.
+    camera: record of `statistical_camera`; p: record PLANT; camera_draws (lanes, k, 3): as
+    `Draws.camera`, a row an exposure, of which this run uses those of `lane`.
     """
     if np.isnan(buffer.seen[SEEN_T]):
         return
@@ -205,7 +206,8 @@ class Task:
     """Everything that decides one run.
 
     rig: the plant; known: what its controller knows (no effects); compensator: a number of
-    `controllers.COMPENSATORS`; draws: of `draw(rng, rig, course)`.
+    `controllers.COMPENSATORS`; course: targets, pushes and start; draws: of `draw(rng, rig,
+    course)`.
     """
 
     rig: Rig

@@ -144,7 +144,7 @@ class SimulatedTable(LevelOnExit):
         self.held = False
 
     def push(self, acceleration_m_s2: tuple[float, float]) -> None:
-        """Push the ball with this acceleration (x, y) [m/s2] until the next call."""
+        """Push the ball with acceleration_m_s2 (x, y) until the next call."""
         self._push = acceleration_m_s2
 
     # --- the contract ---

@@ -41,8 +41,8 @@ def next_exposure(camera):
 
 @compiled
 def queue_observation(camera, x, y, exposed, usable, variance):
-    """Queue an observation: position x, y [m], stamp and time of use [s], variance of a
-    coordinate [m2].
+    """Queue an observation: position x, y [m], stamp `exposed` and time of use `usable` [s],
+    variance of a coordinate [m2]. camera: record CAMERA, changed in place.
     """
     row = camera.pending[camera.tail % QUEUE]
     row[0], row[1], row[2], row[3], row[4] = x, y, exposed, usable, variance

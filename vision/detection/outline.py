@@ -50,7 +50,7 @@ class Outline(NamedTuple):
 
     @property
     def share(self) -> float:
-        """Share of the rays in the image that lie on the ellipse."""
+        """Share (0..1) of the rays in the image that lie on the ellipse."""
         return self.good / max(self.inside, 1.0)
 
 

@@ -99,9 +99,10 @@ def _centroid(edge, peak, first, last):
 def cast_rays(image, u, v, radius, reach, w, n_rays, signed):
     """Edge points along `n_rays` rays about (u, v) px in an image (h, w, 3) uint8.
 
-    Rays run from (1 - reach) to (1 + reach) times `radius`; `signed` takes falls of p only, else
-    edges of either sign. Returns the strongest and the outermost edge of each ray (n_rays, 2) px
-    (NaN: none), the strength (n_rays,), and how many rays lay inside the image.
+    Rays run from (1 - reach) to (1 + reach) times `radius` px; `w` (3,): direction in colour space
+    in which edges are taken (p = w . bgr); `signed` takes falls of p only, else edges of either
+    sign. Returns the strongest and the outermost edge of each ray (n_rays, 2) px (NaN: none), the
+    strength (n_rays,), and how many rays lay inside the image.
     """
     points, outer = np.full((n_rays, 2), np.nan), np.full((n_rays, 2), np.nan)
     strength = np.zeros(n_rays)

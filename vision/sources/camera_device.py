@@ -28,21 +28,36 @@ DEVICE = re.compile(r"^(\d+|/dev/(video\d+|v4l/.+))$")
 class Capture(Protocol):
     """The methods of `cv2.VideoCapture` that are used here."""
 
-    def isOpened(self) -> bool: ...
-    def read(self) -> tuple[bool, np.ndarray]: ...
-    def get(self, propId: int, /) -> float: ...
-    def set(self, propId: int, value: float, /) -> bool: ...
-    def release(self) -> None: ...
+    def isOpened(self) -> bool:
+        """Whether the camera or file could be opened."""
+        ...
+
+    def read(self) -> tuple[bool, np.ndarray]:
+        """Wait for the next frame: whether there is one, and its image (h, w, 3) uint8 BGR."""
+        ...
+
+    def get(self, propId: int, /) -> float:
+        """The value of a property cv2.CAP_PROP_*, in the driver's unit; 0 where it has none."""
+        ...
+
+    def set(self, propId: int, value: float, /) -> bool:
+        """Ask the driver to set a property cv2.CAP_PROP_*; whether it took the call."""
+        ...
+
+    def release(self) -> None:
+        """Free the camera or file."""
+        ...
 
 
 @dataclass(frozen=True)
 class CameraSettings:
-    """Settings of a camera; None leaves one as it is. `fourcc` is a format such as "MJPG".
+    """Settings of a camera; None leaves one as it is. `fourcc`: a format such as "MJPG"; `fps`
+    [1/s].
 
     `stamp` says which moment of a V4L2 camera's exposure the driver stamps: "start" (USB cameras)
     or "end" (most others); the frame's time is moved from there to the exposure's middle.
 
-    `ValueError`: values that no camera has.
+    `ValueError`: values that no camera has, or a width without a height.
     """
 
     fourcc: str | None = None
@@ -66,10 +81,12 @@ class CameraSettings:
 
 @dataclass(frozen=True)
 class Backend:
-    """One system's camera interface and its units. `api`: OpenCV's number of it; `manual`: the
-    value of CAP_PROP_AUTO_EXPOSURE for a manual exposure; `powers`: whether exposures are powers of
-    two of a second, else units of 100 us; `stamps`: which clock dates the frames, "kernel",
-    "stream" (with a zero of its own) or "none"."""
+    """One system's camera interface and its units.
+
+    `api`: OpenCV's number of it; `manual`: the value of CAP_PROP_AUTO_EXPOSURE for a manual
+    exposure; `powers`: whether exposures are powers of two of a second, else units of 100 us;
+    `stamps`: which clock dates the frames, "kernel", "stream" (with a zero of its own) or "none".
+    """
 
     name: str
     api: int
@@ -100,7 +117,8 @@ def backends(platform: str = sys.platform) -> tuple[Backend, ...]:
 
 
 def capture(target: str | int, api: int = cv2.CAP_ANY, params: list[int] | None = None) -> Capture:
-    """OpenCV's capture of a file, address or camera index; its libraries are kept from printing.
+    """OpenCV's capture of `target`, a file, address or camera index; its libraries are kept from
+    printing.
 
     `api`: OpenCV's number of the interface; `params`: properties and their values in turn. The
     capture may have failed to open: ask `isOpened`.
@@ -116,8 +134,8 @@ def apply_settings(
 ) -> float | None:
     """Set a camera and read it back; returns its exposure [s], None where it was not set.
 
-    `SettingsError`: the camera reads back other values; the message has every difference in one
-    line.
+    `address` names the camera in messages. `SettingsError`: the camera reads back other values; the
+    message has every difference in one line.
     """
     wanted: list[tuple[str, int, float, float]] = []  # name, property, value, tolerance
     if settings.fourcc is not None:
@@ -162,10 +180,11 @@ def _say(name: str, value: float, backend: Backend) -> str:
 
 
 class CameraFeed:
-    """An open camera; a `vision.sources.live.Feed`. `fps` is the rate that it claims.
+    """An open camera; a `vision.sources.live.Feed`. `fps` is the rate that it claims [1/s].
 
-    `stamped_by` is "kernel" where the frames carry the driver's stamps, "stream" where these count
-    from the stream's start, else "arrival".
+    `address` names it in messages; `now` is the clock of arrivals [s]. `stamped_by` is "kernel"
+    where the frames carry the driver's stamps, "stream" where these count from the stream's start,
+    else "arrival". `SettingsError`: a setting is not taken.
     """
 
     def __init__(
@@ -217,7 +236,9 @@ class CameraFeed:
         return min(taken_s + shift_s, arrived_s)
 
     def decode(self, raw: np.ndarray) -> np.ndarray:
-        """The image (h, w, 3) as it came. `GarbageError`: it is no colour image."""
+        """The image (h, w, 3) uint8 BGR, as `read` gave it. `GarbageError`: it is no colour
+        image.
+        """
         if not isinstance(raw, np.ndarray) or raw.ndim != 3 or raw.size == 0:
             raise GarbageError("the camera gave something that is no colour image")
         return raw
@@ -237,8 +258,8 @@ def open_camera(
     candidates: tuple[Backend, ...] | None = None,
     opener: Callable[[str | int, int], Capture] = capture,
 ) -> CameraFeed:
-    """Open a camera by index or device path, with the first of the `candidates` (default:
-    `backends()`) that answers; `opener` makes the capture.
+    """Open the camera `address`, an index or device path, with the first of the `candidates`
+    (default: `backends()`) that answers; `opener` makes the capture.
 
     `GoneError`: no camera there, or none answers; `SettingsError`: a setting is not taken.
     """

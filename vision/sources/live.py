@@ -23,7 +23,11 @@ JOIN_S = 0.5  # that a thread is given to end
 
 
 class Feed(Protocol):
-    """One connection to a camera. `read` and `close` are called by the capture thread only."""
+    """One connection to a camera. `read` and `close` are called by the capture thread only.
+
+    `duplicates`: repeats of an exposure that it left out; `stamped_by`: where its times are from,
+    as `Source.stamped_by`.
+    """
 
     duplicates: int  # frames that showed the same exposure again, skipped
     stamped_by: str  # where the last frame's time is from, such as "kernel" or "arrival"
@@ -134,8 +138,9 @@ class CaptureThread:
 class LiveReader:
     """Reads the newest frame of what `connect` connects to, and connects again after a failure.
 
-    `start_s` is the zero of the frames' times on `time.monotonic` (now where not given), `dropped`
-    counts frames that nobody took, `duplicates` repeats, `reconnects` new connections.
+    `connect` returns a new connection or raises; `address` names the source in messages;
+    `patience_s`: how long a `read` waits. `start_s` is the zero of the frames' times on
+    `time.monotonic` (now where not given), `reconnects` counts new connections.
     """
 
     def __init__(
@@ -172,11 +177,12 @@ class LiveReader:
         return self._capture.feed.stamped_by
 
     def read(self) -> tuple[np.ndarray, float] | None:
-        """The newest frame not read before, (h, w, 3) uint8, and its time [s from `start_s`]; None
-        after the end. Waits for it, at most `patience_s`.
+        """The newest frame not read before, (h, w, 3) uint8 BGR, and its time [s from `start_s`];
+        None after the end. Waits for it, at most `patience_s`.
 
-        `SourceError`: nothing came, it is damaged, has another size, or the connection broke; the
-        next call reconnects where that is needed, for at most `patience_s`.
+        `SourceError`: nothing came (`StalledError`), it is damaged (`GarbageError`), has another
+        size, or the connection broke; the next call reconnects where that is needed, for at most
+        `patience_s`.
         """
         if self._down and not self._capture.waits():
             self.reconnect()

@@ -85,7 +85,11 @@ class PartClock:
 
 
 class HttpFeed:
-    """One connection to an MJPEG server; a `vision.sources.live.Feed`."""
+    """One connection to an MJPEG server; a `vision.sources.live.Feed`.
+
+    `address`: http:// or https://, with user:password@ where the server asks for it; `timeout_s`:
+    to connect and be answered.
+    """
 
     def __init__(self, address: str, *, timeout_s: float) -> None:
         """Connect. Raises `GoneError` where nobody answers, `NotMultipartError` for other data."""

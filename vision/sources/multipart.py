@@ -33,8 +33,9 @@ class Part:
 
 
 def boundary_of(content_type: str) -> str:
-    """The boundary that a Content-Type header declares, without its dashes. `ValueError`: it
-    declares none."""
+    """The boundary that `content_type`, a Content-Type header, declares, without its dashes.
+    `ValueError`: it declares none.
+    """
     found = re.search(r'boundary\s*=\s*(?:"([^"]+)"|([^\s;,]+))', content_type, re.IGNORECASE)
     name = (found[1] or found[2]).lstrip("-") if found else ""
     if not name:

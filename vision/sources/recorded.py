@@ -37,7 +37,7 @@ class RecordedFrames:
 
 
 def open_file(path: str | Path) -> RecordedFrames:
-    """Open a video file or the address of one. `ValueError`: it cannot be decoded."""
+    """Open the video file `path`, or the address of one. `ValueError`: it cannot be decoded."""
     device = capture(str(path))
     if not device.isOpened():
         raise ValueError(f"{path}: not a video that can be decoded (truncated, or no video at all)")

@@ -30,8 +30,9 @@ LONG_RUN = 6
 
 
 def local_change(image: np.ndarray, other: np.ndarray) -> float:
-    """The largest mean change of an 8x8 block between two images (h, w, 3) uint8 of one size, in
-    grey levels."""
+    """The largest mean change of an 8x8 block between `image` and `other` (h, w, 3) uint8, of one
+    size, in grey levels (0..255).
+    """
     h, w = image.shape[:2]
     blocks = (max(1, w // 8), max(1, h // 8))
     change = cv2.resize(cv2.absdiff(image, other), blocks, interpolation=cv2.INTER_AREA)

@@ -207,7 +207,10 @@ class Source:
 
 
 class RecordedSource(Source):
-    """Every frame of a file or folder, at the container's times, without its repeats."""
+    """Every frame of a file or folder, at the container's times, without its repeats.
+
+    `address` is shown in messages; `kept`: from `open_file` or `open_folder`.
+    """
 
     def __init__(self, address: str, kept: RecordedFrames) -> None:
         self._filter = RepeatFilter(repeats=kept.repeats)
@@ -254,6 +257,7 @@ class RecordedSource(Source):
 class LiveSource(Source):
     """The newest frame of a camera or stream, at its own or its arrival's time.
 
+    `address` is shown in messages; `reader` reads the frames; `fps` is the claimed rate [1/s].
     After a `SourceError` the next frame may be asked for: it connects again where that is needed.
     """
 

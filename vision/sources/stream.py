@@ -18,7 +18,8 @@ from vision.sources.source_errors import GoneError
 class StreamFeed:
     """A stream read through OpenCV; a `vision.sources.live.Feed`.
 
-    `fps` is the rate that it claims, `is_file` whether it has an end: a file on a server.
+    `address`: rtsp://, udp:// or http://; `timeout_s`: to connect, and of every read. `fps` is the
+    rate that it claims [1/s], `is_file` whether it has an end: a file on a server.
     """
 
     def __init__(self, address: str, *, timeout_s: float) -> None:
@@ -49,7 +50,7 @@ class StreamFeed:
         return image, time.monotonic()
 
     def decode(self, raw: np.ndarray) -> np.ndarray:
-        """The image as it came."""
+        """The image (h, w, 3) uint8 BGR, as `read` gave it."""
         return raw
 
     def interrupt(self) -> None:

@@ -47,7 +47,7 @@ def load_class(file: Path, name: str) -> Callable[[], Any]:
     """The class `name` of a Python file, which is executed for it.
 
     `FileNotFoundError`: there is no such file; `UserCameraError`: it fails to load or has no such
-    class.
+    class (the message lists those that it has).
     """
     if not file.is_file():
         raise FileNotFoundError(f"{file}:{name}: no such file; check the camera's address")
@@ -87,7 +87,10 @@ def _named(address: str, where: str, error: BaseException, file: Path) -> UserCa
 
 
 class UserFeed:
-    """One object of a user's camera class, opened; a `vision.sources.live.Feed`."""
+    """One object of a user's camera class, opened; a `vision.sources.live.Feed`.
+
+    `file`, `name`: of the class, for messages; `make` makes the object.
+    """
 
     def __init__(self, file: Path, name: str, make: Callable[[], Any]) -> None:
         """Make and open. Raises `UserCameraError` with file and class for whatever fails."""

@@ -77,7 +77,8 @@ class Renderer:
     """Draws frames of a scene; `view` is the camera with the plate level.
 
     All randomness (textures, a bank of sensor noise, the place in it for each frame) comes from
-    `rng`: the same generator state gives the same frames.
+    `rng`: the same generator state gives the same frames. `ValueError`: a marker of the scene lies
+    off the plate.
     """
 
     def __init__(self, scene: Scene, view: View, rng: np.random.Generator) -> None:

@@ -103,8 +103,8 @@ def desk_picture(
     """The desk's colours BGR (h, w, 3) float32 at its places `points_m` (h, w, 2): wood grain along
     x and the plate's soft shadow.
 
-    `light` (3,) points to the lamp; `drop_m`: how far the desk lies below the plate; `rng`: for the
-    grain.
+    `desk_bgr`: mean colour, 0..255; `light` (3,) points to the lamp; `drop_m`: how far the desk
+    lies below the plate; `rng`: for the grain.
     """
     x, y = points_m[..., 0].astype(np.float32), points_m[..., 1].astype(np.float32)
     h, w = x.shape

@@ -56,7 +56,7 @@ class MovingDisc:
 
     @property
     def significance(self) -> float:
-        """Significance of the disc's outline, see `gate.outline_significance`."""
+        """Significance of the disc's outline [1], see `gate.outline_significance`."""
         return outline_significance(self.appearance.separation, self.last[2])
 
     def guess(self) -> tuple[float, float]:

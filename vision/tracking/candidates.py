@@ -135,9 +135,10 @@ def rough_centres(
     radius_px: float,
     limit_px: float,
 ) -> list[tuple[float, float]]:
-    """Rough centres (u, v) px within about `limit_px` of the origin, nearest first.
+    """Rough centres (u, v) px in an image (h, w, 3) uint8 BGR within about `limit_px` of `origin`
+    (u, v), nearest first.
 
-    Patches of the ball's colour, and circles of its size where its colour tells little.
+    Patches of the ball's colour, and circles of its size `radius_px` where its colour tells little.
     """
     u, v = origin
     reach = limit_px + 1.6 * radius_px

@@ -16,7 +16,8 @@ TELLING_FILL = 0.35
 
 
 def outline_significance(separation: float, radius_px: float) -> float:
-    """Significance of a disc: `separation` from its surround (in sigmas) times sqrt(`radius_px`).
+    """Significance [1] of a disc's outline: `separation` from its surround (in sigmas) times
+    sqrt(`radius_px`).
 
     The signal-to-noise ratio of an outline grows with the root of its length. Tips of sticks,
     specks and flecks of shadow are short outlines of little contrast.

@@ -92,7 +92,9 @@ class Tracker:
         return self._proven
 
     def step(self, frame: Frame) -> Track:
-        """The ball's track in this frame; frames come in order of time."""
+        """The ball's track in this frame, in pixels; frames come in order of time and have one
+        size.
+        """
         image = frame.image
         if self._distractors is None:
             self._distractors = StaticDistractors((image.shape[0], image.shape[1]))

@@ -67,8 +67,9 @@ def response(step_s: float, process: float, measured: float, tau_s: float = np.i
     """Innovations (l,), scaled to unit power, of a steady-state Kalman filter of position and speed
     after a short disturbance.
 
-    `step_s`: sampling period; `process`: density of white acceleration; `measured`: standard
-    deviation of a position; `tau_s`: time constant in which speed decays (infinite: a free mass).
+    `step_s`: sampling period; `process`: density of white acceleration [m or rad, /s2/sqrt(Hz)];
+    `measured`: standard deviation of a position [m or rad]; `tau_s`: time constant in which speed
+    decays (infinite: a free mass).
     """
     decay = exp(-step_s / tau_s)
     reach = tau_s * (1.0 - decay) if np.isfinite(tau_s) else step_s

@@ -102,7 +102,7 @@ def sentence(where: list[Where]) -> str:
 
 
 def rms(x: np.ndarray) -> float:
-    """Root mean square of x."""
+    """Root mean square of x (n,), in its unit."""
     return float(np.sqrt(np.mean(x**2)))
 
 

@@ -60,7 +60,7 @@ class ParameterFit:
 
     @property
     def cost(self) -> float:
-        """Sum of the costs C of all outputs."""
+        """Sum of the costs C of all outputs: minus a log-likelihood, without unit."""
         return sum(self.costs.values())
 
     def z(self, output: str) -> np.ndarray:

@@ -34,9 +34,13 @@ SAMPLES_PER_REGRESSOR = 40  # at least: fewer, and noise is explained, too; chos
 
 @dataclass(frozen=True, eq=False)
 class Regressors:
-    """Disturbances by channel, one matrix (n, k) a run: the value of each regressor over the
-    interval that ends in each of the n samples, the last `states` columns as at its begin.
-    `step_s`: sampling period; `tau_s`: time in which a speed decays (infinite: a free mass)."""
+    """The regressors F of one channel: what a disturbance may be made of.
+
+    `runs`: one matrix (n, k) a run, for each of its n samples the k regressors' values over the
+    interval that ends in it, the last `states` columns (functions of position and speed) as they
+    were at its begin. `step_s`: sampling period; `tau_s`: time in which a speed decays (infinite: a
+    free mass).
+    """
 
     runs: tuple[np.ndarray, ...]
     states: int
@@ -44,8 +48,9 @@ class Regressors:
     tau_s: float
 
     def over(self, places: Sequence[np.ndarray]) -> "Regressors":
-        """The regressors between the samples `places` (m,) of each run: the means of inputs over
-        the interval, the states at its begin."""
+        """The regressors for a filter that sees only the samples `places` (m,) of each run: over
+        the longer interval between two of them inputs are means, states those at its begin.
+        """
         runs, steps = [], []
         for run, at in zip(self.runs, places, strict=True):
             sums = np.cumsum(run, axis=0)
@@ -61,8 +66,11 @@ class Regressors:
     def unexplained(
         self, z: np.ndarray, w: np.ndarray, process: float, measured: float
     ) -> np.ndarray:
-        """The residuals e (n,) of the module's regression, scaled for the regressors' number, of
-        innovations z (n,) in deviations with weights w (n,), for a filter at these noise levels."""
+        """The residuals e (n,) of the module's regression, scaled up for the number of regressors.
+
+        `z` (n,): innovations in expected deviations, all runs one after the other; `w` (n,):
+        weights; `process`, `measured`: noise levels of the filter, as of `observer`.
+        """
         b, a = observer(self.step_s, process, measured, self.tau_s)
         f = np.concatenate([lfilter(b, a, run, axis=0) for run in self.runs])
         f *= w[:, None] > 0
@@ -83,8 +91,9 @@ def observer(
     """Numerator (2,) and denominator (3,) of the steady-state Kalman filter from a disturbance to
     the innovations, for position and speed sampled every `step_s`.
 
-    `process`: density of white acceleration; `measured`: standard deviation of a position; `tau_s`:
-    time constant in which speed decays (infinite: a free mass).
+    `process`: density of white acceleration [m or rad, /s2/sqrt(Hz)]; `measured`: standard
+    deviation of a position [m or rad]; `tau_s`: time constant in which speed decays (infinite: a
+    free mass).
     """
     decay = float(np.exp(-step_s / tau_s))
     reach = tau_s * (1.0 - decay) if np.isfinite(tau_s) else step_s
@@ -106,7 +115,9 @@ def observer(
 
 
 def ball_regressors(runs: Sequence[Signals], half_side_m: float) -> tuple[Regressors, ...]:
-    """The regressors of the ball's axes x and y, for accelerations of the ball."""
+    """The regressors of the ball's axes x and y, for accelerations of the ball; `half_side_m`: of
+    the plate.
+    """
     step = _step([run.exposed_s for run in runs])
     return tuple(
         Regressors(tuple(_ball(run, a, half_side_m) for run in runs), BALL_STATES, step, np.inf)
@@ -115,7 +126,9 @@ def ball_regressors(runs: Sequence[Signals], half_side_m: float) -> tuple[Regres
 
 
 def servo_regressors(runs: Sequence[Signals], output: str, tau_s: float) -> Regressors:
-    """The regressors of a servo, for volts; `tau_s`: its time constant."""
+    """The regressors of the servo `output` ("servo_x" or "servo_y"), for volts; `tau_s`: its time
+    constant.
+    """
     a = SERVO.index(output)
     step = _step([run.t_s for run in runs])
     return Regressors(tuple(_servo(run, a) for run in runs), SERVO_STATES, step, tau_s)

@@ -86,7 +86,12 @@ class ControlPanelQueue:
         self._thread.start()
 
     def put(self, what: str, do: Callable[[], None], page: int | None = None) -> bool:
-        """Enqueue from any thread without waiting; False: the queue is full, the action dropped."""
+        """Enqueue the action `do`, called `what` in messages, for a page; from any thread, without
+        waiting.
+
+        Returns False where the queue is full and the action was dropped. page None: the program
+        itself asks.
+        """
         try:
             self._waiting.put_nowait(QueuedAction(what, do, page))
         except Full:
@@ -108,10 +113,10 @@ class ControlPanelQueue:
 
 @dataclass(frozen=True)
 class InputRules:
-    """What a page may set on an input: `clean(raw)` converts and clamps (ValueError: refused).
+    """What a page may set on an input, named `what` in messages.
 
-    use: called with the page and the value that was cleaned; everybody: also a page that watches
-    may set it.
+    clean: converts and clamps the raw value (ValueError: refused); use: called with the page and
+    the cleaned value; everybody: pages that only watch may set it as well.
     """
 
     what: str
@@ -121,7 +126,7 @@ class InputRules:
 
 
 class CheckedValue(Generic[T]):
-    """The last value of an input that passed its checks."""
+    """The last value of an input that passed its checks, `now`."""
 
     def __init__(self, now: T) -> None:
         self.now = now
@@ -159,7 +164,7 @@ class Controls:
             self._last_notice, self._last_notice_s = notice, now_s
 
     def check(self, page: int | None) -> None:
-        """WatchingError: the page does not hold the controls."""
+        """Raise WatchingError where the page does not hold the controls."""
         if not self.lock.may(page):
             raise WatchingError("you are watching: press 'Take over the controls' first")
 
@@ -178,8 +183,11 @@ class Controls:
     def button(
         self, handle: Any, what: str, act: Callable[[int | None], None], *, everybody: bool = False
     ) -> None:
-        """Call `act(page)` when the button or command is used by the page that holds the controls,
-        or with `everybody` by any page."""
+        """Call `act(page)` in the queue's thread when a page that holds the controls uses a button;
+        with `everybody`, any page.
+
+        handle: viser's button or command; what: its name in messages.
+        """
 
         def pressed(event: Any) -> None:
             page, stops = event.client_id, self._stops
@@ -196,8 +204,9 @@ class Controls:
     def stop_button(self, handle: Any, what: str, act: Callable[[int | None], None]) -> None:
         """Call `act(page)` in the callback itself, whatever waits in the queue, for any page.
 
-        What the page that holds the controls asked for before it is refused, so that nothing
-        begins after a stop. `act` has to be short and safe in any thread.
+        handle: viser's button or command; what: its name in messages. What the page that holds the
+        controls asked for before it is refused, so that nothing begins after a stop. `act` has to
+        be short and safe in any thread.
         """
 
         def pressed(event: Any) -> None:
@@ -218,7 +227,9 @@ class Controls:
         self._rules[id(handle)] = InputRules(what, flag, lambda page, value: None, everybody=True)
 
     def pick(self, handle: Any, options: Sequence[str], act: Callable[[str], None]) -> None:
-        """Call `act(label)` when the page that holds the controls presses one of a button group."""
+        """Call `act(label)` in the queue's thread when the page that holds the controls presses one
+        of the `options` of `handle`, a button group of viser.
+        """
 
         def use(page: int, label: str) -> None:
             stops = self._stops
@@ -240,11 +251,13 @@ class Controls:
         *,
         everybody: bool = False,
     ) -> CheckedValue[T]:
-        """Check and apply what the page that holds the controls (everybody: any page) sets.
+        """Check and apply what the page that holds the controls sets on an input; everybody: any
+        page.
 
-        `clean(raw)` converts and clamps (ValueError: refused), `apply(value)` uses the result; the
-        input goes back to the last value that was accepted if that fails. The program reads the
-        returned `CheckedValue.now`.
+        handle: viser's input; what: its name in messages; clean: converts and clamps the raw value
+        (ValueError: refused); apply: called with the result in the queue's thread. Where either
+        fails, the input goes back to the last value accepted, which the program reads as
+        `CheckedValue.now`.
         """
         checked = CheckedValue(clean(handle.value))
 
@@ -268,9 +281,10 @@ class Controls:
         return checked
 
     def cleaned(self, page: int, handle: Any, raw: Any) -> Any:
-        """What is to be stored of a value that a page sends for an input.
+        """The value to store when a page sends `raw` for the input `handle`: converted and clamped.
 
-        WatchingError: the page may not set it. ValueError: no input, or not one of its values.
+        WatchingError: the page may not set it. ValueError: `handle` is no input of `value`, or
+        takes no such value.
         """
         rules = self._rules.get(id(handle))
         if rules is None:
@@ -280,11 +294,13 @@ class Controls:
         return rules.clean(raw)
 
     def use(self, page: int, handle: Any, value: Any) -> None:
-        """Enqueue the use of a value that was cleaned and stored."""
+        """Enqueue what the input `handle` does with a value of `cleaned` that a page has set."""
         self._rules[id(handle)].use(page, value)
 
     def refuse(self, page: int, handle: Any, error: Exception) -> None:
-        """Tell a page why its value was not taken."""
+        """Show a page why its value for the input `handle` was not taken; nothing for an unknown
+        input.
+        """
         rules = self._rules.get(id(handle))
         if rules is not None:
             self._tell(page, rules.what, error)

@@ -53,10 +53,12 @@ class PageRequest:
 
 @dataclass(frozen=True)
 class Gate:
-    """Checks requests. names: allowed hosts; any_address: any IP address is allowed, too.
+    """Decides which requests reach the page: who has the token (or its cookie), from this page's
+    own address.
 
-    A server that listens to the network allows any address: unlike a name, an address cannot be
-    rebound to another machine.
+    token: the secret of the link; port: where the server listens; names: allowed values of the Host
+    header; any_address: any IP address is allowed as well, for a server that listens to the network
+    (unlike a name, an address cannot be rebound to another machine).
     """
 
     token: str
@@ -66,12 +68,12 @@ class Gate:
 
     @property
     def path(self) -> str:
-        """Path of the page and of its websocket. It stays as long as the token does."""
+        """Path of the page and of its websocket, made from the token and as hard to guess."""
         return f"/{sha256(b'path ' + self.token.encode()).hexdigest()[:32]}"
 
     @property
     def cookie(self) -> str:
-        """Name of the cookie. It holds the port, since browsers share cookies between ports."""
+        """Name of the cookie, which holds the port, since browsers share cookies between ports."""
         return f"rig_dashboard_{self.port}"
 
     def refusal(self, request: PageRequest) -> str | None:
@@ -89,12 +91,14 @@ class Gate:
         return None
 
     def bears_token(self, request: PageRequest) -> bool:
-        """Whether a page is asked for by the link; it is led on to the page's own address."""
+        """Whether the request comes by the link, with the token in its query, and has to be led on
+        to the page's own address.
+        """
         tokens = parse_qs(request.path.partition("?")[2]).get("token", [])
         return not request.websocket and any(map(self._right, tokens))
 
     def page_of(self, path: str) -> str:
-        """Address of the page for a link: the rest of its query without the token."""
+        """Path of the page with the query of `path` less the token: where the link leads on to."""
         rest = [pair for pair in parse_qsl(path.partition("?")[2]) if pair[0] != "token"]
         return f"{self.path}/" + (f"?{urlencode(rest)}" if rest else "")
 

@@ -22,7 +22,9 @@ class PortBusyError(ValueError):
 
 
 def free_port(host: str, port: int) -> int:
-    """The port number, any free one for 0. PortBusyError: another program listens there."""
+    """The port number `port`, or any free one for 0. PortBusyError: another program listens at
+    `host` and that port.
+    """
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with socket.socket(family, socket.SOCK_STREAM) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -51,9 +53,11 @@ def page_request(request: Any) -> PageRequest:
 
 
 def guarded(process_request: Callable | None, gate: Gate) -> Callable:
-    """viser's `process_request` behind the gate.
+    """A `process_request` for viser's websocket server that asks `gate` before `process_request`,
+    viser's own (None: it has none).
 
-    403 and a sentence for whoever may not pass; the link leads on to the page (303).
+    Who may not pass is answered 403 and a sentence; who comes by the link with the token is led on
+    to the page's own address (303).
     """
     from websockets.datastructures import Headers
     from websockets.http11 import Response
@@ -99,7 +103,11 @@ def _gated(gate: Gate) -> Iterator[list[Any]]:
 
 
 def open_server(host: str, port: int, token: str) -> "tuple[ViserServer, Gate]":
-    """A viser server behind a gate. PortBusyError: the port is taken."""
+    """Start viser's server behind a gate; returns both.
+
+    host, port: where to listen (port 0: any free one); token: the secret of the link.
+    PortBusyError: the port is taken. RuntimeError: viser moved to another port all the same.
+    """
     import logging
 
     import viser
@@ -127,6 +135,8 @@ def open_server(host: str, port: int, token: str) -> "tuple[ViserServer, Gate]":
 
 
 def link_of(gate: Gate, host: str) -> str:
-    """The link to open in a browser on this machine, token included."""
+    """The link to open in a browser on this machine, token included; host: where the server
+    listens, which is linked as 127.0.0.1 if it is every address.
+    """
     name = "127.0.0.1" if host in ("0.0.0.0", "localhost", "::", "::1") else host
     return f"http://{name}:{gate.port}/?token={gate.token}"

@@ -139,7 +139,10 @@ def _measure_motion(request: CalibrationRequest, file: Path) -> None:
 
 
 def print_sheets(rig: Rig, out: Path, progress: ProgressSender) -> Path:
-    """Draw the sheets for lens and plate as PDF; the path of a ZIP file with them in `out`."""
+    """Draw the sheets for lens and plate as PDF; returns the path of a ZIP file with them in `out`.
+
+    ValueError: the plate or its markers do not fit; OSError: `out` cannot be written.
+    """
     from zipfile import ZipFile
 
     from experiments.calibrate.camera import make_sheets, sheet_of

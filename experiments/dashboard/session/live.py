@@ -20,11 +20,12 @@ _PHASE = INDEX["phase"]
 
 @dataclass(frozen=True, eq=False)
 class LiveState:
-    """The newest row (len(COLUMNS),) with the ball's last observed position; None before the first.
+    """The loop's newest state.
 
-    seen_s: the table's time of that observation; cov_m2: its covariance xx, xy, yy [m²]; rate:
-    ticks a second of wall time, over the last seconds; silent_s: wall time since the last row; run:
-    counts the runs.
+    row (len(COLUMNS),): the newest row, its ball the last one observed; None before the first.
+    seen_s: the table's time of that observation; cov_m2: its covariance xx, xy, yy; rate: ticks a
+    second of wall time, over the last seconds; silent_s: wall time since the last row; run: counts
+    the runs.
     """
 
     row: np.ndarray | None
@@ -37,13 +38,15 @@ class LiveState:
 
 @dataclass
 class RunningCentroid:
-    """Centroid of the ball's observations so far: k-means with one cluster is their mean."""
+    """Mean of the ball's observations so far, which is k-means with one cluster: `n` of them, with
+    the sum `sum_m` (2,).
+    """
 
     n: int = 0
     sum_m: np.ndarray = field(default_factory=lambda: np.zeros(2))
 
     def add(self, xy_m: np.ndarray) -> None:
-        """Add an observation (2,)."""
+        """Add the observation xy_m (2,)."""
         self.n, self.sum_m = self.n + 1, self.sum_m + xy_m
 
     @property
@@ -53,7 +56,9 @@ class RunningCentroid:
 
 
 class LiveBuffer:
-    """Written by the session's thread, read by the drawing thread; a slow reader misses rows."""
+    """The newest rows of the loop: written by the session's thread, read by the drawing thread; a
+    slow reader misses rows. rate_hz: ticks a second.
+    """
 
     def __init__(self, rate_hz: float) -> None:
         self._lock = threading.Lock()
@@ -68,7 +73,7 @@ class LiveBuffer:
         self.centroid = RunningCentroid()
 
     def begin(self) -> None:
-        """Forget the rows: another run begins, whose time starts at zero."""
+        """Forget all rows, as another run begins whose time starts at zero."""
         with self._lock:
             self._curve.clear()
             self._unread.clear()
@@ -124,11 +129,13 @@ class LiveBuffer:
             return rows
 
     def curve(self) -> np.ndarray:
-        """Thinned rows (n <= POINTS, len(COLUMNS)) of the last `CURVE_S`, the ball held."""
+        """Rows (n, len(COLUMNS)), n <= POINTS, evenly thinned, of the last `CURVE_S` seconds;
+        between observations the ball's last position stands.
+        """
         with self._lock:
             return np.array(self._curve)
 
     def trail(self) -> np.ndarray:
-        """The last observations of the ball (n <= TRAIL, 2) [m]."""
+        """The last observations of the ball (n, 2) [m], n <= TRAIL, oldest first."""
         with self._lock:
             return np.array(self._trail).reshape(-1, 2)

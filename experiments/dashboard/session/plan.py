@@ -50,8 +50,9 @@ def planned_runs(plan: RunPlan) -> list[PlannedRun]:
 class SessionStatus:
     """What the session does.
 
-    state: starting, balancing, running, pause or stopped; run: the present run or, in a pause, the
-    next; t_s: time of the present run; operator_step: what the operator has to do now.
+    state: starting, balancing, running, pause or stopped; words: the same for a person; run: the
+    present run or, in a pause, the next; t_s: time of the present run; operator_step: what the
+    operator has to do now, "" for nothing.
     """
 
     state: str
@@ -70,7 +71,7 @@ class SessionStatus:
 
     @property
     def share(self) -> float:
-        """Share of the plan that is done, 0 to 1."""
+        """Share of the plan that is done, 0 to 1; 0 without a plan."""
         if self.run is None:
             return 0.0
         part = min(self.t_s / self.duration_s, 1.0) if self.duration_s else 0.0

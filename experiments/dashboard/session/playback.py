@@ -10,7 +10,7 @@ from experiments.gap.closed_loop_replay import TableMotion
 class PlaybackClock:
     """Position in a film of `end_s` seconds, with speed and pause; loop: begin again at its end.
 
-    clock: seconds, monotonic; tests give their own.
+    clock: monotonic [s], replaced in tests. `playing`: False while it is paused.
     """
 
     def __init__(
@@ -37,19 +37,25 @@ class PlaybackClock:
         self._from_s, self._since = min(max(t_s, 0.0), self.end_s), self._clock()
 
     def play(self, playing: bool) -> None:
-        """Play or pause; from the end it plays from the beginning."""
+        """Play the film or, with `playing` False, pause it; from its end it plays from the
+        beginning.
+        """
         here = self.t_s
         self.seek(0.0 if playing and here >= self.end_s else here)
         self.playing = playing
 
     def set_speed(self, speed: float) -> None:
-        """Play so many times as fast as it was recorded."""
+        """Play `speed` times as fast as it was recorded, from here on."""
         self.seek(self.t_s)
         self._speed = speed
 
 
 class Playback:
-    """One recorded motion, alone or beside those of two models; `video` may be set later."""
+    """A film of one recorded motion, called `name` on the page.
+
+    models: the motions of the model before and after naming, shown beside it; playing: it begins at
+    once. The attribute `video` is None until it is set to the run's video.
+    """
 
     def __init__(
         self,

@@ -20,9 +20,11 @@ OPENING_S = 20.0  # longest wait for the idle eye to let go of the camera; chose
 
 
 class RealCamera:
-    """Same interface as `VirtualCamera`; `lend` frees the camera for a run or a calibration.
+    """The real table's camera for the page, with the methods of `VirtualCamera`; `lend` frees it
+    for a run or a calibration.
 
-    A thread of its own holds the idle eye, so that neither page nor loop waits for a camera.
+    rig: names the camera and its calibration. A thread of its own holds the camera between runs, so
+    that neither page nor loop waits for it.
     """
 
     def __init__(self, rig: Rig) -> None:
@@ -39,13 +41,14 @@ class RealCamera:
     def request(
         self, theta_rad: np.ndarray | None, ball_m: np.ndarray | None = None, t_s: float = 0.0
     ) -> None:
-        """Somebody looks: open the camera where it is free. The pose is not used."""
+        """Note that somebody looks: the camera is opened where it is free. The pose is not used."""
         with self._wake:
             self._wanted = True
             self._wake.notify_all()
 
     def newest(self) -> tuple[np.ndarray, str] | None:
-        """The image (240, 320, 3) RGB with words on it, if one came since the last call.
+        """The image (240, 320, 3) uint8 RGB with words on it, where one came since the last call,
+        else None.
 
         OSError: why the camera cannot be looked through.
         """
@@ -61,20 +64,20 @@ class RealCamera:
         return image, sight_words(track, seen)
 
     def release(self) -> None:
-        """Nobody looks: close the idle eye."""
+        """Close the camera that is held between runs, as nobody looks."""
         with self._wake:
             self._wanted = False
             self._wake.notify_all()
 
     def close(self) -> None:
-        """End the thread and close the idle eye."""
+        """End the thread and close the camera that it holds."""
         with self._wake:
             self._closed = True
             self._wake.notify_all()
         self._thread.join(5.0)
 
     def check_free(self) -> None:
-        """ValueError: a run or a calibration has the camera."""
+        """Raise ValueError where a run or a calibration has the camera."""
         if self._borrowers:
             raise ValueError("a run or a calibration has the camera: wait until it has ended")
 

@@ -18,7 +18,9 @@ from rig.shared_memory import SharedArray
 
 
 class VirtualRunSetup:
-    """Prepares runs of the virtual table; the operator may be at the page (`RunPlan.by_hand`)."""
+    """Prepares runs of the virtual table, in `out`/runs; the operator may be at the page
+    (`RunPlan.by_hand`).
+    """
 
     real = False
 
@@ -27,18 +29,22 @@ class VirtualRunSetup:
         self._steps: SharedArray | None = None
 
     def check(self, plan: RunPlan, rig: Rig) -> None:
-        """ValueError: the plan is impossible on this table."""
+        """Raise ValueError where this table cannot run the plan; rig: the plant."""
         course(plan.protocol, rig, plan.seed)
 
     def confirm(self, operator_step: str) -> None:
-        """Pass on to the simulation that the operator did this step (place or release the ball)."""
+        """Tell the simulation that the operator did `operator_step`, which begins with "place" or
+        "release".
+        """
         if self._steps is not None and not operator_step.startswith("hold"):
             step = virtual_job.PLACE if operator_step.startswith("place") else virtual_job.RELEASE
             self._steps.array[step] = 1.0
 
     @contextmanager
     def ready(self, planned: PlannedRun, rig: Rig) -> Iterator[Ready]:
-        """A run that is ready to start, with a new run folder; rig: the plant."""
+        """Make the run's folder and give the run, ready to start, for as long as the context lasts;
+        rig: the plant. ValueError, OSError: as `course` and `new_run_folder` raise them.
+        """
         plan = planned.plan
         request = RunRequest(rig, plan.protocol, planned.method, planned.seed, self._runs)
         if plan.by_hand and not plan.protocol.servo_only:
@@ -63,10 +69,10 @@ class VirtualRunSetup:
 
 
 class RealRunSetup:
-    """Prepares runs of the table that a rig file names.
+    """Prepares runs of the table that a rig file names, in `out`/runs; camera: lent to each run.
 
-    The table is homed before and armed anew for every run. A person places the ball and lets it
-    go, which the loop recognises from the ball's position.
+    The table is homed before and armed anew for every run. A person places the ball and lets it go,
+    which the loop recognises from the ball's position.
     """
 
     real = True
@@ -75,19 +81,23 @@ class RealRunSetup:
         self._file, self._runs, self._camera = rig_file, out / "runs", camera
 
     def check(self, plan: RunPlan, rig: Rig) -> None:
-        """ValueError, OSError: no port, not homed, camera in use, protocol beyond the limits."""
+        """Raise what keeps the table from running the plan: ValueError or OSError for no port, no
+        homing, a camera in use, a protocol beyond the limits.
+        """
         check(rig, self._file, plan.protocol)
         course(plan.protocol, rig, plan.seed)
         if self._camera is not None:
             self._camera.check_free()
 
     def confirm(self, operator_step: str) -> None:
-        """ValueError: a real table needs no confirmation."""
+        """Raise ValueError: a real table sees from the ball that the step was done."""
         raise ValueError("just do it: the table sees from the ball that it was done")
 
     @contextmanager
     def ready(self, planned: PlannedRun, rig: Rig) -> Iterator[Ready]:
-        """A run that is ready to start; the camera is lent to it until it has ended."""
+        """Give the run, ready to start and not yet armed, for as long as the context lasts; the
+        camera is lent to it until then. ValueError, OSError: table or camera cannot be used.
+        """
         request = RunRequest(rig, planned.plan.protocol, planned.method, planned.seed, self._runs)
         lend = self._camera.lend() if self._camera else nullcontext(lambda eye: None)
         with lend as show_through, ready(request, self._file) as run:

@@ -33,10 +33,13 @@ QUICK_S, MOST_FAILURES = 5.0, 3  # balancing that ends so soon so often is given
 
 
 class Session:
-    """Owns the thread that runs the loop process. rig: the plant as set now (backlash, gains).
+    """Runs the table: balances, works off plans of runs and records them, one loop process at a
+    time.
 
-    `on_recorded(run, folder, ending)` is called after every recorded run, `on_event(t_s, text)`
-    with every event, both from the session's thread; balance: begin by balancing (a virtual table).
+    rig: the plant, whose backlash and gains may be set meanwhile; table: prepares its runs; live:
+    is given every row. on_recorded(run, folder, ending) is called after every recorded run,
+    on_event(t_s, text) with every event, both from the session's thread. balance: begin by
+    balancing (virtual table only). `last_notes`: jitter and real-time rights of the last loop.
     """
 
     def __init__(
@@ -77,7 +80,8 @@ class Session:
     def start(self, plan: RunPlan) -> None:
         """Begin a plan; balancing ends.
 
-        ValueError, OSError: a run is on, it is impossible, or it was stopped before it began.
+        ValueError: a run is on, or STOP was pressed meanwhile; ValueError, OSError: the table
+        cannot run the plan (`check` of the run's set-up).
         """
         stops = self._stops
         self.table.check(plan, self.rig)
@@ -98,7 +102,9 @@ class Session:
             self._wake.notify_all()
 
     def stop(self, who: str) -> None:
-        """End what moves, drop the plan, leave the table at rest; from any thread, for any page."""
+        """End what moves, drop the plan, leave the table level at 0 V; from any thread, for any
+        page. who: is named in the recording.
+        """
         with self._wake:
             self._stops += 1
             self._planned.clear()
@@ -121,7 +127,9 @@ class Session:
                 self._end_loop(Stop("another plant", "ended"))
 
     def set_gains(self, rig: Rig, gains: SetGains) -> None:
-        """Use other gains at once, and in the runs that are started from now on."""
+        """Use other gains: `gains` at once in a loop that is on, `rig` with them in the runs
+        started from now on.
+        """
         self.rig = rig
         if self._loop is not None:
             self._loop.put(gains)
@@ -134,7 +142,9 @@ class Session:
         loop.put(command)
 
     def confirm(self) -> None:
-        """The operator at the page did the present step. ValueError: no step is asked for."""
+        """Note that the operator at the page did the present step. ValueError: none is asked for,
+        or the table is real.
+        """
         operator_step = self._status.operator_step
         if not operator_step:
             raise ValueError("nothing is asked of you just now")
@@ -144,7 +154,7 @@ class Session:
             self._status = replace(self._status, operator_step="")
 
     def note(self, text: str) -> None:
-        """Add a line to the events of the present run."""
+        """Add the line `text` to the events of the present run; from any thread."""
         self._notes.append(text)
         self._announce(self._status.t_s, text)
 

@@ -27,7 +27,10 @@ class CaptionedPicture:
 
 @dataclass(frozen=True)
 class RunSummary:
-    """A recorded run in a list. centroid_cm: mean place of the ball, None where not computed."""
+    """A recorded run in a list of runs: what its run.json says.
+
+    method: the compensator; centroid_cm: mean position (x, y) of the ball, None where not computed.
+    """
 
     folder: Path
     protocol: str
@@ -38,7 +41,9 @@ class RunSummary:
 
 
 def list_runs(parent: Path, most: int = MOST_LISTED) -> list[RunSummary]:
-    """The newest runs in a folder, newest first; runs that cannot be read are left out."""
+    """At most `most` run folders of `parent`, newest first; runs that cannot be read are
+    left out.
+    """
     from experiments.records.run_folder import read_meta
 
     rows = []
@@ -146,7 +151,11 @@ def _figures_of(
 
 
 def report_of_runs(folders: Sequence[Path], out: Path, progress: ProgressSender) -> Path:
-    """Write the report page of runs into `out`; its path. OSError, ValueError: one line."""
+    """Write the report page of run folders into `out`; returns its path.
+
+    ValueError, OSError (one line): a run cannot be read, or `out` cannot be written. progress: not
+    used.
+    """
     from experiments.records.run_folder import writable
     from experiments.reports.report_runs import report_runs
 
@@ -157,9 +166,10 @@ def report_of_runs(folders: Sequence[Path], out: Path, progress: ProgressSender)
 class GapAnswer:
     """What the page shows of `rig gap`.
 
-    plate_map: x edges (n + 1,) and y edges (m + 1,) [m] of the cells, and the size of the mean
-    error in them (m, n) in noise floors, NaN where there is no data; None without a map.
-    models: the model before and after naming beside a recorded run; None where nothing was named.
+    verdict, sentence, lines: the answer in words; report: the page gap.html. plate_map: x edges (n
+    + 1,) and y edges (m + 1,) [m] of the cells, and the size of the mean error in them (m, n) in
+    noise floors, NaN where there is no data; None without a map. models: the model before and after
+    naming beside a recorded run; None where nothing was named.
     """
 
     verdict: str
@@ -179,7 +189,7 @@ GAP_PICTURES = {
 
 
 def hidden_words() -> str:
-    """What the demo hid, for whoever wants to judge the answer."""
+    """A sentence on the backlash that the demo hid, for whoever wants to judge the answer."""
     from experiments.gap.demo import DEMO_PLAY_RAD
 
     sizes = ", ".join(f"{a} {degrees(play):.2f}" for a, play in DEMO_PLAY_RAD.items())
@@ -189,7 +199,8 @@ def hidden_words() -> str:
 def find_gap(
     logs: Sequence[Path] | None, out: Path, seed: int, progress: ProgressSender
 ) -> GapAnswer:
-    """Investigate recorded runs (None: the demo with a hidden backlash); report in `out`.
+    """Analyse recorded runs (logs None: those of the demo with a hidden backlash) as `rig gap`
+    does; the report is written in `out`. seed: of the demo's runs.
 
     OSError, ValueError: a run cannot be read, or `out` cannot be written.
     """

@@ -18,7 +18,8 @@ WIDEST_PX = 480  # of a shown frame; chosen: a panel is narrower
 
 
 class Video:
-    """Frames by time. Any thread may call: a lock lets one at a time use the decoder.
+    """Frames of a video file by their time. Any thread may call: a lock lets one at a time use the
+    decoder.
 
     OSError, `av.FFmpegError`: the file is not a video.
     """
@@ -33,9 +34,9 @@ class Video:
         self._from_s, self._to_s = 0.0, 0.0  # how long the present image is shown
 
     def at(self, t_s: float) -> np.ndarray | None:
-        """The frame (h, w, 3) RGB at a time [s], past the end the last one.
+        """The frame (h, w, 3) uint8 RGB at the time `t_s`, past the end the last one.
 
-        None: closed, or the same frame as in the last call.
+        None: the file is closed, or it is the frame that the last call returned.
         """
         with self._lock:
             if self._file is None or self._from_s <= t_s < self._to_s:
@@ -66,9 +67,10 @@ class Video:
 
 
 def replay_run(folder: Path, progress: ProgressSender) -> Path:
-    """Read a run, show (its name, its `TableMotion`), then find or render its video; the file.
+    """Read a recorded run, then find or render its video; returns the video's path.
 
-    OSError, ValueError: the run cannot be read; or it was measured and nobody filmed it.
+    progress: shown the run's name and `TableMotion` as soon as they are read. OSError, ValueError:
+    the run cannot be read, or it was measured and nobody filmed it.
     """
     from experiments.gap.closed_loop_replay import table_motion
     from experiments.records.recording import read_run
@@ -83,9 +85,10 @@ def replay_run(folder: Path, progress: ProgressSender) -> Path:
 def render_video(
     video: Path, meta: dict[str, Any], motion: "TableMotion", progress: ProgressSender
 ) -> Path:
-    """Render what the virtual camera saw of the poses of a simulated run into a file; its path.
+    """Render into the file `video` what the virtual camera saw of a simulated run; returns that
+    path.
 
-    ValueError: the run was measured.
+    meta: the run's run.json; motion: its poses. ValueError: the run was measured.
     """
     from experiments.dashboard.session.virtual_camera import VirtualCameraRenderer
     from experiments.track.film import Film

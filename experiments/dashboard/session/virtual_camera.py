@@ -44,10 +44,11 @@ class VirtualCameraRenderer:
     def look(
         self, theta_rad: np.ndarray, ball_m: np.ndarray | None, t_s: float
     ) -> tuple[np.ndarray, str]:
-        """The image (h, w, 3) BGR with the tracker's ellipse drawn in, and the same in words.
+        """Render a pose; returns the image (h, w, 3) uint8 BGR with the tracker's ellipse drawn in,
+        and the same in words.
 
-        theta_rad (2,): servo angles; ball_m (2,): the ball on the plate, None or NaN without it;
-        times must grow.
+        theta_rad (2,): servo angles; ball_m (2,): the ball in the plate's frame, None or NaN
+        without it; t_s: time of the pose, which must grow from call to call.
         """
         from rig.plant.ball import plate_rotation, tilt_sines
         from vision.frames import Frame
@@ -100,7 +101,9 @@ def sight_words(track: Any, seen: Any) -> str:
 
 
 class VirtualCamera:
-    """`request` an image of a pose, then read the `newest`; the process starts when first asked."""
+    """Images of the virtual camera from a process that starts with the first `request`; `newest`
+    picks them up.
+    """
 
     def __init__(self, rig: Rig) -> None:
         self._rig = rig
@@ -109,9 +112,11 @@ class VirtualCamera:
         self._busy = False
 
     def request(self, theta_rad: np.ndarray | None, ball_m: np.ndarray | None, t_s: float) -> None:
-        """Ask for an image of a pose, without waiting; dropped while the last is being made.
+        """Ask for an image of a pose, without waiting; dropped while the last one is still being
+        made.
 
-        theta_rad (2,): servo angles, None: unknown yet, no image; ball_m (2,), None: no ball.
+        theta_rad (2,): servo angles, None: unknown yet, no image; ball_m (2,): the ball in the
+        plate's frame, None: no ball; t_s: the pose's time.
         """
         if theta_rad is None:
             return
@@ -130,7 +135,9 @@ class VirtualCamera:
             self._busy = True
 
     def newest(self) -> tuple[np.ndarray, str] | None:
-        """The image (240, 320, 3) RGB with words on it, if one came since the last call."""
+        """The image (240, 320, 3) uint8 RGB with words on it, where one came since the last call,
+        else None.
+        """
         if self._pipe is None:
             return None
         with suppress(EOFError, OSError):
@@ -141,7 +148,7 @@ class VirtualCamera:
         return None
 
     def release(self) -> None:
-        """Nobody looks: end the process."""
+        """End the process, as nobody looks; the next `request` starts it again."""
         if self._pipe is None:
             return
         self._pipe.close()

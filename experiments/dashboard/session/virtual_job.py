@@ -30,7 +30,9 @@ PLACE, RELEASE = range(2)  # entries of the shared steps (2,), 1.0: done at the 
 
 
 class EndlessZeros:
-    """Zeros (n, 2) that take no memory: targets and pushes of a course of a whole day."""
+    """Stands for zeros (`rows`, 2) without taking memory: targets and pushes of a course of a whole
+    day.
+    """
 
     def __init__(self, rows: int) -> None:
         self._rows = rows
@@ -51,7 +53,9 @@ def balancing_course(rig: Rig) -> Course:
 
 
 def virtual_table(rig: Rig, course: Course, seed: int, speed: float, away: bool) -> Table:
-    """The simulated table, held to `speed` times the wall clock; away: without its ball yet."""
+    """The simulated table of a course, at `speed` times the wall clock; seed: of its random
+    numbers; away: the operator still holds the ball beside the plate.
+    """
     if away:
         course = replace(course, start_m=AWAY_M)
     table = simulated_table(rig, course, seed, None)
@@ -65,7 +69,11 @@ def virtual_table(rig: Rig, course: Course, seed: int, speed: float, away: bool)
 
 
 class PageOperator(Operator):
-    """The operator at the page; `steps` (2,): the ball was placed, it was let go."""
+    """The operator at the page, who places the ball at start_m and lets it go.
+
+    steps (2,), shared with the page's process: nonzero once the ball was placed (PLACE), let go
+    (RELEASE).
+    """
 
     def __init__(self, table: SimulatedTable, start_m: tuple[float, float], steps: SharedArray):
         super().__init__()
@@ -73,6 +81,9 @@ class PageOperator(Operator):
         self._placed = self._let_go = False
 
     def act(self, reading: Reading, wanted_m_s2: tuple[float, float]) -> tuple[float, float]:
+        """Place or release the ball as the page says, push it with wanted_m_s2 and return that push
+        [m/s2].
+        """
         if not self._placed and self._steps.array[PLACE]:
             self._placed = True
             self._table.place(self._start_m)
@@ -84,12 +95,12 @@ class PageOperator(Operator):
 
 
 def page_operator(start_m: tuple[float, float], steps: SharedArray, table: Paced) -> Operator:
-    """The operator at the page, for the table of the loop process."""
+    """A `PageOperator` for the table inside `table`; arguments as of that class."""
     return PageOperator(table.table, start_m, steps)
 
 
 def virtual_operator(protocol: Protocol, course: Course, seed: int, table: Paced) -> Operator:
-    """The simulated operator of a protocol, for the table of the loop process."""
+    """The simulated operator of a protocol for the table inside `table`; seed: of its pushes."""
     return simulated_operator(table.table, protocol, course, seed)
 
 
@@ -106,11 +117,12 @@ def virtual_job(
     speed: float = 1.0,
     steps: SharedArray | None = None,
 ) -> Job:
-    """The job of one run: course, compensator `method`, seed, `speed` times the wall clock.
+    """The loop process's job for one run on the virtual table.
 
-    steps (2,): the operator at the page handles the ball (see `PageOperator`); None: a simulated
-    operator does. Late ticks never end the run: a busy machine makes a virtual table late, not
-    unsafe.
+    method: name of the compensator; seed: of the random numbers; speed: of the table's time against
+    the wall clock; steps (2,): the operator at the page handles the ball (see `PageOperator`);
+    None: a simulated operator does. Late ticks never end the run: a busy machine makes a virtual
+    table late, not unsafe. KeyError: no such compensator.
     """
     if steps is None:
         operator = partial(virtual_operator, protocol, course, seed)

@@ -17,7 +17,7 @@ NICE_INCREMENT = 5  # lower priority than the loop process; chosen
 class ProgressSender:
     """Sends the progress of a task (stage, done, total) and intermediate results to the page.
 
-    A `ProgressCall` of `experiments.progress`.
+    A `ProgressCall` of `experiments.progress`; send: puts a message (kind, what) into the pipe.
     """
 
     def __init__(self, send: Callable[[tuple[str, Any]], None]) -> None:
@@ -27,7 +27,9 @@ class ProgressSender:
         self._send(("progress", (stage, done, total)))
 
     def show(self, what: Any) -> None:
-        """Send an intermediate result, which can be pickled."""
+        """Send an intermediate result `what`, which must be picklable; the page gets it as
+        "shown".
+        """
         self._send(("shown", what))
 
 
@@ -109,7 +111,10 @@ class WorkerProcess:
             self._wake.notify_all()
 
     def cancel(self, name: str) -> bool:
-        """End the work of a name. True: it had not begun, so no message will come of it."""
+        """End the work of a name, in the middle if need be.
+
+        Returns True where it had not begun, so that no message will come of it.
+        """
         with self._wake:
             waited = any(waiting.name == name for waiting in self._waiting)
             self._waiting = deque(waiting for waiting in self._waiting if waiting.name != name)

@@ -52,9 +52,11 @@ LED_ABOUT, MOST_RUNS = ("steps", "circle", "free-release", "pushed"), 4
 
 
 class CalibrateTab:
-    """One button a step, and one for all in their order; `send` offers a file to a page.
+    """Builds the tab Calibrate in the GUI container of viser that is open: a button for each step.
 
-    real: the rig file of a real table and its camera; rows: the recorded runs, newest first.
+    worker: does the steps; session: of the table; out: its folder `calibration` is filled; send:
+    lets a page download a file; real: rig file and camera of a real table, None for the virtual
+    one; rows: lists the recorded runs, newest first.
     """
 
     def __init__(
@@ -108,7 +110,10 @@ class CalibrateTab:
         return self._controls.value(handle, label, PRINTED_MM.clamp)
 
     def begin(self, steps: tuple[str, ...]) -> None:
-        """Do these steps in turn, until one is refused. ValueError: a step or a run is on."""
+        """Do calibration steps in turn in the worker, without waiting, until one is refused.
+
+        ValueError, OSError: a step or a run is on, or the real table's camera cannot be borrowed.
+        """
         if "on" in self._state.values():
             raise ValueError("a step is on: wait, or cancel it")
         if self._real and self._session.status.state == "running":
@@ -162,7 +167,7 @@ class CalibrateTab:
         self._mark(step, "on", "on its way")
 
     def draw(self) -> None:
-        """How long the present step has taken: once a second."""
+        """Write how long the present step has taken, once a second."""
         seconds = int(time.monotonic() - self._since_s)
         if "on" in self._state.values() and seconds != self._shown_s:
             self._shown_s = seconds

@@ -14,7 +14,7 @@ WIDEST_PX = 900  # chosen: a panel is narrower
 
 
 def pixels(shown: CaptionedPicture) -> np.ndarray:
-    """The picture as RGB (h, w, 3), at most `WIDEST_PX` wide. OSError: not readable."""
+    """The picture as RGB (h, w, 3) uint8, at most `WIDEST_PX` wide. OSError: it cannot be read."""
     import cv2
 
     image = cv2.imread(str(shown.path))
@@ -27,7 +27,9 @@ def pixels(shown: CaptionedPicture) -> np.ndarray:
 
 
 class Gallery:
-    """A folder of pictures, in the container that is open when it is made."""
+    """A folding group of captioned pictures under `label`, built in the GUI container of viser that
+    is open; hidden while it is empty.
+    """
 
     def __init__(self, server: "ViserServer", label: str) -> None:
         self._gui = server.gui
@@ -35,7 +37,9 @@ class Gallery:
         self._images: list[Any] = []
 
     def show(self, pictures: Sequence[CaptionedPicture]) -> None:
-        """Show these instead of the last ones; called in the thread of the queue alone."""
+        """Replace the pictures by these. To be called in the thread of the control panel queue
+        alone. OSError: a picture cannot be read.
+        """
         images = [(pixels(one), one.caption) for one in pictures]
         if [one.label for one in self._images] == [caption for _, caption in images]:
             for old, (image, _) in zip(self._images, images, strict=True):

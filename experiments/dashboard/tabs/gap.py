@@ -46,7 +46,9 @@ SETS = {"the newest run": 1, "the newest 2 runs": 2, "the newest 4 runs": 4}
 
 
 def stage_lines(on: int, done: bool) -> str:
-    """The five stages with a mark each; on: the one that is being done, -1: none yet."""
+    """The five stages as Markdown lines with a mark each: on: number of the stage that is being
+    done, -1: none yet; done: all are.
+    """
     lines = []
     for i, (name, question) in enumerate(STAGES.items()):
         busy = i == on or (on == 2 and i == 3)  # the model is extended and proved in one go
@@ -56,7 +58,13 @@ def stage_lines(on: int, done: bool) -> str:
 
 
 class GapTab:
-    """`show_map` lays the disagreement on the plate, `show_playback` starts a film."""
+    """Builds the tab Gap in the GUI container of viser that is open: runs, stages, answer, report.
+
+    worker: does the analysis; out: parent of the folders `gap-N`; rows: lists the recorded runs,
+    newest first; show_map: lays a map of `GapAnswer.plate_map` on the plate, None takes it away;
+    show_playback: puts a film in place of the live table, None ends it; send: lets a page download
+    a file.
+    """
 
     def __init__(
         self,
@@ -102,7 +110,9 @@ class GapTab:
         return [row.folder for row in rows]
 
     def begin(self, logs: list[Path] | None) -> None:
-        """Analyse run folders, or (None) the demo."""
+        """Have the worker analyse run folders (None: the demo), without waiting; what was shown
+        before is cleared. ValueError: an analysis is on.
+        """
         number = 1 + sum(1 for _ in self._out.glob("gap-*"))
         task = partial(find_gap, logs, self._out / f"gap-{number}", number)
 
@@ -137,7 +147,7 @@ class GapTab:
             self._end(what)
 
     def draw(self) -> None:
-        """What is being done, and for how long: once a second."""
+        """Write what is being done, and for how long, once a second."""
         seconds = int(time.monotonic() - self._since_s)
         if self._does and seconds != self._shown_s:
             self._shown_s = seconds

@@ -25,7 +25,9 @@ STATES = {
 
 
 def link_words(now: LiveState, status: SessionStatus, rate_hz: float) -> str:
-    """A line (Markdown): ticks a second of the loop, and whether the camera sees the ball."""
+    """A line (Markdown) on the loop's ticks a second, beside the nominal `rate_hz`, and on whether
+    the camera sees the ball.
+    """
     if status.state not in ("balancing", "running", "starting"):
         return "loop: off · camera: off"
     if now.row is None or status.state == "starting":
@@ -40,7 +42,11 @@ def link_words(now: LiveState, status: SessionStatus, rate_hz: float) -> str:
 
 
 class Header:
-    """The state and the stop, shared by all pages; and each page's own line."""
+    """Builds the lines above the tabs: state and STOP for all pages, and who controls, for each
+    page.
+
+    table: the table's name as it is shown.
+    """
 
     def __init__(
         self, server: "ViserServer", controls: Controls, session: Session, table: str
@@ -63,14 +69,16 @@ class Header:
         self._session.stop(f"page {page}")
 
     def joined(self, client: "ClientHandle") -> None:
-        """A page connected; called in the thread of the control panel queue."""
+        """Note that a page has connected. To be called in the thread of the control panel queue."""
         page = client.client_id
         self._own[page] = client.gui.add_markdown("", order=-100)
         self._controls.lock = self._controls.lock.joined(page)
         self.draw_locks()
 
     def left(self, page: int) -> None:
-        """A page disconnected; called in the thread of the control panel queue."""
+        """Note that a page has disconnected. To be called in the thread of the control
+        panel queue.
+        """
         self._own.pop(page, None)
         self._controls.lock = self._controls.lock.left(page)
         self.draw_locks()
@@ -92,7 +100,9 @@ class Header:
     def draw(
         self, now: LiveState, status: SessionStatus, rate_hz: float, *, film: bool = False
     ) -> None:
-        """Show the state; only what changed is sent. film: recorded motion is shown."""
+        """Show the session's state; only what changed is sent. rate_hz: nominal ticks a second of
+        the loop; film: a recorded motion is shown, not the live table.
+        """
         words = f"**{STATES[status.state]}** ({plain(self._table)})  \n"
         words += link_words(now, status, rate_hz)
         words += FILM if film else LIVE
@@ -112,7 +122,9 @@ class Theme:
         self._apply()
 
     def add_widgets(self, controls: Controls) -> None:
-        """Add the button that switches it, below everything else, and the page's line breaks."""
+        """Add the light/dark button below everything else, and the style by which long
+        words break.
+        """
         self._server.gui.add_html(WRAP)
         button = self._server.gui.add_button("Light / dark", color="gray", order=100)
         controls.button(button, "light / dark", lambda page: self.turn(), everybody=True)

@@ -26,7 +26,11 @@ MAKING = (
 
 
 class ReplayTab:
-    """`show_playback` starts a film or, with None, goes back to the live table."""
+    """Builds the tab Replay in the GUI container of viser that is open: run, time, speed, video.
+
+    worker: reads runs and makes videos; rows: lists the recorded runs; show_playback: puts a film
+    in place of the live table, None ends it.
+    """
 
     def __init__(
         self,
@@ -65,7 +69,7 @@ class ReplayTab:
         self._shown = LIVE
 
     def refresh(self) -> None:
-        """The list of runs has changed."""
+        """List the recorded runs anew."""
         names = tuple(row.folder.name for row in self._rows()) or (NONE,)
         if names != self._picked.options:
             self._picked.options = names
@@ -104,7 +108,9 @@ class ReplayTab:
             self._about.content = "What the camera saw, and what the tracker makes of it."
 
     def on_playback(self, playback: Playback | None) -> None:
-        """What is shown from now on; told by the app. What is still being read is not shown."""
+        """Take note of the film that the app shows from now on, None for the live table: the film
+        before is closed, and a run that is still being read will not be shown.
+        """
         self._item = None
         if self._playback is not None:
             self._playback.close()
@@ -112,7 +118,7 @@ class ReplayTab:
         self._speed.now = self._fast.value = 1.0
 
     def show_frame(self, image: np.ndarray) -> None:
-        """The newest image of the video."""
+        """Show a frame (h, w, 3) uint8 RGB of the video."""
         self._image.image = image
         if not self._image.visible:
             self._image.visible = True
@@ -135,7 +141,7 @@ class ReplayTab:
         clock.play(not clock.playing)
 
     def draw(self) -> None:
-        """Where the film stands; the slider follows while it runs."""
+        """Write the film's time, and move the slider with a film that runs."""
         playback, words = self._playback, LIVE
         if playback is not None:
             t_s, end_s = playback.clock.t_s, playback.clock.end_s

@@ -33,7 +33,9 @@ MEANS = (
 
 
 def table(rows: list[RunSummary], centroids: dict[str, tuple[float, float]]) -> str:
-    """The newest runs as a Markdown table."""
+    """The newest runs of `rows` as a Markdown table; centroids: by the name of the run's folder,
+    (x, y) [cm].
+    """
     if not rows:
         return "No runs yet: make some in the tab **Run**."
     lines = ["| run | arm | outcome | centroid [cm] |", "|---|---|---|---|"]
@@ -50,7 +52,11 @@ def table(rows: list[RunSummary], centroids: dict[str, tuple[float, float]]) -> 
 
 
 class ResultsTab:
-    """`refresh` when a run has been recorded; `draw` for the live centroid."""
+    """Builds the tab Results in the GUI container of viser that is open: runs, figures, report.
+
+    worker: draws and writes; out: folder of runs, figures and report; live: gives the present run's
+    centroid; send: lets a page download a file. To be told by `refresh` that a run was recorded.
+    """
 
     def __init__(
         self,
@@ -97,7 +103,9 @@ class ResultsTab:
         return self._rows
 
     def refresh(self, protocol: str | None = None) -> None:
-        """Read the folder of runs anew; with a protocol, draw its figures."""
+        """Read the folder of runs anew; where `protocol` is given, choose it and draw its
+        figures.
+        """
         self._rows = list_runs(self._out / "runs")
         names = tuple(dict.fromkeys(row.protocol for row in self._rows)) or (NONE,)
         if names != self._picked.options:
@@ -114,7 +122,9 @@ class ResultsTab:
         return [row for row in self._rows if row.protocol == protocol][:TOGETHER]
 
     def figures(self, protocol: str | None = None) -> None:
-        """Draw what the newest runs of a protocol allow, in the worker. ValueError: no runs."""
+        """Have the worker draw the figures that the newest runs of a protocol allow (None: the one
+        chosen), instead of figures that it still draws. ValueError: no run of it.
+        """
         name = protocol or self._protocol.now
         rows = self._together(name)
         if not rows:
@@ -123,7 +133,9 @@ class ResultsTab:
         self._put("figures", task, self._drawn, instead=True)  # of fewer runs
 
     def report(self, page: int | None) -> None:
-        """Write the report of the newest runs in the worker, then send it to the page."""
+        """Have the worker write the report of the newest runs of the chosen protocol, then let the
+        page download it (None: every page). ValueError: no runs, or a report is being written.
+        """
         rows = self._together(self._protocol.now)
         if not rows:
             raise ValueError("no runs yet: make some in the tab Run")
@@ -156,7 +168,9 @@ class ResultsTab:
         self._table.content = table(self._rows, self._centroids)
 
     def draw(self, *, running: bool) -> None:
-        """The present run's centroid so far (k-means with one cluster is the mean)."""
+        """Write the centroid so far of a run that is on (`running`); k-means with one cluster is
+        the mean.
+        """
         mean = self._live.centroid
         xy, words = mean.xy_m, "Centroid of the present run: no run is on"
         if xy is not None and running:

@@ -47,7 +47,7 @@ IDLE = "no run: choose a protocol and press **Start**"
 
 
 def minutes(seconds: float) -> str:
-    """A duration as m:ss."""
+    """`seconds` [s] as m:ss."""
     rounded = max(0, round(seconds))
     return f"{rounded // 60}:{rounded % 60:02d}"
 
@@ -65,13 +65,15 @@ def progress_words(status: SessionStatus) -> str:
 
 
 class ProgressLine:
-    """The same line, which after the last run of a plan says that it is done."""
+    """`progress_words` with a memory: after the last run of a plan it says that the plan is
+    done.
+    """
 
     def __init__(self) -> None:
         self._last: SessionStatus | None = None
 
     def words(self, status: SessionStatus) -> str:
-        """The line for the present status."""
+        """The line (Markdown) for the present status. To be called with every status in turn."""
         if status.run is not None:
             self._last = status if status.state == "running" else None
         elif self._last is not None and self._last.run is not None:
@@ -83,9 +85,11 @@ class ProgressLine:
 
 
 class RunTab:
-    """The tab Run, in the container that is open when it is made.
+    """Builds the tab Run in the GUI container of viser that is open: protocol, start, gains,
+    target, pushes and the virtual table's backlash.
 
-    show_live: turns every page to the live table; called when a run or balancing begins.
+    session: what the buttons act on; show_live: called when a run or balancing begins, to end a
+    film.
     """
 
     def __init__(
@@ -155,7 +159,9 @@ class RunTab:
         button(self._balance, "balance", lambda page: self.balance())
 
     def start(self) -> None:
-        """Start the plan that the inputs describe. ValueError, OSError: not armed, impossible."""
+        """Start the plan that the inputs describe. ValueError, OSError: a real table is not armed,
+        or the session refuses the plan (`Session.start`).
+        """
         protocol, real = read_protocol(self._protocol.now), self._session.table.real
         self._take_arming()
         self._session.start(
@@ -172,12 +178,12 @@ class RunTab:
         self._show_live()
 
     def balance(self) -> None:
-        """Balance the virtual table again and show it on every page."""
+        """Balance the virtual table again and show it on every page. ValueError: a real table."""
         self._session.balance()
         self._show_live()
 
     def go_on(self) -> None:
-        """Begin the next run of the plan; a real table has to be armed for it."""
+        """Begin the next run of the plan. ValueError: a real table that is not armed for it."""
         if self._session.status.state == "pause":
             self._take_arming()
         self._session.go_on()
@@ -259,7 +265,9 @@ class RunTab:
         controls.pick(arrows, tuple(ARROWS), lambda label: self.push(ARROWS[label]))
 
     def push(self, angle_deg: float) -> None:
-        """Push the virtual ball; angle from +x towards +y. ValueError: a real table."""
+        """Push the virtual ball in the direction `angle_deg`, from +x towards +y, as hard as the
+        slider says. ValueError: a real table, or nothing moves.
+        """
         if self._session.table.real:
             raise ValueError("push a real ball with a stick")
         strength = self._push.now / PUSH_S
@@ -267,7 +275,9 @@ class RunTab:
         self._session.put(Push((strength * cos(angle), strength * sin(angle)), PUSH_S))
 
     def aim(self, xy_m: tuple[float, float]) -> None:
-        """Send the ball to a point (x, y) of the plate, clamped to where the ball fits."""
+        """Send the ball to `xy_m` on the plate, clamped to where the ball fits. ValueError: nothing
+        moves, or a coordinate is not finite.
+        """
         side = self._session.rig.linkage.plate_side_m
         self._session.put(Target(on_plate(xy_m, side, self._session.rig.ball.radius_m)))
 

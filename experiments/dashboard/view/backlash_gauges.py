@@ -25,7 +25,9 @@ PLACES = {  # of the four gauges, beside the two servos
 
 
 class BacklashGauge:
-    """One backlash: two jaws of the driven side, the tooth of the driving side between them."""
+    """One backlash in the 3-D view: two jaws of the driven side, the tooth of the driving side
+    between them. kind: "gear" or "joint"; axis: 0 x, 1 y.
+    """
 
     def __init__(self, server: "ViserServer", kind: str, axis: int) -> None:
         scene, name = server.scene, f"/teeth/{kind}_{'xy'[axis]}"
@@ -48,11 +50,13 @@ class BacklashGauge:
         self._colours: list[tuple[int, int, int]] = [FREE, FREE]
 
     def show(self, visible: bool) -> None:
-        """Show or hide the gauge."""
+        """Show the gauge, or hide it (`visible` False)."""
         self._root.visible = visible
 
     def draw(self, play_rad: float, twist_rad: float, found_rad: float, rig: Rig) -> None:
-        """Full width and twist of the backlash, and the width the observer found (NaN: none)."""
+        """Draw the backlash at the servo: play_rad, its full width; twist_rad, driving minus driven
+        side in the model; found_rad, the width that the observer found (NaN: none).
+        """
         half, at, touches = gauges(play_rad, twist_rad, rig)
         self._tooth.position = tuple(at * self._along)
         for i, (jaw, side) in enumerate(zip(self._jaws, (-1, 1), strict=True)):
@@ -67,18 +71,22 @@ class BacklashGauge:
 
 
 class BacklashGauges:
-    """All four gauges."""
+    """The gauges of both gears and both joints."""
 
     def __init__(self, server: "ViserServer") -> None:
         self._gauges = {place: BacklashGauge(server, *place) for place in PLACES}
 
     def show(self, visible: bool) -> None:
-        """Show or hide all; a recorded run has no model beside it that gives the twists."""
+        """Show all gauges, or hide them (`visible` False), as beside a film: recordings hold no
+        twists.
+        """
         for gauge in self._gauges.values():
             gauge.show(visible)
 
     def draw(self, rig: Rig, gear_rad: np.ndarray, joint_rad: np.ndarray, found: np.ndarray):
-        """Twists (2,) of the model's gears and joints; found (2, 2): gear and joint by axis."""
+        """Draw all gauges: gear_rad and joint_rad (2,), twists in the model by axis; found (2, 2)
+        [rad], widths that the observer found, rows gear and joint, columns x and y.
+        """
         gear, joint = backlash_widths(rig)
         for axis in range(2):
             self._gauges["gear", axis].draw(gear[axis], gear_rad[axis], found[0, axis], rig)

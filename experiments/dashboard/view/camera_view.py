@@ -27,7 +27,9 @@ NO_CAMERA_WORDS = (
 
 
 def view_of(real: Rig | None) -> "View":
-    """Pose of the camera: as calibrated, or of the virtual camera without a calibration."""
+    """View of the camera that is drawn: as calibrated, where the rig `real` of a real table names a
+    readable calibration, else that of the virtual camera.
+    """
     from calibration.bundle import load
     from vision.synthetic.synthetic import virtual_view
 
@@ -38,9 +40,10 @@ def view_of(real: Rig | None) -> "View":
 
 
 class CameraView:
-    """Hidden until the box is ticked or a run's video is there. Images are RGB (h, w, 3).
+    """The camera in the 3-D view and its newest image; hidden until a page asks for it by the box
+    *Look through the camera*, or a run's video is shown.
 
-    real: the rig of a real table, whose camera is looked through; None: a virtual one.
+    real: the rig of a real table, whose camera is looked through; None: the virtual one.
     """
 
     def __init__(self, server: "ViserServer", real: Rig | None = None) -> None:
@@ -64,7 +67,7 @@ class CameraView:
         self._words: Any = None
 
     def add_widgets(self, controls: Controls) -> None:
-        """The box and the image, in the container that is open."""
+        """Build the box, the image and its words in the GUI container of viser that is open."""
         gui = self._server.gui
         own = self._real is not None and bool(self._real.table.camera)
         kind = "table's" if own else "virtual"
@@ -83,18 +86,19 @@ class CameraView:
 
     @property
     def wanted(self) -> bool:
-        """Whether the box is ticked."""
+        """Whether the box *Look through the camera* is ticked."""
         return self._wanted.now
 
     def set_wanted(self, wanted: bool) -> None:
-        """Tick or clear the box."""
+        """Tick or clear the box *Look through the camera*."""
         self._box.value = self._wanted.now = wanted
 
     def follow(self, source: Any, row: np.ndarray | None, fresh: bool, *, ask: bool) -> None:
-        """Show the newest image of a `VirtualCamera` or `RealCamera`, if the box is ticked.
+        """Show the newest image of `source`, a `VirtualCamera` or `RealCamera`, if the box is
+        ticked.
 
-        row (len(COLUMNS),): the loop's newest; fresh: its ball was observed just now; ask: ask for
-        a new image.
+        row (len(COLUMNS),): the loop's newest, None before the first; fresh: its ball was observed
+        just now; ask: ask the source for another image.
         """
         if not self.wanted:
             source.release()
@@ -115,7 +119,7 @@ class CameraView:
             self.wait()
 
     def show(self, image: np.ndarray, words: str) -> None:
-        """The newest image and what is said of it."""
+        """Show an image (h, w, 3) uint8 RGB and below it `words` (Markdown)."""
         if not self._frustum.visible:
             self._frustum.visible = self._image.visible = True
         self._frustum.image = image
@@ -123,16 +127,16 @@ class CameraView:
         self._words.content = words
 
     def wait(self) -> None:
-        """Nothing has been seen yet."""
+        """Say that the camera starts, where nothing was shown yet."""
         if not self._frustum.visible and not self._words.content:
             self.say("*The camera starts: a few seconds.*")
 
     def say(self, words: str) -> None:
-        """Say this where the image would be."""
+        """Show `words` (Markdown) below the image, or alone where there is none."""
         self._words.content = words
 
     def hide(self, words: str = "") -> None:
-        """There is nothing to be seen, and why."""
+        """Take the image away and show `words` (Markdown), the reason, in its place."""
         if self._words.content != words:
             self._frustum.visible = self._image.visible = False
             self._words.content = words

@@ -25,7 +25,9 @@ _CM, _DEG = 100.0, degrees(1)
 
 @dataclass(frozen=True)
 class Chart:
-    """title, then (column, label, colour, factor, dashed) a curve."""
+    """A chart of the live curves: its title, and for each curve (column of the log, label, colour,
+    factor from the column's unit to the chart's, dashed).
+    """
 
     title: str
     curves: tuple[tuple[str, str, str, float, bool], ...]
@@ -58,7 +60,9 @@ CHARTS = (
 
 
 def chart_data(chart: Chart, rows: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Seconds and every curve in its unit, (n,) each, n >= 2; a blank is the value before it."""
+    """What a chart shows of log rows (n, len(COLUMNS)): the times [s], then each curve in its unit,
+    (n,) each; a blank is the value before it. Fewer than two rows give two points of zeros.
+    """
     if len(rows) < 2:
         return tuple(
             np.arange(2.0) if i == 0 else np.zeros(2) for i in range(len(chart.curves) + 1)
@@ -69,7 +73,7 @@ def chart_data(chart: Chart, rows: np.ndarray) -> tuple[np.ndarray, ...]:
 
 
 class Curves:
-    """The charts in the container that is open when it is made; `draw` ten times a second.
+    """Builds the five charts in the GUI container of viser that is open; height: of one chart [px].
 
     Only the last one has numbers on its time axis, which all share.
     """
@@ -101,7 +105,7 @@ class Curves:
             )
 
     def rest(self, words: str) -> None:
-        """Show these words and no curves."""
+        """Show `words` (Markdown) instead of the curves; "" shows the curves again."""
         if words != self._said:
             self._said = self._words.content = words
             for plot in self._plots:

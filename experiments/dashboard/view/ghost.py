@@ -21,7 +21,10 @@ _X, _EXPOSED, _PHASE = INDEX["ball_x_m"], INDEX["ball_exposed_s"], INDEX["phase"
 
 
 class Ghost:
-    """`follow` the table row by row; then `ball_m`, `theta_rad` and the twists are the model's."""
+    """The rig's plant beside the table: after `follow`, `ball_m`, `plate_rad` and the twists are
+    those of the model. on_plate: False while the model's ball has no sense (fallen, or not yet
+    set).
+    """
 
     def __init__(self, rig: Rig) -> None:
         self._tick_s = 1 / rig.control_rate_hz
@@ -35,22 +38,22 @@ class Ghost:
 
     @property
     def ball_m(self) -> np.ndarray:
-        """The model's ball (2,) [m]."""
+        """Position (2,) [m] of the model's ball in the plate's frame."""
         return self._s[plant.BALL].copy()
 
     @property
     def plate_rad(self) -> np.ndarray:
-        """The plate's angles at the servo's scale (2,)."""
+        """Angles (2,) [rad] of the model's plate, at the servo's shaft."""
         return self._s[plant.PLATE].copy()
 
     @property
     def gear_twist_rad(self) -> np.ndarray:
-        """Motor before arm (2,): where the tooth stands in the gear's gap."""
+        """Motor minus arm (2,) [rad]: where the tooth stands in the gear's gap."""
         return self._s[plant.MOTOR] - self._s[plant.ARM]
 
     @property
     def joint_twist_rad(self) -> np.ndarray:
-        """Arm before plate (2,)."""
+        """Arm minus plate (2,) [rad]: where the tooth stands in the joint's gap."""
         return self._s[plant.ARM] - self._s[plant.PLATE]
 
     def follow(self, rows: list[np.ndarray]) -> None:

@@ -13,7 +13,7 @@ TOOTH_M = 0.010
 
 
 def quaternion(rotation: np.ndarray) -> np.ndarray:
-    """(w, x, y, z) of a rotation (3, 3) by less than half a turn."""
+    """Unit quaternion (w, x, y, z), (4,), of a rotation matrix (3, 3) by less than half a turn."""
     w = 0.5 * np.sqrt(max(1.0 + float(np.trace(rotation)), 1e-12))
     x, y, z = (
         (rotation[2, 1] - rotation[1, 2]) / (4 * w),
@@ -24,13 +24,14 @@ def quaternion(rotation: np.ndarray) -> np.ndarray:
 
 
 def plate_wxyz(theta_rad: np.ndarray, rig: Rig) -> np.ndarray:
-    """The plate's orientation at servo angles (2,)."""
+    """The plate's orientation at the servo angles theta_rad (2,), as a quaternion (w, x, y, z)."""
     sines = tilt_sines((float(theta_rad[0]), float(theta_rad[1])), rig.linkage.ratio)
     return quaternion(plate_rotation(sines))
 
 
 def linkage(axis: int, theta_rad: np.ndarray, rig: Rig) -> np.ndarray:
-    """Shaft, tip of the arm and the plate's end of the rod, (3, 3) [m], for axis 0 or 1.
+    """Points (3, 3) [m] of the linkage of axis 0 or 1 at the servo angles theta_rad (2,): the
+    servo's shaft, the arm's tip and the plate's end of the rod.
 
     A positive angle lowers the tip and with it the plate's + side (Eq. 14).
     """
@@ -45,8 +46,11 @@ def linkage(axis: int, theta_rad: np.ndarray, rig: Rig) -> np.ndarray:
 
 
 def gauges(play_rad: float, twist_rad: float, rig: Rig) -> tuple[float, float, int]:
-    """A play as drawn: half the gap [m], the tooth's place in it [m], and the side that it touches
-    (-1, 1; 0: it floats). Drawn ZOOM times as large as at the arm's end."""
+    """A backlash as drawn, ZOOM times as large as at the arm's end: half the gap [m], the tooth's
+    place in it [m], and the side that it touches (-1 or 1; 0: none).
+
+    play_rad: full width; twist_rad: driving minus driven side.
+    """
     scale = ZOOM * rig.linkage.arm_radius_m
     half = 0.5 * max(play_rad, 0.0) * scale
     at = float(np.clip(twist_rad * scale, -half, half))
@@ -55,7 +59,9 @@ def gauges(play_rad: float, twist_rad: float, rig: Rig) -> tuple[float, float, i
 
 
 def plate_point(origin: np.ndarray, direction: np.ndarray) -> np.ndarray | None:
-    """Where a ray meets the level plate's top (x, y) [m]; None where it does not."""
+    """Where the ray from `origin` (3,) [m] along `direction` (3,) meets the top of the level plate:
+    (x, y), (2,) [m]; None where it does not.
+    """
     if abs(direction[2]) < 1e-9 or -origin[2] / direction[2] <= 0:
         return None
     return (origin - origin[2] / direction[2] * direction)[:2]

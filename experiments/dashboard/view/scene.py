@@ -45,7 +45,7 @@ a perfect model would leave (noise floors).
 
 
 def legend_words(real: bool) -> str:
-    """Markdown for the tab Legend: the shapes and colours of the view."""
+    """Markdown for the tab Legend on the shapes and colours of the view; real: of a real table."""
     paragraphs = (
         LEGEND_TABLE + (LEGEND_REAL if real else LEGEND_VIRTUAL) + LEGEND_CURVES + LEGEND_FILMS
     )
@@ -53,7 +53,7 @@ def legend_words(real: bool) -> str:
 
 
 def light(server: "ViserServer") -> None:
-    """Set the first view point and the lamps."""
+    """Set the scene's first view point and its lamps."""
     camera = server.initial_camera
     camera.position, camera.look_at = (0.24, -0.62, 0.52), (0.03, 0.03, -0.03)
     camera.fov = 0.82
@@ -80,7 +80,9 @@ def ball_mesh(radius_m: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 class PlateModel:
-    """One plate with a ball on it, under a name of the scene tree, `at` metres from the origin."""
+    """A square plate with a ball on it, drawn in viser's scene under the node `name`, its centre
+    `at` (x, y, z) [m]. ghost: the ball has the colour of a model's.
+    """
 
     def __init__(
         self, server: "ViserServer", name: str, rig: Rig, *, at=(0.0, 0.0, 0.0), ghost: bool = False
@@ -114,7 +116,9 @@ class PlateModel:
         )
 
     def pose(self, theta_rad: np.ndarray, ball_m: np.ndarray | None) -> None:
-        """Turn the plate to servo angles (2,) and put the ball to (2,) [m], or out of sight."""
+        """Turn the plate to the servo angles theta_rad (2,) and put the ball to ball_m (2,) in the
+        plate's frame; None or NaN: no ball.
+        """
         self.plate.wxyz = plate_wxyz(theta_rad, self._rig)
         self.ball.position = _on_plate(ball_m, self._rig.ball.radius_m)
 
@@ -131,7 +135,9 @@ def _on_plate(ball_m: np.ndarray | None, height_m: float) -> tuple[float, float,
 
 
 class TableScene:
-    """The table in the middle: a puppet with linkage, ghost, difference, trail and target."""
+    """The table in the middle of the 3-D view: plate, ball, arms and rods, target, trail, centroid,
+    and the model's ball with its distance from the measured one.
+    """
 
     def __init__(self, server: "ViserServer", rig: Rig) -> None:
         self._rig, scene = rig, server.scene
@@ -195,7 +201,9 @@ class TableScene:
     def pose(
         self, theta_rad: np.ndarray, ball_m: np.ndarray | None, target_m: np.ndarray | None
     ) -> None:
-        """The measured pose: servo angles (2,), ball and target (2,) [m] or None."""
+        """Show the measured pose: servo angles theta_rad (2,); ball_m and target_m (2,) in the
+        plate's frame, None or NaN: not shown.
+        """
         self.table.pose(theta_rad, ball_m)
         for axis, rod in enumerate(self.rods):
             shaft, tip, edge = linkage(axis, theta_rad, self._rig)
@@ -203,7 +211,9 @@ class TableScene:
         self.target.position = _on_plate(target_m, 0.001)
 
     def compare(self, ball_m: np.ndarray | None, ghost_m: np.ndarray | None) -> None:
-        """The ghost's ball, and how far it is from the measured one."""
+        """Show the model's ball ghost_m (2,) and its distance from the measured ball_m (2,), both
+        in the plate's frame; None: not shown.
+        """
         radius = self._rig.ball.radius_m
         self.ghost.position = _on_plate(ghost_m, radius)
         if ball_m is None or ghost_m is None or not np.all(np.isfinite([ball_m, ghost_m])):
@@ -217,7 +227,9 @@ class TableScene:
             self.gap_label.text = text
 
     def draw_trail(self, xy_m: np.ndarray, centroid_m: np.ndarray | None) -> None:
-        """Where the ball was (n, 2) [m], and the run's centroid."""
+        """Draw the ball's last positions xy_m (n, 2) as a line, and the run's centroid_m (2,),
+        None: none yet.
+        """
         self.centroid.position = _on_plate(centroid_m, 0.002)
         if len(xy_m) < 2:
             self.trail.points = np.zeros((1, 2, 3), np.float32)

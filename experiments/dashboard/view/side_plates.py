@@ -18,8 +18,12 @@ CELL_PX = 8
 
 
 def map_image(plate_map: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
-    """A map (m, n) of sizes in floors as RGBA seen from above, x to the right, y up; a cell
-    without data is clear, the largest is darkest."""
+    """Map of disagreement as an image (CELL_PX m, CELL_PX n, 4) uint8 RGBA, seen from above, x to
+    the right, y up.
+
+    plate_map: as `GapAnswer.plate_map`, sizes (m, n) in noise floors; the largest is darkest, a
+    cell without data transparent.
+    """
     size = plate_map[2][::-1]  # rows of an image go down
     known = np.isfinite(size)
     top = max(1.0, float(size[known].max())) if known.any() else 1.0
@@ -31,13 +35,15 @@ def map_image(plate_map: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarra
 
 
 def off_words(seen_m: np.ndarray, told_m: np.ndarray) -> str:
-    """How far a model's ball is from the recorded one."""
+    """Distance [mm] of a model's ball told_m (2,) from the recorded one seen_m (2,), in words."""
     far_mm = 1e3 * float(np.hypot(*(np.asarray(told_m) - np.asarray(seen_m))))
     return f"off by {far_mm:.0f} mm" if np.isfinite(far_mm) else "no ball"
 
 
 class SidePlates:
-    """Hidden until there is something to compare."""
+    """Two small plates behind the table, with the models before and after naming, and the map of
+    disagreement on the table's own plate; hidden until there is something to show.
+    """
 
     def __init__(self, server: "ViserServer", rig: Rig) -> None:
         self._server = server
@@ -58,14 +64,14 @@ class SidePlates:
         self._legend: Any = None
 
     def begin(self, playback: Playback | None) -> None:
-        """Prepare for a playback; None: the live table is shown."""
+        """Show both models where the film `playback` has them; None (the live table): hide them."""
         self._playback = playback
         beside = playback is not None and playback.models is not None
         for plate in self._plates.values():
             plate.show(beside)
 
     def draw(self, t_s: float) -> None:
-        """Pose both models at a time of the film [s]."""
+        """Pose both models as they were at `t_s` of the film; nothing without a film of models."""
         if self._playback is None or self._playback.models is None:
             return
         _, seen, _ = self._playback.motion.at(t_s)
@@ -79,7 +85,7 @@ class SidePlates:
                 label.text = text
 
     def show_map(self, plate_map: tuple[np.ndarray, np.ndarray, np.ndarray] | None) -> None:
-        """Lay the map on the table's plate; None takes it away."""
+        """Lay a map (`GapAnswer.plate_map`) on the table's plate; None takes it away."""
         for old in (self._map, self._legend):
             if old is not None:
                 old.remove()

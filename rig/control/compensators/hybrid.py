@@ -94,8 +94,8 @@ def gap_left(error, twist, gear, least):
 def hybrid_volts(error, rate, motor_rate, twist, gear, gain, motor_gain, lag_s, least):
     """Volts of the mode that the gear is in, contact or crossing the gap [V].
 
-    motor_rate: of the motor [rad/s]; the other arguments are those of `gap_left` and
-    `sliding_volts`.
+    motor_rate: of the motor [rad/s]; error, twist, gear, least: as of `gap_left`; rate, gain,
+    motor_gain, lag_s: as of `sliding_volts`.
     """
     left = gap_left(error, twist, gear, least)
     if abs(left) <= least:

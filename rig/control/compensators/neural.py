@@ -53,7 +53,10 @@ def answer(s, a, wanted, rate, missing):
 
 @compiled
 def learn(s, a, missing, tick_s):
-    """Advance the weights W of axis `a` by one tick of the tuning law; missing = tau~ [rad]."""
+    """Advance the weights W of axis `a` by one tick of the tuning law.
+
+    s: record NEURAL_STATE, changed in place; missing: tau~ [rad]; tick_s: period [s].
+    """
     for i in range(HIDDEN):
         s.weights[a, i] -= (
             tick_s

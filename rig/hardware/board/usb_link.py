@@ -18,7 +18,8 @@ _NO_PERMISSION = "your user may not open it: add the udev rule (rig doctor tells
 
 
 class UsbLink:
-    """A board on USB: the first device with these numbers, its vendor-class interface held alone.
+    """A board on USB: the first device with the numbers `vendor` and `product`, its vendor-class
+    interface held alone.
 
     backend: pyusb's, by default libusb; clock: monotonic [s]. LinkLost: there is no such device, it
     may not be opened, is gone or hangs. A stalled endpoint is cleared once; stalled again, the

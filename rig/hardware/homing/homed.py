@@ -76,8 +76,8 @@ class Homed:
             raise NotHomed(f"the homing of {self.at} is older than {hours:g} hours: {CURE}")
 
     def check_angles(self, theta_rad: tuple[float, float]) -> None:
-        """Raise NotHomed where the encoders (x, y) show angles beyond the stops: the counters
-        were lost.
+        """Raise NotHomed where the encoder angles theta_rad (x, y) lie beyond the stops: the
+        counters were lost.
         """
         for axis, angle, travel in zip("xy", theta_rad, self.travel_rad, strict=True):
             if not abs(angle) < 0.5 * travel + MARGIN_RAD:

@@ -28,7 +28,7 @@ SPEED_RAD_S = 0.3  # a tachometer that shows this: the motor turns
 class HomingRefused(ValueError):  # noqa: N818 - the state, not the slip
     """Homing found what must not be driven.
 
-    name: one of a few words, for programs; the message ends with what to check.
+    name: one of a few words, for programs; text: what was seen, and at its end what to check.
     """
 
     def __init__(self, name: str, text: str) -> None:

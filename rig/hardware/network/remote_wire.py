@@ -189,7 +189,10 @@ class Wire:
         self._out, self._in = keys
 
     def send(self, kind: int, payload: bytes = b"") -> None:
-        """Send a message. OSError: the connection is gone, or the other end takes nothing more."""
+        """Send a message of `kind`, sealed if it has to be.
+
+        OSError: the connection is gone, or the other end takes nothing more (BlockingIOError).
+        """
         seal = b""
         if kind not in UNSEALED:
             seal = self._seal(self._out, self._sent, kind, payload)
@@ -203,7 +206,8 @@ class Wire:
         """Return all whole messages (kind, payload) that are there.
 
         Waits for the first bytes as long as the socket's time limit says. ProtocolError: not of
-        this protocol, or a wrong seal; ConnectionError: the connection is gone.
+        this protocol, or a wrong seal; ConnectionResetError, another OSError: the connection is
+        gone.
         """
         with suppress(BlockingIOError):
             data = self.sock.recv(65536)

@@ -84,7 +84,9 @@ class Server:
             raise
 
     def tick(self) -> None:
-        """Run one tick: read the table, tell the user, wait shortly for the answer, drive."""
+        """Run one tick: read the table, tell the user, wait shortly for the answer, drive. OSError:
+        the table is lost.
+        """
         reading = self._table.read()
         now_s = time.monotonic()
         self._tick = (self._tick + 1) & 0xFFFFFFFF

@@ -12,7 +12,7 @@ Job = tuple[int, Callable[..., Any], tuple]
 
 
 class OneThread:
-    """A daemon thread of its own in which functions are run in order."""
+    """A daemon thread, called `name`, in which functions are run in order."""
 
     def __init__(self, name: str) -> None:
         self._orders: SimpleQueue[Job | None] = SimpleQueue()
