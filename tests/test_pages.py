@@ -50,6 +50,7 @@ def test_every_command_of_the_front_door_exists():
     assert named <= commands | groups
 
 
+@pytest.mark.slow
 def test_the_examples_of_the_library_page_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     text = (ROOT / "rig/library.md").read_text(encoding="utf-8")
     examples = re.findall(r"```python\n(.*?)```", text, flags=re.S)

@@ -64,6 +64,7 @@ def fixed():
     return found
 
 
+@pytest.mark.slow
 def test_fixed_markers_are_found_beside_the_plate_and_do_not_disturb_it(fixed):
     assert fixed.ids == [46, 47, 48, 49]
     truth = virtual_view()

@@ -53,6 +53,7 @@ def test_the_proposal_tells_the_pair_apart_when_it_is_run(pair):
         assert nx.separation(run.log, way, TABLE, own, other) > 2 * RIVAL_MARGIN
 
 
+@pytest.mark.slow
 def test_the_same_question_gives_the_same_answer():
     menu = [choice for choice in experiment_menu(TABLE) if choice[0] == "free-release"]
     first, again = (nx.propose(TABLE, (DRAG, ROLLING), menu, seed=3) for _ in range(2))

@@ -31,6 +31,7 @@ def closed(before: float, after: float) -> float:
     return (before - after) / (before - 1.0)
 
 
+@pytest.mark.slow
 def test_the_gap_of_a_hidden_play_closes_on_the_other_run():
     found = investigation().findings
     gap = found.gap

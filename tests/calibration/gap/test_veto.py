@@ -74,6 +74,7 @@ def decision_on_a_late_camera() -> Decision:
     return decide(settled_baseline(evidence_of(log), nominal), barred=["camera_delay"])
 
 
+@pytest.mark.slow
 def test_what_imitates_a_delay_is_refuted_or_told_beside_an_unknown_effect():
     decision = decision_on_a_late_camera()
     judged, _, reasons = judge(decision)
@@ -87,7 +88,7 @@ def test_what_imitates_a_delay_is_refuted_or_told_beside_an_unknown_effect():
         assert judged.unnamed is not None
 
 
-@pytest.mark.parametrize("delay_s", [0.1, 0.25])
+@pytest.mark.parametrize("delay_s", [0.1, pytest.param(0.25, marks=pytest.mark.slow)])
 def test_a_delay_far_from_nominal_is_found_from_the_start(delay_s: float):
     """A search that begins near zero takes such a delay for a scale or for backlash."""
     log = foreign(

@@ -93,6 +93,7 @@ def test_a_cluster_that_is_not_there_is_said_in_one_line():
         dask_client("tcp://localhost:1")
 
 
+@pytest.mark.slow
 def test_the_command_writes_table_figures_and_results(tmp_path: Path):
     stated: list[str] = []
     results = blind_trial(

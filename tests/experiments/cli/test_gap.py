@@ -26,6 +26,7 @@ def run_folder(tmp_path_factory) -> Path:
     return keep_simulated(order, simulate_run(order))
 
 
+@pytest.mark.slow
 def test_a_run_folder_from_end_to_end(run_folder: Path, tmp_path: Path):
     """One long call, then: what it wrote, that the rig file runs, and that it needed no truth."""
     out = tmp_path / "out"

@@ -40,6 +40,7 @@ def test_the_predictor_and_the_simulator_shift_it_alike():
     assert with_height < 3e-6 < 0.4 * without  # its noise and the tick
 
 
+@pytest.mark.slow
 def test_it_is_named_as_a_scale_and_the_height_goes_into_the_model():
     nominal, plant = seen_too_low(noise_m=3e-4)
     found = investigate([recorded(plant, nominal)], nominal, quick=True).findings

@@ -20,6 +20,7 @@ from experiments.runs.protocol import Protocol, read_protocol
 from experiments.runs.runner import RunRequest, simulate_run
 from rig.rigfile import to_dict
 
+pytestmark = pytest.mark.slow
 MOST_S = 24.0
 
 

@@ -112,6 +112,7 @@ def seen_runs(tmp_path_factory: pytest.TempPathFactory):
     return [run(RunRequest(TABLE, SHORT, "with", seed, out, bundle)) for seed in SEEDS]
 
 
+@pytest.mark.slow
 def test_runs_through_frames_see_the_ball_to_a_tenth_of_a_millimetre(seen_runs):
     for done in seen_runs:
         assert done.ending.outcome == "completed"
@@ -146,6 +147,7 @@ def test_the_fitted_statistical_camera_agrees_with_the_frames(seen_runs):
     assert np.ptp(sizes) < 0.05 * np.mean(sizes)
 
 
+@pytest.mark.slow
 def test_the_same_pixels_give_the_same_observation_whatever_the_truth(seen_runs):
     """Hidden truth changes while the picture does not: nothing of it may come through."""
     bundle = seen_runs[0].folder.parent / "calibration.json"

@@ -183,7 +183,7 @@ def last(log, place, axis):
 
 
 @pytest.mark.parametrize("degrees", [1.0, 2.0])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 2, 3))])
 def test_a_plate_that_drops_to_the_balls_side_is_not_taken_for_one_without_play(degrees, seed):
     """Without friction in its pivots the plate keeps no place: no confident wrong width."""
     rig = realistic(joint_deg=degrees)

@@ -74,6 +74,7 @@ def check_rest(lab: Lab) -> None:
     assert np.abs(lab.world.arms_rad).max() < 0.06
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cable", CABLES)
 def test_home_then_squares_then_a_ball_then_a_reset(cable: str, make_lab):
     lab = make_lab(cable, MAKES[cable]())

@@ -123,6 +123,7 @@ def test_deviations_are_known_for_every_free_parameter_and_are_finite(seconds: f
     assert all(0 < std < 1 for std, _ in spread.values())
 
 
+@pytest.mark.slow
 def test_four_times_the_data_make_a_clearly_smaller_interval():
     reach = []
     for seconds in (12.0, 48.0):

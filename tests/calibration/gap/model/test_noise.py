@@ -40,7 +40,7 @@ def memory(levels: np.record) -> float:
     return float(np.exp(-FRAME_S / kept)) if kept > 0 else 0.0
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("process", [1.0, 3.0])
 def test_the_servos_process_and_the_encoders_count(seed: int, process: float):
     levels = noise.estimate(evidence(seed, process), MODEL, SERVO)
@@ -68,7 +68,7 @@ def test_coloured_camera_noise(seed: int, colour: float, lost: float):
     assert levels["ball_process"] == pytest.approx(PROCESS, rel=0.35)
 
 
-@pytest.mark.parametrize("seed", range(3, 7))
+@pytest.mark.parametrize("seed", [3, *(pytest.param(n, marks=pytest.mark.slow) for n in (4, 5, 6))])
 def test_white_noise_is_not_called_coloured(seed: int):
     assert memory(noise.estimate(evidence(seed), MODEL, (BALL,))) == 0.0
 

@@ -48,6 +48,7 @@ def test_nothing_that_a_healthy_log_promises_is_beyond_chance():
     assert best.worth < max(chance.of(state.evidence.outputs), 5.0)
 
 
+@pytest.mark.slow
 def test_a_name_needs_more_than_chance_and_says_how_much(monkeypatch: pytest.MonkeyPatch):
     log = foreign("steps", seed=3, effects=OFFSET, duration_s=12.0)
     found = investigate([log], RIG, until="name", quick=True).findings

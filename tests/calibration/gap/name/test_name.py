@@ -127,6 +127,7 @@ def test_a_rhythm_has_no_name_but_a_frequency(seed: int):
     assert found.rig_after.unknown.ball_rhythm_hz == pytest.approx(odd.shake_hz, abs=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [3])
 def test_a_bump_has_no_name_but_its_seconds(seed: int):
     found = answer({}, seed, "bump")
@@ -182,6 +183,7 @@ def test_a_healthy_servo_that_rests_between_its_moves_gets_no_name():
     assert found.verdict == "nothing-missing", found.sentence
 
 
+@pytest.mark.slow
 def test_the_same_logs_give_the_same_answer_on_one_thread_and_on_two():
     log = foreign("steps", seed=3, duration_s=10.0, effects=ONE["voltage_offset"])
     answers = [investigate([log], RIG, until="name", threads=n).findings.to_json()

@@ -210,6 +210,7 @@ def test_the_frustum_hangs_where_the_calibration_says(lab: Path, bundle: Path):
         assert next(iter(frames)).image.shape[1] == view_of(rig).camera.width_px
 
 
+@pytest.mark.slow
 def test_on_the_page_a_step_borrows_the_camera_that_was_looked_through(lab, bundle, tmp_path):
     rig = rig_of(lab, "Plate", str(bundle))
     write_rig(rig, lab / "page.toml")

@@ -173,6 +173,7 @@ def test_a_process_sees_too_and_says_its_troubles(eye: CameraEye):
             read(eye, 20.0)
 
 
+@pytest.mark.slow
 def test_the_real_ball_camera_sees_rendered_frames_through_it(eye: CameraEye):
     from rig.plant.ball import plate_rotation, tilt_sines
     from vision.ball_camera import BallCamera
