@@ -10,6 +10,7 @@ import select
 import socket
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from math import nan
 
 from rig.hardware.network import remote_wire as wire
@@ -79,8 +80,7 @@ class Server:
             while not until():
                 self.tick()
         except BaseException as error:
-            if self._user is not None:
-                self._user.tell(wire.FAULT, f"the table there failed: {error}".encode()[:300])
+            self._tell_fault(f"the table there failed: {error}")
             raise
 
     def tick(self) -> None:
@@ -93,10 +93,18 @@ class Server:
         self._speeds = reading.motor_speed_rad_s is not None
         if self._user is not None and self._user.proven:
             self._user.tell(wire.READING, self._telemetry(reading, theta, now_s).pack())
+        fault = self.watchdog.watch(replace(reading, theta_rad=theta), now_s)
+        if fault is not None:
+            self._tell_fault(f"stopped the table: {fault.reason}")
         self._let_in(now_s)
         self._listen(now_s + ANSWER_SHARE * self._table.period_s)
         volts = self.watchdog.volts(theta, time.monotonic())
         self._table.drive(self.watchdog.wiring.to_board(volts))
+
+    def _tell_fault(self, text: str) -> None:
+        self._say(text)
+        if self._user is not None:
+            self._user.tell(wire.FAULT, text.encode()[:300])
 
     def _telemetry(self, reading: Reading, theta, now_s: float) -> RemoteReading:
         flags = wire.ARMED * self.watchdog.armed | wire.LATCHED * self.watchdog.latched

@@ -146,8 +146,8 @@ def test_a_silent_user_is_stopped_within_100_ms_and_stays_out(homed: bool):
         time.sleep(0.02)
         again = one.open(homed=homed)  # a new connection, armed anew, moves it
         with again:
-            drive_for(again, 0.1, (2.0, 0.0))
-            assert one.table.volts_V == (2.0, 0.0)
+            drive_for(again, 0.1, (-2.0, 0.0))  # off the stop, where it was not levelled
+            assert one.table.volts_V == (-2.0, 0.0)
 
 
 @patiently
@@ -286,6 +286,24 @@ def test_a_failing_table_tells_its_user(monkeypatch):
             drive_for(table, 1.0)
         table.close()
     assert "card is gone" in str(one.error)
+
+
+@patiently
+def test_a_frozen_encoder_is_noticed_there_and_told_here(monkeypatch):
+    with served(CLEAN) as one:
+        table = one.open()
+        table.arm()
+        drive_for(table, 0.05, (0.5, 0.0))
+        frozen, read = one.table.read().theta_rad, one.table.read
+        monkeypatch.setattr(one.table, "read", lambda: replace(read(), theta_rad=frozen))
+        begin = time.monotonic()
+        with pytest.raises(LinkLost, match="servo x does not follow"):
+            drive_for(table, 1.0, (3.0, 0.0))
+        assert time.monotonic() - begin < 0.2
+        time.sleep(0.02)  # it says so first
+        assert one.table.volts_V == (0.0, 0.0)
+        assert any("does not follow" in line for line in one.said)
+        table.close()
 
 
 def test_nobody_there_other_versions_other_encoders_are_named():
