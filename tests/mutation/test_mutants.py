@@ -34,7 +34,8 @@ SAME = {
     "most, inf, inf, _AT_REST)  [['0.0']": "no angle, no slew is too much",
     "_AT_REST = Braking(": "of no meaning without an angle limit",
     "limit(commanded, a, w, 0.0, most, reach, inf, self._braking)  [['0.0']": "no slew",
-    "self._volts = (0.0, 0.0)  [['0.0']": "served: arm() sets them before they are read",
+    "self._volts = self._given = (0.0, 0.0)  [['0.0']": "served: arm() and volts() set them",
+    "reading, self._given, balancing=False)  [['False']": "a served table is asked for no ball",
     "self._fresh_s = self._stopped_s = -inf": "arm() and configure() set them before that",
     "[['self._levelling = Levelling(voltage_limit_V)']: dropped]": "stop() sets it before that",
 }

@@ -15,7 +15,7 @@ from rig.hardware.board.link import LinkLost
 from rig.hardware.network import remote_wire as wire
 from rig.hardware.network.client_watchdog import HOLD_S, ClientWatchdog
 from rig.hardware.network.link_clock import LinkClock
-from rig.hardware.network.remote import RemoteTable
+from rig.hardware.network.remote import LONGEST_ROUND_TRIP_S, RemoteTable
 from rig.hardware.network.token_file import make_token, read_token
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig, Servo
@@ -286,6 +286,55 @@ def test_a_failing_table_tells_its_user(monkeypatch):
             drive_for(table, 1.0)
         table.close()
     assert "card is gone" in str(one.error)
+
+
+def late(seconds: float):
+    """What a cable does that keeps everything for `seconds`."""
+
+    def change(data: bytes, up: bool) -> bytes:
+        time.sleep(seconds)
+        return data
+
+    return change
+
+
+@patiently
+def test_a_table_far_away_is_not_armed():
+    with served(CLEAN) as one, Cable(one.server.port) as cable:
+        cable.change = late(0.05)
+        table = one.open(port=cable.port)
+        with pytest.raises(LinkLost, match="round trip takes"):
+            table.arm()
+        assert not one.server.watchdog.armed
+        with pytest.raises(LinkLost, match="round trip"):
+            table.drive((1.0, 0.0))
+        table.close()
+
+
+@patiently
+def test_a_link_that_becomes_slow_ends_the_run():
+    with served(CLEAN) as one, Cable(one.server.port) as cable:
+        table = one.open(port=cable.port)
+        table.arm()
+        drive_for(table, 0.3, (0.5, 0.0))
+        cable.change = late(0.035)
+        slow_s = time.monotonic()
+        with pytest.raises(LinkLost, match="round trip"):
+            drive_for(table, 3.0)
+        assert time.monotonic() - slow_s < 1.5
+        table.close()
+        time.sleep(0.7)
+        assert one.table.volts_V == (0.0, 0.0)
+
+
+def test_the_longest_round_trip_is_the_servo_loops_delay_margin():
+    """|L(i w)| = K P / (w sqrt(1 + tau^2 w^2)) = 1; margin = (pi/2 - atan(tau w)) / w."""
+    servo, gain = CLEAN.servo, CLEAN.gains.servo_proportional_V_rad * CLEAN.servo.gain_rad_s_V
+    w = np.linspace(1.0, 100.0, 100_000)
+    loop = gain / (w * np.hypot(1.0, servo.time_constant_s * w))
+    crossover = w[np.argmin(np.abs(loop - 1.0))]
+    margin_s = (0.5 * np.pi - np.arctan(servo.time_constant_s * crossover)) / crossover
+    assert 0.95 * margin_s < LONGEST_ROUND_TRIP_S <= margin_s
 
 
 @patiently
