@@ -25,7 +25,7 @@ from rig.control.controllers import COMPENSATORS
 from rig.control.user_controller import load_controller
 from rig.log import INDEX, Log
 from rig.loop.commands import CommandSlot, Stop
-from rig.loop.loop import Ending, Loop
+from rig.loop.loop import Ending, Loop, run_controlled
 from rig.loop.signals import StopSlot, stop_on_signals
 from rig.parameters import Rig
 from rig.plant.constants import LANES
@@ -184,18 +184,23 @@ def run(
     with stop_on_signals(slot), Recorder(folder, start_record(request)) as recorder:
         watch = Watch(request, recorder, progress, eye)
         watch.stop_through(slot)
-        with table:
-            ending = Loop(
-                table,
-                request.believed,
-                compensator_index(request.arm),
-                way,
-                operator=simulated_operator(table, request.protocol, way, request.seed),
-                commands=slot,
-                controller=controller,
-                keep=watch.keep,
-                event=recorder.event,
-            ).run()
+        loop = Loop(
+            table,
+            request.believed,
+            compensator_index(request.arm),
+            way,
+            operator=simulated_operator(table, request.protocol, way, request.seed),
+            commands=slot,
+            controller=controller,
+            keep=watch.keep,
+            event=recorder.event,
+        )
+
+        def on_table() -> Ending:
+            with table:
+                return loop.run()
+
+        ending = run_controlled(controller, request.believed, on_table)
         watch.note_pushes(request.believed)
         recorder.finish(ending.outcome, ending.reason)
     return FinishedRun(folder, ending, np.array(eye.pairs if eye else []).reshape(-1, 5))

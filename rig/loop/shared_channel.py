@@ -20,7 +20,15 @@ TEXT = 240  # bytes of UTF-8
 EVENT = np.dtype([("t_s", np.float64), ("text", f"S{TEXT}")])
 COMMAND = np.dtype([("kind", np.int64), ("numbers", np.float64, (3,))])
 STOP = np.dtype([("reason", f"S{TEXT}"), ("outcome", "S40"), ("said", np.int64)])
-PULSE = np.dtype([("parent_s", np.float64), ("loop_s", np.float64), ("state", np.int64)])
+PULSE = np.dtype(
+    [
+        ("parent_s", np.float64),
+        ("loop_s", np.float64),
+        ("state", np.int64),
+        ("called", np.int64),
+    ]
+)
+CALLED = ("", "start", "control", "end")  # method of a user's controller that the loop is in
 PUSH, TARGET, OWN_TARGET, GAINS = range(4)
 STARTING, RUNNING, ENDING = range(3)
 
@@ -34,7 +42,8 @@ class SharedChannel:
     """The shared memory of one run; pickled to the loop's process by its names.
 
     rows: ring of rows (len(COLUMNS),); events: of times and texts; commands; stop: one record with
-    a place of its own; pulse: when each side last gave a sign of life, and the loop's state.
+    a place of its own; pulse: when each side last gave a sign of life, the loop's state, and the
+    method of a user's controller that it is in.
     """
 
     def __init__(self) -> None:
@@ -62,6 +71,16 @@ class SharedChannel:
         self.pulse.array[side][0] = time.monotonic()
         if state is not None:
             self.pulse.array["state"][0] = state
+
+    def call(self, method: str) -> None:
+        """Note that the loop calls a user's controller: one of CALLED, "" when it has returned."""
+        self.beat("loop_s")
+        self.pulse.array["called"][0] = CALLED.index(method)
+
+    @property
+    def called(self) -> str:
+        """The method of a user's controller that the loop is in; "" where it is in none."""
+        return CALLED[int(self.pulse.array["called"][0])]
 
     def silent_s(self, side: str) -> float:
         """Time since a side, "parent_s" or "loop_s", was last alive [s]."""
