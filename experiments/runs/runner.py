@@ -29,7 +29,7 @@ from rig.loop.loop import Ending, Loop, run_controlled
 from rig.loop.signals import StopSlot, stop_on_signals
 from rig.parameters import Rig
 from rig.plant.constants import LANES
-from rig.rigfile import to_dict
+from rig.rigfile import to_record
 from rig.simulation.batch import simulate_many
 from rig.simulation.simulate import Simulated, Task, draw, simulate
 
@@ -85,7 +85,7 @@ def start_record(request: RunRequest) -> dict:
         "protocol": request.protocol.model_dump(),
         "arm": request.arm,
         "seed": request.seed,
-        "rig": to_dict(request.believed),
+        "rig": to_record(request.believed),
         "calibration": str(request.bundle.name) if request.bundle else None,
         "camera": "frames" if request.bundle else "statistical",
     }
@@ -93,7 +93,7 @@ def start_record(request: RunRequest) -> dict:
 
 def truth_record(request: RunRequest) -> dict:
     """Record for truth.json, which only scorers open: the plant's rig and the seed."""
-    return {"rig": to_dict(request.rig), "seed": request.seed}
+    return {"rig": to_record(request.rig), "seed": request.seed}
 
 
 class Watch:
