@@ -259,7 +259,7 @@ def test_one_user_at_a_time_and_strangers_do_not_disturb():
 
 @patiently
 def test_a_stranger_who_says_nothing_makes_room(monkeypatch):
-    monkeypatch.setattr("rig.hardware.network.serve.GREETING_S", 0.2)
+    monkeypatch.setattr("rig.hardware.network.greetings.GREETING_S", 0.2)
     with served(CLEAN) as one:
         with socket.create_connection(("127.0.0.1", one.server.port)):
             time.sleep(0.4)
@@ -271,6 +271,33 @@ def test_a_stranger_who_says_nothing_makes_room(monkeypatch):
             stranger.sendall(b"GET / HTTP/1.1\r\n\r\n")
             time.sleep(0.05)
             one.open().close()
+
+
+@patiently
+def test_strangers_who_come_again_and_again_keep_nobody_out():
+    with served(CLEAN) as one:
+        door = ("127.0.0.1", one.server.port)
+        strangers = [socket.create_connection(door) for _ in range(3)]
+        over = threading.Event()
+
+        def knock() -> None:
+            while not over.wait(0.01):
+                strangers.append(socket.create_connection(door))
+
+        thread = threading.Thread(target=knock)
+        thread.start()
+        try:
+            for _ in range(3):
+                with one.open() as table:
+                    drive_for(table, 0.1, (1.0, 0.0))
+                    assert one.table.volts_V == (1.0, 0.0)
+                time.sleep(0.02)
+        finally:
+            over.set()
+            thread.join()
+            for stranger in strangers:
+                stranger.close()
+        assert len(strangers) > 12
 
 
 @patiently
