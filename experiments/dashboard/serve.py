@@ -8,6 +8,7 @@ from contextlib import redirect_stdout
 from pathlib import Path
 
 from experiments.dashboard.app import App
+from experiments.dashboard.server.door import allow_files
 from experiments.dashboard.server.server import link_of, open_server
 from rig.hardware.network.token_file import keep_token
 from rig.parameters import Rig
@@ -26,6 +27,7 @@ def serve_dashboard(
 
     PortBusyError: the port is taken, nothing was started.
     """
+    allow_files()
     server, gate = open_server(host, port, keep_token(out / "token"))
     app = App(server, rig, out, rig_file=rig_file)
     over = threading.Event()

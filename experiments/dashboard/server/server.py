@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from typing import TYPE_CHECKING, Any
 
+from experiments.dashboard.server.door import crowd_limit
 from experiments.dashboard.server.messages import LONGEST
 from experiments.dashboard.server.security import Gate, PageRequest, gate_of
 
@@ -50,10 +51,13 @@ def page_request(request: Any) -> PageRequest:
     )
 
 
-def guarded(process_request: Callable | None, gate: Gate) -> Callable:
+def guarded(
+    process_request: Callable | None, gate: Gate, passed: Callable = lambda connection: None
+) -> Callable:
     """viser's `process_request` behind the gate.
 
-    403 and a sentence for whoever may not pass; the link leads on to the page (303).
+    403 and a sentence for whoever may not pass; the link leads on to the page (303). passed: hears
+    of the connections that may.
     """
     from websockets.datastructures import Headers
     from websockets.http11 import Response
@@ -65,6 +69,7 @@ def guarded(process_request: Callable | None, gate: Gate) -> Callable:
             body = f"{why}\n".encode()
             head = Headers({"Content-Type": "text/plain", "Content-Length": str(len(body))})
             return Response(403, "Forbidden", head, body)
+        passed(connection)
         if gate.bears_token(asked):
             head = Headers({"Location": gate.page_of(request.path), "Content-Length": "0"})
             head.update(gate.headers())
@@ -86,7 +91,8 @@ def _gated(gate: Gate) -> Iterator[list[Any]]:
     serve, served = module.serve, []
 
     def gated_serve(*args: Any, **settings: Any):
-        settings["process_request"] = guarded(settings.get("process_request"), gate)
+        settings["create_connection"], passed = crowd_limit()
+        settings["process_request"] = guarded(settings.get("process_request"), gate, passed)
         settings["max_size"] = LONGEST
         served.append(settings)
         return serve(*args, **settings)
