@@ -50,5 +50,6 @@ def serve(
         )
         with server:
             go_realtime()  # where it is allowed
+            server.tick()  # whatever is compiled is there before a user is
             typer.echo(f"serving the {known.table.kind} table at {host}:{server.port}")
             server.run()

@@ -84,6 +84,10 @@ class ClientWatchdog:
             self.armed, self.latched, self._stopped_s = False, True, now_s
             self._levelling = Levelling(self._limit_V)
 
+    def levels(self, now_s: float) -> bool:
+        """Whether a stopped table is being levelled; now_s: on our clock."""
+        return self.homed and now_s - self._stopped_s < LEVEL_S
+
     def obey(self, request: DriveRequest, now_s: float) -> bool:
         """Take a command; False where it was too long on its way or its volts are not finite."""
         age_s = self.hear(request.sent_s, now_s)
@@ -118,7 +122,7 @@ class ClientWatchdog:
         if self.armed:
             is_held = now_s - self._fresh_s > HOLD_S
             return (0.0, 0.0) if is_held else self._clamped(self._volts, theta_rad, rate_rad_s)
-        if self.homed and now_s - self._stopped_s < LEVEL_S:
+        if self.levels(now_s):
             return self._levelling.volts(theta_rad, now_s)
         return 0.0, 0.0
 

@@ -68,21 +68,32 @@ class Server:
     def __enter__(self) -> "Server":
         return self
 
-    def __exit__(self, *_: object) -> None:
-        """0 V and hang up; the table's own context is its owner's."""
+    def __exit__(self, kind: object, error: BaseException | None, _: object) -> None:
+        """Level, 0 V and hang up; the table's own context is its owner's."""
         if self._user is not None:
             self._user.tell(wire.FAULT, b"rig serve was ended there")
             self._user.wire.close()
         self._greetings.close()
         self._door.close()
-        self._table.drive((0.0, 0.0))
+        try:
+            if not isinstance(error, Exception):  # else the table itself has failed
+                self._level()
+        finally:
+            self._table.drive((0.0, 0.0))
+
+    def _level(self) -> None:
+        """What the user's silence would bring: level, where homing has told where that is."""
+        now_s = time.monotonic()
+        self.watchdog.stop(now_s)
+        while self.watchdog.levels(time.monotonic()):
+            self._drive(self._angles(self._table.read()))
 
     def run(self, until: Callable[[], bool] = lambda: False) -> None:
         """Tick until `until` is true; raise what the table raises, after telling the user."""
         try:
             while not until():
                 self.tick()
-        except BaseException as error:
+        except Exception as error:
             self._tell_fault(f"the table there failed: {error}")
             raise
 
@@ -91,8 +102,7 @@ class Server:
         reading = self._table.read()
         now_s = time.monotonic()
         self._tick = (self._tick + 1) & 0xFFFFFFFF
-        counts = [round(a / self._raw.step_rad) for a in reading.theta_rad]
-        theta = self.watchdog.wiring.angles((counts[0], counts[1]))
+        theta = self._angles(reading)
         self._speeds = reading.motor_speed_rad_s is not None
         if self._user is not None:
             self._user.tell(wire.READING, self._telemetry(reading, theta, now_s).pack())
@@ -101,6 +111,14 @@ class Server:
             self._tell_fault(f"stopped the table: {fault.reason}")
         self._let_in(now_s)
         self._listen(now_s + ANSWER_SHARE * self._table.period_s)
+        self._drive(theta)
+
+    def _angles(self, reading: Reading) -> tuple[float, float]:
+        """The angles that the user's wiring makes of the encoders."""
+        counts = [round(a / self._raw.step_rad) for a in reading.theta_rad]
+        return self.watchdog.wiring.angles((counts[0], counts[1]))
+
+    def _drive(self, theta: tuple[float, float]) -> None:
         volts = self.watchdog.volts(theta, time.monotonic())
         self._table.drive(self.watchdog.wiring.to_board(volts))
 

@@ -88,11 +88,15 @@ class Served:
         return table
 
     def end(self) -> None:
-        for table in self._opened:
-            table.close()
+        """End the server while its users are connected."""
         self.stopped.clear()
         self._done.set()
         self._thread.join(5)
+
+    def close(self) -> None:
+        for table in self._opened:
+            table.close()
+        self.end()
 
 
 @contextmanager
@@ -102,7 +106,7 @@ def served(rig: Rig, **settings) -> Iterator[Served]:
     try:
         yield one
     finally:
-        one.end()
+        one.close()
 
 
 class Cable:

@@ -301,6 +301,20 @@ def test_strangers_who_come_again_and_again_keep_nobody_out():
 
 
 @patiently
+def test_a_server_that_is_ended_leaves_the_table_level():
+    with served(CLEAN) as one:
+        table = one.open()
+        table.arm()
+        while drive_for(table, 0.01, (2.0, -2.0))[-1].theta_rad[0] < 0.2:
+            pass
+        one.end()
+        with pytest.raises(LinkLost, match="rig serve was ended there"):
+            drive_for(table, 1.0)
+        assert one.table.volts_V == (0.0, 0.0)
+        assert np.all(np.abs(one.table.truth()["arm_rad"]) < 0.03)
+
+
+@patiently
 def test_a_failing_table_tells_its_user(monkeypatch):
     def gone():
         raise LinkLost("the card is gone")
