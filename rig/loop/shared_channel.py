@@ -19,7 +19,7 @@ TEXT = 240  # bytes of UTF-8
 
 EVENT = np.dtype([("t_s", np.float64), ("text", f"S{TEXT}")])
 COMMAND = np.dtype([("kind", np.int64), ("numbers", np.float64, (3,))])
-STOP = np.dtype([("reason", f"S{TEXT}"), ("outcome", "S40"), ("said", np.int64)])
+STOP = np.dtype([("reason", f"S{TEXT}"), ("outcome", "S40")])
 PULSE = np.dtype(
     [
         ("parent_s", np.float64),
@@ -41,21 +41,22 @@ def encode(text: str, size: int = TEXT) -> bytes:
 class SharedChannel:
     """The shared memory of one run; pickled to the loop's process by its names.
 
-    rows: ring of rows (len(COLUMNS),); events: of times and texts; commands; stop: one record with
-    a place of its own; pulse: when each side last gave a sign of life, the loop's state, and the
-    method of a user's controller that it is in.
+    rows: ring of rows (len(COLUMNS),); events: of times and texts; commands; stops: a ring of
+    their own, of which the first counts; pulse: when each side last gave a sign of life, the
+    loop's state, and the method of a user's controller that it is in.
     """
 
     def __init__(self) -> None:
         self.rows = SharedRing(np.dtype((np.float64, (len(COLUMNS),))), ROWS)
         self.events = SharedRing(EVENT, EVENTS)
         self.commands = SharedRing(COMMAND, LONGEST_QUEUE + 1)
-        self.stop = SharedArray((1,), STOP)
+        self.stops = SharedRing(STOP, 2)
+        self.stopped: Stop | None = None  # as the loop has read it
         self.pulse = SharedArray((1,), PULSE)
 
     def close(self) -> None:
         """Let go of the memory; the process that made it frees it."""
-        for part in (self.rows, self.events, self.commands, self.stop, self.pulse):
+        for part in (self.rows, self.events, self.commands, self.stops, self.pulse):
             part.close()
 
     def say(self, t_s: float, text: str) -> None:
@@ -91,17 +92,15 @@ class SharedCommandSlot:
     """The program's end of the commands: any thread may put."""
 
     def __init__(self, box: SharedChannel) -> None:
-        self._box, self._lock = box, threading.RLock()
+        self._box, self._lock, self._said = box, threading.RLock(), False
 
     def put(self, command: Command) -> None:
         """Send a command to the loop; of several stops the first is kept. TypeError: no command."""
         with self._lock:
             if isinstance(command, Stop):
-                stop = self._box.stop.array
-                if not stop["said"][0]:  # the first one wins
-                    stop["reason"][0] = encode(command.reason)
-                    stop["outcome"][0] = encode(command.outcome, 40)
-                    stop["said"][0] = 1
+                if not self._said:  # the first one wins
+                    self._said = True
+                    self._box.stops.write((encode(command.reason), encode(command.outcome, 40)))
             else:
                 self._box.commands.write(_packed(command))
 
@@ -120,9 +119,11 @@ def take_commands(box: SharedChannel) -> list[Command]:
     """Return the commands put since the last call; a stop alone when there is one. The loop's
     end.
     """
-    stop = box.stop.array[0]
-    if stop["said"]:
-        return [Stop(stop["reason"].decode(), stop["outcome"].decode())]
+    if box.stopped is None and box.stops.news:
+        for stop in box.stops.read():
+            box.stopped = Stop(stop["reason"].decode(), stop["outcome"].decode())
+    if box.stopped is not None:
+        return [box.stopped]
     if not box.commands.news:
         return []
     return [_unpacked(int(order["kind"]), order["numbers"]) for order in box.commands.read()]
