@@ -2,7 +2,7 @@
 
 import dataclasses
 import tomllib
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 import tomli_w
@@ -11,6 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 from rig import effects
 from rig.parameters import CHANNELS, Rig
 from rig.validation import first_error_line
+from vision.sources.addresses import without_password
 
 SECTIONS = (
     "servo",
@@ -131,6 +132,19 @@ def _is_by_axis(by_axis: Any) -> bool:
 def to_dict(rig: Rig) -> dict[str, Any]:
     """Return the rig as nested dictionaries of plain data, as `from_dict` takes it."""
     return dataclasses.asdict(rig)
+
+
+def to_record(rig: Rig) -> dict[str, Any]:
+    """Return the rig as recordings keep it: `to_dict` without secrets and where they lie.
+
+    The camera's address has no password; of token file and calibration only the name is left.
+    """
+    record = to_dict(rig)
+    table = record["table"]
+    table["camera"] = without_password(table["camera"])
+    for key in ("token_file", "calibration"):
+        table[key] = PurePath(table[key]).name
+    return record
 
 
 def write_rig(rig: Rig, path: Path) -> None:

@@ -5,9 +5,12 @@ change in `ellipse.py` would not reach a cached kernel in `tracing.py` that call
 folder carries a hash of all sources of the two packages with such kernels: any edit starts anew.
 """
 
+import atexit
 import hashlib
 import os
+import shutil
 import sys
+import tempfile
 from functools import partial
 from pathlib import Path
 
@@ -32,9 +35,39 @@ def _cache_root() -> Path:
     return Path(base) if base else Path.home() / ".cache"
 
 
-if "NUMBA_CACHE_DIR" not in os.environ:
-    os.environ["NUMBA_CACHE_DIR"] = str(_cache_root() / "balancing-table-rig" / _source_hash())
+def _usable(folder: Path) -> bool:
+    """Whether the folder is there, or can be made, and takes files."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+def _choose_cache() -> str:
+    """Name the cache's folder to numba; return why it is not the usual one, "" where it is.
+
+    A folder that cannot be written gives way to one of this program and its children, which is
+    removed in the end. Beside the sources, where numba would go next, nothing tells it that what a
+    function calls has changed.
+    """
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    folder = Path(given) if given else _cache_root() / "balancing-table-rig" / _source_hash()
+    note = ""
+    if not _usable(folder):
+        note = (
+            f"compiled functions cannot be kept in {folder}: every program compiles them anew; let "
+            "XDG_CACHE_HOME name a folder that you can write to"
+        )
+        folder = Path(tempfile.mkdtemp(prefix="balancing-table-rig-"))
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    os.environ["NUMBA_CACHE_DIR"] = str(folder)
     reload_config()
+    return note
+
+
+CACHE_NOTE = _choose_cache()
 
 # Division by zero gives inf or NaN, for which every caller tests.
 kernel = partial(numba.njit, cache=True, error_model="numpy")()

@@ -1,7 +1,7 @@
 """The command line `rig`: parses, calls, turns errors into one line and the right exit code.
 
-Exit codes: 0 done, 1 the work failed, 2 bad input, 130 interrupted. Heavy imports happen inside
-the commands, so that `--help` answers at once.
+Exit codes: 0 done, 1 the work failed, 2 bad input, 130 interrupted, 128 + n ended by
+signal n. Heavy imports happen inside the commands, so that `--help` answers at once.
 """
 
 import errno
@@ -214,12 +214,16 @@ app.add_typer(calibrate, name="calibrate")
 def main() -> None:
     """Entry point: run the command line, with errors as one line on standard error.
 
-    Ends the process with the exit code: 0 done, 1 the work failed, 2 bad input, 130 interrupted.
+    Ends the process with the exit code: 0 done, 1 the work failed, 2 bad input, 130 interrupted,
+    143 ended by SIGTERM.
     """
+    from rig.loop.signals import leave_on_signals
+
     if len(sys.argv) == 1:
         sys.argv.append("--help")
     try:
-        code = app(standalone_mode=False)  # the parser turns an interruption into a returned 130
+        with leave_on_signals(_say):
+            code = app(standalone_mode=False)  # the parser makes an interruption a returned 130
         if code == INTERRUPTED:
             raise KeyboardInterrupt
         if isinstance(code, int) and code:
@@ -242,8 +246,12 @@ def main() -> None:
         _fail(f"{type(error).__name__}: {error}", 1)
 
 
-def _fail(message: str, code: int) -> None:
+def _say(message: str) -> None:
     print("rig: " + " ".join(message.split()), file=sys.stderr)
+
+
+def _fail(message: str, code: int) -> None:
+    _say(message)
     sys.exit(code)
 
 

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+WARM_TICKS = 20  # whatever is compiled is there before a user is
+
 
 def serve(
     rig: Annotated[Path | None, typer.Option("--rig", help="rig.toml of the table here.")] = None,
@@ -50,5 +52,7 @@ def serve(
         )
         with server:
             go_realtime()  # where it is allowed
+            for _ in range(WARM_TICKS):
+                server.tick()
             typer.echo(f"serving the {known.table.kind} table at {host}:{server.port}")
             server.run()

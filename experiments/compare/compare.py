@@ -34,7 +34,7 @@ from experiments.runs.assemble import load_rig
 from experiments.runs.runner import simulate_in_blocks
 from experiments.workers import results_of
 from rig.parameters import Rig
-from rig.rigfile import from_dict, to_dict
+from rig.rigfile import from_dict, to_record
 
 KEPT = (
     "settled_error",
@@ -56,7 +56,7 @@ def _measured(request, result) -> dict[str, float]:
 def condition_rows(rig: dict, grid: dict, cell: dict, condition: str) -> list[dict[str, float]]:
     """Simulate a condition in a cell: for each seed one row of the measures KEPT.
 
-    The values are NaN in a run that did not complete. rig, grid, cell: plain data, as `to_dict`,
+    The values are NaN in a run that did not complete. rig, grid, cell: plain data, as `to_record`,
     `model_dump` and `asdict` make it, so that any worker can take them. ValueError: the cell's
     table or protocol is impossible.
     """
@@ -112,7 +112,7 @@ def all_rows(
     A row holds the measures KEPT of one seed. jobs: processes, None for all cores; cluster: address
     of a Dask scheduler, or None. ValueError: no such cluster. OSError: the file cannot be written.
     """
-    plain, data = to_dict(rig), grid.model_dump()
+    plain, data = to_record(rig), grid.model_dump()
     common = f"{_sources()} {json.dumps(plain, sort_keys=True)} {json.dumps(data, sort_keys=True)}"
     wanted = {_key(common, cell, condition): (cell, condition) for cell, condition in plan(grid)}
     path = out / ROWS_FILE

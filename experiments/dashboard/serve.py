@@ -8,8 +8,10 @@ from contextlib import redirect_stdout
 from pathlib import Path
 
 from experiments.dashboard.app import App
+from experiments.dashboard.server.door import allow_files
 from experiments.dashboard.server.server import link_of, open_server
 from rig.hardware.network.token_file import keep_token
+from rig.loop.signals import NAMES
 from rig.parameters import Rig
 
 
@@ -22,22 +24,25 @@ def serve_dashboard(
     port: int,
     say: Callable[[str], None],
 ) -> None:
-    """Serve the dashboard until Ctrl-C or SIGTERM, then level the table and end in order.
+    """Serve the dashboard until Ctrl-C, SIGTERM or SIGHUP, then level the table and end in order.
 
     rig_file: of `rig`, None for the virtual table; out: folder of everything that is made; host,
     port: where to listen (port 0: any free one); say: is given the link to open. PortBusyError: the
     port is taken, nothing was started.
     """
+    allow_files()
     server, gate = open_server(host, port, keep_token(out / "token"))
     app = App(server, rig, out, rig_file=rig_file)
     over = threading.Event()
-    before = signal.signal(signal.SIGTERM, lambda number, frame: over.set())
+    numbers = [getattr(signal, name) for name in NAMES if hasattr(signal, name)]
+    before = {number: signal.signal(number, lambda *_: over.set()) for number in numbers}
     try:
         say(link_of(gate, host))
         while not over.wait(1.0):
             pass
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
         app.close()
         with redirect_stdout(io.StringIO()):
             server.stop()

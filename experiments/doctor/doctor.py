@@ -42,7 +42,8 @@ class Facts:
     limits of this session (None: this system has none); sdk: why the vendor's module is missing, ""
     where it is installed; packages: versions by name, None where missing; missing_files: files that
     the rig file names; remote: why the remote table does not answer, homing: why the homing cannot
-    be used (None: nothing wrong, or not checked).
+    be used (None: nothing wrong, or not checked); cache: why compiled functions cannot be kept, and the
+    cure, "" where they can.
     """
 
     platform: str = "linux"
@@ -58,6 +59,7 @@ class Facts:
     missing_files: tuple[str, ...] = ()
     remote: str | None = None
     homing: str | None = None
+    cache: str = ""
 
 
 @dataclass(frozen=True)
@@ -105,6 +107,9 @@ def examine(facts: Facts, rig: Rig) -> list[Finding]:
         found += _homing(facts)
         if rig.table.kind != "remote":
             found += _real_time(facts)
+    if facts.cache:
+        why, _, cure = facts.cache.partition("; ")
+        found.append(Finding("cache of compiled functions", NOTE, why, cure))
     return found + _around(facts, rig)
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 from experiments.doctor.doctor import PACKAGES, Device, Facts
 from rig.parameters import Rig
+from vision.compiled import CACHE_NOTE
 
 
 def gather(rig: Rig, rig_file: Path | None) -> Facts:
@@ -36,6 +37,7 @@ def gather(rig: Rig, rig_file: Path | None) -> Facts:
         missing_files=tuple(name for name in files if not Path(name).is_file()),
         remote=_remote(rig),
         homing=_homing(rig, rig_file),
+        cache=CACHE_NOTE,
     )
 
 

@@ -19,6 +19,7 @@ from rig.hardware.camera.eye import CameraEye
 from rig.hardware.homing.homed import home_file, load
 from rig.loop.process import Job
 from rig.parameters import Rig
+from vision.sources.addresses import without_password
 
 NOTES = "table.json"  # what the table's driver has to say, until it is in run.json
 
@@ -70,7 +71,7 @@ def ready(request: RunRequest, rig_file: Path) -> Iterator[Ready]:
     request = replace(request, protocol=_asked(request.protocol))
     way = course(request.protocol, request.rig, request.seed, place_std_m=0.0)
     folder = new_run_folder(request.parent, request.protocol.name, request.arm)
-    start = start_record(request) | _measured(request.rig)
+    start = start_record(request) | measured(request.rig)
     try:
         with watching(request.rig, open_ball) if request.rig.table.camera else nullcontext() as eye:
             table = partial(open_homed, request.rig, rig_file, eye, folder / NOTES)
@@ -118,10 +119,10 @@ def _asked(protocol: Protocol) -> Protocol:
     return protocol.model_copy(update={"operator": steps})
 
 
-def _measured(rig: Rig) -> dict:
+def measured(rig: Rig) -> dict:
     """What differs in the start record of a measured run."""
     table = rig.table
-    seen = "none" if not table.camera else table.camera
+    seen = without_password(table.camera) or "none"
     return {
         "source": "measured",
         "table": table.kind,

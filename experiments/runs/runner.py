@@ -25,11 +25,11 @@ from rig.control.controllers import COMPENSATORS
 from rig.control.user_controller import load_controller
 from rig.log import INDEX, Log
 from rig.loop.commands import CommandSlot, Stop
-from rig.loop.loop import Ending, Loop
+from rig.loop.loop import Ending, Loop, run_controlled
 from rig.loop.signals import StopSlot, stop_on_signals
 from rig.parameters import Rig
 from rig.plant.constants import LANES
-from rig.rigfile import to_dict
+from rig.rigfile import to_record
 from rig.simulation.batch import simulate_many
 from rig.simulation.simulate import Simulated, Task, draw, simulate
 
@@ -85,7 +85,7 @@ def start_record(request: RunRequest) -> dict:
         "protocol": request.protocol.model_dump(),
         "arm": request.arm,
         "seed": request.seed,
-        "rig": to_dict(request.believed),
+        "rig": to_record(request.believed),
         "calibration": str(request.bundle.name) if request.bundle else None,
         "camera": "frames" if request.bundle else "statistical",
     }
@@ -93,7 +93,7 @@ def start_record(request: RunRequest) -> dict:
 
 def truth_record(request: RunRequest) -> dict:
     """Record for truth.json, which only scorers open: the plant's rig and the seed."""
-    return {"rig": to_dict(request.rig), "seed": request.seed}
+    return {"rig": to_record(request.rig), "seed": request.seed}
 
 
 class Watch:
@@ -186,18 +186,23 @@ def run(
     with stop_on_signals(slot), Recorder(folder, start_record(request)) as recorder:
         watch = Watch(request, recorder, progress, eye)
         watch.stop_through(slot)
-        with table:
-            ending = Loop(
-                table,
-                request.believed,
-                compensator_index(request.arm),
-                way,
-                operator=simulated_operator(table, request.protocol, way, request.seed),
-                commands=slot,
-                controller=controller,
-                keep=watch.keep,
-                event=recorder.event,
-            ).run()
+        loop = Loop(
+            table,
+            request.believed,
+            compensator_index(request.arm),
+            way,
+            operator=simulated_operator(table, request.protocol, way, request.seed),
+            commands=slot,
+            controller=controller,
+            keep=watch.keep,
+            event=recorder.event,
+        )
+
+        def on_table() -> Ending:
+            with table:
+                return loop.run()
+
+        ending = run_controlled(controller, request.believed, on_table)
         watch.note_pushes(request.believed)
         recorder.finish(ending.outcome, ending.reason)
     return FinishedRun(folder, ending, np.array(eye.pairs if eye else []).reshape(-1, 5))

@@ -3,9 +3,13 @@
 A protocol names it, `controller = "mine.py:MyController"`; an error in it stops the rig.
 
     class MyController:
-        def start(self, rig, period_s): ...     # once, before the first tick
+        def start(self, rig, period_s): ...     # once, before the table is armed
         def control(self, now): return (volts_x, volts_y)     # at every tick while the ball rolls
-        def end(self, outcome): ...             # once, after 0 V was sent, however the run ended
+        def end(self, outcome): ...             # once, when the table is level, however it ended
+
+Each method is bounded in time and memory, and what it prints goes to standard error
+(`foreign_call`). The loop's process has no garbage collector: cycles of objects that `control`
+makes stay in memory until the run ends.
 
 It replaces what `controllers.control` does and nothing else: holding, the blind phase, observers,
 limits and recording stay the rig's. It runs in the loop alone, never in the batch kernel. What it
@@ -14,19 +18,25 @@ commands passes `limits.limit`, which turns what is no number into 0 V.
 
 import importlib.util
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
+from rig.control import foreign_call
+from rig.control.foreign_call import ForeignCall, OvertimeError
 from rig.estimation.backlash_observer import gear_backlash, joint_backlash
 from rig.estimation.observers import ball_now
 from rig.parameters import Rig
 from rig.table import R_MOTOR, R_THETA, R_TIME
 
 METHODS = ("start", "control", "end")
-FAILURES = (Exception, SystemExit)  # `sys.exit` of a lab's code ends the run, not the program
+# `sys.exit` of a lab's code ends the run, not the program.
+FAILURES = (Exception, SystemExit, OvertimeError)
+START_S, END_S = 20.0, 10.0  # chosen: loading a network takes seconds, on a slow machine more
+CONTROL_S = 5.0  # where no real table waits; a tick of real time has its own bound
 
 
 @dataclass(frozen=True)
@@ -56,7 +66,7 @@ class UserController(Protocol):
     """What a class must have to be named as `controller` in a protocol."""
 
     def start(self, rig: Rig, period_s: float) -> None:
-        """Prepare for a run; called once, before the first tick. period_s: of the tick."""
+        """Prepare for a run; called once, before the table is armed. period_s: of the tick."""
         ...
 
     def control(self, now: Now) -> tuple[float, float]:
@@ -68,12 +78,40 @@ class UserController(Protocol):
         ...
 
     def end(self, outcome: str) -> None:
-        """Take note of how the run ended; called once, after 0 V was sent."""
+        """Take note of how the run ended; called once, after the table is level at 0 V."""
         ...
 
 
 class ControllerError(Exception):
     """A user controller failed; the message says in which method and line, and with what error."""
+
+
+class WatchedController:
+    """A user's controller, the calls of which are told: `called` gets "start", "control" or "end",
+    and "" when it has returned.
+    """
+
+    def __init__(self, controller: UserController, called: Callable[[str], None]) -> None:
+        self.controller, self._called = controller, called
+
+    def start(self, rig: Rig, period_s: float) -> None:
+        """Call the controller's `start`."""
+        self._called("start")
+        self.controller.start(rig, period_s)
+        self._called("")
+
+    def control(self, now: Now) -> tuple[float, float]:
+        """Call the controller's `control`."""
+        self._called("control")
+        volts = self.controller.control(now)
+        self._called("")
+        return volts
+
+    def end(self, outcome: str) -> None:
+        """Call the controller's `end`."""
+        self._called("end")
+        self.controller.end(outcome)
+        self._called("")
 
 
 def _pair(values) -> tuple[float, float]:
@@ -104,33 +142,40 @@ def now(state, q, reading: np.ndarray, target: np.ndarray, applied: np.ndarray) 
 
 
 def _failed(controller: Any, method: str, error: BaseException) -> ControllerError:
+    if isinstance(controller, WatchedController):
+        controller = controller.controller
+    name = f"controller {type(controller).__name__}.{method}"
     where, trace = "", error.__traceback__
-    while trace is not None:  # the innermost line that is not this file's
-        if trace.tb_frame.f_code.co_filename != __file__:
+    while trace is not None:  # the innermost line of the lab's own file
+        if trace.tb_frame.f_code.co_filename not in (__file__, foreign_call.__file__):
             where = f", line {trace.tb_lineno}"
         trace = trace.tb_next
-    return ControllerError(
-        f"controller {type(controller).__name__}.{method} failed{where}: "
-        f"{type(error).__name__}: {error}"
-    )
+    if isinstance(error, OvertimeError):
+        return ControllerError(f"{name} {error}{where}")
+    return ControllerError(f"{name} failed{where}: {type(error).__name__}: {error}")
 
 
 def start_controller(controller: UserController, rig: Rig, period_s: float) -> None:
-    """Call the controller's `start`. ControllerError: it raised something."""
+    """Call the controller's `start`. ControllerError: it raised something or took too long."""
     try:
-        controller.start(rig, period_s)
+        with ForeignCall(START_S):
+            controller.start(rig, period_s)
     except FAILURES as error:  # whatever a lab's code raises must stop the rig, not crash it
         raise _failed(controller, "start", error) from error
 
 
-def command_volts(controller: UserController, seen: Now, out: np.ndarray) -> None:
+def command_volts(
+    controller: UserController, seen: Now, out: np.ndarray, bounds: ForeignCall
+) -> None:
     """Write the volts that the controller commands for the tick `seen` into `out` (2,).
 
-    ControllerError: it raised something or did not return two numbers; `out` is 0 V then.
+    ControllerError: it raised something, broke the bounds or did not return two numbers; `out` is
+    0 V then.
     """
     try:
-        volts = controller.control(seen)
-        out[0], out[1] = (float(v) for v in volts)
+        with bounds:
+            volts = controller.control(seen)
+            out[0], out[1] = (float(v) for v in volts)
     except FAILURES as error:  # as above
         out[:] = 0.0
         raise _failed(controller, "control", error) from error
@@ -139,7 +184,8 @@ def command_volts(controller: UserController, seen: Now, out: np.ndarray) -> Non
 def end_controller(controller: UserController, outcome: str) -> str:
     """Call the controller's `end`; return what failed in it as a sentence, "" where nothing did."""
     try:
-        controller.end(outcome)
+        with ForeignCall(END_S):
+            controller.end(outcome)
     except FAILURES as error:  # the run is over: what it recorded must not be lost
         return str(_failed(controller, "end", error))
     return ""
@@ -161,8 +207,9 @@ def load_controller(name: str) -> UserController:
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # dataclasses and pickles look there
     try:
-        spec.loader.exec_module(module)
-        controller = getattr(module, made)()
+        with ForeignCall(START_S):
+            spec.loader.exec_module(module)
+            controller = getattr(module, made)()
     except FAILURES as error:  # whatever is wrong in a lab's file is bad input
         raise ValueError(f"controller {path}:{made}: {type(error).__name__}: {error}") from error
     missing = [method for method in METHODS if not callable(getattr(controller, method, None))]

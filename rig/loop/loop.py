@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rig.control import tick, user_controller
+from rig.control.foreign_call import ForeignCall
 from rig.control.tick import BLIND, HOLD, PLACE, RUN, control_tick, fill_row
 from rig.course import BLIND_LIMIT_S, Course
 from rig.log import COLUMNS
@@ -54,12 +55,41 @@ def ending_of(error: BaseException) -> Ending:
 DONE = Ending("completed")
 
 
+def run_controlled(
+    controller: user_controller.UserController | None,
+    known: Rig,
+    run: Callable[[], Ending],
+    ended: Callable[[Ending], None] = lambda ending: None,
+) -> Ending:
+    """Start a user's controller, run, tell the controller how it ended; return the ending.
+
+    run: opens the table, so that none is armed before the controller is ready, and leaves it
+    level; ended: hears of the ending before the controller does. Without a controller: run alone.
+    """
+    try:
+        if controller is not None:
+            user_controller.start_controller(controller, known, 1 / known.control_rate_hz)
+        ending = run()
+    except user_controller.ControllerError as error:
+        ending = Ending("aborted", str(error))
+    except BaseException as error:
+        if controller is not None:
+            user_controller.end_controller(controller, ending_of(error).outcome)
+        raise
+    ended(ending)
+    if controller is None:
+        return ending
+    said = user_controller.end_controller(controller, ending.outcome)
+    return replace(ending, reason="; ".join(filter(None, (ending.reason, said))))
+
+
 class Loop:
     """One run of a controller on a table, tick by tick; every tick's row goes to `keep`.
 
     known: what the controller may know of the table; compensator: a number of
     `controllers.COMPENSATORS`; commands: where stops, pushes, gains and targets come from;
-    controller: a user's, in place of the built-in one; keep: takes the row (len(COLUMNS),), which
+    controller: a user's that was started, in place of the built-in one; control_s: how long it may
+    take for a tick; keep: takes the row (len(COLUMNS),), which
     is written anew at the next tick; event: takes time and text of what happened; late_s: tells how
     late the last tick came by the wall clock, where the table's own time does not; limits: of the
     monitor (default: those of `known`).
@@ -75,6 +105,7 @@ class Loop:
         operator: Operator | None = None,
         commands: Inbox | None = None,
         controller: user_controller.UserController | None = None,
+        control_s: float = user_controller.CONTROL_S,
         keep: Callable[[np.ndarray], None] = lambda row: None,
         event: Callable[[float, str], None] = lambda t_s, text: None,
         late_s: Callable[[], float] = lambda: 0.0,
@@ -84,7 +115,7 @@ class Loop:
         self._monitor_state = monitor.MonitorState()
         self._table, self._course, self._operator = table, course, operator or Operator()
         self._commands, self._keep, self._event = commands or CommandSlot(), keep, event
-        self._controller, self._known = controller, known
+        self._controller, self._bounds = controller, ForeignCall(control_s)
         self._q = tick.settings(known, compensator, servo_only=course.servo_only)
         self.state = tick.start(self._q, held=course.hold_s > 0)
         self._reach_m = 0.5 * known.linkage.plate_side_m
@@ -111,15 +142,12 @@ class Loop:
         try:
             ending = self._until_done()
         except user_controller.ControllerError as error:
+            self._table.drive((0.0, 0.0))
             ending = Ending("aborted", str(error))
         except BaseException:
             with suppress(Exception):  # the first error is the one to hear of
                 self._table.drive((0.0, 0.0))
             raise
-        if self._controller is not None:
-            self._table.drive((0.0, 0.0))
-            said = user_controller.end_controller(self._controller, ending.outcome)
-            ending = replace(ending, reason="; ".join(filter(None, (ending.reason, said))))
         if not ending.level:
             self._table.drive((0.0, 0.0))
             if isinstance(self._table, LevelOnExit):
@@ -127,8 +155,6 @@ class Loop:
         return ending
 
     def _until_done(self) -> Ending:
-        if self._controller is not None:
-            user_controller.start_controller(self._controller, self._known, self._table.period_s)
         while True:
             ending = self._tick(self._table.read())
             if ending is not None:
@@ -208,7 +234,7 @@ class Loop:
             return None
         seen = user_controller.now(self.state, self._q, row, target, self._applied)
         try:
-            user_controller.command_volts(self._controller, seen, self._commanded)
+            user_controller.command_volts(self._controller, seen, self._commanded, self._bounds)
         except user_controller.ControllerError as error:
             return error
         return None

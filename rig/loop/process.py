@@ -13,17 +13,18 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from math import inf
 from multiprocessing.connection import Connection
 from typing import Protocol
 
 import numpy as np
 
-from rig.control.user_controller import load_controller
+from rig.control.user_controller import END_S, START_S, WatchedController, load_controller
 from rig.course import Course
 from rig.log import INDEX
 from rig.loop.commands import Command, CommandSlot, Stop
 from rig.loop.jitter import Jitter
-from rig.loop.loop import Ending, Loop, ending_of
+from rig.loop.loop import Ending, Loop, ending_of, run_controlled
 from rig.loop.realtime import go_realtime
 from rig.loop.shared_channel import (
     ENDING,
@@ -42,6 +43,11 @@ from rig.table import Table
 
 PARENT_SILENT_S = 2.0  # a program that hangs for so long looks after nothing
 LOOP_SILENT_S = 1.0  # a loop that hangs for so long is ended by force
+# So long may a method of a user's controller be silent that cannot be interrupted from inside.
+PATIENCE_S = {"start": START_S + 1.0, "control": LOOP_SILENT_S, "end": END_S + 1.0}
+CONTROL_SHARE = (
+    0.8  # of the lateness at which a board gives up: so the loop levels the plate itself
+)
 BEAT_S = 0.05
 DRAIN_S = 0.01
 WARM_TICKS = 25
@@ -138,20 +144,36 @@ def _work(job: Job, box: SharedChannel, parent: int, result: Connection) -> None
     """The loop's process from its start to its end."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the program hears it and stops the loop
     inbox, jitter, report = _Inbox(box, parent), Jitter(job.trace), {}
+
+    def run() -> Ending:
+        warm_up(job)
+        report.update(go_realtime() if job.realtime else {})
+        return _run(job, box, inbox, jitter, controller)
+
+    def tell(ending: Ending) -> None:
+        box.beat("loop_s", ENDING)
+        values = jitter.values_us[: jitter.ticks]
+        with suppress(OSError):  # the program may be gone
+            result.send((ending, {"jitter": jitter.record(), "realtime": report}, values))
+
     try:
         with stop_on_signals(inbox, leave=False):
-            warm_up(job)
-            report = go_realtime() if job.realtime else {}
-            ending = _run(job, box, inbox, jitter)
+            controller = _controller(job, box)
+            ending = run_controlled(controller, job.known, run, tell)
     except BaseException as error:  # told to the program by name
         ending = ending_of(error)
-    box.beat("loop_s", ENDING)
-    notes = {"jitter": jitter.record(), "realtime": report}
-    values = jitter.values_us[: jitter.ticks]
-    with suppress(OSError):  # the program may be gone
-        result.send((ending, notes, values))
+    tell(ending)
     result.close()
     box.close()
+
+
+def _controller(job: Job, box: SharedChannel) -> WatchedController | None:
+    if not job.controller:
+        return None
+    box.call("start")
+    controller = load_controller(job.controller)
+    box.call("")
+    return WatchedController(controller, box.call)
 
 
 def _keeper(box: SharedChannel, eye: AngleListener | None) -> Callable[[np.ndarray], None]:
@@ -165,8 +187,14 @@ def _keeper(box: SharedChannel, eye: AngleListener | None) -> Callable[[np.ndarr
     return keep
 
 
-def _run(job: Job, box: SharedChannel, inbox: _Inbox, jitter: Jitter) -> Ending:
-    controller = load_controller(job.controller) if job.controller else None
+def _run(
+    job: Job,
+    box: SharedChannel,
+    inbox: _Inbox,
+    jitter: Jitter,
+    controller: WatchedController | None,
+) -> Ending:
+    limits = job.limits or MonitorLimits.of_rig(job.known)
     table = job.table()
     with table:  # pyright: ignore[reportGeneralTypeIssues]
         operator = job.operator(table) if job.operator else Operator()
@@ -181,8 +209,9 @@ def _run(job: Job, box: SharedChannel, inbox: _Inbox, jitter: Jitter) -> Ending:
             keep=_keeper(box, job.eye),
             event=box.say,
             late_s=_Lateness(table, jitter),
-            limits=job.limits,
+            limits=limits,
             controller=controller,
+            control_s=CONTROL_SHARE * limits.late_s,
         )
         try:
             return loop.run()
@@ -201,6 +230,7 @@ class LoopProcess:
     def __init__(self, job: Job) -> None:
         self._box = SharedChannel()
         self._commands = SharedCommandSlot(self._box)
+        self._controller, self._hung = job.controller.rpartition(":")[2], ""
         self.put = self._commands.put
         self.notes: dict = {}
         self.late_us: list[float] = []
@@ -262,24 +292,36 @@ class LoopProcess:
         """The loop's process is gone, or hangs and is ended."""
         if not self._process.is_alive():
             return not self._result.poll()
+        method = self._box.called
         running = int(self._box.pulse.array["state"][0]) == RUNNING
-        if running and self._box.silent_s("loop_s") > LOOP_SILENT_S:
+        patience_s = PATIENCE_S.get(method, LOOP_SILENT_S if running else inf)
+        if self._box.silent_s("loop_s") > patience_s:
             self._process.kill()
             self._process.join()
+            if method:
+                self._hung = f"{self._called(method)} did not return within {patience_s:g} s"
             return True
         return False
 
+    def _called(self, method: str) -> str:
+        return f"controller {self._controller}.{method}"
+
     def _ending(self) -> Ending:
-        """Wait for the loop's own word; without one it died, and the board's watchdog has it."""
-        while not self._result.poll(DRAIN_S):
-            if self._dead():
-                break
+        """Wait for the loop's last word; without one it died, and the board's watchdog has it."""
+        ending = None
         with suppress(EOFError):
-            if self._result.poll():
-                ending, self.notes, self.late_us = self._result.recv()
-                return ending
+            while self._result.poll(DRAIN_S) or not self._dead():
+                if self._result.poll():
+                    ending, self.notes, self.late_us = self._result.recv()
+        if ending is not None:
+            said = "; ".join(filter(None, (ending.reason, self._hung)))
+            return replace(ending, reason=said)
         self._process.join(1.0)
-        return Ending("loop died", f"its process ended with {self._process.exitcode}")
+        died = f"its process ended with {self._process.exitcode}"
+        method = self._box.called
+        if method:
+            died = f"{self._called(method)}: {died}"
+        return Ending("loop died", self._hung or died)
 
     def _close(self) -> None:
         self._over.set()

@@ -19,8 +19,16 @@ TEXT = 240  # bytes of UTF-8
 
 EVENT = np.dtype([("t_s", np.float64), ("text", f"S{TEXT}")])
 COMMAND = np.dtype([("kind", np.int64), ("numbers", np.float64, (3,))])
-STOP = np.dtype([("reason", f"S{TEXT}"), ("outcome", "S40"), ("said", np.int64)])
-PULSE = np.dtype([("parent_s", np.float64), ("loop_s", np.float64), ("state", np.int64)])
+STOP = np.dtype([("reason", f"S{TEXT}"), ("outcome", "S40")])
+PULSE = np.dtype(
+    [
+        ("parent_s", np.float64),
+        ("loop_s", np.float64),
+        ("state", np.int64),
+        ("called", np.int64),
+    ]
+)
+CALLED = ("", "start", "control", "end")  # method of a user's controller that the loop is in
 PUSH, TARGET, OWN_TARGET, GAINS = range(4)
 STARTING, RUNNING, ENDING = range(3)
 
@@ -33,20 +41,22 @@ def encode(text: str, size: int = TEXT) -> bytes:
 class SharedChannel:
     """The shared memory of one run; pickled to the loop's process by its names.
 
-    rows: ring of rows (len(COLUMNS),); events: of times and texts; commands; stop: one record with
-    a place of its own; pulse: when each side last gave a sign of life, and the loop's state.
+    rows: ring of rows (len(COLUMNS),); events: of times and texts; commands; stops: a ring of
+    their own, of which the first counts; pulse: when each side last gave a sign of life, the
+    loop's state, and the method of a user's controller that it is in.
     """
 
     def __init__(self) -> None:
         self.rows = SharedRing(np.dtype((np.float64, (len(COLUMNS),))), ROWS)
         self.events = SharedRing(EVENT, EVENTS)
         self.commands = SharedRing(COMMAND, LONGEST_QUEUE + 1)
-        self.stop = SharedArray((1,), STOP)
+        self.stops = SharedRing(STOP, 2)
+        self.stopped: Stop | None = None  # as the loop has read it
         self.pulse = SharedArray((1,), PULSE)
 
     def close(self) -> None:
         """Let go of the memory; the process that made it frees it."""
-        for part in (self.rows, self.events, self.commands, self.stop, self.pulse):
+        for part in (self.rows, self.events, self.commands, self.stops, self.pulse):
             part.close()
 
     def say(self, t_s: float, text: str) -> None:
@@ -63,6 +73,16 @@ class SharedChannel:
         if state is not None:
             self.pulse.array["state"][0] = state
 
+    def call(self, method: str) -> None:
+        """Note that the loop calls a user's controller: one of CALLED, "" when it has returned."""
+        self.beat("loop_s")
+        self.pulse.array["called"][0] = CALLED.index(method)
+
+    @property
+    def called(self) -> str:
+        """The method of a user's controller that the loop is in; "" where it is in none."""
+        return CALLED[int(self.pulse.array["called"][0])]
+
     def silent_s(self, side: str) -> float:
         """Time since a side, "parent_s" or "loop_s", was last alive [s]."""
         return time.monotonic() - float(self.pulse.array[side][0])
@@ -74,17 +94,15 @@ class SharedCommandSlot:
     """
 
     def __init__(self, box: SharedChannel) -> None:
-        self._box, self._lock = box, threading.RLock()
+        self._box, self._lock, self._said = box, threading.RLock(), False
 
     def put(self, command: Command) -> None:
         """Send a command to the loop; of several stops the first is kept. TypeError: no command."""
         with self._lock:
             if isinstance(command, Stop):
-                stop = self._box.stop.array
-                if not stop["said"][0]:  # the first one wins
-                    stop["reason"][0] = encode(command.reason)
-                    stop["outcome"][0] = encode(command.outcome, 40)
-                    stop["said"][0] = 1
+                if not self._said:  # the first one wins
+                    self._said = True
+                    self._box.stops.write((encode(command.reason), encode(command.outcome, 40)))
             else:
                 self._box.commands.write(_packed(command))
 
@@ -103,9 +121,11 @@ def take_commands(box: SharedChannel) -> list[Command]:
     """Return the commands put since the last call; a stop alone when there is one. To be called in
     the loop's process.
     """
-    stop = box.stop.array[0]
-    if stop["said"]:
-        return [Stop(stop["reason"].decode(), stop["outcome"].decode())]
+    if box.stopped is None and box.stops.news:
+        for stop in box.stops.read():
+            box.stopped = Stop(stop["reason"].decode(), stop["outcome"].decode())
+    if box.stopped is not None:
+        return [box.stopped]
     if not box.commands.news:
         return []
     return [_unpacked(int(order["kind"]), order["numbers"]) for order in box.commands.read()]

@@ -6,7 +6,7 @@ KeyboardInterrupt, which leaves every context on its way out, unless asked for.
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Protocol
 
@@ -21,6 +21,35 @@ class StopSlot(Protocol):
     def put(self, command: Command) -> None:
         """Take a command."""
         ...
+
+
+def _numbers(*names: str) -> list[int]:
+    """The signals of these names that this system has and nobody ignores (nohup does)."""
+    numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
+    return [number for number in numbers if signal.getsignal(number) != signal.SIG_IGN]
+
+
+@contextmanager
+def leave_on_signals(say: Callable[[str], None]) -> Iterator[None]:
+    """While inside, the first signal of NAMES leaves every context and then the program.
+
+    It raises SystemExit, 128 + its number, in the main thread, so that a table is left level at
+    0 V; further ones are ignored meanwhile. say: gets a line for a person.
+    """
+    numbers = _numbers(*NAMES)
+
+    def handle(number: int, _: object) -> None:
+        for other in numbers:
+            signal.signal(other, signal.SIG_IGN)
+        say(f"ended by {signal.Signals(number).name}; what was recorded so far is kept")
+        raise SystemExit(128 + number)
+
+    before = {number: signal.signal(number, handle) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
 
 
 @contextmanager
@@ -44,7 +73,7 @@ def stop_on_signals(
         reason = "by the operator" if name == "SIGINT" else f"{name} from the system"
         slot.put(Stop(reason, outcome="interrupted"))
 
-    numbers = [getattr(signal, name) for name in (*NAMES, *also) if hasattr(signal, name)]
+    numbers = _numbers(*NAMES, *also)
     before = {number: signal.signal(number, handle) for number in numbers}
     try:
         yield

@@ -8,7 +8,7 @@ second accident: such a fault asks for 0 V at once (`level` False).
 from dataclasses import dataclass, replace
 from math import copysign, inf, isfinite
 
-from rig.parameters import ANGLE_MARGIN_RAD, Rig
+from rig.parameters import ANGLE_MARGIN_RAD, Rig, Servo
 from rig.table import Reading
 
 MISSED = 0.9  # of a period late: a tick was missed
@@ -40,15 +40,19 @@ class MonitorLimits:
 
     @classmethod
     def of_rig(cls, rig: Rig) -> "MonitorLimits":
-        """Return the limits of a table.
+        """Return the limits of a rig's table."""
+        return cls.of_servo(rig.servo, 1 / rig.control_rate_hz)
+
+    @classmethod
+    def of_servo(cls, servo: Servo, period_s: float) -> "MonitorLimits":
+        """Return the limits of a table with these servos, period_s: of its tick.
 
         Its servos turn at most at twice their no-load speed at the voltage limit; its angles lie
         within the angle limit plus ANGLE_MARGIN_RAD, beyond which the simulated loop ends a run as
         well.
         """
-        servo = rig.servo
         return cls(
-            period_s=1 / rig.control_rate_hz,
+            period_s=period_s,
             rate_rad_s=2 * servo.gain_rad_s_V * servo.voltage_limit_V,
             noise_rad=4 * servo.encoder_step_rad,
             angle_rad=servo.angle_limit_rad + ANGLE_MARGIN_RAD,

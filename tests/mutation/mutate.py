@@ -142,14 +142,19 @@ def load(tree: ast.Module, path: Path, **replaced) -> ModuleType:
 def survivors(path: Path, check: Callable[[ModuleType], None], **replaced) -> tuple[int, list[str]]:
     """How many mutants there are, and the names of those that `check` does not notice.
 
-    Whatever `check` raises is noticed; so is a mutant that cannot even be loaded.
+    Whatever `check` raises is noticed; so is a mutant that cannot even be loaded, or lacks a name
+    that others import.
     """
-    check(load(ast.parse(path.read_text(encoding="utf-8")), path, **replaced))
+    whole = load(ast.parse(path.read_text(encoding="utf-8")), path, **replaced)
+    check(whole)
     count, alive = 0, []
     for name, tree in mutants(path):
         count += 1
         try:
-            check(load(tree, path, **replaced))
+            mutant = load(tree, path, **replaced)
+            if not set(vars(whole)) <= set(vars(mutant)):
+                continue
+            check(mutant)
         except KeyboardInterrupt:
             raise
         except BaseException:  # dead; pytest's own failures are no Exception

@@ -10,7 +10,6 @@ import base64
 import contextlib
 import http.client
 import math
-import re
 import socket
 import time
 from collections import deque
@@ -19,6 +18,7 @@ from urllib.parse import unquote, urljoin, urlsplit
 import cv2
 import numpy as np
 
+from vision.sources.addresses import without_password
 from vision.sources.clock import ForeignClock, own_clock, wall_minus_monotonic
 from vision.sources.multipart import Multipart, Part, boundary_of
 from vision.sources.source_errors import GarbageError, GoneError, SourceError
@@ -160,11 +160,6 @@ class HttpFeed:
         self._response.close()
         self._close_connection()
         self._socket.close()
-
-
-def without_password(address: str) -> str:
-    """The address without "user:password@", as it may be shown and logged."""
-    return re.sub(r"^(\w+://)[^/@]*@", r"\1", address)
 
 
 def _multipart_type(response: http.client.HTTPResponse) -> str:

@@ -17,9 +17,10 @@ from types import TracebackType
 import numpy as np
 
 from vision.frames import Frame
+from vision.sources.addresses import without_password
 from vision.sources.camera_device import DEVICE, CameraSettings, open_camera
 from vision.sources.live import PATIENCE_S, Feed, LiveReader
-from vision.sources.mjpeg_http import HttpFeed, NotMultipartError, without_password
+from vision.sources.mjpeg_http import HttpFeed, NotMultipartError
 from vision.sources.recorded import DEFAULT_FPS, RecordedFrames, open_file, open_folder
 from vision.sources.repeats import RepeatFilter
 from vision.sources.source_errors import GarbageError, GoneError

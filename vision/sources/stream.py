@@ -10,8 +10,8 @@ import time
 import cv2
 import numpy as np
 
+from vision.sources.addresses import without_password
 from vision.sources.camera_device import Capture, capture
-from vision.sources.mjpeg_http import without_password
 from vision.sources.source_errors import GoneError
 
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from typing import TYPE_CHECKING, Any
 
+from experiments.dashboard.server.door import crowd_limit
 from experiments.dashboard.server.messages import LONGEST
 from experiments.dashboard.server.security import Gate, PageRequest, gate_of
 
@@ -52,12 +53,14 @@ def page_request(request: Any) -> PageRequest:
     )
 
 
-def guarded(process_request: Callable | None, gate: Gate) -> Callable:
+def guarded(
+    process_request: Callable | None, gate: Gate, passed: Callable = lambda connection: None
+) -> Callable:
     """A `process_request` for viser's websocket server that asks `gate` before `process_request`,
     viser's own (None: it has none).
 
     Who may not pass is answered 403 and a sentence; who comes by the link with the token is led on
-    to the page's own address (303).
+    to the page's own address (303). passed: hears of the connections that may.
     """
     from websockets.datastructures import Headers
     from websockets.http11 import Response
@@ -69,6 +72,7 @@ def guarded(process_request: Callable | None, gate: Gate) -> Callable:
             body = f"{why}\n".encode()
             head = Headers({"Content-Type": "text/plain", "Content-Length": str(len(body))})
             return Response(403, "Forbidden", head, body)
+        passed(connection)
         if gate.bears_token(asked):
             head = Headers({"Location": gate.page_of(request.path), "Content-Length": "0"})
             head.update(gate.headers())
@@ -90,7 +94,8 @@ def _gated(gate: Gate) -> Iterator[list[Any]]:
     serve, served = module.serve, []
 
     def gated_serve(*args: Any, **settings: Any):
-        settings["process_request"] = guarded(settings.get("process_request"), gate)
+        settings["create_connection"], passed = crowd_limit()
+        settings["process_request"] = guarded(settings.get("process_request"), gate, passed)
         settings["max_size"] = LONGEST
         served.append(settings)
         return serve(*args, **settings)

@@ -4,13 +4,14 @@ import json
 import time
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime, timedelta
+from math import inf
 from pathlib import Path
 
 from pydantic import TypeAdapter
 
 from rig.hardware.homing.home import Homing
 from rig.hardware.wiring import Wiring
-from rig.parameters import Rig
+from rig.parameters import Rig, Servo
 from rig.table import Table
 
 LONGEST = timedelta(hours=12)  # for a table that does not tell when it was switched off
@@ -35,7 +36,8 @@ class Homed:
 
     kind, where: of the table's [table] (kind; port or address); boot_id: name of the table's
     power-up (None where it has none); at: ISO time, UTC; confirmed: the markers saw the plate move;
-    travel_rad: between the stops, by axis (x, y); wiring: what the homing found.
+    travel_rad: between the stops, by axis (x, y); wiring: what the homing found; voltage_limit_V:
+    with which it was done (inf: a file of an earlier version does not tell).
     """
 
     kind: str
@@ -45,20 +47,23 @@ class Homed:
     confirmed: bool
     travel_rad: tuple[float, float]
     wiring: Wiring
+    voltage_limit_V: float = inf
 
     @classmethod
     def of(cls, found: Homing, rig: Rig, boot_id: str | None) -> "Homed":
         """Return the record of a homing that was found just now on the rig's table."""
         now = datetime.now(UTC).isoformat(timespec="seconds")
         where = (rig.table.kind, _where(rig))
-        return cls(*where, boot_id, now, found.confirmed, found.travel_rad, found.wiring)
+        kept = (found.confirmed, found.travel_rad, found.wiring, rig.servo.voltage_limit_V)
+        return cls(*where, boot_id, now, *kept)
 
     def save(self, path: Path) -> None:
         """Write the homing to a JSON file that `load` reads. OSError: it cannot be written."""
         path.write_text(json.dumps(asdict(self), indent=1) + "\n", encoding="utf-8")
 
     def check(self, rig: Rig, boot_id: str | None, now: datetime | None = None) -> None:
-        """Raise NotHomed where the homing is of another table, another power-up, or too long ago.
+        """Raise NotHomed where the homing is of another table, another power-up, too long ago, or
+        of narrower limits than the rig file has now.
 
         boot_id: as `power_up` names it now; now: the time (default: the system's).
         """
@@ -66,6 +71,7 @@ class Homed:
             raise NotHomed(f"the homing is of another table ({self.kind} {self.where}): {CURE}")
         if self.wiring.counts_per_rev != rig.servo.encoder_counts_per_rev:
             raise NotHomed(f"servo.encoder_counts_per_rev has changed since the homing: {CURE}")
+        self._check_limits(rig.servo)
         age = (now or datetime.now(UTC)) - datetime.fromisoformat(self.at)
         if boot_id is not None or self.boot_id is not None:
             if not _same(self.boot_id, boot_id, age.total_seconds()):
@@ -74,6 +80,19 @@ class Homed:
         if not timedelta(minutes=-5) < age < LONGEST:
             hours = LONGEST.total_seconds() / 3600
             raise NotHomed(f"the homing of {self.at} is older than {hours:g} hours: {CURE}")
+
+    def _check_limits(self, servo: Servo) -> None:
+        reach = 0.5 * min(self.travel_rad)
+        if servo.angle_limit_rad > reach:
+            raise NotHomed(
+                f"servo.angle_limit_rad = {servo.angle_limit_rad:g} is beyond the stops that "
+                f"homing found, {reach:.2f} rad from the middle: lower it, or {CURE}"
+            )
+        if servo.voltage_limit_V > self.voltage_limit_V:
+            raise NotHomed(
+                f"servo.voltage_limit_V = {servo.voltage_limit_V:g} is above the "
+                f"{self.voltage_limit_V:g} V of the homing: lower it, or {CURE}"
+            )
 
     def check_angles(self, theta_rad: tuple[float, float]) -> None:
         """Raise NotHomed where the encoder angles theta_rad (x, y) lie beyond the stops: the

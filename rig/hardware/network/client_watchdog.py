@@ -3,6 +3,7 @@
 Pure but for its own state: times come in, volts go out.
 """
 
+from dataclasses import replace
 from math import exp, inf, isfinite
 
 from rig.hardware.network.remote_wire import SILENT_S, DriveRequest
@@ -10,6 +11,8 @@ from rig.hardware.wiring import Wiring
 from rig.parameters import ANGLE_MARGIN_RAD, Servo
 from rig.safety.levelling import Levelling
 from rig.safety.limits import braking, limit
+from rig.safety.monitor import Fault, MonitorLimits, MonitorState, check
+from rig.table import Reading
 from vision.sources.clock import ForeignClock
 
 LEVEL_S = 0.5
@@ -22,19 +25,21 @@ class ClientWatchdog:
     """Decides the volts of a served table from the commands of its user, and from their silence.
 
     While armed, the volts of the newest fresh command hold for 50 ms; after 100 ms without one the
-    plate is levelled for 0.5 s, then 0 V, latched. servo: of the table; period_s: of its tick.
+    plate is levelled for 0.5 s, then 0 V, latched. What the loop's monitor calls a fault of the
+    table ends it as well. servo: of the table; period_s: of its tick.
     armed, latched, homed, wiring: the present state; stale: commands that were not obeyed.
     """
 
     def __init__(self, voltage_limit_V: float, servo: Servo, period_s: float) -> None:
         self._limit_V, self._angle_limit_rad = voltage_limit_V, servo.angle_limit_rad
         self._braking = braking(servo, period_s, RATE_FILTER_S)
+        self._limits, self._seen = MonitorLimits.of_servo(servo, period_s), MonitorState()
         self._last: tuple[tuple[float, float], float] | None = None  # angles, and when
         self._rate_rad_s = (0.0, 0.0)
         self.armed = self.latched = False
         self.homed = False
         self.wiring = Wiring()
-        self._volts = (0.0, 0.0)
+        self._volts = self._given = (0.0, 0.0)
         self._fresh_s = self._stopped_s = -inf
         self._levelling = Levelling(voltage_limit_V)
         self.stale = 0
@@ -65,6 +70,7 @@ class ClientWatchdog:
         """Arm at 0 V and end a latch; now_s: on our clock."""
         self.armed, self.latched = True, False
         self._volts, self._fresh_s = (0.0, 0.0), now_s
+        self._seen = MonitorState()
 
     def disarm(self) -> None:
         """Give 0 V from now on, without levelling; for a user who says goodbye."""
@@ -78,6 +84,10 @@ class ClientWatchdog:
             self.armed, self.latched, self._stopped_s = False, True, now_s
             self._levelling = Levelling(self._limit_V)
 
+    def levels(self, now_s: float) -> bool:
+        """Whether a stopped table is being levelled; now_s: on our clock."""
+        return self.homed and now_s - self._stopped_s < LEVEL_S
+
     def obey(self, request: DriveRequest, now_s: float) -> bool:
         """Take a command; False where it was too long on its way or its volts are not finite."""
         age_s = self.hear(request.sent_s, now_s)
@@ -87,15 +97,32 @@ class ClientWatchdog:
         self._volts, self._fresh_s = (request.x_V, request.y_V), now_s
         return True
 
+    def watch(self, reading: Reading, now_s: float) -> Fault | None:
+        """Return the fault that an armed table shows in a reading, and stop it; None: it has none.
+
+        now_s: on our clock. The table is levelled where its encoders may still be trusted.
+        """
+        if not self.armed:
+            return None
+        limits = self._limits if self.homed else replace(self._limits, angle_rad=inf)
+        self._seen, fault = check(self._seen, limits, reading, self._given, balancing=False)
+        if fault is not None:
+            self.stop(now_s if fault.level else -inf)
+        return fault
+
     def volts(self, theta_rad: tuple[float, float], now_s: float) -> tuple[float, float]:
         """Return the volts (x, y) for this tick; theta_rad: encoder angles, now_s: on our clock."""
+        self._given = self._volts_now(theta_rad, now_s)
+        return self._given
+
+    def _volts_now(self, theta_rad: tuple[float, float], now_s: float) -> tuple[float, float]:
         rate_rad_s = self._rates(theta_rad, now_s)
         if self.armed and now_s - self._fresh_s > SILENT_S:
             self.stop(now_s)
         if self.armed:
             is_held = now_s - self._fresh_s > HOLD_S
             return (0.0, 0.0) if is_held else self._clamped(self._volts, theta_rad, rate_rad_s)
-        if self.homed and now_s - self._stopped_s < LEVEL_S:
+        if self.levels(now_s):
             return self._levelling.volts(theta_rad, now_s)
         return 0.0, 0.0
 

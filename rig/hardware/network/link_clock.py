@@ -54,6 +54,11 @@ class LinkClock:
         if trip_s < self._best[2]:
             self._best = (arrived_s, offset_s, trip_s)
 
+    def fastest_s(self) -> float:
+        """Return the shortest round trip of the last `EVERY_S` to twice that; inf without any."""
+        last_s = self._points[-1][2] if self._points else inf
+        return min(last_s, self._best[2])
+
     def record(self) -> ClockRecord:
         """Return what is known of their clock: the offset of the fastest recent exchange."""
         recent = [*list(self._points)[-BELIEVED:], self._best]

@@ -23,6 +23,10 @@ CONNECT_S = 5.0
 DEAD_S = 0.09  # the table ticks all the time: so long a silence is a dead link
 TTL_MS = 50  # a command that took longer is not obeyed
 PINGS = 10
+# The servo loop's delay margin: K P = 21.4 1/s and tau = 25 ms give a crossover at 19 rad/s. On the
+# simulated table arms settle as well as without delay up to 30 ms, swing by 3 degrees at 40 ms, by
+# 16 at 50 ms, and reach their limit at 60 ms.
+LONGEST_ROUND_TRIP_S = 0.058
 
 
 class RemoteTable(LevelOnExit):
@@ -106,7 +110,11 @@ class RemoteTable(LevelOnExit):
         return self
 
     def arm(self) -> None:
-        """Let commands through; anew after a stop by silence. LinkLost: the connection is gone."""
+        """Let commands through; anew after a stop by silence.
+
+        LinkLost: the connection is gone, or slower than LONGEST_ROUND_TRIP_S.
+        """
+        self._check_round_trip()
         self._send(wire.ARM)
         self._armed = False  # until the table says so
 
@@ -118,8 +126,9 @@ class RemoteTable(LevelOnExit):
     def read(self) -> Reading:
         """Wait for the served table's next tick and return its reading, in times of this machine.
 
-        LinkLost: the connection is gone or silent for DEAD_S, the table there failed, or it was
-        stopped because it heard nothing from here. CameraStopped: the camera of `eye` failed.
+        LinkLost: the connection is gone, silent for DEAD_S or slower than LONGEST_ROUND_TRIP_S, the
+        table there failed, or it was stopped because it heard nothing from here. CameraStopped: the
+        camera of `eye` failed.
         """
         newest, ball, more = None, None, True
         while newest is None or more:
@@ -136,6 +145,7 @@ class RemoteTable(LevelOnExit):
             self._echoed_s = newest.echo_sent_s
             times = (newest.echo_sent_s, newest.echo_received_s, newest.sent_s, arrived_s)
             self.clock.exchange(*times)
+            self._check_round_trip()
         self._armed = self._armed or bool(newest.flags & wire.ARMED)
         if self._armed and newest.flags & wire.LATCHED:
             raise self._lost(
@@ -143,6 +153,15 @@ class RemoteTable(LevelOnExit):
                 "the table; look why, then run again"
             )
         return self._reading(newest, ball, arrived_s)
+
+    def _check_round_trip(self) -> None:
+        fastest_s = self.clock.fastest_s()
+        if not fastest_s <= LONGEST_ROUND_TRIP_S:
+            raise self._lost(
+                f"the round trip takes {1e3 * fastest_s:.0f} ms (at most "
+                f"{1e3 * LONGEST_ROUND_TRIP_S:.0f}, else the arms swing): use Ethernet, or run the "
+                "program on the table's machine"
+            )
 
     def _reading(self, row: RemoteReading, ball: tuple | None, arrived_s: float) -> Reading:
         """The table's times on this machine's clock."""

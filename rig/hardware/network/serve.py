@@ -10,16 +10,18 @@ import select
 import socket
 import time
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
 from math import nan
 
 from rig.hardware.network import remote_wire as wire
 from rig.hardware.network.client_watchdog import ClientWatchdog
-from rig.hardware.network.remote_wire import DriveRequest, Ping, ProtocolError, RemoteReading, Wire
+from rig.hardware.network.greetings import Greetings, Peer
+from rig.hardware.network.remote_wire import DriveRequest, Ping, ProtocolError, RemoteReading
 from rig.hardware.wiring import Wiring
 from rig.parameters import Servo
 from rig.table import Reading, Table
 
-GREETING_S = 2.0  # to prove oneself
 GONE_S = 1.0  # a user who was stopped for silence and says nothing more makes room for another
 IDLE_S = 30.0  # one who has not armed the table yet
 ANSWER_SHARE = 0.4  # of a tick: so long is the answer to this very tick waited for
@@ -43,7 +45,7 @@ class Server:
         port: int = wire.PORT,
         say: Callable[[str], None] = lambda text: None,
     ) -> None:
-        self._table, self._token, self._say = table, token, say
+        self._table, self._say = table, say
         self._raw = Wiring(counts_per_rev=servo.encoder_counts_per_rev)
         self.watchdog = ClientWatchdog(table.voltage_limit_V, servo, table.period_s)
         self.boot_id = secrets.token_bytes(16)
@@ -57,7 +59,8 @@ class Server:
             ) from None
         self._door.setblocking(False)
         self.port = int(self._door.getsockname()[1])
-        self._user: _User | None = None
+        self._user: Peer | None = None
+        self._greetings = Greetings(token, say)
         self._tick = 0
         self._reading: Reading | None = None
         self._speeds = False
@@ -65,22 +68,33 @@ class Server:
     def __enter__(self) -> "Server":
         return self
 
-    def __exit__(self, *_: object) -> None:
-        """0 V and hang up; the table's own context is its owner's."""
+    def __exit__(self, kind: object, error: BaseException | None, _: object) -> None:
+        """Level, 0 V and hang up; the table's own context is its owner's."""
         if self._user is not None:
             self._user.tell(wire.FAULT, b"rig serve was ended there")
             self._user.wire.close()
+        self._greetings.close()
         self._door.close()
-        self._table.drive((0.0, 0.0))
+        try:
+            if not isinstance(error, Exception):  # else the table itself has failed
+                self._level()
+        finally:
+            self._table.drive((0.0, 0.0))
+
+    def _level(self) -> None:
+        """What the user's silence would bring: level, where homing has told where that is."""
+        now_s = time.monotonic()
+        self.watchdog.stop(now_s)
+        while self.watchdog.levels(time.monotonic()):
+            self._drive(self._angles(self._table.read()))
 
     def run(self, until: Callable[[], bool] = lambda: False) -> None:
         """Tick until `until` is true; raise what the table raises, after telling the user."""
         try:
             while not until():
                 self.tick()
-        except BaseException as error:
-            if self._user is not None:
-                self._user.tell(wire.FAULT, f"the table there failed: {error}".encode()[:300])
+        except Exception as error:
+            self._tell_fault(f"the table there failed: {error}")
             raise
 
     def tick(self) -> None:
@@ -90,15 +104,30 @@ class Server:
         reading = self._table.read()
         now_s = time.monotonic()
         self._tick = (self._tick + 1) & 0xFFFFFFFF
-        counts = [round(a / self._raw.step_rad) for a in reading.theta_rad]
-        theta = self.watchdog.wiring.angles((counts[0], counts[1]))
+        theta = self._angles(reading)
         self._speeds = reading.motor_speed_rad_s is not None
-        if self._user is not None and self._user.proven:
+        if self._user is not None:
             self._user.tell(wire.READING, self._telemetry(reading, theta, now_s).pack())
+        fault = self.watchdog.watch(replace(reading, theta_rad=theta), now_s)
+        if fault is not None:
+            self._tell_fault(f"stopped the table: {fault.reason}")
         self._let_in(now_s)
         self._listen(now_s + ANSWER_SHARE * self._table.period_s)
+        self._drive(theta)
+
+    def _angles(self, reading: Reading) -> tuple[float, float]:
+        """The angles that the user's wiring makes of the encoders."""
+        counts = [round(a / self._raw.step_rad) for a in reading.theta_rad]
+        return self.watchdog.wiring.angles((counts[0], counts[1]))
+
+    def _drive(self, theta: tuple[float, float]) -> None:
         volts = self.watchdog.volts(theta, time.monotonic())
         self._table.drive(self.watchdog.wiring.to_board(volts))
+
+    def _tell_fault(self, text: str) -> None:
+        self._say(text)
+        if self._user is not None:
+            self._user.tell(wire.FAULT, text.encode()[:300])
 
     def _telemetry(self, reading: Reading, theta, now_s: float) -> RemoteReading:
         flags = wire.ARMED * self.watchdog.armed | wire.LATCHED * self.watchdog.latched
@@ -116,19 +145,26 @@ class Server:
 
     # --- who comes, what is said ---
     def _let_in(self, now_s: float) -> None:
-        try:
-            sock, address = self._door.accept()
-        except OSError:
-            return
-        sock.setblocking(False)
-        new = _User(Wire(sock), f"{address[0]}:{address[1]}", now_s)
-        if self._user is not None:
-            new.tell(wire.REFUSE, f"is used by {self._user.name} already".encode())
-            new.wire.close()
-            return
-        self._user = new
+        with suppress(OSError):
+            self._greetings.welcome(*self._door.accept(), now_s)
+        for peer in self._greetings.proven(now_s):
+            if self._user is not None:
+                peer.tell(wire.REFUSE, f"is used by {self._user.name} already".encode())
+                peer.wire.close()
+                continue
+            self._seat(peer, now_s)
+
+    def _seat(self, user: Peer, now_s: float) -> None:
+        """The user's seat for one who has proven to know the token."""
+        self._user, user.heard_s = user, now_s
         self.watchdog.meet()
-        new.tell(wire.HELLO, bytes([wire.VERSION]) + new.nonce)
+        table = self._table
+        numbers = (table.period_s, table.voltage_limit_V, self._raw.counts_per_rev)
+        user.tell(
+            wire.WELCOME,
+            wire.Welcome(wire.VERSION, self.boot_id, *numbers, int(self._speeds)).pack(),
+        )
+        self._say(f"{user.name} is connected")
 
     def _listen(self, until_s: float) -> None:
         """Take what the user says, waiting until the answer to this tick, but not longer."""
@@ -149,9 +185,7 @@ class Server:
                     user.gone = f"said what no honest user says ({error})"
                 except OSError:
                     user.gone = user.gone or "is gone"
-            patience_s = GREETING_S
-            if user.proven:
-                patience_s = GONE_S if self.watchdog.latched else IDLE_S
+            patience_s = GONE_S if self.watchdog.latched else IDLE_S
             if not user.gone and now_s - user.heard_s > patience_s:
                 user.gone = f"was silent for {patience_s:g} s"
             if user.gone:
@@ -160,11 +194,9 @@ class Server:
             if answered or not ready or now_s >= until_s:
                 return
 
-    def _obey(self, user: "_User", kind: int, payload: bytes, now_s: float) -> bool:
+    def _obey(self, user: Peer, kind: int, payload: bytes, now_s: float) -> bool:
         """One message; True for a command that answers this tick."""
-        if not user.proven:
-            self._check(user, kind, payload)
-        elif kind == wire.PING:
+        if kind == wire.PING:
             sent_s = Ping.unpack(payload).sent_s
             self.watchdog.hear(sent_s, now_s)
             user.tell(wire.PONG, Ping(sent_s, now_s).pack())
@@ -185,44 +217,8 @@ class Server:
             raise ProtocolError(f"kind {kind}")
         return False
 
-    def _check(self, user: "_User", kind: int, payload: bytes) -> None:
-        """The proof of knowing the token, compared in constant time; else the door."""
-        theirs, said = payload[: wire.NONCE_BYTES], payload[wire.NONCE_BYTES :]
-        right = wire.proof(self._token, user.nonce, theirs)
-        if kind != wire.PROOF or not secrets.compare_digest(said, right):
-            user.tell(wire.REFUSE, b"refused the token: it must be the same file on both machines")
-            user.gone = "did not know the token"
-            return
-        user.wire.seal(self._token, user.nonce, theirs, server=True)
-        user.proven = True
-        table = self._table
-        numbers = (table.period_s, table.voltage_limit_V, self._raw.counts_per_rev)
-        user.tell(
-            wire.WELCOME,
-            wire.Welcome(wire.VERSION, self.boot_id, *numbers, int(self._speeds)).pack(),
-        )
-        self._say(f"{user.name} is connected")
-
-    def _part(self, user: "_User", now_s: float) -> None:
+    def _part(self, user: Peer, now_s: float) -> None:
         self.watchdog.stop(now_s)
         self._say(f"{user.name} {user.gone}")
         user.wire.close()
         self._user = None
-
-
-class _User:
-    """A connection, its greeting, and the times of its newest command (for its clock)."""
-
-    def __init__(self, wire_: Wire, name: str, now_s: float) -> None:
-        self.wire, self.name = wire_, name
-        self.nonce = secrets.token_bytes(wire.NONCE_BYTES)
-        self.proven = False
-        self.heard_s, self.gone = now_s, ""
-        self.echo = (nan, nan)
-
-    def tell(self, kind: int, payload: bytes = b"") -> None:
-        """Say something; one who does not take it is gone."""
-        try:
-            self.wire.send(kind, payload)
-        except OSError:
-            self.gone = self.gone or "does not read what it is told"

@@ -14,6 +14,10 @@ import pytest
 from experiments.cli import application
 from experiments.records.importing import read_log
 from experiments.records.recording import read_run
+from rig.hardware.board.link import LinkLost
+from rig.hardware.network.remote import RemoteTable
+from rig.hardware.network.token_file import read_token
+from rig.hardware.wiring import Wiring
 
 QUICK = 'title = "quick"\nduration_s = 1.0\n[start]\nhold_s = 0.0\n'
 
@@ -160,3 +164,31 @@ def test_a_full_disk_is_exit_1_and_keeps_what_was_recorded(tmp_path: Path):
     assert "Traceback" not in error
     assert "stay readable" in error.splitlines()[-1]
     assert _rows(out) > 500
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="signals of POSIX")
+@pytest.mark.parametrize("name", ["SIGTERM", pytest.param("SIGHUP", marks=pytest.mark.slow)])
+def test_a_served_table_that_is_ended_says_so_and_tells_its_user(tmp_path: Path, name: str):
+    number = getattr(signal, name)
+    token = tmp_path / "rig.token"
+    command = [sys.executable, "-m", "experiments.cli", "serve", "--port", "0"]
+    program = subprocess.Popen(
+        [*command, "--token-file", str(token)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert program.stdout is not None
+    line = ""
+    while "serving" not in line:
+        line = program.stdout.readline()
+    port = int(line.rsplit(":", 1)[1])
+    table = RemoteTable("127.0.0.1", port, read_token(token), Wiring())
+    table.read()
+    program.send_signal(number)
+    _, said = program.communicate(timeout=60)
+    assert program.returncode == 128 + number
+    assert said == f"rig: ended by {name}; what was recorded so far is kept\n"
+    with pytest.raises(LinkLost, match="rig serve was ended there"):
+        all(table.read() for _ in range(500))
+    table.close()

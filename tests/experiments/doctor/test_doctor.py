@@ -152,3 +152,12 @@ def test_a_port_that_is_not_there_is_one_line(words, tmp_path, monkeypatch, caps
     assert said.err.count("\n") == 1
     assert "'/dev/ttyACM77' is not there: plug the board in" in said.err
     assert not list((tmp_path / "out").glob("runs/*"))
+
+
+def test_a_cache_that_cannot_be_written_is_a_note_with_its_cure():
+    why = "compiled functions cannot be kept in /x: each compiles anew; let XDG_CACHE_HOME ..."
+    findings = examine(replace(WELL, cache=why), Rig())
+    (found,) = [f for f in findings if f.what == "cache of compiled functions"]
+    assert (found.state, found.cure) == (NOTE, "let XDG_CACHE_HOME ...")
+    assert found.text.endswith("each compiles anew")
+    assert not any(f.what == found.what for f in examine(WELL, Rig()))

@@ -296,6 +296,24 @@ def test_a_full_disk_is_said_and_what_was_written_stays(tmp_path, monkeypatch, r
     assert run.meta["rows"] == taken
 
 
+def test_half_a_record_is_taken_back_so_that_the_recording_can_go_on(tmp_path, monkeypatch):
+    rows, write = example(50), os.write
+    recorder = record(tmp_path, rows[:20])
+    size = (tmp_path / "samples.mcap").stat().st_size
+    full_disk(monkeypatch, 100)  # of the bytes of one row
+    with pytest.raises(OSError, match="after 20 rows"):
+        recorder.append(rows[20])
+    assert (tmp_path / "samples.mcap").stat().st_size == size
+    monkeypatch.setattr(recording.os, "write", write)  # somebody has made room
+    for row in rows[20:]:
+        recorder.append(row)
+    monkeypatch.setattr(recorder, "_compress", lambda: None)
+    recorder.finish("completed")
+    run = read_run(tmp_path)
+    assert_rows(run.log, rows)
+    assert not run.meta["truncated"]
+
+
 @pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="counts open files in /proc")
 def test_a_full_disk_from_the_start_leaves_no_open_file(tmp_path, monkeypatch):
     full_disk(monkeypatch, 100)

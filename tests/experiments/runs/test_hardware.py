@@ -1,12 +1,19 @@
 """A table's first reading is held against its homing before anything is armed."""
 
+import json
+
 import pytest
 
-from experiments.runs.hardware import Checked
+from experiments.runs import hardware
+from experiments.runs.hardware import Checked, home_table
+from experiments.runs.hardware_run import measured
+from experiments.runs.protocol import read_protocol
+from experiments.runs.runner import RunRequest, start_record, truth_record
 from rig.hardware.homing.home import Homing
 from rig.hardware.homing.homed import Homed, NotHomed
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig, TableChoice
+from rig.rigfile import from_dict
 from rig.table import Reading
 
 RIG = Rig(table=TableChoice(kind="quanser"))  # its card cannot tell a power-up
@@ -44,3 +51,41 @@ def test_angles_that_no_homed_arm_can_have_are_refused_before_arming():
     with pytest.raises(NotHomed, match="beyond its stops"), Checked(lost, RIG, homed):  # pyright: ignore[reportArgumentType]
         pass
     assert lost.done == ["read", "closed"]
+
+
+def test_an_earlier_homing_is_gone_before_anything_moves(tmp_path, monkeypatch):
+    """A homing that was begun and not finished leaves a table that is not homed."""
+    file, found = tmp_path / "lab.toml", Homing(Wiring(), (1.2, 1.2), (0.4, 0.4))
+    kept = tmp_path / "lab.home.json"
+
+    def gone(*_: object, **__: object):
+        raise OSError("the card is gone")
+
+    monkeypatch.setattr(hardware, "open_table", gone)
+    Homed.of(found, RIG, None).save(kept)
+    with pytest.raises(OSError, match="card is gone"):
+        home_table(RIG, file)
+    assert not kept.exists()
+    unplugged = Rig(table=TableChoice(kind="serial", port=str(tmp_path / "nothing")))
+    Homed.of(found, unplugged, None).save(kept)
+    with pytest.raises(FileNotFoundError, match="plug the board in"):
+        home_table(unplugged, file)
+    assert kept.exists()  # nothing was touched
+
+
+def test_no_secret_of_the_rig_file_reaches_a_recording(tmp_path):
+    table = TableChoice(
+        kind="remote",
+        address="10.0.0.5:7643",
+        token_file="/home/anna/secrets/rig.token",
+        camera="http://operator:hunter2@cam/video?pwd=hunter2",
+        calibration="/home/anna/calibration.json",
+    )
+    request = RunRequest(Rig(table=table), read_protocol("steps"), "with", 1, tmp_path)
+    record = start_record(request) | measured(request.rig)
+    text = json.dumps(record) + json.dumps(truth_record(request))
+    assert "hunter2" not in text
+    assert "secrets" not in text
+    assert record["camera"] == "http://cam/video?pwd=..."
+    assert record["calibration"] == "calibration.json"
+    assert from_dict(record["rig"]).table.token_file == "rig.token"

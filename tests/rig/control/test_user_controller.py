@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rig.control.user_controller import load_controller
-from rig.loop.loop import Loop
+from rig.loop.loop import Loop, run_controlled
 from rig.parameters import Rig
 from rig.simulation.simulator import SimulatedTable
 from tests.support.simulated import random_steps
@@ -49,12 +49,15 @@ class FailsAt(Steering):
 def run(controller, seconds=1.0):
     rows: list[np.ndarray] = []
     course = random_steps(np.random.default_rng(1), seconds)
-    with SimulatedTable(Rig(), np.random.default_rng(2)) as table:
-        ending = Loop(
-            table, Rig(), 0, course, controller=controller, keep=lambda row: rows.append(row.copy())
-        ).run()
-        assert ending.outcome != "aborted" or table.volts_V == (0.0, 0.0)
-    return ending, np.array(rows)
+
+    def on_table():
+        with SimulatedTable(Rig(), np.random.default_rng(2)) as table:
+            keep = lambda row: rows.append(row.copy())  # noqa: E731
+            ending = Loop(table, Rig(), 0, course, controller=controller, keep=keep).run()
+            assert ending.outcome != "aborted" or table.volts_V == (0.0, 0.0)
+            return ending
+
+    return run_controlled(controller, Rig(), on_table), np.array(rows)
 
 
 def test_it_steers_the_ball_and_is_told_of_start_and_end():

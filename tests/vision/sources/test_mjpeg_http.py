@@ -6,7 +6,8 @@ import pytest
 
 from tests.support.stream_server import BOUNDARY, Script, Server, jpeg, level_of, part
 from tests.support.waiting import wait_for
-from vision.sources.mjpeg_http import PartClock, server_stamp, without_password
+from vision.sources.addresses import without_password
+from vision.sources.mjpeg_http import PartClock, server_stamp
 from vision.sources.sources import open_source
 
 
@@ -152,3 +153,9 @@ def test_another_machines_clock_is_mapped_and_parts_of_one_chunk_stay_in_order()
 def test_passwords_are_not_shown():
     assert without_password("http://a:b@host/x@y") == "http://host/x@y"
     assert without_password("http://host/x@y") == "http://host/x@y"
+    assert without_password("rtsp://a:p@ss:w@host:554/x") == "rtsp://host:554/x"
+    query = "http://host/v.cgi?user=a&Password=hunter2&size=2&access_token=abc#x"
+    shown = "http://host/v.cgi?user=a&Password=...&size=2&access_token=...#x"
+    assert without_password(query) == shown
+    assert without_password("film.mp4") == "film.mp4"
+    assert without_password("") == ""

@@ -5,6 +5,7 @@ import os
 import socket
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -12,8 +13,10 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
+from experiments.dashboard.server.door import MOST_WAITING
 from experiments.dashboard.server.server import PortBusyError, free_port, link_of, open_server
 from tests.support import ROOT
+from tests.support.waiting import wait_for
 
 TOKEN = "a-token-of-some-length-for-tests"
 
@@ -86,6 +89,31 @@ def test_no_page_opens_a_tunnel_to_the_internet(served):
     kinds = {kind.__name__ for kind in server._websock_server._incoming_handlers}
     assert "GuiUpdateMessage" in kinds
     assert not {kind for kind in kinds if "Share" in kind}
+
+
+@pytest.mark.skipif(not Path("/proc/self/fd").exists(), reason="counts open files in /proc")
+def test_idle_strangers_use_up_nothing_and_keep_nobody_out(served):
+    _, gate = served
+
+    def sockets() -> int:
+        count = 0
+        for one in Path("/proc/self/fd").iterdir():
+            with suppress(OSError):
+                count += str(one.readlink()).startswith("socket:")
+        return count
+
+    before, idle = sockets(), []
+    try:
+        for k in range(300):
+            idle.append(socket.create_connection(("127.0.0.1", gate.port)))
+            if k % 2:
+                idle[-1].sendall(b"GET / HTTP/1.1\r\n")
+        few = before + len(idle) + MOST_WAITING
+        wait_for("the end of all but a few", lambda: sockets() <= few, 5.0)
+        assert spoken(gate, origin=f"http://127.0.0.1:{gate.port}")
+    finally:
+        for one in idle:
+            one.close()
 
 
 def test_it_listens_where_it_was_told_and_nowhere_else(served):

@@ -39,6 +39,20 @@ def test_what_is_no_homing_is_refused_with_the_cure(tmp_path: Path, text: str):
         load(path)
 
 
+def test_limits_wider_than_at_the_homing_are_refused():
+    """FOUND: 1.1 rad between the stops of one arm, at 6 V."""
+    one = homed("id ab")
+    for servo, say in (
+        (replace(RIG.servo, angle_limit_rad=1.5), r"angle_limit_rad = 1.5 .* 0.55"),
+        (replace(RIG.servo, angle_limit_rad=0.56), r"angle_limit_rad = 0.56"),
+        (replace(RIG.servo, voltage_limit_V=24.0), r"voltage_limit_V = 24 .* 6"),
+    ):
+        with pytest.raises(NotHomed, match=say):
+            one.check(replace(RIG, servo=servo), "id ab")
+    one.check(replace(RIG, servo=replace(RIG.servo, angle_limit_rad=0.3)), "id ab")
+    one.check(replace(RIG, servo=replace(RIG.servo, voltage_limit_V=3.0)), "id ab")
+
+
 def test_another_table_another_power_up_another_encoder_are_refused():
     one = homed("id ab")
     one.check(RIG, "id ab")

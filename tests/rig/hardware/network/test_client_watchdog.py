@@ -10,6 +10,7 @@ from rig.hardware.network.remote_wire import DriveRequest
 from rig.hardware.wiring import Wiring
 from rig.parameters import ANGLE_MARGIN_RAD, Rig, Servo
 from rig.plant import plant, plant_record
+from rig.table import Reading
 
 T = 0.0  # the server's clock, so that differences are exact; the user's shows a second less
 SERVO = Servo(angle_limit_rad=0.5)
@@ -172,6 +173,58 @@ def test_full_volts_asked_for_ever_never_reach_the_stop():
         widest = max(widest, abs(s[plant.ARM, 0]))
     assert widest < rig.servo.angle_limit_rad + ANGLE_MARGIN_RAD / 2 + radians(0.5)
     assert widest < rig.servo.stop_rad - radians(2.0)
+
+
+def watched(one: ClientWatchdog, angles, volts: float) -> list[tuple[float, float]]:
+    """Volts of the ticks of a table whose encoder x shows these angles, armed, told `volts`."""
+    given = []
+    for k, theta in enumerate(angles):
+        now_s = T + 0.002 * k
+        one.watch(Reading(now_s, (theta, 0.0)), now_s)
+        told(one, volts, at_s=now_s)
+        given.append(one.volts((theta, 0.0), now_s))
+    return given
+
+
+@pytest.mark.parametrize("homed", [True, False])
+def test_a_frozen_encoder_or_a_blocked_arm_takes_the_volts_within_100_ms(homed: bool):
+    """Nor is the plate levelled by such an encoder."""
+    one = watchdog(homed=homed)
+    given = watched(one, [0.1] * 100, 3.0)
+    assert given[10] == (3.0, 0.0)
+    assert given[45:] == [(0.0, 0.0)] * 55
+    assert (one.armed, one.latched) == (False, True)
+    assert one.watch(Reading(T + 0.2, (0.1, 0.0)), T + 0.2) is None  # said once
+    one.arm(T + 0.3)
+    assert one.watch(Reading(T + 0.3, (0.1, 0.0)), T + 0.3) is None  # the watch begins anew
+    assert one.armed
+
+
+def test_a_jump_of_the_encoder_takes_the_volts_at_once():
+    one = watchdog()
+    assert watched(one, [0.0, 0.01, 0.35], 1.0) == [(1.0, 0.0)] * 2 + [(0.0, 0.0)]
+    assert (one.armed, one.latched) == (False, True)
+    fault = watchdog().watch(Reading(nan, (0.0, 0.0)), T)
+    assert fault is not None
+    assert fault.name == "no number"
+
+
+def test_an_arm_far_beyond_its_limit_is_led_back_to_level():
+    one, raw = watchdog(), watchdog(homed=False)
+    out = [0.019 * k for k in range(32)]
+    assert watched(one, out, 1.0)[-1][0] < 0.0
+    assert (one.armed, one.latched) == (False, True)
+    assert watched(raw, out, 1.0)[-1] == (1.0, 0.0)  # nobody knows where its limit is
+
+
+def test_an_arm_that_follows_is_left_alone():
+    one = watchdog()
+    assert watched(one, [0.004 * (k % 100) for k in range(90)], 3.0)[-1] == (3.0, 0.0)
+    assert one.armed
+    asleep = watchdog(armed=False)
+    assert asleep.watch(Reading(T, (0.0, 0.0)), T) is None
+    assert asleep.watch(Reading(T + 0.002, (0.4, 0.0)), T + 0.002) is None  # moved by hand
+    assert not asleep.latched
 
 
 def test_what_was_long_on_its_way_is_old_or_no_number_is_not_obeyed():

@@ -15,7 +15,7 @@ from rig.hardware.board.link import LinkLost
 from rig.hardware.network import remote_wire as wire
 from rig.hardware.network.client_watchdog import HOLD_S, ClientWatchdog
 from rig.hardware.network.link_clock import LinkClock
-from rig.hardware.network.remote import RemoteTable
+from rig.hardware.network.remote import LONGEST_ROUND_TRIP_S, RemoteTable
 from rig.hardware.network.token_file import make_token, read_token
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig, Servo
@@ -146,8 +146,8 @@ def test_a_silent_user_is_stopped_within_100_ms_and_stays_out(homed: bool):
         time.sleep(0.02)
         again = one.open(homed=homed)  # a new connection, armed anew, moves it
         with again:
-            drive_for(again, 0.1, (2.0, 0.0))
-            assert one.table.volts_V == (2.0, 0.0)
+            drive_for(again, 0.1, (-2.0, 0.0))  # off the stop, where it was not levelled
+            assert one.table.volts_V == (-2.0, 0.0)
 
 
 @patiently
@@ -259,7 +259,7 @@ def test_one_user_at_a_time_and_strangers_do_not_disturb():
 
 @patiently
 def test_a_stranger_who_says_nothing_makes_room(monkeypatch):
-    monkeypatch.setattr("rig.hardware.network.serve.GREETING_S", 0.2)
+    monkeypatch.setattr("rig.hardware.network.greetings.GREETING_S", 0.2)
     with served(CLEAN) as one:
         with socket.create_connection(("127.0.0.1", one.server.port)):
             time.sleep(0.4)
@@ -271,6 +271,47 @@ def test_a_stranger_who_says_nothing_makes_room(monkeypatch):
             stranger.sendall(b"GET / HTTP/1.1\r\n\r\n")
             time.sleep(0.05)
             one.open().close()
+
+
+@patiently
+def test_strangers_who_come_again_and_again_keep_nobody_out():
+    with served(CLEAN) as one:
+        door = ("127.0.0.1", one.server.port)
+        strangers = [socket.create_connection(door) for _ in range(3)]
+        over = threading.Event()
+
+        def knock() -> None:
+            while not over.wait(0.01):
+                strangers.append(socket.create_connection(door))
+
+        thread = threading.Thread(target=knock)
+        thread.start()
+        try:
+            for _ in range(3):
+                with one.open() as table:
+                    drive_for(table, 0.1, (1.0, 0.0))
+                    assert one.table.volts_V == (1.0, 0.0)
+                time.sleep(0.02)
+        finally:
+            over.set()
+            thread.join()
+            for stranger in strangers:
+                stranger.close()
+        assert len(strangers) > 12
+
+
+@patiently
+def test_a_server_that_is_ended_leaves_the_table_level():
+    with served(CLEAN) as one:
+        table = one.open()
+        table.arm()
+        while drive_for(table, 0.01, (2.0, -2.0))[-1].theta_rad[0] < 0.2:
+            pass
+        one.end()
+        with pytest.raises(LinkLost, match="rig serve was ended there"):
+            drive_for(table, 1.0)
+        assert one.table.volts_V == (0.0, 0.0)
+        assert np.all(np.abs(one.table.truth()["arm_rad"]) < 0.03)
 
 
 @patiently
@@ -286,6 +327,73 @@ def test_a_failing_table_tells_its_user(monkeypatch):
             drive_for(table, 1.0)
         table.close()
     assert "card is gone" in str(one.error)
+
+
+def late(seconds: float):
+    """What a cable does that keeps everything for `seconds`."""
+
+    def change(data: bytes, up: bool) -> bytes:
+        time.sleep(seconds)
+        return data
+
+    return change
+
+
+@patiently
+def test_a_table_far_away_is_not_armed():
+    with served(CLEAN) as one, Cable(one.server.port) as cable:
+        cable.change = late(0.05)
+        table = one.open(port=cable.port)
+        with pytest.raises(LinkLost, match="round trip takes"):
+            table.arm()
+        assert not one.server.watchdog.armed
+        with pytest.raises(LinkLost, match="round trip"):
+            table.drive((1.0, 0.0))
+        table.close()
+
+
+@patiently
+def test_a_link_that_becomes_slow_ends_the_run():
+    with served(CLEAN) as one, Cable(one.server.port) as cable:
+        table = one.open(port=cable.port)
+        table.arm()
+        drive_for(table, 0.3, (0.5, 0.0))
+        cable.change = late(0.035)
+        slow_s = time.monotonic()
+        with pytest.raises(LinkLost, match="round trip"):
+            drive_for(table, 3.0)
+        assert time.monotonic() - slow_s < 1.5
+        table.close()
+        time.sleep(0.7)
+        assert one.table.volts_V == (0.0, 0.0)
+
+
+def test_the_longest_round_trip_is_the_servo_loops_delay_margin():
+    """|L(i w)| = K P / (w sqrt(1 + tau^2 w^2)) = 1; margin = (pi/2 - atan(tau w)) / w."""
+    servo, gain = CLEAN.servo, CLEAN.gains.servo_proportional_V_rad * CLEAN.servo.gain_rad_s_V
+    w = np.linspace(1.0, 100.0, 100_000)
+    loop = gain / (w * np.hypot(1.0, servo.time_constant_s * w))
+    crossover = w[np.argmin(np.abs(loop - 1.0))]
+    margin_s = (0.5 * np.pi - np.arctan(servo.time_constant_s * crossover)) / crossover
+    assert 0.95 * margin_s < LONGEST_ROUND_TRIP_S <= margin_s
+
+
+@patiently
+def test_a_frozen_encoder_is_noticed_there_and_told_here(monkeypatch):
+    with served(CLEAN) as one:
+        table = one.open()
+        table.arm()
+        drive_for(table, 0.05, (0.5, 0.0))
+        frozen, read = one.table.read().theta_rad, one.table.read
+        monkeypatch.setattr(one.table, "read", lambda: replace(read(), theta_rad=frozen))
+        begin = time.monotonic()
+        with pytest.raises(LinkLost, match="servo x does not follow"):
+            drive_for(table, 1.0, (3.0, 0.0))
+        assert time.monotonic() - begin < 0.2
+        time.sleep(0.02)  # it says so first
+        assert one.table.volts_V == (0.0, 0.0)
+        assert any("does not follow" in line for line in one.said)
+        table.close()
 
 
 def test_nobody_there_other_versions_other_encoders_are_named():

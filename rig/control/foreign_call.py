@@ -1,0 +1,89 @@
+"""A call of a lab's own code: bounded in time and memory, and its prints go to standard error."""
+
+import contextlib
+import re
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+from types import TracebackType
+
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None
+
+MEMORY_SHARE = 0.5  # of what is free when the run begins; chosen: the rest is the recording's
+
+
+class OvertimeError(BaseException):
+    """Raised inside a call that takes too long; no `except Exception` in it helps."""
+
+
+class ForeignCall:
+    """Context of a call that may take `seconds` and `MEMORY_SHARE` of free memory.
+
+    OvertimeError: it took longer; MemoryError: it asked for more. Both are raised in the called
+    code itself. The time is bounded in a main thread on Linux and macOS, the memory on Linux.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        self.seconds = seconds
+        in_time = hasattr(signal, "setitimer")
+        self._bounds_time = in_time and threading.current_thread() is threading.main_thread()
+        self._data_bytes = _most_data_bytes()
+
+    def _alarm(self, *_: object) -> None:
+        raise OvertimeError(f"did not return within {self.seconds:g} s")
+
+    def __enter__(self) -> None:
+        self._stdout, sys.stdout = sys.stdout, sys.stderr
+        if resource is not None and self._data_bytes:
+            self._limits = resource.getrlimit(resource.RLIMIT_DATA)
+            resource.setrlimit(resource.RLIMIT_DATA, (self._data_bytes, self._limits[1]))
+        if self._bounds_time:
+            self._began_s, self._handler = (
+                time.monotonic(),
+                signal.signal(signal.SIGALRM, self._alarm),
+            )
+            self._timer = signal.setitimer(signal.ITIMER_REAL, self.seconds)
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._bounds_time:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            signal.signal(signal.SIGALRM, self._handler)
+            left_s, again_s = self._timer  # of whoever had set it before
+            if left_s:
+                passed_s = time.monotonic() - self._began_s
+                signal.setitimer(signal.ITIMER_REAL, max(left_s - passed_s, 1e-3), again_s)
+        if resource is not None and self._data_bytes:
+            resource.setrlimit(resource.RLIMIT_DATA, self._limits)
+        sys.stdout = self._stdout
+
+
+def _most_data_bytes() -> int:
+    """Bytes of data that this process may have; 0 where the system does not tell."""
+    free = [_number("/proc/meminfo", r"MemAvailable:\s+(\d+) kB") * 1024]
+    group = "/sys/fs/cgroup/memory."
+    most = _number(f"{group}max", r"(\d+)")
+    if most:
+        free.append(most - _number(f"{group}current", r"(\d+)"))
+    used = _number("/proc/self/status", r"VmData:\s+(\d+) kB") * 1024
+    if resource is None or not (used and free[0]):
+        return 0
+    hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
+    wanted = used + int(MEMORY_SHARE * max(min(free), 0))
+    return wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
+
+
+def _number(path: str, pattern: str) -> int:
+    with contextlib.suppress(OSError):
+        found = re.search(pattern, Path(path).read_text())
+        return int(found[1]) if found else 0
+    return 0

@@ -1,0 +1,106 @@
+"""Who has knocked at `rig serve` and not proven yet to know the token.
+
+They wait beside the user's seat, few and not for long, so that nobody without the token keeps
+anybody out.
+"""
+
+import secrets
+import select
+import socket
+from collections.abc import Callable
+from math import nan
+
+from rig.hardware.network import remote_wire as wire
+from rig.hardware.network.remote_wire import ProtocolError, Wire
+
+GREETING_S = 2.0  # to prove oneself
+MOST = 8  # at a time; chosen: a peer proves itself within two of the server's ticks
+
+
+class Peer:
+    """A connection, its greeting, and the times of its newest command (for its clock).
+
+    gone: why it is to be parted from, "" while it is there.
+    """
+
+    def __init__(self, wire_: Wire, host: str, name: str, now_s: float) -> None:
+        self.wire, self.host, self.name = wire_, host, name
+        self.nonce = secrets.token_bytes(wire.NONCE_BYTES)
+        self.heard_s, self.gone = now_s, ""
+        self.echo = (nan, nan)
+
+    def tell(self, kind: int, payload: bytes = b"") -> None:
+        """Say something; one who does not take it is gone."""
+        try:
+            self.wire.send(kind, payload)
+        except OSError:
+            self.gone = self.gone or "does not read what it is told"
+
+    def proves(self, token: bytes) -> bool:
+        """Whether the peer has shown that it knows the token; messages are sealed from then on.
+
+        The proof is compared in constant time. Who says anything else is gone, and is told so.
+        """
+        try:
+            said = self.wire.receive()
+        except ProtocolError:
+            self.gone = "said what no honest user says"
+            return False
+        except OSError:
+            self.gone = "is gone"
+            return False
+        for kind, payload in said[:1]:
+            theirs, proof = payload[: wire.NONCE_BYTES], payload[wire.NONCE_BYTES :]
+            right = wire.proof(token, self.nonce, theirs)
+            if kind == wire.PROOF and secrets.compare_digest(proof, right):
+                self.wire.seal(token, self.nonce, theirs, server=True)
+                return True
+            self.tell(wire.REFUSE, b"refused the token: it must be the same file on both machines")
+            self.gone = "did not know the token"
+        return False
+
+
+class Greetings:
+    """The peers at the door. say: gets a line for a person about who is turned away."""
+
+    def __init__(self, token: bytes, say: Callable[[str], None]) -> None:
+        self._token, self._say = token, say
+        self._waiting: list[Peer] = []
+
+    def welcome(self, sock: socket.socket, address: tuple, now_s: float) -> None:
+        """Greet a new connection; where too many wait, the oldest of the busiest address goes."""
+        sock.setblocking(False)
+        new = Peer(Wire(sock), address[0], f"{address[0]}:{address[1]}", now_s)
+        self._waiting.append(new)
+        if len(self._waiting) > MOST:
+            hosts = [peer.host for peer in self._waiting]
+            busiest = max(hosts, key=hosts.count)
+            self._part(self._waiting[hosts.index(busiest)])
+        new.tell(wire.HELLO, bytes([wire.VERSION]) + new.nonce)
+
+    def proven(self, now_s: float) -> list[Peer]:
+        """Listen to all who wait; return those who have proven themselves since the last call."""
+        if not self._waiting:
+            return []
+        said = select.select([peer.wire.sock for peer in self._waiting], [], [], 0.0)[0]
+        found = []
+        for peer in list(self._waiting):
+            if peer.wire.sock in said and peer.proves(self._token):
+                self._waiting.remove(peer)
+                found.append(peer)
+                continue
+            if not peer.gone and now_s - peer.heard_s > GREETING_S:
+                peer.gone = f"was silent for {GREETING_S:g} s"
+            if peer.gone:
+                self._say(f"{peer.name} {peer.gone}")
+                self._part(peer)
+        return found
+
+    def close(self) -> None:
+        """Hang up on all who wait."""
+        for peer in list(self._waiting):
+            self._part(peer)
+
+    def _part(self, peer: Peer) -> None:
+        peer.wire.close()
+        self._waiting.remove(peer)

@@ -1,0 +1,64 @@
+"""A bounded call: what is too long or too much is raised inside it, and nothing is left behind."""
+
+import contextlib
+import signal
+import sys
+import time
+
+import pytest
+
+from rig.control import foreign_call
+from rig.control.foreign_call import ForeignCall, OvertimeError
+
+POSIX = pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="timers of POSIX")
+
+
+def spin() -> None:
+    while True:
+        with contextlib.suppress(Exception):
+            time.sleep(0.01)
+
+
+@POSIX
+@pytest.mark.parametrize("work", [lambda: time.sleep(9), spin])
+def test_what_does_not_return_is_ended_in_time(work):
+    call, begin = ForeignCall(0.1), time.monotonic()
+    with pytest.raises(OvertimeError, match="did not return within 0.1 s"), call:  # noqa: RUF043
+        work()
+    assert time.monotonic() - begin < 1.0
+    with call:  # again, in time
+        pass
+    time.sleep(0.15)
+
+
+@POSIX
+def test_a_timer_that_was_set_before_goes_on():
+    came: list[int] = []
+    before = signal.signal(signal.SIGALRM, lambda *_: came.append(1))
+    timer = signal.setitimer(signal.ITIMER_REAL, 0.2)
+    try:
+        with ForeignCall(5.0):
+            time.sleep(0.1)
+        assert not came
+        time.sleep(0.3)
+        assert came == [1]
+    finally:
+        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_REAL, *timer)
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="RLIMIT_DATA of Linux")
+def test_memory_is_bounded_in_the_call_alone(monkeypatch):
+    monkeypatch.setattr(foreign_call, "MEMORY_SHARE", 1e-9)
+    call = ForeignCall(5.0)
+    with pytest.raises(MemoryError), call:
+        bytearray(1 << 28)
+    assert len(bytearray(1 << 28)) == 1 << 28
+
+
+def test_what_is_printed_goes_to_standard_error(capsys):
+    with ForeignCall(5.0):
+        print("a lab's words")
+    print("the program's")
+    told = capsys.readouterr()
+    assert (told.out, told.err) == ("the program's\n", "a lab's words\n")

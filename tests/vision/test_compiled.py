@@ -1,0 +1,59 @@
+"""Where compiled kernels are kept: in a folder of the user's, else in one of this program."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.support import ROOT
+
+PROGRAM = """
+import os, sys
+from vision.compiled import CACHE_NOTE, kernel
+import numba
+@kernel
+def twice(x):
+    return 2 * x
+folder = os.environ["NUMBA_CACHE_DIR"]
+print(twice(21), folder, numba.config.CACHE_DIR == folder, os.access(folder, os.W_OK))
+print(CACHE_NOTE)
+"""
+
+
+def run(tmp_path: Path, **environment: str) -> list[str]:
+    file = tmp_path / "program.py"
+    file.write_text(PROGRAM)
+    kept = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
+    told = subprocess.run(
+        [sys.executable, str(file)],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=kept | {"PYTHONPATH": str(ROOT)} | environment,
+    )
+    return told.stdout.splitlines()
+
+
+@pytest.mark.slow
+def test_the_users_folder_is_taken_where_it_can_be_written(tmp_path):
+    line, note = run(tmp_path, XDG_CACHE_HOME=str(tmp_path / "cache"))
+    assert line.startswith(f"42 {tmp_path}/cache/balancing-table-rig/")
+    assert line.endswith("True True")
+    assert note == ""
+
+
+@pytest.mark.parametrize(
+    "name", ["XDG_CACHE_HOME", pytest.param("NUMBA_CACHE_DIR", marks=pytest.mark.slow)]
+)
+def test_where_none_can_be_written_the_program_has_its_own_and_leaves_nothing(tmp_path, name):
+    """Machine code beside the sources would outlive a change of what it calls."""
+    line, note = run(tmp_path, **{name: "/dev/null/cache"})
+    number, folder, *yes = line.split()
+    assert (number, yes) == ("42", ["True", "True"])
+    assert not folder.startswith("/dev/null")
+    assert not Path(folder).exists()
+    assert not list(tmp_path.rglob("*.nbi"))
+    assert "/dev/null/cache" in note
+    assert "XDG_CACHE_HOME" in note
