@@ -135,7 +135,7 @@ def settle_targets(draft: Draft, ball: Mapping[str, str]) -> None:
         values, own = draft.values(column), draft.values(ball[axis])
         span = float(np.nanmax(own) - np.nanmin(own))
         reach = float(np.nanmax(np.abs(values - np.nanmedian(own))))
-        if (unit is not None and unit != source["unit"]) or reach > 1.5 * span:
+        if (unit is not None and unit != source.get("unit")) or reach > 1.5 * span:
             draft.because("rest", f"{column} is left out: not in the unit of {ball[axis]}")
             continue
         taken = {key: source[key] for key in ("unit", "sign", "offset", "scale") if key in source}

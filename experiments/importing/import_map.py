@@ -121,11 +121,14 @@ def write_map(path: Path, made: ImportMap) -> None:
     path.write_text(text, encoding="utf-8")
 
 
+KINDS = ("commanded", "measured")
 Stated = dict[str, dict[str, Any]]
 
 
 def stated(texts: list[str] | tuple[str, ...]) -> Stated:
     """What options `KEY=VALUE` say: {"time" or a log's column: {key: value}}.
+
+    Also {"": {"calibration": path}} and {"angle": {"kind": commanded or measured}}.
 
     `ball.unit=mm` speaks of both axes. ValueError (one line): no such key, or no value.
     """
@@ -136,13 +139,17 @@ def stated(texts: list[str] | tuple[str, ...]) -> Stated:
         if place == "calibration" and equals:
             said.setdefault("", {})["calibration"] = value.strip()
             continue
+        if place == "angle.kind" and value.strip() in KINDS:
+            said.setdefault("angle", {})["kind"] = value.strip()
+            continue
         name, dot, key = place.partition(".")
         fields = TimeMap.model_fields if name == "time" else SignalMap.model_fields
         names = [name] if name in ("time", *SIGNALS) else [s for s in SIGNALS if family(s) == name]
         if not equals or not dot or key not in fields or not names:
             raise ValueError(
                 f"--set {text}: write NAME.KEY=VALUE; NAME is time, {', '.join(PER_AXIS)} or a "
-                f"column of the log; KEY is {', '.join(fields)}"
+                f"column of the log; KEY is {', '.join(fields)}; or "
+                "angle.kind=commanded or measured"
             )
         for one in names:
             said.setdefault(one, {})[key] = _value(key, value.strip(), text)

@@ -8,7 +8,8 @@ from experiments.importing.units import canonical, quantity
 WORDS = {
     "time": "t time zeit tempo temps tiempo tid timestamp stamp clock elapsed tout date datetime "
     "millis micros",
-    "ball": "xb yb ball kugel palla bille balle bola bal kula marble sphere blob centroid",
+    "ball": "xb yb obj object ball kugel palla bille balle bola bal kula marble sphere blob "
+    "centroid",
     "place": "pos position posizione lage ort p point xy",
     "target": "target setpoint sp ref reference desired des soll goal want wanted sollwert rif",
     "angle": "angle theta servo tilt winkel alpha beta roll pitch arm joint phi angolo platte "
@@ -79,7 +80,7 @@ def hint(name: str, stated_unit: str | None = None) -> Hint:
     words = _words(bare)
     unit = unit or _unit_at_end(bare, words) or _unit_within(words)
     roles = [_ROLES[word] for word in words if word in _ROLES]
-    sayings = words[:-1] if len(words) > 1 and canonical(words[-1]) == unit else words
+    sayings = words[:-1] if unit and len(words) > 1 and canonical(words[-1]) == unit else words
     axis = next((_AXES[word] for word in reversed(sayings) if word in _AXES), None)
     role = _role(words, roles, unit)
     if role is None and set(_words(re.split(r"[./]", bare)[-1])) <= PLAIN:
@@ -92,7 +93,9 @@ def _words(name: str) -> list[str]:
     """Lower-case words of a name: at capitals, digits, and whatever is no letter."""
     name = re.sub(r"([a-zà-ÿ])([A-Z])", r"\1 \2", name)
     name = re.sub(r"(?<=[A-Za-zà-ÿ])(?=\d)|(?<=\d)(?=[A-Za-zà-ÿ])", " ", name)
-    return [word.lower() for word in re.split(r"[^A-Za-zà-ÿ0-9°%µμ]+", name) if word]
+    words = [word.lower() for word in re.split(r"[^A-Za-zà-ÿ0-9°%µμ]+", name) if word]
+    split = ([w[:-1], w[-1]] if w[-1] in "xy" and w[:-1] in _ROLES else [w] for w in words)
+    return [word for parts in split for word in parts]
 
 
 def _unit_at_end(name: str, words: list[str]) -> str | None:

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from experiments.importing.absent_ball import absent_codes, without
-from experiments.importing.draft import Draft, Proposal
+from experiments.importing.draft import Doubt, Draft, Proposal
 from experiments.importing.drive import find_volts, settle_speeds, settle_targets, settle_volts
-from experiments.importing.import_map import SIGNALS, Stated
+from experiments.importing.import_map import KINDS, SIGNALS, Stated
 from experiments.importing.names import hint
 from experiments.importing.recording import Stream
 from experiments.importing.roles import (
@@ -141,19 +141,14 @@ def _angles(draft: Draft, driven: bool, ball: Mapping[str, str]) -> dict[str, di
         elif not driven:
             command = assign(draft, "command", free)
     elif free:
-        kind = _lone_kind(draft, free)
+        kind = draft.said.get("angle", {}).get("kind") or _lone_kind(draft, free)
         if kind is None:
-            option = f"command_x_rad.column={free[0]}"
-            why = (
-                f"was {', '.join(free)} commanded or measured (if commanded, --set {option} "
-                "and so on)"
-            )
-            draft.doubt(["theta_x_rad"], "column", why, free[0])
-            kind = "theta"
-        if kind == "command":
-            command = assign(draft, "command", free)
-        else:
+            why = f"the names do not say if {' and '.join(free)} were commanded or measured"
+            draft.doubts.append(Doubt("angle", "kind", why, KINDS))
+        if kind == "measured":
             theta = assign(draft, "theta", free)
+        else:
+            command = assign(draft, "command", free)
     if not theta and not command:
         speeds = assign(draft, "theta", columns_of(draft, "speed"))
         theta = speeds
@@ -194,5 +189,5 @@ def _lone_kind(draft: Draft, free: list[str]) -> str | None:
         good = np.isfinite(draft.seconds) & np.isfinite(draft.values(column))
         speed = np.abs(np.diff(draft.values(column)[good])) / np.diff(draft.seconds[good])
         if float(np.quantile(speed, 0.999)) * si > JUMP_RAD_S:
-            return "command"
+            return "commanded"
     return None

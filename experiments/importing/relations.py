@@ -173,9 +173,8 @@ def _regression(y: np.ndarray, causes: np.ndarray) -> _Fit | None:
     if np.linalg.cond(A.T @ A) > 1e8:
         return None
     weights = np.ones(len(y))
+    b, inverse = _weighted(A, y, weights)
     for reach in (*([HUBER] * 6), *([TUKEY] * 12)):
-        inverse = np.linalg.inv(A.T @ (weights[:, None] * A))
-        b = inverse @ (A.T @ (weights * y))
         left = y - A @ b
         spread = 1.4826 * np.median(np.abs(left))
         if spread == 0:
@@ -187,6 +186,8 @@ def _regression(y: np.ndarray, causes: np.ndarray) -> _Fit | None:
             weights = np.minimum(1.0, HUBER / np.maximum(size, 1e-9))
         if weights.sum() < 4 * len(b):
             return None
+        b, inverse = _weighted(A, y, weights)
+    left = y - A @ b
     own = np.sqrt(weights) * left
     rho = float(np.clip(np.dot(own[1:], own[:-1]) / max(np.dot(own, own), 1e-300), 0, 0.95))
     windows = weights.sum() * (1 - rho) / (1 + rho)
@@ -203,6 +204,12 @@ def _regression(y: np.ndarray, causes: np.ndarray) -> _Fit | None:
         constant_error=float(errors[k]),
         windows=windows - k - 1,
     )
+
+
+def _weighted(A: np.ndarray, y: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Solution (k,) of weighted least squares, and the inverse normal matrix (k, k)."""
+    inverse = np.linalg.pinv(A.T @ (w[:, None] * A))
+    return inverse @ (A.T @ (w * y)), inverse
 
 
 def _response(fits: list[tuple[_Fit, float]], k: int) -> Response:

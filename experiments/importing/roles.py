@@ -162,7 +162,8 @@ def assign(draft: Draft, role: str, names: Sequence[str]) -> dict[str, str]:
             fits = [name for name in rest if draft.hints[name].axis in (axis, None)]
             if len(fits) == 1:
                 found[axis] = fits[0]
-            elif fits:
+            else:
+                fits = fits or rest
                 why = f"{len(fits)} columns could be {pattern.format(axis)}"
                 draft.doubt([pattern.format(axis)], "column", why, *fits[:6], "none")
     return found
@@ -196,11 +197,17 @@ def doubt_what_is_missing(
     taken = {draft.time.get("column"), draft.time.get("session"), *volts.values()}
     taken |= {*ball.values(), *angles.values()}
     free = [name for name in draft.stream.columns if name not in taken and _changes(draft, name)]
-    if not ball and not (angles and volts):
+    unknown = [name for name in free if draft.hints[name].role is None]
+    said = any(draft.is_said(f"ball_{axis}_m", "column") for axis in "xy")
+    if not ball and not said and (unknown or not (angles and volts)):
         if not free:
             raise BadFileError("no column can be the ball's place: none is left that changes")
+        options = [*(unknown or free)[:8], *(["none"] if angles and volts else [])]
         why = "no column is the ball's place by its name"
-        draft.doubt(["ball_x_m"], "column", why, *free[:8])
+        draft.doubt(["ball_x_m"], "column", why, *options)
+    elif len(ball) == 1 and unknown:
+        other = "ball_y_m" if "x" in ball else "ball_x_m"
+        draft.doubt([other], "column", "the ball's other coordinate is open", *unknown[:8], "none")
     if not angles:
         if not free:
             raise BadFileError("no column can be an angle: none is left that changes")

@@ -17,7 +17,9 @@ from experiments.importing.units import factor, quantity
 GAIN = (0.2, 8.5)  # m/s2/rad; the upper end: the plate's own tilt, 5/7 g, and a fifth
 LINKAGE_GAIN = 3.6  # of a servo's arm on a plate at most half as long; beyond, it is no such angle
 BALL_SPAN_M = (0.004, 1.5)
-ANGLE_SPAN_RAD = (0.004, 7.0)
+ANGLE_SPAN_RAD = 0.004  # at least
+USUAL_GAIN = (0.4, 8.5)
+USUAL_SPAN_RAD = 3.2  # a servo turns half a turn
 LEVEL_RAD = 0.12  # a zero nearer to 0 than this is a level error, which is for `rig gap` to find
 ROUND = (90.0, 180.0, 1500.0, 2048.0, 512.0, 127.5, 128.0, 135.0, 2047.0, 0.5, 307.0, 375.0)
 
@@ -38,7 +40,13 @@ def settle_units(
         (b, a)
         for b in ([b_said] if b_said else ["m", "cm", "mm"])
         for a in ([a_said] if a_said else ["rad", "deg"])
-        if _plausible(draft, (b, ball_names, ball), (a, angle_names, angles), answers)
+        if _plausible(
+            draft,
+            (b, ball_names, ball),
+            (a, angle_names, angles),
+            answers,
+            named=a_said is not None,
+        )
     ]
     told = any(answer is not None for answer in answers.values())
     pick_b = b_said or (fitting[0][0] if fitting else "m")
@@ -134,14 +142,25 @@ def _plausible(
     ball: tuple[str, Mapping[str, str], Mapping[str, str]],
     angle: tuple[str, Mapping[str, str], Mapping[str, str]],
     answers: Mapping[str, Answer | None],
+    *,
+    named: bool,
 ) -> bool:
-    """Whether spans and gains are those of a table, if ball and angle are in these units."""
-    for (unit, names, columns), (low, high) in ((ball, BALL_SPAN_M), (angle, ANGLE_SPAN_RAD)):
+    """Whether spans and gains are those of a table, if ball and angle are in these units.
+
+    An angle whose name says no unit must be a usual one: counts and pulse widths look like degrees
+    of an unusual servo.
+    """
+    largest, (lowest, highest) = (7.0, GAIN) if named else (USUAL_SPAN_RAD, USUAL_GAIN)
+    spans = (BALL_SPAN_M, (ANGLE_SPAN_RAD, largest))
+    for (unit, names, columns), (low, high) in zip((ball, angle), spans, strict=True):
         for axis, column in columns.items():
             si = _si(draft, names[axis], unit)
             if si is not None and draft.hints[column].role != "speed":
                 span = si * _span(draft.values(column))
                 if not low <= span <= high:
+                    return False
+                most = float(np.nanmax(np.abs(draft.values(column))))
+                if columns is angle[2] and not named and most * si > 2 * np.pi:
                     return False
     for axis, answer in answers.items():
         if answer is None or axis not in ball[1] or axis not in angle[1]:
@@ -149,7 +168,7 @@ def _plausible(
         b, a = _si(draft, ball[1][axis], ball[0]), _si(draft, angle[1][axis], angle[0])
         if b is not None and a is not None:
             ends = sorted(abs(end) * b / a for end in (answer.response.low, answer.response.high))
-            if ends[1] < GAIN[0] or ends[0] > GAIN[1]:
+            if ends[1] < lowest or ends[0] > highest:
                 return False
     return True
 
@@ -249,7 +268,7 @@ def settle_ball_zero(draft: Draft, ball: Mapping[str, str], seen: Mapping[str, n
             draft.settle(name, offset=draft.said[name]["offset"])
             continue
         draft.settle(name, offset=0.0)
-        if draft.signals[name]["unit"] == "px" and "calibration" in draft.said.get("", {}):
+        if draft.signals[name].get("unit") == "px" and "calibration" in draft.said.get("", {}):
             continue
         values = draft.values(column)[np.isfinite(seen[axis])]
         low, high = np.quantile(values, (0.02, 0.98)) if len(values) else (0.0, 0.0)

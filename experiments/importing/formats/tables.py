@@ -97,10 +97,12 @@ def _columns(name: str, column: Any, feature: Any) -> Iterator[tuple[str, np.nda
     ):
         if not (pa.types.is_floating(kind.value_type) or pa.types.is_integer(kind.value_type)):
             return
-        width = pc.max(pc.list_value_length(column)).as_py() or 0
-        if width > MAX_WIDTH or width != pc.min(pc.list_value_length(column)).as_py():
+        lengths = set(pc.call_function("list_value_length", [column]).unique().to_pylist())
+        width = next(iter(lengths), 0)
+        if len(lengths) != 1 or not width or width > MAX_WIDTH:
             return
-        flat = pc.list_flatten(column).cast(pa.float64(), safe=False).to_numpy()
+        flat = pc.call_function("list_flatten", [column])
+        flat = flat.cast(pa.float64(), safe=False).to_numpy()
         names = _element_names(feature, width)
         for i, values in enumerate(flat.reshape(-1, width).T):
             yield f"{name}.{names[i]}" if names else f"{name}[{i}]", np.array(values)
