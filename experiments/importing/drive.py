@@ -138,5 +138,9 @@ def settle_targets(draft: Draft, ball: Mapping[str, str]) -> None:
         if (unit is not None and unit != source.get("unit")) or reach > 1.5 * span:
             draft.because("rest", f"{column} is left out: not in the unit of {ball[axis]}")
             continue
+        both = np.isfinite(values) & np.isfinite(own)
+        if np.ptp(values[both]) > 0 and np.corrcoef(values[both], own[both])[0, 1] < 0:
+            draft.because("rest", f"{column} is left out: the ball goes the other way")
+            continue
         taken = {key: source[key] for key in ("unit", "sign", "offset", "scale") if key in source}
         draft.settle(NAMES["target"].format(axis), column=column, **taken)

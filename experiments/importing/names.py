@@ -94,7 +94,9 @@ def _words(name: str) -> list[str]:
     name = re.sub(r"([a-zà-ÿ])([A-Z])", r"\1 \2", name)
     name = re.sub(r"(?<=[A-Za-zà-ÿ])(?=\d)|(?<=\d)(?=[A-Za-zà-ÿ])", " ", name)
     words = [word.lower() for word in re.split(r"[^A-Za-zà-ÿ0-9°%µμ]+", name) if word]
-    split = ([w[:-1], w[-1]] if w[-1] in "xy" and w[:-1] in _ROLES else [w] for w in words)
+    split = (
+        [w[:-1], w[-1]] if w[-1] in "xy" and len(w) > 2 and w[:-1] in _ROLES else [w] for w in words
+    )
     return [word for parts in split for word in parts]
 
 

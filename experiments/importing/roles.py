@@ -154,19 +154,17 @@ def assign(draft: Draft, role: str, names: Sequence[str]) -> dict[str, str]:
         for axis in "xy"
         if draft.is_said(pattern.format(axis), "column")
     }
-    if said:
-        return {axis: column for axis, column in said.items() if column != "none"}
-    found, rest = by_axis(names, draft.hints)
-    if rest:
-        for axis in "xy":
-            fits = [name for name in rest if draft.hints[name].axis in (axis, None)]
-            if len(fits) == 1:
-                found[axis] = fits[0]
-            else:
-                fits = fits or rest
-                why = f"{len(fits)} columns could be {pattern.format(axis)}"
-                draft.doubt([pattern.format(axis)], "column", why, *fits[:6], "none")
-    return found
+    found, rest = ({}, list(names)) if said else by_axis(names, draft.hints)
+    for axis in "xy" if rest else ():
+        if axis in said:
+            continue
+        fits = [name for name in rest if draft.hints[name].axis in (axis, None)] or rest
+        if len(fits) == 1:
+            found[axis] = fits[0]
+        else:
+            why = f"{len(fits)} columns could be {pattern.format(axis)}"
+            draft.doubt([pattern.format(axis)], "column", why, *fits[:6], "none")
+    return {**found, **{axis: column for axis, column in said.items() if column != "none"}}
 
 
 def find_ball(draft: Draft) -> dict[str, str]:

@@ -20,6 +20,7 @@ BALL_SPAN_M = (0.004, 1.5)
 ANGLE_SPAN_RAD = 0.004  # at least
 USUAL_GAIN = (0.4, 8.5)
 USUAL_SPAN_RAD = 3.2  # a servo turns half a turn
+PLATE_TILT = "in rig.toml, linkage.arm_radius_m is then half of plate_side_m"
 LEVEL_RAD = 0.12  # a zero nearer to 0 than this is a level error, which is for `rig gap` to find
 ROUND = (90.0, 180.0, 1500.0, 2048.0, 512.0, 127.5, 128.0, 135.0, 2047.0, 0.5, 307.0, 375.0)
 
@@ -78,6 +79,11 @@ def settle_units(
         settle_scale(draft, list(names.values()), unit)
     if told and gain:
         draft.because("angle", f"the ball accelerates by {gain}")
+        if any(
+            abs(r) > LINKAGE_GAIN
+            for r in _gains(draft, answers, (pick_b, ball_names), (pick_a, angle_names))
+        ):
+            draft.because("angle", f"so this is the plate's own tilt: {PLATE_TILT}")
 
 
 def settle_scale(draft: Draft, names: Sequence[str], unit: str) -> None:
@@ -200,6 +206,22 @@ def _sure_ball(
         if a is None or abs(answer.response.gain) / a > LINKAGE_GAIN:
             return False
     return bool(answers)
+
+
+def _gains(
+    draft: Draft,
+    answers: Mapping[str, Answer | None],
+    ball: tuple[str, Mapping[str, str]],
+    angle: tuple[str, Mapping[str, str]],
+) -> list[float]:
+    """Gains [m/s2/rad] where both units (unit, axis -> name) have SI values."""
+    found = []
+    for axis, answer in answers.items():
+        if answer is not None and axis in ball[1]:
+            b, a = _si(draft, ball[1][axis], ball[0]), _si(draft, angle[1][axis], angle[0])
+            if b is not None and a is not None:
+                found.append(answer.response.gain * b / a)
+    return found
 
 
 def _gain_text(

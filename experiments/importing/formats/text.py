@@ -10,7 +10,7 @@ import numpy as np
 
 from experiments.importing.recording import MAX_COLUMNS, BadFileError, Stream, check_size
 
-SEPARATORS = (",", ";", "\t", "|", " ")
+SEPARATORS = (" ", ",", "|", "\t", ";")  # the later, the less likely to mean anything else
 PREAMBLE_LINES = 200  # chosen: LabVIEW's longest headers have some thirty lines
 MAX_BYTES = 1_000_000_000
 _COMMA_NUMBER = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*")
@@ -74,7 +74,7 @@ def _layout(lines: Sequence[str]) -> tuple[str, int]:
     """
     head = lines[:PREAMBLE_LINES]
     best: tuple[tuple[float, int], str, int] | None = None
-    for separator in SEPARATORS:
+    for rank, separator in enumerate(SEPARATORS):
         if separator != " " and not any(separator in line for line in head):
             continue
         if max(line.count(separator) for line in head) >= MAX_COLUMNS:
@@ -86,7 +86,7 @@ def _layout(lines: Sequence[str]) -> tuple[str, int]:
             continue
         width = len(rows[first])
         alike = [yes and len(r) == width for yes, r in zip(numeric, rows, strict=True)][first:]
-        found = ((round(sum(alike) / len(alike), 2), width), separator, first)
+        found = ((round(sum(alike) / len(alike), 2), rank), separator, first)
         if best is None or found[0] > best[0]:
             best = found
     if best is None:
@@ -99,9 +99,18 @@ def _mostly_numbers(cells: Sequence[str], separator: str) -> bool:
 
     With a comma as the separator a decimal comma cannot be told, so it is none.
     """
+    if any(_several_numbers(cell) for cell in cells):
+        return False
     numbers = sum(_is_number(cell, separator != ",") for cell in cells)
     words = sum(bool(cell.strip()) for cell in cells) - numbers
     return numbers >= 2 and words <= numbers / 2
+
+
+def _several_numbers(cell: str) -> bool:
+    """Whether a cell holds numbers with another separator between them."""
+    parts = re.split(r"[;|\s]+", cell.strip())
+    whole = _CLOCK.fullmatch(cell) is not None
+    return len(parts) > 1 and not whole and all(_is_number(part, True) for part in parts)
 
 
 def _is_number(cell: str, comma: bool) -> bool:
