@@ -186,7 +186,9 @@ def _regression(y: np.ndarray, causes: np.ndarray) -> _Fit | None:
             weights = np.minimum(1.0, HUBER / np.maximum(size, 1e-9))
         if weights.sum() < 4 * len(b):
             return None
-        b, inverse = _weighted(A, y, weights)
+        before, (b, inverse) = b, _weighted(A, y, weights)
+        if reach == TUKEY and np.all(np.abs(b - before) <= 1e-3 * spread):
+            break
     left = y - A @ b
     own = np.sqrt(weights) * left
     rho = float(np.clip(np.dot(own[1:], own[:-1]) / max(np.dot(own, own), 1e-300), 0, 0.95))
@@ -208,7 +210,8 @@ def _regression(y: np.ndarray, causes: np.ndarray) -> _Fit | None:
 
 def _weighted(A: np.ndarray, y: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Solution (k,) of weighted least squares, and the inverse normal matrix (k, k)."""
-    inverse = np.linalg.pinv(A.T @ (w[:, None] * A))
+    normal = A.T @ (w[:, None] * A)
+    inverse = np.linalg.inv(normal + 1e-9 * np.trace(normal) * np.eye(len(normal)))
     return inverse @ (A.T @ (w * y)), inverse
 
 

@@ -8,6 +8,7 @@ import pytest
 from experiments.importing.conversion import convert
 from experiments.importing.import_map import ImportMap, merged, read_map, stated, write_map
 from experiments.importing.recording import BadFileError, Stream
+from tests.support import DATA
 
 T = np.arange(100) * 0.02
 
@@ -128,11 +129,10 @@ def test_an_exposure_is_on_the_clock_of_the_rows():
     np.testing.assert_allclose(log["ball_exposed_s"] - log["t_s"], -0.03, atol=1e-6)
 
 
-def test_pixels_by_a_calibration(tmp_path: Path):
-    from calibration.bundle import load, simulated_bundle
+def test_pixels_by_a_calibration():
+    from calibration.bundle import load
 
-    path = tmp_path / "camera.json"
-    simulated_bundle().save(path)
+    path = DATA / "today" / "calibration.json"
     bundle = load(path)
     xy = np.column_stack((0.05 * np.cos(T), 0.05 * np.sin(T)))
     uv = np.array([bundle.view.silhouette_from_ball(one, bundle.ball_radius_m)[:2] for one in xy])

@@ -28,8 +28,8 @@ def imported(lab: Disguise) -> tuple[Proposal, int]:
     raise AssertionError(f"more than {MOST_QUESTIONS} questions")
 
 
-@settings(max_examples=8, deadline=None, derandomize=True)
-@given(seed=st.integers(0, 2**31), number=st.sampled_from((0, 3, 6)))
+@settings(max_examples=3, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 2**31), number=st.sampled_from((7, 8)))
 def test_found_or_asked(seed: int, number: int):
     lab = disguised(np.random.default_rng(seed), number)
     found, _ = imported(lab)
@@ -56,7 +56,7 @@ def test_named_units_and_kinds_leave_nothing_to_ask():
     sizes = {"ball": 0.001, "command": np.pi / 180, "theta": np.pi / 180}
     rng = np.random.default_rng(5)
     for _ in range(4):
-        lab = disguised(rng, 0)
+        lab = disguised(rng, 8)
         columns = {"time [s]": lab.truth.axes[0].t}
         for log_name, keys in lab.keys.items():
             kind, axis = log_name.split("_")[:2]

@@ -36,6 +36,7 @@ BENCHES = (
     {"course_kind": "wander", "ratio": 1.0, "noise": 0.001},
     {"course_kind": "squares", "motor": True, "dead": 0, "frame_hz": 30.0},
     {"course_kind": "hold", "motor": True, "dead": 0, "noise": 0.002, "seconds": 15.0},
+    {"course_kind": "wander", "seconds": 15.0, "level": 0.02},
 )
 _RUNS: dict[int, tuple[Axis, Axis]] = {}
 
