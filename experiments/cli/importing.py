@@ -74,23 +74,27 @@ def import_(
     typer.echo(f"map: {out.with_name('import.toml')}")
 
 
+def somebody_is_there() -> bool:
+    """Whether a person can answer: standard input is a terminal."""
+    return sys.stdin.isatty()
+
+
 def _proposed(recording, said, sources: tuple[str, ...], *, yes: bool):
     """The map that the file seems to need: shown, and asked about unless `yes`.
 
     ValueError (one line): `yes`, or nobody is there to ask, and something is in doubt.
     """
+    from experiments.importing.import_map import stated
     from experiments.importing.proposal import propose
     from experiments.importing.words import report_lines
 
     found = propose(recording.stream, said)
-    ask = not yes and sys.stdin.isatty()
+    ask = not yes and somebody_is_there()
     while found.doubts and ask:
         doubt = found.doubts[0]
         first = doubt.options[0] if doubt.options else None
         choices = f" ({', '.join(doubt.options)})" if doubt.options else ""
         answer = typer.prompt(f"{doubt.why}? {doubt.place}.{doubt.key}{choices}", default=first)
-        from experiments.importing.import_map import stated
-
         for name, keys in stated([f"{doubt.place}.{doubt.key}={answer}"]).items():
             said.setdefault(name, {}).update(keys)
         found = propose(recording.stream, said)

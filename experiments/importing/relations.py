@@ -17,8 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import fftconvolve
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 STEP_S = 0.01  # grid; control and cameras of such tables are slower or little faster
 HALF_WINDOWS_S = (0.15, 0.3, 0.6)  # chosen: from a few frames to a third of a table's period
@@ -140,13 +139,13 @@ def _fits(
         return []
     slope, weight = _kernels(half, order)
     ones = np.ones(2 * half + 1)
-    whole = fftconvolve((~seen).astype(float), ones, "same") < 0.5
-    result = fftconvolve(x - x[seen].mean() if seen.any() else x, slope[::-1], "same")
+    whole = np.convolve((~seen).astype(float), ones, "same") < 0.5
+    result = np.convolve(x - x[seen].mean() if seen.any() else x, slope[::-1], "same")
     smooth, known = [], []
     for values, there in signals:
         centre = values[there].mean()
-        smooth.append(fftconvolve(values - centre, weight, "same") + centre)
-        known.append(fftconvolve((~there).astype(float), ones, "same") < 0.5)
+        smooth.append(np.convolve(values - centre, weight, "same") + centre)
+        known.append(np.convolve((~there).astype(float), ones, "same") < 0.5)
     fits = []
     for delay_s in DELAYS_S:
         back = round(delay_s / STEP_S)
@@ -220,7 +219,7 @@ def _response(fits: list[tuple[_Fit, float]], k: int) -> Response:
     fit, delay_s = max(fits, key=lambda one: one[0].total)
     sign = np.sign(fit.gains[k])
     against = [one.shares[k] for one, _ in fits if np.sign(one.gains[k]) != sign]
-    reach = float(student.ppf(0.5 + CONFIDENCE / 2, max(fit.windows, 1.0)) * fit.errors[k])
+    reach = float(stdtrit(max(fit.windows, 1.0), 0.5 + CONFIDENCE / 2) * fit.errors[k])
     gain = float(fit.gains[k])
     return Response(
         gain=gain,

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.records.recording import read_run
 from rig.log import COLUMNS, INDEX, NAMES, Log
 
 ALWAYS = NAMES[: INDEX["ball_y_m"] + 1]
@@ -24,6 +23,8 @@ def export_run(run_folder: Path | str, out_path: Path | str) -> Path:
     ValueError: another suffix, no place for a file, or no readable run; FileNotFoundError: no run
     in the folder; OSError: the file cannot be written.
     """
+    from experiments.records.recording import read_run  # brings the loop and its compiler
+
     out_path = Path(out_path)
     writer_of(out_path)  # a wrong name is said before a long run is read
     if out_path.is_dir() or (out_path.parent.exists() and not out_path.parent.is_dir()):
