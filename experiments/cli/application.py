@@ -18,6 +18,7 @@ from experiments.cli.dashboard import dashboard
 from experiments.cli.doctor import doctor
 from experiments.cli.gap import gap
 from experiments.cli.home import home
+from experiments.cli.importing import EPILOG, import_
 from experiments.cli.serve import serve
 
 INTERRUPTED = 130
@@ -206,6 +207,7 @@ app.command()(dashboard)
 app.command()(gap)
 app.command()(compare)
 app.command()(home)
+app.command("import", epilog=EPILOG)(import_)
 app.command()(serve)
 app.command()(doctor)
 app.add_typer(calibrate, name="calibrate")

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.records.recording import read_run
 from rig.log import COLUMNS, INDEX, NAMES, Log
 
 ALWAYS = NAMES[: INDEX["ball_y_m"] + 1]
@@ -24,8 +23,10 @@ def export_run(run_folder: Path | str, out_path: Path | str) -> Path:
     ValueError: another suffix, no place for a file, or no readable run; FileNotFoundError: no run
     in the folder; OSError: the file cannot be written.
     """
+    from experiments.records.recording import read_run  # brings the loop and its compiler
+
     out_path = Path(out_path)
-    _writer(out_path)  # a wrong name is said before a long run is read
+    writer_of(out_path)  # a wrong name is said before a long run is read
     if out_path.is_dir() or (out_path.parent.exists() and not out_path.parent.is_dir()):
         raise ValueError(f"{out_path}: not a place for a file; name another")
     return export_log(read_run(run_folder).log, out_path)
@@ -37,7 +38,7 @@ def export_log(log: Log, out_path: Path | str) -> Path:
     ValueError: another suffix. OSError: it cannot be written there.
     """
     out_path = Path(out_path)
-    write = _writer(out_path)
+    write = writer_of(out_path)
     columns = {name: log[name] for name in NAMES if name in ALWAYS or log.has(name)}
     out_path.parent.mkdir(parents=True, exist_ok=True)
     part = out_path.with_name(out_path.name + ".part")
@@ -51,7 +52,7 @@ def export_log(log: Log, out_path: Path | str) -> Path:
     return out_path
 
 
-def _writer(path: Path) -> Callable[[Path, dict[str, np.ndarray]], None]:
+def writer_of(path: Path) -> Callable[[Path, dict[str, np.ndarray]], None]:
     """Return what writes a file of `path`'s suffix. ValueError: nothing does."""
     writers = {".csv": _write_csv, ".parquet": _write_parquet, ".mat": _write_mat}
     if path.suffix.lower() not in writers:

@@ -75,6 +75,8 @@ PARTS = {
     "mujoco": Part("the simulator against an independent engine", module="mujoco"),
     "importlinter": Part("the order of packages and rooms", module="importlinter"),
     "distributed": Part("trials on a Dask cluster", module="distributed"),
+    "nptdms": Part("rig import of LabVIEW's TDMS files", module="nptdms"),
+    "mcap_ros2": Part("rig import of ROS 2 bags", module="mcap_ros2"),
     "footage": Part(
         "the tracker on real footage",
         file=FOOTAGE,

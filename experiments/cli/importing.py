@@ -1,0 +1,108 @@
+"""The command `rig import`: somebody's recording as a log of this rig, by a map kept beside it."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+EPILOG = """
+Without --map the file's names, ranges and physics are looked at, a map is proposed in five lines,
+and you are asked; --yes takes it. What the file does not tell (a sign, a unit, a scale) is asked,
+and with --yes refused in one line that names the option. Examples:
+--set ball.unit=mm (both axes), --set ball_x_m.column="Pos X", --set time.rate_hz=50,
+--set command.offset=90, --set voltage.scale=12 (volts of the supply, for a share of it),
+--set theta.unit=turn/4096 (counts a turn), --set ball_y_m.sign=-1, --set target.column=none.
+Then: rig gap LOG --rig my.toml
+"""
+
+
+def import_(
+    files: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE...",
+            help="CSV, text, MAT, TDMS, Parquet, MCAP; folder of a LeRobot set or ROS 2 bag.",
+        ),
+    ],
+    out: Annotated[Path, typer.Option("--out", help="Log: .csv, .parquet or .mat.")],
+    map_file: Annotated[
+        Path | None, typer.Option("--map", help="Reuse a map; do not look at the file.")
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME.KEY=VALUE", help="State a part of the map."),
+    ] = None,
+    calibration: Annotated[
+        Path | None, typer.Option(help="Camera's bundle: the ball is in pixels.")
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Take the proposal unasked.")] = False,
+) -> None:
+    """Turn recordings of other programs into logs; import.toml beside them keeps how.
+
+    Several sessions become LOG-1, LOG-2, ...
+    """
+    from experiments.importing.conversion import convert
+    from experiments.importing.formats.choose import read_recording
+    from experiments.importing.import_map import merged, read_map, stated, write_map
+    from experiments.importing.words import log_line
+    from experiments.records.exporting import export_log, writer_of
+
+    said = stated(settings or [])
+    if calibration is not None:
+        said.setdefault("", {})["calibration"] = str(calibration)
+    writer_of(out)
+    recordings = [read_recording(path) for path in files]
+    sources = tuple(path.name for path in files)
+    if map_file is not None:
+        made = merged(read_map(map_file), said).model_copy(update={"sources": sources})
+    else:
+        made = _proposed(recordings[0], said, sources, yes=yes)
+    logs = []
+    for path, recording in zip(files, recordings, strict=True):
+        try:
+            logs += convert(recording.stream, made)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from error
+    names = [out]
+    if len(logs) > 1:
+        names = [out.with_name(f"{out.stem}-{i + 1}{out.suffix}") for i in range(len(logs))]
+    for name, log in zip(names, logs, strict=True):
+        export_log(log, name)
+        typer.echo(log_line(str(name), log))
+    write_map(out.with_name("import.toml"), made)
+    typer.echo(f"map: {out.with_name('import.toml')}")
+
+
+def somebody_is_there() -> bool:
+    """Whether a person can answer: standard input is a terminal."""
+    return sys.stdin.isatty()
+
+
+def _proposed(recording, said, sources: tuple[str, ...], *, yes: bool):
+    """The map that the file seems to need: shown, and asked about unless `yes`.
+
+    ValueError (one line): `yes`, or nobody is there to ask, and something is in doubt.
+    """
+    from experiments.importing.import_map import stated
+    from experiments.importing.proposal import propose
+    from experiments.importing.words import report_lines
+
+    found = propose(recording.stream, said)
+    ask = not yes and somebody_is_there()
+    while found.doubts and ask:
+        doubt = found.doubts[0]
+        first = doubt.options[0] if doubt.options else None
+        choices = f" ({', '.join(doubt.options)})" if doubt.options else ""
+        answer = typer.prompt(f"{doubt.why}? {doubt.place}.{doubt.key}{choices}", default=first)
+        for name, keys in stated([f"{doubt.place}.{doubt.key}={answer}"]).items():
+            said.setdefault(name, {}).update(keys)
+        found = propose(recording.stream, said)
+    for line in report_lines(recording, found):
+        typer.echo(line)
+    made = found.map(sources)
+    if not yes:
+        if not ask:
+            raise ValueError("nobody is there to ask: --yes takes this proposal")
+        typer.confirm("import so", abort=True, default=True)
+    return made

@@ -1,0 +1,1 @@
+"""Turn what other people record into the columns of the log contract."""

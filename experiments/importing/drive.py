@@ -1,0 +1,146 @@
+"""Volts, shares, currents, speeds and targets: settled after the angles and the ball."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from experiments.importing.draft import Draft
+from experiments.importing.relations import responses
+from experiments.importing.roles import NAMES, assign, columns_of
+from experiments.importing.scales import settle_scale
+from experiments.importing.signs import filled
+from experiments.importing.units import FACTORS, quantity
+
+MAX_VOLTS = 60.0  # extra-low voltage; no motor of such a table takes more
+FULL_SCALES = (1.0, 100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0)
+NEAR_FULL = 0.02
+SPEED_TOLERANCE = 0.15  # of a slope that must be 1
+
+
+def find_volts(draft: Draft) -> dict[str, str]:
+    """Axis -> column of the motors' volts, or of what stands for them."""
+    for role in ("voltage", "share", "current"):
+        names = columns_of(draft, role)
+        if names or role == "voltage":
+            found = assign(draft, "voltage", names)
+            if found:
+                return found
+    return {}
+
+
+def settle_volts(draft: Draft, volts: Mapping[str, str], theta: Mapping[str, str]) -> None:
+    """Settle pairing, sign and unit of the volts by the angles that follow them."""
+    good = np.isfinite(draft.seconds)
+    columns = list(volts.values())
+    causes = [filled(draft.values(column))[good] for column in columns]
+    unit = _unit(draft, volts)
+    for axis, own in list(volts.items()):
+        name = NAMES["voltage"].format(axis)
+        if axis not in theta:
+            draft.because("drive", f"{own} is left out: no angle on axis {axis} to hold it against")
+            continue
+        angle = NAMES["theta"].format(axis)
+        turned = draft.signals[angle]["sign"] * filled(draft.values(theta[axis]))[good]
+        each = responses(draft.seconds[good], turned, causes, order=1)
+        known = {c: r for c, r in zip(columns, each, strict=True) if r is not None and r.sure}
+        column = max(known, key=lambda c: known[c].share) if known else own
+        if draft.is_said(name, "column") or len(volts) > len(theta):
+            column = own
+        if column != own:
+            draft.because("drive", f"{column} drives {axis}, whatever its name: the angle follows")
+        draft.settle(name, column=column, unit=unit, offset=0.0)
+        response = known.get(column)
+        if response is None:
+            why = f"{theta[axis]} does not tell the sign of {column}"
+            draft.doubt([name], "sign", why, "1", "-1")
+            draft.settle(name, sign=1)
+        else:
+            draft.settle(name, sign=1 if response.gain > 0 else -1)
+    names = [NAMES["voltage"].format(axis) for axis in volts if axis in theta]
+    columns = [draft.signals[name]["column"] for name in names]
+    if len(set(columns)) < len(columns):
+        draft.doubt(names, "column", "one column of volts would drive both axes", *volts.values())
+    settle_scale(draft, names, unit)
+    if quantity(unit) == "current":
+        for key in ("resistance_ohm", "back_emf_V_s_rad"):
+            why = f"volts follow from {' and '.join(columns)} only by the motor's {key}"
+            draft.doubt(names, key, why)
+
+
+def _unit(draft: Draft, volts: Mapping[str, str]) -> str:
+    """The unit of the volts; in doubt where it is in no name and not in the range."""
+    names = [NAMES["voltage"].format(axis) for axis in volts]
+    said = [draft.said[n]["unit"] for n in names if draft.is_said(n, "unit")]
+    if said:
+        return said[0]
+    hints = [draft.hints[column] for column in volts.values()]
+    most = max(float(np.nanmax(np.abs(draft.values(column)))) for column in volts.values())
+    named = next((one.unit for one in hints if one.unit), None)
+    role = hints[0].role
+    if named in FACTORS["voltage"] and most * (FACTORS["voltage"][named] or 1) <= MAX_VOLTS:
+        return named
+    if role == "current" and named in FACTORS["current"]:
+        return named
+    parts = [f"1/{full:.0f}" if full > 1 else "1" for full in FULL_SCALES if most <= 1.001 * full]
+    if named in ("1/100", "counts") or (named or "").startswith("1/"):
+        return named or "counts"
+    at_full = any(abs(most / full - 1) < NEAR_FULL for full in FULL_SCALES)
+    if role == "voltage" and named is None and most <= MAX_VOLTS and not at_full and most > 1:
+        return "V"
+    options = ["A", "mA"] if role == "current" else ["V", "mV", *parts[:3]]
+    if role == "share":
+        options = parts[:3] or ["counts"]
+    draft.doubt(
+        names, "unit", f"{' and '.join(volts.values())} reach {most:.4g}: of what", *options
+    )
+    return options[0]
+
+
+def settle_speeds(draft: Draft, theta: Mapping[str, str]) -> None:
+    """Take speeds that are the angle's derivative; their sign and unit follow from that."""
+    good = np.isfinite(draft.seconds)
+    names = columns_of(draft, "speed")
+    for axis, column in assign(draft, "speed", names).items() if len(names) <= 2 else ():
+        angle = NAMES["theta"].format(axis)
+        if axis not in theta or draft.hints[theta[axis]].role == "speed":
+            continue
+        key = draft.signals[angle]
+        turned = key["sign"] * filled(draft.values(theta[axis]))[good]
+        one = responses(draft.seconds[good], turned, [filled(draft.values(column))[good]], order=1)[
+            0
+        ]
+        slope = abs(one.gain) * (FACTORS["angle"].get(key["unit"]) or 0) if one else 0.0
+        unit = next(
+            (u for u, f in FACTORS["speed"].items() if f and abs(slope / f - 1) < SPEED_TOLERANCE),
+            None,
+        )
+        if one is None or not one.sure or unit is None:
+            draft.because("drive", f"{column} is left out: it is not the slope of {theta[axis]}")
+            continue
+        sign = 1 if one.gain > 0 else -1
+        draft.settle(NAMES["speed"].format(axis), column=column, unit=unit, sign=sign, offset=0.0)
+
+
+def settle_targets(draft: Draft, ball: Mapping[str, str]) -> None:
+    """Take targets in the ball's own unit; they are treated as the ball is."""
+    names = columns_of(draft, "target")
+    if len(names) > 2:
+        named = [name for name in names if draft.hints[name].axis]
+        names = named if len(named) == 2 else []
+    for axis, column in assign(draft, "target", names).items():
+        source = draft.signals.get(NAMES["ball"].format(axis))
+        if axis not in ball or source is None:
+            continue
+        unit = draft.hints[column].unit
+        values, own = draft.values(column), draft.values(ball[axis])
+        span = float(np.nanmax(own) - np.nanmin(own))
+        reach = float(np.nanmax(np.abs(values - np.nanmedian(own))))
+        if (unit is not None and unit != source.get("unit")) or reach > 1.5 * span:
+            draft.because("rest", f"{column} is left out: not in the unit of {ball[axis]}")
+            continue
+        both = np.isfinite(values) & np.isfinite(own)
+        if np.ptp(values[both]) > 0 and np.corrcoef(values[both], own[both])[0, 1] < 0:
+            draft.because("rest", f"{column} is left out: the ball goes the other way")
+            continue
+        taken = {key: source[key] for key in ("unit", "sign", "offset", "scale") if key in source}
+        draft.settle(NAMES["target"].format(axis), column=column, **taken)

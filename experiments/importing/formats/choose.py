@@ -1,0 +1,47 @@
+"""Which reader a file or folder needs."""
+
+from pathlib import Path
+
+from experiments.importing.formats.bags import read_bag
+from experiments.importing.formats.matlab import read_matlab
+from experiments.importing.formats.tables import read_lerobot, read_parquet
+from experiments.importing.formats.tdms import read_tdms
+from experiments.importing.formats.text import read_text
+from experiments.importing.recording import BadFileError, Recording, joined
+
+READERS = {
+    ".csv": read_text,
+    ".txt": read_text,
+    ".tsv": read_text,
+    ".dat": read_text,
+    ".log": read_text,
+    ".lvm": read_text,
+    ".mat": read_matlab,
+    ".tdms": read_tdms,
+    ".parquet": read_parquet,
+    ".mcap": read_bag,
+}
+
+
+def read_recording(path: Path) -> Recording:
+    """Read a file, a LeRobot data set's folder or a ROS 2 bag's folder.
+
+    FileNotFoundError: nothing is there. BadFileError (one line, with the path): not readable.
+    """
+    if not path.exists():
+        raise FileNotFoundError(f"{path} does not exist")
+    if path.is_dir():
+        lerobot = (path / "meta" / "info.json").is_file()
+        bag = (path / "metadata.yaml").is_file() or any(path.glob("*.mcap"))
+        reader = read_lerobot if lerobot else read_bag if bag else None
+    else:
+        reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        raise BadFileError(
+            f"{path}: no kind of recording that is known: {', '.join(READERS)}, the folder of a "
+            "LeRobot data set (with meta/info.json) or of a ROS 2 bag"
+        )
+    try:
+        return joined(reader(path))
+    except BadFileError as error:
+        raise BadFileError(f"{path}: {' '.join(str(error).split())}") from error

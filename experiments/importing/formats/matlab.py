@@ -1,0 +1,194 @@
+"""Read MAT files, version 5 to 7.3: variables, structs in structs, Simulink's structures with time.
+
+MATLAB's own objects (table, timeseries, Simulink's Dataset) are stored in a form that only MATLAB
+reads; the line that refuses them says what to save instead.
+"""
+
+import struct
+import zlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.importing.recording import MAX_CELLS, BadFileError, Stream, check_size
+
+MIN_ROWS = 20  # a shorter array is a gain or a setting, no signal: `rig gap` needs so many rows
+MAX_WIDTH = 64  # chosen: a wider matrix is a picture
+TIME_NAMES = ("time", "t", "t_s", "tout", "timestamp", "zeit")
+_CURE = (
+    "save a struct instead, as of table2struct(T, 'ToScalar', true), struct('time', ts.Time, "
+    "'x', ts.Data), or Simulink's format 'Structure with time'"
+)
+
+
+def read_matlab(path: Path) -> list[Stream]:
+    """Read every array of 20 rows or more; one stream a struct that has a time of its own.
+
+    BadFileError: damaged, too large, or it holds nothing but MATLAB's own objects.
+    """
+    with path.open("rb") as file:
+        head = file.read(128)
+    if b"MATLAB 7.3" in head or head.startswith(b"\x89HDF"):
+        tree, objects = _hdf5(path)
+    else:
+        tree, objects = _version_5(path)
+    streams = [stream for stream in _streams("", tree) if len(stream)]
+    if not streams:
+        if objects:
+            raise BadFileError(f"it holds MATLAB objects ({', '.join(objects[:3])}): {_CURE}")
+        raise BadFileError(f"it holds no array of {MIN_ROWS} rows or more")
+    return streams
+
+
+def _version_5(path: Path) -> tuple[dict[str, Any], list[str]]:
+    """Variables of a file of version 5 or older as nested dictionaries, and objects left out."""
+    from scipy.io import loadmat
+
+    _check_inflated(path)
+    try:
+        found = loadmat(path, appendmat=False, simplify_cells=True)
+    except Exception as error:  # of damaged bytes scipy raises whatever it meets
+        raise BadFileError(f"not readable as a MAT file ({error})") from error
+    tree = {name: value for name, value in found.items() if not name.startswith("__")}
+    objects = [n for n, v in tree.items() if type(v).__name__ in ("MatlabOpaque", "MatlabFunction")]
+    if "__function_workspace__" in found and not objects:
+        objects = [n for n, v in tree.items() if isinstance(v, dict) and {"s0", "arr"} <= set(v)]
+        objects = objects or ["an object"]
+    return {name: value for name, value in tree.items() if name not in objects}, objects
+
+
+def _check_inflated(path: Path) -> None:
+    """BadFileError: what the file's compressed variables unpack to is more than a table records."""
+    data, room, at = path.read_bytes(), 8 * MAX_CELLS, 128
+    order = ">" if data[126:128] == b"MI" else "<"
+    while at + 8 <= len(data):
+        kind, size = struct.unpack_from(order + "II", data, at)
+        if kind == 15:  # miCOMPRESSED
+            unpack, rest = zlib.decompressobj(), data[at + 8 : at + 8 + size]
+            while rest and room >= 0:
+                try:
+                    room -= len(unpack.decompress(rest, 1 << 24))
+                except zlib.error as error:
+                    raise BadFileError(f"not readable as a MAT file ({error})") from error
+                rest = unpack.unconsumed_tail
+            if room < 0:
+                raise BadFileError(f"it unpacks to more than {8 * MAX_CELLS} bytes: save less")
+        at += 8 + size
+
+
+def _hdf5(path: Path) -> tuple[dict[str, Any], list[str]]:
+    """Variables of a file of version 7.3 (which is HDF5), and objects left out."""
+    import h5py
+
+    objects: list[str] = []
+    try:
+        with h5py.File(path, "r") as file:
+            return _group(file, objects, [MAX_CELLS], 0), objects
+    except (OSError, RuntimeError, KeyError) as error:
+        raise BadFileError(f"not readable as a MAT file of version 7.3 ({error})") from error
+
+
+def _group(group: Any, objects: list[str], room: list[int], depth: int) -> dict[str, Any]:
+    found = {}
+    for name, value in group.items():
+        if not name.startswith("#"):
+            found[name] = _item(name, value, objects, room, depth)
+    return found
+
+
+def _item(name: str, value: Any, objects: list[str], room: list[int], depth: int) -> Any:
+    """A dataset or group of HDF5 as what MATLAB meant; arrays lie there transposed.
+
+    room: [cells that may still be read].
+    """
+    if depth > 20:
+        raise BadFileError(f"{name} is nested more than 20 deep")
+    if not hasattr(value, "dtype"):
+        return _group(value, objects, room, depth + 1)
+    if "MATLAB_object_decode" in value.attrs and value.dtype.kind != "O":
+        objects.append(name)
+        return None
+    room[0] -= value.size
+    if room[0] < 0:
+        check_size(MAX_CELLS + 1, 1)
+    if value.dtype.kind == "O":  # cells and arrays of structs: references
+        parts = [value.file[ref] for ref in np.ravel(value[()])]
+        return [_item(name, part, objects, room, depth + 1) for part in parts]
+    if value.attrs.get("MATLAB_class") == b"char":
+        return "".join(map(chr, np.ravel(value[()])))
+    if value.attrs.get("MATLAB_empty", 0) or value.dtype.kind not in "fiub":
+        return None
+    return np.transpose(value[()])
+
+
+def _streams(name: str, tree: Mapping[str, Any]) -> Iterator[Stream]:
+    """Yield the streams of a struct and of the structs in it; what has no time joins its parent."""
+    columns: dict[str, np.ndarray] = {}
+    time = None
+    for key, value in _simulink(tree).items():
+        full = f"{name}.{key}" if name else key
+        if isinstance(value, list):
+            value = {str(i + 1): one for i, one in enumerate(value)}
+        if isinstance(value, Mapping):
+            for stream in _streams(full, value):
+                if stream.time is None:
+                    columns |= stream.columns
+                else:
+                    yield stream
+            continue
+        for part, numbers in _columns(full, value):
+            columns[part] = numbers
+            if key.lower() in TIME_NAMES and part == full:
+                time = part
+    if time is None:
+        by_length: dict[int, dict[str, np.ndarray]] = {}
+        for part, numbers in columns.items():
+            by_length.setdefault(len(numbers), {})[part] = numbers
+        for group in by_length.values():
+            yield Stream(group)
+    else:
+        rows = len(columns[time])
+        yield Stream({k: v for k, v in columns.items() if len(v) == rows}, time=time)
+        rest = {k: v for k, v in columns.items() if len(v) != rows}
+        if rest:
+            yield from _streams("", rest)
+
+
+def _simulink(tree: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The fields of Simulink's 'Structure with time' (time, signals.values, .label), by label."""
+    if "time" not in tree or "signals" not in tree:
+        return tree
+    signals = tree["signals"]
+    parts = list(signals) if isinstance(signals, list | np.ndarray) else [signals]
+    if parts and isinstance(parts[0], Mapping) and isinstance(parts[0].get("values"), list):
+        first = parts[0]  # version 7.3 keeps an array of structs as a struct of lists
+        parts = [
+            {k: v[i] for k, v in first.items() if isinstance(v, list) and i < len(v)}
+            for i in range(len(first["values"]))
+        ]
+    found: dict[str, Any] = {"time": tree["time"]}
+    for i, part in enumerate(parts):
+        if isinstance(part, Mapping) and "values" in part:
+            label = part.get("label")
+            label = label if isinstance(label, str) and label else f"signal{i + 1}"
+            found[label if label not in found else f"{label}{i + 1}"] = part["values"]
+    return found
+
+
+def _columns(name: str, value: Any) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield the columns of an array: a vector is one, a matrix one a column of its short side."""
+    values = np.asarray(value) if isinstance(value, np.ndarray) else np.empty(0)
+    if values.dtype.kind not in "fiub":
+        return
+    values = np.squeeze(values)
+    if values.ndim == 2 and values.shape[0] < values.shape[1]:
+        values = values.T  # as of Simulink's block To File: time in the first row
+    if values.ndim not in (1, 2) or len(values) < MIN_ROWS:
+        return
+    if values.ndim == 1:
+        yield name, values.astype(np.float64)
+    elif values.shape[1] <= MAX_WIDTH:
+        for i in range(values.shape[1]):
+            yield f"{name}[{i + 1}]", values[:, i].astype(np.float64)

@@ -1,0 +1,118 @@
+"""Read Parquet tables, alone or as a LeRobot data set."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.importing.recording import BadFileError, Stream, check_size
+
+MAX_WIDTH = 64  # chosen: a longer list in a cell is a picture, no set of signals
+
+
+def read_parquet(path: Path) -> list[Stream]:
+    """Read the numbers of a Parquet file as one stream; lists become a column each."""
+    table = _table(path)
+    columns = {}
+    for name in table.column_names:
+        for part, numbers in _columns(name, table[name], None):
+            columns[part] = numbers
+    if not columns:
+        raise BadFileError("it holds no column of numbers")
+    units = {
+        field.name: field.metadata[b"unit"].decode(errors="replace")
+        for field in table.schema
+        if field.metadata and b"unit" in field.metadata and field.name in columns
+    }
+    return [Stream(columns, units)]
+
+
+def read_lerobot(folder: Path) -> list[Stream]:
+    """Read the state, actions and time of a LeRobot data set (versions 2 and 3) as one stream.
+
+    Names of the elements are those of meta/info.json; episodes are sessions. BadFileError: there
+    is no data, or info.json is none.
+    """
+    try:
+        info = json.loads((folder / "meta" / "info.json").read_text(encoding="utf-8"))
+        features = dict(info["features"])
+    except (ValueError, KeyError, TypeError, OSError) as error:
+        raise BadFileError(f"meta/info.json is not that of a LeRobot data set ({error})") from error
+    files = sorted((folder / "data").rglob("*.parquet"))
+    if not files:
+        raise BadFileError("the LeRobot data set has no data/*/*.parquet: fetch its data files")
+    parts: dict[str, list[np.ndarray]] = {}
+    rows = 0
+    for file in files:
+        table = _table(file)
+        rows += table.num_rows
+        check_size(rows, max(len(parts), 1))
+        for name in table.column_names:
+            for part, numbers in _columns(name, table[name], features.get(name)):
+                parts.setdefault(part, []).append(numbers)
+    columns = {name: np.concatenate(numbers) for name, numbers in parts.items()}
+    columns = {name: values for name, values in columns.items() if len(values) == rows}
+    given = "timestamp" in columns
+    if not given and isinstance(info.get("fps"), int | float) and "frame_index" in columns:
+        columns["timestamp"] = columns["frame_index"] / info["fps"]
+    for name in ("index", "frame_index", "task_index"):
+        columns.pop(name, None)
+    return [
+        Stream(
+            columns,
+            {"timestamp": "s"},
+            "timestamp" if "timestamp" in columns else None,
+            "episode_index" if "episode_index" in columns else None,
+        )
+    ]
+
+
+def _table(path: Path) -> Any:
+    """The table of one Parquet file. BadFileError: damaged or too large."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with pq.ParquetFile(path) as file:
+            check_size(file.metadata.num_rows, file.metadata.num_columns)
+            return file.read().flatten()
+    except (pa.ArrowException, OSError) as error:
+        raise BadFileError(f"{path.name} is not readable as Parquet ({error})") from error
+
+
+def _columns(name: str, column: Any, feature: Any) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield a column's numbers (n,), or those of every element of its lists of one length."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    kind = column.type
+    if pa.types.is_timestamp(kind):
+        yield name, column.cast(pa.timestamp("us")).cast(pa.int64()).to_numpy() / 1e6
+    elif pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind):
+        yield name, column.cast(pa.float64(), safe=False).to_numpy().astype(np.float64)
+    elif (
+        pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind) or pa.types.is_large_list(kind)
+    ):
+        if not (pa.types.is_floating(kind.value_type) or pa.types.is_integer(kind.value_type)):
+            return
+        lengths = set(pc.call_function("list_value_length", [column]).unique().to_pylist())
+        width = next(iter(lengths), 0)
+        if len(lengths) != 1 or not width or width > MAX_WIDTH:
+            return
+        flat = pc.call_function("list_flatten", [column])
+        flat = flat.cast(pa.float64(), safe=False).to_numpy()
+        names = _element_names(feature, width)
+        for i, values in enumerate(flat.reshape(-1, width).T):
+            yield f"{name}.{names[i]}" if names else f"{name}[{i}]", np.array(values)
+
+
+def _element_names(feature: Any, width: int) -> list[str]:
+    """Names of a LeRobot feature's elements: a list, or a dictionary of one list."""
+    names = feature.get("names") if isinstance(feature, dict) else None
+    if isinstance(names, dict):
+        names = next(iter(names.values()), None)
+    if isinstance(names, list) and len(names) == width and len(set(map(str, names))) == width:
+        return [str(name) for name in names]
+    return []

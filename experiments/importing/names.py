@@ -1,0 +1,163 @@
+"""What a column's name says: its role, its axis, its unit. A name may say nothing, or lie."""
+
+import re
+from dataclasses import dataclass
+
+from experiments.importing.units import canonical, quantity
+
+WORDS = {
+    "time": "t time zeit tempo temps tiempo tid timestamp stamp clock elapsed tout date datetime "
+    "millis micros",
+    "ball": "xb yb obj object ball kugel palla bille balle bola bal kula marble sphere blob "
+    "centroid",
+    "place": "pos position posizione lage ort p point xy",
+    "target": "target setpoint sp ref reference desired des soll goal want wanted sollwert rif",
+    "angle": "angle theta servo tilt winkel alpha beta roll pitch arm joint phi angolo platte "
+    "plate plat actuator stepper",
+    "command": "set cmd command commanded action out output ctrl control stellgroesse comando",
+    "measured": "meas measured actual act ist enc encoder feedback present state real fb joint",
+    "voltage": "volt volts voltage vm spannung tension tensione",
+    "share": "pwm duty dutycycle",
+    "current": "current amp amps strom im corrente",
+    "speed": "speed vel velocity omega gyro dot rpm geschwindigkeit velocita tacho tach rate "
+    "vx vy xdot ydot",
+    "derived": "filtered filt est estimated estimate estimator kalman kf pred predicted smooth "
+    "smoothed hat lpf model sim",
+    "other": "error err fehler errore integral gain kp ki kd temperature temp battery loop fps "
+    "count counter index frame id seq sequence nr covariance cov radius area conf confidence "
+    "score reward done torque effort force moment load current_draw",
+    "motor": "motor",
+}
+_ROLES = {word: role for role, words in WORDS.items() for word in words.split()}
+_AXES = {
+    **dict.fromkeys(("x", "1", "u", "cx", "xb", "bx", "px"), "x"),
+    **dict.fromkeys(("y", "2", "v", "cy", "yb", "by", "py"), "y"),
+    **dict.fromkeys(("roll", "alpha"), "x"),
+    **dict.fromkeys(("pitch", "beta"), "y"),
+}
+PLAIN = {"x", "y", "cx", "cy", "bx", "by", "px", "py"}
+PLAIN_UNITS = {"deg", "degrees", "rad", "radians", "mm", "cm", "ms", "us", "volts"}
+CLEAR_ANGLE = {
+    "angle",
+    "theta",
+    "tilt",
+    "winkel",
+    "alpha",
+    "beta",
+    "roll",
+    "pitch",
+    "phi",
+    "angolo",
+}
+_BRACKETS = re.compile(r"[\[({<]\s*([^\])}>]{1,12})\s*[\])}>]")
+
+
+@dataclass(frozen=True)
+class Hint:
+    """What a name says. role: time, ball, target, theta, command, angle (commanded or measured is
+    open), speed, voltage, share, current, or other; axis: x, y or none; clear: the word for an
+    angle is one that nobody gives to a share or a count; derived: filtered or estimated by
+    somebody's program; explicit: a word for the ball stands in it.
+    """
+
+    role: str | None
+    axis: str | None
+    unit: str | None
+    clear: bool = False
+    derived: bool = False
+    explicit: bool = False
+
+
+def hint(name: str, stated_unit: str | None = None) -> Hint:
+    """What `name` (and the unit that the file gives for it, if any) says about a column."""
+    unit = canonical(stated_unit) if stated_unit else None
+    brackets = _BRACKETS.findall(name)
+    bare = _BRACKETS.sub(" ", name)
+    for inside in brackets:
+        unit = unit or canonical(inside)
+        if canonical(inside) is None:
+            bare += " " + inside  # theta[1]: an index
+    words = _words(bare)
+    unit = unit or _unit_at_end(bare, words) or _unit_within(words)
+    roles = [_ROLES[word] for word in words if word in _ROLES]
+    sayings = words[:-1] if unit and len(words) > 1 and canonical(words[-1]) == unit else words
+    axis = next((_AXES[word] for word in reversed(sayings) if word in _AXES), None)
+    role = _role(words, roles, unit)
+    if role is None and set(_words(re.split(r"[./]", bare)[-1])) <= PLAIN:
+        role = "ball"  # x and y alone
+    clear = any(word in CLEAR_ANGLE for word in words)
+    return Hint(role, axis, unit, clear, "derived" in roles, "ball" in roles)
+
+
+def _words(name: str) -> list[str]:
+    """Lower-case words of a name: at capitals, digits, and whatever is no letter."""
+    name = re.sub(r"([a-zà-ÿ])([A-Z])", r"\1 \2", name)
+    name = re.sub(r"(?<=[A-Za-zà-ÿ])(?=\d)|(?<=\d)(?=[A-Za-zà-ÿ])", " ", name)
+    words = [word.lower() for word in re.split(r"[^A-Za-zà-ÿ0-9°%µμ]+", name) if word]
+    split = (
+        [w[:-1], w[-1]] if w[-1] in "xy" and len(w) > 2 and w[:-1] in _ROLES else [w] for w in words
+    )
+    return [word for parts in split for word in parts]
+
+
+def _unit_at_end(name: str, words: list[str]) -> str | None:
+    """The unit in the last words of a name (`pos_x_mm`, `speed_rad_s`), if there is one.
+
+    A single letter counts only behind a word: `x` is no unit, and v is a pixel's row.
+    """
+    for count in (3, 2):
+        if len(words) > count and (unit := canonical("_".join(words[-count:]))):
+            return unit
+    if len(words) < 2:
+        return canonical(words[0]) if words and len(words[0]) > 1 else None
+    last = re.split(r"[^A-Za-z0-9°%µμ]+", name.strip())[-1]
+    if last in ("V", "A", "m", "s") or len(words[-1]) > 1 or not words[-1].isalpha():
+        return canonical(last) if not words[-1].isdigit() else None
+    return None
+
+
+def _unit_within(words: list[str]) -> str | None:
+    """The one word of a name that can only be a unit (`servo_deg_cmd`)."""
+    found = {canonical(word) for word in words[1:] if word in PLAIN_UNITS}
+    return found.pop() if len(found) == 1 else None
+
+
+def _role(words: list[str], roles: list[str], unit: str | None) -> str | None:
+    """The role of a column by the words of its name, then by its unit."""
+    kind = quantity(unit) if unit else None
+    has = set(roles)
+    if words and words[-1] in ("stamp", "timestamp"):
+        return "time"
+    if (
+        "time" in has
+        and not has & {"ball", "angle", "voltage", "target"}
+        and kind in (None, "time")
+    ):
+        return "time"
+    if "other" in has or kind == "time":
+        return "other" if "other" in has else "time" if words[:1] == ["t"] else "other"
+    if kind == "current" or "current" in has:
+        return "current"
+    if "share" in has and "angle" not in has:
+        return "share"
+    if kind == "voltage" or "voltage" in has:
+        return "voltage"
+    if kind == "speed" or ("speed" in has and kind is None):
+        return "other" if has & {"ball", "place"} else "speed"
+    if (
+        kind == "angle"
+        or (has & {"angle", "motor"} and kind is None)
+        or (kind is None and "measured" in has and "enc" in " ".join(words))
+    ):
+        if "speed" in has:
+            return "speed"
+        if has & {"command", "target"} and "measured" not in has:
+            return "command"
+        return "theta" if "measured" in has and has & {"command"} == set() else "angle"
+    if "speed" in has:
+        return "other"
+    if has & {"ball", "place"} or kind == "length":
+        return "target" if "target" in has else "ball"
+    if "command" in has and kind is None:
+        return "command"
+    return "target" if "target" in has and any(word in _AXES for word in words) else None

@@ -1,0 +1,193 @@
+"""Propose a map for a recording: a pure function of its columns and of what was stated."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from experiments.importing.absent_ball import absent_codes, without
+from experiments.importing.draft import Doubt, Draft, Proposal
+from experiments.importing.drive import find_volts, settle_speeds, settle_targets, settle_volts
+from experiments.importing.import_map import KINDS, SIGNALS, Stated
+from experiments.importing.names import hint
+from experiments.importing.recording import Stream
+from experiments.importing.roles import (
+    NAMES,
+    assign,
+    columns_of,
+    doubt_what_is_missing,
+    find_ball,
+    find_time,
+)
+from experiments.importing.scales import settle_angle_zero, settle_ball_zero, settle_units
+from experiments.importing.signs import answers, pair
+
+JUMP_RAD_S = 25.0  # no servo turns faster: what jumps like that was commanded
+LEAD_S = 0.02  # by which the ball must answer a command later than the angle itself
+
+
+def propose(stream: Stream, said: Stated | None = None) -> Proposal:
+    """Propose a map for the columns of `stream`; `said` (as of `import_map.stated`) is certain.
+
+    BadFileError: nothing in it can be compared with anything. ValueError: what was stated does
+    not fit the file.
+    """
+    said = said or {}
+    hints = {name: hint(name, stream.units.get(name)) for name in stream.columns}
+    draft = Draft(stream, hints, said)
+    find_time(draft)
+    if len(draft.seconds) == 0:
+        return _proposal(draft)
+    ball = find_ball(draft)
+    volts = find_volts(draft)
+    kinds = _angles(draft, bool(volts), ball)
+    angles = {f"{kind} {axis}": name for kind, each in kinds.items() for axis, name in each.items()}
+    doubt_what_is_missing(draft, ball, angles, volts)
+    seen = _ball(draft, ball)
+    for kind, columns in kinds.items():
+        found = answers(draft, seen, columns)
+        answered = pair(draft, kind, columns, found)
+        paired = {axis: draft.signals[NAMES[kind].format(axis)]["column"] for axis in answered}
+        settle_units(draft, ball, kind, paired, answered)
+        settle_angle_zero(draft, kind, answered)
+        kinds[kind] = paired
+    settle_ball_zero(draft, ball, seen)
+    theta = kinds.get("theta", {})
+    if volts and theta:
+        settle_volts(draft, volts, theta)
+    if theta:
+        settle_speeds(draft, theta)
+    settle_targets(draft, ball)
+    return _proposal(draft)
+
+
+def _proposal(draft: Draft) -> Proposal:
+    """What was found; signals that were stated in full are taken as they are."""
+    for name, keys in draft.said.items():
+        if (
+            name in SIGNALS
+            and name not in draft.signals
+            and keys.get("column") not in (None, "none")
+        ):
+            draft.values(keys["column"])
+            draft.signals[name] = {"unit": "1" if name == "push" else "s", **keys}
+    used = {keys["column"] for keys in draft.signals.values()}
+    used |= {draft.time.get("column"), draft.time.get("session")}
+    data = {
+        "time": {key: value for key, value in draft.time.items() if value is not None},
+        "signals": {name: draft.signals[name] for name in SIGNALS if name in draft.signals},
+        "calibration": draft.said.get("", {}).get("calibration"),
+    }
+    return Proposal(
+        data,
+        tuple(draft.doubts),
+        {line: tuple(texts) for line, texts in draft.reasons.items()},
+        tuple(name for name in draft.stream.columns if name not in used),
+    )
+
+
+def _ball(draft: Draft, ball: Mapping[str, str]) -> dict[str, np.ndarray]:
+    """The ball's coordinates (n,) by axis with NaN where there was none; settles their columns."""
+    names = {axis: NAMES["ball"].format(axis) for axis in ball}
+    columns = [draft.values(column) for column in ball.values()]
+    if not columns:
+        return {}
+    if any(draft.is_said(name, "absent") for name in names.values()):
+        each = [draft.said.get(name, {}).get("absent", ()) for name in names.values()]
+        codes = tuple(one[0] for one in each if one)
+        codes = codes if len(codes) == len(columns) else ()
+    else:
+        codes, sure = absent_codes(columns)
+        if codes and not sure:
+            said = ", ".join(f"{code:g}" for code in codes)
+            draft.doubt(
+                list(names.values()), "absent", f"does {said} mean `no ball`", f"{codes[0]:g}", "''"
+            )
+        elif codes:
+            gone = float(
+                np.mean(np.all([c == k for c, k in zip(columns, codes, strict=True)], axis=0))
+            )
+            said = ", ".join(f"{code:g}" for code in codes)
+            draft.because("ball", f"({said}) means no ball ({100 * gone:.1f} % of the rows)")
+    for i, (axis, column) in enumerate(ball.items()):
+        absent = (codes[i],) if codes else ()
+        sign = -1 if axis == "y" and draft.hints[column].unit == "px" else 1
+        if "calibration" in draft.said.get("", {}):
+            sign = 1
+        draft.settle(names[axis], column=column, absent=absent, sign=sign)
+    seen = dict(zip(ball, without(columns, codes), strict=True))
+    return {axis: draft.signals[names[axis]]["sign"] * values for axis, values in seen.items()}
+
+
+def _angles(draft: Draft, driven: bool, ball: Mapping[str, str]) -> dict[str, dict[str, str]]:
+    """Columns of the angles by kind (theta, command) and axis; doubts where the kind is open."""
+    theta = assign(draft, "theta", columns_of(draft, "theta"))
+    command = assign(draft, "command", columns_of(draft, "command"))
+    free = [c for c in columns_of(draft, "angle") if c not in (*theta.values(), *command.values())]
+    if free and theta and command:
+        draft.because("rest", f"{', '.join(free)}: an angle beside the measured one, left out")
+    elif free and driven and not theta:
+        theta = assign(draft, "theta", free)  # what a motor's volts turn was measured
+    elif free and (theta or command):
+        # beside a command stands what was reached, which the ball answers sooner; and vice versa
+        role, known = ("command", theta) if theta else ("theta", command)
+        other = next(iter(known.values()))
+        pair_of = (other, free[0]) if role == "command" else (free[0], other)
+        if not _earlier(draft, ball, *pair_of):
+            name = NAMES[role].format("x")
+            what = "commanded" if role == "command" else "measured"
+            draft.doubt([name], "column", f"is {free[0]} the {what} angle", free[0], "none")
+        if role == "theta":
+            theta = assign(draft, "theta", free)
+        elif not driven:
+            command = assign(draft, "command", free)
+    elif free:
+        kind = draft.said.get("angle", {}).get("kind") or _lone_kind(draft, free)
+        if kind is None:
+            why = f"the names do not say if {' and '.join(free)} were commanded or measured"
+            draft.doubts.append(Doubt("angle", "kind", why, KINDS))
+        if kind == "measured":
+            theta = assign(draft, "theta", free)
+        else:
+            command = assign(draft, "command", free)
+    if not theta and not command:
+        speeds = assign(draft, "theta", columns_of(draft, "speed"))
+        theta = speeds
+    if driven and command and theta:
+        draft.because("rest", f"{', '.join(command.values())}: asked of an inner loop, left out")
+        command = {}
+    return {kind: c for kind, c in (("theta", theta), ("command", command)) if c}
+
+
+def _earlier(draft: Draft, ball: Mapping[str, str], sooner: str, later: str) -> bool:
+    """Whether the ball surely answers one angle sooner than the other: then it is the servo's."""
+    seen = _without_codes(draft, ball)
+    delays = []
+    for column in (sooner, later):
+        each = [one[column] for one in answers(draft, seen, {"x": column}).values() if one]
+        best = max(each, key=lambda one: one.share, default=None)
+        if best is None or not best.sure:
+            return False
+        delays.append(best.delay_s)
+    return delays[1] - delays[0] >= LEAD_S
+
+
+def _without_codes(draft: Draft, ball: Mapping[str, str]) -> dict[str, np.ndarray]:
+    """The ball's coordinates (n,) by axis, NaN where a value seems to mean `no ball`."""
+    columns = [draft.values(column) for column in ball.values()]
+    codes, _ = absent_codes(columns) if columns else ((), True)
+    return dict(zip(ball, without(columns, codes), strict=True)) if columns else {}
+
+
+def _lone_kind(draft: Draft, free: list[str]) -> str | None:
+    """Commanded, if an angle that is named in degrees or radians jumps as no servo can."""
+    from experiments.importing.units import FACTORS
+
+    for column in free:
+        si = FACTORS["angle"].get(draft.hints[column].unit or "")
+        if si is None:
+            return None
+        good = np.isfinite(draft.seconds) & np.isfinite(draft.values(column))
+        speed = np.abs(np.diff(draft.values(column)[good])) / np.diff(draft.seconds[good])
+        if float(np.quantile(speed, 0.999)) * si > JUMP_RAD_S:
+            return "commanded"
+    return None

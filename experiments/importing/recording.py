@@ -1,0 +1,115 @@
+"""A recording as it stands in somebody's file: streams of named columns, meaning unknown."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+MAX_COLUMNS = (
+    2000  # chosen: a table has fewer than a hundred signals, a laboratory's file a few more
+)
+MAX_CELLS = 100_000_000  # chosen: 800 MB as doubles, a day of ten signals at 100 Hz
+
+
+class BadFileError(ValueError):
+    """A file that cannot be imported; the message is one line."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """Columns that share their rows: name -> (n,) float64, NaN where the cell is no number.
+
+    units: column name -> its unit in the file's words, where the format itself says it.
+    time: name of the column that the format itself says is the time; None where it says nothing.
+    session: name of the column in which every session has another number, if the format has one.
+    """
+
+    columns: Mapping[str, np.ndarray]
+    units: Mapping[str, str] = field(default_factory=dict)
+    time: str | None = None
+    session: str | None = None
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(next(iter(self.columns.values()))) if self.columns else 0
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """What one file holds, on the clock of its fastest stream, and notes on how it was read."""
+
+    stream: Stream
+    notes: tuple[str, ...] = ()
+
+
+def check_size(rows: int, columns: int) -> None:
+    """Refuse what no table records, before it is read. BadFileError: too many columns or cells."""
+    if columns > MAX_COLUMNS:
+        raise BadFileError(
+            f"it has {columns} columns (limit: {MAX_COLUMNS}): keep the time, the ball, the angles"
+        )
+    if rows * columns > MAX_CELLS:
+        raise BadFileError(
+            f"it has {rows} rows of {columns} columns (limit: {MAX_CELLS} cells): cut it into parts"
+        )
+
+
+def joined(streams: Sequence[Stream]) -> Recording:
+    """Put streams with clocks of their own onto the clock of the one with the most rows.
+
+    Streams without a clock count as sampled together where they have one length. A sample stands
+    in the first row that is not earlier than it, in no other: nothing is invented between two
+    samples, and nothing is known before it happened. BadFileError: no stream has rows, a name
+    stands twice, or a clock runs backwards.
+    """
+    streams = [stream for stream in streams if len(stream)]
+    if not streams:
+        raise BadFileError("it holds no rows of numbers")
+    base = max(streams, key=lambda stream: (len(stream), stream.time is not None))
+    columns, units = dict(base.columns), dict(base.units)
+    late_s, left = 0.0, []
+    for stream in streams:
+        if stream is base:
+            continue
+        fresh = {name: values for name, values in stream.columns.items() if name != stream.time}
+        for name in fresh.keys() & columns.keys():
+            raise BadFileError(f"a column's name stands twice: {name}")
+        if stream.time is not None and base.time is not None:
+            rows, kept, late = _rows_for(base.columns[base.time], stream.columns[stream.time])
+            late_s = max(late_s, late)
+            for name, values in fresh.items():
+                columns[name] = np.full(len(base), np.nan)
+                columns[name][rows] = values[kept]
+        elif len(stream) == len(base):
+            columns |= fresh
+        else:
+            left += [f"{name} ({len(stream)} rows)" for name in fresh]
+        units |= {name: unit for name, unit in stream.units.items() if name in columns}
+    check_size(len(base), len(columns))
+    notes = []
+    if late_s > 0:
+        notes.append(
+            "streams with clocks of their own were put onto the rows of the fastest: "
+            f"their samples stand up to {1000 * late_s:.3g} ms late (95 %)"
+        )
+    if left:
+        notes.append(f"left out, other length and no time: {', '.join(left[:6])}")
+    return Recording(Stream(columns, units, base.time, base.session), tuple(notes))
+
+
+def _rows_for(clock: np.ndarray, stamps: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Rows of `clock` (n,) that take the samples at `stamps` (m,), which samples, and how late.
+
+    Of several samples in one row the newest stays. Lateness is the 95 % quantile, in the unit of
+    the clock.
+    """
+    if not np.all(np.diff(clock) >= 0):
+        raise BadFileError("it has several streams, and the clock of the fastest runs backwards")
+    order = np.argsort(stamps, kind="stable")
+    order = order[np.isfinite(stamps[order])]
+    rows = np.searchsorted(clock, stamps[order], side="left")
+    order, rows = order[rows < len(clock)], rows[rows < len(clock)]
+    last = np.append(rows[1:] != rows[:-1], True)[: len(rows)]
+    order, rows = order[last], rows[last]
+    late = clock[rows] - stamps[order]
+    return rows, order, float(np.quantile(late, 0.95)) if len(late) else 0.0

@@ -1,0 +1,213 @@
+"""Which columns are the time, the ball, the angles, the drive: by names, units and the clock."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from experiments.importing.clock import coarse, read_clock
+from experiments.importing.draft import Draft
+from experiments.importing.import_map import TimeMap
+from experiments.importing.names import Hint
+from experiments.importing.recording import BadFileError
+from experiments.importing.units import FACTORS
+
+STEPS_S = (2e-4, 0.25)  # between rows: faster than any such table is read, slower than one can be
+MIN_GROWING = 0.95  # share of steps forwards from which a column may be a clock
+NAMES = {
+    "ball": "ball_{}_m",
+    "target": "target_{}_m",
+    "theta": "theta_{}_rad",
+    "command": "command_{}_rad",
+    "voltage": "voltage_{}_V",
+    "speed": "motor_speed_{}_rad_s",
+}
+
+
+def find_time(draft: Draft) -> None:
+    """Settle where the time comes from and in which unit; doubt what is open."""
+    said = draft.said.get("time", {})
+    if "rate_hz" in said:
+        draft.time = {"session": draft.stream.session, **said}
+        draft.because("time", f"rows every {1000 / said['rate_hz']:.4g} ms, as stated")
+    else:
+        column = said.get("column") or draft.stream.time or _time_column(draft)
+        if column is None:
+            draft.doubt(["time"], "rate_hz", "no column is a clock (or state time.column)")
+            return
+        draft.time = {"column": column, "session": draft.stream.session, **said}
+        if "unit" not in said:
+            _time_unit(draft, column)
+    if "unit" not in draft.time and "rate_hz" not in draft.time:
+        return
+    _clock(draft)
+
+
+def _clock(draft: Draft) -> None:
+    """Read the seconds; find out whether the stamps are coarser than the rows."""
+    draft.values(draft.time["column"]) if draft.time.get("column") else None
+    if "clock" not in draft.time and draft.time.get("column"):
+        times = TimeMap(**{**draft.time, "clock": "even"})
+        raw = draft.values(draft.time["column"]) * (FACTORS["time"][times.unit] or 1.0)
+        session = read_clock(draft.stream, times).session
+        parts = [raw[(session == number) & np.isfinite(raw)] for number in np.unique(session)]
+        if parts and all(coarse(part) for part in parts if len(part) > 20) and coarse(parts[0]):
+            draft.time["clock"] = "even"
+            draft.because("time", "stamps are coarser than the rows: spread evenly")
+    clock = read_clock(draft.stream, TimeMap(**draft.time))
+    draft.seconds = clock.unrolled
+    for note in clock.notes:
+        draft.because("time", note)
+
+
+def _time_column(draft: Draft) -> str | None:
+    """The column that is the time: by name, else the first that grows like a clock."""
+    growing = [name for name, values in draft.stream.columns.items() if _grows(values)]
+    named = [name for name in growing if draft.hints[name].role == "time"]
+    if named:
+        return named[0]
+    nameless = [name for name in growing if draft.hints[name].role is None]
+    nameless = [name for name in nameless if not _counts(draft.stream.columns[name])]
+    return nameless[0] if nameless else None
+
+
+def _grows(values: np.ndarray) -> bool:
+    values = values[np.isfinite(values)]
+    if len(values) < 3:
+        return False
+    steps = np.diff(values)
+    return bool(np.mean(steps >= 0) >= MIN_GROWING and np.mean(steps > 0) > 0.02)
+
+
+def _counts(values: np.ndarray) -> bool:
+    """Whether it is a number of the row, not a time."""
+    return bool(np.mean(np.diff(values) == 1) > 0.9)
+
+
+def _time_unit(draft: Draft, column: str) -> None:
+    """The unit by name where the steps allow it, else the one that the steps allow."""
+    steps = np.diff(draft.values(column))
+    steps = steps[steps > 0]
+    usual = float(np.mean(steps)) if len(steps) else 0.0
+    usual = min(usual, float(np.median(steps))) if len(steps) else 0.0
+    units = {u: f for u, f in FACTORS["time"].items() if f is not None and u != "min"}
+    fitting = [u for u, f in units.items() if STEPS_S[0] <= usual * f <= STEPS_S[1]]
+    named = draft.hints[column].unit
+    if named in FACTORS["time"] and (named in fitting or named == "min"):
+        draft.time["unit"] = named
+    elif named in FACTORS["time"]:
+        draft.time["unit"] = named
+        draft.doubt(
+            ["time"],
+            "unit",
+            f"{column} says {named}, but its rows are {usual:.4g} apart",
+            *fitting,
+        )
+        draft.time["unit"] = fitting[0] if fitting else named
+    elif len(fitting) == 1:
+        draft.time["unit"] = fitting[0]
+        draft.because("time", f"in {fitting[0]}: rows are {usual:.4g} apart")
+    else:
+        why = f"the unit of {column} is open (its rows are {usual:.4g} apart)"
+        draft.doubt(["time"], "unit", why, *(fitting or units))
+
+
+def columns_of(draft: Draft, role: str) -> list[str]:
+    """Columns that names and units give a role, in the order of the file.
+
+    Constants are none, nor is what was stated to be something.
+    """
+    taken = {keys.get("column") for keys in draft.said.values()} | {draft.time.get("column")}
+    return [
+        name
+        for name, one in draft.hints.items()
+        if one.role == role and name not in taken and _changes(draft, name)
+    ]
+
+
+def _changes(draft: Draft, name: str) -> bool:
+    values = draft.stream.columns[name]
+    values = values[np.isfinite(values)]
+    return len(values) > 2 and bool(np.ptp(values) > 0)
+
+
+def by_axis(names: Sequence[str], hints: Mapping[str, Hint]) -> tuple[dict[str, str], list[str]]:
+    """Axis -> column of at most two columns, by their names or else in their order; and the rest.
+
+    The rest is not empty where there are more than two, or two of one axis.
+    """
+    axes = [hints[name].axis for name in names]
+    if len(names) == 1:
+        return {axes[0] or "x": names[0]}, []
+    if len(names) == 2:
+        if set(axes) == {"x", "y"}:
+            return {axis: name for axis, name in zip(axes, names, strict=True) if axis}, []
+        if len(set(axes)) == 2 or axes == [None, None]:
+            return dict(zip("xy", names, strict=True)), []
+    return {}, list(names)
+
+
+def assign(draft: Draft, role: str, names: Sequence[str]) -> dict[str, str]:
+    """Axis -> column of a role, what was stated first; a doubt where several could be meant."""
+    pattern = NAMES[role]
+    said = {
+        axis: draft.said[pattern.format(axis)]["column"]
+        for axis in "xy"
+        if draft.is_said(pattern.format(axis), "column")
+    }
+    found, rest = ({}, list(names)) if said else by_axis(names, draft.hints)
+    for axis in "xy" if rest else ():
+        if axis in said:
+            continue
+        fits = [name for name in rest if draft.hints[name].axis in (axis, None)] or rest
+        if len(fits) == 1:
+            found[axis] = fits[0]
+        else:
+            why = f"{len(fits)} columns could be {pattern.format(axis)}"
+            draft.doubt([pattern.format(axis)], "column", why, *fits[:6], "none")
+    return {**found, **{axis: column for axis, column in said.items() if column != "none"}}
+
+
+def find_ball(draft: Draft) -> dict[str, str]:
+    """Axis -> column of the ball: as measured rather than filtered."""
+    names = columns_of(draft, "ball")
+    raw = [name for name in names if not draft.hints[name].derived]
+    if raw and len(raw) < len(names):
+        draft.because("ball", "filtered or estimated columns are left out")
+    names = raw or names
+    explicit = [name for name in names if draft.hints[name].explicit]
+    if explicit and len(names) > 2:
+        names = explicit
+    metric = [name for name in names if draft.hints[name].unit not in (None, "px")]
+    if len(names) > 2 and metric:
+        names = metric
+    if names and not raw:
+        draft.because("ball", "only filtered positions are there: the filter's delay is in them")
+    return assign(draft, "ball", names)
+
+
+def doubt_what_is_missing(
+    draft: Draft, ball: Mapping[str, str], angles: Mapping[str, str], volts: Mapping[str, str]
+) -> None:
+    """Doubt the columns without which nothing could be compared with anything.
+
+    BadFileError: there are too few columns for that, whatever they are.
+    """
+    taken = {draft.time.get("column"), draft.time.get("session"), *volts.values()}
+    taken |= {*ball.values(), *angles.values()}
+    free = [name for name in draft.stream.columns if name not in taken and _changes(draft, name)]
+    unknown = [name for name in free if draft.hints[name].role is None]
+    said = any(draft.is_said(f"ball_{axis}_m", "column") for axis in "xy")
+    if not ball and not said and (unknown or not (angles and volts)):
+        if not free:
+            raise BadFileError("no column can be the ball's place: none is left that changes")
+        options = [*(unknown or free)[:8], *(["none"] if angles and volts else [])]
+        why = "no column is the ball's place by its name"
+        draft.doubt(["ball_x_m"], "column", why, *options)
+    elif len(ball) == 1 and unknown:
+        other = "ball_y_m" if "x" in ball else "ball_x_m"
+        draft.doubt([other], "column", "the ball's other coordinate is open", *unknown[:8], "none")
+    if not angles:
+        if not free:
+            raise BadFileError("no column can be an angle: none is left that changes")
+        why = "no column is an angle by its name (commanded: command_x_rad, measured: theta_x_rad)"
+        draft.doubt(["command_x_rad"], "column", why, *free[:8])

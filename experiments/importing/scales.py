@@ -1,0 +1,299 @@
+"""Units and zeros: from names where physics does not object, from physics where names are silent.
+
+What decides: a ball that rolls on a tilted plate accelerates by k g sin(tilt), k = 3/5 to 5/7, and
+a linkage makes the tilt 0.04 to 1 times the servo's angle. So one metre per second squared and
+radian lies within GAIN, and a wrong unit (10, 57.3, 100, 1000 times) mostly falls out of it.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from experiments.importing.draft import Draft
+from experiments.importing.roles import NAMES
+from experiments.importing.signs import Answer
+from experiments.importing.units import factor, quantity
+
+GAIN = (0.2, 8.5)  # m/s2/rad; the upper end: the plate's own tilt, 5/7 g, and a fifth
+LINKAGE_GAIN = 3.6  # of a servo's arm on a plate at most half as long; beyond, it is no such angle
+BALL_SPAN_M = (0.004, 1.5)
+ANGLE_SPAN_RAD = 0.004  # at least
+USUAL_GAIN = (0.4, 8.5)
+USUAL_SPAN_RAD = 3.2  # a servo turns half a turn
+PLATE_TILT = "in rig.toml, linkage.arm_radius_m is then half of plate_side_m"
+LEVEL_RAD = 0.12  # a zero nearer to 0 than this is a level error, which is for `rig gap` to find
+ROUND = (90.0, 180.0, 1500.0, 2048.0, 512.0, 127.5, 128.0, 135.0, 2047.0, 0.5, 307.0, 375.0)
+
+
+def settle_units(
+    draft: Draft,
+    ball: Mapping[str, str],
+    kind: str,
+    angles: Mapping[str, str],
+    answers: Mapping[str, Answer | None],
+) -> None:
+    """Settle the units of the ball (axis -> column) and of one kind of angle, or doubt them."""
+    ball_names = {axis: NAMES["ball"].format(axis) for axis in ball}
+    angle_names = {axis: NAMES[kind].format(axis) for axis in angles}
+    b_said = _named(draft, ball_names, ball)
+    a_said = _named(draft, angle_names, angles)
+    fitting = [
+        (b, a)
+        for b in ([b_said] if b_said else ["m", "cm", "mm"])
+        for a in ([a_said] if a_said else ["rad", "deg"])
+        if _plausible(
+            draft,
+            (b, ball_names, ball),
+            (a, angle_names, angles),
+            answers,
+            named=a_said is not None,
+        )
+    ]
+    told = any(answer is not None for answer in answers.values())
+    pick_b = b_said or (fitting[0][0] if fitting else "m")
+    pick_a = a_said or (fitting[0][1] if fitting else "rad")
+    _use(draft, ball_names, pick_b)
+    _use(draft, angle_names, pick_a)
+    gain = _gain_text(draft, answers, pick_b, pick_a, ball_names, angle_names)
+    if not fitting and told and b_said and a_said:
+        why = f"the ball would answer with {gain}, which no linkage does in {b_said} and {a_said}"
+        if not _all_said(draft, angle_names, "unit") or not _all_said(draft, ball_names, "unit"):
+            draft.doubt(list(ball_names.values()), "unit", why, "m", "cm", "mm", "px")
+            draft.doubt(list(angle_names.values()), "unit", why, "rad", "deg", "turn/4096", "us")
+    if ball and not b_said and not _sure_ball(draft, fitting, answers, ball_names, angle_names):
+        draft.doubt(
+            list(ball_names.values()),
+            "unit",
+            f"the unit of {', '.join(ball.values())} is not in the name",
+            *dict.fromkeys([*(b for b, _ in fitting), "m", "cm", "mm", "px"]),
+        )
+    clear = all(draft.hints[column].clear for column in angles.values())
+    if angles and not a_said and not (told and clear and len({a for _, a in fitting}) == 1):
+        draft.doubt(
+            list(angle_names.values()),
+            "unit",
+            f"the unit of {', '.join(angles.values())} is not in the name",
+            *dict.fromkeys([*(a for _, a in fitting), "rad", "deg", "turn/4096", "us", "counts"]),
+        )
+    for names, unit in ((ball_names, pick_b), (angle_names, pick_a)):
+        settle_scale(draft, list(names.values()), unit)
+    if told and gain:
+        draft.because("angle", f"the ball accelerates by {gain}")
+        if any(
+            abs(r) > LINKAGE_GAIN
+            for r in _gains(draft, answers, (pick_b, ball_names), (pick_a, angle_names))
+        ):
+            draft.because("angle", f"so this is the plate's own tilt: {PLATE_TILT}")
+
+
+def settle_scale(draft: Draft, names: Sequence[str], unit: str) -> None:
+    """Doubt the scale of a unit that has no SI factor; of px a camera's calibration has it."""
+    for name in names:
+        if factor(unit, name) is None and not draft.is_said(name, "scale"):
+            if unit == "px" and "calibration" in draft.said.get("", {}):
+                continue
+            what = f"{'m' if name[:4] in ('ball', 'targ') else 'rad'} in one {unit}"
+            if name.startswith("voltage"):
+                what = "volts of the supply" if "1" in unit else "volts in one count"
+            hint = {
+                "us": " (90 degrees in 1000 us are 0.00157)",
+                "px": " (or state --calibration)",
+            }.get(unit, "")
+            draft.doubt([*names], "scale", f"nothing says the {what}{hint}")
+            return
+
+
+def _named(draft: Draft, names: Mapping[str, str], columns: Mapping[str, str]) -> str | None:
+    """The unit of a pair of columns: stated, or in a name; a brother's counts for both."""
+    said = [draft.said[n]["unit"] for n in names.values() if draft.is_said(n, "unit")]
+    if said:
+        for name in names.values():
+            factor(said[0], name)
+        return str(said[0])
+    found = {draft.hints[column].unit for column in columns.values()} - {None}
+    fits = []
+    for unit in found:
+        if unit is None or (quantity(unit) is None and unit != "us" and "/" not in unit):
+            if unit == "counts":
+                fits.append(unit)
+            continue
+        try:
+            factor(unit, next(iter(names.values())))
+        except ValueError:
+            continue
+        fits.append(unit)
+    if len(fits) > 1:
+        why = f"{' and '.join(columns.values())} are in different units"
+        draft.doubt(list(names.values()), "unit", why, *fits)
+    return fits[0] if fits else None
+
+
+def _use(draft: Draft, names: Mapping[str, str], unit: str) -> None:
+    for name in names.values():
+        draft.settle(name, unit=unit)
+
+
+def _all_said(draft: Draft, names: Mapping[str, str], key: str) -> bool:
+    return all(draft.is_said(name, key) for name in names.values())
+
+
+def _si(draft: Draft, name: str, unit: str) -> float | None:
+    """SI in one `unit`: by its factor, or by a stated scale; None where neither is known."""
+    own = factor(unit, name)
+    return own if own is not None else draft.said.get(name, {}).get("scale")
+
+
+def _plausible(
+    draft: Draft,
+    ball: tuple[str, Mapping[str, str], Mapping[str, str]],
+    angle: tuple[str, Mapping[str, str], Mapping[str, str]],
+    answers: Mapping[str, Answer | None],
+    *,
+    named: bool,
+) -> bool:
+    """Whether spans and gains are those of a table, if ball and angle are in these units.
+
+    An angle whose name says no unit must be a usual one: counts and pulse widths look like degrees
+    of an unusual servo.
+    """
+    largest, (lowest, highest) = (7.0, GAIN) if named else (USUAL_SPAN_RAD, USUAL_GAIN)
+    spans = (BALL_SPAN_M, (ANGLE_SPAN_RAD, largest))
+    for (unit, names, columns), (low, high) in zip((ball, angle), spans, strict=True):
+        for axis, column in columns.items():
+            si = _si(draft, names[axis], unit)
+            if si is not None and draft.hints[column].role != "speed":
+                span = si * _span(draft.values(column))
+                if not low <= span <= high:
+                    return False
+                most = float(np.nanmax(np.abs(draft.values(column))))
+                if columns is angle[2] and not named and most * si > 2 * np.pi:
+                    return False
+    for axis, answer in answers.items():
+        if answer is None or axis not in ball[1] or axis not in angle[1]:
+            continue
+        b, a = _si(draft, ball[1][axis], ball[0]), _si(draft, angle[1][axis], angle[0])
+        if b is not None and a is not None:
+            ends = sorted(abs(end) * b / a for end in (answer.response.low, answer.response.high))
+            if ends[1] < lowest or ends[0] > highest:
+                return False
+    return True
+
+
+def _span(values: np.ndarray) -> float:
+    """Width of the middle 98 % of the values."""
+    low, high = np.nanquantile(values, (0.01, 0.99))
+    return float(high - low)
+
+
+def _sure_ball(
+    draft: Draft,
+    fitting: Sequence[tuple[str, str]],
+    answers: Mapping[str, Answer | None],
+    ball_names: Mapping[str, str],
+    angle_names: Mapping[str, str],
+) -> bool:
+    """Whether a ball without a named unit surely is in metres.
+
+    Millimetres and centimetres could as well be pixels, and a share of the plate could be metres
+    if the gain were that of a plate's own tilt.
+    """
+    if {b for b, _ in fitting} != {"m"} or len(fitting) != 1:
+        return False
+    for axis, answer in answers.items():
+        if answer is None or axis not in ball_names:
+            return False
+        a = _si(draft, angle_names[axis], fitting[0][1])
+        if a is None or abs(answer.response.gain) / a > LINKAGE_GAIN:
+            return False
+    return bool(answers)
+
+
+def _gains(
+    draft: Draft,
+    answers: Mapping[str, Answer | None],
+    ball: tuple[str, Mapping[str, str]],
+    angle: tuple[str, Mapping[str, str]],
+) -> list[float]:
+    """Gains [m/s2/rad] where both units (unit, axis -> name) have SI values."""
+    found = []
+    for axis, answer in answers.items():
+        if answer is not None and axis in ball[1]:
+            b, a = _si(draft, ball[1][axis], ball[0]), _si(draft, angle[1][axis], angle[0])
+            if b is not None and a is not None:
+                found.append(answer.response.gain * b / a)
+    return found
+
+
+def _gain_text(
+    draft: Draft,
+    answers: Mapping[str, Answer | None],
+    ball_unit: str,
+    angle_unit: str,
+    ball_names: Mapping[str, str],
+    angle_names: Mapping[str, str],
+) -> str:
+    """The gains in words, with intervals; in file units where the SI ones are not known."""
+    parts = []
+    for axis, answer in answers.items():
+        if answer is None or axis not in ball_names:
+            continue
+        b, a = _si(draft, ball_names[axis], ball_unit), _si(draft, angle_names[axis], angle_unit)
+        one = answer.response
+        times = b / a if b is not None and a is not None else 1.0
+        ends = sorted(abs(end) * times for end in (one.low, one.high))
+        unit = "m/s2/rad" if b is not None and a is not None else "file units"
+        parts.append(
+            f"{abs(one.gain) * times:.3g} ({ends[0]:.3g} to {ends[1]:.3g}) {unit} on {axis}, "
+            f"{one.delay_s:.2f} s later"
+        )
+    return " and ".join(parts)
+
+
+def settle_angle_zero(draft: Draft, kind: str, answers: Mapping[str, Answer | None]) -> None:
+    """Settle the angle at which the plate is level: 0, a round number, or in doubt."""
+    for axis, answer in answers.items():
+        name = NAMES[kind].format(axis)
+        column, unit = draft.signals[name]["column"], draft.signals[name]["unit"]
+        if draft.hints[column].role == "speed":
+            draft.settle(name, offset=0.0)
+            draft.because("angle", f"{name} is the integral of a speed: it drifts, level unknown")
+            continue
+        if draft.is_said(name, "offset"):
+            draft.settle(name, offset=draft.said[name]["offset"])
+            continue
+        values = draft.values(column)
+        si = _si(draft, name, unit)
+        near = LEVEL_RAD / si if si is not None else 0.15 * _span(values)
+        middle = float(np.nanmedian(values))
+        if answer is None:
+            draft.settle(name, offset=0.0)
+            if abs(middle) > max(near, 1.5 * _span(values)):
+                draft.doubt([name], "offset", f"{column} is about {middle:.4g}: level is open")
+            continue
+        zero, error = answer.response.zero, answer.response.zero_error
+        best = min((0.0, *ROUND, *(-one for one in ROUND)), key=lambda one: abs(one - zero))
+        if abs(zero) <= near and (si is not None or abs(zero) < 0.02 * max(ROUND)):
+            best = 0.0
+        draft.settle(name, offset=best)
+        if abs(zero - best) > near or error > near:
+            why = f"the plate is level where {column} is {zero:.4g} +- {2 * error:.2g}"
+            draft.doubt([name], "offset", why, f"{zero:.4g}", "0")
+        elif best:
+            draft.because("angle", f"{column} is {zero:.4g} where level: {best:g} is taken off")
+
+
+def settle_ball_zero(draft: Draft, ball: Mapping[str, str], seen: Mapping[str, np.ndarray]) -> None:
+    """Settle the plate's centre: 0 where the ball was on both sides of it, else in doubt."""
+    for axis, column in ball.items():
+        name = NAMES["ball"].format(axis)
+        if draft.is_said(name, "offset"):
+            draft.settle(name, offset=draft.said[name]["offset"])
+            continue
+        draft.settle(name, offset=0.0)
+        if draft.signals[name].get("unit") == "px" and "calibration" in draft.said.get("", {}):
+            continue
+        values = draft.values(column)[np.isfinite(seen[axis])]
+        low, high = np.quantile(values, (0.02, 0.98)) if len(values) else (0.0, 0.0)
+        if not low < 0 < high:
+            why = f"{column} runs from {low:.4g} to {high:.4g}: where is the plate's centre"
+            draft.doubt([name], "offset", why)

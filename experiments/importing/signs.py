@@ -1,0 +1,121 @@
+"""Which angle tilts which axis, with which sign, and where it is level: by how the ball answers."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from experiments.importing.draft import Draft
+from experiments.importing.relations import Response, responses
+from experiments.importing.roles import NAMES
+
+OTHER_SHARE = 1 / 3  # of the best cause's share; an axis that explains more might be the right one
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """How a ball's axis answers an angle's column."""
+
+    axis: str
+    column: str
+    response: Response
+
+
+def filled(values: np.ndarray) -> np.ndarray:
+    """The last known value (n,) in place of blanks; NaN before the first."""
+    at = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), 0))
+    return values[at]
+
+
+def motion(draft: Draft, column: str) -> np.ndarray:
+    """What a column does as an angle: its values, or their integral where it is a speed."""
+    values = filled(draft.values(column))
+    if draft.hints[column].role != "speed":
+        return values
+    steps = np.diff(draft.seconds, prepend=draft.seconds[:1])
+    return np.nancumsum(np.where(steps < 5.0, np.nan_to_num(values * steps), 0.0))
+
+
+def answers(
+    draft: Draft, ball: Mapping[str, np.ndarray], columns: Mapping[str, str]
+) -> dict[str, dict[str, Response]]:
+    """Response of every axis of the ball to every angle: axis -> column -> response."""
+    good = np.isfinite(draft.seconds)
+    causes = [motion(draft, column)[good] for column in columns.values()]
+    found: dict[str, dict[str, Response]] = {}
+    for axis, values in ball.items():
+        each = responses(draft.seconds[good], values[good], causes, order=2)
+        found[axis] = {
+            column: one
+            for column, one in zip(columns.values(), each, strict=True)
+            if one is not None
+        }
+    return found
+
+
+def pair(
+    draft: Draft, kind: str, columns: Mapping[str, str], found: Mapping[str, Mapping[str, Response]]
+) -> dict[str, Answer | None]:
+    """Settle which of `columns` (axis by name -> column) is which axis of `kind`, and its sign.
+
+    kind: theta or command. The ball decides where it is sure; names decide the pairing where the
+    ball does not contradict them, and then the sign is in doubt. Returns axis -> answer, None
+    where the ball says nothing.
+    """
+    pattern = NAMES[kind]
+    sure = {axis: _clear(each) for axis, each in found.items()}
+    chosen: dict[str, str] = dict(columns)
+    for axis, column in sure.items():
+        if column is None or draft.is_said(pattern.format(axis), "column"):
+            continue
+        other = "y" if axis == "x" else "x"
+        if chosen.get(axis) != column and sure.get(other) != column:
+            chosen = {axis: column}
+            rest = [name for name in columns.values() if name != column]
+            if rest:
+                chosen[other] = rest[0]
+            draft.because("angle", f"{column} tilts {axis}, whatever its name: the ball follows it")
+    out: dict[str, Answer | None] = {}
+    for axis, column in chosen.items():
+        name = pattern.format(axis)
+        draft.settle(name, column=column)
+        one = found.get(axis, {}).get(column)
+        if one is None or not one.sure or (sure.get(axis) not in (None, column)):
+            out[axis] = None
+            if axis in found and not draft.is_said(name, "sign"):
+                why = f"the ball does not tell the sign of {column} on axis {axis}{_weak(one)}"
+                draft.doubt([name], "sign", why, "1", "-1")
+            draft.settle(name, sign=1)
+            continue
+        out[axis] = Answer(axis, column, one)
+        sign = 1 if one.gain > 0 else -1
+        draft.settle(name, sign=sign)
+        if draft.signals[name]["sign"] != sign:
+            draft.because("angle", f"sign of {column} as stated, against what the ball does")
+    _without_ball(draft, pattern, chosen, found)
+    return out
+
+
+def _clear(each: Mapping[str, Response]) -> str | None:
+    """The angle that this axis of the ball surely follows, and no other as much; None: open."""
+    ranked = sorted(each, key=lambda column: -each[column].share)
+    if not ranked or not each[ranked[0]].sure:
+        return None
+    best = each[ranked[0]].share
+    return ranked[0] if all(each[c].share < OTHER_SHARE * best for c in ranked[1:]) else None
+
+
+def _weak(one: Response | None) -> str:
+    if one is None:
+        return " (too little motion)"
+    return f" (explains {100 * one.share:.0f} %, {one.windows:.0f} independent windows)"
+
+
+def _without_ball(
+    draft: Draft, pattern: str, chosen: Mapping[str, str], found: Mapping[str, object]
+) -> None:
+    """An axis without a ball: its sign can only be agreed, as long as some axis has a ball."""
+    for axis, column in chosen.items():
+        if axis not in found and found:
+            why = f"there is no ball on axis {axis} to tell the sign of {column}"
+            draft.doubt([pattern.format(axis)], "sign", why, "1", "-1")

@@ -1,0 +1,102 @@
+"""Units that a recording may be in, how they are spelled, and their SI factors."""
+
+import re
+from math import pi
+
+FACTORS: dict[str, dict[str, float | None]] = {  # None: the map's `scale` says it
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0},
+    "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "px": None},
+    "angle": {"rad": 1.0, "mrad": 1e-3, "deg": pi / 180, "turn": 2 * pi, "us": None},
+    "speed": {"rad/s": 1.0, "deg/s": pi / 180, "rpm": 2 * pi / 60, "turn/s": 2 * pi},
+    "voltage": {"V": 1.0, "mV": 1e-3},
+    "current": {"A": 1.0, "mA": 1e-3},
+}
+SCALED = {"counts", "1"}  # of any quantity: the map's `scale` says how much SI one of them is
+QUANTITIES = {  # what a column of the log can be made from, the most usual first
+    "t_s": ("time",),
+    "ball_exposed_s": ("time",),
+    "ball": ("length",),
+    "target": ("length",),
+    "theta": ("angle", "speed"),
+    "command": ("angle", "speed"),
+    "voltage": ("voltage", "current"),
+    "motor_speed": ("speed",),
+}
+_SPELLED = {
+    "s": "s sec secs second seconds sek sekunden",
+    "ms": "ms msec millis millisecond milliseconds millisec",
+    "us": "us usec micros microsecond microseconds µs μs",
+    "ns": "ns nsec nanosecond nanoseconds nanos",
+    "min": "min minutes",
+    "m": "m meter meters metre metres",
+    "cm": "cm centimeter centimeters centimetres",
+    "mm": "mm millimeter millimeters millimetre millimetres",
+    "um": "um µm μm micrometer",
+    "in": "in inch inches",
+    "px": "px pix pixel pixels",
+    "rad": "rad rads radian radians",
+    "mrad": "mrad milliradians",
+    "deg": "deg degs degree degrees ° grad.",
+    "turn": "turn turns rev revs revolution",
+    "rad/s": "rad/s rads/s rad/sec radps rad_s rad_per_s",
+    "deg/s": "deg/s °/s degps dps deg/sec deg_s deg_per_s",
+    "rpm": "rpm 1/min u/min",
+    "turn/s": "turn/s rev/s rps",
+    "V": "v volt volts",
+    "mV": "mv millivolt millivolts",
+    "A": "a amp amps ampere amperes",
+    "mA": "ma milliamp milliamps",
+    "counts": "counts count cnt ticks tick steps lsb raw adc",
+    "1/100": "% percent pct",
+}
+_NAMED = {spelling: unit for unit, spellings in _SPELLED.items() for spelling in spellings.split()}
+_PART = re.compile(r"(1|turn)/(\d{1,9})")
+
+
+def canonical(text: str) -> str | None:
+    """The unit that somebody's spelling means; None where it means none."""
+    text = text.strip()
+    if text in ("M", "S"):  # mega and siemens; nobody's metre
+        return None
+    text = text.lower().replace(" ", "")
+    return _NAMED.get(text) or (text if _PART.fullmatch(text) else None)
+
+
+def quantity(unit: str) -> str | None:
+    """What a canonical unit measures; None where that is open (counts, shares)."""
+    if unit.startswith("turn/") and unit != "turn/s":
+        return "angle"
+    return next((name for name, units in FACTORS.items() if unit in units and unit != "us"), None)
+
+
+def family(column: str) -> str:
+    """What a column of the log is, without axis and unit: ball_x_m -> ball."""
+    return re.sub(r"_[xy]_(?:m|rad|V|rad_s)$", "", column)
+
+
+def factor(unit: str, column: str) -> float | None:
+    """SI units in one `unit` for a column of the log; None where the map's `scale` must say it.
+
+    `1/N`: one of N parts, of a supply for instance; `turn/N`: one of N counts of a turn.
+    ValueError: the unit does not go with the column; names those that do.
+    """
+    if unit in SCALED:
+        return None
+    kinds = QUANTITIES.get(family(column), ())
+    if (part := _PART.fullmatch(unit)) and int(part[2]) > 0:
+        if part[1] == "1":
+            return None
+        if "angle" in kinds:
+            return 2 * pi / int(part[2])
+    for kind in kinds:
+        if unit in FACTORS[kind]:
+            return FACTORS[kind][unit]
+    known = [unit for kind in kinds for unit in FACTORS[kind]]
+    more = [*(["turn/4096"] if "angle" in kinds else []), "counts", "1/255"]
+    raise ValueError(f"unit {unit!r} of {column}: known are {', '.join([*known, *more])}")
+
+
+def part_of(unit: str) -> float:
+    """What one of `unit` is a share of `scale` of: 1/255 for `1/255`, else 1."""
+    part = _PART.fullmatch(unit)
+    return 1 / int(part[2]) if part and part[1] == "1" else 1.0

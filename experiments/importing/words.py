@@ -1,0 +1,65 @@
+"""What an import would do, in five lines."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from experiments.importing.draft import Proposal
+from experiments.importing.recording import Recording
+from experiments.importing.units import family
+from rig.log import Log
+
+
+def report_lines(recording: Recording, proposal: Proposal) -> list[str]:
+    """Five lines: time, ball, angles, drive and the rest; each with its reasons."""
+    signals = proposal.draft["signals"]
+    because = proposal.reasons
+    lines = [
+        f"time    {_time(proposal.draft['time'])}{_why(because.get('time', ()))}",
+        f"ball    {_signals(signals, 'ball')}{_why(because.get('ball', ()))}",
+        f"angle   {_signals(signals, 'theta', 'command')}{_why(because.get('angle', ()))}",
+        f"drive   {_signals(signals, 'voltage', 'motor_speed')}{_why(because.get('drive', ()))}",
+    ]
+    rest = _signals(signals, "target", "push", "ball_exposed_s")
+    left = proposal.left
+    more = f" and {len(left) - 8} more" if len(left) > 8 else ""
+    unused = f"; not used: {', '.join(left[:8])}{more}" if left else ""
+    notes = (*recording.notes, *because.get("rest", ()))
+    return [*lines, f"rest    {rest}{unused}{_why(notes)}"]
+
+
+def _time(time: Mapping[str, Any]) -> str:
+    if "rate_hz" in time:
+        return f"{time['rate_hz']:g} rows a second"
+    if "column" not in time:
+        return "not found"
+    return f"{time['column']} [{time.get('unit', '?')}]"
+
+
+def _signals(signals: Mapping[str, Mapping[str, Any]], *families: str) -> str:
+    """Each signal as `ball_x_m = -(BallX - 3) mm`."""
+    parts = []
+    for name, keys in signals.items():
+        if family(name) not in families:
+            continue
+        offset, sign = keys.get("offset", 0.0), "-" if keys.get("sign", 1) < 0 else ""
+        inside = f"({keys['column']} - {offset:g})" if offset else keys["column"]
+        scale = f" x {keys['scale']:g}" if keys.get("scale") else ""
+        parts.append(f"{name} = {sign}{inside} [{keys.get('unit', '?')}]{scale}")
+    return "; ".join(parts) or "none"
+
+
+def _why(reasons: Sequence[str]) -> str:
+    return f" | {'; '.join(reasons)}" if reasons else ""
+
+
+def log_line(path: str, log: Log) -> str:
+    """One line about a log that was written: rows, length, rate, how often the ball was seen."""
+    t_s = log["t_s"]
+    seen = 100 * float(np.mean(np.isfinite(log["ball_x_m"]) | np.isfinite(log["ball_y_m"])))
+    notes = f" ({'; '.join(log.notes)})" if log.notes else ""
+    return (
+        f"{path}: {len(log)} rows, {t_s[-1]:.1f} s, {1 / np.median(np.diff(t_s)):.4g} Hz, "
+        f"ball in {seen:.0f} % of them{notes}"
+    )

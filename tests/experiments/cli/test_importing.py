@@ -1,0 +1,143 @@
+"""`rig import`: from a stranger's file to a log, or one line."""
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from experiments.cli import application
+from experiments.importing.import_map import read_map
+from experiments.records.importing import read_log
+from tests.support.other_labs.labs import LABS
+from tests.support.parts import RECORDINGS, needs
+
+
+@dataclass(frozen=True)
+class Done:
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+@pytest.fixture
+def rig(monkeypatch, capsys) -> Callable[..., Done]:
+    """The command line in this process, with nobody there to ask."""
+
+    def call(*arguments: str | Path) -> Done:
+        monkeypatch.setattr(sys, "argv", ["rig", *map(str, arguments)])
+        monkeypatch.setattr("experiments.cli.importing.somebody_is_there", lambda: False)
+        code = 0
+        try:
+            application.main()
+        except SystemExit as end:
+            code = int(end.code or 0)
+        said = capsys.readouterr()
+        return Done(code, said.out, said.err)
+
+    return call
+
+
+@pytest.fixture
+def fails(rig) -> Callable[..., str]:
+    """The one line on standard error of a command that must end with exit code 2."""
+
+    def call(*arguments: str | Path) -> str:
+        done = rig(*arguments)
+        assert done.returncode == 2, done.stderr
+        assert done.stderr.count("\n") == 1
+        assert done.stderr.startswith("rig: ")
+        return done.stderr
+
+    return call
+
+
+def test_yes_writes_the_log_and_the_map_and_the_map_is_used_again(rig, tmp_path: Path):
+    path, truth = LABS["german_hobby"](tmp_path, seed=1)
+    first, again = tmp_path / "out/a.csv", tmp_path / "out/b.mat"
+    done = rig("import", path, "--out", first, "--yes")
+    assert done.returncode == 0, done.stderr
+    assert len(done.stdout.splitlines()) == 7  # five of the proposal, the log, the map
+    assert truth.faults(read_log(first)) == []
+    made = read_map(tmp_path / "out/import.toml")
+    assert made.sources == ("messung.csv",)
+    done = rig("import", path, "--out", again, "--map", tmp_path / "out/import.toml")
+    assert done.returncode == 0, done.stderr
+    one, two = read_log(first), read_log(again)
+    np.testing.assert_array_equal(one.rows, two.rows)
+
+
+def test_what_is_open_is_refused_with_the_option_that_states_it(rig, fails, tmp_path: Path):
+    path, truth = LABS["pixels"](tmp_path, seed=1)
+    out = tmp_path / "out/a.csv"
+    line = fails("import", path, "--out", out, "--yes")
+    assert "--set ball.scale=NUMBER" in line
+    assert not out.exists()
+    said = [f"ball.scale={1 / 1500}", "ball_x_m.offset=320", "ball_y_m.offset=240"]
+    options = [part for one in said for part in ("--set", one)]
+    done = rig("import", path, "--out", out, "--yes", *options)
+    assert done.returncode == 0, done.stderr
+    assert truth.faults(read_log(out)) == []
+
+
+def test_sessions_and_several_files_are_numbered(rig, tmp_path: Path):
+    path, _ = LABS["appended"](tmp_path, seed=1)
+    done = rig("import", path, path, "--out", tmp_path / "out/a.csv", "--yes")
+    assert done.returncode == 0, done.stderr
+    names = sorted(one.name for one in (tmp_path / "out").glob("*.csv"))
+    assert names == [f"a-{i}.csv" for i in range(1, 7)]
+
+
+def test_questions_are_asked_where_somebody_is_there(tmp_path: Path, monkeypatch):
+    path, truth = LABS["pixels"](tmp_path, seed=1)
+    monkeypatch.setattr("experiments.cli.importing.somebody_is_there", lambda: True)
+    answers = [str(1 / 1500), "320", "240", "y"]
+    arguments = ["import", str(path), "--out", str(tmp_path / "a.csv")]
+    done = CliRunner().invoke(application.app, arguments, input="\n".join(answers) + "\n")
+    assert done.exit_code == 0, done.output
+    assert truth.faults(read_log(tmp_path / "a.csv")) == []
+    done = CliRunner().invoke(
+        application.app, arguments, input="\n".join([*answers[:3], "n"]) + "\n"
+    )
+    assert done.exit_code != 0
+
+
+def write(path: Path, header: str, columns: list[np.ndarray]) -> Path:
+    rows = (",".join(map(str, row)) for row in np.column_stack(columns))
+    path.write_text(header + "\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    return path
+
+
+def test_bad_input_is_one_line(fails, tmp_path: Path):
+    out = tmp_path / "out/a.csv"
+    rng, t = np.random.default_rng(0), np.arange(400) * 0.02
+    noise = rng.standard_normal((3, 400))
+    timeless = write(tmp_path / "b.csv", "ball_x_mm,ball_y_mm,servo_cmd_x_deg", [*(40 * noise)])
+    assert "--set time.rate_hz" in fails("import", timeless, "--out", out, "--yes")
+    ballless = write(tmp_path / "c.csv", "t_s,servo_cmd_x_deg", [t, noise[0]])
+    assert "ball" in fails("import", ballless, "--out", out, "--yes")
+    empty = tmp_path / "d.csv"
+    empty.write_text("")
+    assert "empty" in fails("import", empty, "--out", out, "--yes")
+    assert "does not exist" in fails("import", tmp_path / "e.csv", "--out", out)
+    assert ".csv" in fails("import", timeless, "--out", tmp_path / "a.xlsx", "--yes")
+    assert "--set" in fails("import", timeless, "--out", out, "--set", "wheel.unit=m")
+    assert "no column" in fails(
+        "import", timeless, "--out", out, "--yes", "--set", "time.column=nothing"
+    )
+    assert not out.exists()
+
+
+@needs("recordings")
+@pytest.mark.parametrize("name", ["position_table/run.csv", "positioning_axis/run_a.csv"])
+def test_real_recordings_are_imported_unasked(rig, name: str, tmp_path: Path):
+    done = rig("import", RECORDINGS / name, "--out", tmp_path / "a.csv", "--yes")
+    assert done.returncode == 0, done.stderr
+    log = read_log(tmp_path / "a.csv")
+    there = np.genfromtxt(RECORDINGS / name, delimiter=",", names=True)
+    for column in there.dtype.names or ():
+        given = there[column] - (there[column][0] if column == "t_s" else 0)
+        np.testing.assert_allclose(log[column], given, atol=1e-9)

@@ -1,0 +1,67 @@
+"""Any unit, sign, name and order of a recorded table is found, or asked; never silently wrong."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from experiments.importing.conversion import convert
+from experiments.importing.import_map import stated
+from experiments.importing.proposal import Proposal, propose
+from experiments.importing.recording import Stream
+from tests.support.other_labs.disguise import Disguise, disguised
+
+MOST_QUESTIONS = 20
+
+
+def imported(lab: Disguise) -> tuple[Proposal, int]:
+    """The proposal after a person who knows the lab has answered, and how often they were asked."""
+    stream, said = Stream(lab.columns), {}
+    for asked in range(MOST_QUESTIONS):
+        found = propose(stream, said)
+        if not found.doubts:
+            return found, asked
+        doubt = found.doubts[0]
+        answer = lab.answer(doubt.place, doubt.key, dict(found.draft["signals"]))
+        for name, keys in stated([f"{doubt.place}.{doubt.key}={answer}"]).items():
+            said.setdefault(name, {}).update(keys)
+    raise AssertionError(f"more than {MOST_QUESTIONS} questions")
+
+
+@settings(max_examples=3, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 2**31), number=st.sampled_from((7, 8)))
+def test_found_or_asked(seed: int, number: int):
+    lab = disguised(np.random.default_rng(seed), number)
+    found, _ = imported(lab)
+    log = convert(Stream(lab.columns), found.map())[0]
+    assert lab.truth.faults(log) == []
+
+
+@pytest.mark.slow
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 2**31))
+def test_found_or_asked_on_every_bench(seed: int):
+    lab = disguised(np.random.default_rng(seed))
+    found, _ = imported(lab)
+    log = convert(Stream(lab.columns), found.map())[0]
+    assert lab.truth.faults(log) == []
+
+
+def test_named_units_and_kinds_leave_nothing_to_ask():
+    names = {
+        "ball": "ball {} [mm]",
+        "command": "servo command {} [deg]",
+        "theta": "encoder {} [deg]",
+    }
+    sizes = {"ball": 0.001, "command": np.pi / 180, "theta": np.pi / 180}
+    rng = np.random.default_rng(5)
+    for _ in range(4):
+        lab = disguised(rng, 8)
+        columns = {"time [s]": lab.truth.axes[0].t}
+        for log_name, keys in lab.keys.items():
+            kind, axis = log_name.split("_")[:2]
+            si = keys["scale"] * (lab.columns[keys["column"]] - keys["offset"])
+            columns[names[kind].format(axis)] = si / sizes[kind]
+        found = propose(Stream(columns))
+        assert found.doubts == ()
+        assert lab.truth.faults(convert(Stream(columns), found.map())[0]) == []

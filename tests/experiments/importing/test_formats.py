@@ -1,0 +1,233 @@
+"""Files of every format, written by the formats' own libraries."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.importing.formats.choose import read_recording
+from experiments.importing.recording import BadFileError
+from tests.support.parts import needs
+
+T = np.arange(50) * 0.02
+X = np.sin(T)
+
+
+def columns(path: Path) -> dict[str, np.ndarray]:
+    return dict(read_recording(path).stream.columns)
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("t,x\n0,1.5\n0.1,2.5\n0.2,3.5\n", ["t", "x"]),
+        ("t;x\n0;1,5\n0,1;2,5\n0,2;3,5\n", ["t", "x"]),
+        ("t\tx\t\n0\t1.5\t\n0.1\t2.5\t\n0.2\t3.5\t\n", ["t", "x"]),
+        ("0 1.5\n0.1 2.5\n0.2 3.5\n", ["column 1", "column 2"]),
+        ("0,0 1,5\n0,1 2,5\n0,2 3,5\n", ["column 1", "column 2"]),
+        ("# made by us\n# 2024\n# t,x\n0,1.5\n0.1,2.5\n0.2,3.5\n", ["t", "x"]),
+        ("lab 3\n\nt,x\ns,mm\n0,1.5\n0.1,2.5\n0.2,3.5\n", ["t", "x"]),
+        ('"t";"x"\n"0";"1,5"\n"0,1";"2,5"\n"0,2";"3,5"\n', ["t", "x"]),
+        ("t|x\n00:00:00|1.5\n00:00:00.1|2.5\n00:00:00.2|3.5\n", ["t", "x"]),
+    ],
+)
+def test_text_of_many_hands(text: str, names: list[str], tmp_path: Path):
+    path = tmp_path / "a.csv"
+    path.write_text(text, encoding="utf-8")
+    found = columns(path)
+    assert list(found)[:2] == names
+    values = list(found.values())
+    np.testing.assert_allclose(values[0], [0, 0.1, 0.2], atol=1e-9)
+    np.testing.assert_allclose(values[1], [1.5, 2.5, 3.5])
+
+
+def test_text_blanks_words_units_and_encodings(tmp_path: Path):
+    path = tmp_path / "a.csv"
+    path.write_bytes("t;Winkel;Ort\ns;°;mm\n0;1;\n0,1;NaN;2\n0,2;aus;3\n".encode("latin-1"))
+    stream = read_recording(path).stream
+    assert stream.units == {"t": "s", "Winkel": "°", "Ort": "mm"}
+    assert np.isnan(stream.columns["Winkel"][1:]).all()
+    assert np.isnan(stream.columns["Ort"][0])
+    path.write_text("t,x\n1,2\n3,4\n", encoding="utf-16")
+    assert list(columns(path)) == ["t", "x"]
+
+
+def test_a_last_line_that_was_cut_off_is_left_out(tmp_path: Path):
+    path = tmp_path / "a.csv"
+    path.write_text("t,x,y\n" + "".join(f"{i},1,2\n" for i in range(300)) + "300,1", "utf-8")
+    assert len(columns(path)["t"]) == 300
+
+
+def test_matlab_5_variables_structs_and_matrices(tmp_path: Path):
+    from scipy.io import savemat
+
+    path = tmp_path / "a.mat"
+    deep = {"servo": {"angle": X, "cmd": X + 1}, "K": np.eye(3)}
+    savemat(path, {"t": T, "data": deep, "xy": np.column_stack((X, -X)), "name": "run"})
+    found = columns(path)
+    assert set(found) == {"t", "xy[1]", "xy[2]", "data.servo.angle", "data.servo.cmd"}
+    np.testing.assert_array_equal(found["xy[2]"], -X)
+
+
+def test_matlab_to_file_matrix_has_its_time_in_the_first_row(tmp_path: Path):
+    from scipy.io import savemat
+
+    path = tmp_path / "a.mat"
+    savemat(path, {"ans": np.vstack((T, X, 2 * X))})
+    np.testing.assert_array_equal(columns(path)["ans[3]"], 2 * X)
+
+
+def test_matlab_streams_with_clocks_of_their_own_are_joined(tmp_path: Path):
+    from scipy.io import savemat
+
+    path = tmp_path / "a.mat"
+    slow = T[::5] + 0.001
+    fast = {"time": T, "u": X}
+    savemat(path, {"fast": fast, "cam": {"time": np.tile(slow, 4), "x": np.tile(slow, 4)}})
+    recording = read_recording(path)
+    seen = recording.stream.columns["cam.x"]
+    assert np.isfinite(seen).sum() == 10
+    rows = np.flatnonzero(np.isfinite(seen))
+    assert np.all(T[rows] >= seen[rows])  # nothing is known before it happened
+    assert "late" in " ".join(recording.notes)
+
+
+def test_matlab_73_and_objects_that_only_matlab_reads(tmp_path: Path):
+    import h5py
+
+    path = tmp_path / "a.mat"
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file["t"], file["x"] = T[None, :], X[None, :]
+    with path.open("r+b") as raw:
+        raw.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
+    np.testing.assert_array_equal(columns(path)["x"], X)
+    with h5py.File(path, "w") as file:
+        file["logsout"] = np.zeros((1, 6), np.uint32)
+        file["logsout"].attrs["MATLAB_object_decode"] = 3
+    with pytest.raises(BadFileError, match="Structure with time"):
+        columns(path)
+
+
+def test_parquet_with_units_and_lists(tmp_path: Path):
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    path = tmp_path / "a.parquet"
+    field = pa.field("x", pa.float32(), metadata={"unit": "mm"})
+    arrays = [pa.array(T), pa.array(X.astype(np.float32)), pa.array([[1.0, 2.0]] * len(T))]
+    names = [pa.field("t", pa.float64()), field, pa.field("cmd", pa.list_(pa.float64()))]
+    pq.write_table(pa.Table.from_arrays(arrays, schema=pa.schema(names)), path)
+    stream = read_recording(path).stream
+    assert list(stream.columns) == ["t", "x", "cmd[0]", "cmd[1]"]
+    assert stream.units == {"x": "mm"}
+
+
+@needs("nptdms")
+def test_tdms_groups_with_clocks_and_units(tmp_path: Path):
+    from nptdms import ChannelObject, TdmsWriter
+
+    path = tmp_path / "a.tdms"
+    with TdmsWriter(path) as writer:
+        how = {"wf_increment": 0.02, "unit_string": "V"}
+        writer.write_segment([ChannelObject("g", "u", X, how), ChannelObject("g", "i", X, how)])
+    stream = read_recording(path).stream
+    np.testing.assert_allclose(stream.columns["g/time"], T)
+    assert stream.units["g/u"] == "V"
+
+
+def test_mcap_json_topics(tmp_path: Path):
+    from mcap.writer import Writer
+
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema("ball", "jsonschema", b"{}")
+        channel = writer.register_channel("/ball", "json", schema)
+        for t, x in zip(T, X, strict=True):
+            data = json.dumps({"place": {"x": x}, "note": "a", "picture": [0] * 100}).encode()
+            at = int(1e9 * t) + 10**18
+            writer.add_message(channel, log_time=at, data=data, publish_time=at)
+        writer.finish()
+    found = columns(path)
+    assert list(found) == ["ball.time", "ball.place.x"]
+    np.testing.assert_allclose(found["ball.place.x"], X)
+    np.testing.assert_allclose(np.diff(found["ball.time"]), 0.02, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "says"),
+    [
+        ("a.csv", b"", "empty"),
+        ("a.csv", b"hello\nworld\n", "no rows of numbers"),
+        ("a.csv", b"\x00" * 100, "no text"),
+        ("a.csv", b"t,t\n1,2\n3,4\n", "twice"),
+        ("a.csv", ",".join(f"c{i}" for i in range(10**6)).encode() + b"\n", "1000000 columns"),
+        ("a.csv", b"1," * 10**6 + b"1\n", "columns"),
+        ("a.mat", b"", "not readable"),
+        (
+            "a.mat",
+            b"MATLAB 5.0 MAT-file".ljust(126) + b"IM" + b"\x0f\0\0\0\x10\0\0\0zz",
+            "not readable",
+        ),
+        ("a.mat", b"MATLAB 7.3 MAT-file".ljust(600), "7.3"),
+        ("a.parquet", b"PAR1", "Parquet"),
+        ("a.mcap", b"\x89MCAP0\r\n" + b"\x01" * 40, "MCAP"),
+        ("a.mcap", b"", "MCAP"),
+        ("a.xlsx", b"PK", "no kind of recording"),
+    ],
+)
+def test_bad_files_get_one_line(name: str, data: bytes, says: str, tmp_path: Path):
+    path = tmp_path / name
+    path.write_bytes(data)
+    with pytest.raises(BadFileError, match=says) as caught:
+        read_recording(path)
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 600
+
+
+@needs("nptdms")
+@pytest.mark.parametrize("data", [b"", b"TDSm" + b"\xff" * 60])
+def test_bad_tdms_gets_one_line(data: bytes, tmp_path: Path):
+    path = tmp_path / "a.tdms"
+    path.write_bytes(data)
+    with pytest.raises(BadFileError):
+        read_recording(path)
+
+
+def test_bombs_are_refused_before_they_are_unpacked(tmp_path: Path, monkeypatch):
+    import h5py
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+    from scipy.io import savemat
+
+    path = tmp_path / "huge.mat"
+    with h5py.File(path, "w") as file:  # a terabyte that was never written
+        file.create_dataset("x", (10**11, 10), "f8", chunks=(1000, 10))
+    with pytest.raises(BadFileError, match="limit"):
+        read_recording(path)
+    monkeypatch.setattr("experiments.importing.formats.matlab.MAX_CELLS", 10_000)
+    monkeypatch.setattr("experiments.importing.recording.MAX_CELLS", 10_000)
+    savemat(tmp_path / "bomb.mat", {"x": np.zeros(100_000)}, do_compression=True)
+    with pytest.raises(BadFileError, match="unpacks"):
+        read_recording(tmp_path / "bomb.mat")
+    pq.write_table(pa.table({"x": np.zeros(100_000)}), tmp_path / "bomb.parquet")
+    with pytest.raises(BadFileError, match="limit"):
+        read_recording(tmp_path / "bomb.parquet")
+
+
+def test_lerobot_without_data_says_so(tmp_path: Path):
+    (tmp_path / "meta").mkdir()
+    (tmp_path / "meta/info.json").write_text('{"features": {}}', encoding="utf-8")
+    with pytest.raises(BadFileError, match="fetch"):
+        read_recording(tmp_path)
+    (tmp_path / "meta/info.json").write_text("[]", encoding="utf-8")
+    with pytest.raises(BadFileError, match=r"info\.json"):
+        read_recording(tmp_path)
+
+
+def test_an_older_bag_says_how_to_convert_it(tmp_path: Path):
+    (tmp_path / "metadata.yaml").write_text("a: 1", encoding="utf-8")
+    with pytest.raises(BadFileError, match="ros2 bag convert"):
+        read_recording(tmp_path)

@@ -1,0 +1,1 @@
+"""Recordings of invented laboratories; shares no code with the product's simulator."""
