@@ -42,8 +42,8 @@ class Facts:
     limits of this session (None: this system has none); sdk: why the vendor's module is missing, ""
     where it is installed; packages: versions by name, None where missing; missing_files: files that
     the rig file names; remote: why the remote table does not answer, homing: why the homing cannot
-    be used (None: nothing wrong, or not checked); cache: why compiled functions cannot be kept, and the
-    cure, "" where they can.
+    be used (None: nothing wrong, or not checked); cache: why compiled functions cannot be kept, and
+    the cure, "" where they can.
     """
 
     platform: str = "linux"
