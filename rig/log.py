@@ -55,11 +55,14 @@ COLUMNS: tuple[Column, ...] = (
     Column("ball_cov_xy_m2", "m2", "covariance of this row's observation"),
     Column("ball_cov_yy_m2", "m2", "variance of this row's observation in y"),
     Column("phase", "1", "0 place, 1 hold, 2 run"),
+    *_by_axis("command_{a}_rad", "rad", "angle told to position servo {a}, from here to next row"),
 )
 NAMES: tuple[str, ...] = tuple(column.name for column in COLUMNS)
 INDEX: dict[str, int] = {name: i for i, name in enumerate(NAMES)}
-CONTRACT: tuple[str, ...] = NAMES[: INDEX["ball_exposed_s"] + 1]
-"""The columns of the CSV contract; what follows them is what our own runs record besides."""
+COMMANDS: tuple[str, ...] = ("command_x_rad", "command_y_rad")
+"""What a table with position servos is told, beside or in place of volts."""
+CONTRACT: tuple[str, ...] = (*NAMES[: INDEX["ball_exposed_s"] + 1], *COMMANDS)
+"""The columns of the CSV contract; the others are what our own runs record besides."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from experiments.runs.assemble import (
 from experiments.runs.protocol import OWN, Protocol, course
 from rig.control.controllers import COMPENSATORS
 from rig.control.user_controller import load_controller
-from rig.log import INDEX, Log
+from rig.log import CONTRACT, INDEX, Log
 from rig.loop.commands import CommandSlot, Stop
 from rig.loop.loop import Ending, Loop
 from rig.loop.signals import StopSlot, stop_on_signals
@@ -293,7 +293,7 @@ def events(log: Log) -> list[dict]:
 
 def contract_columns(log: Log) -> Log:
     """The log with only the columns needed to recompute a report's numbers; the rest is NaN."""
-    kept = [i for name, i in INDEX.items() if i <= INDEX["ball_exposed_s"] or "desired" in name]
+    kept = [i for name, i in INDEX.items() if name in CONTRACT or "desired" in name]
     rows = np.full_like(log.rows, np.nan)
     rows[:, [*kept, _PHASE]] = log.rows[:, [*kept, _PHASE]]
     return Log.from_rows(rows)

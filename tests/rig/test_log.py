@@ -19,9 +19,10 @@ def ball_log(x, y, **more):
 def test_columns_start_with_the_contract_in_its_order():
     assert " ".join(CONTRACT) == (
         "t_s voltage_x_V voltage_y_V theta_x_rad theta_y_rad ball_x_m ball_y_m "
-        "motor_speed_x_rad_s motor_speed_y_rad_s target_x_m target_y_m push ball_exposed_s"
+        "motor_speed_x_rad_s motor_speed_y_rad_s target_x_m target_y_m push ball_exposed_s "
+        "command_x_rad command_y_rad"
     )
-    assert len(set(NAMES)) == len(COLUMNS) == 31
+    assert len(set(NAMES)) == len(COLUMNS) == 33
     assert all(column.unit and column.meaning for column in COLUMNS)
 
 
