@@ -134,6 +134,7 @@ class Checked(LevelOnExit):
         self._table, self._rig, self._homed = table, rig, homed
         self._eye, self._notes_file = eye, notes_file
         self.period_s, self.voltage_limit_V = table.period_s, table.voltage_limit_V
+        self.takes_angle = table.takes_angle
 
     @property  # what the loop says of levelling is the table's to do
     def level_s(self) -> float:  # pyright: ignore

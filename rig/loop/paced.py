@@ -23,7 +23,7 @@ class Paced(LevelOnExit):
     ) -> None:
         self._table = table
         self.period_s = table.period_s
-        self.voltage_limit_V = table.voltage_limit_V
+        self.voltage_limit_V, self.takes_angle = table.voltage_limit_V, table.takes_angle
         until = sleep_until if sleep is None else lambda due_s: sleep(due_s - clock())
         self.ticker = Ticker(self.period_s, clock=clock, sleep_until=until)
 

@@ -46,6 +46,7 @@ class LevelOnExit:
     """
 
     level_s: float = 0.6
+    takes_angle: bool = False
 
     def __enter__(self) -> Self:
         return self
@@ -65,6 +66,8 @@ class LevelOnExit:
 def bring_level(table: Table, seconds: float) -> None:
     """Drive both servos to zero for `seconds` of the table's time, then 0 V whatever happened.
 
+    Servos that take an angle are told 0 and stay told so.
+
     OSError: as `read` and `drive` of the table raise it.
     """
     levelling = Levelling(table.voltage_limit_V)
@@ -72,7 +75,10 @@ def bring_level(table: Table, seconds: float) -> None:
         first = table.read()
         now = first
         while now.t_s - first.t_s < seconds:
-            table.drive(levelling.volts(now.theta_rad, now.t_s))
+            level = (0.0, 0.0)
+            if not table.takes_angle:
+                level = levelling.volts(now.theta_rad, now.t_s)
+            table.drive(level)
             now = table.read()
     finally:
         table.drive((0.0, 0.0))
