@@ -60,7 +60,10 @@ class UserController(Protocol):
         ...
 
     def control(self, now: Now) -> tuple[float, float]:
-        """Return the volts (x, y) to command; called at every tick while the ball rolls."""
+        """Return the volts (x, y) to command, or the angles [rad] where the servos take an angle.
+
+        Called at every tick while the ball rolls.
+        """
         ...
 
     def end(self, outcome: str) -> None:

@@ -30,21 +30,27 @@ class MonitorLimits:
     late_s: float = 0.1  # a tick later than this: the board has given up by then
     late_share: float = 0.05  # more missed ticks than this share, lasting ...
     late_ticks: float = 25.0  # ... until they have added up to so many
+    measured: bool = True  # the angles; else they are no numbers
 
     @classmethod
     def of_rig(cls, rig: Rig) -> "MonitorLimits":
         """Return the limits of a table.
 
-        Its servos turn at most at twice their no-load speed at the voltage limit; its angles lie
-        within the angle limit plus ANGLE_MARGIN_RAD, beyond which the simulated loop ends a run as
-        well.
+        Its servos turn at most at twice their no-load speed at the voltage limit, or at twice the
+        rate limit of servos that take an angle, which no volts can stall; its angles lie within the
+        angle limit plus ANGLE_MARGIN_RAD, beyond which the simulated loop ends a run as well.
         """
         servo = rig.servo
+        fastest = servo.gain_rad_s_V * servo.voltage_limit_V
+        if servo.takes_angle:
+            fastest = max(servo.pair("rate_limit_rad_s"))
         return cls(
             period_s=1 / rig.control_rate_hz,
-            rate_rad_s=2 * servo.gain_rad_s_V * servo.voltage_limit_V,
+            rate_rad_s=2 * fastest,
             noise_rad=4 * servo.encoder_step_rad,
             angle_rad=servo.angle_limit_rad + ANGLE_MARGIN_RAD,
+            stall_V=inf if servo.takes_angle else cls.stall_V,
+            measured=servo.has_angle,
         )
 
 
@@ -108,7 +114,7 @@ def check(
     first = state.t_s == -inf
     step_s = limits.period_s if first else reading.t_s - state.t_s
     late_s = max(late_s, step_s - limits.period_s)
-    fault = _no_number(reading) or _time(state, limits, step_s, late_s)
+    fault = _no_number(reading, limits) or _time(state, limits, step_s, late_s)
     fault = fault or _angles(
         reading.theta_rad if first else state.theta_rad, limits, reading, step_s
     )
@@ -130,20 +136,20 @@ def check(
     return after, _stall(after, limits, volts) or _camera(after, limits, reading, balancing)
 
 
-def check_command(x_V: float, y_V: float) -> Fault | None:
-    """Return a fault where the commanded volts are not finite, else None.
+def check_command(x: float, y: float, unit: str = "V") -> Fault | None:
+    """Return a fault where what is commanded, volts or angles, is not finite, else None.
 
-    The controller has failed then; the limiter gives 0 V meanwhile.
+    The controller has failed then; the limiter gives 0 V meanwhile, or the angle before.
     """
-    if isfinite(x_V) and isfinite(y_V):
+    if isfinite(x) and isfinite(y):
         return None
-    return Fault("no number", f"the controller asked for {x_V} V and {y_V} V")
+    return Fault("no number", f"the controller asked for {x} {unit} and {y} {unit}")
 
 
-def _no_number(reading: Reading) -> Fault | None:
+def _no_number(reading: Reading, limits: MonitorLimits) -> Fault | None:
     if not isfinite(reading.t_s):
         return Fault("no number", f"the table's time is {reading.t_s}", level=False)
-    if not (isfinite(reading.theta_rad[0]) and isfinite(reading.theta_rad[1])):
+    if limits.measured and not all(map(isfinite, reading.theta_rad)):
         return Fault("no number", f"the encoders gave {reading.theta_rad}", level=False)
     ball = reading.ball
     if ball is not None and not all(map(isfinite, (*ball.xy_m, *ball.cov_m2, ball.exposed_s))):
