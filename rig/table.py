@@ -63,12 +63,11 @@ class Table(Protocol):
     Contract (one test for every table): t_s strictly increases; an observation is never usable
     before its exposure; a positive voltage raises the servo angle, a positive angle accelerates
     the ball towards +; leaving the context gives 0 V and level, even after an exception.
-    takes_angle: its servos take angles [rad] where others take volts; it has no voltage then.
+    Where its servos take an angle, `drive` takes angles [rad] in place of volts (`takes_angle`).
     """
 
     period_s: float
     voltage_limit_V: float
-    takes_angle: bool
 
     def read(self) -> Reading:
         """Wait for the next tick and return its reading. OSError: the table or its camera is
@@ -87,3 +86,8 @@ class Table(Protocol):
     def close(self) -> None:
         """Set 0 V, or the angle 0, and free the table. A second call does nothing."""
         ...
+
+
+def takes_angle(table: Table) -> bool:
+    """Whether the table's servos take an angle: its attribute of this name, where it has one."""
+    return bool(getattr(table, "takes_angle", False))

@@ -20,7 +20,7 @@ from rig.safety import monitor
 from rig.safety.levelling import LevelOnExit
 from rig.safety.limits import Braking, limit, limit_angle
 from rig.safety.monitor import Fault, MonitorLimits
-from rig.table import Reading, Table
+from rig.table import Reading, Table, takes_angle
 
 HIGHEST_GAINS = (20.0, 20.0, 20.0)  # rad/m, rad/(m s), rad s/m: what a setpoint page may ask for
 PLACED_S = 0.5  # so long a ball must lie at its start before it counts as placed
@@ -81,7 +81,7 @@ class Loop:
         late_s: Callable[[], float] = lambda: 0.0,
         limits: MonitorLimits | None = None,
     ) -> None:
-        if getattr(table, "takes_angle", False) != known.servo.takes_angle:
+        if takes_angle(table) != known.servo.takes_angle:
             raise ValueError(
                 f"servo.kind = '{known.servo.kind}', but this table's servos take "
                 + ("volts" if known.servo.takes_angle else "angles")

@@ -6,7 +6,7 @@ from typing import Self
 
 from rig.safety.limits import Braking, limit
 from rig.safety.monitor import MonitorLimits, StallWatch, watch_stall
-from rig.table import Table
+from rig.table import Table, takes_angle
 
 LEVEL_GAIN_V_RAD = 14.0
 LEVEL_LIMIT_V = 3.0  # at most, and never above the table's own limit
@@ -46,7 +46,6 @@ class LevelOnExit:
     """
 
     level_s: float = 0.6
-    takes_angle: bool = False
 
     def __enter__(self) -> Self:
         return self
@@ -76,7 +75,7 @@ def bring_level(table: Table, seconds: float) -> None:
         now = first
         while now.t_s - first.t_s < seconds:
             level = (0.0, 0.0)
-            if not table.takes_angle:
+            if not takes_angle(table):
                 level = levelling.volts(now.theta_rad, now.t_s)
             table.drive(level)
             now = table.read()

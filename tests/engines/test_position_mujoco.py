@@ -123,9 +123,9 @@ def test_two_position_actuators_and_a_rolling_ball(n):
         balls.append(table.ball_m()[:2])
     our_arms, our_balls, _ = ours(RODS, told, start)
     assert n < 500 or np.ptp(our_arms, axis=0).min() > 0.15
-    assert np.abs(our_arms - arms).max() < 1.5e-3
+    assert np.abs(our_arms - arms).max() < 1.5e-4
     assert n < 500 or np.ptp(our_balls, axis=0).min() > 0.01
-    assert np.sqrt(np.mean((our_balls - balls) ** 2)) < 3e-4
+    assert np.sqrt(np.mean((our_balls - balls) ** 2)) < 1e-4
 
 
 @LENGTHS
@@ -140,6 +140,6 @@ def test_three_position_actuators_and_a_ball_on_a_plate_that_shifts(n):
         tilts.append(table.sines())
     _, our_balls, our_tilts = ours(ARMS, told, start)
     assert n < 500 or np.ptp(our_tilts, axis=0).min() > 0.04
-    assert np.abs(our_tilts - tilts).max() < 1.5e-3
+    assert np.abs(our_tilts - tilts).max() < 1.5e-4
     assert n < 500 or np.ptp(our_balls, axis=0).min() > 0.01
-    assert np.sqrt(np.mean((our_balls - np.array(balls)) ** 2)) < 3e-4
+    assert np.sqrt(np.mean((our_balls - np.array(balls)) ** 2)) < 1e-4
