@@ -2,11 +2,12 @@
 
 An effect is a named group of parameters whose null values leave the model unchanged. Its equation
 is one compiled function in `effect_equations.py`; play is in `shaft.py`, delays are in `plant.py`
-and `statistical_camera.py`. On the way to the motor volts meet, in this order: delay, saturation,
-sag, dead zone, asymmetry, drift, offset, cogging, friction.
+and `statistical_camera.py`, what befalls a commanded angle is in `position_servo.py`. On the way to
+the motor volts meet, in this order: delay, saturation, sag, dead zone, asymmetry, drift, offset,
+cogging, friction. A commanded angle meets dead time, scale, zero, dead band, lag, rate limit.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from math import inf, radians
 
@@ -14,6 +15,7 @@ import numpy as np
 
 PER_AXIS = ("x", "y")
 SHARED = ("xy",)
+VOLTS, ANGLES = ("voltage",), ("position",)
 
 
 @dataclass(frozen=True)
@@ -35,8 +37,9 @@ class Effect:
     """One effect of the catalogue: its name in `rig.toml`, its parameters, a sentence about it.
 
     side: "servo", "ball" or "camera"; axes: the keys that it takes in `rig.toml`, ("x", "y") or,
-    where one value holds for both axes, ("xy",); tolerance: size of the first parameter below which
-    a well-kept rig counts as free of the effect, in that parameter's unit (0: none declared).
+    where one value holds for both axes, ("xy",); tolerance: size of the first
+    parameter below which a well-kept rig counts as free of the effect, in that parameter's unit (0:
+    none declared); servos: the kinds of servo that can have it.
     """
 
     name: str
@@ -45,6 +48,7 @@ class Effect:
     parameters: tuple[Parameter, ...]
     tolerance: float  # of the first parameter: what a well-kept rig meets; 0 = none declared
     sentence: str
+    servos: tuple[str, ...] = ("voltage", "position")
 
     def field(self, key: str) -> str:
         """Name of the parameter `key` in the plant's record: NAME_KEY."""
@@ -60,30 +64,44 @@ _DEG = radians(1)
 
 CATALOGUE: tuple[Effect, ...] = (
     Effect("coulomb_friction", "servo", PER_AXIS, (_p("friction_V", "V", 0, 1),), 0.015,
-           "Dry friction: the motor needs this many volts before it moves, and loses them moving."),
+           "Dry friction: the motor needs this many volts before it moves, and loses them moving.",
+           VOLTS),
     Effect("stribeck_friction", "servo", PER_AXIS,
            (_p("extra_V", "V", 0, 1), _p("speed_rad_s", "rad/s", 0.01, 2, 0.1)), 0.0,
-           "Friction is higher near standstill and falls as the servo gets faster."),
+           "Friction is higher near standstill and falls as the servo gets faster.", VOLTS),
     Effect("dead_zone", "servo", PER_AXIS,
            tuple(_p(key, "V", 0, 1) for key in ("half_width_V", "positive_V", "negative_V")), 0.01,
-           "The amplifier gives nothing for small commands; larger ones arrive reduced."),
+           "The amplifier gives nothing for small commands; larger ones arrive reduced.", VOLTS),
     Effect("gain_asymmetry", "servo", PER_AXIS, (_p("fraction", "1", -0.5, 0.5),), 0.005,
-           "The drive is stronger in one direction than in the other."),
+           "The drive is stronger in one direction than in the other.", VOLTS),
     Effect("voltage_offset", "servo", PER_AXIS, (_p("offset_V", "V", -1, 1),), 0.02,
-           "A constant voltage is added to every command."),
+           "A constant voltage is added to every command.", VOLTS),
     Effect("saturation", "servo", PER_AXIS, (_p("limit_V", "V", 0.5, 6, inf),), 0.0,
-           "The supply cannot give the volts that the rig's limit allows."),
+           "The supply cannot give the volts that the rig's limit allows.", VOLTS),
     Effect("input_delay", "servo", PER_AXIS, (_p("delay_s", "s", 0, 0.1),), 0.002,
-           "Volts reach the motor later than they were commanded."),
+           "Volts reach the motor later than they were commanded.", VOLTS),
     Effect("cogging", "servo", PER_AXIS, (_p("amplitude_V", "V", 0, 1), *_TURN), 0.0,
-           "The motor pulls towards fixed angles, with a period along the turn."),
+           "The motor pulls towards fixed angles, with a period along the turn.", VOLTS),
     Effect("gain_drift", "servo", PER_AXIS, (_p("rate_1_s", "1/s", -0.01, 0.01),), 0.0,
-           "The drive gets weaker (or stronger) during the run, as from warming up."),
+           "The drive gets weaker (or stronger) during the run, as from warming up.", VOLTS),
     Effect("supply_sag", "servo", SHARED, (_p("drop_1_V", "1/V", 0, 0.05),), 0.0,
-           "The supply drops when both motors draw current at once."),
+           "The supply drops when both motors draw current at once.", VOLTS),
     Effect("gear_backlash", "servo", PER_AXIS,
            (_p("play_rad", "rad", 0, 0.1), _p("offset_rad", "rad", -0.05, 0.05)), 0.02 * _DEG,
-           "Free play in the gears, between motor and encoder (full width)."),
+           "Free play in the gears, between motor and encoder (full width).", VOLTS),
+    Effect("servo_lag", "servo", PER_AXIS, (_p("lag_s", "s", -0.05, 0.5),), 0.005,
+           "The servo follows its command with more lag than the rig file says.", ANGLES),
+    Effect("servo_dead_time", "servo", PER_AXIS, (_p("delay_s", "s", 0, 0.2),), 0.003,
+           "The servo answers a command later than the rig file says.", ANGLES),
+    Effect("rate_limit", "servo", PER_AXIS, (_p("limit_rad_s", "rad/s", 0.1, 10, inf),), 0.0,
+           "The servo cannot turn as fast as the rig file says.", ANGLES),
+    Effect("command_dead_band", "servo", PER_AXIS, (_p("half_width_rad", "rad", 0, 0.1),),
+           0.1 * _DEG, "The servo does not answer small changes, and stops short of its command.",
+           ANGLES),
+    Effect("angle_scale", "servo", PER_AXIS, (_p("fraction", "1", -0.5, 0.5),), 0.01,
+           "The servo turns further, or less far, than it is told.", ANGLES),
+    Effect("angle_zero", "servo", PER_AXIS, (_p("offset_rad", "rad", -0.2, 0.2),), 0.1 * _DEG,
+           "The servo stands beside the angle that it is told.", ANGLES),
     Effect("joint_backlash", "ball", PER_AXIS,
            (_p("play_rad", "rad", 0, 0.1), _p("offset_rad", "rad", -0.05, 0.05)), 0.08 * _DEG,
            "Free play in the joints, between encoder and plate (full width); the ball shows it."),
@@ -118,6 +136,22 @@ CATALOGUE: tuple[Effect, ...] = (
 BY_NAME: dict[str, Effect] = {effect.name: effect for effect in CATALOGUE}
 
 
+def effects_of(kind: str) -> tuple[Effect, ...]:
+    """Return the effects that a table with servos of this kind can have, in the catalogue's
+    order.
+    """
+    return tuple(effect for effect in CATALOGUE if kind in effect.servos)
+
+
+def check_servos(names: Iterable[str], kind: str) -> None:
+    """Raise ValueError where servos of this kind cannot have an effect; unknown names pass."""
+    for name in names:
+        effect = BY_NAME.get(name)
+        if effect is not None and kind not in effect.servos:
+            known = ", ".join(one.name for one in effects_of(kind))
+            raise ValueError(f"effect '{name}' is not one of {kind} servos; known: {known}")
+
+
 def fields() -> Iterator[tuple[str, Effect, Parameter]]:
     """Yield every parameter as (field name, effect, parameter), in the catalogue's order."""
     for effect in CATALOGUE:
@@ -150,17 +184,18 @@ def check(effects: Mapping[str, Mapping[str, Mapping[str, float]]]) -> None:
 
 _NOT_NEGATIVE = (
     "play_rad friction_V limit_V delay_s half_width_V positive_V negative_V extra_V amplitude_V "
-    "amplitude_rad deceleration_m_s2"
+    "amplitude_rad deceleration_m_s2 half_width_rad limit_rad_s"
 ).split()
-_ABOVE_ZERO = ("speed_rad_s", "periods_per_turn", "limit_V")
-LONGEST_INPUT_DELAY_S = 0.1
+_LIMITS = ("limit_V", "limit_rad_s")  # may be infinite
+_ABOVE_ZERO = ("speed_rad_s", "periods_per_turn", *_LIMITS)
+LONGEST_DELAY_S = {"input_delay": 0.1, "servo_dead_time": 0.5}
 GROSS = 30  # so many times beyond the sensible range is a slip of units or of the point
 
 
 def _check_number(name: str, axis: str, key: str, value: float) -> None:
     """One value of an effect: finite (a limit may be infinite), and of the sign it must have."""
     label = f"effect '{name}', {axis}.{key} = {value:g}"
-    if value != value or (abs(value) == inf and key != "limit_V"):
+    if value != value or (abs(value) == inf and key not in _LIMITS):
         raise ValueError(f"{label}: must be finite")
     if key in _NOT_NEGATIVE and value < 0:
         raise ValueError(f"{label}: must be >= 0")
@@ -172,8 +207,8 @@ def _check_number(name: str, axis: str, key: str, value: float) -> None:
         if abs(value) > most:
             raise ValueError(f"{label}: no table is like that (sensible: {parameter.low:g} to "
                              f"{parameter.high:g} {parameter.unit})")  # fmt: skip
-    if name == "input_delay" and value > LONGEST_INPUT_DELAY_S:
-        raise ValueError(f"{label}: must be at most {LONGEST_INPUT_DELAY_S:g} s")
+    if value > LONGEST_DELAY_S.get(name, inf):
+        raise ValueError(f"{label}: must be at most {LONGEST_DELAY_S[name]:g} s")
     if name == "cross_coupling" and abs(value) >= 1:
         raise ValueError(f"{label}: must lie between -1 and 1")
 
@@ -181,6 +216,8 @@ def _check_number(name: str, axis: str, key: str, value: float) -> None:
 def _check_play(name: str, by_axis: Mapping[str, Mapping[str, float]]) -> None:
     """The middle of a play may lie off zero, but zero stays inside: else the shaft is twisted."""
     for axis, pairs in by_axis.items():
+        if not any(p.key == "play_rad" for p in BY_NAME[name].parameters):
+            continue
         offset, width = pairs.get("offset_rad", 0.0), pairs.get("play_rad", 0.0)
         if abs(offset) > width / 2:
             raise ValueError(

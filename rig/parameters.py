@@ -7,14 +7,18 @@ Angles, speeds, torques and inertias of the drive are those at the servo's load 
 
 from dataclasses import dataclass, field
 from math import pi
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar, Literal
 
-from annotated_types import Ge, Gt, Interval
+from annotated_types import Gt
 
+from rig import effects
 from rig.discrepancy import Discrepancy
+from rig.linkage import THREE_ARMS, Linkage
+from rig.section import Finite, NotNegative, Positive, Section, Share
 
 GRAVITY_M_S2 = 9.81
 SHAFT_MODELS = ("exact", "dead_zone", "none")
+VOLTAGE, POSITION = "voltage", "position"
 TABLE_KINDS = ("simulated", "serial", "usb", "quanser", "remote")
 ANGLE_MARGIN_RAD = 0.08  # further beyond the angle limit is a runaway (the stop is at 0.086)
 
@@ -59,27 +63,28 @@ def nominal_servo(
     return per_volt / damping, inertia / damping
 
 
-# What a number of the rig file may be; `rig.rigfile` holds a file against these types.
-Finite = float
-NotNegative = Annotated[float, Ge(0)]
-Positive = Annotated[float, Gt(0)]
-Share = Annotated[float, Interval(ge=0, le=1)]
-
-
-class Section:
-    """Base of the rig file's sections: infinite and undefined numbers are errors in a file."""
-
-    __pydantic_config__: ClassVar[Any] = {"allow_inf_nan": False}
-
-
 @dataclass(frozen=True)
 class Servo(Section):
-    """One servo unit, both axes alike: volts -> K/(tau s + 1) -> speed of the load shaft.
+    """The servos. "voltage": volts -> K/(tau s + 1) -> speed of the load shaft, both axes alike.
 
     K is gain_rad_s_V, tau is time_constant_s. Encoder counts are those of one turn of the load
-    shaft after quadrature.
+    shaft after quadrature. "position": the servo takes an angle and holds it by itself
+    (`rig.plant.position_servo`). It reads the command every period_s (0: at once) to the nearest
+    quantum_rad (0: exactly), dead_time_s late; it follows with the lag lag_s, at most at
+    rate_limit_rad_s and acceleration_limit_rad_s2, and stops dead_band_rad short.
+    angle_measured: its angle is read back.
     """
 
+    by_axis: ClassVar[tuple[str, ...]] = (
+        "lag_s",
+        "dead_time_s",
+        "rate_limit_rad_s",
+        "acceleration_limit_rad_s2",
+        "dead_band_rad",
+        "quantum_rad",
+        "period_s",
+    )
+    kind: Literal["voltage", "position"] = VOLTAGE
     gain_rad_s_V: Positive = 1.53
     time_constant_s: Positive = 0.025
     encoder_counts_per_rev: Annotated[int, Gt(0)] = 4096
@@ -89,6 +94,26 @@ class Servo(Section):
     tachometer: bool = True
     tachometer_noise_rad_s: NotNegative = 0.005  # assumed (brush ripple), at the load shaft
     tachometer_scale: Finite = 0.0  # relative error of the plant's tachometer; A allows 2 %
+    lag_s: NotNegative = 0.05  # RC servos of a lab table, by their owners: 0.046 and 0.066
+    dead_time_s: NotNegative = 0.0
+    rate_limit_rad_s: Positive = 8.7  # RC servos: 0.1 to 0.2 s for 60 degrees
+    acceleration_limit_rad_s2: Positive = 1e4  # chosen: full rate after 1 ms, no limit of its own
+    dead_band_rad: NotNegative = 0.0
+    quantum_rad: NotNegative = 0.0
+    period_s: NotNegative = 0.0
+    angle_measured: bool = False
+    x: dict[str, float] = field(default_factory=dict)
+    y: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def takes_angle(self) -> bool:
+        """Whether the servos are told an angle, not volts."""
+        return self.kind == POSITION
+
+    @property
+    def has_angle(self) -> bool:
+        """Whether the servos' angles are measured."""
+        return self.angle_measured or not self.takes_angle
 
     @property
     def torque_per_volt_nm(self) -> float:
@@ -109,19 +134,6 @@ class Servo(Section):
     def encoder_step_rad(self) -> float:
         """Angle of one encoder count [rad]."""
         return 2 * pi / self.encoder_counts_per_rev
-
-
-@dataclass(frozen=True)
-class Linkage(Section):
-    """Servo arm to plate edge: sin(phi) = 2 R_d sin(theta)/L (paper Eq. 14)."""
-
-    arm_radius_m: Positive = 0.0254
-    plate_side_m: Positive = 0.275
-
-    @property
-    def ratio(self) -> float:
-        """2 R_d/L of Eq. 14 [1]."""
-        return 2 * self.arm_radius_m / self.plate_side_m
 
 
 @dataclass(frozen=True)
@@ -314,17 +326,19 @@ class Rig:
         return self.ball.rolling_factor * GRAVITY_M_S2 * self.linkage.ratio
 
     def __post_init__(self) -> None:
-        half = self.linkage.plate_side_m / 2
-        if self.ball.radius_m >= half:
-            raise ValueError(
-                f"ball.radius_m = {self.ball.radius_m:g} is not below half the plate's side "
-                f"({half:g} m): the ball does not fit on the plate; correct [ball] or [linkage]"
-            )
-        if self.linkage.arm_radius_m > half:  # equal: the angle is the plate's own
-            raise ValueError(
-                f"linkage.arm_radius_m = {self.linkage.arm_radius_m:g} is above half the "
-                f"plate's side ({half:g} m): the plate would stand upright; correct [linkage]"
-            )
+        servo, linkage = self.servo, self.linkage
+        effects.check_servos(self.effects, servo.kind)
+        limit, travel = servo.angle_limit_rad, servo.stop_rad
+        if not servo.takes_angle:
+            if linkage.kind == THREE_ARMS or any(linkage.pair("rod_length_m")):
+                key = "kind" if linkage.kind == THREE_ARMS else "rod_length_m"
+                raise ValueError(
+                    f"linkage.{key} = '{getattr(linkage, key)}' needs servos that take an angle "
+                    "(servo.kind = 'position'): leave it out"
+                )
+            if servo.x or servo.y:
+                raise ValueError("servo.x and servo.y need servo.kind = 'position': leave them out")
+        linkage.check(limit, travel, self.ball.radius_m)
         if self.drive.shaft_model not in SHAFT_MODELS:
             raise ValueError(
                 f"drive.shaft_model = '{self.drive.shaft_model}'; known: {', '.join(SHAFT_MODELS)}"
@@ -336,9 +350,9 @@ class Rig:
             )
         self.table.check()
         load = GEARS_INERTIA_HIGH_KG_M2 + self.drive.plate_inertia_kg_m2
-        if self.servo.inertia_kg_m2 <= load:
+        if not servo.takes_angle and servo.inertia_kg_m2 <= load:
             raise ValueError(
-                f"servo.time_constant_s = {self.servo.time_constant_s:g} gives an inertia of "
-                f"{self.servo.inertia_kg_m2:.2e} kg m2, below that of gears and plate "
+                f"servo.time_constant_s = {servo.time_constant_s:g} gives an inertia of "
+                f"{servo.inertia_kg_m2:.2e} kg m2, below that of gears and plate "
                 f"({load:.2e}); raise time_constant_s or lower drive.plate_inertia_kg_m2"
             )

@@ -104,6 +104,24 @@ def _section(name: str, default: Any, given: Any) -> Any:
     for key in given:
         if key not in keys:
             raise ValueError(f"unknown key '{name}.{key}'; known: {', '.join(keys)}")
+    for axis in ("x", "y") if getattr(default, "by_axis", ()) else ():
+        _check_axis(name, axis, default, given.get(axis, {}))
+    return _validated(name, default, given)
+
+
+def _check_axis(name: str, axis: str, default: Any, given: Any) -> None:
+    """The values of one axis, `axis.key = number`, checked as those of the section. ValueError."""
+    known = ", ".join(f"{axis}.{key}" for key in default.by_axis)
+    if not isinstance(given, dict):
+        raise ValueError(f"{name}.{axis} = {given!r}: write {name}.{axis}.KEY = number ({known})")
+    for key in given:
+        if key not in default.by_axis:
+            raise ValueError(f"unknown key '{name}.{axis}.{key}'; known: {known}")
+    _validated(f"{name}.{axis}", default, given)
+
+
+def _validated(name: str, default: Any, given: dict[str, Any]) -> Any:
+    """The section `default` with the keys `given`. ValueError: a value is of the wrong type."""
     try:
         return TypeAdapter(type(default)).validate_python(dataclasses.asdict(default) | given)
     except ValidationError as error:

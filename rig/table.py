@@ -26,7 +26,8 @@ def blank_reading() -> np.ndarray:
 class Reading:
     """What one control tick brings, in the plate's axes x, y.
 
-    t_s: time of the tick from the run's start; theta_rad: encoder angles; motor_speed_rad_s:
+    t_s: time of the tick from the run's start; theta_rad: encoder angles (NaN where nobody measures
+    them: servos that take an angle); motor_speed_rad_s:
     tachometers at the load shaft's scale (None without any); ball: the observation that became
     usable since the last tick, else None.
     """
@@ -62,6 +63,7 @@ class Table(Protocol):
     Contract (one test for every table): t_s strictly increases; an observation is never usable
     before its exposure; a positive voltage raises the servo angle, a positive angle accelerates
     the ball towards +; leaving the context gives 0 V and level, even after an exception.
+    Where its servos take an angle, `drive` takes angles [rad] in place of volts (`takes_angle`).
     """
 
     period_s: float
@@ -74,12 +76,18 @@ class Table(Protocol):
         ...
 
     def drive(self, volts: tuple[float, float]) -> None:
-        """Apply volts (x, y) at the motors' terminals from now to the next tick.
+        """Apply volts (x, y) at the motors' terminals, or angles where the servos take them, from
+        now to the next tick.
 
-        ValueError: volts that are not finite. OSError: the table is lost.
+        ValueError: they are not finite. OSError: the table is lost.
         """
         ...
 
     def close(self) -> None:
-        """Set 0 V and free the table. A second call does nothing."""
+        """Set 0 V, or the angle 0, and free the table. A second call does nothing."""
         ...
+
+
+def takes_angle(table: Table) -> bool:
+    """Whether the table's servos take an angle: its attribute of this name, where it has one."""
+    return bool(getattr(table, "takes_angle", False))

@@ -16,7 +16,7 @@ from rig.hardware.homing.homed import CURE, Homed, NotHomed, home_file, load, po
 from rig.loop.realtime import go_realtime
 from rig.parameters import Rig
 from rig.safety.levelling import LevelOnExit
-from rig.table import Reading, Table
+from rig.table import Reading, Table, takes_angle
 
 TILT_STALL_S = 2.0  # homing is slow: markers that are late do no harm
 MARKS = (8192, 24576)  # where a card's counters are put by homing, far from where they wake up
@@ -135,6 +135,7 @@ class Checked(LevelOnExit):
         self._table, self._rig, self._homed = table, rig, homed
         self._eye, self._notes_file = eye, notes_file
         self.period_s, self.voltage_limit_V = table.period_s, table.voltage_limit_V
+        self.takes_angle = takes_angle(table)
 
     @property  # what the loop says of levelling is the table's to do
     def level_s(self) -> float:  # pyright: ignore

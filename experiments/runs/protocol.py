@@ -206,7 +206,7 @@ def pushes(protocol: Protocol, rate_hz: float, rng: np.random.Generator) -> np.n
 def _check_reach(protocol: Protocol, rig: Rig) -> None:
     """ValueError where the reference leaves the plate (or a servo-only one its angle limit)."""
     largest = np.abs(targets(protocol, 100.0, np.random.default_rng(0))).max()
-    limit, unit = rig.linkage.plate_side_m / 2, "m (half the plate's side)"
+    limit, unit = min(rig.linkage.half_sides_m), "m (half the plate's side)"
     if protocol.servo_only:
         limit, unit = rig.servo.angle_limit_rad, "rad (the servo's angle limit)"
     if largest > limit:
@@ -222,7 +222,7 @@ def course(protocol: Protocol, rig: Rig, seed: int, *, place_std_m: float = 0.00
     place_std_m: standard deviation of a hand's placing of the ball. ValueError: the start is off
     the plate or in a wall, or the reference leaves the plate (servo-only: the servo's angle limit).
     """
-    half = rig.linkage.plate_side_m / 2
+    half = min(rig.linkage.half_sides_m)
     start = protocol.start
     if max(abs(start.x_m), abs(start.y_m)) > half:
         raise ValueError(

@@ -3,7 +3,8 @@ inverse of backlash.
 
 Outer loop: theta_wanted = clip(K_p e + K_i integral(e) - K_d v) per axis; inner loop ("Position
 Model"): V = K_s (theta_r - theta) - K_v omega. Compensator *without* ends there; *with* is the
-same PID plus the inverse of the estimated play (`compensation.py`).
+same PID plus the inverse of the estimated play (`compensation.py`). Where the servos take an angle,
+theta_r is what they are told: there is no inner loop, and "volts" below are angles [rad].
 """
 
 import numpy as np
@@ -53,6 +54,7 @@ CONTROL_SETTINGS = np.dtype(
         ).split()
     ]
     + [
+        ("takes_angle", np.int64),
         ("joint_given", np.float64, (2,)),
         ("gear_given", np.float64, (2,)),
         ("compensator", np.int64),
@@ -78,8 +80,16 @@ def settings(rig: Rig, compensator: int) -> np.record:
     g["torque_per_volt"] = rig.servo.torque_per_volt_nm
     g["joint_given"] = rig.play.joint_x_rad, rig.play.joint_y_rad
     g["gear_given"] = rig.play.gear_x_rad, rig.play.gear_y_rad
-    g["compensator"] = compensator
+    g["compensator"], g["takes_angle"] = compensator, int(rig.servo.takes_angle)
     return g
+
+
+def check_compensator(rig: Rig, compensator: int) -> None:
+    """Raise ValueError (one line) where a compensator commands volts and the servos take angles."""
+    if rig.servo.takes_angle and compensator >= FIRST_PUBLISHED:
+        name = next(name for name, number in COMPENSATORS.items() if number == compensator)
+        usable = ", ".join(n for n, number in COMPENSATORS.items() if number < FIRST_PUBLISHED)
+        raise ValueError(f"arm '{name}' commands volts, the servos take an angle; use {usable}")
 
 
 def start() -> np.record:
@@ -159,6 +169,9 @@ def control(c, g, estimate, backlash, q_backlash, reading, target, volts):
             reference = 2.0 * wanted - reference
         reference = min(max(reference, -g.angle_limit), g.angle_limit)
         c.reference[a] = reference
+        if g.takes_angle:
+            volts[a] = reference
+            continue
         v = g.servo_kp * (reference - theta) - g.servo_kd * estimate.rate[a]
         if g.compensator & GEAR_INVERSE:
             crossing = compensation.gear_volts(
@@ -179,6 +192,9 @@ def follow(c, g, estimate, reading, angles, volts):
     for a in range(2):
         c.wanted_theta[a] = min(max(angles[a], -g.angle_limit), g.angle_limit)
         c.reference[a] = c.wanted_theta[a]
+        if g.takes_angle:
+            volts[a] = c.reference[a]
+            continue
         volts[a] = (
             g.servo_kp * (c.reference[a] - reading[R_THETA + a]) - g.servo_kd * estimate.rate[a]
         )
@@ -193,3 +209,5 @@ def level(g, estimate, reading, volts):
     """
     for a in range(2):
         volts[a] = -g.servo_kp * reading[R_THETA + a] - g.servo_kd * estimate.rate[a]
+        if g.takes_angle:
+            volts[a] = 0.0

@@ -12,10 +12,11 @@ import numpy as np
 
 from rig.compiled import compiled
 from rig.control import controllers
-from rig.estimation import backlash_observer, observers
+from rig.estimation import backlash_observer, observers, servo_model
 from rig.estimation.backlash_observer import gear_backlash, joint_backlash
 from rig.log import INDEX
 from rig.parameters import Rig
+from rig.plant import plant_record
 from rig.safety.limits import SLEW_V_S, braking
 from rig.table import R_BALL, R_EXPOSED, R_MOTOR, R_NEW, R_THETA, R_TIME
 
@@ -29,6 +30,7 @@ CONTROLLER_STATE = np.dtype(
         ("estimate", observers.ESTIMATE),
         ("backlash", backlash_observer.BACKLASH_STATE),
         ("control", controllers.CONTROL),
+        ("servo", servo_model.SERVO_MODEL),
         ("held_at", np.float64, (2,)),
         ("seen", np.int64),
     ]
@@ -39,6 +41,9 @@ CONTROLLER_SETTINGS = np.dtype(
         ("backlash", backlash_observer.BACKLASH_SETTINGS),
         ("control", controllers.CONTROL_SETTINGS),
         ("servo_only", np.int64),  # the target is the servos' angle [rad]; no ball is needed
+        ("takes_angle", np.int64),  # what is commanded is an angle [rad]
+        ("has_angle", np.int64),  # angles are measured
+        ("plant", plant_record.PLANT),  # as believed, for the model of servos without a measurement
         ("voltage_limit", np.float64),
         ("angle_limit", np.float64),
         ("slew", np.float64),  # V a tick
@@ -53,9 +58,12 @@ def settings(rig: Rig, compensator: int, *, servo_only: bool = False) -> np.reco
     """Return all settings (dtype CONTROLLER_SETTINGS) from what a controller may know of the rig.
 
     compensator: a number of `controllers.COMPENSATORS`; servo_only: targets are servo angles [rad]
-    and no ball is needed.
+    and no ball is needed. ValueError: the compensator commands volts, the servos take an angle.
     """
+    controllers.check_compensator(rig, compensator)
     q = np.zeros(1, CONTROLLER_SETTINGS)[0]
+    q["takes_angle"], q["has_angle"] = int(rig.servo.takes_angle), int(rig.servo.has_angle)
+    q["plant"] = plant_record.pack(rig)
     q["estimate"] = observers.settings(rig)
     q["backlash"] = backlash_observer.settings(rig)
     q["control"] = controllers.settings(rig, compensator)
@@ -78,6 +86,7 @@ def start(q: np.record, *, held: bool) -> np.record:
     state["estimate"] = observers.start()
     state["backlash"] = backlash_observer.start(q["backlash"])
     state["control"] = controllers.start()
+    state["servo"] = servo_model.start(q["plant"])
     return state
 
 
@@ -101,8 +110,18 @@ def control_tick(state, q, reading, target, applied, commanded):
 
     state, q: of `start` and `settings`, state changed in place; reading (READING_SIZE,); target
     (2,) [m], in a run on the servos alone [rad]; applied (2,): volts applied since the last tick.
+    Where the servos take an angle, commanded and applied are angles [rad]; the angles that nobody
+    measures are written into the reading as the model of the servos has them.
     """
-    observers.observe(state.estimate, q.estimate, reading, applied)
+    if q.takes_angle:
+        servo_model.follow(state.servo, q.plant, applied, reading[R_TIME], q.control.tick_s)
+        for a in range(2):
+            if not q.has_angle:
+                reading[R_THETA + a] = state.servo.angles[a]
+        observers.observe_ball(state.estimate, q.estimate, reading)
+        observers.observe_angles(state.estimate, q.estimate, reading)
+    else:
+        observers.observe(state.estimate, q.estimate, reading, applied)
     if state.phase == PLACE:
         controllers.level(q.control, state.estimate, reading, commanded)
         return
@@ -134,6 +153,7 @@ def control_tick(state, q, reading, target, applied, commanded):
 _T, _V, _THETA, _BALL = (INDEX[n] for n in ("t_s", "voltage_x_V", "theta_x_rad", "ball_x_m"))
 _MOTOR, _TARGET, _PUSH = (INDEX[n] for n in ("motor_speed_x_rad_s", "target_x_m", "push"))
 _EXPOSED, _COMMANDED = INDEX["ball_exposed_s"], INDEX["wanted_voltage_x_V"]
+_TOLD = INDEX["command_x_rad"]
 _DESIRED, _TORQUE = INDEX["desired_theta_x_rad"], INDEX["estimated_torque_x_Nm"]
 _GEAR, _GEAR_STD = (INDEX[f"estimated_gear_play{s}_x_rad"] for s in ("", "_std"))
 _JOINT, _JOINT_STD = (INDEX[f"estimated_joint_play{s}_x_rad"] for s in ("", "_std"))
@@ -157,10 +177,13 @@ def fill_row(row, state, q, reading, covariance, target, push, commanded, applie
     row[_XY] = covariance[1] if new else nan
     row[_YY] = covariance[2] if new else nan
     for a in range(2):
-        row[_V + a], row[_COMMANDED + a] = applied[a], commanded[a]
-        row[_THETA + a], row[_MOTOR + a] = reading[R_THETA + a], reading[R_MOTOR + a]
+        row[_V + a] = nan if q.takes_angle else applied[a]
+        row[_COMMANDED + a] = nan if q.takes_angle else commanded[a]
+        row[_TOLD + a] = applied[a] if q.takes_angle else nan
+        row[_THETA + a] = reading[R_THETA + a] if q.has_angle else nan
+        row[_MOTOR + a] = reading[R_MOTOR + a]
         row[_BALL + a] = reading[R_BALL + a] if new else nan
         row[_TARGET + a], row[_DESIRED + a] = target[a], state.control.wanted_theta[a]
-        row[_TORQUE + a] = state.estimate.torque[a]
+        row[_TORQUE + a] = nan if q.takes_angle else state.estimate.torque[a]
         row[_GEAR + a], row[_GEAR_STD + a] = gear_backlash(state.backlash, q.backlash, a)
         row[_JOINT + a], row[_JOINT_STD + a] = joint_backlash(state.backlash, q.backlash, a)

@@ -70,7 +70,8 @@ class UserController(Protocol):
         ...
 
     def control(self, now: Now) -> tuple[float, float]:
-        """Return the volts (x, y) to command [V]; called at every tick while the ball rolls.
+        """Return the volts (x, y) to command [V], or the angles [rad] where the servos take an angle;
+        called at every tick while the ball rolls.
 
         They pass `limits.limit` before they are applied. Whatever is raised, or is not two numbers,
         ends the run at 0 V.

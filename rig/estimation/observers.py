@@ -122,6 +122,19 @@ def observe_torque(b, q, reading, volts):
 
 
 @compiled
+def observe_angles(b, q, reading):
+    """Run one tick of the arms' rates alone, for servos without a torque; b is changed in place."""
+    for a in range(2):
+        theta = reading[R_THETA + a]
+        if b.ticks == 0:
+            b.theta[a] = theta
+        difference = (theta - b.theta[a]) / q.tick_s
+        b.rate[a] = q.decay * b.rate[a] + (1.0 - q.decay) * difference
+        b.theta[a] = theta
+    b.ticks += 1
+
+
+@compiled
 def ball_now(b, t, a):
     """Position of the ball on axis `a` [m]: that of b, record ESTIMATE, carried on at its velocity
     from its exposure to time t [s].

@@ -19,9 +19,9 @@ from rig.operator import SAY, Operator
 from rig.parameters import Rig
 from rig.safety import monitor
 from rig.safety.levelling import LevelOnExit
-from rig.safety.limits import Braking, limit
+from rig.safety.limits import Braking, limit, limit_angle
 from rig.safety.monitor import Fault, MonitorLimits
-from rig.table import Reading, Table
+from rig.table import Reading, Table, takes_angle
 
 HIGHEST_GAINS = (20.0, 20.0, 20.0)  # rad/m, rad/(m s), rad s/m: what a setpoint page may ask for
 PLACED_S = 0.5  # so long a ball must lie at its start before it counts as placed
@@ -92,7 +92,8 @@ class Loop:
     take for a tick; keep: takes the row (len(COLUMNS),), which
     is written anew at the next tick; event: takes time and text of what happened; late_s: tells how
     late the last tick came by the wall clock, where the table's own time does not; limits: of the
-    monitor (default: those of `known`).
+    monitor (default: those of `known`). ValueError: the table's servos take volts where those of
+    `known` take an angle, or the reverse.
     """
 
     def __init__(
@@ -111,6 +112,12 @@ class Loop:
         late_s: Callable[[], float] = lambda: 0.0,
         limits: MonitorLimits | None = None,
     ) -> None:
+        if takes_angle(table) != known.servo.takes_angle:
+            raise ValueError(
+                f"servo.kind = '{known.servo.kind}', but this table's servos take "
+                + ("volts" if known.servo.takes_angle else "angles")
+                + ": correct the rig file"
+            )
         self._late_s, self._limits = late_s, limits or MonitorLimits.of_rig(known)
         self._monitor_state = monitor.MonitorState()
         self._table, self._course, self._operator = table, course, operator or Operator()
@@ -176,14 +183,18 @@ class Loop:
         failed = self._ask_controller(row, target)
         if before == HOLD and self.state["phase"] != HOLD:
             self._event(reading.t_s, "released")
-        fault = fault or monitor.check_command(float(self._commanded[0]), float(self._commanded[1]))
+        x, y = float(self._commanded[0]), float(self._commanded[1])
+        fault = fault or monitor.check_command(x, y, "rad" if self._q["takes_angle"] else "V")
         push = self._operator.act(reading, self._push_now(reading.t_s))
         age_s, q = self._monitor_state.late_s, self._q
         for a, theta in enumerate(reading.theta_rad):
             rate = self.state["estimate"]["rate"][a]
             last, bounds = self._applied[a], (q["voltage_limit"], q["angle_limit"], q["slew"])
             stops = Braking(q["delay"], q["time_constant"], q["top_speed"])
-            now = limit(self._commanded[a], theta, rate, last, *bounds, stops, age_s)
+            if q["takes_angle"]:
+                now = limit_angle(self._commanded[a], last, q["angle_limit"], age_s)
+            else:
+                now = limit(self._commanded[a], theta, rate, last, *bounds, stops, age_s)
             self._applied[a] = 0.0 if failed else now
         self._table.drive((float(self._applied[0]), float(self._applied[1])))
         self._note(reading, row, target, push)

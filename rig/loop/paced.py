@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from rig.loop.ticker import Ticker, sleep_until
 from rig.safety.levelling import LevelOnExit
-from rig.table import Reading
+from rig.table import Reading, takes_angle
 
 
 class Paced(LevelOnExit):
@@ -23,7 +23,7 @@ class Paced(LevelOnExit):
     ) -> None:
         self._table = table
         self.period_s = table.period_s
-        self.voltage_limit_V = table.voltage_limit_V
+        self.voltage_limit_V, self.takes_angle = table.voltage_limit_V, takes_angle(table)
         until = sleep_until if sleep is None else lambda due_s: sleep(due_s - clock())
         self.ticker = Ticker(self.period_s, clock=clock, sleep_until=until)
 

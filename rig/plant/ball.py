@@ -32,23 +32,23 @@ from rig.plant.elementary_functions import cosine, sine
 def plate_sines(theta_x, theta_y, ratio, cross_x, cross_y):
     """sin(phi_x), sin(phi_y) by Eq. 14 for both axes [1], from the plate's felt angles [rad].
 
-    theta_x, theta_y: of `felt_angle`; ratio = 2 R_d/L; cross_x: share of sin(theta_y) that also
-    enters phi_x, cross_y the reverse [1].
+    theta_x, theta_y: of `felt_angle`; ratio = 2 R_d/L of both axes; cross_x: share of sin(theta_y)
+    that also enters phi_x, cross_y the reverse [1].
     """
     a, b = sine(theta_x), sine(theta_y)
-    return ratio * (a + cross_x * b), ratio * (b + cross_y * a)
+    return ratio[0] * (a + cross_x * b), ratio[1] * (b + cross_y * a)
 
 
 @inlined
 def plate_rates(theta_x, theta_y, omega_x, omega_y, ratio, cross_x, cross_y, s_x, s_y):
     """omega_1, omega_2: the plate's angular velocity in its own frame [rad/s].
 
-    theta [rad] and omega [rad/s]: felt angles and their rates by axis; ratio = 2 R_d/L; cross:
-    shares as in `plate_sines`; s_x, s_y: the sines that it returned.
+    theta [rad] and omega [rad/s]: felt angles and their rates by axis; ratio = 2 R_d/L of both;
+    cross: shares as in `plate_sines`; s_x, s_y: the sines that it returned.
     """
     a, b = cosine(theta_x) * omega_x, cosine(theta_y) * omega_y
-    per_c = ratio / sqrt(1.0 - s_x * s_x - s_y * s_y)
-    return -(b + cross_y * a) * per_c, (a + cross_x * b) * per_c
+    c = sqrt(1.0 - s_x * s_x - s_y * s_y)
+    return -(b + cross_y * a) * (ratio[1] / c), (a + cross_x * b) * (ratio[0] / c)
 
 
 @inlined
@@ -76,9 +76,14 @@ def rolling(x, y, v_x, v_y, spin, slope_x, slope_y, omega_1, omega_2, factor, ra
     return a_x, a_y, -(omega_1 * v_x + omega_2 * v_y) / radius
 
 
-def tilt_sines(theta_rad: tuple[float, float], ratio: float) -> tuple[float, float]:
-    """sin(phi_x), sin(phi_y) by Eq. 14 [1] from the servo angles; `ratio` = 2 R_d/L."""
-    return ratio * sin(theta_rad[0]), ratio * sin(theta_rad[1])
+def tilt_sines(
+    theta_rad: tuple[float, float], ratio: float | tuple[float, float]
+) -> tuple[float, float]:
+    """sin(phi_x), sin(phi_y) by Eq. 14 [1] from the servo angles; `ratio` = 2 R_d/L, or that of
+    each axis.
+    """
+    x, y = ratio if isinstance(ratio, tuple) else (ratio, ratio)
+    return x * sin(theta_rad[0]), y * sin(theta_rad[1])
 
 
 def plate_rotation(sines: tuple[float, float]) -> np.ndarray:

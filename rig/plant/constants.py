@@ -23,11 +23,10 @@ PAIRS = (  # per axis
     "transmission_ripple_periods_per_turn linkage_quadratic_coefficient_1_rad "
     "linkage_cubic_coefficient_1_rad2 cross_coupling_fraction level_offset_slope_rad "
     "level_drift_rate_rad_s plate_bowl_stiffness_1_s2 rolling_resistance_deceleration_m_s2 "
-    "viscous_drag_rate_1_s"
+    "viscous_drag_rate_1_s ratio weight half_side"
 ).split()
 SINGLES = (
-    "arm_per_torque plate_per_torque arm_stick plate_stick stop_rad ratio radius weight factor "
-    "half_side wall_restitution"
+    "arm_per_torque plate_per_torque arm_stick plate_stick stop_rad radius factor wall_restitution"
 ).split()
 UNIFORM = ("step_s", "shaft_model", "walls")  # the same in all lanes of a block
 # Effects that cost a sine, an exponential or a root a step; in a block without them all the

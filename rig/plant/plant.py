@@ -28,14 +28,21 @@ __all__ = ["advance", "effective_volts", "felt_angle", "plate_motion", "rest"]
 # Rows of the state, one column per axis.
 MOTOR, MOTOR_RATE, ARM, ARM_RATE, PLATE, PLATE_RATE, GEAR_LOST, JOINT_LOST = range(8)
 BALL, BALL_W, SPIN = range(8, 11)
-STATE_ROWS = 11
+# Of position servos: angle and rate of a third one; the pose that three arms hold (two sines, the
+# height) and the speed of its centre, filled in by `position_plant`.
+SERVO_THIRD, SERVO_POSE = 11, 12
+STATE_ROWS = 15
 # Columns of what the light saw: ball, sines of the plate's tilt, ball velocity, time.
 SEEN_X, SEEN_Y, SEEN_SX, SEEN_SY, SEEN_VX, SEEN_VY, SEEN_T = range(7)
 
 
-def rest(ball_xy_m: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
-    """State (STATE_ROWS, 2) of a table at rest: servos at zero, the ball at `ball_xy_m`."""
+def rest(ball_xy_m: tuple[float, float] = (0.0, 0.0), height_m: float = 0.0) -> np.ndarray:
+    """State (STATE_ROWS, 2) of a table at rest: servos at zero, the ball at `ball_xy_m`.
+
+    height_m: at which three arms hold the plate's centre.
+    """
     state = np.zeros((STATE_ROWS, 2))
+    state[SERVO_POSE + 1, 0] = height_m
     state[BALL] = ball_xy_m
     return state
 
@@ -107,11 +114,11 @@ def sight(p, now, exposure_s, x, y, motion, ball):
 
 
 @inlined
-def _unnamed(p, ball, motion, t):
+def unnamed(p, ball, motion, t):
     """The unnamed acceleration of the ball, if there is any [m/s2]."""
     if not p.unknown.on:
         return 0.0, 0.0
-    x, y = ball[0] / p.half_side, ball[1] / p.half_side
+    x, y = ball[0] / p.half_side[0], ball[1] / p.half_side[1]
     v_x, v_y = velocity(ball[2], ball[3], motion[2], motion[3], p.radius)
     return (
         discrepancy_acceleration(p.unknown, 0, x, y, v_x, t),
@@ -142,16 +149,17 @@ def advance(s, p, history, t, ticks_s, push_x, push_y, held, exposure_s, seen):
     fallen, looked, h = off_plate(p, ball), False, p.step_s
     for i in range(int(round(ticks_s / h))):
         now, x, y = t + i * h, ball[0], ball[1]
-        load = 0.0 if held or fallen else p.weight
+        load_x = 0.0 if held or fallen else p.weight[0]
+        load_y = 0.0 if held or fallen else p.weight[1]
         volts_x = _motor_volts(p, 0, history, i, ticks_s, now, axis_x)
         volts_y = _motor_volts(p, 1, history, i, ticks_s, now, axis_y)
-        axis_x = drive_step(p, 0, volts_x, load * x, axis_x)
-        axis_y = drive_step(p, 1, volts_y, load * y, axis_y)
+        axis_x = drive_step(p, 0, volts_x, load_x * x, axis_x)
+        axis_y = drive_step(p, 1, volts_y, load_y * y, axis_y)
         motion = tilt(p, axis_x[4], axis_x[5], axis_y[4], axis_y[5])
         if held:
             ball = ball if fallen else held_ball(p, motion, ball)
         elif not fallen:
-            more_x, more_y = _unnamed(p, ball, motion, now)
+            more_x, more_y = unnamed(p, ball, motion, now)
             ball = ball_step(p, now, push_x + more_x, push_y + more_y, motion, ball)
         fallen = fallen or off_plate(p, ball)
         if not looked and exposure_s <= now + h:

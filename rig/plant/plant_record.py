@@ -1,25 +1,30 @@
 """The plant's parameters as one flat record that the compiled functions take, made from a rig."""
 
-from math import ceil
+from math import ceil, cos
 
 import numpy as np
 
 from rig import discrepancy
 from rig.discrepancy import DISCREPANCY
 from rig.effects import fields, values
-from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, GRAVITY_M_S2, Rig
+from rig.linkage import THREE_ARMS, Linkage
+from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, GRAVITY_M_S2, Rig, Servo
+from rig.plant import position_servo
 from rig.plant.shaft import DEAD_ZONE, EXACT, NONE, relaxation
+from rig.three_arms import AZIMUTHS, arm_angle
 
 STEP_S = 1e-4
 
 _MODELS = {"exact": EXACT, "dead_zone": DEAD_ZONE, "none": NONE}
 _PER_AXIS = (
     "torque_per_volt motor_damping motor_inertia motor_per_torque motor_per_volt gear_k gear_c "
-    "gear_decay gear_1 gear_2 gear_coast joint_k joint_c joint_decay joint_1 joint_2"
-).split()
+    "gear_decay gear_1 gear_2 gear_coast joint_k joint_c joint_decay joint_1 joint_2 "
+    "ratio weight half_side arm_radius rod"
+).split() + list(Servo.by_axis)
 _SCALARS = (
     "step_s arm_inertia plate_inertia arm_friction joint_friction arm_per_torque plate_per_torque "
-    "arm_stick plate_stick stop_rad ratio radius mass weight factor half_side "
+    "arm_stick plate_stick stop_rad radius mass factor "
+    "base_radius plate_radius arm_length rod_length height level_arm "
     "wall_restitution encoder_step tachometer_scale tachometer_noise tachometer "
     "camera_delay camera_noise camera_dropout camera_height"
 ).split()
@@ -27,7 +32,8 @@ PLANT = np.dtype(
     [(name, np.float64, (2,)) for name in _PER_AXIS]
     + [(name, np.float64, (2,)) for name, _, _ in fields()]
     + [(name, np.float64) for name in _SCALARS]
-    + [("shaft_model", np.int64), ("walls", np.int64), ("unknown", DISCREPANCY)]
+    + [(name, np.int64) for name in ("shaft_model", "walls", "position", "linkage", "has_angle")]
+    + [("share_x", np.float64, (3,)), ("unknown", DISCREPANCY)]
 )
 
 
@@ -59,20 +65,20 @@ def pack(rig: Rig, *, step_s: float = STEP_S) -> np.record:
     p["unknown"] = discrepancy.pack(rig.unknown, servo.angle_limit_rad)
     p["step_s"], p["shaft_model"] = step_s, _MODELS[drive.shaft_model]
     p["arm_friction"], p["joint_friction"] = drive.arm_friction_nm, drive.joint_friction_nm
-    p["stop_rad"], p["ratio"], p["half_side"] = (
-        servo.stop_rad,
-        rig.linkage.ratio,
-        rig.linkage.plate_side_m / 2,
-    )
+    p["stop_rad"], p["half_side"] = servo.stop_rad, rig.linkage.half_sides_m
     p["radius"], p["mass"], p["factor"] = (
         rig.ball.radius_m,
         rig.ball.mass_kg,
         rig.ball.rolling_factor,
     )
+    _linkage(p, rig.linkage)
     _per_step(p)
+    p["position"], p["has_angle"] = int(servo.takes_angle), int(servo.has_angle)
+    for key in Servo.by_axis:
+        p[key] = servo.pair(key)
     p["walls"], p["wall_restitution"] = int(rig.walls.present), rig.walls.restitution
     p["encoder_step"] = servo.encoder_step_rad
-    p["tachometer"] = float(servo.tachometer)
+    p["tachometer"] = float(servo.tachometer and not servo.takes_angle)
     p["tachometer_scale"], p["tachometer_noise"] = (
         servo.tachometer_scale,
         servo.tachometer_noise_rad_s,
@@ -81,6 +87,20 @@ def pack(rig: Rig, *, step_s: float = STEP_S) -> np.record:
     p["camera_height"] = rig.camera.ball_height_m
     p["camera_noise"], p["camera_dropout"] = rig.camera.noise_m, rig.camera.dropout
     return p
+
+
+def _linkage(p: np.record, linkage: Linkage) -> None:
+    """What the linkage makes of the servos' angles: ratio, lengths, shares of the servos."""
+    arms = linkage.kind == THREE_ARMS
+    rods = not arms and any(linkage.pair("rod_length_m"))
+    p["linkage"] = position_servo.THREE_ARMS if arms else position_servo.RODS if rods else 0
+    p["ratio"], p["arm_radius"] = linkage.ratios, linkage.pair("arm_radius_m")
+    p["rod"] = linkage.pair("rod_length_m")
+    p["base_radius"], p["plate_radius"], p["arm_length"], p["rod_length"] = linkage.size
+    p["height"], p["share_x"] = linkage.height_m, (1.0, 0.0, 0.0)
+    if arms:
+        p["level_arm"] = arm_angle(0, 0.0, 0.0, linkage.height_m, linkage.size)
+        p["share_x"] = [cos(azimuth) ** 2 for azimuth in AZIMUTHS]
 
 
 def coasting(rig: Rig) -> float:
@@ -107,6 +127,10 @@ def _per_step(p: np.record) -> None:
 
 
 def no_volts(rig: Rig) -> np.ndarray:
-    """Return a history (n, 2) of 0 V, newest first, with as many ticks as the input delay needs."""
-    delays = [axis.get("delay_s", 0.0) for axis in rig.effects.get("input_delay", {}).values()]
-    return np.zeros((ceil(max(delays, default=0.0) * rig.control_rate_hz) + 2, 2))
+    """Return a history (n, 2) of 0 V or 0 rad, newest first, with as many ticks as delays need."""
+    late = "servo_dead_time" if rig.servo.takes_angle else "input_delay"
+    delays = [axis.get("delay_s", 0.0) for axis in rig.effects.get(late, {}).values()]
+    longest = max(delays, default=0.0)
+    if rig.servo.takes_angle:
+        longest += max(rig.servo.pair("dead_time_s")) + max(rig.servo.pair("period_s"))
+    return np.zeros((ceil(longest * rig.control_rate_hz) + 2, 2))

@@ -94,6 +94,35 @@ def felt_slope(p, a, theta):
 
 
 @inlined
+def joint_torque(p, a, twist, twist_rate, lost):
+    """Torque of the joint's shaft between arm and plate on axis `a` [N m], of `shaft_torque`."""
+    return shaft_torque(
+        p.shaft_model,
+        twist,
+        twist_rate,
+        lost,
+        p.joint_1[a],
+        p.joint_2[a],
+        p.joint_k[a],
+        p.joint_c[a],
+    )
+
+
+@inlined
+def joint_play(p, a, twist_before, twist, lost):
+    """What is lost in the joint's play on axis `a` after a step [rad], of `backlash_angle`."""
+    return backlash_angle(twist_before, twist, lost, p.joint_1[a], p.joint_2[a], p.joint_decay[a])
+
+
+@inlined
+def plate_speed(p, rate, torque):
+    """Rate of the plate about an axis [rad/s] after a step under `torque` and dry friction [N m],
+    at the servo.
+    """
+    return equations.stick(rate + torque * p.plate_per_torque, p.plate_stick)
+
+
+@inlined
 def drive_step(p, a, volts, ball_torque, axis):
     """State of axis `a` (8 numbers) after one step of motor, gear, arm, joint and plate.
 
@@ -113,16 +142,7 @@ def drive_step(p, a, volts, ball_torque, axis):
         p.gear_k[a],
         p.gear_c[a],
     )
-    t_joint = shaft_torque(
-        p.shaft_model,
-        joint,
-        arm_rate - plate_rate,
-        joint_lost,
-        p.joint_1[a],
-        p.joint_2[a],
-        p.joint_k[a],
-        p.joint_c[a],
-    )
+    t_joint = joint_torque(p, a, joint, arm_rate - plate_rate, joint_lost)
     dry = equations.friction_volts(
         motor_rate,
         p.coulomb_friction_friction_V[a],
@@ -133,17 +153,14 @@ def drive_step(p, a, volts, ball_torque, axis):
     free = motor_rate + torque * p.motor_per_torque[a]
     motor_rate = equations.stick(free, dry * p.motor_per_volt[a])
     arm_rate = equations.stick(arm_rate + (t_gear - t_joint) * p.arm_per_torque, p.arm_stick)
-    free = plate_rate + (t_joint + ball_torque) * p.plate_per_torque
-    plate_rate = equations.stick(free, p.plate_stick)
+    plate_rate = plate_speed(p, plate_rate, t_joint + ball_torque)
     motor, arm, plate = motor + h * motor_rate, arm + h * arm_rate, plate + h * plate_rate
     motor_rate = 0.0 if abs(motor) > p.stop_rad else motor_rate  # the stop takes all the speed
     motor = min(max(motor, -p.stop_rad), p.stop_rad)
     gear_lost = backlash_angle(
         gear, motor - arm, gear_lost, p.gear_1[a], p.gear_2[a], p.gear_decay[a]
     )
-    joint_lost = backlash_angle(
-        joint, arm - plate, joint_lost, p.joint_1[a], p.joint_2[a], p.joint_decay[a]
-    )
+    joint_lost = joint_play(p, a, joint, arm - plate, joint_lost)
     return motor, motor_rate, arm, arm_rate, plate, plate_rate, gear_lost, joint_lost
 
 
@@ -184,9 +201,8 @@ def ball_step(p, t, push_x, push_y, motion, ball):
     v_x, v_y = v_x * kept, v_y * kept
     x, y = x + h * v_x, y + h * v_y
     if p.walls:
-        reach = p.half_side - r
-        x, v_x = bounce(x, v_x, reach, p.wall_restitution)
-        y, v_y = bounce(y, v_y, reach, p.wall_restitution)
+        x, v_x = bounce(x, v_x, p.half_side[0] - r, p.wall_restitution)
+        y, v_y = bounce(y, v_y, p.half_side[1] - r, p.wall_restitution)
     return x, y, v_x + r * o2, v_y - r * o1, spin + h * turn
 
 
@@ -212,4 +228,4 @@ def held_ball(p, motion, ball):
 @inlined
 def off_plate(p, ball):
     """Whether the ball's contact point has left the plate; never, where there are walls."""
-    return not p.walls and (abs(ball[0]) > p.half_side or abs(ball[1]) > p.half_side)
+    return not p.walls and (abs(ball[0]) > p.half_side[0] or abs(ball[1]) > p.half_side[1])

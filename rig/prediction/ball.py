@@ -64,7 +64,7 @@ def ball_step(p, s, plate, sines, angle_x, angle_y, now, dt):
     a_x += equations.plate_bowl(x, bowl) + equations.viscous_drag(v_x + 0.5 * dt * a_x, drag)
     a_y += equations.plate_bowl(y, bowl) + equations.viscous_drag(v_y + 0.5 * dt * a_y, drag)
     if p.unknown.on:
-        part_x, part_y = x / p.half_side, y / p.half_side
+        part_x, part_y = x / p.half_side[0], y / p.half_side[1]
         a_x += discrepancy_acceleration(p.unknown, 0, part_x, part_y, v_x + 0.5 * dt * a_x, now)
         a_y += discrepancy_acceleration(p.unknown, 1, part_x, part_y, v_y + 0.5 * dt * a_y, now)
     n_x, n_y = v_x + dt * a_x, v_y + dt * a_y

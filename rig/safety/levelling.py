@@ -6,7 +6,7 @@ from typing import Self
 
 from rig.safety.limits import Braking, limit
 from rig.safety.monitor import MonitorLimits, StallWatch, watch_stall
-from rig.table import Table
+from rig.table import Table, takes_angle
 
 LEVEL_GAIN_V_RAD = 14.0
 LEVEL_LIMIT_V = 3.0  # at most, and never above the table's own limit
@@ -65,6 +65,8 @@ class LevelOnExit:
 def bring_level(table: Table, seconds: float) -> None:
     """Drive both servos to zero for `seconds` of the table's time, then 0 V whatever happened.
 
+    Servos that take an angle are told 0 and stay told so.
+
     OSError: as `read` and `drive` of the table raise it.
     """
     levelling = Levelling(table.voltage_limit_V)
@@ -72,7 +74,10 @@ def bring_level(table: Table, seconds: float) -> None:
         first = table.read()
         now = first
         while now.t_s - first.t_s < seconds:
-            table.drive(levelling.volts(now.theta_rad, now.t_s))
+            level = (0.0, 0.0)
+            if not takes_angle(table):
+                level = levelling.volts(now.theta_rad, now.t_s)
+            table.drive(level)
             now = table.read()
     finally:
         table.drive((0.0, 0.0))

@@ -1,4 +1,4 @@
-"""The one limiter between commanded volts and the motor: a pure function.
+"""The one limiter between commanded volts and the motor: a pure function; and that of an angle.
 
 What it returns is what is applied and recorded. It is 0 V where the command, the angle, the rate or
 the last volts are no finite numbers, or the estimate behind the command is stale. It makes a
@@ -75,3 +75,16 @@ def limit(
     allowed = min(allowed, max((angle_limit_rad - up) / TAPER_RAD, -1.0) * voltage_limit_V)
     allowed = max(allowed, -max((angle_limit_rad + down) / TAPER_RAD, -1.0) * voltage_limit_V)
     return min(max(allowed, min(last_V, 0.0) - slew_V), max(last_V, 0.0) + slew_V)
+
+
+@compiled
+def limit_angle(commanded_rad, last_rad, angle_limit_rad, age_s=0.0):
+    """Angle that may be told to a servo that takes one [rad], within +-angle_limit_rad.
+
+    The servo holds what it is told: where commanded_rad is not finite or age_s is above STALE_S it
+    stays told last_rad, and is levelled where that is not finite either.
+    """
+    held = last_rad if last_rad - last_rad == 0.0 else 0.0
+    clear = commanded_rad - commanded_rad == 0.0 and age_s <= STALE_S
+    told = commanded_rad if clear else held
+    return min(max(told, -angle_limit_rad), angle_limit_rad)

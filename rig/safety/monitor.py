@@ -22,7 +22,8 @@ class MonitorLimits:
     noise_rad; beyond angle_rad it runs away; under volts of one sign above stall_V it moves their
     way by stall_rad within stall_s. unseen_s: longest time without a newer exposure while the ball
     is balanced; old_s: largest age of an observation; late_s: latest tick; late_ticks: number of
-    missed ticks that is a fault, of which each tick in time makes good late_share.
+    missed ticks that is a fault, of which each tick in time makes good late_share; measured: the
+    angles are, else they are no numbers.
     """
 
     period_s: float
@@ -37,6 +38,7 @@ class MonitorLimits:
     late_s: float = 0.1
     late_share: float = 0.05
     late_ticks: float = 25.0
+    measured: bool = True
 
     @classmethod
     def of_rig(cls, rig: Rig) -> "MonitorLimits":
@@ -47,15 +49,20 @@ class MonitorLimits:
     def of_servo(cls, servo: Servo, period_s: float) -> "MonitorLimits":
         """Return the limits of a table with these servos, period_s: of its tick.
 
-        Its servos turn at most at twice their no-load speed at the voltage limit; its angles lie
-        within the angle limit plus ANGLE_MARGIN_RAD, beyond which the simulated loop ends a run as
-        well.
+        Its servos turn at most at twice their no-load speed at the voltage limit, or at twice the
+        rate limit of servos that take an angle, which no volts can stall; its angles lie within the
+        angle limit plus ANGLE_MARGIN_RAD, beyond which the simulated loop ends a run as well.
         """
+        fastest = servo.gain_rad_s_V * servo.voltage_limit_V
+        if servo.takes_angle:
+            fastest = max(servo.pair("rate_limit_rad_s"))
         return cls(
             period_s=period_s,
-            rate_rad_s=2 * servo.gain_rad_s_V * servo.voltage_limit_V,
+            rate_rad_s=2 * fastest,
             noise_rad=4 * servo.encoder_step_rad,
             angle_rad=servo.angle_limit_rad + ANGLE_MARGIN_RAD,
+            stall_V=inf if servo.takes_angle else cls.stall_V,
+            measured=servo.has_angle,
         )
 
 
@@ -119,7 +126,7 @@ def check(
     first = state.t_s == -inf
     step_s = limits.period_s if first else reading.t_s - state.t_s
     late_s = max(late_s, step_s - limits.period_s)
-    fault = _no_number(reading) or _time(state, limits, step_s, late_s)
+    fault = _no_number(reading, limits) or _time(state, limits, step_s, late_s)
     fault = fault or _angles(
         reading.theta_rad if first else state.theta_rad, limits, reading, step_s
     )
@@ -141,20 +148,20 @@ def check(
     return after, _stall(after, limits, volts) or _camera(after, limits, reading, balancing)
 
 
-def check_command(x_V: float, y_V: float) -> Fault | None:
-    """Return a fault where the commanded volts are not finite, else None.
+def check_command(x: float, y: float, unit: str = "V") -> Fault | None:
+    """Return a fault where what is commanded, volts or angles, is not finite, else None.
 
-    The controller has failed then; the limiter gives 0 V meanwhile.
+    The controller has failed then; the limiter gives 0 V meanwhile, or the angle before.
     """
-    if isfinite(x_V) and isfinite(y_V):
+    if isfinite(x) and isfinite(y):
         return None
-    return Fault("no number", f"the controller asked for {x_V} V and {y_V} V")
+    return Fault("no number", f"the controller asked for {x} {unit} and {y} {unit}")
 
 
-def _no_number(reading: Reading) -> Fault | None:
+def _no_number(reading: Reading, limits: MonitorLimits) -> Fault | None:
     if not isfinite(reading.t_s):
         return Fault("no number", f"the table's time is {reading.t_s}", level=False)
-    if not (isfinite(reading.theta_rad[0]) and isfinite(reading.theta_rad[1])):
+    if limits.measured and not all(map(isfinite, reading.theta_rad)):
         return Fault("no number", f"the encoders gave {reading.theta_rad}", level=False)
     ball = reading.ball
     if ball is not None and not all(map(isfinite, (*ball.xy_m, *ball.cov_m2, ball.exposed_s))):

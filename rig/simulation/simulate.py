@@ -18,7 +18,7 @@ from rig.log import COLUMNS, Log
 from rig.parameters import ANGLE_MARGIN_RAD, Rig
 from rig.plant import plant, plant_record
 from rig.plant.plant import SEEN_T
-from rig.safety.limits import Braking, limit
+from rig.safety.limits import Braking, limit, limit_angle
 from rig.simulation import statistical_camera
 from rig.simulation.simulator import camera_numbers, read_drives, table_tick
 from rig.simulation.statistical_camera import deliver, look, next_exposure
@@ -94,6 +94,10 @@ def measure_and_control(k, s, p, q, state, camera, ticks, tick_s, buffer):
         push[0] = push[1] = 0.0
     runaway = False
     for a in range(2):
+        if q.takes_angle:
+            applied[a] = limit_angle(commanded[a], applied[a], q.angle_limit)
+            runaway = runaway or abs(reading[R_THETA + a]) > q.angle_limit + ANGLE_MARGIN_RAD
+            continue
         applied[a] = limit(
             commanded[a],
             reading[R_THETA + a],
@@ -261,7 +265,7 @@ def simulate(rig: Rig, known: Rig, compensator: int, course: Course, draws: Draw
         np.ascontiguousarray(course.pushes_m_s2),
     )
     filled, ending = _run(
-        plant.rest(course.start_m),
+        plant.rest(course.start_m, rig.linkage.height_m),
         plant_record.pack(rig),
         q,
         plant_record.no_volts(rig),

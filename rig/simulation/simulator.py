@@ -24,6 +24,7 @@ from rig.plant.plant import (
     SEEN_X,
     SEEN_Y,
 )
+from rig.plant.position_plant import advance_commanded
 from rig.safety.levelling import LevelOnExit
 from rig.simulation import statistical_camera
 from rig.simulation.statistical_camera import deliver, look, next_exposure, queue_observation
@@ -45,14 +46,16 @@ _BLOCK = 256
 
 @compiled
 def table_tick(s, p, history, applied, push_x, push_y, held, t, tick_s, exposure_s, seen):
-    """Apply volts and move the plant one tick on (`plant.advance`); True when the ball fell.
+    """Apply volts or angles and move the plant one tick on; True when the ball fell.
 
-    history (n, 2) is shifted by one row and `applied` (2,) [V] becomes its first; the other
-    arguments are those of `plant.advance`.
+    history (n, 2) is shifted by one row and `applied` (2,) [V or rad] becomes its first; the other
+    arguments are those of `plant.advance` and `position_plant.advance_commanded`.
     """
     for i in range(history.shape[0] - 1, 0, -1):
         history[i, 0], history[i, 1] = history[i - 1, 0], history[i - 1, 1]
     history[0, 0], history[0, 1] = applied[0], applied[1]
+    if p.position:
+        return advance_commanded(s, p, history, t, tick_s, push_x, push_y, held, exposure_s, seen)
     return plant.advance(s, p, history, t, tick_s, push_x, push_y, held, exposure_s, seen)
 
 
@@ -115,10 +118,11 @@ class SimulatedTable(LevelOnExit):
     ) -> None:
         self.period_s = 1 / rig.control_rate_hz
         self.voltage_limit_V = rig.servo.voltage_limit_V
+        self.takes_angle = rig.servo.takes_angle
         self.held = held
         self.fallen = False
         self._p = plant_record.pack(rig)
-        self._s = plant.rest(start_m)
+        self._s = plant.rest(start_m, rig.linkage.height_m)
         self._camera = statistical_camera.start(rig.camera.rate_hz)
         self._eye = eye
         noise, drop, tachometer = rng.spawn(3)
@@ -162,18 +166,21 @@ class SimulatedTable(LevelOnExit):
         return self._reading(row)
 
     def drive(self, volts: tuple[float, float]) -> None:
-        """Apply volts (x, y) from now to the next tick. ValueError: volts that are not finite."""
+        """Apply volts (x, y), or angles [rad] where the servos take them, from now to the next
+        tick. ValueError: they are not finite.
+        """
         if not all(map(np.isfinite, volts)):
-            raise ValueError(f"volts must be finite, got {volts}; use rig.safety.limits.limit")
+            what = "angles" if self.takes_angle else "volts"
+            raise ValueError(f"{what} must be finite, got {volts}; use rig.safety.limits.limit")
         self._applied[:] = volts
 
     def close(self) -> None:
-        """Set 0 V."""
+        """Set 0 V, or the angle 0."""
         self._applied[:] = 0.0
 
     @property
     def volts_V(self) -> tuple[float, float]:
-        """Volts (x, y) that stand at the motors' terminals."""
+        """Volts (x, y) that stand at the motors' terminals; angles [rad] where servos take them."""
         return float(self._applied[0]), float(self._applied[1])
 
     def truth(self) -> dict[str, np.ndarray]:
@@ -214,6 +221,8 @@ class SimulatedTable(LevelOnExit):
     def _look_with_eye(self) -> None:
         self._camera["frame"] += 1
         seen, theta = self._seen, self._last[R_THETA : R_THETA + 2]
+        if not self._p["has_angle"]:
+            theta = self._applied
         observation = self._eye.see(  # pyright: ignore[reportOptionalMemberAccess]
             float(seen[SEEN_T]),
             None if self.fallen else (float(seen[SEEN_X]), float(seen[SEEN_Y])),
@@ -257,11 +266,12 @@ class SimulatedTable(LevelOnExit):
 def read_drives(s, p, draws, reading):
     """Write encoder angles [rad] and motor speeds [rad/s] of state s into reading (READING_SIZE,).
 
-    Angles are those of the arm, to the nearest count; speeds those of the motor, ahead of the
-    gears, with the tachometer's scale error and noise from draws (2,) of normal numbers, NaN
-    without a tachometer.
+    Angles are those of the arm, to the nearest count, NaN where nobody measures them; speeds those
+    of the motor, ahead of the gears, with the tachometer's scale error and noise from draws (2,) of
+    normal numbers, NaN without a tachometer.
     """
     for a in range(2):
-        reading[R_THETA + a] = floor(s[ARM, a] / p.encoder_step + 0.5) * p.encoder_step
+        angle = floor(s[ARM, a] / p.encoder_step + 0.5) * p.encoder_step
+        reading[R_THETA + a] = angle if p.has_angle else nan
         speed = s[MOTOR_RATE, a] * (1.0 + p.tachometer_scale) + p.tachometer_noise * draws[a]
         reading[R_MOTOR + a] = speed if p.tachometer > 0.0 else nan

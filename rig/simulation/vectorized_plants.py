@@ -65,11 +65,12 @@ def _put(b, row, lane, values):
 def _lane_step(b, c, lane, now):
     axis_x, axis_y, ball = _axis(b, X, lane), _axis(b, Y, lane), _ball(b, lane)
     held, fallen = b[HELD * LANES + lane] != 0.0, b[FALLEN * LANES + lane] != 0.0
-    load = 0.0 if held or fallen else c.weight
+    load_x = 0.0 if held or fallen else c.weight[0]
+    load_y = 0.0 if held or fallen else c.weight[1]
     volts_x = cogged(c, 0, delivered(c, 0, b[COMMAND_X * LANES + lane], now), axis_x[2])
     volts_y = cogged(c, 1, delivered(c, 1, b[COMMAND_Y * LANES + lane], now), axis_y[2])
-    axis_x = drive_step(c, 0, volts_x, load * ball[0], axis_x)
-    axis_y = drive_step(c, 1, volts_y, load * ball[1], axis_y)
+    axis_x = drive_step(c, 0, volts_x, load_x * ball[0], axis_x)
+    axis_y = drive_step(c, 1, volts_y, load_y * ball[1], axis_y)
     motion = tilt(c, axis_x[4], axis_x[5], axis_y[4], axis_y[5])
     rolled = ball_step(c, now, b[PUSH_X * LANES + lane], b[PUSH_Y * LANES + lane], motion, ball)
     resting = held_ball(c, motion, ball)

@@ -34,6 +34,11 @@ def _numbers(a: np.ndarray):
     return a.ctypes.data_as(_Numbers)
 
 
+def _one(value: np.ndarray) -> float:
+    """A number of a plant's record; of a pair that is alike on both axes the first."""
+    return float(np.ravel(value)[0])
+
+
 class C:
     """One build of `speed.c`."""
 
@@ -49,7 +54,7 @@ class C:
     def run(self, p: np.record, state: np.ndarray, volts: np.ndarray, steps: int) -> int:
         """Move `state` (of `pack_state`) on; ticks done before the ball fell."""
         parts = [[p[name][a] for name in AXIS] for a in (0, 1)]
-        table = np.concatenate([*parts, [p[n] for n in TABLE], [p[n][0] for n in BALL.split()]])
+        table = np.concatenate([*parts, [_one(p[n]) for n in TABLE + BALL.split()]])
         return self._c.run(_numbers(table), _numbers(state), _numbers(volts), len(volts), steps)
 
     def multiply_adds(self, rounds: int) -> float:

@@ -35,7 +35,7 @@ class Tables:
         for name in NAMES:
             setattr(self, name, np.array([p[name] for p in plants]).T.copy())
         for name in SINGLES:
-            setattr(self, name, np.array([p[name] for p in plants]))
+            setattr(self, name, np.array([np.ravel(p[name])[0] for p in plants]))
         n = len(plants)
         self.angles, self.rates = np.zeros((3, 2, n)), np.zeros((3, 2, n))
         self.gear_lost, self.joint_lost = np.zeros((2, n)), np.zeros((2, n))

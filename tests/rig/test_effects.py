@@ -8,7 +8,7 @@ import pytest
 
 from rig.control.controllers import WITH
 from rig.course import Course
-from rig.effects import BY_NAME, CATALOGUE, check, values
+from rig.effects import BY_NAME, CATALOGUE, check, effects_of, values
 from rig.parameters import Ball, CameraTiming, Gains, Rig
 from rig.plant import effect_equations as equations
 from rig.plant import plant, plant_record
@@ -36,6 +36,12 @@ TABLE = {
     "gain_drift": ("servo", "x y", {"rate_1_s": 0}),
     "supply_sag": ("servo", "xy", {"drop_1_V": 0}),
     "gear_backlash": ("servo", "x y", {"play_rad": 0}),
+    "servo_lag": ("servo", "x y", {"lag_s": 0}),
+    "servo_dead_time": ("servo", "x y", {"delay_s": 0}),
+    "rate_limit": ("servo", "x y", {"limit_rad_s": inf}),
+    "command_dead_band": ("servo", "x y", {"half_width_rad": 0}),
+    "angle_scale": ("servo", "x y", {"fraction": 0}),
+    "angle_zero": ("servo", "x y", {"offset_rad": 0}),
     "joint_backlash": ("ball", "x y", {"play_rad": 0}),
     "transmission_ripple": (
         "ball",
@@ -84,9 +90,9 @@ VISIBLE = {
     "camera_yaw": {"angle_rad": 0.1},
     "lens_distortion": {"k1_1_m2": 3.0},
 }
-ALL = sorted(TABLE)
+ALL = sorted(e.name for e in effects_of("voltage"))  # of position servos: test_position_servo.py
 SERVO, BALL_SIDE, CAMERA = (
-    sorted(n for n in TABLE if TABLE[n][0] == side) for side in ("servo", "ball", "camera")
+    sorted(n for n in ALL if TABLE[n][0] == side) for side in ("servo", "ball", "camera")
 )
 
 

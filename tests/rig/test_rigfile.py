@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments.runs.assemble import load_rig
-from rig.effects import CATALOGUE
+from rig.effects import effects_of
 from rig.parameters import Rig, nominal_servo
 from rig.rigfile import from_dict, read_rig, to_dict, write_rig
 
@@ -104,14 +104,15 @@ def test_a_mistake_is_one_clear_line(tmp_path: Path, text: str, words: list[str]
         assert word in message
 
 
-def test_every_catalogue_entry_can_be_switched_on_in_a_file(tmp_path: Path):
-    lines = []
-    for effect in CATALOGUE:
+@pytest.mark.parametrize("kind", ["voltage", "position"])
+def test_every_catalogue_entry_can_be_switched_on_in_a_file(kind, tmp_path: Path):
+    lines = ["[servo]", f"kind = '{kind}'"]
+    for effect in effects_of(kind):
         lines.append(f"[effects.{effect.name}]")
         lines += [f"{axis}.{p.key} = {p.high}" for axis in effect.axes for p in effect.parameters]
     path = tmp_path / "rig.toml"
     path.write_text("\n".join(lines))
-    assert set(read_rig(path).effects) == {effect.name for effect in CATALOGUE}
+    assert set(read_rig(path).effects) == {effect.name for effect in effects_of(kind)}
 
 
 def test_files_named_in_the_table_section_lie_beside_the_rig_file(tmp_path: Path):
@@ -126,3 +127,75 @@ def test_files_named_in_the_table_section_lie_beside_the_rig_file(tmp_path: Path
     assert table.sign_angle == (1, -1)
     write_rig(read_rig(path), tmp_path / "again.toml")
     assert read_rig(tmp_path / "again.toml") == read_rig(path)
+
+
+ARMS = """
+[servo]
+kind = "position"
+angle_limit_rad = {limit}
+stop_rad = 1.2
+[linkage]
+kind = "three-arms"
+arm_radius_m = 0.05
+rod_length_m = {rod}
+base_radius_m = 0.08
+plate_radius_m = 0.1
+height_m = 0.11
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[servo]\nkind = 'angle'", "servo.kind = 'angle': .*'voltage' or 'position'"),
+        (
+            "[servo]\nkind = 'position'\nrate_limit_rad_s = 0",
+            "servo.rate_limit_rad_s = 0: .*than 0",
+        ),
+        ("[servo]\nkind = 'position'\nx.lag = 0.1", "unknown key 'servo.x.lag'; known: x.lag_s"),
+        ("[servo]\nkind = 'position'\ny.lag_s = -1", "servo.y.lag_s = -1: .*or equal to 0"),
+        ("[servo]\nkind = 'position'\nx = 0.1", r"servo.x = 0.1: write servo.x.KEY = number"),
+        ("[servo]\nx.lag_s = 0.1", "servo.x and servo.y need servo.kind = 'position'"),
+        ("[linkage]\nz.rod_length_m = 0.1", "unknown key 'linkage.z'"),
+        ("[linkage]\nrod_length_m = 0.1", "linkage.rod_length_m .*needs servos that take an angle"),
+        ("[linkage]\nkind = 'three-arms'", "linkage.kind .*needs servos that take an angle"),
+        ("[linkage]\nx.plate_side_m = 0.03", "the ball does not fit on the plate"),
+        (
+            "[servo]\nkind = 'position'\n[effects.coulomb_friction]\nx.friction_V = 0.1",
+            "'coulomb_friction' is not one of position servos; known: servo_lag",
+        ),
+        (
+            "[effects.servo_lag]\nx.lag_s = 0.1",
+            "'servo_lag' is not one of voltage servos; known: coulomb_friction",
+        ),
+        (
+            "[servo]\nkind = 'position'\nangle_limit_rad = 1.5\n[linkage]\nrod_length_m = 0.01",
+            r"linkage.rod_length_m = 0.01 reaches 0\.\d+ rad of the servo, servo.angle_limit_rad",
+        ),
+        (ARMS.format(limit=0.5, rod=0.1), r"out of the three arms' reach \(both tilts .* 0\.2"),
+        (ARMS.format(limit=0.2, rod=0.01), "linkage.height_m = 0.11 is out of reach or singular"),
+        (ARMS.format(limit=0.9, rod=0.1), "servo.angle_limit_rad = 0.9 is the tilt of a plate"),
+    ],
+)
+def test_what_a_table_with_position_servos_cannot_be_is_one_line(text, said, tmp_path: Path):
+    path = tmp_path / "rig.toml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=said) as error:
+        read_rig(path)
+    assert "\n" not in str(error.value)
+
+
+def test_values_by_axis_and_a_table_with_three_arms_come_back(tmp_path: Path):
+    path, again = tmp_path / "rig.toml", tmp_path / "again.toml"
+    path.write_text("[servo]\nkind = 'position'\nx.lag_s = 0.066\n[linkage]\ny.plate_side_m = 0.3")
+    rig = read_rig(path)
+    assert rig.servo.pair("lag_s") == (0.066, 0.05)
+    assert rig.servo.on("x").lag_s == 0.066
+    assert rig.linkage.half_sides_m == (0.1375, 0.15)
+    assert rig.linkage.ratios == (2 * 0.0254 / 0.275, 2 * 0.0254 / 0.3)
+    write_rig(rig, again)
+    assert read_rig(again) == rig
+    path.write_text(ARMS.format(limit=0.2, rod=0.1))
+    write_rig(read_rig(path), again)
+    assert read_rig(again) == read_rig(path)
+    assert read_rig(path).linkage.ratio == 1.0

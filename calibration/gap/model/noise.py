@@ -129,7 +129,7 @@ def _servo(evidence: Evidence, model: Model, levels: np.record, a: int) -> None:
 def _ball(evidence: Evidence, model: Model, levels: np.record) -> None:
     levels["ball_memory_s"] = 0.0
     few, places = thinned(evidence, BALL)
-    rows = ball_regressors(evidence.runs, float(model.record["half_side"]))
+    rows = ball_regressors(evidence.runs, float(model.record["half_side"].max()))
     thin = [axis.over(places) for axis in rows]
 
     def cost(x: np.ndarray) -> float:

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from experiments.runs.assemble import known, load_rig
 from rig.control.controllers import COMPENSATORS
 from rig.course import Course
+from rig.log import INDEX
 from rig.loop.commands import Command, CommandSlot, Push, SetGains, Stop, Target
 from rig.loop.loop import Ending, Loop
 from rig.operator import Operator
@@ -143,7 +144,7 @@ def test_a_ball_never_let_go_ends_as_not_released():
 
     ending, rows = run(TABLE, "with", way, operator=Stubborn)
     assert ending.outcome == "not released"
-    assert np.all(rows[:, -1] == 1)
+    assert np.all(rows[:, INDEX["phase"]] == 1)
 
 
 commands = st.lists(
@@ -191,7 +192,7 @@ def test_a_person_is_asked_step_by_step_and_waited_for():
             return wanted_m_s2
 
     def keep(row: np.ndarray) -> None:
-        phases.append(int(row[-1]))
+        phases.append(int(row[INDEX["phase"]]))
 
     phases.append(0)
     with table:

@@ -123,8 +123,8 @@ def rig_equations(sway, ball, end_s):
 
     def motion(t):
         q, q1, _ = sway.theta(t)
-        s_x, s_y = plate_sines(q[0], q[1], RATIO, 0.0, 0.0)
-        return s_x, s_y, *plate_rates(q[0], q[1], q1[0], q1[1], RATIO, 0.0, 0.0, s_x, s_y)
+        s_x, s_y = plate_sines(q[0], q[1], (RATIO, RATIO), 0.0, 0.0)
+        return s_x, s_y, *plate_rates(q[0], q[1], q1[0], q1[1], (RATIO, RATIO), 0.0, 0.0, s_x, s_y)
 
     def rates(t, y):
         s_x, s_y, o1, o2 = motion(t)
@@ -206,7 +206,7 @@ def test_eq_15_is_the_linearisation():
     gain = Rig().ball_gain_m_s2
     gaps = []
     for theta in (0.4, 0.2, 0.1):
-        s_x, s_y = plate_sines(theta, 0.0, RATIO, 0.0, 0.0)
+        s_x, s_y = plate_sines(theta, 0.0, (RATIO, RATIO), 0.0, 0.0)
         a_x, a_y, _ = rolling(0.1, 0.1, 0.2, 0.2, 0.0, s_x, s_y, 0.0, 0.0, 3 / 5, 0.019625)
         assert a_y == 0.0
         gaps.append(gain * theta - a_x)

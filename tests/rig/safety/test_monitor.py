@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from experiments.runs.assemble import another_unit, load_rig
 from experiments.runs.protocol import read_protocol
 from experiments.runs.runner import RunRequest, simulate_runs
-from rig.log import Log
-from rig.parameters import ANGLE_MARGIN_RAD, Rig
+from rig.log import INDEX, Log
+from rig.parameters import ANGLE_MARGIN_RAD, Rig, Servo
 from rig.safety.monitor import (
     Fault,
     MonitorLimits,
@@ -28,6 +28,7 @@ from tests.support import ROOT
 from vision.frames import Observation
 
 LIMITS = MonitorLimits.of_rig(Rig())
+COVARIANCE = slice(INDEX["ball_cov_xx_m2"], INDEX["ball_cov_yy_m2"] + 1)
 TABLE = load_rig(None)
 TICK = 0.002
 
@@ -60,14 +61,14 @@ def ticks(n, theta=lambda k: 0.0, axis=0, **more):
 
 def readings_of(log: Log):
     for row in log.rows:
-        ball = see(row[12], (row[5], row[6]), tuple(row[-4:-1])) if row[5] == row[5] else None
+        ball = see(row[12], (row[5], row[6]), tuple(row[COVARIANCE])) if row[5] == row[5] else None
         yield Reading(row[0], (row[3], row[4]), None, ball)
 
 
 def healthy(log: Log, servo_only: bool) -> Fault | None:
     state, volts = MonitorState(), (0.0, 0.0)
     for row, reading in zip(log.rows, readings_of(log), strict=True):
-        balancing = row[-1] == 2 and not servo_only
+        balancing = row[INDEX["phase"]] == 2 and not servo_only
         state, fault = check(state, LIMITS_OF_TABLE, reading, volts, balancing=balancing)
         if fault is not None:
             return fault
@@ -104,7 +105,24 @@ def test_limits_are_the_tables_own():
     assert LIMITS.noise_rad == 4 * servo.encoder_step_rad
     assert LIMITS.angle_rad == servo.angle_limit_rad + ANGLE_MARGIN_RAD
     defaults = MonitorLimits(1.0, 2.0, 3.0, 4.0)
-    assert astuple(defaults) == (1.0, 2.0, 3.0, 4.0, 2.0, 0.08, 0.004, 1.25, 0.5, 0.1, 0.05, 25.0)
+    healthy_table = (2.0, 0.08, 0.004, 1.25, 0.5, 0.1, 0.05, 25.0)
+    assert astuple(defaults) == (1.0, 2.0, 3.0, 4.0, *healthy_table, True)
+
+
+def test_servos_that_take_an_angle_have_their_own_rate_no_stall_and_perhaps_no_angle():
+    servo = Servo(kind="position", x={"rate_limit_rad_s": 9.0}, rate_limit_rad_s=5.0)
+    limits = MonitorLimits.of_rig(Rig(servo=servo))
+    assert (limits.rate_rad_s, limits.stall_V, limits.measured) == (18.0, inf, False)
+    unseen = Reading(0.0, (nan, nan))
+    assert check(MonitorState(), limits, unseen, (0.3, 0.3), balancing=False)[1] is None
+    back = MonitorLimits.of_rig(Rig(servo=replace(servo, angle_measured=True)))
+    fault = check(MonitorState(), back, unseen, (0.3, 0.3), balancing=False)[1]
+    assert fault is not None
+    assert fault.name == "no number"
+    state, _ = check(MonitorState(), back, Reading(0.0, (0.0, 0.0)), (0, 0), balancing=False)
+    fault = check(state, back, Reading(0.002, (0.06, 0.0)), (0, 0), balancing=False)[1]
+    assert fault is not None
+    assert fault.name == "encoder jump"
 
 
 # --- what is no number ---

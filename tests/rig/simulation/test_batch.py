@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from rig.control.controllers import SHAM, WITH, WITHOUT
 from rig.course import Course
 from rig.discrepancy import Discrepancy
-from rig.effects import BY_NAME, CATALOGUE
-from rig.parameters import CameraTiming, Drive, Rig, Walls
+from rig.effects import BY_NAME, CATALOGUE, effects_of
+from rig.parameters import CameraTiming, Drive, Rig, Servo, Walls
 from rig.plant import plant, plant_record
 from rig.plant.constants import COSTLY, LANES, PAIRS, SINGLES
 from rig.simulation.batch import simulate_many
@@ -56,7 +56,9 @@ def assert_same(tasks: list[Task]) -> None:
 def random_rig(rng: np.random.Generator) -> Rig:
     """A table with a random handful of effects, each a random size within its sensible range."""
     effects: dict = {}
-    for effect in rng.choice(np.array(CATALOGUE, object), rng.integers(0, 9), replace=False):
+    for effect in rng.choice(
+        np.array(effects_of("voltage"), object), rng.integers(0, 9), replace=False
+    ):
         for axis in effect.axes:
             values = {p.key: float(rng.uniform(p.low, p.high) / 3) for p in effect.parameters}
             if "offset_rad" in values:
@@ -110,7 +112,8 @@ def test_each_effect_in_a_lane_is_the_effect_of_a_run_alone(name):
     values = {p.key: 0.6 * p.high for p in effect.parameters} | {
         k: v for k, v in {"offset_rad": 0.01, "play_rad": 0.04}.items() if "backlash" in name
     }
-    rig = Rig(effects={name: dict.fromkeys(effect.axes, values)})
+    servo = Servo(kind=effect.servos[0])
+    rig = Rig(servo=servo, effects={name: dict.fromkeys(effect.axes, values)})
     course = random_steps(np.random.default_rng(0), 0.6, every_s=0.2)
     assert_same([task_of(rig, course), task_of(Rig(), course), task_of(realistic(), course)])
 

@@ -1,0 +1,179 @@
+"""A plate on three arms (3-RRS): tilt to arm angles in closed form, arm angles to tilt by Newton.
+
+Arm i stands at the azimuth psi_i = 120 degrees i from +x, at the radius r_b, and turns by alpha in
+the vertical plane through the centre; a rod of length l leads from its end, at the length a, to a
+ball joint of the plate at the radius r_p. In that plane, with X the joint's distance from the arm's
+axis and Z its height,
+
+    X cos(alpha) + Z sin(alpha) = (X^2 + Z^2 + a^2 - l^2)/(2 a),
+
+solved with the elbow outwards. The three planes hold the ball joints, so the plate turns without
+torsion, by the shortest turn of `rig.plant.ball.plate_rotation`, and its centre shifts by
+(r_p (R_xx - R_yy)/2, -r_p R_xy) (I. Bonev, Geometric analysis of parallel mechanisms, 2002,
+chapter 4). Angles of arms are measured from the horizontal, s_x, s_y are the sines of the tilt.
+"""
+
+from math import acos, atan2, cos, nan, pi, sin, sqrt
+
+import numpy as np
+
+from rig.compiled import compiled, inlined
+
+ARMS = 3
+AZIMUTHS = (0.0, 2.0 * pi / 3.0, 4.0 * pi / 3.0)
+# Chosen: a rod within 10 degrees of its arm, or of the horizontal, moves six times as far as what
+# it should hold, and play and errors with it; so does a plate whose three rods nearly meet.
+LEAST_TRANSMISSION = sin(pi / 18)
+NEWTON_STEPS, NEWTON_END_M2, DIFFERENCE = 30, 1e-15, 1e-7
+
+
+@inlined
+def joint(i, s_x, s_y, height, plate_radius):
+    """Distance from the centre line and height of the plate's ball joint i [m].
+
+    s_x, s_y: sines of the tilt; height: of the plate's centre [m].
+    """
+    c = sqrt(1.0 - s_x * s_x - s_y * s_y)
+    xx, yy = 1.0 - s_x * s_x / (1.0 + c), 1.0 - s_y * s_y / (1.0 + c)
+    xy = -s_x * s_y / (1.0 + c)
+    u, v = cos(AZIMUTHS[i]), sin(AZIMUTHS[i])
+    out = u * (0.5 * (xx - yy) + xx * u + xy * v) + v * (-xy + xy * u + yy * v)
+    return plate_radius * out, height - plate_radius * (s_x * u + s_y * v)
+
+
+@inlined
+def centre(s_x, s_y, plate_radius):
+    """Shift of the plate's centre in x and y [m] with its tilt."""
+    c = sqrt(1.0 - s_x * s_x - s_y * s_y)
+    shift_x = 0.5 * plate_radius * (s_y * s_y - s_x * s_x) / (1.0 + c)
+    return shift_x, plate_radius * s_x * s_y / (1.0 + c)
+
+
+@compiled
+def arm_angle(i, s_x, s_y, height, size):
+    """Angle of arm i [rad] that holds the plate at this tilt; NaN where it is out of reach.
+
+    size: (base radius, plate radius, arm length, rod length) [m].
+    """
+    base, plate, arm, rod = size
+    if s_x * s_x + s_y * s_y >= 1.0:
+        return nan
+    out, z = joint(i, s_x, s_y, height, plate)
+    x = out - base
+    far = sqrt(x * x + z * z)
+    bent = (far * far + arm * arm - rod * rod) / (2.0 * arm * far)
+    return atan2(z, x) - acos(bent) if abs(bent) <= 1.0 else nan
+
+
+@compiled
+def _misses(angles, pose, size, misses):
+    """How much longer the square of each rod would be than it is [m2]."""
+    base, plate, arm, rod = size
+    for i in range(ARMS):
+        out, z = joint(i, pose[0], pose[1], pose[2], plate)
+        x = out - base - arm * cos(angles[i])
+        z -= arm * sin(angles[i])
+        misses[i] = x * x + z * z - rod * rod
+
+
+@compiled
+def solve_3(m, b, x):
+    """Solve m x = b for x (3,) by Cramer's rule; returns the determinant of m (3, 3)."""
+    c0 = m[1, 1] * m[2, 2] - m[1, 2] * m[2, 1]
+    c1 = m[1, 2] * m[2, 0] - m[1, 0] * m[2, 2]
+    c2 = m[1, 0] * m[2, 1] - m[1, 1] * m[2, 0]
+    det = m[0, 0] * c0 + m[0, 1] * c1 + m[0, 2] * c2
+    d0 = m[0, 2] * m[2, 1] - m[0, 1] * m[2, 2]
+    d1 = m[0, 0] * m[2, 2] - m[0, 2] * m[2, 0]
+    d2 = m[0, 1] * m[2, 0] - m[0, 0] * m[2, 1]
+    e0 = m[0, 1] * m[1, 2] - m[0, 2] * m[1, 1]
+    e1 = m[0, 2] * m[1, 0] - m[0, 0] * m[1, 2]
+    e2 = m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]
+    x[0] = (c0 * b[0] + d0 * b[1] + e0 * b[2]) / det
+    x[1] = (c1 * b[0] + d1 * b[1] + e1 * b[2]) / det
+    x[2] = (c2 * b[0] + d2 * b[1] + e2 * b[2]) / det
+    return det
+
+
+@compiled
+def solve_pose(angles, size, pose):
+    """Bring `pose` (3,) = sines s_x, s_y and height [m] to where the arms hold the plate.
+
+    angles (3,) [rad]; size: of `arm_angle`; pose: the pose next to which the solution is looked
+    for, changed in place. Newton's method. False, and the pose left alone, where there is none.
+    """
+    now, last, step = pose.copy(), np.empty(ARMS), np.empty(3)
+    miss, shifted, slope = np.empty(ARMS), np.empty(ARMS), np.empty((ARMS, 3))
+    for _ in range(NEWTON_STEPS):
+        _misses(angles, now, size, miss)
+        worst = max(abs(miss[0]), abs(miss[1]), abs(miss[2]))
+        if worst < NEWTON_END_M2:
+            pose[:] = now
+            return True
+        last[:] = now
+        for k in range(3):
+            now[k] = last[k] + DIFFERENCE
+            _misses(angles, now, size, shifted)
+            now[k] = last[k]
+            for i in range(ARMS):
+                slope[i, k] = (shifted[i] - miss[i]) / DIFFERENCE
+        if solve_3(slope, miss, step) == 0.0:
+            return False
+        for k in range(3):
+            now[k] = last[k] - step[k]
+        if not now[0] * now[0] + now[1] * now[1] < 1.0:
+            return False
+    return False
+
+
+@compiled
+def transmission(s_x, s_y, height, size):
+    """Least of what says that a pose is not singular [1]; NaN where it is out of reach.
+
+    Of every leg the sine between arm and rod, and the determinant by which tilt and height follow
+    the rods, divided by that of a level plate on upright rods (3 sqrt(3)/2, per r_p^2).
+    """
+    base, plate, arm, rod = size
+    least, slope = 1.0, np.empty((ARMS, 3))
+    for i in range(ARMS):
+        alpha = arm_angle(i, s_x, s_y, height, size)
+        if np.isnan(alpha):
+            return nan
+        out, z = joint(i, s_x, s_y, height, plate)
+        n_x = (out - base - arm * cos(alpha)) / rod
+        n_z = (z - arm * sin(alpha)) / rod
+        least = min(least, n_z * cos(alpha) - n_x * sin(alpha))
+        for k in range(3):
+            moved_out, moved_z = joint(
+                i,
+                s_x + (DIFFERENCE if k == 0 else 0.0),
+                s_y + (DIFFERENCE if k == 1 else 0.0),
+                height + (DIFFERENCE if k == 2 else 0.0),
+                plate,
+            )
+            slope[i, k] = (n_x * (moved_out - out) + n_z * (moved_z - z)) / DIFFERENCE
+    det = solve_3(slope, np.zeros(3), np.empty(3))
+    return min(least, abs(det) / (1.5 * sqrt(3.0) * plate * plate))
+
+
+def reach_rad(height: float, size: tuple[float, ...], travel_rad: float, most_rad: float) -> float:
+    """Largest angle [rad], at most `most_rad`, up to which both tilts can be asked for at once.
+
+    Up to it every pose is within reach, not singular (`LEAST_TRANSMISSION`), and no arm turns by
+    more than `travel_rad` from where it holds the plate level. -1: not even the level pose.
+    """
+    level = arm_angle(0, 0.0, 0.0, height, size)
+    good, steps = -1.0, 20
+    for k in range(steps + 1):
+        tilt = most_rad * k / steps
+        for j in range(-4, 5):
+            for sign in (1, -1):
+                for a, b in ((sign * tilt, tilt * j / 4), (tilt * j / 4, sign * tilt)):
+                    s_x, s_y = sin(a), sin(b)
+                    if not transmission(s_x, s_y, height, size) >= LEAST_TRANSMISSION:
+                        return good
+                    turned = [arm_angle(i, s_x, s_y, height, size) - level for i in range(ARMS)]
+                    if max(map(abs, turned)) > travel_rad:
+                        return good
+        good = tilt
+    return good
