@@ -70,7 +70,7 @@ class UserController(Protocol):
         ...
 
     def control(self, now: Now) -> tuple[float, float]:
-        """Return the volts (x, y) to command [V], or the angles [rad] where the servos take an angle;
+        """Return the volts (x, y) to command [V], or angles [rad] where the servos take an angle;
         called at every tick while the ball rolls.
 
         They pass `limits.limit` before they are applied. Whatever is raised, or is not two numbers,
