@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 from scipy.signal import lfilter
 
 from calibration.gap.model.parameters import BALL, SERVO
@@ -29,6 +30,8 @@ HINGES = (0.05, 0.1, 0.2, 0.35, 0.5, 0.7)  # shares of the largest volts, a piec
 TURNS = (0.02, 0.1, 0.4)  # shares of the fastest speed over which the sign of a motion changes
 SPEED_S = {"servo": 0.03, BALL: 0.08}  # span of the difference quotient; chosen
 BALL_STATES, SERVO_STATES = 11, 8
+HAT_S = 4.0  # several folds of a cross-validation by seconds, and several hats a log; chosen
+MAX_HATS = 40  # bounds the work for long logs; chosen
 SAMPLES_PER_REGRESSOR = 40  # at least: fewer, and noise is explained, too; chosen
 
 
@@ -71,18 +74,55 @@ class Regressors:
         `z` (n,): innovations in expected deviations, all runs one after the other; `w` (n,):
         weights; `process`, `measured`: noise levels of the filter, as of `observer`.
         """
+        f = self._responses(w, process, measured)
+        c, used = _least_squares(f, z, w)
+        effective = float(np.sum(w > 0))
+        return (z - f @ c) * np.sqrt(effective / max(effective - used, 1.0))
+
+    def predicted(
+        self, z: np.ndarray, w: np.ndarray, fold: np.ndarray, process: float, measured: float
+    ) -> np.ndarray:
+        """The innovations (n,) that the regression fitted on the other folds expects; `fold` (n,):
+        the fold of each sample. Other arguments as of `unexplained`."""
+        f, said = self._responses(w, process, measured), np.zeros(len(z))
+        for one in np.unique(fold):
+            here = fold == one
+            c, _ = _least_squares(f, z, w * ~here)
+            said[here] = f[here] @ c
+        return said
+
+    def _responses(self, w: np.ndarray, process: float, measured: float) -> np.ndarray:
+        """h * F (n, k) of the module's equation where the weights w (n,) are not 0, to a scale."""
         b, a = observer(self.step_s, process, measured, self.tau_s)
         f = np.concatenate([lfilter(b, a, run, axis=0) for run in self.runs])
         f *= w[:, None] > 0
-        f /= np.sqrt(np.mean(f * f, axis=0)) + 1e-30
-        effective = float(np.sum(w > 0))
-        size, shape = np.linalg.eigh((f * w[:, None]).T @ f)
-        most = int(effective / SAMPLES_PER_REGRESSOR)
-        kept = np.flatnonzero(size > 1e-6 * size[-1])[-most:] if most else np.zeros(0, int)
-        along = shape[:, kept]
-        c = (along.T @ (f.T @ (w * z))) / size[kept]
-        left = z - f @ (along @ c)
-        return left * np.sqrt(effective / max(effective - len(kept), 1.0))
+        return f / (np.sqrt(np.mean(f * f, axis=0)) + 1e-30)
+
+
+def _least_squares(f: np.ndarray, z: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, int]:
+    """Coefficients (k,) of z = f c with weights w (n,) along the directions of f (n, k) that the
+    samples tell, at most one for SAMPLES_PER_REGRESSOR of them, and the number of directions."""
+    size, shape = np.linalg.eigh((f * w[:, None]).T @ f)
+    most = int(float(np.sum(w > 0)) / SAMPLES_PER_REGRESSOR)
+    kept = np.flatnonzero(size > 1e-6 * size[-1])[-most:] if most else np.zeros(0, int)
+    along = shape[:, kept]
+    return along @ ((along.T @ (f.T @ (w * z))) / size[kept]), len(kept)
+
+
+def with_hats(rows: Regressors, times: Sequence[np.ndarray]) -> Regressors:
+    """The regressors and, run by run, hats HAT_S apart over the times (n,) of their samples (so far
+    apart that there are at most MAX_HATS): a disturbance that changes slowly, or by steps."""
+    apart = max(HAT_S, sum(float(np.ptp(t)) for t in times if len(t)) / MAX_HATS)
+    wanted = [np.arange(t[0], t[-1] + apart, apart) if len(t) else np.zeros(0) for t in times]
+    total, done, runs = sum(map(len, wanted)), 0, []
+    for run, t, tops in zip(rows.runs, times, wanted, strict=True):
+        hats = np.zeros((len(t), total))
+        hats[:, done : done + len(tops)] = np.maximum(
+            1.0 - np.abs(t[:, None] - tops[None, :]) / apart, 0.0
+        )
+        done += len(tops)
+        runs.append(np.hstack([hats, run]))
+    return replace(rows, runs=tuple(runs))
 
 
 def observer(
@@ -152,6 +192,14 @@ def _before(columns: list[np.ndarray]) -> np.ndarray:
     return np.vstack([matrix[:1], matrix[:-1]])
 
 
+def _mean_since(t: np.ndarray, t_s: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """Means (n,) of an angle between each of the times t (n,) and the one before; the first: its
+    value there."""
+    area = cumulative_trapezoid(angle, t_s, initial=0.0)
+    mean = np.diff(np.interp(t, t_s, area)) / np.diff(t)
+    return np.concatenate([np.interp(t[:1], t_s, angle), mean])
+
+
 def _ball(run: Signals, a: int, half_side_m: float) -> np.ndarray:
     t, place = run.exposed_s, run.ball_m / half_side_m
     if len(t) < 2:
@@ -161,7 +209,7 @@ def _ball(run: Signals, a: int, half_side_m: float) -> np.ndarray:
     state = [x, y, x * x, x * y, y * y, x**3, u, v[:, 1 - a], u * np.abs(u), np.abs(u)]
     state += [np.tanh(u / TURNS[1])]
     pairs = [(lag, a) for lag in LAGS_S] + [(lag, 1 - a) for lag in OTHER_LAGS_S]
-    driven = [np.interp(t - lag, run.t_s, run.theta_rad[:, axis]) for lag, axis in pairs]
+    driven = [_mean_since(t - lag, run.t_s, run.theta_rad[:, axis]) for lag, axis in pairs]
     return np.column_stack([np.ones(len(t)), _clock(t), *driven, _before(state)])
 
 

@@ -25,15 +25,11 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.stats import norm
 
-from calibration.gap.model.data import Evidence, Roll, gather
+from calibration.gap.model.data import HORIZON_S, Evidence, Roll, every, gather
 from calibration.gap.model.fit import weights
 from calibration.gap.model.flexible import Regressors, ball_regressors, servo_regressors
 from calibration.gap.model.parameters import BALL, SERVO, Model
-from rig.prediction.innovations import Signals
 
-# Several ticks of camera and loop, and about the time in which a ball crosses its own noise and a
-# servo answers; longer, and a log of 20 s has too few samples for it. Chosen.
-HORIZON_S = {BALL: 0.05, SERVO[0]: 0.02, SERVO[1]: 0.02}
 NOISE_HUBER_Z = 1.0
 CONSISTENCY = 2.0 * norm.cdf(NOISE_HUBER_Z) - 1.0  # E[psi(z) z] of a standard normal z
 MIN_COLOUR_GAIN = 6.0  # log-likelihood that an AR(1) camera noise has to gain; chosen
@@ -55,32 +51,14 @@ def estimate(evidence: Evidence, model: Model, outputs: tuple[str, ...]) -> np.r
 
 
 def thinned(evidence: Evidence, output: str) -> tuple[Evidence, list[np.ndarray]]:
-    """The evidence of an output with one sample each HORIZON_S, and the places (m,) of these
-    samples in every run. The ball keeps exposures, a servo the rows that correct its filter."""
-    places, runs = [], []
-    for run in evidence.runs:
-        t = run.exposed_s if output == BALL else run.t_s
-        new = run.fresh if output == BALL and run.fresh is not None else np.zeros(len(t), np.bool_)
-        chosen = _every(t, new, HORIZON_S[output])
-        places.append(np.flatnonzero(chosen))
-        runs.append(_only(run, chosen, new) if output == BALL else replace(run, corrected=chosen))
+    """The evidence of a servo whose filter is corrected once each HORIZON_S, and the places (m,) of
+    these corrections in every run."""
+    chosen = [
+        every(run.t_s, np.zeros(len(run.t_s), bool), HORIZON_S[output]) for run in evidence.runs
+    ]
+    runs = [replace(run, corrected=at) for run, at in zip(evidence.runs, chosen, strict=True)]
     few = gather(runs, evidence.levels)
-    return replace(few, masks={output: few.masks.get(output, np.zeros(0))}), places
-
-
-def _every(t: np.ndarray, new: np.ndarray, apart_s: float) -> np.ndarray:
-    """True (n,) for samples `apart_s` apart, counted anew where `new` (n,) is true."""
-    if len(t) < 2:
-        return np.ones(len(t), np.bool_)
-    k = max(1, round(apart_s / float(np.median(np.diff(t)))))
-    first = np.maximum.accumulate(np.where(new, np.arange(len(t)), 0))
-    return (np.arange(len(t)) - first) % k == 0
-
-
-def _only(run: Signals, chosen: np.ndarray, new: np.ndarray) -> Signals:
-    return replace(
-        run, exposed_s=run.exposed_s[chosen], ball_m=run.ball_m[chosen], fresh=new[chosen]
-    )
+    return replace(few, masks={output: few.masks[output]}), [np.flatnonzero(at) for at in chosen]
 
 
 def _level(roll: Roll, z: np.ndarray, mask: np.ndarray) -> float:
@@ -128,14 +106,12 @@ def _servo(evidence: Evidence, model: Model, levels: np.record, a: int) -> None:
 
 def _ball(evidence: Evidence, model: Model, levels: np.record) -> None:
     levels["ball_memory_s"] = 0.0
-    few, places = thinned(evidence, BALL)
     rows = ball_regressors(evidence.runs, float(model.record["half_side"].max()))
-    thin = [axis.over(places) for axis in rows]
 
     def cost(x: np.ndarray) -> float:
         levels["ball_process"], levels["ball_measured"] = np.exp(x)
         penalty = 1e6 if np.exp(x[1]) < SMALLEST_M or x[0] < -14 else 0.0
-        return _ball_level(few.with_levels(levels), model, thin) + penalty
+        return _ball_level(evidence.with_levels(levels), model, rows) + penalty
 
     white = _search(cost, [float(np.log(levels[n])) for n in ("ball_process", "ball_measured")])
     levels["ball_process"], levels["ball_measured"] = np.exp(white)

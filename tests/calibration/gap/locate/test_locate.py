@@ -126,7 +126,7 @@ def test_a_mirrored_log_has_mirrored_words():
     assert play.sentence == located_in("joint_backlash").sentence
 
 
-def test_profiles_and_map_hold_every_sample():
+def test_profiles_and_map_hold_every_sample_that_is_used():
     found = located_in("dent")
     kinds = {(p.channel, p.quantity) for p in found.profiles}
     common = {"time", "position", "speed", "direction", "after reversal"}
@@ -141,7 +141,7 @@ def test_profiles_and_map_hold_every_sample():
     assert len(time["ball_y"].gap) == 40
     (place,) = found.maps
     assert place.mean.shape == (6, 6, 2)
-    assert place.count.sum() == time["ball_x"].count.sum() > 1600
+    assert place.count.sum() == time["ball_x"].count.sum() > 500
     assert np.abs(place.mean[..., 1]).max() > 1.0
 
 
