@@ -75,29 +75,23 @@ def rms(evidence: Evidence, model: Model) -> dict[str, float]:
     return found
 
 
-def ahead(evidence: Evidence, model: Model, output: str) -> tuple[np.ndarray, np.ndarray]:
-    """Errors (m,) of an output predicted 1 s ahead [m or rad], where its mask leaves them, and
-    their deviations (m,) as the filter expects them; those of the ball's axes one after the other.
-    """
-    found = [_ahead_of_run(run, evidence, model, output) for run in evidence.runs]
-    errors, spread = (np.concatenate(column) for column in zip(*found, strict=True))
-    chosen = (evidence.masks[output] > 0) & np.isfinite(errors)
-    return errors[chosen], spread[chosen]
+def ahead(evidence: Evidence, model: Model, output: str) -> np.ndarray:
+    """Errors (m,) of an output predicted 1 s ahead [m or rad], where its mask leaves them; those of
+    the ball's axes one after the other."""
+    errors = np.concatenate([_ahead_of_run(run, evidence, model, output) for run in evidence.runs])
+    return errors[(evidence.masks[output] > 0) & np.isfinite(errors)]
 
 
-def _ahead_of_run(
-    run: Signals, evidence: Evidence, model: Model, output: str
-) -> tuple[np.ndarray, np.ndarray]:
+def _ahead_of_run(run: Signals, evidence: Evidence, model: Model, output: str) -> np.ndarray:
     if output == BALL:
-        errors, spread = ball_ahead(model.record, run, evidence.levels)
-        return errors.ravel(), np.repeat(spread, 2)
+        return ball_ahead(model.record, run, evidence.levels)[0].ravel()
     servo = model.gain_rad_s_V, model.time_constant_s
-    return servo_ahead(model.record, run, evidence.levels, *servo, SERVO.index(output))
+    return servo_ahead(model.record, run, evidence.levels, *servo, SERVO.index(output))[0]
 
 
 def ahead_1s(evidence: Evidence, model: Model) -> dict[str, float]:
     """RMS error 1 s ahead by output [m, rad]; outputs in which no prediction ends are left out."""
-    errors = {output: ahead(evidence, model, output)[0] for output in evidence.outputs}
+    errors = {output: ahead(evidence, model, output) for output in evidence.outputs}
     return {o: float(np.sqrt(np.mean(e * e))) for o, e in errors.items() if len(e)}
 
 

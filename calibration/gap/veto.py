@@ -12,18 +12,20 @@ With e_k the errors 1 s ahead of an output, in the same windows for both models,
 and C the cost one sample ahead (`calibration.gap.model.fit`):
 
 1. All names of an output together: C with them is lower, and D > -se: 1 s ahead they do no harm (a
-   small effect may not show there). They are refuted, too, if the model with them still errs by
-   more than UNEXPLAINED_RATIO times what its noise explains, and they took away less than
-   MIN_EXPLAINED_SHARE of the excess: then something else acts, which they imitate. Where more is
-   taken away, that share bounds their probability.
-2. Each name beside the others: as the first half of rule 1. Where something without a name is left,
+   small effect may not show there).
+2. Each name beside the others: as rule 1. Where something without a name is left,
    a name may stand for a part of it: it needs D > SURE_Z se on one of its outputs.
 3. The 95 % interval of its size excludes the nominal value, and the size is not at the end of its
    range, where it would have to be larger to be what its name says.
 4. Its best rival in its place does not predict better 1 s ahead: D < SURE_Z se of the rival's gain.
+5. Its size is a constant (`calibration.gap.specification`). If not, something else acts on the
+   output, or acts otherwise: the probability of its names is at most INCONSTANT_PROBABILITY.
+6. The names of an output are complete: at least MIN_COMPLETENESS (`calibration.gap.specification`),
+   which bounds their probability as well.
 
-Squares are bounded at the OUTLIER_SHARE quantile of the model without, so that a push that nobody
-recorded does not decide. A name that is refuted leaves the model. Where none is
+Errors are bounded at the OUTLIER_SHARE quantile of the model without, so that a push that nobody
+recorded does not decide; for harm at OUTLIER_RATIO times that as well, since a wrong name may fail
+seldom and by much. A name that is refuted leaves the model. Where none is
 left, or a rival predicted better, the naming is repeated without those that were refuted, at most
 MAX_ROUNDS times: the imitation may have kept the right one out.
 """
@@ -35,33 +37,36 @@ from math import degrees
 import numpy as np
 
 from calibration.gap.decision_rule import (
+    INCONSTANT_PROBABILITY,
     MAX_ROUNDS,
-    MIN_EXPLAINED_SHARE,
+    MIN_COMPLETENESS,
     MIN_WINDOWS,
+    OUTLIER_RATIO,
     OUTLIER_SHARE,
     RANGE_END_STEPS,
     RIVAL_MARGIN,
     SURE_Z,
-    UNEXPLAINED_RATIO,
 )
 from calibration.gap.model.data import Evidence
-from calibration.gap.model.fit import loss
+from calibration.gap.model.fit import evaluate, loss
 from calibration.gap.model.intervals import deviations, interval
 from calibration.gap.model.parameters import BALL, PERIODIC
-from calibration.gap.model.state import Key, State, outputs_of
-from calibration.gap.name.decide import Decision, decide
+from calibration.gap.model.state import Key, State, outputs_of, refit
+from calibration.gap.name.decide import Decision, decide, significant
 from calibration.gap.name.stepwise import Accepted, drop_effects
 from calibration.gap.prove import ahead, model_of, on, split
+from calibration.gap.specification import completeness, inconstancy
+from calibration.gap.unnamed.basis import unnamed_terms
+from rig.discrepancy import Discrepancy
 from rig.effects import BY_NAME
 
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Errors 1 s ahead (k,) of an output on data that were not fitted, their deviations (k,) as the
-    filter expects them [m or rad], and the cost one sample ahead. `rms`: the typical error."""
+    """Errors 1 s ahead (k,) of an output on data that were not fitted [m or rad], and the cost one
+    sample ahead. `rms`: the typical error."""
 
     errors: np.ndarray
-    spread: np.ndarray
     cost: float
 
     @property
@@ -74,7 +79,7 @@ def held_out(state: State, outputs: Iterable[str]) -> dict[str, Prediction]:
     """The predictions of a state's model by output, each part of the logs predicted by the fit on
     the other; outputs that one part lacks are left out."""
     halves = split(state.evidence)
-    found: dict[str, list[tuple[np.ndarray, np.ndarray, float]]] = {}
+    found: dict[str, list[tuple[np.ndarray, float]]] = {}
     outputs = [o for o in outputs if all(half.masks[o].any() for half in halves)]
     for train, test in (halves, halves[::-1]):
         fitted = on(state, train)
@@ -82,12 +87,10 @@ def held_out(state: State, outputs: Iterable[str]) -> dict[str, Prediction]:
         model = model_of(fitted)
         for output in outputs:
             cost = _cost(judged, fitted, output)
-            found.setdefault(output, []).append((*ahead(judged, model, output), cost))
+            found.setdefault(output, []).append((ahead(judged, model, output), cost))
     return {
         output: Prediction(
-            np.concatenate([part[0] for part in parts]),
-            np.concatenate([part[1] for part in parts]),
-            sum(part[2] for part in parts),
+            np.concatenate([errors for errors, _ in parts]), sum(cost for _, cost in parts)
         )
         for output, parts in found.items()
     }
@@ -97,32 +100,14 @@ def _cost(evidence: Evidence, state: State, output: str) -> float:
     return loss(evidence.roll(model_of(state), output), evidence.masks[output])
 
 
-def gained(without: Prediction, with_it: Prediction) -> tuple[float, float]:
-    """D and its standard error of the module's equation [m2 or rad2]; (0, 0) with fewer than
-    MIN_WINDOWS windows."""
+def gained(without: Prediction, with_it: Prediction, ratio: float = 1.0) -> tuple[float, float]:
+    """D and its standard error of the module's equation [m2 or rad2], errors bounded at `ratio`
+    times the quantile; (0, 0) with fewer than MIN_WINDOWS windows."""
     if len(without.errors) < MIN_WINDOWS or len(without.errors) != len(with_it.errors):
         return 0.0, 0.0
-    most = np.quantile(without.errors**2, OUTLIER_SHARE)
+    most = ratio**2 * np.quantile(without.errors**2, OUTLIER_SHARE)
     d = np.minimum(without.errors**2, most) - np.minimum(with_it.errors**2, most)
     return float(d.mean()), float(d.std() / np.sqrt(len(d)))
-
-
-def explained_share(before: Prediction, after: Prediction) -> float:
-    """Share of the excess error 1 s ahead over what noise explains that the names took away, 0 to
-    1; 1 where the model with them errs by no more than UNEXPLAINED_RATIO times the noise."""
-    if len(after.errors) < MIN_WINDOWS:
-        return 1.0
-    expected = float(np.median(after.spread**2))
-    error = _typical(after.errors)
-    if error <= UNEXPLAINED_RATIO**2 * expected:
-        return 1.0
-    excess = max(_typical(before.errors) - expected, 1e-30)
-    return float(np.clip(1.0 - (error - expected) / excess, 0.0, 1.0))
-
-
-def _typical(errors: np.ndarray) -> float:
-    """The mean square of errors, from their median: of a normal variable it is 0.455 sigma^2."""
-    return float(np.median(errors**2)) / 0.455
 
 
 def decide_by_proof(before: State) -> tuple[Decision, tuple[str, ...]]:
@@ -153,20 +138,23 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
     outputs = [o for o in state.evidence.outputs if any(o in _outputs(one) for one in accepted)]
     bare = drop_effects(state, [key for one in accepted for key in _keys(one)])
     before, after = held_out(bare, outputs), held_out(state, outputs)
+    complete = {output: completeness(_plain(bare), _plain(state), output) for output in outputs}
     lost: list[Accepted] = []
     spread = deviations(state)
     for one in accepted:
         if reason := _not_a_size(state, one, spread):
             lost.append(one)
             reasons.append(f"not named: {one.name}: {reason}")
-    for output in (o for o in outputs if o in after):
+    for output in outputs:
         here = [one for one in accepted if output in _outputs(one) and one not in lost]
-        reason = _refuted(output, before[output], after[output])
+        reason = _harm(output, before[output], after[output]) if output in after else ""
+        reason = reason or _incomplete(output, complete[output])
         if reason and here:
             lost += here
             reasons.append(f"not named: {_names(here)}: {reason}")
-    for one in accepted if len(accepted) - len(lost) > 1 or decision.unnamed else ():
-        if one not in lost and (reason := _harm_of_one(decision, one, after)):
+    beside = bool(decision.unnamed or lost)
+    for one in accepted if len(accepted) - len(lost) > 1 or beside else ():
+        if one not in lost and (reason := _harm_of_one(decision, one, after, beside=beside)):
             lost.append(one)
             reasons.append(f"not named: {one.name}: {reason}")
     outdone = []
@@ -175,10 +163,11 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
             outdone.append(one)
             reasons.append(f"not named: {one.name}: {reason}")
     lost += outdone
-    share = {o: explained_share(before[o], after[o]) for o in after}
-    kept = tuple(_capped(one, share) for one in accepted if one not in lost)
+    sure, doubts = _doubted(state, [one for one in accepted if one not in lost], complete)
+    kept = tuple(_capped(one, sure) for one in accepted if one not in lost)
+    reasons += doubts
     if not lost:
-        return replace(decision, accepted=kept), [], ()
+        return replace(decision, accepted=kept), [], tuple(reasons)
     return _without(decision, kept, lost), [one.name for one in outdone], tuple(reasons)
 
 
@@ -220,24 +209,51 @@ def _not_a_size(state: State, one: Accepted, spread: Mapping[str, tuple[float, i
     return reasons[0]
 
 
-def _refuted(output: str, before: Prediction, after: Prediction) -> str:
-    """The reason of rule 1 in words; "" if the names of this output stand."""
-    if reason := _harm(output, before, after):
-        return reason
-    if explained_share(before, after) < MIN_EXPLAINED_SHARE:
-        noise = _size(output, float(np.median(after.spread)))
-        return (
-            f"1 s ahead on data not used, {_name(output)} errs by {_size(output, before.rms)} "
-            f"without and {_size(output, after.rms)} with it, where noise explains {noise}: "
-            "something else acts"
-        )
-    return ""
+def _plain(state: State) -> State:
+    """The state without its unnamed term."""
+    if state.nominal.rig.unknown == Discrepancy():
+        return state
+    nominal, outputs = state.nominal.with_unknown(Discrepancy()), state.evidence.outputs
+    moved = replace(
+        state,
+        nominal=nominal,
+        fit=evaluate(state.evidence, nominal, state.fit.setting, outputs),
+    )
+    return refit(moved, moved.bounds(outputs), iterations=3)
+
+
+def _doubted(
+    state: State, accepted: list[Accepted], complete: Mapping[str, float]
+) -> tuple[dict[str, float], list[str]]:
+    """What bounds the probability of an output's names by rules 5 and 6, and rule 5 in words."""
+    sure, doubts = dict(complete), []
+    for one in accepted:
+        for output in (o for o in _outputs(one) if o in state.evidence.outputs):
+            if reason := inconstancy(state, one, output):
+                sure[output] = min(sure[output], INCONSTANT_PROBABILITY)
+                doubts.append(f"not certain: {one.name}: {reason}")
+    return sure, doubts
+
+
+def _incomplete(output: str, share: float) -> str:
+    """The reason of rule 6 in words; "" if the names of this output explain enough."""
+    if share >= MIN_COMPLETENESS:
+        return ""
+    return (
+        f"it explains {100 * share:.0f} % of what {_name(output)}'s signals explain of each other: "
+        "something else acts"
+    )
+
+
+def _harmed(without: Prediction, with_it: Prediction) -> bool:
+    """Whether the errors 1 s ahead grow: most of them, or a few by much."""
+    gains = [gained(without, with_it, ratio) for ratio in (1.0, OUTLIER_RATIO)]
+    return any(d < -se for d, se in gains)
 
 
 def _harm(output: str, without: Prediction, with_it: Prediction) -> str:
-    """The reason of the first half of rule 1 in words; "" if there is none."""
-    d, se = gained(without, with_it)
-    if d < -se:
+    """The reason of the rule 1 in words; "" if there is none."""
+    if _harmed(without, with_it):
         return (
             f"1 s ahead on data not used, {_name(output)} errs by {_size(output, without.rms)} "
             f"without and {_size(output, with_it.rms)} with it"
@@ -247,18 +263,20 @@ def _harm(output: str, without: Prediction, with_it: Prediction) -> str:
     return ""
 
 
-def _harm_of_one(decision: Decision, one: Accepted, after: dict[str, Prediction]) -> str:
+def _harm_of_one(
+    decision: Decision, one: Accepted, after: dict[str, Prediction], *, beside: bool
+) -> str:
     """The reason of rule 2 in words; "" if the name helps on one of its outputs, and harms on
-    none."""
+    none. `beside`: something without a name is left."""
     outputs = [o for o in _outputs(one) if o in after]
     without = held_out(drop_effects(decision.state, _keys(one)), outputs)
     reasons = {output: _harm(output, without[output], after[output]) for output in outputs}
     gains = {output: gained(without[output], after[output]) for output in outputs}
-    harmed = [o for o, (d, se) in gains.items() if d < -se]
+    harmed = [o for o in outputs if _harmed(without[o], after[o])]
     if harmed or (outputs and all(reasons.values())):
         return reasons[(harmed or outputs)[0]]
     unsure = outputs and all(d < SURE_Z * se for d, se in gains.values())
-    if decision.unnamed and unsure:
+    if beside and unsure:
         return (
             "something without a name is left, and 1 s ahead on data not used it is not certain "
             f"that {_name(outputs[0])} is predicted better with it"
@@ -283,7 +301,7 @@ def _rival_is_better(one: Accepted, after: dict[str, Prediction]) -> str:
 
 
 def _capped(one: Accepted, share: Mapping[str, float]) -> Accepted:
-    """The name with the smallest share that is explained of its outputs."""
+    """The name with the smallest completeness of its outputs."""
     return replace(one, explained=min((share[o] for o in _outputs(one) if o in share), default=1.0))
 
 
@@ -292,7 +310,10 @@ def _without(decision: Decision, kept: tuple[Accepted, ...], lost: list[Accepted
     keys = [key for one in lost for key in _keys(one)]
     state = drop_effects(decision.state, keys)
     close = any(one.margin < RIVAL_MARGIN for one in kept)
-    verdict = "undecided" if close else "named"
+    verdict, unnamed = "undecided" if close else "named", decision.unnamed
+    if not kept and unnamed is None:
+        unnamed = significant(unnamed_terms(state))
+        state = unnamed.state if unnamed else state
     if not kept:
-        verdict = "unknown-effect" if decision.unnamed else "undecided"
-    return replace(decision, accepted=kept, state=state, verdict=verdict)
+        verdict = "unknown-effect" if unnamed else "undecided"
+    return replace(decision, accepted=kept, state=state, verdict=verdict, unnamed=unnamed)

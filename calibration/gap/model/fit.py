@@ -35,9 +35,13 @@ def loss(roll: Roll, mask: np.ndarray) -> float:
     (n,); infinite where all residuals are 0, as after a prediction that is nowhere finite."""
     if not roll.z.any():
         return float("inf")
-    z = np.abs(roll.z)
-    rho = np.where(z <= HUBER_Z, 0.5 * z * z, HUBER_Z * (z - 0.5 * HUBER_Z))
-    return float(np.sum(mask * (rho + roll.log_std)))
+    return float(np.sum(mask * (huber(roll.z) + roll.log_std)))
+
+
+def huber(z: np.ndarray) -> np.ndarray:
+    """Huber's loss rho (n,) of residuals (n,) in expected standard deviations."""
+    size = np.abs(z)
+    return np.where(size <= HUBER_Z, 0.5 * size * size, HUBER_Z * (size - 0.5 * HUBER_Z))
 
 
 def weights(z: np.ndarray, mask: np.ndarray) -> np.ndarray:

@@ -61,17 +61,18 @@ def covariance(state: State, outputs: tuple[str, ...]) -> tuple[list[str], np.nd
         np.add.at(sums, block.ravel(), g)
         b += sums.T @ sums
         blocks = max(blocks, len(sums))
-    prior = np.array([_prior(state, k.effect, k.axis, k.tolerance, k.step) for k in parameters])
+    prior = np.array([inverse_prior(state, k) for k in parameters])
     inverse = np.linalg.inv(a + np.diag(prior + 1e-6))
     cov = inverse @ (b + np.diag(prior)) @ inverse
     return [k.name for k in parameters], cov * np.outer(scale, scale), blocks
 
 
-def _prior(state: State, effect: str, axis: str, tolerance: float, step: float) -> float:
+def inverse_prior(state: State, parameter: Parameter) -> float:
     """Inverse variance of a parameter in its box, in units of its step; 0 for a free one."""
-    if (effect, axis) in state.named or not np.isfinite(tolerance) or tolerance <= 0:
+    free = (parameter.effect, parameter.axis) in state.named
+    if free or not np.isfinite(parameter.tolerance) or parameter.tolerance <= 0:
         return 0.0
-    return 3.0 * (step / tolerance) ** 2
+    return 3.0 * (parameter.step / parameter.tolerance) ** 2
 
 
 def deviations(state: State) -> dict[str, tuple[float, int]]:

@@ -41,14 +41,14 @@ def decide(before: State, barred: Collection[str] = ()) -> Decision:
     not tried."""
     naming = name_effects(before, barred)
     chance, accepted, state = _beyond_chance(naming)
-    left = _significant(unnamed_terms(state))
+    left = significant(unnamed_terms(state))
     if left is None:
         return Decision(
             _verdict(accepted, "nothing-missing"), naming, accepted, None, state, chance
         )
     accepted, state = _names_beside(left, accepted, state)
     if not accepted:
-        alone = _significant(unnamed_terms(before)) or left
+        alone = significant(unnamed_terms(before)) or left
         return Decision("unknown-effect", naming, (), alone, alone.state, chance)
     return Decision(_verdict(accepted, ""), naming, accepted, left, left.state, chance)
 
@@ -79,7 +79,7 @@ def _chance_threshold(one: Accepted, chance: ChanceScores, state: State) -> floa
     return chance.of({output for parameter in parameters for output in parameter.outputs})
 
 
-def _significant(found: list[UnnamedTerm]) -> UnnamedTerm | None:
+def significant(found: list[UnnamedTerm]) -> UnnamedTerm | None:
     """The best of the unnamed terms, if it is significant."""
     return found[0] if found and found[0].score >= UNNAMED_THRESHOLD else None
 
@@ -96,7 +96,7 @@ def _names_beside(
     for one in accepted:
         keys = [(one.name, axis) for axis in one.axes]
         bare = drop_effects(state, keys)
-        rival = _significant(unnamed_terms(bare))
+        rival = significant(unnamed_terms(bare))
         need = max(NAME_THRESHOLD, UNNAMED_SHARE * left.score)
         gain = one.score + left.score - (rival.score if rival is not None else 0.0)
         if gain >= need:

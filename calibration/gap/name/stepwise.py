@@ -46,8 +46,8 @@ class Rival:
 @dataclass(frozen=True, eq=False)
 class Accepted:
     """An accepted effect, the axes on which it is released, its score, and its rivals, best first.
-    `explained`: the share of the excess error 1 s ahead that the names explain (0 to 1;
-    `calibration.gap.veto`), 1 where nothing else is left to explain."""
+    `explained`: the completeness of the names of its outputs (0 to 1;
+    `calibration.gap.specification`)."""
 
     name: str
     axes: tuple[str, ...]

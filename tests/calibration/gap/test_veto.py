@@ -12,16 +12,16 @@ from calibration.gap.investigation import investigate
 from calibration.gap.model.parameters import NominalModel
 from calibration.gap.name.decide import Decision, decide
 from calibration.gap.name.stepwise import settled_baseline
-from calibration.gap.veto import Prediction, explained_share, gained, judge
+from calibration.gap.veto import Prediction, gained, judge
 from tests.support.gap.tables import RIG, evidence_of, foreign
 
 COUNT = 200
 
 
-def errors(size: float, seed: int = 1, count: int = COUNT, noise: float = 1.0) -> Prediction:
-    """Normal errors of this size where the filter expects `noise`."""
+def errors(size: float, seed: int = 1, count: int = COUNT) -> Prediction:
+    """Normal errors of this size."""
     drawn = size * np.random.default_rng(seed).standard_normal(count)
-    return Prediction(drawn, np.full(count, noise), 0.0)
+    return Prediction(drawn, 0.0)
 
 
 @pytest.mark.parametrize(("with_it", "sign"), [(0.5, 1), (1.0, 0), (2.0, -1)])
@@ -44,24 +44,6 @@ def test_one_push_does_not_decide():
 def test_too_few_windows_say_nothing():
     few = errors(1.0, count=MIN_WINDOWS - 1)
     assert gained(few, replace(few, errors=9.0 * few.errors)) == (0.0, 0.0)
-    assert explained_share(errors(90.0, count=3), errors(80.0, count=3)) == 1.0
-
-
-@pytest.mark.parametrize(
-    ("before", "after", "share"),
-    [
-        (9.0, 8.0, 1.0 - 63.0 / 80.0),  # far above the noise, and hardly lower
-        (9.0, 4.0, 1.0 - 15.0 / 80.0),  # far above the noise, but most of it is explained
-        (9.0, 12.0, 0.0),  # worse than without
-        (1.5, 1.4, 1.0),  # little is missing at all
-        (9.0, 1.1, 1.0),  # explained down to the noise
-    ],
-)
-def test_the_share_of_the_excess_error_that_the_names_explain(
-    before: float, after: float, share: float
-):
-    found = explained_share(errors(before, count=4000), errors(after, seed=2, count=4000))
-    assert found == pytest.approx(share, abs=0.1)
 
 
 @cache

@@ -1,0 +1,165 @@
+"""Specification tests of a model with names: is it complete, and are its sizes constants?
+
+A wrong name fits because it stands in for something else. Two properties of the right model, which
+need no idea of what else could act, tell it:
+
+**Completeness.** What the logs explain of each other beyond the named model is nothing. With
+G_names the fall of the cost (`calibration.gap.model.fit`) by the names of an output, and G_flexible
+by what a flexible model (`calibration.gap.model.flexible`, and hats of HAT_S in time) that was
+fitted to every other second predicts of the seconds between,
+
+    completeness = G_names/(G_names + max(G_flexible, 0))
+
+**Constancy.** A physical size is the same in every part of the motion (Hansen, J. Policy Modeling
+14, 1992; Andrews, Econometrica 61, 1993). The motion is cut at the median of time, place, speed,
+tilt and its rate (a servo: time, angle, speed, volts), g = -+1/2 by half, and the size gets a
+second parameter that is added times g:
+
+    z = -(J d + J_size g delta) + e,   F = delta' cov^-1 delta/k,  cov clustered by seconds
+
+A size is no constant where F is beyond its quantile and |delta| > MAX_INCONSTANCY |size|.
+"""
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from scipy.stats import f as f_distribution
+
+from calibration.gap.decision_rule import CONSTANCY_P, MAX_INCONSTANCY
+from calibration.gap.model.data import Evidence
+from calibration.gap.model.fit import ParameterFit, differences, huber, weights
+from calibration.gap.model.flexible import SPEED_S, ball_regressors, servo_regressors, with_hats
+from calibration.gap.model.intervals import SANDWICH_BLOCK_S, inverse_prior
+from calibration.gap.model.parameters import BALL, PERIODIC, SERVO
+from calibration.gap.model.state import State
+from calibration.gap.name.stepwise import Accepted
+from calibration.gap.prove import model_of
+from rig.prediction.innovations import Signals
+
+FOLD_S = 1.0  # of two folds in turn: longer than a filter remembers, shorter than a hat; chosen
+
+
+def completeness(bare: State, state: State, output: str) -> float:
+    """The module's completeness of `state` on an output, 0 to 1, against `bare`, the same without
+    names; 0 where the names lower no cost."""
+    named = bare.fit.costs[output] - state.fit.costs[output]
+    if named <= 0.0:
+        return 0.0
+    return named / (named + max(_predictable(state, output), 0.0))
+
+
+def _predictable(state: State, output: str) -> float:
+    """G_flexible of the module's equation, for the residuals of a state."""
+    evidence, model = state.evidence, model_of(state)
+    z, mask = state.fit.z(output), evidence.masks[output]
+    w, (t, run) = weights(z, mask), evidence.times(output)
+    fold = (np.floor(t / FOLD_S).astype(int) + run) % 2
+    levels, gain = evidence.levels, 0.0
+    if output == BALL:
+        axes = ball_regressors(evidence.runs, float(model.record["half_side"].max()))
+        noise = float(levels["ball_process"]), float(levels["ball_measured"])
+        parts = [(axes[a], slice(a, None, 2)) for a in range(2) if evidence.ball_axes[a]]
+        times = [r.exposed_s for r in evidence.runs]
+    else:
+        a = SERVO.index(output)
+        rows = servo_regressors(evidence.runs, output, model.time_constant_s[a])
+        noise = float(levels["servo_process"][a]), float(levels["servo_measured"][a])
+        parts, times = [(rows, slice(None))], [r.t_s for r in evidence.runs]
+    for rows, own in parts:
+        said = with_hats(rows, times).predicted(z[own], w[own], fold[own], *noise)
+        gain += float(np.sum(mask[own] * (huber(z[own]) - huber(z[own] - said))))
+    return gain
+
+
+def inconstancy(state: State, one: Accepted, output: str) -> str:
+    """On what the size of a name depends most, in words; "" if it is constant on every axis."""
+    for axis in one.axes:
+        parameters = state.nominal.of(one.name, axis)[: 2 if one.name in PERIODIC else 1]
+        own = [k.name for k in parameters if k.name in state.bounds((output,))]
+        size = np.array([state.fit.setting.get(n, 0.0) for n in own])
+        size -= [0.0 if one.name in PERIODIC else k.nominal for k in parameters[: len(own)]]
+        if not own or not np.all(np.isfinite(size)):
+            continue
+        for word, upper in _halves(state.evidence, output):
+            delta, p = _interaction(state, output, own, upper)
+            share = float(np.linalg.norm(delta) / max(np.linalg.norm(size), 1e-30))
+            if p < CONSTANCY_P and share > MAX_INCONSTANCY:
+                return f"its size on {axis} differs by {100 * share:.0f} % with the {word}"
+    return ""
+
+
+def _interaction(
+    state: State, output: str, own: list[str], upper: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """delta (k,) of the module's regression for the parameters `own`, and the tail of F; `upper`
+    (n,): true in the upper half."""
+    evidence = state.evidence
+    bounds = state.bounds((output,))
+    parameters = [state.nominal.parameters[name] for name in bounds]
+    only = ParameterFit(state.fit.setting, {output: state.fit.rolls[output]}, {}, state.fit.columns)
+    j = differences(evidence, state.nominal, only, parameters, bounds)[output]
+    scale = np.array([k.step for k in parameters])
+    places = [list(bounds).index(name) for name in own]
+    j = np.hstack([j * scale, j[:, places] * scale[places] * (upper[:, None] - 0.5)])
+    z = state.fit.z(output)
+    w = weights(z, evidence.masks[output])
+    prior = np.append([inverse_prior(state, k) for k in parameters], np.zeros(len(own)))
+    inverse = np.linalg.inv((j * w[:, None]).T @ j + np.diag(prior + 1e-6))
+    d = -inverse @ (j.T @ (w * z))
+    t, run = evidence.times(output)
+    block = np.unique(np.column_stack([run, t // SANDWICH_BLOCK_S]), axis=0, return_inverse=True)[1]
+    sums = np.zeros((block.max() + 1, j.shape[1]))
+    np.add.at(sums, block.ravel(), j * (w * (z + j @ d))[:, None])
+    cov = inverse @ (sums.T @ sums) @ inverse
+    k = len(own)
+    wald = d[-k:] @ np.linalg.pinv(cov[-k:, -k:]) @ d[-k:] / k
+    return d[-k:] * scale[places], float(f_distribution.sf(wald, k, max(len(sums) - 1, 2)))
+
+
+def _halves(evidence: Evidence, output: str) -> Iterator[tuple[str, np.ndarray]]:
+    """What the motion is cut by, in words, and true (n,) for the residuals in its upper half."""
+    used = evidence.masks[output] > 0
+    for word, value in _covariates(evidence, output).items():
+        yield word, value > np.median(value[used])
+
+
+def _covariates(evidence: Evidence, output: str) -> Mapping[str, np.ndarray]:
+    """What the motion is cut by (n,): time, or the run where there are several; absolute values of
+    place, speed, tilt and its rate (ball), of angle, speed and volts (servo)."""
+    t, number = evidence.times(output)
+    found: dict[str, list[np.ndarray]] = {}
+    for run in evidence.runs:
+        for word, value in (_of_ball(run) if output == BALL else _of_servo(run, output)).items():
+            found.setdefault(word, []).append(value)
+    time = number.astype(float) if len(evidence.runs) > 1 else t
+    return {"time": time} | {word: np.concatenate(parts) for word, parts in found.items()}
+
+
+def _of_ball(run: Signals) -> dict[str, np.ndarray]:
+    t = run.exposed_s
+    tilt = np.column_stack([np.interp(t, run.t_s, run.theta_rad[:, a]) for a in range(2)])
+    values = {
+        "ball's distance from the centre": run.ball_m,
+        "ball's speed": _rate(run.ball_m, t),
+        "tilt": tilt,
+        "rate of the tilt": _rate(tilt, t),
+    }
+    return {word: np.repeat(np.linalg.norm(v, axis=1), 2) for word, v in values.items()}
+
+
+def _of_servo(run: Signals, output: str) -> dict[str, np.ndarray]:
+    a = SERVO.index(output)
+    angle, volts = run.theta_rad[:, a], run.volts_V[:, a]
+    k = (
+        max(1, round(SPEED_S["servo"] / float(np.median(np.diff(run.t_s)))))
+        if len(angle) > 1
+        else 1
+    )
+    speed = (
+        np.abs(angle - np.concatenate([np.full(k, angle[0]), angle[:-k]])) if len(angle) else angle
+    )
+    return {"servo's angle": np.abs(angle), "servo's speed": speed, "volts": np.abs(volts)}
+
+
+def _rate(x: np.ndarray, t: np.ndarray) -> np.ndarray:
+    return np.gradient(x, t, axis=0) if len(t) > 1 else np.zeros_like(x)

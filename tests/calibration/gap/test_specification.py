@@ -1,0 +1,88 @@
+"""Is a named model complete, and are its sizes constants: the regressions on made data, and both
+tests on logs of a table where the right name is known and where there is none."""
+
+import numpy as np
+import pytest
+
+from calibration.gap.decision_rule import CONSTANCY_P, MAX_INCONSTANCY, MIN_COMPLETENESS
+from calibration.gap.model.flexible import Regressors, observer, with_hats
+from calibration.gap.model.parameters import BALL, NominalModel
+from calibration.gap.name.decide import Decision, decide
+from calibration.gap.name.stepwise import drop_effects, settled_baseline
+from calibration.gap.specification import completeness, inconstancy
+from rig.log import Log
+from tests.support.gap.tables import RIG, evidence_of, foreign
+from tests.support.worlds import WORLDS
+
+N, STEP_S = 2000, 0.05
+
+
+def made(seed: int, size: float) -> tuple[Regressors, np.ndarray, np.ndarray]:
+    """Regressors, innovations that one of them causes by `size`, and folds of a second."""
+    from scipy.signal import lfilter
+
+    rng = np.random.default_rng(seed)
+    rows = Regressors((rng.standard_normal((N, 6)),), 2, STEP_S, np.inf)
+    b, a = observer(STEP_S, 0.01, 3e-4)
+    answer = lfilter(b, a, rows.runs[0][:, 3])
+    z = rng.standard_normal(N) + size * answer / answer.std()
+    return rows, z, np.arange(N) // 20 % 2
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("size", [0.0, 0.5, 2.0])
+def test_what_other_folds_tell_is_predicted_and_nothing_else(seed: int, size: float):
+    rows, z, fold = made(seed, size)
+    said = rows.predicted(z, np.ones(N), fold, 0.01, 3e-4)
+    gain = np.mean(z**2) - np.mean((z - said) ** 2)
+    assert gain == pytest.approx(size**2, abs=0.02 + 0.05 * size**2)
+
+
+def test_no_fold_is_predicted_from_itself():
+    rows, z, fold = made(1, 1.0)
+    other = z.copy()
+    other[fold == 0] = 1e3
+    said = [rows.predicted(x, np.ones(N), fold, 0.01, 3e-4) for x in (z, other)]
+    np.testing.assert_array_equal(said[0][fold == 0], said[1][fold == 0])
+
+
+def test_hats_add_up_to_one_in_every_run():
+    times = [np.arange(n) * STEP_S for n in (300, 500)]
+    rows = Regressors(tuple(np.zeros((len(t), 3)) for t in times), 1, STEP_S, np.inf)
+    with_them = with_hats(rows, times)
+    for run in with_them.runs:
+        np.testing.assert_allclose(run[:, :-3].sum(axis=1), 1.0)
+        assert (run[:, -3:] == 0.0).all()
+
+
+def judged(effects: dict) -> Decision:
+    """The names of a log of 20 s, before any veto."""
+    log = foreign("steps", seed=3, effects=effects, duration_s=20.0)
+    nominal = NominalModel(RIG, load_friction=False)
+    return decide(settled_baseline(evidence_of(log), nominal))
+
+
+def complete(decision: Decision, output: str) -> float:
+    keys = [(one.name, axis) for one in decision.accepted for axis in one.axes]
+    return completeness(drop_effects(decision.state, keys), decision.state, output)
+
+
+@pytest.mark.slow
+def test_the_right_name_is_complete_and_its_size_a_constant():
+    decision = judged({"camera_delay": {"xy": {"extra_s": 0.1}}})
+    assert {one.name for one in decision.accepted} == {"camera_delay"}
+    assert complete(decision, BALL) > 0.98
+    assert not any(inconstancy(decision.state, one, BALL) for one in decision.accepted)
+
+
+@pytest.mark.slow
+def test_what_stands_in_for_a_cable_is_incomplete():
+    columns, _, _ = WORLDS["cable"](7)
+    nominal = NominalModel(RIG, load_friction=False)
+    decision = decide(settled_baseline(evidence_of(Log.from_columns(columns)), nominal))
+    assert not decision.accepted or complete(decision, "servo_x") < MIN_COMPLETENESS
+
+
+def test_the_thresholds_are_those_of_their_error_rate():
+    assert pytest.approx(0.01) == 100 * CONSTANCY_P
+    assert 0.0 < MAX_INCONSTANCY < 1.0
