@@ -17,6 +17,7 @@ from experiments.importing.recording import MAX_CELLS, BadFileError, Stream, che
 
 MAX_WIDTH = 64  # chosen: a longer array in a message is a picture or a point cloud
 MAX_DEPTH = 8
+OF_JOINTS = ("position", "velocity", "effort")  # of JointState: one number a name
 
 
 def read_bag(path: Path) -> list[Stream]:
@@ -111,7 +112,7 @@ def _numbers(name: str, value: Any, depth: int) -> Iterator[tuple[str, float]]:
         joints = fields.get("name")
         for key, one in fields.items():
             path = f"{name}.{key}" if name else key
-            if isinstance(joints, list | tuple) and _matches(joints, one):
+            if key in OF_JOINTS and isinstance(joints, list | tuple) and _matches(joints, one):
                 for joint, number in zip(joints, one, strict=True):
                     yield f"{path}.{joint}", float(number)
             else:

@@ -56,12 +56,6 @@ def check(stream: Stream, signs: dict[str, int]) -> Proposal:
     return found
 
 
-@pytest.mark.parametrize("name", ["plain", "late_camera_250ms_at_30hz"])
-def test_signs_of_a_world_in_a_mirror(name: str):
-    found = check(*mirrored(WORLDS[name], 0))
-    assert found.doubts == ()
-
-
 @pytest.mark.slow
 def test_signs_of_every_world_in_a_mirror():
     asked = 0
