@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from experiments.importing.conversion import convert
-from experiments.importing.import_map import stated
+from experiments.importing.import_map import with_answers
 from experiments.importing.proposal import Proposal, propose
 from experiments.importing.recording import Stream
 from tests.support.other_labs.disguise import Disguise, disguised
@@ -23,8 +23,7 @@ def imported(lab: Disguise) -> tuple[Proposal, int]:
             return found, asked
         doubt = found.doubts[0]
         answer = lab.answer(doubt.place, doubt.key, dict(found.draft["signals"]))
-        for name, keys in stated([f"{doubt.place}.{doubt.key}={answer}"]).items():
-            said.setdefault(name, {}).update(keys)
+        said = with_answers(said, f"{doubt.place}.{doubt.key}={answer}")
     raise AssertionError(f"more than {MOST_QUESTIONS} questions")
 
 
