@@ -8,6 +8,7 @@ import numpy as np
 MAX_COLUMNS = (
     2000  # chosen: a table has fewer than a hundred signals, a laboratory's file a few more
 )
+MAX_VALUE = 1e20  # a date in nanoseconds is 2e18
 MAX_CELLS = 100_000_000  # chosen: 800 MB as doubles, a day of ten signals at 100 Hz
 
 
@@ -32,6 +33,15 @@ class Stream:
     def __len__(self) -> int:
         """Return the number of rows."""
         return len(next(iter(self.columns.values()))) if self.columns else 0
+
+
+def numbers_only(stream: Stream) -> Stream:
+    """The stream with NaN for what is infinite or absurd: 1e20 is no time, place or angle."""
+    kept = {
+        name: np.where(np.abs(np.nan_to_num(values, nan=np.inf)) < MAX_VALUE, values, np.nan)
+        for name, values in stream.columns.items()
+    }
+    return Stream(kept, stream.units, stream.time, stream.session)
 
 
 @dataclass(frozen=True, eq=False)
