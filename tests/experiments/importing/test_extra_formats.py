@@ -27,6 +27,20 @@ def test_tdms_groups_with_clocks_and_units(tmp_path: Path):
 
 
 @needs("nptdms")
+def test_a_tdms_file_that_was_cut_off_says_so(tmp_path: Path):
+    from nptdms import ChannelObject, TdmsWriter
+
+    path = tmp_path / "a.tdms"
+    with TdmsWriter(path) as writer:
+        for part in (X, X):
+            writer.write_segment([ChannelObject("g", "u", part, {"wf_increment": 0.02})])
+    path.write_bytes(path.read_bytes()[:-80])
+    recording = read_recording(path)
+    assert len(recording.stream) == 90
+    assert "cut off" in recording.notes[0]
+
+
+@needs("nptdms")
 @pytest.mark.parametrize("data", [b"", b"TDSm" + b"\xff" * 60])
 def test_bad_tdms_gets_one_line(data: bytes, tmp_path: Path):
     path = tmp_path / "a.tdms"

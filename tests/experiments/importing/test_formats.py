@@ -143,6 +143,23 @@ def test_mcap_json_topics(tmp_path: Path):
     np.testing.assert_allclose(np.diff(found["ball.time"]), 0.02, atol=1e-6)
 
 
+def test_an_mcap_file_that_was_cut_off_is_read_as_far_as_it_goes(tmp_path: Path):
+    from mcap.writer import Writer
+
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=500)
+        writer.start()
+        channel = writer.register_channel("/b", "json", writer.register_schema("b", "", b""))
+        for t in T:
+            writer.add_message(channel, int(1e9 * t), json.dumps({"x": t}).encode(), 0)
+        writer.finish()
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    recording = read_recording(path)
+    assert 10 < len(recording.stream) < 50
+    assert "cut off" in recording.notes[0]
+
+
 @pytest.mark.parametrize(
     ("name", "data", "says"),
     [
