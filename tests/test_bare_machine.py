@@ -17,6 +17,7 @@ NEEDY = (
     "tests/experiments/dashboard/test_browser.py",
     "tests/experiments/doctor/test_doctor_devices.py",
     "tests/experiments/gap/test_recordings.py",
+    "tests/experiments/importing/test_extra_formats.py",
     "tests/rig/firmware",
     "tests/rig/hardware/board/test_board.py",
     "tests/rig/hardware/board/test_board_fuzz.py",

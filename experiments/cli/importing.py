@@ -84,20 +84,22 @@ def _proposed(recording, said, sources: tuple[str, ...], *, yes: bool):
 
     ValueError (one line): `yes`, or nobody is there to ask, and something is in doubt.
     """
-    from experiments.importing.import_map import stated
+    from experiments.importing.import_map import with_answers
     from experiments.importing.proposal import propose
     from experiments.importing.words import report_lines
 
     found = propose(recording.stream, said)
     ask = not yes and somebody_is_there()
+    if ask and found.doubts:
+        for line in report_lines(recording, found):
+            typer.echo(line)
     while found.doubts and ask:
         doubt = found.doubts[0]
-        first = doubt.options[0] if doubt.options else None
-        choices = f" ({', '.join(doubt.options)})" if doubt.options else ""
-        answer = typer.prompt(f"{doubt.why}? {doubt.place}.{doubt.key}{choices}", default=first)
-        for name, keys in stated([f"{doubt.place}.{doubt.key}={answer}"]).items():
-            said.setdefault(name, {}).update(keys)
-        found = propose(recording.stream, said)
+        try:
+            answered = with_answers(said, _answer(doubt))
+            found, said = propose(recording.stream, answered), answered
+        except ValueError as error:
+            typer.echo(str(error))
     for line in report_lines(recording, found):
         typer.echo(line)
     made = found.map(sources)
@@ -106,3 +108,11 @@ def _proposed(recording, said, sources: tuple[str, ...], *, yes: bool):
             raise ValueError("nobody is there to ask: --yes takes this proposal")
         typer.confirm("import so", abort=True, default=True)
     return made
+
+
+def _answer(doubt) -> str:
+    """What a person says to a doubt, as `NAME.KEY=VALUE`."""
+    first = doubt.options[0] if doubt.options else None
+    choices = f" ({', '.join(doubt.options)})" if doubt.options else ""
+    answer = typer.prompt(f"{doubt.why}? {doubt.place}.{doubt.key}{choices}", default=first)
+    return f"{doubt.place}.{doubt.key}={answer}"

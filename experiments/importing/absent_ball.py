@@ -5,59 +5,54 @@ from itertools import pairwise
 
 import numpy as np
 
-MIN_RUNS = 1
-MIN_ROWS = 3
+MIN_ROWS = 3  # a lost ball is lost for longer than a moment
+LONG_ROWS = 10
 FAR = 8.0  # of the 99 % quantile of the steps between rows: no ball moves so between two rows
 NEAR = 2.0  # so far a ball may move: between NEAR and FAR it cannot be told
+LONGER = 3.0  # times the longest stay anywhere else: no ball rests so much better in one place
 
 
 def absent_codes(columns: list[np.ndarray]) -> tuple[tuple[float, ...], bool]:
     """The value of each coordinate ((n,) each, 1 or 2) that means `no ball`, and if that is sure.
 
     Such a value is repeated exactly in all coordinates at once, and the ball jumps to it and from
-    it. Empty where there is none. Not sure: the jumps are no larger than a fast ball's.
+    it; or it is a whole number, and stays far longer than any other place. Empty where there is
+    none. Not sure: the jumps are no larger than a fast ball's.
     """
     points = np.column_stack(columns)
-    known = np.isfinite(points).all(axis=1)
-    points = points[known]
+    points = points[np.isfinite(points).all(axis=1)]
     if len(points) < 10:
         return (), True
-    keys = [tuple(point) for point in points.tolist()]
-    often = [key for key, count in Counter(keys).most_common(5) if count >= MIN_ROWS]
+    edges = np.flatnonzero(np.r_[True, np.any(points[1:] != points[:-1], axis=1), True])
+    stays = [(tuple(points[a].tolist()), int(b - a)) for a, b in pairwise(edges)]
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    for key in often:
+    often = Counter()
+    for key, rows in stays:
+        often[key] += rows if rows >= MIN_ROWS else 0
+    for key, rows in often.most_common(5):
         inside = np.all(points == np.array(key), axis=1)
-        crossing = inside[1:] != inside[:-1]
         rest = steps[~inside[1:] & ~inside[:-1] & (steps > 0)]
-        if len(rest) < 5:
+        jumps = steps[inside[1:] != inside[:-1]]
+        if rows < MIN_ROWS or len(rest) < 5 or not len(jumps):
             continue
-        usual = float(np.quantile(rest, 0.99))
-        jumps = steps[crossing]
-        still = [value for value, count in _runs(inside) if value and count >= MIN_ROWS]
-        outside = bool(
-            np.any((points[~inside] > key).all(axis=0) | (points[~inside] < key).all(axis=0))
-        )
-        if not len(jumps) or not still or usual == 0:
-            continue
-        middle = float(np.median(jumps))
-        if middle > FAR * usual or (middle > 3 * usual and outside and key[0] == int(key[0])):
+        usual, jump = float(np.quantile(rest, 0.99)), float(np.median(jumps))
+        whole = all(value == int(value) for value in key)
+        apart = points[~inside]
+        corner = bool(np.any(np.all(apart > key, axis=0) | np.all(apart < key, axis=0)))
+        longest = max(count for place, count in stays if place == key)
+        elsewhere = max((count for place, count in stays if place != key), default=1)
+        stuck = whole and longest >= max(LONG_ROWS, LONGER * elsewhere)
+        if jump > FAR * usual or stuck or (jump > 3 * usual and corner and whole):
             return key, True
-        if middle > NEAR * usual and len(jumps) >= 2:
+        if jump > NEAR * usual and len(jumps) >= 2:
             return key, False
     return (), True
-
-
-def _runs(inside: np.ndarray) -> list[tuple[bool, int]]:
-    """Lengths of the runs of equal values."""
-    edges = np.flatnonzero(np.concatenate(([True], inside[1:] != inside[:-1], [True])))
-    return [(bool(inside[a]), int(b - a)) for a, b in pairwise(edges)]
 
 
 def without(columns: list[np.ndarray], codes: tuple[float, ...]) -> list[np.ndarray]:
     """The coordinates with NaN in the rows that mean `no ball`, in all of them at once."""
     gone = np.any([~np.isfinite(values) for values in columns], axis=0)
     if codes:
-        gone |= np.all(
-            [values == code for values, code in zip(columns, codes, strict=True)], axis=0
-        )
+        pairs = zip(columns, codes, strict=True)
+        gone |= np.all([values == code for values, code in pairs], axis=0)
     return [np.where(gone, np.nan, values) for values in columns]

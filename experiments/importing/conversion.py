@@ -7,7 +7,7 @@ import numpy as np
 
 from experiments.importing.clock import read_clock
 from experiments.importing.import_map import ImportMap, SignalMap
-from experiments.importing.recording import BadFileError, Stream
+from experiments.importing.recording import BadFileError, Stream, numbers_only
 from experiments.importing.units import factor, family, part_of, quantity
 from rig.log import Log
 
@@ -25,6 +25,7 @@ def convert(stream: Stream, made: ImportMap) -> list[Log]:
         if signal.column not in stream.columns:
             there = ", ".join(list(stream.columns)[:12])
             raise BadFileError(f"no column {signal.column!r} for {name}; there are {there}")
+    stream = numbers_only(stream)
     clock = read_clock(stream, made.time)
     whole = _columns(stream, made)
     logs, short = [], 0

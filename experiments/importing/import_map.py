@@ -156,6 +156,12 @@ def stated(texts: list[str] | tuple[str, ...]) -> Stated:
     return said
 
 
+def with_answers(said: Stated, *texts: str) -> Stated:
+    """What was stated, and more of it. ValueError (one line): as of `stated`."""
+    more = stated(texts)
+    return {name: {**said.get(name, {}), **more.get(name, {})} for name in {**said, **more}}
+
+
 def _value(key: str, text: str, whole: str) -> Any:
     """A value of the type that its key has. ValueError: it is no number where one is needed."""
     if key in ("column", "unit", "clock", "session"):

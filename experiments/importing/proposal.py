@@ -9,7 +9,7 @@ from experiments.importing.draft import Doubt, Draft, Proposal
 from experiments.importing.drive import find_volts, settle_speeds, settle_targets, settle_volts
 from experiments.importing.import_map import KINDS, SIGNALS, Stated
 from experiments.importing.names import hint
-from experiments.importing.recording import Stream
+from experiments.importing.recording import Stream, numbers_only
 from experiments.importing.roles import (
     NAMES,
     assign,
@@ -31,7 +31,7 @@ def propose(stream: Stream, said: Stated | None = None) -> Proposal:
     BadFileError: nothing in it can be compared with anything. ValueError: what was stated does
     not fit the file.
     """
-    said = said or {}
+    said, stream = said or {}, numbers_only(stream)
     hints = {name: hint(name, stream.units.get(name)) for name in stream.columns}
     draft = Draft(stream, hints, said)
     find_time(draft)

@@ -8,6 +8,7 @@ import numpy as np
 MAX_COLUMNS = (
     2000  # chosen: a table has fewer than a hundred signals, a laboratory's file a few more
 )
+MAX_VALUE = 1e20  # a date in nanoseconds is 2e18
 MAX_CELLS = 100_000_000  # chosen: 800 MB as doubles, a day of ten signals at 100 Hz
 
 
@@ -22,16 +23,27 @@ class Stream:
     units: column name -> its unit in the file's words, where the format itself says it.
     time: name of the column that the format itself says is the time; None where it says nothing.
     session: name of the column in which every session has another number, if the format has one.
+    notes: what was odd.
     """
 
     columns: Mapping[str, np.ndarray]
     units: Mapping[str, str] = field(default_factory=dict)
     time: str | None = None
     session: str | None = None
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         """Return the number of rows."""
         return len(next(iter(self.columns.values()))) if self.columns else 0
+
+
+def numbers_only(stream: Stream) -> Stream:
+    """The stream with NaN for what is infinite or absurd: 1e20 is no time, place or angle."""
+    kept = {
+        name: np.where(np.abs(np.nan_to_num(values, nan=np.inf)) < MAX_VALUE, values, np.nan)
+        for name, values in stream.columns.items()
+    }
+    return Stream(kept, stream.units, stream.time, stream.session)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +80,7 @@ def joined(streams: Sequence[Stream]) -> Recording:
     base = max(streams, key=lambda stream: (len(stream), stream.time is not None))
     columns, units = dict(base.columns), dict(base.units)
     late_s, left = 0.0, []
+    notes = list(dict.fromkeys(note for stream in streams for note in stream.notes))
     for stream in streams:
         if stream is base:
             continue
@@ -86,7 +99,6 @@ def joined(streams: Sequence[Stream]) -> Recording:
             left += [f"{name} ({len(stream)} rows)" for name in fresh]
         units |= {name: unit for name, unit in stream.units.items() if name in columns}
     check_size(len(base), len(columns))
-    notes = []
     if late_s > 0:
         notes.append(
             "streams with clocks of their own were put onto the rows of the fastest: "

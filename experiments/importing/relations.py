@@ -37,8 +37,9 @@ class Response:
     """How a result follows one cause, others beside it held fixed.
 
     gain: result's derivative per unit of the cause, with its 99.9 % interval (low, high); zero: the
-    cause at which the result rests, with its standard error; share: of the result's variance that
-    goes with this cause alone; opposite: share that the best fit with the other sign explains;
+    cause at which the result rests while the others are at their means, with its standard error;
+    share: of the result's variance that goes with this cause alone; opposite: share that the best
+    fit with the other sign explains;
     windows: number of independent windows.
     """
 
@@ -69,7 +70,8 @@ class _Fit:
     shares: np.ndarray
     gains: np.ndarray
     errors: np.ndarray
-    constant: float
+    centre: np.ndarray  # mean of every cause, at which
+    constant: float  # is the result
     constant_error: float
     windows: float
 
@@ -201,7 +203,8 @@ def _regression(y: np.ndarray, causes: np.ndarray) -> _Fit | None:
         shares=b[:k] ** 2 / np.diag(inverse)[:k] / weights.sum() / power,
         gains=b[:k] / scale,
         errors=errors[:k] / scale,
-        constant=float(b[k] - np.dot(b[:k] / scale, centre)),
+        centre=centre,
+        constant=float(b[k]),
         constant_error=float(errors[k]),
         windows=windows - k - 1,
     )
@@ -228,7 +231,7 @@ def _response(fits: list[tuple[_Fit, float]], k: int) -> Response:
         delay_s=delay_s,
         share=float(fit.shares[k]),
         opposite=float(max(against, default=0.0)),
-        zero=-fit.constant / gain if gain else np.nan,
+        zero=fit.centre[k] - fit.constant / gain if gain else np.nan,
         zero_error=abs(fit.constant_error / gain) if gain else np.inf,
         windows=fit.windows,
     )

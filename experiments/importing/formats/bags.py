@@ -5,8 +5,7 @@ on one clock for all topics. A message's own stamp is a column of its own, `TOPI
 """
 
 import json
-import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,70 +16,88 @@ from experiments.importing.recording import MAX_CELLS, BadFileError, Stream, che
 
 MAX_WIDTH = 64  # chosen: a longer array in a message is a picture or a point cloud
 MAX_DEPTH = 8
+Topics = dict[str, list[dict[str, float]]]  # topic -> one dictionary a message
+OF_JOINTS = ("position", "velocity", "effort")  # of JointState: one number a name
 
 
 def read_bag(path: Path) -> list[Stream]:
     """Read the numbers of every topic of an MCAP file, or of a ROS 2 bag's folder.
 
+    A file that was cut off is read as far as it goes, and says so in the streams' notes.
     BadFileError: damaged, too large, a bag in the older SQLite format, or nothing can be decoded.
     """
     files = sorted(path.glob("*.mcap")) if path.is_dir() else [path]
     if not files:
         raise BadFileError("a bag is read as MCAP: ros2 bag convert makes one of .db3 files")
-    rows: dict[str, list[dict[str, float]]] = {}
+    topics: Topics = {}
+    notes = []
     for file in files:
-        _read(file, rows)
-    streams = [_stream(topic, found) for topic, found in rows.items() if len(found[0]) > 1]
+        try:
+            notes += _read(file, topics)
+        except BadFileError:
+            raise
+        except Exception as error:  # of damaged bytes the decoders raise whatever they meet
+            raise BadFileError(f"{file.name} is not readable as MCAP ({error})") from error
+    streams = [_stream(name, rows, notes) for name, rows in topics.items() if len(rows[0]) > 1]
     if not streams:
-        raise BadFileError("no message with numbers could be decoded (ROS 2, JSON, protobuf)")
+        raise BadFileError("it is no MCAP file of ROS 2, JSON or protobuf messages with numbers")
     return streams
 
 
-def _read(path: Path, rows: dict[str, list[dict[str, float]]]) -> None:
-    """Append the messages of one file to `rows`: topic -> one dictionary a message."""
+def _read(path: Path, topics: Topics) -> list[str]:
+    """Append the messages of one file to `topics`; returns notes."""
     from mcap.exceptions import McapError
-    from mcap.reader import make_reader
-    from mcap_protobuf.decoder import DecoderFactory as Protobuf
+    from mcap.reader import NonSeekingReader, make_reader
 
-    cells = 0
-    try:
-        with path.open("rb") as stream:
-            summary = make_reader(stream).get_summary()
-            chunks = summary.chunk_indexes if summary is not None else []
-            unpacked = sum(chunk.uncompressed_size for chunk in chunks)
+    notes = []
+    with path.open("rb") as file:
+        try:
+            summary = make_reader(file).get_summary()
+        except McapError:
+            summary = None
+        file.seek(0)
+        if summary is None:
+            notes.append(f"{path.name} was cut off: read as far as it goes")
+            messages = NonSeekingReader(file).iter_messages(log_time_order=False)
+        else:
+            unpacked = sum(chunk.uncompressed_size for chunk in summary.chunk_indexes)
             if unpacked > 8 * MAX_CELLS:
                 raise BadFileError(f"it unpacks to {unpacked} bytes (limit: {8 * MAX_CELLS})")
-            kinds = {one.encoding for one in summary.schemas.values()} if summary else {"ros2msg"}
-            factories: list[Any] = [Protobuf()]
-            if "ros2msg" in kinds:
-                factories.append(library("mcap_ros2.decoder", "a ROS 2 bag").DecoderFactory())
-            decoders: dict[int, Any] = {}
-            for schema, channel, message in make_reader(stream).iter_messages():
-                if channel.id not in decoders:
-                    decoders[channel.id] = _decoder(channel, schema, factories)
-                decode = decoders[channel.id]
-                if decode is None:
-                    continue
-                row = dict(_numbers("", decode(message.data), 0))
-                cells += len(row)
-                if cells > MAX_CELLS:
-                    check_size(cells, 1)
-                rows.setdefault(channel.topic, []).append({"time": message.log_time / 1e9, **row})
-    except (McapError, ValueError, EOFError, OSError, struct.error) as error:
-        if isinstance(error, BadFileError):
-            raise
-        raise BadFileError(f"{path.name} is not readable as MCAP ({error})") from error
+            messages = make_reader(file).iter_messages()
+        try:
+            _decode(messages, topics)
+        except McapError:
+            if summary is not None:
+                raise
+    return notes
 
 
-def _decoder(channel: Any, schema: Any, factories: list[Any]) -> Any:
+def _decode(messages: Iterable[Any], topics: Topics) -> None:
+    """Append decoded messages to `topics`. BadFileError: there are too many numbers."""
+    decoders: dict[int, Any] = {}
+    cells = 0
+    for schema, channel, message in messages:
+        if channel.id not in decoders:
+            decoders[channel.id] = _decoder(channel, schema)
+        decode = decoders[channel.id]
+        if decode is None:
+            continue
+        row = dict(_numbers("", decode(message.data), 0))
+        cells += len(row)
+        if cells > MAX_CELLS:
+            check_size(cells, 1)
+        topics.setdefault(channel.topic, []).append({"time": message.log_time / 1e9, **row})
+
+
+def _decoder(channel: Any, schema: Any) -> Any:
     """What decodes a channel's messages; None where nothing does."""
     if channel.message_encoding == "json":
         return json.loads
-    for factory in factories:
-        decode = factory.decoder_for(channel.message_encoding, schema)
-        if decode is not None:
-            return decode
-    return None
+    if channel.message_encoding == "cdr":
+        factory = library("mcap_ros2.decoder", "a ROS 2 bag").DecoderFactory()
+    else:
+        factory = library("mcap_protobuf.decoder", "protobuf").DecoderFactory()
+    return factory.decoder_for(channel.message_encoding, schema)
 
 
 def _fields(message: Any) -> dict[str, Any] | None:
@@ -111,7 +128,7 @@ def _numbers(name: str, value: Any, depth: int) -> Iterator[tuple[str, float]]:
         joints = fields.get("name")
         for key, one in fields.items():
             path = f"{name}.{key}" if name else key
-            if isinstance(joints, list | tuple) and _matches(joints, one):
+            if key in OF_JOINTS and isinstance(joints, list | tuple) and _matches(joints, one):
                 for joint, number in zip(joints, one, strict=True):
                     yield f"{path}.{joint}", float(number)
             else:
@@ -129,7 +146,7 @@ def _matches(joints: Any, values: Any) -> bool:
     )
 
 
-def _stream(topic: str, rows: list[dict[str, float]]) -> Stream:
+def _stream(topic: str, rows: list[dict[str, float]], notes: Sequence[str]) -> Stream:
     """One topic's messages as columns `TOPIC.PATH`; NaN where a message lacks the field."""
     names = list(dict.fromkeys(name for row in rows for name in row))
     check_size(len(rows), len(names))
@@ -137,4 +154,4 @@ def _stream(topic: str, rows: list[dict[str, float]]) -> Stream:
     columns = {
         f"{topic}.{name}": np.array([row.get(name, np.nan) for row in rows]) for name in names
     }
-    return Stream(columns, {f"{topic}.time": "s"}, f"{topic}.time")
+    return Stream(columns, {f"{topic}.time": "s"}, f"{topic}.time", notes=tuple(notes))

@@ -86,7 +86,9 @@ def _hdf5(path: Path) -> tuple[dict[str, Any], list[str]]:
     try:
         with h5py.File(path, "r") as file:
             return _group(file, objects, [MAX_CELLS], 0), objects
-    except (OSError, RuntimeError, KeyError) as error:
+    except BadFileError:
+        raise
+    except Exception as error:  # of damaged bytes h5py raises whatever it meets
         raise BadFileError(f"not readable as a MAT file of version 7.3 ({error})") from error
 
 

@@ -71,14 +71,15 @@ def read_lerobot(folder: Path) -> list[Stream]:
 
 def _table(path: Path) -> Any:
     """The table of one Parquet file. BadFileError: damaged or too large."""
-    import pyarrow as pa
     import pyarrow.parquet as pq
 
     try:
         with pq.ParquetFile(path) as file:
             check_size(file.metadata.num_rows, file.metadata.num_columns)
             return file.read().flatten()
-    except (pa.ArrowException, OSError) as error:
+    except BadFileError:
+        raise
+    except Exception as error:  # of damaged bytes pyarrow raises its own, OSError and others
         raise BadFileError(f"{path.name} is not readable as Parquet ({error})") from error
 
 

@@ -1,5 +1,6 @@
 """Read LabVIEW's TDMS files: one stream a group, its clock from the channels' waveform settings."""
 
+import logging
 from pathlib import Path
 
 import numpy as np
@@ -11,16 +12,21 @@ from experiments.importing.recording import BadFileError, Stream, check_size
 def read_tdms(path: Path) -> list[Stream]:
     """Read every channel of numbers. BadFileError: damaged, too large, or npTDMS is missing."""
     nptdms = library("nptdms", "TDMS")
+    logging.disable(logging.WARNING)  # of a damaged file it prints the bytes
     try:
         with nptdms.TdmsFile.open(path) as file:
-            return [stream for group in file.groups() for stream in _streams(group)]
+            cut = file.file_status.incomplete_final_segment
+            notes = ("the file was cut off: read as far as it goes",) if cut else ()
+            return [stream for group in file.groups() for stream in _streams(group, notes)]
     except BadFileError:
         raise
     except Exception as error:  # of damaged bytes npTDMS raises whatever it meets
         raise BadFileError(f"not readable as TDMS ({error})") from error
+    finally:
+        logging.disable(logging.NOTSET)
 
 
-def _streams(group) -> list[Stream]:
+def _streams(group, notes: tuple[str, ...]) -> list[Stream]:
     """Streams of a group: channels of one length and one waveform clock share one."""
     found: dict[tuple[int, float], dict[str, np.ndarray]] = {}
     units: dict[str, str] = {}
@@ -46,5 +52,5 @@ def _streams(group) -> list[Stream]:
             columns = {time: np.arange(rows) * step_s, **columns}
             units[time] = "s"
         own = {name: unit for name, unit in units.items() if name in columns}
-        streams.append(Stream(columns, own, time))
+        streams.append(Stream(columns, own, time, notes=notes))
     return streams

@@ -94,13 +94,13 @@ def test_sessions_and_several_files_are_numbered(rig, tmp_path: Path):
 def test_questions_are_asked_where_somebody_is_there(tmp_path: Path, monkeypatch):
     path, truth = LABS["pixels"](tmp_path, seed=1)
     monkeypatch.setattr("experiments.cli.importing.somebody_is_there", lambda: True)
-    answers = [str(1 / 1500), "320", "240", "y"]
+    answers = ["many", str(1 / 1500), "320", "240", "y"]
     arguments = ["import", str(path), "--out", str(tmp_path / "a.csv")]
     done = CliRunner().invoke(application.app, arguments, input="\n".join(answers) + "\n")
     assert done.exit_code == 0, done.output
     assert truth.faults(read_log(tmp_path / "a.csv")) == []
     done = CliRunner().invoke(
-        application.app, arguments, input="\n".join([*answers[:3], "n"]) + "\n"
+        application.app, arguments, input="\n".join([*answers[:4], "n"]) + "\n"
     )
     assert done.exit_code != 0
 

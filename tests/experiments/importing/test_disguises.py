@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from experiments.importing.conversion import convert
-from experiments.importing.import_map import stated
+from experiments.importing.import_map import with_answers
 from experiments.importing.proposal import Proposal, propose
 from experiments.importing.recording import Stream
 from tests.support.other_labs.disguise import Disguise, disguised
@@ -23,8 +23,7 @@ def imported(lab: Disguise) -> tuple[Proposal, int]:
             return found, asked
         doubt = found.doubts[0]
         answer = lab.answer(doubt.place, doubt.key, dict(found.draft["signals"]))
-        for name, keys in stated([f"{doubt.place}.{doubt.key}={answer}"]).items():
-            said.setdefault(name, {}).update(keys)
+        said = with_answers(said, f"{doubt.place}.{doubt.key}={answer}")
     raise AssertionError(f"more than {MOST_QUESTIONS} questions")
 
 
@@ -39,9 +38,9 @@ def test_found_or_asked(seed: int, number: int):
 
 @pytest.mark.slow
 @settings(max_examples=150, deadline=None, derandomize=True)
-@given(seed=st.integers(0, 2**31))
-def test_found_or_asked_on_every_bench(seed: int):
-    lab = disguised(np.random.default_rng(seed))
+@given(seed=st.integers(0, 2**31), habits=st.booleans(), named=st.sampled_from((0.6, 1.0)))
+def test_found_or_asked_on_every_bench(seed: int, habits: bool, named: float):
+    lab = disguised(np.random.default_rng(seed), habits=habits, named=named)
     found, _ = imported(lab)
     log = convert(Stream(lab.columns), found.map())[0]
     assert lab.truth.faults(log) == []
@@ -65,3 +64,18 @@ def test_named_units_and_kinds_leave_nothing_to_ask():
         found = propose(Stream(columns))
         assert found.doubts == ()
         assert lab.truth.faults(convert(Stream(columns), found.map())[0]) == []
+
+
+def test_a_level_is_where_the_ball_rests_while_the_other_axis_is_level():
+    """An offset of the other axis, in counts, once moved the level of this one."""
+    lab = disguised(np.random.default_rng(32), habits=True, named=1.0)
+    found, _ = imported(lab)
+    log = convert(Stream(lab.columns), found.map())[0]
+    assert lab.truth.faults(log) == []
+
+
+@pytest.mark.parametrize("seed", [2, 67])
+def test_a_zero_for_no_ball_is_seen_beside_a_ball_near_the_centre(seed: int):
+    lab = disguised(np.random.default_rng(seed), habits=True, named=1.0)
+    found, _ = imported(lab)
+    assert found.draft["signals"]["ball_x_m"]["absent"] == (0.0,)

@@ -3,7 +3,7 @@
 `disguised` makes the columns; `Disguise.answer` is a person who knows the lab and is asked.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -78,10 +78,19 @@ class Disguise:
         return str(true[key])
 
 
-def disguised(rng: np.random.Generator, number: int | None = None) -> Disguise:
-    """A lab's columns, drawn; every choice is independent of the others."""
+def disguised(
+    rng: np.random.Generator, number: int | None = None, *, habits: bool = False, named: float = 0.6
+) -> Disguise:
+    """A lab's columns, drawn; every choice is independent of the others.
+
+    named: share of the labs that put the unit into a name; habits: also lost balls under some
+    code, coarse readings, rows that are missing.
+    """
     number = int(rng.integers(len(BENCHES))) if number is None else number
     axes = bench(number)
+    code = np.nan
+    if habits:
+        axes, code = _with_lost_balls(axes, rng), float(rng.choice(CODES))
     motor = bool(BENCHES[number].get("motor"))
     kind = "theta" if motor or rng.random() < 0.3 else "command"
     names = AXES[rng.integers(len(AXES))]
@@ -95,20 +104,20 @@ def disguised(rng: np.random.Generator, number: int | None = None) -> Disguise:
         columns[full] = sign * np.asarray(values) / scale + offset
         keys[log] = {"column": full, "unit": unit, "scale": scale, "offset": offset, "sign": sign}
 
-    unit, named = str(rng.choice(list(LENGTHS))), rng.random() < 0.6
+    unit, told = str(rng.choice(list(LENGTHS))), rng.random() < named
     label = str(rng.choice(BALL_NAMES))
     for i, axis in enumerate("xy"):
         sign = int(rng.choice((1, -1)))
         add(f"ball_{axis}_m", label.format(names[i]), _held(axes[i].seen), unit, LENGTHS[unit],
-            named=named, sign=sign)  # fmt: skip
-    unit, named = str(rng.choice(list(ANGLES))), rng.random() < 0.6
+            named=told, sign=sign)  # fmt: skip
+    unit, told = str(rng.choice(list(ANGLES))), rng.random() < named
     pool = COMMAND_NAMES if kind == "command" and rng.random() < 0.7 else ANGLE_NAMES
     label = str(rng.choice(pool))
     for i, axis in enumerate("xy"):
         values = axes[i].command if kind == "command" else axes[i].angle
         called = names[1 - i] if swap else names[i]
         add(f"{kind}_{axis}_rad", label.format(called), values, unit, ANGLES[unit],
-            named=named, sign=int(rng.choice((1, -1))))  # fmt: skip
+            named=told, sign=int(rng.choice((1, -1))))  # fmt: skip
     if motor:
         for i, axis in enumerate("xy"):
             add(f"voltage_{axis}_V", f"volt {names[i]}", axes[i].volts, "V", 1.0,
@@ -117,9 +126,39 @@ def disguised(rng: np.random.Generator, number: int | None = None) -> Disguise:
     label = str(rng.choice(TIME_NAMES)) + (f"_{unit}" if rng.random() < 0.5 else "")
     columns[label] = (axes[0].t + rng.choice((0.0, 1.7e9))) / TIMES[unit]
     time = {"column": label, "unit": unit}
+    if habits:
+        columns = _with_habits(columns, keys, axes, rng, code)
     order = rng.permutation(list(columns))
     kinds = (kind, "voltage") if motor else (kind,)
     return Disguise({n: columns[n] for n in order}, keys, time, Truth(axes, kinds))
+
+
+CODES = (-1.0, 0.0, 9999.0, np.nan)
+
+
+def _with_lost_balls(axes: tuple[Axis, Axis], rng: np.random.Generator) -> tuple[Axis, Axis]:
+    """Both axes without the ball in a few stretches of 0.3 to 2 s."""
+    gone = np.zeros(len(axes[0].t), bool)
+    for start in rng.uniform(0, axes[0].t[-1], 3):
+        gone |= (axes[0].t > start) & (axes[0].t < start + rng.uniform(0.3, 2.0))
+    x, y = (replace(one, seen=np.where(gone, np.nan, _held(one.seen))) for one in axes)
+    return x, y
+
+
+def _with_habits(columns, keys, axes, rng: np.random.Generator, code: float):
+    """The columns with the code where the ball was lost, coarse readings, and rows missing."""
+    gone = np.isnan(axes[0].seen)
+    out = dict(columns)
+    for name, key in keys.items():
+        size = {"ball": 0.0005, "thet": 0.002, "comm": 0.006}.get(name[:4], 0.01) / key["scale"]
+        size *= rng.choice((0.01, 1.0))
+        out[key["column"]] = np.round(columns[key["column"]] / size) * size
+        if name.startswith("ball"):
+            out[key["column"]][gone] = code
+            key["absent"] = "" if np.isnan(code) else code
+    kept = rng.random(len(gone)) < rng.choice((1.0, 0.6))
+    kept[0] = True
+    return {name: values[kept] for name, values in out.items()}
 
 
 def _held(values: np.ndarray) -> np.ndarray:

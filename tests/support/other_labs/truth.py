@@ -43,7 +43,7 @@ class Truth:
         if "voltage" in self.kinds:
             signals[f"voltage_{own}_V"] = axis.volts
         for name, true in signals.items():
-            t_s, said = log["t_s"], _held(log[name])
+            t_s, said = log["t_s"], np.asarray(log[name], float)
             true = sign * np.interp(t_s + self.start_s, axis.t, _held(true))
             good = np.isfinite(true) & np.isfinite(said)
             if good.sum() < 100:
