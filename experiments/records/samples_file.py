@@ -16,6 +16,7 @@ by its own schema.
 
 import json
 import struct
+import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -52,6 +53,9 @@ RECORD = np.dtype(
 HEAD = 9  # bytes of opcode and length, which `length` does not count
 MESSAGE_HEAD = 22  # bytes of channel, sequence and two times, before a message's own data
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK = 0x02, 0x03, 0x04, 0x05, 0x06  # opcodes of MCAP
+# What compression makes of nothing: a recording that claims more holds nothing.
+MOST_RATIO = 1032  # of deflate: bytes out to bytes in; rows of numbers stay far below
+LEAST_BYTES = 1 << 26  # chosen: so much a file of any size may hold
 OWN_ROWS = -1  # not an opcode: a block of rows in our own layout
 
 
@@ -238,6 +242,8 @@ class _Reading:
     events: list[dict] = field(default_factory=list)
     complete: bool = False
     unread: int = 0  # bytes that were not understood
+    room: int = 0  # bytes that chunks may still hold, unpacked
+    inside: bool = False  # a chunk
 
 
 def read_samples(data: bytes) -> SamplesFile:
@@ -248,7 +254,7 @@ def read_samples(data: bytes) -> SamplesFile:
     """
     if not data.startswith(MAGIC[: len(data)]):
         raise ValueError("it does not start like an MCAP file")
-    reading = _Reading()
+    reading = _Reading(room=max(MOST_RATIO * len(data), LEAST_BYTES))
     _read(data, len(MAGIC), reading)
     rows = np.concatenate([np.empty((0, len(COLUMNS))), *reading.blocks])
     ended = reading.complete and data.endswith(MAGIC)  # other readers begin at the end
@@ -320,21 +326,45 @@ def _take(opcode: int, content: Any, reading: _Reading) -> None:
     """
     from mcap.data_stream import ReadDataStream
     from mcap.records import Chunk, Schema
-    from mcap.stream_reader import get_chunk_data_stream
 
     if opcode == OWN_ROWS:
         reading.blocks.append(content["cells"]["value"])
     elif opcode == MESSAGE:
         _take_message(content, reading)
     elif opcode == CHUNK:
+        if reading.inside:
+            raise ValueError("a chunk inside a chunk")
         chunk = Chunk.read(ReadDataStream(BytesIO(content)))
-        stream, size = get_chunk_data_stream(chunk, validate_crc=True)
-        _read(stream.read(size), 0, reading)
+        rows, reading.inside = _unpacked(chunk, reading), True
+        try:
+            _read(rows, 0, reading)
+        finally:
+            reading.inside = False
     elif opcode == SCHEMA:
         schema = Schema.read(ReadDataStream(BytesIO(content)))
         reading.schemas[schema.id] = schema
     elif opcode == CHANNEL:
         _take_channel(content, reading)
+
+
+def _unpacked(chunk: Any, reading: _Reading) -> bytes:
+    """The records of a chunk. ValueError: more of them than a recording holds, a wrong checksum."""
+    import lz4.frame
+    import zstandard
+
+    most = reading.room
+    if chunk.compression == "zstd":
+        data = zstandard.ZstdDecompressor().stream_reader(BytesIO(chunk.data)).read(most + 1)
+    elif chunk.compression == "lz4":
+        data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=most + 1)
+    else:
+        data = chunk.data
+    if len(data) > most:
+        raise ValueError(f"its chunks hold more than {most} bytes")
+    if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
+        raise ValueError("a chunk with a wrong checksum")
+    reading.room -= len(data)
+    return data
 
 
 def _take_channel(content: bytes, reading: _Reading) -> None:
