@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.dashboard.server.door import crowd_limit
 from experiments.dashboard.server.messages import LONGEST
-from experiments.dashboard.server.security import Gate, PageRequest, gate_of
+from experiments.dashboard.server.security import Gate, PageRequest, gate_of, in_address
+from rig.hardware.network.token_file import check_host
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -23,7 +24,10 @@ class PortBusyError(ValueError):
 
 
 def free_port(host: str, port: int) -> int:
-    """The port number, any free one for 0. PortBusyError: another program listens there."""
+    """The port number, any free one for 0. PortBusyError: another program listens there, or the
+    host is no address of this machine.
+    """
+    check_host(host)
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with socket.socket(family, socket.SOCK_STREAM) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -134,5 +138,6 @@ def open_server(host: str, port: int, token: str) -> "tuple[ViserServer, Gate]":
 
 def link_of(gate: Gate, host: str) -> str:
     """The link to open in a browser on this machine, token included."""
-    name = "127.0.0.1" if host in ("0.0.0.0", "localhost", "::", "::1") else host
+    own = {"0.0.0.0": "127.0.0.1", "localhost": "127.0.0.1", "::": "[::1]"}
+    name = own.get(host, in_address(host))
     return f"http://{name}:{gate.port}/?token={gate.token}"
