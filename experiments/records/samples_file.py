@@ -236,7 +236,8 @@ class _Reading:
 
     schemas: dict[int, Any] = field(default_factory=dict)
     topics: dict[int, str] = field(default_factory=dict)
-    own_layout: int | None = None  # the channel whose rows have our own layout
+    # The channel whose rows have our own layout: the usual one, should its declaration be damaged.
+    own_layout: int | None = CHANNEL_ID[SAMPLES]
     decode: Callable[[bytes], Any] | None = None  # a row that has another layout
     blocks: list[np.ndarray] = field(default_factory=list)
     events: list[dict] = field(default_factory=list)
@@ -282,8 +283,15 @@ def _records(buffer: bytes, position: int, reading: _Reading) -> Iterator[tuple[
     while position + HEAD <= len(buffer):
         block = _own_rows(buffer, position, reading.own_layout)
         if len(block):
+            last = position + block.nbytes - RECORD.itemsize
+            begin = _next_row(buffer, last + 1, last + RECORD.itemsize, reading.own_layout)
+            if len(_own_rows(buffer, begin, reading.own_layout)) and begin - last < RECORD.itemsize:
+                block = block[:-1]  # its end is missing: those bytes are the next row's
             yield OWN_ROWS, block
             position += block.nbytes
+            if position == last:
+                reading.unread += begin - last
+                position = begin
             continue
         opcode, length = struct.unpack_from("<BQ", buffer, position)
         end = position + HEAD + length
@@ -311,7 +319,7 @@ def _next_row(buffer: bytes, position: int, stop: int, channel: int | None) -> i
 def _own_rows(buffer: bytes, position: int, channel: int | None) -> np.ndarray:
     """Return the records (k,) of our own layout that follow each other from `position`."""
     count = min(BLOCK_ROWS, (len(buffer) - position) // RECORD.itemsize)
-    if channel is None or buffer[position] != MESSAGE or count == 0:
+    if channel is None or count <= 0 or buffer[position] != MESSAGE:
         return np.empty(0, RECORD)
     records = np.frombuffer(buffer, RECORD, count, position)
     own = (records["opcode"] == MESSAGE) & (records["length"] == RECORD.itemsize - HEAD)
