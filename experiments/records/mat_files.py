@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.records.samples_file import LEAST_BYTES, MOST_RATIO
+from experiments.records.unpacking import LEAST_BYTES, MOST_RATIO
 from rig.log import INDEX
 
 

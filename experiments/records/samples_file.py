@@ -16,7 +16,6 @@ by its own schema.
 
 import json
 import struct
-import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -25,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from experiments.records.unpacking import LEAST_BYTES, MOST_RATIO, unpacked
 from rig.log import COLUMNS, INDEX, NAMES
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -53,9 +53,6 @@ RECORD = np.dtype(
 HEAD = 9  # bytes of opcode and length, which `length` does not count
 MESSAGE_HEAD = 22  # bytes of channel, sequence and two times, before a message's own data
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK = 0x02, 0x03, 0x04, 0x05, 0x06  # opcodes of MCAP
-# What compression makes of nothing: a recording that claims more holds nothing.
-MOST_RATIO = 1032  # of deflate: bytes out to bytes in; rows of numbers stay far below
-LEAST_BYTES = 1 << 26  # chosen: so much a file of any size may hold
 OWN_ROWS = -1  # not an opcode: a block of rows in our own layout
 
 
@@ -343,7 +340,8 @@ def _take(opcode: int, content: Any, reading: _Reading) -> None:
         if reading.inside:
             raise ValueError("a chunk inside a chunk")
         chunk = Chunk.read(ReadDataStream(BytesIO(content)))
-        rows, reading.inside = _unpacked(chunk, reading), True
+        rows, reading.inside = unpacked(chunk, reading.room), True
+        reading.room -= len(rows)
         try:
             _read(rows, 0, reading)
         finally:
@@ -353,26 +351,6 @@ def _take(opcode: int, content: Any, reading: _Reading) -> None:
         reading.schemas[schema.id] = schema
     elif opcode == CHANNEL:
         _take_channel(content, reading)
-
-
-def _unpacked(chunk: Any, reading: _Reading) -> bytes:
-    """The records of a chunk. ValueError: more of them than a recording holds, a wrong checksum."""
-    import lz4.frame
-    import zstandard
-
-    most = reading.room
-    if chunk.compression == "zstd":
-        data = zstandard.ZstdDecompressor().stream_reader(BytesIO(chunk.data)).read(most + 1)
-    elif chunk.compression == "lz4":
-        data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=most + 1)
-    else:
-        data = chunk.data
-    if len(data) > most:
-        raise ValueError(f"its chunks hold more than {most} bytes")
-    if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
-        raise ValueError("a chunk with a wrong checksum")
-    reading.room -= len(data)
-    return data
 
 
 def _take_channel(content: bytes, reading: _Reading) -> None:
