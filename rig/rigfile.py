@@ -1,7 +1,6 @@
 """`rig.toml` <-> `Rig`: every key has a default, an unknown one is an error naming the known."""
 
 import dataclasses
-import tomllib
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -10,7 +9,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from rig import effects
 from rig.parameters import CHANNELS, Rig
-from rig.validation import first_error_line
+from rig.validation import first_error_line, read_toml
 from vision.sources.addresses import without_password
 
 SECTIONS = (
@@ -35,11 +34,11 @@ def read_rig(path: Path) -> Rig:
     the file cannot be read.
     """
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
         raise ValueError(f"{path}: not a TOML file ({error})") from None
     try:
-        return _beside(from_dict(data), path.absolute().parent)
+        return _beside(from_dict(read_toml(text)), path.absolute().parent)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 

@@ -1,5 +1,6 @@
 """What files are checked with: a strict pydantic model, and one line about what is wrong in one."""
 
+import tomllib
 from types import NoneType, UnionType
 from typing import Any, Union, get_args, get_origin
 
@@ -49,3 +50,30 @@ def _known_keys(kind: Any, place: tuple[int | str, ...]) -> list[str]:
         if get_origin(kind) in (Union, UnionType):
             kind = next(one for one in get_args(kind) if one is not NoneType)
     return list(getattr(kind, "model_fields", {}))
+
+
+LARGEST = 2**63  # of whole numbers in a file, as TOML itself bounds them
+
+
+def read_toml(text: str) -> dict[str, Any]:
+    """Return the data of a TOML document. ValueError (one line): it is none, or beyond measure."""
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"not a TOML file ({error})") from None
+    except RecursionError:
+        raise ValueError("not a TOML file (its brackets are too deep)") from None
+    except ValueError:  # of Python's own limit of digits
+        raise ValueError("not a TOML file (a number has too many digits)") from None
+    _check_sizes(data)
+    return data
+
+
+def _check_sizes(value: Any) -> None:
+    if isinstance(value, int):
+        if abs(value) >= LARGEST:
+            raise ValueError("not a TOML file (a whole number is beyond 64 bits)")
+        return
+    for item in value.values() if isinstance(value, dict) else value:
+        if isinstance(item, dict | list | int):
+            _check_sizes(item)

@@ -22,6 +22,9 @@ from experiments.cli.importing import EPILOG, import_
 from experiments.cli.serve import serve
 
 INTERRUPTED = 130
+# What the system says of a name that no file can have, or of a folder in a file's place.
+BAD_NAMES = (errno.ENAMETOOLONG, errno.ELOOP, errno.EISDIR, errno.ENOTDIR, errno.EINVAL)
+LONGEST_LINE = 1000  # characters; chosen: a page of a terminal
 app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
@@ -77,7 +80,9 @@ def run(
     rig: RigOption = None,
     out: OutOption = Path("out/run"),
     seed: Annotated[int | None, typer.Option(min=0, help="Default: the protocol's own.")] = None,
-    repetitions: Annotated[int | None, typer.Option(min=1, help="Default: the protocol's.")] = None,
+    repetitions: Annotated[
+        int | None, typer.Option(min=1, max=1000, help="Default: the protocol's.")
+    ] = None,
     camera: Annotated[str, typer.Option(help="statistical, or frames (rendered).")] = "statistical",
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before a real table is armed.")] = (
         False
@@ -239,6 +244,8 @@ def main() -> None:
     except (ValueError, FileNotFoundError, NotADirectoryError, PermissionError) as error:
         _fail(str(error), 2)
     except OSError as error:
+        if error.errno in BAD_NAMES:
+            _fail(str(error), 2)
         full = error.errno in (errno.ENOSPC, errno.EDQUOT) and "free" not in str(error)
         cure = "; free some space: what was recorded so far is kept" if full else ""
         _fail(f"{error}{cure}", 1)
@@ -249,7 +256,10 @@ def main() -> None:
 
 
 def _say(message: str) -> None:
-    print("rig: " + " ".join(message.split()), file=sys.stderr)
+    line = "".join(c if c.isprintable() else "?" for c in " ".join(message.split()))
+    if len(line) > LONGEST_LINE:
+        line = f"{line[: LONGEST_LINE - 200]} ... {line[-195:]}"
+    print(f"rig: {line}", file=sys.stderr)
 
 
 def _fail(message: str, code: int) -> None:

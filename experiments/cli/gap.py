@@ -67,24 +67,36 @@ def gap(
     elif demo:
         if given:
             raise ValueError("--demo makes its own logs; leave yours out")
-        _demo(out=out, json_file=json_file, seed=1 if seed is None else seed)
+        if rig is not None:
+            raise ValueError("--demo has a table of its own; leave --rig out")
+        _demo(out=out, json_file=json_file, seed=1 if seed is None else seed, until=until)
     else:
         _investigate_and_report(given, rig_file=rig, out=out, json_file=json_file, until=until)
+
+
+def _check_request(json_file: Path | None, until: str) -> None:
+    """ValueError for what would be found out after all the work."""
+    from calibration.gap.investigation import STAGES
+
+    if until not in STAGES:
+        raise ValueError(f"--until {until}: known stages: {', '.join(STAGES)}")
+    if json_file is not None and json_file.is_dir():
+        raise ValueError(f"--json {json_file}: is a folder; name a file")
+    if json_file is not None and not json_file.absolute().parent.is_dir():
+        raise ValueError(f"--json {json_file}: no such folder {json_file.parent}")
 
 
 def _investigate_and_report(
     logs: Sequence[Path], *, rig_file: Path | None, out: Path, json_file: Path | None, until: str
 ) -> None:
     """ValueError, OSError: bad input or an unwritable folder, before any work."""
-    from calibration.gap.investigation import STAGES
     from experiments.cli.console import bars
     from experiments.gap.gap import investigate
     from experiments.gap.report import write_findings
     from experiments.gap.summary import summary_lines
     from experiments.records.run_folder import writable, write_json
 
-    if until not in STAGES:
-        raise ValueError(f"--until {until}: known stages: {', '.join(STAGES)}")
+    _check_request(json_file, until)
     folder = writable(out)
     with bars() as progress:
         found = investigate(logs, rig_file, until=until, threads=2, progress=progress)
@@ -114,7 +126,8 @@ def _tolerances(logs: Sequence[Path], *, rig_file: Path | None, out: Path) -> No
     )
 
 
-def _demo(*, out: Path, json_file: Path | None, seed: int) -> None:
+def _demo(*, out: Path, json_file: Path | None, seed: int, until: str) -> None:
+    _check_request(json_file, until)
     from experiments.gap.demo import DEMO_PLAY_RAD, demo_runs
     from experiments.records.run_folder import writable
 
@@ -123,7 +136,7 @@ def _demo(*, out: Path, json_file: Path | None, seed: int) -> None:
         "hidden in the simulated table, unknown to the workflow: joint play of "
         + ", ".join(f"{play} rad ({axis})" for axis, play in DEMO_PLAY_RAD.items())
     )
-    _investigate_and_report(runs, rig_file=None, out=out, json_file=json_file, until="next")
+    _investigate_and_report(runs, rig_file=None, out=out, json_file=json_file, until=until)
 
 
 def _blind(

@@ -2,7 +2,6 @@
 runs of its cells. In the TOML file conditions are `arms` and backlashes `plays`.
 """
 
-import tomllib
 from dataclasses import asdict, dataclass, replace
 from importlib.resources import files
 from math import radians
@@ -17,7 +16,7 @@ from experiments.runs.runner import RunRequest
 from rig.control.controllers import COMPENSATORS
 from rig.parameters import Gains, Rig
 from rig.rigfile import from_dict, to_dict
-from rig.validation import StrictModel, first_error_line
+from rig.validation import StrictModel, first_error_line, read_toml
 
 NO_FAULT = ""
 
@@ -141,11 +140,13 @@ def read_grid(path: Path | None) -> Grid:
     if not source.is_file():
         raise ValueError(f"grid file {source} not found")
     try:
-        grid = Grid.model_validate(tomllib.loads(source.read_text(encoding="utf-8")))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        grid = Grid.model_validate(read_toml(source.read_text(encoding="utf-8")))
+    except UnicodeDecodeError as error:
         raise ValueError(f"{source}: not a TOML file ({error})") from None
     except ValidationError as error:
         raise ValueError(f"{source}: {first_error_line(error, Grid)}") from None
+    except ValueError as error:
+        raise ValueError(f"{source}: {error}") from None
     _check(grid, str(source))
     return grid
 

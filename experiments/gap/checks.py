@@ -20,6 +20,7 @@ MAX_VOLTS_V = 100.0  # no motor of such a table takes more: counts of a converte
 MAX_POSITION_M = 2.0  # no plate or beam is longer
 BEYOND_RATIO = 1.3  # of half a plate, or of the end of travel: beyond, it is more than a slip
 ABSURD_GAIN_RATIO = 15.0  # of a gain to its nominal: beyond, it is a wrong unit, not another table
+MAX_PAUSE_S = 60.0  # chosen: time is filled with ticks, of which a day would fill the memory
 MAX_EXPOSURE_LAG_S = 2.0  # an exposure is at most so long before its row
 MIN_LEVELS = 12  # different encoder readings from which their step is found
 
@@ -70,7 +71,7 @@ def _check_channels(log: Log) -> None:
 
 
 def _check_time(log: Log) -> None:
-    """ValueError: time in other units, another clock for exposures, too short."""
+    """ValueError: time in other units or with a jump, another clock for exposures, too short."""
     t_s = log["t_s"]
     tick, length = float(np.median(np.diff(t_s))), float(t_s[-1] - t_s[0])
     if not 1 / (MAX_RATE_HZ * RATE_TOLERANCE) <= tick <= RATE_TOLERANCE / MIN_RATE_HZ:
@@ -81,6 +82,13 @@ def _check_time(log: Log) -> None:
         )
     if length < MIN_SECONDS:
         raise TooShortError(f"too short: {length:.3g} s (limit: {MIN_SECONDS:g} s); record longer")
+    longest = int(np.argmax(np.diff(t_s)))
+    pause_s = float(t_s[longest + 1] - t_s[longest])
+    if pause_s > MAX_PAUSE_S:
+        raise ValueError(
+            f"t_s jumps by {pause_s:.4g} s after row {longest + 1} (limit: {MAX_PAUSE_S:g} s), as "
+            "where a clock was set: cut the log there"
+        )
     late = (t_s - log["ball_exposed_s"])[~np.isnan(log["ball_exposed_s"])]
     if len(late) and not -tick <= float(np.median(late)) <= MAX_EXPOSURE_LAG_S:
         raise ValueError(

@@ -162,6 +162,8 @@ def _parsed(name: str, cells: tuple[str, ...]) -> np.ndarray:
     for i, cell in enumerate(cells):
         if cell and not cell.isspace():
             try:
+                if "_" in cell:  # which Python would leave out
+                    raise ValueError(cell)
                 numbers[i] = float(cell)
             except ValueError as error:
                 raise ValueError(

@@ -3,11 +3,13 @@
 Columns may be variables of their own, or the fields of one struct that has `t_s`.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from experiments.records.unpacking import LEAST_BYTES, MOST_RATIO
 from rig.log import INDEX
 
 
@@ -57,8 +59,8 @@ def _read_hdf5(path: Path) -> dict[str, Any]:
 def _with_time(file: Any, group: type) -> Any:
     """Return the group that has `t_s`: the file itself, or the one struct that does."""
     if "t_s" not in file:
-        for name, value in file.items():
-            if not name.startswith("#") and isinstance(value, group) and "t_s" in value:
+        for _, value in _members(file):
+            if isinstance(value, group) and "t_s" in value:
                 return value
     return file
 
@@ -66,9 +68,7 @@ def _with_time(file: Any, group: type) -> Any:
 def _columns(group: Any) -> dict[str, Any]:
     """Name -> array of a group's datasets; of names that nobody asks for only the name."""
     found: dict[str, Any] = {}
-    for name, value in group.items():
-        if name.startswith("#"):
-            continue
+    for name, value in _members(group):
         if name not in INDEX:
             found[name] = np.empty(0)
         elif not hasattr(value, "dtype"):  # a group: a struct or an object
@@ -78,5 +78,28 @@ def _columns(group: Any) -> dict[str, Any]:
         elif value.attrs.get("MATLAB_class") == b"char":
             found[name] = np.array("text")
         else:
-            found[name] = value[()]
+            found[name] = _numbers(value, name)
     return found
+
+
+def _members(group: Any) -> Iterator[tuple[str, Any]]:
+    """Name and content of what a group holds itself. ValueError: it leads into another file."""
+    import h5py
+
+    for name in group:
+        if isinstance(group.get(name, getlink=True), h5py.ExternalLink):
+            raise ValueError(f"{name} lies in another file: save the numbers themselves")
+        if not name.startswith("#"):
+            yield name, group[name]
+
+
+def _numbers(dataset: Any, name: str) -> np.ndarray:
+    """All numbers of a column. ValueError: they lie in another file, or are more than a file of
+    this size can hold.
+    """
+    if dataset.external or dataset.is_virtual:
+        raise ValueError(f"{name} lies in another file: save the numbers themselves")
+    held = max(Path(dataset.file.filename).stat().st_size * MOST_RATIO, LEAST_BYTES)
+    if dataset.nbytes > held:
+        raise ValueError(f"{name} claims {dataset.nbytes} bytes, more than its file can hold")
+    return dataset[()]

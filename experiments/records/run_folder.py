@@ -22,6 +22,17 @@ SCHEMA = 1
 SOURCES = ("simulated", "measured")
 START_KEYS = ("source", "protocol", "arm", "seed", "rig", "calibration", "versions", "created")
 RESERVE_BYTES = 8192
+# What a record may be read as; any of them may be null.
+KINDS = {
+    "outcome": (str,),
+    "reason": (str,),
+    "rows": (int,),
+    "duration_s": (float, int),
+    "rig": (dict,),
+    "arm": (str,),
+    "created": (str,),
+    "rejected": (str,),
+}
 
 
 def new_run_folder(parent: Path, protocol: str, arm: str, now: datetime | None = None) -> Path:
@@ -177,7 +188,26 @@ def read_meta(folder: Path) -> dict:
         raise ValueError(
             f"run.json has schema {meta['schema']}, this program knows {SCHEMA}: update"
         )
+    _check_meta(meta)
     return meta
+
+
+def _check_meta(meta: dict) -> None:
+    """ValueError where a value that others compute with is of another kind; what every record has
+    is null where it is missing.
+    """
+    if meta.get("source") not in SOURCES:
+        raise ValueError(f"run.json: source is {meta.get('source')!r}, not {' or '.join(SOURCES)}")
+    for key, kinds in KINDS.items():
+        value = meta.get(key)
+        if value is not None and (not isinstance(value, kinds) or isinstance(value, bool)):
+            raise ValueError(f"run.json: {key} = {value!r} is no {kinds[0].__name__}")
+    for key in (*START_KEYS, "outcome"):
+        meta.setdefault(key, None)
+    try:
+        nanoseconds(meta["created"])
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"run.json: created = {meta['created']!r} ({error})") from None
 
 
 def writable(folder: Path) -> Path:

@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from experiments.records.unpacking import LEAST_BYTES, MOST_RATIO, unpacked
 from rig.log import COLUMNS, INDEX, NAMES
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -232,12 +233,15 @@ class _Reading:
 
     schemas: dict[int, Any] = field(default_factory=dict)
     topics: dict[int, str] = field(default_factory=dict)
-    own_layout: int | None = None  # the channel whose rows have our own layout
+    # The channel whose rows have our own layout: the usual one, should its declaration be damaged.
+    own_layout: int | None = CHANNEL_ID[SAMPLES]
     decode: Callable[[bytes], Any] | None = None  # a row that has another layout
     blocks: list[np.ndarray] = field(default_factory=list)
     events: list[dict] = field(default_factory=list)
     complete: bool = False
     unread: int = 0  # bytes that were not understood
+    room: int = 0  # bytes that chunks may still hold, unpacked
+    inside: bool = False  # a chunk
 
 
 def read_samples(data: bytes) -> SamplesFile:
@@ -248,7 +252,7 @@ def read_samples(data: bytes) -> SamplesFile:
     """
     if not data.startswith(MAGIC[: len(data)]):
         raise ValueError("it does not start like an MCAP file")
-    reading = _Reading()
+    reading = _Reading(room=max(MOST_RATIO * len(data), LEAST_BYTES))
     _read(data, len(MAGIC), reading)
     rows = np.concatenate([np.empty((0, len(COLUMNS))), *reading.blocks])
     ended = reading.complete and data.endswith(MAGIC)  # other readers begin at the end
@@ -276,8 +280,15 @@ def _records(buffer: bytes, position: int, reading: _Reading) -> Iterator[tuple[
     while position + HEAD <= len(buffer):
         block = _own_rows(buffer, position, reading.own_layout)
         if len(block):
+            last = position + block.nbytes - RECORD.itemsize
+            begin = _next_row(buffer, last + 1, last + RECORD.itemsize, reading.own_layout)
+            if len(_own_rows(buffer, begin, reading.own_layout)) and begin - last < RECORD.itemsize:
+                block = block[:-1]  # its end is missing: those bytes are the next row's
             yield OWN_ROWS, block
             position += block.nbytes
+            if position == last:
+                reading.unread += begin - last
+                position = begin
             continue
         opcode, length = struct.unpack_from("<BQ", buffer, position)
         end = position + HEAD + length
@@ -305,7 +316,7 @@ def _next_row(buffer: bytes, position: int, stop: int, channel: int | None) -> i
 def _own_rows(buffer: bytes, position: int, channel: int | None) -> np.ndarray:
     """Return the records (k,) of our own layout that follow each other from `position`."""
     count = min(BLOCK_ROWS, (len(buffer) - position) // RECORD.itemsize)
-    if channel is None or buffer[position] != MESSAGE or count == 0:
+    if channel is None or count <= 0 or buffer[position] != MESSAGE:
         return np.empty(0, RECORD)
     records = np.frombuffer(buffer, RECORD, count, position)
     own = (records["opcode"] == MESSAGE) & (records["length"] == RECORD.itemsize - HEAD)
@@ -320,16 +331,21 @@ def _take(opcode: int, content: Any, reading: _Reading) -> None:
     """
     from mcap.data_stream import ReadDataStream
     from mcap.records import Chunk, Schema
-    from mcap.stream_reader import get_chunk_data_stream
 
     if opcode == OWN_ROWS:
         reading.blocks.append(content["cells"]["value"])
     elif opcode == MESSAGE:
         _take_message(content, reading)
     elif opcode == CHUNK:
+        if reading.inside:
+            raise ValueError("a chunk inside a chunk")
         chunk = Chunk.read(ReadDataStream(BytesIO(content)))
-        stream, size = get_chunk_data_stream(chunk, validate_crc=True)
-        _read(stream.read(size), 0, reading)
+        rows, reading.inside = unpacked(chunk, reading.room), True
+        reading.room -= len(rows)
+        try:
+            _read(rows, 0, reading)
+        finally:
+            reading.inside = False
     elif opcode == SCHEMA:
         schema = Schema.read(ReadDataStream(BytesIO(content)))
         reading.schemas[schema.id] = schema

@@ -26,12 +26,21 @@ from experiments.reports.report import (
 _WHOLE = ("completed", "done")
 
 
+def _refuse_twice(folders: Sequence[Path]) -> None:
+    """ValueError where one run is named twice: it would count twice."""
+    places = [folder.resolve() for folder in folders]
+    for folder, place in zip(folders, places, strict=True):
+        if places.count(place) > 1:
+            raise ValueError(f"{folder} is given twice: it would count twice")
+
+
 def report_runs(folders: Sequence[Path], out: Path) -> Path:
     """Write report.html and results.json of run folders in `out`; return the page's path.
 
     Rejected runs and runs that never began are left out with a note. FileNotFoundError, ValueError:
     a folder is no readable run, or no run can be shown; OSError: `out` cannot be written.
     """
+    _refuse_twice(folders)
     runs, notes, metas = [], [], []
     for folder in folders:
         run = read_run(folder)

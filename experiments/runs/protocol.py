@@ -1,6 +1,5 @@
 """What to run, as data: a protocol is a TOML file; the shipped ones lie in `protocols/`."""
 
-import tomllib
 from importlib.resources import files
 from inspect import signature
 from pathlib import Path
@@ -12,7 +11,7 @@ from pydantic import Field, ValidationError
 from rig.course import Course
 from rig.parameters import Rig
 from rig.reference import SHAPES
-from rig.validation import StrictModel, first_error_line
+from rig.validation import StrictModel, first_error_line, read_toml
 
 OWN = "own"  # the arm of a lab's own controller
 STEPS = ("place", "hold", "release", "push")
@@ -97,9 +96,9 @@ def read_protocol(name: str) -> Protocol:
             f"unknown protocol '{name}'; shipped: {', '.join(shipped())}; your own: a .toml file"
         )
     try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"{label}: not a TOML file ({error})") from None
+        data = read_toml(text)
+    except ValueError as error:
+        raise ValueError(f"{label}: {error}") from None
     plan = parse(data, label=label, name=path.stem)
     if not plan.controller:
         return plan

@@ -119,4 +119,6 @@ def reject(folder: Path, reason: str) -> None:
     """
     if not (folder / "run.json").is_file():
         raise FileNotFoundError(f"{folder} is no run folder: it has no run.json")
+    if not reason.isprintable():
+        raise ValueError("the reason holds control characters: write it as plain text")
     replace_json(folder / "run.json", read_meta(folder) | {"rejected": reason})

@@ -20,7 +20,7 @@ static uint16_t crc_of(const uint8_t *data, uint8_t length) {
 
 static uint8_t expected_length(uint8_t kind) {
     switch (kind) {
-    case CONFIG_REQUEST: return 20;
+    case CONFIG_REQUEST: return 24;
     case ARM: return 7;
     case DISARM: return 1;
     case COMMAND: return 8;
@@ -98,13 +98,13 @@ static uint8_t *put32(uint8_t *p, uint32_t v) {
 static uint32_t next_token(uint32_t seed) { return seed * (uint32_t)2654435761UL + 1; }
 
 static void take_config(board_t *b, const uint8_t *p) {
-    uint16_t per_rev = get16(p + 14);
+    uint16_t per_rev = get16(p + 14), most;
     if (b->state == IS_LEVELLING) return;
     /* Armed without a command, another host's question is let in: ours died before its first word. */
     if (b->state == IS_ARMED && (b->commanded || get16(p + 2) == b->nonce)) return;
     b->nonce = get16(p + 2);
     b->answer_due = 1;
-    if (p[1] != PROTOCOL_VERSION || per_rev < FEWEST_COUNTS) {
+    if (p[1] != PROTOCOL_VERSION || per_rev < FEWEST_COUNTS || get16(p + 22) == 0) {
         b->configured = 0; /* the answer says which version it would have been */
         b->state = IS_DISARMED;
         return;
@@ -114,10 +114,18 @@ static void take_config(board_t *b, const uint8_t *p) {
     if (!(p[5] & WIRED_HOMED)) b->fresh = 0; /* it is about to be homed */
     b->zero[0] = (int32_t)get32(p + 6);
     b->zero[1] = (int32_t)get32(p + 10);
+    most = (uint16_t)((uint32_t)per_rev * ANGLE_LIMIT_MRAD / 6283);
     b->angle_limit = get16(p + 16);
+    if (b->angle_limit > most) b->angle_limit = most;
     b->limit_mV = get16(p + 18);
     if (b->limit_mV > LIMIT_MV) b->limit_mV = LIMIT_MV;
     b->gain = (uint16_t)(1407434UL / per_rev); /* 14 V/rad = 2 pi 14000/per_rev mV a count */
+    b->time_constant_ms = get16(p + 20);
+    /* A tick and a half; and more for a slow servo, which else swings across its limit: near it the
+     * law is a spring of k = W/taper with damping (1 + k delay)/(2 sqrt(k tau)). */
+    b->delay_half_ms = (uint16_t)(2 * FILTER_MS + 3 + b->time_constant_ms / 20);
+    b->top_speed = (int32_t)((uint32_t)per_rev * get16(p + 22) / 24544) + 1; /* of mrad/s */
+    b->taper = per_rev / 157 + 1;
     b->token = next_token(b->token ^ b->clock_us ^ ((uint32_t)b->nonce << 16));
     b->configured = 1;
     b->state = IS_DISARMED;
@@ -185,21 +193,40 @@ static int32_t level_mV(const board_t *b, uint8_t e) {
     return clamp(-((int32_t)b->gain * clamp(place(b, e) + rate(b, e), 32000)) / 16, most);
 }
 
-/* The wish within the board's own limits. 4 RATE_MS ahead: a servo cannot stop at once. */
+/* Filtered speed in counts/256 a ms. */
+static int32_t speed(const board_t *b, uint8_t e) { return b->speed_sum[e] / FILTER_MS; }
+
+static void measure_speed(board_t *b, uint8_t e) {
+    uint8_t last = (uint8_t)((b->past_at + RATE_MS - 1) % RATE_MS);
+    int32_t moved = clamp((int32_t)((uint32_t)b->counts[e] - (uint32_t)b->past[e][last]), 100);
+    b->speed_sum[e] += 256 * moved - speed(b, e);
+}
+
+/* Volts that bring the arm on towards +, at most: the law of rig/safety/limits.py, in counts.
+ *
+ * A servo with the time constant tau that goes at w and is braked stops after
+ * w delay + tau w^2 / (2 W + w), W its top speed. What is left of the way to the limit is the room;
+ * with less than the taper of it the bound falls in proportion, through 0 V at no room, to full
+ * volts back. */
+static int32_t most_mV(const board_t *b, int32_t at, int32_t w) {
+    int32_t room = (int32_t)b->angle_limit - at;
+    if (w > 0) {
+        int32_t stop = (int32_t)((uint32_t)w * (uint32_t)w / (uint32_t)(2 * b->top_speed + w));
+        room -= w * b->delay_half_ms / 512 + 1; /* rounded up */
+        room -= (int32_t)((uint32_t)stop * b->time_constant_ms / 256) + 1;
+    }
+    if (room >= b->taper) return b->limit_mV;
+    if (room <= -b->taper) return -(int32_t)b->limit_mV;
+    return room * b->limit_mV / b->taper;
+}
+
+/* The wish within the board's own limits. */
 static int32_t guarded_mV(const board_t *b, uint8_t e, int32_t wish) {
-    int32_t slack = b->angle_limit / 24, limit = (int32_t)b->angle_limit + slack;
-    int32_t at = place(b, e), speed = rate(b, e), ahead = at + 4 * speed;
+    int32_t at = place(b, e), w = speed(b, e), most;
     if (!(b->wired & WIRED_HOMED)) return clamp(wish, least(HOMING_LIMIT_MV, b->limit_mV));
-    wish = clamp(wish, b->limit_mV);
-    if (ahead > limit || at > limit) {
-        int32_t brake = speed > 0 ? -least(LEVEL_LIMIT_MV, b->limit_mV) : 0;
-        return wish < brake ? wish : brake;
-    }
-    if (ahead < -limit || at < -limit) {
-        int32_t brake = speed < 0 ? least(LEVEL_LIMIT_MV, b->limit_mV) : 0;
-        return wish > brake ? wish : brake;
-    }
-    return wish;
+    wish = least(clamp(wish, b->limit_mV), most_mV(b, at, w));
+    most = most_mV(b, -at, -w);
+    return wish > -most ? wish : -most;
 }
 
 static void stop(board_t *b, uint16_t reason, state_t state) {
@@ -269,6 +296,7 @@ void board_init(board_t *b, uint16_t supply_mV, uint8_t has_tachometer) {
 
 void board_tick(board_t *b) {
     uint8_t e;
+    for (e = 0; e < 2; e++) measure_speed(b, e);
     watch(b);
     apply(b);
     for (e = 0; e < 2; e++) b->past[e][b->past_at] = b->counts[e];

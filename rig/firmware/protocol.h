@@ -9,7 +9,7 @@
 
 #include <stdint.h>
 
-#define PROTOCOL_VERSION 1
+#define PROTOCOL_VERSION 2
 #define LONGEST_FRAME 64 /* the closing zero included */
 #define LONGEST_PAYLOAD (LONGEST_FRAME - 4)
 
@@ -45,6 +45,9 @@ enum { WIRED_HOMED = 1, WIRED_NEGATIVE_0 = 2, WIRED_NEGATIVE_1 = 4, WIRED_CROSSE
 #ifndef LIMIT_MV
 #define LIMIT_MV 6000 /* nominal voltage of the motors */
 #endif
+#ifndef ANGLE_LIMIT_MRAD
+#define ANGLE_LIMIT_MRAD 600 /* from level; the stops of the reference table are at 610 */
+#endif
 #define HOMING_LIMIT_MV 1500 /* while the zeros are unknown: what a stop can take */
 #define LEVEL_LIMIT_MV 3000
 #ifndef WATCHDOG_MS
@@ -58,7 +61,8 @@ enum { WIRED_HOMED = 1, WIRED_NEGATIVE_0 = 2, WIRED_NEGATIVE_1 = 4, WIRED_CROSSE
 #define STALL_MS 300
 #define STALL_COUNTS 3
 #define FEWEST_COUNTS 64 /* of an encoder in a revolution */
-#define RATE_MS 8 /* span over which speed is measured */
+#define RATE_MS 8 /* span over which levelling measures speed */
+#define FILTER_MS 16 /* time constant of the speed by which arms are braked */
 
 typedef struct {
     uint8_t frame[LONGEST_FRAME];
@@ -96,6 +100,10 @@ typedef struct {
     int32_t zero[2];
     uint16_t angle_limit, limit_mV;
     uint16_t gain; /* of the level loop, 1/16 mV a count */
+    uint16_t time_constant_ms; /* of the servo */
+    uint16_t delay_half_ms; /* age of the speed when volts act */
+    int32_t top_speed; /* at limit_mV, in counts/256 a ms */
+    int32_t taper; /* room in which volts are bounded: 0.04 rad, in counts */
     uint32_t token;
     uint16_t nonce;
     /* commands */
@@ -107,6 +115,7 @@ typedef struct {
     uint16_t level_ms;
     uint8_t limited, expired;
     /* by encoder channel */
+    int32_t speed_sum[2]; /* FILTER_MS times the filtered speed in counts/256 a ms */
     int32_t past[2][RATE_MS];
     uint8_t past_at;
     int32_t stall_from[2];

@@ -105,6 +105,8 @@ def _board(rig: Rig, eye: ObservationSource | None, wiring: Wiring, homed: bool)
         period_s=1 / rig.control_rate_hz,
         voltage_limit_V=rig.servo.voltage_limit_V,
         angle_limit_rad=rig.servo.angle_limit_rad,
+        time_constant_s=rig.servo.time_constant_s,
+        top_speed_rad_s=rig.servo.gain_rad_s_V * rig.servo.voltage_limit_V,
         homed=homed,
         eye=eye,
     )

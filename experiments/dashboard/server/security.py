@@ -9,6 +9,7 @@ else on this machine is not sent it.
 """
 
 import ipaddress
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from hashlib import sha256
@@ -107,9 +108,10 @@ class Gate:
         return compare_digest(given.encode("utf-8", "replace"), self.path.encode())
 
     def _is_here(self, host: str) -> bool:
-        name, _, port = host.lower().rpartition(":")
-        if port != str(self.port):
+        found = re.fullmatch(r"(\[[^\]]*\]|[^:]*)(?::([0-9]{1,5}))?", host.lower())
+        if found is None or int(found[2] or 80) != self.port:  # browsers leave 80 out
             return False
+        name = found[1]
         return name in self.names or (self.any_address and _is_address(name))
 
     def _in_cookies(self, cookies: Sequence[str]) -> bool:
@@ -146,11 +148,16 @@ def _is_address(name: str) -> bool:
     return True
 
 
+def in_address(host: str) -> str:
+    """A host as it stands in an address: IPv6 in brackets."""
+    return f"[{host}]" if ":" in host else host
+
+
 def gate_of(host: str, port: int, token: str) -> Gate:
     """The gate of a server that listens at `host` and `port`."""
     from socket import getfqdn, gethostname
 
     if host in ("127.0.0.1", "localhost", "::1"):
         return Gate(token, port)
-    names = LOCAL_NAMES | {host.lower(), gethostname().lower(), getfqdn().lower()}
+    names = LOCAL_NAMES | {in_address(host).lower(), gethostname().lower(), getfqdn().lower()}
     return Gate(token, port, names, any_address=host in ("0.0.0.0", "::"))

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.dashboard.server.door import crowd_limit
 from experiments.dashboard.server.messages import LONGEST
-from experiments.dashboard.server.security import Gate, PageRequest, gate_of
+from experiments.dashboard.server.security import Gate, PageRequest, gate_of, in_address
+from rig.hardware.network.token_file import check_host
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -24,8 +25,9 @@ class PortBusyError(ValueError):
 
 def free_port(host: str, port: int) -> int:
     """The port number `port`, or any free one for 0. PortBusyError: another program listens at
-    `host` and that port.
+    `host` and that port, or the host is no address of this machine.
     """
+    check_host(host)
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with socket.socket(family, socket.SOCK_STREAM) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -141,7 +143,8 @@ def open_server(host: str, port: int, token: str) -> "tuple[ViserServer, Gate]":
 
 def link_of(gate: Gate, host: str) -> str:
     """The link to open in a browser on this machine, token included; host: where the server
-    listens, which is linked as 127.0.0.1 if it is every address.
+    listens, which is linked as the loopback address if it is every address.
     """
-    name = "127.0.0.1" if host in ("0.0.0.0", "localhost", "::", "::1") else host
+    own = {"0.0.0.0": "127.0.0.1", "localhost": "127.0.0.1", "::": "[::1]"}
+    name = own.get(host, in_address(host))
     return f"http://{name}:{gate.port}/?token={gate.token}"

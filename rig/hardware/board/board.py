@@ -43,6 +43,7 @@ class BoardTable(LevelOnExit):
     """A table on a serial or USB board: configured and disarmed when opened; `with` arms it.
 
     The board's tick is the loop's: `read` waits for its next telemetry, of several the newest.
+    time_constant_s, top_speed_rad_s: of the servo at voltage_limit_V, by which the board brakes.
     homed False: the zeros are not known yet, so the board keeps to 1.5 V and does not level. eye:
     where observations of the ball come from; tachometer_rad_s_V: speed at the load shaft per volt
     of the tachometer; clock: monotonic [s]. ticks_missed: of the board; newest: telemetry.
@@ -58,6 +59,8 @@ class BoardTable(LevelOnExit):
         period_s: float = 0.002,
         voltage_limit_V: float = 6.0,
         angle_limit_rad: float = pi / 6,
+        time_constant_s: float = 0.025,
+        top_speed_rad_s: float = 9.18,
         homed: bool = True,
         eye: ObservationSource | None = None,
         tachometer_rad_s_V: float = TACHOMETER_RAD_S_V,
@@ -74,7 +77,8 @@ class BoardTable(LevelOnExit):
         self._armed, self._ended, self._closed = False, None, False
         self._read_us: int | None = None
         try:
-            self._answer = self._configure(self._request(angle_limit_rad, homed))
+            servo = (time_constant_s, top_speed_rad_s)
+            self._answer = self._configure(self._request(angle_limit_rad, servo, homed))
         except BaseException:
             link.close()
             raise
@@ -94,7 +98,9 @@ class BoardTable(LevelOnExit):
         return {"ticks_missed": self.ticks_missed, "bad_frames": self._parser.bad_frames}
 
     # --- before the run ---
-    def _request(self, angle_limit_rad: float, homed: bool) -> ConfigRequest:
+    def _request(
+        self, angle_limit_rad: float, servo: tuple[float, float], homed: bool
+    ) -> ConfigRequest:
         wiring, period_ms = self._wiring, round(1000 * self.period_s)
         if not 1 <= period_ms <= 50 or abs(period_ms - 1000 * self.period_s) > 1e-6:
             raise ValueError(
@@ -111,6 +117,7 @@ class BoardTable(LevelOnExit):
             wiring.counts_per_rev,
             round(angle_limit_rad / wiring.step_rad),
             round(1000 * self.voltage_limit_V),
+            *(min(max(math.ceil(1000 * number), 1), 65535) for number in servo),
         )
 
     def _configure(self, request: ConfigRequest) -> ConfigAnswer:

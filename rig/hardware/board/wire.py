@@ -9,7 +9,7 @@ import struct
 from dataclasses import astuple, dataclass
 from typing import ClassVar
 
-VERSION = 1
+VERSION = 2
 LONGEST_FRAME = 64  # the closing zero included
 LONGEST_PAYLOAD = LONGEST_FRAME - 4  # COBS byte, CRC and the closing zero
 HAS_TACHOMETER, IS_FRESH = 1, 2  # features of a board
@@ -26,11 +26,12 @@ class ConfigRequest:
     nonce: comes back in the answer; period_ms: of the telemetry; wired: bit 0 the zeros are known,
     bits 1 and 2 channel 0, 1 has negative polarity, bit 3 motor plugs are crossed; zero_0, zero_1:
     zero counts of channels 0, 1; counts_per_rev: of an encoder at the load shaft; angle_limit
-    [counts]; limit_mV: of the volts.
+    [counts]; limit_mV: of the volts; time_constant_ms, top_speed_mrad_s: of the servo at limit_mV,
+    by which the board brakes.
     """
 
     KIND: ClassVar[int] = 0x01
-    LAYOUT: ClassVar[str] = "<BHBBiiHHH"
+    LAYOUT: ClassVar[str] = "<BHBBiiHHHHH"
     version: int
     nonce: int
     period_ms: int
@@ -40,6 +41,8 @@ class ConfigRequest:
     counts_per_rev: int
     angle_limit: int
     limit_mV: int
+    time_constant_ms: int = 25
+    top_speed_mrad_s: int = 9180
 
 
 @dataclass(frozen=True)

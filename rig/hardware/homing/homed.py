@@ -1,6 +1,7 @@
 """What homing found, kept beside the rig file until the encoders may have lost their place."""
 
 import json
+import re
 import time
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime, timedelta
@@ -74,7 +75,7 @@ class Homed:
         self._check_limits(rig.servo)
         age = (now or datetime.now(UTC)) - datetime.fromisoformat(self.at)
         if boot_id is not None or self.boot_id is not None:
-            if not _same(self.boot_id, boot_id, age.total_seconds()):
+            if not _same(self.boot_id, boot_id):
                 raise NotHomed(f"the table was switched off or reset since its homing: {CURE}")
             return
         if not timedelta(minutes=-5) < age < LONGEST:
@@ -122,15 +123,20 @@ def power_up(table: Table, now_s: float | None = None) -> str | None:
     if newest is None:
         return None
     now_s = time.monotonic() if now_s is None else now_s
-    return f"up {(now_s - 1e-6 * newest.clock_us) % CLOCK_TURN_S:.3f}"
+    return f"up {(now_s - 1e-6 * newest.clock_us) % CLOCK_TURN_S:.3f} at {now_s:.3f}"
 
 
-def _same(before: str | None, now: str | None, age_s: float) -> bool:
-    """Whether two names are of one power-up; two clocks may have drifted apart since."""
-    if before is None or now is None or not (before.startswith("up ") and now.startswith("up ")):
+def _same(before: str | None, now: str | None) -> bool:
+    """Whether two names are of one power-up; a board's clock may have drifted from ours since.
+
+    How long ago that was is told by our monotonic clock alone: the wall clock may be set meanwhile.
+    """
+    was, is_now = (re.fullmatch(r"up (\S+) at (\S+)", name or "") for name in (before, now))
+    if was is None or is_now is None:
         return before == now
-    apart = abs(float(before[3:]) - float(now[3:]))
-    return min(apart, CLOCK_TURN_S - apart) < BOOT_S + DRIFT * abs(age_s)
+    age_s = float(is_now[2]) - float(was[2])
+    apart = abs(float(was[1]) - float(is_now[1]))
+    return age_s >= 0.0 and min(apart, CLOCK_TURN_S - apart) < BOOT_S + DRIFT * age_s
 
 
 def home_file(rig_file: Path) -> Path:

@@ -18,6 +18,7 @@ from rig.hardware.network import remote_wire as wire
 from rig.hardware.network.client_watchdog import ClientWatchdog
 from rig.hardware.network.greetings import Greetings, Peer
 from rig.hardware.network.remote_wire import DriveRequest, Ping, ProtocolError, RemoteReading
+from rig.hardware.network.token_file import check_host
 from rig.hardware.wiring import Wiring
 from rig.parameters import Servo
 from rig.table import Reading, Table
@@ -49,6 +50,7 @@ class Server:
         self._raw = Wiring(counts_per_rev=servo.encoder_counts_per_rev)
         self.watchdog = ClientWatchdog(table.voltage_limit_V, servo, table.period_s)
         self.boot_id = secrets.token_bytes(16)
+        check_host(host)
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         try:
             self._door = socket.create_server((host, port), family=family, backlog=4)

@@ -11,6 +11,15 @@ from pathlib import Path
 SHORTEST_TOKEN = 16  # characters; chosen: 64 random bits, written as hexadecimal digits
 
 
+def check_host(host: str) -> None:
+    """Refuse an empty host to listen at, which would be every address of this machine.
+
+    ValueError: it is empty; the network has to be asked for by 0.0.0.0 or ::.
+    """
+    if not host.strip():
+        raise ValueError("--host is empty: name an address, such as 127.0.0.1 or 0.0.0.0 for all")
+
+
 def read_token(path: Path) -> bytes:
     """Return the token of a file, without white space at its ends.
 

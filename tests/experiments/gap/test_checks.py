@@ -142,6 +142,13 @@ def test_short_logs_are_refused(rows, words):
     refused({name: values[:rows] for name, values in table_log().items()}, words)
 
 
+@pytest.mark.parametrize(("jump_s", "words"), [(61.0, "61 s"), (1e8, r"1e\+08 s")])
+def test_a_clock_that_was_set_during_the_log_is_refused(jump_s, words):
+    columns = table_log()
+    columns["t_s"] = columns["t_s"] + np.where(np.arange(len(columns["t_s"])) < 700, 0.0, jump_s)
+    refused(columns, rf"t_s jumps by {words} after row 700 .*cut the log there")
+
+
 def test_nothing_to_compare_is_refused():
     columns = table_log()
     refused({k: columns[k] for k in ("t_s", "theta_x_rad", "ball_y_m")}, "nothing to compare")

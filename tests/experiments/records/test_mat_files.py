@@ -85,3 +85,36 @@ def test_damaged_files_are_refused_in_one_line(tmp_path, share):
     with pytest.raises(ValueError, match="log") as caught:
         read_log(path)
     assert "\n" not in str(caught.value)
+
+
+def test_a_column_that_lies_in_another_file_is_refused(tmp_path):
+    """Else a file from a stranger would read any file of this machine."""
+    other = tmp_path / "other.h5"
+    with h5py.File(other, "w") as file:
+        file["theta_x_rad"] = np.zeros((1, 4))
+    secret = tmp_path / "secret"
+    secret.write_bytes(bytes(32))
+    for way in ("external", "link", "virtual"):
+        path = write_7_3(tmp_path / f"{way}.mat", {"t_s": np.arange(4.0)})
+        with h5py.File(path, "r+") as file:
+            if way == "link":
+                file["theta_x_rad"] = h5py.ExternalLink(str(other), "theta_x_rad")
+            elif way == "external":
+                storage = [(str(secret), 0, h5py.h5f.UNLIMITED)]
+                file.create_dataset("theta_x_rad", (1, 4), "f8", external=storage)
+            else:
+                layout = h5py.VirtualLayout((1, 4), "f8")
+                layout[:] = h5py.VirtualSource(str(other), "theta_x_rad", (1, 4))
+                file.create_virtual_dataset("theta_x_rad", layout)
+        with pytest.raises(ValueError, match="theta_x_rad lies in another file"):
+            read_log(path)
+
+
+def test_a_column_that_no_file_of_its_size_can_hold_is_refused(tmp_path):
+    path = write_7_3(tmp_path / "log.mat", {"t_s": np.arange(4.0)})
+    with h5py.File(path, "r+") as file:
+        shape = (1, 1 << 31)
+        file.create_dataset("theta_x_rad", shape, "f8", chunks=(1, 1 << 16), compression="gzip")
+    assert path.stat().st_size < 1 << 20
+    with pytest.raises(ValueError, match="theta_x_rad claims 17179869184 bytes, more than its"):
+        read_log(path)

@@ -2,16 +2,21 @@
 
 import io
 import json
+import struct
 from datetime import UTC, datetime
 
+import lz4.frame
 import numpy as np
 import pytest
+import zstandard
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.decoder import DecoderFactory as McapDecoderFactory
 
+from experiments.records import samples_file
 from experiments.records.samples_file import (
     HEAD,
+    MAGIC,
     RECORD,
     event_record,
     finished_file,
@@ -265,3 +270,25 @@ def test_our_schema_rewritten_by_another_tool_is_read_too():
     expected = rows.copy()
     expected[3, 2:] = np.nan
     np.testing.assert_array_equal(read_samples(out.getvalue()).rows, expected)
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4"])
+def test_chunks_that_hold_more_than_a_recording_are_left_out(monkeypatch, compression):
+    """A file of 70 kB may claim gigabytes: nothing of that is unpacked."""
+    monkeypatch.setattr(samples_file, "LEAST_BYTES", 1 << 20)
+    packed = {"zstd": zstandard.compress, "lz4": lz4.frame.compress}[compression](bytes(1 << 26))
+    assert len(packed) < 1 << 19
+    name = compression.encode()
+    head = struct.pack("<QQQII", 0, 0, 1 << 26, 0, len(name)) + name
+    content = head + struct.pack("<Q", len(packed)) + packed
+    chunk = struct.pack("<BQ", 6, len(content)) + content
+    reading = samples_file._Reading(room=1 << 20)
+    with pytest.raises(ValueError, match="hold more than 1048576 bytes"):
+        samples_file._take(6, content, reading)
+    found = read_samples(MAGIC + chunk * 3)
+    assert len(found.rows) == 0
+    assert found.unread >= 3 * len(content)
+    inner = struct.pack("<QQQII", 0, 0, len(chunk), 0, 0) + struct.pack("<Q", len(chunk)) + chunk
+    with pytest.raises(ValueError, match="a chunk inside a chunk"):
+        samples_file._take(6, content, samples_file._Reading(room=1 << 30, inside=True))
+    assert read_samples(MAGIC + struct.pack("<BQ", 6, len(inner)) + inner).unread > 0

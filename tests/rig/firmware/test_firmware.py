@@ -10,6 +10,7 @@ from experiments.runs.assemble import known, load_rig
 from experiments.runs.protocol import course, read_protocol
 from rig.control.controllers import COMPENSATORS
 from rig.hardware.board.wire import (
+    VERSION,
     Arm,
     Command,
     ConfigAnswer,
@@ -102,7 +103,7 @@ def test_the_chip_repeats_bit_for_bit():
     for _ in range(2):
         chip, got = Chip(), b""
         chip.run_ms((0, 0))
-        chip.receive(encode(ConfigRequest(1, 7, 2, 1, 0, 0, 4096, 341, 6000)))
+        chip.receive(encode(ConfigRequest(VERSION, 7, 2, 1, 0, 0, 4096, 341, 6000)))
         for k in range(300):
             chip.run_ms((k // 3, -k // 2))
             got += chip.take()
@@ -114,11 +115,11 @@ def test_the_chip_repeats_bit_for_bit():
 class Bench:
     """A chip on the bench, configured and armed."""
 
-    def __init__(self) -> None:
-        self.chip, self._parser = Chip(), Parser()
+    def __init__(self, *, baud: int = 500_000, period_ms: int = 2) -> None:
+        self.chip, self.parser = Chip(baud=baud), Parser()
         self.run(20)
-        self.send(ConfigRequest(1, 7, 2, 1, 0, 0, 4096, 341, 6000))
-        answer = next(p for p in self.run(5) if isinstance(p, ConfigAnswer))
+        self.send(ConfigRequest(VERSION, 7, period_ms, 1, 0, 0, 4096, 341, 6000))
+        answer = next(p for p in self.run(20) if isinstance(p, ConfigAnswer))
         assert answer.supply_mV == 12_000
         self.send(Arm(answer.token, 100))
         self.run(3)
@@ -130,7 +131,7 @@ class Bench:
         found = []
         for _ in range(ms):
             self.chip.run_ms(counts)
-            found += self._parser.feed(self.chip.take())
+            found += self.parser.feed(self.chip.take())
         return found
 
 
@@ -167,6 +168,15 @@ def test_encoders_count_every_edge_both_ways(speed: int):
         bench.chip.run_ms((at, -at))
     newest = [p for p in bench.run(6, (at, -at)) if isinstance(p, Telemetry)][-1]
     assert (newest.count_0, newest.count_1) == (at, -at)
+
+
+def test_on_a_line_too_slow_for_every_tick_whole_frames_arrive():
+    """27 bytes take 2.3 ms at 115200 baud; asked for every millisecond, the newest are sent."""
+    bench = Bench(baud=115_200, period_ms=1)
+    found = [p for p in bench.run(600) if isinstance(p, Telemetry)]
+    assert bench.parser.bad_frames == 0
+    assert len(found) > 0.9 * 600 / 2.35
+    assert np.diff([p.clock_us for p in found]).min() > 0
 
 
 def test_a_reset_chip_is_disarmed_and_quiet():

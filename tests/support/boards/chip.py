@@ -20,12 +20,13 @@ NEEDED = ("avr-gcc", "make", "cc", "simavr")
 
 
 @cache
-def firmware(mcu: str = "atmega328p") -> Path:
+def firmware(mcu: str = "atmega328p", baud: int = 500_000) -> Path:
     """The .elf, built by the shipped Makefile; skips the test loudly where that cannot be."""
     need(*NEEDED)
-    arguments = ["make", "-s", f"MCU={mcu}", f"BUILD={_BUILT.name}"]
+    folder = f"{_BUILT.name}/{baud}"
+    arguments = ["make", "-s", f"MCU={mcu}", f"BUILD={folder}", f"BAUD={baud}"]
     subprocess.run(arguments, cwd=FIRMWARE, check=True, stdout=subprocess.DEVNULL)
-    return Path(_BUILT.name) / f"{mcu}.elf"
+    return Path(folder) / f"{mcu}.elf"
 
 
 @cache
@@ -44,9 +45,9 @@ def library() -> ctypes.CDLL:
 class Chip:
     """One ATmega328P with the shipped firmware. `pace`: its crystal's speed against the world's."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, baud: int = 500_000) -> None:
         self._c = library()
-        self._runner = ctypes.c_void_p(self._c.runner_new(str(firmware()).encode()))
+        self._runner = ctypes.c_void_p(self._c.runner_new(str(firmware(baud=baud)).encode()))
         assert self._runner.value, "libsimavr cannot load the firmware"
         self._out = ctypes.create_string_buffer(65536)
 

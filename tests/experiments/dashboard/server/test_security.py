@@ -21,6 +21,7 @@ from experiments.dashboard.server.security import (
     PageRequest,
     gate_of,
 )
+from experiments.dashboard.server.server import link_of, open_server
 from rig.hardware.network.token_file import keep_token
 
 GATE = Gate("secret-token", 7644)
@@ -133,3 +134,26 @@ def test_the_page_runs_the_scripts_of_visers_page_and_no_others():
     found = [b64encode(sha256(one).digest()).decode() for one in (text.encode(), code)]
     assert [f"sha256-{one}" for one in found] == list(SCRIPTS)
     assert "'unsafe-inline'" not in CONTENT_POLICY.partition("script-src")[2].partition(";")[0]
+
+
+def test_port_80_and_ipv6_are_told_apart_from_others():
+    gate = gate_of("127.0.0.1", 80, "secret-token")
+    for host in ("127.0.0.1", "127.0.0.1:80", "localhost", "[::1]:80", "[::1]"):
+        assert gate.refusal(PageRequest("/?token=secret-token", [host])) is None
+    for host in ("127.0.0.1:7644", "", ":80", "[::1", "a]:80", "127.0.0.1:", "127.0.0.1:x"):
+        assert gate.refusal(PageRequest("/?token=secret-token", [host])) is not None
+    cookie = [f"{gate.cookie}=secret-token"]
+    page = PageRequest(gate.path, ["127.0.0.1"], ["http://127.0.0.1"], cookie, websocket=True)
+    assert gate.refusal(page) is None
+    lab = gate_of("fd00::7", 7644, "secret-token")
+    assert lab.refusal(PageRequest("/?token=secret-token", ["[fd00::7]:7644"])) is None
+    assert lab.refusal(PageRequest("/?token=secret-token", ["[fd00::8]:7644"])) is not None
+    assert link_of(lab, "fd00::7") == "http://[fd00::7]:7644/?token=secret-token"
+    assert link_of(lab, "::").startswith("http://[::1]:7644/")
+    assert link_of(lab, "::1").startswith("http://[::1]:7644/")
+
+
+@pytest.mark.parametrize("host", ["", " "])
+def test_nobody_listens_to_the_whole_network_unasked(host):
+    with pytest.raises(ValueError, match="--host is empty"):
+        open_server(host, 0, "secret-token")

@@ -107,5 +107,10 @@ def test_a_board_that_was_reset_is_seen():
     reset = power_up(Board(Newest(3_000_000)), 1060.0)  # pyright: ignore
     with pytest.raises(NotHomed, match="reset"):
         one.check(RIG, reset, datetime.now(UTC) + timedelta(seconds=60))
+    later = datetime.now(UTC) + timedelta(days=400)  # the wall clock was set meanwhile
+    with pytest.raises(NotHomed, match="reset"):
+        one.check(RIG, reset, later)
+    with pytest.raises(NotHomed, match="reset"):  # the host was started anew
+        one.check(RIG, power_up(Board(Newest(20_000_000)), 999.0), later)  # pyright: ignore
     assert power_up(Board(None)) is None  # pyright: ignore
     assert CLOCK_TURN_S > 4000

@@ -16,6 +16,7 @@ from rig.hardware.network import remote_wire as wire
 from rig.hardware.network.client_watchdog import HOLD_S, ClientWatchdog
 from rig.hardware.network.link_clock import LinkClock
 from rig.hardware.network.remote import LONGEST_ROUND_TRIP_S, RemoteTable
+from rig.hardware.network.serve import Server
 from rig.hardware.network.token_file import make_token, read_token
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig, Servo
@@ -415,6 +416,12 @@ def test_nobody_there_other_versions_other_encoders_are_named():
         RemoteTable("127.0.0.1", port, TOKEN, Wiring())
     with served(CLEAN) as one, pytest.raises(ValueError, match="encoder_counts_per_rev"):
         one.open(wiring=Wiring(counts_per_rev=1024))
+
+
+def test_an_empty_host_is_not_every_address():
+    table = SimulatedTable(CLEAN, np.random.default_rng(1))
+    with pytest.raises(ValueError, match="--host is empty"):
+        Server(table, TOKEN, servo=CLEAN.servo, host="", port=0)
 
 
 def test_token_files(tmp_path: Path):

@@ -1,0 +1,32 @@
+"""A part of the campaign of damages; the whole is tests/benchmarks/damage_campaign.py."""
+
+import numpy as np
+
+from experiments.records.samples_file import RECORD, read_samples
+from tests.benchmarks.damage_campaign import DAMAGES, campaign, recording
+
+
+def test_no_row_that_a_damage_left_whole_is_lost():
+    results = campaign(48, 7)
+    assert {one.kind for one in results} == set(DAMAGES)
+    assert not [one for one in results if one.lost or one.raised]
+    assert sum(one.found for one in results) > 0.9 * sum(one.whole for one in results) > 5000
+
+
+def test_a_row_without_its_end_does_not_swallow_the_next(tmp_path):
+    original = recording(tmp_path / "run", finished=False, seed=1)
+    begin, end = original.places[100]
+    for missing in (1, 2, 7, 300):
+        found = read_samples(original.content[: end - missing] + original.content[end:])
+        wanted = np.delete(original.rows, 100, axis=0)
+        assert found.rows.tobytes() == wanted.tobytes()
+        assert found.unread == RECORD.itemsize - missing
+    assert end - begin == RECORD.itemsize
+
+
+def test_rows_are_known_without_their_declaration(tmp_path):
+    original = recording(tmp_path / "run", finished=False, seed=2)
+    name = original.content.index(b"rig.Sample")
+    bad = bytearray(original.content)
+    bad[name + 4 : name + 10] = b"Damage"
+    assert read_samples(bytes(bad)).rows.tobytes() == original.rows.tobytes()

@@ -1,0 +1,102 @@
+"""The real firmware under a program that asks for whatever drives the arms furthest."""
+
+from math import ceil, degrees, pi, sin
+
+import numpy as np
+import pytest
+
+from rig.hardware.board.wire import (
+    LATE_TICK,
+    VERSION,
+    Arm,
+    Command,
+    ConfigAnswer,
+    ConfigRequest,
+    Parser,
+    Telemetry,
+    encode,
+)
+from rig.parameters import Rig, Servo
+from rig.plant import plant, plant_record
+from tests.support.boards.chip import Chip
+from tests.support.boards.host import HostBoard
+
+LIMIT = 341  # counts: 30 degrees
+COUNT_RAD = 2 * pi / 4096
+# The frequency [1/s] at which a sine of full volts reaches furthest beyond the limit, of a search
+# from 0.3 to 12 1/s; what stays within a quarter of a degree of it is no worse.
+WORST = {0.01: 1.0, 0.025: 0.7, 0.06: 0.3, 0.1: 0.5, 0.2: 0.5, 0.5: 1.0}
+
+
+def beyond_deg(board, tau_s: float, asked, seconds: float) -> float:
+    """How far arm x passes its limit [degrees] while a program asks for asked(t) volts."""
+    rig = Rig(servo=Servo(time_constant_s=tau_s))
+    parser, found = Parser(), []
+    request = ConfigRequest(VERSION, 7, 2, 1, 0, 0, 4096, LIMIT, 6000, ceil(1000 * tau_s), 9180)
+    for packet in (None, request):
+        if packet is not None:
+            board.receive(encode(packet))
+        for _ in range(20):
+            board.run_ms((0, 0))
+            found += parser.feed(board.take())
+    (token,) = (packet.token for packet in found if isinstance(packet, ConfigAnswer))
+    board.receive(encode(Arm(token, 0)))
+    p, s, history = plant_record.pack(rig), plant.rest(), plant_record.no_volts(rig)
+    widest, nothing = 0.0, np.full(7, np.nan)
+    for k in range(round(1000 * seconds)):
+        if k % 2 == 0:
+            mV = round(1000 * asked(1e-3 * k))
+            board.receive(encode(Command(k // 2 + 1, 20, mV, -mV)))
+        count = round(s[plant.ARM, 0] / COUNT_RAD)
+        board.run_ms((count, -count))
+        for packet in parser.feed(board.take()):
+            assert isinstance(packet, Telemetry)
+            assert not packet.flags & LATE_TICK
+        history[1:] = history[:-1].copy()
+        history[0] = board.volts()[0], 0.0
+        plant.advance(s, p, history, 1e-3 * k, 1e-3, 0.0, 0.0, True, np.inf, nothing)
+        widest = max(widest, abs(s[plant.ARM, 0]))
+    return degrees(widest - LIMIT * COUNT_RAD)
+
+
+def sine(hertz: float):
+    return lambda t_s: 6.0 * sin(2 * pi * hertz * t_s)
+
+
+@pytest.mark.parametrize(
+    "tau_s", [0.025, *(pytest.param(t, marks=pytest.mark.slow) for t in WORST)]
+)
+def test_on_the_chip_an_arm_passes_its_limit_by_half_a_degree_at_most(tau_s: float):
+    full = beyond_deg(Chip(), tau_s, lambda t_s: 6.0, 1.0 if tau_s == 0.025 else 3.0)
+    assert -0.5 < full < 0.5  # the angles up to the limit can be used
+    if tau_s != 0.025:
+        assert beyond_deg(Chip(), tau_s, sine(WORST[tau_s]), 3.0) < 0.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tau_s", WORST)
+def test_at_no_frequency_does_an_arm_pass_its_limit_by_more(tau_s: float):
+    found = {}
+    for hertz in (0.3, 0.5, 0.7, 1.0, 1.3, 1.6, 2.0, 2.5, 3.0, 4.0, 6.0, 8.0, 12.0):
+        found[hertz] = beyond_deg(HostBoard(), tau_s, sine(hertz), max(2.0, 2.5 / hertz))
+    assert max(found.values()) < 0.5
+    assert found[WORST[tau_s]] > max(found.values()) - 0.25
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("wrong", [0.8, 1.25])
+def test_a_servo_that_was_measured_badly_stops_before_its_stop(wrong: float):
+    """Its time constant is a quarter longer, or a fifth shorter, than the board was told."""
+
+    class Told(HostBoard):
+        def receive(self, data: bytes) -> None:
+            for packet in Parser().feed(data):
+                if isinstance(packet, ConfigRequest):
+                    packet = ConfigRequest(
+                        *(packet.version, packet.nonce, packet.period_ms, packet.wired),
+                        *(0, 0, 4096, LIMIT, 6000, round(packet.time_constant_ms / wrong), 9180),
+                    )
+                super().receive(encode(packet))
+
+    for tau_s in (0.025, 0.1):
+        assert beyond_deg(Told(), tau_s, lambda t_s: 6.0, 3.0) < 2.5  # the stop is 5 degrees away
