@@ -28,6 +28,7 @@ import numpy as np
 from vision.frames import Frame
 from vision.sources.sources import open_source
 from vision.tracking.tracker import Tracker
+from vision.tracking.whole_film import WholeFilm
 
 CELL = (320, 240)
 PICTURES = 8  # of a film in the contact sheet
@@ -61,7 +62,7 @@ class Case:
 
 @dataclass
 class Score:
-    """Places by frame that a method gave, its CPU time per frame [s] and times of the frames [s]."""
+    """A method's places by frame, its CPU time per frame [s] and the frames' times [s]."""
 
     places: dict[int, Place]
     cpu_s: float
@@ -129,15 +130,19 @@ def ours_live(case: Case) -> Score:
 
 def ours_file(case: Case) -> Score:
     """As `rig track` follows a file; its CPU time includes decoding."""
-    from experiments.track.track import learn_appearance
-
     start = time.process_time()
-    tracker = Tracker(appearance=learn_appearance(case.film))
-    score = _run(
-        case, lambda f: (t.u_px, t.v_px) if (t := tracker.step(f)).state == "track" else None
-    )
-    score.cpu_s = (time.process_time() - start) / max(len(score.places), 1)
-    return score
+    times: dict[int, float] = {}
+
+    def frames() -> Iterator[Frame]:
+        with open_source(case.film) as source:
+            for frame in source:
+                times[frame.index] = frame.t_s
+                yield frame
+
+    tracks = WholeFilm(frames).tracks
+    cpu_s = (time.process_time() - start) / max(len(tracks), 1)
+    places = {k: (t.u_px, t.v_px) if t.state == "track" else None for k, t in tracks.items()}
+    return Score(places, cpu_s, times)
 
 
 def _run(case: Case, locate: Callable[[Frame], Place]) -> Score:
@@ -163,10 +168,8 @@ def hsv_moments(case: Case) -> Score:
                 disc = np.zeros(frame.image.shape[:2], np.uint8)
                 cv2.circle(disc, (round(u), round(v)), max(1, round(r)), 255, -1)
                 hsv = cv2.cvtColor(frame.image, cv2.COLOR_BGR2HSV)[disc > 0]
-                low, high = (
-                    np.percentile(hsv, 5, 0) - (8, 40, 40),
-                    np.percentile(hsv, 95, 0) + (8, 40, 40),
-                )
+                slack = np.array((8.0, 40.0, 40.0))
+                low, high = np.percentile(hsv, 5, 0) - slack, np.percentile(hsv, 95, 0) + slack
 
     def locate(frame: Frame) -> Place:
         mask = cv2.inRange(cv2.cvtColor(frame.image, cv2.COLOR_BGR2HSV), low, high)

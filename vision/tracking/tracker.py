@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from vision.detection.appearance import Appearance
 from vision.detection.detector import REACH, Detection, locate_ball
 from vision.detection.streaks_and_mirrors import locate_streak, mirror_silhouette
 from vision.frames import Frame, Track
-from vision.tracking.acquisition import Acquisition
+from vision.tracking.acquisition import Acquisition, Known
 from vision.tracking.candidates import (
     DISTRACTOR_LIMIT,
     DiscCandidate,
@@ -29,6 +30,7 @@ from vision.tracking.candidates import (
 )
 from vision.tracking.gate import TELLING_FILL, is_plausible
 from vision.tracking.kinematics import ImageMotion, gate_radii
+from vision.tracking.sightings import bounds_of, surest_disc
 from vision.tracking.static_distractors import StaticDistractors
 
 COAST_S = 0.100
@@ -44,16 +46,16 @@ INNER_SHARE = (
 SWOLLEN_SHARE = 0.1  # share of the radius by which no blur makes a ball larger
 ADAPT_SHARE = 0.03  # of every whole view of the ball, into its size
 ADAPT_EVERY, APPEARANCE_SHARE = 4, 0.1  # and of every fourth into its appearance
-# An appearance that was learned by motion and not seen for so long may have been a hand's.
-RELEARN_AFTER_S = 1.0
 
 
 class Tracker:
     """Follows one ball frame by frame.
 
-    `appearance`: the ball's; None: the ball is the round thing that moves, and its appearance is
-    learned from it. `radius_px` (min, max) bounds its radius; `mask` (h, w) uint8 is nonzero where
-    it can be. The attribute `appearance` is the one tracked by at present (None: not yet known).
+    `appearance`: the ball's; None: the ball is the round thing that moves or, at rest, stands out,
+    and its appearance is learned from it. `radius_px` (min, max) bounds its radius; `mask` (h, w)
+    uint8 is nonzero where it can be; `ball_at` (u, v) or (u, v, radius) px: where it is in the
+    first frame; `seeks`: what is sought while there is none, any ball, one of the same colour, or
+    nothing. The attribute `appearance` is the one tracked by at present (None: not yet known).
     """
 
     def __init__(
@@ -62,13 +64,15 @@ class Tracker:
         appearance: Appearance | None = None,
         radius_px: tuple[float, float] | None = None,
         mask: np.ndarray | None = None,
+        ball_at: tuple[float, ...] | None = None,
+        seeks: Literal["any", "same", "nothing"] = "any",
     ) -> None:
         self.appearance = appearance
         self._given_bounds = radius_px
         self._mask = mask
-        # A ball whose appearance is not known from images may be found by its motion, too.
-        self._self_taught = appearance is None or not appearance.learned
-        self._asked = appearance
+        self._ball_at = ball_at
+        self._seeks = seeks
+        self._asked = None if appearance is None or appearance.learned else appearance
         self._acquisition: Acquisition | None = None
         self._motion: ImageMotion | None = None
         self._radius_px = math.nan
@@ -96,6 +100,11 @@ class Tracker:
         image = frame.image
         if self._distractors is None:
             self._distractors = StaticDistractors((image.shape[0], image.shape[1]))
+        told, self._ball_at = self._ball_at, None
+        if told is not None:
+            track = self.start_at(frame, *told)
+            if track is not None:
+                return track
         found = self._measure(frame)
         if found is not None and self._motion is not None:
             return self._accept(frame, found)
@@ -107,6 +116,43 @@ class Tracker:
             if found is not None:
                 return self._accept(frame, found)
         return Track(self._state)
+
+    def start_at(
+        self, frame: Frame, u_px: float, v_px: float, radius_px: float | None = None
+    ) -> Track | None:
+        """Track the ball from this place on, whatever was tracked before; None, and nothing
+        changes, where no disc is there. Without a radius the surest disc about the place is it."""
+        image = frame.image
+        sighting = surest_disc(image, u_px, v_px, radius_px, bounds_of(image, self._given_bounds))
+        if sighting is None:
+            return None
+        if self._distractors is None:
+            self._distractors = StaticDistractors((image.shape[0], image.shape[1]))
+        self._start(frame, sighting.seen, proven=False)
+        return self._accept(frame, sighting.seen)
+
+    def from_known(self) -> Tracker:
+        """A tracker of the same ball that has not seen it yet and seeks no other."""
+        other = Tracker(
+            appearance=self.appearance,
+            radius_px=self._given_bounds,
+            mask=self._mask,
+            seeks="nothing",
+        )
+        other._radius_px, other._distractors = self._radius_px, self._distractors
+        return other
+
+    def _start(self, frame: Frame, found: Detection, *, proven: bool) -> Detection:
+        """Lock on a disc that was recognised without the appearance known so far."""
+        known, place = self.appearance, (found.u_px, found.v_px, found.radius_px)
+        learned = Appearance.learn(frame.image, *place)
+        if known is not None and known.learned and known.fill >= TELLING_FILL:
+            # It may stand in other light for now: what it looked like stays possible.
+            learned = replace(learned, table=np.maximum(learned.table, known.table // 2))
+        self.appearance = learned
+        self._mirrors = found.inside_px > 0.0
+        self._radius_px = found.radius_px
+        return self._lock(frame, found, proven=proven)
 
     def _coast(self, ahead: ImageMotion) -> Track:
         self._state = "coast"
@@ -176,7 +222,7 @@ class Tracker:
         if math.isfinite(self._radius_px):
             slack = 1.0 + RADIUS_SLACK
             return self._radius_px / slack, self._radius_px * slack
-        return self._given_bounds or (4.0, 0.22 * min(image.shape[:2]))
+        return bounds_of(image, self._given_bounds)
 
     def _inside(self, found: Detection) -> bool:
         """Whether its centre is where the ball can be."""
@@ -198,23 +244,31 @@ class Tracker:
     def _search(self, frame: Frame) -> Detection | None:
         """The ball anywhere in the image, by appearance or, while that is unknown, by motion."""
         appearance = self.appearance
+        if self._seeks == "nothing":
+            return None
         if appearance is not None and appearance.fill >= TELLING_FILL:
             self._observe(frame)
             pick = choose_candidate(self._candidates, at_once=appearance.learned)
             if pick is not None:
                 return self._lock(frame, pick.seen, proven=pick.moved)
-            long_lost = self._self_taught and frame.t_s - self._good_s > RELEARN_AFTER_S
-            if appearance.learned and not long_lost:
-                return None
+        if self._seeks == "same":
+            return None
         if self._acquisition is None:
-            self._acquisition = Acquisition(self._given_bounds, self._mask, colour=self._asked)
+            known = None
+            if appearance is not None and math.isfinite(self._radius_px):
+                known = Known(appearance, self._radius_px, self._is_known_still)
+            told = {"colour": self._asked, "known": known}
+            self._acquisition = Acquisition(self._given_bounds, self._mask, **told)
         acquired = self._acquisition.step(frame)
         if acquired is None:
             return None
-        self.appearance, found = acquired
-        self._mirrors = found.inside_px > 0.0
-        self._acquisition, self._radius_px = None, found.radius_px
-        return self._lock(frame, found, proven=True)
+        return self._start(frame, acquired.seen, proven=acquired.moves)
+
+    def _is_known_still(self, seen: Detection) -> bool:
+        """Whether a still thing of the ball's colour lies there, which is not the ball."""
+        distractors = self._distractors
+        assert distractors is not None
+        return distractors.at(seen.u_px, seen.v_px, seen.radius_px) > DISTRACTOR_LIMIT
 
     def _observe(self, frame: Frame) -> None:
         appearance = self.appearance

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 DESK, PLATE, BALL, ARM, LEAF = 0, 1, 2, 3, 4
-FINE = 5  # side of the grid of samples of a pixel that shows an edge
+FINE = 4  # side of the grid of samples of a pixel that shows an edge
 
 
 @njit(cache=True)
@@ -29,26 +29,28 @@ def _noise(x, y, seed):
     return top * (1 - fy) + low * fy
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=True)
 def _marks(x, y, base, marks, out):
-    """Colour of a plane at (x, y): `base` or the last mark (x, y, half, inner, kind, b, g, r) there;
-    kind 0 a square, 1 a disc or, with `inner`, a ring."""
+    """Write the colour of a plane at (x, y) and return its mark, 0 for none: `base` (3,) or the
+    last mark (x, y, half, inner, kind, b, g, r) there; kind 0: a square, 1: a disc or, with
+    `inner`, a ring."""
     out[0], out[1], out[2] = base[0], base[1], base[2]
+    on = 0
     for m in range(marks.shape[0]):
         dx, dy = x - marks[m, 0], y - marks[m, 1]
-        if marks[m, 4] < 0.5:
-            far = max(abs(dx), abs(dy))
-        else:
-            far = math.sqrt(dx * dx + dy * dy)
+        square = marks[m, 4] < 0.5
+        far = max(abs(dx), abs(dy)) if square else math.sqrt(dx * dx + dy * dy)
         if marks[m, 3] <= far < marks[m, 2]:
             out[0], out[1], out[2] = marks[m, 5], marks[m, 6], marks[m, 7]
+            on = m + 1
+    return on
 
 
 @njit(cache=True)
-def _sphere(o, d, c, r):
+def _sphere(ox, oy, oz, dx, dy, dz, cx, cy, cz, r):
     """Distance along the ray to a sphere, or infinity."""
-    x, y, z = o[0] - c[0], o[1] - c[1], o[2] - c[2]
-    b = x * d[0] + y * d[1] + z * d[2]
+    x, y, z = ox - cx, oy - cy, oz - cz
+    b = x * dx + y * dy + z * dz
     q = b * b - (x * x + y * y + z * z - r * r)
     if q < 0.0:
         return math.inf
@@ -57,119 +59,135 @@ def _sphere(o, d, c, r):
 
 
 @njit(cache=True)
-def _capsule(o, d, a, b, r):
-    """Distance along the ray to a capsule from a to b (I. Quilez's intersector), or infinity."""
-    ba, oa = b - a, o - a
-    baba, bard, baoa = np.dot(ba, ba), np.dot(ba, d), np.dot(ba, oa)
-    rdoa, oaoa = np.dot(d, oa), np.dot(oa, oa)
-    qa = baba - bard * bard
-    qb = baba * rdoa - baoa * bard
-    qc = baba * oaoa - baoa * baoa - r * r * baba
+def _capsule(ox, oy, oz, dx, dy, dz, arm):
+    """Distance along the ray to a capsule (I. Quilez's intersector), or infinity."""
+    bx, by, bz = arm[3] - arm[0], arm[4] - arm[1], arm[5] - arm[2]
+    ax, ay, az = ox - arm[0], oy - arm[1], oz - arm[2]
+    r = arm[6]
+    bb, bd = bx * bx + by * by + bz * bz, bx * dx + by * dy + bz * dz
+    ba, da = bx * ax + by * ay + bz * az, dx * ax + dy * ay + dz * az
+    aa = ax * ax + ay * ay + az * az
+    qa = bb - bd * bd
+    qb = bb * da - ba * bd
+    qc = bb * aa - ba * ba - r * r * bb
     h = qb * qb - qa * qc
     if h < 0.0 or qa < 1e-12:
         return math.inf
     t = (-qb - math.sqrt(h)) / qa
-    y = baoa + t * bard
-    if 0.0 < y < baba:
+    y = ba + t * bd
+    if 0.0 < y < bb:
         return t if t > 1e-6 else math.inf
-    return _sphere(o, d, a if y <= 0.0 else b, r)
+    k = 0 if y <= 0.0 else 3
+    return _sphere(ox, oy, oz, dx, dy, dz, arm[k], arm[k + 1], arm[k + 2], r)
 
 
 @njit(cache=True)
-def _ball_colour(n, turn, kind, one, two, out):
-    """Colour of the ball where its outward normal is `n`; `turn` (3, 3) carries it into the ball.
+def _on_ball(nx, ny, nz, dx, dy, dz, s, out):
+    """Write the colour of the ball where its outward normal is n, seen along d.
 
-    kind 0: plain; 1: striped; 2: one half of another colour.
+    Its kinds: 0 plain, 1 striped, 2 one half of another colour, 3 polished: it shows the room
+    above, dark and bright, and what lies about below.
     """
-    x = turn[0, 0] * n[0] + turn[0, 1] * n[1] + turn[0, 2] * n[2]
-    z = turn[2, 0] * n[0] + turn[2, 1] * n[1] + turn[2, 2] * n[2]
+    top, ball, two, turn, kind, light = s[2], s[5], s[6], s[7], s[8], s[11]
+    x = turn[0, 0] * nx + turn[0, 1] * ny + turn[0, 2] * nz
+    z = turn[2, 0] * nx + turn[2, 1] * ny + turn[2, 2] * nz
     other = (kind == 1 and abs(z) < 0.3) or (kind == 2 and x > 0.0)
     for c in range(3):
-        out[c] = two[c] if other else one[c]
+        out[c] = two[c] if other else ball[c]
+    if kind == 3:
+        up = dz - 2.0 * (dx * nx + dy * ny + dz * nz) * nz
+        room = 0.25 + 0.35 * _noise(nx * 3 + 5, ny * 3 + 5, 11)
+        for c in range(3):
+            out[c] = (room if up > 0.0 else 0.7 * top[c]) / (light[0] + light[1])
 
 
 @njit(cache=True)
-def _trace(o, d, s, plate, ball_c, arms, leaf, one, out):
-    """What a ray hits, its linear colour in `out`. `s` holds the scene's numbers, see `cast`."""
-    (desk, desk_marks, top, top_marks, grain, ball, two, turn, kind, gloss, lamp, light) = s
+def _shaded(px, py, pz, what, s, ball_c, cx, cy, cz, arms):
+    """Whether a thing stands between a place and the lamp."""
+    lamp = s[10]
+    lx, ly, lz = lamp[0], lamp[1], lamp[2]
+    near = math.inf
+    if ball_c[3] > 0.0 and what != BALL:
+        near = _sphere(px, py, pz, lx, ly, lz, cx, cy, cz, ball_c[3])
+    for m in range(arms.shape[0]):
+        near = min(near, _capsule(px, py, pz, lx, ly, lz, arms[m]))
+    return near < math.inf
+
+
+@njit(cache=True)
+def _trace(ox, oy, oz, dx, dy, dz, s, plate, ball_c, cx, cy, cz, arms, leaf, out):
+    """Write the linear colour that a ray sees into `out`; what it hits, and on which mark.
+
+    `s` holds the scene's numbers, see `cast`; the ball's centre is (cx, cy, cz).
+    """
     best, what = math.inf, DESK
-    if d[2] < -1e-9:
-        best = (-0.12 - o[2]) / d[2]
-    # The plate: rows of `plate` are its axes x, y, z and its centre.
-    down = plate[2, 0] * d[0] + plate[2, 1] * d[1] + plate[2, 2] * d[2]
-    px = py = 0.0
+    if dz < -1e-9:
+        best = (-0.12 - oz) / dz
+    down = plate[2, 0] * dx + plate[2, 1] * dy + plate[2, 2] * dz
+    ax = ay = 0.0
     if down < -1e-9:
-        rel = plate[3] - o
-        t = np.dot(plate[2], rel) / down
-        hit = o + t * d - plate[3]
-        px, py = np.dot(plate[0], hit), np.dot(plate[1], hit)
-        if 0.0 < t < best and max(abs(px), abs(py)) < plate[4, 0]:
+        rx, ry, rz = plate[3, 0] - ox, plate[3, 1] - oy, plate[3, 2] - oz
+        t = (plate[2, 0] * rx + plate[2, 1] * ry + plate[2, 2] * rz) / down
+        hx, hy, hz = t * dx - rx, t * dy - ry, t * dz - rz
+        ax = plate[0, 0] * hx + plate[0, 1] * hy + plate[0, 2] * hz
+        ay = plate[1, 0] * hx + plate[1, 1] * hy + plate[1, 2] * hz
+        if 0.0 < t < best and max(abs(ax), abs(ay)) < plate[4, 0]:
             best, what = t, PLATE
     r = ball_c[3]
     if r > 0.0:
-        t = _sphere(o, d, ball_c[:3], r)
+        t = _sphere(ox, oy, oz, dx, dy, dz, cx, cy, cz, r)
         if t < best:
             best, what = t, BALL
-    which = -1
+    which = 0
     for m in range(arms.shape[0]):
-        t = _capsule(o, d, arms[m, 0:3], arms[m, 3:6], arms[m, 6])
+        t = _capsule(ox, oy, oz, dx, dy, dz, arms[m])
         if t < best:
             best, what, which = t, ARM, m
     if leaf[3] > 0.0:
-        t = (leaf[2] - o[2]) / d[2]
-        x, y = o[0] + t * d[0] - leaf[0], o[1] + t * d[1] - leaf[1]
+        t = (leaf[2] - oz) / dz
+        x, y = ox + t * dx - leaf[0], oy + t * dy - leaf[1]
         a = math.atan2(y, x) + leaf[4]
         wide = leaf[3] * (0.62 + 0.3 * math.cos(2 * a) + 0.12 * math.cos(5 * a + 1.0))
         if 0.0 < t < best and x * x + y * y < wide * wide:
             best, what = t, LEAF
-    p = o + best * d
-    n = np.array((0.0, 0.0, 1.0))
-    shine = 0.0
+    px, py, pz = ox + best * dx, oy + best * dy, oz + best * dz
+    lamp, light = s[10], s[11]
+    nx, ny, nz = 0.0, 0.0, 1.0
+    shine, shade, mark = 0.0, 1.0, 0
     if what == DESK:
-        _marks(p[0], p[1], desk, desk_marks, out)
-        shade = 0.7 + 0.6 * _noise(p[0] * 60.0, p[1] * 14.0, 7) * _noise(p[0] * 9, p[1] * 9, 3)
-        out *= shade
+        mark = _marks(px, py, s[0], s[1], out)
+        shade = 0.7 + 0.6 * _noise(px * 60.0, py * 14.0, 7) * _noise(px * 9, py * 9, 3)
     elif what == PLATE:
-        n = plate[2].copy()
-        _marks(px, py, top, top_marks, out)
-        out *= 1.0 + grain * (_noise(px * 300, py * 90, 1) + _noise(px * 40, py * 40, 5) - 1.0)
+        nx, ny, nz = plate[2, 0], plate[2, 1], plate[2, 2]
+        mark = _marks(ax, ay, s[2], s[3], out)
+        shade = 1.0 + s[4] * (_noise(ax * 300, ay * 90, 1) + _noise(ax * 40, ay * 40, 5) - 1.0)
     elif what == BALL:
-        n = (p - ball_c[:3]) / r
-        _ball_colour(n, turn, kind, ball, two, out)
-        if kind == 3:  # polished: the room above, dark and bright, and what lies about below
-            up = n[2] * 2 * (d[0] * n[0] + d[1] * n[1] + d[2] * n[2])
-            z = d[2] - up
-            _marks(9.0, 9.0, top, top_marks[:0], out)
-            room = 0.25 + 0.35 * _noise(n[0] * 3 + 5, n[1] * 3 + 5, 11)
-            out *= 0.7
-            if z > 0.0:
-                out[:] = room
-        half = lamp - d
-        half /= math.sqrt(np.dot(half, half))
-        shine = gloss * max(0.0, np.dot(n, half)) ** 60
+        nx, ny, nz = (px - cx) / r, (py - cy) / r, (pz - cz) / r
+        _on_ball(nx, ny, nz, dx, dy, dz, s, out)
+        hx, hy, hz = lamp[0] - dx, lamp[1] - dy, lamp[2] - dz
+        along = (nx * hx + ny * hy + nz * hz) / math.sqrt(hx * hx + hy * hy + hz * hz)
+        shine = s[9] * max(0.0, along) ** 60
     elif what == ARM:
-        a, b = arms[which, 0:3], arms[which, 3:6]
-        ba = b - a
-        h = min(max(np.dot(p - a, ba) / max(np.dot(ba, ba), 1e-12), 0.0), 1.0)
-        n = (p - a - h * ba) / arms[which, 6]
-        out[0], out[1], out[2] = arms[which, 7], arms[which, 8], arms[which, 9]
-        out *= 0.85 + 0.3 * _noise(p[0] * 150, p[1] * 150, 2)
+        arm = arms[which]
+        bx, by, bz = arm[3] - arm[0], arm[4] - arm[1], arm[5] - arm[2]
+        h = (px - arm[0]) * bx + (py - arm[1]) * by + (pz - arm[2]) * bz
+        h = min(max(h / (bx * bx + by * by + bz * bz), 0.0), 1.0)
+        nx, ny, nz = px - arm[0] - h * bx, py - arm[1] - h * by, pz - arm[2] - h * bz
+        nx, ny, nz = nx / arm[6], ny / arm[6], nz / arm[6]
+        out[0], out[1], out[2] = arm[7], arm[8], arm[9]
+        shade = 0.85 + 0.3 * _noise(px * 150, py * 150, 2)
     else:
         out[0], out[1], out[2] = leaf[5], leaf[6], leaf[7]
-    direct = max(0.0, np.dot(n, lamp))
+    direct = max(0.0, nx * lamp[0] + ny * lamp[1] + nz * lamp[2])
     if direct > 0.0 and what != ARM and what != LEAF:
-        start = p + 1e-5 * n
-        if r > 0.0 and what != BALL and _sphere(start, lamp, ball_c[:3], r) < math.inf:
+        x, y, z = px + 1e-5 * nx, py + 1e-5 * ny, pz + 1e-5 * nz
+        if _shaded(x, y, z, what, s, ball_c, cx, cy, cz, arms):
             direct = 0.0
-        for m in range(arms.shape[0]):
-            if _capsule(start, lamp, arms[m, 0:3], arms[m, 3:6], arms[m, 6]) < math.inf:
-                direct = 0.0
-    if what == BALL and kind == 3:
-        direct, out[:] = 1.0, out / (light[0] + light[1])
-    gain = light[0] + light[1] * direct
-    out *= gain
-    out += shine * light[1]
-    return what
+    if what == BALL and s[8] == 3:
+        direct = 1.0
+    for c in range(3):
+        out[c] = out[c] * shade * (light[0] + light[1] * direct) + shine * light[1]
+    return what + 8 * mark
 
 
 @njit(cache=True)
@@ -181,69 +199,73 @@ def cast(size, camera, focal, s, plate, ball_c, sweep, arms, leaf):
     turn (3, 3), its kind, gloss, direction of the lamp (3,), light (ambient, direct). `plate`
     (5, 3): axes x, y, z, centre, (half side, 0, 0); `ball_c` (4,): centre and radius, 0 for none;
     `sweep` (3,): the ball's path while exposed [m]; `arms` (n, 10): capsules a, b, radius, bgr;
-    `leaf` (8,): place, size (0: none), angle, bgr.
+    `leaf` (8,): place, size (0: none), angle, bgr. A pixel in which anything changes is the mean of
+    FINE^2 rays, each at its own instant of the exposure.
     """
     w, h = size
     image = np.empty((h, w, 3))
-    what = np.empty((h, w), np.int8)
-    out = np.empty(3)
-    o = camera[3].copy()
+    what = np.empty((h, w), np.int16)
+    out, total = np.empty(3), np.empty(3)
+    ox, oy, oz = camera[3, 0], camera[3, 1], camera[3, 2]
+    bx, by, bz = ball_c[0], ball_c[1], ball_c[2]
     for i in range(h):
         for j in range(w):
-            d = _ray(camera, focal, j - 0.5 * (w - 1), i - 0.5 * (h - 1))
-            what[i, j] = _trace(o, d, s, plate, ball_c, arms, leaf, 1.0, out)
-            image[i, j] = out
-    u, v, reach = _swept(camera, focal, ball_c, sweep, w, h)
-    shown = 0.0
-    moved = ball_c.copy()
+            dx, dy, dz = _ray(camera, focal, j - 0.5 * (w - 1), i - 0.5 * (h - 1))
+            what[i, j] = _trace(
+                ox, oy, oz, dx, dy, dz, s, plate, ball_c, bx, by, bz, arms, leaf, out
+            )
+            for c in range(3):
+                image[i, j, c] = out[c]
+    u, v, core, reach = _swept(camera, focal, ball_c, sweep, w, h)
+    shown, many = 0.0, FINE * FINE
     for i in range(h):
         for j in range(w):
-            near = (i - v) ** 2 + (j - u) ** 2 < reach * reach
-            edge = near
+            far = (i - v) ** 2 + (j - u) ** 2
+            edge = core * core < far < reach * reach
             for k in range(9):
                 ii, jj = min(max(i + k // 3 - 1, 0), h - 1), min(max(j + k % 3 - 1, 0), w - 1)
                 edge |= what[ii, jj] != what[i, j]
-            if not edge and what[i, j] != BALL:
-                # Marks have edges too: neighbours that differ by more than grain.
-                for k in range(4):
-                    ii, jj = min(i + (k == 0), h - 1), min(j + (k == 1), w - 1)
-                    edge |= abs(image[ii, jj, 1] - image[i, j, 1]) > 0.04
             if not edge:
-                shown += what[i, j] == BALL
+                shown += what[i, j] % 8 == BALL
                 continue
-            total = np.zeros(3)
-            for k in range(FINE * FINE):
+            total[:] = 0.0
+            for k in range(many):
                 x = j - 0.5 * (w - 1) + (k % FINE + 0.5) / FINE - 0.5
                 y = i - 0.5 * (h - 1) + (k // FINE + 0.5) / FINE - 0.5
-                # Each sample at its own instant of the exposure, in an order that no line shares.
-                share = ((k * 7 + i * 3 + j * 11) % (FINE * FINE) + 0.5) / (FINE * FINE) - 0.5
+                at = ((k * 7 + i * 3 + j * 11) % many + 0.5) / many - 0.5
+                dx, dy, dz = _ray(camera, focal, x, y)
+                cx, cy, cz = bx + at * sweep[0], by + at * sweep[1], bz + at * sweep[2]
+                hit = _trace(ox, oy, oz, dx, dy, dz, s, plate, ball_c, cx, cy, cz, arms, leaf, out)
+                shown += (hit % 8 == BALL) / many
                 for c in range(3):
-                    moved[c] = ball_c[c] + share * sweep[c]
-                d = _ray(camera, focal, x, y)
-                hit = _trace(o, d, s, plate, moved, arms, leaf, 1.0, out)
-                shown += (hit == BALL) / (FINE * FINE)
-                total += out
-            image[i, j] = total / (FINE * FINE)
+                    total[c] += out[c]
+            for c in range(3):
+                image[i, j, c] = total[c] / many
     return image, shown
 
 
 @njit(cache=True)
 def _ray(camera, focal, x, y):
-    d = camera[2] * focal + camera[0] * x + camera[1] * y
-    return d / math.sqrt(np.dot(d, d))
+    """Direction (unit) of the ray through (x, y) px from the image's centre."""
+    dx = camera[2, 0] * focal + camera[0, 0] * x + camera[1, 0] * y
+    dy = camera[2, 1] * focal + camera[0, 1] * x + camera[1, 1] * y
+    dz = camera[2, 2] * focal + camera[0, 2] * x + camera[1, 2] * y
+    n = 1.0 / math.sqrt(dx * dx + dy * dy + dz * dz)
+    return dx * n, dy * n, dz * n
 
 
 @njit(cache=True)
 def _swept(camera, focal, ball_c, sweep, w, h):
-    """(u, v, reach) px about the ball within which its edge can lie while exposed."""
-    rel = ball_c[:3] - camera[3]
-    z = np.dot(camera[2], rel)
-    if ball_c[3] <= 0.0 or z <= 0.0:
-        return -1e9, -1e9, 0.0
-    u = focal * np.dot(camera[0], rel) / z + 0.5 * (w - 1)
-    v = focal * np.dot(camera[1], rel) / z + 0.5 * (h - 1)
-    far = math.sqrt(np.dot(sweep, sweep))
-    return u, v, 1.2 * focal * (ball_c[3] + 0.5 * far) / z + 2.0
+    """(u, v, core, reach) px: between core and reach lies the ball's edge while exposed."""
+    x, y, z = ball_c[0] - camera[3, 0], ball_c[1] - camera[3, 1], ball_c[2] - camera[3, 2]
+    ahead = camera[2, 0] * x + camera[2, 1] * y + camera[2, 2] * z
+    if ball_c[3] <= 0.0 or ahead <= 0.0:
+        return -1e9, -1e9, 0.0, 0.0
+    u = focal * (camera[0, 0] * x + camera[0, 1] * y + camera[0, 2] * z) / ahead + 0.5 * (w - 1)
+    v = focal * (camera[1, 0] * x + camera[1, 1] * y + camera[1, 2] * z) / ahead + 0.5 * (h - 1)
+    r = focal * ball_c[3] / ahead
+    far = 0.5 * focal * math.sqrt(sweep[0] ** 2 + sweep[1] ** 2 + sweep[2] ** 2) / ahead
+    return u, v, max(0.0, 0.9 * r - far - 2.0), 1.2 * r + far + 2.0
 
 
 def silhouette(camera, focal, size, centre, radius):

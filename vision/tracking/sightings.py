@@ -1,0 +1,131 @@
+"""What round things can be seen in an image, whatever they are, and how sure is each?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from vision.detection.appearance import Appearance
+from vision.detection.detector import Detection, locate_ball
+from vision.detection.hough_circles import circles_of_any_size
+from vision.detection.streaks_and_mirrors import mirror_silhouette
+from vision.tracking.gate import is_plausible, outline_significance
+
+LARGEST_SHARE = 0.4  # of the image's shorter side: the radius of the largest ball looked for
+SMALLEST_PX = 3.5
+# Below this an outline is as likely chance: grain and noise give it up to 6, a ball of 5 px with
+# twice the contrast of a plate's grain 7 and more.
+LEAST_SIGNIFICANCE = 7.0
+
+
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """A round thing seen in one frame: its disc, how it looks there, and the evidence for it.
+
+    `evidence` is the logarithm of its outline's significance, times the share of the outline that
+    was seen; 0 and less is none.
+    """
+
+    seen: Detection
+    appearance: Appearance
+    evidence: float
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """(u, v) px."""
+        return self.seen.u_px, self.seen.v_px
+
+    def far(self, other: Sighting) -> float:
+        """Distance of the centres (px)."""
+        return math.dist(self.place, other.place)
+
+
+def bounds_of(image: np.ndarray, asked: tuple[float, float] | None) -> tuple[float, float]:
+    """Bounds (min, max) px of the radius in an image (h, w, 3): those `asked` for, or any."""
+    return asked or (SMALLEST_PX, LARGEST_SHARE * min(image.shape[:2]))
+
+
+def round_things(
+    image: np.ndarray,
+    bounds_px: tuple[float, float],
+    *,
+    at_most: int = 10,
+    due: Callable[[int], bool] = lambda pixels: True,
+) -> list[Sighting]:
+    """The round things in an image (h, w, 3) uint8 BGR with a radius within `bounds_px`, the
+    surest first; `at_most` of every octave of radii, `due` as for `circles_of_any_size`."""
+    found: list[Sighting] = []
+    for c in circles_of_any_size(image, bounds_px, at_most=at_most, due=due):
+        sighting = sight(image, c.u_px, c.v_px, c.radius_px, bounds_px)
+        if sighting is not None:
+            found.append(sighting)
+    kept: list[Sighting] = []
+    for s in sorted(found, key=lambda s: -s.evidence):
+        if all(s.far(k) > 0.5 * max(s.seen.radius_px, k.seen.radius_px) for k in kept):
+            kept.append(s)
+    return kept
+
+
+def sight(
+    image: np.ndarray, u_px: float, v_px: float, radius_px: float, bounds_px: tuple[float, float]
+) -> Sighting | None:
+    """The round thing about a circle (px) in an image (h, w, 3) uint8 BGR, if there is one."""
+    appearance = Appearance.sketch(image, u_px, v_px, radius_px)
+    # A rough circle shows half the contrast or more.
+    if outline_significance(appearance.separation, radius_px) < 0.5 * LEAST_SIGNIFICANCE:
+        return None
+    found = locate_ball(image, appearance, u_px, v_px, radius_px)
+    about = (max(bounds_px[0], 0.7 * radius_px), min(bounds_px[1], 1.4 * radius_px))
+    if found is None or not is_plausible(found, appearance, about, strict=True):
+        return None
+    appearance, found = _outermost(image, appearance, found, bounds_px[1])
+    appearance = Appearance.sketch(image, found.u_px, found.v_px, found.radius_px)
+    significance = outline_significance(appearance.separation, found.radius_px)
+    if significance < LEAST_SIGNIFICANCE:
+        return None
+    silhouette = mirror_silhouette(image, appearance, found)
+    found = silhouette if silhouette is not None else found
+    rough = found.residual_px / max(0.25, 0.05 * found.radius_px)
+    evidence = found.inliers * math.log(significance / LEAST_SIGNIFICANCE + 1.0)
+    return Sighting(found, appearance, evidence * max(0.2, 1.0 - 0.5 * rough))
+
+
+def surest_disc(
+    image: np.ndarray,
+    u_px: float,
+    v_px: float,
+    radius_px: float | None,
+    bounds_px: tuple[float, float],
+) -> Sighting | None:
+    """The surest round thing about a place (px) that somebody pointed at, of a radius near
+    `radius_px` or, without one, of any; None where no disc holds the place."""
+    radii = np.geomspace(*bounds_px, max(2, math.ceil(math.log(bounds_px[1] / bounds_px[0]) / 0.2)))
+    if radius_px is not None:
+        radii = radius_px * np.array((1.0, 0.85, 1.18))
+    found = [sight(image, u_px, v_px, float(r), bounds_px) for r in radii]
+    about = [
+        s for s in found if s is not None and math.dist(s.place, (u_px, v_px)) < s.seen.radius_px
+    ]
+    return max(about, key=lambda s: s.evidence, default=None)
+
+
+def _outermost(
+    image: np.ndarray, appearance: Appearance, found: Detection, largest_px: float
+) -> tuple[Appearance, Detection]:
+    """The largest plausible disc about the same centre: a ball's highlights are round as well."""
+    inner = found
+    for factor in (1.2, 1.4, 1.65, 2.0):
+        radius = factor * inner.radius_px
+        if radius > largest_px:
+            break
+        wider = Appearance.sketch(image, inner.u_px, inner.v_px, radius)
+        disc = locate_ball(image, wider, inner.u_px, inner.v_px, radius, reach=0.2)
+        bounds = (max(1.1 * found.radius_px, 0.85 * radius), 1.15 * radius)
+        if disc is None or not is_plausible(disc, wider, bounds, strict=True):
+            continue
+        if math.hypot(disc.u_px - inner.u_px, disc.v_px - inner.v_px) < 0.2 * inner.radius_px:
+            appearance, found = wider, disc
+    return appearance, found
