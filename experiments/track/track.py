@@ -156,6 +156,7 @@ def _follow(
 
     The table of positions is what counts: where the disk is too small for the film, the film goes.
     """
+    import cv2
     import numpy as np
 
     from experiments.track.film import Overlay
@@ -190,6 +191,8 @@ def _follow(
             rows.writerow(_row(frame, track, view, calibration))
             file.flush()
             drawn = draw_track(frame.image, track, trail, note=f"{frame.index} {frame.t_s:.3f} s")
+            if drawn.shape[1::-1] != source.size:  # a film and a sheet have one size
+                drawn = np.asarray(cv2.resize(drawn, source.size, interpolation=cv2.INTER_AREA))
             film.add(drawn, frame.t_s)
             sheet.add(drawn)
             if progress is not None:

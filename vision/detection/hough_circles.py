@@ -27,6 +27,7 @@ from vision.noise import noise_level
 
 SMALLEST_PX = 3.8  # radius below which a circle has too few edge pixels to be told from chance
 OCTAVE = SMALLEST_PX * np.geomspace(1.0, 2.0, 6)[:5]
+MOST_PIXELS = 2.1e6  # of an image that is searched; a larger one is halved first, to save time
 LEAST_SUPPORT = 0.35  # share of the circumference, chosen below a half: a hand may hide that much
 
 
@@ -117,8 +118,9 @@ def circles_of_any_size(
     """
     found: list[Circle] = []
     scale, small = 1.0, image
-    while SMALLEST_PX * scale <= bounds_px[1] and min(small.shape[:2]) > 4 * SMALLEST_PX:
-        if 2.0 * SMALLEST_PX * scale >= bounds_px[0] and due(small.shape[0] * small.shape[1]):
+    while SMALLEST_PX * scale <= bounds_px[1] and min(small.shape[:2]) > 2.5 * SMALLEST_PX:
+        pixels = small.shape[0] * small.shape[1]
+        if 2.0 * SMALLEST_PX * scale >= bounds_px[0] and pixels < MOST_PIXELS and due(pixels):
             rings = hough_circles(small, OCTAVE, noise=noise_level(small), at_most=at_most)
             found += [
                 Circle(

@@ -1,6 +1,6 @@
 """Which thing is the ball, if nobody has said? Watched live, a few looks a second.
 
-Round things are sought in the whole image ten times a second, whatever the frame rate, and followed
+Round things are sought in the whole image a dozen times a second, at any frame rate, and followed
 (`things`): the ball is the one that travels, or after most of a second at rest the one that stands
 out. The windows are times, so that a film at 250 frames a second is judged as one at 30.
 """
@@ -20,12 +20,12 @@ from vision.frames import Frame
 from vision.tracking.sightings import Sighting, bounds_of, round_things, sight
 from vision.tracking.things import TRAVEL, Thing, Things
 
-LOOK_S = 0.1  # between two looks at the image, so that finding costs little beside tracking
+LOOK_S = 0.08  # between two looks at the image, so that finding costs little beside tracking
 WINDOW_S = 2.0
 LOOKED_AT_EACH = 1e5  # pixels of the largest image that every look searches; larger ones less often
 AT_MOST = 4  # circles of an octave that are looked at more closely
 AGAIN = 6  # known things that are looked for in their place
-MOVES_S, RESTS_S, KNOWN_S = 0.25, 0.7, 0.05  # how long a thing has to be seen to be believed
+MOVES_S, RESTS_S, KNOWN_S = 0.23, 0.6, 0.05  # how long a thing has to be seen to be believed
 # How much better than the next the ball has to be: two equal things cannot be told apart.
 STANDS_OUT, STANDS_OUT_AT_REST = 1.2, 1.5
 LEAST_EVIDENCE = 0.5  # mean over the sightings; grain and specks reach 0.4

@@ -9,13 +9,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from vision.detection.appearance import Appearance
-from vision.detection.detector import Detection, locate_ball
+from vision.detection.detector import Detection
 from vision.detection.hough_circles import circles_of_any_size
-from vision.detection.streaks_and_mirrors import mirror_silhouette
+from vision.detection.streaks_and_mirrors import locate_shrunk, mirror_silhouette
 from vision.tracking.gate import is_plausible, outline_significance
 
-LARGEST_SHARE = 0.4  # of the image's shorter side: the radius of the largest ball looked for
+# Of the image's shorter side: a ball of 0.4 and some slack.
+LARGEST_SHARE = 0.45
 SMALLEST_PX = 3.5
+ROUGHLY_PX = 20.0  # radius at which a disc is judged: a larger one in an image that much smaller
 # Below this an outline is as likely chance: grain and noise give it up to 6, a ball of 5 px with
 # twice the contrast of a plate's grain 7 and more.
 LEAST_SIGNIFICANCE = 7.0
@@ -77,7 +79,8 @@ def sight(
     # A rough circle shows half the contrast or more.
     if outline_significance(appearance.separation, radius_px) < 0.5 * LEAST_SIGNIFICANCE:
         return None
-    found = locate_ball(image, appearance, u_px, v_px, radius_px)
+    step = max(1, int(radius_px / ROUGHLY_PX))
+    found = locate_shrunk(image, appearance, u_px, v_px, radius_px, step)
     about = (max(bounds_px[0], 0.7 * radius_px), min(bounds_px[1], 1.4 * radius_px))
     if found is None or not is_plausible(found, appearance, about, strict=True):
         return None
@@ -122,7 +125,8 @@ def _outermost(
         if radius > largest_px:
             break
         wider = Appearance.sketch(image, inner.u_px, inner.v_px, radius)
-        disc = locate_ball(image, wider, inner.u_px, inner.v_px, radius, reach=0.2)
+        step = max(1, int(radius / ROUGHLY_PX))
+        disc = locate_shrunk(image, wider, inner.u_px, inner.v_px, radius, step)
         bounds = (max(1.1 * found.radius_px, 0.85 * radius), 1.15 * radius)
         if disc is None or not is_plausible(disc, wider, bounds, strict=True):
             continue

@@ -146,6 +146,11 @@ class Tracker:
         """Lock on a disc that was recognised without the appearance known so far."""
         known, place = self.appearance, (found.u_px, found.v_px, found.radius_px)
         learned = Appearance.learn(frame.image, *place)
+        bounds = 0.9 * found.radius_px, 1.1 * found.radius_px
+        sharp = locate_ball(frame.image, learned, *place, reach=0.3)
+        if found.inside_px == 0.0 and is_plausible(sharp, learned, bounds, strict=True):
+            assert sharp is not None
+            found = sharp
         if known is not None and known.learned and known.fill >= TELLING_FILL:
             # It may stand in other light for now: what it looked like stays possible.
             learned = replace(learned, table=np.maximum(learned.table, known.table // 2))
