@@ -17,8 +17,9 @@ from vision.detection.appearance import Appearance
 from vision.detection.detector import Detection
 from vision.detection.pixels import mean_probability
 from vision.frames import Frame
+from vision.tracking.gate import TELLING_FILL
 from vision.tracking.sightings import Sighting, bounds_of, round_things, sight
-from vision.tracking.things import TRAVEL, Thing, Things
+from vision.tracking.things import TRAVEL, UNLIKE_COLOUR, UNLIKE_SIZE, Thing, Things
 
 LOOK_S = 0.08  # between two looks at the image, so that finding costs little beside tracking
 WINDOW_S = 2.0
@@ -26,6 +27,7 @@ LOOKED_AT_EACH = 1e5  # pixels of the largest image that every look searches; la
 AT_MOST = 4  # circles of an octave that are looked at more closely
 AGAIN = 6  # known things that are looked for in their place
 MOVES_S, RESTS_S, KNOWN_S = 0.23, 0.6, 0.05  # how long a thing has to be seen to be believed
+UNLIKE_RESTS_S = 1.8  # where another ball was known before
 # How much better than the next the ball has to be: two equal things cannot be told apart.
 STANDS_OUT, STANDS_OUT_AT_REST = 1.2, 1.5
 LEAST_EVIDENCE = 0.5  # mean over the sightings; grain and specks reach 0.4
@@ -51,19 +53,21 @@ class Known:
     radius_px: float
     is_still: Callable[[Detection], bool]
 
-    def like(self, s: Sighting) -> bool:
-        """Whether a sighting has its size and colour."""
+    def like(self, image: np.ndarray, s: Sighting) -> bool:
+        """Whether a sighting in an image (h, w, 3) has its size and colours."""
         size = abs(math.log(s.seen.radius_px / self.radius_px))
-        colour = np.linalg.norm(s.appearance.ball_bgr - self.appearance.ball_bgr)
-        return bool(size < 0.2 and colour < 40.0)
+        ball, table = self.appearance, self.appearance.table
+        colour = np.linalg.norm(s.appearance.ball_bgr - ball.ball_bgr)
+        fill = mean_probability(image, table, *s.place, 0.0, 0.85 * s.seen.radius_px)
+        own = ball.fill >= TELLING_FILL and fill > 0.65 * ball.fill
+        return bool(size < UNLIKE_SIZE and (colour < UNLIKE_COLOUR or own))
 
 
 class Acquisition:
     """Watches frames until one ball is found; then gives its appearance and place.
 
     `radius_px` (min, max) bounds its radius, `mask` (h, w) uint8 is nonzero where it can be,
-    `colour` is an assumed appearance, which counts in its favour; `known` is the ball that was
-    lost, which is believed sooner than another.
+    `colour` is an assumed appearance, which counts in its favour.
     """
 
     def __init__(
@@ -72,20 +76,27 @@ class Acquisition:
         mask: np.ndarray | None = None,
         *,
         colour: Appearance | None = None,
-        known: Known | None = None,
     ) -> None:
         self._bounds = radius_px
         self._colour = colour
         self._mask = mask
-        self._known = known
+        self._known: Known | None = None
         self._things = Things(window_s=WINDOW_S)
         self._looked_s = -math.inf
         self._looks = 0
 
-    def step(self, frame: Frame) -> Acquired | None:
+    def locked(self, ball: Sighting) -> None:
+        """The ball was found here, by whatever means; what is elsewhere is not the ball."""
+        self._things.ball_is(ball)
+
+    def lost(self, known: Known) -> None:
+        """A ball that is known was lost: it is believed sooner than another."""
+        self._known = known
+
+    def step(self, frame: Frame, *, every_s: float = LOOK_S) -> Acquired | None:
         """The ball in this frame, once it has been recognised, else None; frames come in order of
-        time."""
-        if 0.0 <= frame.t_s - self._looked_s < LOOK_S:
+        time. The image is looked at `every_s`."""
+        if 0.0 <= frame.t_s - self._looked_s < every_s:
             return None
         self._looked_s = frame.t_s
         self._looks += 1
@@ -94,7 +105,7 @@ class Acquisition:
         due = _cadence(self._looks - 1)
         seen = round_things(image, bounds, at_most=AT_MOST, due=due)
         self._things.add(frame.t_s, self._allowed(self._again(image, bounds, seen)))
-        thing = self._choose(max(image.shape[:2]))
+        thing = self._choose(image)
         if thing is None:
             return None
         return Acquired(thing.last.seen, thing.last.appearance, thing.travel(_reach(image)) > 1.0)
@@ -121,27 +132,32 @@ class Acquisition:
             and (known is None or not known.is_still(s.seen))
         ]
 
-    def _choose(self, longer_px: int) -> Thing | None:
-        reach = TRAVEL * longer_px
-        ranked = sorted(self._things.all, key=lambda thing: -self._score(thing, reach))
+    def _choose(self, image: np.ndarray) -> Thing | None:
+        reach = _reach(image)
+        scores = {id(thing): self._score(thing, image) for thing in self._things.all}
+        ranked = sorted(self._things.all, key=lambda thing: -scores[id(thing)])
         if not ranked or ranked[0].missed:
             return None
         best = ranked[0]
         n, lasted = len(best.times), best.times[-1] - best.times[0]
-        next_best = self._score(ranked[1], reach) if len(ranked) > 1 else 0.0
-        lead = self._score(best, reach) / max(next_best, 1e-9)
-        if sum(s.evidence for s in best.sightings) < LEAST_EVIDENCE * n or n < 0.6 * best.looks:
+        lead = scores[id(best)] / (scores[id(ranked[1])] if len(ranked) > 1 else 1e-9)
+        moves = best.travel(reach) > 1.0
+        if sum(s.evidence for s in best.sightings) < LEAST_EVIDENCE * n:
             return None
-        if self._known is not None and self._known.like(best.last):
+        if n < 0.6 * best.looks or (best.other and not moves):
+            return None
+        like = self._known is not None and self._known.like(image, best.last)
+        if like:
             return best if n >= 2 and lasted >= KNOWN_S and lead > STANDS_OUT else None
-        if best.travel(reach) > 1.0:
+        if moves:
             patient = lasted > 2.0 * RESTS_S
             return best if n >= 4 and lasted >= MOVES_S and (lead > STANDS_OUT or patient) else None
-        return best if n >= 4 and lasted >= RESTS_S and lead > STANDS_OUT_AT_REST else None
+        rests_s = RESTS_S if self._known is None else UNLIKE_RESTS_S
+        return best if n >= 4 and lasted >= rests_s and lead > STANDS_OUT_AT_REST else None
 
-    def _score(self, thing: Thing, reach_px: float) -> float:
-        score = thing.score(reach_px)
-        if self._known is not None and self._known.like(thing.last):
+    def _score(self, thing: Thing, image: np.ndarray) -> float:
+        score = thing.score(_reach(image))
+        if self._known is not None and not thing.missed and self._known.like(image, thing.last):
             score *= LIKE
         if self._colour is not None and fits(self._colour, thing.last):
             score *= NAMED

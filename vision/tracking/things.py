@@ -20,18 +20,21 @@ TRAVEL = 0.03
 # and is then known by its place).
 UNLIKE_SIZE, UNLIKE_COLOUR = 0.2, 40.0
 NEAR_RADII, FAR_RADII = 2.0, 6.0
-MOVER = 2.0  # weight of having travelled, against being there: chosen so that a mover wins
+OTHER = 0.1  # weight of a thing that stays where it was while the ball was elsewhere
+MOVER = 3.0  # weight of having travelled, against being there: chosen so that a mover wins
 
 
 @dataclass(eq=False)
 class Thing:
     """A round thing and where it was seen: `times` [s] and `sightings` of equal length; `looks`
-    counts the images since its first, `number` its last one."""
+    counts the images since its first, `missed` those since its last; `other` says that the ball was
+    known to be elsewhere while it was there."""
 
     times: list[float] = field(default_factory=list)
     sightings: list[Sighting] = field(default_factory=list)
     looks: int = 0
     missed: int = 0
+    other: bool = False
 
     @property
     def last(self) -> Sighting:
@@ -44,19 +47,22 @@ class Thing:
         return float(np.median([s.seen.radius_px for s in self.sightings]))
 
     def travel(self, reach_px: float) -> float:
-        """How far it was from its usual place, in units of `reach_px` or of its radius, whichever
-        is longer; the farthest sightings, which may be mistakes, do not count."""
+        """How far it came from where it was at first, in units of half of `reach_px` or of its
+        radius, whichever is longer; the farthest sightings, which may be mistakes, do not count."""
         places = np.array([s.place for s in self.sightings])
-        off = np.sort(np.hypot(*(places - np.median(places, 0)).T))
-        sure = off[-3] if len(off) > 8 else off[-2] if len(off) > 3 else 0.0
+        n = len(places)
+        off = np.sort(np.hypot(*(places - np.median(places[: (n + 1) // 2], 0)).T))
+        sure = off[-2 - n // 10] if n > 3 else 0.0
         return float(sure) / max(0.5 * reach_px, 0.5 * self.radius_px)
 
     def score(self, reach_px: float) -> float:
         """Evidence that it is a ball: that of its outlines, by how steadily it was seen, more if it
         travelled."""
         evidence = sum(s.evidence for s in self.sightings)
-        moved = min(self.travel(reach_px) / 3.0, 1.0) if self.travel(reach_px) > 1.0 else 0.0
-        return evidence * len(self.sightings) / self.looks * (1.0 + MOVER * moved)
+        travel = self.travel(reach_px)
+        moved = min(travel / 2.0, 1.0) if travel > 1.0 else 0.0
+        held = OTHER if self.other and not moved else 1.0
+        return held * evidence * len(self.sightings) / self.looks * (1.0 + MOVER * moved)
 
 
 class Things:
@@ -91,11 +97,21 @@ class Things:
     def _forget(self, t_s: float) -> None:
         for thing in self.all:
             old = sum(t < t_s - self._window_s for t in thing.times)
+            old -= thing.other and old == len(thing.times)  # of those one sighting stays
             if old:
                 # As if it had been looked for since its first sighting that is kept.
                 thing.looks = max(len(thing.times) - old, thing.looks - old)
                 del thing.times[:old], thing.sightings[:old]
         self.all = [thing for thing in self.all if thing.times]
+
+    def ball_is(self, ball: Sighting) -> None:
+        """The ball is here: what is elsewhere is another thing; what was seen counts no more."""
+        for thing in self.all:
+            apart = thing.last.far(ball) > max(thing.radius_px, ball.seen.radius_px)
+            thing.other = apart and (thing.other or len(thing.times) > 1)
+            thing.times, thing.sightings = thing.times[-1:], thing.sightings[-1:]
+            thing.looks, thing.missed = 1, 0
+        self.all = [thing for thing in self.all if thing.other]
 
     def ranked(self, reach_px: float) -> list[Thing]:
         """The things by their score, best first; `reach_px`: what counts as travelling."""

@@ -19,7 +19,7 @@ from vision.detection.appearance import Appearance
 from vision.detection.detector import REACH, Detection, locate_ball
 from vision.detection.streaks_and_mirrors import locate_streak, mirror_silhouette
 from vision.frames import Frame, Track
-from vision.tracking.acquisition import Acquisition, Known
+from vision.tracking.acquisition import LOOK_S, Acquisition, Known
 from vision.tracking.candidates import (
     DISTRACTOR_LIMIT,
     DiscCandidate,
@@ -30,7 +30,7 @@ from vision.tracking.candidates import (
 )
 from vision.tracking.gate import TELLING_FILL, is_plausible
 from vision.tracking.kinematics import ImageMotion, gate_radii
-from vision.tracking.sightings import bounds_of, surest_disc
+from vision.tracking.sightings import Sighting, bounds_of, surest_disc
 from vision.tracking.static_distractors import StaticDistractors
 
 COAST_S = 0.100
@@ -44,6 +44,7 @@ INNER_SHARE = (
     0.92  # share of the radius below which a sharp outline is the image in a mirroring one
 )
 SWOLLEN_SHARE = 0.1  # share of the radius by which no blur makes a ball larger
+WATCH_S = 0.25  # between two looks for a ball that moves while what is tracked has not moved yet
 ADAPT_SHARE = 0.03  # of every whole view of the ball, into its size
 ADAPT_EVERY, APPEARANCE_SHARE = 4, 0.1  # and of every fourth into its appearance
 
@@ -73,7 +74,7 @@ class Tracker:
         self._ball_at = ball_at
         self._seeks = seeks
         self._asked = None if appearance is None or appearance.learned else appearance
-        self._acquisition: Acquisition | None = None
+        self._acquisition = Acquisition(radius_px, mask, colour=self._asked)
         self._motion: ImageMotion | None = None
         self._radius_px = math.nan
         self._distractors: StaticDistractors | None = None
@@ -84,6 +85,7 @@ class Tracker:
         self._state = "search"
         self._good_s = -math.inf
         self._views = 0
+        self._doubted_s = -math.inf
 
     @property
     def radius_px(self) -> float:
@@ -112,6 +114,8 @@ class Tracker:
             return self._coast(self._motion.at(frame.t_s, self._radius_px))
         if self._motion is not None:
             self._motion, self._candidates, self._state = None, [], "lost"
+            assert self.appearance is not None
+            self._acquisition.lost(Known(self.appearance, self._radius_px, self._is_known_still))
             found = self._search(frame)
             if found is not None:
                 return self._accept(frame, found)
@@ -220,7 +224,7 @@ class Tracker:
             found.u_px, found.v_px, self._radius_px, found.sigma_px, frame.t_s
         )
         self._lock_px, self._proven, self._candidates = (found.u_px, found.v_px), proven, []
-        self._acquisition = None
+        self._acquisition.locked(Sighting(found, appearance, 0.0))
         return found
 
     def _bounds(self, image: np.ndarray) -> tuple[float, float]:
@@ -258,12 +262,6 @@ class Tracker:
                 return self._lock(frame, pick.seen, proven=pick.moved)
         if self._seeks == "same":
             return None
-        if self._acquisition is None:
-            known = None
-            if appearance is not None and math.isfinite(self._radius_px):
-                known = Known(appearance, self._radius_px, self._is_known_still)
-            told = {"colour": self._asked, "known": known}
-            self._acquisition = Acquisition(self._given_bounds, self._mask, **told)
         acquired = self._acquisition.step(frame)
         if acquired is None:
             return None
@@ -287,19 +285,22 @@ class Tracker:
         motion, distractors = self._motion, self._distractors
         assert motion is not None
         assert distractors is not None
+        if self._seeks == "any":
+            other = self._acquisition.step(frame, every_s=WATCH_S)
+            if other is not None and other.moves and _apart(other.seen, motion, self._radius_px):
+                return self._start(frame, other.seen, proven=True)
+        if self._seeks == "nothing" or frame.t_s - self._doubted_s < LOOK_S:
+            return found
+        self._doubted_s = frame.t_s
         self._observe(frame)
-        u, v = motion.place
         away = [
             c
             for c in self._candidates
-            if c.misses == 0
-            and c.moved
-            and c.hits >= 3
-            and math.hypot(c.seen.u_px - u, c.seen.v_px - v) > 1.5 * self._radius_px
+            if c.misses == 0 and c.moved and c.hits >= 3 and _apart(c.seen, motion, self._radius_px)
         ]
         if len(away) != 1:
             return found
-        distractors.add(float(u), float(v), self._radius_px)
+        distractors.add(float(motion.place[0]), float(motion.place[1]), self._radius_px)
         return self._lock(frame, away[0].seen, proven=True)
 
     def _follow(self, frame: Frame, ahead: ImageMotion) -> Detection | None:
@@ -357,3 +358,9 @@ class Tracker:
             if good(found):
                 return found
         return None
+
+
+def _apart(seen: Detection, motion: ImageMotion, radius_px: float) -> bool:
+    """Whether a disc is another than the one tracked, of radius `radius_px`."""
+    u, v = motion.place
+    return math.hypot(seen.u_px - u, seen.v_px - v) > 1.5 * radius_px
