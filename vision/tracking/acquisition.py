@@ -135,14 +135,15 @@ class Acquisition:
     def _choose(self, image: np.ndarray) -> Thing | None:
         reach = _reach(image)
         scores = {id(thing): self._score(thing, image) for thing in self._things.all}
-        ranked = sorted(self._things.all, key=lambda thing: -scores[id(thing)])
+        ranked = sorted(self._things.all, key=lambda thing: -scores[id(thing)])[:AGAIN]
+        ranked = [thing for thing in ranked if not self._things.is_part(thing)]
         if not ranked or ranked[0].missed:
             return None
         best = ranked[0]
         n, lasted = len(best.times), best.times[-1] - best.times[0]
         lead = scores[id(best)] / (scores[id(ranked[1])] if len(ranked) > 1 else 1e-9)
         moves = best.travel(reach) > 1.0
-        if sum(s.evidence for s in best.sightings) < LEAST_EVIDENCE * n:
+        if best.evidence < LEAST_EVIDENCE:
             return None
         if n < 0.6 * best.looks or (best.other and not moves):
             return None

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vision.detection.appearance import Appearance
+from vision.detection.appearance import NOISE_FLOOR, Appearance
 from vision.detection.detector import Detection
 from vision.detection.hough_circles import circles_of_any_size
+from vision.detection.pixels import colour_moments
 from vision.detection.streaks_and_mirrors import locate_shrunk, mirror_silhouette
 from vision.tracking.gate import is_plausible, outline_significance
 
@@ -21,6 +22,9 @@ ROUGHLY_PX = 20.0  # radius at which a disc is judged: a larger one in an image 
 # Below this an outline is as likely chance: grain and noise give it up to 6, a ball of 5 px with
 # twice the contrast of a plate's grain 7 and more.
 LEAST_SIGNIFICANCE = 7.0
+# Standard deviations between a disc and what lies beside it; a polished ball, which mirrors the
+# plate, shows 1.8, the inside of a printed circle less than 1.
+LEAST_STEP = 1.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,12 +32,14 @@ class Sighting:
     """A round thing seen in one frame: its disc, how it looks there, and the evidence for it.
 
     `evidence` is the logarithm of its outline's significance, times the share of the outline that
-    was seen; 0 and less is none.
+    was seen; 0 and less is none. `central` is 1 in the image's middle and 0.5 in its corners: a
+    camera is aimed at its plate.
     """
 
     seen: Detection
     appearance: Appearance
     evidence: float
+    central: float = 1.0
 
     @property
     def place(self) -> tuple[float, float]:
@@ -87,13 +93,28 @@ def sight(
     appearance, found = _outermost(image, appearance, found, bounds_px[1])
     appearance = Appearance.sketch(image, found.u_px, found.v_px, found.radius_px)
     significance = outline_significance(appearance.separation, found.radius_px)
-    if significance < LEAST_SIGNIFICANCE:
+    if significance < LEAST_SIGNIFICANCE or _is_ring(image, found):
         return None
     silhouette = mirror_silhouette(image, appearance, found)
     found = silhouette if silhouette is not None else found
     rough = found.residual_px / max(0.25, 0.05 * found.radius_px)
     evidence = found.inliers * math.log(significance / LEAST_SIGNIFICANCE + 1.0)
-    return Sighting(found, appearance, evidence * max(0.2, 1.0 - 0.5 * rough))
+    h, w = image.shape[:2]
+    off = math.hypot(found.u_px - 0.5 * w, found.v_px - 0.5 * h) / math.hypot(0.5 * w, 0.5 * h)
+    evidence *= max(0.2, 1.0 - 0.5 * rough)
+    return Sighting(found, appearance, evidence, 1.0 - 0.5 * off**2)
+
+
+def _is_ring(image: np.ndarray, found: Detection) -> bool:
+    """Whether it is a line about something like what lies outside, such as a printed circle."""
+    place, r = (found.u_px, found.v_px), found.radius_px
+    n_in, inner, scatter = colour_moments(image, *place, 0.0, 0.85 * r)
+    n_out, outer, beside = colour_moments(image, *place, 1.1 * r + 0.5, 1.35 * r + 1.5)
+    if n_in < 4 or n_out < 4:
+        return True
+    step = inner - outer
+    whitened = np.linalg.solve(0.5 * (scatter + beside) + NOISE_FLOOR**2 * np.eye(3), step)
+    return math.sqrt(max(float(step @ whitened), 0.0)) < LEAST_STEP
 
 
 def surest_disc(

@@ -21,6 +21,7 @@ TRAVEL = 0.03
 UNLIKE_SIZE, UNLIKE_COLOUR = 0.2, 40.0
 NEAR_RADII, FAR_RADII = 2.0, 6.0
 OTHER = 0.1  # weight of a thing that stays where it was while the ball was elsewhere
+LARGER, FIXED = 1.4, 0.3  # ratio of radii; share of the larger radius that a part may sway
 MOVER = 3.0  # weight of having travelled, against being there: chosen so that a mover wins
 
 
@@ -46,6 +47,11 @@ class Thing:
         """Median radius (px)."""
         return float(np.median([s.seen.radius_px for s in self.sightings]))
 
+    @property
+    def evidence(self) -> float:
+        """Mean evidence of its sightings."""
+        return float(np.mean([s.evidence for s in self.sightings]))
+
     def travel(self, reach_px: float) -> float:
         """How far it came from where it was at first, in units of half of `reach_px` or of its
         radius, whichever is longer; the farthest sightings, which may be mistakes, do not count."""
@@ -56,13 +62,16 @@ class Thing:
         return float(sure) / max(0.5 * reach_px, 0.5 * self.radius_px)
 
     def score(self, reach_px: float) -> float:
-        """Evidence that it is a ball: that of its outlines, by how steadily it was seen, more if it
-        travelled."""
-        evidence = sum(s.evidence for s in self.sightings)
+        """Evidence that it is a ball: that of its outlines, which grows with the root of their
+        number, by how steadily it was seen while it was there, more if it travelled. A thing that
+        stays counts less away from the image's middle, where the plate is."""
+        n = len(self.sightings)
+        evidence = self.evidence * math.sqrt(n)
+        steadily = n / max(self.looks - self.missed, n)
         travel = self.travel(reach_px)
-        moved = min(travel / 2.0, 1.0) if travel > 1.0 else 0.0
-        held = OTHER if self.other and not moved else 1.0
-        return held * evidence * len(self.sightings) / self.looks * (1.0 + MOVER * moved)
+        if travel > 1.0:
+            return evidence * steadily * (1.0 + MOVER * min(travel / 2.0, 1.0))
+        return evidence * steadily * self.last.central * (OTHER if self.other else 1.0)
 
 
 class Things:
@@ -112,6 +121,23 @@ class Things:
             thing.times, thing.sightings = thing.times[-1:], thing.sightings[-1:]
             thing.looks, thing.missed = 1, 0
         self.all = [thing for thing in self.all if thing.other]
+
+    def is_part(self, thing: Thing) -> bool:
+        """Whether it stays in its place on a larger thing, as a highlight does on its ball."""
+        for whole in self.all:
+            weaker = whole.evidence < 0.7 * thing.evidence
+            if weaker or whole.radius_px < LARGER * thing.radius_px:
+                continue
+            at = dict(zip(whole.times, whole.sightings, strict=True))
+            pairs = [
+                (s, at[t]) for t, s in zip(thing.times, thing.sightings, strict=True) if t in at
+            ]
+            if len(pairs) < max(2, 0.5 * len(thing.times)):
+                continue
+            off = np.array([np.subtract(s.place, w.place) for s, w in pairs]) / whole.radius_px
+            if np.hypot(*np.median(off, 0)) < 0.95 and np.hypot(*off.std(0)) < FIXED:
+                return True
+        return False
 
     def ranked(self, reach_px: float) -> list[Thing]:
         """The things by their score, best first; `reach_px`: what counts as travelling."""

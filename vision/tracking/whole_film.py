@@ -16,7 +16,7 @@ import numpy as np
 
 from vision.detection.appearance import Appearance
 from vision.frames import Frame, Track
-from vision.tracking.acquisition import LEAST_EVIDENCE, NAMED, fits
+from vision.tracking.acquisition import LEAST_EVIDENCE, NAMED, STANDS_OUT, fits
 from vision.tracking.sightings import Sighting, bounds_of, round_things
 from vision.tracking.things import TRAVEL, Thing, Things
 from vision.tracking.tracker import Tracker
@@ -26,6 +26,7 @@ Frames = Callable[[], Iterable[Frame]]
 LOOK_S = 0.25  # between two looks of the first pass, doubled where that gives more than `LOOKS`
 LOOKS = 120
 AT_MOST = 6  # circles of an octave that a look examines
+RANKED = 8  # things that are compared in the end
 GOOD = 0.5  # of its usual evidence, from which a sighting counts against the tracker's own place
 KEPT_BYTES = 3e8  # of images kept to be tracked backwards
 
@@ -63,12 +64,19 @@ def survey(
     for number, (_, seen) in enumerate(looks):
         things.add(float(number), seen)
     reach = TRAVEL * longer
-    best = max(things.all, key=lambda t: _score(t, reach, colour), default=None)
+    ranked = sorted(things.all, key=lambda t: -_score(t, reach, colour))
+    ranked = [thing for thing in ranked[:RANKED] if not things.is_part(thing)]
+    best = ranked[0] if ranked else None
     if best is None or not _sure(best, len(looks)):
         return Survey({}, moves=False)
+    moves = best.travel(reach) > 1.0
+    if not moves and len(ranked) > 1:
+        lead = _score(best, reach, colour) / _score(ranked[1], reach, colour)
+        if lead < STANDS_OUT:
+            return Survey({}, moves=False)
     index = {float(n): frame.index for n, (frame, _) in enumerate(looks)}
     places = {index[t]: s for t, s in zip(best.times, best.sightings, strict=True)}
-    return Survey(places, best.travel(reach) > 1.0)
+    return Survey(places, moves)
 
 
 def _score(thing: Thing, reach_px: float, colour: Appearance | None) -> float:
@@ -78,8 +86,7 @@ def _score(thing: Thing, reach_px: float, colour: Appearance | None) -> float:
 
 def _sure(best: Thing, looks: int) -> bool:
     """Whether it was seen often and well enough to be more than grain."""
-    evidence = float(np.mean([s.evidence for s in best.sightings]))
-    return evidence > LEAST_EVIDENCE and len(best.times) >= min(3, looks)
+    return best.evidence > LEAST_EVIDENCE and len(best.times) >= min(3, looks)
 
 
 def _on(mask: np.ndarray, s: Sighting) -> bool:
