@@ -82,8 +82,8 @@ def sight(
 ) -> Sighting | None:
     """The round thing about a circle (px) in an image (h, w, 3) uint8 BGR, if there is one."""
     appearance = Appearance.sketch(image, u_px, v_px, radius_px)
-    # A rough circle shows half the contrast or more.
-    if outline_significance(appearance.separation, radius_px) < 0.5 * LEAST_SIGNIFICANCE:
+    # A rough circle shows most of the contrast.
+    if outline_significance(appearance.separation, radius_px) < 0.7 * LEAST_SIGNIFICANCE:
         return None
     step = max(1, int(radius_px / ROUGHLY_PX))
     found = locate_shrunk(image, appearance, u_px, v_px, radius_px, step)
@@ -141,7 +141,7 @@ def _outermost(
 ) -> tuple[Appearance, Detection]:
     """The largest plausible disc about the same centre: a ball's highlights are round as well."""
     inner = found
-    for factor in (1.2, 1.4, 1.65, 2.0):
+    for factor in (1.3, 1.7):
         radius = factor * inner.radius_px
         if radius > largest_px:
             break

@@ -44,7 +44,7 @@ INNER_SHARE = (
     0.92  # share of the radius below which a sharp outline is the image in a mirroring one
 )
 SWOLLEN_SHARE = 0.1  # share of the radius by which no blur makes a ball larger
-WATCH_S = 0.25  # between two looks for a ball that moves while what is tracked has not moved yet
+WATCH_S = 0.3  # between two looks for a ball that moves while what is tracked has not moved yet
 ADAPT_SHARE = 0.03  # of every whole view of the ball, into its size
 ADAPT_EVERY, APPEARANCE_SHARE = 4, 0.1  # and of every fourth into its appearance
 
