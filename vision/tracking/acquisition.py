@@ -1,7 +1,7 @@
 """Which thing is the ball, if nobody has said? Watched live, a few looks a second.
 
 Round things are sought in the whole image a dozen times a second, at any frame rate, and followed
-(`things`): the ball is the one that travels, or after most of a second at rest the one that stands
+(`things`): the ball is the one that travels, or after half a second at rest the one that stands
 out. The windows are times, so that a film at 250 frames a second is judged as one at 30.
 """
 
@@ -26,7 +26,7 @@ WINDOW_S = 2.0
 LOOKED_AT_EACH = 1e5  # pixels of the largest image that every look searches; larger ones less often
 AT_MOST = 3  # circles of an octave that are looked at more closely
 AGAIN = 6  # known things that are looked for in their place
-MOVES_S, RESTS_S, KNOWN_S = 0.23, 0.6, 0.05  # how long a thing has to be seen to be believed
+MOVES_S, RESTS_S, KNOWN_S = 0.23, 0.4, 0.05  # how long a thing has to be seen to be believed
 UNLIKE_RESTS_S = 1.8  # where another ball was known before
 # How much better than the next the ball has to be: two equal things cannot be told apart.
 STANDS_OUT, STANDS_OUT_AT_REST = 1.2, 1.5
@@ -151,7 +151,7 @@ class Acquisition:
         if like:
             return best if n >= 2 and lasted >= KNOWN_S and lead > STANDS_OUT else None
         if moves:
-            patient = lasted > 2.0 * RESTS_S
+            patient = lasted > 3.0 * RESTS_S
             return best if n >= 4 and lasted >= MOVES_S and (lead > STANDS_OUT or patient) else None
         rests_s = RESTS_S if self._known is None else UNLIKE_RESTS_S
         return best if n >= 4 and lasted >= rests_s and lead > STANDS_OUT_AT_REST else None
