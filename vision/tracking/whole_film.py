@@ -47,21 +47,21 @@ def survey(
     colour: Appearance | None = None,
 ) -> Survey:
     """Look at a film and choose its ball; the arguments are those of `Tracker`."""
-    looks: list[tuple[Frame, list[Sighting]]] = []
+    looks: list[tuple[int, float, list[Sighting]]] = []  # index, time, what was seen
     every_s, longer = LOOK_S, 0
     for frame in frames():
-        if looks and 0.0 <= frame.t_s - looks[-1][0].t_s < every_s:
+        if looks and 0.0 <= frame.t_s - looks[-1][1] < every_s:
             continue
         image = frame.image
         longer = max(longer, *image.shape[:2])
         seen = round_things(image, bounds_of(image, radius_px), at_most=AT_MOST)
         if mask is not None:
             seen = [s for s in seen if _on(mask, s)]
-        looks.append((replace(frame, image=image[:0]), seen))
+        looks.append((frame.index, frame.t_s, seen))
         if len(looks) > LOOKS:
             looks, every_s = looks[::2], 2.0 * every_s
     things = Things()
-    for number, (_, seen) in enumerate(looks):
+    for number, (_, _, seen) in enumerate(looks):
         things.add(float(number), seen)
     reach = TRAVEL * longer
     ranked = sorted(things.all, key=lambda t: -_score(t, reach, colour))
@@ -74,8 +74,7 @@ def survey(
         lead = _score(best, reach, colour) / _score(ranked[1], reach, colour)
         if lead < STANDS_OUT:
             return Survey({}, moves=False)
-    index = {float(n): frame.index for n, (frame, _) in enumerate(looks)}
-    places = {index[t]: s for t, s in zip(best.times, best.sightings, strict=True)}
+    places = {looks[int(n)][0]: s for n, s in zip(best.times, best.sightings, strict=True)}
     return Survey(places, moves)
 
 
