@@ -18,7 +18,7 @@ from vision.detection.appearance import Appearance
 from vision.frames import Frame, Track
 from vision.tracking.acquisition import LEAST_EVIDENCE, NAMED, STANDS_OUT, fits
 from vision.tracking.sightings import Sighting, bounds_of, round_things
-from vision.tracking.things import TRAVEL, Thing, Things
+from vision.tracking.things import TRAVEL, UNLIKE_COLOUR, UNLIKE_SIZE, Thing, Things
 from vision.tracking.tracker import Tracker
 
 Frames = Callable[[], Iterable[Frame]]
@@ -74,13 +74,26 @@ def survey(
         lead = _score(best, reach, colour) / _score(ranked[1], reach, colour)
         if lead < STANDS_OUT:
             return Survey({}, moves=False)
-    places = {looks[int(n)][0]: s for n, s in zip(best.times, best.sightings, strict=True)}
+    places = {looks[int(n)][0]: s for n, s in _usual(best)}
     return Survey(places, moves)
 
 
 def _score(thing: Thing, reach_px: float, colour: Appearance | None) -> float:
     named = colour is not None and fits(colour, thing.last)
     return thing.score(reach_px) * (NAMED if named else 1.0)
+
+
+def _usual(best: Thing) -> list[tuple[float, Sighting]]:
+    """Its sightings (look, sighting) that have its usual size and colour; a fingertip that was met
+    while a hand held the ball has not. A ball of two colours has a wide usual colour."""
+    colours = np.array([s.appearance.ball_bgr for s in best.sightings])
+    off = np.linalg.norm(colours - np.median(colours, 0), axis=1)
+    sizes = np.array([s.seen.radius_px for s in best.sightings]) / best.radius_px
+    fits_in = (off < max(UNLIKE_COLOUR, 3.0 * float(np.median(off)))) & (
+        np.abs(np.log(sizes)) < 2.0 * UNLIKE_SIZE
+    )
+    pairs = zip(best.times, best.sightings, strict=True)
+    return [pair for pair, usual in zip(pairs, fits_in, strict=True) if usual]
 
 
 def _sure(best: Thing, looks: int) -> bool:
