@@ -11,7 +11,7 @@ import numpy as np
 from vision.detection.appearance import NOISE_FLOOR, Appearance
 from vision.detection.detector import Detection
 from vision.detection.hough_circles import circles_of_any_size
-from vision.detection.pixels import colour_moments
+from vision.detection.pixels import fisher
 from vision.detection.streaks_and_mirrors import locate_shrunk, mirror_silhouette
 from vision.tracking.gate import is_plausible, outline_significance
 
@@ -107,14 +107,9 @@ def sight(
 
 def _is_ring(image: np.ndarray, found: Detection) -> bool:
     """Whether it is a line about something like what lies outside, such as a printed circle."""
-    place, r = (found.u_px, found.v_px), found.radius_px
-    n_in, inner, scatter = colour_moments(image, *place, 0.0, 0.85 * r)
-    n_out, outer, beside = colour_moments(image, *place, 1.1 * r + 0.5, 1.35 * r + 1.5)
-    if n_in < 4 or n_out < 4:
-        return True
-    step = inner - outer
-    whitened = np.linalg.solve(0.5 * (scatter + beside) + NOISE_FLOOR**2 * np.eye(3), step)
-    return math.sqrt(max(float(step @ whitened), 0.0)) < LEAST_STEP
+    u, v, r = found.u_px, found.v_px, found.radius_px
+    beside = fisher(image, u, v, 0.85 * r, 1.1 * r + 0.5, 1.35 * r + 1.5, NOISE_FLOOR)
+    return beside[3] < LEAST_STEP
 
 
 def surest_disc(
