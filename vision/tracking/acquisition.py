@@ -154,10 +154,7 @@ class Acquisition:
             patient = lasted > 3.0 * RESTS_S
             return best if n >= 4 and lasted >= MOVES_S and (lead > STANDS_OUT or patient) else None
         rests_s = RESTS_S if self._known is None else UNLIKE_RESTS_S
-        if lasted < rests_s or n < 4:
-            return None
-        clear = lead > STANDS_OUT_AT_REST or (lasted >= 2.0 * rests_s and lead > STANDS_OUT)
-        return best if clear else None
+        return best if n >= 4 and lasted >= rests_s and lead > STANDS_OUT_AT_REST else None
 
     def _score(self, thing: Thing, image: np.ndarray) -> float:
         score = thing.score(_reach(image))

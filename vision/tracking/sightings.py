@@ -85,11 +85,15 @@ def sight(
     # A rough circle shows most of the contrast.
     if outline_significance(appearance.separation, radius_px) < 0.7 * LEAST_SIGNIFICANCE:
         return None
-    step = max(1, int(radius_px / ROUGHLY_PX))
-    found = locate_shrunk(image, appearance, u_px, v_px, radius_px, step)
     about = (max(bounds_px[0], 0.7 * radius_px), min(bounds_px[1], 1.4 * radius_px))
-    if found is None or not is_plausible(found, appearance, about, strict=True):
+    step, found = max(1, int(radius_px / ROUGHLY_PX)), None
+    for fine in sorted({step, max(1, step // 2)}, reverse=True):  # finer at the image's border
+        found = locate_shrunk(image, appearance, u_px, v_px, radius_px, fine)
+        if is_plausible(found, appearance, about, strict=True):
+            break
+    else:
         return None
+    assert found is not None
     appearance, found = _outermost(image, appearance, found, bounds_px[1])
     appearance = Appearance.sketch(image, found.u_px, found.v_px, found.radius_px)
     significance = outline_significance(appearance.separation, found.radius_px)
