@@ -23,7 +23,7 @@ from vision.tracking.tracker import Tracker
 
 Frames = Callable[[], Iterable[Frame]]
 
-LOOK_S = 0.25  # between two looks of the first pass, doubled where that gives more than `LOOKS`
+LOOK_S = 0.1  # between two looks of the first pass, doubled where that gives more than `LOOKS`
 LOOKS = 120
 AT_MOST = 6  # circles of an octave that a look examines
 RANKED = 8  # things that are compared in the end
