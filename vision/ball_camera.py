@@ -14,6 +14,7 @@ from vision.detection.appearance import Appearance
 from vision.frames import Frame, Observation, Track
 from vision.plate.markers import MarkerLayout, PoseFit, find_pose, track_pose
 from vision.tracking.tracker import Tracker
+from vision.tracking.whole_film import WholeFilm
 from vision.view import View
 
 # Where no markers are seen, the encoders give the tilt: backlash hides about this much of it.
@@ -36,7 +37,7 @@ class BallCamera:
         self,
         view: View,
         layout: MarkerLayout,
-        tracker: Tracker,
+        tracker: Tracker | WholeFilm,
         radius_m: float,
         *,
         plate_side_m: float | None = None,

@@ -144,10 +144,13 @@ def track(
     ball_colour: Annotated[
         str | None, typer.Option(help="Name or #rrggbb; default: found.")
     ] = None,
+    ball_at: Annotated[
+        str | None, typer.Option(help="U,V or U,V,RADIUS in px in the first frame; default: found.")
+    ] = None,
 ) -> None:
     """Track a ball in real footage: track.csv, a film with overlay, a contact sheet."""
     from experiments.records.run_folder import writable
-    from experiments.track.track import track_video
+    from experiments.track.track import place_of, track_video
 
     bundle = None
     if calibration is not None:
@@ -156,7 +159,10 @@ def track(
         if not calibration.is_file():
             raise FileNotFoundError(f"--calibration {calibration}: no such file")
         bundle = load(calibration)
-    summary = track_video(video, writable(out), calibration=bundle, ball_colour=ball_colour)
+    place = None if ball_at is None else place_of(ball_at)
+    summary = track_video(
+        video, writable(out), calibration=bundle, ball_colour=ball_colour, ball_at=place
+    )
     for key, value in summary.items():
         typer.echo(f"{key}: {value}")
 

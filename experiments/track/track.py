@@ -1,7 +1,7 @@
 """Track the ball in a video: `track.csv`, a film with overlay, a contact sheet, a summary.
 
-A file is read twice: first to learn how the ball looks (the round object that travels), then to
-follow it from the first frame on. A live stream is followed as it comes.
+A file is looked at as a whole first (`vision.tracking.whole_film`); a live stream is followed as it
+comes.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import csv
 import json
 import math
 from collections import Counter, deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from vision.frames import Frame, Track
     from vision.sources.sources import Source
     from vision.tracking.tracker import Tracker
+    from vision.tracking.whole_film import WholeFilm
     from vision.view import View
 
 PIXEL_COLUMNS = ("frame", "t_s", "state", "u_px", "v_px", "sigma_px")
@@ -61,30 +62,32 @@ def track_video(
     *,
     calibration: Calibration | None = None,
     ball_colour: str | None = None,
+    ball_at: tuple[float, ...] | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
     """Follow the ball through `address` (file, folder, stream) and write the results to `out_dir`.
 
-    calibration: without it positions are in pixels alone; ball_colour: a name or "#rrggbb"; without
-    it the ball is the round object that travels. progress(done, total): called with frames of the
+    calibration: without it positions are in pixels alone; ball_colour: a name or "#rrggbb", which
+    counts in favour of things of that colour; ball_at: (u, v) or (u, v, radius) px in the first
+    frame. Told nothing, the ball is the round thing that travels or, at rest, stands out.
+    progress(done, total): called with frames of the
     file, total None for a stream. Returns the content of results.json. OSError, ValueError: the
     address has no frames, the colour is unknown, or the frames have another size than the
     calibration's.
     """
     from vision.detection.appearance import Appearance
     from vision.sources.sources import open_source
-    from vision.tracking.tracker import Tracker
 
     appearance = Appearance.of_colour(ball_colour) if ball_colour else None
     radius = _radius_bounds(calibration)
     with open_source(address) as source:
-        if not source.live:
-            appearance = learn_appearance(address, radius, colour=appearance) or appearance
         if calibration is not None:
             calibration.check_size(*source.size)
+        if ball_at is not None:
+            _check_place(ball_at, source.size)
+        tracker = _tracker(address, source.live, appearance, radius, ball_at)
         out = Path(out_dir)
         out.mkdir(parents=True, exist_ok=True)
-        tracker = Tracker(appearance=appearance, radius_px=radius)
         states, times, troubles = _follow(source, tracker, calibration, out, progress)
         summary = _summary(source, tracker, states, times, ball_colour)
         summary["notes"] += troubles
@@ -93,27 +96,47 @@ def track_video(
     return summary
 
 
-def learn_appearance(
+def place_of(text: str) -> tuple[float, ...]:
+    """(u, v) or (u, v, radius) px of "U,V" or "U,V,RADIUS". ValueError: anything else."""
+    try:
+        place = tuple(float(x) for x in text.split(","))
+    except ValueError:
+        place = ()
+    if len(place) not in (2, 3) or not all(math.isfinite(x) for x in place):
+        raise ValueError(f"--ball-at {text}: give U,V or U,V,RADIUS in px, for example 320,240,16")
+    return place
+
+
+def _check_place(ball_at: tuple[float, ...], size: tuple[int, int]) -> None:
+    """Raise ValueError where no ball can be at `ball_at` in frames of `size` (w, h) px."""
+    u, v, *radius = ball_at
+    if not (0 <= u < size[0] and 0 <= v < size[1]) or (radius and not radius[0] > 0):
+        raise ValueError(
+            f"ball at {', '.join(f'{x:g}' for x in ball_at)}: give u, v inside the image of "
+            f"{size[0]} x {size[1]} px and, if at all, a radius above 0 px"
+        )
+
+
+def _tracker(
     address: str | Path | int,
-    radius_px: tuple[float, float] | None = None,
-    *,
-    colour: Appearance | None = None,
-) -> Appearance | None:
-    """Appearance of the ball in a file or folder; None where no round object travels in it.
-
-    radius_px: bounds (min, max) of its radius; colour: an assumed appearance that the ball must
-    have. OSError, ValueError: the address has no frames.
-    """
+    live: bool,
+    appearance: Appearance | None,
+    radius_px: tuple[float, float] | None,
+    ball_at: tuple[float, ...] | None,
+) -> Tracker | WholeFilm:
+    """What follows the ball: a tracker where the source is live, else the whole film's."""
     from vision.sources.sources import open_source
-    from vision.tracking.acquisition import Acquisition
+    from vision.tracking.tracker import Tracker
+    from vision.tracking.whole_film import WholeFilm
 
-    acquisition = Acquisition(radius_px, colour=colour)
-    with open_source(address) as source:
-        for frame in source:
-            acquired = acquisition.step(frame)
-            if acquired is not None:
-                return acquired[0]
-    return None
+    if live:
+        return Tracker(appearance=appearance, radius_px=radius_px, ball_at=ball_at)
+
+    def frames() -> Iterator[Frame]:
+        with open_source(address) as again:
+            yield from again
+
+    return WholeFilm(frames, appearance=appearance, radius_px=radius_px, ball_at=ball_at)
 
 
 def _radius_bounds(calibration: Calibration | None) -> tuple[float, float] | None:
@@ -126,7 +149,7 @@ def _radius_bounds(calibration: Calibration | None) -> tuple[float, float] | Non
 
 def _follow(
     source: Source,
-    tracker: Tracker,
+    tracker: Tracker | WholeFilm,
     calibration: Calibration | None,
     out: Path,
     progress: Progress | None,
@@ -135,6 +158,7 @@ def _follow(
 
     The table of positions is what counts: where the disk is too small for the film, the film goes.
     """
+    import cv2
     import numpy as np
 
     from experiments.track.film import Overlay
@@ -169,6 +193,8 @@ def _follow(
             rows.writerow(_row(frame, track, view, calibration))
             file.flush()
             drawn = draw_track(frame.image, track, trail, note=f"{frame.index} {frame.t_s:.3f} s")
+            if drawn.shape[1::-1] != source.size:  # a film and a sheet have one size
+                drawn = np.asarray(cv2.resize(drawn, source.size, interpolation=cv2.INTER_AREA))
             film.add(drawn, frame.t_s)
             sheet.add(drawn)
             if progress is not None:
@@ -205,7 +231,7 @@ def _row(
 
 def _summary(
     source: Source,
-    tracker: Tracker,
+    tracker: Tracker | WholeFilm,
     states: Counter[str],
     times: list[float],
     ball_colour: str | None,
@@ -219,13 +245,11 @@ def _summary(
         )
     if not states["track"]:
         notes.append(
-            "no ball was found: nothing round travels in these frames; "
-            "if the ball lies still, say its colour"
-            if ball_colour is None
-            else f"no ball of colour {ball_colour} was found; another colour, or none, may find it"
+            "no ball was found: nothing round travels in these frames or stands out; "
+            "say where it is in the first one (--ball-at U,V)"
         )
     elif not tracker.proven:
-        notes.append("what was tracked last never moved: it may be a still thing of that colour")
+        notes.append("what was tracked last never moved: it may be another round thing")
     return {
         "address": str(source.address),
         "size_px": list(source.size),

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from vision.detection.pixels import adapted_table, colour_moments, mean_probability
+from vision.detection.pixels import adapted_table, fisher, mean_probability
 from vision.detection.rim import colour_is_smeared
 from vision.detection.rim_pixels import BLUR0
 
@@ -164,19 +164,8 @@ def parse_colour(colour: str) -> np.ndarray:
 def _contrast(
     image: np.ndarray, u: float, v: float, radius: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """(ball (3,), surround (3,), direction (3,), separation) of a disc: Fisher's discriminant.
-
-    direction = S^-1 d / (d' S^-1 d), d = ball - surround, S = scatter of both + noise floor.
-    """
-    n_ball, ball, ball_scatter = colour_moments(image, u, v, 0.0, 0.8 * radius)
-    n_ring, ring, ring_scatter = colour_moments(image, u, v, 1.25 * radius, 1.7 * radius + 2.0)
-    if n_ball < 4 or n_ring < 4:
-        return ball, ring, np.full(3, 1e-3), 0.0
-    scatter = 0.5 * (ball_scatter + ring_scatter) + NOISE_FLOOR**2 * np.eye(3)
-    d = ball - ring
-    whitened = np.linalg.solve(scatter, d)
-    power = max(float(d @ whitened), 1e-9)
-    return ball, ring, whitened / power, float(np.sqrt(power))
+    """(ball (3,), surround (3,), direction (3,), separation) of a disc, see `pixels.fisher`."""
+    return fisher(image, u, v, 0.8 * radius, 1.25 * radius, 1.7 * radius + 2.0, NOISE_FLOOR)
 
 
 def _grid_bgr() -> np.ndarray:

@@ -1,25 +1,34 @@
-"""Where are circles of unknown colour? A Hough transform along the gradient.
+"""Where are circles of unknown colour? A Hough transform along the gradient, at several scales.
 
 The gradient of an edge points at its circle's centre, so every edge pixel votes for the place one
 radius away along it, for bright and for dark discs apart: a ball is the one or the other all round,
-chance alignments are not. Edges are taken from the colour channel that changes most.
+chance alignments are not. Edges are taken from the colour channel that changes most. One octave of
+radii is looked for in an image; larger circles are found as small ones in a smaller image
+(`circles_of_any_size`), so that the cost does not grow with the radius.
 
 Why not `cv2.HoughCircles`, which takes grey images: of 266 frames of the hard cases in
 tests/benchmarks/vision_scripts.py, at 320 x 240 px, the ball is among the ten best circles in 258
 with this transform, in 121 to 156 with HOUGH_GRADIENT, in 256 with HOUGH_GRADIENT_ALT. The last
 fails on other frames: it misses coloured balls on transparent plates, where only the colour has
-contrast (10 of 18 found, here 18), and finds white ones on pale plates (9 of 9, here 1). It takes
-8 to 14 ms an image, this one 45 ms for 23 radii; the time is spent only until a ball is found.
+contrast (10 of 18 found, here 18), and finds white ones on pale plates (9 of 9, here 1).
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from vision.compiled import kernel
+from vision.noise import noise_level
+
+SMALLEST_PX = 3.8  # radius below which a circle has too few edge pixels to be told from chance
+OCTAVE = SMALLEST_PX * np.geomspace(1.0, 2.0, 6)[:5]
+MOST_PIXELS = 2.1e6  # of an image that is searched; a larger one is halved first, to save time
+LEAST_SUPPORT = 0.35  # share of the circumference, chosen below a half: a hand may hide that much
 
 
 @dataclass(frozen=True)
@@ -50,35 +59,32 @@ def _strongest(gx, gy):
 
 
 @kernel
-def _vote(edges, gx, gy, radius, sign):
-    """Accumulated votes (h, w) float32 for discs of this radius, brighter inside if sign > 0."""
+def _votes(edges, gx, gy, radii):
+    """Votes (2 n, h, w) uint8 for discs of the n radii: brighter inside, then darker inside."""
     h, w = edges.shape
-    out = np.zeros((h, w), np.float32)
+    n = radii.size
+    out = np.zeros((2 * n, h, w), np.uint8)
     for i in range(h):
         for j in range(w):
-            if edges[i, j]:
-                x, y = float(gx[i, j]), float(gy[i, j])
-                size = np.sqrt(x * x + y * y) + 1e-9
-                u = round(j + sign * radius * x / size)
-                v = round(i + sign * radius * y / size)
-                if 0 <= u < w and 0 <= v < h:
-                    out[v, u] += 1.0
+            if not edges[i, j]:
+                continue
+            x, y = float(gx[i, j]), float(gy[i, j])
+            size = math.sqrt(x * x + y * y) + 1e-9
+            for k in range(2 * n):
+                far = radii[k] if k < n else -radii[k - n]
+                u, v = int(j + far * x / size + 0.5), int(i + far * y / size + 0.5)
+                if 0 <= u < w and 0 <= v < h and out[k, v, u] < 255:
+                    out[k, v, u] += 1
     return out
 
 
 def hough_circles(
-    image: np.ndarray,
-    radii_px: np.ndarray,
-    *,
-    noise: float,
-    region: np.ndarray | None = None,
-    at_most: int = 6,
+    image: np.ndarray, radii_px: np.ndarray, *, noise: float, at_most: int = 6
 ) -> list[Circle]:
     """The best-supported circles in an image (h, w, 3) uint8 BGR, best first, not overlapping.
 
     Each of `radii_px` (n,) is tried; `noise` is the standard deviation of the pixel noise in grey
-    levels, which sets what counts as an edge; only edges where `region` (h, w) uint8 is nonzero
-    vote. At most `at_most` circles.
+    levels, which sets what counts as an edge. At most `at_most` circles.
     """
     smooth = cv2.GaussianBlur(image, (3, 3), 0)
     gx, gy = _strongest(
@@ -88,28 +94,58 @@ def hough_circles(
     # Sobel sums 8 weights: the blurred noise leaves it with about 3 sigma.
     high = max(40.0, 15.0 * noise)
     edges = cv2.Canny(gx, gy, 0.5 * high, high, L2gradient=True)
-    if region is not None:
-        edges = np.where(region > 0, edges, np.uint8(0))
+    radii = np.asarray(radii_px, float)
     found: list[Circle] = []
-    for radius in radii_px:
+    for k, votes in enumerate(_votes(edges, gx, gy, radii)):
+        radius = float(radii[k % len(radii)])
         size = 1 + 2 * max(1, round(0.1 * radius))
-        for sign in (1.0, -1.0):
-            votes = cv2.boxFilter(
-                _vote(edges, gx, gy, float(radius), sign), -1, (size, size), normalize=False
-            )
-            found += _peaks(votes / (2 * np.pi * radius), float(radius))
+        box = cv2.boxFilter(votes, cv2.CV_16U, (size, size), normalize=False)
+        found += _peaks(np.asarray(box), radius)
     return _distinct(found, at_most)
 
 
-def _peaks(support: np.ndarray, radius: float, least: float = 0.35) -> list[Circle]:
-    """Up to three maxima of a support map (h, w) above `least`."""
+def circles_of_any_size(
+    image: np.ndarray,
+    bounds_px: tuple[float, float],
+    *,
+    at_most: int = 10,
+    due: Callable[[int], bool] = lambda pixels: True,
+) -> list[Circle]:
+    """Circles with radii within `bounds_px` in an image (h, w, 3) uint8 BGR: the `at_most` best of
+    every octave of radii, none in a better one.
+
+    `due` says of an image's number of pixels whether it is looked at this time.
+    """
+    found: list[Circle] = []
+    scale, small = 1.0, image
+    while SMALLEST_PX * scale <= bounds_px[1] and min(small.shape[:2]) > 2.5 * SMALLEST_PX:
+        pixels = small.shape[0] * small.shape[1]
+        if 2.0 * SMALLEST_PX * scale >= bounds_px[0] and pixels < MOST_PIXELS and due(pixels):
+            rings = hough_circles(small, OCTAVE, noise=noise_level(small), at_most=at_most)
+            found += [
+                Circle(
+                    scale * (c.u_px + 0.5) - 0.5,
+                    scale * (c.v_px + 0.5) - 0.5,
+                    scale * c.radius_px,
+                    c.score,
+                )
+                for c in rings
+            ]
+        scale *= 2.0
+        half = (max(1, small.shape[1] // 2), max(1, small.shape[0] // 2))
+        small = np.asarray(cv2.resize(small, half, interpolation=cv2.INTER_AREA))
+    return found
+
+
+def _peaks(support: np.ndarray, radius: float) -> list[Circle]:
+    """Up to three maxima of a map of votes (h, w) above `LEAST_SUPPORT` of the circumference."""
     found = []
-    support = support.copy()
+    turn = 2.0 * math.pi * radius
     for _ in range(3):
         _, top, _, (u, v) = cv2.minMaxLoc(support)
-        if top < least:
+        if top < LEAST_SUPPORT * turn:
             break
-        found.append(Circle(float(u), float(v), radius, float(top)))
+        found.append(Circle(float(u), float(v), radius, top / turn))
         cv2.circle(support, (u, v), max(2, int(radius)), 0.0, -1)
     return found
 

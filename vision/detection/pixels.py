@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from vision.compiled import kernel
+from vision.detection.ellipse import solve_linear
 
 
 @kernel
@@ -35,6 +36,30 @@ def colour_moments(image, u, v, r_in, r_out):
             for e in range(3):
                 cov[c, e] = cov[c, e] / total - mean[c] * mean[e]
     return total, mean, cov
+
+
+@kernel
+def fisher(image, u, v, r_ball, r_in, r_out, floor):
+    """Mean colours (3,) nearer than `r_ball` px and from `r_in` to `r_out`, direction (3,) and
+    separation between them: Fisher's discriminant.
+
+    direction = S^-1 d / (d' S^-1 d), d = ball - surround, S = scatter of both + `floor`^2 (grey
+    levels); separation = sqrt(d' S^-1 d).
+    """
+    n_ball, ball, ball_scatter = colour_moments(image, u, v, 0.0, r_ball)
+    n_ring, ring, ring_scatter = colour_moments(image, u, v, r_in, r_out)
+    if n_ball < 4 or n_ring < 4:
+        return ball, ring, np.full(3, 1e-3), 0.0
+    step = ball - ring
+    scatter = 0.5 * (ball_scatter + ring_scatter)
+    for c in range(3):
+        scatter[c, c] += floor * floor
+    whitened, _ = solve_linear(scatter, step)
+    power = 0.0
+    for c in range(3):
+        power += step[c] * whitened[c]
+    power = max(power, 1e-9)
+    return ball, ring, whitened / power, math.sqrt(power)
 
 
 @kernel

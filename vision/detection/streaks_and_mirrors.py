@@ -33,30 +33,49 @@ def locate_streak(
     the ramps are edges again, and `locate_ball` finds them.
     """
     step = int(radius_px / STREAK_RADIUS_PX)
-    if step < 2:
+    found = None
+    if step >= 2:
+        found = locate_shrunk(image, appearance, u_px, v_px, radius_px, step)
+    if found is None or found.inliers < WHOLE or found.coverage < 1.0:
         return None
+    return replace(
+        found, sigma_px=math.hypot(found.sigma_px, STREAK_SHARE * radius_px), blur_px=math.nan
+    )
+
+
+def locate_shrunk(
+    image: np.ndarray,
+    appearance: Appearance,
+    u_px: float,
+    v_px: float,
+    radius_px: float,
+    step: int,
+) -> Detection | None:
+    """`locate_ball` in an image `step` times smaller, for a large or a soft disc; all in px of the
+    whole image."""
+    if step < 2:
+        return locate_ball(image, appearance, u_px, v_px, radius_px)
     reach = (1.0 + REACH) * radius_px + 4 * step
     x0, y0 = max(0, int(u_px - reach)), max(0, int(v_px - reach))
     window = image[y0 : max(0, int(v_px + reach)), x0 : max(0, int(u_px + reach))]
     h, w = window.shape[0] // step, window.shape[1] // step
-    if min(h, w) < 2 * STREAK_RADIUS_PX:
+    if min(h, w) < radius_px / step:
         return None
     small = np.asarray(
         cv2.resize(window[: h * step, : w * step], (w, h), interpolation=cv2.INTER_AREA)
     )
     at = ((u_px - x0 + 0.5) / step - 0.5, (v_px - y0 + 0.5) / step - 0.5)
     found = locate_ball(small, appearance, *at, radius_px / step)
-    if found is None or found.inliers < WHOLE or found.coverage < 1.0:
+    if found is None:
         return None
-    radius = step * found.radius_px
     return replace(
         found,
         u_px=step * (found.u_px + 0.5) - 0.5 + x0,
         v_px=step * (found.v_px + 0.5) - 0.5 + y0,
-        radius_px=radius,
-        sigma_px=math.hypot(step * found.sigma_px, STREAK_SHARE * radius),
+        radius_px=step * found.radius_px,
+        sigma_px=step * found.sigma_px,
         residual_px=step * found.residual_px,
-        blur_px=math.nan,
+        blur_px=step * found.blur_px,
     )
 
 

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import cv2
@@ -50,7 +51,21 @@ def open_file(path: str | Path) -> RecordedFrames:
         return (image, device.get(cv2.CAP_PROP_POS_MSEC) / 1e3) if ok else None
 
     total = int(count) if count > 0 else None
-    return RecordedFrames(read, device.release, fps, total, has_repeats(_images(path)))
+    return RecordedFrames(read, device.release, fps, total, _holds_repeats(path))
+
+
+def _holds_repeats(path: str | Path) -> bool | None:
+    """`has_repeats` of a video file; looked at once, however often an unchanged file is opened."""
+    file = Path(path)
+    if not file.is_file():  # an address
+        return has_repeats(_images(path))
+    state = file.stat()
+    return _looked_at(file, state.st_mtime_ns, state.st_size)
+
+
+@lru_cache(maxsize=16)
+def _looked_at(path: Path, _changed_ns: int, _bytes: int) -> bool | None:
+    return has_repeats(_images(path))
 
 
 def _images(path: str | Path) -> Iterator[np.ndarray]:

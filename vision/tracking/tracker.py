@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from vision.detection.appearance import Appearance
 from vision.detection.detector import REACH, Detection, locate_ball
 from vision.detection.streaks_and_mirrors import locate_streak, mirror_silhouette
 from vision.frames import Frame, Track
-from vision.tracking.acquisition import Acquisition
+from vision.tracking.acquisition import LOOK_S, Acquisition, Known
 from vision.tracking.candidates import (
     DISTRACTOR_LIMIT,
     DiscCandidate,
@@ -29,6 +30,7 @@ from vision.tracking.candidates import (
 )
 from vision.tracking.gate import TELLING_FILL, is_plausible
 from vision.tracking.kinematics import ImageMotion, gate_radii
+from vision.tracking.sightings import Sighting, bounds_of, surest_disc
 from vision.tracking.static_distractors import StaticDistractors
 
 COAST_S = 0.100
@@ -42,18 +44,19 @@ INNER_SHARE = (
     0.92  # share of the radius below which a sharp outline is the image in a mirroring one
 )
 SWOLLEN_SHARE = 0.1  # share of the radius by which no blur makes a ball larger
+WATCH_S = 0.3  # between two looks for a ball that moves while what is tracked has not moved yet
 ADAPT_SHARE = 0.03  # of every whole view of the ball, into its size
 ADAPT_EVERY, APPEARANCE_SHARE = 4, 0.1  # and of every fourth into its appearance
-# An appearance that was learned by motion and not seen for so long may have been a hand's.
-RELEARN_AFTER_S = 1.0
 
 
 class Tracker:
     """Follows one ball frame by frame.
 
-    `appearance`: the ball's; None: the ball is the round thing that moves, and its appearance is
-    learned from it. `radius_px` (min, max) bounds its radius; `mask` (h, w) uint8 is nonzero where
-    it can be. The attribute `appearance` is the one tracked by at present (None: not yet known).
+    `appearance`: the ball's; None: the ball is the round thing that moves or, at rest, stands out,
+    and its appearance is learned from it. `radius_px` (min, max) bounds its radius; `mask` (h, w)
+    uint8 is nonzero where it can be; `ball_at` (u, v) or (u, v, radius) px: where it is in the
+    first frame; `seeks`: what is sought while there is none, any ball, one of the same colour, or
+    nothing. The attribute `appearance` is the one tracked by at present (None: not yet known).
     """
 
     def __init__(
@@ -62,14 +65,16 @@ class Tracker:
         appearance: Appearance | None = None,
         radius_px: tuple[float, float] | None = None,
         mask: np.ndarray | None = None,
+        ball_at: tuple[float, ...] | None = None,
+        seeks: Literal["any", "same", "nothing"] = "any",
     ) -> None:
         self.appearance = appearance
         self._given_bounds = radius_px
         self._mask = mask
-        # A ball whose appearance is not known from images may be found by its motion, too.
-        self._self_taught = appearance is None or not appearance.learned
-        self._asked = appearance
-        self._acquisition: Acquisition | None = None
+        self._ball_at = ball_at
+        self._seeks = seeks
+        self._asked = None if appearance is None or appearance.learned else appearance
+        self._acquisition = Acquisition(radius_px, mask, colour=self._asked)
         self._motion: ImageMotion | None = None
         self._radius_px = math.nan
         self._distractors: StaticDistractors | None = None
@@ -80,6 +85,7 @@ class Tracker:
         self._state = "search"
         self._good_s = -math.inf
         self._views = 0
+        self._doubted_s = -math.inf
 
     @property
     def radius_px(self) -> float:
@@ -98,6 +104,11 @@ class Tracker:
         image = frame.image
         if self._distractors is None:
             self._distractors = StaticDistractors((image.shape[0], image.shape[1]))
+        told, self._ball_at = self._ball_at, None
+        if told is not None:
+            track = self.start_at(frame, *told)
+            if track is not None:
+                return track
         found = self._measure(frame)
         if found is not None and self._motion is not None:
             return self._accept(frame, found)
@@ -105,10 +116,54 @@ class Tracker:
             return self._coast(self._motion.at(frame.t_s, self._radius_px))
         if self._motion is not None:
             self._motion, self._candidates, self._state = None, [], "lost"
+            assert self.appearance is not None
+            self._acquisition.lost(Known(self.appearance, self._radius_px, self._is_known_still))
             found = self._search(frame)
             if found is not None:
                 return self._accept(frame, found)
         return Track(self._state)
+
+    def start_at(
+        self, frame: Frame, u_px: float, v_px: float, radius_px: float | None = None
+    ) -> Track | None:
+        """Track the ball from this place on, whatever was tracked before; None, and nothing
+        changes, where no disc is there. Without a radius the surest disc about the place is it."""
+        image = frame.image
+        sighting = surest_disc(image, u_px, v_px, radius_px, bounds_of(image, self._given_bounds))
+        if sighting is None:
+            return None
+        if self._distractors is None:
+            self._distractors = StaticDistractors((image.shape[0], image.shape[1]))
+        self._start(frame, sighting.seen, proven=False)
+        return self._accept(frame, sighting.seen)
+
+    def from_known(self) -> Tracker:
+        """A tracker of the same ball that has not seen it yet and seeks no other."""
+        other = Tracker(
+            appearance=self.appearance,
+            radius_px=self._given_bounds,
+            mask=self._mask,
+            seeks="nothing",
+        )
+        other._radius_px, other._distractors = self._radius_px, self._distractors
+        return other
+
+    def _start(self, frame: Frame, found: Detection, *, proven: bool) -> Detection:
+        """Lock on a disc that was recognised without the appearance known so far."""
+        known, place = self.appearance, (found.u_px, found.v_px, found.radius_px)
+        learned = Appearance.learn(frame.image, *place)
+        bounds = 0.9 * found.radius_px, 1.1 * found.radius_px
+        sharp = locate_ball(frame.image, learned, *place, reach=0.3)
+        if found.inside_px == 0.0 and is_plausible(sharp, learned, bounds, strict=True):
+            assert sharp is not None
+            found = sharp
+        if known is not None and known.learned and known.fill >= TELLING_FILL:
+            # It may stand in other light for now: what it looked like stays possible.
+            learned = replace(learned, table=np.maximum(learned.table, known.table // 2))
+        self.appearance = learned
+        self._mirrors = found.inside_px > 0.0
+        self._radius_px = found.radius_px
+        return self._lock(frame, found, proven=proven)
 
     def _coast(self, ahead: ImageMotion) -> Track:
         self._state = "coast"
@@ -171,14 +226,14 @@ class Tracker:
             found.u_px, found.v_px, self._radius_px, found.sigma_px, frame.t_s
         )
         self._lock_px, self._proven, self._candidates = (found.u_px, found.v_px), proven, []
-        self._acquisition = None
+        self._acquisition.locked(Sighting(found, appearance, 0.0))
         return found
 
     def _bounds(self, image: np.ndarray) -> tuple[float, float]:
         if math.isfinite(self._radius_px):
             slack = 1.0 + RADIUS_SLACK
             return self._radius_px / slack, self._radius_px * slack
-        return self._given_bounds or (4.0, 0.22 * min(image.shape[:2]))
+        return bounds_of(image, self._given_bounds)
 
     def _inside(self, found: Detection) -> bool:
         """Whether its centre is where the ball can be."""
@@ -200,23 +255,25 @@ class Tracker:
     def _search(self, frame: Frame) -> Detection | None:
         """The ball anywhere in the image, by appearance or, while that is unknown, by motion."""
         appearance = self.appearance
+        if self._seeks == "nothing":
+            return None
         if appearance is not None and appearance.fill >= TELLING_FILL:
             self._observe(frame)
             pick = choose_candidate(self._candidates, at_once=appearance.learned)
             if pick is not None:
                 return self._lock(frame, pick.seen, proven=pick.moved)
-            long_lost = self._self_taught and frame.t_s - self._good_s > RELEARN_AFTER_S
-            if appearance.learned and not long_lost:
-                return None
-        if self._acquisition is None:
-            self._acquisition = Acquisition(self._given_bounds, self._mask, colour=self._asked)
+        if self._seeks == "same":
+            return None
         acquired = self._acquisition.step(frame)
         if acquired is None:
             return None
-        self.appearance, found = acquired
-        self._mirrors = found.inside_px > 0.0
-        self._acquisition, self._radius_px = None, found.radius_px
-        return self._lock(frame, found, proven=True)
+        return self._start(frame, acquired.seen, proven=acquired.moves)
+
+    def _is_known_still(self, seen: Detection) -> bool:
+        """Whether a still thing of the ball's colour lies there, which is not the ball."""
+        distractors = self._distractors
+        assert distractors is not None
+        return distractors.at(seen.u_px, seen.v_px, seen.radius_px) > DISTRACTOR_LIMIT
 
     def _observe(self, frame: Frame) -> None:
         appearance = self.appearance
@@ -230,19 +287,22 @@ class Tracker:
         motion, distractors = self._motion, self._distractors
         assert motion is not None
         assert distractors is not None
+        if self._seeks == "any":
+            other = self._acquisition.step(frame, every_s=WATCH_S)
+            if other is not None and other.moves and _apart(other.seen, motion, self._radius_px):
+                return self._start(frame, other.seen, proven=True)
+        if self._seeks == "nothing" or frame.t_s - self._doubted_s < LOOK_S:
+            return found
+        self._doubted_s = frame.t_s
         self._observe(frame)
-        u, v = motion.place
         away = [
             c
             for c in self._candidates
-            if c.misses == 0
-            and c.moved
-            and c.hits >= 3
-            and math.hypot(c.seen.u_px - u, c.seen.v_px - v) > 1.5 * self._radius_px
+            if c.misses == 0 and c.moved and c.hits >= 3 and _apart(c.seen, motion, self._radius_px)
         ]
         if len(away) != 1:
             return found
-        distractors.add(float(u), float(v), self._radius_px)
+        distractors.add(float(motion.place[0]), float(motion.place[1]), self._radius_px)
         return self._lock(frame, away[0].seen, proven=True)
 
     def _follow(self, frame: Frame, ahead: ImageMotion) -> Detection | None:
@@ -300,3 +360,9 @@ class Tracker:
             if good(found):
                 return found
         return None
+
+
+def _apart(seen: Detection, motion: ImageMotion, radius_px: float) -> bool:
+    """Whether a disc is another than the one tracked, of radius `radius_px`."""
+    u, v = motion.place
+    return math.hypot(seen.u_px - u, seen.v_px - v) > 1.5 * radius_px

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from experiments.track.track import METRIC_COLUMNS, PIXEL_COLUMNS, learn_appearance, track_video
+from experiments.track.track import METRIC_COLUMNS, PIXEL_COLUMNS, place_of, track_video
 from tests.support.footage import rolling
 from tests.support.parts import FOOTAGE, needs
 from vision.plate.markers import default_layout
@@ -114,18 +114,47 @@ def test_calibration_gives_metres(tmp_path, film):
         assert xx * yy > cross**2
 
 
-def test_still_scene_says_what_to_do(tmp_path):
+def test_ball_at_rest_is_found_and_said_not_to_have_moved(tmp_path):
     still = rolling("green", seconds=0.7, rest_s=9.0, size=(320, 240))
     summary = track_video(write(tmp_path / "v.mp4", still), tmp_path / "out")
-    assert summary["states"]["track"] == 0
-    assert "say its colour" in summary["notes"][0]
-    assert learn_appearance(tmp_path / "v.mp4") is None
+    assert summary["states"]["track"] == summary["frames"]
+    assert "never moved" in summary["notes"][0]
+    assert abs(summary["ball"]["radius_px"] - 16) < 0.5
     for frame in still.frames:
         cv2.imwrite(str(tmp_path / f"{frame.index}.png"), frame.image)
     told = track_video(tmp_path, tmp_path / "told", ball_colour="green")
     assert told["frames"] == len(still.frames)
-    assert told["states"]["track"] >= told["frames"] - 2
-    assert "never moved" in told["notes"][0]
+    assert told["states"]["track"] == told["frames"]
+
+
+def test_film_without_a_ball_says_what_to_do(tmp_path):
+    empty = rolling("green", seconds=0.4, hidden=(0.0, 9.0), size=(320, 240), leaves_s=-99.0)
+    summary = track_video(write(tmp_path / "v.mp4", empty), tmp_path / "out")
+    assert summary["states"]["track"] == 0
+    assert "--ball-at" in summary["notes"][0]
+
+
+def test_ball_is_followed_from_the_place_that_was_told(tmp_path):
+    film = rolling("orange", on="white", radius=14, decoys=True, rest_s=9.0, seconds=0.5)
+    decoy, ball = (0.8 * 640, 0.25 * 480), film.truth[0]
+    assert ball is not None
+    for place in (decoy, ball, (*ball, 12.0)):
+        summary = track_video(write(tmp_path / "v.mp4", film), tmp_path / "out", ball_at=place)
+        assert summary["states"]["track"] == summary["frames"]
+        row = rows_of(tmp_path / "out")[-1]
+        assert np.hypot(float(row["u_px"]) - place[0], float(row["v_px"]) - place[1]) < 1.0
+
+
+@pytest.mark.parametrize("text", ["", "12", "1,2,3,4", "a,b", "nan,3"])
+def test_a_place_that_is_none_is_refused(text):
+    with pytest.raises(ValueError, match="--ball-at"):
+        place_of(text)
+
+
+@pytest.mark.parametrize("place", [(700.0, 20.0), (-1.0, 20.0), (20.0, 20.0, 0.0)])
+def test_a_place_outside_the_image_is_refused(tmp_path, film, place):
+    with pytest.raises(ValueError, match="640 x 480"):
+        track_video(write(tmp_path / "v.mp4", film), tmp_path / "out", ball_at=place)
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ MORE = ["half outside the image", "duplicated frames", "set down elsewhere, colo
 
 @pytest.mark.parametrize("name", [*SHORT, *(pytest.param(n, marks=pytest.mark.slow) for n in MORE)])
 def test_hard_case_passes_no_wrong_position(name):
-    figure = followed(name, cases()[name](32))
+    figure = followed(name, cases()[name](48))
     assert figure.wrong == 0
     assert figure.first >= 0
     assert figure.found >= 0.8 * figure.shown

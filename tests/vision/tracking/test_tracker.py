@@ -128,15 +128,18 @@ def test_acquisition_learns_colour_and_size():
     film = rolling("blue", on="grey", radius=14.0, rest_s=0.2, decoys=True)
     acquisition = Acquisition()
     got = next(got for f in film.frames if (got := acquisition.step(f)) is not None)
-    appearance, found = got
-    assert found.radius_px == pytest.approx(14.0, abs=0.5)
-    assert np.argmax(appearance.ball_bgr) == 0
+    assert got.seen.radius_px == pytest.approx(14.0, abs=0.5)
+    assert np.argmax(got.appearance.ball_bgr) == 0
+    assert got.moves
 
 
-def test_acquisition_keeps_to_the_colour_that_was_asked_for():
+@pytest.mark.parametrize("colour", ["red", "orange", "white", None])
+def test_a_wrong_colour_keeps_no_ball_from_being_found(colour):
     film = rolling("blue", on="grey", radius=14.0, rest_s=0.2, seconds=2.0)
-    acquisition = Acquisition(colour=Appearance.of_colour("red"))
-    assert all(acquisition.step(f) is None for f in film.frames)
+    appearance = Appearance.of_colour(colour) if colour else None
+    _, errors = follow(film, Tracker(appearance=appearance))
+    assert np.isfinite(errors).sum() >= 60 - 18
+    assert np.nanmax(errors) < 1.0
 
 
 def test_imposters_are_remembered_and_forgotten():

@@ -1,0 +1,155 @@
+"""What round things can be seen in an image, whatever they are, and how sure is each?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from vision.detection.appearance import NOISE_FLOOR, Appearance
+from vision.detection.detector import Detection
+from vision.detection.hough_circles import circles_of_any_size
+from vision.detection.pixels import fisher
+from vision.detection.streaks_and_mirrors import locate_shrunk, mirror_silhouette
+from vision.tracking.gate import is_plausible, outline_significance
+
+# Of the image's shorter side: a ball of 0.4 and some slack.
+LARGEST_SHARE = 0.45
+SMALLEST_PX = 3.5
+ROUGHLY_PX = 20.0  # radius at which a disc is judged: a larger one in an image that much smaller
+# Below this an outline is as likely chance: grain and noise give it up to 6, a ball of 5 px with
+# twice the contrast of a plate's grain 7 and more.
+LEAST_SIGNIFICANCE = 7.0
+# Standard deviations between a disc and what lies beside it; a polished ball, which mirrors the
+# plate, shows 1.8, the inside of a printed circle less than 1.
+LEAST_STEP = 1.2
+
+
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """A round thing seen in one frame: its disc, how it looks there, and the evidence for it.
+
+    `evidence` is the logarithm of its outline's significance, times the share of the outline that
+    was seen; 0 and less is none. `central` is 1 in the image's middle and 0.5 in its corners: a
+    camera is aimed at its plate.
+    """
+
+    seen: Detection
+    appearance: Appearance
+    evidence: float
+    central: float = 1.0
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """(u, v) px."""
+        return self.seen.u_px, self.seen.v_px
+
+    def far(self, other: Sighting) -> float:
+        """Distance of the centres (px)."""
+        return math.dist(self.place, other.place)
+
+
+def bounds_of(image: np.ndarray, asked: tuple[float, float] | None) -> tuple[float, float]:
+    """Bounds (min, max) px of the radius in an image (h, w, 3): those `asked` for, or any."""
+    return asked or (SMALLEST_PX, LARGEST_SHARE * min(image.shape[:2]))
+
+
+def round_things(
+    image: np.ndarray,
+    bounds_px: tuple[float, float],
+    *,
+    at_most: int = 10,
+    due: Callable[[int], bool] = lambda pixels: True,
+) -> list[Sighting]:
+    """The round things in an image (h, w, 3) uint8 BGR with a radius within `bounds_px`, the
+    surest first; `at_most` of every octave of radii, `due` as for `circles_of_any_size`."""
+    found: list[Sighting] = []
+    for c in circles_of_any_size(image, bounds_px, at_most=at_most, due=due):
+        sighting = sight(image, c.u_px, c.v_px, c.radius_px, bounds_px)
+        if sighting is not None:
+            found.append(sighting)
+    kept: list[Sighting] = []
+    for s in sorted(found, key=lambda s: -s.evidence):
+        if all(s.far(k) > 0.5 * max(s.seen.radius_px, k.seen.radius_px) for k in kept):
+            kept.append(s)
+    return kept
+
+
+def sight(
+    image: np.ndarray, u_px: float, v_px: float, radius_px: float, bounds_px: tuple[float, float]
+) -> Sighting | None:
+    """The round thing about a circle (px) in an image (h, w, 3) uint8 BGR, if there is one."""
+    appearance = Appearance.sketch(image, u_px, v_px, radius_px)
+    # A rough circle shows most of the contrast.
+    if outline_significance(appearance.separation, radius_px) < 0.7 * LEAST_SIGNIFICANCE:
+        return None
+    about = (max(bounds_px[0], 0.7 * radius_px), min(bounds_px[1], 1.4 * radius_px))
+    step, found = max(1, int(radius_px / ROUGHLY_PX)), None
+    for fine in sorted({step, max(1, step // 2)}, reverse=True):  # finer at the image's border
+        found = locate_shrunk(image, appearance, u_px, v_px, radius_px, fine)
+        if is_plausible(found, appearance, about, strict=True):
+            break
+    else:
+        return None
+    assert found is not None
+    appearance, found = _outermost(image, appearance, found, bounds_px[1])
+    appearance = Appearance.sketch(image, found.u_px, found.v_px, found.radius_px)
+    significance = outline_significance(appearance.separation, found.radius_px)
+    if significance < LEAST_SIGNIFICANCE or _is_ring(image, found):
+        return None
+    silhouette = mirror_silhouette(image, appearance, found)
+    found = silhouette if silhouette is not None else found
+    rough = found.residual_px / max(0.25, 0.05 * found.radius_px)
+    evidence = found.inliers * math.log(significance / LEAST_SIGNIFICANCE + 1.0)
+    h, w = image.shape[:2]
+    off = math.hypot(found.u_px - 0.5 * w, found.v_px - 0.5 * h) / math.hypot(0.5 * w, 0.5 * h)
+    evidence *= max(0.2, 1.0 - 0.5 * rough)
+    return Sighting(found, appearance, evidence, 1.0 - 0.5 * off**2)
+
+
+def _is_ring(image: np.ndarray, found: Detection) -> bool:
+    """Whether it is a line about something like what lies outside, such as a printed circle."""
+    u, v, r = found.u_px, found.v_px, found.radius_px
+    beside = fisher(image, u, v, 0.85 * r, 1.1 * r + 0.5, 1.35 * r + 1.5, NOISE_FLOOR)
+    return beside[3] < LEAST_STEP
+
+
+def surest_disc(
+    image: np.ndarray,
+    u_px: float,
+    v_px: float,
+    radius_px: float | None,
+    bounds_px: tuple[float, float],
+) -> Sighting | None:
+    """The surest round thing about a place (px) that somebody pointed at, of a radius near
+    `radius_px` or, without one, of any; None where no disc holds the place."""
+    radii = np.geomspace(*bounds_px, max(2, math.ceil(math.log(bounds_px[1] / bounds_px[0]) / 0.2)))
+    if radius_px is not None:
+        radii = radius_px * np.array((1.0, 0.85, 1.18))
+    found = [sight(image, u_px, v_px, float(r), bounds_px) for r in radii]
+    about = [
+        s for s in found if s is not None and math.dist(s.place, (u_px, v_px)) < s.seen.radius_px
+    ]
+    return max(about, key=lambda s: s.evidence, default=None)
+
+
+def _outermost(
+    image: np.ndarray, appearance: Appearance, found: Detection, largest_px: float
+) -> tuple[Appearance, Detection]:
+    """The largest plausible disc about the same centre: a ball's highlights are round as well."""
+    inner = found
+    for factor in (1.3, 1.7):
+        radius = factor * inner.radius_px
+        if radius > largest_px:
+            break
+        wider = Appearance.sketch(image, inner.u_px, inner.v_px, radius)
+        step = max(1, int(radius / ROUGHLY_PX))
+        disc = locate_shrunk(image, wider, inner.u_px, inner.v_px, radius, step)
+        bounds = (max(1.1 * found.radius_px, 0.85 * radius), 1.15 * radius)
+        if disc is None or not is_plausible(disc, wider, bounds, strict=True):
+            continue
+        if math.hypot(disc.u_px - inner.u_px, disc.v_px - inner.v_px) < 0.2 * inner.radius_px:
+            appearance, found = wider, disc
+    return appearance, found

@@ -1,0 +1,155 @@
+"""Which of the round things that were seen is the ball? Things are followed by look and place.
+
+A still thing is seen in its place again and again; the ball is a round thing that moves otherwise
+than the plate or, where nothing moves, the one that stands out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from vision.tracking.sightings import Sighting
+
+# Of the image's longer side: a mark at the edge of a plate tilted by 6 degrees shifts by 1 %.
+TRAVEL = 0.03
+# What counts as one unlike step between two sightings of a thing: share of the radius (perspective
+# on a plate changes it by a fifth), grey levels (a ball's shading; a painted half changes by more,
+# and is then known by its place).
+UNLIKE_SIZE, UNLIKE_COLOUR = 0.2, 40.0
+NEAR_RADII, FAR_RADII = 2.0, 6.0
+OTHER = 0.1  # weight of a thing that stays where it was while the ball was elsewhere
+LARGER, FIXED = 1.4, 0.3  # ratio of radii; share of the larger radius that a part may sway
+MOVER = 3.0  # weight of having travelled, against being there: chosen so that a mover wins
+
+
+@dataclass(eq=False)
+class Thing:
+    """A round thing and where it was seen: `times` [s] and `sightings` of equal length; `looks`
+    counts the images since its first, `missed` those since its last; `other` says that the ball was
+    known to be elsewhere while it was there."""
+
+    times: list[float] = field(default_factory=list)
+    sightings: list[Sighting] = field(default_factory=list)
+    looks: int = 0
+    missed: int = 0
+    other: bool = False
+
+    @property
+    def last(self) -> Sighting:
+        """The latest sighting."""
+        return self.sightings[-1]
+
+    @property
+    def radius_px(self) -> float:
+        """Median radius (px)."""
+        return float(np.median([s.seen.radius_px for s in self.sightings]))
+
+    @property
+    def evidence(self) -> float:
+        """Mean evidence of its sightings."""
+        return float(np.mean([s.evidence for s in self.sightings]))
+
+    def travel(self, reach_px: float) -> float:
+        """How far it came from where it was at first, in units of half of `reach_px` or of its
+        radius, whichever is longer; the farthest sightings, which may be mistakes, do not count."""
+        places = np.array([s.place for s in self.sightings])
+        n = len(places)
+        off = np.sort(np.hypot(*(places - np.median(places[: (n + 1) // 2], 0)).T))
+        sure = off[-2 - n // 10] if n > 3 else 0.0
+        return float(sure) / max(0.5 * reach_px, 0.5 * self.radius_px)
+
+    def score(self, reach_px: float) -> float:
+        """Evidence that it is a ball: that of its outlines, which grows with the root of their
+        number, by how steadily it was seen while it was there, more if it travelled. A thing that
+        stays counts less away from the image's middle, where the plate is."""
+        n = len(self.sightings)
+        evidence = self.evidence * math.sqrt(n)
+        steadily = n / max(self.looks - self.missed, n)
+        travel = self.travel(reach_px)
+        if travel > 1.0:
+            return evidence * steadily * (1.0 + MOVER * min(travel / 2.0, 1.0))
+        return evidence * steadily * self.last.central * (OTHER if self.other else 1.0)
+
+
+class Things:
+    """The round things of a film or, with `window_s`, of its last seconds."""
+
+    def __init__(self, *, window_s: float = math.inf) -> None:
+        self._window_s = window_s
+        self.all: list[Thing] = []
+
+    def add(self, t_s: float, sightings: list[Sighting]) -> None:
+        """Add what was seen in one image: every sighting goes to the thing it is most like."""
+        pairs = sorted(
+            (_unlike(thing.last, s), i, k)
+            for i, thing in enumerate(self.all)
+            for k, s in enumerate(sightings)
+        )
+        taken: dict[int, int] = {}
+        for unlike, i, k in pairs:
+            if math.isfinite(unlike) and i not in taken and k not in taken.values():
+                taken[i] = k
+        for i, thing in enumerate(self.all):
+            thing.looks += 1
+            thing.missed += 1
+            if i in taken:
+                thing.missed = 0
+                thing.times.append(t_s)
+                thing.sightings.append(sightings[taken[i]])
+        free = set(range(len(sightings))) - set(taken.values())
+        self.all += [Thing([t_s], [sightings[k]], looks=1) for k in sorted(free)]
+        self._forget(t_s)
+
+    def _forget(self, t_s: float) -> None:
+        for thing in self.all:
+            old = sum(t < t_s - self._window_s for t in thing.times)
+            old -= thing.other and old == len(thing.times)  # of those one sighting stays
+            if old:
+                # As if it had been looked for since its first sighting that is kept.
+                thing.looks = max(len(thing.times) - old, thing.looks - old)
+                del thing.times[:old], thing.sightings[:old]
+        self.all = [thing for thing in self.all if thing.times]
+
+    def ball_is(self, ball: Sighting) -> None:
+        """The ball is here: what is elsewhere is another thing; what was seen counts no more."""
+        for thing in self.all:
+            apart = thing.last.far(ball) > max(thing.radius_px, ball.seen.radius_px)
+            thing.other = apart and (thing.other or len(thing.times) > 1)
+            thing.times, thing.sightings = thing.times[-1:], thing.sightings[-1:]
+            thing.looks, thing.missed = 1, 0
+        self.all = [thing for thing in self.all if thing.other]
+
+    def is_part(self, thing: Thing) -> bool:
+        """Whether it stays in its place on a larger thing, as a highlight does on its ball."""
+        for whole in self.all:
+            weaker = whole.evidence < 0.7 * thing.evidence
+            if weaker or whole.radius_px < LARGER * thing.radius_px:
+                continue
+            at = dict(zip(whole.times, whole.sightings, strict=True))
+            pairs = [
+                (s, at[t]) for t, s in zip(thing.times, thing.sightings, strict=True) if t in at
+            ]
+            if len(pairs) < max(2, 0.5 * len(thing.times)):
+                continue
+            off = np.array([np.subtract(s.place, w.place) for s, w in pairs]) / whole.radius_px
+            if np.hypot(*np.median(off, 0)) < 0.95 and np.hypot(*off.std(0)) < FIXED:
+                return True
+        return False
+
+    def ranked(self, reach_px: float) -> list[Thing]:
+        """The things by their score, best first; `reach_px`: what counts as travelling."""
+        return sorted(self.all, key=lambda thing: -thing.score(reach_px))
+
+
+def _unlike(old: Sighting, new: Sighting) -> float:
+    """How unlike two sightings are, infinite where they cannot be of one thing."""
+    radius = old.seen.radius_px
+    size = abs(math.log(new.seen.radius_px / radius)) / UNLIKE_SIZE
+    colour = np.linalg.norm(new.appearance.ball_bgr - old.appearance.ball_bgr) / UNLIKE_COLOUR
+    far = old.far(new) / radius
+    if size > 1.5 or (colour > 1.5 and far > NEAR_RADII):
+        return math.inf
+    return size + min(float(colour), 1.5) + min(far / FAR_RADII, 2.0)

@@ -1,0 +1,219 @@
+"""Where is the ball in each frame of a film that can be read again?
+
+A film is looked at as a whole first: some frames, spread evenly, are searched for round things, and
+the one thing that is most like a ball in all of them is chosen (`things`), so that neither the
+first convincing mover nor a colour's name decides. Tracking then runs forwards from a place where
+it was seen, is put right wherever it has lost it while that look saw it, and what is still missing
+is tracked backwards from where it was found again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vision.detection.appearance import Appearance
+from vision.frames import Frame, Track
+from vision.tracking.acquisition import LEAST_EVIDENCE, NAMED, STANDS_OUT, fits
+from vision.tracking.sightings import Sighting, bounds_of, round_things
+from vision.tracking.things import TRAVEL, UNLIKE_COLOUR, UNLIKE_SIZE, Thing, Things
+from vision.tracking.tracker import Tracker
+
+Frames = Callable[[], Iterable[Frame]]
+
+LOOK_S = 0.1  # between two looks of the first pass, doubled where that gives more than `LOOKS`
+LOOKS = 120
+AT_MOST = 6  # circles of an octave that a look examines
+RANKED = 8  # things that are compared in the end
+GOOD = 0.5  # of its usual evidence, from which a sighting counts against the tracker's own place
+KEPT_BYTES = 3e8  # of images kept to be tracked backwards
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """The ball's sightings by frame index, and whether it moves; empty where none was found."""
+
+    sightings: dict[int, Sighting]
+    moves: bool
+
+
+def survey(
+    frames: Frames,
+    *,
+    radius_px: tuple[float, float] | None = None,
+    mask: np.ndarray | None = None,
+    colour: Appearance | None = None,
+) -> Survey:
+    """Look at a film and choose its ball; the arguments are those of `Tracker`."""
+    looks: list[tuple[int, float, list[Sighting]]] = []  # index, time, what was seen
+    every_s, longer = LOOK_S, 0
+    for frame in frames():
+        if looks and 0.0 <= frame.t_s - looks[-1][1] < every_s:
+            continue
+        image = frame.image
+        longer = max(longer, *image.shape[:2])
+        seen = round_things(image, bounds_of(image, radius_px), at_most=AT_MOST)
+        if mask is not None:
+            seen = [s for s in seen if _on(mask, s)]
+        looks.append((frame.index, frame.t_s, seen))
+        if len(looks) > LOOKS:
+            looks, every_s = looks[::2], 2.0 * every_s
+    things = Things()
+    for number, (_, _, seen) in enumerate(looks):
+        things.add(float(number), seen)
+    reach = TRAVEL * longer
+    ranked = sorted(things.all, key=lambda t: -_score(t, reach, colour))
+    ranked = [thing for thing in ranked[:RANKED] if not things.is_part(thing)]
+    best = ranked[0] if ranked else None
+    if best is None or not _sure(best, len(looks)):
+        return Survey({}, moves=False)
+    moves = best.travel(reach) > 1.0
+    if not moves and len(ranked) > 1:
+        lead = _score(best, reach, colour) / _score(ranked[1], reach, colour)
+        if lead < STANDS_OUT:
+            return Survey({}, moves=False)
+    places = {looks[int(n)][0]: s for n, s in _usual(best)}
+    return Survey(places, moves)
+
+
+def _score(thing: Thing, reach_px: float, colour: Appearance | None) -> float:
+    named = colour is not None and fits(colour, thing.last)
+    return thing.score(reach_px) * (NAMED if named else 1.0)
+
+
+def _usual(best: Thing) -> list[tuple[float, Sighting]]:
+    """Its sightings (look, sighting) that have its usual size and colour; a fingertip that was met
+    while a hand held the ball has not. A ball of two colours has a wide usual colour."""
+    colours = np.array([s.appearance.ball_bgr for s in best.sightings])
+    off = np.linalg.norm(colours - np.median(colours, 0), axis=1)
+    sizes = np.array([s.seen.radius_px for s in best.sightings]) / best.radius_px
+    fits_in = (off < max(UNLIKE_COLOUR, 3.0 * float(np.median(off)))) & (
+        np.abs(np.log(sizes)) < 2.0 * UNLIKE_SIZE
+    )
+    pairs = zip(best.times, best.sightings, strict=True)
+    return [pair for pair, usual in zip(pairs, fits_in, strict=True) if usual]
+
+
+def _sure(best: Thing, looks: int) -> bool:
+    """Whether it was seen often and well enough to be more than grain."""
+    return best.evidence > LEAST_EVIDENCE and len(best.times) >= min(3, looks)
+
+
+def _on(mask: np.ndarray, s: Sighting) -> bool:
+    i, j = (round(x) for x in reversed(s.place))
+    return 0 <= i < mask.shape[0] and 0 <= j < mask.shape[1] and bool(mask[i, j])
+
+
+class WholeFilm:
+    """The tracks of a film, by frame: `step` gives them in any order, as a `Tracker` does in time.
+
+    `frames` opens the film anew at each call; the others as for `Tracker`. `ball_at` (u, v) or
+    (u, v, radius) px: where the ball is in the first frame.
+    """
+
+    def __init__(
+        self,
+        frames: Frames,
+        *,
+        appearance: Appearance | None = None,
+        radius_px: tuple[float, float] | None = None,
+        mask: np.ndarray | None = None,
+        ball_at: tuple[float, ...] | None = None,
+    ) -> None:
+        self._frames = frames
+        self.tracks: dict[int, Track] = {}
+        found = Survey({}, moves=False)
+        if ball_at is None:
+            found = survey(frames, radius_px=radius_px, mask=mask, colour=appearance)
+        self._tracker = Tracker(
+            appearance=None if found.sightings else appearance,
+            radius_px=radius_px,
+            mask=mask,
+            ball_at=ball_at,
+            seeks="same" if found.sightings else "any",
+        )
+        self._moves = found.moves
+        self._forwards(found.sightings)
+        self._backwards()
+
+    @property
+    def appearance(self) -> Appearance | None:
+        """The ball's appearance, see `Tracker`."""
+        return self._tracker.appearance
+
+    @property
+    def radius_px(self) -> float:
+        """The ball's usual radius (px), NaN where it was not found."""
+        return self._tracker.radius_px
+
+    @property
+    def proven(self) -> bool:
+        """Whether the ball moved."""
+        return self._moves or self._tracker.proven
+
+    def step(self, frame: Frame) -> Track:
+        """The track of a frame of the film."""
+        return self.tracks.get(frame.index, Track("search"))
+
+    def _forwards(self, sightings: dict[int, Sighting]) -> None:
+        usual = float(np.median([s.evidence for s in sightings.values()])) if sightings else 0.0
+        tracker = self._tracker
+        for frame in self._frames():
+            s = sightings.get(frame.index)
+            track = tracker.step(frame)
+            if s is not None and s.evidence > GOOD * usual and not _at(track, s):
+                track = tracker.start_at(frame, *s.place, s.seen.radius_px) or track
+            self.tracks[frame.index] = track
+
+    def _backwards(self) -> None:
+        """Track the frames before every lock backwards, as many of them as may be kept."""
+        gaps = _gaps(self.tracks)
+        if not gaps:
+            return
+        kept: list[Frame] = []
+        for frame in self._frames():
+            if frame.index not in gaps:
+                continue
+            kept.append(frame)
+            while len(kept) > max(2, KEPT_BYTES / max(frame.image.nbytes, 1)):
+                kept.pop(0)
+            if self.tracks[frame.index].state == "track":
+                self._rewind(kept)
+                kept = []
+
+    def _rewind(self, kept: list[Frame]) -> None:
+        """Track from the last of these frames, in which the ball was found, back to the first."""
+        last = self.tracks[kept[-1].index]
+        back = self._tracker.from_known()
+        end_s = kept[-1].t_s
+        for frame in reversed(kept):
+            mirrored = replace(frame, t_s=end_s - frame.t_s)
+            if frame is kept[-1]:
+                track = back.start_at(mirrored, last.u_px, last.v_px, last.radius_px)
+            else:
+                track = back.step(mirrored)
+            if track is None or track.state == "lost":
+                break
+            if track.state == "track" and self.tracks[frame.index].state != "track":
+                self.tracks[frame.index] = track
+
+
+def _at(track: Track, s: Sighting) -> bool:
+    """Whether a track is where the ball was sighted."""
+    off = np.hypot(track.u_px - s.seen.u_px, track.v_px - s.seen.v_px)
+    return track.state == "track" and bool(off < s.seen.radius_px)
+
+
+def _gaps(tracks: dict[int, Track]) -> set[int]:
+    """Frames without a measured place that end in one with, and those ends."""
+    frames: set[int] = set()
+    waiting: list[int] = []
+    for index in sorted(tracks):
+        if tracks[index].state != "track":
+            waiting.append(index)
+        elif waiting:
+            frames |= {*waiting, index}
+            waiting = []
+    return frames
