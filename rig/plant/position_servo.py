@@ -120,10 +120,14 @@ def told_at(p, a, now):
 
 
 @inlined
+def rounded(p, a, told):
+    """An angle told to axis `a`, to the quantum of its servo [rad]; arms round their own."""
+    return told if p.linkage == THREE_ARMS else quantised(told, p.quantum_rad[a])
+
+
+@inlined
 def _arriving(p, a, told):
-    """What becomes of an angle told to axis `a` before the servo follows it [rad]."""
-    if p.linkage != THREE_ARMS:
-        told = quantised(told, p.quantum_rad[a])
+    """What becomes of a rounded angle told to axis `a` before the servo follows it [rad]."""
     return angle_zero(angle_scale(told, p.angle_scale_fraction[a]), p.angle_zero_offset_rad[a])
 
 
@@ -137,12 +141,12 @@ def targets(p, history, t, now, tick_s, wanted):
     rows = history.shape[0]
     x = history[late_command_row(rows, t - told_at(p, 0, now), tick_s), 0]
     y = history[late_command_row(rows, t - told_at(p, 1, now), tick_s), 1]
-    aim(p, x, y, wanted)
+    aim(p, rounded(p, 0, x), rounded(p, 1, y), wanted)
 
 
 @compiled
 def aim(p, told_x, told_y, wanted):
-    """Write the servos' targets (SERVOS,) for the angles told to both axes [rad] into `wanted`."""
+    """Write the servos' targets (SERVOS,) into `wanted`; told: of `rounded` for both axes [rad]."""
     x, y = _arriving(p, 0, told_x), _arriving(p, 1, told_y)
     if p.linkage != THREE_ARMS:
         wanted[0], wanted[1] = x, y

@@ -15,6 +15,7 @@ from rig.plant.position_servo import (
     SERVOS,
     aim,
     move_servos,
+    rounded,
     servos_at_level,
     table_angles,
     told_at,
@@ -24,10 +25,34 @@ LONGEST_STEP_S = 0.0025  # between two angles: the ball's predictor goes straigh
 
 
 @compiled
+def _mean_told(p, a, t, told, begin, h, row):
+    """Mean of what reaches the servo of axis `a` from `begin` on for h [s] [rad], and the row of
+    the command with which that begins; `row`: one at or before it.
+
+    Over a step so short the mean is what counts; it also makes the angle a smooth function of a
+    dead time, which a fit needs.
+    """
+    first, last = told_at(p, a, begin), told_at(p, a, begin + h)
+    while row + 1 < t.shape[0] and t[row + 1] <= first + 1e-9:
+        row += 1
+    if p.period_s[a] > 0.0 or last <= first:
+        return rounded(p, a, told[row, a]), row
+    total, at, k = 0.0, first, row
+    while at < last:
+        until = min(t[k + 1], last) if k + 1 < t.shape[0] and t[k + 1] > at else last
+        if k + 1 < t.shape[0] and t[k + 1] <= at:
+            k += 1
+            continue
+        total += rounded(p, a, told[k, a]) * (until - at)
+        at = until
+    return total / (last - first), row
+
+
+@compiled
 def _follow(p, t, told, parts, state, times, angles):
     """Fill times (m,) [s] and angles (m, 2) [rad], m = sum(parts[:-1]) + 1; see `answers`."""
-    wanted, at, row = np.zeros(SERVOS), np.zeros(2, np.int64), 0
-    aim(p, told[0, 0], told[0, 1], wanted)
+    wanted, at_x, at_y, row = np.zeros(SERVOS), 0, 0, 0
+    aim(p, rounded(p, 0, told[0, 0]), rounded(p, 1, told[0, 1]), wanted)
     for i in range(SERVOS):
         state[ANGLE + i] = wanted[i]
     table_angles(p, state, angles[0])
@@ -35,12 +60,10 @@ def _follow(p, t, told, parts, state, times, angles):
     for k in range(t.shape[0] - 1):
         h = (t[k + 1] - t[k]) / parts[k]
         for i in range(parts[k]):
-            now = t[k] + (i + 0.5) * h
-            for a in range(2):
-                when = told_at(p, a, now)
-                while at[a] + 1 < t.shape[0] and t[at[a] + 1] <= when + 1e-9:
-                    at[a] += 1
-            aim(p, told[at[0], 0], told[at[1], 1], wanted)
+            begin = t[k] + i * h
+            x, at_x = _mean_told(p, 0, t, told, begin, h, at_x)
+            y, at_y = _mean_told(p, 1, t, told, begin, h, at_y)
+            aim(p, x, y, wanted)
             move_servos(p, wanted, h, state)
             row += 1
             table_angles(p, state, angles[row])
