@@ -246,7 +246,9 @@ def play_map(cells: Sequence[dict], measure: str, title: str, unit: str) -> Figu
     # Colour tells sizes that matter: the scale never ends below twice the relevant size.
     largest = max(abs(cell[measure]["effect"]) for cell in cells)
     top = max(largest, 2 * max(cell[measure]["relevant"] for cell in cells))
-    figure, axis = plt.subplots(figsize=(1.3 * len(gears) + 1.8, 0.85 * len(joints) + 1.3))
+    figure, axis = plt.subplots(
+        figsize=(max(1.3 * len(gears), 2.6) + 1.8, 0.85 * len(joints) + 1.3)
+    )
     for cell in cells:
         i, j = joints.index(cell["joint_deg"]), gears.index(cell["gear_deg"])
         result = cell[measure]
