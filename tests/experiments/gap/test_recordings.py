@@ -93,7 +93,7 @@ def half_as_told(which: int, folder: Path) -> tuple[Path, Path]:
 def test_commanded_angles_need_a_rig_file_that_says_so(tmp_path: Path):
     log, rig = half_as_told(1, tmp_path)
     assert read_evidence([log], rig).logs[0].has("command_x_rad", "ball_x_m")
-    with pytest.raises(ValueError, match='say so in a rig file, .*kind = "position"'):
+    with pytest.raises(ValueError, match=r'say so in a rig file, .*kind = "position"'):
         read_evidence([log])
 
 
