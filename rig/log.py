@@ -154,6 +154,16 @@ class Log:
         return times[new], xy[new]
 
 
+def shown_angles(rows: np.ndarray) -> np.ndarray:
+    """Return the servos' angles (..., 2) of rows (..., len(COLUMNS)) for a person to look at [rad].
+
+    The measured ones, or where nobody measures them those that the servos were told.
+    """
+    theta, told = INDEX["theta_x_rad"], INDEX["command_x_rad"]
+    measured, commanded = rows[..., theta : theta + 2], rows[..., told : told + 2]
+    return np.where(np.isnan(measured), commanded, measured)
+
+
 def blank_row() -> np.ndarray:
     """Return a row (len(COLUMNS),) of blanks, to fill in by `INDEX`."""
     return np.full(len(COLUMNS), np.nan)

@@ -27,6 +27,8 @@ from calibration.gap.unnamed.wording import describe, formula
 from calibration.gap.veto import decide_by_proof
 from rig.log import Log
 from rig.parameters import Rig
+from rig.plant.plant_record import pack
+from rig.prediction.commanded import answers
 from rig.prediction.innovations import Signals, noise
 
 Progress = Callable[[str, int, int], None]  # stage, done, total
@@ -98,7 +100,16 @@ def usable_runs(logs: Sequence[Log], rig: Rig) -> list[Signals]:
     walls of `rig`."""
     half = rig.linkage.plate_side_m / 2
     reach = half - rig.ball.radius_m if rig.walls.present else inf
-    return [usable(log, camera_delay_s=rig.camera.delay_s, reach_m=reach) for log in logs]
+    runs = [usable(log, camera_delay_s=rig.camera.delay_s, reach_m=reach) for log in logs]
+    return [_guessed(run, rig) for run in runs]
+
+
+def _guessed(run: Signals, rig: Rig) -> Signals:
+    """The run with the rig's servos' answer at the ticks for the angles that nobody measured."""
+    if run.told_rad is None:
+        return run
+    t_s, angles = answers(pack(rig), run.t_s, run.told_rad)
+    return replace(run, theta_rad=angles[np.searchsorted(t_s, run.t_s - 1e-9)])
 
 
 def levels_of(rig: Rig) -> np.record:
@@ -217,7 +228,7 @@ def _with_rivals(decision: Decision, names: tuple[Named, ...]) -> tuple[Named, .
                 spread = deviations(rival.state)
                 axes = tuple(a for n, a in rival.state.named if n == rival.name)
                 parameters = findings_of_decision.parameters(rival.state, rival.name, axes, spread)
-                twins = findings_of_decision.TWINS.get(rival.name, ())
+                twins = findings_of_decision.twins_of(rival.name, rival.state.nominal.rig)
                 share = (1.0 - name.probability) / len(close)
                 found.append(Named(rival.name, share, twins, parameters))
     return tuple(found)

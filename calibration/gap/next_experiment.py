@@ -26,7 +26,7 @@ from calibration.gap.name.screen import screen
 from rig.control.controllers import WITHOUT
 from rig.course import Course
 from rig.discrepancy import Discrepancy
-from rig.effects import BY_NAME, CATALOGUE
+from rig.effects import BY_NAME
 from rig.log import Log
 from rig.parameters import Rig
 from rig.prediction.innovations import noise as first_levels
@@ -309,7 +309,9 @@ def _starts(
     outputs: tuple[str, ...],
 ) -> list[ParameterFit]:
     """Starts of the wrong effect: as given and as the screen finds it, the better one first."""
-    others = {(effect.name, axis) for effect in CATALOGUE for axis in effect.axes} - set(name.keys)
+    others = {(effect.name, axis) for effect in nominal.effects for axis in effect.axes} - set(
+        name.keys
+    )
     bare = State(evidence, nominal, evaluate(evidence, nominal, shared, outputs))
     found = screen(bare, outputs, skip=others)
     screened = {k: v for one in found for k, v in one.start.items()}

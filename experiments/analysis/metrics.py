@@ -21,7 +21,7 @@ from experiments.analysis.samples import (
     run_part,
 )
 from experiments.analysis.statistics import WithinRun, within_run_interval
-from rig.log import Log
+from rig.log import Log, shown_angles
 
 NEAR_M, FAR_M = 0.002, 0.03
 GAP_S = 0.25  # a ball unseen for longer was not there
@@ -35,7 +35,8 @@ class RunMetrics:
     the whole run, as in `Place`. settling_s: NaN where the ball never settled (`has_settled`
     False). The settled part begins at settling_s, or at half the run where the ball never settled;
     of that part are settled (`Place`), cycle (x and y), servo_rms_rad (RMS about zero),
-    servo_activity_rad (standard deviation) and servo_tracking_rad (RMS of theta - desired_theta).
+    servo_activity_rad (standard deviation; of the commands where no angle is measured) and
+    servo_tracking_rad (RMS of theta - desired_theta).
     Over the whole run are servo_tracking_whole_rad and voltage_rms_V. pushes: their number, None
     where the log does not say. unseen_at_end_s: how long the ball had not been seen at the end;
     where that is above GAP_S, this time is not part of the settled part. gear_play_rad,
@@ -105,9 +106,10 @@ def run_metrics(
 def _servos(run: Log, calm: Log) -> dict[str, Any]:
     """Numbers of the servos over the whole run and its settled part."""
     theta, whole = pair(calm, "theta_{}_rad"), pair(run, "theta_{}_rad")
+    moved = shown_angles(calm.rows)
     return {
-        "servo_rms_rad": _rms(theta),
-        "servo_activity_rad": _rms(theta - mean_seen(theta)),
+        "servo_rms_rad": _rms(moved),
+        "servo_activity_rad": _rms(moved - mean_seen(moved)),
         "servo_tracking_rad": _rms(theta - pair(calm, "desired_theta_{}_rad")),
         "servo_tracking_whole_rad": _rms(whole - pair(run, "desired_theta_{}_rad")),
         "voltage_rms_V": _rms(pair(run, "voltage_{}_V")),

@@ -11,9 +11,9 @@ import numpy as np
 
 from experiments.analysis.centroids import centroid
 from experiments.analysis.metrics import RunMetrics, run_metrics, settled_interval
-from experiments.analysis.samples import Place, ball_samples, pair, place, run_part
+from experiments.analysis.samples import Place, ball_samples, place, run_part
 from experiments.analysis.statistics import mean_interval
-from rig.log import Log
+from rig.log import Log, shown_angles
 
 CM = 100.0
 
@@ -90,11 +90,11 @@ def run_numbers(run: Recorded) -> dict:
 
 
 def whole_servo_rms(log: Log) -> np.ndarray:
-    """RMS (2,) [rad] of the servo angles x and y about zero over the whole run.
+    """RMS (2,) [rad] of the servo angles x and y, or the commands, about zero over the whole run.
 
     NaN for an axis with a blank angle.
     """
-    return np.sqrt(np.mean(pair(run_part(log), "theta_{}_rad") ** 2, axis=0))
+    return np.sqrt(np.mean(shown_angles(run_part(log).rows) ** 2, axis=0))
 
 
 def _settled_servos(m: RunMetrics) -> dict:

@@ -53,9 +53,9 @@ def regime_of_record(rig: dict | None) -> str:
     """
     if not rig:
         return "Regime: not known, the run folder holds no rig."
-    known = Rig()
-    for section in ("ball", "linkage", "drive"):
+    known, told = Rig(), {}
+    for section in ("servo", "ball", "linkage", "drive"):
         mine = getattr(known, section)
         given = {k: v for k, v in rig.get(section, {}).items() if k in vars(mine)}
-        known = replace(known, **{section: replace(mine, **given)})
-    return regime_sentence(known)
+        told[section] = replace(mine, **given)
+    return regime_sentence(replace(known, **told))

@@ -13,7 +13,7 @@ from experiments.blind.hidden_tables import calibrated_table, merged, well_kept
 from experiments.blind.trial import BATTERY, BlindTrial, Effects, Noise, rig_data
 from experiments.runs.assemble import load_rig
 from experiments.runs.protocol import read_protocol
-from rig.effects import CATALOGUE
+from rig.effects import effects_of
 from rig.parameters import Rig
 
 # Shares of the trials with something hidden.
@@ -33,7 +33,7 @@ REALISTIC_COUNTS = (1, 3, 5)  # effects on top of a realistic rig
 # Pairs that one effect explains: antisymmetric coupling is a yaw, a dead zone with an offset has
 # two sides.
 COMPLEMENTARY = ({"camera_yaw", "cross_coupling"}, {"dead_zone", "voltage_offset"})
-ALL_EFFECTS = tuple(effect.name for effect in CATALOGUE)
+ALL_EFFECTS = tuple(effect.name for effect in effects_of("voltage"))
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import numpy as np
 
 from experiments.blind.trial import Effects
 from experiments.runs.assemble import SPREAD_GAIN, SPREAD_TACHOMETER, SPREAD_TAU, another_unit
-from rig.effects import BY_NAME, CATALOGUE
+from rig.effects import BY_NAME, effects_of
 from rig.parameters import Rig
 
 # Of a realistic table, what its rig file knows (with an error inside the tolerances): the uneven
@@ -28,13 +28,13 @@ def merged(effects: Effects, more: Effects) -> Effects:
 
 
 def boxed(rng: np.random.Generator, share: float = 1.0) -> Effects:
-    """Every effect that has a tolerance, on all its axes, drawn uniformly within `share` of it.
+    """Every effect of voltage servos that has a tolerance, on all axes, uniformly within `share`.
 
     The first parameter lies in [-share tolerance, share tolerance], or [0, share tolerance] where
     the catalogue allows no negative value.
     """
     effects: Effects = {}
-    for effect in CATALOGUE:
+    for effect in effects_of("voltage"):
         if effect.tolerance == 0:
             continue
         first = effect.parameters[0]

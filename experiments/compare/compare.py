@@ -184,7 +184,8 @@ def run_comparison(
     from experiments.compare.report import write_report
     from experiments.compare.words import words
 
-    rig, grid = load_rig(rig_file), read_grid(grid_file)
+    rig = load_rig(rig_file)
+    grid = read_grid(grid_file, takes_angle=rig.servo.takes_angle)
     if seeds is not None:
         grid = grid.model_copy(update={"seeds": seeds})
     table = all_rows(rig, grid, out, jobs=jobs, cluster=cluster, progress=progress)

@@ -7,8 +7,8 @@ import numpy as np
 
 from experiments.compare.case import Case
 from experiments.compare.statistics import HARMS, HELPS
-from experiments.reports.figures import ball_cm, plt, save
-from rig.log import Log
+from experiments.reports.figures import ball_cm, plt, save, servo_word
+from rig.log import Log, shown_angles
 
 COLOURS = {"without": "#1f4fd8", "with": "#d62728", "adaptive": "#9467bd", "neural": "#2ca02c",
            "hybrid": "#ff7f0e", "disturbance": "#8c564b", "smooth": "#17becf",
@@ -106,8 +106,9 @@ def case_figure(case: Case, out: Path) -> Path:
         colour = COLOURS.get(condition, "black")
         left.plot(t, xy[:, 0], color=colour, lw=0.9)
         left.set_ylabel(f"{condition}\nball x [cm]", fontsize=8)
-        right.plot(_seconds(run.log), np.degrees(run.log["theta_x_rad"]), color=colour, lw=0.7)
-        right.set_ylabel("servo [deg]", fontsize=8)
+        angle = np.degrees(shown_angles(run.log.rows)[:, 0])
+        right.plot(_seconds(run.log), angle, color=colour, lw=0.7)
+        right.set_ylabel(f"{servo_word(run.log)} [deg]", fontsize=8)
     for ax in axes[-1]:
         ax.set_xlabel("t [s]")
     return save(figure, out, "compare_case", "simulated")
@@ -128,7 +129,12 @@ def crossing_figure(case: Case, out: Path) -> Path:
         for values, label, colour, style in (
             (run.log["desired_theta_x_rad"], "wanted", "#1a9641", "--"),
             (run.reference_rad, "reference", "0.5", "-"),
-            (run.log["theta_x_rad"], "servo", COLOURS.get(condition, "black"), "-"),
+            (
+                shown_angles(run.log.rows)[:, 0],
+                servo_word(run.log),
+                COLOURS.get(condition, "black"),
+                "-",
+            ),
             (run.plate_rad, "plate", "black", "-"),
         ):
             ax.plot(t, np.degrees(values[part]), style, color=colour, label=label, lw=1.1)

@@ -131,12 +131,13 @@ class Cell:
         return " | ".join(part for part in asdict(self).values() if part)
 
 
-def read_grid(path: Path | None) -> Grid:
-    """The grid of a TOML file; None: the shipped one.
+def read_grid(path: Path | None, *, takes_angle: bool = False) -> Grid:
+    """The grid of a TOML file; None: the shipped one, of servos that take volts or an angle.
 
     ValueError (one line): the file is missing, no TOML, or has a wrong key, value or name.
     """
-    source = path or Path(str(files("experiments") / "grids" / "default.toml"))
+    shipped = "position.toml" if takes_angle else "default.toml"
+    source = path or Path(str(files("experiments") / "grids" / shipped))
     if not source.is_file():
         raise ValueError(f"grid file {source} not found")
     try:
@@ -201,7 +202,11 @@ def table_of(rig: Rig, grid: Grid, cell: Cell) -> Rig:
     """
     play, friction = grid.plays[cell.play], grid.frictions[cell.friction]
     effects = {name: by for name, by in rig.effects.items() if name not in friction.without}
-    for where in ("gear", "joint"):
+    if rig.servo.takes_angle and play.gear_deg:
+        raise ValueError(
+            f"play '{cell.play}' of the grid: servos that take an angle have no gear_deg"
+        )
+    for where in ("joint",) if rig.servo.takes_angle else ("gear", "joint"):
         width, off = getattr(play, f"{where}_deg"), getattr(play, f"{where}_offset_deg")
         pair = {"play_rad": radians(width), "offset_rad": radians(off)}
         effects[f"{where}_backlash"] = {"x": pair, "y": dict(pair)}

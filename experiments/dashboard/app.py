@@ -33,7 +33,7 @@ from experiments.dashboard.view.pose import plate_point
 from experiments.dashboard.view.scene import TableScene, legend_words, light
 from experiments.dashboard.view.side_plates import SidePlates
 from experiments.runs.hardware import is_hardware
-from rig.log import INDEX
+from rig.log import INDEX, shown_angles
 from rig.loop.loop import Ending
 from rig.parameters import Rig
 
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from viser import ClientHandle, ViserServer
 
 DRAW_HZ, CURVES_EVERY, EVENTS_SHOWN = 20.0, 2, 4  # a film, of three tables, as the curves
-_THETA, _BALL, _TARGET = (INDEX[n] for n in ("theta_x_rad", "ball_x_m", "target_x_m"))
+_BALL, _TARGET = (INDEX[n] for n in ("ball_x_m", "target_x_m"))
 _FOUND = [[INDEX[f"estimated_{kind}_play_{a}_rad"] for a in "xy"] for kind in ("gear", "joint")]
 UNSEEN_S = 0.3  # an older sight of the ball is not drawn
 
@@ -98,7 +98,7 @@ class App:
         self.header = Header(server, self.controls, self.session, table)
         panel = gui.add_panel()
         with panel.add_tab("Live curves"):
-            self.curves = Curves(server)
+            self.curves = Curves(server, self.rig.servo)
         with panel.add_tab("Camera"):
             self.camera.add_widgets(self.controls)
         with panel.add_tab("Legend"):
@@ -298,7 +298,7 @@ class App:
     def _draw_table(self, row: np.ndarray, seen_s: float) -> None:
         ball = row[_BALL : _BALL + 2] if row[0] - seen_s < UNSEEN_S else None
         target = row[_TARGET : _TARGET + 2]
-        self.scene.pose(row[_THETA : _THETA + 2], ball, target)
+        self.scene.pose(shown_angles(row), ball, target)
         ghost = self._ghost
         self.scene.compare(ball, ghost.ball_m if ghost.on_plate else None)
         found = row[_FOUND]

@@ -10,8 +10,11 @@ from math import degrees, log10
 import numpy as np
 
 from experiments.gap.physics import Response, ball_response, servo_response
-from rig.log import Log
+from rig.log import COMMANDS, INDEX, Log
 from rig.parameters import Rig
+from rig.plant.plant_record import pack
+from rig.prediction.commanded import answers
+from rig.prediction.innovations import signals
 
 MIN_ROWS, MIN_SECONDS, MIN_OBSERVATIONS = 20, 1.0, 10
 MIN_RATE_HZ, MAX_RATE_HZ = 10.0, 5000.0
@@ -36,6 +39,7 @@ def check(log: Log, rig: Rig) -> list[str]:
     cannot be used: no axis has both ends of a channel, a wrong unit, axes swapped, a sign reversed,
     or a row rate out of range.
     """
+    log = _with_answers(log, rig)
     _check_channels(log)
     _check_time(log)
     notes = [*_still(log), *_volts(log, rig)]
@@ -50,6 +54,28 @@ def check(log: Log, rig: Rig) -> list[str]:
         lambda a, b: ball_response(log, a, b, rig.camera.delay_s),
     )
     return notes
+
+
+def _with_answers(log: Log, rig: Rig) -> Log:
+    """The log with the answer of the rig's servos to what they were told, where nobody measured it.
+
+    ValueError: angles were told, but the rig's servos take volts.
+    """
+    if not log.has(*COMMANDS) or log.has("theta_x_rad") or log.has("theta_y_rad"):
+        return log
+    if not rig.servo.takes_angle:
+        raise ValueError(
+            "command_x_rad and command_y_rad, and no theta: these servos take an angle; say so in "
+            'a rig file, [servo] kind = "position", and give it with --rig'
+        )
+    known = signals(log, camera_delay_s=rig.camera.delay_s)
+    if known.told_rad is None or not np.all(np.diff(known.t_s) > 0):
+        return log
+    t_s, angles = answers(pack(rig), known.t_s, known.told_rad)
+    rows = np.array(log.rows)
+    theta = INDEX["theta_x_rad"]
+    rows[:, theta : theta + 2] = angles[np.searchsorted(t_s, known.t_s - 1e-9)]
+    return Log.from_rows(rows, notes=log.notes)
 
 
 def _check_channels(log: Log) -> None:

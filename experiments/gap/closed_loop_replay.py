@@ -15,7 +15,7 @@ from experiments.runs.assemble import known
 from experiments.runs.protocol import Protocol, course, parse
 from rig.control.controllers import COMPENSATORS
 from rig.course import Course
-from rig.log import Log
+from rig.log import Log, shown_angles
 from rig.parameters import Rig
 from rig.simulation.simulate import Simulated, draw, simulate
 
@@ -135,7 +135,7 @@ def table_motion(log: Log, *, run_only: bool = False) -> TableMotion:
     seen = np.isfinite(ball).all(axis=1)
     ball = np.column_stack([held(ball[:, a]) for a in range(2)])
     ball[: int(np.argmax(seen)) if seen.any() else len(ball)] = np.nan
-    theta = np.nan_to_num(pair(log, "theta_{}_rad"))
+    theta = np.nan_to_num(shown_angles(log.rows))
     target = pair(log, "target_{}_m")
     return TableMotion(*(part[::step] for part in (t, theta, ball, target)))
 

@@ -76,7 +76,7 @@ def reproduce(
     fitted = fit_camera(rig, pairs_seen) if frames else rig
     study |= _simulated_figures(fitted, out, seed)
     table, paired_runs = _claim_runs(fitted, out, seed, pairs, progress)
-    cells = list(product(GRID_DEG, GRID_DEG))
+    cells = list(product((0.0,) if rig.servo.takes_angle else GRID_DEG, GRID_DEG))
     progress("cells of play", 0, len(cells))
     grid = play_grid(_grid_rows(fitted, seed, grid_pairs, len(cells), progress), seed, cells)
     results = {

@@ -216,6 +216,8 @@ def _means(cells: list[dict], gear: float, joint: float) -> str:
 
 def _grid_section(results: dict, shown: dict[str, Path]) -> Section:
     cells, tally = results["grid"], {}
+    most = max(cell["gear_deg"] for cell in cells)
+    both = "of both" if most else "in the joints (the servos' own loops hold their gears)"
     for cell in cells:
         word = verdict_word(cell["settled_error"])
         tally.setdefault(word, []).append(f"{cell['gear_deg']:g}/{cell['joint_deg']:g}")
@@ -223,8 +225,8 @@ def _grid_section(results: dict, shown: dict[str, Path]) -> Section:
         f"{results['grid_pairs']} paired seeds a cell, free release. Judged by the RMS distance "
         "from the centre after settling; cells as gear/joint play in degrees. The table keeps its "
         "dry friction everywhere, so a part of the effect is not play: with none at all "
-        f"(0/0) the distances are {_means(cells, 0, 0)}, with 3 degrees of both "
-        f"{_means(cells, 3, 3)}."
+        f"(0/0) the distances are {_means(cells, 0, 0)}, with 3 degrees {both} "
+        f"{_means(cells, most, 3)}."
     ]
     said = {"neutral": "is neutral", "unclear": "has no clear effect"}
     lines += [

@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.analysis.samples import ball_samples, run_part
-from rig.log import Log
+from rig.log import Log, shown_angles
 
 WITH, WITHOUT, CENTRE = "#d62728", "#1f4fd8", "#1a9641"
 SOURCES = {"simulated": "virtual rig", "measured": "measured"}
@@ -42,11 +42,22 @@ def ball_cm(log: Log) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _servo(log: Log) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Seconds from release, servo angles and desired angles (n, 2) [rad]."""
+    """Seconds from release, servo angles (commands where none are measured) and desired angles
+    (n, 2) [rad]."""
     run = run_part(log)
-    theta = np.column_stack([run["theta_x_rad"], run["theta_y_rad"]])
+    theta = shown_angles(run.rows)
     desired = np.column_stack([run["desired_theta_x_rad"], run["desired_theta_y_rad"]])
     return run["t_s"] - run["t_s"][0], theta, desired
+
+
+def servo_word(log: Log) -> str:
+    """What a curve of `shown_angles` is: "servo", or "command" where no angle is measured."""
+    return "servo" if log.has("theta_x_rad") or not log.has("command_x_rad") else "command"
+
+
+def _angle_label(log: Log, a: int) -> str:
+    what = "" if servo_word(log) == "servo" else "commanded "
+    return rf"{what}$\theta_{'xy'[a]}$ [rad]"
 
 
 def save(figure: Figure, folder: Path, name: str, source: str) -> Path:
@@ -98,9 +109,9 @@ def servo_of_run(log: Log, colour: str) -> Figure:
     figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.4), sharex=True)
     t, theta, desired = _servo(log)
     for a, axis in enumerate(axes):
-        axis.plot(t, theta[:, a], color=colour, lw=1.0, label="servo")
+        axis.plot(t, theta[:, a], color=colour, lw=1.0, label=servo_word(log))
         axis.plot(t, desired[:, a], "--", color=CENTRE, lw=0.9, label="desired")
-        axis.set_ylabel(rf"$\theta_{'xy'[a]}$ [rad]")
+        axis.set_ylabel(_angle_label(log, a))
     _legend_above(axes[0])
     axes[1].set_xlabel("time from release [s]")
     return figure
@@ -119,7 +130,7 @@ def _arms(without: Log, with_: Log) -> list[tuple[Log, str, str]]:
 
 
 def servo_over_time(without: Log, with_: Log, *, panels: Sequence[str] = ("", "")) -> Figure:
-    """Figs. 8 and 11: servo angles x, y [rad]; desired green dashed, without blue, with red.
+    """Figs. 8 and 11: servo angles (or commands); desired green dashed, without blue, with red.
 
     The desired angle drawn is that of the arm with the model (each arm has its own and is judged by
     it). panels: letters of the two axes.
@@ -132,7 +143,7 @@ def servo_over_time(without: Log, with_: Log, *, panels: Sequence[str] = ("", ""
         axis.plot(t0, theta0[:, a], "--", color=WITHOUT, lw=0.9, label="without backlash model")
         axis.plot(t, theta1[:, a], "-", color=WITH, lw=1.0, label="with backlash model")
         axis.plot(t, desired[:, a], "--", color=CENTRE, lw=0.9, label="desired (with)")
-        axis.set_ylabel(rf"$\theta_{'xy'[a]}$ [rad]")
+        axis.set_ylabel(_angle_label(with_, a))
         if panels[a]:
             axis.text(0.01, 0.97, panels[a], transform=axis.transAxes, va="top", fontsize=10)
     _legend_above(axes[0])
@@ -235,7 +246,9 @@ def play_map(cells: Sequence[dict], measure: str, title: str, unit: str) -> Figu
     # Colour tells sizes that matter: the scale never ends below twice the relevant size.
     largest = max(abs(cell[measure]["effect"]) for cell in cells)
     top = max(largest, 2 * max(cell[measure]["relevant"] for cell in cells))
-    figure, axis = plt.subplots(figsize=(1.3 * len(gears) + 1.8, 0.85 * len(joints) + 1.3))
+    figure, axis = plt.subplots(
+        figsize=(max(1.3 * len(gears), 2.6) + 1.8, 0.85 * len(joints) + 1.3)
+    )
     for cell in cells:
         i, j = joints.index(cell["joint_deg"]), gears.index(cell["gear_deg"])
         result = cell[measure]

@@ -110,7 +110,9 @@ def _run_section(run: Recorded, meta: dict, out: Path) -> Section:
             "ball": figures.ball_of_run(run.log, colour),
             "plate": figures.pushed_scatter(run.log, centroid_cm(run), f"{meta['arm']}", side),
         } | drawn
-    captions = {"ball": "Ball over time.", "plate": "Ball on the plate.", "servo": "Servo angles."}
+    captions = {"ball": "Ball over time.", "plate": "Ball on the plate."}
+    told = figures.servo_word(run.log) == "command"
+    captions["servo"] = "Angles that the servos were told." if told else "Servo angles."
     shown = [
         Picture(save(figure, out, f"{run.folder.name}-{name}", meta["source"]), captions[name])
         for name, figure in drawn.items()

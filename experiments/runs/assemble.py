@@ -49,8 +49,9 @@ def known(rig: Rig) -> Rig:
 def another_unit(rig: Rig, seed: int) -> Rig:
     """Another unit of the same kind, drawn from `seed`.
 
-    Uniformly drawn are: servo gain and time constant, friction of arm and joint, Coulomb friction
-    and voltage offset (where the rig has these effects), level offset and the tachometer's scale.
+    Uniformly drawn are: servo gain and time constant (the lag of servos that take an angle),
+    friction of arm and joint, Coulomb friction and voltage offset (where the rig has these
+    effects), level offset and the tachometer's scale.
     The controllers of the unit still know the kind (`rig`), not the unit: see
     `runner.RunRequest.kind`.
     """
@@ -62,6 +63,12 @@ def another_unit(rig: Rig, seed: int) -> Rig:
         time_constant_s=rig.servo.time_constant_s * (1 + SPREAD_TAU * one(-1, 1)),
         tachometer_scale=SPREAD_TACHOMETER * one(-1, 1),
     )
+    if servo.takes_angle:
+        late = servo.time_constant_s / rig.servo.time_constant_s
+        lags = {a: {"lag_s": late * rig.servo.on(a).lag_s} for a in ("x", "y")}
+        servo = replace(
+            servo, lag_s=late * servo.lag_s, x=servo.x | lags["x"], y=servo.y | lags["y"]
+        )
     loose = 1 + SPREAD_FRICTION * one(-1, 1)
     drive = replace(
         rig.drive,
@@ -81,9 +88,13 @@ def another_unit(rig: Rig, seed: int) -> Rig:
 
 
 def with_play(rig: Rig, *, gear_rad: float, joint_rad: float) -> Rig:
-    """The rig with these plays (full widths [rad]) on both axes in place of its own."""
+    """The rig with these plays (full widths [rad]) on both axes in place of its own.
+
+    Servos that take an angle close their loop around their gears: no gear play is left of them.
+    """
     effects = dict(rig.effects)
-    effects["gear_backlash"] = {axis: {"play_rad": gear_rad} for axis in ("x", "y")}
+    if not rig.servo.takes_angle:
+        effects["gear_backlash"] = {axis: {"play_rad": gear_rad} for axis in ("x", "y")}
     effects["joint_backlash"] = {axis: {"play_rad": joint_rad} for axis in ("x", "y")}
     return replace(rig, effects=effects)
 

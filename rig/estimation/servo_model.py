@@ -49,6 +49,6 @@ def follow(m, p, told, now, tick_s):
         m.told[i, 0], m.told[i, 1] = m.told[i - 1, 0], m.told[i - 1, 1]
     m.told[0, 0], m.told[0, 1] = told[0], told[1]
     begin = now - tick_s
-    targets(p, m.told, begin, begin + 0.5 * tick_s, tick_s, m.servos, m.wanted)
+    targets(p, m.told, begin, begin + 0.5 * tick_s, tick_s, m.wanted)
     move_servos(p, m.wanted, tick_s, m.servos)
     table_angles(p, m.servos, m.angles)

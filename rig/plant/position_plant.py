@@ -168,7 +168,7 @@ def advance_commanded(s, p, history, t, ticks_s, push_x, push_y, held, exposure_
     for i in range(int(round(ticks_s / h))):
         now, x, y = t + i * h, ball[0], ball[1]
         here = _centre(p, servos)
-        targets(p, history, t, now + 0.5 * h, ticks_s, servos, wanted)
+        targets(p, history, t, now + 0.5 * h, ticks_s, wanted)
         move_servos(p, wanted, h, servos)
         before[0], before[1] = angles[0], angles[1]
         table_angles(p, servos, angles)

@@ -112,26 +112,42 @@ def next_rate(error, rate, lag_s, limit_rad_s, acceleration_rad_s2, h):
     return min(max(wanted, rate - change), rate + change)
 
 
-@compiled
-def _axis_command(p, a, history, t, now, tick_s):
-    """Angle of axis `a` that arrives at its servo at the time now, of the tick from t on [rad]."""
-    when = now - servo_dead_time(p.dead_time_s[a], p.servo_dead_time_delay_s[a])
-    when = clocked(when, p.period_s[a])
-    told = history[late_command_row(history.shape[0], t - when, tick_s), a]
-    if p.linkage != THREE_ARMS:
-        told = quantised(told, p.quantum_rad[a])
+@inlined
+def told_at(p, a, now):
+    """Time of the command that reaches the servo of axis `a` at the time now [s]."""
+    late = servo_dead_time(p.dead_time_s[a], p.servo_dead_time_delay_s[a])
+    return clocked(now - late, p.period_s[a])
+
+
+@inlined
+def rounded(p, a, told):
+    """An angle told to axis `a`, to the quantum of its servo [rad]; arms round their own."""
+    return told if p.linkage == THREE_ARMS else quantised(told, p.quantum_rad[a])
+
+
+@inlined
+def _arriving(p, a, told):
+    """What becomes of a rounded angle told to axis `a` before the servo follows it [rad]."""
     return angle_zero(angle_scale(told, p.angle_scale_fraction[a]), p.angle_zero_offset_rad[a])
 
 
 @compiled
-def targets(p, history, t, now, tick_s, state, wanted):
+def targets(p, history, t, now, tick_s, wanted):
     """Write the angles (SERVOS,) to which the servos are told to go at the time now into `wanted`.
 
     history (n, 2): commands by axis, the one of the tick that began at t first [rad]. Where three
-    arms cannot reach the tilt, `wanted` stays; state: of SERVOS_STATE.
+    arms cannot reach the tilt, `wanted` stays.
     """
-    x = _axis_command(p, 0, history, t, now, tick_s)
-    y = _axis_command(p, 1, history, t, now, tick_s)
+    rows = history.shape[0]
+    x = history[late_command_row(rows, t - told_at(p, 0, now), tick_s), 0]
+    y = history[late_command_row(rows, t - told_at(p, 1, now), tick_s), 1]
+    aim(p, rounded(p, 0, x), rounded(p, 1, y), wanted)
+
+
+@compiled
+def aim(p, told_x, told_y, wanted):
+    """Write the servos' targets (SERVOS,) into `wanted`; told: of `rounded` for both axes [rad]."""
+    x, y = _arriving(p, 0, told_x), _arriving(p, 1, told_y)
     if p.linkage != THREE_ARMS:
         wanted[0], wanted[1] = x, y
         return

@@ -12,8 +12,9 @@ import numpy as np
 from rig.compiled import compiled
 from rig.discrepancy import discrepancy_acceleration
 from rig.plant import effect_equations as equations
-from rig.plant.ball import plate_sines, rolling
+from rig.plant.ball import rolling
 from rig.plant.plant import felt_angle
+from rig.plant.position_plant import felt_sines
 from rig.plant.shaft import play_operator
 
 FILTER_S = 1.0  # of observations before a look ahead
@@ -48,9 +49,7 @@ def ball_step(p, s, plate, sines, angle_x, angle_y, now, dt):
     """
     felt_x, plate[0] = _plate(p, 0, angle_x, plate[0])
     felt_y, plate[1] = _plate(p, 1, angle_y, plate[1])
-    s_x, s_y = plate_sines(
-        felt_x, felt_y, p.ratio, p.cross_coupling_fraction[0], p.cross_coupling_fraction[1]
-    )
+    s_x, s_y = felt_sines(p, felt_x, felt_y)
     mid_x, mid_y = 0.5 * (s_x + sines[0]), 0.5 * (s_y + sines[1])
     c = sqrt(1.0 - mid_x * mid_x - mid_y * mid_y)
     o1, o2 = -(s_y - sines[1]) / (dt * c), (s_x - sines[0]) / (dt * c)
@@ -85,13 +84,7 @@ def _tick_of(t, when):
 @compiled
 def _sines(p, plate):
     """Tilt of the plate in its present play positions."""
-    return plate_sines(
-        felt_angle(p, 0, plate[0]),
-        felt_angle(p, 1, plate[1]),
-        p.ratio,
-        p.cross_coupling_fraction[0],
-        p.cross_coupling_fraction[1],
-    )
+    return felt_sines(p, felt_angle(p, 0, plate[0]), felt_angle(p, 1, plate[1]))
 
 
 @compiled

@@ -13,10 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rig.log import Log
+from rig.log import COMMANDS, Log
 from rig.parameters import Rig
 from rig.plant.plant_record import pack
 from rig.prediction.ball import LONGEST_GAP_S, look_ahead, predict_ball
+from rig.prediction.commanded import answers
 from rig.prediction.servo import predict_axis
 
 NOISE = np.dtype(
@@ -37,7 +38,9 @@ class Signals:
     t_s (n,): ticks; volts_V, theta_rad (n, 2): applied volts and encoder angles; exposed_s (k,),
     ball_m (k, 2): observations; fresh (k,), optional: true at exposures at which the ball's filter
     starts anew; driven: axes that have a servo channel (the volts of the others are taken as 0);
-    corrected (n,), optional: true at ticks whose angles correct the servos' filters (None: all).
+    corrected (n,), optional: true at ticks whose angles correct the servos' filters (None: all);
+    told_rad (n, 2), optional: angles told to servos that take them and whose angle nobody measures;
+    the ball is then predicted from their answer, and theta_rad is no more than a guess of it.
     """
 
     t_s: np.ndarray
@@ -48,6 +51,14 @@ class Signals:
     fresh: np.ndarray | None = None
     driven: tuple[bool, bool] = (True, True)
     corrected: np.ndarray | None = None
+    told_rad: np.ndarray | None = None
+
+    def angles(self, p: np.record) -> tuple[np.ndarray, np.ndarray]:
+        """Times (m,) [s] and servo angles (m, 2) [rad] for the ball: measured, or the answer to the
+        commands under the model p (record PLANT)."""
+        if self.told_rad is None:
+            return self.t_s, self.theta_rad
+        return answers(p, self.t_s, self.told_rad)
 
     def has_servo(self, a: int) -> bool:
         """Whether volts and angle of axis `a` are there in every row, and the axis is driven."""
@@ -62,10 +73,19 @@ def signals(log: Log, *, camera_delay_s: float) -> Signals:
     """Return the signals of a log; `camera_delay_s` dates observations without `ball_exposed_s`."""
     exposed, ball = log.ball(camera_delay_s)
     pair = [np.column_stack([log[f"{n}_x_{u}"], log[f"{n}_y_{u}"]]) for n, u in _PAIRS]
-    return Signals(np.array(log["t_s"]), pair[0], pair[1], exposed, ball)
+    told = pair[2] if log.has(*COMMANDS) and np.isnan(pair[1]).all() else None
+    if told is not None:
+        told = np.column_stack([_held(column) for column in told.T])
+    return Signals(np.array(log["t_s"]), pair[0], pair[1], exposed, ball, told_rad=told)
 
 
-_PAIRS = (("voltage", "V"), ("theta", "rad"))
+def _held(column: np.ndarray) -> np.ndarray:
+    """A column (n,) with each blank the value before it, 0 at the start."""
+    last = np.maximum.accumulate(np.where(np.isnan(column), -1, np.arange(len(column))))
+    return np.where(last >= 0, column[np.maximum(last, 0)], 0.0)
+
+
+_PAIRS = (("voltage", "V"), ("theta", "rad"), ("command", "rad"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,8 +186,7 @@ def ball_innovations(
         predict_ball(
             p,
             levels,
-            known.t_s,
-            known.theta_rad,
+            *known.angles(p),
             known.exposed_s,
             known.ball_m,
             fresh,
@@ -194,8 +213,7 @@ def ball_ahead(
         look_ahead(
             p,
             levels,
-            known.t_s,
-            known.theta_rad,
+            *known.angles(p),
             known.exposed_s,
             known.ball_m,
             fresh,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from experiments.records.importing import read_log
-from rig.effects import CATALOGUE, check
+from rig.effects import check, effects_of
 from tests.support.foreign.parts import packed
 from tests.support.foreign.plant import RADIUS_M, _roll
 from tests.support.foreign.protocols import PROTOCOLS
@@ -55,7 +55,7 @@ LARGE = {  # about six times what a minute of data shows
 
 
 def test_the_catalogue_is_complete_and_spelled_alike():
-    assert list(LARGE) == [effect.name for effect in CATALOGUE]
+    assert list(LARGE) == [effect.name for effect in effects_of("voltage")]
     check(LARGE)
     with pytest.raises(ValueError, match="no effect"):
         make_log("hold", effects={"camera_yaw": {"x": {"angle_rad": 0.1}}}, seed=1)

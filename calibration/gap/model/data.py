@@ -124,8 +124,13 @@ def _thinned(known: Signals) -> Signals:
         return known
     n = len(known.t_s) // m * m
     volts = known.volts_V[:n].reshape(-1, m, 2).mean(axis=1)
+    told = None if known.told_rad is None else known.told_rad[:n:m].copy()
     return replace(
-        known, t_s=known.t_s[:n:m].copy(), theta_rad=known.theta_rad[:n:m].copy(), volts_V=volts
+        known,
+        t_s=known.t_s[:n:m].copy(),
+        theta_rad=known.theta_rad[:n:m].copy(),
+        volts_V=volts,
+        told_rad=told,
     )
 
 

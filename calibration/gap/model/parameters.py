@@ -20,7 +20,7 @@ from calibration.gap.decision_rule import (
 )
 from rig.discrepancy import Discrepancy
 from rig.discrepancy import pack as pack_unknown
-from rig.effects import BY_NAME, CATALOGUE, Effect, values
+from rig.effects import ANGLES, BY_NAME, CATALOGUE, Effect, effects_of, values
 from rig.parameters import Rig
 from rig.plant.plant_record import pack
 
@@ -35,7 +35,8 @@ STEPS = {
     "drop_1_V": 0.002, "play_rad": 0.002, "offset_rad": 0.001, "coast_s2_rad": 0.01,
     "coefficient_1_rad": 0.02, "coefficient_1_rad2": 0.1, "slope_rad": 2e-4, "rate_rad_s": 1e-5,
     "stiffness_1_s2": 0.02, "deceleration_m_s2": 0.001, "extra_s": 0.001, "angle_rad": 0.003,
-    "k1_1_m2": 0.1, "height_m": 0.002,
+    "k1_1_m2": 0.1, "height_m": 0.002, "lag_s": 0.002, "limit_rad_s": 0.05,
+    "half_width_rad": 0.001,
 }  # fmt: skip
 OWN_STEPS = {
     "transmission_ripple.sine": 0.001,
@@ -52,6 +53,13 @@ COAST_KEY, LONGEST_COAST_S2_RAD = "coast_s2_rad", 0.5
 HEIGHT_KEY = "height_m"
 INNER_SHAPE = {"gear_backlash": [COAST_KEY], "camera_scale": [HEIGHT_KEY]}
 IN_RECORD = {COAST_KEY: "gear_coast", HEIGHT_KEY: "camera_height"}  # not in the catalogue
+# Where servos take an angle that nobody measures, these make the same data as others do, whatever
+# the motion: a late camera as late servos, its scale as theirs, their zero as the level.
+TOLD_TWINS = {
+    "servo_dead_time": ("camera_delay", "delay_servo_to_plate"),
+    "angle_scale": ("camera_scale", "linkage_gain", "ball_inertia"),
+    "level_offset": ("angle_zero", "asymmetric_play"),
+}
 GUESSES = (0.2, 0.5, 1.0, 2.0, 5.0)  # of the nominal K and tau: starts of a fit far from them
 
 
@@ -86,7 +94,7 @@ class Parameter:
         motor also frees the motor, so it moves the servo's output, too."""
         if self.effect == "joint_backlash" and self.loads:
             return (f"servo_{self.axis}", BALL)
-        if self.effect and BY_NAME[self.effect].side != "servo":
+        if self.effect and in_ball(BY_NAME[self.effect]):
             return (BALL,)
         return SERVO if self.axis == "xy" else (f"servo_{self.axis}",)
 
@@ -118,6 +126,23 @@ def _keys(effect: Effect) -> list[str]:
     return [p.key for p in effect.parameters] + INNER_SHAPE.get(effect.name, [])
 
 
+def in_ball(effect: Effect) -> bool:
+    """Whether the ball shows the effect, not the servo's encoder; it alone shows those of servos
+    whose angle nobody measures."""
+    return effect.side != "servo" or effect.servos == ANGLES
+
+
+def effects_in(rig: Rig) -> tuple[Effect, ...]:
+    """The effects that logs of the rig can tell apart (see TOLD_TWINS). Servos that read their
+    angle back show theirs in no output yet."""
+    twins = {twin for names in TOLD_TWINS.values() for twin in names}
+    if not rig.servo.takes_angle:
+        return effects_of(rig.servo.kind)
+    if rig.servo.has_angle:
+        return tuple(e for e in effects_of(rig.servo.kind) if e.servos != ANGLES)
+    return tuple(e for e in effects_of(rig.servo.kind) if e.name not in twins)
+
+
 class NominalModel:
     """The model as the rig file has it, and all its parameters by name ("effect.key.axis").
 
@@ -135,6 +160,7 @@ class NominalModel:
         self._wound = drive.joint_friction_nm / drive.joint_stiffness_nm_rad
         if not load_friction:
             self._record["arm_friction"] = self._record["joint_friction"] = self._wound = 0.0
+        self.effects = effects_in(rig)
         self._tolerances = {e.name: e.tolerance for e in CATALOGUE} | dict(tolerances or {})
         # The motor's own friction is known no better than the assumed friction of its load.
         held = rig.drive.joint_friction_nm + rig.drive.arm_friction_nm
@@ -147,13 +173,13 @@ class NominalModel:
 
     def _all(self) -> Iterable[Parameter]:
         servo = self.rig.servo
-        for key in CALIBRATED:
+        for key in () if servo.takes_angle else CALIBRATED:
             nominal = getattr(servo, key)
             for axis in "xy":
                 yield Parameter(
                     "", key, axis, nominal, inf, nominal / 12, nominal * 12, 0.02 * nominal
                 )
-        for effect in CATALOGUE:
+        for effect in self.effects:
             for axis in effect.axes:
                 for key in _keys(effect):
                     yield self._parameter(effect, key, axis)
@@ -169,7 +195,7 @@ class NominalModel:
             low, high = -2.0 * self.rig.ball.radius_m, 2.0 * self.rig.ball.radius_m
         if key in REACHES_SUPPLY:
             high = max(high, self.rig.servo.voltage_limit_V)
-        if key == "limit_V":
+        if key in ("limit_V", "limit_rad_s"):
             high = inf
         if key == "speed_rad_s":
             low = SLOWEST_STRIBECK_RAD_S

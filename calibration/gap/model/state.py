@@ -19,6 +19,7 @@ from calibration.gap.model.parameters import (
     SERVO,
     NominalModel,
     Parameter,
+    in_ball,
     released,
 )
 from rig.effects import BY_NAME, Effect
@@ -68,7 +69,7 @@ class State:
 def outputs_of(effect: Effect, axes: Iterable[str]) -> tuple[str, ...]:
     """The outputs in which an effect on these axes is looked for: "ball", or the servos' of the
     axes."""
-    if effect.side != "servo":
+    if in_ball(effect):
         return (BALL,)
     return SERVO if "xy" in axes else tuple(f"servo_{axis}" for axis in axes)
 

@@ -31,7 +31,8 @@ SIZES: Mapping[str, tuple[float, ...]] = {
     "coefficient_1_rad": (0.1, 0.5), "coefficient_1_rad2": (0.5, 2.0), "slope_rad": (0.001, 0.01),
     "rate_rad_s": (5e-5,), "stiffness_1_s2": (0.05, 1.0), "deceleration_m_s2": (0.004, 0.015, 0.06),
     "extra_s": (0.006, -0.006, 0.02, 0.05, 0.1, 0.16, 0.25), "angle_rad": (0.02, 0.1),
-    "k1_1_m2": (0.5, 3.0), HEIGHT_KEY: (0.01,),
+    "k1_1_m2": (0.5, 3.0), HEIGHT_KEY: (0.01,), "lag_s": (0.01, 0.03, 0.1),
+    "half_width_rad": (0.003, 0.01, 0.03),
 }  # fmt: skip
 START_COAST_S2_RAD = 0.06
 WIDE_DEAD_ZONE_SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)  # of the largest volts
@@ -61,6 +62,8 @@ def starts(
     if name == "saturation":
         reached = largest_volts(evidence, axis)
         return [[{first.name: share * reached}] for share in (0.9, 0.6)]
+    if name == "rate_limit":
+        return [[{first.name: share * fastest(evidence, axis)}] for share in (0.9, 0.6, 0.3)]
     if name == "camera_scale":
         fraction, height = nominal.of(name, axis)
         alone = {fraction.name: fraction.nominal + SIZES["fraction"][0]}

@@ -37,7 +37,6 @@ from calibration.gap.name.candidates import (
     starts,
     wide_dead_zone_starts,
 )
-from rig.effects import CATALOGUE
 from rig.prediction.innovations import noise
 
 SMALLEST_COASTING_PLAY_RAD = 0.005
@@ -142,7 +141,7 @@ def candidates(state: State, output: str, skip: set[Key]) -> Candidates:
     )
     nuisance = differences(state.evidence, state.nominal, only, parameters, bounds)[output]
     tried: list[tuple[str, str, list[Start], float]] = []
-    for effect in CATALOGUE:
+    for effect in state.nominal.effects:
         for axis in effect.axes:
             if output in outputs_of(effect, (axis,)) and (effect.name, axis) not in skip:
                 groups = starts(effect, axis, state.nominal, state.evidence)
@@ -310,7 +309,7 @@ def _scaled(nominal: NominalModel, group: list[Start], sizes: np.ndarray) -> Sta
     for member, size in zip(group, sizes, strict=True):
         for i, (name, value) in enumerate(member.items()):
             parameter = nominal.parameters[name]
-            absolute = i > 0 or parameter.key == "limit_V"
+            absolute = i > 0 or parameter.key in ("limit_V", "limit_rad_s")
             start[name] = (
                 value if absolute else parameter.nominal + size * (value - parameter.nominal)
             )

@@ -15,6 +15,7 @@ from calibration.gap.model.parameters import (
     IN_RECORD,
     PERIODIC,
     SERVO,
+    TOLD_TWINS,
     NominalModel,
 )
 from calibration.gap.model.state import State, outputs_of
@@ -22,7 +23,7 @@ from calibration.gap.name.candidates import largest_volts
 from calibration.gap.name.decide import Decision
 from calibration.gap.name.screen import Screened
 from calibration.gap.name.stepwise import Accepted
-from rig.effects import BY_NAME, CATALOGUE
+from rig.effects import BY_NAME
 from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, Rig
 
 TWINS: Mapping[str, tuple[str, ...]] = {
@@ -32,6 +33,12 @@ TWINS: Mapping[str, tuple[str, ...]] = {
     "camera_yaw": ("antisymmetric_cross_coupling",),
 }
 Parameters = dict[str, dict[str, Interval]]
+
+
+def twins_of(name: str, rig: Rig) -> tuple[str, ...]:
+    """What makes the same data as the effect on this rig, whatever the motion."""
+    told = TWINS if rig.servo.has_angle else {**TWINS, **TOLD_TWINS}
+    return told.get(name, ())
 
 
 def parameters(
@@ -126,7 +133,8 @@ def named(decision: Decision, accepted: Accepted, spread: Mapping[str, tuple[flo
     nominal, setting = decision.state.nominal, decision.state.fit.setting
     axes = tuple(a for a in accepted.axes if nominal.exceeds_minimum(accepted.name, a, setting))
     found = parameters(decision.state, accepted.name, axes or accepted.axes, spread)
-    return Named(accepted.name, accepted.probability, TWINS.get(accepted.name, ()), found)
+    twins = twins_of(accepted.name, decision.state.nominal.rig)
+    return Named(accepted.name, accepted.probability, twins, found)
 
 
 def ranking(decision: Decision) -> tuple[RankedEffect, ...]:
@@ -135,7 +143,7 @@ def ranking(decision: Decision) -> tuple[RankedEffect, ...]:
     found: dict[str, RankedEffect] = {}
     for one in decision.naming.accepted:
         found[one.name] = RankedEffect(
-            one.name, one.score, one.probability, TWINS.get(one.name, ())
+            one.name, one.score, one.probability, twins_of(one.name, decision.state.nominal.rig)
         )
         for rival in one.rivals:
             share = (1.0 - one.probability) / max(len(one.rivals), 1)
@@ -169,7 +177,7 @@ def untestable(state: State, screened: list[Screened] | None) -> tuple[Untestabl
         smallest[one.name] = min(one.smallest, smallest.get(one.name, inf))
     found = []
     known = {name for name, _ in state.named}
-    for effect in CATALOGUE:
+    for effect in state.nominal.effects:
         first = effect.parameters[0]
         if effect.name in known:
             continue
@@ -213,7 +221,7 @@ def extended(decision: Decision, found: tuple[Named, ...], servo: Mapping[str, I
     }
     fitted = {key: sum(v) / len(v) for key, v in mean.items() if v}
     drive = rig.drive
-    if not nominal.load_friction:  # the assumed friction of arm and joints is refuted
+    if not (nominal.load_friction or rig.servo.takes_angle):  # the assumed friction is refuted
         drive = replace(
             drive, arm_friction_nm=_light_friction(decision.state), joint_friction_nm=0.0
         )
@@ -226,8 +234,8 @@ def extended(decision: Decision, found: tuple[Named, ...], servo: Mapping[str, I
 def ball_height_m(state: State) -> float:
     """Fitted height of the ball's centre above the plane for which its positions were computed
     [m]."""
-    parameter = state.nominal.parameters[f"camera_scale.{HEIGHT_KEY}.xy"]
-    return state.fit.setting.get(parameter.name, parameter.nominal)
+    nominal = state.nominal.rig.camera.ball_height_m
+    return state.fit.setting.get(f"camera_scale.{HEIGHT_KEY}.xy", nominal)
 
 
 def _light_friction(state: State) -> float:

@@ -10,7 +10,7 @@ from experiments.dashboard.server.input_limits import flag
 from experiments.dashboard.server.untrusted_text import plain
 from experiments.dashboard.session.virtual_camera import IMAGE_SIZE_PX
 from experiments.dashboard.view.pose import quaternion
-from rig.log import INDEX
+from rig.log import INDEX, shown_angles
 from rig.parameters import Rig
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from vision.view import View
 
-_THETA, _BALL = INDEX["theta_x_rad"], INDEX["ball_x_m"]
+_BALL = INDEX["ball_x_m"]
 CAMERA_WORDS = "What the table's camera sees, and what the tracker makes of it."
 NO_FILM = "*A film without a camera's pictures is shown.*"
 NO_CAMERA_WORDS = (
@@ -106,7 +106,7 @@ class CameraView:
             return
         if ask:
             ball = row[_BALL : _BALL + 2] if row is not None and fresh else None
-            theta = None if row is None else row[_THETA : _THETA + 2]
+            theta = None if row is None else shown_angles(row)
             source.request(theta, ball, 0.0 if row is None else float(row[0]))
         try:
             sight = source.newest()

@@ -8,6 +8,7 @@ import numpy as np
 
 from experiments.analysis.samples import held
 from rig.log import INDEX
+from rig.parameters import Servo
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -59,6 +60,22 @@ CHARTS = (
 )  # fmt: skip
 
 
+COMMANDS = Chart("servo commands [deg]", (
+    ("command_x_rad", "x", X, _DEG, False), ("command_y_rad", "y", Y, _DEG, False),
+    ("desired_theta_x_rad", "wanted x", X, _DEG, True),
+    ("desired_theta_y_rad", "wanted y", Y, _DEG, True),
+))  # fmt: skip
+
+
+def charts_of(servo: Servo) -> tuple[Chart, ...]:
+    """The charts of a table: without volts and torques where its servos take an angle, and without
+    angles where nobody measures them."""
+    if not servo.takes_angle:
+        return CHARTS
+    ball, angles, _, _, play = CHARTS
+    return (ball, *((angles,) if servo.has_angle else ()), COMMANDS, play)
+
+
 def chart_data(chart: Chart, rows: np.ndarray) -> tuple[np.ndarray, ...]:
     """What a chart shows of log rows (n, len(COLUMNS)): the times [s], then each curve in its unit,
     (n,) each; a blank is the value before it. Fewer than two rows give two points of zeros.
@@ -78,12 +95,13 @@ class Curves:
     Only the last one has numbers on its time axis, which all share.
     """
 
-    def __init__(self, server: "ViserServer", height: int = 84) -> None:
+    def __init__(self, server: "ViserServer", servo: Servo, height: int = 84) -> None:
+        self._charts = charts_of(servo)
         server.gui.add_html(LEGEND)
         self._words: Any = server.gui.add_markdown(WAIT)
         self._said, self._plots = WAIT, list[Any]()
-        for chart in CHARTS:
-            last = chart is CHARTS[-1]
+        for chart in self._charts:
+            last = chart is self._charts[-1]
             series: list[Any] = [{"label": "t [s]"}]
             for _, label, colour, _, dashed in chart.curves:
                 one: dict[str, Any] = {"label": label, "stroke": colour, "width": 1.3}
@@ -114,5 +132,5 @@ class Curves:
     def draw(self, rows: np.ndarray) -> None:
         """Show rows (n, len(COLUMNS)) of the log."""
         self.rest("")
-        for chart, plot in zip(CHARTS, self._plots, strict=True):
+        for chart, plot in zip(self._charts, self._plots, strict=True):
             plot.data = chart_data(chart, rows)

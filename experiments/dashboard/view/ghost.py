@@ -1,4 +1,4 @@
-"""The model beside the table: the rig's plant driven by the volts applied to the table.
+"""The model beside the table: the rig's plant driven by what was applied to the table.
 
 The ball integrates twice, so a free model leaves the table within seconds: once a second the model
 is set onto the measurement, and the difference is its prediction error over up to a second.
@@ -16,7 +16,8 @@ from rig.simulation.simulator import table_tick
 
 ANCHOR_S = 1.0  # between two settings onto the measurement; chosen
 SPEED_FROM = 6  # observations
-_T, _THETA, _VOLTS = INDEX["t_s"], INDEX["theta_x_rad"], INDEX["voltage_x_V"]
+_T, _THETA = INDEX["t_s"], INDEX["theta_x_rad"]
+_VOLTS, _TOLD = INDEX["voltage_x_V"], INDEX["command_x_rad"]
 _X, _EXPOSED, _PHASE = INDEX["ball_x_m"], INDEX["ball_exposed_s"], INDEX["phase"]
 
 
@@ -31,7 +32,8 @@ class Ghost:
         self._p = plant_record.pack(rig)
         self._history = plant_record.no_volts(rig)
         self._seen = np.full(7, np.nan)
-        self._s = plant.rest()
+        self._s = plant.rest(height_m=rig.linkage.height_m)
+        self._applied = _TOLD if rig.servo.takes_angle else _VOLTS
         self._last_s = self._anchored_s = inf
         self._sights: deque[tuple[float, float, float]] = deque(maxlen=SPEED_FROM)
         self.on_plate = False
@@ -57,7 +59,7 @@ class Ghost:
         return self._s[plant.ARM] - self._s[plant.PLATE]
 
     def follow(self, rows: list[np.ndarray]) -> None:
-        """Advance the model by the volts of these rows, (len(COLUMNS),) each."""
+        """Advance the model by the volts or angles of these rows, (len(COLUMNS),) each."""
         for row in rows:
             self._tick(row)
 
@@ -74,12 +76,12 @@ class Ghost:
         if not self._sights or t_s - self._sights[-1][0] > 0.3:
             self.on_plate = False
         held = bool(row[_PHASE] < Phase.RUN)
-        volts = np.nan_to_num(row[_VOLTS : _VOLTS + 2])
+        applied = np.nan_to_num(row[self._applied : self._applied + 2])
         fell = table_tick(
             self._s,
             self._p,
             self._history,
-            volts,
+            applied,
             0.0,
             0.0,
             held,
@@ -92,11 +94,13 @@ class Ghost:
             self.on_plate = False
 
     def _anchor(self, t_s: float, theta_rad: np.ndarray) -> None:
-        """Onto the measured ball, carried on to now, and the measured angles; twists stay."""
+        """Onto the measured ball, carried on to now, and the measured angles; twists stay, and so
+        do angles that servos hold by themselves."""
         t, x, y = np.array(self._sights).T
         (v_x, x0), (v_y, y0) = np.polyfit(t - t_s, x, 1), np.polyfit(t - t_s, y, 1)
         self._s[plant.BALL], self._s[plant.BALL_W] = (x0, y0), (v_x, v_y)
-        away = theta_rad - self._s[plant.ARM]
-        for part in (plant.MOTOR, plant.ARM, plant.PLATE):
-            self._s[part] += away
+        if self._applied == _VOLTS:
+            away = theta_rad - self._s[plant.ARM]
+            for part in (plant.MOTOR, plant.ARM, plant.PLATE):
+                self._s[part] += away
         self._anchored_s, self.on_plate = t_s, True

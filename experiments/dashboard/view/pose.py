@@ -25,7 +25,7 @@ def quaternion(rotation: np.ndarray) -> np.ndarray:
 
 def plate_wxyz(theta_rad: np.ndarray, rig: Rig) -> np.ndarray:
     """The plate's orientation at the servo angles theta_rad (2,), as a quaternion (w, x, y, z)."""
-    sines = tilt_sines((float(theta_rad[0]), float(theta_rad[1])), rig.linkage.ratio)
+    sines = tilt_sines((float(theta_rad[0]), float(theta_rad[1])), rig.linkage.ratios)
     return quaternion(plate_rotation(sines))
 
 
@@ -35,12 +35,12 @@ def linkage(axis: int, theta_rad: np.ndarray, rig: Rig) -> np.ndarray:
 
     A positive angle lowers the tip and with it the plate's + side (Eq. 14).
     """
-    r, half = rig.linkage.arm_radius_m, rig.linkage.plate_side_m / 2
+    r, half = rig.linkage.pair("arm_radius_m")[axis], rig.linkage.half_sides_m[axis]
     angle = float(theta_rad[axis])
     along, across = np.eye(3)[axis], np.eye(3)[1 - axis]
     shaft = half * along + r * across - DROP_M * np.eye(3)[2]
     tip = shaft - r * cos(angle) * across - r * sin(angle) * np.eye(3)[2]
-    sines = tilt_sines((float(theta_rad[0]), float(theta_rad[1])), rig.linkage.ratio)
+    sines = tilt_sines((float(theta_rad[0]), float(theta_rad[1])), rig.linkage.ratios)
     edge = plate_rotation(sines) @ (half * along - 0.003 * np.eye(3)[2])
     return np.array([shaft, tip, edge])
 

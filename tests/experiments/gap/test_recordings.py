@@ -62,6 +62,62 @@ def test_a_table_with_position_servos_is_late_and_nothing_that_cannot_be_is_cert
     assert ahead["after"] < 0.75 * ahead["before"]
 
 
+ITS_RIG = """[servo]
+kind = "position"
+lag_s = 0.0
+[linkage]
+arm_radius_m = 0.025
+plate_side_m = 0.368
+y.plate_side_m = 0.286
+rod_length_m = 0.072
+[ball]
+hollow = false
+radius_m = 0.02
+mass_kg = 0.265
+[camera]
+rate_hz = 100.0
+delay_s = 0.0
+"""
+
+
+def half_as_told(which: int, folder: Path) -> tuple[Path, Path]:
+    """One half of the table's recording as it is, and a rig file that says that angles are told."""
+    log = half_of_table(which, folder)
+    log.write_text(log.read_text(encoding="utf-8").replace("theta", "command"), encoding="utf-8")
+    rig = folder / "rig.toml"
+    rig.write_text(ITS_RIG, encoding="utf-8")
+    return log, rig
+
+
+@needs("recordings")
+def test_commanded_angles_need_a_rig_file_that_says_so(tmp_path: Path):
+    log, rig = half_as_told(1, tmp_path)
+    assert read_evidence([log], rig).logs[0].has("command_x_rad", "ball_x_m")
+    with pytest.raises(ValueError, match=r'say so in a rig file, .*kind = "position"'):
+        read_evidence([log])
+
+
+@pytest.mark.slow
+@needs("recordings")
+@pytest.mark.parametrize("which", [1, 2])
+def test_commanded_angles_give_the_lateness_of_both_axes(which: int, tmp_path: Path):
+    """Lag and dead time together 0.09 to 0.13 s, by axis; the level of y where it is named."""
+    found = investigate([*half_as_told(which, tmp_path)[:1]], tmp_path / "rig.toml", until="prove")
+    assert found.verdict in ("named", "undecided"), found.sentence
+    sizes = {one.name: one.parameters for one in found.effects}
+    late = dict.fromkeys("xy", 0.0)
+    for name, key in (("servo_lag", "lag_s"), ("servo_dead_time", "delay_s")):
+        for axis, pairs in sizes.get(name, {}).items():
+            late[axis] += pairs[key].value
+    assert all(0.09 < seconds < 0.13 for seconds in late.values()), late
+    twins = {twin for one in found.effects for twin in one.twins}
+    assert {"camera_delay", "delay_servo_to_plate"} <= twins or "servo_dead_time" not in sizes
+    if "level_offset" in sizes:
+        assert 0.005 < sizes["level_offset"]["y"]["slope_rad"].value < 0.009
+    ahead = found.gap.ahead_1s_mm
+    assert ahead["after"] < 0.75 * ahead["before"]
+
+
 @pytest.mark.slow
 @needs("recordings")
 @pytest.mark.parametrize("which", ["a", "b"])

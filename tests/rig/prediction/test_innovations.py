@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rig.effects import BY_NAME, CATALOGUE
+from rig.effects import BY_NAME, effects_of
 from rig.parameters import Ball, Drive, Rig
 from rig.plant import plant, plant_record
 from rig.plant.effect_equations import camera_map
@@ -95,13 +95,13 @@ def residual(name: str | None, rate_hz: float, *, believed: bool = True) -> dict
     return sizes(predict(model, log(name, rate_hz), LEVELS), rate_hz)
 
 
-@pytest.mark.parametrize("name", [effect.name for effect in CATALOGUE])
+@pytest.mark.parametrize("name", [effect.name for effect in effects_of("voltage")])
 def test_with_the_true_effect_the_innovations_shrink_with_the_tick(name: str):
     coarse, fine = (residual(name, rate)[channel(name)] for rate in (500.0, 2000.0))
     assert fine < 0.75 * coarse
 
 
-@pytest.mark.parametrize("name", [effect.name for effect in CATALOGUE])
+@pytest.mark.parametrize("name", [effect.name for effect in effects_of("voltage")])
 def test_without_the_effect_its_own_channel_shows_a_gap_and_the_other_does_not(name: str):
     mine = channel(name)
     other = "ball" if mine == "servo" else "servo"
@@ -133,7 +133,7 @@ def test_a_healthy_table_leaves_micrometres_and_microradians():
     assert found["ball"] < 1.5e-6
 
 
-@pytest.mark.parametrize("name", [effect.name for effect in CATALOGUE])
+@pytest.mark.parametrize("name", [effect.name for effect in effects_of("voltage")])
 def test_null_values_leave_the_predictor_unchanged_bit_for_bit(name: str):
     effect = BY_NAME[name]
     nulls = {name: {axis: {p.key: p.null for p in effect.parameters} for axis in effect.axes}}

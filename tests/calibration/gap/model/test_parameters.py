@@ -10,17 +10,17 @@ from hypothesis import strategies as st
 
 from calibration.gap.model.parameters import BALL, INNER_SHAPE, PERIODIC, SERVO, NominalModel
 from experiments.runs.assemble import load_rig
-from rig.effects import BY_NAME, CATALOGUE, Effect
+from rig.effects import BY_NAME, Effect, effects_of
 from rig.parameters import Rig
 from rig.plant.plant_record import pack
 from tests.support.gap.tables import RIG, evidence_of, foreign
 
 TABLE = load_rig(None)  # plays, friction, offsets and a slope are nominal
-NAMES = [effect.name for effect in CATALOGUE]
+NAMES = [effect.name for effect in effects_of("voltage")]
 # What no equation of the predictor reads: derived for a simulated table, or split by sides.
 IDLE = ("arm_stick", "plate_stick", "camera_delay", "dead_zone_half_width_V")
 RIGS = {"bare": RIG, "shipped": TABLE}
-KEYS = [(e, axis) for e in CATALOGUE for axis in e.axes]
+KEYS = [(e, axis) for e in effects_of("voltage") for axis in e.axes]
 # Sizes at which every first parameter must show in its own output.
 SIZES = {"limit_V": 1.0, "extra_V": 0.1, "sine": 0.02}
 

@@ -1,0 +1,87 @@
+"""Where servos that take an angle stood, from a log of what they were told.
+
+Where nobody measures the angle, the ball is predicted from the servos' answer to the commands by
+the simulator's own equations (`rig.plant.position_servo`), never from the commands themselves: a
+command jumps, the plate does not.
+"""
+
+from math import ceil
+
+import numpy as np
+
+from rig.compiled import compiled
+from rig.plant.position_servo import (
+    ANGLE,
+    SERVOS,
+    aim,
+    move_servos,
+    rounded,
+    servos_at_level,
+    table_angles,
+    told_at,
+)
+
+LONGEST_STEP_S = 0.0025  # between two angles: the ball's predictor goes straight between them
+
+
+@compiled
+def _mean_told(p, a, t, told, begin, h, row):
+    """Mean of what reaches the servo of axis `a` from `begin` on for h [s] [rad], and the row of
+    the command with which that begins; `row`: one at or before it.
+
+    Over a step so short the mean is what counts; it also makes the angle a smooth function of a
+    dead time, which a fit needs.
+    """
+    first, last = told_at(p, a, begin), told_at(p, a, begin + h)
+    while row + 1 < t.shape[0] and t[row + 1] <= first + 1e-9:
+        row += 1
+    if p.period_s[a] > 0.0 or last <= first:
+        return rounded(p, a, told[row, a]), row
+    total, at, k = 0.0, first, row
+    while at < last:
+        until = min(t[k + 1], last) if k + 1 < t.shape[0] and t[k + 1] > at else last
+        if k + 1 < t.shape[0] and t[k + 1] <= at:
+            k += 1
+            continue
+        total += rounded(p, a, told[k, a]) * (until - at)
+        at = until
+    return total / (last - first), row
+
+
+@compiled
+def _follow(p, t, told, parts, state, times, angles):
+    """Fill times (m,) [s] and angles (m, 2) [rad], m = sum(parts[:-1]) + 1; see `answers`."""
+    wanted, at_x, at_y, row = np.zeros(SERVOS), 0, 0, 0
+    aim(p, rounded(p, 0, told[0, 0]), rounded(p, 1, told[0, 1]), wanted)
+    for i in range(SERVOS):
+        state[ANGLE + i] = wanted[i]
+    table_angles(p, state, angles[0])
+    times[0] = t[0]
+    for k in range(t.shape[0] - 1):
+        h = (t[k + 1] - t[k]) / parts[k]
+        for i in range(parts[k]):
+            begin = t[k] + i * h
+            x, at_x = _mean_told(p, 0, t, told, begin, h, at_x)
+            y, at_y = _mean_told(p, 1, t, told, begin, h, at_y)
+            aim(p, x, y, wanted)
+            move_servos(p, wanted, h, state)
+            row += 1
+            table_angles(p, state, angles[row])
+            times[row] = t[k] + (i + 1) * h
+
+
+def answers(p: np.record, t_s: np.ndarray, told_rad: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return times (m,) [s] and the axes' angles (m, 2) [rad], every tick t_s (n,) among them.
+
+    p: record PLANT; told_rad (n, 2): commands, each from its tick to the next, finite. The servos
+    begin at rest where the first command holds them.
+    """
+    parts = np.ones(len(t_s), np.int64)
+    steps = np.diff(t_s)
+    parts[:-1] = np.maximum(np.ceil(steps / LONGEST_STEP_S - 1e-9), 1)
+    longest = int(ceil(1.0 / LONGEST_STEP_S))  # of a gap longer than a second, no more
+    parts = np.minimum(parts, longest)
+    m = int(parts[:-1].sum()) + 1
+    times, angles = np.empty(m), np.empty((m, 2))
+    _follow(p, t_s, np.ascontiguousarray(told_rad), parts, servos_at_level(p), times, angles)
+    return times, angles

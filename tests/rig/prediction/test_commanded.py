@@ -1,0 +1,105 @@
+"""Logs of commanded angles: the ball from the servos' answer, by the simulator's own equations."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.runs.assemble import known, load_rig
+from rig.course import Course
+from rig.effects import ANGLES, effects_of
+from rig.log import Log
+from rig.parameters import Rig, Servo
+from rig.plant.plant_record import pack
+from rig.prediction.commanded import answers
+from rig.prediction.innovations import noise, predict, signals
+from rig.simulation.simulate import draw, simulate
+from tests.rig.plant.test_position_servo import VISIBLE
+from tests.support import ROOT
+
+LEVELS = noise(ball_process=1e-3, ball_measured=1e-4)
+
+
+def shipped(name: str) -> Rig:
+    rig = load_rig(Path(ROOT) / "experiments" / "rigs" / f"{name}.toml")
+    return replace(rig, effects={}, camera=replace(rig.camera, noise_m=0.0))
+
+
+def log_of(rig: Rig, seconds: int = 8) -> Log:
+    rng = np.random.default_rng(0)
+    targets = rng.uniform(-0.05, 0.05, (2 * seconds, 2)).repeat(250, axis=0)
+    course = Course(targets, np.zeros_like(targets), (0.01, -0.02))
+    return simulate(rig, known(rig), 0, course, draw(rng, rig, course)).log
+
+
+def rms_m(rig: Rig, log: Log) -> np.ndarray:
+    found = predict(rig, signals(log, camera_delay_s=rig.camera.delay_s), LEVELS).ball
+    return np.sqrt(np.nanmean(found[10:] ** 2, axis=0))
+
+
+@pytest.mark.parametrize(("name", "most_m"), [("hobby-two-servos", 2e-5), ("three-arms", 1e-4)])
+def test_true_parameters_leave_next_to_nothing_and_the_command_is_not_the_angle(name, most_m):
+    rig = shipped(name)
+    log = log_of(rig)
+    assert not log.has("theta_x_rad")
+    assert rms_m(rig, log).max() < most_m
+    known_ = signals(log, camera_delay_s=rig.camera.delay_s)
+    assert known_.told_rad is not None
+    as_angle = replace(known_, theta_rad=known_.told_rad, told_rad=None)
+    wrong = predict(rig, as_angle, LEVELS).ball
+    assert np.sqrt(np.nanmean(wrong[10:] ** 2, axis=0)).min() > 20 * most_m / 2
+
+
+OWN = [e.name for e in effects_of("position") if e.servos == ANGLES]
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_an_effect_of_the_servo_is_the_simulators(name):
+    """With it in the model the innovations vanish as they do without it; missing, they do not."""
+    rig = shipped("hobby-two-servos")
+    rig = replace(rig, servo=replace(rig.servo, quantum_rad=0.0))
+    with_it = replace(rig, effects={name: {"x": VISIBLE[name]}})
+    log = log_of(with_it, 5)
+    right, missing = rms_m(with_it, log), rms_m(rig, log)
+    assert right.max() < 2e-5
+    assert missing[0] > 5 * right[0]
+
+
+def test_answers_do_not_depend_on_how_often_the_log_was_written():
+    servo = Servo(kind="position", lag_s=0.04, dead_time_s=0.013)
+    p = pack(Rig(servo=servo))
+    t = np.arange(0, 1.0, 0.01)
+    told = 0.1 * np.sign(np.sin(9 * t))[:, None] * [1.0, -1.0]
+    fine = np.arange(0, 0.9901, 0.002)
+    row = np.searchsorted(t, fine + 1e-9, side="right") - 1
+    at, angles = answers(p, t, told)
+    fine_at, fine_angles = answers(p, fine, told[row])
+    both = np.interp(fine_at, at, angles[:, 0])
+    assert np.abs(both - fine_angles[:, 0])[20:].max() < 2e-3
+    assert set(np.round(t, 9)) <= set(np.round(at, 9))
+
+
+def test_the_answer_is_a_smooth_function_of_the_dead_time():
+    t = np.arange(0, 1.0, 0.01)
+    told = 0.1 * np.sign(np.sin(9 * t))[:, None] * [1.0, 1.0]
+    sums = []
+    for dead in np.arange(0.02, 0.03, 0.0005):
+        servo = Servo(kind="position", lag_s=0.05, dead_time_s=dead, rate_limit_rad_s=1e3)
+        p = pack(Rig(servo=servo))
+        _, angles = answers(p, t, told)
+        sums.append(angles[:, 0].sum())
+    assert np.abs(np.diff(sums)).min() > 0.2 * np.abs(np.diff(sums)).max()
+
+
+def test_blank_commands_hold_the_last():
+    nan = np.nan
+    columns = {"t_s": [0.0, 0.1, 0.2, 0.3], "command_x_rad": [nan, 0.1, nan, 0.2]}
+    columns |= {"command_y_rad": [0.0, nan, nan, nan], "ball_x_m": [0.0, 0.1, 0.2, 0.3]}
+    log = Log.from_columns({name: np.array(v) for name, v in columns.items()})
+    told = signals(log, camera_delay_s=0.0).told_rad
+    assert told is not None
+    assert told[:, 0].tolist() == [0.0, 0.1, 0.1, 0.2]
+    measured = Log.from_columns({name: np.array(v) for name, v in columns.items()} | {
+        "theta_x_rad": np.zeros(4), "theta_y_rad": np.zeros(4)})  # fmt: skip
+    assert signals(measured, camera_delay_s=0.0).told_rad is None
