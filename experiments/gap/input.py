@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from experiments.gap.checks import TooShortError, check, step_of
-from experiments.records.importing import read_log
+from experiments.records.importing import read_log, read_logs
 from experiments.records.run_folder import read_meta
 from experiments.runs.assemble import load_rig
 from rig.log import INDEX, Log, Phase
@@ -64,7 +64,7 @@ def read_evidence(paths: Sequence[Path], rig_file: Path | None = None) -> GapInp
     if not paths:
         raise ValueError("no log given: name run folders, .csv, .parquet or .mat files")
     given = load_rig(rig_file) if rig_file is not None else None
-    read, notes = _kept([_read(Path(path)) for path in paths])
+    read, notes = _kept([one for path in paths for one in _read(Path(path))])
     names = _names([one.path for one in read])
     rig, more = _nominal(read, names, given)
     notes += more
@@ -88,11 +88,16 @@ def read_evidence(paths: Sequence[Path], rig_file: Path | None = None) -> GapInp
     )
 
 
-def _read(path: Path) -> _One:
-    """Read one log. FileNotFoundError, ValueError: it cannot be."""
+def _read(path: Path) -> list[_One]:
+    """Read the logs of a path, several where a file holds several runs. FileNotFoundError,
+    ValueError: it cannot be."""
     folder = path.parent if path.name == "samples.mcap" else path
     if not folder.is_dir():
-        return _One(path, read_log(path))
+        logs = read_logs(path)
+        if len(logs) == 1:
+            return [_One(path, logs[0])]
+        parts = [path.with_name(f"{path.name} run {i + 1}") for i in range(len(logs))]
+        return [_One(part, log) for part, log in zip(parts, logs, strict=True)]
     if not (folder / "run.json").is_file():
         runs = sorted(file.parent.name for file in folder.glob("*/run.json"))
         within = f"; name the {len(runs)} inside it ({runs[0]} ...)" if runs else ""
@@ -103,7 +108,7 @@ def _read(path: Path) -> _One:
         rig = from_dict(meta["rig"]) if meta.get("rig") else None
     except ValueError as error:
         raise ValueError(f"{folder}: the rig of run.json cannot be used: {error}") from error
-    return _One(folder, log, meta, rig)
+    return [_One(folder, log, meta, rig)]
 
 
 def _checked(

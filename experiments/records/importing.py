@@ -6,6 +6,7 @@ what else is missing, or unknown and left out, stands in the log's `notes`.
 
 import csv
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from rig.log import INDEX, NAMES, Log
 
 ONE_OF = ("theta_x_rad", "theta_y_rad", "ball_x_m", "ball_y_m")
 FEW = 0.01  # share of rows that may lack an angle or a voltage and are then left out
+RESTART_STEPS = 10  # back in time, in usual steps: less is a clock that stutters; chosen
 GAPLESS = tuple(name for name in ALWAYS if name.startswith(("theta", "voltage")))
 
 
@@ -38,16 +40,38 @@ def read_log(path: Path | str) -> Log:
         return _checked(path, run.log.columns, notes)
     if not path.exists():
         raise FileNotFoundError(f"{path} does not exist")
-    readers = {".csv": _read_csv, ".parquet": _read_parquet, ".mat": read_mat}
-    if path.suffix.lower() not in readers:
-        raise ValueError(f"{path}: a log is a run folder or a file {', '.join(readers)}")
+    if path.suffix.lower() not in READERS:
+        raise ValueError(f"{path}: a log is a run folder or a file {', '.join(READERS)}")
+    return _checked(path, *_read(path))
+
+
+def read_logs(path: Path | str) -> list[Log]:
+    """The logs of a file or run folder, as `read_log`: one for each time that `t_s` starts anew by
+    more than RESTART_STEPS of its usual steps, as where several runs were put into one file."""
+    path = Path(path)
+    if path.is_dir() or path.suffix.lower() not in READERS or not path.exists():
+        return [read_log(path)]
+    columns, notes = _read(path)
+    t_s = columns.get("t_s")
+    steps = np.diff(t_s) if t_s is not None and t_s.dtype.kind == "f" else np.zeros(0)
+    usual = float(np.median(np.abs(steps))) if len(steps) and np.isfinite(steps).all() else np.inf
+    cuts = np.flatnonzero(steps < -RESTART_STEPS * usual) + 1
+    edges = [0, *cuts, len(t_s) if t_s is not None else None]
+    runs = [slice(a, b) for a, b in pairwise(edges)]
+    return [
+        _checked(path, {name: values[own] for name, values in columns.items()}, notes)
+        for own in runs
+    ]
+
+
+def _read(path: Path) -> tuple[dict[str, np.ndarray], list[str]]:
+    """The columns of a file, and what to say of them. ValueError: it is not readable."""
     try:
-        columns = readers[path.suffix.lower()](path)
+        columns = READERS[path.suffix.lower()](path)
     except (ValueError, csv.Error) as error:
         raise ValueError(f"{path}: {' '.join(str(error).split())}") from error
     unknown = [name for name in columns if name not in INDEX]
-    notes = [f"unknown columns left out: {', '.join(unknown)}"] if unknown else []
-    return _checked(path, columns, notes)
+    return columns, [f"unknown columns left out: {', '.join(unknown)}"] if unknown else []
 
 
 def _checked(path: Path, columns: Mapping[str, Any], notes: list[str]) -> Log:
@@ -186,3 +210,6 @@ def _read_parquet(path: Path) -> dict[str, np.ndarray]:
         }
     except (pa.ArrowException, KeyError) as error:
         raise ValueError(str(error)) from error
+
+
+READERS = {".csv": _read_csv, ".parquet": _read_parquet, ".mat": read_mat}

@@ -64,6 +64,22 @@ def test_the_truth_is_never_opened(tmp_path):
     assert read_evidence([folder]).notes == ()
 
 
+@pytest.mark.parametrize("form", ["csv", "parquet"])
+def test_several_runs_in_one_file_are_several_logs(tmp_path, form: str):
+    runs = [table_log(seed=seed) for seed in (1, 2)]
+    both = {name: np.concatenate([run[name] for run in runs]) for name in runs[0]}
+    found = read_evidence([export_log(log_of(both), tmp_path / f"two.{form}")])
+    assert found.names == (f"two.{form} run 1", f"two.{form} run 2")
+    for log, run in zip(found.logs, runs, strict=True):
+        np.testing.assert_allclose(log["theta_x_rad"], run["theta_x_rad"], atol=1e-9)
+
+
+def test_a_time_that_stutters_is_no_new_run(tmp_path):
+    columns = table_log(seed=1)
+    columns["t_s"][100] = columns["t_s"][98]
+    refused(csv(tmp_path, columns), "time does not grow in row 101")
+
+
 def test_files_and_run_folders_go_together(tmp_path):
     folder = run_folder(tmp_path / "run")
     other = csv(tmp_path, table_log(seed=2))
@@ -171,7 +187,10 @@ def test_folders_that_are_no_runs_are_refused(tmp_path):
     refused(tmp_path, "no run folder")
     run_folder(tmp_path / "study" / "a")
     refused(tmp_path / "study", r"no run.json; name the 1 inside it \(a \.\.\.\)")
-    replace_json(tmp_path / "study/a/run.json", {"schema": 1, "rig": {"servo": {"gain": 1}}})
+    replace_json(tmp_path / "study/a/run.json", {"schema": 1})
+    refused(tmp_path / "study" / "a", "source is None")
+    wrong = {"schema": 1, "source": "measured", "rig": {"servo": {"gain": 1}}}
+    replace_json(tmp_path / "study/a/run.json", wrong)
     refused(tmp_path / "study" / "a", "unknown key 'servo.gain'")
     refused(tmp_path / "nothing.csv", "does not exist")
     refused(csv(tmp_path, table_log()), "rig file .* not found", tmp_path / "no.toml")
