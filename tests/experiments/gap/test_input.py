@@ -187,10 +187,10 @@ def test_folders_that_are_no_runs_are_refused(tmp_path):
     refused(tmp_path, "no run folder")
     run_folder(tmp_path / "study" / "a")
     refused(tmp_path / "study", r"no run.json; name the 1 inside it \(a \.\.\.\)")
+    whole = read_meta(tmp_path / "study/a")
     replace_json(tmp_path / "study/a/run.json", {"schema": 1})
     refused(tmp_path / "study" / "a", "source is None")
-    wrong = {"schema": 1, "source": "measured", "rig": {"servo": {"gain": 1}}}
-    replace_json(tmp_path / "study/a/run.json", wrong)
+    replace_json(tmp_path / "study/a/run.json", whole | {"rig": {"servo": {"gain": 1}}})
     refused(tmp_path / "study" / "a", "unknown key 'servo.gain'")
     refused(tmp_path / "nothing.csv", "does not exist")
     refused(csv(tmp_path, table_log()), "rig file .* not found", tmp_path / "no.toml")
