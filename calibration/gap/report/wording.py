@@ -5,7 +5,7 @@ from math import degrees, hypot
 
 from calibration.gap.decision_rule import CHANCE_ONE_IN, NAME_THRESHOLD, RANGE_END_STEPS
 from calibration.gap.findings import Interval, Named
-from calibration.gap.model.parameters import CALIBRATED, PERIODIC
+from calibration.gap.model.parameters import CALIBRATED, PERIODIC, SERVO
 from calibration.gap.model.state import State
 from calibration.gap.name.decide import Decision
 from calibration.gap.report.findings_of_decision import ball_height_m
@@ -17,14 +17,29 @@ ANGLES = ("play_rad", "offset_rad", "amplitude_rad", "slope_rad", "angle_rad")
 
 
 def notes(decision: Decision, servo: Mapping[str, Interval]) -> tuple[str, ...]:
-    """Notes to print beside the names: on the servo's K and tau, the ball's height, parameters at
-    the limit of their range, and the thresholds of chance. `servo`: as from `calibrated`."""
+    """Notes to print beside the names: on assumed friction, the servo's K and tau, the ball's
+    height, parameters at the limit of their range, and the thresholds of chance. `servo`: as from
+    `calibrated`."""
     state = decision.state
     return (
-        _servo_notes(state, servo)
+        _assumed_note(state)
+        + _servo_notes(state, servo)
         + _height_note(state)
         + _edge_notes(state)
         + _chance_note(decision)
+    )
+
+
+def _assumed_note(state: State) -> tuple[str, ...]:
+    """The note on friction that the nominal model has without anybody having measured it."""
+    servos = [output for output in SERVO if output in state.evidence.outputs]
+    if not state.nominal.load_friction or not servos:
+        return ()
+    told = " and ".join(servos).replace("_", " ")
+    return (
+        f"{state.nominal.assumed_friction_V:.2g} V of dry friction on {told} is explained by "
+        " the assumed friction of arm and joints, which nobody measured ([drive] of "
+        "the rig file; set both to 0 for a bare motor)",
     )
 
 

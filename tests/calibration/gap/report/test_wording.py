@@ -1,0 +1,33 @@
+"""What the report says beside the names."""
+
+import numpy as np
+import pytest
+
+from calibration.gap.model.fit import evaluate
+from calibration.gap.model.parameters import NominalModel
+from calibration.gap.model.state import State
+from calibration.gap.name.decide import Decision
+from calibration.gap.name.stepwise import Naming
+from calibration.gap.report.wording import notes
+from tests.support.gap.tables import RIG, evidence_of, foreign
+
+
+def decision(*, load_friction: bool) -> Decision:
+    """A decision on a short log in which nothing was looked for."""
+    evidence = evidence_of(foreign("steps", seed=2, duration_s=6.0))
+    nominal = NominalModel(RIG, load_friction=load_friction)
+    state = State(evidence, nominal, evaluate(evidence, nominal, {}, evidence.outputs))
+    naming = Naming(state, state, (), (), (("", state),), [])
+    return Decision("nothing-missing", naming, (), None, state)
+
+
+@pytest.mark.parametrize("load_friction", [True, False])
+def test_friction_that_nobody_measured_is_told_with_its_size(load_friction: bool):
+    told = [note for note in notes(decision(load_friction=load_friction), {}) if "assumed" in note]
+    assert len(told) == load_friction
+    drive, servo = RIG.drive, RIG.servo
+    volts = (drive.arm_friction_nm + drive.joint_friction_nm) / servo.torque_per_volt_nm
+    for note in told:
+        assert "servo x and servo y" in note
+        assert float(note.split(" V ")[0]) == pytest.approx(volts, rel=0.05)
+    assert np.isfinite(volts)
