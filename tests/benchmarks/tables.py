@@ -44,7 +44,7 @@ MEASUREMENTS = {
     "ball-in-pixels": Measurement("seeing.py --out out/benchmarks/seeing", 15),
     "random-scenes": Measurement("seeing_random.py", 3),
     "hard-cases": Measurement("vision_cases.py --frames 300", 20),
-    "strangers": Measurement("strangers.py --quick --seeds 900 906", 10),
+    "strangers": Measurement("strangers.py --quick --seeds 900 908", 10),
     "fault-campaign": Measurement("fault_campaign.py --faults 1000 --seed 1", 12),
     "firmware-mutants": Measurement("firmware_mutants.py", 15),
     "kill-9": Measurement("kill_nine.py", 11),

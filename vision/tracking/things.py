@@ -22,7 +22,8 @@ UNLIKE_SIZE, UNLIKE_COLOUR = 0.2, 40.0
 NEAR_RADII, FAR_RADII = 2.0, 6.0
 OTHER = 0.1  # weight of a thing that stays where it was while the ball was elsewhere
 LARGER, FIXED = 1.4, 0.3  # ratio of radii; share of the larger radius that a part may sway
-MOVER = 3.0  # weight of having travelled, against being there: chosen so that a mover wins
+# Travel beyond which more says nothing: marks on a plate that tilts by 10 degrees reach 2 to 3.
+FARTHEST = 8.0
 
 
 @dataclass(eq=False)
@@ -70,7 +71,7 @@ class Thing:
         steadily = n / max(self.looks - self.missed, n)
         travel = self.travel(reach_px)
         if travel > 1.0:
-            return evidence * steadily * (1.0 + MOVER * min(travel / 2.0, 1.0))
+            return evidence * steadily * (1.0 + min(travel, FARTHEST))
         return evidence * steadily * self.last.central * (OTHER if self.other else 1.0)
 
 
