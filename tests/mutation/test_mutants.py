@@ -5,7 +5,7 @@ from functools import partial
 import pytest
 
 from rig.parameters import Servo
-from tests.experiments.dashboard.server import test_controls, test_security
+from tests.experiments.dashboard.server import test_controls, test_messages, test_security
 from tests.experiments.records import test_recording
 from tests.mutation import suites
 from tests.mutation.mutate import survivors
@@ -133,4 +133,11 @@ def test_every_mutant_of_recover_dies():
     only = ("recover", "_keep_damaged", "_is_locked", "_lock")
     count, alive = dies("experiments/records/recording.py", test_recording, names, only)
     assert count > 40
+    assert not alive, "\n".join(alive)
+
+
+@pytest.mark.slow
+def test_every_mutant_of_the_filter_of_messages_dies():
+    count, alive = dies("experiments/dashboard/server/messages.py", test_messages)
+    assert count > 25
     assert not alive, "\n".join(alive)

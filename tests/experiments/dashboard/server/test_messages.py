@@ -169,6 +169,7 @@ def test_a_page_that_was_refused_shows_what_holds(panel: Panel):
 
 
 def test_uploads_and_long_messages_are_not_kept(panel: Panel):
+    assert LONGEST == 65536
     holder = panel.page()
     upload = messages.FileTransferStartUpload(
         source_component_uuid=panel.stop._impl.uuid,
