@@ -26,7 +26,10 @@ from tests.support import ROOT
 from tests.support.boards import host as board_host
 
 SOURCE = ROOT / "rig/firmware/protocol.c"
-FUNCTIONS = ("take_config", "take_arm", "take_command", "guarded_mV", "stalled", "watch", "apply")
+FUNCTIONS = (
+    "take_config", "take_arm", "take_command", "measure_speed", "most_mV", "guarded_mV", "stalled",
+    "watch", "apply",
+)  # fmt: skip
 SWAPS = {
     "<=": "<", ">=": ">", "==": "!=", "!=": "==", "&&": "||", "||": "&&", " < ": " <= ",
     " > ": " >= ", " + ": " - ", " - ": " + ", " & ": " | ", " ? ": " ? !!", "++": "--", "|=": "&=",
@@ -38,8 +41,7 @@ LONGEST_S = 60
 # Changes that change nothing that anybody could see, each with its reason.
 EQUIVALENT = {
     "if (b->limit_mV[> -> >=]LIMIT_MV) b->limit_mV = LIMIT_MV;",  # equal stays equal
-    "return wish[< -> <=]brake ? wish : brake;",  # the same
-    "return wish[> -> >=]brake ? wish : brake;",
+    "return wish[> -> >=]-most ? wish : -most;",  # the same
     # The shift of a number that only has to be hard to guess.
     "b->token = next_token(b->token ^ b->clock_us ^ ((uint32_t)b->nonce << [16 -> 17]));",
     "b->since_telemetry_ms = [0 -> 1];",  # the first telemetry a millisecond sooner

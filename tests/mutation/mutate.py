@@ -8,7 +8,7 @@ return changed. It runs as plain Python (`compiled` is the identity), in memory:
 # What fields a node has, its class has said just before.
 import ast
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from copy import deepcopy
 from pathlib import Path
 from types import ModuleType
@@ -111,13 +111,24 @@ class _InOrder(ast.NodeVisitor):
         self.generic_visit(node)
 
 
-def mutants(path: Path) -> Iterator[tuple[str, Any]]:
-    """(name, tree) of every mutant; the name is the line, the part of it and the change."""
+def mutants(path: Path, only: Collection[str] = ()) -> Iterator[tuple[str, Any]]:
+    """(name, tree) of every mutant; the name is the line, the part of it and the change.
+
+    only: the classes and functions to change; none: the whole file.
+    """
     text = path.read_text(encoding="utf-8")
     lines, tree = text.splitlines(), ast.parse(text)
     order = _InOrder()
     order.visit(tree)
+    inside = {
+        id(node)
+        for part in tree.body
+        if not only or getattr(part, "name", "") in only
+        for node in ast.walk(part)
+    }
     for number, node in enumerate(order.nodes):
+        if id(node) not in inside:
+            continue
         for what, change in _changes(node):
             line = getattr(node, "lineno", 1)
             part = ast.get_source_segment(text, node) or ""
@@ -139,8 +150,10 @@ def load(tree: ast.Module, path: Path, **replaced) -> ModuleType:
     return module
 
 
-def survivors(path: Path, check: Callable[[ModuleType], None], **replaced) -> tuple[int, list[str]]:
-    """How many mutants there are, and the names of those that `check` does not notice.
+def survivors(
+    path: Path, check: Callable[[ModuleType], None], only: Collection[str] = (), **replaced
+) -> tuple[int, list[str]]:
+    """How many mutants there are (see `mutants`), and the names of those `check` does not notice.
 
     Whatever `check` raises is noticed; so is a mutant that cannot even be loaded, or lacks a name
     that others import.
@@ -148,7 +161,7 @@ def survivors(path: Path, check: Callable[[ModuleType], None], **replaced) -> tu
     whole = load(ast.parse(path.read_text(encoding="utf-8")), path, **replaced)
     check(whole)
     count, alive = 0, []
-    for name, tree in mutants(path):
+    for name, tree in mutants(path, only):
         count += 1
         try:
             mutant = load(tree, path, **replaced)

@@ -1,8 +1,12 @@
 """Run a test file's own tests against another module, without pytest: parametrized ones, too."""
 
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from inspect import signature
 from itertools import product
+from pathlib import Path
 from types import ModuleType
 
 
@@ -20,6 +24,23 @@ def cases(test: Callable) -> Iterator[dict]:
         yield {name: value for one in chosen for name, value in one.items()}
 
 
+def call(tests: ModuleType, test: Callable, arguments: dict) -> None:
+    """Call a test, with a folder for `tmp_path` and what else the module's `contexts` open."""
+    openers = {"tmp_path": folder, **getattr(tests, "contexts", {})}
+    with ExitStack() as stack:
+        for name in signature(test).parameters:
+            if name in openers and name not in arguments:
+                arguments = {**arguments, name: stack.enter_context(openers[name]())}
+        test(**arguments)
+
+
+@contextmanager
+def folder() -> Iterator[Path]:
+    """A folder that is gone afterwards."""
+    with tempfile.TemporaryDirectory() as name:
+        yield Path(name)
+
+
 def run_tests(tests: ModuleType, subject: ModuleType, names: Sequence[str]) -> None:
     """Every test called `names` of the module `tests`, with what it imported from the subject's
     original replaced by the subject's own."""
@@ -32,7 +53,7 @@ def run_tests(tests: ModuleType, subject: ModuleType, names: Sequence[str]) -> N
         for name in names:
             test = tests.__dict__[name]
             for arguments in cases(test):
-                test(**arguments)
+                call(tests, test, arguments)
     finally:
         tests.__dict__.update(before)
 
@@ -43,7 +64,7 @@ def quickest_first(tests: ModuleType, names: Sequence[str]) -> list[str]:
     def seconds(name: str) -> float:
         start = time.perf_counter()
         for arguments in cases(getattr(tests, name)):
-            getattr(tests, name)(**arguments)
+            call(tests, getattr(tests, name), arguments)
         return time.perf_counter() - start
 
     return sorted(names, key=seconds)

@@ -5,6 +5,8 @@ from functools import partial
 import pytest
 
 from rig.parameters import Servo
+from tests.experiments.dashboard.server import test_controls, test_messages, test_security
+from tests.experiments.records import test_recording
 from tests.mutation import suites
 from tests.mutation.mutate import survivors
 from tests.rig.hardware.network import test_client_watchdog as test_served
@@ -65,11 +67,14 @@ def test_every_mutant_of_the_guard_dies():
     assert not unexplained(alive), "\n".join(unexplained(alive))
 
 
-def dies(path: str, tests) -> tuple[int, list[str]]:
-    """Mutants of a file under all tests of a module: how many, and who lives unexplained."""
-    names = [name for name in vars(tests) if name.startswith("test_")]
+def dies(path: str, tests, names=(), only=()) -> tuple[int, list[str]]:
+    """Mutants of a file under tests of a module: how many, and who lives unexplained.
+
+    names: of the tests, none for all; only: the classes and functions that are changed.
+    """
+    names = names or [name for name in vars(tests) if name.startswith("test_")]
     check = partial(suites.run_tests, tests, names=suites.quickest_first(tests, names))
-    count, alive = survivors(ROOT / path, check)
+    count, alive = survivors(ROOT / path, check, only)
     return count, unexplained(alive)
 
 
@@ -91,4 +96,48 @@ def test_every_mutant_of_the_seal_dies():
 def test_every_mutant_of_levelling_dies():
     count, alive = dies("rig/safety/levelling.py", test_levelling)
     assert count > 30
+    assert not alive, "\n".join(alive)
+
+
+# Tests of the gate that ask for patches, pages of viser's or thousands of examples.
+NOT_OF_THE_GATE = (
+    "test_a_token_is_kept_for_its_owner_alone",
+    "test_no_text_opens_the_gate_and_none_breaks_it",
+    "test_nobody_listens_to_the_whole_network_unasked",
+    "test_the_page_runs_the_scripts_of_visers_page_and_no_others",
+)
+
+
+@pytest.mark.slow
+def test_every_mutant_of_the_gate_dies():
+    tests = vars(test_security)
+    names = [one for one in tests if one.startswith("test_") and one not in NOT_OF_THE_GATE]
+    count, alive = dies("experiments/dashboard/server/security.py", test_security, names)
+    assert count > 90
+    assert not alive, "\n".join(alive)
+
+
+@pytest.mark.slow
+def test_every_mutant_of_the_control_lock_dies():
+    names = [one for one in vars(test_controls) if one.startswith("test_") and "control" in one]
+    path, only = "experiments/dashboard/server/controls.py", ("ControlLock",)
+    count, alive = dies(path, test_controls, names, only)
+    assert count > 30
+    assert not alive, "\n".join(alive)
+
+
+@pytest.mark.slow
+def test_every_mutant_of_recover_dies():
+    tests = vars(test_recording)
+    names = [one for one in tests if one.startswith(("test_recover", "test_a_system"))]
+    only = ("recover", "_keep_damaged", "_is_locked", "_lock")
+    count, alive = dies("experiments/records/recording.py", test_recording, names, only)
+    assert count > 40
+    assert not alive, "\n".join(alive)
+
+
+@pytest.mark.slow
+def test_every_mutant_of_the_filter_of_messages_dies():
+    count, alive = dies("experiments/dashboard/server/messages.py", test_messages)
+    assert count > 25
     assert not alive, "\n".join(alive)

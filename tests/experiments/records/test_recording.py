@@ -12,6 +12,7 @@ import sys
 import time
 from datetime import UTC, datetime
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,13 +23,14 @@ from hypothesis.extra.numpy import arrays
 from experiments.records import recording
 from experiments.records.recording import (
     Recorder,
+    _lock,
     new_run_folder,
     read_run,
     recover,
     write_run,
     write_truth,
 )
-from experiments.records.samples_file import RECORD, opening
+from experiments.records.samples_file import RECORD, opening, plain_ending
 from rig.log import COLUMNS, Log
 from tests.support import ROOT
 
@@ -378,6 +380,62 @@ def test_recover_keeps_the_bytes_that_it_cannot_read(tmp_path):
     path.write_bytes(content)
     assert_rows(recover(tmp_path).log, np.delete(rows, 10, axis=0))
     assert (tmp_path / "samples.damaged.mcap").read_bytes() == content
+
+
+def test_recover_of_a_run_that_was_killed_before_its_last_word_leaves_its_rows(tmp_path):
+    recorder = record(tmp_path, example())
+    recorder._write(plain_ending())
+    os.close(recorder._file)
+    content = (tmp_path / "samples.mcap").read_bytes()
+    meta = recover(tmp_path).meta
+    assert (meta["outcome"], meta["rows"], meta["duration_s"]) == ("killed", 100, 99 * 0.002)
+    assert (tmp_path / "samples.mcap").read_bytes() == content
+
+
+def test_recover_of_a_run_that_had_ended_names_what_it_lost(tmp_path):
+    recorder = record(tmp_path, example(), events=[])
+    recorder._compress = lambda: None  # type: ignore[method-assign]
+    recorder.finish("completed")
+    path, older = tmp_path / "samples.mcap", tmp_path / "samples.damaged.mcap"
+    content = path.read_bytes()
+    path.write_bytes(content[: len(opening()) + 40 * RECORD.itemsize] + bytes(2000))
+    older.write_bytes(b"of an earlier time")
+    meta = recover(tmp_path).meta
+    assert (meta["outcome"], meta["rows"], meta["duration_s"]) == ("damaged", 40, 39 * 0.002)
+    assert meta["reason"] == "40 of 100 rows left of a run that had ended"
+    assert older.read_bytes() == b"of an earlier time"
+
+
+def test_recover_of_a_run_without_rows(tmp_path):
+    os.close(record(tmp_path, example()[:0])._file)
+    meta = recover(tmp_path).meta
+    assert (meta["outcome"], meta["rows"], meta["duration_s"]) == ("killed", 0, None)
+
+
+def test_a_system_or_a_disk_without_locks_is_no_reason_not_to_record(tmp_path):
+    """Windows has none; a network disk says so; any other error is heard."""
+    file, before = os.open(tmp_path / "file", os.O_CREAT | os.O_RDWR), sys.modules.get("fcntl")
+
+    def refuse(number: int) -> None:
+        def flock(*_: object) -> None:
+            raise OSError(number, "no locks")
+
+        sys.modules["fcntl"] = SimpleNamespace(flock=flock, LOCK_EX=2, LOCK_NB=4)  # type: ignore
+
+    try:
+        sys.modules["fcntl"] = None  # type: ignore[assignment]
+        assert _lock(file) is True
+        for number in (errno.ENOLCK, errno.EOPNOTSUPP):
+            refuse(number)
+            assert _lock(file) is True
+        refuse(errno.EIO)
+        with pytest.raises(OSError, match="no locks"):
+            _lock(file)
+    finally:
+        os.close(file)
+        sys.modules.pop("fcntl")
+        if before is not None:
+            sys.modules["fcntl"] = before
 
 
 def test_recover_leaves_a_living_run_alone_however_quiet_it_is(tmp_path):

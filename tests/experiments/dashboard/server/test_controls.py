@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Callable
+from dataclasses import FrozenInstanceError
 from typing import Any
 
 import pytest
@@ -31,6 +32,18 @@ def test_one_page_holds_the_controls_and_others_take_over_knowingly():
     assert lock.joined(3).may(3)  # a page that comes (or is reloaded) while they are free
     with pytest.raises(ValueError, match="not connected"):
         lock.taken(9)
+
+
+def test_a_page_is_told_whether_it_holds_the_controls():
+    lock = ControlLock().joined(1)
+    assert lock.words(1) == "**You hold the controls** (page 1)."
+    lock = lock.joined(2)
+    assert lock.words(1) == "**You hold the controls** (page 1); 1 other page watching."
+    assert lock.words(2).startswith("**You are watching** (page 2). Page 1 holds the controls.")
+    lock = lock.joined(3)
+    assert lock.words(1) == "**You hold the controls** (page 1); 2 other pages watching."
+    with pytest.raises(FrozenInstanceError):
+        lock.holder = 3  # type: ignore
 
 
 @given(st.lists(st.tuples(st.sampled_from(["join", "leave", "take"]), st.integers(0, 4))))

@@ -1,6 +1,8 @@
 """What pages may send, tried with real websockets against a real viser server."""
 
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import msgspec
@@ -94,11 +96,22 @@ def said(there: ClientConnection) -> list[dict]:
     return msgspec.msgpack.decode(zstandard.decompress(packet[16 : 16 + length]))["messages"]
 
 
-@pytest.fixture
-def panel():
+@contextmanager
+def opened() -> Iterator[Panel]:
     one = Panel()
-    yield one
-    one.server.stop()
+    try:
+        yield one
+    finally:
+        one.server.stop()
+
+
+contexts = {"panel": opened}  # for mutants of the filter
+
+
+@pytest.fixture
+def panel() -> Iterator[Panel]:
+    with opened() as one:
+        yield one
 
 
 def test_no_page_changes_anything_of_an_input_but_its_value(panel: Panel):
@@ -156,6 +169,7 @@ def test_a_page_that_was_refused_shows_what_holds(panel: Panel):
 
 
 def test_uploads_and_long_messages_are_not_kept(panel: Panel):
+    assert LONGEST == 65536
     holder = panel.page()
     upload = messages.FileTransferStartUpload(
         source_component_uuid=panel.stop._impl.uuid,

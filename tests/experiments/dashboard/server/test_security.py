@@ -3,6 +3,7 @@
 import re
 import stat
 from base64 import b64encode
+from dataclasses import FrozenInstanceError
 from functools import reduce
 from hashlib import sha256
 from pathlib import Path
@@ -25,6 +26,13 @@ from experiments.dashboard.server.server import link_of, open_server
 from rig.hardware.network.token_file import keep_token
 
 GATE = Gate("secret-token", 7644)
+
+
+def derived() -> dict[str, Gate]:
+    """What is made of the gate under test, for a mutant of it."""
+    return {"GATE": Gate("secret-token", 7644)}
+
+
 HERE, ORIGIN = ["127.0.0.1:7644"], ["http://127.0.0.1:7644"]
 COOKIE = ["other=1; rig_dashboard_7644=secret-token"]
 
@@ -98,6 +106,16 @@ def test_the_cookie_is_bound_to_a_path_that_nobody_can_guess():
     assert len(GATE.path) >= 32
     assert GATE.path == Gate("secret-token", 7644).path != Gate("another-token", 7644).path
     assert GATE.token not in GATE.path
+
+
+def test_a_gate_is_as_it_was_made():
+    with pytest.raises(FrozenInstanceError):
+        GATE.token = "another"  # type: ignore
+    with pytest.raises(FrozenInstanceError):
+        PageRequest("/", HERE).path = "/other"  # type: ignore
+    assert len(GATE.path) == 33
+    for host in ("127.0.0.1", "localhost", "::1"):
+        assert gate_of(host, 80, "t") == Gate("t", 80)
 
 
 def test_the_link_leads_on_without_its_token():
