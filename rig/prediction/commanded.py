@@ -16,6 +16,7 @@ from rig.plant.position_servo import (
     aim,
     move_servos,
     rounded,
+    servo_dead_time,
     servos_at_level,
     table_angles,
     told_at,
@@ -36,7 +37,15 @@ def _mean_told(p, a, t, told, begin, h, row):
     while row + 1 < t.shape[0] and t[row + 1] <= first + 1e-9:
         row += 1
     if p.period_s[a] > 0.0 or last <= first:
-        return rounded(p, a, told[row, a]), row
+        held = rounded(p, a, told[row, a])
+        if last <= first:
+            return held, row
+        k = row
+        while k + 1 < t.shape[0] and t[k + 1] <= last + 1e-9:
+            k += 1
+        late = servo_dead_time(p.dead_time_s[a], p.servo_dead_time_delay_s[a])
+        share = min(max((last + late - begin) / h, 0.0), 1.0)  # until the newer pulse arrives
+        return share * held + (1.0 - share) * rounded(p, a, told[k, a]), row
     total, at, k = 0.0, first, row
     while at < last:
         until = min(t[k + 1], last) if k + 1 < t.shape[0] and t[k + 1] > at else last

@@ -38,8 +38,8 @@ def _assumed_note(state: State) -> tuple[str, ...]:
     told = " and ".join(servos).replace("_", " ")
     return (
         f"{state.nominal.assumed_friction_V:.2g} V of dry friction on {told} is explained by "
-        " the assumed friction of arm and joints, which nobody measured ([drive] of "
-        "the rig file; set both to 0 for a bare motor)",
+        "the assumed friction of arm and joints, which nobody measured ([drive] of the rig file; "
+        "set both to 0 for a bare motor)",
     )
 
 

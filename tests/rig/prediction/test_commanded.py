@@ -80,13 +80,14 @@ def test_answers_do_not_depend_on_how_often_the_log_was_written():
     assert set(np.round(t, 9)) <= set(np.round(at, 9))
 
 
-def test_the_answer_is_a_smooth_function_of_the_dead_time():
+@pytest.mark.parametrize("period_s", [0.0, 0.02])
+def test_the_answer_is_a_smooth_function_of_the_dead_time(period_s):
     t = np.arange(0, 1.0, 0.01)
     told = 0.1 * np.sign(np.sin(9 * t))[:, None] * [1.0, 1.0]
     sums = []
     for dead in np.arange(0.02, 0.03, 0.0005):
         servo = Servo(kind="position", lag_s=0.05, dead_time_s=dead, rate_limit_rad_s=1e3)
-        p = pack(Rig(servo=servo))
+        p = pack(Rig(servo=replace(servo, period_s=period_s)))
         _, angles = answers(p, t, told)
         sums.append(angles[:, 0].sum())
     assert np.abs(np.diff(sums)).min() > 0.2 * np.abs(np.diff(sums)).max()
