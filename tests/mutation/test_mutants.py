@@ -41,6 +41,7 @@ def test_every_mutant_of_the_limiter_dies():
 
     def check(module) -> None:
         limiter_laws.laws(module.limit, module.Braking(*limiter_laws.STOPS))
+        limiter_laws.angle_laws(module.limit_angle)
         assert (module.SLEW_V_S, module.STALE_S, module.TAPER_RAD) == (1500.0, 0.05, 0.04)
         stops = module.braking(Servo(gain_rad_s_V=1.5, time_constant_s=0.1), 0.002, 0.017)
         assert stops == pytest.approx(limiter_laws.STOPS)

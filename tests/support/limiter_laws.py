@@ -42,3 +42,15 @@ def laws(limit, stops) -> None:
     assert limit(9.0, 0.0, 0.0, 0.0, 2.0, 1.0, inf, stops) == 2.0  # another table's limits
     assert limit(-9.0, 0.9, 0.0, 0.0, 2.0, 1.0, inf, stops) == -2.0
     assert limit(9.0, 1e300, 1e300, 0.0, 2.0, inf, inf, stops) == 2.0  # a table without a limit
+
+
+def angle_laws(limit_angle) -> None:
+    """AssertionError where `limit_angle` breaks its promise on a grid that holds every edge."""
+    angles = (nan, inf, -inf, 0.0, 0.1, -0.1, 0.5, -0.5, 0.9, -0.9)
+    for wish, last, age_s in product(angles, angles, AGES):
+        held = last if isfinite(last) else 0.0  # the servo stays where it was told to go
+        told = wish if isfinite(wish) and age_s <= STALE_S else held
+        right = min(max(told, -ANGLE), ANGLE)
+        found = limit_angle(wish, last, ANGLE, age_s)
+        assert found == right, (wish, last, age_s, found)
+    assert limit_angle(0.3, 0.1, ANGLE) == 0.3  # an estimate of now

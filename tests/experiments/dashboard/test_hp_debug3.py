@@ -1,0 +1,77 @@
+"""The dashboard before a table that another process serves: nothing moves that was not armed."""
+
+import json
+from collections.abc import Iterator
+
+import pytest
+
+from experiments.dashboard.app import App
+from experiments.dashboard.server.server import open_server
+from experiments.dashboard.session.plan import RunPlan
+from experiments.records.recording import read_run
+from experiments.runs.assemble import load_rig
+from experiments.runs.protocol import read_protocol
+from tests.support.rig_lab import Lab
+from tests.support.waiting import wait_for
+
+
+@pytest.fixture
+def app(lab: Lab) -> Iterator[App]:
+    server, _ = open_server("127.0.0.1", 0, "a-token-of-some-length-for-tests")
+    one = App(server, load_rig(lab.rig), lab.out, rig_file=lab.rig)
+    try:
+        yield one
+    finally:
+        one.close()
+        server.stop()
+
+
+def test_a_real_table_is_homed_and_armed_for_every_run_and_stopped_by_everybody(lab, app):
+    session, tab = app.session, app.run_tab
+    # Opening the page moves nothing.
+    wait_for("rest", lambda: session.status.state == "stopped", 120.0)
+    with pytest.raises(ValueError, match="tick Arm"):
+        tab.start()
+    with pytest.raises(ValueError, match="in a run alone"):
+        session.balance()
+    with pytest.raises(ValueError, match="has not been homed"):
+        session.start(RunPlan(read_protocol("servo-squares"), ("with",), 1, 1))
+    assert not (lab.folder / "volts").read_text()
+    assert lab.call("home", "--yes")[0] == 0
+    tab._armed.now, tab._protocol.now = True, "servo-squares"
+    tab.start()
+    try:
+        wait_for("motion", lambda: session.status.t_s > 1.0, 25.0)
+    except AssertionError:
+        print("STATUS", session.status, [e for e in getattr(app, "events", [])]); print(vars(session))
+        raise
+    assert not tab._armed.now  # used up
+    session.stop("page 7")
+    wait_for("rest", lambda: session.status.state == "stopped", 120.0)
+    (folder,) = (lab.out / "runs").iterdir()
+    meta = json.loads((folder / "run.json").read_text())
+    assert (meta["source"], meta["outcome"]) == ("measured", "aborted")
+    assert meta["reason"].startswith("stopped by page 7")
+    assert lab.volts()[-1, 1:].tolist() == [0.0, 0.0]
+    with pytest.raises(ValueError, match="tick Arm"):
+        tab.start()
+
+
+def test_a_person_is_told_on_the_page_and_the_table_sees_what_they_did(lab, app):
+    asked = set()
+    plan = RunPlan(read_protocol(lab.protocol(3.0)), ("without", "with"), 1, 1, pause=True)
+    before = set((lab.out / "runs").iterdir())
+    app.session.start(plan)
+
+    def paused() -> bool:
+        asked.add(app.session.status.operator_step[:5])
+        return app.session.status.state == "pause"
+
+    wait_for("the pause", paused, 120.0)
+    assert {"place", "let i"} <= asked
+    app.session.stop("page 7")  # the second run is never begun
+    (folder,) = set((lab.out / "runs").iterdir()) - before
+    run = read_run(folder)
+    assert (run.meta["outcome"], run.meta["arm"]) == ("completed", "without")
+    assert "link" in run.meta
+    assert lab.volts()[-1, 1:].tolist() == [0.0, 0.0]
