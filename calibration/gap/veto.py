@@ -24,8 +24,8 @@ and C the cost one sample ahead (`calibration.gap.model.fit`):
    which bounds their probability as well.
 
 Errors are bounded at the OUTLIER_SHARE quantile of the model without, so that a push that nobody
-recorded does not decide; for harm at OUTLIER_RATIO times that as well, since a wrong name may fail
-seldom and by much. A name that is refuted leaves the model. Where none is
+recorded does not decide; for harm at OUTLIER_RATIO times that as well, where D < -SURE_Z se, since a
+wrong name may fail seldom and by much. A name that is refuted leaves the model. Where none is
 left, or a rival predicted better, the naming is repeated without those that were refuted, at most
 MAX_ROUNDS times: the imitation may have kept the right one out.
 """
@@ -246,9 +246,9 @@ def _incomplete(output: str, share: float) -> str:
 
 
 def _harmed(without: Prediction, with_it: Prediction) -> bool:
-    """Whether the errors 1 s ahead grow: most of them, or a few by much."""
-    gains = [gained(without, with_it, ratio) for ratio in (1.0, OUTLIER_RATIO)]
-    return any(d < -se for d, se in gains)
+    """Whether the errors 1 s ahead grow: most of them, or for certain a few by much."""
+    (most, se), (all_, wide) = (gained(without, with_it, r) for r in (1.0, OUTLIER_RATIO))
+    return most < -se or all_ < -SURE_Z * wide
 
 
 def _harm(output: str, without: Prediction, with_it: Prediction) -> str:

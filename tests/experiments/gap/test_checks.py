@@ -115,7 +115,10 @@ def test_swapped_axes_of_mirrored_motion_are_refused():
 
 def test_suspicions_are_notes():
     assert "voltage_x_V reaches" in check(log_of(scaled(voltage=30.0)), RIG)[0]
-    far = check(log_of(scaled(ball=10.0)), replace(RIG, linkage=Linkage(arm_radius_m=0.0254 * 10, plate_side_m=0.6)))
+    far = check(
+        log_of(scaled(ball=10.0)),
+        replace(RIG, linkage=Linkage(arm_radius_m=0.0254 * 10, plate_side_m=0.6)),
+    )
     assert len(far) == 0
     servo = {k: v for k, v in scaled(theta=10.0).items() if not k.startswith("ball")}
     notes = check(log_of(servo), RIG)
