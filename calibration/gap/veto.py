@@ -24,8 +24,8 @@ and C the cost one sample ahead (`calibration.gap.model.fit`):
    which bounds their probability as well.
 
 Errors are bounded at the OUTLIER_SHARE quantile of the model without, so that a push that nobody
-recorded does not decide; for harm at OUTLIER_RATIO times that as well, where D < -SURE_Z se, since a
-wrong name may fail seldom and by much. A name that is refuted leaves the model. Where none is
+recorded does not decide; for harm at OUTLIER_RATIO times that as well, where D < -SURE_Z se, since
+a wrong name may fail seldom and by much. A name that is refuted leaves the model. Where none is
 left, or a rival predicted better, the naming is repeated without those that were refuted, at most
 MAX_ROUNDS times: the imitation may have kept the right one out.
 """
