@@ -74,15 +74,17 @@ def gap(
         _investigate_and_report(given, rig_file=rig, out=out, json_file=json_file, until=until)
 
 
-def _check_request(json_file: Path | None, until: str) -> None:
-    """ValueError for what would be found out after all the work."""
+def _check_request(json_file: Path | None, until: str, out: Path) -> None:
+    """ValueError for what would be found out after all the work; `out` is made by the command."""
     from calibration.gap.investigation import STAGES
 
     if until not in STAGES:
         raise ValueError(f"--until {until}: known stages: {', '.join(STAGES)}")
     if json_file is not None and json_file.is_dir():
         raise ValueError(f"--json {json_file}: is a folder; name a file")
-    if json_file is not None and not json_file.absolute().parent.is_dir():
+    if json_file is None or json_file.absolute().parent in (out, out.absolute()):
+        return
+    if not json_file.absolute().parent.is_dir():
         raise ValueError(f"--json {json_file}: no such folder {json_file.parent}")
 
 
@@ -96,7 +98,7 @@ def _investigate_and_report(
     from experiments.gap.summary import summary_lines
     from experiments.records.run_folder import writable, write_json
 
-    _check_request(json_file, until)
+    _check_request(json_file, until, out)
     folder = writable(out)
     with bars() as progress:
         found = investigate(logs, rig_file, until=until, threads=2, progress=progress)
@@ -127,7 +129,7 @@ def _tolerances(logs: Sequence[Path], *, rig_file: Path | None, out: Path) -> No
 
 
 def _demo(*, out: Path, json_file: Path | None, seed: int, until: str) -> None:
-    _check_request(json_file, until)
+    _check_request(json_file, until, out)
     from experiments.gap.demo import DEMO_PLAY_RAD, demo_runs
     from experiments.records.run_folder import writable
 

@@ -114,3 +114,11 @@ def test_no_time_no_levelling():
     table = arms()
     bring_level(table, 0.0)
     assert [row[1:] for row in table.driven] == [(0.0, 0.0)]
+
+
+def test_servos_that_take_an_angle_are_told_0_and_stay_told_so():
+    table = arms()
+    table.takes_angle = True
+    bring_level(table, 0.1)
+    assert len(table.driven) > 40
+    assert {row[1:] for row in table.driven} == {(0.0, 0.0)}
