@@ -169,4 +169,5 @@ def test_on_the_virtual_table_too(tmp_path, monkeypatch, method: str):
     seconds = "5" if method == "control" else "0.5"
     assert f"controller Mine.{method} did not return within {seconds} s" in done.ending.reason
     rows = read_run(done.folder).log.rows
-    assert len(rows) == {"start": 0, "control": 151, "end": 500}[method]
+    # control: what was recorded before it hung, and the levelling
+    assert len(rows) in {"start": [0], "control": range(150, 200), "end": [500]}[method]
