@@ -42,8 +42,8 @@ def test_the_gap_of_a_hidden_play_closes_on_the_other_run():
     assert gap.before["ball_x"] > 1.15
     assert closed(gap.before["ball_x"], gap.after["ball_x"]) > 0.9
     for channel in ("servo_x", "servo_y", "ball_y"):  # nothing was hidden there
-        assert gap.before[channel] == pytest.approx(1.0, abs=0.04)
-        assert gap.after[channel] == pytest.approx(1.0, abs=0.04)
+        assert gap.before[channel] == pytest.approx(1.0, abs=0.02)
+        assert gap.after[channel] == pytest.approx(1.0, abs=0.02)
 
 
 def test_floors_are_the_noise_that_was_put_in():

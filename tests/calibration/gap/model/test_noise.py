@@ -59,8 +59,13 @@ def test_white_camera_noise_and_the_balls_process(seed: int, process: float, cam
     np.testing.assert_array_equal(levels["servo_process"], FAR_OFF["servo_process"])
 
 
+FAINT = pytest.mark.xfail(reason="one frame each 0.05 s shows no correlation of 0.3")
+
+
 @pytest.mark.parametrize("seed", [2])
-@pytest.mark.parametrize(("colour", "lost"), [(0.6, 0.0), (0.6, 0.1), (0.8, 0.0)])
+@pytest.mark.parametrize(
+    ("colour", "lost"), [pytest.param(0.3, 0.0, marks=FAINT), (0.6, 0.0), (0.6, 0.1), (0.8, 0.0)]
+)
 def test_coloured_camera_noise(seed: int, colour: float, lost: float):
     levels = noise.estimate(evidence(seed, colour=colour, lost=lost), MODEL, (BALL,))
     assert memory(levels) == pytest.approx(colour, abs=0.1)
