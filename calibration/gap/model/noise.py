@@ -13,9 +13,10 @@ kappa for Gaussian residuals (Huber and Ronchetti, Robust Statistics, 2009, ch. 
 does not raise the level.
 
 Ball: process noise q (white acceleration) [m/s2/sqrt(Hz)], camera noise r [m] and its AR(1)
-coefficient rho from frame to frame, by maximum likelihood at the rate of the camera. Servo, per
-axis: process noise q and the encoder's r [rad], where it moves: the error of a resting encoder is a
-constant.
+coefficient rho from frame to frame, by maximum likelihood at the rate of the camera; q is at least
+what the rounding of the angles does to the ball (`rounding_process`), which a flexible model can
+follow but not foresee. Servo, per axis: process noise q and the encoder's r [rad], where it moves:
+the error of a resting encoder is a constant.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,12 +30,16 @@ from calibration.gap.model.data import HORIZON_S, Evidence, Roll, every, gather
 from calibration.gap.model.fit import weights
 from calibration.gap.model.flexible import Regressors, ball_regressors, servo_regressors
 from calibration.gap.model.parameters import BALL, SERVO, Model
+from rig.parameters import GRAVITY_M_S2
 
 NOISE_HUBER_Z = 1.0
 CONSISTENCY = 2.0 * norm.cdf(NOISE_HUBER_Z) - 1.0  # E[psi(z) z] of a standard normal z
 MIN_COLOUR_GAIN = 6.0  # log-likelihood that an AR(1) camera noise has to gain; chosen
 DIVERGED_COST = 1e9  # of noise levels under which a filter overflows
 SMALLEST_M = 2e-6
+# For which a rounded angle errs by the same: a plate rests so long behind the play of its joints
+# between two reversals, an arm within a count. Chosen.
+ROUNDING_LASTS_S = 0.5
 RHOS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)
 
 
@@ -107,15 +112,30 @@ def _servo(evidence: Evidence, model: Model, levels: np.record, a: int) -> None:
 def _ball(evidence: Evidence, model: Model, levels: np.record) -> None:
     levels["ball_memory_s"] = 0.0
     rows = ball_regressors(evidence.runs, float(model.record["half_side"].max()))
+    least = rounding_process(model.record, levels)
 
     def cost(x: np.ndarray) -> float:
         levels["ball_process"], levels["ball_measured"] = np.exp(x)
-        penalty = 1e6 if np.exp(x[1]) < SMALLEST_M or x[0] < -14 else 0.0
+        penalty = 1e6 if np.exp(x[1]) < SMALLEST_M or np.exp(x[0]) < least else 0.0
         return _ball_level(evidence.with_levels(levels), model, rows) + penalty
 
-    white = _search(cost, [float(np.log(levels[n])) for n in ("ball_process", "ball_measured")])
+    start = max(float(levels["ball_process"]), 1.01 * least), float(levels["ball_measured"])
+    white = _search(cost, [float(v) for v in np.log(start)])
     levels["ball_process"], levels["ball_measured"] = np.exp(white)
     levels["ball_memory_s"] = _memory_s(evidence, model, levels.copy(), rows)
+
+
+def rounding_process(p: np.record, levels: np.record) -> float:
+    """The ball's process noise [m/s2/sqrt(Hz)] by the rounding of the servo angles, of standard
+    deviation s (`levels`) over T = ROUNDING_LASTS_S: white noise of the same power at frequency 0,
+
+        q = k g (r/L) s sqrt(2 T)
+
+    with k g the acceleration on a slope and r/L the lever of `p` (record PLANT).
+    """
+    angle = np.asarray(levels["servo_measured"])
+    slope = float(np.sqrt(np.mean((p["ratio"] * angle) ** 2)))
+    return float(p["factor"]) * GRAVITY_M_S2 * slope * float(np.sqrt(2.0 * ROUNDING_LASTS_S))
 
 
 def _ball_level(evidence: Evidence, model: Model, rows: Sequence[Regressors]) -> float:
