@@ -7,12 +7,13 @@ sample ahead.
 
 With e_k the errors 1 s ahead of an output, in the same windows for both models,
 
-    D = mean_k (e_k^2 without - e_k^2 with),   se = std_k(...)/sqrt(K)
+    D = mean_k (e_k^2 without - e_k^2 with),   se = std_b(...)/sqrt(B)
 
-and C the cost one sample ahead (`calibration.gap.model.fit`):
+with B blocks of the windows that overlap, b the means in each, and C the cost one sample ahead
+(`calibration.gap.model.fit`):
 
 1. All names of an output together: C with them is lower, and D > -se: 1 s ahead they do no harm (a
-   small effect may not show there).
+   small effect may not show there). "A or B" is refuted by what refutes both.
 2. Each name beside the others: as rule 1. Where something without a name is left,
    a name may stand for a part of it: it needs D > SURE_Z se on one of its outputs.
 3. The 95 % interval of its size excludes the nominal value, and the size is not at the end of its
@@ -59,6 +60,8 @@ from calibration.gap.specification import completeness, inconstancy
 from calibration.gap.unnamed.basis import unnamed_terms
 from rig.discrepancy import Discrepancy
 from rig.effects import BY_NAME
+
+OVERLAPPING = 4  # errors of the ball in a second: two windows of two axes
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +110,8 @@ def gained(without: Prediction, with_it: Prediction, ratio: float = 1.0) -> tupl
         return 0.0, 0.0
     most = ratio**2 * np.quantile(without.errors**2, OUTLIER_SHARE)
     d = np.minimum(without.errors**2, most) - np.minimum(with_it.errors**2, most)
-    return float(d.mean()), float(d.std() / np.sqrt(len(d)))
+    blocks = np.array([b.mean() for b in np.array_split(d, len(d) // OVERLAPPING)])
+    return float(d.mean()), float(blocks.std() / np.sqrt(len(blocks)))
 
 
 def decide_by_proof(before: State) -> tuple[Decision, tuple[str, ...]]:
@@ -148,6 +152,8 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
     for output in outputs:
         here = [one for one in accepted if output in _outputs(one) and one not in lost]
         reason = _harm(output, before[output], after[output]) if output in after else ""
+        if reason and _rival_stands(here, output, before):
+            reason = ""
         reason = reason or _incomplete(output, complete[output])
         if reason and here:
             lost += here
@@ -282,6 +288,15 @@ def _harm_of_one(
             f"that {_name(outputs[0])} is predicted better with it"
         )
     return ""
+
+
+def _rival_stands(names: list[Accepted], output: str, before: dict[str, Prediction]) -> bool:
+    """Whether the only name of an output is told as one of two, of which the other does no harm by
+    rule 1: "A or B" is refuted by what refutes both."""
+    close = [r for one in names for r in one.rivals[:1] if one.margin < RIVAL_MARGIN]
+    if len(names) != 1 or not close:
+        return False
+    return not _harm(output, before[output], held_out(close[0].state, [output])[output])
 
 
 def _rival_is_better(one: Accepted, after: dict[str, Prediction]) -> str:

@@ -7,6 +7,12 @@ the motor from the encoder):
     C(p) = sum_i m_i (rho(e_i/s_i) + log s_i),   rho(z) = z^2/2        for |z| <= h
                                                           h (|z| - h/2) beyond,  h = HUBER_Z
 
+A parameter p_j that stays inside its tolerance t_j has a prior: what is minimised is
+
+    C(p) + sum_j 3 (p_j - nominal_j)^2/(2 t_j^2),   of the variance t^2/3 of a uniform prior
+
+(maximum a posteriori), so that parameters of which the logs say little stay nominal.
+
 m_i are the weights of the samples (`Evidence.masks`). For Gaussian innovations C is minus the
 log-likelihood but for a constant (Schweppe, IEEE Trans. Inf. Theory 11, 1965), so a difference of C
 is a log-likelihood ratio; Huber's rho (Ann. Math. Stat. 35, 1964) bounds the influence of outliers.
@@ -179,7 +185,8 @@ def fit(
     bent: Collection[str] = (),
 ) -> ParameterFit:
     """Fit the parameters of `bounds` (name -> (low, high)) from `start` by bounded Gauss-Newton
-    until C falls by less than CONVERGED_GAIN; all other parameters stay as in `start`.
+    until C with the prior falls by less than CONVERGED_GAIN; all other parameters stay as in
+    `start`.
 
     Secants are taken once, and at every step for the effects `bent` (backlash, delays, periods).
     Where C stalls after it fell by STALE_SECANT_GAIN, all secants are taken anew. `KeyError`: no
@@ -188,22 +195,34 @@ def fit(
     parameters = [nominal.parameters[name] for name in bounds]
     best = _inside(evidence, nominal, start, bounds)
     scale = np.array([parameter.step for parameter in parameters])
+    prior = np.array([inverse_variance(k, bounds[k.name]) for k in parameters])
+    nominals = np.array([k.nominal for k in parameters])
     taken_at = start.cost
     for _ in range(iterations):
         columns = differences(evidence, nominal, best, parameters, bounds)
         best = replace(best, columns={**best.columns, **kept_columns(columns, parameters, bent)})
         a, b = normal_equations(evidence, best, columns)
         value = np.array([best.setting.get(k.name, k.nominal) for k in parameters])
+        a[np.diag_indices_from(a)] += prior
+        away = np.where(prior > 0.0, value - nominals, 0.0)
+        b += prior * away
         low, high = (np.array([bounds[k.name][i] for k in parameters]) for i in (0, 1))
         step = bounded_step(a, b, low - value, high - value, scale)
-        better = _along(evidence, nominal, best, parameters, value, step)
-        gain = best.cost - better.cost if better is not None else 0.0
-        best = better or best
+        dearer = [float(prior @ (d * step * (away + 0.5 * d * step))) for d in STEP_LENGTHS]
+        best, gain = _along(evidence, nominal, best, parameters, value, step, dearer)
         if gain < CONVERGED_GAIN:
             if taken_at - best.cost < STALE_SECANT_GAIN:
                 break
             best, taken_at = replace(best, columns={}), best.cost
     return best
+
+
+def inverse_variance(parameter: Parameter, bounds: tuple[float, float]) -> float:
+    """Inverse variance of the prior of the module's equation [1/unit^2]; 0 for a parameter without
+    a tolerance, or one that is free to the ends of its range."""
+    t = parameter.tolerance
+    inside = np.isfinite(t) and t > 0 and bounds != parameter.range
+    return 3.0 / t**2 if inside else 0.0
 
 
 def _inside(
@@ -227,14 +246,16 @@ def _along(
     parameters: Sequence[Parameter],
     value: np.ndarray,
     step: np.ndarray,
-) -> ParameterFit | None:
-    """The first of the shortened steps that lowers C; None if none does."""
-    for share in STEP_LENGTHS:
+    dearer: Sequence[float],
+) -> tuple[ParameterFit, float]:
+    """The first of the shortened steps that lowers C with the prior, which rises by `dearer`, and
+    by how much; `at` and 0 if none does."""
+    for share, rise in zip(STEP_LENGTHS, dearer, strict=True):
         setting = dict(
             zip((k.name for k in parameters), (value + share * step).tolist(), strict=True)
         )
         tried = evaluate(evidence, nominal, at.setting | setting, at.rolls)
         tried = replace(tried, columns=at.columns)
-        if tried.cost < at.cost:
-            return tried
-    return None
+        if tried.cost + rise < at.cost:
+            return tried, at.cost - tried.cost - rise
+    return at, 0.0

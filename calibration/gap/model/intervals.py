@@ -3,9 +3,9 @@
     cov = (A + L)^-1 (B + L) (A + L)^-1,   A = J'WJ,   B = sum_blocks g_b g_b',   g_b = sum_b J'Wz
 
 J (n, k) secants, W Huber's weights, z residuals, blocks of SANDWICH_BLOCK_S within a run (the
-residuals are neither white nor Gaussian: Liang and Zeger, Biometrika 73, 1986). L is diagonal:
-3/t^2 for a parameter in its tolerance box of half width t (a uniform prior has variance t^2/3),
-else 0. The standard deviation of parameter i is
+residuals are neither white nor Gaussian: Liang and Zeger, Biometrika 73, 1986). L is diagonal: the
+inverse variances of the priors (`calibration.gap.model.fit`). The standard deviation of parameter
+i is
 
     s_i = sqrt(INTERVAL_FACTOR^2 cov_ii + m_i^2)
 
@@ -18,7 +18,7 @@ from math import hypot, sqrt
 import numpy as np
 
 from calibration.gap.findings import Interval
-from calibration.gap.model.fit import ParameterFit, differences, weights
+from calibration.gap.model.fit import ParameterFit, differences, inverse_variance, weights
 from calibration.gap.model.parameters import COAST_KEY, Parameter
 from calibration.gap.model.state import State
 from calibration.statistics import student_quantile
@@ -68,11 +68,10 @@ def covariance(state: State, outputs: tuple[str, ...]) -> tuple[list[str], np.nd
 
 
 def inverse_prior(state: State, parameter: Parameter) -> float:
-    """Inverse variance of a parameter in its box, in units of its step; 0 for a free one."""
-    free = (parameter.effect, parameter.axis) in state.named
-    if free or not np.isfinite(parameter.tolerance) or parameter.tolerance <= 0:
+    """Inverse variance of a parameter's prior, in units of its step; 0 for a free one."""
+    if (parameter.effect, parameter.axis) in state.named:
         return 0.0
-    return 3.0 * (parameter.step / parameter.tolerance) ** 2
+    return inverse_variance(parameter, parameter.box) * parameter.step**2
 
 
 def deviations(state: State) -> dict[str, tuple[float, int]]:
