@@ -19,7 +19,7 @@ from vision.frames import Frame, Track
 from vision.tracking.acquisition import LEAST_EVIDENCE, NAMED, STANDS_OUT, fits
 from vision.tracking.sightings import Sighting, bounds_of, round_things
 from vision.tracking.things import TRAVEL, UNLIKE_COLOUR, UNLIKE_SIZE, Thing, Things
-from vision.tracking.tracker import Tracker
+from vision.tracking.tracker import SAME_SIZE_SHARE, Tracker
 
 Frames = Callable[[], Iterable[Frame]]
 
@@ -84,14 +84,15 @@ def _score(thing: Thing, reach_px: float, colour: Appearance | None) -> float:
 
 
 def _usual(best: Thing) -> list[tuple[float, Sighting]]:
-    """Its sightings (look, sighting) that have its usual size and colour; a fingertip that was met
-    while a hand held the ball has not. A ball of two colours has a wide usual colour."""
+    """Its sightings (look, sighting) that have its usual size, and its usual colour unless the size
+    is the very same: a fingertip that was met while a hand held the ball has neither, a ball under
+    another lamp or in another palette of a GIF has its size. A ball of two colours has a wide usual
+    colour."""
     colours = np.array([s.appearance.ball_bgr for s in best.sightings])
     off = np.linalg.norm(colours - np.median(colours, 0), axis=1)
-    sizes = np.array([s.seen.radius_px for s in best.sightings]) / best.radius_px
-    fits_in = (off < max(UNLIKE_COLOUR, 3.0 * float(np.median(off)))) & (
-        np.abs(np.log(sizes)) < 2.0 * UNLIKE_SIZE
-    )
+    sizes = np.abs(np.log([s.seen.radius_px / best.radius_px for s in best.sightings]))
+    coloured = off < max(UNLIKE_COLOUR, 3.0 * float(np.median(off)))
+    fits_in = (sizes < 2.0 * UNLIKE_SIZE) & (coloured | (sizes < SAME_SIZE_SHARE))
     pairs = zip(best.times, best.sightings, strict=True)
     return [pair for pair, usual in zip(pairs, fits_in, strict=True) if usual]
 
