@@ -72,9 +72,14 @@ def round_things(
             found.append(sighting)
     kept: list[Sighting] = []
     for s in sorted(found, key=lambda s: -s.evidence):
-        if all(s.far(k) > 0.5 * max(s.seen.radius_px, k.seen.radius_px) for k in kept):
+        if not any(same_place(s, k) for k in kept):
             kept.append(s)
     return kept
+
+
+def same_place(a: Sighting, b: Sighting) -> bool:
+    """Whether two sightings of one image are of one thing: their discs share most of their area."""
+    return a.far(b) <= 0.5 * max(a.seen.radius_px, b.seen.radius_px)
 
 
 def sight(
