@@ -24,7 +24,7 @@ from vision.tracking.things import TRAVEL, UNLIKE_COLOUR, UNLIKE_SIZE, Thing, Th
 LOOK_S = 0.08  # between two looks at the image, so that finding costs little beside tracking
 WINDOW_S = 2.0
 LOOKED_AT_EACH = 1e5  # pixels of the largest image that every look searches; larger ones less often
-AT_MOST = 3  # circles of an octave that are looked at more closely
+AT_MOST = 6  # circles of an octave that are looked at more closely
 AGAIN = 6  # known things that are looked for in their place
 MOVES_S, RESTS_S, KNOWN_S = 0.23, 0.4, 0.05  # how long a thing has to be seen to be believed
 UNLIKE_RESTS_S = 1.8  # where another ball was known before
@@ -137,7 +137,7 @@ class Acquisition:
         reach = _reach(image)
         scores = {id(thing): self._score(thing, image) for thing in self.things.all}
         ranked = sorted(self.things.all, key=lambda thing: -scores[id(thing)])[:AGAIN]
-        ranked = [thing for thing in ranked if not self.things.is_part(thing)]
+        ranked = [thing for thing in ranked if not self.things.is_part(thing, reach)]
         if not ranked or ranked[0].missed:
             return None
         best = ranked[0]
