@@ -48,10 +48,11 @@ class Detection:
     `u_px, v_px, radius_px` centre and mean radius of the outline; `sigma_px` standard deviation of
     the centre per axis; `inliers` share of the rays in the image whose edge lies
     on the ellipse; `coverage` share of the full turn so covered, by eighths with at least one in
-    three rays good; `contrast` 1 where ball and plate differ as in the appearance, negative where
-    the sign is wrong; `residual_px` rms of the inliers; `fill` and `spill` the mean P(ball) of the
-    colours inside and just outside; `blur_px` the edge's standard deviation, NaN where the rim was
-    not fitted; `inside_px` the radius of the picture in a mirroring ball, 0 where there is none.
+    three rays good; `framed` share of the turn that lies in the image; `contrast` 1 where ball and
+    plate differ as in the appearance, negative where the sign is wrong; `residual_px` rms of the
+    inliers; `fill` and `spill` the mean P(ball) of the colours inside and just outside; `blur_px`
+    the edge's standard deviation, NaN where the rim was not fitted; `inside_px` the radius of the
+    picture in a mirroring ball, 0 where there is none.
     """
 
     u_px: float
@@ -66,6 +67,7 @@ class Detection:
     spill: float
     blur_px: float = math.nan
     inside_px: float = 0.0
+    framed: float = 1.0
 
 
 def locate_ball(
@@ -115,6 +117,7 @@ def locate_ball(
         fill=mean_probability(image, table, u, v, 0.0, 0.85 * radius),
         spill=mean_probability(image, table, u, v, 1.2 * radius + 1.0, 1.6 * radius + 2.0),
         blur_px=math.nan if rim is None else float(rim[6]),
+        framed=line.framed,
     )
 
 

@@ -121,20 +121,29 @@ def circles_of_any_size(
     while SMALLEST_PX * scale <= bounds_px[1] and min(small.shape[:2]) > 2.5 * SMALLEST_PX:
         pixels = small.shape[0] * small.shape[1]
         if 2.0 * SMALLEST_PX * scale >= bounds_px[0] and pixels < MOST_PIXELS and due(pixels):
-            rings = hough_circles(small, OCTAVE, noise=noise_level(small), at_most=at_most)
-            found += [
-                Circle(
-                    scale * (c.u_px + 0.5) - 0.5,
-                    scale * (c.v_px + 0.5) - 0.5,
-                    scale * c.radius_px,
-                    c.score,
-                )
-                for c in rings
-            ]
+            # Video stores colour at half the resolution.
+            for view in (small, _opponents(small)) if scale > 1.0 else (small,):
+                rings = hough_circles(view, OCTAVE, noise=noise_level(view), at_most=at_most)
+                found += [
+                    Circle(
+                        scale * (c.u_px + 0.5) - 0.5,
+                        scale * (c.v_px + 0.5) - 0.5,
+                        scale * c.radius_px,
+                        c.score,
+                    )
+                    for c in rings
+                ]
         scale *= 2.0
         half = (max(1, small.shape[1] // 2), max(1, small.shape[0] // 2))
         small = np.asarray(cv2.resize(small, half, interpolation=cv2.INTER_AREA))
     return found
+
+
+def _opponents(image: np.ndarray) -> np.ndarray:
+    """Differences of the channels (h, w, 3) uint8, 128 for none. Shading turns a coloured ball from
+    brighter to darker than its plate round the turn; these keep their sign."""
+    halves = np.array(((0.5, -0.5, 0.0), (0.0, 0.5, -0.5), (-0.5, 0.0, 0.5)))
+    return np.asarray(cv2.transform(image, np.hstack((halves, np.full((3, 1), 128.0)))))
 
 
 def _peaks(support: np.ndarray, radius: float) -> list[Circle]:

@@ -35,7 +35,8 @@ class Outline(NamedTuple):
     residuals alone; `residual_px` rms of the inliers; `good` rays on the ellipse and `inside` rays
     in the image (counts); `lopsided` first harmonic of the edge's strength round the turn, relative
     to its mean; `coverage` share of the turn that is covered: eighths with at least one in three
-    rays on the ellipse.
+    rays on the ellipse; `framed` share of the turn that lies in the image: eighths with at least
+    half their rays.
     """
 
     u_px: float
@@ -47,6 +48,7 @@ class Outline(NamedTuple):
     inside: float
     lopsided: float
     coverage: float
+    framed: float
 
     @property
     def share(self) -> float:
@@ -75,15 +77,31 @@ def _best_fit(points, outer, weight, u, v, radius, inside, flat_std, blurred_std
 
 
 @kernel
+def framed_share(image, u, v, radius, per):
+    """Share of the turn, by eighths of `per` rays, in which half the circle (px) or more lies in
+    the image (h, w, 3)."""
+    h, w = image.shape[0], image.shape[1]
+    framed = 0
+    for i in range(8):
+        there = 0
+        for k in range(i * per, (i + 1) * per):
+            x = u + radius * np.cos(0.25 * np.pi * k / per)
+            y = v + radius * np.sin(0.25 * np.pi * k / per)
+            there += 0.0 <= x <= w - 1.0 and 0.0 <= y <= h - 1.0
+        framed += 2 * there >= per
+    return framed / 8.0
+
+
+@kernel
 def trace_rays(image, u, v, radius, reach, w, n_rays, signed, flat_std, blurred_std, rounds):
     """Edges along rays about a guess and the ellipse through them (`cast_rays`, `fit_ellipse`).
 
     `image`, `u`, `v`, `radius`, `reach` and `signed` as in `trace_outline`; `w` (3,): colour
     direction; `n_rays`: a multiple of 8; `flat_std` and `rounds`: as in `fit_ellipse`;
     `blurred_std`: the `flat_std` with which a blurred ball is tried. Returns the fields of
-    `Outline` in their order, (9,), and whether an ellipse was found.
+    `Outline` in their order, (10,), and whether an ellipse was found.
     """
-    out = np.zeros(9)
+    out = np.zeros(10)
     points, outer, strength, inside = cast_rays(image, u, v, radius, reach, w, n_rays, signed)
     typical = np.median(strength)
     if not typical > 0.0:
@@ -117,6 +135,7 @@ def trace_rays(image, u, v, radius, reach, w, n_rays, signed, flat_std, blurred_
         covered += on > 0.34 * per
     out[0], out[1], out[2], out[3], out[4] = u2, v2, radius2, variance, residual
     out[5], out[6], out[8] = count, inside, covered / 8.0
+    out[9] = framed_share(image, u2, v2, radius2, per)
     out[7] = 2.0 * np.sqrt(c * c + s * s) / total
     return out, True
 
@@ -250,6 +269,7 @@ def _on_shared_circle(
         float(inside),
         float(2.0 * abs(strength @ wave) / max(strength.sum(), 1e-9)),
         float(np.mean(octants > 0.34)),
+        float(framed_share(image, u, v, radius, len(good) // 8)),
     )
 
 

@@ -18,13 +18,13 @@ from vision.detection.detector import Detection
 from vision.detection.pixels import mean_probability
 from vision.frames import Frame
 from vision.tracking.gate import TELLING_FILL
-from vision.tracking.sightings import Sighting, bounds_of, round_things, sight
+from vision.tracking.sightings import Sighting, bounds_of, round_things, same_place, sight
 from vision.tracking.things import TRAVEL, UNLIKE_COLOUR, UNLIKE_SIZE, Thing, Things
 
 LOOK_S = 0.08  # between two looks at the image, so that finding costs little beside tracking
 WINDOW_S = 2.0
 LOOKED_AT_EACH = 1e5  # pixels of the largest image that every look searches; larger ones less often
-AT_MOST = 3  # circles of an octave that are looked at more closely
+AT_MOST = 6  # circles of an octave that are looked at more closely
 AGAIN = 6  # known things that are looked for in their place
 MOVES_S, RESTS_S, KNOWN_S = 0.23, 0.4, 0.05  # how long a thing has to be seen to be believed
 UNLIKE_RESTS_S = 1.8  # where another ball was known before
@@ -67,7 +67,7 @@ class Acquisition:
     """Watches frames until one ball is found; then gives its appearance and place.
 
     `radius_px` (min, max) bounds its radius, `mask` (h, w) uint8 is nonzero where it can be,
-    `colour` is an assumed appearance, which counts in its favour.
+    `colour` is an assumed appearance, which counts in its favour. `things`: what was seen so far.
     """
 
     def __init__(
@@ -81,13 +81,13 @@ class Acquisition:
         self._colour = colour
         self._mask = mask
         self._known: Known | None = None
-        self._things = Things(window_s=WINDOW_S)
+        self.things = Things(window_s=WINDOW_S)
         self._looked_s = -math.inf
         self._looks = 0
 
     def locked(self, ball: Sighting) -> None:
         """The ball was found here, by whatever means; what is elsewhere is not the ball."""
-        self._things.ball_is(ball)
+        self.things.ball_is(ball)
 
     def lost(self, known: Known) -> None:
         """A ball that is known was lost: it is believed sooner than another."""
@@ -104,7 +104,7 @@ class Acquisition:
         bounds = bounds_of(image, self._bounds)
         due = _cadence(self._looks - 1)
         seen = round_things(image, bounds, at_most=AT_MOST, due=due)
-        self._things.add(frame.t_s, self._allowed(self._again(image, bounds, seen)))
+        self.things.add(frame.t_s, self._allowed(self._again(image, bounds, seen)))
         thing = self._choose(image)
         if thing is None:
             return None
@@ -115,11 +115,12 @@ class Acquisition:
     ) -> list[Sighting]:
         """`seen`, and the known things that are in their place still."""
         found = list(seen)
-        for thing in self._things.ranked(_reach(image))[:AGAIN]:
+        for thing in self.things.ranked(_reach(image))[:AGAIN]:
             last = thing.last
-            if all(last.far(s) > 0.5 * max(last.seen.radius_px, s.seen.radius_px) for s in found):
+            if not any(same_place(last, s) for s in found):
                 s = sight(image, *last.place, last.seen.radius_px, bounds)
-                if s is not None:
+                # It may have been another thing's outline that the rays met.
+                if s is not None and not any(same_place(s, f) for f in found):
                     found.append(s)
         return found
 
@@ -134,9 +135,9 @@ class Acquisition:
 
     def _choose(self, image: np.ndarray) -> Thing | None:
         reach = _reach(image)
-        scores = {id(thing): self._score(thing, image) for thing in self._things.all}
-        ranked = sorted(self._things.all, key=lambda thing: -scores[id(thing)])[:AGAIN]
-        ranked = [thing for thing in ranked if not self._things.is_part(thing)]
+        scores = {id(thing): self._score(thing, image) for thing in self.things.all}
+        ranked = sorted(self.things.all, key=lambda thing: -scores[id(thing)])[:AGAIN]
+        ranked = [thing for thing in ranked if not self.things.is_part(thing, reach)]
         if not ranked or ranked[0].missed:
             return None
         best = ranked[0]

@@ -13,6 +13,8 @@ from vision.detection.detector import Detection
 
 # Below this mean P(ball) of its own pixels the colour table says nothing about a ball.
 TELLING_FILL = 0.35
+# Of the turn: what the image's border may cut from a ball that is met for the first time.
+LEAST_FRAMED = 0.6
 
 
 def outline_significance(separation: float, radius_px: float) -> float:
@@ -42,7 +44,8 @@ def is_plausible(
     """Whether the disc has the ball's outline, size and colour; False for None.
 
     `radius_px` (min, max) bounds the ball's radius here. `strict` is for a first lock and for a
-    ball found again, where no prediction supports the place: nearly the whole outline must be seen.
+    ball found again, where no prediction supports the place: nearly the whole outline that lies in
+    the image must be seen.
     `familiar` says that place and size are as predicted: a clear outline may then have changed its
     colour, as it does under lamps and windows.
     """
@@ -52,7 +55,8 @@ def is_plausible(
     known = 0.25 if familiar and _clear(found) else 0.65 if strict else 0.5
     if telling and found.fill < known * appearance.fill:
         return False
-    if found.contrast < 0.25 or found.coverage < (0.87 if strict else 0.5):
+    least = max(found.framed - 0.13, LEAST_FRAMED) if strict else 0.5
+    if found.contrast < 0.25 or found.coverage < least:
         return False
     rough_px = max(0.25, 0.05 * found.radius_px) if strict else max(0.4, 0.07 * found.radius_px)
     if found.inliers >= (0.75 if strict else 0.55) and found.residual_px <= rough_px:

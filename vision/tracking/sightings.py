@@ -10,7 +10,7 @@ import numpy as np
 
 from vision.detection.appearance import NOISE_FLOOR, Appearance
 from vision.detection.detector import Detection
-from vision.detection.hough_circles import circles_of_any_size
+from vision.detection.hough_circles import Circle, circles_of_any_size
 from vision.detection.pixels import fisher
 from vision.detection.streaks_and_mirrors import locate_shrunk, mirror_silhouette
 from vision.tracking.gate import is_plausible, outline_significance
@@ -19,6 +19,7 @@ from vision.tracking.gate import is_plausible, outline_significance
 LARGEST_SHARE = 0.45
 SMALLEST_PX = 3.5
 ROUGHLY_PX = 20.0  # radius at which a disc is judged: a larger one in an image that much smaller
+ROUGH_SIZE = 0.45  # logarithm of radii: what a circle of the transform may be off
 # Below this an outline is as likely chance: grain and noise give it up to 6, a ball of 5 px with
 # twice the contrast of a plate's grain 7 and more.
 LEAST_SIGNIFICANCE = 7.0
@@ -67,14 +68,28 @@ def round_things(
     surest first; `at_most` of every octave of radii, `due` as for `circles_of_any_size`."""
     found: list[Sighting] = []
     for c in circles_of_any_size(image, bounds_px, at_most=at_most, due=due):
+        if any(_shows(s, c) for s in found):
+            continue
         sighting = sight(image, c.u_px, c.v_px, c.radius_px, bounds_px)
         if sighting is not None:
             found.append(sighting)
     kept: list[Sighting] = []
     for s in sorted(found, key=lambda s: -s.evidence):
-        if all(s.far(k) > 0.5 * max(s.seen.radius_px, k.seen.radius_px) for k in kept):
+        if not any(same_place(s, k) for k in kept):
             kept.append(s)
     return kept
+
+
+def _shows(s: Sighting, c: Circle) -> bool:
+    """Whether a rough circle is a thing that was sighted already."""
+    radius = s.seen.radius_px
+    near = math.dist(s.place, (c.u_px, c.v_px)) < 0.5 * radius
+    return near and abs(math.log(c.radius_px / radius)) < ROUGH_SIZE
+
+
+def same_place(a: Sighting, b: Sighting) -> bool:
+    """Whether two sightings of one image are of one thing: their discs share most of their area."""
+    return a.far(b) <= 0.5 * max(a.seen.radius_px, b.seen.radius_px)
 
 
 def sight(

@@ -20,8 +20,12 @@ TRAVEL = 0.03
 # and is then known by its place).
 UNLIKE_SIZE, UNLIKE_COLOUR = 0.2, 40.0
 NEAR_RADII, FAR_RADII = 2.0, 6.0
+SPEED_RADII_S = 50.0  # twice that of a ball of 10 mm at 0.25 m/s: equal marks far apart are two
 OTHER = 0.1  # weight of a thing that stays where it was while the ball was elsewhere
 LARGER, FIXED = 1.4, 0.3  # ratio of radii; share of the larger radius that a part may sway
+# A shadow: shares of the light beside it that are left at most, and that the colours differ by; how
+# far (sum of the radii) it lies from what moves with it; sway, share of their common way.
+SHADED, TINTED, AWAY, RIGID = 0.9, 0.2, 2.0, 0.4
 # Travel beyond which more says nothing: marks on a plate that tilts by 10 degrees reach 2 to 3.
 FARTHEST = 8.0
 
@@ -47,6 +51,16 @@ class Thing:
     def radius_px(self) -> float:
         """Median radius (px)."""
         return float(np.median([s.seen.radius_px for s in self.sightings]))
+
+    @property
+    def shadowy(self) -> bool:
+        """Whether it is what lies beside it, darker: as a shadow, or a black ball, is."""
+        shares = [
+            (s.appearance.ball_bgr + 1.0) / (s.appearance.surround_bgr + 1.0)
+            for s in self.sightings
+        ]
+        share = np.median(shares, 0)
+        return bool(share.max() < SHADED and np.ptp(share) < TINTED)
 
     @property
     def evidence(self) -> float:
@@ -85,9 +99,9 @@ class Things:
     def add(self, t_s: float, sightings: list[Sighting]) -> None:
         """Add what was seen in one image: every sighting goes to the thing it is most like."""
         pairs = sorted(
-            (_unlike(thing.last, s), i, k)
+            (unlike, i, k)
             for i, thing in enumerate(self.all)
-            for k, s in enumerate(sightings)
+            for k, unlike in enumerate(_unlike(thing, sightings, t_s))
         )
         taken: dict[int, int] = {}
         for unlike, i, k in pairs:
@@ -123,34 +137,64 @@ class Things:
             thing.looks, thing.missed = 1, 0
         self.all = [thing for thing in self.all if thing.other]
 
-    def is_part(self, thing: Thing) -> bool:
-        """Whether it stays in its place on a larger thing, as a highlight does on its ball."""
-        for whole in self.all:
-            weaker = whole.evidence < 0.7 * thing.evidence
-            if weaker or whole.radius_px < LARGER * thing.radius_px:
-                continue
-            at = dict(zip(whole.times, whole.sightings, strict=True))
-            pairs = [
-                (s, at[t]) for t, s in zip(thing.times, thing.sightings, strict=True) if t in at
-            ]
-            if len(pairs) < max(2, 0.5 * len(thing.times)):
-                continue
-            off = np.array([np.subtract(s.place, w.place) for s, w in pairs]) / whole.radius_px
-            if np.hypot(*np.median(off, 0)) < 0.95 and np.hypot(*off.std(0)) < FIXED:
-                return True
-        return False
+    def is_part(self, thing: Thing, reach_px: float) -> bool:
+        """Whether it is of another thing: a highlight in its place on a ball, the shadow of a ball
+        that moves with it, or a highlight that moves with the shadow of a ball that is not seen.
+        `reach_px`: what counts as travelling."""
+        return any(_is_of(thing, other, reach_px) for other in self.all if other is not thing)
 
     def ranked(self, reach_px: float) -> list[Thing]:
         """The things by their score, best first; `reach_px`: what counts as travelling."""
         return sorted(self.all, key=lambda thing: -thing.score(reach_px))
 
 
-def _unlike(old: Sighting, new: Sighting) -> float:
-    """How unlike two sightings are, infinite where they cannot be of one thing."""
-    radius = old.seen.radius_px
+def _is_of(thing: Thing, other: Thing, reach_px: float) -> bool:
+    """Whether a thing is a part or the shadow of another, or has its shadow; see `is_part`."""
+    at = dict(zip(other.times, other.sightings, strict=True))
+    pairs = [(s, at[t]) for t, s in zip(thing.times, thing.sightings, strict=True) if t in at]
+    if len(pairs) < max(2, 0.5 * len(thing.times)):
+        return False
+    places = np.array([s.place for s, _ in pairs])
+    off = places - np.array([s.place for _, s in pairs])
+    away, sway = (float(np.hypot(*x)) for x in (np.median(off, 0), off.std(0)))
+    larger = other.radius_px > LARGER * thing.radius_px and other.evidence > 0.7 * thing.evidence
+    if larger and away < 0.95 * other.radius_px:
+        return sway < FIXED * other.radius_px
+    way = float(np.hypot(*places.std(0)))
+    if (
+        way < 0.4 * reach_px
+        or sway > RIGID * way
+        or away > AWAY * (thing.radius_px + other.radius_px)
+    ):
+        return False
+    if larger and away > thing.radius_px + other.radius_px:
+        return True
+    return away > 0.7 * thing.radius_px and thing.shadowy and not other.shadowy
+
+
+def _unlike(thing: Thing, new: list[Sighting], t_s: float) -> list[float]:
+    """How unlike a thing sightings at `t_s` are, infinite where they cannot be of it.
+
+    A thing looks as it did last or as it usually does: a fingertip may have stood for it once.
+    """
+    last = thing.last
+    looks = [
+        (last.seen.radius_px, last.appearance.ball_bgr),
+        (thing.radius_px, np.median([s.appearance.ball_bgr for s in thing.sightings], 0)),
+    ]
+    farthest = NEAR_RADII + SPEED_RADII_S * abs(t_s - thing.times[-1])
+    return [
+        math.inf
+        if last.far(s) > farthest * max(last.seen.radius_px, s.seen.radius_px)
+        else min(_differ(*look, last, s) for look in looks)
+        for s in new
+    ]
+
+
+def _differ(radius: float, bgr: np.ndarray, last: Sighting, new: Sighting) -> float:
     size = abs(math.log(new.seen.radius_px / radius)) / UNLIKE_SIZE
-    colour = np.linalg.norm(new.appearance.ball_bgr - old.appearance.ball_bgr) / UNLIKE_COLOUR
-    far = old.far(new) / radius
+    colour = float(np.linalg.norm(new.appearance.ball_bgr - bgr)) / UNLIKE_COLOUR
+    far = last.far(new) / radius
     if size > 1.5 or (colour > 1.5 and far > NEAR_RADII):
         return math.inf
-    return size + min(float(colour), 1.5) + min(far / FAR_RADII, 2.0)
+    return size + min(colour, 1.5) + min(far / FAR_RADII, 2.0)

@@ -17,6 +17,7 @@ import numpy as np
 
 from vision.detection.appearance import Appearance
 from vision.detection.detector import REACH, Detection, locate_ball
+from vision.detection.pixels import mean_probability
 from vision.detection.streaks_and_mirrors import locate_streak, mirror_silhouette
 from vision.frames import Frame, Track
 from vision.tracking.acquisition import LOOK_S, Acquisition, Known
@@ -45,6 +46,7 @@ INNER_SHARE = (
 )
 SWOLLEN_SHARE = 0.1  # share of the radius by which no blur makes a ball larger
 WATCH_S = 0.3  # between two looks for a ball that moves while what is tracked has not moved yet
+GONE_SHARE = 0.1  # of the ball's own fill, below which its colour is gone from a place
 ADAPT_SHARE = 0.03  # of every whole view of the ball, into its size
 ADAPT_EVERY, APPEARANCE_SHARE = 4, 0.1  # and of every fourth into its appearance
 
@@ -113,7 +115,9 @@ class Tracker:
         if found is not None and self._motion is not None:
             return self._accept(frame, found)
         if self._motion is not None and frame.t_s - self._good_s <= COAST_S:
-            return self._coast(self._motion.at(frame.t_s, self._radius_px))
+            ahead = self._motion.at(frame.t_s, self._radius_px)
+            found = self._elsewhere(frame, ahead)
+            return self._coast(ahead) if found is None else self._accept(frame, found)
         if self._motion is not None:
             self._motion, self._candidates, self._state = None, [], "lost"
             assert self.appearance is not None
@@ -304,6 +308,23 @@ class Tracker:
             return found
         distractors.add(float(motion.place[0]), float(motion.place[1]), self._radius_px)
         return self._lock(frame, away[0].seen, proven=True)
+
+    def _elsewhere(self, frame: Frame, ahead: ImageMotion) -> Detection | None:
+        """The ball beyond all gates, as after a hand or missing frames: where its own colour is
+        gone from its place and the only disc of that colour was seen twice."""
+        image, appearance = frame.image, self.appearance
+        assert appearance is not None
+        if self._seeks == "nothing" or appearance.fill < TELLING_FILL:
+            return None
+        u, v = (float(x) for x in ahead.place)
+        left = mean_probability(image, appearance.table, u, v, 0.0, self._radius_px)
+        if left > GONE_SHARE * appearance.fill:
+            return None
+        if self._state == "track":  # the ball itself was one of them
+            self._candidates = []
+        self._observe(frame)
+        pick = choose_candidate(self._candidates, at_once=False)
+        return None if pick is None else self._lock(frame, pick.seen, proven=pick.moved)
 
     def _follow(self, frame: Frame, ahead: ImageMotion) -> Detection | None:
         """The ball near its prediction, by its outline; else from its colour or circle there."""

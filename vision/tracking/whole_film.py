@@ -19,7 +19,7 @@ from vision.frames import Frame, Track
 from vision.tracking.acquisition import LEAST_EVIDENCE, NAMED, STANDS_OUT, fits
 from vision.tracking.sightings import Sighting, bounds_of, round_things
 from vision.tracking.things import TRAVEL, UNLIKE_COLOUR, UNLIKE_SIZE, Thing, Things
-from vision.tracking.tracker import Tracker
+from vision.tracking.tracker import SAME_SIZE_SHARE, Tracker
 
 Frames = Callable[[], Iterable[Frame]]
 
@@ -62,10 +62,10 @@ def survey(
             looks, every_s = looks[::2], 2.0 * every_s
     things = Things()
     for number, (_, _, seen) in enumerate(looks):
-        things.add(float(number), seen)
+        things.add(number * every_s, seen)
     reach = TRAVEL * longer
     ranked = sorted(things.all, key=lambda t: -_score(t, reach, colour))
-    ranked = [thing for thing in ranked[:RANKED] if not things.is_part(thing)]
+    ranked = [thing for thing in ranked[:RANKED] if not things.is_part(thing, reach)]
     best = ranked[0] if ranked else None
     if best is None or not _sure(best, len(looks)):
         return Survey({}, moves=False)
@@ -74,7 +74,7 @@ def survey(
         lead = _score(best, reach, colour) / _score(ranked[1], reach, colour)
         if lead < STANDS_OUT:
             return Survey({}, moves=False)
-    places = {looks[int(n)][0]: s for n, s in _usual(best)}
+    places = {looks[round(t_s / every_s)][0]: s for t_s, s in _usual(best)}
     return Survey(places, moves)
 
 
@@ -84,14 +84,15 @@ def _score(thing: Thing, reach_px: float, colour: Appearance | None) -> float:
 
 
 def _usual(best: Thing) -> list[tuple[float, Sighting]]:
-    """Its sightings (look, sighting) that have its usual size and colour; a fingertip that was met
-    while a hand held the ball has not. A ball of two colours has a wide usual colour."""
+    """Its sightings (time, sighting) that have its usual size, and its usual colour unless the size
+    is the very same: a fingertip that was met while a hand held the ball has neither, a ball under
+    another lamp or in another palette of a GIF has its size. A ball of two colours has a wide usual
+    colour."""
     colours = np.array([s.appearance.ball_bgr for s in best.sightings])
     off = np.linalg.norm(colours - np.median(colours, 0), axis=1)
-    sizes = np.array([s.seen.radius_px for s in best.sightings]) / best.radius_px
-    fits_in = (off < max(UNLIKE_COLOUR, 3.0 * float(np.median(off)))) & (
-        np.abs(np.log(sizes)) < 2.0 * UNLIKE_SIZE
-    )
+    sizes = np.abs(np.log([s.seen.radius_px / best.radius_px for s in best.sightings]))
+    coloured = off < max(UNLIKE_COLOUR, 3.0 * float(np.median(off)))
+    fits_in = (sizes < 2.0 * UNLIKE_SIZE) & (coloured | (sizes < SAME_SIZE_SHARE))
     pairs = zip(best.times, best.sightings, strict=True)
     return [pair for pair, usual in zip(pairs, fits_in, strict=True) if usual]
 

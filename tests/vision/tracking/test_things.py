@@ -13,8 +13,8 @@ REACH = 0.03 * 640
 
 def sighting(u, v, radius=12.0, *, bgr=(30.0, 110.0, 230.0), evidence=1.5):
     seen = Detection(u, v, radius, 0.1, 1.0, 1.0, 1.0, 0.1, 0.0, 0.0)
-    none = np.zeros(3)
-    look = Appearance(np.array(bgr), none, none, 9.0, np.zeros(1, np.uint8), 0.0, learned=True)
+    plate, none = np.full(3, 200.0), np.zeros(3)
+    look = Appearance(np.array(bgr), plate, none, 9.0, np.zeros(1, np.uint8), 0.0, learned=True)
     return Sighting(seen, look, evidence)
 
 
@@ -54,8 +54,52 @@ def test_a_highlight_is_a_part_of_its_ball_but_a_ball_on_a_printed_disc_is_none(
     glint = lambda k: sighting(190 + 10 * k, 190, 6, bgr=(250, 250, 250))  # noqa: E731
     disc = lambda k: sighting(240, 200, 90, bgr=(200, 30, 30))  # noqa: E731
     things = watched(ball, glint, disc)
-    parts = {t.last.seen.radius_px: things.is_part(t) for t in things.all}
+    parts = {t.last.seen.radius_px: things.is_part(t, REACH) for t in things.all}
     assert parts == {40: False, 6: True, 90: False}
+
+
+SHADE, GLINT = (80.0, 80.0, 80.0), (250.0, 250.0, 250.0)
+
+
+def test_a_shadow_that_moves_with_its_ball_is_not_the_ball_whichever_is_surer():
+    ball = lambda k: sighting(200 + 15 * k, 200, 12, evidence=1.0)  # noqa: E731
+    shadow = lambda k: sighting(215 + 15 * k, 212, 13, bgr=SHADE, evidence=2.0)  # noqa: E731
+    things = watched(ball, shadow)
+    assert {t.radius_px: things.is_part(t, REACH) for t in things.all} == {12: False, 13: True}
+
+
+def test_a_black_ball_is_no_shadow_and_neither_is_a_still_dark_mark():
+    ball = lambda k: sighting(200 + 15 * k, 200, 12, bgr=(20.0, 20.0, 20.0))  # noqa: E731
+    shadow = lambda k: sighting(215 + 15 * k, 212, 13, bgr=SHADE)  # noqa: E731
+    mark = lambda k: sighting(240, 225, 14, bgr=SHADE)  # noqa: E731
+    things = watched(ball, shadow, mark)
+    assert not any(things.is_part(t, REACH) for t in things.all)
+
+
+def test_a_highlight_that_moves_with_a_shadow_belongs_to_a_ball_that_is_not_seen():
+    glint = lambda k: sighting(200 + 15 * k, 200, 5, bgr=GLINT, evidence=0.7)  # noqa: E731
+    shadow = lambda k: sighting(250 + 15 * k, 230, 30, bgr=SHADE, evidence=0.9)  # noqa: E731
+    things = watched(glint, shadow)
+    assert all(things.is_part(t, REACH) for t in things.all)
+
+
+def test_a_fingertip_taken_for_the_ball_once_does_not_part_the_ball_from_its_past():
+    def ball(k):
+        if k == 4:
+            return sighting(210, 200, 9.5, bgr=(130.0, 150.0, 190.0), evidence=0.4)
+        return sighting(200, 200) if k < 4 else sighting(400, 100)
+
+    things = watched(ball)
+    assert [len(t.times) for t in things.all] == [10]
+
+
+def test_equal_marks_that_show_in_turn_do_not_travel():
+    left = lambda k: sighting(50, 60, 5) if k % 2 else None  # noqa: E731
+    right = lambda k: None if k % 2 else sighting(350, 60, 5)  # noqa: E731
+    things = Things()
+    for k in range(12):
+        things.add(0.08 * k, [s for path in (left, right) if (s := path(k)) is not None])
+    assert all(t.travel(REACH) == 0.0 for t in things.all)
 
 
 def test_a_thing_that_was_hidden_for_long_is_the_same_thing():

@@ -5,10 +5,10 @@ from itertools import groupby, pairwise
 import numpy as np
 import pytest
 
-from tests.support.footage import rolling
+from tests.support.footage import Film, disc, rolling
 from vision.detection.appearance import Appearance
 from vision.frames import Frame
-from vision.tracking.acquisition import Acquisition
+from vision.tracking.acquisition import LOOK_S, Acquisition
 from vision.tracking.kinematics import ImageMotion
 from vision.tracking.static_distractors import StaticDistractors
 from vision.tracking.tracker import COAST_S, Tracker
@@ -140,6 +140,31 @@ def test_a_wrong_colour_keeps_no_ball_from_being_found(colour):
     _, errors = follow(film, Tracker(appearance=appearance))
     assert np.isfinite(errors).sum() >= 60 - 18
     assert np.nanmax(errors) < 1.0
+
+
+def test_ball_that_is_seen_in_its_old_place_too_is_one_thing():
+    film = Film()
+    for k in range(8):  # 1.2 radii between two looks: rays from the old place meet the ball as well
+        image = np.full((240, 320, 3), 200.0, np.float32)
+        disc(image, (60.0 + 24.0 * k, 120.0), 20.0, np.array((30.0, 110.0, 220.0)))
+        film.add(image.astype(np.uint8), k * LOOK_S, (60.0 + 24.0 * k, 120.0))
+    acquisition = Acquisition()
+    found = [acquisition.step(frame) for frame in film.frames]
+    first = next(k for k, acquired in enumerate(found) if acquired is not None)
+    assert first <= 4
+    assert len(acquisition.things.all) == 1
+
+
+def test_ball_set_down_beyond_all_gates_is_followed_once_it_was_seen_twice():
+    film = Film()
+    for k in range(30):
+        place = (60.0, 120.0) if k < 20 else (250.0, 120.0)
+        image = np.full((240, 320, 3), 200.0, np.float32)
+        disc(image, place, 15.0, np.array((30.0, 110.0, 220.0)))
+        film.add(image.astype(np.uint8), k / 60, place)
+    tracks, errors = follow(film, Tracker(appearance=Appearance.of_colour("orange")))
+    assert [t.state for t in tracks[19:23]] == ["track", "coast", "track", "track"]
+    assert np.nanmax(errors) < 0.2
 
 
 def test_imposters_are_remembered_and_forgotten():

@@ -1,0 +1,39 @@
+"""Round things in one image, whatever they are."""
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.support.footage import disc, exposed
+from vision.detection.hough_circles import circles_of_any_size
+from vision.tracking.sightings import bounds_of, round_things
+
+
+def seen(image):
+    """(places (n, 2), radii (n,)) of the round things in an image."""
+    found = round_things(image, bounds_of(image, None), at_most=3)
+    return np.array([s.place for s in found]), np.array([s.seen.radius_px for s in found])
+
+
+def test_ball_brighter_on_one_side_and_darker_on_the_other_than_its_plate():
+    """Its brightness is the plate's in the mean: only its colour is another all round."""
+    rng = np.random.default_rng(1)
+    grain = cv2.GaussianBlur(12 * rng.normal(size=(240, 320, 1)), (9, 9), 2.0)
+    image = np.full((240, 320, 3), (70.0, 100.0, 130.0)) + 3.0 * grain[:, :, None]
+    image = image.astype(np.float32)
+    disc(image, (170.0, 120.0), 26.0, np.array((25.0, 85.0, 160.0)), shade=0.5)
+    circles = circles_of_any_size(exposed(image, 2.0, rng), (3.5, 100.0), at_most=3)
+    support = [c.score for c in circles if np.hypot(c.u_px - 170.0, c.v_px - 120.0) < 5.0]
+    assert max(support, default=0.0) > 1.0
+
+
+@pytest.mark.parametrize(("v", "sighted"), [(34.0, True), (4.0, False)])
+def test_ball_of_which_the_border_cuts_a_little_is_seen_one_that_is_halved_is_not(v, sighted):
+    image = np.full((240, 320, 3), 200.0, np.float32)
+    disc(image, (170.0, v), 40.0, np.array((30.0, 110.0, 220.0)))
+    places, radii = seen(exposed(image, 2.0, np.random.default_rng(1)))
+    hits = [
+        np.hypot(*(p - (170.0, v))) < 1.0 and abs(r - 40) < 1
+        for p, r in zip(places, radii, strict=True)
+    ]
+    assert any(hits) == sighted
