@@ -24,6 +24,7 @@ from calibration.records import (
     LevelRecord,
     MarkersRecord,
     PlateRecord,
+    PositionServoRecord,
     SectionRecord,
     ServoRecord,
     Strict,
@@ -56,6 +57,7 @@ class _Common(Strict):
     timing: TimingRecord | None = None
     level: LevelRecord | None = None
     servo: ServoRecord | None = None
+    position_servo: PositionServoRecord | None = None
     play: BacklashRecord | None = None
     sections: dict[str, SectionRecord] = Field(default_factory=dict)
 

@@ -10,7 +10,6 @@ from pydantic import ConfigDict, Field
 
 from rig.validation import StrictModel
 
-SECTIONS = ("lens", "plate", "timing", "level", "servo", "play")
 Map = list[list[float]]
 
 
@@ -140,6 +139,32 @@ class ServoRecord(Strict):
 
     x: ServoAxis
     y: ServoAxis
+
+
+class PositionServoAxis(Strict):
+    """One servo that takes an angle: keys and units of `[servo]`; `scale` and `zero_rad`: angle =
+    (1 + scale) command + zero_rad; `together_s`: lag and dead time. None where it was not seen;
+    `not_seen`: key -> why. `rms_rad`: what is left of the angle."""
+
+    lag_s: Value | None = None
+    dead_time_s: Value
+    together_s: Value | None = None
+    rate_limit_rad_s: Value | None = None
+    acceleration_limit_rad_s2: Value | None = None
+    dead_band_rad: Value | None = None
+    scale: Value | None = None
+    zero_rad: Value | None = None
+    not_seen: dict[str, str] = {}
+    rms_rad: float | None = None
+
+
+class PositionServoRecord(Strict):
+    """The section position_servo: servos that take an angle, of both axes; `source`: what showed
+    where they stood."""
+
+    x: PositionServoAxis
+    y: PositionServoAxis
+    source: Literal["angle", "plate", "ball"]
 
 
 class BacklashAxis(Strict):

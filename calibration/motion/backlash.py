@@ -37,6 +37,7 @@ from calibration.statistics import clustered_covariance, student_quantile
 from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, Rig
 
 WINDUP_UNSURE = 0.3  # share of the assumed wind-up, one standard deviation; chosen
+LOAD_UNSURE = 0.3  # share, where the ball's weight against an assumed friction decides; simulated
 STRIKE_UNSURE = 0.031  # share: K (3.2 %) over tau (4.3 %, both half ranges) of a unit, source D
 FRICTION_V = (0.05, 0.08)  # of the motor alone: mean and standard deviation known beforehand
 SKIP_RAD, SMOOTH_TICKS = 0.04, 9  # chosen: past the acceleration; 18 ms
@@ -218,7 +219,10 @@ def joint_by_ball(fit: RollingFit, rig: Rig) -> BacklashEstimate:
     unknown (NaN): it cannot be told from a level error."""
     windup = _joint_windup(rig)
     width, std = fit.backlash_rad
-    return BacklashEstimate(width - windup, hypot(std, WINDUP_UNSURE * windup), fit.freedom)
+    friction = LOAD_UNSURE * width if fit.loaded else 0.0
+    return BacklashEstimate(
+        width - windup, hypot(std, WINDUP_UNSURE * windup, friction), fit.freedom
+    )
 
 
 def whole_by_motor(trace: Trace, axis: int, rig: Rig) -> BacklashEstimate:

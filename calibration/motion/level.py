@@ -9,7 +9,7 @@ from calibration.camera.sheet import CalibrationError
 from calibration.motion.rolling import Rolling, RollingFit, fit_rolling
 from calibration.records import LevelRecord, TimingRecord, Value
 from calibration.statistics import student_quantile
-from rig.parameters import Rig
+from rig.parameters import GRAVITY_M_S2, Rig
 
 # What the window model leaves out (second order in the tilt, the shafts), on simulated tables.
 _MODEL_SLOPE_RAD, _MODEL_GAIN = 5e-5, 0.01
@@ -38,7 +38,8 @@ def level_record(x: list[Rolling], y: list[Rolling], rig: Rig) -> LevelRecord:
 
 
 def _check_gain(name: str, fit: RollingFit, rig: Rig) -> None:
-    gain, told = fit.gain_m_s2[0], rig.ball_gain_m_s2
+    ratio = rig.linkage.ratios["xy".index(name)]
+    gain, told = fit.gain_m_s2[0], rig.ball.rolling_factor * GRAVITY_M_S2 * ratio
     if gain < 0:
         raise CalibrationError(
             f"direction signs: a positive servo angle drives the ball towards -{name}: turn the "

@@ -21,7 +21,7 @@ import numpy as np
 from calibration.camera.sheet import CalibrationError
 from rig.parameters import Servo
 from rig.safety.limits import SLEW_V_S, braking, limit
-from rig.table import Table
+from rig.table import Table, takes_angle
 
 Manoeuvre = Generator[tuple[float, int], float, None]
 
@@ -68,8 +68,10 @@ def perform(
 
     `encoder`: False where there is none: the integrated tachometer then stands in for the angle,
     and `theta_rad` of the trace is NaN. `CalibrationError`: a manoeuvre fails, or has not ended
-    after PATIENCE_S.
+    after PATIENCE_S; the table's servos take angles.
     """
+    if takes_angle(table):
+        raise CalibrationError("this table's servos take an angle: volts cannot move them")
     stops = braking(Servo(), table.period_s)  # the usual servo's: this one is not measured yet
     bounds = (table.voltage_limit_V, ANGLE_LIMIT_RAD, SLEW_V_S * table.period_s, stops)
     wanted, applied = [next(one) for one in manoeuvres], [0.0, 0.0]

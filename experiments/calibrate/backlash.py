@@ -21,8 +21,9 @@ from calibration.motion.manoeuvres import Trace, perform, strikes, sweeps
 from calibration.motion.rolling import fit_rolling, rolling
 from calibration.records import BacklashRecord
 from experiments.calibrate.folder import CalibrationFolder
-from experiments.calibrate.motion import led_about
+from experiments.calibrate.given import led_about, led_in_steps
 from experiments.runs.assemble import load_rig
+from rig.log import Log
 from rig.parameters import KnownBacklash, Rig
 from rig.simulation.simulator import SimulatedTable
 
@@ -62,6 +63,11 @@ def measure(rig: Rig, believed: Rig, seed: int, *, motor_only: bool = False) -> 
         except (CalibrationError, ValueError) as error:
             missing[what] = str(error)
 
+    if rig.servo.takes_angle:
+        led = led_about if rig.servo.has_angle else led_in_steps
+        log = led(rig, LED_S, np.random.default_rng([seed, 15]))
+        each("joint", lambda a: _joint(log, a, believed))
+        return MeasuredBacklash(plays, missing)
     if rig.servo.tachometer:
         blind = _swept(rig, seed, encoder=False)
         each("whole", lambda a: whole_by_motor(blind, a, believed))
@@ -76,13 +82,13 @@ def measure(rig: Rig, believed: Rig, seed: int, *, motor_only: bool = False) -> 
     struck = _struck(rig, seed, bias)
     each("gear without tachometer", lambda a: gear_by_strikes(struck, a, believed, bias[a]))
     log = led_about(rig, LED_S, np.random.default_rng([seed, 15]))
-
-    def joint(axis: int) -> BacklashEstimate:
-        run = rolling(log, axis, believed.camera.delay_s)
-        return joint_by_ball(fit_rolling([run], believed, late=False), believed)
-
-    each("joint", joint)
+    each("joint", lambda a: _joint(log, a, believed))
     return MeasuredBacklash(plays, missing)
+
+
+def _joint(log: Log, axis: int, believed: Rig) -> BacklashEstimate:
+    run = rolling(log, axis, believed.camera.delay_s, believed)
+    return joint_by_ball(fit_rolling([run], believed, late=False), believed)
 
 
 def _swept(rig: Rig, seed: int, *, encoder: bool) -> Trace:

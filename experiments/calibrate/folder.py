@@ -9,10 +9,18 @@ from typing import Any, Literal
 import typer
 
 from calibration.bundle import Draft, load_draft
-from calibration.records import LevelRecord, SectionRecord, ServoRecord, TimingRecord, fingerprint
+from calibration.records import (
+    LevelRecord,
+    PositionServoAxis,
+    PositionServoRecord,
+    SectionRecord,
+    ServoRecord,
+    TimingRecord,
+    fingerprint,
+)
 from experiments.records.run_folder import writable
 from experiments.runs.assemble import known, load_rig
-from rig.parameters import Rig, torque_per_volt
+from rig.parameters import Rig, Servo, torque_per_volt
 from rig.rigfile import read_rig, write_rig
 
 FILE, RIG_FILE = "calibration.json", "rig.toml"
@@ -118,3 +126,31 @@ def with_servo(rig: Rig, record: ServoRecord) -> Rig:
     )
     effects = {**rig.effects, "coulomb_friction": friction, "voltage_offset": offset}
     return replace(rig, servo=servo, effects=effects)
+
+
+def with_position_servo(rig: Rig, record: PositionServoRecord) -> Rig:
+    """The rig with the measured servos that take an angle, axis by axis.
+
+    What was not seen stays as it was. A scale or zero whose interval leaves 0 out becomes an effect
+    (`angle_scale`, `angle_zero`), else such an effect goes.
+    """
+    axes = {"x": record.x, "y": record.y}
+    own = {name: {**getattr(rig.servo, name), **_keys(axis)} for name, axis in axes.items()}
+    effects = {k: v for k, v in rig.effects.items() if k not in ("angle_scale", "angle_zero")}
+    for effect, key, field in (
+        ("angle_scale", "fraction", "scale"),
+        ("angle_zero", "offset_rad", "zero_rad"),
+    ):
+        values = {name: getattr(axis, field) for name, axis in axes.items()}
+        sure = {
+            name: {key: value.value}
+            for name, value in values.items()
+            if value is not None and value.low * value.high > 0
+        }
+        effects |= {effect: sure} if sure else {}
+    return replace(rig, servo=replace(rig.servo, **own), effects=effects)
+
+
+def _keys(axis: PositionServoAxis) -> dict[str, float]:
+    values = {key: getattr(axis, key, None) for key in Servo.by_axis}
+    return {key: value.value for key, value in values.items() if value is not None}

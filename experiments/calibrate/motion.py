@@ -1,13 +1,12 @@
 """`rig calibrate time`, `level` and `servo`: numbers from tables that move."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import typer
 
-from calibration.camera.sheet import CalibrationError
+from calibration.motion.commanded_moves import tell, waves
 from calibration.motion.level import level_record, timing_from_ball
 from calibration.motion.manoeuvres import Trace, perform, wiggle
 from calibration.motion.rolling import Rolling, rolling
@@ -15,60 +14,43 @@ from calibration.motion.servo import calibrate_servos
 from calibration.motion.timing import TiltRecorder, Wiggle, camera_delay
 from experiments.calibrate.folder import (
     CalibrationFolder,
-    Source,
     with_level,
     with_servo,
     with_timing,
 )
+from experiments.calibrate.given import led_about, led_in_steps, read_given, source_of, write_csv
 from experiments.calibrate.pictures import level_figure, servo_figure, time_figure
-from experiments.records.importing import read_log
-from experiments.records.recording import read_run
-from experiments.runs.assemble import known, load_rig, virtual_scene
-from rig.control.controllers import WITHOUT
-from rig.course import Course
+from experiments.calibrate.position import calibrate_position_servo
+from experiments.runs.assemble import load_rig, virtual_scene
 from rig.log import Log
 from rig.parameters import Rig
 from rig.simulation.rendered_camera import RenderedPlateCamera
-from rig.simulation.simulate import draw, simulate
 from rig.simulation.simulator import SimulatedTable
 from vision.sources.sources import open_source
 from vision.synthetic.synthetic import Renderer, virtual_view
 
 WIGGLE_HZ = (0.7, 2.3)
-LEVEL_HZ, LEVEL_M = (0.35, 0.45), 0.05
+WIGGLE_SHARE = 0.6  # of the angle limit; chosen
 
 
-@dataclass(frozen=True, eq=False)
-class _Given:
-    """A log from a file or run folder; `delay_s` is what its time stamps took the camera's for."""
+def calibrate_servo(runs: Sequence[Path], rig_file: Path | None, out: Path, *, seed: int) -> None:
+    """Measure both servos, of the virtual table where there are no `runs`; keep them in `out`, with
+    their traces as CSV.
 
-    log: Log
-    source: Source
-    delay_s: float | None
-
-
-def _read(path: Path) -> _Given:
-    if not path.exists():
-        raise FileNotFoundError(f"{path}: no such run folder or log")
-    if not path.is_dir():
-        return _Given(read_log(path), "measured", None)
-    whole = read_run(path)
-    delay = ((whole.meta.get("rig") or {}).get("camera") or {}).get("delay_s")
-    source: Source = "simulated" if whole.meta.get("source") == "simulated" else "measured"
-    return _Given(whole.log, source, None if delay is None else float(delay))
-
-
-def _source(given: Sequence[_Given]) -> Source:
-    return "measured" if any(one.source == "measured" for one in given) else "simulated"
-
-
-def calibrate_servo(rig_file: Path | None, out: Path, *, seed: int) -> None:
-    """Measure both servos of the virtual table; keep them in `out`, with their traces as CSV.
-
-    seed: of the sensors' noise. CalibrationError: the motion is refused. ValueError, OSError: rig
-    file or folder cannot be used.
+    runs: run folders or logs of servos that take an angle. seed: of the sensors' noise.
+    CalibrationError: the motion is refused. ValueError, OSError: rig file, run or folder cannot be
+    used.
     """
     rig = load_rig(rig_file)
+    if rig.servo.takes_angle:
+        return calibrate_position_servo(
+            [read_given(path) for path in runs], runs, rig_file, out, seed=seed
+        )
+    if runs:
+        raise ValueError(
+            "servos that take volts are measured by ramps and pulses, not from runs: leave the "
+            "runs out; rig gap finds gain and time constant in recorded runs"
+        )
     folder = CalibrationFolder(out, "simulated")
     with SimulatedTable(rig, np.random.default_rng([seed, 9]), held=True) as table:
         record, ramped, pulsed = calibrate_servos(table)
@@ -91,7 +73,7 @@ def calibrate_servo(rig_file: Path | None, out: Path, *, seed: int) -> None:
 
 def _write(trace: Trace, path: Path) -> Path:
     columns = np.column_stack((trace.t_s, trace.volts, trace.theta_rad))
-    _csv(path, "t_s,voltage_x_V,voltage_y_V,theta_x_rad,theta_y_rad", columns)
+    write_csv(path, "t_s,voltage_x_V,voltage_y_V,theta_x_rad,theta_y_rad", columns)
     return path
 
 
@@ -105,13 +87,15 @@ def calibrate_level(
     OSError: a file or folder that cannot be used.
     """
     rig = load_rig(rig_file)
-    given = [_read(path) for path in runs]
-    folder = CalibrationFolder(out, _source(given))
+    given = [read_given(path) for path in runs]
+    folder = CalibrationFolder(out, source_of(given))
     believed = folder.believed(rig_file)
-    logs = [one.log for one in given] or [
-        led_about(rig, seconds, np.random.default_rng([seed, 10]))
-    ]
-    axes = [[rolling(log, a, believed.camera.delay_s) for log in logs] for a in range(2)]
+    logs = [one.log for one in given]
+    if not logs:
+        led = led_about if rig.servo.has_angle else led_in_steps
+        logs = [led(rig, seconds, np.random.default_rng([seed, 10]))]
+    delay_s = believed.camera.delay_s
+    axes = [[rolling(log, a, delay_s, believed) for log in logs] for a in range(2)]
     record = level_record(axes[0], axes[1], believed)
     first: list[Rolling] = [axes[0][0], axes[1][0]]
     picture = level_figure(first, record, folder.path / "level.png", folder.draft.source)
@@ -125,20 +109,6 @@ def calibrate_level(
             f"{np.degrees(record.play_rad[name]):.1f} degrees"
         )
     folder.believe(with_level(believed, record))
-
-
-def led_about(rig: Rig, seconds: float, rng: np.random.Generator) -> Log:
-    """Log of a simulated run of `seconds` in which the ball follows a sine on each axis.
-
-    CalibrationError: the run ended before `seconds` were over.
-    """
-    t = np.arange(round(seconds * rig.control_rate_hz)) / rig.control_rate_hz
-    targets = LEVEL_M * np.column_stack([np.sin(2 * np.pi * f * t) for f in LEVEL_HZ])
-    course = Course(targets, np.zeros_like(targets))
-    run = simulate(rig, known(rig), WITHOUT, course, draw(rng, rig, course))
-    if run.outcome != "completed":
-        raise CalibrationError(f"the run in which the ball is led about ended early: {run.outcome}")
-    return run.log
 
 
 def calibrate_time(
@@ -159,10 +129,16 @@ def calibrate_time(
     used.
     """
     rig = load_rig(rig_file)
+    if not rig.servo.has_angle:
+        raise ValueError(
+            "servo.angle_measured = false: without measured angles the camera's delay and the "
+            "servos' dead time are one; rig calibrate servo finds them together, camera.delay_s "
+            "stays that of its data sheet"
+        )
     if video is not None and run is None:
         raise ValueError("--video: name the run, too, whose encoders belong to it")
-    given = None if run is None else _read(run)
-    folder = CalibrationFolder(out, _source([given] if given else []))
+    given = None if run is None else read_given(run)
+    folder = CalibrationFolder(out, source_of([given] if given else []))
     believed = folder.believed(rig_file)
     if given is not None and video is None:
         known_s = believed.camera.delay_s if given.delay_s is None else given.delay_s
@@ -204,11 +180,18 @@ def _virtual_wiggle(rig: Rig, folder: CalibrationFolder, seconds: float, seed: i
     tilt = TiltRecorder(*_plate_of(folder))
     eye = RenderedPlateCamera(made, late_s, tilt.add)
     with SimulatedTable(rig, np.random.default_rng([seed, 11]), held=True, eye=eye) as table:
-        axis = [wiggle(table.period_s, seconds, WIGGLE_HZ) for _ in range(2)]
-        trace = perform(table, (axis[0], axis[1]))
+        if table.takes_angle:
+            limit = rig.servo.angle_limit_rad
+            rows = waves(table.period_s, seconds, WIGGLE_HZ, WIGGLE_SHARE * limit)
+            trace = tell(table, rows, limit)
+            t_s, theta = trace.t_s, trace.seen_rad
+        else:
+            axis = [wiggle(table.period_s, seconds, WIGGLE_HZ) for _ in range(2)]
+            trace = perform(table, (axis[0], axis[1]))
+            t_s, theta = trace.t_s, trace.theta_rad
     stamp, sines = tilt.sines()
-    during = stamp <= trace.t_s[-1]
-    return Wiggle(trace.t_s, trace.theta_rad, stamp[during], sines[during])
+    during = stamp <= t_s[-1]
+    return Wiggle(t_s, theta, stamp[during], sines[during])
 
 
 def _filmed(log: Log, video: str, folder: CalibrationFolder) -> Wiggle:
@@ -243,11 +226,7 @@ def _write_wiggle(wiggled: Wiggle, folder: Path) -> Path:
     path = folder / "time"
     path.mkdir(exist_ok=True)
     encoders = np.column_stack((wiggled.t_s, wiggled.theta_rad))
-    _csv(path / "encoders.csv", "t_s,theta_x_rad,theta_y_rad", encoders)
+    write_csv(path / "encoders.csv", "t_s,theta_x_rad,theta_y_rad", encoders)
     plate = np.column_stack((wiggled.stamp_s, wiggled.sines))
-    _csv(path / "plate.csv", "stamp_s,sine_x,sine_y", plate)
+    write_csv(path / "plate.csv", "stamp_s,sine_x,sine_y", plate)
     return path
-
-
-def _csv(path: Path, names: str, columns: np.ndarray) -> None:
-    np.savetxt(path, columns, "%.9g", ",", header=names, comments="")

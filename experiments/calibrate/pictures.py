@@ -8,6 +8,7 @@ import numpy as np
 
 from calibration.camera.lens import GRID, CameraCalibration, cells
 from calibration.camera.sheet import SheetView
+from calibration.motion.commanded_moves import Followed
 from calibration.motion.manoeuvres import Trace
 from calibration.motion.rolling import Rolling
 from calibration.motion.servo import moves, pulse_angle
@@ -132,6 +133,58 @@ def servo_figure(
     return _save(figure, path, source)
 
 
+def angle_figure(followed: Followed, expected: np.ndarray, path: Path, source: str) -> Path:
+    """Draw what servos that take an angle were told, where they were seen and where the fit puts
+    them: steps on the left, slow motion on the right.
+
+    expected: angles (m, 2) [rad] of the fit at the times seen; source: "simulated" or "measured".
+    Returns `path`, a PNG file. OSError: it cannot be written.
+    """
+    from experiments.reports.figures import plt
+
+    figure, rows = plt.subplots(2, 2, figsize=(9, 6))
+    for a, name in enumerate("xy"):
+        told = followed.told_rad[:, a]
+        first = followed.t_s[int(np.argmax(told != 0))]
+        slow = first + 3.3  # after the first six steps
+        for axes, (begin, end) in zip(rows[a], ((first, slow), (slow, slow + 10)), strict=True):
+            at = (followed.t_s >= begin - 0.1) & (followed.t_s <= end)
+            seen = (followed.seen_s >= begin - 0.1) & (followed.seen_s <= end)
+            axes.plot(followed.t_s[at], np.degrees(told[at]), lw=0.8, color="0.6", label="told")
+            dots = np.degrees(followed.seen_rad[seen, a])
+            axes.plot(followed.seen_s[seen], dots, ".", ms=2, color="#1f4fd8", label="seen")
+            line = np.degrees(expected[seen, a])
+            axes.plot(followed.seen_s[seen], line, "--", lw=0.8, color="#d62728", label="fit")
+            axes.set(xlabel="time [s]", ylabel=f"servo angle, {name} [degrees]")
+    rows[0][0].legend()
+    return _save(figure, path, source)
+
+
+def level_figure_of_servo(runs: Sequence[Rolling], path: Path, source: str) -> Path:
+    """Draw ball [mm] and the servos' answer to their commands [degrees] on both axes over the first
+    20 s; runs: one for each axis.
+
+    source: "simulated" or "measured". Returns `path`, a PNG file. OSError: it cannot be written.
+    """
+    from experiments.reports.figures import plt
+
+    figure, rows = plt.subplots(2, 1, figsize=(8, 5), sharex=True)
+    for axes, run, name in zip(rows, runs, ("x", "y"), strict=True):
+        _ball_and_servo(axes, run, name)
+    rows[0].set_xlim(runs[0].t_s[0], runs[0].t_s[0] + 20)
+    rows[1].set_xlabel("time [s]")
+    return _save(figure, path, source)
+
+
+def _ball_and_servo(axes, run: Rolling, name: str) -> None:
+    axes.plot(run.seen_s, 1e3 * run.x_m, ".", ms=2, color="#1f4fd8")
+    axes.set_ylabel(f"ball {name} [mm]")
+    other = axes.twinx()
+    other.plot(run.t_s, np.degrees(run.theta_rad), lw=0.5, color="0.5")
+    other.set_ylabel("servo [degrees]")
+    other.grid(False)
+
+
 def time_figure(wiggle: Wiggle, record: TimingRecord, rig: Rig, path: Path, source: str) -> Path:
     """Draw the sines of the plate's tilt by the markers and by the delayed encoders over time.
 
@@ -163,17 +216,12 @@ def level_figure(runs: Sequence[Rolling], record: LevelRecord, path: Path, sourc
 
     figure, rows = plt.subplots(2, 1, figsize=(8, 5), sharex=True)
     for axes, run, name in zip(rows, runs, ("x", "y"), strict=True):
-        axes.plot(run.seen_s, 1e3 * run.x_m, ".", ms=2, color="#1f4fd8")
-        axes.set_ylabel(f"ball {name} [mm]")
+        _ball_and_servo(axes, run, name)
         slope = record.slope_rad[name]
         axes.set_title(
             f"{name}: slope {np.degrees(slope.value):+.3f} degrees "
             f"({np.degrees(slope.low):+.3f} to {np.degrees(slope.high):+.3f})"
         )
-        other = axes.twinx()
-        other.plot(run.t_s, np.degrees(run.theta_rad), lw=0.5, color="0.5")
-        other.set_ylabel("servo [degrees]")
-        other.grid(False)
     rows[1].set_xlabel("time [s]")
     return _save(figure, path, source)
 

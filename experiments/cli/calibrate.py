@@ -152,11 +152,23 @@ def level(
 
 
 @calibrate.command()
-def servo(rig: RigOption = None, out: OutOption = OUT, seed: SeedOption = 1) -> None:
-    """Breakaway volts in both directions, gain, time constant and direction signs; no ball."""
+def servo(
+    runs: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Runs of servos that take an angle; none: virtual table."),
+    ] = None,
+    rig: RigOption = None,
+    out: OutOption = OUT,
+    seed: SeedOption = 1,
+) -> None:
+    """Breakaway volts in both directions, gain, time constant and direction signs; no ball.
+
+    Of servos that take an angle: lag, dead time, limits and dead band from the angle that they read
+    back, else lag and dead time from a ball that is led about.
+    """
     from experiments.calibrate import motion as work
 
-    work.calibrate_servo(rig, out, seed=seed)
+    work.calibrate_servo(runs or [], rig, out, seed=seed)
 
 
 @calibrate.command()

@@ -133,7 +133,7 @@ def _measure_motion(request: CalibrationRequest, file: Path) -> None:
     elif step == "level":
         motion.calibrate_level(request.runs, file, out, seconds=40.0, seed=seed)
     elif step == "servo":
-        motion.calibrate_servo(file, out, seed=seed)
+        motion.calibrate_servo(request.runs, file, out, seed=seed)
     else:
         backlash.calibrate_backlash(file, out, seed=seed)
 

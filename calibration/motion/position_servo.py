@@ -1,0 +1,232 @@
+"""Servos that take an angle: lag, dead time, limits, dead band, scale, from commands and angles.
+
+The angle seen is the servo's answer to its commands by the simulator's own equations
+(`rig.plant.position_servo`; their words and symbols hold here),
+
+    theta(t) = answer(u; T, t_d, Omega, A, w, s, z),
+
+fitted by nonlinear least squares. Standard deviations come from clusters of a second
+(`calibration.statistics`), as neighbouring residuals are correlated. A limit counts as seen where
+the answer without it is worse by more than chance brings. Three arms have three servos for two
+tilts: they are taken as alike, and fitted to both.
+"""
+
+from dataclasses import dataclass
+from itertools import product
+from math import exp, log
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from calibration.camera.sheet import CalibrationError
+from calibration.motion.commanded_moves import Followed
+from calibration.records import PositionServoAxis, PositionServoRecord, Value
+from calibration.statistics import clustered_covariance, student_quantile
+from rig.linkage import THREE_ARMS
+from rig.parameters import Rig
+from rig.plant.plant_record import pack
+from rig.prediction.commanded import answers
+
+CLUSTER_S = 1.0
+MIN_CLUSTERS = 12  # chosen: twice the numbers that are fitted
+WORSE = 12.0  # chi-square of one number with 3.5 standard deviations; chosen
+FREE_RATE_RAD_S, FREE_ACCELERATION_RAD_S2 = 1e3, 1e6  # no limit at all
+MOST_LEFT = 0.2  # share of the motion; chosen: what leaves more is no such servo
+# What a servo of another kind than the equations' leaves, measured on motors with a controller and
+# a dead band in MuJoCo (tests/engines/test_position_calibration.py): their inertia is a second lag
+# of 2 to 3 ms, which goes to the dead time. The limits are shares.
+_MODEL = {
+    "lag_s": 0.0035,
+    "dead_time_s": 0.0035,
+    "rate_limit_rad_s": 0.02,
+    "acceleration_limit_rad_s2": 0.05,
+    "dead_band_rad": 0.0002,
+    "scale": 0.002,
+    "zero_rad": 0.0003,
+}
+
+
+@dataclass(frozen=True)
+class _Number:
+    """One number of the fit: field of the plant's record, start, bounds, typical size; limits are
+    fitted as logarithms."""
+
+    field: str
+    starts: tuple[float, ...]
+    low: float
+    high: float
+    size: float
+    logarithm: bool = False
+
+
+NUMBERS = {
+    "lag_s": _Number("lag_s", (0.003, 0.02, 0.06, 0.15), 0.0, 1.0, 0.02),
+    "dead_time_s": _Number("dead_time_s", (0.002, 0.02, 0.06), 0.0, 0.5, 0.01),
+    "rate_limit_rad_s": _Number("rate_limit_rad_s", (5.0,), 0.05, 200.0, 0.2, True),
+    "acceleration_limit_rad_s2": _Number(
+        "acceleration_limit_rad_s2", (50.0, 1000.0), 1.0, 1e5, 0.5, True
+    ),
+    "dead_band_rad": _Number("dead_band_rad", (0.004,), 0.0, 0.2, 0.004),
+    "scale": _Number("angle_scale_fraction", (0.0,), -0.8, 4.0, 0.05),
+    "zero_rad": _Number("angle_zero_offset_rad", (0.0,), -0.5, 0.5, 0.01),
+}
+LIMITS = {
+    "acceleration_limit_rad_s2": FREE_ACCELERATION_RAD_S2,
+    "rate_limit_rad_s": FREE_RATE_RAD_S,
+}
+
+
+class _Fit:
+    """The numbers `names` of the servos of `axes`, fitted to what followed; limits that are not
+    among them are set free."""
+
+    def __init__(
+        self, followed: Followed, rig: Rig, axes: tuple[int, ...], names: list[str]
+    ) -> None:
+        self._followed, self._axes, self.names = followed, axes, names
+        self._p = pack(rig)
+        for name, free in LIMITS.items():
+            for a in axes:
+                self._p[NUMBERS[name].field][a] = free
+        seen = followed.seen_rad[:, list(axes)]
+        self._used = np.isfinite(seen)
+        self._seen = seen[self._used]
+        clusters = np.floor((followed.seen_s - followed.seen_s[0]) / CLUSTER_S)
+        both = clusters[:, None] + np.zeros(len(axes))
+        self.clusters = both[self._used]
+        self.x, self.cost = np.zeros(len(names)), np.inf
+
+    def numbers(self, x: np.ndarray) -> dict[str, float]:
+        """The fit's variables as what they stand for."""
+        return {
+            name: exp(value) if NUMBERS[name].logarithm else float(value)
+            for name, value in zip(self.names, x, strict=True)
+        }
+
+    def answer(self, x: np.ndarray) -> np.ndarray:
+        """Angles (m, axes) [rad] at the times seen."""
+        for name, value in self.numbers(x).items():
+            for a in self._axes:
+                self._p[NUMBERS[name].field][a] = value
+        times, angles = answers(self._p, self._followed.t_s, self._followed.told_rad)
+        return np.column_stack(
+            [np.interp(self._followed.seen_s, times, angles[:, a]) for a in self._axes]
+        )
+
+    def residual(self, x: np.ndarray) -> np.ndarray:
+        """Seen less answered (k,) [rad]."""
+        return self._seen - self.answer(x)[self._used]
+
+    def jacobian(self, x: np.ndarray) -> np.ndarray:
+        """Derivatives (k, n) of the residual, by forward differences of 2 % of a typical size."""
+        r, columns = self.residual(x), []
+        for k, name in enumerate(self.names):
+            step = 0.02 * NUMBERS[name].size
+            more = x.copy()
+            more[k] += step
+            columns.append((self.residual(more) - r) / step)
+        return np.column_stack(columns)
+
+    def run(self, starts: list[dict[str, float]]) -> "_Fit":
+        """Fit from the best of the starts, and from the best of those with another acceleration
+        limit: a lag and an acceleration limit are two valleys of the sum of squares. Keep the
+        better."""
+        kinds = [NUMBERS[name] for name in self.names]
+        low = np.array([log(k.low) if k.logarithm else k.low for k in kinds])
+        high = np.array([log(k.high) if k.logarithm else k.high for k in kinds])
+        firsts: dict[float, tuple[float, np.ndarray]] = {}
+        for start in starts:
+            x = np.array([log(start[n]) if NUMBERS[n].logarithm else start[n] for n in self.names])
+            valley, cost = start.get("acceleration_limit_rad_s2", 0.0), self._squares(x)
+            if valley not in firsts or cost < firsts[valley][0]:
+                firsts[valley] = cost, x
+        for _, x in firsts.values():
+            fit = least_squares(
+                lambda x: 1e3 * self.residual(x),
+                np.clip(x, low, high),
+                jac=lambda x: 1e3 * self.jacobian(x),  # pyright: ignore[reportArgumentType]
+                bounds=(low, high),
+                x_scale=[k.size for k in kinds],
+                ftol=1e-5,
+                xtol=1e-5,
+            )
+            if fit.cost < self.cost:
+                self.x, self.cost = fit.x, float(fit.cost)
+        return self
+
+    def _squares(self, x: np.ndarray) -> float:
+        return float(np.sum(self.residual(x) ** 2))
+
+    def deviations(self) -> np.ndarray:
+        """Standard deviations of the variables, from the scatter between clusters."""
+        r = self.residual(self.x)
+        covariance = clustered_covariance(self.jacobian(self.x), r, self.clusters)
+        return np.sqrt(np.maximum(np.diag(covariance), 0.0))
+
+
+def position_servo_record(followed: Followed, rig: Rig) -> PositionServoRecord:
+    """Fit the servos of both axes to what followed their commands, with 95 % intervals.
+
+    rig: period and quantum of the servos, the linkage, and where the numbers may lie.
+    `CalibrationError`: an axis has too little to go by, or does not follow as a servo does.
+    """
+    if rig.linkage.kind == THREE_ARMS:
+        both = _fitted(followed, rig, (0, 1), "the arms' servos")
+        return PositionServoRecord(x=both, y=both, source="angle")
+    return PositionServoRecord(
+        x=_fitted(followed, rig, (0,), "servo x"),
+        y=_fitted(followed, rig, (1,), "servo y"),
+        source="angle",
+    )
+
+
+def _fitted(followed: Followed, rig: Rig, axes: tuple[int, ...], who: str) -> PositionServoAxis:
+    names, followed = list(NUMBERS), followed.while_told(axes)
+    first = _Fit(followed, rig, axes, names)
+    count = len(np.unique(first.clusters))
+    if count < MIN_CLUSTERS:
+        raise CalibrationError(
+            f"{who}: its angle was seen in {count} seconds, {MIN_CLUSTERS} are needed"
+        )
+    starts = [
+        dict(zip(NUMBERS, values, strict=True))
+        for values in product(*(number.starts for number in NUMBERS.values()))
+    ]
+    best, gone = first.run(starts), {}
+    for limit in LIMITS:
+        fewer = _Fit(followed, rig, axes, [n for n in best.names if n != limit])
+        fewer.run([best.numbers(best.x)])
+        if count * (fewer.cost / best.cost - 1.0) < WORSE:
+            best, gone[limit] = fewer, "the servo did not reach it"
+    left = float(np.sqrt(np.mean(best.residual(best.x) ** 2)))
+    moved = float(np.std(best.answer(best.x)))
+    if left > MOST_LEFT * moved:
+        raise CalibrationError(
+            f"{who}: {left:.4f} rad of its angle is left of {moved:.4f}: it does not follow its "
+            "commands as a servo does; are the axes swapped, is something in its way?"
+        )
+    return _record(best, gone, left, count)
+
+
+def _record(fit: _Fit, gone: dict[str, str], left: float, count: int) -> PositionServoAxis:
+    quantile = student_quantile(count - len(fit.names))
+    values: dict[str, Value] = {}
+    for name, x, std in zip(fit.names, fit.x, fit.deviations(), strict=True):
+        half = quantile * float(std) + _MODEL[name]
+        if NUMBERS[name].logarithm:
+            values[name] = Value(value=exp(x), low=exp(x - half), high=exp(x + half))
+        else:
+            low = max(float(x) - half, NUMBERS[name].low)
+            values[name] = Value(value=float(x), low=low, high=float(x) + half)
+    return PositionServoAxis(**values, not_seen=gone, rms_rad=left)
+
+
+def expected_angles(followed: Followed, record: PositionServoRecord, rig: Rig) -> np.ndarray:
+    """Angles (m, 2) [rad] that the record's servos give at the times seen."""
+    p = pack(rig)
+    for a, axis in enumerate((record.x, record.y)):
+        for name, number in NUMBERS.items():
+            value = getattr(axis, name)
+            p[number.field][a] = value.value if value is not None else LIMITS.get(name, 0.0)
+    times, angles = answers(p, followed.t_s, followed.told_rad)
+    return np.column_stack([np.interp(followed.seen_s, times, angles[:, a]) for a in range(2)])

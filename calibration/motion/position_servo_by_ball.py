@@ -1,0 +1,79 @@
+"""Servos that take an angle and whose angle nobody measures: lag and dead time from the ball alone.
+
+The ball's motion against the servos' answer to their commands (`calibration.motion.rolling`). What
+the ball tells best is how late the plate answers in all: lag, dead time and the camera's delay
+together. The camera's delay is taken from the rig file. Lag and dead time part only where the
+commands were quick; where they were not, the lag of the rig file is kept and said so.
+"""
+
+from dataclasses import replace
+
+from calibration.camera.sheet import CalibrationError
+from calibration.motion.rolling import Rolling, RollingFit, fit_rolling
+from calibration.records import PositionServoAxis, PositionServoRecord, Value
+from calibration.statistics import student_quantile
+from rig.parameters import Rig
+
+# What windows with rigid joints leave out, on simulated tables: of the sum, and of each part.
+_MODEL_TOGETHER_S, _MODEL_APART_S = 0.006, 0.007
+_APART_S = 0.015  # chosen: half an interval above which lag and dead time count as not told apart
+
+
+def record_by_ball(x: list[Rolling], y: list[Rolling], rig: Rig) -> PositionServoRecord:
+    """Lag and dead time of both servos with 95 % intervals, from runs in which the ball was led
+    about; `x` and `y` hold one `Rolling` per run.
+
+    `CalibrationError`: the angle was measured, too little motion (`fit_rolling`), or the frames are
+    stamped later than they can be.
+    """
+    return PositionServoRecord(x=_axis(x, rig), y=_axis(y, rig), source="ball")
+
+
+def _axis(runs: list[Rolling], rig: Rig) -> PositionServoAxis:
+    name = "xy"[runs[0].axis]
+    if any(run.answer is None for run in runs):
+        raise CalibrationError(f"servo {name}: its angle was measured in some run: take that alone")
+    parted = fit_rolling(runs, rig, lag=True)
+    apart = [_half(parted, std, _MODEL_APART_S) for _, std in (parted.lag_s, parted.late_s)]
+    told_apart = max(apart) <= _APART_S
+    lag_s, dead_s = (rig.servo.pair(key)[runs[0].axis] for key in ("lag_s", "dead_time_s"))
+    if told_apart:
+        lag_s = parted.lag_s[0]
+    whole = fit_rolling(*_with_lag(runs, rig, lag_s))
+    half, late = _half(whole, whole.late_s[1], _MODEL_TOGETHER_S), lag_s + dead_s + whole.late_s[0]
+    if late + half < 0:
+        raise CalibrationError(
+            f"servo {name}: the plate would move {-1e3 * late:.0f} ms before it is told: "
+            f"camera.delay_s = {rig.camera.delay_s:g} is too large"
+        )
+    not_seen = {
+        "rate_limit_rad_s": "the ball does not show it",
+        "acceleration_limit_rad_s2": "the ball does not show it",
+        "dead_band_rad": "the ball cannot tell it from play",
+    }
+    if not told_apart:
+        not_seen["lag_s"] = (
+            "this motion does not part it from the dead time: lead the ball in steps"
+        )
+    return PositionServoAxis(
+        lag_s=_not_negative(lag_s, apart[0]) if told_apart else None,
+        dead_time_s=_not_negative(late - lag_s, apart[1] if told_apart else half),
+        together_s=Value.around(late, half),
+        not_seen=not_seen,
+    )
+
+
+def _with_lag(runs: list[Rolling], rig: Rig, lag_s: float) -> tuple[list[Rolling], Rig]:
+    """The runs and the rig with servos of that lag on the runs' axis."""
+    own = {**getattr(rig.servo, "xy"[runs[0].axis]), "lag_s": lag_s}
+    servo = replace(rig.servo, **{"xy"[runs[0].axis]: own})
+    moved = [replace(run, theta_rad=run.answer(lag_s)) for run in runs if run.answer is not None]
+    return moved, replace(rig, servo=servo)
+
+
+def _half(fit: RollingFit, std: float, model_s: float) -> float:
+    return student_quantile(fit.freedom) * std + model_s
+
+
+def _not_negative(value: float, half: float) -> Value:
+    return Value(value=max(value, 0.0), low=max(value - half, 0.0), high=max(value + half, 0.0))

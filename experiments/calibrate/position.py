@@ -1,0 +1,164 @@
+"""`rig calibrate servo` of servos that take an angle: by the angle read back, else by the ball."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import degrees
+from pathlib import Path
+
+import numpy as np
+import typer
+
+from calibration.camera.sheet import CalibrationError
+from calibration.motion.commanded_moves import Followed, check_directions, moves_in_turn, tell
+from calibration.motion.position_servo import expected_angles, position_servo_record
+from calibration.motion.position_servo_by_ball import record_by_ball
+from calibration.motion.rolling import rolling
+from calibration.records import PositionServoAxis, PositionServoRecord, Value
+from experiments.calibrate.folder import CalibrationFolder, with_position_servo
+from experiments.calibrate.given import Given, led_in_steps, source_of, write_csv
+from experiments.calibrate.pictures import angle_figure, level_figure_of_servo
+from experiments.runs.assemble import load_rig
+from rig.log import COMMANDS, Log
+from rig.parameters import Rig
+from rig.simulation.simulator import SimulatedTable
+
+LED_S = 60.0
+ANGLES = ("theta_x_rad", "theta_y_rad")
+
+
+@dataclass(frozen=True, eq=False)
+class _Measured:
+    """What was found, the file that holds its data (None: the runs), and its picture."""
+
+    record: PositionServoRecord
+    data: Sequence[Path]
+    picture: Path
+
+
+def calibrate_position_servo(
+    given: Sequence[Given], runs: Sequence[Path], rig_file: Path | None, out: Path, *, seed: int
+) -> None:
+    """Measure both servos from `given`, the contents of `runs`, else on the virtual table; keep
+    them in `out`.
+
+    Angles that were read back are used, else the ball. seed: of the virtual table.
+    CalibrationError: the motion is refused. ValueError, OSError: rig file, run or folder cannot be
+    used.
+    """
+    rig = load_rig(rig_file)
+    folder = CalibrationFolder(out, source_of(given))
+    believed = folder.believed(rig_file)
+    logs = [one.log for one in given]
+    for path, log in zip(runs, logs, strict=True):
+        if not log.has(*COMMANDS):
+            raise ValueError(f"{path}: holds no command_x_rad, command_y_rad: nobody was told")
+    by_angle = any(log.has(*ANGLES) for log in logs) if logs else rig.servo.has_angle
+    if by_angle:
+        found = _by_angle(rig, believed, logs, runs, folder, seed)
+    else:
+        if not logs:
+            logs = [led_in_steps(rig, LED_S, np.random.default_rng([seed, 16]))]
+        found = _by_ball(believed, logs, runs, folder)
+    folder.keep(
+        "position_servo",
+        data=found.data,
+        pictures=[found.picture],
+        warnings=_not_seen(found.record),
+        position_servo=found.record,
+    )
+    for name in "xy":
+        typer.echo(f"servo {name}, by its {found.record.source}: " + sentence(found.record, name))
+    folder.believe(with_position_servo(believed, found.record))
+
+
+def _by_angle(
+    rig: Rig,
+    believed: Rig,
+    logs: Sequence[Log],
+    runs: Sequence[Path],
+    folder: CalibrationFolder,
+    seed: int,
+) -> _Measured:
+    if len(logs) > 1:
+        raise ValueError(f"{len(logs)} runs: servos are measured by their angles from one run")
+    data: Sequence[Path] = runs
+    if logs:
+        followed = _followed(logs[0])
+    else:
+        limit = rig.servo.angle_limit_rad
+        with SimulatedTable(rig, np.random.default_rng([seed, 9]), held=True) as table:
+            followed = tell(table, moves_in_turn(table.period_s, limit), limit)
+        data = [folder.path / "servo_commands.csv"]
+        columns = np.column_stack((followed.t_s, followed.told_rad, followed.seen_rad))
+        write_csv(data[0], ",".join(("t_s", *COMMANDS, *ANGLES)), columns)
+    check_directions(followed)
+    record = position_servo_record(followed, believed)
+    shown = angle_figure(
+        followed,
+        expected_angles(followed, record, believed),
+        folder.path / "servo.png",
+        folder.draft.source,
+    )
+    return _Measured(record, data, shown)
+
+
+def _followed(log: Log) -> Followed:
+    """Commands and measured angles of a log. CalibrationError: a command is missing."""
+    told = np.column_stack([log[name] for name in COMMANDS])
+    if not np.isfinite(told).all():
+        raise CalibrationError("some rows lack a command: export the run with all its rows")
+    seen = np.column_stack([log[name] for name in ANGLES])
+    return Followed(np.array(log["t_s"]), told, np.array(log["t_s"]), seen)
+
+
+def _by_ball(
+    believed: Rig, logs: Sequence[Log], runs: Sequence[Path], folder: CalibrationFolder
+) -> _Measured:
+    delay_s = believed.camera.delay_s
+    axes = [[rolling(log, a, delay_s, believed) for log in logs] for a in range(2)]
+    record = record_by_ball(axes[0], axes[1], believed)
+    first = [axes[0][0], axes[1][0]]
+    picture = level_figure_of_servo(first, folder.path / "servo.png", folder.draft.source)
+    return _Measured(record, runs, picture)
+
+
+def sentence(record: PositionServoRecord, name: str) -> str:
+    """What was found of the servo `name` ("x", "y"), with 95 % intervals, in one line."""
+    axis: PositionServoAxis = getattr(record, name)
+    parts = []
+    for label, value, scale, unit in (
+        ("lag", axis.lag_s, 1e3, "ms"),
+        ("dead time", axis.dead_time_s, 1e3, "ms"),
+        ("both together", axis.together_s, 1e3, "ms"),
+        ("at most", axis.rate_limit_rad_s, 1.0, "rad/s"),
+        ("at most", axis.acceleration_limit_rad_s2, 1.0, "rad/s2"),
+        ("dead band", axis.dead_band_rad, degrees(1), "degrees"),
+        ("zero", _if_sure(axis.zero_rad), degrees(1), "degrees"),
+        ("scale error", _if_sure(axis.scale), 100.0, "%"),
+    ):
+        if value is not None:
+            low, high = scale * value.low, scale * value.high
+            parts.append(f"{label} {scale * value.value:.3g} ({low:.3g} to {high:.3g}) {unit}")
+    return "; ".join(parts)
+
+
+def _not_seen(record: PositionServoRecord) -> list[str]:
+    """What was not seen and why, a warning each; that of both axes once."""
+    lines: dict[str, list[str]] = {}
+    for name in "xy":
+        for key, why in getattr(record, name).not_seen.items():
+            lines.setdefault(f"{WORDS[key]} kept as it was: {why}", []).append(name)
+    return [f"servo {' and '.join(names)}: {line}" for line, names in lines.items()]
+
+
+def _if_sure(value: Value | None) -> Value | None:
+    """The value where its interval leaves zero out."""
+    return value if value is not None and value.low * value.high > 0 else None
+
+
+WORDS = {
+    "lag_s": "lag",
+    "rate_limit_rad_s": "rate limit",
+    "acceleration_limit_rad_s2": "acceleration limit",
+    "dead_band_rad": "dead band",
+}
