@@ -22,6 +22,7 @@ from experiments.dashboard.server.input_limits import (
 from experiments.dashboard.server.untrusted_text import plain
 from experiments.dashboard.session.plan import RunPlan, SessionStatus
 from experiments.dashboard.session.session import Session
+from experiments.dashboard.tabs.header import live
 from experiments.dashboard.view.pose import backlash_widths
 from experiments.runs.assemble import with_play
 from experiments.runs.protocol import read_protocol, shipped
@@ -146,17 +147,15 @@ class RunTab:
         self._armed = value(self._arm_box, "arm the table", flag)
 
     def _add_buttons(self) -> None:
-        """Start, next run, what the operator is asked to do, balance."""
+        """Start, next run, what the operator is asked to do."""
         gui, button = self._server.gui, self._controls.button
-        self._start = gui.add_button("Start", color="green", icon=None)
+        self._start = gui.add_button("▶ Start", color="green")
         button(self._start, "start", lambda page: self.start())
         self._next = gui.add_button("Next run", color="green", visible=False)
         button(self._next, "next run", lambda page: self.go_on())
         self._step = gui.add_markdown("", visible=False)
         self._done = gui.add_button("Done", color="orange", visible=False)
         button(self._done, "confirm", lambda page: self._session.confirm())
-        self._balance = gui.add_button("Balance again", color="green", visible=False)
-        button(self._balance, "balance", lambda page: self.balance())
 
     def start(self) -> None:
         """Start the plan that the inputs describe. ValueError, OSError: a real table is not armed,
@@ -319,13 +318,12 @@ class RunTab:
         )
         self._set(self._start, "visible", not on)
         self._set(self._next, "visible", status.state == "pause")
-        self._set(self._balance, "visible", status.state == "stopped" and not real)
         self._set(self._step, "visible", bool(operator_step))
         self._set(self._done, "visible", bool(operator_step) and not real)
         if operator_step:
-            self._set(self._step, "content", operator_step)
+            self._set(self._step, "content", live(operator_step))
         self._set(self._bar, "value", round(100 * status.share, 1))
-        self._set(self._words, "content", self._progress.words(status))
+        self._set(self._words, "content", live(self._progress.words(status)))
         self._set(self._events, "content", "  \n".join(["*Events*", *map(plain, events[::-1])]))
 
     def _set(self, handle: Any, name: str, value: Any) -> None:

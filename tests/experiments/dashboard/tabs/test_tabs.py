@@ -61,14 +61,15 @@ def test_a_silent_loop_and_an_unseen_ball_are_said():
     row[0] = 5.0
     on = SessionStatus("balancing")
     seen = LiveState(row, 4.99, (0, 0, 0), 500.0, 0.0, 1)
-    assert "500 of 500 ticks/s" in link_words(seen, on, 500.0)
-    assert "sees the ball" in link_words(seen, on, 500.0)
+    assert link_words(seen, on, 500.0) == "● running on time · ● ball in sight"
+    late = LiveState(row, 4.99, (0, 0, 0), 400.0, 0.0, 1)
+    assert "slow: 400 of 500 ticks/s" in link_words(late, on, 500.0)
     blind = LiveState(row, 4.0, (0, 0, 0), 500.0, 0.0, 1)
-    assert "does not see" in link_words(blind, on, 500.0)
+    assert "not in sight" in link_words(blind, on, 500.0)
     silent = LiveState(row, 4.99, (0, 0, 0), 500.0, 3.0, 1)
     assert "silent for 3 s" in link_words(silent, on, 500.0)
     assert "off" in link_words(seen, SessionStatus("stopped"), 500.0)
-    assert "starting" in link_words(seen, SessionStatus("starting"), 500.0)
+    assert "start" in link_words(seen, SessionStatus("starting"), 500.0)
 
 
 def test_before_and_after_say_how_far_off_they_are():
