@@ -85,9 +85,9 @@ def ball_and_plate(page: Hand) -> None:
     page.page.keyboard.down("Shift")
     page.page.mouse.click(600, 420)  # on the plate
     page.page.keyboard.up("Shift")
-    page.see("target (")  # among the events
+    page.see("by hand: target x")  # among the events
     page.page.keyboard.press("Shift+ArrowRight")
-    page.see("pushed by command")
+    page.see("by hand: push to the right")
     page.shot("run-idle")
 
 
