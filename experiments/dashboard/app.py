@@ -198,8 +198,14 @@ class App:
         button(add("Start the run", hotkey="R"), "start", lambda page: self.run_tab.start())
         button(add("Next run", hotkey="N"), "next run", lambda page: self.run_tab.go_on())
         button(add("Balance again", hotkey="B"), "balance", lambda page: self.run_tab.balance())
-        for key, angle in (("left", 180), ("right", 0), ("up", 90), ("down", 270)):
-            push = add(f"Push {key}", hotkey=f"arrow{key}", modifier="shift")  # pyright: ignore[reportArgumentType]
+        keys = (
+            ("left", "left", 180),
+            ("right", "right", 0),
+            ("up", "away", 90),
+            ("down", "near", 270),
+        )
+        for key, way, angle in keys:
+            push = add(f"Push {way}", hotkey=f"arrow{key}", modifier="shift")  # pyright: ignore[reportArgumentType]
             button(push, "push", lambda page, a=float(angle): self.run_tab.push(a))
 
     # --- pages that come and go ---

@@ -116,7 +116,7 @@ def calibrate_begins(page: Hand) -> None:
 def both_arms(page: Hand, out: Path) -> None:
     """The free release with and without the model, reloaded in the middle."""
     page.tab("Run")
-    page.choose("Virtual time", "4 x")
+    page.choose("Speed of the simulation", "4 x")
     page.tick("Pause between runs")
     page.press("▶ Start")
     page.see(re.compile("run [12] of 2.* left"))  # a slow page may come for the pause alone
@@ -170,8 +170,8 @@ def take_over_and_stop(chromium, first: Hand, program: Program, artefacts: Path,
     second.press("Take over the controls")
     second.see("You are in control")
     first.see("You are watching")
-    second.tick("I place and let go")
-    second.choose("Virtual time", "1 x")
+    second.tick("I put the ball down myself")
+    second.choose("Speed of the simulation", "1 x")
     second.press("▶ Start")
     second.see(re.compile("^Please place the ball"))
     second.shot("run-asked")

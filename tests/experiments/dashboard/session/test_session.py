@@ -45,6 +45,8 @@ def test_the_operator_at_the_page_places_and_lets_go(table):
     session, recorded, _ = table
     protocol = parse(SHORT, label="short", name="short")
     session.start(RunPlan(protocol, ("with",), 1, 1, by_hand=True))
+    wait_for("the wait", lambda: (session.status.waited_s or 0.0) > 0.2, PATIENCE_S)
+    assert session.status.t_s == 0.0  # the run's clock stands still
     with pytest.raises(ValueError, match="a run is on"):
         session.start(RunPlan(protocol, ("with",), 1, 1))
     wait_for("the step place", lambda: session.status.operator_step.startswith("place"), PATIENCE_S)

@@ -45,6 +45,27 @@ def test_progress_says_what_is_on_and_how_long_it_takes():
     assert minutes(61.4) == "1:01"
 
 
+def test_while_the_operator_is_waited_for_the_runs_clock_stands_still():
+    plan = RunPlan(read_protocol("free-release"), ("without", "with"), 1, 1, by_hand=True)
+    planned = planned_runs(plan)[0]
+    words = progress_words(SessionStatus("running", "", planned, 0.0, "place it", waited_s=74.0))
+    assert "waiting for you** (1:14 of 2:00)" in words
+    assert "left" not in words
+
+
+def test_a_run_that_does_not_count_says_why_and_what_was_not_begun():
+    first, second, third = planned_runs(RunPlan(read_protocol("hold"), ("with",), 3, 1))
+    said = first.ended("aborted", "stopped by page 2", 4.31)
+    assert said.startswith("Run 1 of 3 was stopped by page 2 after 4.3 s and does not count")
+    assert said.endswith("; runs 2 to 3 were not begun.")
+    assert "run 3 was not begun" in second.ended("aborted", "stopped by page 2", 4.31)
+    assert third.ended("completed", "", 60.0) == ""
+    failed = third.ended("not released", "the ball was not seen to leave", 120.5)
+    assert failed.startswith("Run 3 of 3 failed after 120.5 s and does not count: the ball was not")
+    status = SessionStatus("stopped", "the table rests at 0 V", last=said)
+    assert progress_words(status).startswith("**Run 1 of 3 was stopped")
+
+
 def test_the_end_of_a_plan_is_said_and_a_stopped_one_is_not_done():
     first, last = planned_runs(RunPlan(read_protocol("free-release"), ("without", "with"), 1, 1))
     progress = ProgressLine()
