@@ -160,6 +160,7 @@ class App:
         with tabs.add_tab("Replay"):
             self.replay = ReplayTab(server, controls, figure_worker, rows, self.show_playback)
         self.replay.refresh()
+        self.gap.refresh()
 
     def show_playback(self, playback: Playback | None) -> None:
         """Show a film in place of the live table on every page; None: the live table again."""
@@ -175,6 +176,7 @@ class App:
         def do() -> None:
             self.results.refresh(planned.plan.protocol.name)
             self.replay.refresh()
+            self.gap.refresh()
 
         self.controls.queue.put("results", do)
 

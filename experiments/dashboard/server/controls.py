@@ -284,6 +284,10 @@ class Controls:
         self._rules[id(handle)] = InputRules(what, clean, use, everybody)
         return checked
 
+    def forget(self, handle: Any) -> None:
+        """Take no more values for an input that leaves the page."""
+        self._rules.pop(id(handle), None)
+
     def cleaned(self, page: int, handle: Any, raw: Any) -> Any:
         """The value to store when a page sends `raw` for the input `handle`: converted and clamped.
 

@@ -1,8 +1,7 @@
-"""Work of the page for a worker process: figures, report, gap. Everything here can be pickled."""
+"""Work of the page for a worker process: figures, report. Everything here can be pickled."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +11,6 @@ from experiments.dashboard.session.worker_process import ProgressSender
 
 if TYPE_CHECKING:
     from experiments.analysis.numbers import Recorded
-    from experiments.gap.closed_loop_replay import ModelComparison
     from experiments.records.recording import Run
 
 MOST_LISTED = 40  # runs; chosen: a list on the page is no longer
@@ -237,87 +235,3 @@ def report_of_runs(folders: Sequence[Path], out: Path, progress: ProgressSender)
     from experiments.reports.report_runs import report_runs
 
     return report_runs(list(folders), writable(out))
-
-
-@dataclass(frozen=True, eq=False)
-class GapAnswer:
-    """What the page shows of `rig gap`.
-
-    verdict, sentence, lines: the answer in words; report: the page gap.html. plate_map: x edges (n
-    + 1,) and y edges (m + 1,) [m] of the cells, and the size of the mean error in them (m, n) in
-    noise floors, NaN where there is no data; None without a map. models: the model before and after
-    naming beside a recorded run; None where nothing was named.
-    """
-
-    verdict: str
-    sentence: str
-    lines: list[str]
-    report: Path
-    pictures: list[CaptionedPicture]
-    plate_map: tuple[np.ndarray, np.ndarray, np.ndarray] | None
-    models: "ModelComparison | None"
-
-
-GAP_PICTURES = {
-    "gap-shrinking": "The gap, effect by effect (1 = a perfect model)",
-    "ranking": "The likeliest names",
-    "gap-over-state-ball": "Where the ball's model is wrong",
-}
-
-
-def hidden_words() -> str:
-    """A sentence on the backlash that the demo hid, for whoever wants to judge the answer."""
-    from experiments.gap.demo import DEMO_PLAY_RAD
-
-    sizes = ", ".join(f"{a} {degrees(play):.2f}" for a, play in DEMO_PLAY_RAD.items())
-    return f"What was hidden, which the analysis did not know: joint play of {sizes} degrees."
-
-
-def find_gap(
-    logs: Sequence[Path] | None, out: Path, seed: int, progress: ProgressSender
-) -> GapAnswer:
-    """Analyse recorded runs (logs None: those of the demo with a hidden backlash) as `rig gap`
-    does; the report is written in `out`. seed: of the demo's runs.
-
-    OSError, ValueError: a run cannot be read, or `out` cannot be written.
-    """
-    from experiments.gap.closed_loop_replay import compare_models
-    from experiments.gap.demo import demo_runs
-    from experiments.gap.gap import investigate
-    from experiments.gap.input import read_evidence
-    from experiments.gap.report import write_findings
-    from experiments.gap.summary import summary_lines
-    from experiments.records.run_folder import writable
-
-    folder = writable(out)
-    paths = list(logs) if logs is not None else demo_runs(folder, seed=seed, progress=progress)
-    findings = investigate(paths, None, progress=progress)
-    progress("report", 0, 1)
-    report = write_findings(findings, folder, names=[path.name for path in paths])
-    pictures = [
-        CaptionedPicture(folder / f"{name}.png", caption)
-        for name, caption in GAP_PICTURES.items()
-        if (folder / f"{name}.png").is_file()
-    ]
-    models = None
-    if findings.rig_before and findings.rig_after and findings.effects:
-        progress("both models, side by side", 0, 1)
-        models = compare_models(read_evidence(paths), findings.rig_before, findings.rig_after)
-    lines = summary_lines(findings)[1:]
-    if findings.next_experiment is None:
-        lines.append("next nothing more has to be measured to tell names apart")
-    if logs is None:
-        lines.insert(0, hidden_words())
-    plate_map = _plate_map(findings.maps)
-    return GapAnswer(
-        findings.verdict, findings.sentence, lines, report, pictures, plate_map, models
-    )
-
-
-def _plate_map(maps: Sequence[Any]) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Cell edges and size of the mean error of the first map (see `GapAnswer`)."""
-    if not maps:
-        return None
-    first = maps[0]
-    size = np.where(first.count > 0, np.hypot(*np.moveaxis(first.mean, -1, 0)), np.nan)
-    return np.asarray(first.x_edges), np.asarray(first.y_edges), size
