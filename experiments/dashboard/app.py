@@ -4,6 +4,7 @@ import threading
 import time
 from collections import deque
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.server.messages import admit_values
+from experiments.dashboard.server.server import shell_of
 from experiments.dashboard.session.live import LiveBuffer, LiveState
 from experiments.dashboard.session.plan import PlannedRun
 from experiments.dashboard.session.playback import Playback
@@ -21,7 +23,7 @@ from experiments.dashboard.session.virtual_camera import VirtualCamera
 from experiments.dashboard.session.worker_process import WorkerProcess
 from experiments.dashboard.tabs.calibrate import CalibrateTab
 from experiments.dashboard.tabs.gap import GapTab
-from experiments.dashboard.tabs.header import Header, Theme
+from experiments.dashboard.tabs.header import Header, set_looks
 from experiments.dashboard.tabs.replay import ReplayTab
 from experiments.dashboard.tabs.results import ResultsTab
 from experiments.dashboard.tabs.run import RunTab
@@ -76,6 +78,9 @@ class App:
         self.playback: Playback | None = None
         self.controls = Controls(self.notify, self.session.note)
         admit_values(server, self.controls)
+        shell = shell_of(server)
+        shell.state = lambda: self.session.status.state
+        shell.stop = partial(self.controls.stop, act=self.session.stop)
         self._ghost_of, self._ghost = rig, Ghost(rig)
         kind = f"{rig.table.kind} table" if table.real else "virtual table"
         self._build(f"{kind} of {rig_file.name}" if rig_file else kind)
@@ -87,7 +92,7 @@ class App:
 
     def _build(self, table: str) -> None:
         server, gui = self.server, self.server.gui
-        self.theme = Theme(server)
+        set_looks(server)
         gui.set_panel_label("Balancing table")
         gui.main_panel.dock_right()
         gui.main_panel.set_width(390)
@@ -95,7 +100,9 @@ class App:
         self.scene, self.gauges = TableScene(server, self.rig), BacklashGauges(server)
         self.side_plates = SidePlates(server, self.rig)
         self.camera = CameraView(server, self.rig if self.session.table.real else None)
-        self.header = Header(server, self.controls, self.session, table)
+        self.header = Header(
+            server, self.controls, self.session, table, lambda: self.run_tab.balance()
+        )
         panel = gui.add_panel()
         with panel.add_tab("Live curves"):
             self.curves = Curves(server, self.rig.servo)
@@ -106,7 +113,6 @@ class App:
         panel.dock_left()
         panel.set_width(330)
         self._add_tabs()
-        self.theme.add_widgets(self.controls)
         self._commands()
 
         @server.scene.on_click(modifier="shift")
@@ -154,6 +160,7 @@ class App:
         with tabs.add_tab("Replay"):
             self.replay = ReplayTab(server, controls, figure_worker, rows, self.show_playback)
         self.replay.refresh()
+        self.gap.refresh()
 
     def show_playback(self, playback: Playback | None) -> None:
         """Show a film in place of the live table on every page; None: the live table again."""
@@ -169,6 +176,7 @@ class App:
         def do() -> None:
             self.results.refresh(planned.plan.protocol.name)
             self.replay.refresh()
+            self.gap.refresh()
 
         self.controls.queue.put("results", do)
 
@@ -188,12 +196,18 @@ class App:
     def _commands(self) -> None:
         """Keys, and the entries of the command palette (Ctrl + K)."""
         add, button = self.server.gui.add_command, self.controls.button
-        self.controls.stop_button(add("Stop", hotkey="escape"), "stop", self.header.stop)
+        self.controls.stop_button(add("Stop", hotkey="escape"), "stop", self.session.stop)
         button(add("Start the run", hotkey="R"), "start", lambda page: self.run_tab.start())
         button(add("Next run", hotkey="N"), "next run", lambda page: self.run_tab.go_on())
         button(add("Balance again", hotkey="B"), "balance", lambda page: self.run_tab.balance())
-        for key, angle in (("left", 180), ("right", 0), ("up", 90), ("down", 270)):
-            push = add(f"Push {key}", hotkey=f"arrow{key}", modifier="shift")  # pyright: ignore[reportArgumentType]
+        keys = (
+            ("left", "left", 180),
+            ("right", "right", 0),
+            ("up", "away", 90),
+            ("down", "near", 270),
+        )
+        for key, way, angle in keys:
+            push = add(f"Push {way}", hotkey=f"arrow{key}", modifier="shift")  # pyright: ignore[reportArgumentType]
             button(push, "push", lambda page, a=float(angle): self.run_tab.push(a))
 
     # --- pages that come and go ---

@@ -244,6 +244,12 @@ def read_run(folder: Path | str) -> Run:
     return Run(folder, meta, Log.from_rows(samples.rows), samples.events)
 
 
+def being_recorded(folder: Path | str) -> bool:
+    """Whether a program is still writing the recording in `folder`."""
+    path = Path(folder) / "samples.mcap"
+    return path.is_file() and _is_locked(path)
+
+
 def recover(folder: Path | str) -> Run:
     """Complete a run that was killed: whole records compressed and indexed, outcome "killed".
 
@@ -253,7 +259,7 @@ def recover(folder: Path | str) -> Run:
     file (the old one stays).
     """
     path = Path(folder) / "samples.mcap"
-    if path.is_file() and _is_locked(path):
+    if being_recorded(folder):
         raise ValueError(f"{folder} is still being recorded: stop that run first")
     run = read_run(folder)
     if run.meta["truncated"]:

@@ -19,7 +19,8 @@ from matplotlib.figure import Figure
 from experiments.analysis.samples import ball_samples, run_part
 from rig.log import Log, shown_angles
 
-WITH, WITHOUT, CENTRE = "#d62728", "#1f4fd8", "#1a9641"
+# With, without, and what is wanted, in every figure; told apart by the colour-blind, too (a test).
+WITH, WITHOUT, CENTRE = "#d62728", "#1f4fd8", "#00b39b"
 SOURCES = {"simulated": "virtual rig", "measured": "measured"}
 _CM = 100.0
 plt.rcParams.update(
@@ -33,6 +34,21 @@ plt.rcParams.update(
         "legend.framealpha": 0.9,
     }
 )
+
+
+def colour_of(arm: str) -> str:
+    """Colour of an arm: red with compensation, blue for "without"."""
+    return WITHOUT if arm == "without" else WITH
+
+
+def mark_times(figure: Figure, times_s: Sequence[float], text: str) -> None:
+    """A dotted line at each of these times [s from release] in every axes; `text` at the first."""
+    for axis in figure.axes:
+        for i, t_s in enumerate(times_s):
+            axis.axvline(t_s, color="0.35", lw=0.9, ls=":")
+            if i == 0 and axis is figure.axes[0]:
+                top = axis.get_xaxis_transform()
+                axis.text(t_s, 0.98, f" {text}", transform=top, va="top", fontsize=7, color="0.35")
 
 
 def ball_cm(log: Log) -> tuple[np.ndarray, np.ndarray]:
@@ -200,16 +216,17 @@ def release_scatter(
 
 
 def pushed_scatter(log: Log, centroid_cm: np.ndarray, arm: str, side_cm: float = 27.5) -> Figure:
-    """Figs. 12 and 13: positions of the pushed ball; centroid red cross, centre green dot.
+    """Figs. 12 and 13: positions of the pushed ball in the arm's colour; centroid black cross,
+    centre green dot.
 
     centroid_cm (2,); arm: for the legend; side_cm: side of the plate.
     """
     figure, axis = plt.subplots(figsize=(5.4, 5.2))
     _plate(axis, side_cm)
     xy = ball_cm(log)[1]
-    axis.plot(*xy.T, ".", color=WITHOUT, ms=2.6, label=f"ball, arm {arm}")
+    axis.plot(*xy.T, ".", color=colour_of(arm), ms=2.6, label=f"ball, {arm}")
     axis.plot(0, 0, "o", color=CENTRE, ms=8, label="centre (desired)")
-    axis.plot(*centroid_cm, "x", color=WITH, ms=10, mew=2.2, ls="", label="centroid")
+    axis.plot(*centroid_cm, "x", color="k", ms=10, mew=2.2, ls="", label="centroid")
     axis.legend(loc="lower left", fontsize=8)
     return figure
 

@@ -102,7 +102,7 @@ def _name(meta: dict) -> str:
 
 def _run_section(run: Recorded, meta: dict, out: Path) -> Section:
     """Ball over time and on the plate, servos over time of one run."""
-    colour = figures.WITH if meta["arm"] == "with" else figures.WITHOUT
+    colour = figures.colour_of(str(meta["arm"]))
     drawn = {"servo": figures.servo_of_run(run.log, colour)}
     if np.isfinite(run.metrics.distance_m):
         side = 100 * meta["rig"]["linkage"]["plate_side_m"] if meta.get("rig") else 27.5

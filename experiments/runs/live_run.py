@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from experiments.records.recording import Recorder
+from rig.loop.commands import BY_HAND
 from rig.loop.loop import Ending
 from rig.loop.process import Job, LoopProcess
 from rig.loop.signals import stop_on_signals
@@ -50,15 +52,22 @@ class AnnouncingRecorder(Recorder):
     """Recorder that also passes every event on and calls a function at the end.
 
     say: called with the time [s] and text of an event, for a person at the table or a page; at_end:
-    called before the recording is finished.
+    called before the recording is finished. run.json gets "by_hand", what somebody did to the run
+    ("12.3 s: push to the left, 0.15 m/s"), where anybody did.
     """
 
     say: Callable[[float, str], None] = staticmethod(lambda t_s, text: None)
     at_end: Callable[[], None] = staticmethod(lambda: None)
 
+    def __init__(self, folder: Path | str, start: dict) -> None:
+        super().__init__(folder, start)
+        self._by_hand: list[str] = []
+
     def event(self, t_s: float, text: str, **data) -> None:
         """Record an event at t_s [s] and pass its text to `say`."""
         super().event(t_s, text, **data)
+        if text.startswith(BY_HAND):
+            self._by_hand.append(f"{t_s:.1f} s: {text.removeprefix(BY_HAND)}")
         self.say(t_s, text)
 
     def finish(self, outcome: str, reason: str = "", **notes) -> None:
@@ -66,4 +75,6 @@ class AnnouncingRecorder(Recorder):
         `Recorder.finish`.
         """
         self.at_end()
+        if self._by_hand:
+            notes["by_hand"] = self._by_hand
         super().finish(outcome, reason, **notes)

@@ -2,6 +2,7 @@
 
 from collections import deque
 from dataclasses import dataclass
+from math import atan2, degrees, hypot, isfinite
 from threading import RLock
 from typing import Protocol
 
@@ -45,6 +46,36 @@ class SetGains:
 
 
 Command = Stop | Push | Target | SetGains
+BY_HAND = "by hand: "  # so begins an event that a run would not have had by itself
+
+
+def said(command: Push | Target | SetGains) -> str:
+    """Return the event of a command that somebody gave during a run, in words and units that people
+    read; it begins with BY_HAND.
+    """
+    if isinstance(command, Push):
+        speeds = [command.seconds * a for a in command.acceleration_m_s2]
+        if not all(map(isfinite, speeds)):
+            return f"{BY_HAND}push of {speeds} m/s"
+        towards = f"{degrees(atan2(speeds[1], speeds[0])) % 360:.0f} degrees from +x"
+        x, y = (round(v / (hypot(*speeds) or 1.0), 6) for v in speeds)
+        words = _DIRECTIONS.get((x, y), f"towards {towards}")
+        return f"{BY_HAND}push {words}, {hypot(*speeds):.2f} m/s"
+    if isinstance(command, SetGains):
+        p, i, d = command.kp, command.ki, command.kd
+        return f"{BY_HAND}gains P {p:.4g} rad/m, I {i:.4g} rad/(m s), D {d:.4g} rad s/m"
+    if command.xy_m is None:
+        return f"{BY_HAND}target of the protocol again"
+    x, y = (100 * v for v in command.xy_m)
+    return f"{BY_HAND}target x {x:+.1f}, y {y:+.1f} cm"
+
+
+_DIRECTIONS: dict[tuple[float, float], str] = {
+    (1, 0): "to the right",
+    (-1, 0): "to the left",
+    (0, 1): "away",
+    (0, -1): "near",
+}
 LONGEST_QUEUE = 64
 
 

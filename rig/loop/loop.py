@@ -14,7 +14,7 @@ from rig.control.foreign_call import ForeignCall
 from rig.control.tick import BLIND, HOLD, PLACE, RUN, control_tick, fill_row
 from rig.course import BLIND_LIMIT_S, Course
 from rig.log import COLUMNS
-from rig.loop.commands import Command, CommandSlot, Inbox, Push, SetGains, Stop, Target
+from rig.loop.commands import BY_HAND, CommandSlot, Inbox, Push, SetGains, Stop, Target, said
 from rig.operator import SAY, Operator
 from rig.parameters import Rig
 from rig.safety import monitor
@@ -308,18 +308,17 @@ class Loop:
         self._pushing = wanted
         return float(x), float(y)
 
-    def _obey(self, command: Command, t_s: float) -> None:
+    def _obey(self, command: Push | Target | SetGains, t_s: float) -> None:
+        words = said(command)
         if isinstance(command, Push):
             self._push, self._push_until = command.acceleration_m_s2, t_s + command.seconds
-            self._event(t_s, "pushed by command")
         elif isinstance(command, Target):
             if command.xy_m is None or np.all(np.abs(command.xy_m) <= self._reach_m):
                 self._target = command.xy_m
-                self._event(t_s, f"target {command.xy_m}")
             else:  # off the plate, or no number
-                self._event(t_s, f"target {command.xy_m} refused")
-        elif isinstance(command, SetGains):
+                words = f"{words.removeprefix(BY_HAND)} is off the plate: refused"
+        else:
             gains = (command.kp, command.ki, command.kd)
             for key, value, top in zip(("kp", "ki", "kd"), gains, HIGHEST_GAINS, strict=True):
                 self._q["control"][key] = min(max(value, 0.0), top) if np.isfinite(value) else 0.0
-            self._event(t_s, f"gains {gains}")
+        self._event(t_s, words)

@@ -14,6 +14,7 @@ from rig.plant.shaft import DEAD_ZONE, EXACT, NONE, relaxation
 from rig.three_arms import AZIMUTHS, arm_angle
 
 STEP_S = 1e-4
+GROWTH_MARGIN = 1e-9  # of rounding, in the eigenvalue 1 of the drive's free turning
 
 _MODELS = {"exact": EXACT, "dead_zone": DEAD_ZONE, "none": NONE}
 _PER_AXIS = (
@@ -41,7 +42,8 @@ def pack(rig: Rig, *, step_s: float = STEP_S) -> np.record:
     """Return the plant's record (dtype PLANT) of a rig, effects and discrepancy included.
 
     The integration step is at most `step_s` and divides the rig's control tick evenly. ValueError:
-    the rig's effects are not those of the catalogue.
+    the rig's effects are not those of the catalogue, or its drive is too stiff or too light for the
+    step (`step_growth`).
     """
     tick_s = 1 / rig.control_rate_hz
     step_s = tick_s / ceil(tick_s / step_s - 1e-9)
@@ -73,6 +75,13 @@ def pack(rig: Rig, *, step_s: float = STEP_S) -> np.record:
     )
     _linkage(p, rig.linkage)
     _per_step(p)
+    if not servo.takes_angle and step_growth(p) > 1.0 + GROWTH_MARGIN:
+        raise ValueError(
+            f"drive with gear_stiffness_nm_rad = {drive.gear_stiffness_nm_rad:g}, "
+            f"joint_stiffness_nm_rad = {drive.joint_stiffness_nm_rad:g}, plate_inertia_kg_m2 = "
+            f"{drive.plate_inertia_kg_m2:g} cannot be simulated in steps of {1e3 * step_s:g} ms: "
+            "it would diverge; lower the stiffness or the damping, or raise the inertia"
+        )
     p["position"], p["has_angle"] = int(servo.takes_angle), int(servo.has_angle)
     for key in Servo.by_axis:
         p[key] = servo.pair(key)
@@ -124,6 +133,25 @@ def _per_step(p: np.record) -> None:
     p["arm_stick"] = p["arm_friction"] * p["arm_per_torque"]
     p["plate_stick"] = p["joint_friction"] * p["plate_per_torque"]
     p["weight"] = p["mass"] * GRAVITY_M_S2 * p["ratio"]  # torque at the servo per metre of offset
+
+
+def step_growth(p: np.record) -> float:
+    """Return the growth of the drive's motion per step [1], above 1 where the simulation diverges.
+
+    It is the spectral radius of one step of symplectic Euler (`step.drive_step`) on axis x with all
+    play closed and no dry friction, v+ = v - M (K q + C v), q+ = q + h v+, with M = h J^-1, for q =
+    (motor, arm, plate) [rad].
+    """
+    (k_g, k_j), (c_g, c_j) = ([p[f"{one}_{of}"][0] for one in ("gear", "joint")] for of in "kc")
+    shafts = [
+        np.array([[g, -g, 0.0], [-g, g + j, -j], [0.0, -j, j]]) for g, j in ((k_g, k_j), (c_g, c_j))
+    ]
+    shafts[1][0, 0] += p["motor_damping"][0]
+    per_torque = np.array([p["motor_per_torque"][0], p["arm_per_torque"], p["plate_per_torque"]])
+    turned, kept = (-per_torque[:, None] * one for one in shafts)
+    kept, h = np.eye(3) + kept, p["step_s"]
+    step = np.block([[np.eye(3) + h * turned, h * kept], [turned, kept]])
+    return float(np.abs(np.linalg.eigvals(step)).max())
 
 
 def no_volts(rig: Rig) -> np.ndarray:

@@ -41,6 +41,8 @@ from rig.table import (
 )
 from vision.frames import Observation
 
+_ANGLES = [plant.MOTOR, plant.ARM, plant.PLATE]
+MOST_RAD = 100.0  # chosen: sixteen turns, where the arms' stops are within one
 _BLOCK = 256
 
 
@@ -99,6 +101,12 @@ def camera_numbers(noise: np.random.Generator, drop: np.random.Generator, n: int
     return np.column_stack([noise.standard_normal((n, 2)), drop.random(n)])
 
 
+class DivergedError(OSError):
+    """The simulated motion has left all bounds: no table moves like this."""
+
+    outcome = "diverged"
+
+
 class SimulatedTable(LevelOnExit):
     """The plant of `rig` (effects included) with its sensors; every random number comes from `rng`.
 
@@ -154,7 +162,7 @@ class SimulatedTable(LevelOnExit):
     # --- the contract ---
     def read(self) -> Reading:
         """Advance the plant by one tick (not at the first call) and return what its sensors
-        show.
+        show. DivergedError: the equations do not hold for what the rig file says.
         """
         if self._tick >= 0:
             self._advance()
@@ -207,6 +215,12 @@ class SimulatedTable(LevelOnExit):
             next_exposure(self._camera),
             self._seen,
         )
+        angle_rad = float(np.abs(self._s[_ANGLES]).max())
+        if not angle_rad < MOST_RAD:
+            raise DivergedError(
+                f"the simulation diverged at {t:.3f} s (an angle of {angle_rad:.1e} rad): check "
+                "stiffness, inertia and masses of the rig file"
+            )
         self.fallen = self.fallen or fell
         if np.isnan(self._seen[SEEN_T]):
             return

@@ -79,8 +79,9 @@ class Lab:
 
     def start(self, *arguments: str) -> subprocess.Popen:
         return subprocess.Popen(
-            [sys.executable, "-m", "experiments.cli", *arguments, "--rig", str(self.rig)],
+            [sys.executable, "-m", "tests.support.patient_rig", *arguments, "--rig", str(self.rig)],
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, stdin=subprocess.DEVNULL,
+            cwd=ROOT,
             preexec_fn=_as_from_a_terminal,
         )  # fmt: skip
 

@@ -274,6 +274,8 @@ def turning(state: State, nuisance: tuple) -> UnnamedTerm:
     begin = 0
     for run in state.evidence.runs:
         n = len(run.exposed_s)
+        if not n:  # on the servos alone: no ball turns
+            continue
         turned = _attitude(run.ball_m, state.nominal.rig.ball.radius_m)
         for j in range(3):
             column = np.zeros((total, 2))

@@ -61,10 +61,10 @@ class ControlLock:
         """Markdown for a page: whether it holds the controls or watches."""
         if self.holder == page:
             others = len(self.pages) - 1
-            watch = f"; {others} other page{'s' * (others > 1)} watching" if others else ""
-            return f"**You hold the controls** (page {page}){watch}."
-        holder = f"Page {self.holder} holds" if self.holder is not None else "Nobody holds"
-        return f"**You are watching** (page {page}). {holder} the controls. You can always stop."
+            watch = f" {others} other page{'s' * (others > 1)} watching." if others else ""
+            return f"**You are in control.**{watch}"
+        holder = "Another page is" if self.holder is not None else "Nobody is"
+        return f"**You are watching.** {holder} in control; you can always stop."
 
 
 @dataclass(frozen=True)
@@ -201,20 +201,24 @@ class Controls:
 
         self._on_press(handle, what, pressed)
 
-    def stop_button(self, handle: Any, what: str, act: Callable[[int | None], None]) -> None:
-        """Call `act(page)` in the callback itself, whatever waits in the queue, for any page.
+    def stop(self, who: str, act: Callable[[str], None], page: int | None = None) -> None:
+        """Call `act(who)` here and now, whatever waits in the queue, for anybody; from any thread.
+        page: is told what fails; None: every page is.
 
-        handle: viser's button or command; what: its name in messages. What the page that holds the
-        controls asked for before it is refused, so that nothing begins after a stop. `act` has to
-        be short and safe in any thread.
+        What the page that holds the controls asked for before it is refused, so that nothing begins
+        after a stop. `act` has to be short and safe in any thread.
         """
+        self._stops += 1
+        try:
+            act(who)
+        except Exception as error:
+            self._failed(QueuedAction("stop", lambda: None, page), error)
+
+    def stop_button(self, handle: Any, what: str, act: Callable[[str], None]) -> None:
+        """Have a button or command of viser stop for any page (`stop`); what: its name."""
 
         def pressed(event: Any) -> None:
-            self._stops += 1
-            try:
-                act(event.client_id)
-            except Exception as error:
-                self._failed(QueuedAction(what, lambda: None, event.client_id), error)
+            self.stop(f"page {event.client_id}", act, event.client_id)
 
         self._on_press(handle, what, pressed)
 
@@ -279,6 +283,10 @@ class Controls:
 
         self._rules[id(handle)] = InputRules(what, clean, use, everybody)
         return checked
+
+    def forget(self, handle: Any) -> None:
+        """Take no more values for an input that leaves the page."""
+        self._rules.pop(id(handle), None)
 
     def cleaned(self, page: int, handle: Any, raw: Any) -> Any:
         """The value to store when a page sends `raw` for the input `handle`: converted and clamped.

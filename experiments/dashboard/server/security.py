@@ -17,12 +17,15 @@ from hmac import compare_digest
 from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qs, parse_qsl, urlencode
 
-# The two scripts of viser 1.1.1's page: the loader, and the program that it unpacks. No other runs,
-# so that HTML in a text cannot act. viser needs the rest: bindings made by `Function`, styles set
-# by script, workers and pictures from its own data.
+from experiments.dashboard.server.shell import PARTS, SCRIPT_HASH
+
+# The two scripts of viser 1.1.1's page (loader, and the program that it unpacks), and our bar's.
+# No other runs, so that HTML in a text cannot act. viser needs the rest: bindings made by
+# `Function`, styles set by script, workers and pictures from its own data.
 SCRIPTS = (
     "sha256-5iRcjB7VnwnYpbUpHa15FmjNIRu22hIQnvWuocHMxJw=",
     "sha256-o/BTEGoB4UnTxqb+3RxwUFQZkWXpqUxouHkbDNrAkqE=",
+    SCRIPT_HASH,
 )
 CONTENT_POLICY = "; ".join(
     (
@@ -87,7 +90,9 @@ class Gate:
             return "a page of another origin may not speak to the table"
         if self.bears_token(request):
             return None
-        if not (self._is_page(request.path) and self._in_cookies(request.cookies)):
+        part = self.part_of(request.path)
+        known = part in PARTS and not request.websocket
+        if not ((known or part == "") and self._in_cookies(request.cookies)):
             return "no valid token: open the link that rig dashboard printed"
         return None
 
@@ -103,9 +108,15 @@ class Gate:
         rest = [pair for pair in parse_qsl(path.partition("?")[2]) if pair[0] != "token"]
         return f"{self.path}/" + (f"?{urlencode(rest)}" if rest else "")
 
-    def _is_page(self, path: str) -> bool:
+    def part_of(self, path: str) -> str | None:
+        """What of the page a path asks for: "" the page itself, else what follows its own path;
+        None: it is no path of the page.
+        """
         given = path.partition("?")[0].rstrip("/")
-        return compare_digest(given.encode("utf-8", "replace"), self.path.encode())
+        page, rest = given[: len(self.path)], given[len(self.path) :]
+        if not compare_digest(page.encode("utf-8", "replace"), self.path.encode()):
+            return None
+        return rest[1:] if rest.startswith("/") else (None if rest else "")
 
     def _is_here(self, host: str) -> bool:
         found = re.fullmatch(r"(\[[^\]]*\]|[^:]*)(?::([0-9]{1,5}))?", host.lower())

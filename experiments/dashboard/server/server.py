@@ -9,10 +9,12 @@ import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 from experiments.dashboard.server.door import crowd_limit
 from experiments.dashboard.server.messages import LONGEST
 from experiments.dashboard.server.security import Gate, PageRequest, gate_of, in_address
+from experiments.dashboard.server.shell import Shell, dressed
 from rig.hardware.network.token_file import check_host
 
 if TYPE_CHECKING:
@@ -56,16 +58,22 @@ def page_request(request: Any) -> PageRequest:
 
 
 def guarded(
-    process_request: Callable | None, gate: Gate, passed: Callable = lambda connection: None
+    process_request: Callable | None,
+    gate: Gate,
+    passed: Callable = lambda connection: None,
+    shell: Shell | None = None,
 ) -> Callable:
     """A `process_request` for viser's websocket server that asks `gate` before `process_request`,
     viser's own (None: it has none).
 
     Who may not pass is answered 403 and a sentence; who comes by the link with the token is led on
-    to the page's own address (303). passed: hears of the connections that may.
+    to the page's own address (303). passed: hears of the connections that may; shell: answers the
+    bar around the page, and gives it to the page.
     """
     from websockets.datastructures import Headers
     from websockets.http11 import Response
+
+    shell = shell or Shell()
 
     def guard(connection: Any, request: Any):
         asked = page_request(request)
@@ -79,17 +87,30 @@ def guarded(
             head = Headers({"Location": gate.page_of(request.path), "Content-Length": "0"})
             head.update(gate.headers())
             return Response(303, "See Other", head)
+        part = gate.part_of(request.path)
+        if part:
+            body = shell.answer(part, _caller(connection))
+            head = Headers({"Content-Type": "application/json", "Content-Length": str(len(body))})
+            head.update(gate.headers())
+            return Response(200, "OK", head, body)
         request.path = "/"  # the only page that viser serves
         answer = process_request(connection, request) if process_request else None
         if answer is not None:
             answer.headers.update(gate.headers())
+            return dressed(answer) if answer.status_code == 200 else answer
         return answer
 
     return guard
 
 
+def _caller(connection: Any) -> str:
+    """Address of the machine at the other end, for a person."""
+    address = getattr(connection, "remote_address", None)
+    return str(address[0]) if address else "an unknown address"
+
+
 @contextmanager
-def _gated(gate: Gate) -> Iterator[list[Any]]:
+def _gated(gate: Gate, shell: Shell) -> Iterator[list[Any]]:
     """While inside, what `websockets` serves stands behind the gate; yields what was served."""
     import websockets.asyncio.server as module
 
@@ -97,7 +118,7 @@ def _gated(gate: Gate) -> Iterator[list[Any]]:
 
     def gated_serve(*args: Any, **settings: Any):
         settings["create_connection"], passed = crowd_limit()
-        settings["process_request"] = guarded(settings.get("process_request"), gate, passed)
+        settings["process_request"] = guarded(settings.get("process_request"), gate, passed, shell)
         settings["max_size"] = LONGEST
         served.append(settings)
         return serve(*args, **settings)
@@ -125,7 +146,11 @@ def open_server(host: str, port: int, token: str) -> "tuple[ViserServer, Gate]":
 
     port = free_port(host, port)
     gate = gate_of(host, port, token)
-    with _gated(gate) as served, redirect_stdout(io.StringIO()):  # it would print its own banner
+    shell = Shell()
+    with (
+        _gated(gate, shell) as served,
+        redirect_stdout(io.StringIO()),
+    ):  # it would print its own banner
         server = viser.ViserServer(host=host, port=port, verbose=False)
     if len(served) != 1 or server.get_port() != port:
         with redirect_stdout(io.StringIO()):
@@ -138,7 +163,16 @@ def open_server(host: str, port: int, token: str) -> "tuple[ViserServer, Gate]":
     handlers = server._websock_server._incoming_handlers
     for kind in (messages.ShareUrlRequest, messages.ShareUrlDisconnect):
         handlers.pop(kind, None)  # no page opens a tunnel to the internet
+    _SHELLS[server] = shell
     return server, gate
+
+
+_SHELLS: WeakKeyDictionary[Any, Shell] = WeakKeyDictionary()
+
+
+def shell_of(server: "ViserServer") -> Shell:
+    """The shell around the page of a server of `open_server`."""
+    return _SHELLS[server]
 
 
 def link_of(gate: Gate, host: str) -> str:

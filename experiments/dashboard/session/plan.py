@@ -3,6 +3,9 @@
 from dataclasses import dataclass
 
 from experiments.runs.protocol import Protocol
+from rig.operator import Operator
+
+METHOD_WORDS = {"with": "with play compensation", "without": "without play compensation"}
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,21 @@ class PlannedRun:
     @property
     def words(self) -> str:
         """Protocol, method and seed, for a line on the page."""
-        return f"{self.plan.protocol.name}, {self.method} the model, seed {self.seed}"
+        return f"{self.plan.protocol.name}, {METHOD_WORDS[self.method]}, seed {self.seed}"
+
+    def ended(self, outcome: str, reason: str, t_s: float) -> str:
+        """A sentence on how this run ended after t_s [s], "" where it was completed."""
+        if outcome == "completed":
+            return ""
+        which = f"Run {self.number} of {self.of}"
+        if not reason.startswith("stopped by"):
+            return f"{which} failed after {t_s:.1f} s and does not count: {reason or outcome}."
+        begun = ""
+        if self.number + 1 == self.of:
+            begun = f"; run {self.of} was not begun"
+        elif self.number < self.of:
+            begun = f"; runs {self.number + 1} to {self.of} were not begun"
+        return f"{which} was {reason} after {t_s:.1f} s and does not count{begun}."
 
 
 def planned_runs(plan: RunPlan) -> list[PlannedRun]:
@@ -51,8 +68,10 @@ class SessionStatus:
     """What the session does.
 
     state: starting, balancing, running, pause or stopped; words: the same for a person; run: the
-    present run or, in a pause, the next; t_s: time of the present run; operator_step: what the
-    operator has to do now, "" for nothing.
+    present run or, in a pause, the next; t_s: time of the present run, which stands still while the
+    operator is waited for; operator_step: what the operator has to do now, "" for nothing;
+    waited_s: for how long the operator has been waited for, None where nobody is; last: how the
+    last run ended, "" where it was completed.
     """
 
     state: str
@@ -60,6 +79,14 @@ class SessionStatus:
     run: PlannedRun | None = None
     t_s: float = 0.0
     operator_step: str = ""
+    waited_s: float | None = None
+    last: str = ""
+
+    @property
+    def patience_s(self) -> float:
+        """For how long the operator is waited for [s]."""
+        hold_s = self.run.plan.protocol.start.hold_s if self.run else 0.0
+        return hold_s + Operator.release_limit_s
 
     @property
     def duration_s(self) -> float:

@@ -18,7 +18,13 @@ import numpy as np
 
 from experiments.dashboard.session import virtual_job
 from experiments.dashboard.session.live import LiveBuffer
-from experiments.dashboard.session.plan import PlannedRun, RunPlan, SessionStatus, planned_runs
+from experiments.dashboard.session.plan import (
+    METHOD_WORDS,
+    PlannedRun,
+    RunPlan,
+    SessionStatus,
+    planned_runs,
+)
 from experiments.dashboard.session.run_setup import RealRunSetup, VirtualRunSetup
 from experiments.records.recording import Recorder
 from experiments.runs.live_run import AnnouncingRecorder, record_live
@@ -67,6 +73,9 @@ class Session:
         self._busy = False
         self._notes: deque[str] = deque(maxlen=64)
         self._status = SessionStatus("starting", "the loop's process starts")
+        self._last = ""  # how the last run ended
+        self._failed: PlannedRun | None = None  # the one that may be repeated
+        self._asked, self._begun_s = False, 0.0  # a person is asked; when the run's clock began
         self.last_notes: dict = {}  # of the last loop: jitter, real time
         self._thread = threading.Thread(target=self._serve, daemon=True, name="session")
         self._thread.start()
@@ -93,6 +102,27 @@ class Session:
             self._planned.extend(planned_runs(plan))
             self._plan_rig = self.rig  # of all its runs, whatever is set meanwhile
             self._balance = not self.table.real
+            self._end_loop(Stop("a run begins", "ended"))
+
+    @property
+    def may_repeat(self) -> bool:
+        """Whether the last run was not completed and can be made again."""
+        return self._failed is not None and self._status.state != "running"
+
+    def repeat(self) -> None:
+        """Make the last run again, which was not completed; the rest of the plan follows.
+
+        ValueError: there is none; ValueError, OSError: the table cannot run it.
+        """
+        failed, stops = self._failed, self._stops
+        if failed is None or not self.may_repeat:
+            raise ValueError("no run has failed: there is none to repeat")
+        self.table.check(failed.plan, self._plan_rig)
+        with self._wake:
+            if stops != self._stops:
+                raise ValueError("STOP was pressed meanwhile: press Repeat again")
+            self._failed, self._waits, self._balance = None, False, not self.table.real
+            self._planned.appendleft(failed)
             self._end_loop(Stop("a run begins", "ended"))
 
     def go_on(self) -> None:
@@ -198,6 +228,7 @@ class Session:
             except Exception as error:
                 self._announce(0.0, f"{type(error).__name__}: {error}")
                 ending, lasted_s = Ending("aborted", str(error)), 0.0
+                self._last = planned.ended("aborted", str(error), 0.0) if planned else ""
             finally:
                 with self._wake:
                     self._loop, self._busy, self._stop = None, False, None
@@ -219,20 +250,22 @@ class Session:
                     return self._planned.popleft()
                 if self._planned:
                     planned = self._planned[0]
-                    words = (
-                        f"run {planned.number} of {planned.of} is next ({planned.method} the model)"
-                    )
-                    self._status = SessionStatus("pause", words, planned)
+                    how = METHOD_WORDS[planned.method]
+                    words = f"run {planned.number} of {planned.of} is next ({how})"
+                    self._status = SessionStatus("pause", words, planned, last=self._last)
                 elif self._balance:
                     self._busy = True
                     return None
                 else:
-                    self._status = SessionStatus("stopped", "the table rests at 0 V")
+                    self._status = SessionStatus(
+                        "stopped", "the table rests at 0 V", last=self._last
+                    )
                 self._wake.wait(1.0)
             return None
 
     def _balancing(self) -> tuple[Ending, float]:
-        self._status = SessionStatus("starting", "the loop's process starts (a few seconds)")
+        words = "the loop's process starts (a few seconds)"
+        self._status = SessionStatus("starting", words, last=self._last)
         job = virtual_job.virtual_job(self.rig, "without", virtual_job.balancing_course(self.rig))
         self.live.begin()
         loop = LoopProcess(job)
@@ -243,7 +276,8 @@ class Session:
             last[0] = float(row[0])
             self.live.add(row)
             if self._status.state != "balancing":
-                self._status = SessionStatus("balancing", "the virtual table balances its ball")
+                words = "the virtual table balances its ball"
+                self._status = SessionStatus("balancing", words, last=self._last)
 
         ending = loop.run(keep, self._announce)
         self.last_notes = loop.notes
@@ -253,6 +287,7 @@ class Session:
         """One run of the plan, recorded."""
         plan = planned.plan
         self._status = SessionStatus("running", f"{planned.words}: starting", planned)
+        self._last, self._failed, self._asked, self._begun_s = "", planned, False, 0.0
         self._notes.clear()
         self.live.begin()
         with self.table.ready(planned, self._plan_rig) as run:
@@ -264,8 +299,11 @@ class Session:
             look = partial(self._on_row, watch, recorder, planned)
             with recorder:
                 ending = record_live(run.job, recorder, started=self._started, watch=look)
+        completed = ending.outcome == "completed"
         with self._wake:
-            self._waits = plan.pause and bool(self._planned)
+            self._waits = (plan.pause or not completed) and bool(self._planned)
+            self._failed = None if completed else planned
+            self._last = planned.ended(ending.outcome, ending.reason, self._status.t_s)
         with suppress(Exception):
             self._on_recorded(planned, run.folder, ending)
         return ending, self._status.t_s
@@ -279,11 +317,20 @@ class Session:
         while self._notes:
             Recorder.event(recorder, t_s, self._notes.popleft())
         operator_step = self._status.operator_step if self._status.run is planned else ""
-        self._status = SessionStatus("running", planned.words, planned, t_s, operator_step)
+        waited_s = t_s if self._asked else None
+        clock_s = 0.0 if self._asked else t_s - self._begun_s
+        self._status = SessionStatus(
+            "running", planned.words, planned, clock_s, operator_step, waited_s
+        )
 
     def _on_event(self, t_s: float, text: str) -> None:
+        run = self._status.run
+        hold_s = run.plan.protocol.start.hold_s if run else 0.0
         if text.startswith("asked: "):
+            self._asked = self._asked or text.startswith("asked: place")
             self._status = replace(self._status, operator_step=text.removeprefix("asked: "))
         elif text in ("placed", "released"):
             self._status = replace(self._status, operator_step="")
+        if self._asked and text == ("released" if hold_s > 0 else "placed"):
+            self._asked, self._begun_s = False, t_s - hold_s
         self._announce(t_s, text)

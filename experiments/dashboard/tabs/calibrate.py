@@ -4,6 +4,7 @@ A virtual table does every step by itself. A real one is seen by its camera (len
 measured from recorded runs (delay, level); nothing here moves it.
 """
 
+import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -74,6 +75,7 @@ class CalibrateTab:
         self._controls, self._worker, self._session, self._send = controls, worker, session, send
         self._out, self._real, self._rows = out, real, rows
         self._borrowed = ExitStack()
+        self._awaited: WorkItem | None = None
         gui = server.gui
         gui.add_markdown(REAL if real else VIRTUAL)
         if real:
@@ -122,13 +124,11 @@ class CalibrateTab:
         self._next()
 
     def _measure(self, step: str) -> CalibrationRequest:
-        """What is to be done for a step; the camera of a real table is borrowed for it."""
+        """What is to be done for a step."""
         out, rig = self._out / "calibration", self._session.rig
         if self._real is None:
             return CalibrationRequest(step, rig, out)
-        file, camera = self._real
-        if camera is not None and step in ("camera", "table"):
-            self._borrowed.enter_context(camera.lend())
+        file, _ = self._real
         runs = [
             row.folder
             for row in self._rows()
@@ -158,13 +158,29 @@ class CalibrateTab:
                 f"calibrate {step}", partial(self._on_message, step, kind, what)
             )
 
-        try:
-            self._worker.put(WorkItem("calibration", task, on_message))
-        except ValueError:
-            self._borrowed.close()
-            raise
+        item = WorkItem("calibration", task, on_message)
+        camera = self._real[1] if self._real else None
+        if camera is not None and step in ("camera", "table"):
+            camera.check_free()
+            self._awaited = item
+            threading.Thread(target=self._borrow, args=(camera, item), daemon=True).start()
+        else:
+            self._worker.put(item)
         self._lines, self._since_s = [], time.monotonic()
         self._mark(step, "on", "on its way")
+
+    def _borrow(self, camera: RealCamera, item: WorkItem) -> None:
+        """Borrow the camera of a real table, which may take seconds, then let the worker begin."""
+        try:
+            self._borrowed.enter_context(camera.lend())
+            if self._awaited is item:
+                self._worker.put(item)
+            else:  # cancelled meanwhile
+                self._borrowed.close()
+        except (OSError, ValueError) as error:
+            item.on_message("failed", str(error))
+        finally:
+            self._awaited = None
 
     def draw(self) -> None:
         """Write how long the present step has taken, once a second."""
@@ -224,7 +240,8 @@ class CalibrateTab:
 
     def _cancel(self) -> None:
         self._left = ()
-        if self._worker.cancel("calibration"):
+        awaited, self._awaited = self._awaited, None  # of a camera that is being borrowed
+        if awaited or self._worker.cancel("calibration"):
             step = next(step for step, state in self._state.items() if state == "on")
             self._on_message(step, "failed", "it was cancelled before it began")
 

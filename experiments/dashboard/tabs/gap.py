@@ -6,13 +6,17 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments.dashboard.server.controls import Controls
-from experiments.dashboard.server.input_limits import choice
+from experiments.calibrate.folder import FILE
+from experiments.dashboard.server.controls import CheckedValue, Controls
+from experiments.dashboard.server.input_limits import flag
 from experiments.dashboard.server.untrusted_text import plain
+from experiments.dashboard.session.gap_tasks import GapAnswer, find_gap, newest_answer
 from experiments.dashboard.session.playback import Playback
-from experiments.dashboard.session.tasks import GapAnswer, RunSummary, find_gap
+from experiments.dashboard.session.tasks import RunSummary
 from experiments.dashboard.session.worker_process import WorkerProcess, WorkItem
 from experiments.dashboard.tabs.gallery import Gallery
+from experiments.gap.beside import HEAD
+from experiments.gap.short_answer import advice
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -42,7 +46,17 @@ DOES = {
     "closed loop and next experiment": "running the new model in closed loop",
     "report": "writing the report",
 }
-SETS = {"the newest run": 1, "the newest 2 runs": 2, "the newest 4 runs": 4}
+TICKED, LISTED = 4, 12  # newest runs that are ticked, and that are listed
+GOOD = (
+    "Which runs are good for this? **steps** and **servo-squares** together (45 s): steps move "
+    "ball and plate through all their play, squares the servos alone."
+)
+
+
+def run_label(row: RunSummary) -> str:
+    """Name of a run beside its box: protocol, method, time of day."""
+    stamp = row.folder.name.split("-")[0][9:15]
+    return f"{row.protocol}, {row.method}, {stamp[:2]}:{stamp[2:4]}:{stamp[4:]}"
 
 
 def stage_lines(on: int, done: bool) -> str:
@@ -55,6 +69,16 @@ def stage_lines(on: int, done: bool) -> str:
         mark = "✓" if done or i < on else "▶" if busy else "·"
         lines.append(f"{mark} **{i + 1} {name}**: {question}")
     return "  \n".join(lines)
+
+
+def beside_table(rows: list[list[str]]) -> str:
+    """The rows of `experiments.gap.beside` as Markdown; columns that are blank are left out."""
+    kept = [i for i in range(len(HEAD)) if any(row[i] for row in rows)]
+    if not kept:
+        return ""
+    table = [[HEAD[i] for i in kept], ["---"] * len(kept)]
+    table += [[plain(row[i]) for i in kept] for row in rows]
+    return "\n\n" + "\n".join("| " + " | ".join(row) + " |" for row in table)
 
 
 class GapTab:
@@ -83,9 +107,11 @@ class GapTab:
         gui.add_markdown("Find out which effect the model lacks: start with the demo.")
         demo = gui.add_button("Demo: find a hidden play", color="green")
         controls.button(demo, "gap", lambda page: self.begin(None))
-        picked = gui.add_dropdown("Recorded runs", tuple(SETS))
-        self._set = controls.value(picked, "runs", partial(choice, options=tuple(SETS)))
-        own = gui.add_button("Analyse recorded runs")
+        gui.add_markdown(GOOD)
+        self._folder: Any = gui.add_folder("Recorded runs", visible=False)
+        self._boxes: dict[Path, tuple[Any, CheckedValue[bool]]] = {}
+        self._advice: Any = gui.add_markdown("")
+        own = gui.add_button("Analyse the ticked runs")
         controls.button(own, "gap", lambda page: self.begin(self._chosen()))
         cancel = gui.add_button("Cancel", color="gray")
         controls.button(cancel, "cancel", lambda page: self._cancel())
@@ -99,14 +125,45 @@ class GapTab:
         self._clear: Any = gui.add_button("Take the map off the plate", color="gray", visible=False)
         controls.button(self._clear, "map", lambda page: self._lay(None))
         self._gallery = Gallery(server, "Pictures")
+        self._gui = gui
+        self._advised: list[str] | None = None
         self._on = -1
         self._does, self._since_s, self._shown_s = "", 0.0, -1
-        self.answer: GapAnswer | None = None
+        self.answer: GapAnswer | None = newest_answer(out)
+        if self.answer is not None:
+            self._show(self.answer, earlier=True)
+
+    def refresh(self) -> None:
+        """List the recorded runs anew, each with a box; what was ticked stays so."""
+        rows = [row for row in self._rows() if row.outcome == "completed"][:LISTED]
+        if [row.folder for row in rows] == list(self._boxes):
+            return
+        ticked = {folder: kept.now for folder, (_, kept) in self._boxes.items()}
+        for handle, _ in self._boxes.values():
+            self._controls.forget(handle)
+            handle.remove()
+        self._boxes = {}
+        with self._folder:
+            for number, row in enumerate(rows):
+                new = number < TICKED and not row.by_hand
+                handle = self._gui.add_checkbox(run_label(row), ticked.get(row.folder, new))
+                kept = self._controls.value(handle, "run", flag, self._advise)
+                self._boxes[row.folder] = handle, kept
+        self._folder.visible = bool(rows)
+        self._advise()
+
+    def _ticked(self) -> list[RunSummary]:
+        rows = {row.folder: row for row in self._rows()}
+        return [rows[f] for f, (_, kept) in self._boxes.items() if kept.now and f in rows]
+
+    def _advise(self, *_: Any) -> None:
+        """Say what the ticked runs lack; a box that was just set counts a moment later."""
+        self._advised = None
 
     def _chosen(self) -> list[Path]:
-        rows = [row for row in self._rows() if row.outcome == "completed"][: SETS[self._set.now]]
+        rows = self._ticked()
         if not rows:
-            raise ValueError("no completed runs yet: make some in the tab Run, or try the demo")
+            raise ValueError("no run is ticked: make some in the tab Run, or try the demo")
         return [row.folder for row in rows]
 
     def begin(self, logs: list[Path] | None) -> None:
@@ -114,7 +171,8 @@ class GapTab:
         before is cleared. ValueError: an analysis is on.
         """
         number = 1 + sum(1 for _ in self._out.glob("gap-*"))
-        task = partial(find_gap, logs, self._out / f"gap-{number}", number)
+        calibration = self._out / "calibration" / FILE
+        task = partial(find_gap, logs, self._out / f"gap-{number}", number, calibration)
 
         def on_message(kind: str, what: Any) -> None:
             self._controls.queue.put("gap", partial(self._on_message, kind, what))
@@ -126,7 +184,10 @@ class GapTab:
         self._film.visible = self._report.visible = False
         self._bar.value = 0.0
         self._stages.content = stage_lines(-1, False)
-        self._does, self._since_s = "begins; it takes half a minute or so in all", time.monotonic()
+        self._does, self._since_s = (
+            "begins; a minute or so in all, more on a busy machine",
+            time.monotonic(),
+        )
         self._lay(None)
 
     def _cancel(self) -> None:
@@ -147,7 +208,13 @@ class GapTab:
             self._end(what)
 
     def draw(self) -> None:
-        """Write what is being done, and for how long, once a second."""
+        """Write what is being done, and for how long, once a second; and what the ticked runs
+        lack.
+        """
+        protocols = [row.protocol for row in self._ticked()] if self._advised is None else None
+        if protocols is not None:
+            self._advised = protocols
+            self._advice.content = plain(advice(protocols)) if protocols else ""
         seconds = int(time.monotonic() - self._since_s)
         if self._does and seconds != self._shown_s:
             self._shown_s = seconds
@@ -157,10 +224,17 @@ class GapTab:
         self.answer, self._does = answer, ""
         self._bar.value = 100.0
         self._stages.content = stage_lines(4, True)
-        lines = "\n\n".join(map(plain, answer.lines[:7]))
-        self._words.content = f"**{plain(answer.verdict)}: {plain(answer.sentence)}**\n\n{lines}"
-        self._gallery.show(answer.pictures)
+        self._show(answer)
         self._lay(answer.plate_map)
+
+    def _show(self, answer: GapAnswer, *, earlier: bool = False) -> None:
+        """The answer: the first sentence in bold, the others, what is known otherwise."""
+        said = [plain(sentence) for sentence in answer.short.sentences]
+        lines = [f"**{sentence}**" for sentence in said[:1]] + said[1:]
+        if earlier:
+            lines.insert(0, f"*Of an earlier analysis ({plain(answer.report.parent.name)}):*")
+        self._words.content = "\n\n".join(lines) + beside_table(answer.short.table)
+        self._gallery.show(answer.pictures)
         self._film.visible = answer.models is not None
         self._report.visible = True
 

@@ -6,15 +6,18 @@ from math import hypot
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from experiments.analysis.comparison import HEAD
 from experiments.dashboard.server.controls import Controls
-from experiments.dashboard.server.input_limits import choice
+from experiments.dashboard.server.input_limits import choice, flag
 from experiments.dashboard.server.untrusted_text import plain
 from experiments.dashboard.session.live import LiveBuffer
 from experiments.dashboard.session.tasks import (
+    UNFINISHED,
     DrawnFigures,
     RunSummary,
     draw_figures,
     list_runs,
+    recover_runs,
     report_of_runs,
 )
 from experiments.dashboard.session.worker_process import WorkerProcess, WorkItem
@@ -27,8 +30,8 @@ TOGETHER = 8  # newest runs of a protocol that figures are made of
 LISTED = 12
 NONE = "(no runs yet)"
 MEANS = (
-    "The centroid is where the ball was on average: the paper's measure, 0 is best. It says "
-    "nothing of the swing about it, and differs by hundredths of a centimetre between repeats."
+    "Centroid: where the ball was on average, in cm from the centre (the paper's measure); it says "
+    "nothing of the swing about it. Blank where the target moves, and until it is computed."
 )
 
 
@@ -38,17 +41,31 @@ def table(rows: list[RunSummary], centroids: dict[str, tuple[float, float]]) -> 
     """
     if not rows:
         return "No runs yet: make some in the tab **Run**."
-    lines = ["| run | arm | outcome | centroid [cm] |", "|---|---|---|---|"]
+    lines = ["| run | controller | outcome | centroid [cm] |", "|---|---|---|---|"]
     for row in rows[:LISTED]:
         stamp = row.folder.name.split("-")[0][9:15]
         where = centroids.get(row.folder.name)
-        words = "-" if where is None else f"({where[0]:+.2f}, {where[1]:+.2f})"
+        words = "" if where is None else f"({where[0]:+.2f}, {where[1]:+.2f})"
         time = f"{stamp[:2]}:{stamp[2:4]}:{stamp[4:]}"
-        cells = (f"{row.protocol} {time}", row.method, row.outcome)
+        cells = (f"{row.protocol} {time}", row.method, row.how)
         lines.append(f"| {' | '.join(map(plain, cells))} | {words} |")
     more = len(rows) - LISTED
     lines += ["", MEANS]
     return "\n".join(lines) + (f"\n\n{more} more in the folder." if more > 0 else "")
+
+
+def card(figures: DrawnFigures) -> str:
+    """What both methods did, as Markdown: the answer first, then the numbers; what does not count
+    is named.
+    """
+    lines = [f"**{plain(figures.sentence)}**"] if figures.sentence else []
+    if figures.table:
+        lines += ["", *("| " + " | ".join(row) + " |" for row in (HEAD, ("---",) * len(HEAD)))]
+        lines += ["| " + " | ".join(map(plain, row)) + " |" for row in figures.table]
+    for row in figures.rows:
+        for what in row.by_hand:
+            lines += ["", f"By hand in {plain(row.folder.name)}: {plain(what)}"]
+    return "\n".join(lines)
 
 
 class ResultsTab:
@@ -79,17 +96,24 @@ class ResultsTab:
         self._centroid: Any = gui.add_markdown("")
         self._picked: Any = gui.add_dropdown("Figures of", (NONE,))
         self._protocol = controls.value(self._picked, "protocol", self._clean, self._chosen)
-        again = gui.add_button("Draw figures")
-        controls.button(again, "figures", lambda page: self.figures(), everybody=True)
+        disturbed = gui.add_checkbox("Count runs disturbed by hand", False)
+        self._disturbed = controls.value(
+            disturbed, "disturbed", flag, lambda value: self.figures(disturbed=value)
+        )
+        self._card: Any = gui.add_markdown("")
         report = gui.add_button("Download the report")
         controls.button(report, "report", self.report, everybody=True)
         self._words: Any = gui.add_markdown("")
         self._gallery = Gallery(server, "Figures")
         self._table: Any = gui.add_markdown("")
+        self._recover: Any = gui.add_button("Recover what was cut off", visible=False)
+        controls.button(self._recover, "recover", lambda page: self.recover())
         self._rows: list[RunSummary] = []
         self._centroids: dict[str, tuple[float, float]] = {}
         self._live_words = ""
         self.refresh()
+        if self._rows:  # of an earlier program: shown again
+            self.refresh(self._rows[0].protocol)
 
     def _clean(self, value: Any) -> str:
         return choice(value, self._picked.options)
@@ -115,21 +139,31 @@ class ResultsTab:
         elif self._protocol.now not in names:
             self._protocol.now = names[0]
         self._table.content = table(self._rows, self._centroids)
+        self._recover.visible = any(row.outcome == UNFINISHED for row in self._rows)
         if protocol in names:
             self.figures(protocol)
 
     def _together(self, protocol: str) -> list[RunSummary]:
         return [row for row in self._rows if row.protocol == protocol][:TOGETHER]
 
-    def figures(self, protocol: str | None = None) -> None:
+    def recover(self) -> None:
+        """Have the worker repair the recordings that were cut off. ValueError: there is none."""
+        folders = [row.folder for row in self._rows if row.outcome == UNFINISHED]
+        if not folders:
+            raise ValueError("no recording was cut off")
+        self._put("recover", partial(recover_runs, folders), lambda count: self.refresh())
+
+    def figures(self, protocol: str | None = None, *, disturbed: bool | None = None) -> None:
         """Have the worker draw the figures that the newest runs of a protocol allow (None: the one
-        chosen), instead of figures that it still draws. ValueError: no run of it.
+        chosen), instead of figures that it still draws; disturbed: runs that were disturbed by hand
+        count (None: as the box says). ValueError: no run of it.
         """
         name = protocol or self._protocol.now
         rows = self._together(name)
         if not rows:
             raise ValueError("no runs yet: make some in the tab Run")
-        task = partial(draw_figures, rows, self._out / "figures" / name)
+        count = self._disturbed.now if disturbed is None else disturbed
+        task = partial(draw_figures, rows, self._out / "figures" / name, count)
         self._put("figures", task, self._drawn, instead=True)  # of fewer runs
 
     def report(self, page: int | None) -> None:
@@ -164,6 +198,7 @@ class ResultsTab:
         for row in figures.rows:
             if row.centroid_cm is not None:
                 self._centroids[row.folder.name] = row.centroid_cm
+        self._card.content = card(figures)
         self._gallery.show(figures.pictures)
         self._table.content = table(self._rows, self._centroids)
 
@@ -172,7 +207,7 @@ class ResultsTab:
         the mean.
         """
         mean = self._live.centroid
-        xy, words = mean.xy_m, "Centroid of the present run: no run is on"
+        xy, words = mean.xy_m, ""
         if xy is not None and running:
             x, y = 100 * xy
             words = (

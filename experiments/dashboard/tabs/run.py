@@ -22,6 +22,7 @@ from experiments.dashboard.server.input_limits import (
 from experiments.dashboard.server.untrusted_text import plain
 from experiments.dashboard.session.plan import RunPlan, SessionStatus
 from experiments.dashboard.session.session import Session
+from experiments.dashboard.tabs.header import live
 from experiments.dashboard.view.pose import backlash_widths
 from experiments.runs.assemble import with_play
 from experiments.runs.protocol import read_protocol, shipped
@@ -30,7 +31,11 @@ from rig.loop.commands import Push, SetGains, Target
 if TYPE_CHECKING:
     from viser import ViserServer
 
-METHODS = {"both": ("without", "with"), "with the model": ("with",), "without": ("without",)}
+METHODS = {
+    "both, one after the other": ("without", "with"),
+    "with play compensation": ("with",),
+    "without": ("without",),
+}
 WHAT = "Choose a protocol and press **Start**; or play with the balancing table."
 WHAT_REAL = (
     "**A real table.** Homed with `rig home`? Choose a protocol, clear the plate, a hand at the "
@@ -38,12 +43,19 @@ WHAT_REAL = (
 )
 SPEEDS = ("1 x", "2 x", "4 x")
 PUSH_S = 0.08  # duration of a push; chosen: a tap
+SEEDS = (
+    "each has a seed of its own; same seed, same noise: both controllers get the same conditions"
+)
 ARROWS = {"left": 180.0, "right": 0.0, "away": 90.0, "near": 270.0}
 KEYS = (
     "Keys: **R** start, **N** next run, **B** balance, **Esc** stop, **Shift + arrows** push, "
     "**Ctrl + K** all of them."
 )
-IDLE = "no run: choose a protocol and press **Start**"
+IDLE = "Choose a protocol and press **Start**."
+MARKED = (
+    "pushes, targets and gains during a recorded run: they are marked in it, and it is not counted"
+)
+DISTURB = "tick 'Disturb the recorded run' first: what you do will be marked in it"
 
 
 def minutes(seconds: float) -> str:
@@ -55,12 +67,16 @@ def minutes(seconds: float) -> str:
 def progress_words(status: SessionStatus) -> str:
     """A line (Markdown) on the present run: which one, its time, time left of the plan."""
     planned = status.run
+    last = f"**{plain(status.last)}** " if status.last else ""
     if planned is None:
-        return f"{plain(status.words)}. {IDLE}" if status.state == "stopped" else IDLE
+        return last + IDLE
     of = f"run {planned.number} of {planned.of}"
     left = f"{minutes(status.remaining_s)} left"
     if status.state == "pause":
-        return f"**Pause**: {plain(status.words)}, {left}; press **Next run**"
+        return f"{last}**Pause**: {plain(status.words)}, {left}; press **Next run**"
+    if status.waited_s is not None:
+        clock = f"{minutes(status.waited_s)} of {minutes(status.patience_s)}"
+        return f"{of}: {plain(status.words)}, **waiting for you** ({clock})"
     return f"{of}: {plain(status.words)}, {status.t_s:.1f} of {status.duration_s:.1f} s, {left}"
 
 
@@ -123,21 +139,28 @@ class RunTab:
         """Protocol, methods, repetitions and how the runs are made."""
         gui, value = self._server.gui, self._controls.value
         protocols = gui.add_dropdown("Protocol", shipped(), initial_value="free-release")
-        self._protocol = value(protocols, "protocol", partial(choice, options=shipped()))
-        methods = gui.add_dropdown("Backlash model", tuple(METHODS), initial_value="both")
+        self._protocol = value(
+            protocols, "protocol", partial(choice, options=shipped()), self._describe
+        )
+        self._about: Any = gui.add_markdown("")
+        self._describe(self._protocol.now)
+        methods = gui.add_dropdown("Controller", tuple(METHODS))
         self._methods = value(methods, "method", partial(choice, options=tuple(METHODS)))
         self._repetitions = value(
-            gui.add_number("Repetitions", 1, min=1, max=100, step=1),
+            gui.add_number("Repetitions", 1, min=1, max=100, step=1, hint=SEEDS),
             "repetitions",
             lambda v: int(REPETITIONS.clamp(v)),
         )
         speeds = gui.add_dropdown(
-            "Virtual time", SPEEDS, hint="How fast its time runs", visible=virtual
+            "Speed of the simulation", SPEEDS, hint="how fast its time runs", visible=virtual
         )
-        self._speed = value(speeds, "virtual time", partial(choice, options=SPEEDS))
+        self._speed = value(speeds, "speed of the simulation", partial(choice, options=SPEEDS))
         self._pause = value(gui.add_checkbox("Pause between runs", False), "pause", flag)
         by_hand = gui.add_checkbox(
-            "I place and let go", False, hint="You are the operator's hand", visible=virtual
+            "I put the ball down myself",
+            False,
+            hint="you are asked before each run, and have two minutes",
+            visible=virtual,
         )
         self._by_hand = value(by_hand, "hand", flag)
         self._arm_box: Any = gui.add_checkbox(
@@ -145,18 +168,24 @@ class RunTab:
         )
         self._armed = value(self._arm_box, "arm the table", flag)
 
+    def _describe(self, name: str) -> None:
+        """Write below the list what the chosen protocol is, and how long a run of it takes."""
+        protocol = read_protocol(name)
+        hold_s = 0.0 if protocol.servo_only else protocol.start.hold_s
+        self._about.content = f"{plain(protocol.title)}: {protocol.duration_s + hold_s:.0f} s."
+
     def _add_buttons(self) -> None:
-        """Start, next run, what the operator is asked to do, balance."""
+        """Start, next run, what the operator is asked to do."""
         gui, button = self._server.gui, self._controls.button
-        self._start = gui.add_button("Start", color="green", icon=None)
+        self._start = gui.add_button("▶ Start", color="green")
         button(self._start, "start", lambda page: self.start())
         self._next = gui.add_button("Next run", color="green", visible=False)
         button(self._next, "next run", lambda page: self.go_on())
+        self._repeat = gui.add_button("Repeat the last run", visible=False)
+        button(self._repeat, "repeat", lambda page: self.repeat())
         self._step = gui.add_markdown("", visible=False)
         self._done = gui.add_button("Done", color="orange", visible=False)
         button(self._done, "confirm", lambda page: self._session.confirm())
-        self._balance = gui.add_button("Balance again", color="green", visible=False)
-        button(self._balance, "balance", lambda page: self.balance())
 
     def start(self) -> None:
         """Start the plan that the inputs describe. ValueError, OSError: a real table is not armed,
@@ -188,6 +217,19 @@ class RunTab:
             self._take_arming()
         self._session.go_on()
 
+    def repeat(self) -> None:
+        """Make the last run again, which was not completed. ValueError: there is none, or a real
+        table is not armed for it.
+        """
+        self._take_arming()
+        self._session.repeat()
+        self._show_live()
+
+    def _check_disturb(self) -> None:
+        """Raise ValueError where a run is being recorded and nobody said that it may be marked."""
+        if self._session.status.state == "running" and not self._disturb.now:
+            raise ValueError(f"a run is being recorded: {DISTURB}")
+
     def _take_arming(self) -> None:
         """A real table's arming counts once. ValueError: it was not armed."""
         if not self._session.table.real:
@@ -217,11 +259,12 @@ class RunTab:
         """A button that puts sliders back to where they began."""
 
         def back(page: int | None) -> None:
+            apply()
             for kept, value in zip(rows, values, strict=True):
                 kept.now = self._handles[id(kept)].value = value
-            apply()
 
-        button = self._server.gui.add_button("Back to the rig file's", color="gray")
+        label = " / ".join(f"{value:g}" for value in values)
+        button = self._server.gui.add_button(f"Reset to {label}")
         self._controls.button(button, "back", back)
 
     def _add_gains(self) -> list:
@@ -242,6 +285,7 @@ class RunTab:
         self._set_gains(wanted)
 
     def _set_gains(self, wanted: list[float]) -> None:
+        self._check_disturb()
         names = "proportional_rad_m", "integral_rad_m_s", "derivative_rad_s_m"
         rig = self._session.rig
         gains = replace(rig.gains, **dict(zip(names, wanted, strict=True)))
@@ -251,8 +295,12 @@ class RunTab:
         gui, controls = self._server.gui, self._controls
         virtual = not self._session.table.real
         gui.add_markdown("Shift + click on the plate sends the ball there.")
-        back = gui.add_button("Target back to the protocol's", color="gray")
-        controls.button(back, "target", lambda page: self._session.put(Target(None)))
+        self._disturb_box: Any = gui.add_checkbox(
+            "Disturb the recorded run", False, hint=MARKED, visible=False
+        )
+        self._disturb = controls.value(self._disturb_box, "disturb", flag)
+        back = gui.add_button("Send the ball back to the middle")
+        controls.button(back, "target", lambda page: self._send(Target(None)))
         self._push = self._slider(
             "Push [m/s]",
             PUSH_M_S,
@@ -272,14 +320,18 @@ class RunTab:
             raise ValueError("push a real ball with a stick")
         strength = self._push.now / PUSH_S
         angle = radians(angle_deg)
-        self._session.put(Push((strength * cos(angle), strength * sin(angle)), PUSH_S))
+        self._send(Push((strength * cos(angle), strength * sin(angle)), PUSH_S))
+
+    def _send(self, command: Push | Target) -> None:
+        self._check_disturb()
+        self._session.put(command)
 
     def aim(self, xy_m: tuple[float, float]) -> None:
         """Send the ball to `xy_m` on the plate, clamped to where the ball fits. ValueError: nothing
         moves, or a coordinate is not finite.
         """
         side = self._session.rig.linkage.plate_side_m
-        self._session.put(Target(on_plate(xy_m, side, self._session.rig.ball.radius_m)))
+        self._send(Target(on_plate(xy_m, side, self._session.rig.ball.radius_m)))
 
     def _add_backlash(self) -> list:
         gear, joint = backlash_widths(self._session.rig)
@@ -319,13 +371,16 @@ class RunTab:
         )
         self._set(self._start, "visible", not on)
         self._set(self._next, "visible", status.state == "pause")
-        self._set(self._balance, "visible", status.state == "stopped" and not real)
+        self._set(self._repeat, "visible", self._session.may_repeat)
+        self._set(self._disturb_box, "visible", on)
+        if not on and self._disturb.now:  # asked for anew in every plan
+            self._disturb.now = self._disturb_box.value = False
         self._set(self._step, "visible", bool(operator_step))
         self._set(self._done, "visible", bool(operator_step) and not real)
         if operator_step:
-            self._set(self._step, "content", operator_step)
+            self._set(self._step, "content", live(operator_step))
         self._set(self._bar, "value", round(100 * status.share, 1))
-        self._set(self._words, "content", self._progress.words(status))
+        self._set(self._words, "content", live(self._progress.words(status)))
         self._set(self._events, "content", "  \n".join(["*Events*", *map(plain, events[::-1])]))
 
     def _set(self, handle: Any, name: str, value: Any) -> None:

@@ -179,14 +179,17 @@ def test_a_served_table_that_is_ended_says_so_and_tells_its_user(tmp_path: Path,
         text=True,
     )
     assert program.stdout is not None
-    line = ""
-    while "serving" not in line:
-        line = program.stdout.readline()
-    port = int(line.rsplit(":", 1)[1])
-    table = RemoteTable("127.0.0.1", port, read_token(token), Wiring())
-    table.read()
-    program.send_signal(number)
-    _, said = program.communicate(timeout=60)
+    try:
+        line = next((line for line in program.stdout if "serving" in line), "")
+        assert line, program.communicate()
+        port = int(line.rsplit(":", 1)[1])
+        table = RemoteTable("127.0.0.1", port, read_token(token), Wiring())
+        table.read()
+        program.send_signal(number)
+        _, said = program.communicate(timeout=60)
+    finally:
+        program.kill()  # no harm where it has ended
+        program.wait()
     assert program.returncode == 128 + number
     assert said == f"rig: ended by {name}; what was recorded so far is kept\n"
     with pytest.raises(LinkLost, match="rig serve was ended there"):

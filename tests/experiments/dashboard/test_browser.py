@@ -74,20 +74,20 @@ def test_the_whole_study_in_a_browser(chromium, tmp_path: Path):
 def ball_and_plate(page: Hand) -> None:
     """The ball is balanced when the page opens, and one sees it; it is sent, and pushed by key."""
     page.see("Balancing")
-    page.see("sees the ball")
+    page.see("ball in sight")
 
     def seen() -> bool:
         spread, ball, plate = sees_table(page.view())
         return spread > 15 and ball > 200 and plate > 5000
 
     wait_for("ball and plate in the 3-D view", seen, PATIENCE_S, every_s=0.2)
-    page.see("You hold the controls")
+    page.see("You are in control")
     page.page.keyboard.down("Shift")
     page.page.mouse.click(600, 420)  # on the plate
     page.page.keyboard.up("Shift")
-    page.see("target (")  # among the events
+    page.see("by hand: target x")  # among the events
     page.page.keyboard.press("Shift+ArrowRight")
-    page.see("pushed by command")
+    page.see("by hand: push to the right")
     page.shot("run-idle")
 
 
@@ -116,12 +116,12 @@ def calibrate_begins(page: Hand) -> None:
 def both_arms(page: Hand, out: Path) -> None:
     """The free release with and without the model, reloaded in the middle."""
     page.tab("Run")
-    page.choose("Virtual time", "4 x")
+    page.choose("Speed of the simulation", "4 x")
     page.tick("Pause between runs")
-    page.press("Start")
+    page.press("▶ Start")
     page.see(re.compile("run [12] of 2.* left"))  # a slow page may come for the pause alone
     page.reload()  # the run goes on; the reloaded page gets its controls back
-    page.see("You hold the controls")
+    page.see("You are in control")
     page.see("run 2 of 2 is next")
     page.press("Next run")
     page.shot("run-on")
@@ -165,22 +165,22 @@ def take_over_and_stop(chromium, first: Hand, program: Program, artefacts: Path,
     and its tab closes for nothing."""
     second = Hand(chromium, program.link, artefacts)
     second.see("You are watching")
-    second.press("Start")
+    second.press("▶ Start")
     second.see("you are watching: press")
     second.press("Take over the controls")
-    second.see("You hold the controls")
+    second.see("You are in control")
     first.see("You are watching")
-    second.tick("I place and let go")
-    second.choose("Virtual time", "1 x")
-    second.press("Start")
+    second.tick("I put the ball down myself")
+    second.choose("Speed of the simulation", "1 x")
+    second.press("▶ Start")
     second.see(re.compile("^Please place the ball"))
     second.shot("run-asked")
     second.press("Done")
     second.see(re.compile("^Please let it go"))
     second.press("Done")
     second.see("released")
-    first.press("STOP (everybody may)")
-    second.see("Stopped, 0 V")
+    first.press("■ STOP")
+    second.see("Stopped, motors at 0 V")
     first.close()
     second.page.keyboard.press("b")
     second.see("Balancing")
@@ -233,7 +233,8 @@ def looks(chromium, page: Hand, program: Program, artefacts: Path) -> Hand:
                 watcher.page.wait_for_timeout(300)
                 watcher.nothing_cut_off()
                 watcher.shot(f"{name.lower()}-{theme}-{width}")
-        watcher.press("Light / dark")
+        watcher.press({"light": "Dark", "dark": "Light"}[theme])
+        watcher.connected()
     return watcher
 
 
@@ -243,9 +244,8 @@ def kill_and_restart(page: Hand, program: Program, out: Path) -> None:
     again = Program(out, port=program.port)
     try:
         assert again.link == program.link
-        page.connected("(page 0)")  # of the new program: the old one counted further
-        page.see("You hold the controls")
-        page.see("sees the ball")
+        page.connected("You are in control")  # the bar reloads the page
+        page.see("ball in sight")
         page.tab("Results")
         page.see("free-release")
         assert again.end() == 0

@@ -11,6 +11,7 @@ from experiments.dashboard.session.plan import RunPlan
 from experiments.records.recording import read_run
 from experiments.runs.assemble import load_rig
 from experiments.runs.protocol import read_protocol
+from tests.support.patient_rig import patiently
 from tests.support.rig_lab import Lab
 from tests.support.waiting import wait_for
 
@@ -20,7 +21,8 @@ def app(lab: Lab) -> Iterator[App]:
     server, _ = open_server("127.0.0.1", 0, "a-token-of-some-length-for-tests")
     one = App(server, load_rig(lab.rig), lab.out, rig_file=lab.rig)
     try:
-        yield one
+        with patiently():
+            yield one
     finally:
         one.close()
         server.stop()

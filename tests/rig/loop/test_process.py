@@ -94,7 +94,7 @@ def test_a_stop_from_another_thread_and_commands_before_it():
     thread.join()
     assert ending == Ending("aborted", "the operator's button")
     assert rows[-1][9] == 0.01
-    assert "target (0.01, 0.02)" in events
+    assert "by hand: target x +1.0, y +2.0 cm" in events
 
 
 class BadHand(Operator):

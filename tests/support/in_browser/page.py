@@ -4,7 +4,7 @@ import re
 from contextlib import suppress
 from pathlib import Path
 
-from playwright.sync_api import Browser, Locator, Page, TimeoutError, expect
+from playwright.sync_api import Browser, Error, Locator, Page, TimeoutError, expect
 
 from tests.support.in_browser.program import PATIENCE_S, pixels
 from tests.support.waiting import wait_for
@@ -65,9 +65,11 @@ class Hand:
         words = self.page.get_by_text(text).first
 
         def there() -> bool:
-            self.page.bring_to_front()
-            self.page.evaluate("window.dispatchEvent(new Event('focus'))")
-            return words.is_visible()
+            with suppress(Error):  # it may be loading anew
+                self.page.bring_to_front()
+                self.page.evaluate("window.dispatchEvent(new Event('focus'))")
+                return words.is_visible()
+            return False
 
         wait_for("the page", there, PATIENCE_S, every_s=1.0)
 

@@ -28,7 +28,7 @@ def test_one_page_holds_the_controls_and_others_take_over_knowingly():
     assert not lock.may(1)
     lock = lock.left(2)
     assert not lock.may(1)  # nobody gets them without asking
-    assert "Nobody holds" in lock.words(1)
+    assert "Nobody is in control" in lock.words(1)
     assert lock.joined(3).may(3)  # a page that comes (or is reloaded) while they are free
     with pytest.raises(ValueError, match="not connected"):
         lock.taken(9)
@@ -36,12 +36,12 @@ def test_one_page_holds_the_controls_and_others_take_over_knowingly():
 
 def test_a_page_is_told_whether_it_holds_the_controls():
     lock = ControlLock().joined(1)
-    assert lock.words(1) == "**You hold the controls** (page 1)."
+    assert lock.words(1) == "**You are in control.**"
     lock = lock.joined(2)
-    assert lock.words(1) == "**You hold the controls** (page 1); 1 other page watching."
-    assert lock.words(2).startswith("**You are watching** (page 2). Page 1 holds the controls.")
+    assert lock.words(1) == "**You are in control.** 1 other page watching."
+    assert lock.words(2).startswith("**You are watching.** Another page is in control")
     lock = lock.joined(3)
-    assert lock.words(1) == "**You hold the controls** (page 1); 2 other pages watching."
+    assert lock.words(1) == "**You are in control.** 2 other pages watching."
     with pytest.raises(FrozenInstanceError):
         lock.holder = 3  # type: ignore
 
@@ -116,10 +116,10 @@ def test_a_watching_page_presses_nothing_and_everybody_may_stop():
     start, stop, acted = FakeHandle(False), FakeHandle(False), []
     c.button(start, "start", lambda page: acted.append("start"))
     start.callback(FakeEvent(2))
-    c.stop_button(stop, "stop", lambda page: acted.append(f"stop {page}"))
+    c.stop_button(stop, "stop", lambda who: acted.append(f"stop {who}"))
     stop.callback(FakeEvent(2))
     c.queue.close()
-    assert acted == ["stop 2"]
+    assert acted == ["stop page 2"]
     assert [what[0] for what in told] == [2]
     assert noted == []  # a refusal is no event of the run
 
@@ -160,7 +160,7 @@ def test_stop_waits_for_nothing_and_nothing_begins_after_it():
     c.lock = ControlLock().joined(1).joined(2)
     busy, acted = threading.Event(), []
     stop, start, slider = FakeHandle(False), FakeHandle(False), FakeHandle(3.0)
-    c.stop_button(stop, "stop", lambda page: acted.append(f"stop {page}"))
+    c.stop_button(stop, "stop", lambda who: acted.append(f"stop {who}"))
     c.button(start, "start", lambda page: acted.append("start"))
     kept = c.value(slider, "gain", KP.clamp, lambda value: acted.append(f"gain {value}"))
     c.queue.put("a whole recording is read", lambda: busy.wait(30.0) and None)
@@ -170,10 +170,10 @@ def test_stop_waits_for_nothing_and_nothing_begins_after_it():
     while c.queue.put("more", lambda: None):
         pass  # the queue is full
     stop.callback(FakeEvent(2))
-    assert acted == ["stop 2"]  # at once
+    assert acted == ["stop page 2"]  # at once
     busy.set()
     c.queue.close()
-    assert acted == ["stop 2"]
+    assert acted == ["stop page 2"]
     assert [what[0:2] for what in told] == [(1, "start"), (1, "gain")]
     assert slider.value == kept.now == 3.0
     assert noted == []

@@ -23,6 +23,7 @@ from experiments.dashboard.server.security import (
     gate_of,
 )
 from experiments.dashboard.server.server import link_of, open_server
+from experiments.dashboard.server.shell import SCRIPT_HASH
 from rig.hardware.network.token_file import keep_token
 
 GATE = Gate("secret-token", 7644)
@@ -133,7 +134,7 @@ def test_a_token_is_kept_for_its_owner_alone(tmp_path: Path):
     assert keep_token(file) != token
 
 
-def test_the_page_runs_the_scripts_of_visers_page_and_no_others():
+def test_the_page_runs_the_scripts_of_visers_page_and_of_its_bar_and_no_others():
     page = (Path(viser.__file__).parent / "client/build/index.html").read_text()
     loader = re.fullmatch(
         r'.*<script data-p="([^"]*)" data-ss="(\d+)" data-cs="(\d+)">(.*?)</script>.*', page, re.S
@@ -150,7 +151,8 @@ def test_the_page_runs_the_scripts_of_visers_page_and_no_others():
     sizes = int(style), int(program)
     code = zstandard.ZstdDecompressor().decompress(zipped, sum(sizes))[sizes[0] :]
     found = [b64encode(sha256(one).digest()).decode() for one in (text.encode(), code)]
-    assert [f"sha256-{one}" for one in found] == list(SCRIPTS)
+    assert [f"sha256-{one}" for one in found] == list(SCRIPTS[:2])
+    assert SCRIPTS[2:] == (SCRIPT_HASH,)
     assert "'unsafe-inline'" not in CONTENT_POLICY.partition("script-src")[2].partition(";")[0]
 
 

@@ -1,6 +1,8 @@
 """The real server behind the gate: page and websocket tried from outside."""
 
+import gzip
 import http.client
+import json
 import os
 import socket
 import subprocess
@@ -14,7 +16,14 @@ from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
 from experiments.dashboard.server.door import MOST_WAITING
-from experiments.dashboard.server.server import PortBusyError, free_port, link_of, open_server
+from experiments.dashboard.server.server import (
+    PortBusyError,
+    free_port,
+    link_of,
+    open_server,
+    shell_of,
+)
+from experiments.dashboard.server.shell import ICON, SCRIPT, SCRIPT_HASH
 from tests.support import ROOT
 from tests.support.waiting import wait_for
 
@@ -140,3 +149,37 @@ def test_a_busy_port_is_said_and_nothing_is_started(tmp_path: Path):
         assert told.stdout == ""
         assert f"port {port}" in told.stderr
     assert free_port("127.0.0.1", port) == port
+
+
+def test_the_bar_stops_for_who_has_the_cookie_alone(served):
+    server, gate = served
+    shell, stops = shell_of(server), []
+    shell.stop, shell.state = stops.append, lambda: "running"
+    mine = {"Cookie": f"{gate.cookie}={TOKEN}"}
+    for part, headers in (
+        ("stop", {}),
+        ("stop", {"Cookie": f"{gate.cookie}=wrong"}),
+        ("stop", mine | {"Origin": "http://evil.example"}),
+        ("stop", mine | {"Host": f"evil.example:{gate.port}"}),
+        ("anything", mine),
+        ("stop/", {}),
+    ):
+        assert page(gate, f"{gate.path}/{part}", **headers)[0].status == 403
+    assert page(gate, "/stop", **mine)[0].status == 403
+    answer, body = page(gate, f"{gate.path}/alive", **mine)
+    assert (answer.status, json.loads(body)["state"]) == (200, "running")
+    assert not stops
+    assert page(gate, f"{gate.path}/stop", **mine)[0].status == 200
+    assert stops == ["a page at 127.0.0.1"]
+
+
+def test_the_page_bears_its_own_name_and_the_bar_zipped_or_not(served):
+    _, gate = served
+    for zipped in ("gzip", "identity"):
+        headers = {"Cookie": f"{gate.cookie}={TOKEN}", "Accept-Encoding": zipped}
+        answer, body = page(gate, f"{gate.path}/", **headers)
+        assert len(body) == int(answer.getheader("Content-Length") or 0)
+        text = (gzip.decompress(body) if zipped == "gzip" else body).decode()
+        assert "<title>Balancing table</title>" in text
+        assert text.count(SCRIPT) == text.count(ICON) == 1
+        assert SCRIPT_HASH in (answer.getheader("Content-Security-Policy") or "")

@@ -45,6 +45,8 @@ def test_the_operator_at_the_page_places_and_lets_go(table):
     session, recorded, _ = table
     protocol = parse(SHORT, label="short", name="short")
     session.start(RunPlan(protocol, ("with",), 1, 1, by_hand=True))
+    wait_for("the wait", lambda: (session.status.waited_s or 0.0) > 0.2, PATIENCE_S)
+    assert session.status.t_s == 0.0  # the run's clock stands still
     with pytest.raises(ValueError, match="a run is on"):
         session.start(RunPlan(protocol, ("with",), 1, 1))
     wait_for("the step place", lambda: session.status.operator_step.startswith("place"), PATIENCE_S)
@@ -77,13 +79,17 @@ def test_stop_ends_the_run_drops_the_plan_and_leaves_the_table_at_rest(table):
     wait_for("rows", lambda: session.status.t_s > 0.3, PATIENCE_S)
     session.put(Target((0.02, 0.0)))
     session.put(Push((1.0, 0.0)))
-    wait_for("the commands", lambda: "pushed by command" in events, PATIENCE_S)
+    wait_for("the commands", lambda: "by hand: push to the right, 0.08 m/s" in events, PATIENCE_S)
     session.stop("page 7")
     wait_for("rest", lambda: session.status.state == "stopped", PATIENCE_S)
     assert len(recorded) == 1
     meta = json.loads((recorded[0][1] / "run.json").read_text())
     assert meta["outcome"] == "aborted"
     assert meta["reason"] == "stopped by page 7"
+    assert [event.partition(" s: ")[2] for event in meta["by_hand"]] == [
+        "target x +2.0, y +0.0 cm",
+        "push to the right, 0.08 m/s",
+    ]
     with pytest.raises(ValueError, match="nothing moves"):
         session.put(Target(None))
     with pytest.raises(ValueError, match="nothing is asked"):

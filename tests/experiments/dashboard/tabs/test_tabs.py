@@ -1,19 +1,27 @@
 """What the tabs say and show, as plain functions of what happened."""
 
+import os
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from experiments.dashboard.session.live import LiveState
 from experiments.dashboard.session.plan import RunPlan, SessionStatus, planned_runs
-from experiments.dashboard.session.tasks import RunSummary, list_runs
+from experiments.dashboard.session.tasks import (
+    RunSummary,
+    draw_figures,
+    list_runs,
+    recover_runs,
+)
+from experiments.dashboard.session.worker_process import ProgressSender
 from experiments.dashboard.tabs.gap import BEGINS, STAGES, stage_lines
 from experiments.dashboard.tabs.header import link_words
-from experiments.dashboard.tabs.results import table
+from experiments.dashboard.tabs.results import card, table
 from experiments.dashboard.tabs.run import ProgressLine, minutes, progress_words
 from experiments.dashboard.view.side_plates import CELL_PX, map_image, off_words
 from experiments.gap.closed_loop_replay import table_motion
-from experiments.records.recording import write_run
+from experiments.records.recording import Recorder, write_run
 from experiments.runs.protocol import read_protocol
 from rig.log import Log
 
@@ -45,6 +53,27 @@ def test_progress_says_what_is_on_and_how_long_it_takes():
     assert minutes(61.4) == "1:01"
 
 
+def test_while_the_operator_is_waited_for_the_runs_clock_stands_still():
+    plan = RunPlan(read_protocol("free-release"), ("without", "with"), 1, 1, by_hand=True)
+    planned = planned_runs(plan)[0]
+    words = progress_words(SessionStatus("running", "", planned, 0.0, "place it", waited_s=74.0))
+    assert "waiting for you** (1:14 of 2:00)" in words
+    assert "left" not in words
+
+
+def test_a_run_that_does_not_count_says_why_and_what_was_not_begun():
+    first, second, third = planned_runs(RunPlan(read_protocol("hold"), ("with",), 3, 1))
+    said = first.ended("aborted", "stopped by page 2", 4.31)
+    assert said.startswith("Run 1 of 3 was stopped by page 2 after 4.3 s and does not count")
+    assert said.endswith("; runs 2 to 3 were not begun.")
+    assert "run 3 was not begun" in second.ended("aborted", "stopped by page 2", 4.31)
+    assert third.ended("completed", "", 60.0) == ""
+    failed = third.ended("not released", "the ball was not seen to leave", 120.5)
+    assert failed.startswith("Run 3 of 3 failed after 120.5 s and does not count: the ball was not")
+    status = SessionStatus("stopped", "the table rests at 0 V", last=said)
+    assert progress_words(status).startswith("**Run 1 of 3 was stopped")
+
+
 def test_the_end_of_a_plan_is_said_and_a_stopped_one_is_not_done():
     first, last = planned_runs(RunPlan(read_protocol("free-release"), ("without", "with"), 1, 1))
     progress = ProgressLine()
@@ -61,14 +90,15 @@ def test_a_silent_loop_and_an_unseen_ball_are_said():
     row[0] = 5.0
     on = SessionStatus("balancing")
     seen = LiveState(row, 4.99, (0, 0, 0), 500.0, 0.0, 1)
-    assert "500 of 500 ticks/s" in link_words(seen, on, 500.0)
-    assert "sees the ball" in link_words(seen, on, 500.0)
+    assert link_words(seen, on, 500.0) == "● running on time · ● ball in sight"
+    late = LiveState(row, 4.99, (0, 0, 0), 400.0, 0.0, 1)
+    assert "slow: 400 of 500 ticks/s" in link_words(late, on, 500.0)
     blind = LiveState(row, 4.0, (0, 0, 0), 500.0, 0.0, 1)
-    assert "does not see" in link_words(blind, on, 500.0)
+    assert "not in sight" in link_words(blind, on, 500.0)
     silent = LiveState(row, 4.99, (0, 0, 0), 500.0, 3.0, 1)
     assert "silent for 3 s" in link_words(silent, on, 500.0)
     assert "off" in link_words(seen, SessionStatus("stopped"), 500.0)
-    assert "starting" in link_words(seen, SessionStatus("starting"), 500.0)
+    assert "start" in link_words(seen, SessionStatus("starting"), 500.0)
 
 
 def test_before_and_after_say_how_far_off_they_are():
@@ -102,3 +132,37 @@ def test_a_run_of_somebody_else_writes_no_html_onto_the_page():
     assert "<" not in words
     assert words.count("|") == 3 * 5  # of the program's own cells
     assert "<" not in progress_words(SessionStatus("stopped", text))
+
+
+@pytest.mark.slow
+def test_a_run_disturbed_by_hand_is_named_and_not_counted(tmp_path: Path):
+    t = np.arange(2000) / 200
+    columns = {name: 0.01 * np.cos(t) for name in ("ball_x_m", "ball_y_m")}
+    columns |= {"theta_x_rad": 0 * t, "theta_y_rad": 0 * t, "ball_exposed_s": t}
+    log = Log.from_columns({"t_s": t, "phase": 2 + 0 * t, **columns})
+    push = {"t_s": 2.0, "text": "by hand: push to the left, 0.15 m/s"}
+    for number, arm in enumerate(("without", "with")):
+        folder = tmp_path / f"2026010{number + 1}T000000-hold-{arm}"
+        start = {"source": "simulated", "arm": arm, "seed": 1, "protocol": {"name": "hold"}}
+        if arm == "with":
+            start["by_hand"] = ["2.0 s: push to the left, 0.15 m/s"]
+        write_run(folder, start, log, [push] if arm == "with" else [], outcome="completed")
+    rows = list_runs(tmp_path)
+    assert [row.how for row in rows] == ["completed, disturbed by hand", "completed"]
+    drawn = draw_figures(rows, tmp_path / "figures", False, ProgressSender(lambda message: None))
+    assert drawn.sentence == ""  # of two methods only one counts
+    assert "By hand in" in card(drawn)
+    assert "push to the left" in card(drawn)
+    both = draw_figures(rows, tmp_path / "figures", True, ProgressSender(lambda message: None))
+    assert "as near to its target as without" in both.sentence
+    assert [p.path.name for p in both.pictures] == ["fig10.png", "ball-time.png", "fig11.png"]
+
+
+def test_what_was_cut_off_is_said_with_its_cure(tmp_path: Path):
+    folder = tmp_path / "20260101T000000-hold-with"
+    recorder = Recorder(folder, {"source": "simulated", "arm": "with"})
+    assert [row.how for row in list_runs(tmp_path)] == ["being recorded"]
+    os.close(recorder._file)  # as a kill does
+    assert [row.how for row in list_runs(tmp_path)] == ["cut off: Recover"]
+    assert recover_runs([folder], ProgressSender(lambda message: None)) == 1
+    assert [row.outcome for row in list_runs(tmp_path)] == ["killed"]

@@ -1,0 +1,117 @@
+// The bar above viser's page: STOP, Esc, whether the program lives, light or dark.
+// It asks the program by itself, so it works whatever viser's own connection and widgets do.
+(() => {
+  "use strict";
+  const EVERY_MS = 1000, SOON_MS = 150, PATIENCE_MS = 3000, LONG_MS = 5000;
+  const STATES = {
+    starting: "Starting", balancing: "Balancing", running: "Run is on",
+    pause: "Pause between runs", stopped: "Stopped, motors at 0 V",
+  };
+  const SWITCH = "The motors may still have power: use the switch.";
+  const here = location.pathname.replace(/\/+$/, "");
+
+  // --- light or dark: this page's own, by the system's preference until it is chosen ---
+  const query = new URLSearchParams(location.search);
+  const key = "rig-looks";
+  const wanted = () => localStorage.getItem(key)
+    || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
+  const look = (looks) => {
+    looks === "dark" ? query.set("darkMode", "") : query.delete("darkMode");
+    const rest = query.toString();
+    location.replace(location.pathname + (rest ? "?" + rest : ""));
+  };
+  const dark = query.has("darkMode");
+  if (dark !== (wanted() === "dark")) return look(wanted());
+  document.documentElement.dataset.looks = wanted();
+
+  // --- the bar ---
+  const make = (tag, id, text) => {
+    const one = Object.assign(document.createElement(tag), { id, textContent: text });
+    bar.append(one);
+    return one;
+  };
+  const bar = document.createElement("div");
+  bar.id = "rig-bar";
+  const stop = make("button", "rig-stop", "■ STOP");
+  stop.title = "Stops whatever moves, for everybody: also the key Esc. This is not the emergency "
+    + "stop, which is the switch that cuts the motors' power.";
+  const words = make("span", "rig-state", "Connecting ...");
+  words.setAttribute("role", "status");
+  const again = make("button", "rig-again", "Reload");
+  const looks = make("button", "rig-looks", dark ? "Light" : "Dark");
+  again.hidden = true;
+  again.onclick = () => location.reload();
+  looks.onclick = () => {
+    localStorage.setItem(key, dark ? "light" : "dark");
+    look(dark ? "light" : "dark");
+  };
+  const show = () => document.body ? document.body.append(bar) : setTimeout(show, 10);
+  show();
+
+  // --- what the program says ---
+  let lostAt = null, stoppingAt = null, began = "", timer = 0, asked = 0;
+  const ask = async (what) => {
+    const patience = AbortSignal.timeout(PATIENCE_MS);
+    const answer = await fetch(`${here}/${what}`, { cache: "no-store", signal: patience });
+    if (!answer.ok) throw new Error(answer.statusText);
+    return answer.json();
+  };
+  const write = (text, kind = "") => {
+    if (words.textContent !== text) words.textContent = text;
+    bar.className = kind;
+  };
+  const told = (state) => {
+    if (began && began !== state.began || lostAt !== null && Date.now() - lostAt > PATIENCE_MS)
+      return location.reload();  // another program, or a page that viser has given up
+    began = state.began;
+    lostAt = null;
+    again.hidden = true;
+    document.documentElement.classList.remove("rig-lost");
+    if (state.state === "stopped") stoppingAt = null;
+    if (stoppingAt === null) write(STATES[state.state] || state.state, state.state);
+    else if (state.state === "starting") write("Stopping before anything moves ...", "stopping");
+    else if (Date.now() - stoppingAt > LONG_MS) write("STOP takes long: use the switch.", "lost");
+  };
+  const lost = () => {
+    lostAt ??= Date.now();
+    const seconds = Math.round((Date.now() - lostAt) / 1000);
+    document.documentElement.classList.add("rig-lost");
+    again.hidden = false;
+    write(`Connection lost ${seconds} s ago. ${SWITCH} Trying again ...`, "lost");
+  };
+  const poll = async () => {
+    clearTimeout(timer);
+    const mine = ++asked;
+    try {
+      const state = await ask("alive");
+      if (mine === asked) told(state);
+    } catch {
+      if (mine === asked) lost();
+    }
+    if (mine === asked) timer = setTimeout(poll, stoppingAt === null ? EVERY_MS : SOON_MS);
+  };
+  const halt = async () => {
+    stoppingAt = Date.now();
+    write("Stopping ...", "stopping");
+    try {
+      await ask("stop");
+    } catch {
+      stoppingAt = null;
+      document.documentElement.classList.add("rig-lost");
+      return write(`STOP was not answered. ${SWITCH}`, "lost");
+    }
+    poll();
+  };
+
+  // At the press, not at the release; a key on the button clicks it.
+  stop.addEventListener("pointerdown", (event) => { if (event.button === 0) halt(); });
+  stop.addEventListener("click", (event) => { if (event.detail === 0) halt(); });
+  // An open list closes by Esc; whatever else has the focus, Esc stops.
+  addEventListener("keydown", (event) => {
+    if (event.key !== "Escape" || event.repeat) return;
+    const open = document.activeElement?.getAttribute("aria-expanded") === "true";
+    if (!open) halt();
+  }, true);
+  addEventListener("visibilitychange", () => { if (!document.hidden) poll(); });
+  poll();
+})();

@@ -1,0 +1,73 @@
+"""What stands around viser's page: title, icon, and the bar with STOP above it.
+
+The bar is a script and a style of our own (`shell.js`, `shell.css`), put into the page that viser
+serves. It speaks to the program by two addresses below the page's own, `alive` and `stop`, and
+needs nothing of viser: no connection, no widget, no place in the control panel's queue.
+"""
+
+import gzip
+import json
+import re
+import secrets
+from base64 import b64encode
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import lru_cache
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).parent
+SCRIPT = (HERE / "shell.js").read_text(encoding="utf-8")
+STYLE = (HERE / "shell.css").read_text(encoding="utf-8")
+SCRIPT_HASH = f"sha256-{b64encode(sha256(SCRIPT.encode()).digest()).decode()}"
+TITLE = "Balancing table"
+ICON = (
+    "data:image/svg+xml,%3Csvg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 16 16'%3E"
+    "%3Cpath d='M1 11 15 8v3L1 14z' fill='%23495057'/%3E"
+    "%3Ccircle cx='8' cy='5' r='4' fill='%23e8590c'/%3E%3C/svg%3E"
+)
+PARTS = ("alive", "stop")
+
+
+@dataclass
+class Shell:
+    """What the bar asks of the program.
+
+    state: the session's state (a key of `tabs.header.STATES`); stop: ends what moves, called in the
+    server's thread with who asks; began: names this start of the program.
+    """
+
+    state: Callable[[], str] = lambda: "starting"
+    stop: Callable[[str], None] = lambda who: None
+    began: str = field(default_factory=lambda: secrets.token_hex(8))
+
+    def answer(self, part: str, who: str) -> bytes:
+        """The answer (JSON) to a request of the bar, `part` of PARTS, from the address `who`."""
+        if part == "stop":
+            self.stop(f"a page at {who}")
+        return json.dumps({"state": self.state(), "began": self.began}).encode()
+
+
+@lru_cache(maxsize=2)
+def _dressed(body: bytes, zipped: bool) -> bytes:
+    text = (gzip.decompress(body) if zipped else body).decode()
+    head, found, rest = text.partition("<title>Viser</title>")
+    if not found:
+        raise RuntimeError("viser's page is another than the one that STOP is put into")
+    head = re.sub(r'href="data:image/svg[^"]*"', lambda _: f'href="{ICON}"', head)
+    own = f"<title>{TITLE}</title><style>{STYLE}</style><script>{SCRIPT}</script>"
+    made = f"{head}{own}{rest}".encode()
+    return gzip.compress(made) if zipped else made
+
+
+def dressed(response: Any) -> Any:
+    """viser's answer with its page, a `websockets` response, with title, icon and bar in it.
+
+    RuntimeError: it is not the page that is known here.
+    """
+    body = _dressed(response.body, response.headers.get("Content-Encoding") == "gzip")
+    response.body = body
+    del response.headers["Content-Length"]
+    response.headers["Content-Length"] = str(len(body))
+    return response

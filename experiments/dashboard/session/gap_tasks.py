@@ -1,0 +1,144 @@
+"""Work of the tab Gap for a worker process, and its answers on disk. All of it can be pickled."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from math import degrees
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.dashboard.session.tasks import CaptionedPicture
+from experiments.dashboard.session.worker_process import ProgressSender
+
+if TYPE_CHECKING:
+    from experiments.gap.closed_loop_replay import ModelComparison
+
+ANSWER = "answer.json"
+
+
+@dataclass(frozen=True)
+class ShortAnswer:
+    """What stays of an analysis when the program ends: plain sentences, and the table of
+    `experiments.gap.beside`.
+    """
+
+    sentences: list[str]
+    table: list[list[str]]
+
+
+@dataclass(frozen=True, eq=False)
+class GapAnswer:
+    """What the page shows of `rig gap`.
+
+    short: the answer in words; report: the page gap.html. plate_map: x edges (n
+    + 1,) and y edges (m + 1,) [m] of the cells, and the size of the mean error in them (m, n) in
+    noise floors, NaN where there is no data; None without a map. models: the model before and after
+    naming beside a recorded run; None where nothing was named.
+    """
+
+    short: ShortAnswer
+    report: Path
+    pictures: list[CaptionedPicture]
+    plate_map: tuple[np.ndarray, np.ndarray, np.ndarray] | None
+    models: "ModelComparison | None"
+
+
+GAP_PICTURES = {
+    "gap-shrinking": "The gap, effect by effect (1 = a perfect model)",
+    "ranking": "The likeliest names",
+    "gap-over-state-ball": "Where the ball's model is wrong",
+}
+
+
+def hidden_words() -> str:
+    """A sentence on the backlash that the demo hid, for whoever wants to judge the answer."""
+    from experiments.gap.demo import DEMO_PLAY_RAD
+
+    sizes = ", ".join(f"{a} {degrees(play):.2f}" for a, play in DEMO_PLAY_RAD.items())
+    return f"What was hidden, which the analysis did not know: joint play of {sizes} degrees."
+
+
+def find_gap(
+    logs: Sequence[Path] | None,
+    out: Path,
+    seed: int,
+    calibration: Path,
+    progress: ProgressSender,
+) -> GapAnswer:
+    """Analyse recorded runs (logs None: those of the demo with a hidden backlash) as `rig gap`
+    does; the report is written in `out`. seed: of the demo's runs; calibration: a file that the
+    answer is compared with, where it exists.
+
+    OSError, ValueError: a run cannot be read, or `out` cannot be written.
+    """
+    from experiments.gap.closed_loop_replay import compare_models
+    from experiments.gap.demo import demo_runs
+    from experiments.gap.gap import investigate
+    from experiments.gap.input import read_evidence
+    from experiments.gap.report import write_findings
+    from experiments.records.run_folder import writable
+
+    folder = writable(out)
+    paths = list(logs) if logs is not None else demo_runs(folder, seed=seed, progress=progress)
+    findings = investigate(paths, None, progress=progress)
+    progress("report", 0, 1)
+    report = write_findings(findings, folder, names=[path.name for path in paths])
+    models = None
+    if findings.rig_before and findings.rig_after and findings.effects:
+        progress("both models, side by side", 0, 1)
+        models = compare_models(read_evidence(paths), findings.rig_before, findings.rig_after)
+    short = _short(findings, paths, calibration, demo=logs is None)
+    (folder / ANSWER).write_text(json.dumps(asdict(short)), encoding="utf-8")
+    return GapAnswer(short, report, pictures_of(folder), _plate_map(findings.maps), models)
+
+
+def _short(findings: Any, paths: Sequence[Path], calibration: Path, *, demo: bool) -> ShortAnswer:
+    """The answer in sentences, and beside what is known otherwise."""
+    from experiments.gap import beside
+    from experiments.gap.short_answer import advice, short_answer
+    from experiments.records.run_folder import read_meta
+
+    known = {} if demo else beside.calibrated_values(calibration)
+    found = beside.found_values(findings)
+    rows = beside.beside_rows(found, known, beside.true_values(paths))
+    protocols = [(read_meta(path).get("protocol") or {}).get("name", "?") for path in paths]
+    first = "" if demo else advice(protocols)
+    said = short_answer(findings, enough=not first, contradiction=beside.contradictions(rows))
+    sentences = [*([hidden_words()] if demo else []), *([first] if first else []), *said]
+    return ShortAnswer(sentences, rows)
+
+
+def pictures_of(folder: Path) -> list[CaptionedPicture]:
+    """The pictures of an analysis that the page shows."""
+    return [
+        CaptionedPicture(folder / f"{name}.png", caption)
+        for name, caption in GAP_PICTURES.items()
+        if (folder / f"{name}.png").is_file()
+    ]
+
+
+def newest_answer(out: Path) -> GapAnswer | None:
+    """The newest analysis in the folders gap-N of `out`, without map and film; None: there is none
+    that can be read.
+    """
+    numbered = [f for f in out.glob("gap-*") if f.name[4:].isdecimal()]
+    for folder in sorted(numbered, key=lambda f: -int(f.name[4:])):
+        try:
+            kept = json.loads((folder / ANSWER).read_text(encoding="utf-8"))
+            table = [list(map(str, row)) for row in kept["table"]]
+            short = ShortAnswer(list(map(str, kept["sentences"])), table)
+        except (OSError, ValueError, KeyError, TypeError):
+            continue
+        return GapAnswer(short, folder / "gap.html", pictures_of(folder), None, None)
+    return None
+
+
+def _plate_map(maps: Sequence[Any]) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Cell edges and size of the mean error of the first map (see `GapAnswer`)."""
+    if not maps:
+        return None
+    first = maps[0]
+    size = np.where(first.count > 0, np.hypot(*np.moveaxis(first.mean, -1, 0)), np.nan)
+    return np.asarray(first.x_edges), np.asarray(first.y_edges), size

@@ -1,0 +1,128 @@
+"""What an analysis found beside what is known otherwise: a calibration, the virtual table's truth.
+
+Only for a person who compares: the analysis has its answer before any of this is read.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from calibration.bundle import load_draft
+from calibration.gap.findings import Findings, Interval
+from experiments.gap.words import interval_words, key_words, parameter_unit, sig
+from rig.effects import BY_NAME
+
+Place = tuple[str, str, str]  # effect, axis, key of the parameter
+HEAD = ("effect", "axis", "found", "Calibrate found", "truth", "")
+AGREES, CONTRADICTS = "agrees", "contradicts"
+NOT_NAMED, NOT_THERE = "not named", "named, and is not there"
+
+
+def found_values(found: Findings) -> dict[Place, Interval]:
+    """Every parameter of the named effects."""
+    return {
+        (effect.name, axis, key): interval
+        for effect in found.effects
+        for axis, pairs in effect.parameters.items()
+        for key, interval in pairs.items()
+    }
+
+
+def calibrated_values(file: Path) -> dict[Place, Interval]:
+    """What a calibration found of effects: the play of gears and joints; {} without a readable
+    calibration.
+    """
+    values: dict[Place, Interval] = {}
+    with suppress(OSError, ValueError):
+        play = load_draft(file).play
+        for what, by_axis in (play.plays if play else {}).items():
+            for axis, one in by_axis.items():
+                if what in ("gear", "joint"):
+                    width = one.width_rad
+                    interval = Interval(width.value, width.low, width.high)
+                    values[f"{what}_backlash", axis, "play_rad"] = interval
+    return values
+
+
+def true_values(runs: Sequence[Path]) -> dict[Place, float] | None:
+    """Effects of the virtual table that all these runs were made on, as truth.json says them.
+
+    None: a run is not of a virtual table, or they were made on different ones.
+    """
+    tables = []
+    for run in runs:
+        try:
+            rig = json.loads((run / "truth.json").read_text(encoding="utf-8"))["rig"]
+            tables.append(_flat(rig.get("effects") or {}))
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            return None
+    return tables[0] if tables and all(one == tables[0] for one in tables) else None
+
+
+def _flat(effects: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[Place, float]:
+    return {
+        (name, axis, key): float(value)
+        for name, by_axis in effects.items()
+        if name in BY_NAME
+        for axis, pairs in by_axis.items()
+        for key, value in pairs.items()
+        if value
+    }
+
+
+def beside_rows(
+    found: Mapping[Place, Interval],
+    calibrated: Mapping[Place, Interval],
+    truth: Mapping[Place, float] | None,
+) -> list[list[str]]:
+    """Rows under HEAD, one a parameter that is found, calibrated or true; the last cell is the
+    verdict on what was found.
+    """
+    rows = []
+    places: list[Place] = [*found, *calibrated, *(truth or {})]
+    for place in dict.fromkeys(places):
+        name, axis, key = place
+        unit, factor = parameter_unit(name, key)
+        cells = [
+            interval_words(values[place], unit, factor) if place in values else ""
+            for values in (found, calibrated)
+        ]
+        true = ""
+        if truth is not None:
+            true = f"{sig(factor * truth[place])} {unit}".strip() if place in truth else "none"
+        label = f"{name.replace('_', ' ')}, {key_words(key)}"
+        verdict = _verdict(place, found, calibrated, truth)
+        rows.append([label, "both" if axis == "xy" else axis, *cells, true, verdict])
+    return rows
+
+
+def _verdict(
+    place: Place,
+    found: Mapping[Place, Interval],
+    calibrated: Mapping[Place, Interval],
+    truth: Mapping[Place, float] | None,
+) -> str:
+    if place not in found:
+        return NOT_NAMED
+    one = found[place]
+    if truth is not None:
+        if place not in truth:
+            return NOT_THERE
+        other = Interval(truth[place], truth[place], truth[place])
+    elif place in calibrated:
+        other = calibrated[place]
+    else:
+        return ""
+    return AGREES if one.low <= other.high and other.low <= one.high else CONTRADICTS
+
+
+def contradictions(rows: Sequence[Sequence[str]]) -> str:
+    """A sentence on what contradicts; "" where nothing does."""
+    wrong = [f"{row[0]} {row[1]}" for row in rows if row[-1] in (CONTRADICTS, NOT_THERE)]
+    if not wrong:
+        return ""
+    return (
+        f"This contradicts what is known otherwise ({', '.join(wrong)}): the named effects stand "
+        "for something else. Do not take the names over."
+    )

@@ -1,0 +1,77 @@
+"""The answer of `rig gap` for somebody who sees it for the first time: a few plain sentences."""
+
+from collections.abc import Collection, Sequence
+
+from calibration.gap.findings import Findings
+from experiments.gap.summary import effect_words
+from experiments.gap.words import channel_words, percent, sig
+from experiments.runs.protocol import read_protocol
+
+# Chosen: steps of the ball tell most effects of plate and ball apart, squares on the servos alone
+# those of the drive (tests/benchmarks/README.md).
+WANTED = ("steps", "servo-squares")
+NAMES = {"joint_backlash": "play in the joints", "gear_backlash": "play in the gears"}
+
+
+def missing_protocols(protocols: Collection[str]) -> list[str]:
+    """The protocols of WANTED that are not among those of the runs."""
+    return [name for name in WANTED if name not in protocols]
+
+
+def advice(protocols: Sequence[str]) -> str:
+    """What to run first, where runs of these protocols are not enough to be sure; "" where they
+    are.
+    """
+    absent = missing_protocols(protocols)
+    if not absent:
+        return ""
+    seconds = sum(read_protocol(name).duration_s for name in absent)
+    kinds = ", ".join(dict.fromkeys(protocols)) or "none"
+    return (
+        f"Not enough to tell play from friction (runs of: {kinds}): run "
+        f"{' and '.join(absent)} first, {seconds:.0f} s."
+    )
+
+
+def short_answer(found: Findings, *, enough: bool, contradiction: str = "") -> list[str]:
+    """Sentences: what is missing, how sure, where it shows, what it changes, what to do next.
+
+    enough: the runs can tell the usual causes apart, else nothing is called sure; contradiction:
+    a sentence on what contradicts the names, "" for none.
+    """
+    lines = [_headline(found, sure=enough and not contradiction)]
+    if contradiction:
+        lines.append(contradiction)
+    for where in found.where[:2]:
+        times = f"errors {sig(where.gap, 2)} times what noise alone gives"
+        lines.append(f"It shows in {channel_words(where.channel)}, {where.region}: {times}.")
+    ahead = found.gap.ahead_1s_mm
+    if "before" in ahead and "after" in ahead:
+        best = f" (best possible: {sig(ahead['floor'], 2)})" if "floor" in ahead else ""
+        lines.append(
+            f"The extended model predicts the ball 1 s ahead to {sig(ahead['after'], 2)} mm "
+            f"instead of {sig(ahead['before'], 2)}{best}."
+        )
+    if found.untestable:
+        names = ", ".join(one.name.replace("_", " ") for one in found.untestable[:4])
+        more = len(found.untestable) - 4
+        others = f" and {more} more" if more > 0 else ""
+        lines.append(f"These runs could not show: {names}{others}. The report says why.")
+    if found.next_experiment is not None:
+        n = found.next_experiment
+        lines.append(f"Next: run {n.protocol} ({sig(n.seconds)} s).")
+    return lines
+
+
+def _headline(found: Findings, *, sure: bool) -> str:
+    if not found.effects or found.verdict not in ("named", "undecided"):
+        return found.sentence
+    names = []
+    for effect in found.effects:
+        label = NAMES.get(effect.name, effect.name.replace("_", " "))
+        sizes = effect_words(effect).partition(": ")[2]
+        how = f", sure: {percent(effect.probability)}" if sure else ""
+        names.append(f"{label}{f' ({sizes})' if sizes else ''}{how}")
+    if found.verdict == "undecided":
+        return f"Undecided between: {'; '.join(names)}."
+    return f"{'Missing' if sure else 'Suspected, not proven'}: {'; '.join(names)}."

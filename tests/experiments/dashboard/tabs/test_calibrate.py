@@ -1,0 +1,80 @@
+"""The tab Calibrate before a camera that is slow to be had: the queue of the pages never waits."""
+
+import threading
+from contextlib import contextmanager
+from types import SimpleNamespace
+
+import pytest
+
+from experiments.dashboard.server.controls import ControlLock, Controls
+from experiments.dashboard.server.server import open_server
+from experiments.dashboard.session.worker_process import WorkItem
+from experiments.dashboard.tabs.calibrate import CalibrateTab
+from rig.parameters import Rig
+from tests.support.waiting import wait_for
+
+
+class SlowCamera:
+    """Is lent once `free` is set."""
+
+    def __init__(self):
+        self.free, self.lent = threading.Event(), 0
+
+    def check_free(self) -> None:
+        if self.lent:
+            raise ValueError("lent")
+
+    @contextmanager
+    def lend(self):
+        assert self.free.wait(30.0)
+        self.lent += 1
+        yield
+        self.lent -= 1
+
+
+class FakeWorker:
+    def __init__(self):
+        self.items: list[WorkItem] = []
+
+    def put(self, item: WorkItem) -> None:
+        self.items.append(item)
+
+    def cancel(self, name: str) -> bool:
+        return False
+
+
+@pytest.fixture
+def tab(tmp_path):
+    server, _ = open_server("127.0.0.1", 0, "a-token-of-some-length-for-tests")
+    controls = Controls(lambda *what: None, print)
+    controls.lock = ControlLock().joined(1)
+    camera, worker = SlowCamera(), FakeWorker()
+    session = SimpleNamespace(rig=Rig(), status=SimpleNamespace(state="stopped"))
+    words = (server, controls, worker, session, tmp_path, lambda page, path: None)
+    one = CalibrateTab(*words, real=(tmp_path / "lab.toml", camera))  # pyright: ignore[reportArgumentType]
+    yield one, camera, worker
+    controls.queue.close()
+    server.stop()
+
+
+def test_a_step_begins_at_once_and_the_worker_as_soon_as_the_camera_is_free(tab):
+    one, camera, worker = tab
+    one.begin(("camera",))
+    assert one._state["camera"] == "on"
+    assert not worker.items
+    camera.free.set()
+    wait_for("the worker", lambda: worker.items)
+    assert camera.lent == 1
+    worker.items[0].on_message("failed", "no sheet was seen")
+    wait_for("the camera's return", lambda: camera.lent == 0)
+    assert one._state["camera"] == "refused"
+
+
+def test_a_step_that_is_cancelled_while_the_camera_is_awaited_never_begins(tab):
+    one, camera, worker = tab
+    one.begin(("table",))
+    one._cancel()
+    assert one._state["table"] == "refused"
+    camera.free.set()
+    wait_for("the camera's return", lambda: threading.active_count() and camera.lent == 0)
+    assert not worker.items

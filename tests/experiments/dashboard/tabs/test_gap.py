@@ -1,0 +1,103 @@
+"""The tab Gap: runs are ticked, what they lack is said, and an answer survives the program."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import pytest
+
+from experiments.dashboard.server.controls import ControlLock, Controls
+from experiments.dashboard.server.server import open_server
+from experiments.dashboard.session.gap_tasks import (
+    ANSWER,
+    GapAnswer,
+    ShortAnswer,
+    newest_answer,
+)
+from experiments.dashboard.session.tasks import RunSummary
+from experiments.dashboard.session.worker_process import WorkItem
+from experiments.dashboard.tabs.gap import GapTab, beside_table
+
+
+class FakeWorker:
+    def __init__(self):
+        self.items: list[WorkItem] = []
+
+    def put(self, item: WorkItem) -> None:
+        self.items.append(item)
+
+
+def summary(number: int, protocol: str, outcome: str = "completed", by_hand=()) -> RunSummary:
+    folder = Path(f"out/2026112{number}T05460{number}-{protocol}-with")
+    return RunSummary(folder, protocol, "with", 1, outcome, by_hand=tuple(by_hand))
+
+
+@pytest.fixture
+def gap(tmp_path):
+    server, _ = open_server("127.0.0.1", 0, "a-token-of-some-length-for-tests")
+    controls, worker = Controls(lambda *what: None, print), FakeWorker()
+    controls.lock = ControlLock().joined(1)
+    rows = [
+        summary(4, "steps", by_hand=["2.0 s: push to the left"]),
+        summary(3, "free-release"),
+        summary(2, "servo-squares", outcome="aborted"),
+        summary(1, "free-release"),
+    ]
+    shown = []
+
+    def tab():
+        return GapTab(
+            server, controls, worker, tmp_path, lambda: rows,
+            shown.append, lambda film: None, lambda page, path: None,
+        )  # pyright: ignore[reportArgumentType] # fmt: skip
+
+    yield tab, worker, rows, tmp_path
+    controls.queue.close()
+    server.stop()
+
+
+def test_undisturbed_completed_runs_are_ticked_and_what_they_lack_is_said(gap):
+    make, _, rows, _ = gap
+    tab = make()
+    tab.refresh()
+    tab.draw()
+    assert [f.name[-20:] for f in tab._chosen()] == [r.folder.name[-20:] for r in rows[1::2]]
+    assert "run steps and servo&#45;squares first&#44; 45 s" in tab._advice.content
+    handle, kept = next(iter(tab._boxes.values()))
+    assert handle.label == "steps, with, 05:46:04"
+    kept.now = True
+    rows.insert(0, summary(5, "servo-squares"))
+    tab.refresh()  # what was ticked stays so
+    tab.draw()
+    assert {row.protocol for row in tab._ticked()} == {"servo-squares", "steps", "free-release"}
+    assert tab._advice.content == ""
+    for _, box in tab._boxes.values():
+        box.now = False
+    with pytest.raises(ValueError, match="no run is ticked"):
+        tab._chosen()
+
+
+def test_an_answer_is_shown_again_after_a_restart(gap):
+    make, _, _, out = gap
+    assert newest_answer(out) is None
+    for number, name in ((2, "a<b>play"), (10, "the newest")):
+        folder = out / f"gap-{number}"
+        folder.mkdir()
+        short = ShortAnswer([f"Missing: {name}.", "Next: steps."], [["play", "x", "1", "", "", ""]])
+        (folder / ANSWER).write_text(json.dumps(asdict(short)))
+    (out / "gap-11").mkdir()
+    (out / "gap-11" / ANSWER).write_text('{"table": 3}')  # of a program that died
+    tab = make()
+    assert isinstance(tab.answer, GapAnswer)
+    assert "gap&#45;10" in tab._words.content
+    assert "**Missing&#58; the newest&#46;**" in tab._words.content
+    assert "| effect | axis | found |" in tab._words.content
+    assert tab._report.visible
+    assert not tab._film.visible
+
+
+def test_columns_without_a_word_are_left_out_of_the_table():
+    assert beside_table([]) == ""
+    table = beside_table([["play", "x", "1.0", "", "1.1", "agrees"]])
+    assert "Calibrate" not in table
+    assert table.count("\n") == 4

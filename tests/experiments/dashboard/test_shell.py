@@ -1,0 +1,202 @@
+"""The bar above the page in a real browser: STOP and Esc in every state, a program that dies."""
+
+import re
+from collections.abc import Iterator
+
+import pytest
+
+from experiments.dashboard.server.server import link_of, open_server, shell_of
+from tests.support.in_browser.program import FLAGS
+from tests.support.parts import PARTS
+from tests.support.waiting import wait_for
+
+TOKEN = "a-token-of-some-length-for-tests"
+SIZES = ((1280, 800), (800, 600), (390, 844))
+CONTRAST = """one => {
+  const style = getComputedStyle(one), light = colour => {
+    const parts = colour.match(/[0-9.]+/g).slice(0, 3).map(v => v / 255)
+      .map(v => v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
+    return 0.2126 * parts[0] + 0.7152 * parts[1] + 0.0722 * parts[2]; };
+  const both = [light(style.color), light(style.backgroundColor)].sort((a, b) => b - a);
+  return (both[0] + 0.05) / (both[1] + 0.05); }"""
+
+
+class Program:
+    """A page with fields, whose session stops when it is told so."""
+
+    def __init__(self, port: int = 0) -> None:
+        self.server, self.gate = open_server("127.0.0.1", port, TOKEN)
+        self.state, self.stops, self.obeys = "running", [], True
+        shell = shell_of(self.server)
+        shell.state, shell.stop = lambda: self.state, self._stop
+        self.link = link_of(self.gate, "127.0.0.1")
+        gui = self.server.gui
+        gui.main_panel.dock_right()
+        gui.add_markdown('<span class="rig-live">**Run is on** for 12 s</span>')
+        gui.add_markdown("what stays")
+        gui.add_number("P", 1.0)
+        gui.add_dropdown("Protocol", ("circle", "steps"))
+        gui.add_checkbox("Arm", False)
+        gui.add_button("▶ Start", color="green")
+        for i in range(60):
+            gui.add_markdown(f"line {i}")
+
+    def _stop(self, who: str) -> None:
+        self.stops.append(who)
+        if self.obeys:
+            self.state = "stopped"
+
+    def stopped(self) -> bool:
+        """Whether it was stopped since the last call; it runs again."""
+        found, self.stops, self.state = bool(self.stops), [], "running"
+        return found
+
+
+@pytest.fixture(scope="module")
+def browser():
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as play:
+        one = play.chromium.launch(executable_path=PARTS["chromium"].find(), args=FLAGS)
+        yield one
+        one.close()
+
+
+@pytest.fixture
+def program() -> Iterator[Program]:
+    one = Program()
+    yield one
+    one.server.stop()
+
+
+def opened(browser, program: Program, **settings):
+    """A page, as soon as the bar is there; viser's own page may come later."""
+    page = browser.new_context(**settings).new_page()
+    page.goto(program.link)
+    page.get_by_text("Run is on", exact=True).wait_for()
+    return page
+
+
+def test_stop_is_there_before_the_page_is_and_says_at_once_that_it_heard(browser, program):
+    page = opened(browser, program)
+    stop, state = page.locator("#rig-stop"), page.locator("#rig-state")
+    assert stop.inner_text() == "■ STOP"
+    assert stop.evaluate(CONTRAST) >= 4.5
+    program.obeys = False
+    stop.click()
+    assert state.inner_text() == "Stopping ..."  # before any answer came
+    wait_for("the stop", lambda: program.stops == ["a page at 127.0.0.1"], 5.0)
+    program.state = "stopped"
+    page.get_by_text("Stopped, motors at 0 V").wait_for()
+    assert program.stopped()
+    program.obeys = True
+    page.keyboard.press("Escape")
+    wait_for("Esc", program.stopped, 5.0)
+    stop.focus()
+    page.keyboard.press("Enter")
+    wait_for("the key Enter on the button", program.stopped, 5.0)
+    places = []
+    for width, height in SIZES:
+        page.set_viewport_size({"width": width, "height": height})
+        box = stop.bounding_box()
+        places.append((box["x"], box["y"], box["height"]))
+        assert box["x"] >= 0
+        assert box["y"] >= 0
+        assert box["height"] >= 44  # a thumb's
+    assert len(set(places)) == 1  # it never moves
+    page.context.close()
+
+
+@pytest.mark.slow
+def test_esc_stops_whatever_has_the_focus_but_closes_a_list_first(browser, program):
+    page = opened(browser, program)
+    page.get_by_text("what stays").wait_for(timeout=120e3)
+    for what in (
+        page.get_by_role("textbox").first,
+        page.get_by_role("checkbox", name="Arm"),
+        page.get_by_role("button", name="▶ Start"),
+        page.locator("canvas").first,
+    ):
+        what.click(force=True)
+        page.keyboard.press("Escape")
+        wait_for(f"Esc at {what}", program.stopped, 5.0)
+    chosen = page.get_by_role("combobox", name="Protocol")
+    chosen.click()
+    page.get_by_role("option", name="steps").wait_for()
+    page.keyboard.press("Escape")
+    page.get_by_role("option", name="steps").wait_for(state="hidden")
+    assert not program.stopped()
+    chosen.focus()
+    page.keyboard.press("Escape")
+    wait_for("Esc in the closed list", program.stopped, 5.0)
+    page.get_by_text("line 59").scroll_into_view_if_needed()
+    assert page.locator("#rig-stop").is_visible()
+    page.locator("#rig-stop").click()
+    wait_for("STOP over a scrolled page", program.stopped, 5.0)
+    page.context.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("phone", [False, True])
+def test_stop_on_a_folded_page_and_on_a_phone(browser, program, phone):
+    settings = {"viewport": {"width": 390, "height": 844}, "has_touch": True} if phone else {}
+    page = opened(browser, program, **settings)
+    page.get_by_text("what stays").wait_for(timeout=120e3)
+    if phone:
+        page.get_by_text("Connected").tap()  # folds the panel
+        page.locator("#rig-stop").tap()
+    else:
+        page.mouse.click(1267, 60)  # the panel's arrow
+        page.get_by_text("what stays").wait_for(state="hidden")
+        page.locator("#rig-stop").click()
+    wait_for("STOP", program.stopped, 5.0)
+    page.context.close()
+
+
+@pytest.mark.slow
+def test_a_stop_that_nobody_answers_sends_to_the_switch(browser, program):
+    page = opened(browser, program)
+    page.route("**/stop", lambda route: route.abort())
+    page.locator("#rig-stop").click()
+    page.get_by_text("STOP was not answered. The motors may still have power: use the").wait_for()
+    page.context.close()
+
+
+@pytest.mark.slow
+def test_a_program_that_died_is_said_and_found_again_by_itself(browser):
+    program = Program()
+    page = opened(browser, program)
+    page.get_by_text("what stays").wait_for(timeout=120e3)
+    port = program.gate.port
+    program.server.stop()
+    bar = page.locator("#rig-state")
+    wait_for("the bar", lambda: "Connection lost" in bar.inner_text(), 20.0)
+    assert "The motors may still have power: use the switch" in bar.inner_text()
+    assert page.locator("#rig-bar").evaluate(CONTRAST) >= 4.5
+    assert not page.get_by_text("for 12 s").is_visible()
+    assert page.get_by_text("what stays").is_visible()
+    assert page.locator("#rig-again").is_visible()
+    wait_for("seconds", lambda: re.search(r"lost ([5-9]|\d\d) s ago", bar.inner_text()), 30.0)
+    again = Program(port)
+    again.state = "balancing"
+    try:
+        page.get_by_text("Balancing", exact=True).wait_for(timeout=60e3)
+        page.get_by_text("for 12 s").wait_for(timeout=120e3)  # viser's own part is back, too
+    finally:
+        again.server.stop()
+    page.context.close()
+
+
+@pytest.mark.slow
+def test_each_page_is_light_or_dark_by_itself(browser, program):
+    light, dark = opened(browser, program), opened(browser, program, color_scheme="dark")
+    assert light.locator("html").get_attribute("data-looks") == "light"
+    assert dark.locator("html").get_attribute("data-looks") == "dark"
+    light.get_by_role("button", name="Dark").click()
+    light.get_by_role("button", name="Light").wait_for()
+    dark.get_by_role("button", name="Light").click()
+    dark.get_by_role("button", name="Dark").wait_for()
+    light.reload()
+    light.get_by_role("button", name="Light").wait_for()  # it keeps what was chosen
+    light.context.close()
+    dark.context.close()
