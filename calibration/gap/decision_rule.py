@@ -51,15 +51,13 @@ MIN_BLOCKS = 12  # of time, on a short log: 2^12 patterns of signs; chosen
 # --- the veto of data that were not fitted (veto.py) ----------------------------------------------
 MIN_WINDOWS = 8  # predictions 1 s ahead: with fewer their mean says nothing; chosen
 OUTLIER_SHARE, OUTLIER_RATIO = 0.95, 3.0  # a quantile of errors, bounded at thrice: pushes; chosen
-MIN_COMPLETENESS = (
-    0.8  # of names of an output (specification.py): below, something else acts; chosen
-)
+# Of an output's names (specification.py): below, something else acts. Chosen.
+MIN_COMPLETENESS = 0.8
 # Tail of the test that a size is a constant: 1 % of logs for about 100 tests of a log's names. It
 # has to differ by a quarter as well, since no model is exact. Chosen.
 CONSTANCY_P, MAX_INCONSTANCY = 1e-4, 0.25
-INCONSTANT_PROBABILITY = (
-    0.5  # of a name whose size is no constant: as likely something else; chosen
-)
+# Of a name whose size is no constant: as likely something else. Chosen.
+INCONSTANT_PROBABILITY = 0.5
 SURE_Z = 2.0  # standard errors by which a rival has to predict better, 2.3 % by chance; chosen
 MAX_ROUNDS = 3  # of naming, while every name was refuted; chosen
 RANGE_END_STEPS = 0.01  # of a parameter's step: closer to its range's end, it is at the end

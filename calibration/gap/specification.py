@@ -26,7 +26,7 @@ import numpy as np
 from scipy.stats import f as f_distribution
 
 from calibration.gap.decision_rule import CONSTANCY_P, MAX_INCONSTANCY
-from calibration.gap.model.data import Evidence
+from calibration.gap.model.data import Evidence, within
 from calibration.gap.model.fit import ParameterFit, differences, huber, weights
 from calibration.gap.model.flexible import SPEED_S, ball_regressors, servo_regressors, with_hats
 from calibration.gap.model.intervals import SANDWICH_BLOCK_S, inverse_prior
@@ -150,14 +150,9 @@ def _of_ball(run: Signals) -> dict[str, np.ndarray]:
 def _of_servo(run: Signals, output: str) -> dict[str, np.ndarray]:
     a = SERVO.index(output)
     angle, volts = run.theta_rad[:, a], run.volts_V[:, a]
-    k = (
-        max(1, round(SPEED_S["servo"] / float(np.median(np.diff(run.t_s)))))
-        if len(angle) > 1
-        else 1
-    )
-    speed = (
-        np.abs(angle - np.concatenate([np.full(k, angle[0]), angle[:-k]])) if len(angle) else angle
-    )
+    k = within(run.t_s, SPEED_S["servo"])
+    before = np.concatenate([np.full(k, angle[:1].sum()), angle])[: len(angle)]
+    speed = np.abs(angle - before)
     return {"servo's angle": np.abs(angle), "servo's speed": speed, "volts": np.abs(volts)}
 
 

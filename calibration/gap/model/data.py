@@ -57,8 +57,8 @@ def usable(log: Log, *, camera_delay_s: float, reach_m: float = inf) -> Signals:
 
     From frame to frame at 100 Hz a controller that answers the camera's noise is part of what is
     predicted best: a table that is 0.25 s late is told better by a model without the delay, and at
-    0.05 s and more by the right one. `camera_delay_s`: from exposure to row,
-    for logs without exposure times; `reach_m`: of the ball's centre between walls."""
+    0.05 s and more by the right one. `camera_delay_s`: from exposure to row, for logs without
+    exposure times; `reach_m`: of the ball's centre between walls."""
     known = _thinned(signals(log, camera_delay_s=camera_delay_s))
     driven = known.has_servo(0), known.has_servo(1)
     theta = np.where(np.isnan(known.theta_rad).all(axis=0), 0.0, known.theta_rad)
@@ -82,12 +82,15 @@ def usable(log: Log, *, camera_delay_s: float, reach_m: float = inf) -> Signals:
     )
 
 
+def within(t: np.ndarray, span_s: float) -> int:
+    """How many samples at the times `t` (n,) [s] lie in a span, 1 or more."""
+    return max(1, round(span_s / float(np.median(np.diff(t))))) if len(t) > 1 else 1
+
+
 def every(t: np.ndarray, new: np.ndarray, apart_s: float) -> np.ndarray:
     """True (n,) for samples at the times `t` (n,) [s] that are `apart_s` apart, counted anew where
     `new` (n,) is true."""
-    if len(t) < 2:
-        return np.ones(len(t), np.bool_)
-    k = max(1, round(apart_s / float(np.median(np.diff(t)))))
+    k = within(t, apart_s)
     first = np.maximum.accumulate(np.where(new, np.arange(len(t)), 0))
     return (np.arange(len(t)) - first) % k == 0
 

@@ -20,6 +20,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.signal import lfilter
 
+from calibration.gap.model.data import within
 from calibration.gap.model.parameters import BALL, SERVO
 from rig.prediction.innovations import Signals
 
@@ -180,7 +181,7 @@ def _step(times: Sequence[np.ndarray]) -> float:
 
 def _speed(x: np.ndarray, t: np.ndarray, span_s: float) -> np.ndarray:
     """Backward difference quotient over `span_s`, as a share of its 99 % quantile."""
-    m = max(1, round(span_s / float(np.median(np.diff(t))))) if len(t) > 1 else 1
+    m = within(t, span_s)
     v = np.zeros_like(x)
     v[m:] = ((x[m:] - x[:-m]).T / (t[m:] - t[:-m])).T
     return v / (float(np.quantile(np.abs(v), 0.99)) + 1e-12)

@@ -27,7 +27,6 @@ def run_folder(tmp_path_factory) -> Path:
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(reason="the play is found, but the gap on the other half is 1.24 for 1.1")
 def test_a_run_folder_from_end_to_end(run_folder: Path, tmp_path: Path):
     """One long call, then: what it wrote, that the rig file runs, and that it needed no truth."""
     out = tmp_path / "out"

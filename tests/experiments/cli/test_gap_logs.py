@@ -72,7 +72,6 @@ def test_no_motion_is_undecided_for_want_of_excitation(capsys, tmp_path: Path, r
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(reason="rolling resistance is told alone on a log that two names explain")
 def test_two_names_between_which_no_log_decides_come_with_the_next_experiment(
     tmp_path: Path, rig_file
 ):
