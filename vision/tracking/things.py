@@ -78,15 +78,15 @@ class Thing:
 
     def score(self, reach_px: float) -> float:
         """Evidence that it is a ball: that of its outlines, which grows with the root of their
-        number, by how steadily it was seen while it was there, more if it travelled. A thing that
-        stays counts less away from the image's middle, where the plate is."""
+        number, by how steadily it was seen while it was there, the more the farther it travelled. A
+        thing that stays counts less away from the image's middle, where the plate is."""
         n = len(self.sightings)
         evidence = self.evidence * math.sqrt(n)
         steadily = n / max(self.looks - self.missed, n)
         travel = self.travel(reach_px)
-        if travel > 1.0:
-            return evidence * steadily * (1.0 + min(travel, FARTHEST))
-        return evidence * steadily * self.last.central * (OTHER if self.other else 1.0)
+        where = self.last.central * (OTHER if self.other else 1.0)
+        stays = 1.0 - min(travel, 1.0)
+        return evidence * steadily * (1.0 + min(travel, FARTHEST)) * where**stays
 
 
 class Things:
