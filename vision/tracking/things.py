@@ -67,6 +67,12 @@ class Thing:
         """Mean evidence of its sightings."""
         return float(np.mean([s.evidence for s in self.sightings]))
 
+    def drifts(self, reach_px: float) -> bool:
+        """Whether it is elsewhere than at first, though perhaps not seen often enough to be sure
+        that it travels (`reach_px` as for `travel`)."""
+        way = self.last.far(self.sightings[0])
+        return self.missed < 3 and way > max(0.5 * reach_px, 0.5 * self.radius_px)
+
     def travel(self, reach_px: float) -> float:
         """How far it came from where it was at first, in units of half of `reach_px` or of its
         radius, whichever is longer; the farthest sightings, which may be mistakes, do not count."""
