@@ -67,6 +67,12 @@ class Thing:
         """Mean evidence of its sightings."""
         return float(np.mean([s.evidence for s in self.sightings]))
 
+    def drifts(self, reach_px: float) -> bool:
+        """Whether it is elsewhere than at first, though perhaps not seen often enough to be sure
+        that it travels (`reach_px` as for `travel`)."""
+        way = self.last.far(self.sightings[0])
+        return self.missed < 3 and way > max(0.5 * reach_px, 0.5 * self.radius_px)
+
     def travel(self, reach_px: float) -> float:
         """How far it came from where it was at first, in units of half of `reach_px` or of its
         radius, whichever is longer; the farthest sightings, which may be mistakes, do not count."""
@@ -78,15 +84,15 @@ class Thing:
 
     def score(self, reach_px: float) -> float:
         """Evidence that it is a ball: that of its outlines, which grows with the root of their
-        number, by how steadily it was seen while it was there, more if it travelled. A thing that
-        stays counts less away from the image's middle, where the plate is."""
+        number, by how steadily it was seen while it was there, the more the farther it travelled. A
+        thing that stays counts less away from the image's middle, where the plate is."""
         n = len(self.sightings)
         evidence = self.evidence * math.sqrt(n)
         steadily = n / max(self.looks - self.missed, n)
         travel = self.travel(reach_px)
-        if travel > 1.0:
-            return evidence * steadily * (1.0 + min(travel, FARTHEST))
-        return evidence * steadily * self.last.central * (OTHER if self.other else 1.0)
+        where = self.last.central * (OTHER if self.other else 1.0)
+        stays = 1.0 - min(travel, 1.0)
+        return evidence * steadily * (1.0 + min(travel, FARTHEST)) * where**stays
 
 
 class Things:

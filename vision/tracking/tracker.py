@@ -33,6 +33,7 @@ from vision.tracking.gate import TELLING_FILL, is_plausible
 from vision.tracking.kinematics import ImageMotion, gate_radii
 from vision.tracking.sightings import Sighting, bounds_of, surest_disc
 from vision.tracking.static_distractors import StaticDistractors
+from vision.tracking.things import LARGER
 
 COAST_S = 0.100
 GOOD_SHARE = 0.2  # of the radius: a position with a larger sigma only corrects the prediction
@@ -264,7 +265,7 @@ class Tracker:
         if appearance is not None and appearance.fill >= TELLING_FILL:
             self._observe(frame)
             pick = choose_candidate(self._candidates, at_once=appearance.learned)
-            if pick is not None:
+            if pick is not None and (appearance.learned or not self._is_patch(frame, pick.seen)):
                 return self._lock(frame, pick.seen, proven=pick.moved)
         if self._seeks == "same":
             return None
@@ -272,6 +273,12 @@ class Tracker:
         if acquired is None:
             return None
         return self._start(frame, acquired.seen, proven=acquired.moves)
+
+    def _is_patch(self, frame: Frame, seen: Detection) -> bool:
+        """Whether a disc of the colour that was named is a patch on a larger round thing."""
+        bounds = bounds_of(frame.image, self._given_bounds)
+        whole = surest_disc(frame.image, seen.u_px, seen.v_px, None, bounds)
+        return whole is not None and whole.seen.radius_px > LARGER * seen.radius_px
 
     def _is_known_still(self, seen: Detection) -> bool:
         """Whether a still thing of the ball's colour lies there, which is not the ball."""

@@ -102,6 +102,12 @@ def test_equal_marks_that_show_in_turn_do_not_travel():
     assert all(t.travel(REACH) == 0.0 for t in things.all)
 
 
+def test_a_thing_seen_twice_elsewhere_drifts_before_it_is_known_to_travel():
+    things = watched(lambda k: sighting(200 + 30 * k, 200), lambda k: sighting(50, 50), looks=2)
+    assert [t.drifts(REACH) for t in things.all] == [True, False]
+    assert all(t.travel(REACH) == 0.0 for t in things.all)
+
+
 def test_a_thing_that_was_hidden_for_long_is_the_same_thing():
     ball = lambda k: sighting(200 + 12 * k, 200) if not 3 < k < 15 else None  # noqa: E731
     things = watched(ball, looks=20)

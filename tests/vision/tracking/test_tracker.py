@@ -167,6 +167,19 @@ def test_ball_set_down_beyond_all_gates_is_followed_once_it_was_seen_twice():
     assert np.nanmax(errors) < 0.2
 
 
+def test_named_colour_of_a_part_of_the_ball_does_not_lock_on_that_part():
+    film = Film()
+    for k in range(12):
+        place = (100.0 + 5.0 * k, 120.0)
+        image = np.full((240, 320, 3), 110.0, np.float32)
+        disc(image, place, 40.0, np.array((235.0, 235.0, 235.0)))
+        disc(image, (place[0] - 12.0, 122.0), 18.0, np.array((30.0, 110.0, 220.0)))
+        film.add(image.astype(np.uint8), k / 30, place)
+    tracks, errors = follow(film, Tracker(appearance=Appearance.of_colour("orange")))
+    assert np.nanmax(errors) < 0.5
+    assert tracks[-1].state == "track"
+
+
 def test_imposters_are_remembered_and_forgotten():
     film = rolling("green", on="white", decoys=True, seconds=0.1)
     image, place = film.frames[0].image, film.truth[0]
