@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from experiments.compare.compare import run_comparison
+from experiments.progress import silent
 from experiments.reports.figures import plt
 
 ROOT = Path(__file__).parents[2]
@@ -27,7 +28,7 @@ def compared(table: str, out: Path, seeds: int) -> dict:
     if not file.is_file():
         (out / table).mkdir(parents=True, exist_ok=True)
         rig = ROOT / "experiments" / "rigs" / f"{table}.toml"
-        run_comparison(rig, out / table, seeds=seeds)
+        run_comparison(rig, out / table, seeds=seeds, progress=silent)
     return json.loads(file.read_text(encoding="utf-8"))
 
 
