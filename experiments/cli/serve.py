@@ -23,7 +23,7 @@ def serve(
     Who does not know the token is not listened to; who falls silent for 0.1 s loses the table.
     """
     from experiments.runs.assemble import load_rig
-    from rig.hardware.choose import open_table
+    from rig.hardware.choose import check_drives_volts, open_table
     from rig.hardware.network.serve import Server
     from rig.hardware.network.token_file import make_token, read_token
     from rig.loop.realtime import go_realtime
@@ -36,6 +36,7 @@ def serve(
             f'table.kind = "{known.table.kind}" is not served: a board keeps its own zero; plug it '
             "into the machine that runs the loop"
         )
+    check_drives_volts(known)
     if not token_file.exists():
         make_token(token_file)
         typer.echo(f"made {token_file}: copy it to the machine that shall drive the table")

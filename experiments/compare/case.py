@@ -1,12 +1,11 @@
 """One cell of a comparison, tick by tick: what the compensators did and what they estimated."""
 
 from dataclasses import dataclass
-from math import radians
 
 import numpy as np
 
 from experiments.compare.grid import Cell, Grid, cells, run_requests
-from experiments.runs.assemble import simulated_table
+from experiments.runs.assemble import play_rad, simulated_table
 from experiments.runs.protocol import course
 from experiments.runs.runner import compensator_index
 from rig.log import Log
@@ -91,7 +90,8 @@ def telling_case(results: dict, rig: Rig, grid: Grid) -> Case:
         condition: traced(_first(rig, grid, cell, condition)) for condition in _shown(told, grid)
     }
     play = grid.plays[cell.play]
-    return Case(cell.key, radians(play.joint_deg), radians(play.joint_offset_deg), runs)
+    widths = play_rad(rig, play.joint_deg), play_rad(rig, play.joint_offset_deg)
+    return Case(cell.key, *widths, runs)
 
 
 def _shown(told: dict, grid: Grid) -> list[str]:

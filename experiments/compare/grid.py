@@ -4,13 +4,12 @@ runs of its cells. In the TOML file conditions are `arms` and backlashes `plays`
 
 from dataclasses import asdict, dataclass, replace
 from importlib.resources import files
-from math import radians
 from pathlib import Path
 
 from pydantic import Field, ValidationError
 
 from experiments.analysis.numbers import MEASURES
-from experiments.runs.assemble import another_unit
+from experiments.runs.assemble import another_unit, play_rad
 from experiments.runs.protocol import read_protocol
 from experiments.runs.runner import RunRequest
 from rig.control.controllers import COMPENSATORS
@@ -22,7 +21,7 @@ NO_FAULT = ""
 
 
 class Backlash(StrictModel):
-    """Backlash of gear and joint, the same on both axes [degrees at the servo].
+    """Backlash of gear and joint, the same on both axes [degrees at the servo of two rods].
 
     gear_deg, joint_deg: full widths; the offsets: middles of the play.
     """
@@ -208,7 +207,7 @@ def table_of(rig: Rig, grid: Grid, cell: Cell) -> Rig:
         )
     for where in ("joint",) if rig.servo.takes_angle else ("gear", "joint"):
         width, off = getattr(play, f"{where}_deg"), getattr(play, f"{where}_offset_deg")
-        pair = {"play_rad": radians(width), "offset_rad": radians(off)}
+        pair = {"play_rad": play_rad(rig, width), "offset_rad": play_rad(rig, off)}
         effects[f"{where}_backlash"] = {"x": pair, "y": dict(pair)}
     effects |= friction.effects
     fault = grid.robustness.faults.get(cell.fault, Fault())

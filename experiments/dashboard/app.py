@@ -97,7 +97,8 @@ class App:
         gui.main_panel.dock_right()
         gui.main_panel.set_width(390)
         light(server)
-        self.scene, self.gauges = TableScene(server, self.rig), BacklashGauges(server)
+        self.scene = TableScene(server, self.rig)
+        self.gauges = BacklashGauges(server, self.rig)
         self.side_plates = SidePlates(server, self.rig)
         self.camera = CameraView(server, self.rig if self.session.table.real else None)
         self.header = Header(

@@ -104,7 +104,7 @@ def examine(facts: Facts, rig: Rig) -> list[Finding]:
     found = [*_packages(facts), *of_kind[rig.table.kind](facts, rig), *_camera(facts, rig)]
     found += [Finding(name, BAD, "no such file", "correct [table]") for name in facts.missing_files]
     if rig.table.kind != "simulated":
-        found += _homing(facts)
+        found += _angles(rig) + _homing(facts)
         if rig.table.kind != "remote":
             found += _real_time(facts)
     if facts.cache:
@@ -119,6 +119,14 @@ def _packages(facts: Facts) -> list[Finding]:
         cure = f"uv sync, or pip install {' '.join(missing)}"
         return [Finding("Python packages", BAD, f"missing: {', '.join(missing)}", cure)]
     return [Finding("Python packages", OK, f"{len(facts.packages)} found")]
+
+
+def _angles(rig: Rig) -> list[Finding]:
+    if not rig.servo.takes_angle:
+        return []
+    why = "servo.kind = 'position': no driver here tells servos an angle yet"
+    cure = "run the table by its own program, then rig import and rig calibrate servo"
+    return [Finding("servos", BAD, why, cure)]
 
 
 def _simulated(facts: Facts, rig: Rig) -> list[Finding]:

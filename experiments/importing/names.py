@@ -9,17 +9,20 @@ WORDS = {
     "time": "t time zeit tempo temps tiempo tid timestamp stamp clock elapsed tout date datetime "
     "millis micros",
     "ball": "xb yb obj object ball kugel palla bille balle bola bal kula marble sphere blob "
-    "centroid",
-    "place": "pos position posizione lage ort p point xy",
-    "target": "target setpoint sp ref reference desired des soll goal want wanted sollwert rif",
+    "centroid pelota esfera balón bolita",
+    "place": "pos position posizione posicion posición posicao posição lage ort p point xy",
+    "target": "target setpoint sp ref reference desired des soll goal want wanted sollwert rif "
+    "objetivo consigna consigne alvo",
     "angle": "angle theta servo tilt winkel alpha beta roll pitch arm joint phi angolo platte "
-    "plate plat actuator stepper",
-    "command": "set cmd command commanded action out output ctrl control stellgroesse comando",
+    "plate plat actuator stepper angulo ángulo ângulo brazo placa plateau servomotor",
+    "command": "set cmd command commanded action out output ctrl control stellgroesse comando "
+    "commande mando orden",
     "measured": "meas measured actual act ist enc encoder feedback present state real fb joint",
-    "voltage": "volt volts voltage vm spannung tension tensione",
+    "voltage": "volt volts voltage vm spannung tension tensión tensione voltaje tensao tensão",
     "share": "pwm duty dutycycle",
     "current": "current amp amps strom im corrente",
-    "speed": "speed vel velocity omega gyro dot rpm geschwindigkeit velocita tacho tach rate "
+    "speed": "speed vel velocity omega gyro dot rpm geschwindigkeit velocita velocidad vitesse "
+    "velocidade tacho tach rate "
     "vx vy xdot ydot",
     "derived": "filtered filt est estimated estimate estimator kalman kf pred predicted smooth "
     "smoothed hat lpf model sim",
@@ -48,6 +51,9 @@ CLEAR_ANGLE = {
     "pitch",
     "phi",
     "angolo",
+    "angulo",
+    "ángulo",
+    "ângulo",
 }
 _BRACKETS = re.compile(r"[\[({<]\s*([^\])}>]{1,12})\s*[\])}>]")
 
@@ -138,6 +144,8 @@ def _role(words: list[str], roles: list[str], unit: str | None) -> str | None:
         return "other" if "other" in has else "time" if words[:1] == ["t"] else "other"
     if kind == "current" or "current" in has:
         return "current"
+    if "share" in has and unit == "us":
+        return "command"  # a pulse's width, not a share of a supply
     if "share" in has and "angle" not in has:
         return "share"
     if kind == "voltage" or "voltage" in has:

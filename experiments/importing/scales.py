@@ -17,6 +17,7 @@ from experiments.importing.units import factor, quantity
 GAIN = (0.2, 8.5)  # m/s2/rad; the upper end: the plate's own tilt, 5/7 g, and a fifth
 LINKAGE_GAIN = 3.6  # of a servo's arm on a plate at most half as long; beyond, it is no such angle
 BALL_SPAN_M = (0.004, 1.5)
+LENGTHS = ("m", "cm", "mm")
 ANGLE_SPAN_RAD = 0.004  # at least
 USUAL_GAIN = (0.4, 8.5)
 USUAL_SPAN_RAD = 3.2  # a servo turns half a turn
@@ -39,7 +40,7 @@ def settle_units(
     a_said = _named(draft, angle_names, angles)
     fitting = [
         (b, a)
-        for b in ([b_said] if b_said else ["m", "cm", "mm"])
+        for b in ([b_said] if b_said else LENGTHS)
         for a in ([a_said] if a_said else ["rad", "deg"])
         if _plausible(
             draft,
@@ -56,10 +57,8 @@ def settle_units(
     _use(draft, angle_names, pick_a)
     gain = _gain_text(draft, answers, pick_b, pick_a, ball_names, angle_names)
     if not fitting and told and b_said and a_said:
-        why = f"the ball would answer with {gain}, which no linkage does in {b_said} and {a_said}"
-        if not _all_said(draft, angle_names, "unit") or not _all_said(draft, ball_names, "unit"):
-            draft.doubt(list(ball_names.values()), "unit", why, "m", "cm", "mm", "px")
-            draft.doubt(list(angle_names.values()), "unit", why, "rad", "deg", "turn/4096", "us")
+        told_units = (b_said, ball_names, ball), (a_said, angle_names, angles)
+        _doubt_named(draft, gain, *told_units, answers)
     if ball and not b_said and not _sure_ball(draft, fitting, answers, ball_names, angle_names):
         draft.doubt(
             list(ball_names.values()),
@@ -84,6 +83,37 @@ def settle_units(
             for r in _gains(draft, answers, (pick_b, ball_names), (pick_a, angle_names))
         ):
             draft.because("angle", f"so this is the plate's own tilt: {PLATE_TILT}")
+
+
+def _doubt_named(
+    draft: Draft,
+    gain: str,
+    ball: tuple[str, Mapping[str, str], Mapping[str, str]],
+    angle: tuple[str, Mapping[str, str], Mapping[str, str]],
+    answers: Mapping[str, Answer | None],
+) -> None:
+    """Ask for units that the names say wrongly: those first that would fit with the other's as it
+    is named, and of ball or angle alone where only its own can be wrong.
+
+    ball, angle: unit as named, axis -> name in the log, axis -> column.
+    """
+    if all(_all_said(draft, names, "unit") for _, names, _ in (ball, angle)):
+        return
+
+    def fit(b: str, a: str) -> bool:
+        return _plausible(draft, (b, *ball[1:]), (a, *angle[1:]), answers, named=True)
+
+    balls = [b for b in LENGTHS if b != ball[0] and fit(b, angle[0])]
+    angles = [a for a in ("rad", "deg") if a != angle[0] and fit(ball[0], a)]
+    told = [f"the ball in {b}" for b in balls] + [f"the angle in {a}" for a in angles]
+    why = f"the ball would answer with {gain}, which no linkage does in {ball[0]} and {angle[0]}"
+    why += f"; it would with {' or '.join(told)}" if told else ""
+    if balls or not told:
+        options = dict.fromkeys([*balls, *LENGTHS, "px"])
+        draft.doubt(list(ball[1].values()), "unit", why, *options)
+    if angles or not told:
+        options = dict.fromkeys([*angles, "rad", "deg", "turn/4096", "us"])
+        draft.doubt(list(angle[1].values()), "unit", why, *options)
 
 
 def settle_scale(draft: Draft, names: Sequence[str], unit: str) -> None:

@@ -8,7 +8,6 @@ claims (other units of the same kind) and the grid of play; 5 figures, results.j
 from contextlib import suppress
 from dataclasses import replace
 from itertools import product
-from math import radians
 from os import cpu_count
 from pathlib import Path
 
@@ -28,7 +27,7 @@ from experiments.paper.study_report import write_study
 from experiments.progress import ProgressCall, silent
 from experiments.records.recording import read_run, recover
 from experiments.records.run_folder import read_meta, write_results
-from experiments.runs.assemble import another_unit, with_play
+from experiments.runs.assemble import another_unit, play_rad, with_play
 from experiments.runs.protocol import read_protocol
 from experiments.runs.runner import (
     RunRequest,
@@ -92,15 +91,22 @@ def reproduce(
         "claims": judge(table, seed),
         "paired_runs": paired_runs,
         "grid": grid,
-        "rivals": {
-            "friction as it is": compare_alternatives(fitted, seed, pairs),
-            "little friction": compare_alternatives(little_friction(fitted), seed, pairs),
-        },
+        "rivals": _rivals(fitted, seed, pairs, progress),
         "grid_pairs": grid_pairs,
     }
     results |= write_study(study, results, rig, out)
     write_results(out, results)
     return results
+
+
+def _rivals(rig: Rig, seed: int, pairs: int, progress: ProgressCall) -> dict[str, dict]:
+    """`compare_alternatives` on the table as it is and with little friction."""
+    tables, found = {"friction as it is": rig, "little friction": little_friction(rig)}, {}
+    progress("alternative explanations", 0, len(tables))
+    for name, table in tables.items():
+        found[name] = compare_alternatives(table, seed, pairs)
+        progress("alternative explanations", len(found), len(tables))
+    return found
 
 
 def _figure_runs(rig: Rig, out: Path, seed: int, bundle: Path | None, progress: ProgressCall):
@@ -201,7 +207,9 @@ def _grid_rows(rig: Rig, seed: int, pairs: int, cells: int, progress: ProgressCa
     protocol, finished = read_protocol("free-release"), [0]
 
     def rows_of(gear_deg: float, joint_deg: float) -> dict[str, list[dict]]:
-        played = with_play(rig, gear_rad=radians(gear_deg), joint_rad=radians(joint_deg))
+        played = with_play(
+            rig, gear_rad=play_rad(rig, gear_deg), joint_rad=play_rad(rig, joint_deg)
+        )
         seeds = range(seed + 2000, seed + 2000 + pairs)
         requests = [
             RunRequest(another_unit(played, s), protocol, arm, s, Path(), kind=played)

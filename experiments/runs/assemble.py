@@ -11,6 +11,7 @@ import numpy as np
 from experiments.runs.protocol import Protocol
 from rig.course import Course
 from rig.discrepancy import Discrepancy
+from rig.linkage import THREE_ARMS, Linkage
 from rig.operator import Operator
 from rig.parameters import Rig
 from rig.rigfile import read_rig
@@ -85,6 +86,15 @@ def another_unit(rig: Rig, seed: int) -> Rig:
         slope = level.get(axis, {}).get("slope_rad", 0.0)
         level[axis] = {"slope_rad": slope + SPREAD_LEVEL_RAD * one(-1, 1)}
     return replace(rig, servo=servo, drive=drive, effects=effects)
+
+
+def play_rad(rig: Rig, at_servo_deg: float) -> float:
+    """Play of the rig's table [rad] that stands for at_servo_deg [degrees] at a servo of two rods.
+
+    The angle of three arms is the plate's own tilt: theirs is the tilt that such a play leaves to
+    the plate of the default linkage.
+    """
+    return radians(at_servo_deg) * (Linkage().ratio if rig.linkage.kind == THREE_ARMS else 1.0)
 
 
 def with_play(rig: Rig, *, gear_rad: float, joint_rad: float) -> Rig:

@@ -10,7 +10,7 @@ from typing import Self
 
 from experiments.runs.live_eye import open_markers, watching
 from rig.hardware.camera.eye import CameraEye
-from rig.hardware.choose import OpenTable, open_table
+from rig.hardware.choose import OpenTable, check_drives_volts, open_table
 from rig.hardware.homing.home import Homing, home
 from rig.hardware.homing.homed import CURE, Homed, NotHomed, home_file, load, power_up
 from rig.loop.realtime import go_realtime
@@ -84,6 +84,7 @@ def home_table(rig: Rig, rig_file: Path) -> tuple[Homing, Path]:
     camera cannot be opened. An earlier homing is deleted in these cases too, except when the port
     is not there.
     """
+    check_drives_volts(rig)
     check_there(rig)
     path = home_file(rig_file)
     path.unlink(missing_ok=True)
@@ -202,13 +203,14 @@ def open_homed(
 def rehearse_home(rig: Rig) -> Homing:
     """Home the virtual table, with the tilt of its plate as markers would show it.
 
-    HomingRefused: homing stopped, with its reason.
+    HomingRefused: homing stopped, with its reason. ValueError: its servos take an angle.
     """
     import numpy as np
 
     from rig.plant.ball import tilt_sines
     from rig.simulation.simulator import SimulatedTable
 
+    check_drives_volts(rig)
     table = SimulatedTable(rig, np.random.default_rng(1), start_m=(1.0, 1.0))
     table.level_s = 0.0
 

@@ -45,6 +45,17 @@ def host_and_port(address: str) -> tuple[str, int]:
     return found[1] or found[2], int(found[3])
 
 
+def check_drives_volts(rig: Rig) -> None:
+    """Raise ValueError (one line) where the rig's servos take an angle: homing, boards and servers
+    speak volts, and a servo that is told an angle must get none.
+    """
+    if rig.servo.takes_angle:
+        raise ValueError(
+            "servo.kind = 'position': no driver here tells servos an angle yet, and volts would "
+            "be wrong; run such a table by its own program, then rig import and rig calibrate servo"
+        )
+
+
 def open_table(
     rig: Rig,
     eye: ObservationSource | None = None,
@@ -56,13 +67,15 @@ def open_table(
 
     eye: where observations of the ball come from (None: without a camera); wiring: what homing
     found (default: the rig file's); homed False: channels as they are, for homing itself; such a
-    table is never levelled. ValueError: the rig file or its token file is wrong. OSError: the table
+    table is never levelled. ValueError: the rig file or its token file is wrong, or its servos take
+    an angle. OSError: the table
     is not there, in one line with the cure.
     """
     kind = rig.table.kind
     wired = wiring or (file_wiring(rig) if homed else raw_wiring(rig))
     if kind == "simulated":
         return _simulated(rig, homed)
+    check_drives_volts(rig)
     if kind in ("serial", "usb"):
         return _board(rig, eye, wired, homed)
     if kind == "quanser":

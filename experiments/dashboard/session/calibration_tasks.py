@@ -16,9 +16,24 @@ CAPTIONS = {
     "camera.png": "The lens: how sure, and each picture's fit",
 }
 NOT_REAL = {
-    "servo": "a real table's gain and time constant come from its runs: record `steps`, then Gap",
+    "servo": "gain and time constant of a real table's motors come from its runs: record `steps`, "
+    "then Gap",
     "play": "a real table's play is found from its runs: record `steps`, then Gap",
 }
+
+
+def steps_of(rig: Rig, *, real: bool) -> tuple[str, ...]:
+    """Steps that the rig's table allows, in their order; real: it is no virtual one.
+
+    Where nobody measures the servos' angles the camera's delay shows with theirs alone, and level
+    and play are seen through their answer: servos come first. Those of a real table are measured
+    from its runs, if they take an angle.
+    """
+    steps = list(CALIBRATION_STEPS)
+    if not rig.servo.has_angle:
+        steps = ["camera", "table", "servo", "level", "play"]
+    possible = {"servo"} if rig.servo.takes_angle else set()
+    return tuple(s for s in steps if not (real and s in NOT_REAL and s not in possible))
 
 
 @dataclass(frozen=True)
@@ -77,11 +92,11 @@ def _check_possible(request: CalibrationRequest) -> None:
         raise ValueError(f"no step '{step}'; known: {', '.join(CALIBRATION_STEPS)}")
     if request.rig_file is None:
         return
-    if step in NOT_REAL:
+    if step in NOT_REAL and step not in steps_of(request.rig, real=True):
         raise ValueError(NOT_REAL[step])
     if step in ("camera", "table") and not request.rig.table.camera:
         raise ValueError("the rig file names no camera: set table.camera")
-    if step in ("time", "level") and not request.runs:
+    if step in ("time", "level", "servo") and not request.runs:
         raise ValueError(f"{step} is measured from recorded runs: record one with the ball first")
 
 
@@ -133,7 +148,8 @@ def _measure_motion(request: CalibrationRequest, file: Path) -> None:
     elif step == "level":
         motion.calibrate_level(request.runs, file, out, seconds=40.0, seed=seed)
     elif step == "servo":
-        motion.calibrate_servo(request.runs, file, out, seed=seed)
+        newest = request.runs[:1] if request.rig.servo.has_angle else request.runs
+        motion.calibrate_servo(newest, file, out, seed=seed)
     else:
         backlash.calibrate_backlash(file, out, seed=seed)
 

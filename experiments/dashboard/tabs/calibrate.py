@@ -16,11 +16,11 @@ from experiments.dashboard.server.controls import CheckedValue, Controls
 from experiments.dashboard.server.input_limits import PRINTED_MM
 from experiments.dashboard.server.untrusted_text import plain
 from experiments.dashboard.session.calibration_tasks import (
-    CALIBRATION_STEPS,
     NOT_REAL,
     CalibrationRequest,
     calibration_step,
     print_sheets,
+    steps_of,
 )
 from experiments.dashboard.session.real_camera import RealCamera
 from experiments.dashboard.session.session import Session
@@ -39,6 +39,7 @@ STEPS = {
     "servo": "breakaway volts, gain, time constant",
     "play": "how much play, and where",
 }
+OF_POSITION_SERVO = "lag, dead time, limits, dead band"
 UNCLEAR = ", its middle cannot be told from a level error or a rest position"  # said in the report
 MARKS = {"": "", "on": "▶ ", "accepted": "✓ ", "refused": "✗ "}
 COLOURS = {"": None, "on": "orange", "accepted": "teal", "refused": "red"}
@@ -78,20 +79,23 @@ class CalibrateTab:
         self._awaited: WorkItem | None = None
         gui = server.gui
         gui.add_markdown(REAL if real else VIRTUAL)
+        self._steps = steps_of(session.rig, real=bool(real))
+        self._meanings = dict(STEPS)
+        if session.rig.servo.takes_angle:
+            self._meanings["servo"] = OF_POSITION_SERVO
         if real:
             self._square_mm = self._add_number(gui, "Square as printed [mm]")
             self._marker_mm = self._add_number(gui, "Plate marker [mm]")
         else:
             everything = gui.add_button("All steps", color="green")
-            controls.button(everything, "calibrate", lambda page: self.begin(CALIBRATION_STEPS))
+            controls.button(everything, "calibrate", lambda page: self.begin(self._steps))
         self._verdict: Any = gui.add_markdown("")
         self._gallery = Gallery(server, "Pictures of this step")
         self._buttons: dict[str, Any] = {}
         with gui.add_folder("One step at a time"):
-            for step, meaning in STEPS.items():
-                if real and step in NOT_REAL:
-                    continue
-                one = self._buttons[step] = gui.add_button(f"{step}: {meaning}")
+            for step in self._steps:
+                label = f"{step}: {self._meanings[step]}"
+                one = self._buttons[step] = gui.add_button(label)
                 controls.button(one, f"calibrate {step}", lambda page, s=step: self.begin((s,)))
             cancel = gui.add_button("Cancel", color="gray")
             controls.button(cancel, "cancel", lambda page: self._cancel())
@@ -99,8 +103,9 @@ class CalibrateTab:
         sheets = gui.add_button("Download the sheets to print", color="gray")
         controls.button(sheets, "sheets", self._sheets, everybody=True)
         if real:
-            gui.add_markdown("  \n".join(f"*{step}*: {why}." for step, why in NOT_REAL.items()))
-        self._state = dict.fromkeys(STEPS, "")
+            refused = [(step, why) for step, why in NOT_REAL.items() if step not in self._steps]
+            gui.add_markdown("  \n".join(f"*{step}*: {why}." for step, why in refused))
+        self._state = dict.fromkeys(self._steps, "")
         self._lines: list[str] = []
         self._kept: dict[str, list[str]] = {}
         self._on, self._words, self._since_s, self._shown_s = "", "", 0.0, -1
@@ -146,7 +151,7 @@ class CalibrateTab:
 
     def _next(self) -> None:
         if not self._left:
-            if len(self._kept) == len(STEPS):
+            if len(self._kept) == len(self._steps):
                 self._words = f"{self._words}. All steps are done"
                 self._write()
             return
@@ -220,7 +225,7 @@ class CalibrateTab:
             self._controls.queue.put("next step", self._next)
 
     def _mark(self, step: str, state: str, words: str) -> None:
-        self._buttons[step].label = f"{MARKS[state]}{step}: {STEPS[step]}"
+        self._buttons[step].label = f"{MARKS[state]}{step}: {self._meanings[step]}"
         self._buttons[step].color = COLOURS[state]
         self._on, self._words = step, words
         self._write()
@@ -230,7 +235,7 @@ class CalibrateTab:
         """The verdict stays in the list of what was found."""
         self._kept[step] = self._lines
         found = [f"**What was found** (accepted; kept in {plain(self._out / 'calibration')})"]
-        for name in STEPS:
+        for name in self._steps:
             found += [f"**{name}**" for _ in self._kept.get(name, ())[:1]]
             found += [
                 f"- {plain(line.removeprefix(name).lstrip(': '))}"

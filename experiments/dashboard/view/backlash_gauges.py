@@ -71,10 +71,14 @@ class BacklashGauge:
 
 
 class BacklashGauges:
-    """The gauges of both gears and both joints."""
+    """The gauges of both gears and both joints; of the joints alone where servos take an angle, as
+    their gears lie within their own loop."""
 
-    def __init__(self, server: "ViserServer") -> None:
-        self._gauges = {place: BacklashGauge(server, *place) for place in PLACES}
+    def __init__(self, server: "ViserServer", rig: Rig) -> None:
+        kinds = ("joint",) if rig.servo.takes_angle else ("gear", "joint")
+        self._gauges = {
+            place: BacklashGauge(server, *place) for place in PLACES if place[0] in kinds
+        }
 
     def show(self, visible: bool) -> None:
         """Show all gauges, or hide them (`visible` False), as beside a film: recordings hold no
@@ -88,6 +92,7 @@ class BacklashGauges:
         [rad], widths that the observer found, rows gear and joint, columns x and y.
         """
         gear, joint = backlash_widths(rig)
-        for axis in range(2):
-            self._gauges["gear", axis].draw(gear[axis], gear_rad[axis], found[0, axis], rig)
-            self._gauges["joint", axis].draw(joint[axis], joint_rad[axis], found[1, axis], rig)
+        rows = {"gear": (gear, gear_rad, found[0]), "joint": (joint, joint_rad, found[1])}
+        for (kind, axis), gauge in self._gauges.items():
+            width, twist, seen = rows[kind]
+            gauge.draw(width[axis], twist[axis], seen[axis], rig)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from experiments.importing.formats.bags import read_bag
 from experiments.importing.formats.matlab import read_matlab
+from experiments.importing.formats.numpy_files import read_npy, read_npz
 from experiments.importing.formats.tables import read_lerobot, read_parquet
 from experiments.importing.formats.tdms import read_tdms
 from experiments.importing.formats.text import read_text
@@ -17,6 +18,8 @@ READERS = {
     ".log": read_text,
     ".lvm": read_text,
     ".mat": read_matlab,
+    ".npz": read_npz,
+    ".npy": read_npy,
     ".tdms": read_tdms,
     ".parquet": read_parquet,
     ".mcap": read_bag,

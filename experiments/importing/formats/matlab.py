@@ -34,7 +34,7 @@ def read_matlab(path: Path) -> list[Stream]:
         tree, objects = _hdf5(path)
     else:
         tree, objects = _version_5(path)
-    streams = [stream for stream in _streams("", tree) if len(stream)]
+    streams = [stream for stream in streams_of(tree) if len(stream)]
     if not streams:
         if objects:
             raise BadFileError(f"it holds MATLAB objects ({', '.join(objects[:3])}): {_CURE}")
@@ -123,6 +123,11 @@ def _item(name: str, value: Any, objects: list[str], room: list[int], depth: int
     if value.attrs.get("MATLAB_empty", 0) or value.dtype.kind not in "fiub":
         return None
     return np.transpose(value[()])
+
+
+def streams_of(tree: Mapping[str, Any]) -> Iterator[Stream]:
+    """Yield the streams of arrays by name and of those nested in them."""
+    return _streams("", tree)
 
 
 def _streams(name: str, tree: Mapping[str, Any]) -> Iterator[Stream]:

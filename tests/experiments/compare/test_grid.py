@@ -6,7 +6,8 @@ import pytest
 
 from experiments.compare.compare import plan, sizes
 from experiments.compare.grid import Cell, cells, read_grid, retuned_names, run_requests, table_of
-from experiments.runs.assemble import load_rig
+from experiments.runs.assemble import load_rig, play_rad
+from tests.support import ROOT
 
 GRID = read_grid(None)
 RIG = load_rig(None)
@@ -80,3 +81,19 @@ def test_a_mistake_in_a_grid_is_one_line(tmp_path, change, said):
         read_grid(path)
     assert "\n" not in str(error.value)
     assert str(path) in str(error.value)
+
+
+def test_plays_of_three_arms_are_those_that_the_plate_would_feel():
+    """Their angle is the plate's tilt: 3 degrees of a servo on two rods are 0.55 of the plate."""
+    grid = read_grid(None, takes_angle=True)
+    arms, rods = (
+        load_rig(ROOT / "experiments" / "rigs" / f"{name}.toml")
+        for name in ("three-arms", "bus-servos")
+    )
+    cell = Cell("joint 3", "as measured", "hold")
+    wide, narrow = (
+        table_of(rig, grid, cell).effects["joint_backlash"]["x"]["play_rad"] for rig in (rods, arms)
+    )
+    assert wide == pytest.approx(radians(3))
+    assert narrow == pytest.approx(radians(3) * rods.linkage.ratio)
+    assert play_rad(rods, 1.0) == pytest.approx(radians(1))

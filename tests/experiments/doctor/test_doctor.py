@@ -9,7 +9,7 @@ import pytest
 from experiments.cli import application
 from experiments.doctor.doctor import BAD, NOTE, OK, Device, Facts, examine, udev_rule, usable
 from experiments.doctor.facts import gather
-from rig.parameters import Rig, TableChoice
+from rig.parameters import Rig, Servo, TableChoice
 
 WELL = Facts(
     user="eva",
@@ -41,6 +41,15 @@ def bad(facts: Facts, table: TableChoice) -> dict[str, str]:
 @pytest.mark.parametrize("kind", TABLES)
 def test_where_everything_is_there_nothing_is_bad(kind: str):
     assert bad(WELL, TABLES[kind]) == {}
+
+
+@pytest.mark.parametrize("kind", [kind for kind in TABLES if kind != "simulated"])
+def test_a_real_table_whose_servos_take_an_angle_cannot_be_used(kind: str):
+    rig = Rig(table=TABLES[kind], servo=Servo(kind="position"))
+    found = {f.what: f for f in examine(WELL, rig) if f.state == BAD}
+    assert "no driver here tells servos an angle" in found["servos"].text
+    virtual = Rig(servo=Servo(kind="position"))
+    assert usable(examine(WELL, virtual))
 
 
 @pytest.mark.parametrize(

@@ -179,6 +179,9 @@ def test_an_mcap_file_that_was_cut_off_is_read_as_far_as_it_goes(tmp_path: Path)
         ("a.parquet", b"PAR1", "Parquet"),
         ("a.mcap", b"\x89MCAP0\r\n" + b"\x01" * 40, "MCAP"),
         ("a.mcap", b"", "MCAP"),
+        ("a.npz", b"PK\x03\x04", "npz"),
+        ("a.npy", b"\x93NUMPY", "npy"),
+        ("a.npy", b"", "npy"),
         ("a.xlsx", b"PK", "no kind of recording"),
     ],
 )
@@ -189,6 +192,21 @@ def test_bad_files_get_one_line(name: str, data: bytes, says: str, tmp_path: Pat
         read_recording(path)
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 600
+
+
+def test_numpy_files_without_pythons_objects(tmp_path: Path):
+    np.savez(tmp_path / "a.npz", t=T, x=X, who=np.array([{"a": 1}], dtype=object), g=np.eye(3))
+    assert set(columns(tmp_path / "a.npz")) == {"t", "x"}
+    np.save(tmp_path / "a.npy", np.column_stack((T, X)))
+    assert list(columns(tmp_path / "a.npy")) == ["column 1", "column 2"]
+    np.save(tmp_path / "b.npy", np.array(list(zip(T, X, strict=True)), [("t", "f8"), ("x", "f4")]))
+    assert list(columns(tmp_path / "b.npy")) == ["t", "x"]
+    np.save(tmp_path / "c.npy", np.array([{"a": 1}] * 30, dtype=object))
+    with pytest.raises(BadFileError, match=r"\.npy"):
+        read_recording(tmp_path / "c.npy")
+    np.savez(tmp_path / "d.npz", who=np.array([{"a": 1}], dtype=object))
+    with pytest.raises(BadFileError, match="no rows of numbers"):
+        read_recording(tmp_path / "d.npz")
 
 
 def test_bombs_are_refused_before_they_are_unpacked(tmp_path: Path, monkeypatch):
@@ -210,6 +228,9 @@ def test_bombs_are_refused_before_they_are_unpacked(tmp_path: Path, monkeypatch)
     pq.write_table(pa.table({"x": np.zeros(100_000)}), tmp_path / "bomb.parquet")
     with pytest.raises(BadFileError, match="limit"):
         read_recording(tmp_path / "bomb.parquet")
+    np.savez_compressed(tmp_path / "bomb.npz", x=np.zeros(100_000))
+    with pytest.raises(BadFileError, match="limit"):
+        read_recording(tmp_path / "bomb.npz")
 
 
 @pytest.mark.parametrize(("name", "module"), [("a.tdms", "nptdms")])

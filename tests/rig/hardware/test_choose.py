@@ -10,7 +10,7 @@ from rig.hardware.camera.plate_tilt import MarkerTilt
 from rig.hardware.choose import file_wiring, host_and_port, open_table, raw_wiring, usb_numbers
 from rig.hardware.wiring import Wiring
 from rig.loop.paced import Paced
-from rig.parameters import Rig, TableChoice
+from rig.parameters import Rig, Servo, TableChoice
 from rig.plant.ball import plate_rotation
 from vision.frames import Frame
 from vision.plate.markers import default_layout
@@ -55,6 +55,22 @@ def test_each_kind_is_opened_or_named():
     ):
         with pytest.raises(LinkLost, match=r"no-such-port|quanser\.hardware"):
             open_table(Rig(table=table))
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        TableChoice(kind="serial", port="/dev/no-such-port"),
+        TableChoice(kind="usb"),
+        TableChoice(kind="quanser"),
+        TableChoice(kind="remote", address="lab:7643", token_file="no-such-file"),
+    ],
+)
+@pytest.mark.parametrize("homed", [True, False])
+def test_no_volts_are_opened_for_servos_that_take_an_angle(table: TableChoice, homed: bool):
+    rig = Rig(servo=Servo(kind="position"), table=table)
+    with pytest.raises(ValueError, match="no driver here tells servos an angle yet"):
+        open_table(rig, homed=homed)
 
 
 @pytest.mark.parametrize("tilt", [(0.05, 0.0), (-0.03, 0.06), (0.0, -0.09)])

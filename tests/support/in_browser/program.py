@@ -20,9 +20,10 @@ RIG = (sys.executable, "-m", "experiments.cli")
 class Program:
     """`rig dashboard` in a process of its own; `link` is what it printed."""
 
-    def __init__(self, out: Path, *, port: int = 0) -> None:
+    def __init__(self, out: Path, *, port: int = 0, rig: Path | None = None) -> None:
         self.log = (out / "program.log").open("a")
         command = [*RIG, "dashboard", "--port", str(port), "--out", str(out)]
+        command += [] if rig is None else ["--rig", str(rig)]
         environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}
         self._process = subprocess.Popen(
             command,

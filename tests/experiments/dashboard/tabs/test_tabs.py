@@ -6,6 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments.dashboard.session.calibration_tasks import (
+    CalibrationRequest,
+    calibration_step,
+    steps_of,
+)
 from experiments.dashboard.session.live import LiveState
 from experiments.dashboard.session.plan import RunPlan, SessionStatus, planned_runs
 from experiments.dashboard.session.tasks import (
@@ -22,8 +27,10 @@ from experiments.dashboard.tabs.run import ProgressLine, minutes, progress_words
 from experiments.dashboard.view.side_plates import CELL_PX, map_image, off_words
 from experiments.gap.closed_loop_replay import table_motion
 from experiments.records.recording import Recorder, write_run
+from experiments.runs.assemble import load_rig
 from experiments.runs.protocol import read_protocol
 from rig.log import Log
+from tests.support import ROOT
 
 
 def test_the_map_lies_as_seen_from_above():
@@ -124,6 +131,23 @@ def test_runs_are_listed_newest_first_and_read_as_a_film(tmp_path: Path):
     assert len(film.t_s) < 40
     assert np.isnan(film.at(0.0)[1]).all()  # not seen yet
     assert np.allclose(film.at(0.5)[1], 0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "virtual", "real"),
+    [
+        ("default", "camera table time level servo play", "camera table time level"),
+        ("bus-servos", "camera table time level servo play", "camera table time level servo"),
+        ("hobby-two-servos", "camera table servo level play", "camera table servo level"),
+    ],
+)
+def test_only_steps_that_the_table_allows_are_offered(name, virtual, real, tmp_path: Path):
+    rig = load_rig(ROOT / "experiments" / "rigs" / f"{name}.toml")
+    assert steps_of(rig, real=False) == tuple(virtual.split())
+    assert steps_of(rig, real=True) == tuple(real.split())
+    request = CalibrationRequest("play", rig, tmp_path, rig_file=tmp_path / "rig.toml")
+    with pytest.raises(ValueError, match="play is found from its runs"):
+        calibration_step(request, lambda *_: None)  # pyright: ignore[reportArgumentType]
 
 
 def test_a_run_of_somebody_else_writes_no_html_onto_the_page():
