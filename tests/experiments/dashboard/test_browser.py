@@ -187,7 +187,7 @@ def take_over_and_stop(chromium, first: Hand, program: Program, artefacts: Path,
     stopped = sorted((out / "runs").glob("*-free-release-*"))[2]
     meta = json.loads((stopped / "run.json").read_text())
     assert meta["outcome"] == "aborted"
-    assert "stopped by page" in meta["reason"]
+    assert "stopped by a page at" in meta["reason"]
     return second
 
 
