@@ -329,6 +329,10 @@ class App:
     def _draw_table(self, row: np.ndarray, seen_s: float) -> None:
         ball = row[_BALL : _BALL + 2] if row[0] - seen_s < UNSEEN_S else None
         target = row[_TARGET : _TARGET + 2]
+        status = self.session.status
+        if status.run is not None and status.operator_step.startswith("place"):
+            start = status.run.plan.protocol.start  # where the operator is to put the ball
+            target = np.array([start.x_m, start.y_m])
         self.scene.pose(shown_angles(row), ball, target)
         ghost = self._ghost
         self.scene.compare(ball, ghost.ball_m if ghost.on_plate else None)
