@@ -61,10 +61,13 @@ def write_report(results: dict, rig: Rig, grid: Grid, out: Path) -> Path:
         source="simulated",
         summary=results["words"][:1],
         sections=[
-            Section("Which compensator helps, and when", [*results["words"], Pictures(overview)]),
+            Section(
+                "Which compensator helps, and when",
+                [*results["words"][1:], Pictures(overview, wide=True)],
+            ),
             Section("A telling case", [Pictures(closer)]),
             Section("Every cell", [_table(results)]),
-            recompute_section("rig compare"),
+            recompute_section("", "rig compare"),
         ],
     )
 
@@ -91,4 +94,4 @@ def _table(results: dict) -> Table:
             if equal:
                 at_equal = f"{equal['effect']:+.3f} vs {equal['rival']}: {equal['verdict']}"
             rows.append([*row, gain, p, verdict, at_equal])
-    return Table(head, rows, words=2)
+    return Table(head, rows, words=2, folded=True)

@@ -28,7 +28,7 @@ from experiments.dashboard.tabs.replay import ReplayTab
 from experiments.dashboard.tabs.results import ResultsTab
 from experiments.dashboard.tabs.run import RunTab
 from experiments.dashboard.view.backlash_gauges import BacklashGauges
-from experiments.dashboard.view.camera_view import NO_FILM, CameraView
+from experiments.dashboard.view.camera_view import NO_FILM, RESTS, CameraView
 from experiments.dashboard.view.curves import FILM, Curves
 from experiments.dashboard.view.ghost import Ghost
 from experiments.dashboard.view.pose import plate_point
@@ -167,8 +167,11 @@ class App:
         """Show a film in place of the live table on every page; None: the live table again."""
         self.playback = playback
         self.camera.hide()
+        if playback is None or playback.models is None:
+            self.gap.take_map_off()  # it is of what was analysed, not of what is shown
         self.replay.on_playback(playback)
         self.side_plates.begin(playback)
+        self.scene.both(None, None)
         self.gauges.show(playback is None)
 
     def _on_recorded(self, planned: PlannedRun, folder: Path, ending: Ending) -> None:
@@ -201,6 +204,11 @@ class App:
         button(add("Start the run", hotkey="R"), "start", lambda page: self.run_tab.start())
         button(add("Next run", hotkey="N"), "next run", lambda page: self.run_tab.go_on())
         button(add("Balance again", hotkey="B"), "balance", lambda page: self.run_tab.balance())
+        button(add("Play or pause", hotkey="space"), "play", lambda page: self.replay.toggle())
+        for frames, key in ((1, "arrowright"), (-1, "arrowleft")):
+            way = "on" if frames > 0 else "back"
+            step = add(f"A frame {way}", hotkey=key)  # pyright: ignore[reportArgumentType]
+            button(step, "frame", lambda page, n=frames: self.replay.step(n))
         keys = (
             ("left", "left", 180),
             ("right", "right", 0),
@@ -278,10 +286,12 @@ class App:
         if playback is not None:
             video = playback.video
             if count % 2 == 0 and video and (frame := video.at(playback.clock.t_s)) is not None:
-                self.replay.show_frame(frame)
                 self.camera.show(frame, "the run's video")
             elif video is None:
                 self.camera.hide(NO_FILM)
+            return
+        if self.session.status.state == "stopped" and isinstance(self.eye, VirtualCamera):
+            self.camera.hide(RESTS if self.camera.wanted else "")
             return
         fresh = now.row is not None and now.row[0] - now.seen_s < UNSEEN_S
         self.camera.follow(self.eye, now.row, fresh, ask=count % 2 == 0)
@@ -296,7 +306,8 @@ class App:
         self.calibrate.draw()
         self.gap.draw()
         if self.playback is not None:
-            self.curves.rest(FILM)
+            rows = self.playback.curve()
+            self.curves.rest(FILM) if rows is None else self.curves.draw(rows)
         elif fresh:
             self.curves.draw(self.live.curve())
             self.scene.draw_trail(self.live.trail(), self.live.centroid.xy_m)
@@ -304,8 +315,14 @@ class App:
     def _draw_playback(self, playback: Playback) -> None:
         """A recorded run in the place of the live table; both models of it beside."""
         t_s = playback.clock.t_s
-        self.scene.pose(*playback.motion.at(t_s))
+        theta, ball, target = playback.motion.at(t_s)
         self.scene.compare(None, None)
+        film = playback.film
+        if film is not None and film.beside is not None:
+            self.scene.pose(theta, None, target)
+            self.scene.both(ball, film.beside.at(t_s)[1], beside=film.beside_method)
+        else:
+            self.scene.pose(theta, ball, target)
         past = playback.motion.ball_m[: int(np.searchsorted(playback.motion.t_s, t_s))][-90:]
         self.scene.draw_trail(past, None)
         self.side_plates.draw(t_s)
@@ -313,6 +330,10 @@ class App:
     def _draw_table(self, row: np.ndarray, seen_s: float) -> None:
         ball = row[_BALL : _BALL + 2] if row[0] - seen_s < UNSEEN_S else None
         target = row[_TARGET : _TARGET + 2]
+        status = self.session.status
+        if status.run is not None and status.operator_step.startswith("place"):
+            start = status.run.plan.protocol.start  # where the operator is to put the ball
+            target = np.array([start.x_m, start.y_m])
         self.scene.pose(shown_angles(row), ball, target)
         ghost = self._ghost
         self.scene.compare(ball, ghost.ball_m if ghost.on_plate else None)

@@ -54,9 +54,10 @@ def write_study(study: Study, results: dict, rig: Rig, out: Path) -> dict:
         _runs_section(study, numbers),
         recompute_section(
             "Every run of the figures and every paired repetition lies in runs/ as a run folder "
-            "(MCAP; `rig export RUN --out F.csv`). Numbers of the grid of play come from "
+            "(MCAP). Numbers of the grid of play come from "
             f"{results['grid_pairs']} paired seeds a cell that are not kept: the same --seed makes "
-            "the same runs bit for bit."
+            "the same runs bit for bit. The log behind a run, as a table:",
+            "rig export RUN --out F.csv",
         ),
     ]
     write_page(

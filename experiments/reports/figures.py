@@ -59,11 +59,11 @@ def ball_cm(log: Log) -> tuple[np.ndarray, np.ndarray]:
 
 def _servo(log: Log) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Seconds from release, servo angles (commands where none are measured) and desired angles
-    (n, 2) [rad]."""
+    (n, 2) [deg]."""
     run = run_part(log)
     theta = shown_angles(run.rows)
     desired = np.column_stack([run["desired_theta_x_rad"], run["desired_theta_y_rad"]])
-    return run["t_s"] - run["t_s"][0], theta, desired
+    return run["t_s"] - run["t_s"][0], np.degrees(theta), np.degrees(desired)
 
 
 def servo_word(log: Log) -> str:
@@ -73,7 +73,7 @@ def servo_word(log: Log) -> str:
 
 def _angle_label(log: Log, a: int) -> str:
     what = "" if servo_word(log) == "servo" else "commanded "
-    return rf"{what}$\theta_{'xy'[a]}$ [rad]"
+    return rf"{what}$\theta_{'xy'[a]}$ [deg]"
 
 
 def save(figure: Figure, folder: Path, name: str, source: str) -> Path:
@@ -121,7 +121,7 @@ def ball_of_run(log: Log, colour: str) -> Figure:
 
 
 def servo_of_run(log: Log, colour: str) -> Figure:
-    """Servo angles x, y [rad] over time of one run in this colour, with the desired angles."""
+    """Servo angles x, y [deg] over time of one run in this colour, with the desired angles."""
     figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.4), sharex=True)
     t, theta, desired = _servo(log)
     for a, axis in enumerate(axes):

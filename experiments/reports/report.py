@@ -6,7 +6,8 @@ Every page is a Jinja template that extends `templates/base.html`; all share `st
 import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from math import isfinite
+from datetime import datetime
+from math import degrees, isfinite, nan
 from pathlib import Path
 from typing import Any
 
@@ -28,9 +29,12 @@ class Picture:
 
 @dataclass(frozen=True)
 class Pictures:
-    """Pictures side by side where the page is wide enough."""
+    """Pictures side by side where the page is wide enough; wide: one below the other, each as wide
+    as the page.
+    """
 
     pictures: Sequence[Picture]
+    wide: bool = False
 
 
 @dataclass(frozen=True)
@@ -44,7 +48,8 @@ class Code:
 class Table:
     """A table of a page; the first `words` columns hold text, the others numbers.
 
-    marks: style of a row by its index: "strong", "holds", "fails" or "undecided".
+    marks: style of a row by its index: "strong", "holds", "fails" or "undecided"; folded: shown
+    when it is opened, and then sorted and filtered by who reads it (on paper as it is).
     """
 
     head: Sequence[str]
@@ -52,6 +57,12 @@ class Table:
     caption: str = ""
     words: int = 1
     marks: Mapping[int, str] = field(default_factory=dict)
+    folded: bool = False
+
+    @property
+    def has_blanks(self) -> bool:
+        """Whether a cell, or a part of one, is "-"."""
+        return any(part == "-" for row in self.rows for cell in row for part in cell.split(", "))
 
 
 Block = str | Code | Pictures | Table  # str: a paragraph
@@ -83,22 +94,39 @@ def write_page(
     """Render a page to `path` and return the path.
 
     title: of the page; summary: sentences of the head; template: a file of `templates/`; content:
-    the template's other variables; `source` is shown beside the title of base.html, `numbered` =
-    True numbers the sections. OSError: the page cannot be written, or a picture of it cannot be
+    the template's other variables; `source` is shown beside the title of base.html, `answer` below
+    it, `made` replaces when and with what version the page was made, `numbered` = True numbers the
+    sections. OSError: the page cannot be written, or a picture of it cannot be
     read.
     """
     loader = PackageLoader("experiments.reports")
     pages = Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    content = {"made": made_words()} | content
+    sorts = any(isinstance(b, Table) and b.folded for one in sections for b in one.blocks)
     text = pages.get_template(template).render(
-        title=title, summary=summary, sections=sections, **content
+        title=title, summary=summary, sections=sections, sorts=sorts, **content
     )
     path.write_text(text, encoding="utf-8")
     return path
 
 
-def recompute_section(how: str) -> Section:
-    """Last section of a page, *How to recompute*; how: the command that makes its numbers again."""
-    return Section("How to recompute", [how])
+def made_words(*more: str) -> str:
+    """When a page is made, with what version, and what `more` there is to know of its numbers."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        program = f"balancing-table-rig {version('balancing-table-rig')}"
+    except PackageNotFoundError:
+        program = "balancing-table-rig"
+    now = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z")
+    return ". ".join((f"Made on {now} by {program}", *filter(None, more))) + "."
+
+
+def recompute_section(how: str, command: str = "") -> Section:
+    """Last section of a page, *How to recompute*: in words, and the command to type."""
+    return Section(
+        "How to recompute", [*filter(None, (how,)), *([Code(command)] if command else [])]
+    )
 
 
 RUN_HEAD = (
@@ -113,8 +141,8 @@ RUN_HEAD = (
     "settled spread [cm] [95 %]",
     "limit cycle x, y [cm]",
     "period x, y [s]",
-    "settled servo about 0 [rad]",
-    "settled servo - desired [rad]",
+    "settled servo about 0, RMS x, y [deg]",
+    "settled servo - desired, RMS x, y [deg]",
     "pushes",
 )
 
@@ -137,12 +165,22 @@ def run_row(name: str, numbers: dict) -> list[str]:
         number(numbers["settling_s"], 1) if settled["has_settled"] else "never (last half used)",
         number(settled["distance_cm"]),
         number(settled["spread_cm"]) + interval,
-        ", ".join(number(cycle[a]["amplitude_cm"], 2) for a in "xy"),
+        ", ".join(_amplitude(cycle[a]) for a in "xy"),
         ", ".join(number(cycle[a]["period_s"], 2) for a in "xy"),
-        ", ".join(number(v, 4) for v in settled["servo_rms_rad"]),
-        ", ".join(number(v, 4) for v in settled["servo_tracking_rad"]),
-        "-" if numbers["pushes"] is None else str(numbers["pushes"]),
+        ", ".join(number(_degrees(v), 2) for v in settled["servo_rms_rad"]),
+        ", ".join(number(_degrees(v), 2) for v in settled["servo_tracking_rad"]),
+        "not recorded" if numbers["pushes"] is None else str(numbers["pushes"]),
     ]
+
+
+def _degrees(value: float | None) -> float:
+    return nan if value is None else degrees(value)
+
+
+def _amplitude(cycle: dict) -> str:
+    """Amplitude [cm] of a limit cycle, or why there is none."""
+    found = number(cycle["amplitude_cm"], 2)
+    return found if found != "-" else f"none ({cycle['reason'] or 'not seen'})"
 
 
 def number(value: float, digits: int = 3) -> str:

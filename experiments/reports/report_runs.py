@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.analysis.comparison import HEAD, comparison_rows, comparison_sentence
 from experiments.analysis.numbers import Recorded, centroid_cm, recorded, run_numbers
 from experiments.analysis.regime import regime_of_record
 from experiments.analysis.samples import run_part
@@ -14,16 +15,19 @@ from experiments.reports import figures
 from experiments.reports.figures import SOURCES, save
 from experiments.reports.report import (
     RUN_HEAD,
+    Block,
     Picture,
     Pictures,
     Section,
     Table,
+    made_words,
     recompute_section,
     run_row,
     write_page,
 )
 
 _WHOLE = ("completed", "done")
+RUNS_A_TABLE = 5  # columns of a table of numbers; chosen: A4 is no wider
 
 
 def _refuse_twice(folders: Sequence[Path]) -> None:
@@ -34,11 +38,9 @@ def _refuse_twice(folders: Sequence[Path]) -> None:
             raise ValueError(f"{folder} is given twice: it would count twice")
 
 
-def report_runs(folders: Sequence[Path], out: Path) -> Path:
-    """Write report.html and results.json of run folders in `out`; return the page's path.
-
-    Rejected runs and runs that never began are left out with a note. FileNotFoundError, ValueError:
-    a folder is no readable run, or no run can be shown; OSError: `out` cannot be written.
+def _readable(folders: Sequence[Path]) -> tuple[list[Recorded], list[dict], list[str]]:
+    """The runs that can be shown, run.json of each, and notes on those that are left out or are a
+    part. Errors as of `report_runs`.
     """
     _refuse_twice(folders)
     runs, notes, metas = [], [], []
@@ -62,6 +64,16 @@ def report_runs(folders: Sequence[Path], out: Path) -> Path:
         metas.append(run.meta)
     if not runs:
         raise ValueError("no run to report: " + (" ".join(notes) or "name run folders"))
+    return runs, metas, notes
+
+
+def report_runs(folders: Sequence[Path], out: Path) -> Path:
+    """Write report.html and results.json of run folders in `out`; return the page's path.
+
+    Rejected runs and runs that never began are left out with a note. FileNotFoundError, ValueError:
+    a folder is no readable run, or no run can be shown; OSError: `out` cannot be written.
+    """
+    runs, metas, notes = _readable(folders)
     sources = sorted({SOURCES[meta["source"]] for meta in metas})
     numbers = [run_numbers(run) for run in runs]
     sections = [_run_section(run, meta, out) for run, meta in zip(runs, metas, strict=True)]
@@ -69,6 +81,7 @@ def report_runs(folders: Sequence[Path], out: Path) -> Path:
         run_row(f"{_name(meta)} {meta['arm']}", found)
         for meta, found in zip(metas, numbers, strict=True)
     ]
+    both = _both(runs, metas)
     write_results(
         out,
         {
@@ -86,13 +99,80 @@ def report_runs(folders: Sequence[Path], out: Path) -> Path:
         out / "report.html",
         title=f"{len(runs)} recorded run{'s' if len(runs) > 1 else ''}",
         source=", ".join(sources),
+        answer=comparison_sentence(*both),
         summary=notes,
+        made=made_words(*_about(metas)),
         sections=[
-            Section("Numbers", [Table(RUN_HEAD, rows)]),
+            *_comparison(both, out, str(metas[0]["source"])),
+            Section("Numbers of each run", _numbers(rows)),
             *sections,
-            recompute_section("`rig export RUN --out F.csv` gives the log behind every number."),
+            recompute_section(
+                "The log behind every number, as a table:", "rig export RUN --out F.csv"
+            ),
         ],
     )
+
+
+def _numbers(rows: list[list[str]]) -> list[Block]:
+    """The runs' numbers, one column a run and a few runs a table: it fits a sheet of paper."""
+    tables: list[Block] = []
+    for first in range(0, len(rows), RUNS_A_TABLE):
+        some = rows[first : first + RUNS_A_TABLE]
+        turned = [[RUN_HEAD[i], *(row[i] for row in some)] for i in range(1, len(RUN_HEAD))]
+        tables.append(Table(("", *(row[0] for row in some)), turned, words=len(some) + 1))
+    return tables
+
+
+def _both(runs: list[Recorded], metas: list[dict]) -> tuple[list[Recorded], list[Recorded]]:
+    """Completed, undisturbed runs of one protocol without and with play compensation; empty lists
+    where the runs are of several protocols.
+    """
+    arms: dict[str, list[Recorded]] = {"without": [], "with": []}
+    if len({_name(meta) for meta in metas}) == 1:
+        for run, meta in zip(runs, metas, strict=True):
+            seen = np.isfinite(run.metrics.distance_m)
+            if run.outcome in _WHOLE and not meta.get("by_hand") and seen and meta["arm"] in arms:
+                arms[meta["arm"]].append(run)
+    return arms["without"], arms["with"]
+
+
+def _comparison(
+    both: tuple[list[Recorded], list[Recorded]], out: Path, source: str
+) -> list[Section]:
+    """With and without beside each other: figures of the first run of each, then the numbers."""
+    if not all(both):
+        return []
+    without, with_ = both[0][0], both[1][0]
+    drawn = {
+        "Ball over time": figures.ball_over_time(without.log, with_.log),
+        "Servo angles": figures.servo_over_time(without.log, with_.log),
+    }
+    shown = [
+        Picture(
+            save(figure, out, f"both-{name.split()[0].lower()}", source),
+            f"{name}: with play compensation red, without blue, what is wanted green.",
+        )
+        for name, figure in drawn.items()
+    ]
+    table = Table(HEAD, comparison_rows(*both), "Mean, and its 95 % interval over runs.", words=4)
+    return [Section("With and without play compensation", [Pictures(shown), table])]
+
+
+def _about(metas: list[dict]) -> list[str]:
+    """Protocol, table and time of the runs, and what was done to them by hand."""
+    titles = {_name(m): (m.get("protocol") or {}) for m in metas if isinstance(m["protocol"], dict)}
+    said = [f"Protocol {name}: {found.get('title', '')}" for name, found in titles.items()]
+    tables = {str(m.get("table") or "virtual") for m in metas}
+    said.append(f"Table: {', '.join(sorted(tables))}")
+    times = sorted(str(m["created"])[:16].replace("T", " ") for m in metas if m.get("created"))
+    if times:
+        said.append(f"Recorded from {times[0]} to {times[-1]} UTC")
+    said += [
+        f"Disturbed by hand, not compared: {_name(m)} {m['arm']}, {what}"
+        for m in metas
+        for what in m.get("by_hand") or []
+    ]
+    return said
 
 
 def _name(meta: dict) -> str:

@@ -5,7 +5,12 @@ from functools import partial
 import pytest
 
 from rig.parameters import Servo
-from tests.experiments.dashboard.server import test_controls, test_messages, test_security
+from tests.experiments.dashboard.server import (
+    test_controls,
+    test_messages,
+    test_security,
+    test_shell_answers,
+)
 from tests.experiments.records import test_recording
 from tests.mutation import suites
 from tests.mutation.mutate import survivors
@@ -105,7 +110,7 @@ NOT_OF_THE_GATE = (
     "test_a_token_is_kept_for_its_owner_alone",
     "test_no_text_opens_the_gate_and_none_breaks_it",
     "test_nobody_listens_to_the_whole_network_unasked",
-    "test_the_page_runs_the_scripts_of_visers_page_and_no_others",
+    "test_the_page_runs_the_scripts_of_visers_page_and_of_its_bar_and_no_others",
 )
 
 
@@ -131,7 +136,7 @@ def test_every_mutant_of_the_control_lock_dies():
 def test_every_mutant_of_recover_dies():
     tests = vars(test_recording)
     names = [one for one in tests if one.startswith(("test_recover", "test_a_system"))]
-    only = ("recover", "_keep_damaged", "_is_locked", "_lock")
+    only = ("recover", "being_recorded", "_keep_damaged", "_is_locked", "_lock")
     count, alive = dies("experiments/records/recording.py", test_recording, names, only)
     assert count > 40
     assert not alive, "\n".join(alive)
@@ -141,4 +146,20 @@ def test_every_mutant_of_recover_dies():
 def test_every_mutant_of_the_filter_of_messages_dies():
     count, alive = dies("experiments/dashboard/server/messages.py", test_messages)
     assert count > 25
+    assert not alive, "\n".join(alive)
+
+
+@pytest.mark.slow
+def test_every_mutant_of_the_controls_dies():
+    """Who may press and set what, in which order, and what STOP refuses."""
+    path = "experiments/dashboard/server/controls.py"
+    count, alive = dies(path, test_controls, (), ("ControlPanelQueue", "InputRules", "Controls"))
+    assert count > 40
+    assert not alive, "\n".join(alive)
+
+
+@pytest.mark.slow
+def test_every_mutant_of_the_shell_dies():
+    count, alive = dies("experiments/dashboard/server/shell.py", test_shell_answers)
+    assert count > 10
     assert not alive, "\n".join(alive)

@@ -2,9 +2,16 @@
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 
+import numpy as np
+
+from experiments.analysis.samples import held, run_part
+from experiments.dashboard.session.live import CURVE_S, POINTS
 from experiments.dashboard.session.video import Video
-from experiments.gap.closed_loop_replay import TableMotion
+from experiments.gap.closed_loop_replay import TableMotion, table_motion
+from experiments.records.recording import Run
+from rig.log import INDEX
 
 
 class PlaybackClock:
@@ -50,11 +57,29 @@ class PlaybackClock:
         self._speed = speed
 
 
+@dataclass(frozen=True, eq=False)
+class RunFilm:
+    """A recorded run as the page replays it.
+
+    rows (n, len(COLUMNS)): thinned, for the curves, t_s from 0; events: (time [s], text) in order;
+    beside: the same run with the other controller, None: there is none. Times are those of the
+    motion: from the release on where there is a run beside, else from the run's start.
+    """
+
+    name: str
+    motion: TableMotion
+    rows: np.ndarray
+    events: list[tuple[float, str]]
+    beside: TableMotion | None = None
+    beside_method: str = ""
+
+
 class Playback:
     """A film of one recorded motion, called `name` on the page.
 
-    models: the motions of the model before and after naming, shown beside it; playing: it begins at
-    once. The attribute `video` is None until it is set to the run's video.
+    models: the motions of the model before and after naming, shown beside it; film: the run's
+    curves, events and the run beside it, None: the motion alone; playing: it begins at once. The
+    attribute `video` is None until it is set to the run's video.
     """
 
     def __init__(
@@ -63,14 +88,46 @@ class Playback:
         motion: TableMotion,
         models: tuple[TableMotion, TableMotion] | None = None,
         *,
+        film: RunFilm | None = None,
         playing: bool = True,
     ) -> None:
+        self.film = film
         self.name, self.motion, self.models = name, motion, models
         self.clock = PlaybackClock(motion.end_s, loop=models is not None)
         self.clock.play(playing)
         self.video: Video | None = None
 
+    def curve(self) -> np.ndarray | None:
+        """Rows (n, len(COLUMNS)) of the last CURVE_S seconds up to the film's time; None: the film
+        has no curves.
+        """
+        if self.film is None:
+            return None
+        t_s, rows = self.clock.t_s, self.film.rows
+        return rows[(rows[:, 0] <= t_s) & (rows[:, 0] > t_s - CURVE_S)]
+
     def close(self) -> None:
         """Close the video."""
         if self.video is not None:
             self.video.close()
+
+
+def run_film(name: str, run: Run, other: Run | None = None) -> RunFilm:
+    """The film of a recorded run; other: the same run with the other controller.
+
+    ValueError: a run has no rows.
+    """
+    both = other is not None
+    log = run_part(run.log) if both else run.log
+    motion = table_motion(log)
+    begin_s = float(log["t_s"][0])
+    step = max(1, round(len(log) / max(motion.end_s, 1e-3) * CURVE_S / POINTS))
+    rows = log.rows.copy()
+    for axis in "xy":  # between two observations the last one stands
+        rows[:, INDEX[f"ball_{axis}_m"]] = held(log[f"ball_{axis}_m"])
+    rows = rows[::step]
+    rows[:, 0] -= begin_s
+    events = [(float(e["t_s"]) - begin_s, str(e["text"])) for e in run.events]
+    beside = table_motion(other.log, run_only=True) if other is not None else None
+    method = str(other.meta.get("arm")) if other is not None else ""
+    return RunFilm(name, motion, rows, events, beside, method)

@@ -66,20 +66,25 @@ class Video:
             self._file = None
 
 
-def replay_run(folder: Path, progress: ProgressSender) -> Path:
+def replay_run(folder: Path, beside: Path | None, progress: ProgressSender) -> Path:
     """Read a recorded run, then find or render its video; returns the video's path.
 
-    progress: shown the run's name and `TableMotion` as soon as they are read. OSError, ValueError:
-    the run cannot be read, or it was measured and nobody filmed it.
+    beside: the same run with the other controller, shown on the same plate; then there is no video.
+    progress: shown the `RunFilm` as soon as it is read. OSError, ValueError: a run cannot be read,
+    or it was measured and nobody filmed it.
     """
+    from experiments.dashboard.session.playback import run_film
     from experiments.gap.closed_loop_replay import table_motion
     from experiments.records.recording import read_run
 
     run = read_run(folder)
-    motion = table_motion(run.log)
-    progress.show((folder.name, motion))
+    progress.show(run_film(folder.name, run, read_run(beside) if beside else None))
+    if beside:
+        raise ValueError("two runs on one plate: with red, without blue; no video of both")
     video = folder / VIDEO
-    return video if video.is_file() else render_video(video, run.meta, motion, progress)
+    if video.is_file():
+        return video
+    return render_video(video, run.meta, table_motion(run.log), progress)
 
 
 def render_video(

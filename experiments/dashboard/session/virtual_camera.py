@@ -79,24 +79,27 @@ def _serve_images(rig: Rig, pipe: Connection) -> None:
             pipe.send((np.ascontiguousarray(small[:, :, ::-1]), words))
 
 
+STATE_WORDS = {
+    "search": "The ball is searched",
+    "track": "Ball followed",
+    "coast": "Ball hidden for a moment: predicted",
+    "lost": "The ball is lost",
+}
+
+
 def sight_words(track: Any, seen: Any) -> str:
-    """Markdown: the tracker's state, the ball's ellipse [px], its place and covariance.
+    """One line: whether the ball is followed, where it is and how sure; what of the image it is
+    from. Of the same frame as the picture it is shown with.
 
     track: `vision` track of a frame; seen: its observation, or None.
     """
-    words = f"tracker: **{track.state}**"
-    if np.isfinite(track.u_px):
-        words += (
-            f", ellipse at ({track.u_px:.1f}, {track.v_px:.1f}) px, radius {track.radius_px:.1f}, "
-            f"± {track.sigma_px:.3f} px"
-        )
+    words = STATE_WORDS.get(track.state, str(track.state))
     if seen is not None:
-        xx, xy, yy = (1e6 * v for v in seen.cov_m2)
+        xx, _, yy = (1e6 * v for v in seen.cov_m2)
         x, y = (100 * v for v in seen.xy_m)
-        words += (
-            f"  \nball at ({x:+.2f}, {y:+.2f}) cm, std {sqrt(xx):.3f}, {sqrt(yy):.3f} mm, "
-            f"cov {xy:+.4f} mm²"
-        )
+        words += f" at x {x:+.2f}, y {y:+.2f} cm (± {sqrt(0.5 * (xx + yy)):.2f} mm)"
+    if np.isfinite(track.u_px):
+        words += f"; its outline: radius {track.radius_px:.1f} px (± {track.sigma_px:.3f} px)"
     return words
 
 

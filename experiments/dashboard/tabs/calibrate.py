@@ -4,10 +4,11 @@ A virtual table does every step by itself. A real one is seen by its camera (len
 measured from recorded runs (delay, level); nothing here moves it.
 """
 
+import json
 import threading
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 STEPS = {
     "camera": "the lens, from pictures of the sheet",
     "table": "where the level plate is",
-    "time": "how late frames are stamped",
+    "time": "camera delay",
     "level": "how far the plate is from level",
     "servo": "breakaway volts, gain, time constant",
     "play": "how much play, and where",
@@ -50,6 +51,7 @@ REAL = (
     "**time** and **level** from the newest runs with the ball."
 )
 PRINTED_DEFAULT_MM = 24.0  # of `rig calibrate sheet`
+VERDICTS = "verdicts.json"
 LED_ABOUT, MOST_RUNS = ("steps", "circle", "free-release", "pushed"), 4
 
 
@@ -110,6 +112,20 @@ class CalibrateTab:
         self._kept: dict[str, list[str]] = {}
         self._on, self._words, self._since_s, self._shown_s = "", "", 0.0, -1
         self._left: tuple[str, ...] = ()
+        self._restore()
+
+    def _restore(self) -> None:
+        """Show the verdicts of an earlier program, which lie beside its calibration."""
+        try:
+            kept = json.loads((self._out / "calibration" / VERDICTS).read_text(encoding="utf-8"))
+            kept = {step: list(map(str, lines)) for step, lines in kept.items()}
+        except (OSError, ValueError, AttributeError, TypeError):
+            return
+        for step, lines in kept.items():
+            if step in self._buttons:
+                self._mark(step, "accepted", "accepted earlier")
+                self._kept[step] = lines
+        self._write_found()
 
     def _add_number(self, gui: Any, label: str) -> CheckedValue[float]:
         low, high = PRINTED_MM.low, PRINTED_MM.high
@@ -234,8 +250,22 @@ class CalibrateTab:
     def _keep(self, step: str) -> None:
         """The verdict stays in the list of what was found."""
         self._kept[step] = self._lines
+<<<<<<< HEAD
         found = [f"**What was found** (accepted; kept in {plain(self._out / 'calibration')})"]
         for name in self._steps:
+=======
+        file = self._out / "calibration" / VERDICTS
+        with suppress(OSError):  # shown all the same; only a restart forgets it
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(json.dumps(self._kept), encoding="utf-8")
+        self._write_found()
+
+    def _write_found(self) -> None:
+        used = "the tab Gap compares with it, runs keep the rig file's numbers"
+        place = plain(self._out / "calibration")
+        found = [f"**What was found** (accepted; {used}; kept in {place})"]
+        for name in STEPS:
+>>>>>>> page
             found += [f"**{name}**" for _ in self._kept.get(name, ())[:1]]
             found += [
                 f"- {plain(line.removeprefix(name).lstrip(': '))}"

@@ -125,7 +125,7 @@ class GapTab:
         self._clear: Any = gui.add_button("Take the map off the plate", color="gray", visible=False)
         controls.button(self._clear, "map", lambda page: self._lay(None))
         self._gallery = Gallery(server, "Pictures")
-        self._gui = gui
+        self._gui, self._demo = gui, False
         self._advised: list[str] | None = None
         self._on = -1
         self._does, self._since_s, self._shown_s = "", 0.0, -1
@@ -178,6 +178,7 @@ class GapTab:
             self._controls.queue.put("gap", partial(self._on_message, kind, what))
 
         self._worker.put(WorkItem("gap", task, on_message))
+        self._demo = logs is None
         self._show_playback(None)  # a film and pictures of before would be taken for this one's
         self._gallery.show([])
         self._on = -1
@@ -225,7 +226,8 @@ class GapTab:
         self._bar.value = 100.0
         self._stages.content = stage_lines(4, True)
         self._show(answer)
-        self._lay(answer.plate_map)
+        if not self._demo:  # whose table is another than the one that is shown
+            self._lay(answer.plate_map)
 
     def _show(self, answer: GapAnswer, *, earlier: bool = False) -> None:
         """The answer: the first sentence in bold, the others, what is known otherwise."""
@@ -238,8 +240,14 @@ class GapTab:
         self._film.visible = answer.models is not None
         self._report.visible = True
 
+    def take_map_off(self) -> None:
+        """Take the map of disagreement off the plate: what is shown is not what was analysed."""
+        self._lay(None)
+
     def _lay(self, plate_map: Any) -> None:
         """The map of disagreement on the plate, or (None) the bare plate."""
+        if plate_map is None and not self._clear.visible:
+            return
         self._show_map(plate_map)
         self._clear.visible = plate_map is not None
 
@@ -249,6 +257,7 @@ class GapTab:
         models = self.answer.models
         name = f"{models.name}: recorded, before, after"
         self._show_playback(Playback(name, models.recorded, (models.before, models.after)))
+        self._lay(self.answer.plate_map)
 
     def _download(self, page: int | None) -> None:
         if self.answer is None:

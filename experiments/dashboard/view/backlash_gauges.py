@@ -37,8 +37,13 @@ class BacklashGauge:
         size[2] = 3 * TOOTH_M
         self._root: Any = scene.add_frame(name, position=PLACES[kind, axis], show_axes=False)
         self._tooth: Any = scene.add_box(f"{name}/tooth", TOOTH, tuple(size))
-        self._jaws: list[Any] = [
-            scene.add_box(f"{name}/jaw_{side}", FREE, tuple(size)) for side in "ab"
+        # A jaw is two boxes, one of which is shown: a colour would change later than a place.
+        self._jaws: list[tuple[Any, Any]] = [
+            (
+                scene.add_box(f"{name}/jaw_{side}", FREE, tuple(size)),
+                scene.add_box(f"{name}/jaw_{side}_touched", TOUCHED, tuple(size), visible=False),
+            )
+            for side in "ab"
         ]
         self._label: Any = scene.add_label(
             f"{name}/label",
@@ -47,7 +52,7 @@ class BacklashGauge:
             font_screen_scale=0.7,
             anchor="bottom-center",
         )
-        self._colours: list[tuple[int, int, int]] = [FREE, FREE]
+        self._touches = 0
 
     def show(self, visible: bool) -> None:
         """Show the gauge, or hide it (`visible` False)."""
@@ -59,13 +64,15 @@ class BacklashGauge:
         """
         half, at, touches = gauges(play_rad, twist_rad, rig)
         self._tooth.position = tuple(at * self._along)
-        for i, (jaw, side) in enumerate(zip(self._jaws, (-1, 1), strict=True)):
-            jaw.position = tuple(side * (half + TOOTH_M) * self._along)
-            colour = TOUCHED if touches == side else FREE
-            if colour != self._colours[i]:
-                jaw.color = self._colours[i] = colour
-        found = f"{degrees(found_rad):.1f}" if isfinite(found_rad) else "-"
-        text = f"{self._words}: {degrees(play_rad):.1f}°, found {found}°"
+        for jaw, side in zip(self._jaws, (-1, 1), strict=True):
+            for box in jaw:
+                box.position = tuple(side * (half + TOOTH_M) * self._along)
+            if touches != self._touches:
+                free, touched = jaw
+                free.visible, touched.visible = touches != side, touches == side
+        self._touches = touches
+        found = f"found {degrees(found_rad):.1f}°" if isfinite(found_rad) else "nothing found yet"
+        text = f"{self._words}: true {degrees(play_rad):.1f}°, {found}"
         if self._label.text != text:
             self._label.text = text
 

@@ -1,14 +1,14 @@
 """The camera in the scene and beside the curves: its frustum over the plate, the newest image."""
 
+from base64 import b64encode
 from contextlib import suppress
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.server.input_limits import flag
-from experiments.dashboard.server.untrusted_text import plain
-from experiments.dashboard.session.virtual_camera import IMAGE_SIZE_PX
 from experiments.dashboard.view.pose import quaternion
 from rig.log import INDEX, shown_angles
 from rig.parameters import Rig
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 _BALL = INDEX["ball_x_m"]
 CAMERA_WORDS = "What the table's camera sees, and what the tracker makes of it."
-NO_FILM = "*A film without a camera's pictures is shown.*"
+NO_FILM = "A film without a camera's pictures is shown."
+RESTS = "The camera is off while the table rests."
 NO_CAMERA_WORDS = (
     "The rig file names no camera (table.camera): what is shown is drawn at the measured pose."
 )
@@ -63,8 +64,7 @@ class CameraView:
             cast_shadow=False,
         )
         self._box: Any = None
-        self._image: Any = None
-        self._words: Any = None
+        self._picture: Any = None  # image and words: one widget, so that they are of one frame
 
     def add_widgets(self, controls: Controls) -> None:
         """Build the box, the image and its words in the GUI container of viser that is open."""
@@ -80,9 +80,7 @@ class CameraView:
         )
         self._box = gui.add_checkbox(f"Look through the {kind} camera", False)
         self._wanted = controls.value(self._box, "camera", flag, everybody=True)
-        self._words = gui.add_markdown("")
-        blank = np.full((*IMAGE_SIZE_PX[::-1], 3), 128, np.uint8)
-        self._image = gui.add_image(blank, format="jpeg", visible=False)
+        self._picture = gui.add_html("")
 
     @property
     def wanted(self) -> bool:
@@ -111,7 +109,7 @@ class CameraView:
         try:
             sight = source.newest()
         except OSError as error:
-            self.say(f"The camera cannot be looked through: {plain(error)}")
+            self.hide(f"The camera cannot be looked through: {error}")
             return
         if sight is not None:
             self.show(*sight)
@@ -119,24 +117,28 @@ class CameraView:
             self.wait()
 
     def show(self, image: np.ndarray, words: str) -> None:
-        """Show an image (h, w, 3) uint8 RGB and below it `words` (Markdown)."""
+        """Show an image (h, w, 3) uint8 RGB and below it `words`, of the same frame."""
+        import cv2
+
         if not self._frustum.visible:
-            self._frustum.visible = self._image.visible = True
+            self._frustum.visible = True
         self._frustum.image = image
-        self._image.image = image
-        self._words.content = words
+        coded = cv2.imencode(".jpg", np.ascontiguousarray(image[:, :, ::-1]))[1]
+        data = b64encode(coded.tobytes()).decode()
+        self._picture.content = (
+            f'<div class="rig-live" style="padding: 0 0.6em; font-size: 0.9em">'
+            f'<img style="width: 100%" alt="" src="data:image/jpeg;base64,{data}">'
+            f"<p>{escape(words)}</p></div>"
+        )
 
     def wait(self) -> None:
         """Say that the camera starts, where nothing was shown yet."""
-        if not self._frustum.visible and not self._words.content:
-            self.say("*The camera starts: a few seconds.*")
-
-    def say(self, words: str) -> None:
-        """Show `words` (Markdown) below the image, or alone where there is none."""
-        self._words.content = words
+        if not self._frustum.visible and not self._picture.content:
+            self.hide("The camera starts: some seconds, more on a busy machine.")
 
     def hide(self, words: str = "") -> None:
-        """Take the image away and show `words` (Markdown), the reason, in its place."""
-        if self._words.content != words:
-            self._frustum.visible = self._image.visible = False
-            self._words.content = words
+        """Take the image away and show `words`, the reason, in its place."""
+        text = f'<p style="padding: 0 0.6em; font-size: 0.9em">{escape(words)}</p>' if words else ""
+        if self._picture.content != text:
+            self._frustum.visible = False
+            self._picture.content = text

@@ -134,6 +134,10 @@ def _on_plate(ball_m: np.ndarray | None, height_m: float) -> tuple[float, float,
     return float(ball_m[0]), float(ball_m[1]), height_m
 
 
+ARMS = {"with": (214, 39, 40), "without": (31, 79, 216)}  # as in every figure
+HALO = 1.15  # the model's ball is so much larger: a blue halo where both are at one place
+
+
 class TableScene:
     """The table in the middle of the 3-D view: plate, ball, arms and rods, target, trail, centroid,
     and the model's ball with its distance from the measured one.
@@ -142,16 +146,23 @@ class TableScene:
     def __init__(self, server: "ViserServer", rig: Rig) -> None:
         self._rig, scene = rig, server.scene
         self.table = PlateModel(server, "/table", rig)
-        vertices, faces = ball_mesh(rig.ball.radius_m)
+        vertices, faces = ball_mesh(HALO * rig.ball.radius_m)
         self.ghost = scene.add_mesh_simple(
             "/table/plate/ghost",
             vertices,
             faces,
             color=GHOST,
-            opacity=0.45,
+            opacity=0.35,
             position=AWAY,
             cast_shadow=False,
         )
+        vertices, faces = ball_mesh(rig.ball.radius_m)
+        self.arms = {
+            name: scene.add_mesh_simple(
+                f"/table/plate/ball_{name}", vertices, faces, color=colour, position=AWAY
+            )
+            for name, colour in ARMS.items()
+        }
         self.target = scene.add_cylinder(
             "/table/plate/target", 0.006, 0.0015, GREEN, position=(0, 0, 0.001)
         )
@@ -222,7 +233,25 @@ class TableScene:
         ends = np.column_stack([[ball_m, ghost_m], [2.1 * radius] * 2]).astype(np.float32)
         self.gap.points = ends[None]
         self.gap_label.position = tuple(ends.mean(axis=0) + np.array([0, 0, 0.012]))
-        text = f"model off by {1e3 * float(np.hypot(*(ball_m - ghost_m))):.1f} mm"
+        text = f"model {1e3 * float(np.hypot(*(ball_m - ghost_m))):.1f} mm from the ball"
+        if self.gap_label.text != text:
+            self.gap_label.text = text
+
+    def both(
+        self, ball_m: np.ndarray | None, beside_m: np.ndarray | None, *, beside: str = "without"
+    ) -> None:
+        """Show the balls (2,) of two runs on one plate, with red and without blue; beside: the
+        second one's controller. None: not shown.
+        """
+        radius = self._rig.ball.radius_m
+        for name, ball in self.arms.items():
+            ball.position = _on_plate(beside_m if name == beside else ball_m, radius)
+        if ball_m is None or beside_m is None or not np.all(np.isfinite([ball_m, beside_m])):
+            return
+        ends = np.column_stack([[ball_m, beside_m], [2.1 * radius] * 2]).astype(np.float32)
+        self.gap.points = ends[None]
+        self.gap_label.position = tuple(ends.mean(axis=0) + np.array([0, 0, 0.012]))
+        text = f"{1e3 * float(np.hypot(*(ball_m - beside_m))):.0f} mm apart"
         if self.gap_label.text != text:
             self.gap_label.text = text
 

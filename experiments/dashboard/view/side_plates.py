@@ -37,7 +37,7 @@ def map_image(plate_map: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarra
 def off_words(seen_m: np.ndarray, told_m: np.ndarray) -> str:
     """Distance [mm] of a model's ball told_m (2,) from the recorded one seen_m (2,), in words."""
     far_mm = 1e3 * float(np.hypot(*(np.asarray(told_m) - np.asarray(seen_m))))
-    return f"off by {far_mm:.0f} mm" if np.isfinite(far_mm) else "no ball"
+    return f"{far_mm:.0f} mm from the ball" if np.isfinite(far_mm) else "no ball"
 
 
 class SidePlates:
@@ -107,7 +107,7 @@ class SidePlates:
         top = float(np.nanmax(size))
         self._legend = self._server.scene.add_label(
             "/table/plate/map_legend",
-            f"disagreement: pale 0, dark {top:.1f} noise floors",
+            f"error of the model: pale none, dark {top:.1f} x what noise alone gives",
             position=(0, -float(np.ptp(y)) / 2 - 0.02, 0.0),
             anchor="top-center",
         )

@@ -187,16 +187,16 @@ def take_over_and_stop(chromium, first: Hand, program: Program, artefacts: Path,
     stopped = sorted((out / "runs").glob("*-free-release-*"))[2]
     meta = json.loads((stopped / "run.json").read_text())
     assert meta["outcome"] == "aborted"
-    assert "stopped by page" in meta["reason"]
+    assert "stopped by a page at" in meta["reason"]
     return second
 
 
 def gap_named(page: Hand) -> None:
     """The demo's hidden play is named, with its size; both models are played side by side."""
     page.tab("Gap")
-    page.see("named:")
-    page.see("joint_backlash")
-    page.see(re.compile("play_rad = 0.03"))
+    page.see("Missing: play in the joints")
+    page.see(re.compile("x play 2.0"))
+    page.see("agrees")
     name, report = page.download("Download the gap report")
     assert name == "gap.html"
     assert b"joint_backlash" in report
@@ -212,7 +212,7 @@ def film(page: Hand, out: Path) -> None:
     page.choose("Run", re.compile("free-release-with$"))
     page.press("Show")
     page.see("What the camera saw")
-    page.see("the run's video")  # beside the newest frame
+    page.see("the run's video")  # below the newest frame
     assert len(list((out / "runs").glob("*/video.mkv"))) == 1
     page.see(re.compile("16.[0-9] of 16.[0-9] s"))
     page.shot("replay")

@@ -177,3 +177,35 @@ def test_port_80_and_ipv6_are_told_apart_from_others():
 def test_nobody_listens_to_the_whole_network_unasked(host):
     with pytest.raises(ValueError, match="--host is empty"):
         open_server(host, 0, "secret-token")
+
+
+def test_of_the_page_only_its_known_parts_are_asked_for():
+    gate = gate_of("127.0.0.1", 8000, "secret-token")
+    here = gate.path
+    for path, part in (
+        (here, ""),
+        (f"{here}/", ""),
+        (f"{here}/?darkMode=", ""),
+        (f"{here}/stop", "stop"),
+        (f"{here}/alive?x=1", "alive"),
+        (f"{here}/a/b", "a/b"),
+        (f"{here}stop", None),
+        ("/stop", None),
+        (f"/x{here[2:]}/stop", None),
+        (here[:-1], None),
+    ):
+        assert gate.part_of(path) == part, path
+
+    def refused(path: str, *, websocket: bool = False) -> bool:
+        origins = ["http://127.0.0.1:8000"] if websocket else []
+        cookies = [f"{gate.cookie}=secret-token"]
+        request = PageRequest(path, ["127.0.0.1:8000"], origins, cookies, websocket)
+        return gate.refusal(request) is not None
+
+    assert not refused(here)
+    assert not refused(here, websocket=True)
+    assert not refused(f"{here}/stop")
+    assert not refused(f"{here}/alive")
+    assert refused(f"{here}/stop", websocket=True)
+    assert refused(f"{here}/anything")
+    assert refused("/stop")

@@ -78,3 +78,21 @@ def test_a_step_that_is_cancelled_while_the_camera_is_awaited_never_begins(tab):
     camera.free.set()
     wait_for("the camera's return", lambda: threading.active_count() and camera.lent == 0)
     assert not worker.items
+
+
+def test_verdicts_are_shown_again_after_a_restart(tab, tmp_path):
+    one, _, worker = tab
+    one.begin(("time",))
+    worker.items[0].on_message("line", "delay 12.1 ms (limit 1 ms)")
+    worker.items[0].on_message("done", [])
+    wait_for("the verdict", lambda: one._state["time"] == "accepted")
+    server, _ = open_server("127.0.0.1", 0, "a-token-of-some-length-for-tests")
+    try:
+        controls = Controls(lambda *what: None, print)
+        words = (server, controls, worker, one._session, tmp_path, lambda page, path: None)
+        again = CalibrateTab(*words, real=one._real)
+        assert again._state["time"] == "accepted"
+        assert "delay 12&#46;1 ms" in again._found.content
+        controls.queue.close()
+    finally:
+        server.stop()

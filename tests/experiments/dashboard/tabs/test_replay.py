@@ -2,15 +2,17 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from experiments.dashboard.server.controls import ControlLock, Controls
 from experiments.dashboard.server.server import open_server
+from experiments.dashboard.session.playback import Playback, run_film
 from experiments.dashboard.session.tasks import RunSummary
 from experiments.dashboard.session.worker_process import WorkItem
-from experiments.dashboard.tabs.replay import ReplayTab
-from experiments.gap.closed_loop_replay import table_motion
-from rig.log import Log
+from experiments.dashboard.tabs.replay import ReplayTab, event_lines, partner
+from experiments.records.recording import Run
+from rig.log import INDEX, Log
 
 
 class FakeWorker:
@@ -41,8 +43,17 @@ def replay():
     server.stop()
 
 
-def motion():
-    return table_motion(Log.from_columns({"t_s": [0.0, 0.002], "ball_x_m": [0.0, 0.0]}))
+def recorded(seconds=30.0, arm="with", begin_s=0.0):
+    """A run whose ball moves to the right at 1 cm/s, seen every tenth tick, with two events."""
+    t = begin_s + np.arange(round(seconds * 500)) / 500
+    ball = np.where(np.arange(len(t)) % 10 == 0, 0.01 * (t - begin_s), np.nan)
+    log = Log.from_columns({"t_s": t, "ball_x_m": ball, "ball_y_m": 0 * ball, "phase": 2 + 0 * t})
+    events = [{"t_s": begin_s, "text": "released"}, {"t_s": begin_s + 9.0, "text": "by hand: push"}]
+    return Run(Path("run"), {"arm": arm}, log, events)
+
+
+def film(name):
+    return run_film(name, recorded(1.0))
 
 
 def test_of_two_runs_that_were_asked_for_the_newest_is_shown(replay):
@@ -51,8 +62,8 @@ def test_of_two_runs_that_were_asked_for_the_newest_is_shown(replay):
     tab._run.now = "run-2"
     tab.show()
     first, second = worker.items
-    first.on_message("shown", ("run-1", motion()))  # it was on its way as the second was asked for
-    second.on_message("shown", ("run-2", motion()))
+    first.on_message("shown", film("run-1"))  # it was on its way as the second was asked for
+    second.on_message("shown", film("run-2"))
     first.on_message("failed", "ended before it was done")
     second.on_message("progress", ("rendering the video", 1, 4))
     controls.queue.close()
@@ -64,6 +75,39 @@ def test_a_run_that_is_still_read_does_not_replace_what_was_chosen_since(replay)
     tab, controls, worker, shown = replay
     tab.show()
     tab.on_playback(None)  # back to the live table
-    worker.items[0].on_message("shown", ("run-1", motion()))
+    worker.items[0].on_message("shown", film("run-1"))
     controls.queue.close()
     assert shown == []
+
+
+def test_curves_ball_and_events_stand_at_one_time():
+    one = run_film("run", recorded(begin_s=0.5))
+    playback = Playback("run", one.motion, film=one, playing=False)
+    playback.clock.seek(25.0)
+    rows = playback.curve()
+    assert rows is not None
+    assert 24.8 < rows[-1, 0] <= 25.0
+    assert 5.0 < rows[0, 0] < 5.3  # the last 20 s
+    ball_m = playback.motion.at(25.0)[1]
+    assert rows[-1, INDEX["ball_x_m"]] == pytest.approx(ball_m[0], abs=0.002)
+    assert np.isfinite(rows[:, INDEX["ball_x_m"]]).all()
+    assert event_lines(one.events, 8.9) == "● 0.0 s: released  \n○ 9.0 s: by hand&#58; push"
+    assert event_lines(one.events, 9.0).count("●") == 2
+
+
+def test_both_controllers_start_at_one_release():
+    one = run_film("run", recorded(begin_s=0.5), recorded(arm="without", begin_s=120.0))
+    assert one.beside is not None
+    assert one.beside_method == "without"
+    assert one.motion.at(10.0)[1] == pytest.approx(one.beside.at(10.0)[1], abs=1e-3)
+
+
+def test_the_partner_is_the_nearest_completed_run_with_the_other_controller():
+    def row(number, method, seed=1, outcome="completed"):
+        return RunSummary(Path(f"2026010{number}-hold-{method}"), "hold", method, seed, outcome)
+
+    rows = [row(8, "with"), row(7, "without"), row(5, "without", 2), row(3, "without")]
+    assert partner(rows[0], rows) == rows[1].folder
+    assert partner(rows[2], rows) is None
+    assert partner(row(2, "with"), rows) == rows[3].folder
+    assert partner(rows[0], [rows[0], row(7, "without", outcome="aborted")]) is None

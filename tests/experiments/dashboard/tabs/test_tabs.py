@@ -109,7 +109,7 @@ def test_a_silent_loop_and_an_unseen_ball_are_said():
 
 
 def test_before_and_after_say_how_far_off_they_are():
-    assert off_words(np.array([0.01, 0.0]), np.array([0.01, 0.012])) == "off by 12 mm"
+    assert off_words(np.array([0.01, 0.0]), np.array([0.01, 0.012])) == "12 mm from the ball"
     assert off_words(np.array([np.nan, 0.0]), np.zeros(2)) == "no ball"
 
 

@@ -1,0 +1,141 @@
+"""Report pages in a real browser: on a phone, in the dark, sorted and filtered, and on A4 paper."""
+
+import re
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.reports.report import (
+    RUN_HEAD,
+    Picture,
+    Pictures,
+    Section,
+    Table,
+    write_page,
+)
+from tests.support.in_browser.program import FLAGS
+from tests.support.parts import PARTS
+
+PRINTED_PX = 703  # width of A4 less two margins of 12 mm, at 96 pixels an inch
+LONG = "none | harmonic kinematic error | hold"
+
+
+def every_kind_of_page(folder: Path) -> Path:
+    """A page with what the reports have: a wide table, a long one to sort, figures, a code."""
+    import cv2
+
+    picture = folder / "picture.png"
+    cv2.imwrite(str(picture), np.full((660, 960, 3), 255, np.uint8))
+    wide = [[f"run {i}", *(f"{i}.{j} [{j}, {j + 1}]" for j in range(13))] for i in range(8)]
+    head = ("cell", "arm", "gain [cm]", "p (Holm)", "verdict", "at equal activity")
+    rest = ("-", "helps", "+0.1 vs retuned 4.5, 5: ha")
+    cells = [[f"{LONG} kind{i % 7}", "with", f"{(i * 37) % 101:+d}", *rest] for i in range(120)]
+    return write_page(
+        folder / "report.html",
+        title="2 recorded runs",
+        source="virtual rig",
+        answer="The ball stays 3.2 times nearer to its target.",
+        summary=["a note"],
+        sections=[
+            Section("Figures", [Pictures([Picture(picture, "a"), Picture(picture, "b")])]),
+            Section("Every run", [Table(RUN_HEAD, wide)]),
+            Section("Every cell", [Table(head, cells, words=2, folded=True)]),
+        ],
+    )
+
+
+@pytest.fixture(scope="module")
+def page_file(tmp_path_factory) -> Path:
+    return every_kind_of_page(tmp_path_factory.mktemp("report"))
+
+
+@pytest.fixture(scope="module")
+def browser():
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as play:
+        one = play.chromium.launch(executable_path=PARTS["chromium"].find(), args=FLAGS)
+        yield one
+        one.close()
+
+
+def opened(browser, file: Path, width: int, **settings):
+    page = browser.new_context(viewport={"width": width, "height": 900}, **settings).new_page()
+    page.goto(file.as_uri())
+    return page
+
+
+CUT = """() => [...document.querySelectorAll("td, th, img, p")].filter(one =>
+  one.getBoundingClientRect().width && one.getBoundingClientRect().right > innerWidth + 1).length"""
+
+
+def test_nothing_is_cut_off_on_a_phone_or_on_paper(browser, page_file):
+    phone = opened(browser, page_file, 390)
+    assert phone.evaluate("document.documentElement.scrollWidth") <= 390
+    box = phone.locator(".scroll").first
+    assert box.evaluate("one => one.scrollWidth > one.clientWidth")  # it scrolls by itself
+    paper = opened(browser, page_file, PRINTED_PX)
+    paper.emulate_media(media="print")
+    assert paper.evaluate(CUT) == 0
+    assert paper.get_by_text("+0.1 vs retuned 4.5, 5: ha").last.is_visible()  # folded on the screen
+
+
+def test_dark_by_preference_with_the_same_hues(browser, page_file):
+    looks = {}
+    for scheme in ("light", "dark"):
+        page = opened(browser, page_file, 800, color_scheme=scheme)
+        style = "one => [getComputedStyle(one).backgroundColor, getComputedStyle(one).color]"
+        paper, ink = page.locator("body").evaluate(style)
+        looks[scheme] = [sum(map(int, re.findall(r"\d+", one)[:3])) for one in (paper, ink)]
+        turned = page.locator("figure img").first.evaluate("one => getComputedStyle(one).filter")
+        assert ("invert" in turned) == (scheme == "dark")
+    assert looks["light"][0] > 3 * 240 > looks["light"][1] + 3 * 100
+    assert looks["dark"][0] < 3 * 60 < looks["dark"][1]
+
+
+def test_a_long_table_is_folded_sorted_and_filtered(browser, page_file):
+    page = opened(browser, page_file, 1280)
+    table = page.locator("table.sorts")
+    assert not table.is_visible()
+    page.locator("summary").click()
+    gains = "one => [...one.rows].slice(1).filter(r => !r.hidden).map(r => +r.cells[2].innerText)"
+    page.get_by_role("columnheader", name="gain").click()
+    found = table.evaluate(gains)
+    assert found == sorted(found)
+    page.get_by_role("columnheader", name="gain").click()
+    assert table.evaluate(gains) == found[::-1]
+    page.get_by_role("searchbox").fill("hold kind3 with")
+    assert len(table.evaluate(gains)) == sum(1 for i in range(120) if i % 7 == 3)
+
+
+@pytest.mark.slow
+def test_the_pdf_is_a4_and_has_every_column(browser, page_file):
+    page = opened(browser, page_file, 1280)
+    content = page.pdf(prefer_css_page_size=True)
+    boxes = re.findall(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", content)
+    assert {(round(float(w)), round(float(h))) for w, h in boxes} == {(595, 842)}
+    assert 3 <= len(boxes) <= 20
+    right = [_rightmost(zlib.decompress(s)) for s in _streams(content)]
+    assert 450 < max(right) <= 595 - 30  # points: to the margin of 12 mm, and not beyond
+
+
+def _streams(content: bytes) -> list[bytes]:
+    found = re.findall(rb"/FlateDecode[^>]*>>\s*stream\r?\n(.*?)endstream", content, re.S)
+    kept = []
+    for one in found:
+        try:
+            text = zlib.decompress(one)
+        except zlib.error:
+            continue
+        if b" Tf" in text and b" Tm" in text:
+            kept.append(one)
+    return kept
+
+
+def _rightmost(drawn: bytes) -> float:
+    """Largest x at which a page begins a piece of text [points]; Chromium draws in CSS pixels."""
+    scale = 72 / 96
+    places = re.findall(rb"1 0 0 -1 ([\d.]+) [\d.]+ Tm", drawn)
+    return max((scale * float(x) for x in places), default=0.0)
