@@ -250,10 +250,6 @@ class CalibrateTab:
     def _keep(self, step: str) -> None:
         """The verdict stays in the list of what was found."""
         self._kept[step] = self._lines
-<<<<<<< HEAD
-        found = [f"**What was found** (accepted; kept in {plain(self._out / 'calibration')})"]
-        for name in self._steps:
-=======
         file = self._out / "calibration" / VERDICTS
         with suppress(OSError):  # shown all the same; only a restart forgets it
             file.parent.mkdir(parents=True, exist_ok=True)
@@ -264,8 +260,7 @@ class CalibrateTab:
         used = "the tab Gap compares with it, runs keep the rig file's numbers"
         place = plain(self._out / "calibration")
         found = [f"**What was found** (accepted; {used}; kept in {place})"]
-        for name in STEPS:
->>>>>>> page
+        for name in self._steps:
             found += [f"**{name}**" for _ in self._kept.get(name, ())[:1]]
             found += [
                 f"- {plain(line.removeprefix(name).lstrip(': '))}"
