@@ -39,6 +39,7 @@ RIM_ROUNDS = 4
 LEVELS_SHARE = 1.5  # the fit's noise with that of its levels, which neighbouring sectors share
 UNSIGNED_REACH = 0.25
 ROUGH_SHARE = 0.01  # of the radius: residual of an outline beside which another edge may run
+MAJORITY = 0.75  # share of the rays on their shared circle from which it outweighs an ellipse
 WHOLE = 0.85  # share of the rays from which an outline counts as free all round
 # Casts at most; the share of the radius that is no move; and that a blurred outline may still sway.
 SETTLE_ROUNDS, SETTLED, RESTLESS = 7, 0.03, 0.1
@@ -102,9 +103,11 @@ def locate_ball(
     if signed and line.residual_px > max(0.2, ROUGH_SHARE * line.radius_px):
         shared = retrace_on_consensus(image, direction, signed, line, 0.35)
         line = shared or line
-    # Longer rays would meet again what the consensus left out.
-    if shared is None and not _plain(line):
-        line, contrast = _refined(image, appearance, line, direction, signed)
+    if not _plain(line):
+        last, contrast = _refined(image, appearance, line, direction, signed)
+        # Longer rays may meet again what the majority left out.
+        majority = shared is not None and shared.share > MAJORITY
+        line = line if majority and last.residual_px > line.residual_px else last
     rim = _fitted(image, appearance, line)
     u, v, radius, sigma = _agreed(line, rim)
     if rim is not None:

@@ -89,9 +89,13 @@ class Acquisition:
         """The ball was found here, by whatever means; what is elsewhere is not the ball."""
         self.things.ball_is(ball)
 
-    def lost(self, known: Known) -> None:
-        """A ball that is known was lost: it is believed sooner than another."""
-        self._known = known
+    def lost(self, known: Known, *, held_s: float) -> None:
+        """A ball that is known was lost: it is believed sooner than another. One that was held for
+        a shorter time than a lock takes may have been a mistake, and says nothing."""
+        if held_s < RESTS_S:
+            self.things.ball_was_not()
+        else:
+            self._known = known
 
     def step(self, frame: Frame, *, every_s: float = LOOK_S) -> Acquired | None:
         """The ball in this frame, once it has been recognised, else None; frames come in order of

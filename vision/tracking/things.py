@@ -143,6 +143,11 @@ class Things:
             thing.looks, thing.missed = 1, 0
         self.all = [thing for thing in self.all if thing.other]
 
+    def ball_was_not(self) -> None:
+        """What `ball_is` said last was a mistake."""
+        for thing in self.all:
+            thing.other = False
+
     def is_part(self, thing: Thing, reach_px: float) -> bool:
         """Whether it is of another thing: a highlight in its place on a ball, the shadow of a ball
         that moves with it, or a highlight that moves with the shadow of a ball that is not seen.

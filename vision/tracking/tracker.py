@@ -86,7 +86,7 @@ class Tracker:
         self._mirrors = False  # its silhouette was found about an inner outline
         self._proven = False  # has moved since it was locked
         self._state = "search"
-        self._good_s = -math.inf
+        self._good_s = self._locked_s = -math.inf
         self._views = 0
         self._doubted_s = -math.inf
 
@@ -122,7 +122,8 @@ class Tracker:
         if self._motion is not None:
             self._motion, self._candidates, self._state = None, [], "lost"
             assert self.appearance is not None
-            self._acquisition.lost(Known(self.appearance, self._radius_px, self._is_known_still))
+            known = Known(self.appearance, self._radius_px, self._is_known_still)
+            self._acquisition.lost(known, held_s=self._good_s - self._locked_s)
             found = self._search(frame)
             if found is not None:
                 return self._accept(frame, found)
@@ -231,6 +232,7 @@ class Tracker:
             found.u_px, found.v_px, self._radius_px, found.sigma_px, frame.t_s
         )
         self._lock_px, self._proven, self._candidates = (found.u_px, found.v_px), proven, []
+        self._locked_s = frame.t_s
         self._acquisition.locked(Sighting(found, appearance, 0.0))
         return found
 

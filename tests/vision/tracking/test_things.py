@@ -102,6 +102,14 @@ def test_equal_marks_that_show_in_turn_do_not_travel():
     assert all(t.travel(REACH) == 0.0 for t in things.all)
 
 
+def test_what_was_elsewhere_during_a_mistake_may_be_the_ball():
+    things = watched(lambda k: sighting(300, 300))
+    things.ball_is(sighting(50, 50))
+    assert things.all[0].other
+    things.ball_was_not()
+    assert not things.all[0].other
+
+
 def test_a_thing_seen_twice_elsewhere_drifts_before_it_is_known_to_travel():
     things = watched(lambda k: sighting(200 + 30 * k, 200), lambda k: sighting(50, 50), looks=2)
     assert [t.drifts(REACH) for t in things.all] == [True, False]
