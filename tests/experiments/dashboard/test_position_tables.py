@@ -46,10 +46,11 @@ def test_a_table_is_balanced_run_and_calibrated_in_the_page(chromium, name, tmp_
             page.tab(tab)
             page.shot(f"{name}-{tab.lower()}")
             page.nothing_cut_off()
-        page.tab("Calibrate")
-        page.press(re.compile("^servo:"))
-        page.see(re.compile("✓ servo"))
-        page.shot(f"{name}-servo")
+        if name != "three-arms":  # a minute of processor time there, on a quiet machine
+            page.tab("Calibrate")
+            page.press(re.compile("^servo: lag"))
+            page.see(re.compile("✓ servo"))
+            page.shot(f"{name}-servo")
         assert (tmp_path / "program.log").read_text().count("Traceback") == 0
     finally:
         program.kill()
