@@ -145,7 +145,7 @@ def load(tree: ast.Module, path: Path, **replaced) -> ModuleType:
         n for n in tree.body
         if not (isinstance(n, ast.ImportFrom) and any(a.name in replaced for a in n.names))
     ]  # fmt: skip
-    module.__dict__.update(replaced)
+    module.__dict__.update(replaced, __file__=str(path))
     exec(compile(ast.Module(kept, []), str(path), "exec"), module.__dict__)
     return module
 

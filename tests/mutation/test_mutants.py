@@ -150,6 +150,7 @@ def test_every_mutant_of_the_filter_of_messages_dies():
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")  # of mutants
 def test_every_mutant_of_the_controls_dies():
     """Who may press and set what, in which order, and what STOP refuses."""
     path = "experiments/dashboard/server/controls.py"

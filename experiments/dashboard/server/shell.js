@@ -2,7 +2,8 @@
 // It asks the program by itself, so it works whatever viser's own connection and widgets do.
 (() => {
   "use strict";
-  const EVERY_MS = 1000, SOON_MS = 150, PATIENCE_MS = 3000, LONG_MS = 5000;
+  const EVERY_MS = 1000, SOON_MS = 150, PATIENCE_MS = 3000, LONG_MS = 5000,
+    GIVEN_UP_MS = 30000;
   const STATES = {
     starting: "Starting", balancing: "Balancing", running: "Run is on",
     pause: "Pause between runs", stopped: "Stopped, motors at 0 V",
@@ -49,7 +50,7 @@
   show();
 
   // --- what the program says ---
-  let lostAt = null, stoppingAt = null, began = "", timer = 0, asked = 0;
+  let gone = false, lostAt = null, stoppingAt = null, began = "", timer = 0, asked = 0;
   const ask = async (what) => {
     const patience = AbortSignal.timeout(PATIENCE_MS);
     const answer = await fetch(`${here}/${what}`, { cache: "no-store", signal: patience });
@@ -61,10 +62,13 @@
     bar.className = kind;
   };
   const told = (state) => {
-    if (began && began !== state.began || lostAt !== null && Date.now() - lostAt > PATIENCE_MS)
-      return location.reload();  // another program, or a page that viser has given up
+    const away = lostAt === null ? 0 : Date.now() - lostAt;
+    // Another program, or a connection that viser has lost, too; one that was slow goes on.
+    if (began && began !== state.began || away > (gone ? PATIENCE_MS : GIVEN_UP_MS))
+      return location.reload();
     began = state.began;
     lostAt = null;
+    gone = false;
     again.hidden = true;
     document.documentElement.classList.remove("rig-lost");
     if (state.state === "stopped") stoppingAt = null;
@@ -72,8 +76,9 @@
     else if (state.state === "starting") write("Stopping before anything moves ...", "stopping");
     else if (Date.now() - stoppingAt > LONG_MS) write("STOP takes long: use the switch.", "lost");
   };
-  const lost = () => {
+  const lost = (error) => {
     lostAt ??= Date.now();
+    gone ||= error.name !== "TimeoutError";
     const seconds = Math.round((Date.now() - lostAt) / 1000);
     document.documentElement.classList.add("rig-lost");
     again.hidden = false;
@@ -85,8 +90,8 @@
     try {
       const state = await ask("alive");
       if (mine === asked) told(state);
-    } catch {
-      if (mine === asked) lost();
+    } catch (error) {
+      if (mine === asked) lost(error);
     }
     if (mine === asked) timer = setTimeout(poll, stoppingAt === null ? EVERY_MS : SOON_MS);
   };

@@ -12,7 +12,7 @@ import secrets
 from base64 import b64encode
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -49,7 +49,7 @@ class Shell:
         return json.dumps({"state": self.state(), "began": self.began}).encode()
 
 
-@lru_cache(maxsize=2)
+@cache  # of two pages: as it is, and zipped
 def _dressed(body: bytes, zipped: bool) -> bytes:
     text = (gzip.decompress(body) if zipped else body).decode()
     head, found, rest = text.partition("<title>Viser</title>")

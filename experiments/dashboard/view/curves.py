@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 X, Y = "#7048e8", "#e8590c"
 LEGEND = (
-    '<div style="padding: 0 0.6em; font-size: 0.85em">Newest 20 s over the run\'s seconds: '
-    f'<b style="color: {X}">x</b>, <b style="color: {Y}">y</b>; dashed: target, wanted angle, '
-    "play of the joint (full: of the gear)</div>"
+    '<div style="padding: 0 0.6em; font-size: 0.85em">The last 20 s: '
+    f'<b style="color: {X}">x</b>, <b style="color: {Y}">y</b>; - - what is wanted (play: - - of '
+    "the joint, full of the gear)</div>"
 )
 WAIT = "*Waiting for the first data.*"
 FILM = "*A film is shown: the curves are the live table's and rest meanwhile.*"
@@ -47,11 +47,11 @@ CHARTS = (
     Chart("volts applied [V]", (
         ("voltage_x_V", "x", X, 1.0, False), ("voltage_y_V", "y", Y, 1.0, False),
     )),
-    Chart("estimated shaft torque [mN m]", (
+    Chart("torque in the shaft, estimated [mN m]", (
         ("estimated_torque_x_Nm", "x", X, 1e3, False),
         ("estimated_torque_y_Nm", "y", Y, 1e3, False),
     )),
-    Chart("estimated play, full width [deg]", (
+    Chart("play found so far: gear, joint [deg]", (
         ("estimated_gear_play_x_rad", "gear x", X, _DEG, False),
         ("estimated_gear_play_y_rad", "gear y", Y, _DEG, False),
         ("estimated_joint_play_x_rad", "joint x", X, _DEG, True),

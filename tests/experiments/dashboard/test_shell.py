@@ -73,7 +73,7 @@ def opened(browser, program: Program, **settings):
     """A page, as soon as the bar is there; viser's own page may come later."""
     page = browser.new_context(**settings).new_page()
     page.goto(program.link)
-    page.get_by_text("Run is on", exact=True).wait_for()
+    page.locator("#rig-state", has_text="Run is on").wait_for()
     return page
 
 
@@ -184,6 +184,18 @@ def test_a_program_that_died_is_said_and_found_again_by_itself(browser):
         page.get_by_text("for 12 s").wait_for(timeout=120e3)  # viser's own part is back, too
     finally:
         again.server.stop()
+    page.context.close()
+
+
+@pytest.mark.slow
+def test_a_program_that_was_slow_to_answer_is_told_and_the_page_stays_as_it_is(browser, program):
+    page = opened(browser, program)
+    page.evaluate("window.kept = 1")
+    page.route("**/alive", lambda route: None)  # no answer, as of a machine that stands still
+    page.get_by_text("Connection lost").wait_for(timeout=20e3)
+    page.unroute("**/alive")
+    page.locator("#rig-state", has_text="Run is on").wait_for(timeout=20e3)
+    assert page.evaluate("window.kept") == 1  # not loaded anew: tabs and fields stay
     page.context.close()
 
 

@@ -4,6 +4,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import FrozenInstanceError
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 from hypothesis import given
@@ -11,11 +12,14 @@ from hypothesis import strategies as st
 
 from experiments.dashboard.server.controls import (
     QUEUE_LENGTH,
+    REPEAT_S,
     ControlLock,
     ControlPanelQueue,
     Controls,
+    InputRules,
+    QueuedAction,
 )
-from experiments.dashboard.server.input_limits import KP
+from experiments.dashboard.server.input_limits import KP, flag
 
 
 def test_one_page_holds_the_controls_and_others_take_over_knowingly():
@@ -167,8 +171,7 @@ def test_stop_waits_for_nothing_and_nothing_begins_after_it():
     start.callback(FakeEvent(1))
     slider.value = 5.0
     c.use(1, slider, 5.0)
-    while c.queue.put("more", lambda: None):
-        pass  # the queue is full
+    assert not all(c.queue.put("more", lambda: None) for _ in range(1000))  # the queue is full
     stop.callback(FakeEvent(2))
     assert acted == ["stop page 2"]  # at once
     busy.set()
@@ -191,3 +194,129 @@ def test_a_stop_that_fails_is_told():
     c.queue.close()
     assert told == [(4, "stop", "no loop")]
     assert noted == ["stop: RuntimeError: no loop"]
+
+
+class PaletteHandle:
+    """A command of the palette, as viser has it."""
+
+    def on_trigger(self, callback):
+        self.callback = callback
+
+
+def pressed(c: Controls, page: int, *handles) -> None:
+    """Presses in turn, each served before the next."""
+    for handle in handles:
+        handle.callback(FakeEvent(page))
+        served = threading.Event()
+        c.queue.put("served", served.set)
+        assert served.wait(5.0)
+
+
+def test_who_watches_presses_and_picks_nothing_but_what_is_for_everybody():
+    c, told, _ = controls()
+    assert not c.lock.may(1)  # nobody holds what nobody took
+    c.lock = ControlLock().joined(1).joined(2)
+    start, looks, palette, acted = FakeHandle(False), FakeHandle(False), PaletteHandle(), []
+    c.button(start, "start", lambda page: acted.append(("start", page)))
+    c.button(looks, "looks", lambda page: acted.append(("looks", page)), everybody=True)
+    c.button(palette, "palette", lambda page: acted.append(("palette", page)))
+    pressed(c, 2, start, looks, palette)
+    assert acted == [("looks", 2)]
+    assert [what[:2] for what in told] == [(2, "start"), (2, "palette")]
+    pressed(c, 1, start, looks, palette)
+    assert acted[1:] == [("start", 1), ("looks", 1), ("palette", 1)]
+    for handle in (start, looks):  # a press passes the filter from any page, and sets nothing
+        assert c.cleaned(2, handle, True) is True
+    c.use(2, start, True)
+    arrows, ways = FakeHandle(None), []
+    c.pick(arrows, ("left", "right"), ways.append)
+    assert c.cleaned(1, arrows, "left") == "left"
+    for page, way, error in ((2, "left", PermissionError), (1, "up", ValueError)):
+        with pytest.raises(error):
+            c.cleaned(page, arrows, way)
+    c.use(1, arrows, "left")
+    c.use(2, arrows, "right")
+    c.queue.close()
+    assert ways == ["left"]
+
+
+def test_what_everybody_asked_for_is_done_after_a_stop_and_what_follows_a_stop_too():
+    c, _, _ = controls()
+    c.lock = ControlLock().joined(1)
+    busy, looks, start, acted = threading.Event(), FakeHandle(False), FakeHandle(False), []
+    c.button(looks, "looks", lambda page: acted.append("looks"), everybody=True)
+    c.button(start, "start", lambda page: acted.append("start"))
+    c.queue.put("busy", lambda: busy.wait(30.0) and None)
+    looks.callback(FakeEvent(1))
+    start.callback(FakeEvent(1))
+    c.stop("page 1", lambda who: None)
+    start.callback(FakeEvent(1))
+    busy.set()
+    c.queue.close()
+    assert acted == ["looks", "start"]
+
+
+def test_a_value_is_checked_by_who_sent_it_kept_and_forgotten_with_its_input():
+    c, told, _ = controls()
+    c.lock = ControlLock().joined(1).joined(2)
+    gain, camera, applied = FakeHandle(3.0), FakeHandle(False), []
+    kept = c.value(gain, "gain", KP.clamp, applied.append)
+    seen = c.value(camera, "camera", flag, everybody=True)
+    assert c.cleaned(1, gain, 99.0) == KP.high
+    with pytest.raises(PermissionError):
+        c.cleaned(2, gain, 1.0)
+    with pytest.raises(ValueError, match="no number"):
+        c.cleaned(1, gain, "x")
+    assert c.cleaned(2, camera, True) is True
+    camera.value = True  # as the filter of messages stores it
+    c.use(2, camera, True)
+    c.use(1, gain, 5.0)
+    c.use(2, gain, 6.0)  # who watches is refused where it is applied, too
+    c.refuse(2, gain, ValueError("too late"))
+    c.refuse(2, FakeHandle(None), ValueError("nobody is told"))
+    c.queue.close()
+    assert (kept.now, seen.now, applied, camera.value) == (5.0, True, [5.0], True)
+    assert (2, "gain", "too late") in told
+    assert gain.value == 5.0
+    c.forget(gain)
+    with pytest.raises(ValueError, match="nobody may set this"):
+        c.cleaned(1, gain, 1.0)
+
+
+def test_a_value_that_finds_the_queue_full_goes_back_and_is_told():
+    c, told, _ = controls()
+    c.lock = ControlLock().joined(1)
+    busy, gain = threading.Event(), FakeHandle(3.0)
+    kept = c.value(gain, "gain", KP.clamp)
+    c.queue.put("busy", lambda: busy.wait(30.0) and None)
+    assert not all(c.queue.put("more", lambda: None) for _ in range(1000))
+    gain.value = 5.0
+    c.use(1, gain, 5.0)
+    assert gain.value == kept.now == 3.0
+    assert told == [(1, "gain", "too much at once: wait a moment")]
+    busy.set()
+    c.queue.close()
+
+
+def test_the_same_refusal_is_shown_once_in_a_while():
+    c, told, _ = controls()
+    gain, now_s = FakeHandle(3.0), [100.0]
+    c.value(gain, "gain", KP.clamp)
+    with patch("time.monotonic", lambda: now_s[0]):
+        for seconds, many in ((0.0, 1), (0.1, 1), (REPEAT_S, 1), (0.1, 2), (0.1, 2), (1e-3, 2)):
+            now_s[0] = now_s[0] + seconds if seconds != REPEAT_S else 100.0 + REPEAT_S
+            c.refuse(1, gain, ValueError("no"))
+            assert len(told) == many, seconds
+        c.refuse(1, gain, ValueError("another"))
+        assert len(told) == 3
+    c.queue.close()
+
+
+def test_what_is_asked_for_cannot_be_changed_afterwards():
+    for one, name in (
+        (QueuedAction("start", lambda: None), "page"),
+        (InputRules("gain", float, lambda page, value: None), "everybody"),
+    ):
+        assert getattr(one, name) in (None, False)
+        with pytest.raises(FrozenInstanceError):
+            setattr(one, name, 1)
