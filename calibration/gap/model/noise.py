@@ -26,7 +26,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.stats import norm
 
-from calibration.gap.model.data import HORIZON_S, Evidence, Roll, every, gather
+from calibration.gap.model.data import HORIZON_S, MIN_WEIGHT, Evidence, Roll, every, gather
 from calibration.gap.model.fit import weights
 from calibration.gap.model.flexible import Regressors, ball_regressors, servo_regressors
 from calibration.gap.model.parameters import BALL, SERVO, Model
@@ -66,6 +66,14 @@ def thinned(evidence: Evidence, output: str) -> tuple[Evidence, list[np.ndarray]
     return replace(few, masks={output: few.masks[output]}), [np.flatnonzero(at) for at in chosen]
 
 
+def _moving(mask: np.ndarray) -> np.ndarray:
+    """The weights (n,) without those of an arm that rests, MIN_WEIGHT of the largest: its encoder
+    repeats one count, and its process noise is nothing that friction holds. All where it never
+    moves."""
+    moves = mask > MIN_WEIGHT * mask.max(initial=0.0)
+    return mask * moves if moves.any() else mask
+
+
 def _level(roll: Roll, z: np.ndarray, mask: np.ndarray) -> float:
     """The module's cost of residuals z (n,) in the place of those of `roll`."""
     size = np.abs(z)
@@ -91,7 +99,7 @@ def _search(cost: Callable[[np.ndarray], float], start: list[float]) -> np.ndarr
 def _servo(evidence: Evidence, model: Model, levels: np.record, a: int) -> None:
     output, smallest = SERVO[a], 0.02 * levels["servo_measured"][a]
     few, places = thinned(evidence, output)
-    mask, here = few.masks[output], np.zeros(len(few.masks[output]), np.bool_)
+    mask, here = _moving(few.masks[output]), np.zeros(len(few.masks[output]), np.bool_)
     starts = np.cumsum([0, *(len(run.t_s) for run in few.runs[:-1])])
     here[np.concatenate([at + start for at, start in zip(places, starts, strict=True)])] = True
     rows = servo_regressors(evidence.runs, output, model.time_constant_s[a]).over(places)

@@ -28,16 +28,10 @@ BENT = {"linkage_quadratic": {"x": {"coefficient_1_rad": 0.8}}}
 PAIRS = [(FRICTION, DEAD_ZONE), (PLAY, DELAY), (DRAG, ROLLING), (RIPPLE, BENT)]
 
 
-LOST = pytest.mark.xfail(
-    reason="a flexible model knows lags but no hysteresis: on one of the two runs the delay scores "
-    "21 more than the backlash that is there"
-)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "pair",
-    [pytest.param(pair, marks=LOST) if pair == (PLAY, DELAY) else pair for pair in PAIRS],
+    PAIRS,
     ids=lambda pair: " or ".join(next(iter(e)) for e in pair),
 )
 def test_the_proposal_tells_the_pair_apart_when_it_is_run(pair):

@@ -31,13 +31,7 @@ def test_a_servo_creeps_that_is_slow_against_the_friction_of_its_load(
     "protocol",
     [
         "hold",
-        pytest.param(
-            "slow-triangle",
-            marks=pytest.mark.xfail(
-                reason="a ball that rests in most of a log: its noise comes out too small, and "
-                "a force that depends on the place is told"
-            ),
-        ),
+        "slow-triangle",
     ],
 )
 def test_a_healthy_table_whose_servos_creep_gets_no_name_and_its_volts_are_not_judged(protocol):

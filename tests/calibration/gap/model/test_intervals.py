@@ -83,7 +83,7 @@ CASES = {
             "rests",
             marks=pytest.mark.xfail(
                 reason="of a servo that mostly rests the noise comes out too small, since rest has "
-                "none: intervals of K hold 26 of 40"
+                "none: intervals of K hold 30 of 40"
             ),
         ),
     ],
