@@ -17,7 +17,10 @@ second parameter that is added times g:
 
     z = -(J d + J_size g delta) + e,   F = delta' cov^-1 delta/k,  cov clustered by seconds
 
-A size is no constant where F is beyond its quantile and |delta| > MAX_INCONSTANCY |size|.
+A size is no constant where F is beyond its quantile and |delta| > MAX_INCONSTANCY |size|. A size
+that is a rate in time (TRENDS) cannot be shown to be one in a single run: whatever changes slowly,
+1/f noise or a slipping encoder, has a trend over one run (spurious regression: Granger and Newbold,
+J. Econometrics 2, 1974).
 """
 
 from collections.abc import Iterator, Mapping
@@ -36,6 +39,7 @@ from calibration.gap.name.stepwise import Accepted
 from calibration.gap.prove import model_of
 from rig.prediction.innovations import Signals
 
+TRENDS = ("level_drift",)  # effects whose size is a rate in time
 FOLD_S = 1.0  # of two folds in turn: longer than a filter remembers, shorter than a hat; chosen
 
 
@@ -72,7 +76,10 @@ def _predictable(state: State, output: str) -> float:
 
 
 def inconstancy(state: State, one: Accepted, output: str) -> str:
-    """On what the size of a name depends most, in words; "" if it is constant on every axis."""
+    """On what the size of a name depends most, or why that cannot be said, in words; "" if it is
+    constant on every axis."""
+    if one.name in TRENDS and len(state.evidence.runs) < 2:
+        return "whatever changes slowly has a trend over one run: record another"
     for axis in one.axes:
         parameters = state.nominal.of(one.name, axis)[: 2 if one.name in PERIODIC else 1]
         own = [k.name for k in parameters if k.name in state.bounds((output,))]

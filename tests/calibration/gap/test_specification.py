@@ -55,11 +55,11 @@ def test_hats_add_up_to_one_in_every_run():
         assert (run[:, -3:] == 0.0).all()
 
 
-def judged(effects: dict) -> Decision:
-    """The names of a log of 20 s, before any veto."""
-    log = foreign("steps", seed=3, effects=effects, duration_s=20.0)
+def judged(effects: dict, *, runs: int = 1) -> Decision:
+    """The names of logs of 20 s, before any veto."""
+    logs = [foreign("steps", seed=3 + i, effects=effects, duration_s=20.0) for i in range(runs)]
     nominal = NominalModel(RIG, load_friction=False)
-    return decide(settled_baseline(evidence_of(log), nominal))
+    return decide(settled_baseline(evidence_of(*logs), nominal))
 
 
 def complete(decision: Decision, output: str) -> float:
@@ -73,6 +73,16 @@ def test_the_right_name_is_complete_and_its_size_a_constant():
     assert {one.name for one in decision.accepted} == {"camera_delay"}
     assert complete(decision, BALL) > 0.98
     assert not any(inconstancy(decision.state, one, BALL) for one in decision.accepted)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("runs", "words"), [(1, "record another"), (2, "")])
+def test_a_trend_is_certain_only_where_another_run_has_it(runs: int, words: str):
+    decision = judged({"level_drift": {"x": {"rate_rad_s": 0.0008}}}, runs=runs)
+    (drift,) = [one for one in decision.accepted if one.name == "level_drift"]
+    found = inconstancy(decision.state, drift, BALL)
+    assert words in found
+    assert bool(words) == bool(found)
 
 
 @pytest.mark.slow
