@@ -159,7 +159,8 @@ class Acquisition:
             patient = lasted > 3.0 * RESTS_S
             return best if n >= 4 and lasted >= MOVES_S and (lead > STANDS_OUT or patient) else None
         rests_s = RESTS_S if self._known is None else UNLIKE_RESTS_S
-        if any(thing.drifts(reach) and thing.evidence > 0.5 * best.evidence for thing in ranked):
+        others = [thing for thing in ranked if thing is not best]
+        if any(thing.drifts(reach) and thing.evidence > 0.5 * best.evidence for thing in others):
             return None  # that one will be seen to travel, or not
         return best if n >= 4 and lasted >= rests_s and lead > STANDS_OUT_AT_REST else None
 
