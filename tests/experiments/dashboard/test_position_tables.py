@@ -35,7 +35,7 @@ def test_a_table_is_balanced_run_and_calibrated_in_the_page(chromium, name, tmp_
     try:
         page = Hand(chromium, program.link, artefacts, sharp=True)
         page.see("Balancing")
-        page.see("sees the ball")
+        page.see("ball in sight")
 
         def seen() -> bool:
             spread, ball, plate = sees_table(page.view())

@@ -219,7 +219,7 @@ def test_on_the_page_a_step_borrows_the_camera_that_was_looked_through(lab, bund
     app = App(server, rig, tmp_path, rig_file=lab / "page.toml")
     try:
         app.camera.set_wanted(True)
-        wait_for("the image", lambda: app.camera._image.visible)
+        wait_for("the image", lambda: "<img" in app.camera._picture.content)
         assert "tracker" in app.camera._words.content
         eye = app.eye
         assert isinstance(eye, RealCamera)
