@@ -220,7 +220,7 @@ def test_on_the_page_a_step_borrows_the_camera_that_was_looked_through(lab, bund
     try:
         app.camera.set_wanted(True)
         wait_for("the image", lambda: "<img" in app.camera._picture.content)
-        assert "tracker" in app.camera._picture.content
+        assert "The ball is" in app.camera._picture.content
         eye = app.eye
         assert isinstance(eye, RealCamera)
         tab = app.calibrate
