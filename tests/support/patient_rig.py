@@ -1,8 +1,9 @@
-"""`rig` on a machine that other tests keep busy: no run on a real table ends by a late loop.
+"""`rig` on a machine that other tests keep busy: no run on a real table ends by a late loop, nor
+by an arm that stands still since its served table gives 0 V while its host is late.
 
     python -m tests.support.patient_rig run PROTOCOL ...
 
-What a late loop does is asked of the monitor itself: tests/rig/safety/test_monitor.py and
+What a late loop and a blocked arm do is asked of the monitor itself: tests/rig/safety/test_monitor.py and
 tests/rig/loop/test_loop_faults.py.
 """
 
@@ -16,8 +17,8 @@ from rig.safety.monitor import MonitorLimits
 
 
 def patient_job(table, known, *words, **named) -> Job:
-    """A job as the program makes it, with a monitor that forgives ticks that come late."""
-    limits = replace(MonitorLimits.of_rig(known), late_s=10.0, late_ticks=1e9)
+    """A job as the program makes it, with a monitor that waits for 10 s before it stops a run."""
+    limits = replace(MonitorLimits.of_rig(known), late_s=10.0, late_ticks=1e9, stall_s=10.0)
     return Job(table, known, *words, limits=limits, **named)
 
 
