@@ -3,8 +3,8 @@ by an arm that stands still since its served table gives 0 V while its host is l
 
     python -m tests.support.patient_rig run PROTOCOL ...
 
-What a late loop and a blocked arm do is asked of the monitor itself: tests/rig/safety/test_monitor.py and
-tests/rig/loop/test_loop_faults.py.
+What a late loop and a blocked arm do is asked of the monitor itself:
+tests/rig/safety/test_monitor.py and tests/rig/loop/test_loop_faults.py.
 """
 
 from dataclasses import replace

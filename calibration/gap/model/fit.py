@@ -188,7 +188,8 @@ def fit(
     until C with the prior falls by less than CONVERGED_GAIN; all other parameters stay as in
     `start`.
 
-    Secants are taken once, and at every step for the effects `bent` (backlash, delays, periods).
+    Secants are taken once, and at every step for the effects `bent` (backlash, delays, periods),
+    whose parameters are then moved one by one where no step along all lowers C.
     Where C stalls after it fell by STALE_SECANT_GAIN, all secants are taken anew. `KeyError`: no
     such parameter.
     """
@@ -211,10 +212,37 @@ def fit(
         dearer = [float(prior @ (d * step * (away + 0.5 * d * step))) for d in STEP_LENGTHS]
         best, gain = _along(evidence, nominal, best, parameters, value, step, dearer)
         if gain < CONVERGED_GAIN:
+            best, gain = _one_by_one(evidence, nominal, best, bounds, bent)
+        if gain < CONVERGED_GAIN:
             if taken_at - best.cost < STALE_SECANT_GAIN:
                 break
             best, taken_at = replace(best, columns={}), best.cost
     return best
+
+
+def _one_by_one(
+    evidence: Evidence,
+    nominal: NominalModel,
+    at: ParameterFit,
+    bounds: Bounds,
+    bent: Collection[str],
+) -> tuple[ParameterFit, float]:
+    """Compass search: each parameter of the effects `bent` alone by plus and minus STEP_LENGTHS of
+    its step, and by how much C fell. Where C has kinks, secants may point nowhere (Kolda, Lewis and
+    Torczon, SIAM Review 45, 2003)."""
+    first = at.cost
+    for name, (low, high) in bounds.items():
+        parameter = nominal.parameters[name]
+        if parameter.effect not in bent:
+            continue
+        for length in STEP_LENGTHS:
+            value = at.setting.get(name, parameter.nominal)
+            for moved in (value - length * parameter.step, value + length * parameter.step):
+                setting = at.setting | {name: min(max(moved, low), high)}
+                tried = evaluate(evidence, nominal, setting, at.rolls)
+                if tried.cost < at.cost:
+                    at = replace(tried, columns=at.columns)
+    return at, first - at.cost
 
 
 def inverse_variance(parameter: Parameter, bounds: tuple[float, float]) -> float:

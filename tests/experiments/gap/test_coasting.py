@@ -39,7 +39,6 @@ def test_it_is_the_first_guess_of_a_short_log():
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(reason="a play of 0.0218 for 0.02 rad; with the prior of the nominal parameters")
 def test_it_is_named_and_the_friction_that_brakes_the_arm_goes_into_the_model():
     found = investigate([recorded(read_protocol("steps"))], BELIEVED, quick=True).findings
     assert [effect.name for effect in found.effects] == ["gear_backlash"], found.sentence
