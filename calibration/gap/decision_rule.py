@@ -56,8 +56,9 @@ MIN_COMPLETENESS = 0.8
 # Tail of the test that a size is a constant: 1 % of logs for about 100 tests of a log's names. It
 # has to differ by a quarter as well, since no model is exact. Chosen.
 CONSTANCY_P, MAX_INCONSTANCY = 1e-4, 0.25
-# Of a name whose size is no constant: as likely something else. Chosen.
-INCONSTANT_PROBABILITY = 0.5
+# Of a name whose size is no constant, or whose gain 1 s ahead is not certain: as likely something
+# else. Chosen.
+DOUBTED_PROBABILITY = 0.5
 SURE_Z = 2.0  # standard errors by which a rival has to predict better, 2.3 % by chance; chosen
 MAX_ROUNDS = 3  # of naming, while every name was refuted; chosen
 RANGE_END_STEPS = 0.01  # of a parameter's step: closer to its range's end, it is at the end

@@ -20,9 +20,11 @@ with B blocks of the windows that overlap, b the means in each, and C the cost o
    range, where it would have to be larger to be what its name says.
 4. Its best rival in its place does not predict better 1 s ahead: D < SURE_Z se of the rival's gain.
 5. Its size is a constant (`calibration.gap.specification`). If not, something else acts on the
-   output, or acts otherwise: the probability of its names is at most INCONSTANT_PROBABILITY.
+   output, or acts otherwise: the probability of its names is at most DOUBTED_PROBABILITY.
 6. The names of an output are complete: at least MIN_COMPLETENESS (`calibration.gap.specification`),
    which bounds their probability as well.
+7. A name is certain only where it lowers the error 1 s ahead for certain: D > SURE_Z se for all
+   names of one of its outputs together. If not, its probability is at most DOUBTED_PROBABILITY.
 
 Errors are bounded at the OUTLIER_SHARE quantile of the model without, so that a push that nobody
 recorded does not decide; for harm at OUTLIER_RATIO times that as well, where D < -SURE_Z se, since
@@ -38,7 +40,7 @@ from math import degrees
 import numpy as np
 
 from calibration.gap.decision_rule import (
-    INCONSTANT_PROBABILITY,
+    DOUBTED_PROBABILITY,
     MAX_ROUNDS,
     MIN_COMPLETENESS,
     MIN_WINDOWS,
@@ -170,11 +172,15 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
             reasons.append(f"not named: {one.name}: {reason}")
     lost += outdone
     sure, doubts = _doubted(state, [one for one in accepted if one not in lost], complete)
-    kept = tuple(_capped(one, sure) for one in accepted if one not in lost)
+    kept = [_capped(one, sure) for one in accepted if one not in lost]
     reasons += doubts
+    for i, one in enumerate(kept):
+        if reason := _unproven(one, before, after):
+            kept[i] = replace(one, explained=min(one.explained, DOUBTED_PROBABILITY))
+            reasons.append(f"not certain: {one.name}: {reason}")
     if not lost:
-        return replace(decision, accepted=kept), [], tuple(reasons)
-    return _without(decision, kept, lost), [one.name for one in outdone], tuple(reasons)
+        return replace(decision, accepted=tuple(kept)), [], tuple(reasons)
+    return _without(decision, tuple(kept), lost), [one.name for one in outdone], tuple(reasons)
 
 
 def _outputs(one: Accepted) -> tuple[str, ...]:
@@ -236,7 +242,7 @@ def _doubted(
     for one in accepted:
         for output in (o for o in _outputs(one) if o in state.evidence.outputs):
             if reason := inconstancy(state, one, output):
-                sure[output] = min(sure[output], INCONSTANT_PROBABILITY)
+                sure[output] = min(sure[output], DOUBTED_PROBABILITY)
                 doubts.append(f"not certain: {one.name}: {reason}")
     return sure, doubts
 
@@ -277,17 +283,27 @@ def _harm_of_one(
     outputs = [o for o in _outputs(one) if o in after]
     without = held_out(drop_effects(decision.state, _keys(one)), outputs)
     reasons = {output: _harm(output, without[output], after[output]) for output in outputs}
-    gains = {output: gained(without[output], after[output]) for output in outputs}
     harmed = [o for o in outputs if _harmed(without[o], after[o])]
     if harmed or (outputs and all(reasons.values())):
         return reasons[(harmed or outputs)[0]]
-    unsure = outputs and all(d < SURE_Z * se for d, se in gains.values())
-    if beside and unsure:
-        return (
-            "something without a name is left, and 1 s ahead on data not used it is not certain "
-            f"that {_name(outputs[0])} is predicted better with it"
-        )
+    if beside and (reason := _unproven(one, without, after)):
+        return f"something without a name is left, and {reason}"
     return ""
+
+
+def _unproven(
+    one: Accepted, without: Mapping[str, Prediction], with_it: Mapping[str, Prediction]
+) -> str:
+    """The reason of rule 7 in words; "" if the error 1 s ahead falls for certain on an output of
+    the name, or there are too few windows to say."""
+    outputs = [o for o in _outputs(one) if o in with_it and o in without]
+    gains = [gained(without[output], with_it[output]) for output in outputs]
+    if not gains or any(d >= SURE_Z * se for d, se in gains):
+        return ""
+    return (
+        "1 s ahead on data not used it is not certain that "
+        f"{_name(outputs[0])} is predicted better with it"
+    )
 
 
 def _rival_stands(names: list[Accepted], output: str, before: dict[str, Prediction]) -> bool:

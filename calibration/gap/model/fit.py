@@ -228,8 +228,7 @@ def _one_by_one(
     bent: Collection[str],
 ) -> tuple[ParameterFit, float]:
     """Compass search: each parameter of the effects `bent` alone by plus and minus STEP_LENGTHS of
-    its step, and by how much C fell. Where C has kinks, secants may point nowhere (Kolda, Lewis and
-    Torczon, SIAM Review 45, 2003)."""
+    its step, and by how much C fell (Kolda, Lewis and Torczon, SIAM Review 45, 2003)."""
     first = at.cost
     for name, (low, high) in bounds.items():
         parameter = nominal.parameters[name]
@@ -239,9 +238,11 @@ def _one_by_one(
             value = at.setting.get(name, parameter.nominal)
             for moved in (value - length * parameter.step, value + length * parameter.step):
                 setting = at.setting | {name: min(max(moved, low), high)}
-                tried = evaluate(evidence, nominal, setting, at.rolls)
-                if tried.cost < at.cost:
-                    at = replace(tried, columns=at.columns)
+                here = [output for output in parameter.outputs if output in at.rolls]
+                tried = evaluate(evidence, nominal, setting, here)
+                rolls, costs = at.rolls | tried.rolls, at.costs | tried.costs
+                if sum(costs.values()) < at.cost:
+                    at = replace(at, setting=setting, rolls=rolls, costs=costs)
     return at, first - at.cost
 
 
