@@ -84,6 +84,19 @@ class Named:
 
 
 @dataclass(frozen=True)
+class SizeByLog:
+    """The size of a name on one axis, fitted to every log alone. `sizes`: one a log [the unit of
+    the catalogue's `key`], None where the log does not tell; `agree`: whether one size serves
+    all."""
+
+    name: str
+    axis: str
+    key: str
+    sizes: tuple[Interval | None, ...]
+    agree: bool
+
+
+@dataclass(frozen=True)
 class Leftover:
     """What no named effect explains: its channel, its shape in words, and a formula where the
     unnamed term closed the gap on held-out data."""
@@ -170,11 +183,12 @@ class Findings:
     stages that did not run.
 
     `verdict`: one of VERDICTS, in words `sentence`. `where`: regions in which the model is wrong,
-    with `profiles` and `maps`; `effects`: what is named, `unknown`: what is left without a name,
-    `ranking`: every effect considered, `untestable`: what the logs would not show. `calibrated`: K
-    [rad/s/V] and tau [s] of the servos by label; `gap`, `steps`, `proof`, `closed_loop`: before and
-    after; `noise`: levels by their name in NOISE, means of both axes [SI]; `rig_before`,
-    `rig_after`: the nominal rig, and the one extended by the names.
+    with `profiles` and `maps`; `effects`: what is named, `by_log`: their sizes in every log alone,
+    `unknown`: what is left without a name, `ranking`: every effect considered, `untestable`: what
+    the logs would not show. `calibrated`: K [rad/s/V] and tau [s] of the servos by label; `gap`,
+    `steps`, `proof`, `closed_loop`: before and after; `noise`: levels by their name in NOISE, means
+    of both axes [SI]; `rig_before`, `rig_after`: the nominal rig, and the one extended by the
+    names.
     """
 
     verdict: str
@@ -184,6 +198,7 @@ class Findings:
     unknown: Leftover | None = None
     untestable: tuple[Untestable, ...] = ()
     calibrated: dict[str, Interval] = field(default_factory=dict)
+    by_log: tuple[SizeByLog, ...] = ()
     gap: Gap = field(default_factory=Gap)
     next_experiment: NextExperiment | None = None
     ranking: tuple[RankedEffect, ...] = ()
@@ -219,6 +234,10 @@ class Findings:
             "unknown": {k: v for k, v in vars(left).items() if v is not None} if left else None,
             "untestable": [vars(u) for u in self.untestable],
             "calibrated": {k: vars(v) for k, v in self.calibrated.items()},
+            "by_log": [
+                vars(one) | {"sizes": [vars(size) if size else None for size in one.sizes]}
+                for one in self.by_log
+            ],
             "gap": gap,
             "next_experiment": vars(following) | {"separates": list(following.separates)}
             if following

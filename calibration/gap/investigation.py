@@ -10,6 +10,7 @@ from math import inf
 
 import numpy as np
 
+from calibration.gap.agreement import disagreements, sizes_by_log
 from calibration.gap.decision_rule import RIVAL_MARGIN
 from calibration.gap.findings import Findings, Gap, Leftover, Named, ProofRow, Step
 from calibration.gap.locate.locate import locate
@@ -57,6 +58,7 @@ def investigate(
     rig: Rig,
     *,
     notes: tuple[str, ...] = (),
+    log_names: Sequence[str] = (),
     until: str = "prove",
     tolerances: Mapping[str, float] | None = None,
     quick: bool = False,
@@ -65,10 +67,11 @@ def investigate(
 ) -> Investigation:
     """Locate, name, add and prove what the model of `rig` lacks, from `logs` of one table.
 
-    `notes`: of the program that read the logs, put before those of the findings. `until`: the last
-    stage to run, of STAGES. `tolerances`: effect -> half width of its first parameter [its unit],
-    in place of those of rig and catalogue. `quick`: leaves out the regions, and the rivals in the
-    proof. `threads`: predictions that run at a time. `progress`: called with (stage, done, total).
+    `notes`: of the program that read the logs, put before those of the findings. `log_names`: of
+    the logs in words, one each. `until`: the last stage to run, of STAGES. `tolerances`: effect ->
+    half width of its first parameter [its unit], in place of those of rig and catalogue. `quick`:
+    leaves out the regions, the sizes by log, and the rivals in the proof. `threads`: predictions
+    that run at a time. `progress`: called with (stage, done, total).
     The answer depends on the logs, the rig and the options alone.
 
     `ValueError`: unknown stage.
@@ -92,7 +95,12 @@ def investigate(
     decision, refuted = decide_by_proof(before)
     notes += refuted
     report("add and prove", 3, 4)
-    return Investigation(_findings(decision, until, notes, quick=quick), decision)
+    found = _findings(decision, until, notes, quick=quick)
+    if not quick and until != "locate":
+        by_log = sizes_by_log(decision.state, found.effects)
+        told = found.notes + disagreements(by_log, log_names)
+        found = replace(found, by_log=by_log, notes=told)
+    return Investigation(found, decision)
 
 
 def usable_runs(logs: Sequence[Log], rig: Rig) -> list[Signals]:

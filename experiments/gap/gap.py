@@ -41,6 +41,7 @@ def investigate(
             inputs.logs,
             inputs.rig,
             notes=inputs.notes,
+            log_names=inputs.names,
             until=stage,
             tolerances=tolerances,
             quick=quick,

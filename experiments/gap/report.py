@@ -48,7 +48,7 @@ def write_gap_report(found: Findings, folder: Path, *, names: Sequence[str]) -> 
     stages = [
         locate_stage(found, folder),
         name_stage(found, folder),
-        add_stage(found),
+        add_stage(found, names),
         prove_stage(found, folder),
         next_stage(found, next_command),
     ]
@@ -107,11 +107,13 @@ def summary(found: Findings) -> list[str]:
     return lines
 
 
-def add_stage(found: Findings) -> Section:
-    """Section "Add": parameters of the named effects, servo numbers, text for rig.toml, noise."""
+def add_stage(found: Findings, names: Sequence[str]) -> Section:
+    """Section "Add": parameters of the named effects, together and by log (`names`), servo numbers,
+    text for rig.toml, noise."""
     blocks: list[Block] = []
     if found.effects:
         blocks.append(_parameter_table(found))
+        blocks += [_log_table(found, names)] if found.by_log else []
         blocks += [
             f"{effect.name}: {sentence_of(effect.name)}"
             for effect in found.effects
@@ -155,6 +157,21 @@ def _parameter_table(found: Findings) -> Table:
         "; the rivals' too, of which at most one is right." if found.verdict == "undecided" else "."
     )
     return Table(head, rows, caption, words=3)
+
+
+def _log_table(found: Findings, names: Sequence[str]) -> Table:
+    """The sizes of the names in every log alone."""
+    rows = []
+    for one in found.by_log:
+        unit, factor = parameter_unit(one.name, one.key)
+        sizes = [interval_words(size, unit, factor) if size else "not told" for size in one.sizes]
+        place = "both" if one.axis == "xy" else one.axis
+        rows.append([f"{one.name}, {place}", *sizes, "yes" if one.agree else "no"])
+    logs = [
+        names[i] if i < len(names) else f"log {i + 1}" for i in range(len(found.by_log[0].sizes))
+    ]
+    caption = "The size of each name in every log alone [95 %]: do the logs agree?"
+    return Table(("effect", *logs, "agree"), rows, caption, words=1)
 
 
 def _servo_blocks(found: Findings) -> list[Block]:

@@ -1,0 +1,49 @@
+"""Sizes by log: one size serves all logs of a table; a table that changed between them is told."""
+
+from functools import cache
+
+import pytest
+
+from calibration.gap.agreement import disagreements, sizes_by_log
+from calibration.gap.findings import Interval, Named, SizeByLog
+from calibration.gap.model.state import refit
+from tests.support.gap.tables import evidence_of, foreign, released
+
+NAME = "joint_backlash"
+
+
+@cache
+def told(*plays_rad: float) -> tuple[SizeByLog, ...]:
+    """What runs of the foreign table with these joint plays in x say alone."""
+    logs = [
+        foreign("steps", seed=i, effects={NAME: {"x": {"play_rad": play}}}, duration_s=12.0)
+        for i, play in enumerate(plays_rad, 1)
+    ]
+    evidence = evidence_of(*logs)
+    state = released(evidence, (NAME, "x"))
+    for output in evidence.outputs:
+        state = refit(state, state.bounds((output,)))
+    size = Interval(0.03, 0.02, 0.04)
+    return sizes_by_log(state, [Named(NAME, 1.0, (), {"x": {"play_rad": size}})])
+
+
+def test_each_log_gives_its_own_size():
+    (one,) = told(0.03, 0.03)
+    assert (one.name, one.axis, one.key) == (NAME, "x", "play_rad")
+    assert [size.value for size in one.sizes if size] == pytest.approx([0.03, 0.03], abs=0.004)
+    assert one.agree
+    assert disagreements([one], ()) == ()
+
+
+def test_a_table_that_changed_between_two_logs_is_told_with_both_sizes():
+    found = told(0.02, 0.05)
+    sizes = [size.value for size in found[0].sizes if size]
+    assert sizes == pytest.approx([0.02, 0.05], abs=0.005)
+    (said,) = disagreements(found, ("monday.csv", "friday.csv"))
+    assert said.startswith("the logs disagree: joint_backlash x play_rad is ")
+    assert "in monday.csv, " in said
+    assert said.endswith("in friday.csv")
+
+
+def test_one_log_has_nobody_to_agree_with():
+    assert told(0.03) == ()
