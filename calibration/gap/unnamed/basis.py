@@ -233,8 +233,8 @@ def _windows(state: State, output: str, side: str) -> list[tuple[float, float]]:
 def _response(
     evidence: Evidence, state: State, output: str, side: str, length: float, stride: int
 ) -> np.ndarray | None:
-    """The change of the residuals by a unit force of `length` seconds, from its start on; None: the
-    log is too short."""
+    """The change of the residuals by a unit force of `length` seconds, from its start on; None
+    where no samples show it: the log is too short, or has a gap there."""
     t, run = evidence.times(output)
     t, first = t[::stride], run[::stride] == 0
     t = t[first]
@@ -248,8 +248,8 @@ def _response(
     z = evidence.roll(model, output).z - state.fit.z(output)
     z = z.reshape(-1, stride)[: len(t), 0]
     i = int(np.searchsorted(t, begin))
-    keep = int(np.searchsorted(t, begin + length + 1.0)) - i
-    return z[i : i + keep]
+    end = int(np.searchsorted(t, begin + length + 1.0))
+    return z[i:end] if end > i else None
 
 
 def _attitude(path_m: np.ndarray, radius_m: float) -> np.ndarray:
