@@ -19,6 +19,7 @@ from tests.support.mujoco_engine.closed_loop import (
     quiet,
 )
 from tests.support.mujoco_engine.comparison import (
+    TABLES,
     Start,
     by_mujoco,
     by_product,
@@ -29,20 +30,10 @@ from tests.support.mujoco_engine.comparison import (
 )
 from tests.support.mujoco_engine.mechanism import Build
 
-CASES = {
-    "no friction, no play": table_with(dry=False),
-    "friction": table_with(),
-    "gear play 1 deg": table_with(gear_deg=1.0),
-    "gear play 2 deg": table_with(gear_deg=2.0),
-    "joint play 1.5 deg": table_with(joint_deg=1.5),
-    "joint play 2 deg": table_with(joint_deg=2.0),
-    "both plays": table_with(gear_deg=1.0, joint_deg=1.5),
-    "solid ball": table_with(hollow=False),
-}
 LOOSE = table_with(joint_deg=2.0)
 LOOSE = replace(LOOSE, drive=replace(LOOSE.drive, joint_friction_nm=0.0))
 LIGHT = replace(LOOSE, ball=replace(LOOSE.ball, mass_kg=1e-5))
-CASES |= {"joint play 2 deg, no joint friction": LOOSE, "the same, ball of 10 mg": LIGHT}
+CASES = TABLES | {"joint play 2 deg, no joint friction": LOOSE, "the same, ball of 10 mg": LIGHT}
 SIGNALS = {"multi-sine": multisine(), "steps": steps()}
 BUILDS = {
     "": Build(),

@@ -18,6 +18,7 @@ from rig.parameters import GRAVITY_M_S2, Walls
 from tests.support.mujoco_engine.ball_windows import residuals, rms_mm
 from tests.support.mujoco_engine.comparison import (
     DEGREE,
+    TABLES,
     TICK_S,
     Gap,
     Start,
@@ -31,16 +32,6 @@ from tests.support.mujoco_engine.comparison import (
 from tests.support.mujoco_engine.mechanism import Build
 
 SERVO_RAD, PLATE_RAD, BALL_RMS_M = 1e-3, 2.5e-4, 1.5e-4
-CASES = {
-    "no friction": table_with(dry=False),
-    "friction": table_with(),
-    "gear play 1": table_with(gear_deg=1.0),
-    "gear play 2": table_with(gear_deg=2.0),
-    "joint play 1.5": table_with(joint_deg=1.5),
-    "joint play 2": table_with(joint_deg=2.0),
-    "both plays": table_with(gear_deg=1.0, joint_deg=1.5),
-    "solid ball": table_with(hollow=False),
-}
 SIGNALS = {"multi-sine": multisine(), "steps": steps(), "one axis": multisine(both=False)}
 
 
@@ -54,10 +45,10 @@ def agree(g: Gap) -> bool:
 
 
 @pytest.mark.parametrize("signal", ["multi-sine", "steps"])
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", TABLES)
 def test_same_volts_same_motion(case: str, signal: str):
-    ours = by_product(CASES[case], SIGNALS[signal], Start())
-    theirs = by_mujoco(CASES[case], SIGNALS[signal], Start())
+    ours = by_product(TABLES[case], SIGNALS[signal], Start())
+    theirs = by_mujoco(TABLES[case], SIGNALS[signal], Start())
     assert len(ours.t_s) > 900
     assert np.ptp(ours.ball_m, axis=0).min() > 0.02
     assert agree(gap(ours, theirs)), gap(ours, theirs)
@@ -80,7 +71,7 @@ WRONG = {
 @pytest.mark.parametrize("wrong", WRONG)
 def test_the_comparison_would_notice(wrong: str):
     rig, volts = WRONG[wrong]
-    theirs = by_mujoco(CASES["both plays"], volts, Start())
+    theirs = by_mujoco(TABLES["both plays"], volts, Start())
     assert not agree(gap(by_product(rig, volts, Start()), theirs))
 
 
@@ -151,8 +142,8 @@ def test_a_spinning_ball_on_a_fast_plate(hollow: bool):
 @pytest.mark.parametrize("case", ["friction", "both plays", "solid ball"])
 def test_the_moving_plates_terms_leave_micrometres_where_eq_15_leaves_half_a_millimetre(case: str):
     """Heun's steps of 2 ms against the plate's fastest motion (5 Hz): error below 1 um."""
-    run = by_mujoco(CASES[case], SIGNALS["multi-sine"], Start((0.03, -0.03)))
-    ball = CASES[case].ball
+    run = by_mujoco(TABLES[case], SIGNALS["multi-sine"], Start((0.03, -0.03)))
+    ball = TABLES[case].ball
     assert rms_mm(residuals(run, ball, moving_plate=True)) < 0.003
     assert rms_mm(residuals(run, ball, moving_plate=False)) > 0.3
 

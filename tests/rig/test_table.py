@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.runs.assemble import load_rig
 from rig.loop.paced import Paced
 from rig.parameters import Rig
 from rig.simulation.simulator import SimulatedTable
@@ -66,35 +65,6 @@ def test_positive_volts_raise_the_angle_and_the_angle_accelerates_the_ball(
     assert abs(reading.theta_rad[1 - axis]) < 0.01
     assert sign * ball[axis] > 0.005
     assert abs(ball[1 - axis]) < 0.002
-
-
-class SabotageError(Exception):
-    pass
-
-
-@pytest.mark.parametrize("fails", [False, True])
-def test_leaving_the_context_gives_0_volts_and_level(fails: bool):
-    rig = replace(load_rig(None), walls=replace(CLEAN.walls, present=True))
-    table = simulated(rig)
-
-    def work() -> None:
-        with table:
-            theta = (0.0, 0.0)
-            for _ in range(100):
-                theta = table.read().theta_rad
-                table.drive((3.0, -3.0))
-            assert min(map(abs, theta)) > 0.05
-            if fails:
-                raise SabotageError
-
-    if fails:
-        with pytest.raises(SabotageError):
-            work()
-    else:
-        work()
-    assert table.volts_V == (0.0, 0.0)
-    # Level to what friction, offset and the levelling gain leave: 0.36 V / 14 V/rad.
-    assert np.all(np.abs(table.truth()["arm_rad"]) < 0.03)
 
 
 def test_volts_that_are_no_numbers_are_refused():

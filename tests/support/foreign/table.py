@@ -5,13 +5,14 @@ columns of the log contract; `hidden` says afterwards what was in it.
 """
 
 import csv
+from collections.abc import Callable
 from math import ceil
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from tests.support.foreign.parts import Course, Odd, Pilot, packed
+from tests.support.foreign.parts import Course, Eye, Odd, Pilot, Plant, packed
 from tests.support.foreign.plant import VOLTS_HOLD_S, run
 from tests.support.foreign.protocols import PROTOCOLS, SERVO_ONLY, ask
 from tests.support.foreign.truth import (
@@ -34,6 +35,10 @@ COLUMNS: tuple[str, ...] = (
     *("motor_speed_x_rad_s", "motor_speed_y_rad_s", "target_x_m", "target_y_m", "push"),
     "ball_exposed_s",
 )
+
+
+# From plant, eye, oddities, pilot and course to rows (m, 13) in the order of COLUMNS.
+Mechanism = Callable[[Plant, Eye, Odd, Pilot, Course], np.ndarray]
 
 
 class Hidden(NamedTuple):
@@ -120,17 +125,20 @@ def make_log(
     tachometer: bool = False,
     hollow: bool = True,
     pilot: Pilot | None = None,
+    mechanism: Mechanism | None = None,
+    step_s: float = STEP_S,
 ) -> dict[str, np.ndarray]:
     """Columns of a log by name, each (n,); blank = NaN. It ends where the ball leaves the plate.
 
     protocol: see `foreign_protocols`; effects: {name: {axis: {key: value}}} of the catalogue, in
     the place of the imperfection of that name and axis; stranger: (name, size) of `STRANGERS`;
-    colour: of the camera's noise from frame to frame (AR(1)); dropout: share of frames lost.
+    colour: of the camera's noise from frame to frame (AR(1)); dropout: share of frames lost;
+    mechanism: what moves, with a longest step of step_s, by default the compiled table.
     ValueError: unknown protocol, effect or stranger.
     """
     streams = streams_of(seed)
     camera = {"noise_m": NOISE_M * noise_scale, "colour": colour, "dropout": dropout}
-    course = course_of(protocol, streams, rate_hz, duration_s, process_scale, camera, STEP_S)
+    course = course_of(protocol, streams, rate_hz, duration_s, process_scale, camera, step_s)
     truth = hidden(
         effects=effects,
         seed=seed,
@@ -147,9 +155,13 @@ def make_log(
         delay_s=CAMERA_DELAY_S,
         factor=3 / 5 if hollow else 5 / 7,
     )
-    pilot = pilot or Pilot()
-    rows, n = run(packed(plant), packed(eye), packed(truth.odd), packed(pilot), course)
-    return columns_of(rows[:n], streams[-1] if tachometer else None, course.has_ball)
+    rows = (mechanism or _compiled)(plant, eye, truth.odd, pilot or Pilot(), course)
+    return columns_of(rows, streams[-1] if tachometer else None, course.has_ball)
+
+
+def _compiled(plant: Plant, eye: Eye, odd: Odd, pilot: Pilot, course: Course) -> np.ndarray:
+    rows, n = run(packed(plant), packed(eye), packed(odd), packed(pilot), course)
+    return rows[:n]
 
 
 def columns_of(

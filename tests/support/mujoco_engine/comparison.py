@@ -139,3 +139,15 @@ def table_with(
     if dry:
         return replace(rig, effects=effects)
     return replace(rig, effects=effects, drive=Drive(arm_friction_nm=0.0, joint_friction_nm=0.0))
+
+
+TABLES = {
+    "no friction, no play": table_with(dry=False),
+    "friction": table_with(),
+    "gear play 1 deg": table_with(gear_deg=1.0),
+    "gear play 2 deg": table_with(gear_deg=2.0),
+    "joint play 1.5 deg": table_with(joint_deg=1.5),
+    "joint play 2 deg": table_with(joint_deg=2.0),
+    "both plays": table_with(gear_deg=1.0, joint_deg=1.5),
+    "solid ball": table_with(hollow=False),
+}

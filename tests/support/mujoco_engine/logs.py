@@ -1,22 +1,13 @@
 """Closed-loop logs of the MuJoCo table: the arguments, draws and columns of the foreign table's."""
 
 from math import ceil
+from typing import Any
 
 import numpy as np
 
+from tests.support.foreign import table as foreign_table
 from tests.support.foreign.parts import Course, Eye, Odd, Pilot, Plant, packed
 from tests.support.foreign.plant import COUNT_RAD, HALF_M, RADIUS_M, VOLTS_HOLD_S, _look, _pilot
-from tests.support.foreign.table import (
-    CAMERA_DELAY_S,
-    NOISE_M,
-    NOMINAL_GAIN,
-    NOMINAL_TAU,
-    columns_of,
-    course_of,
-    hidden,
-    streams_of,
-)
-from tests.support.foreign.truth import Effects, plant_and_eye
 from tests.support.mujoco_engine.hidden import BLOCK_S, STEP_S, HiddenTable, Moved
 
 
@@ -84,44 +75,9 @@ def run(plant: Plant, eye: Eye, odd: Odd, pilot: Pilot, course: Course) -> np.nd
     return _drive(table, _Camera(eye, frames), pilot, course)
 
 
-def make_log(
-    protocol: str,
-    *,
-    effects: Effects | None = None,
-    seed: int,
-    imperfect: bool = True,
-    rate_hz: float = 500.0,
-    gain=NOMINAL_GAIN,
-    tau=NOMINAL_TAU,
-    stranger: tuple[str, float] | None = None,
-    process_scale: float = 1.0,
-    colour: float = 0.0,
-    dropout: float = 0.0,
-    noise_scale: float = 1.0,
-    duration_s: float | None = None,
-    tachometer: bool = False,
-    hollow: bool = True,
-    pilot: Pilot | None = None,
-) -> dict[str, np.ndarray]:
+def make_log(protocol: str, *, seed: int, **options: Any) -> dict[str, np.ndarray]:
     """As `foreign_table.make_log`, whose `hidden` gives the truth; about 3 s for 30 s of log.
 
     Dry friction is never below the mechanism's own 0.012 V; plays start in their middle.
     """
-    streams = streams_of(seed)
-    camera = {"noise_m": NOISE_M * noise_scale, "colour": colour, "dropout": dropout}
-    course = course_of(protocol, streams, rate_hz, duration_s, process_scale, camera, BLOCK_S)
-    truth = hidden(
-        effects=effects,
-        seed=seed,
-        seconds=len(course.target) * course.dt,
-        imperfect=imperfect,
-        gain=gain,
-        tau=tau,
-        stranger=stranger,
-    )
-    factor = 3 / 5 if hollow else 5 / 7
-    plant, eye = plant_and_eye(
-        truth.effects, truth.gain, truth.tau, delay_s=CAMERA_DELAY_S, factor=factor
-    )
-    rows = run(plant, eye, truth.odd, pilot or Pilot(), course)
-    return columns_of(rows, streams[-1] if tachometer else None, course.has_ball)
+    return foreign_table.make_log(protocol, seed=seed, mechanism=run, step_s=BLOCK_S, **options)
