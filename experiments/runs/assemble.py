@@ -29,13 +29,19 @@ MAX_TILT_RAD = 0.105
 
 
 def load_rig(path: Path | None) -> Rig:
-    """The rig of a rig file (TOML); None: the shipped default table.
+    """The rig of a rig file (TOML) or, by its name alone, a shipped one; None: the default table.
 
     FileNotFoundError, ValueError (one line): the file is missing, or a key or value is wrong.
     """
-    if path is not None and not path.is_file():
-        raise FileNotFoundError(f"rig file {path} not found")
-    return read_rig(path or Path(str(files("experiments") / "rigs" / "default.toml")))
+    folder = Path(str(files("experiments") / "rigs"))
+    if path is None:
+        return read_rig(folder / "default.toml")
+    if path.is_file():
+        return read_rig(path)
+    shipped = sorted(file.stem for file in folder.glob("*.toml"))
+    if str(path) in shipped:
+        return read_rig(folder / f"{path}.toml")
+    raise FileNotFoundError(f"rig file {path} not found; shipped: {', '.join(shipped)}")
 
 
 def known(rig: Rig) -> Rig:
