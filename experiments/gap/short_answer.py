@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Sequence
 
+from calibration.gap.decision_rule import DOUBTED_PROBABILITY
 from calibration.gap.findings import Findings
 from experiments.gap.summary import effect_words
 from experiments.gap.words import channel_words, percent, sig
@@ -74,4 +75,5 @@ def _headline(found: Findings, *, sure: bool) -> str:
         names.append(f"{label}{f' ({sizes})' if sizes else ''}{how}")
     if found.verdict == "undecided":
         return f"Undecided between: {'; '.join(names)}."
+    sure = sure and any(one.probability > DOUBTED_PROBABILITY for one in found.effects)
     return f"{'Missing' if sure else 'Suspected, not proven'}: {'; '.join(names)}."

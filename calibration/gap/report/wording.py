@@ -3,7 +3,12 @@
 from collections.abc import Mapping
 from math import degrees, hypot
 
-from calibration.gap.decision_rule import CHANCE_ONE_IN, NAME_THRESHOLD, RANGE_END_STEPS
+from calibration.gap.decision_rule import (
+    CHANCE_ONE_IN,
+    DOUBTED_PROBABILITY,
+    NAME_THRESHOLD,
+    RANGE_END_STEPS,
+)
 from calibration.gap.findings import Interval, Named
 from calibration.gap.model.parameters import CALIBRATED, PERIODIC, SERVO
 from calibration.gap.model.state import State
@@ -138,8 +143,17 @@ def sentence(decision: Decision, names: tuple[Named, ...]) -> str:
     if decision.verdict == "undecided":
         rivals = dict.fromkeys(r.name for one in decision.accepted for r in one.rivals[:1])
         return f"{'; '.join(told)}, or {' or '.join(rivals)}: this log cannot tell them apart."
-    text = "The model lacks " + " and ".join(told) + "."
+    sure = [words for words, name in zip(told, names, strict=True) if not _doubted(name)]
+    perhaps = [words for words, name in zip(told, names, strict=True) if _doubted(name)]
+    text = "The model lacks " + " and ".join(sure) + "." if sure else ""
+    if perhaps:
+        text += " It may lack" if sure else "The model may lack"
+        text += f" {' and '.join(perhaps)}: this is not certain, the notes say why."
     return text + (f" Something without a name is left: {left}." if left else "")
+
+
+def _doubted(name: Named) -> bool:
+    return name.probability <= DOUBTED_PROBABILITY
 
 
 def _effect_words(name: Named) -> str:

@@ -1,14 +1,17 @@
 """What the report says beside the names."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from calibration.gap.findings import Interval, Named
 from calibration.gap.model.fit import evaluate
 from calibration.gap.model.parameters import NominalModel
 from calibration.gap.model.state import State
 from calibration.gap.name.decide import Decision
-from calibration.gap.name.stepwise import Naming
-from calibration.gap.report.wording import notes
+from calibration.gap.name.stepwise import Accepted, Naming
+from calibration.gap.report.wording import notes, sentence
 from tests.support.gap.tables import RIG, evidence_of, foreign
 
 
@@ -31,3 +34,15 @@ def test_friction_that_nobody_measured_is_told_with_its_size(load_friction: bool
         assert "servo x and servo y" in note
         assert float(note.split(" V ")[0]) == pytest.approx(volts, rel=0.05)
     assert np.isfinite(volts)
+
+
+def test_a_name_that_is_not_certain_is_told_as_one():
+    size = {"x": {"play_rad": Interval(0.03, 0.02, 0.04)}}
+    sure, doubted = Named("joint_backlash", 0.99, (), size), Named("gear_backlash", 0.5, (), size)
+    accepted = (Accepted("joint_backlash", ("x",), 30.0, ()),)
+    one = replace(decision(load_friction=False), verdict="named", accepted=accepted)
+    both = sentence(one, (sure, doubted))
+    assert both.startswith("The model lacks joint_backlash (")
+    assert "It may lack gear_backlash (" in both
+    assert sentence(one, (doubted,)).startswith("The model may lack gear_backlash (")
+    assert "not certain" not in sentence(one, (sure,))
