@@ -21,10 +21,12 @@ MIN_RATE_HZ, MAX_RATE_HZ = 10.0, 5000.0
 RATE_TOLERANCE = 1.1
 MAX_VOLTS_V = 100.0  # no motor of such a table takes more: counts of a converter, or millivolts
 MAX_POSITION_M = 2.0  # no plate or beam is longer
+MAX_VALUE = 1e6  # of a single cell, in its SI unit: beyond, it is a fault of the recording; chosen
 BEYOND_RATIO = 1.3  # of half a plate, or of the end of travel: beyond, it is more than a slip
 ABSURD_GAIN_RATIO = 15.0  # of a gain to its nominal: beyond, it is a wrong unit, not another table
 MAX_PAUSE_S = 60.0  # chosen: time is filled with ticks, of which a day would fill the memory
 MAX_EXPOSURE_LAG_S = 2.0  # an exposure is at most so long before its row
+TIMES = ("t_s", "ball_exposed_s")  # may count from 1970
 MIN_LEVELS = 12  # different encoder readings from which their step is found
 
 
@@ -41,6 +43,7 @@ def check(log: Log, rig: Rig) -> list[str]:
     """
     log = _with_answers(log, rig)
     _check_channels(log)
+    _check_cells(log)
     _check_time(log)
     notes = [*_still(log), *_volts(log, rig)]
     servo = {axis: servo_response(log, axis, axis) for axis in "xy"}
@@ -94,6 +97,18 @@ def _check_channels(log: Log) -> None:
         "nothing to compare: one axis needs its theta_rad and either its voltage_V or its ball_m "
         f"(there are {', '.join(there) or 'no values'})"
     )
+
+
+def _check_cells(log: Log) -> None:
+    """ValueError where a single value is beyond what any signal of a table can be."""
+    for name in log.columns:
+        size = np.abs(log[name])
+        if name not in TIMES and np.any(size > MAX_VALUE):
+            row = int(np.argmax(size > MAX_VALUE))
+            raise ValueError(
+                f"{name} is {log[name][row]:.3g} in row {row + 1} (limit: {MAX_VALUE:g}): leave "
+                "that cell blank"
+            )
 
 
 def _check_time(log: Log) -> None:

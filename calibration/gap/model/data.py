@@ -165,12 +165,13 @@ class Evidence:
         Where one residual exceeds DIVERGED_Z, all are set to DIVERGED_Z, so that the cost is higher
         than that of any other prediction.
         """
-        found = [self._run(run, model, output) for run in self.runs]
+        with np.errstate(over="ignore", invalid="ignore"):
+            found = [self._run(run, model, output) for run in self.runs]
         z, log_std = (np.concatenate(column) for column in zip(*found, strict=True))
-        blind = ~np.isfinite(z)
+        blind = np.isnan(z)
         z[blind] = 0.0
         if np.max(np.abs(z), initial=0.0) > DIVERGED_Z:
-            z[~blind] = DIVERGED_Z  # the prediction diverged
+            z[~blind] = DIVERGED_Z
         log_std[blind] = 0.0
         return Roll(z, log_std)
 

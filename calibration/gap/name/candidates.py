@@ -121,11 +121,11 @@ def is_wide_dead_zone(start: Iterable[str]) -> bool:
 
 
 def largest_volts(evidence: Evidence, axis: str) -> float:
-    """0.995 quantile of the absolute volts of an axis [V] over all runs that drive it.
-    `ValueError`: none does."""
+    """0.995 quantile of the absolute volts of an axis [V] over all runs that drive it; 0 without
+    any."""
     a = SERVO.index(f"servo_{axis}")
-    volts = np.concatenate([run.volts_V[:, a] for run in evidence.runs if run.has_servo(a)])
-    return float(np.quantile(np.abs(volts), 0.995))
+    volts = [run.volts_V[:, a] for run in evidence.runs if run.has_servo(a)]
+    return float(np.quantile(np.abs(np.concatenate(volts)), 0.995)) if volts else 0.0
 
 
 def reach(evidence: Evidence, axis: str) -> float:

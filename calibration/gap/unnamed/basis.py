@@ -198,12 +198,12 @@ def _peaks(state: State, output: str) -> list[float]:
     power = np.sum(np.abs(swings) ** 2, axis=0)
     hz = np.fft.rfftfreq(4 * len(even), max(step, 0.005))
     band = (hz > 2.0 / (t[-1] - t[0])) & (hz < min(25.0, 0.45 / step))
-    if not band.any():
-        return []
     hz, power = hz[band], power[band]
+    if not power.any():
+        return []
     width = max(len(hz) // 12, 5)
     floor = np.convolve(np.pad(power, width, mode="reflect"), np.ones(2 * width + 1), "valid")
-    ratio = power / floor
+    ratio = np.divide(power, floor, out=np.zeros_like(power), where=floor > 0.0)
     first = int(ratio.argmax())
     far = np.abs(hz - hz[first]) > 0.3
     second = [float(hz[far][ratio[far].argmax()])] if far.any() else []
