@@ -23,8 +23,10 @@ with B blocks of the windows that overlap, b the means in each, and C the cost o
    output, or acts otherwise: the probability of its names is at most DOUBTED_PROBABILITY.
 6. The names of an output are complete: at least MIN_COMPLETENESS (`calibration.gap.specification`),
    which bounds their probability as well.
-7. A name is certain only where it lowers the error 1 s ahead for certain: D > SURE_Z se for all
-   names of one of its outputs together. If not, its probability is at most DOUBTED_PROBABILITY.
+7. A name is certain only where the names of one of its outputs lower the error 1 s ahead: for
+   certain, D > SURE_Z se, or D > 0 and C falls for certain, by more than SURE_Z of the standard
+   errors that its falls by blocks of COST_BLOCK_S give (Vuong, Econometrica 57, 1989). If not, its
+   probability is at most DOUBTED_PROBABILITY.
 
 Errors are bounded at the OUTLIER_SHARE quantile of the model without, so that a push that nobody
 recorded does not decide; for harm at OUTLIER_RATIO times that as well, where D < -SURE_Z se, since
@@ -50,10 +52,10 @@ from calibration.gap.decision_rule import (
     RIVAL_MARGIN,
     SURE_Z,
 )
-from calibration.gap.model.data import Evidence
-from calibration.gap.model.fit import evaluate, loss
+from calibration.gap.model.data import DIVERGED_Z, Evidence
+from calibration.gap.model.fit import evaluate, losses
 from calibration.gap.model.intervals import deviations, interval
-from calibration.gap.model.parameters import BALL, PERIODIC
+from calibration.gap.model.parameters import BALL, PERIODIC, Model
 from calibration.gap.model.state import Key, State, outputs_of, refit
 from calibration.gap.name.decide import Decision, decide, significant
 from calibration.gap.name.stepwise import Accepted, drop_effects
@@ -64,15 +66,21 @@ from rig.discrepancy import Discrepancy
 from rig.effects import BY_NAME
 
 OVERLAPPING = 4  # errors of the ball in a second: two windows of two axes
+COST_BLOCK_S = 1.0  # longer than innovations are correlated; chosen
 
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
     """Errors 1 s ahead (k,) of an output on data that were not fitted [m or rad], and the cost one
-    sample ahead. `rms`: the typical error."""
+    sample ahead by blocks of COST_BLOCK_S (B,). `rms`: the typical error."""
 
     errors: np.ndarray
-    cost: float
+    costs: np.ndarray
+
+    @property
+    def cost(self) -> float:
+        """The cost C one sample ahead, without unit."""
+        return float(self.costs.sum())
 
     @property
     def rms(self) -> float:
@@ -84,25 +92,30 @@ def held_out(state: State, outputs: Iterable[str]) -> dict[str, Prediction]:
     """The predictions of a state's model by output, each part of the logs predicted by the fit on
     the other; outputs that one part lacks are left out."""
     halves = split(state.evidence)
-    found: dict[str, list[tuple[np.ndarray, float]]] = {}
+    found: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
     outputs = [o for o in outputs if all(half.masks[o].any() for half in halves)]
     for train, test in (halves, halves[::-1]):
         fitted = on(state, train)
         judged = replace(test, masks={o: test.masks[o] for o in outputs})
         model = model_of(fitted)
         for output in outputs:
-            cost = _cost(judged, fitted, output)
-            found.setdefault(output, []).append((ahead(judged, model, output), cost))
+            costs = _costs(judged, model, output)
+            found.setdefault(output, []).append((ahead(judged, model, output), costs))
     return {
-        output: Prediction(
-            np.concatenate([errors for errors, _ in parts]), sum(cost for _, cost in parts)
-        )
+        output: Prediction(*(np.concatenate(part) for part in zip(*parts, strict=True)))
         for output, parts in found.items()
     }
 
 
-def _cost(evidence: Evidence, state: State, output: str) -> float:
-    return loss(evidence.roll(model_of(state), output), evidence.masks[output])
+def _costs(evidence: Evidence, model: Model, output: str) -> np.ndarray:
+    """The cost by blocks of COST_BLOCK_S (B,) in which the output has weight."""
+    (t, run), mask = evidence.times(output), evidence.masks[output]
+    used = mask > 0
+    places = np.column_stack([run, t // COST_BLOCK_S])[used]
+    block = np.unique(places, axis=0, return_inverse=True)[1].ravel()
+    roll = evidence.roll(model, output)
+    terms = losses(roll, mask) if roll.z.any() else np.full(len(mask), DIVERGED_Z)
+    return np.bincount(block, terms[used])
 
 
 def gained(without: Prediction, with_it: Prediction, ratio: float = 1.0) -> tuple[float, float]:
@@ -297,13 +310,21 @@ def _unproven(
     """The reason of rule 7 in words; "" if the error 1 s ahead falls for certain on an output of
     the name, or there are too few windows to say."""
     outputs = [o for o in _outputs(one) if o in with_it and o in without]
-    gains = [gained(without[output], with_it[output]) for output in outputs]
-    if not gains or any(d >= SURE_Z * se for d, se in gains):
+    if not outputs or any(_proven(without[output], with_it[output]) for output in outputs):
         return ""
     return (
         "1 s ahead on data not used it is not certain that "
         f"{_name(outputs[0])} is predicted better with it"
     )
+
+
+def _proven(without: Prediction, with_it: Prediction) -> bool:
+    """Whether rule 7 calls a gain certain, or has too few windows to say."""
+    d, se = gained(without, with_it)
+    if d >= SURE_Z * se:
+        return True
+    falls = without.costs - with_it.costs
+    return d > 0.0 and float(falls.mean()) > SURE_Z * float(falls.std()) / np.sqrt(len(falls))
 
 
 def _rival_stands(names: list[Accepted], output: str, before: dict[str, Prediction]) -> bool:

@@ -12,7 +12,7 @@ from calibration.gap.investigation import investigate
 from calibration.gap.model.parameters import NominalModel
 from calibration.gap.name.decide import Decision, decide
 from calibration.gap.name.stepwise import settled_baseline
-from calibration.gap.veto import Prediction, gained, judge
+from calibration.gap.veto import Prediction, _proven, gained, judge
 from tests.support.gap.tables import RIG, evidence_of, foreign
 
 COUNT = 200
@@ -21,7 +21,7 @@ COUNT = 200
 def errors(size: float, seed: int = 1, count: int = COUNT) -> Prediction:
     """Normal errors of this size."""
     drawn = size * np.random.default_rng(seed).standard_normal(count)
-    return Prediction(drawn, 0.0)
+    return Prediction(drawn, np.zeros(1))
 
 
 @pytest.mark.parametrize(("with_it", "sign"), [(0.5, 1), (1.0, 0), (2.0, -1)])
@@ -80,3 +80,18 @@ def test_a_delay_far_from_nominal_is_found_from_the_start(delay_s: float):
     assert "camera_delay" in {one.name for one in found.effects}
     one = next(one for one in found.effects if one.name == "camera_delay")
     assert one.parameters["xy"]["extra_s"].value == pytest.approx(delay_s, rel=0.1)
+
+
+COSTS = np.sin(np.arange(60.0))
+
+
+@pytest.mark.parametrize(
+    ("errors_times", "cost_falls", "proven"),
+    [(0.5, 0.0, True), (0.999, 1.0, True), (0.999, 0.0, False), (1.001, 1.0, False)],
+)
+def test_what_is_certain_on_data_not_used(errors_times: float, cost_falls: float, proven: bool):
+    """Far better 1 s ahead; a little, and clearly one sample ahead; a little alone; not at all."""
+    base = replace(errors(1.0), costs=COSTS)
+    others = np.roll(base.errors, COUNT // 2)  # as large, in other windows
+    with_it = Prediction(errors_times * others, COSTS[::-1] - cost_falls)
+    assert _proven(base, with_it) == proven
