@@ -32,8 +32,8 @@ PATIENT_S = 1.2  # from which a mover is believed without a lead
 UNLIKE_RESTS_S = 1.8  # where another ball was known before
 # How much better than the next the ball has to be: two equal things cannot be told apart.
 STANDS_OUT, STANDS_OUT_AT_REST = 1.2, 1.5
-# Sum over the looks of the logarithm of that lead, from which a thing is believed (Wald's sequential
-# test): log 9, of ten beliefs one may be wrong, since what does not move stays in doubt.
+# Sum over the looks of the logarithm of that lead, from which a thing is believed (Wald's
+# sequential test): log 9, of ten beliefs one may be wrong, as what does not move stays in doubt.
 SURE = math.log(9.0)
 LEAST_EVIDENCE = 0.5  # mean over the sightings; grain and specks reach 0.4
 NAMED = 1.5  # weight of the colour that was asked for: a prior, never a condition

@@ -26,9 +26,9 @@ LEAST_SIGNIFICANCE = 7.0
 # Standard deviations between a disc and what lies beside it; a polished ball, which mirrors the
 # plate, shows 1.8, the inside of a printed circle less than 1.
 LEAST_STEP = 1.2
-# Share of a disc's mean brightness by which a ball's shading varies at least: a ball under lamps has
-# 0.07 and more, flat things 0.05 and less; under a wide even light a ball comes near them too,
-# hence a weight and no condition.
+# Share of a disc's mean brightness by which a ball's shading varies at least: a ball under lamps
+# has 0.07 and more, flat things 0.05 and less; under a wide even light a ball comes near them
+# too, hence a weight and no condition.
 RELIEF, FLAT = 0.06, 0.5
 
 

@@ -36,8 +36,8 @@ HIDDEN = 3  # looks in a row that miss a thing; from then on it is hidden, not s
 @dataclass(eq=False)
 class Thing:
     """A round thing and where it was seen: `times` [s] and `sightings` of equal length; `looks`
-    counts the images since its first in which it was not hidden, `missed` those since its last; `other` says that the ball was
-    known to be elsewhere while it was there."""
+    counts the images since its first in which it was not hidden, `missed` those since its last;
+    `other` says that the ball was known to be elsewhere while it was there."""
 
     times: list[float] = field(default_factory=list)
     sightings: list[Sighting] = field(default_factory=list)
