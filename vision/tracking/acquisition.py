@@ -29,7 +29,9 @@ AGAIN = 6  # known things that are looked for in their place
 KNOWN_S = 0.05  # how long the ball that was lost has to be seen
 BRIEF_S = 0.4  # a ball that was held for less may have been a mistake
 PATIENT_S = 1.2  # from which a mover is believed without a lead
-UNLIKE_RESTS_S = 1.8  # where another ball was known before
+# Where another ball was known before: a thing at rest that is unlike it, and a mover of another
+# size (other light changes a ball's colours but not its size).
+UNLIKE_S = 1.8
 # How much better than the next the ball has to be: two equal things cannot be told apart.
 STANDS_OUT, STANDS_OUT_AT_REST = 1.2, 1.5
 # Sum over the looks of the logarithm of that lead, from which a thing is believed (Wald's
@@ -57,6 +59,10 @@ class Known:
     appearance: Appearance
     radius_px: float
     is_still: Callable[[Detection], bool]
+
+    def of_size(self, radius_px: float) -> bool:
+        """Whether a radius (px) is the ball's, at another place of its plate."""
+        return abs(math.log(radius_px / self.radius_px)) < 2.0 * UNLIKE_SIZE
 
     def like(self, image: np.ndarray, s: Sighting) -> bool:
         """Whether a sighting in an image (h, w, 3) has its size and colours."""
@@ -162,13 +168,15 @@ class Acquisition:
         if like:
             return best if n >= 2 and lasted >= KNOWN_S and lead > STANDS_OUT else None
         sure = lead > (STANDS_OUT if moves else STANDS_OUT_AT_REST) and n * math.log(lead) > SURE
+        waits_s = 0.0 if self._known is None else UNLIKE_S
         if moves:
-            return best if sure or lasted > PATIENT_S else None
-        rests_s = 0.0 if self._known is None else UNLIKE_RESTS_S
+            if self._known is None or self._known.of_size(best.radius_px):
+                waits_s = 0.0
+            return best if (sure or lasted > PATIENT_S) and lasted >= waits_s else None
         others = [thing for thing in ranked if thing is not best]
         if any(thing.drifts(reach) and thing.evidence > 0.5 * best.evidence for thing in others):
             return None  # that one will be seen to travel, or not
-        return best if sure and n >= 2 and lasted >= rests_s else None
+        return best if sure and n >= 2 and lasted >= waits_s else None
 
     def _score(self, thing: Thing, image: np.ndarray) -> float:
         score = thing.score(_reach(image))
