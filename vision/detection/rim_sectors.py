@@ -140,7 +140,8 @@ def sector_shifts(px, n, blur, bend, a0, a1, b0, b1, lean, out):
     """Sums over the edge zone per sector, into out (k, 4).
 
     0 derivative times residual, 1 squared derivative (their ratio is the shift in px), 2 first
-    moment of the blur, 3 squared contrast summed over the pixels. `a0, a1, b0, b1, lean` (k,) as in `rim`, interpolated between sectors.
+    moment of the blur, 3 squared contrast summed over the pixels. `a0, a1, b0, b1, lean` (k,) as in
+    `rim`, interpolated between sectors.
     """
     k = blur.size
     out[:] = 0.0
@@ -209,7 +210,8 @@ def ellipse_step(shifts, noise, rows, q, flat_std, good):
     `shifts` (k, 4) of `sector_shifts`, `noise` variance of p, `rows` (k, 5) the motion's effect on
     each sector's shift, `q` (3,) R and flattening (px), `flat_std` its prior (share of R). Returns
     the motion (5,) px (dR, du, dv, dc, ds), the centre's variance per axis (px^2, from the noise,
-    scaled up where the sectors scatter more; infinite where none shows an edge), and `_lack`; fills `good` (k,) with the sectors used.
+    scaled up where the sectors scatter more; infinite where none shows an edge), and `_lack`; fills
+    `good` (k,) with the sectors used.
     """
     k = shifts.shape[0]
     d, power, left = np.zeros(k), np.zeros(k), np.zeros(k)
