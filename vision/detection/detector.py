@@ -85,13 +85,15 @@ def locate_ball(
     radius_px: float,
     *,
     reach: float = REACH,
+    polish: bool = True,
 ) -> Detection | None:
     """The disc near a guess (px), or None where too few edges lie on any ellipse.
 
     `image` (h, w, 3) uint8 BGR; rays search from (1 - reach) to (1 + reach) times `radius_px`. A
     first outline is traced along the appearance's direction in colour space. Where it is not whole
     and smooth, it is traced again along the direction measured at the spot. Then a model is fitted
-    to the rim's pixels (`vision.detection.rim`); where that fails, the outline stays.
+    to the rim's pixels (`vision.detection.rim`); where that fails, or without `polish`, the outline
+    stays.
     """
     direction, signed, table = appearance.direction, appearance.signed, appearance.table
     if not appearance.learned:
@@ -110,7 +112,7 @@ def locate_ball(
         # Longer rays may meet again what the majority left out.
         majority = shared is not None and shared.share > MAJORITY
         line = line if majority and last.residual_px > line.residual_px else last
-    rim = _fitted(image, appearance, line)
+    rim = _fitted(image, appearance, line) if polish else None
     u, v, radius, sigma = _agreed(line, rim)
     if rim is not None:
         contrast = float(appearance.direction @ (rim[9:12] - rim[12:15]))

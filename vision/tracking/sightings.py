@@ -108,7 +108,7 @@ def sight(
     about = (max(bounds_px[0], 0.7 * radius_px), min(bounds_px[1], 1.4 * radius_px))
     step, found = max(1, int(radius_px / ROUGHLY_PX)), None
     for fine in sorted({step, max(1, step // 2)}, reverse=True):  # finer at the image's border
-        found = locate_shrunk(image, appearance, u_px, v_px, radius_px, fine)
+        found = locate_shrunk(image, appearance, u_px, v_px, radius_px, fine, polish=False)
         if is_plausible(found, appearance, about, strict=True):
             break
     else:
@@ -168,7 +168,7 @@ def _outermost(
             break
         wider = Appearance.sketch(image, inner.u_px, inner.v_px, radius)
         step = max(1, int(radius / ROUGHLY_PX))
-        disc = locate_shrunk(image, wider, inner.u_px, inner.v_px, radius, step)
+        disc = locate_shrunk(image, wider, inner.u_px, inner.v_px, radius, step, polish=False)
         bounds = (max(1.1 * found.radius_px, 0.85 * radius), 1.15 * radius)
         if disc is None or not is_plausible(disc, wider, bounds, strict=True):
             continue
