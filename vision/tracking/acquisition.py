@@ -157,8 +157,8 @@ class Acquisition:
             return None
         best = ranked[0]
         n, lasted = len(best.times), best.times[-1] - best.times[0]
-        score, rival = scores[id(best)], max((scores[id(x)] for x in ranked[1:2]), default=0.0)
-        lead = score / max(rival, LEAST_EVIDENCE * math.sqrt(n))  # over grain, if over nothing else
+        ahead = scores[id(best)] / max((scores[id(x)] for x in ranked[1:2]), default=1e-9)
+        lead = min(ahead, best.moved_proof(reach) / (LEAST_EVIDENCE * math.sqrt(n)))  # over grain
         moves = best.travel(reach) > 1.0
         if best.evidence < LEAST_EVIDENCE:
             return None
@@ -166,9 +166,8 @@ class Acquisition:
             return None
         like = self._known is not None and self._known.like(image, best.last)
         if like:
-            return best if n >= 2 and lasted >= KNOWN_S and score > STANDS_OUT * rival else None
-        clear = score > (STANDS_OUT if moves else STANDS_OUT_AT_REST) * rival
-        sure = clear and n * math.log(lead) > SURE
+            return best if n >= 2 and lasted >= KNOWN_S and ahead > STANDS_OUT else None
+        sure = lead > (STANDS_OUT if moves else STANDS_OUT_AT_REST) and n * math.log(lead) > SURE
         waits_s = 0.0 if self._known is None else UNLIKE_S
         if moves:
             if self._known is None or self._known.of_size(best.radius_px):

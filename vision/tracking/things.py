@@ -93,12 +93,16 @@ class Thing:
         sure = off[-2 - n // 10] if n > 3 else 0.0
         return float(sure) / max(0.5 * reach_px, 0.5 * self.radius_px)
 
+    def moved_proof(self, reach_px: float) -> float:
+        """Its proof, the more the farther it travelled (`reach_px` as for `travel`)."""
+        return self.proof * (1.0 + min(self.travel(reach_px), FARTHEST))
+
     def score(self, reach_px: float) -> float:
-        """How much speaks for it as the ball: its proof, the more the farther it travelled. A thing
-        that stays counts by how likely it is a ball's (`Sighting.likely`)."""
-        travel = self.travel(reach_px)
+        """How much speaks for it as the ball among other things: one that stays counts by how
+        likely it is a ball's (`Sighting.likely`)."""
         likely = self.last.likely * (OTHER if self.other else 1.0)
-        return self.proof * (1.0 + min(travel, FARTHEST)) * likely ** (1.0 - min(travel, 1.0))
+        stays = 1.0 - min(self.travel(reach_px), 1.0)
+        return self.moved_proof(reach_px) * likely**stays
 
 
 class Things:
