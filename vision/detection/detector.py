@@ -27,16 +27,18 @@ from vision.detection.rim import fit_rim
 # Deviations of the outline from an ellipse (blur, a shadow's edge) are common to some nine rays.
 RAYS_SHARE = 9.0
 APART_PX = 0.3  # between rim and rays, from which the rays count more
-# Share of the distance between rim and rays that the place between them may be off by. On two
-# renderers that share no code (tests/benchmarks/locating.py) the error over sigma is 0.6 to 1.3
-# and 0.7 to 1.5: one share does not serve both.
-DOUBT = 0.35
+# Share of the distance between rim and rays that the place between them may be off by; fitted with
+# `LACK_SHARE` to 960 images of two renderers that share no code (tests/benchmarks/locating.py,
+# other seeds than those of its table).
+DOUBT = 0.5
 # Light from one side makes one edge stronger and lays a shadow at the other; the centre then leans
 # by about this much (px) per relative first harmonic of the edge's strength.
 LIGHT_SHARE_PX = 0.06
 UNSEEN_PX = 2.0  # that the centre may be off by, per share of the turn that shows no edge
 RIM_ROUNDS = 4
 LEVELS_SHARE = 1.5  # the fit's noise with that of its levels, which neighbouring sectors share
+# Power of the first harmonic of what the rim's model lacks, over that of its third and fourth.
+LACK_SHARE = 6.0
 UNSIGNED_REACH = 0.25
 ROUGH_SHARE = 0.01  # of the radius: residual of an outline beside which another edge may run
 MAJORITY = 0.75  # share of the rays on their shared circle from which it outweighs an ellipse
@@ -83,13 +85,15 @@ def locate_ball(
     radius_px: float,
     *,
     reach: float = REACH,
+    polish: bool = True,
 ) -> Detection | None:
     """The disc near a guess (px), or None where too few edges lie on any ellipse.
 
     `image` (h, w, 3) uint8 BGR; rays search from (1 - reach) to (1 + reach) times `radius_px`. A
     first outline is traced along the appearance's direction in colour space. Where it is not whole
     and smooth, it is traced again along the direction measured at the spot. Then a model is fitted
-    to the rim's pixels (`vision.detection.rim`); where that fails, the outline stays.
+    to the rim's pixels (`vision.detection.rim`); where that fails, or without `polish`, the outline
+    stays.
     """
     direction, signed, table = appearance.direction, appearance.signed, appearance.table
     if not appearance.learned:
@@ -108,10 +112,10 @@ def locate_ball(
         # Longer rays may meet again what the majority left out.
         majority = shared is not None and shared.share > MAJORITY
         line = line if majority and last.residual_px > line.residual_px else last
-    rim = _fitted(image, appearance, line)
+    rim = _fitted(image, appearance, line) if polish else None
     u, v, radius, sigma = _agreed(line, rim)
     if rim is not None:
-        contrast = float(appearance.direction @ (rim[10:13] - rim[13:16]))
+        contrast = float(appearance.direction @ (rim[9:12] - rim[12:15]))
     elif contrast is None:
         contrast = appearance.here(image, u, v, radius)[2]
     return Detection(
@@ -146,7 +150,7 @@ def _fitted(image: np.ndarray, appearance: Appearance, line: Outline) -> np.ndar
     radius, flat = line.radius_px, BLURRED_STD if _plain(line) else FLAT_STD
     guess = line.u_px, line.v_px, radius
     rim = fit_rim(image, *guess, appearance.blur_px, flat, appearance.smeared, RIM_ROUNDS)
-    if not (math.isfinite(rim[3]) and rim[5] > 0.7 and rim[9] == 0.0):
+    if not (math.isfinite(rim[3]) and rim[5] > 0.7 and rim[8] == 0.0):
         return None
     moved = math.hypot(rim[0] - line.u_px, rim[1] - line.v_px)
     return (
@@ -175,14 +179,9 @@ def _agreed(line: Outline, rim: np.ndarray | None) -> tuple[float, float, float,
 
 
 def _rim_variance(rim: np.ndarray) -> float:
-    """Variance (px^2) of the rim's centre per axis.
-
-    Its noise, scaled up where sectors disagree by more, plus what sets the inner and outer halves
-    of the edge apart beyond noise. Each half holds half the information, so noise alone sets them
-    apart by four times its variance, and one half's own error is half as large in the mean.
-    """
-    noise = LEVELS_SHARE * float(rim[3]) * max(1.0, float(rim[4])) ** 2
-    return noise + 0.25 * max(0.0, float(rim[7]) - 4.0 * float(rim[3]))
+    """Variance (px^2) of the rim's centre per axis: scatter, and what the model lacks, whose first
+    harmonic, which no residual shows, is larger than the next ones."""
+    return LEVELS_SHARE * float(rim[3]) + LACK_SHARE * float(rim[4])
 
 
 def _line_variance(line: Outline) -> float:

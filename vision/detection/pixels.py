@@ -63,6 +63,40 @@ def fisher(image, u, v, r_ball, r_in, r_out, floor):
 
 
 @kernel
+def relief(image, u, v, radius):
+    """How much the brightness in a disc (px) varies as that of a solid does, share of its mean.
+
+    Standard deviation of the least-squares fit a + b x + c y + d (x^2 + y^2) over the inner 0.8 of
+    the disc, about its centre; the terms are orthogonal over a whole disc once their means are
+    taken off. Noise and texture hardly enter; 0 where there are too few pixels.
+    """
+    h, wd, _ = image.shape
+    reach, step = 0.8 * radius, max(1, int(radius / 10.0))
+    n, sums, squares, products = 0, np.zeros(4), np.zeros(3), np.zeros(3)
+    for i in range(max(0, int(v - reach)), min(h, int(v + reach) + 2), step):
+        for j in range(max(0, int(u - reach)), min(wd, int(u + reach) + 2), step):
+            x, y = j - u, i - v
+            d = x * x + y * y
+            if d > reach * reach:
+                continue
+            light = (float(image[i, j, 0]) + image[i, j, 1] + image[i, j, 2]) / 3.0
+            n += 1
+            sums[3] += light
+            for k in range(3):
+                term = x if k == 0 else y if k == 1 else d / radius
+                sums[k] += term
+                squares[k] += term * term
+                products[k] += term * light
+    if n < 8:
+        return 0.0
+    explained = 0.0
+    for k in range(3):
+        along = products[k] / n - sums[k] * sums[3] / (n * n)
+        explained += along * along / max(squares[k] / n - (sums[k] / n) ** 2, 1e-9)
+    return math.sqrt(explained) / max(sums[3] / n, 1.0)
+
+
+@kernel
 def mean_probability(image, table, u, v, r_in, r_out):
     """Mean P(ball) (0..1) of the pixels at distances r_in <= r < r_out from (u, v); 0 where there
     are none."""

@@ -36,10 +36,14 @@ def _project(image, i0, i1, j0, j1, w):
 
 
 @kernel
+def _holds(p, x, y):
+    """Whether the place (x, y) px lies in p (h, w)."""
+    return x >= 0.0 and y >= 0.0 and x < p.shape[1] - 1 and y < p.shape[0] - 1
+
+
+@kernel
 def _sample(p, x, y):
-    """p at the sub-pixel place (x, y) px, bilinear; NaN outside."""
-    if not (x >= 0.0 and y >= 0.0 and x < p.shape[1] - 1 and y < p.shape[0] - 1):
-        return np.nan
+    """p at the sub-pixel place (x, y) px in it, bilinear."""
     i, j = int(y), int(x)
     fy, fx = y - i, x - j
     top = p[i, j] + (p[i, j + 1] - p[i, j]) * fx
@@ -48,15 +52,15 @@ def _sample(p, x, y):
 
 
 @kernel
-def _steepest(profile, n, r_first, r_guess, signed):
+def _steepest(profile, n, r_first, far, edge, signed):
     """(radius, strength, outer radius) of the strongest and the outermost fall of n samples (px).
 
-    The place is the centroid of the derivative above half its peak: unbiased for a sharp edge and
-    for the symmetric ramp of motion blur alike. The outermost fall has at least `OUTER_SHARE` of
-    the strongest one's strength; often both are the same.
+    `far` (n,): what divides the strength at each sample; `edge` (n,) is room to work in. The place
+    is the centroid of the derivative above half its peak: unbiased for a sharp edge and for the
+    symmetric ramp of motion blur alike. The outermost fall has at least `OUTER_SHARE` of the
+    strongest one's strength; often both are the same.
     """
     half = HALF
-    edge = np.zeros(n)
     best, peak = -1, 0.0
     for k in range(half, n - half):
         d = 0.0
@@ -65,9 +69,8 @@ def _steepest(profile, n, r_first, r_guess, signed):
         if not signed:
             d = abs(d)
         edge[k] = d  # NaN where the ray leaves the image, and then never the best
-        off = (r_first + k * STEP - r_guess) / (0.5 * r_guess)
-        if d > peak * (1.0 + off * off):
-            peak, best = d / (1.0 + off * off), k
+        if d > peak * far[k]:
+            peak, best = d / far[k], k
     if best < 0:
         return np.nan, 0.0, np.nan
     place, hi = _centroid(edge, best, half, n - half)
@@ -109,10 +112,12 @@ def cast_rays(image, u, v, radius, reach, w, n_rays, signed):
     half = HALF
     r_first = max(0.0, radius * (1.0 - reach) - half * STEP)
     n = int((radius * (1.0 + reach) - r_first) / STEP) + half + 1
-    profile = np.empty(n)
-    far = int(r_first + n * STEP) + 2
-    i0, i1 = max(0, int(v) - far), min(image.shape[0], int(v) + far + 1)
-    j0, j1 = max(0, int(u) - far), min(image.shape[1], int(u) + far + 1)
+    profile, edge, far = np.empty(n), np.zeros(n), np.empty(n)
+    for k in range(n):
+        far[k] = 1.0 + ((r_first + k * STEP - radius) / (0.5 * radius)) ** 2
+    room = int(r_first + n * STEP) + 2
+    i0, i1 = max(0, int(v) - room), min(image.shape[0], int(v) + room + 1)
+    j0, j1 = max(0, int(u) - room), min(image.shape[1], int(u) + room + 1)
     inside = 0
     if i1 - i0 < 3 or j1 - j0 < 3:
         return points, outer, strength, inside
@@ -121,12 +126,15 @@ def cast_rays(image, u, v, radius, reach, w, n_rays, signed):
     for i in range(n_rays):
         angle = 2.0 * np.pi * i / n_rays
         c, s = np.cos(angle), np.sin(angle)
+        last = r_first + (n - 1) * STEP
+        whole = _holds(p, x0 + r_first * c, y0 + r_first * s) and _holds(
+            p, x0 + last * c, y0 + last * s
+        )
         for k in range(n):
-            r = r_first + k * STEP
-            profile[k] = _sample(p, x0 + r * c, y0 + r * s)
-        if not np.isnan(_sample(p, x0 + radius * c, y0 + radius * s)):
-            inside += 1
-        r, strength[i], far_r = _steepest(profile, n, r_first, radius, signed)
+            x, y = x0 + (r_first + k * STEP) * c, y0 + (r_first + k * STEP) * s
+            profile[k] = _sample(p, x, y) if whole or _holds(p, x, y) else np.nan
+        inside += whole or _holds(p, x0 + radius * c, y0 + radius * s)
+        r, strength[i], far_r = _steepest(profile, n, r_first, far, edge, signed)
         points[i, 0], points[i, 1] = u + r * c, v + r * s
         outer[i, 0], outer[i, 1] = u + far_r * c, v + far_r * s
     return points, outer, strength, inside

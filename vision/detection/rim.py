@@ -16,11 +16,10 @@ With known levels this is the maximum likelihood estimate; the slopes remove the
 brightness gradient beside the edge gives to the place of the steepest gradient. `rim_pixels` takes
 the pixels out of the image, `rim_sectors` fits levels, shifts and blur.
 
-`fit_rim` returns an array (16,): 0 u, 1 v, 2 radius (px), 3 variance of the centre per axis from
-noise alone (px^2, infinite where the fit failed), 4 rms residual of the sectors over what noise
-explains, 5 share of sectors used, 6 mean blur (px), 7 squared distance of the centres seen by the
-inner and outer halves of the edge (px^2), 8 share of clipped pixels, 9 whether the blur reached its
-limit, 10-12 and 13-15 mean BGR inside and outside.
+`fit_rim` returns an array (15,): 0 u, 1 v, 2 radius (px), 3 variance of the centre per axis from
+the sectors' scatter (px^2, infinite where the fit failed), 4 power of what the model lacks (px^2
+per component, `rim_sectors._lack`), 5 share of sectors used, 6 mean blur (px), 7 share of clipped
+pixels, 8 whether the blur reached its limit, 9-11 and 12-14 mean BGR inside and outside.
 """
 
 from __future__ import annotations
@@ -56,20 +55,20 @@ FLAT, FLAT_MOST, FLAT_BY_NOISE = 3.0, 7.0, 40.0
 @kernel
 def fit_rim(image, u, v, radius, guess_px, flat_std, smeared, rounds):
     """Refine an outline from a guess (u, v, radius) [px] within about a pixel of it, by
-    Gauss-Newton steps on the module's model; returns (16,), listed in the module's docstring.
+    Gauss-Newton steps on the module's model; returns (15,), listed in the module's docstring.
 
     `image` (h, w, 3) uint8 BGR; `guess_px`: the first blur [px]; `flat_std`: prior standard
     deviation of the flattening (share of the radius); `smeared`: colour differences are stored
     coarsely; `rounds`: Gauss-Newton steps at most.
     """
-    out = np.zeros(16)
+    out = np.zeros(15)
     out[0], out[1], out[2], out[3] = u, v, radius, np.inf
     k = 8 * max(1, min(6, int(round(2.0 * math.pi * radius / ARC_PX / 8.0))))
     q = np.array([radius, 0.0, 0.0])
     most = 0.12 * radius + 0.6
     blur = np.full(k, min(max(guess_px, 0.45), most))
     px = np.empty((0, 8), np.float32)
-    inner, outer, shifts = np.empty((k, 6)), np.empty((k, 6)), np.empty((k, 6))
+    inner, outer, shifts = np.empty((k, 6)), np.empty((k, 6)), np.empty((k, 4))
     a0, a1, b0, b1, lean = np.empty(k), np.empty(k), np.empty(k), np.empty(k), np.zeros(k)
     good, rows, variance = np.zeros(k, np.bool_), _harmonics(k), np.inf
     mean, colour, w = np.empty((2, k, 4)), np.empty((3, 3)), np.zeros(3)
@@ -83,7 +82,7 @@ def fit_rim(image, u, v, radius, guess_px, flat_std, smeared, rounds):
                 project_colours(px, n, w)
         bend = 2.0 / q[0]
         if turn == 0 or (turn == 1 and step > 0.1):
-            out[8] = zone_colours(px, n, blur, flat, mean, colour)
+            out[7] = zone_colours(px, n, blur, flat, mean, colour)
             if not best_direction(mean, colour, radius, smeared, w):
                 return out
             floor = 0.1 * (w[0] ** 2 + w[1] ** 2 + w[2] ** 2)
@@ -96,7 +95,7 @@ def fit_rim(image, u, v, radius, guess_px, flat_std, smeared, rounds):
         flat = min(FLAT + FLAT_BY_NOISE * math.sqrt(noise), FLAT_MOST)
         sector_shifts(px, n, blur, bend, a0, a1, b0, b1, lean, shifts)
         lamp_gradients(a0, q[0], lean)
-        move, variance, out[4], out[7] = ellipse_step(shifts, noise, rows, q, flat_std, good)
+        move, variance, out[4] = ellipse_step(shifts, noise, rows, q, flat_std, good)
         step = math.sqrt(move[1] ** 2 + move[2] ** 2)
         if not (step < 0.3 * radius + 1.0 and 0.6 * radius < q[0] + move[0] < 1.5 * radius):
             return out
@@ -111,7 +110,7 @@ def fit_rim(image, u, v, radius, guess_px, flat_std, smeared, rounds):
         if turn > 0 and step < 0.03 and abs(blur.mean() - wide) < 0.15 * wide:
             break
     out[0], out[1], out[2], out[3], out[5], out[6] = u, v, q[0], variance, good.mean(), blur.mean()
-    out[9] = 1.0 if blur.max() >= most else 0.0
+    out[8] = 1.0 if blur.max() >= most else 0.0
     _mean_colours(mean, out)
     return out
 
@@ -138,7 +137,7 @@ def _pixels_within(image, u, v, q, held, px):
 
 @kernel
 def _mean_colours(mean, out):
-    """Mean BGR over the sectors of either side, into out[10:13] (inside) and out[13:16]."""
+    """Mean BGR over the sectors of either side, into out[9:12] (inside) and out[12:15]."""
     for side in range(2):
         for c in range(3):
             total, count = 0.0, 1e-9
@@ -146,7 +145,7 @@ def _mean_colours(mean, out):
                 if mean[side, i, 0] > 0.0:
                     total += mean[side, i, 1 + c]
                     count += 1.0
-            out[10 + 3 * side + c] = total / count
+            out[9 + 3 * side + c] = total / count
 
 
 def colour_is_smeared(image: np.ndarray, u_px: float, v_px: float, radius_px: float) -> bool:

@@ -137,11 +137,11 @@ def lamp_gradients(a0, radius, lean):
 
 @fast_kernel
 def sector_shifts(px, n, blur, bend, a0, a1, b0, b1, lean, out):
-    """Sums over the edge zone per sector, into out (k, 6).
+    """Sums over the edge zone per sector, into out (k, 4).
 
     0 derivative times residual, 1 squared derivative (their ratio is the shift in px), 2 first
-    moment of the blur, 3 squared contrast summed over the pixels, 4 and 5 as 0 and 1 over the inner
-    half (x < 0) alone. `a0, a1, b0, b1, lean` (k,) as in `rim`, interpolated between sectors.
+    moment of the blur, 3 squared contrast summed over the pixels. `a0, a1, b0, b1, lean` (k,) as in
+    `rim`, interpolated between sectors.
     """
     k = blur.size
     out[:] = 0.0
@@ -172,9 +172,6 @@ def sector_shifts(px, n, blur, bend, a0, a1, b0, b1, lean, out):
         row = out[sector]
         row[0] += A * g * e
         row[1] += A * A * g * g
-        if x < 0.0:
-            row[4] += A * g * e
-            row[5] += A * A * g * g
         sharp = outer + fall * x if x > 0.0 else inner + bright * math.sqrt(-bend * x)
         row[2] += x * (px[m, 2] - sharp) * A
         row[3] += A * A
@@ -182,33 +179,39 @@ def sector_shifts(px, n, blur, bend, a0, a1, b0, b1, lean, out):
 
 
 @kernel
-def _halves_apart(shifts, power, good, rows, cov):
-    """Mean square per axis (px^2) of the distance between the centres seen in the inner and in the
-    outer halves of the edge: effects that the model lacks move the two differently."""
-    b = np.zeros(5)
-    for i in range(shifts.shape[0]):
-        s0, s1 = shifts[i, 4], shifts[i, 5]
-        o0, o1 = shifts[i, 0] - s0, shifts[i, 1] - s1
-        if good[i] and s1 > 0.1 * shifts[i, 1] and o1 > 0.1 * shifts[i, 1]:
-            weight = power[i] ** 2 * (s0 / s1 - o0 / o1)
-            for m in range(5):
-                b[m] += weight * rows[i, m]
-    du, dv = 0.0, 0.0
-    for m in range(5):
-        du += cov[1, m] * b[m]
-        dv += cov[2, m] * b[m]
-    return 0.5 * (du * du + dv * dv)
+def _lack(rest, power, good, noise_px2):
+    """Power (px^2 per component) of the third and fourth harmonics in the sectors' residuals `rest`
+    (k,) px beyond what their scatter gives each component, `noise_px2`.
+
+    Light, shadows and marks that the model lacks shift sectors smoothly round the turn. Their first
+    harmonic goes into the centre and cannot be seen; the first two that the ellipse does not follow
+    tell how large it is. `power` (k,): roots of the sectors' weights.
+    """
+    k = rest.size
+    total, waves = 0.0, 0.0
+    for i in range(k):
+        if good[i]:
+            total += power[i] ** 2
+    for m in range(3, 5):
+        c, s = 0.0, 0.0
+        for i in range(k):
+            if good[i]:
+                t = m * 2.0 * math.pi * (i + 0.5) / k
+                c += power[i] ** 2 * rest[i] * math.cos(t)
+                s += power[i] ** 2 * rest[i] * math.sin(t)
+        waves += c * c + s * s
+    return max(0.0, waves / max(total, 1e-9) ** 2 - noise_px2)
 
 
 @kernel
 def ellipse_step(shifts, noise, rows, q, flat_std, good):
     """Robust weighted least squares (Tukey's biweight) of the ellipse's motion to the shifts.
 
-    `shifts` (k, 6) of `sector_shifts`, `noise` variance of p, `rows` (k, 5) the motion's effect on
+    `shifts` (k, 4) of `sector_shifts`, `noise` variance of p, `rows` (k, 5) the motion's effect on
     each sector's shift, `q` (3,) R and flattening (px), `flat_std` its prior (share of R). Returns
-    the motion (5,) px (dR, du, dv, dc, ds), the centre's variance per axis (px^2; infinite where
-    no sector shows an edge), the rms of the residuals over what the noise explains, and
-    `_halves_apart`; fills `good` (k,) with the sectors that were used.
+    the motion (5,) px (dR, du, dv, dc, ds), the centre's variance per axis (px^2, from the noise,
+    scaled up where the sectors scatter more; infinite where none shows an edge), and `_lack`; fills
+    `good` (k,) with the sectors used.
     """
     k = shifts.shape[0]
     d, power, left = np.zeros(k), np.zeros(k), np.zeros(k)
@@ -219,7 +222,7 @@ def ellipse_step(shifts, noise, rows, q, flat_std, good):
     typical = np.median(power)
     move, cov = np.zeros(5), np.zeros((5, 5))
     if not typical > 0.0:
-        return move, np.inf, np.inf, np.inf
+        return move, np.inf, np.inf
     for i in range(k):
         # No sector counts for more than four times the usual: models err more than noise there.
         power[i] = math.sqrt(min(power[i], 4.0 * typical)) if power[i] > 0.1 * typical else 0.0
@@ -257,8 +260,9 @@ def ellipse_step(shifts, noise, rows, q, flat_std, good):
         if good[i]:
             chi += left[i] ** 2
             count += 1.0
-    apart = _halves_apart(shifts, power, good, rows, cov)
-    return move, 0.5 * (cov[1, 1] + cov[2, 2]), math.sqrt(chi / max(count, 1.0)), apart
+        left[i] /= max(power[i], 1e-9)
+    variance = 0.5 * (cov[1, 1] + cov[2, 2]) * max(1.0, chi / max(count, 1.0))
+    return move, variance, _lack(left, power, good, variance)
 
 
 @kernel

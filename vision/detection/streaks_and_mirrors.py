@@ -50,11 +50,13 @@ def locate_shrunk(
     v_px: float,
     radius_px: float,
     step: int,
+    *,
+    polish: bool = True,
 ) -> Detection | None:
     """`locate_ball` in an image `step` times smaller, for a large or a soft disc; all in px of the
     whole image."""
     if step < 2:
-        return locate_ball(image, appearance, u_px, v_px, radius_px)
+        return locate_ball(image, appearance, u_px, v_px, radius_px, polish=polish)
     reach = (1.0 + REACH) * radius_px + 4 * step
     x0, y0 = max(0, int(u_px - reach)), max(0, int(v_px - reach))
     window = image[y0 : max(0, int(v_px + reach)), x0 : max(0, int(u_px + reach))]
@@ -65,7 +67,7 @@ def locate_shrunk(
         cv2.resize(window[: h * step, : w * step], (w, h), interpolation=cv2.INTER_AREA)
     )
     at = ((u_px - x0 + 0.5) / step - 0.5, (v_px - y0 + 0.5) / step - 0.5)
-    found = locate_ball(small, appearance, *at, radius_px / step)
+    found = locate_ball(small, appearance, *at, radius_px / step, polish=polish)
     if found is None:
         return None
     return replace(

@@ -26,10 +26,17 @@ WINDOW_S = 2.0
 LOOKED_AT_EACH = 1e5  # pixels of the largest image that every look searches; larger ones less often
 AT_MOST = 6  # circles of an octave that are looked at more closely
 AGAIN = 6  # known things that are looked for in their place
-MOVES_S, RESTS_S, KNOWN_S = 0.23, 0.4, 0.05  # how long a thing has to be seen to be believed
-UNLIKE_RESTS_S = 1.8  # where another ball was known before
+KNOWN_S = 0.05  # how long the ball that was lost has to be seen
+BRIEF_S = 0.4  # a ball that was held for less may have been a mistake
+PATIENT_S = 1.2  # from which a mover is believed without a lead
+# Where another ball was known before: a thing at rest that is unlike it, and a mover of another
+# size (other light changes a ball's colours but not its size).
+UNLIKE_S = 1.8
 # How much better than the next the ball has to be: two equal things cannot be told apart.
 STANDS_OUT, STANDS_OUT_AT_REST = 1.2, 1.5
+# Sum over the looks of the logarithm of that lead, from which a thing is believed (Wald's
+# sequential test): log 9, of ten beliefs one may be wrong, as what does not move stays in doubt.
+SURE = math.log(9.0)
 LEAST_EVIDENCE = 0.5  # mean over the sightings; grain and specks reach 0.4
 NAMED = 1.5  # weight of the colour that was asked for: a prior, never a condition
 LIKE = 3.0  # weight of looking like the ball that was lost
@@ -52,6 +59,10 @@ class Known:
     appearance: Appearance
     radius_px: float
     is_still: Callable[[Detection], bool]
+
+    def of_size(self, radius_px: float) -> bool:
+        """Whether a radius (px) is the ball's, at another place of its plate."""
+        return abs(math.log(radius_px / self.radius_px)) < 2.0 * UNLIKE_SIZE
 
     def like(self, image: np.ndarray, s: Sighting) -> bool:
         """Whether a sighting in an image (h, w, 3) has its size and colours."""
@@ -92,7 +103,7 @@ class Acquisition:
     def lost(self, known: Known, *, held_s: float) -> None:
         """A ball that is known was lost: it is believed sooner than another. One that was held for
         a shorter time than a lock takes may have been a mistake, and says nothing."""
-        if held_s < RESTS_S:
+        if held_s < BRIEF_S:
             self.things.ball_was_not()
         else:
             self._known = known
@@ -146,7 +157,8 @@ class Acquisition:
             return None
         best = ranked[0]
         n, lasted = len(best.times), best.times[-1] - best.times[0]
-        lead = scores[id(best)] / (scores[id(ranked[1])] if len(ranked) > 1 else 1e-9)
+        ahead = scores[id(best)] / max((scores[id(x)] for x in ranked[1:2]), default=1e-9)
+        lead = min(ahead, best.moved_proof(reach) / (LEAST_EVIDENCE * math.sqrt(n)))  # over grain
         moves = best.travel(reach) > 1.0
         if best.evidence < LEAST_EVIDENCE:
             return None
@@ -154,15 +166,17 @@ class Acquisition:
             return None
         like = self._known is not None and self._known.like(image, best.last)
         if like:
-            return best if n >= 2 and lasted >= KNOWN_S and lead > STANDS_OUT else None
+            return best if n >= 2 and lasted >= KNOWN_S and ahead > STANDS_OUT else None
+        sure = lead > (STANDS_OUT if moves else STANDS_OUT_AT_REST) and n * math.log(lead) > SURE
+        waits_s = 0.0 if self._known is None else UNLIKE_S
         if moves:
-            patient = lasted > 3.0 * RESTS_S
-            return best if n >= 4 and lasted >= MOVES_S and (lead > STANDS_OUT or patient) else None
-        rests_s = RESTS_S if self._known is None else UNLIKE_RESTS_S
+            if self._known is None or self._known.of_size(best.radius_px):
+                waits_s = 0.0
+            return best if (sure or lasted > PATIENT_S) and lasted >= waits_s else None
         others = [thing for thing in ranked if thing is not best]
         if any(thing.drifts(reach) and thing.evidence > 0.5 * best.evidence for thing in others):
             return None  # that one will be seen to travel, or not
-        return best if n >= 4 and lasted >= rests_s and lead > STANDS_OUT_AT_REST else None
+        return best if sure and n >= 2 and lasted >= waits_s else None
 
     def _score(self, thing: Thing, image: np.ndarray) -> float:
         score = thing.score(_reach(image))

@@ -11,7 +11,7 @@ import numpy as np
 from vision.detection.appearance import NOISE_FLOOR, Appearance
 from vision.detection.detector import Detection
 from vision.detection.hough_circles import Circle, circles_of_any_size
-from vision.detection.pixels import fisher
+from vision.detection.pixels import fisher, relief
 from vision.detection.streaks_and_mirrors import locate_shrunk, mirror_silhouette
 from vision.tracking.gate import is_plausible, outline_significance
 
@@ -26,6 +26,10 @@ LEAST_SIGNIFICANCE = 7.0
 # Standard deviations between a disc and what lies beside it; a polished ball, which mirrors the
 # plate, shows 1.8, the inside of a printed circle less than 1.
 LEAST_STEP = 1.2
+# Share of a disc's mean brightness by which a ball's shading varies at least: a ball under lamps
+# has 0.07 and more, flat things 0.05 and less; under a wide even light a ball comes near them
+# too, hence a weight and no condition.
+RELIEF, FLAT = 0.06, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,14 +37,15 @@ class Sighting:
     """A round thing seen in one frame: its disc, how it looks there, and the evidence for it.
 
     `evidence` is the logarithm of its outline's significance, times the share of the outline that
-    was seen; 0 and less is none. `central` is 1 in the image's middle and 0.5 in its corners: a
-    camera is aimed at its plate.
+    was seen; 0 and less is none. `likely` is what speaks for a ball at rest before anything moved:
+    a camera is aimed at its plate (1 in the image's middle, 0.5 in its corners), and light shades a
+    ball but not a flat mark or coin (down to `FLAT`).
     """
 
     seen: Detection
     appearance: Appearance
     evidence: float
-    central: float = 1.0
+    likely: float = 1.0
 
     @property
     def place(self) -> tuple[float, float]:
@@ -103,7 +108,7 @@ def sight(
     about = (max(bounds_px[0], 0.7 * radius_px), min(bounds_px[1], 1.4 * radius_px))
     step, found = max(1, int(radius_px / ROUGHLY_PX)), None
     for fine in sorted({step, max(1, step // 2)}, reverse=True):  # finer at the image's border
-        found = locate_shrunk(image, appearance, u_px, v_px, radius_px, fine)
+        found = locate_shrunk(image, appearance, u_px, v_px, radius_px, fine, polish=False)
         if is_plausible(found, appearance, about, strict=True):
             break
     else:
@@ -121,7 +126,9 @@ def sight(
     h, w = image.shape[:2]
     off = math.hypot(found.u_px - 0.5 * w, found.v_px - 0.5 * h) / math.hypot(0.5 * w, 0.5 * h)
     evidence *= max(0.2, 1.0 - 0.5 * rough)
-    return Sighting(found, appearance, evidence, 1.0 - 0.5 * off**2)
+    solid = relief(image, found.u_px, found.v_px, found.radius_px) / RELIEF
+    likely = (1.0 - 0.5 * off**2) * min(max(solid, FLAT), 1.0)
+    return Sighting(found, appearance, evidence, likely)
 
 
 def _is_ring(image: np.ndarray, found: Detection) -> bool:
@@ -161,7 +168,7 @@ def _outermost(
             break
         wider = Appearance.sketch(image, inner.u_px, inner.v_px, radius)
         step = max(1, int(radius / ROUGHLY_PX))
-        disc = locate_shrunk(image, wider, inner.u_px, inner.v_px, radius, step)
+        disc = locate_shrunk(image, wider, inner.u_px, inner.v_px, radius, step, polish=False)
         bounds = (max(1.1 * found.radius_px, 0.85 * radius), 1.15 * radius)
         if disc is None or not is_plausible(disc, wider, bounds, strict=True):
             continue

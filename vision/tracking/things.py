@@ -30,11 +30,14 @@ SHADED, TINTED, AWAY, RIGID = 0.9, 0.2, 2.0, 0.4
 FARTHEST = 8.0
 
 
+HIDDEN = 3  # looks in a row that miss a thing; from then on it is hidden, not seen unsteadily
+
+
 @dataclass(eq=False)
 class Thing:
     """A round thing and where it was seen: `times` [s] and `sightings` of equal length; `looks`
-    counts the images since its first, `missed` those since its last; `other` says that the ball was
-    known to be elsewhere while it was there."""
+    counts the images since its first in which it was not hidden, `missed` those since its last;
+    `other` says that the ball was known to be elsewhere while it was there."""
 
     times: list[float] = field(default_factory=list)
     sightings: list[Sighting] = field(default_factory=list)
@@ -67,6 +70,14 @@ class Thing:
         """Mean evidence of its sightings."""
         return float(np.mean([s.evidence for s in self.sightings]))
 
+    @property
+    def proof(self) -> float:
+        """Evidence of all its sightings that it is round: grows with the root of their number, and
+        is less the more of the looks missed it while it was there."""
+        n = len(self.times)
+        steadily = n / max(self.looks - min(self.missed, HIDDEN), n)
+        return self.evidence * math.sqrt(n) * steadily
+
     def drifts(self, reach_px: float) -> bool:
         """Whether it is elsewhere than at first, though perhaps not seen often enough to be sure
         that it travels (`reach_px` as for `travel`)."""
@@ -82,17 +93,16 @@ class Thing:
         sure = off[-2 - n // 10] if n > 3 else 0.0
         return float(sure) / max(0.5 * reach_px, 0.5 * self.radius_px)
 
+    def moved_proof(self, reach_px: float) -> float:
+        """Its proof, the more the farther it travelled (`reach_px` as for `travel`)."""
+        return self.proof * (1.0 + min(self.travel(reach_px), FARTHEST))
+
     def score(self, reach_px: float) -> float:
-        """Evidence that it is a ball: that of its outlines, which grows with the root of their
-        number, by how steadily it was seen while it was there, the more the farther it travelled. A
-        thing that stays counts less away from the image's middle, where the plate is."""
-        n = len(self.sightings)
-        evidence = self.evidence * math.sqrt(n)
-        steadily = n / max(self.looks - self.missed, n)
-        travel = self.travel(reach_px)
-        where = self.last.central * (OTHER if self.other else 1.0)
-        stays = 1.0 - min(travel, 1.0)
-        return evidence * steadily * (1.0 + min(travel, FARTHEST)) * where**stays
+        """How much speaks for it as the ball among other things: one that stays counts by how
+        likely it is a ball's (`Sighting.likely`)."""
+        likely = self.last.likely * (OTHER if self.other else 1.0)
+        stays = 1.0 - min(self.travel(reach_px), 1.0)
+        return self.moved_proof(reach_px) * likely**stays
 
 
 class Things:
@@ -114,7 +124,7 @@ class Things:
             if math.isfinite(unlike) and i not in taken and k not in taken.values():
                 taken[i] = k
         for i, thing in enumerate(self.all):
-            thing.looks += 1
+            thing.looks += thing.missed < HIDDEN
             thing.missed += 1
             if i in taken:
                 thing.missed = 0
@@ -168,7 +178,7 @@ def _is_of(thing: Thing, other: Thing, reach_px: float) -> bool:
     places = np.array([s.place for s, _ in pairs])
     off = places - np.array([s.place for _, s in pairs])
     away, sway = (float(np.hypot(*x)) for x in (np.median(off, 0), off.std(0)))
-    larger = other.radius_px > LARGER * thing.radius_px and other.evidence > 0.7 * thing.evidence
+    larger = other.radius_px > LARGER * thing.radius_px and other.proof > 0.7 * thing.proof
     if larger and away < 0.95 * other.radius_px:
         return sway < FIXED * other.radius_px
     way = float(np.hypot(*places.std(0)))

@@ -140,8 +140,7 @@ class Tracker:
             return None
         if self._distractors is None:
             self._distractors = StaticDistractors((image.shape[0], image.shape[1]))
-        self._start(frame, sighting.seen, proven=False)
-        return self._accept(frame, sighting.seen)
+        return self._accept(frame, self._start(frame, sighting.seen, proven=False))
 
     def from_known(self) -> Tracker:
         """A tracker of the same ball that has not seen it yet and seeks no other."""

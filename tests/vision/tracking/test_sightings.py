@@ -37,3 +37,12 @@ def test_ball_of_which_the_border_cuts_a_little_is_seen_one_that_is_halved_is_no
         for p, r in zip(places, radii, strict=True)
     ]
     assert any(hits) == sighted
+
+
+def test_a_shaded_ball_is_likelier_than_a_flat_mark_of_its_contrast():
+    image = np.full((240, 320, 3), 200.0, np.float32)
+    disc(image, (100.0, 120.0), 20.0, np.array((60.0, 90.0, 120.0)), shade=0.4)
+    disc(image, (220.0, 120.0), 20.0, np.array((60.0, 90.0, 120.0)), shade=0.0)
+    image = exposed(image, 2.0, np.random.default_rng(1))
+    ball, mark = sorted(round_things(image, bounds_of(image, None)), key=lambda s: s.place)
+    assert ball.likely > 1.5 * mark.likely

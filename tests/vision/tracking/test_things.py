@@ -120,7 +120,8 @@ def test_a_thing_that_was_hidden_for_long_is_the_same_thing():
     ball = lambda k: sighting(200 + 12 * k, 200) if not 3 < k < 15 else None  # noqa: E731
     things = watched(ball, looks=20)
     assert len(things.all) == 1
-    assert things.all[0].looks == 20
+    once = watched(lambda k: sighting(200 + 12 * k, 200), looks=9).all[0]
+    assert things.all[0].proof > 0.8 * once.proof
 
 
 def test_what_stays_while_the_ball_is_elsewhere_is_not_the_ball_until_it_moves():
@@ -133,6 +134,13 @@ def test_what_stays_while_the_ball_is_elsewhere_is_not_the_ball_until_it_moves()
     for k in range(10, 16):
         things.add(float(k), [sighting(100 + 15 * (k - 9), 100, evidence=2.0)])
     assert things.all[0].score(REACH) > 20 * before
+
+
+def test_a_ball_on_a_disc_that_shows_now_and_then_is_no_part_of_it():
+    ball = lambda k: sighting(200, 200, 13, evidence=1.3)  # noqa: E731
+    disc = lambda k: sighting(240, 200, 90, evidence=1.3) if k % 3 else None  # noqa: E731
+    things = watched(ball, disc)
+    assert not any(things.is_part(thing, REACH) for thing in things.all)
 
 
 def test_old_sightings_are_forgotten_but_other_things_are_not():

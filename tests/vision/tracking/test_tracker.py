@@ -142,6 +142,22 @@ def test_a_wrong_colour_keeps_no_ball_from_being_found(colour):
     assert np.nanmax(errors) < 1.0
 
 
+def test_a_ball_that_was_lost_is_not_replaced_at_once_by_a_mover_of_another_size():
+    """A screw on a tilting plate, a fingertip: found again is the ball, or for 1.8 s nothing."""
+    gone = rolling("orange", on="wood", leaves_s=-99.0, seconds=0.1)
+    ball = rolling("orange", on="wood", radius=26.0, rest_s=9.0, seconds=1.0)
+    tracker = Tracker()
+    assert [tracker.step(frame).state for frame in ball.frames][-1] == "track"
+    background = gone.frames[-1].image
+    states = []
+    for k in range(45):
+        image = background.astype(np.float32)
+        disc(image, (150.0 + 4.0 * k, 200.0), 8.0, np.array((20.0, 20.0, 20.0)))
+        frame = Frame(np.clip(image, 0, 255).astype(np.uint8), 1.0 + k / 30.0, 30 + k)
+        states.append(tracker.step(frame).state)
+    assert "track" not in states
+
+
 def test_ball_that_is_seen_in_its_old_place_too_is_one_thing():
     film = Film()
     for k in range(8):  # 1.2 radii between two looks: rays from the old place meet the ball as well
