@@ -290,7 +290,9 @@ class App:
             elif video is None:
                 self.camera.hide(NO_FILM)
             return
-        if self.session.status.state == "stopped" and isinstance(self.eye, VirtualCamera):
+        if self.session.status.state in ("at rest", "stopped") and isinstance(
+            self.eye, VirtualCamera
+        ):
             self.camera.hide(RESTS if self.camera.wanted else "")
             return
         fresh = now.row is not None and now.row[0] - now.seen_s < UNSEEN_S

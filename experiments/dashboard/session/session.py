@@ -70,6 +70,7 @@ class Session:
         self._loop: LoopProcess | None = None
         self._stop: Stop | None = None  # asked for while a loop is being started
         self._stops = 0  # how often it was stopped
+        self._stopping = False  # what moves was told to end, and has not ended yet
         self._busy = False
         self._notes: deque[str] = deque(maxlen=64)
         self._status = SessionStatus("starting", "the loop's process starts")
@@ -84,7 +85,11 @@ class Session:
     @property
     def status(self) -> SessionStatus:
         """What the session does just now."""
-        return self._status
+        status, loop = self._status, self._loop
+        if not self._stopping:
+            return status
+        at_rest = loop is None or loop.at_rest  # no loop: no table was opened
+        return replace(status, state="at rest" if at_rest else "stopping")
 
     def start(self, plan: RunPlan) -> None:
         """Begin a plan; balancing ends.
@@ -139,6 +144,7 @@ class Session:
             self._stops += 1
             self._planned.clear()
             self._balance = self._waits = False
+            self._stopping = self._busy
             self._end_loop(Stop(f"stopped by {who}", "aborted"))
 
     def balance(self) -> None:
@@ -246,7 +252,7 @@ class Session:
         with self._wake:
             while not self._closed:
                 if self._planned and not self._waits:
-                    self._busy = True
+                    self._busy, self._stopping = True, False
                     return self._planned.popleft()
                 if self._planned:
                     planned = self._planned[0]
@@ -254,12 +260,13 @@ class Session:
                     words = f"run {planned.number} of {planned.of} is next ({how})"
                     self._status = SessionStatus("pause", words, planned, last=self._last)
                 elif self._balance:
-                    self._busy = True
+                    self._busy, self._stopping = True, False
                     return None
                 else:
                     self._status = SessionStatus(
                         "stopped", "the table rests at 0 V", last=self._last
                     )
+                self._stopping = False
                 self._wake.wait(1.0)
             return None
 

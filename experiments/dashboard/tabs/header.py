@@ -24,6 +24,8 @@ STATES = {
     "balancing": "Balancing",
     "running": "Run is on",
     "pause": "Pause between runs",
+    "stopping": "Stopping: the plate is levelled",
+    "at rest": "Stopped, motors at 0 V",
     "stopped": "Stopped, motors at 0 V",
 }
 

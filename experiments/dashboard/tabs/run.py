@@ -363,7 +363,7 @@ class RunTab:
 
     def draw(self, status: SessionStatus, events: list[str]) -> None:
         """Show the status and the newest events; only what changed is sent to the pages."""
-        on = status.state in ("running", "pause")
+        on = status.run is not None
         real = self._session.table.real
         then = "the table sees that you have" if real else "then press Done"
         operator_step = (
