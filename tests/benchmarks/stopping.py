@@ -173,7 +173,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
     rng = random.Random(given.seed)
-    print("| state | median s | worst s | above 1 s |\n|---|---|---|---|")
+    print("| table, state, load | median s | worst s | above 1 s |\n|---|---|---|---|")
     with tempfile.TemporaryDirectory() as out, dashboard(Path(out)) as desk:
         state(desk.app, "balancing")
         desk.press()
