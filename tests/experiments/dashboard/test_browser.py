@@ -6,37 +6,23 @@ is how long a slow machine may take for a step.
 """
 
 import json
-import os
 import re
 import time
 from pathlib import Path
 
 import pytest
 
-from tests.support.in_browser.page import Hand
+from tests.support.in_browser.page import TABS, Hand, expect
 from tests.support.in_browser.program import FLAGS, PATIENCE_S, Program, sees_table
 from tests.support.parts import PARTS
 from tests.support.waiting import wait_for
 
 SIZES = ((1280, 800), (1920, 1080))
-TABS = ("Run", "Calibrate", "Results", "Gap", "Replay")
-
-
-@pytest.fixture
-def chromium():
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=PARTS["chromium"].find(), args=FLAGS)
-        yield browser
-        browser.close()
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(1800)  # chosen: a loaded machine takes ten times as long as a quiet one
-def test_the_whole_study_in_a_browser(chromium, tmp_path: Path):
-    artefacts = Path(os.environ.get("RIG_ARTEFACTS", tmp_path / "shots"))
-    artefacts.mkdir(parents=True, exist_ok=True)
+def test_the_whole_study_in_a_browser(chromium, artefacts: Path, tmp_path: Path):
     out = tmp_path / ("a-folder-whose-name-has-no-blank" * 2)  # as a person's paths are: long
     out.mkdir()
     program, begin_s = Program(out), time.monotonic()
@@ -165,8 +151,8 @@ def take_over_and_stop(chromium, first: Hand, program: Program, artefacts: Path,
     and its tab closes for nothing."""
     second = Hand(chromium, program.link, artefacts)
     second.see("You are watching")
-    second.press("▶ Start")
-    second.see("you are watching: press")
+    expect(second.page.get_by_role("button", name="▶ Start")).to_be_disabled()
+    expect(first.page.get_by_role("button", name="Take over the controls")).to_be_hidden()
     second.press("Take over the controls")
     second.see("You are in control")
     first.see("You are watching")

@@ -9,6 +9,7 @@ from playwright.sync_api import Browser, Error, Locator, Page, TimeoutError, exp
 from tests.support.in_browser.program import PATIENCE_S, pixels
 from tests.support.waiting import wait_for
 
+TABS = ("Run", "Calibrate", "Results", "Gap", "Replay")
 STILL_S = 10.0  # so long what is drawn may take to hold still
 # Buttons, tabs, labels and inputs in view that reach out of the window, whose words do not fit, or
 # that lie over one another; what merely contains the other does not count.
