@@ -50,9 +50,7 @@ PARENT_SILENT_S = 2.0  # a program that hangs for so long looks after nothing
 LOOP_SILENT_S = 1.0  # a loop that hangs for so long is ended by force
 # So long may a method of a user's controller be silent that cannot be interrupted from inside.
 PATIENCE_S = {"start": START_S + 1.0, "control": LOOP_SILENT_S, "end": END_S + 1.0}
-CONTROL_SHARE = (
-    0.8  # of the lateness at which a board gives up: so the loop levels the plate itself
-)
+CONTROL_SHARE = 0.8  # of the lateness at which a board gives up: so the loop levels the plate
 BEAT_S = 0.05
 DRAIN_S = 0.01
 WARM_TICKS = 25
@@ -295,6 +293,10 @@ class LoopProcess:
             self._commands.put(command)
             if isinstance(command, Stop) and not self._word_given:
                 self._refused, self.at_rest = self._refused or command, True
+
+    def kill(self) -> None:
+        """End the loop's process by force: for one that has not opened its table, or hangs."""
+        self._process.kill()
 
     def _give_word(self) -> None:
         """Allow a loop that is ready to open the table, unless a stop came before."""

@@ -117,6 +117,10 @@
     const open = document.activeElement?.getAttribute("aria-expanded") === "true";
     if (!open) halt();
   }, true);
+  // On a phone the table stands above viser's sheet, which folds.
+  const sheet = () => document.querySelector('.mantine-Paper-root[style*="position: fixed"]');
+  setInterval(() => document.documentElement.style.setProperty(
+    "--rig-sheet", `${sheet()?.offsetHeight || 0}px`), 500);
   addEventListener("visibilitychange", () => { if (!document.hidden) poll(); });
   poll();
 })();

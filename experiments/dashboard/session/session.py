@@ -4,8 +4,6 @@ Pages reach it through the `ControlPanelQueue`, and `stop` directly. Its own thr
 of the loop process and records them; the loop process waits for neither.
 """
 
-import os
-import signal
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -34,7 +32,6 @@ from rig.loop.loop import Ending
 from rig.loop.process import LoopProcess
 from rig.parameters import Rig
 
-KILL = getattr(signal, "SIGKILL", signal.SIGTERM)
 QUICK_S, MOST_FAILURES = 5.0, 3  # balancing that ends so soon so often is given up; chosen
 
 
@@ -203,8 +200,7 @@ class Session:
             loop = self._loop
         self._thread.join(5.0)
         if self._thread.is_alive() and loop is not None:  # still compiling: it has driven nothing
-            with suppress(ProcessLookupError):
-                os.kill(loop.pid, KILL)
+            loop.kill()
             self._thread.join(5.0)
 
     # --- the session's thread ---

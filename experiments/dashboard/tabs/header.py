@@ -149,8 +149,9 @@ class Header:
             self._state.content = live(words)
 
 
-# A path or a number without a blank breaks where the panel ends instead of leaving it.
-WRAP = "<style>p, li, td, h4 { overflow-wrap: anywhere }</style>"
+# A path or a number without a blank breaks where the panel ends instead of leaving it; in a table
+# only where the columns cannot be made narrower between words.
+WRAP = "<style>p, li, h4 { overflow-wrap: anywhere } td { overflow-wrap: break-word }</style>"
 
 
 def set_looks(server: "ViserServer") -> None:

@@ -124,6 +124,12 @@ def test_esc_stops_whatever_has_the_focus_but_closes_a_list_first(chromium, prog
     page.context.close()
 
 
+def below(one) -> float:
+    """Where an element ends [px]."""
+    box = one.bounding_box()
+    return box["y"] + box["height"]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("phone", [False, True])
 def test_stop_on_a_folded_page_and_on_a_phone(chromium, program, phone):
@@ -131,6 +137,10 @@ def test_stop_on_a_folded_page_and_on_a_phone(chromium, program, phone):
     page = opened(chromium, program, **settings)
     page.get_by_text("what stays").wait_for(timeout=120e3)
     if phone:
+        canvas, sheet = page.locator("canvas").first, page.locator(".mantine-Paper-root").first
+        top = sheet.bounding_box()["y"]
+        wait_for("the table above the sheet", lambda: below(canvas) <= top + 1, 10.0)
+        assert sheet.bounding_box()["width"] == 390
         page.get_by_text("Connected").tap()  # folds the panel
         page.locator("#rig-stop").tap()
     else:

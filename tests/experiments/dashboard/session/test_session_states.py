@@ -31,13 +31,16 @@ class ScriptedLoop:
     """Stands for a loop process: hands on what the test says, ends when told or stopped."""
 
     def __init__(self, job: object) -> None:
-        self.job, self.got, self.at_rest, self.notes, self.pid = job, [], False, {"loop": job}, 0
+        self.job, self.got, self.at_rest, self.notes = job, [], False, {"loop": job}
         self._said: Queue = Queue()
 
     def put(self, command: object) -> None:
         self.got.append(command)
         if isinstance(command, Stop):
             self.end(Ending(command.outcome, command.reason))
+
+    def kill(self) -> None:
+        self.end(Ending("loop died"))
 
     def row(self, t_s: float) -> None:
         row = np.full(len(COLUMNS), np.nan)
@@ -185,6 +188,7 @@ def opened(**how) -> Iterator[Desk]:
             loop.end(DONE)
         desk[0].session.close()
         module.update(before)
+        assert not desk[0].session._thread.is_alive()
 
 
 def test_the_runs_of_a_plan_follow_each_other_and_then_the_virtual_table_balances():

@@ -146,6 +146,35 @@ def test_a_proof_with_the_kind_of_another_message_is_none():
         assert said == [f"{one.name} did not know the token"]
 
 
+def test_of_two_answers_to_a_greeting_the_first_counts():
+    with at_the_door() as (greetings, said, knock):
+        one = knock()
+        hello = one.hears(wire.HELLO)
+        one.wire.send(wire.PROOF, NONCE + wire.proof(b"another-token-x!", hello[1:], NONCE))
+        one.wire.send(wire.PROOF, NONCE + wire.proof(TOKEN, hello[1:], NONCE))
+        assert greetings.proven(0.1) == []
+        assert said == [f"{one.name} did not know the token"]
+
+
+def test_the_servers_tick_never_waits_for_who_says_nothing():
+    module = vars(sys.modules[Greetings.__module__])
+    waited = []
+
+    def select(*given):
+        waited.append(given[-1])
+        return [], [], []
+
+    with at_the_door() as (greetings, _, knock):
+        knock()
+        before = module["select"]
+        module["select"] = SimpleNamespace(select=select)
+        try:
+            assert greetings.proven(0.1) == []
+        finally:
+            module["select"] = before
+    assert waited == [0.0]
+
+
 def test_half_a_proof_is_waited_for_but_not_for_long():
     with at_the_door() as (greetings, said, knock):
         one = knock(now_s=10.0)
@@ -161,6 +190,7 @@ def test_half_a_proof_is_waited_for_but_not_for_long():
 def test_where_too_many_wait_the_oldest_of_the_busiest_address_goes():
     with at_the_door() as (greetings, said, knock):
         early = knock(host="10.0.0.1")
+        assert MOST == 8
         crowd = [knock(host="10.0.0.2") for _ in range(MOST - 1)]
         assert greetings.proven(0.1) == []
         late = knock(host="10.0.0.3")
@@ -191,6 +221,7 @@ def test_one_who_does_not_read_is_gone():
         one = knock()
         one.proves()
         (peer,) = greetings.proven(0.1)
+        assert not peer.wire.sock.getblocking()
         for _ in range(100_000):
             peer.tell(wire.PONG, b"x" * 300)
             if peer.gone:
@@ -227,6 +258,7 @@ class Served:
         self.bench, self.said, self.now_s = Bench(), [], 100.0
         self.strangers: list[Stranger] = []
         self.server = Server(self.bench, TOKEN, servo=Servo(), port=0, say=self.said.append)
+        assert not self.server._door.getblocking()  # nobody who may come is waited for
         module = sys.modules[Server.__module__]
         module.time = SimpleNamespace(monotonic=self._clock)  # pyright: ignore
         self._asked = 0
