@@ -1,11 +1,13 @@
 """What a calibration found, as a table for a person: quantity, x, y, in units that people read."""
 
 from math import degrees, floor, inf, log10
+from typing import Literal
 
 from calibration.bundle import Draft
 from calibration.records import Value
 
 HEAD = ("quantity", "x", "y")
+AXES: tuple[Literal["x", "y"], ...] = ("x", "y")
 UNEVEN = 0.2  # of half the interval: so far off its middle a value shows its limits; chosen
 _DEG, _MS = (degrees(1), "°"), (1e3, "ms")
 _WHERE = {"whole": "gear and joint"}
@@ -61,16 +63,16 @@ def found_table(draft: Draft) -> list[list[str]]:
         add("camera delay", _MS[1], value_words(draft.timing.delay_s, _MS[0]))
     if draft.level is not None:
         slope, gain = draft.level.slope_rad, draft.level.gain_m_s2
-        add("plate's slope at zero", _DEG[1], *(value_words(slope.get(a), _DEG[0]) for a in "xy"))
+        add("plate's slope at zero", _DEG[1], *(value_words(slope.get(a), _DEG[0]) for a in AXES))
         unit = "m/s² a rad"
-        add("ball's acceleration", unit, *(value_words(gain.get(a), 1.0) for a in "xy"))
+        add("ball's acceleration", unit, *(value_words(gain.get(a), 1.0) for a in AXES))
     for servo, names in ((draft.servo, _SERVO), (draft.position_servo, _POSITION_SERVO)):
         for key, (name, factor, unit) in names.items() if servo is not None else ():
-            pair = [getattr(getattr(servo, axis), key) for axis in "xy"]
+            pair = [getattr(getattr(servo, axis), key) for axis in AXES]
             if any(pair):
                 add(f"servo: {name}", unit, *(value_words(v, factor) for v in pair))
     for where, by_axis in draft.play.plays.items() if draft.play else ():
-        widths = [by_axis[a].width_rad if a in by_axis else None for a in "xy"]
+        widths = [by_axis[a].width_rad if a in by_axis else None for a in AXES]
         name = f"play: {_WHERE.get(where, where)}"
         add(name, _DEG[1], *(value_words(v, _DEG[0]) for v in widths))
     return rows
