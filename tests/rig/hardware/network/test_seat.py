@@ -3,6 +3,7 @@
 No clock runs and no thread: the peers are sockets of this machine, whose bytes are there at once.
 """
 
+import select
 import socket
 import sys
 from collections.abc import Iterator
@@ -261,17 +262,27 @@ class Served:
         assert not self.server._door.getblocking()  # nobody who may come is waited for
         module = sys.modules[Server.__module__]
         module.time = SimpleNamespace(monotonic=self._clock)  # pyright: ignore
-        self._asked = 0
+        module.select = SimpleNamespace(select=self._select)  # pyright: ignore
+        self._asked, self.slow_s = 0, 0.0
+        self.waits: list[float] = []  # for which a tick was ready to wait for the user
+
+    def _select(self, *waiting_for):
+        *sockets, seconds = waiting_for
+        assert 0.0 <= seconds <= self.bench.period_s, "a tick waits longer than a tick"
+        self.waits.append(seconds)
+        return select.select(*sockets, 0.0)
 
     def _clock(self) -> float:
         self._asked += 1
         assert self._asked < 10_000, "it waits for a clock that stands"
+        self.now_s += self.slow_s
         return self.now_s
 
     def ticks(self, count: int = 1, each_s: float = 0.002) -> None:
         for _ in range(count):
             self.now_s += each_s
             self._asked = 0
+            self.waits.clear()
             self.server.tick()
 
     def user(self) -> Stranger:
@@ -287,7 +298,8 @@ class Served:
 @contextmanager
 def served() -> Iterator[Served]:
     module = sys.modules[Server.__module__]
-    clock, one = module.time, Served()  # pyright: ignore
+    real = module.time, module.select  # pyright: ignore
+    one = Served()
     try:
         yield one
     finally:
@@ -297,7 +309,7 @@ def served() -> Iterator[Served]:
         one.server._door.close()
         for stranger in one.strangers:
             stranger.sock.close()
-        module.time = clock  # pyright: ignore
+        module.time, module.select = real  # pyright: ignore
 
 
 def arm(one: Served, user: Stranger, *, homed: bool = True) -> None:
@@ -443,23 +455,73 @@ def test_who_lies_or_leaves_while_armed_is_levelled_and_parted_from(say, why: st
         assert one.bench.volts[-1][0] < 0.0  # towards level
 
 
+def test_a_tick_of_an_armed_table_waits_for_its_answer_and_not_longer():
+    with served() as one:
+        user = one.user()
+        one.ticks()
+        assert one.waits == [0.0]  # nothing moves: nobody has to answer
+        arm(one, user)
+        one.ticks()
+        share = pytest.approx(0.4 * one.bench.period_s)
+        assert one.waits == [share]
+        drive(one, user, (0.0, 0.0), tick=one.server._tick + 1)
+        assert one.waits == [share]  # that was the answer
+        drive(one, user, (0.0, 0.0), tick=one.server._tick)
+        assert one.waits == [share, share]  # of an earlier tick
+        user.wire.send(wire.PING, wire.Ping(7.0).pack())
+        one.ticks()
+        assert one.waits == [share, share]
+        request = wire.DriveRequest(one.server._tick + 1, one.now_s, 20, 0.0, 0.0)
+        user.wire.send(wire.DRIVE, request.pack())
+        user.wire.send(wire.PING, wire.Ping(8.0).pack())
+        one.ticks()
+        assert one.waits == [share]
+        one.slow_s = 0.001  # the time is over before anybody was listened to
+        user.wire.send(wire.PING, wire.Ping(9.0).pack())
+        one.ticks()
+        assert one.waits == [0.0]
+
+
+def test_who_says_anything_keeps_the_seat():
+    with served() as one:
+        user = one.user()
+        for _ in range(3):
+            one.now_s += 0.9 * IDLE_S
+            user.wire.send(wire.PING, wire.Ping(7.0).pack())
+            one.ticks()
+            assert one.server._user is not None
+
+
+def test_who_hangs_up_is_gone():
+    with served() as one:
+        user = one.user()
+        user.sock.shutdown(socket.SHUT_WR)
+        one.ticks()
+        assert one.server._user is None
+        assert one.said[-1] == f"{user.name} is gone"
+
+
 def test_a_fault_of_the_table_is_told_to_the_user():
     with served() as one:
         user = one.user()
         arm(one, user)
-        fault = Fault("stalled", "the arm x does not follow", True)
+        fault = Fault("stalled", "the arm x does not follow" + 400 * "!", True)
         one.server.watchdog.watch = lambda reading, now_s: fault
         one.ticks()
         user.hears(wire.WELCOME)
         user.hears(wire.READING)
         user.hears(wire.READING)
-        assert user.hears(wire.FAULT) == b"stopped the table: the arm x does not follow"
-        assert one.said[-1] == "stopped the table: the arm x does not follow"
+        told = user.hears(wire.FAULT)
+        assert told.startswith(b"stopped the table: the arm x does not follow!")
+        assert len(told) == 300
+        assert one.said[-1] == f"stopped the table: {fault.reason}"
 
 
 def test_leaving_levels_tells_the_user_and_leaves_0_V():
     with served() as one:
         user = one.user()
+        knocking = Stranger(one.server.port)
+        one.strangers.append(knocking)
         arm(one, user)
         one.bench.reading = replace(one.bench.reading, theta_rad=(0.05, 0.0))
         drive_of, begin_s = one.bench.drive, one.now_s
@@ -470,7 +532,10 @@ def test_leaving_levels_tells_the_user_and_leaves_0_V():
 
         one.bench.drive = slow_drive
         count = len(one.bench.volts)
+        assert one.server.__enter__() is one.server
         one.server.__exit__(None, None, None)
+        knocking.hears(wire.HELLO)
+        assert knocking.is_hung_up_on
         given = one.bench.volts[count:]
         assert len(given) >= 50
         assert given[0][0] < 0.0
@@ -480,6 +545,16 @@ def test_leaving_levels_tells_the_user_and_leaves_0_V():
         user.hears(wire.READING)
         assert user.hears(wire.FAULT) == b"rig serve was ended there"
         assert user.is_hung_up_on
+
+
+def test_nobody_in_the_seat_is_told_nothing_when_the_server_ends():
+    with served() as one:
+        one.bench.read = lambda: 1 / 0
+        with pytest.raises(ZeroDivisionError):
+            one.server.run()
+        del one.bench.read
+        one.server.__exit__(None, None, None)
+        assert one.bench.volts == [(0.0, 0.0)]
 
 
 def test_a_table_that_failed_is_not_levelled_but_left_at_0_V():
