@@ -32,6 +32,7 @@ from rig.loop.loop import Ending
 from rig.loop.process import LoopProcess
 from rig.parameters import Rig
 
+CLOSE_S = 5.0  # of levelling, and of writing the recording's end; chosen
 QUICK_S, MOST_FAILURES = 5.0, 3  # balancing that ends so soon so often is given up; chosen
 
 
@@ -192,16 +193,17 @@ class Session:
         self._announce(self._status.t_s, text)
 
     def close(self) -> None:
-        """End in order: table level at 0 V, recording finished, thread ended (at most 10 s)."""
+        """End in order: table level at 0 V, recording finished, thread ended
+        (at most 2 CLOSE_S)."""
         with self._wake:
             self._closed = True
             self._planned.clear()
             self._end_loop(Stop("the dashboard was closed", "interrupted"))
             loop = self._loop
-        self._thread.join(5.0)
+        self._thread.join(CLOSE_S)
         if self._thread.is_alive() and loop is not None:  # still compiling: it has driven nothing
             loop.kill()
-            self._thread.join(5.0)
+            self._thread.join(CLOSE_S)
 
     # --- the session's thread ---
     def _end_loop(self, stop: Stop) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from experiments.dashboard.session.plan import RunPlan
-from experiments.dashboard.session.session import MOST_FAILURES, Session
+from experiments.dashboard.session.session import MOST_FAILURES, QUICK_S, Session
 from experiments.runs.protocol import parse
 from rig.log import COLUMNS
 from rig.loop.commands import Push, SetGains, Stop, Target
@@ -84,7 +84,7 @@ class Notebook:
 class Desk:
     """A session on scripted loops, and what it told."""
 
-    def __init__(self, *, real: bool = False, balance: bool = False) -> None:
+    def __init__(self, *, real: bool = False, balance: bool | None = False) -> None:
         self.loops: list[ScriptedLoop] = []
         self.recorded: list[tuple] = []
         self.events: list[tuple[float, str]] = []
@@ -103,7 +103,7 @@ class Desk:
             live,  # pyright: ignore[reportArgumentType]
             on_recorded=lambda *what: self.recorded.append(what),
             on_event=lambda *what: self.events.append(what),
-            balance=balance,
+            **({} if balance is None else {"balance": balance}),
         )
 
     def _check(self, plan: RunPlan, rig: Rig) -> None:
@@ -116,18 +116,22 @@ class Desk:
         self.meanwhile()
         if self.fails is not None:
             raise self.fails
-        request = SimpleNamespace(believed=None)
+        request = SimpleNamespace(believed=planned.method)
         yield SimpleNamespace(folder=Path("run"), start={}, request=request, job=(planned, rig))
 
     def make(self, job: object) -> ScriptedLoop:
         loop = ScriptedLoop(job)
+        if job[0] == "balancing":  # pyright: ignore[reportIndexIssue]
+            self.meanwhile()
         self.loops.append(loop)
         return loop
 
     def record(self, job, recorder, *, started, watch) -> Ending:
         loop = self.make(job)
         started(loop)
-        return loop.run(watch, recorder.event)
+        ending = loop.run(watch, recorder.event)
+        recorder.at_end()
+        return ending
 
     def plan(self, methods=("without", "with"), *, protocol=PROTOCOL, **more) -> RunPlan:
         return RunPlan(protocol, methods, more.pop("repetitions", 1), 1, **more)
@@ -152,7 +156,8 @@ class Watching:
 
     def stop_through(self, session: object) -> None: ...
 
-    def note_pushes(self, believed: object) -> None: ...
+    def note_pushes(self, believed: str) -> None:
+        Notebook.events.append((-1.0, f"pushes noted for {believed}"))
 
     def check(self, row: np.ndarray) -> None: ...
 
@@ -162,26 +167,29 @@ def opened(**how) -> Iterator[Desk]:
     """A desk whose session's module uses the stand-ins."""
     module = vars(sys.modules[Session.__module__])
     names = "LoopProcess", "record_live", "AnnouncingRecorder", "Recorder", "Watch", "virtual_job"
-    before = {name: module[name] for name in names}
+    before = {name: module[name] for name in (*names, "CLOSE_S")}
     desk: list[Desk] = []
+
+    def there() -> Desk:
+        wait_for("the desk", lambda: desk, PATIENCE_S)
+        return desk[0]
+
     jobs = SimpleNamespace(
         virtual_job=lambda rig, method, course: ("balancing", rig),
         balancing_course=lambda rig: None,
     )
     module.update(
-        LoopProcess=lambda job: desk[0].make(job),
-        record_live=lambda *a, **k: desk[0].record(*a, **k),
+        LoopProcess=lambda job: there().make(job),
+        record_live=lambda *a, **k: there().record(*a, **k),
         AnnouncingRecorder=Notebook,
         Recorder=Notebook,
         Watch=Watching,
         virtual_job=jobs,
+        CLOSE_S=how.pop("close_s", 1.0),
     )
     Notebook.events.clear()
-    begin_balancing = how.pop("balance", False)
     try:
         desk.append(Desk(**how))
-        if begin_balancing:
-            desk[0].session.balance()
         yield desk[0]
     finally:
         for loop in desk[0].loops:
@@ -196,6 +204,10 @@ def test_the_runs_of_a_plan_follow_each_other_and_then_the_virtual_table_balance
         desk.state("stopped")
         assert desk.session.status.words == "the table rests at 0 V"
         desk.session.start(desk.plan())
+        wait_for("the first loop", lambda: desk.loops, PATIENCE_S)
+        status = desk.session.status
+        assert (status.state, status.t_s) == ("running", 0.0)
+        assert status.words.endswith(": starting")
         first = desk.loop(1)
         status = desk.session.status
         assert (status.state, status.t_s, status.run.number, status.run.of) == (
@@ -215,6 +227,9 @@ def test_the_runs_of_a_plan_follow_each_other_and_then_the_virtual_table_balance
         second.end(DONE)
         desk.loop(3)
         desk.state("balancing")
+        assert desk.session.status.words == "the virtual table balances its ball"
+        noted = [text for _, text in Notebook.events if text.startswith("pushes")]
+        assert noted == ["pushes noted for without", "pushes noted for with"]
         assert [planned.method for planned, *_ in desk.recorded] == ["without", "with"]
         assert desk.recorded[0][1:] == (Path("run"), DONE)
         assert desk.session.status.last == ""
@@ -224,17 +239,23 @@ def test_the_runs_of_a_plan_follow_each_other_and_then_the_virtual_table_balance
 
 def test_a_plan_with_pauses_goes_on_when_told():
     with opened(real=True) as desk:
-        desk.session.start(desk.plan(pause=True))
+        desk.session.start(desk.plan(pause=True, repetitions=2))
         desk.loop(1).end(DONE)
         desk.state("pause")
         status = desk.session.status
-        assert status.words == "run 2 of 2 is next (with play compensation)"
+        assert status.words == "run 2 of 4 is next (with play compensation)"
+        desk.session.go_on()
+        desk.loop(2).end(DONE)
+        wait_for("run 3", lambda: "run 3" in desk.session.status.words, PATIENCE_S)
+        desk.session.go_on()
+        desk.loop(3).end(DONE)
+        wait_for("run 4", lambda: "run 4" in desk.session.status.words, PATIENCE_S)
         with pytest.raises(ValueError, match="a run is on"):
             desk.session.start(desk.plan())
         desk.session.go_on()
-        desk.loop(2).end(DONE)
+        desk.loop(4).end(DONE)
         desk.state("stopped")  # a real table rests, and the last run has no pause behind it
-        assert len(desk.loops) == 2
+        assert len(desk.loops) == 4
 
 
 def test_a_run_that_fails_waits_and_may_be_repeated_on_the_rig_of_its_plan():
@@ -305,6 +326,31 @@ def test_stop_before_the_loop_has_started_reaches_it_all_the_same():
         assert seen == ["at rest"]  # no table was opened
         assert desk.loops[0].got == [Stop("stopped by page 7", "aborted")]
         assert len(desk.loops) == 1
+        desk.meanwhile = lambda: None
+        desk.session.start(desk.plan(("with",)))
+        assert desk.loop(2).got == []  # that stop was for the run before
+
+
+def test_stop_before_balancing_has_started_reaches_it_all_the_same():
+    with opened() as desk:
+        desk.state("stopped")
+        desk.meanwhile = lambda: desk.session.stop("page 7")
+        desk.session.balance()
+        wait_for("the loop", lambda: desk.loops and desk.loops[0].got, PATIENCE_S)
+        assert desk.loops[0].got == [Stop("stopped by page 7", "aborted")]
+        desk.state("stopped")
+
+
+def test_a_virtual_table_balances_from_the_start_and_a_real_one_rests():
+    with opened(balance=None) as desk:
+        wait_for("the loop", lambda: desk.loops, PATIENCE_S)
+        wait_for("its start", lambda: desk.session.status.state == "starting", PATIENCE_S)
+        assert desk.session.status.words.startswith("the loop's process starts")
+        desk.loop(1)
+        desk.state("balancing")
+    with opened(balance=None, real=True) as desk:
+        desk.state("stopped")
+        assert desk.loops == []
 
 
 @pytest.mark.parametrize("act", ["start", "repeat"])
@@ -360,6 +406,8 @@ def test_commands_reach_the_loop_that_is_on_alone():
         desk.session.start(desk.plan(("with",)))
         loop = desk.loop(1)
         assert loop.job[1] is rig
+        with pytest.raises(ValueError, match="a run is on"):
+            desk.session.start(desk.plan())
         desk.session.put(Push((1.0, 0.0)))
         desk.session.set_gains(rig, gains)
         assert loop.got == [Push((1.0, 0.0)), gains]
@@ -405,15 +453,82 @@ def test_a_ball_that_is_only_placed_starts_the_clock_there():
         assert desk.session.status.operator_step == ""
 
 
+def test_a_run_that_was_broken_off_while_it_waited_leaves_no_wait_behind():
+    with opened(real=True) as desk:
+        desk.session.start(desk.plan(protocol=HELD))
+        loop = desk.loop(1)
+        loop.say(0.5, "asked: place the ball")
+        loop.row(3.0)
+        wait_for("the step", lambda: desk.session.status.waited_s == 3.0, PATIENCE_S)
+        loop.end(Ending("aborted", "enough"))
+        desk.state("pause")
+        assert "enough" in desk.session.status.last
+        desk.session.go_on()
+        desk.loop(2)
+        status = desk.session.status
+        assert (status.waited_s, status.t_s, status.last) == (None, 0.5, "")
+
+
+def test_a_run_repeated_on_the_virtual_table_ends_in_balancing():
+    with opened() as desk:
+        desk.session.start(desk.plan(("with",)))
+        desk.loop(1).end(Ending("ball lost", "it fell"))
+        desk.loop(2)
+        desk.state("balancing")
+        desk.session.repeat()
+        assert desk.loops[1].got == [Stop("a run begins", "ended")]
+        desk.loop(3).end(DONE)
+        desk.loop(4)
+        desk.state("balancing")
+
+
+def fails(desk: Desk, *numbers: int, t_s: float = 0.5) -> None:
+    """Let the loops with these numbers end at t_s, as balancing that fails does."""
+    for number in numbers:
+        loop = desk.loop(number)
+        loop.row(t_s)
+        loop.end(Ending("limit", "too far"))
+
+
+GIVEN_UP = (0.0, "balancing failed again and again: the table rests")
+
+
 def test_balancing_that_fails_again_and_again_is_given_up():
     with opened(balance=True) as desk:
-        for number in range(1, MOST_FAILURES + 1):
-            desk.loop(number).end(Ending("limit", "too far"))
+        fails(desk, 1, 2)
+        fails(desk, 3, t_s=QUICK_S)  # that was not quick
+        fails(desk, 4, 5)
+        desk.loop(6)  # only two in a row
+        assert GIVEN_UP not in desk.events
+        fails(desk, 6)
         desk.state("stopped")
-        assert len(desk.loops) == MOST_FAILURES
-        assert [text for _, text in desk.events] == ["limit: too far"] * MOST_FAILURES + [
-            "balancing failed again and again: the table rests"
-        ]
+        assert len(desk.loops) == 6
+        early, late = (0.5, "limit: too far"), (QUICK_S, "limit: too far")
+        assert desk.events == [early, early, late, early, early, early, GIVEN_UP]
+        desk.session.balance()
+        fails(desk, 7, 8)
+        fails(desk, 9)
+        desk.state("stopped")
+        assert len(desk.loops) == 9
+        assert MOST_FAILURES == 3
+
+
+def test_runs_that_fail_quickly_are_no_failures_of_balancing():
+    with opened() as desk:
+        for number in (1, 3, 5):
+            desk.session.start(desk.plan(("with",)))
+            desk.loop(number).end(Ending("limit", "too far"))
+            desk.loop(number + 1)
+            desk.state("balancing")
+        assert GIVEN_UP not in desk.events
+
+
+def test_a_loop_that_ends_before_its_first_row_ended_at_0_s():
+    with opened(balance=True) as desk:
+        wait_for("the loop", lambda: desk.loops, PATIENCE_S)
+        desk.loops[0].end(Ending("loop died", ""))
+        wait_for("the words", lambda: desk.events, PATIENCE_S)
+        assert desk.events[0] == (0.0, "loop died")
 
 
 def test_what_fails_is_told_and_the_session_lives():
@@ -421,17 +536,28 @@ def test_what_fails_is_told_and_the_session_lives():
         desk.fails = OSError("the disk is full")
         desk.session.start(desk.plan(("with",)))
         wait_for("the words", lambda: len(desk.events) == 2, PATIENCE_S)
-        assert [text for _, text in desk.events] == [
-            "OSError: the disk is full",
-            "aborted: the disk is full",
+        assert desk.events == [
+            (0.0, "OSError: the disk is full"),
+            (0.0, "aborted: the disk is full"),
         ]
         desk.state("stopped")
-        assert "the disk is full" in desk.session.status.last
+        assert "failed after 0.0 s and does not count: the disk is full" in desk.session.status.last
         desk.fails = None
         desk.session.start(desk.plan(("with",)))
         desk.loop(1).end(RuntimeError("in the loop"))
         desk.state("stopped")
         assert desk.events[-1][1] == "aborted: in the loop"
+
+
+def test_closing_kills_a_loop_that_does_not_end():
+    with opened(close_s=0.2) as desk:
+        desk.session.start(desk.plan(("with",)))
+        loop = desk.loop(1)
+        loop.put = loop.got.append  # it does not listen
+        desk.session.close()
+        assert len(loop.got) == 1
+        assert not desk.session._thread.is_alive()
+        desk.state("running")  # its last word; nothing begins any more
 
 
 def test_closing_ends_what_moves_and_drops_the_plan():
