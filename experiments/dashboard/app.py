@@ -34,6 +34,7 @@ from experiments.dashboard.view.ghost import Ghost
 from experiments.dashboard.view.pose import plate_point
 from experiments.dashboard.view.scene import TableScene, legend_words, light
 from experiments.dashboard.view.side_plates import SidePlates
+from experiments.dashboard.view.view_points import add_view_points
 from experiments.runs.hardware import is_hardware
 from rig.log import INDEX, shown_angles
 from rig.loop.loop import Ending
@@ -110,6 +111,7 @@ class App:
         with panel.add_tab("Camera"):
             self.camera.add_widgets(self.controls)
         with panel.add_tab("Legend"):
+            add_view_points(server, self.controls, self.clients)
             gui.add_markdown(legend_words(self.session.table.real))
         panel.dock_left()
         panel.set_width(330)
