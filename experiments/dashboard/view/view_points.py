@@ -41,7 +41,7 @@ def add_view_points(
 
 def _act(clients: Mapping[int, Any], name: str) -> Callable[[int | None], None]:
     def act(page: int | None) -> None:
-        if page in clients:
+        if page is not None and page in clients:
             look_from(clients[page], name)
 
     return act
