@@ -31,6 +31,7 @@ from experiments.dashboard.view.backlash_gauges import BacklashGauges
 from experiments.dashboard.view.camera_view import NO_FILM, RESTS, CameraView
 from experiments.dashboard.view.curves import FILM, Curves
 from experiments.dashboard.view.ghost import Ghost
+from experiments.dashboard.view.portrait import Portrait
 from experiments.dashboard.view.pose import plate_point
 from experiments.dashboard.view.scene import TableScene, legend_words, light
 from experiments.dashboard.view.side_plates import SidePlates
@@ -108,6 +109,8 @@ class App:
         panel = gui.add_panel()
         with panel.add_tab("Live curves"):
             self.curves = Curves(server, self.rig.servo)
+        with panel.add_tab("Swing"):
+            self.portrait = Portrait(server, self.rig.servo)
         with panel.add_tab("Camera"):
             self.camera.add_widgets(self.controls)
         with panel.add_tab("Legend"):
@@ -312,8 +315,11 @@ class App:
         if self.playback is not None:
             rows = self.playback.curve()
             self.curves.rest(FILM) if rows is None else self.curves.draw(rows)
+            if rows is not None:
+                self.portrait.draw(rows)
         elif fresh:
-            self.curves.draw(self.live.curve())
+            self.curves.draw(curve := self.live.curve())
+            self.portrait.draw(curve)
             self.scene.draw_trail(self.live.trail(), self.live.centroid.xy_m)
 
     def _draw_playback(self, playback: Playback) -> None:
