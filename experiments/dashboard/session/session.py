@@ -217,7 +217,6 @@ class Session:
     def _started(self, loop: LoopProcess) -> None:
         with self._wake:
             self._loop, stop = loop, self._stop
-            self._stop = None
         if stop is not None:
             loop.put(stop)
 
