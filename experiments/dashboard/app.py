@@ -27,6 +27,7 @@ from experiments.dashboard.tabs.header import Header, set_looks
 from experiments.dashboard.tabs.replay import ReplayTab
 from experiments.dashboard.tabs.results import ResultsTab
 from experiments.dashboard.tabs.run import RunTab
+from experiments.dashboard.tabs.tour import Tour, both_completed
 from experiments.dashboard.view.backlash_gauges import BacklashGauges
 from experiments.dashboard.view.camera_view import NO_FILM, RESTS, CameraView
 from experiments.dashboard.view.curves import FILM, Curves
@@ -78,6 +79,7 @@ class App:
             WorkerProcess(),
         )  # no figure waits for an analysis
         self.playback: Playback | None = None
+        self._replayed = False  # a recorded run was shown
         self.controls = Controls(self.notify, self.session.note)
         admit_values(server, self.controls)
         shell = shell_of(server)
@@ -138,6 +140,7 @@ class App:
         out, rows = self.out, lambda: self.results.rows
         tabs = server.gui.add_tab_group(order=0)
         with tabs.add_tab("Run"):
+            self.tour = Tour(server, self._steps_done, visible=not self.session.table.real)
             self.run_tab = RunTab(server, controls, self.session, lambda: self.show_playback(None))
         with tabs.add_tab("Calibrate"):
             self.calibrate = CalibrateTab(
@@ -168,9 +171,21 @@ class App:
         self.replay.refresh()
         self.gap.refresh()
 
+    def _steps_done(self) -> tuple[bool, ...]:
+        """Which steps of the tour are done."""
+        both = both_completed(self.results.rows)
+        return (
+            both,
+            both and self.results.compared,
+            self._replayed,
+            "play" in self.calibrate.accepted,
+            self.gap.answer is not None,
+        )
+
     def show_playback(self, playback: Playback | None) -> None:
         """Show a film in place of the live table on every page; None: the live table again."""
         self.playback = playback
+        self._replayed = self._replayed or (playback is not None and playback.film is not None)
         self.camera.hide()
         if playback is None or playback.models is None:
             self.gap.take_map_off()  # it is of what was analysed, not of what is shown
@@ -307,6 +322,7 @@ class App:
         """Lines, bars and curves: ten times a second."""
         status = self.session.status
         self.header.draw(now, status, self.rig.control_rate_hz, film=self.playback is not None)
+        self.tour.draw()
         self.run_tab.draw(status, list(self.events))
         self.results.draw(running=status.state == "running")
         self.replay.draw()

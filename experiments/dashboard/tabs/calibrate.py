@@ -134,6 +134,11 @@ class CalibrateTab:
         handle = gui.add_number(label, PRINTED_DEFAULT_MM, min=low, max=high)
         return self._controls.value(handle, label, PRINTED_MM.clamp)
 
+    @property
+    def accepted(self) -> set[str]:
+        """The steps that were measured and accepted."""
+        return {step for step, state in self._state.items() if state == "accepted"}
+
     def begin(self, steps: tuple[str, ...]) -> None:
         """Do calibration steps in turn in the worker, without waiting, until one is refused.
 
