@@ -2,9 +2,12 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from calibration.gap.findings import Findings
 
 Logs = Annotated[
     list[Path] | None,
@@ -33,6 +36,9 @@ def gap(
     demo: Annotated[
         bool, typer.Option(help="Hide a joint play in simulated runs; find it.")
     ] = False,
+    guess: Annotated[
+        bool, typer.Option(help="With --demo: guess the hidden play before the analysis does.")
+    ] = False,
     blind_trial: Annotated[
         bool, typer.Option(help="Hide effects, find them, open the seal, score.")
     ] = False,
@@ -46,6 +52,8 @@ def gap(
 ) -> None:
     """Say where the model is wrong, name the missing effect, add it, show the gap shrink."""
     given = [*(logs or [])]
+    if guess and not demo:
+        raise ValueError("--guess is a game of the demo: add --demo")
     if blind_trial:
         if given and not onto:
             raise ValueError("--blind-trial makes its own logs; with --onto it takes yours")
@@ -69,7 +77,10 @@ def gap(
             raise ValueError("--demo makes its own logs; leave yours out")
         if rig is not None:
             raise ValueError("--demo has a table of its own; leave --rig out")
-        _demo(out=out, json_file=json_file, seed=1 if seed is None else seed, until=until)
+        if guess:
+            _guess(out=out, json_file=json_file, seed=seed, until=until)
+        else:
+            _demo(out=out, json_file=json_file, seed=1 if seed is None else seed, until=until)
     else:
         _investigate_and_report(given, rig_file=rig, out=out, json_file=json_file, until=until)
 
@@ -90,7 +101,7 @@ def _check_request(json_file: Path | None, until: str, out: Path) -> None:
 
 def _investigate_and_report(
     logs: Sequence[Path], *, rig_file: Path | None, out: Path, json_file: Path | None, until: str
-) -> None:
+) -> "Findings":
     """ValueError, OSError: bad input or an unwritable folder, before any work."""
     from experiments.cli.console import bars
     from experiments.gap.gap import investigate
@@ -108,6 +119,7 @@ def _investigate_and_report(
     for line in summary_lines(found):
         typer.echo(line)
     typer.echo(f"report: {page}   numbers: {folder / 'results.json'}")
+    return found
 
 
 def _tolerances(logs: Sequence[Path], *, rig_file: Path | None, out: Path) -> None:
@@ -139,6 +151,30 @@ def _demo(*, out: Path, json_file: Path | None, seed: int, until: str) -> None:
         + ", ".join(f"{play} rad ({axis})" for axis, play in DEMO_PLAY_RAD.items())
     )
     _investigate_and_report(runs, rig_file=None, out=out, json_file=json_file, until=until)
+
+
+def _guess(*, out: Path, json_file: Path | None, seed: int | None, until: str) -> None:
+    """A person guesses what is hidden, then the analysis; who was nearer is told."""
+    _check_request(json_file, until, out)
+    import secrets
+
+    from experiments.gap import guess
+    from experiments.gap.beside import found_values
+    from experiments.gap.demo import demo_runs
+    from experiments.records.run_folder import writable
+
+    drawn = secrets.randbelow(10**6) if seed is None else seed
+    hidden = guess.draw_plays(drawn)
+    runs = demo_runs(writable(out), seed=drawn, plays_rad=hidden)
+    typer.echo("Somewhere between encoder and plate the joints have play. How much?")
+    for line in guess.clues(runs, seed=drawn):
+        typer.echo(line)
+    yours = {axis: typer.prompt(f"play of {axis} [degrees]", type=float) for axis in "xy"}
+    found = _investigate_and_report(runs, rig_file=None, out=out, json_file=json_file, until=until)
+    sizes = {place: one.value for place, one in found_values(found).items()}
+    for line in guess.score(hidden, yours, sizes):
+        typer.echo(line)
+    typer.echo(f"the same game again: --seed {drawn}")
 
 
 def _blind(
