@@ -52,15 +52,10 @@ def gap(
 ) -> None:
     """Say where the model is wrong, name the missing effect, add it, show the gap shrink."""
     given = [*(logs or [])]
-    if guess and not demo:
-        raise ValueError("--guess is a game of the demo: add --demo")
     if blind_trial:
-        if given and not onto:
-            raise ValueError("--blind-trial makes its own logs; with --onto it takes yours")
-        if onto and not given:
-            raise ValueError("--onto: name the logs to hide effects in")
         _blind(
             given,
+            onto=onto,
             rig_file=rig,
             out=out,
             trials=trials,
@@ -72,15 +67,11 @@ def gap(
         )
     elif tolerances_from:
         _tolerances(given, rig_file=rig, out=out)
-    elif demo:
-        if given:
-            raise ValueError("--demo makes its own logs; leave yours out")
-        if rig is not None:
-            raise ValueError("--demo has a table of its own; leave --rig out")
-        if guess:
-            _guess(out=out, json_file=json_file, seed=seed, until=until)
-        else:
-            _demo(out=out, json_file=json_file, seed=1 if seed is None else seed, until=until)
+    elif demo or guess:
+        if given or rig is not None or not demo:
+            raise ValueError(_no_demo(given, rig))
+        play = _guess if guess else _demo
+        play(out=out, json_file=json_file, seed=seed, until=until)
     else:
         _investigate_and_report(given, rig_file=rig, out=out, json_file=json_file, until=until)
 
@@ -140,12 +131,21 @@ def _tolerances(logs: Sequence[Path], *, rig_file: Path | None, out: Path) -> No
     )
 
 
-def _demo(*, out: Path, json_file: Path | None, seed: int, until: str) -> None:
+def _no_demo(logs: Sequence[Path], rig_file: Path | None) -> str:
+    """Why the demo cannot be done as it was asked for."""
+    if logs:
+        return "--demo, with or without --guess, makes its own logs; leave yours out"
+    if rig_file is not None:
+        return "--demo has a table of its own; leave --rig out"
+    return "--guess is a game of the demo: add --demo"
+
+
+def _demo(*, out: Path, json_file: Path | None, seed: int | None, until: str) -> None:
     _check_request(json_file, until, out)
     from experiments.gap.demo import DEMO_PLAY_RAD, demo_runs
     from experiments.records.run_folder import writable
 
-    runs = demo_runs(writable(out), seed=seed)
+    runs = demo_runs(writable(out), seed=1 if seed is None else seed)
     typer.echo(
         "hidden in the simulated table, unknown to the workflow: joint play of "
         + ", ".join(f"{play} rad ({axis})" for axis, play in DEMO_PLAY_RAD.items())
@@ -180,6 +180,7 @@ def _guess(*, out: Path, json_file: Path | None, seed: int | None, until: str) -
 def _blind(
     logs: Sequence[Path],
     *,
+    onto: bool,
     rig_file: Path | None,
     out: Path,
     trials: int,
@@ -190,6 +191,10 @@ def _blind(
     pairs: bool,
 ) -> None:
     """Blind trials, in the house's simulator or onto the user's logs; prints the table."""
+    if logs and not onto:
+        raise ValueError("--blind-trial makes its own logs; with --onto it takes yours")
+    if onto and not logs:
+        raise ValueError("--onto: name the logs to hide effects in")
     from experiments.blind.command import blind_trial
     from experiments.blind.results_table import rows, show
     from experiments.cli.console import bars
