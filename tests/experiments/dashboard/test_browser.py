@@ -13,9 +13,8 @@ from pathlib import Path
 import pytest
 
 from tests.support.in_browser.page import TABS, Hand, expect
-from tests.support.in_browser.program import FLAGS, PATIENCE_S, Program, sees_table
+from tests.support.in_browser.program import FLAGS, Program
 from tests.support.parts import PARTS
-from tests.support.waiting import wait_for
 
 SIZES = ((1280, 800), (1920, 1080))
 
@@ -62,11 +61,7 @@ def ball_and_plate(page: Hand) -> None:
     page.see("Balancing")
     page.see("ball in sight")
 
-    def seen() -> bool:
-        spread, ball, plate = sees_table(page.view())
-        return spread > 15 and ball > 200 and plate > 5000
-
-    wait_for("ball and plate in the 3-D view", seen, PATIENCE_S, every_s=0.2)
+    page.table_in_view(200, 5000)
     page.see("You are in control")
     page.page.keyboard.down("Shift")
     page.page.mouse.click(600, 420)  # on the plate

@@ -7,8 +7,7 @@ import pytest
 
 from tests.support import ROOT
 from tests.support.in_browser.page import TABS, Hand
-from tests.support.in_browser.program import PATIENCE_S, Program, sees_table
-from tests.support.waiting import wait_for
+from tests.support.in_browser.program import Program
 
 
 @pytest.mark.slow
@@ -23,11 +22,7 @@ def test_a_table_is_balanced_run_and_calibrated_in_the_page(
         page.see("Balancing")
         page.see("ball in sight")
 
-        def seen() -> bool:
-            spread, ball, plate = sees_table(page.view())
-            return spread > 15 and ball > 40 and plate > 2000
-
-        wait_for("ball and plate in the 3-D view", seen, PATIENCE_S, every_s=0.2)
+        page.table_in_view(40, 2000)
         for tab in TABS:
             page.tab(tab)
             page.shot(f"{name}-{tab.lower()}")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from playwright.sync_api import Browser, Error, Locator, Page, TimeoutError, expect
 
-from tests.support.in_browser.program import PATIENCE_S, pixels
+from tests.support.in_browser.program import PATIENCE_S, pixels, sees_table
 from tests.support.waiting import wait_for
 
 TABS = ("Run", "Calibrate", "Results", "Gap", "Replay")
@@ -123,6 +123,15 @@ class Hand:
     def view(self):
         """The 3-D view as BGR."""
         return pixels(self.page.locator("canvas").first.screenshot())
+
+    def table_in_view(self, ball_px: int, plate_px: int) -> None:
+        """Wait until the 3-D view shows more than so many pixels of ball and plate."""
+
+        def seen() -> bool:
+            spread, ball, plate = sees_table(self.view())
+            return spread > 15 and ball > ball_px and plate > plate_px
+
+        wait_for("ball and plate in the 3-D view", seen, PATIENCE_S, every_s=0.2)
 
     def nothing_cut_off(self) -> None:
         """Once the page has laid itself out: that takes a picture or two."""
