@@ -1,7 +1,9 @@
 """What pytest has to know of these tests: which modules assert, and what a run did not try."""
 
+import os
 import re
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -27,3 +29,25 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.get_closest_marker("slow") and not item.get_closest_marker("timeout"):
             item.add_marker(pytest.mark.timeout(1500))
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    """A real browser, for tests that import `tests.support.in_browser`."""
+    from playwright.sync_api import sync_playwright
+
+    from tests.support.in_browser.program import FLAGS
+    from tests.support.parts import PARTS
+
+    with sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=PARTS["chromium"].find(), args=FLAGS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def artefacts(tmp_path: Path) -> Path:
+    """The folder for screenshots: RIG_ARTEFACTS, else one of the test's own."""
+    folder = Path(os.environ.get("RIG_ARTEFACTS", tmp_path / "shots"))
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder

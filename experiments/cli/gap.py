@@ -2,9 +2,12 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from calibration.gap.findings import Findings
 
 Logs = Annotated[
     list[Path] | None,
@@ -33,6 +36,9 @@ def gap(
     demo: Annotated[
         bool, typer.Option(help="Hide a joint play in simulated runs; find it.")
     ] = False,
+    guess: Annotated[
+        bool, typer.Option(help="With --demo: guess the hidden play before the analysis does.")
+    ] = False,
     blind_trial: Annotated[
         bool, typer.Option(help="Hide effects, find them, open the seal, score.")
     ] = False,
@@ -47,12 +53,9 @@ def gap(
     """Say where the model is wrong, name the missing effect, add it, show the gap shrink."""
     given = [*(logs or [])]
     if blind_trial:
-        if given and not onto:
-            raise ValueError("--blind-trial makes its own logs; with --onto it takes yours")
-        if onto and not given:
-            raise ValueError("--onto: name the logs to hide effects in")
         _blind(
             given,
+            onto=onto,
             rig_file=rig,
             out=out,
             trials=trials,
@@ -64,12 +67,11 @@ def gap(
         )
     elif tolerances_from:
         _tolerances(given, rig_file=rig, out=out)
-    elif demo:
-        if given:
-            raise ValueError("--demo makes its own logs; leave yours out")
-        if rig is not None:
-            raise ValueError("--demo has a table of its own; leave --rig out")
-        _demo(out=out, json_file=json_file, seed=1 if seed is None else seed, until=until)
+    elif demo or guess:
+        if given or rig is not None or not demo:
+            raise ValueError(_no_demo(given, rig))
+        play = _guess if guess else _demo
+        play(out=out, json_file=json_file, seed=seed, until=until)
     else:
         _investigate_and_report(given, rig_file=rig, out=out, json_file=json_file, until=until)
 
@@ -90,7 +92,7 @@ def _check_request(json_file: Path | None, until: str, out: Path) -> None:
 
 def _investigate_and_report(
     logs: Sequence[Path], *, rig_file: Path | None, out: Path, json_file: Path | None, until: str
-) -> None:
+) -> "Findings":
     """ValueError, OSError: bad input or an unwritable folder, before any work."""
     from experiments.cli.console import bars
     from experiments.gap.gap import investigate
@@ -108,6 +110,7 @@ def _investigate_and_report(
     for line in summary_lines(found):
         typer.echo(line)
     typer.echo(f"report: {page}   numbers: {folder / 'results.json'}")
+    return found
 
 
 def _tolerances(logs: Sequence[Path], *, rig_file: Path | None, out: Path) -> None:
@@ -128,12 +131,21 @@ def _tolerances(logs: Sequence[Path], *, rig_file: Path | None, out: Path) -> No
     )
 
 
-def _demo(*, out: Path, json_file: Path | None, seed: int, until: str) -> None:
+def _no_demo(logs: Sequence[Path], rig_file: Path | None) -> str:
+    """Why the demo cannot be done as it was asked for."""
+    if logs:
+        return "--demo, with or without --guess, makes its own logs; leave yours out"
+    if rig_file is not None:
+        return "--demo has a table of its own; leave --rig out"
+    return "--guess is a game of the demo: add --demo"
+
+
+def _demo(*, out: Path, json_file: Path | None, seed: int | None, until: str) -> None:
     _check_request(json_file, until, out)
     from experiments.gap.demo import DEMO_PLAY_RAD, demo_runs
     from experiments.records.run_folder import writable
 
-    runs = demo_runs(writable(out), seed=seed)
+    runs = demo_runs(writable(out), seed=1 if seed is None else seed)
     typer.echo(
         "hidden in the simulated table, unknown to the workflow: joint play of "
         + ", ".join(f"{play} rad ({axis})" for axis, play in DEMO_PLAY_RAD.items())
@@ -141,9 +153,34 @@ def _demo(*, out: Path, json_file: Path | None, seed: int, until: str) -> None:
     _investigate_and_report(runs, rig_file=None, out=out, json_file=json_file, until=until)
 
 
+def _guess(*, out: Path, json_file: Path | None, seed: int | None, until: str) -> None:
+    """A person guesses what is hidden, then the analysis; who was nearer is told."""
+    _check_request(json_file, until, out)
+    import secrets
+
+    from experiments.gap import guess
+    from experiments.gap.beside import found_values
+    from experiments.gap.demo import demo_runs
+    from experiments.records.run_folder import writable
+
+    drawn = secrets.randbelow(10**6) if seed is None else seed
+    hidden = guess.draw_plays(drawn)
+    runs = demo_runs(writable(out), seed=drawn, plays_rad=hidden)
+    typer.echo("Somewhere between encoder and plate the joints have play. How much?")
+    for line in guess.clues(runs, seed=drawn):
+        typer.echo(line)
+    yours = {axis: typer.prompt(f"play of {axis} [degrees]", type=float) for axis in "xy"}
+    found = _investigate_and_report(runs, rig_file=None, out=out, json_file=json_file, until=until)
+    sizes = {place: one.value for place, one in found_values(found).items()}
+    for line in guess.score(hidden, yours, sizes):
+        typer.echo(line)
+    typer.echo(f"the same game again: --seed {drawn}")
+
+
 def _blind(
     logs: Sequence[Path],
     *,
+    onto: bool,
     rig_file: Path | None,
     out: Path,
     trials: int,
@@ -154,6 +191,10 @@ def _blind(
     pairs: bool,
 ) -> None:
     """Blind trials, in the house's simulator or onto the user's logs; prints the table."""
+    if logs and not onto:
+        raise ValueError("--blind-trial makes its own logs; with --onto it takes yours")
+    if onto and not logs:
+        raise ValueError("--onto: name the logs to hide effects in")
     from experiments.blind.command import blind_trial
     from experiments.blind.results_table import rows, show
     from experiments.cli.console import bars

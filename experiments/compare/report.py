@@ -10,6 +10,7 @@ from experiments.compare.figures import (
     effect_figure,
     map_figure,
 )
+from experiments.compare.glossary import glossary
 from experiments.compare.grid import Grid
 from experiments.reports.report import (
     Picture,
@@ -65,6 +66,14 @@ def write_report(results: dict, rig: Rig, grid: Grid, out: Path) -> Path:
                 "Which compensator helps, and when",
                 [*results["words"][1:], Pictures(overview, wide=True)],
             ),
+            Section(
+                "What is compared",
+                [
+                    Table(
+                        ["condition", "definition"], glossary(results["cells"][0]["arms"]), words=2
+                    )
+                ],
+            ),
             Section("A telling case", [Pictures(closer)]),
             Section("Every cell", [_table(results)]),
             recompute_section("", "rig compare"),
@@ -74,7 +83,7 @@ def write_report(results: dict, rig: Rig, grid: Grid, out: Path) -> Path:
 
 def _table(results: dict) -> Table:
     """A row a cell and condition: means, gain over no compensator, verdicts."""
-    head = ["cell", "arm", "mean [cm]", "servo activity [rad]", "gain [cm] [95 %]"]
+    head = ["cell", "condition", "mean [cm]", "servo activity [rad]", "gain [cm] [95 %]"]
     head += ["p (Holm)", "verdict", "at equal activity"]
     rows = []
     for cell in results["cells"]:

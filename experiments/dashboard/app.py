@@ -27,13 +27,16 @@ from experiments.dashboard.tabs.header import Header, set_looks
 from experiments.dashboard.tabs.replay import ReplayTab
 from experiments.dashboard.tabs.results import ResultsTab
 from experiments.dashboard.tabs.run import RunTab
+from experiments.dashboard.tabs.tour import Tour, both_completed
 from experiments.dashboard.view.backlash_gauges import BacklashGauges
 from experiments.dashboard.view.camera_view import NO_FILM, RESTS, CameraView
 from experiments.dashboard.view.curves import FILM, Curves
 from experiments.dashboard.view.ghost import Ghost
+from experiments.dashboard.view.portrait import Portrait
 from experiments.dashboard.view.pose import plate_point
 from experiments.dashboard.view.scene import TableScene, legend_words, light
 from experiments.dashboard.view.side_plates import SidePlates
+from experiments.dashboard.view.view_points import add_view_points
 from experiments.runs.hardware import is_hardware
 from rig.log import INDEX, shown_angles
 from rig.loop.loop import Ending
@@ -76,6 +79,7 @@ class App:
             WorkerProcess(),
         )  # no figure waits for an analysis
         self.playback: Playback | None = None
+        self._replayed = False  # a recorded run was shown
         self.controls = Controls(self.notify, self.session.note)
         admit_values(server, self.controls)
         shell = shell_of(server)
@@ -107,9 +111,12 @@ class App:
         panel = gui.add_panel()
         with panel.add_tab("Live curves"):
             self.curves = Curves(server, self.rig.servo)
+        with panel.add_tab("Swing"):
+            self.portrait = Portrait(server, self.rig.servo)
         with panel.add_tab("Camera"):
             self.camera.add_widgets(self.controls)
         with panel.add_tab("Legend"):
+            add_view_points(server, self.controls, self.clients)
             gui.add_markdown(legend_words(self.session.table.real))
         panel.dock_left()
         panel.set_width(330)
@@ -133,6 +140,7 @@ class App:
         out, rows = self.out, lambda: self.results.rows
         tabs = server.gui.add_tab_group(order=0)
         with tabs.add_tab("Run"):
+            self.tour = Tour(server, self._steps_done, visible=not self.session.table.real)
             self.run_tab = RunTab(server, controls, self.session, lambda: self.show_playback(None))
         with tabs.add_tab("Calibrate"):
             self.calibrate = CalibrateTab(
@@ -163,9 +171,21 @@ class App:
         self.replay.refresh()
         self.gap.refresh()
 
+    def _steps_done(self) -> tuple[bool, ...]:
+        """Which steps of the tour are done."""
+        both = both_completed(self.results.rows)
+        return (
+            both,
+            both and self.results.compared,
+            self._replayed,
+            "play" in self.calibrate.accepted,
+            self.gap.answer is not None,
+        )
+
     def show_playback(self, playback: Playback | None) -> None:
         """Show a film in place of the live table on every page; None: the live table again."""
         self.playback = playback
+        self._replayed = self._replayed or (playback is not None and playback.film is not None)
         self.camera.hide()
         if playback is None or playback.models is None:
             self.gap.take_map_off()  # it is of what was analysed, not of what is shown
@@ -290,7 +310,9 @@ class App:
             elif video is None:
                 self.camera.hide(NO_FILM)
             return
-        if self.session.status.state == "stopped" and isinstance(self.eye, VirtualCamera):
+        if self.session.status.state in ("at rest", "stopped") and isinstance(
+            self.eye, VirtualCamera
+        ):
             self.camera.hide(RESTS if self.camera.wanted else "")
             return
         fresh = now.row is not None and now.row[0] - now.seen_s < UNSEEN_S
@@ -300,6 +322,7 @@ class App:
         """Lines, bars and curves: ten times a second."""
         status = self.session.status
         self.header.draw(now, status, self.rig.control_rate_hz, film=self.playback is not None)
+        self.tour.draw()
         self.run_tab.draw(status, list(self.events))
         self.results.draw(running=status.state == "running")
         self.replay.draw()
@@ -308,8 +331,11 @@ class App:
         if self.playback is not None:
             rows = self.playback.curve()
             self.curves.rest(FILM) if rows is None else self.curves.draw(rows)
+            if rows is not None:
+                self.portrait.draw(rows)
         elif fresh:
-            self.curves.draw(self.live.curve())
+            self.curves.draw(curve := self.live.curve())
+            self.portrait.draw(curve)
             self.scene.draw_trail(self.live.trail(), self.live.centroid.xy_m)
 
     def _draw_playback(self, playback: Playback) -> None:

@@ -1,5 +1,6 @@
 """The demo of `rig gap`: runs of a virtual table with a joint play that its rig file lacks."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,15 +12,25 @@ from rig.parameters import Rig
 DEMO_PLAY_RAD = {"x": 0.035, "y": 0.020}  # 2.0 and 1.1 degrees at the servo shaft
 
 
-def demo_runs(out: Path, *, seed: int, progress: ProgressCall = silent) -> list[Path]:
+def demo_plant(plays_rad: Mapping[str, float]) -> Rig:
+    """The demo's table with these joint plays (axis -> full width at the servo)."""
+    plays = {axis: {"play_rad": play} for axis, play in plays_rad.items()}
+    return replace(Rig(), effects={"joint_backlash": plays})
+
+
+def demo_runs(
+    out: Path,
+    *,
+    seed: int,
+    plays_rad: Mapping[str, float] = DEMO_PLAY_RAD,
+    progress: ProgressCall = silent,
+) -> list[Path]:
     """Record the runs `steps`, `sine-sweep` and `free-release` in out/runs; return their folders.
 
-    Simulated with the joint play DEMO_PLAY_RAD, which the recorded rig file lacks, and the seeds
+    Simulated with joint plays (axis -> full width) that the recorded rig file lacks, and the seeds
     `seed` to `seed` + 2. OSError: the folder cannot be written.
     """
-    nominal = Rig()
-    plays = {axis: {"play_rad": play} for axis, play in DEMO_PLAY_RAD.items()}
-    plant = replace(nominal, effects={"joint_backlash": plays})
+    nominal, plant = Rig(), demo_plant(plays_rad)
     runs = []
     for i, name in enumerate(("steps", "sine-sweep", "free-release")):
         progress("recording the demo's runs", i, 3)

@@ -1,6 +1,7 @@
 """`gap.html`: what is missing from the model, for someone who knows the lab but not the method."""
 
 from collections.abc import Sequence
+from math import degrees
 from pathlib import Path
 
 from calibration.gap.findings import Findings
@@ -202,6 +203,19 @@ def _servo_blocks(found: Findings) -> list[Block]:
     return blocks
 
 
+# What `rig.prediction.innovations.noise` names: words, unit as shown, factor from SI.
+NOISES = {
+    "servo_process": ("servo's speed, random walk", "deg/s per root of a second", degrees(1)),
+    "servo_measured": ("reading of a servo's angle", "deg", degrees(1)),
+    "ball_process": ("ball's velocity, random walk", "mm/s per root of a second", 1e3),
+    "ball_measured": ("ball's place as seen", "mm", 1e3),
+    "ball_memory_s": ("time in which an error of the camera fades (0: none lasts)", "ms", 1e3),
+}
+
+
 def _noise_table(found: Findings) -> Table:
-    rows = [[key.replace("_", " "), sig(value)] for key, value in found.noise.items()]
-    return Table(("noise, as estimated on the logs (SI units)", "value"), rows)
+    rows = []
+    for key, value in found.noise.items():
+        name, unit, factor = NOISES[key]
+        rows.append([name, sig(factor * value), unit])
+    return Table(("noise, as estimated on the logs", "value", "unit"), rows)

@@ -1,8 +1,10 @@
 """The loop in a process of its own, so that nothing that the program does makes a tick late.
 
 The program's side (`LoopProcess`) starts it, drains rows and events, sends commands and learns the
-ending. The loop's side (`_work`) builds the table from a recipe, asks for real time and runs. When
-the program dies, the loop sees it at its next tick and ends at level and 0 V.
+ending. The loop's side (`_work`) gets ready, asks for real time, waits for the program's word that
+the table may be opened, builds it from a recipe and runs. A stop before that word ends the process
+at once: no table was opened, no volts were given. When the program dies, the loop sees it at its
+next tick and ends at level and 0 V.
 """
 
 import multiprocessing
@@ -27,12 +29,15 @@ from rig.loop.jitter import Jitter
 from rig.loop.loop import Ending, Loop, ending_of, run_controlled
 from rig.loop.realtime import go_realtime
 from rig.loop.shared_channel import (
+    AT_REST,
     ENDING,
+    READY,
     RUNNING,
     STARTING,
     SharedChannel,
     SharedCommandSlot,
     take_commands,
+    take_stop,
 )
 from rig.loop.signals import stop_on_signals
 from rig.operator import Operator
@@ -45,12 +50,11 @@ PARENT_SILENT_S = 2.0  # a program that hangs for so long looks after nothing
 LOOP_SILENT_S = 1.0  # a loop that hangs for so long is ended by force
 # So long may a method of a user's controller be silent that cannot be interrupted from inside.
 PATIENCE_S = {"start": START_S + 1.0, "control": LOOP_SILENT_S, "end": END_S + 1.0}
-CONTROL_SHARE = (
-    0.8  # of the lateness at which a board gives up: so the loop levels the plate itself
-)
+CONTROL_SHARE = 0.8  # of the lateness at which a board gives up: so the loop levels the plate
 BEAT_S = 0.05
 DRAIN_S = 0.01
 WARM_TICKS = 25
+WORD_S = 0.002  # a loop that is ready looks so often for the program's word
 _THETA = INDEX["theta_x_rad"]
 
 
@@ -94,12 +98,23 @@ class _Inbox:
         self._box, self._parent = box, parent
 
     def take(self) -> list[Command]:
+        lost = self._lost()
+        return [lost] if lost else self.signals.take() or take_commands(self._box)
+
+    def stop(self) -> Stop | None:
+        """The stop that was put; other commands stay where they are."""
+        for command in self.signals.take():
+            if isinstance(command, Stop):
+                return command
+        return self._lost() or take_stop(self._box)
+
+    def _lost(self) -> Stop | None:
         self._box.beat("loop_s")
         if os.getppid() != self._parent:
-            return [Stop("the program that started the loop has died", "program lost")]
+            return Stop("the program that started the loop has died", "program lost")
         if self._box.silent_s("parent_s") > PARENT_SILENT_S:
-            return [Stop(f"the program was silent for {PARENT_SILENT_S:g} s", "program lost")]
-        return self.signals.take() or take_commands(self._box)
+            return Stop(f"the program was silent for {PARENT_SILENT_S:g} s", "program lost")
+        return None
 
     def put(self, command: Command) -> None:
         self.signals.put(command)
@@ -148,10 +163,13 @@ def _work(job: Job, box: SharedChannel, parent: int, result: Connection) -> None
     def run() -> Ending:
         warm_up(job)
         report.update(go_realtime() if job.realtime else {})
+        stop = _wait_for_word(box, inbox)
+        if stop is not None:
+            return Ending(stop.outcome, stop.reason)
         return _run(job, box, inbox, jitter, controller)
 
     def tell(ending: Ending) -> None:
-        box.beat("loop_s", ENDING)
+        box.beat("loop_s")
         values = jitter.values_us[: jitter.ticks]
         with suppress(OSError):  # the program may be gone
             result.send((ending, {"jitter": jitter.record(), "realtime": report}, values))
@@ -165,6 +183,17 @@ def _work(job: Job, box: SharedChannel, parent: int, result: Connection) -> None
     tell(ending)
     result.close()
     box.close()
+
+
+def _wait_for_word(box: SharedChannel, inbox: _Inbox) -> Stop | None:
+    """Wait until the program allows the table to be opened; a stop that came before, else None."""
+    box.beat("loop_s", READY)
+    while not box.may_open:
+        stop = inbox.stop()
+        if stop is not None:
+            return stop
+        time.sleep(WORD_S)
+    return inbox.stop()  # one that crossed the word on its way
 
 
 def _controller(job: Job, box: SharedChannel) -> WatchedController | None:
@@ -214,24 +243,28 @@ def _run(
             control_s=CONTROL_SHARE * limits.late_s,
         )
         try:
-            return loop.run()
+            ending = loop.run()
         finally:
             box.beat("loop_s", ENDING)
+    box.beat("loop_s", AT_REST)
+    return ending
 
 
 # --- the program's side ---
 class LoopProcess:
     """A run in its own process, which is started at once. `put` takes commands from any thread.
 
-    After `run`: notes (as run.json keeps them: jitter, realtime, lost_rows, lost_events) and
-    late_us (lateness of the first `Job.trace` ticks).
+    at_rest: whether the table is at 0 V for good, as it was left or is never opened. After `run`:
+    notes (as run.json keeps them: jitter, realtime, lost_rows, lost_events) and late_us (lateness
+    of the first `Job.trace` ticks).
     """
 
     def __init__(self, job: Job) -> None:
-        self._box = SharedChannel()
+        self._box, self._over = SharedChannel(), threading.Event()
         self._commands = SharedCommandSlot(self._box)
         self._controller, self._hung = job.controller.rpartition(":")[2], ""
-        self.put = self._commands.put
+        self._lock = threading.RLock()  # a signal's handler may put while its own thread does
+        self._word_given, self._refused, self.at_rest = False, None, False
         self.notes: dict = {}
         self.late_us: list[float] = []
         context = multiprocessing.get_context("spawn")
@@ -240,7 +273,6 @@ class LoopProcess:
         self._box.beat("loop_s")
         arguments = (job, self._box, os.getpid(), there)
         self._process = context.Process(target=_work, args=arguments, name="loop", daemon=True)
-        self._over = threading.Event()
         self._pulse = threading.Thread(target=self._beat, daemon=True, name="pulse")
         self._process.start()
         there.close()
@@ -250,6 +282,28 @@ class LoopProcess:
     def pid(self) -> int:
         """Number of the loop's process; 0 before it was started."""
         return self._process.pid or 0
+
+    def put(self, command: Command) -> None:
+        """Send a command to the loop; of several stops the first is kept. A stop before the table
+        was opened keeps it closed. Nothing after the run. TypeError: no command.
+        """
+        with self._lock:
+            if self._over.is_set():
+                return
+            self._commands.put(command)
+            if isinstance(command, Stop) and not self._word_given:
+                self._refused, self.at_rest = self._refused or command, True
+
+    def kill(self) -> None:
+        """End the loop's process by force: for one that has not opened its table, or hangs."""
+        self._process.kill()
+
+    def _give_word(self) -> None:
+        """Allow a loop that is ready to open the table, unless a stop came before."""
+        with self._lock:
+            if self._refused is None and self._box.state == READY:
+                self._word_given = True
+                self._box.allow_to_open()
 
     def _beat(self) -> None:
         while not self._over.wait(BEAT_S):
@@ -268,6 +322,7 @@ class LoopProcess:
         """
         try:
             while not self._result.poll(DRAIN_S) and not self._dead():
+                self._give_word()
                 self._drain(keep, event)
             ending = self._ending()
             self._drain(keep, event)
@@ -283,17 +338,22 @@ class LoopProcess:
             self._close()
 
     def _drain(self, keep, event) -> None:
+        self.at_rest = self.at_rest or self._box.state == AT_REST
         for row in self._box.rows.read():
             keep(row)
         for t_s, text in self._box.take_events():
             event(t_s, text)
 
     def _dead(self) -> bool:
-        """The loop's process is gone, or hangs and is ended."""
+        """The loop's process is gone, or is ended: it hangs, or has nothing to do any more."""
         if not self._process.is_alive():
             return not self._result.poll()
+        if self._refused is not None and not self._controller:  # a user's is told how it ended
+            self._process.kill()
+            self._process.join()
+            return True
         method = self._box.called
-        running = int(self._box.pulse.array["state"][0]) == RUNNING
+        running = self._box.state == RUNNING
         patience_s = PATIENCE_S.get(method, LOOP_SILENT_S if running else inf)
         if self._box.silent_s("loop_s") > patience_s:
             self._process.kill()
@@ -316,6 +376,8 @@ class LoopProcess:
         if ending is not None:
             said = "; ".join(filter(None, (ending.reason, self._hung)))
             return replace(ending, reason=said)
+        if self._refused is not None:
+            return Ending(self._refused.outcome, self._refused.reason)
         self._process.join(1.0)
         died = f"its process ended with {self._process.exitcode}"
         method = self._box.called
@@ -324,7 +386,8 @@ class LoopProcess:
         return Ending("loop died", self._hung or died)
 
     def _close(self) -> None:
-        self._over.set()
+        with self._lock:
+            self._over.set()
         self._pulse.join()
         self._process.join(2.0)
         if self._process.is_alive():

@@ -26,11 +26,12 @@ PULSE = np.dtype(
         ("loop_s", np.float64),
         ("state", np.int64),
         ("called", np.int64),
+        ("may_open", np.int64),
     ]
 )
 CALLED = ("", "start", "control", "end")  # method of a user's controller that the loop is in
 PUSH, TARGET, OWN_TARGET, GAINS = range(4)
-STARTING, RUNNING, ENDING = range(3)
+STARTING, READY, RUNNING, ENDING, AT_REST = range(5)  # READY: to open the table; AT_REST: at 0 V
 
 
 def encode(text: str, size: int = TEXT) -> bytes:
@@ -43,7 +44,8 @@ class SharedChannel:
 
     rows: ring of rows (len(COLUMNS),); events: of times and texts; commands; stops: a ring of
     their own, of which the first counts; pulse: when each side last gave a sign of life, the
-    loop's state, and the method of a user's controller that it is in.
+    loop's state, the method of a user's controller that it is in, and whether the program allows
+    the loop to open the table.
     """
 
     def __init__(self) -> None:
@@ -72,6 +74,20 @@ class SharedChannel:
         self.pulse.array[side][0] = time.monotonic()
         if state is not None:
             self.pulse.array["state"][0] = state
+
+    @property
+    def state(self) -> int:
+        """The loop's state: STARTING, READY, RUNNING, ENDING or AT_REST."""
+        return int(self.pulse.array["state"][0])
+
+    @property
+    def may_open(self) -> bool:
+        """Whether the program allows the loop to open the table."""
+        return bool(self.pulse.array["may_open"][0])
+
+    def allow_to_open(self) -> None:
+        """Allow the loop to open the table; to be called in the program."""
+        self.pulse.array["may_open"][0] = 1
 
     def call(self, method: str) -> None:
         """Note that the loop calls a user's controller: one of CALLED, "" when it has returned."""
@@ -117,15 +133,21 @@ def _packed(command: Command) -> tuple[int, tuple[float, float, float]]:
     raise TypeError(f"{command!r} is no command")
 
 
+def take_stop(box: SharedChannel) -> Stop | None:
+    """Return the stop that was put, None: none was. To be called in the loop's process."""
+    if box.stopped is None and box.stops.news:
+        for stop in box.stops.read():
+            box.stopped = Stop(stop["reason"].decode(), stop["outcome"].decode())
+    return box.stopped
+
+
 def take_commands(box: SharedChannel) -> list[Command]:
     """Return the commands put since the last call; a stop alone when there is one. To be called in
     the loop's process.
     """
-    if box.stopped is None and box.stops.news:
-        for stop in box.stops.read():
-            box.stopped = Stop(stop["reason"].decode(), stop["outcome"].decode())
-    if box.stopped is not None:
-        return [box.stopped]
+    stop = take_stop(box)
+    if stop is not None:
+        return [stop]
     if not box.commands.news:
         return []
     return [_unpacked(int(order["kind"]), order["numbers"]) for order in box.commands.read()]

@@ -18,12 +18,12 @@ import numpy as np
 CLIENTS = 4
 
 
-async def _watch(port: int, cookie: str) -> None:
+async def _watch(port: int, path: str, cookie: str) -> None:
     import viser
     from websockets.asyncio.client import connect
 
     async with connect(
-        f"ws://127.0.0.1:{port}/",
+        f"ws://127.0.0.1:{port}{path}",
         origin=f"http://127.0.0.1:{port}",  # pyright: ignore[reportArgumentType]
         additional_headers={"Cookie": cookie},
         subprotocols=[f"viser-v{viser.__version__}"],  # pyright: ignore[reportArgumentType]
@@ -34,11 +34,11 @@ async def _watch(port: int, cookie: str) -> None:
             pass
 
 
-def watch(port: int, cookie: str) -> None:
+def watch(port: int, path: str, cookie: str) -> None:
     """Four pages, until they are ended."""
 
     async def all_of_them() -> None:
-        await asyncio.gather(*(_watch(port, cookie) for _ in range(CLIENTS)))
+        await asyncio.gather(*(_watch(port, path, cookie) for _ in range(CLIENTS)))
 
     asyncio.run(all_of_them())
 
@@ -55,10 +55,8 @@ class Pages:
 
     def __init__(self, gate, on: bool) -> None:
         cookie = f"{gate.cookie}={gate.token}"
-        context = multiprocessing.get_context("spawn")
-        self._process = (
-            context.Process(target=watch, args=(gate.port, cookie), daemon=True) if on else None
-        )
+        context, asked = multiprocessing.get_context("spawn"), (gate.port, gate.path, cookie)
+        self._process = context.Process(target=watch, args=asked, daemon=True) if on else None
 
     def __enter__(self) -> None:
         if self._process is not None:

@@ -54,6 +54,7 @@ MEASUREMENTS = {
         "worlds.py --out out/benchmarks/worlds --seeds 1 --first-seed 400 --jobs 2", 10
     ),
     "page-load": Measurement("dashboard_load.py --pairs 8 --seconds 12 --minutes 30", 40),
+    "stopping": Measurement("stopping.py --tries 6", 8),
     "position-help": Measurement("position_help.py --picture .github/pictures/position.png", 20),
     "next-experiment": Measurement("next_experiments.py --draws 3 --seed 7", 15),
 }

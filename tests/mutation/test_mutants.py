@@ -1,6 +1,9 @@
 """Every mutant of the safety code dies, or stands here with the proof that it is no other code."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
+from types import ModuleType
 
 import pytest
 
@@ -15,7 +18,7 @@ from tests.experiments.records import test_recording
 from tests.mutation import suites
 from tests.mutation.mutate import survivors
 from tests.rig.hardware.network import test_client_watchdog as test_served
-from tests.rig.hardware.network import test_remote_wire
+from tests.rig.hardware.network import test_remote_wire, test_seat
 from tests.rig.safety import test_levelling
 from tests.rig.safety import test_monitor as test_guard
 from tests.support import ROOT, limiter_laws
@@ -57,52 +60,19 @@ def test_every_mutant_of_the_limiter_dies():
     assert not unexplained(alive), "\n".join(unexplained(alive))
 
 
-GUARD_TESTS = [
-    name
-    for name in vars(test_guard)
-    if name.startswith("test_") and "healthy" not in name and "never_raises" not in name
-]
+@dataclass(frozen=True)
+class Guarded:
+    """A file whose mutants have to die under the tests of a module.
 
-
-@pytest.mark.slow
-def test_every_mutant_of_the_guard_dies():
-    names = suites.quickest_first(test_guard, GUARD_TESTS)
-    check = partial(suites.run_tests, test_guard, names=names)
-    count, alive = survivors(ROOT / "rig/safety/monitor.py", check)
-    assert count > 150
-    assert not unexplained(alive), "\n".join(unexplained(alive))
-
-
-def dies(path: str, tests, names=(), only=()) -> tuple[int, list[str]]:
-    """Mutants of a file under tests of a module: how many, and who lives unexplained.
-
-    names: of the tests, none for all; only: the classes and functions that are changed.
+    least: so many mutants there are at least; wanted: which of the tests, by name; only: the
+    classes and functions that are changed, none for all.
     """
-    names = names or [name for name in vars(tests) if name.startswith("test_")]
-    check = partial(suites.run_tests, tests, names=suites.quickest_first(tests, names))
-    count, alive = survivors(ROOT / path, check, only)
-    return count, unexplained(alive)
 
-
-@pytest.mark.slow
-def test_every_mutant_of_the_watchdog_over_a_served_table_dies():
-    count, alive = dies("rig/hardware/network/client_watchdog.py", test_served)
-    assert count > 60
-    assert not alive, "\n".join(alive)
-
-
-@pytest.mark.slow
-def test_every_mutant_of_the_seal_dies():
-    count, alive = dies("rig/hardware/network/remote_wire.py", test_remote_wire)
-    assert count > 60
-    assert not alive, "\n".join(alive)
-
-
-@pytest.mark.slow
-def test_every_mutant_of_levelling_dies():
-    count, alive = dies("rig/safety/levelling.py", test_levelling)
-    assert count > 30
-    assert not alive, "\n".join(alive)
+    path: str
+    tests: ModuleType
+    least: int
+    wanted: Callable[[str], bool] = lambda name: True
+    only: tuple[str, ...] = ()
 
 
 # Tests of the gate that ask for patches, pages of viser's or thousands of examples.
@@ -112,55 +82,50 @@ NOT_OF_THE_GATE = (
     "test_nobody_listens_to_the_whole_network_unasked",
     "test_the_page_runs_the_scripts_of_visers_page_and_of_its_bar_and_no_others",
 )
-
-
-@pytest.mark.slow
-def test_every_mutant_of_the_gate_dies():
-    tests = vars(test_security)
-    names = [one for one in tests if one.startswith("test_") and one not in NOT_OF_THE_GATE]
-    count, alive = dies("experiments/dashboard/server/security.py", test_security, names)
-    assert count > 90
-    assert not alive, "\n".join(alive)
-
-
-@pytest.mark.slow
-def test_every_mutant_of_the_control_lock_dies():
-    names = [one for one in vars(test_controls) if one.startswith("test_") and "control" in one]
-    path, only = "experiments/dashboard/server/controls.py", ("ControlLock",)
-    count, alive = dies(path, test_controls, names, only)
-    assert count > 30
-    assert not alive, "\n".join(alive)
-
-
-@pytest.mark.slow
-def test_every_mutant_of_recover_dies():
-    tests = vars(test_recording)
-    names = [one for one in tests if one.startswith(("test_recover", "test_a_system"))]
-    only = ("recover", "being_recorded", "_keep_damaged", "_is_locked", "_lock")
-    count, alive = dies("experiments/records/recording.py", test_recording, names, only)
-    assert count > 40
-    assert not alive, "\n".join(alive)
-
-
-@pytest.mark.slow
-def test_every_mutant_of_the_filter_of_messages_dies():
-    count, alive = dies("experiments/dashboard/server/messages.py", test_messages)
-    assert count > 25
-    assert not alive, "\n".join(alive)
+SERVER, NETWORK = "experiments/dashboard/server", "rig/hardware/network"
+FILES = {
+    "monitor": Guarded(
+        "rig/safety/monitor.py",
+        test_guard,
+        150,
+        lambda name: "healthy" not in name and "never_raises" not in name,
+    ),
+    "levelling": Guarded("rig/safety/levelling.py", test_levelling, 30),
+    "watchdog": Guarded(f"{NETWORK}/client_watchdog.py", test_served, 60),
+    "seal": Guarded(f"{NETWORK}/remote_wire.py", test_remote_wire, 60),
+    "greetings": Guarded(f"{NETWORK}/greetings.py", test_seat, 30),
+    "seat": Guarded(f"{NETWORK}/serve.py", test_seat, 60, only=("Server",)),
+    "gate": Guarded(
+        f"{SERVER}/security.py", test_security, 90, lambda name: name not in NOT_OF_THE_GATE
+    ),
+    "lock": Guarded(
+        f"{SERVER}/controls.py", test_controls, 30, lambda name: "control" in name, ("ControlLock",)
+    ),
+    "controls": Guarded(
+        f"{SERVER}/controls.py",
+        test_controls,
+        40,
+        only=("ControlPanelQueue", "InputRules", "Controls"),
+    ),
+    "messages": Guarded(f"{SERVER}/messages.py", test_messages, 25),
+    "shell": Guarded(f"{SERVER}/shell.py", test_shell_answers, 10),
+    "recover": Guarded(
+        "experiments/records/recording.py",
+        test_recording,
+        40,
+        lambda name: name.startswith(("test_recover", "test_a_system")),
+        ("recover", "being_recorded", "_keep_damaged", "_is_locked", "_lock"),
+    ),
+}
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")  # of mutants
-def test_every_mutant_of_the_controls_dies():
-    """Who may press and set what, in which order, and what STOP refuses."""
-    path = "experiments/dashboard/server/controls.py"
-    count, alive = dies(path, test_controls, (), ("ControlPanelQueue", "InputRules", "Controls"))
-    assert count > 40
-    assert not alive, "\n".join(alive)
-
-
-@pytest.mark.slow
-def test_every_mutant_of_the_shell_dies():
-    count, alive = dies("experiments/dashboard/server/shell.py", test_shell_answers)
-    assert count > 10
-    assert not alive, "\n".join(alive)
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("file", FILES.values(), ids=FILES)
+def test_every_mutant_dies(file: Guarded):
+    names = [one for one in vars(file.tests) if one.startswith("test_") and file.wanted(one)]
+    check = partial(suites.run_tests, file.tests, names=suites.quickest_first(file.tests, names))
+    count, alive = survivors(ROOT / file.path, check, file.only)
+    assert count > file.least
+    assert not unexplained(alive), "\n".join(unexplained(alive))

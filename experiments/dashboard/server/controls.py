@@ -136,7 +136,8 @@ class Controls:
     """Connects buttons and inputs of the pages to the queue, the lock and the checks of values.
 
     `notify(page, title, text)` shows a message on a page (None: on all pages); `note(text)` adds a
-    line to the run's events.
+    line to the run's events. reserved: the elements that only the page that holds the controls may
+    use.
     """
 
     def __init__(
@@ -145,6 +146,7 @@ class Controls:
         self.lock = ControlLock()
         self._stops = 0  # presses of STOP so far
         self._rules: dict[int, InputRules] = {}  # by id of the handle: handles have no hash
+        self.reserved: list[Any] = []
         self._notify, self._note = notify, note
         self._last_notice: tuple[int | None, str, str] | None = None
         self._last_notice_s = -REPEAT_S
@@ -200,6 +202,8 @@ class Controls:
             self._enqueue(what, do, page)
 
         self._on_press(handle, what, pressed)
+        if not everybody and not hasattr(handle, "on_trigger"):
+            self.reserved.append(handle)
 
     def stop(self, who: str, act: Callable[[str], None], page: int | None = None) -> None:
         """Call `act(who)` here and now, whatever waits in the queue, for anybody; from any thread.
@@ -245,6 +249,7 @@ class Controls:
             self._enqueue(label, do, page)
 
         self._rules[id(handle)] = InputRules("press", partial(choice, options=options), use)
+        self.reserved.append(handle)
 
     def value(
         self,
@@ -282,11 +287,14 @@ class Controls:
                 handle.value = checked.now
 
         self._rules[id(handle)] = InputRules(what, clean, use, everybody)
+        if not everybody:
+            self.reserved.append(handle)
         return checked
 
     def forget(self, handle: Any) -> None:
         """Take no more values for an input that leaves the page."""
         self._rules.pop(id(handle), None)
+        self.reserved = [one for one in self.reserved if one is not handle]
 
     def cleaned(self, page: int, handle: Any, raw: Any) -> Any:
         """The value to store when a page sends `raw` for the input `handle`: converted and clamped.

@@ -11,9 +11,27 @@ from typing import TYPE_CHECKING, Any
 from experiments.dashboard.server.controls import Controls
 
 if TYPE_CHECKING:
-    from viser import ViserServer
+    from viser import ClientHandle, ViserServer
 
 LONGEST = 1 << 16  # bytes of a message; chosen: a page's own are shorter than 1 kB
+
+
+def tell_page(client: "ClientHandle", handle: Any, **properties: Any) -> None:
+    """Show an element of all pages with other properties (disabled, visible, value) on one page."""
+    from viser import _messages as messages
+
+    message = messages.GuiUpdateMessage(handle._impl.uuid, properties)
+    client._websock_connection.queue_message(message)
+
+
+def show_usable(client: "ClientHandle", handle: Any, *, usable: bool) -> None:
+    """Grey an element of all pages on one page that may not use it."""
+    from viser import GuiButtonGroupHandle
+
+    if isinstance(handle, GuiButtonGroupHandle):  # viser cannot disable these
+        tell_page(client, handle, visible=usable and handle.visible)
+    else:
+        tell_page(client, handle, disabled=not usable)
 
 
 def admit_values(server: "ViserServer", controls: Controls) -> None:
@@ -43,8 +61,7 @@ def admit_values(server: "ViserServer", controls: Controls) -> None:
             controls.use(page, handle, value)
         client = server._connected_clients.get(page)
         if value != raw and client is not None:  # the page shows what it asked for
-            shown = messages.GuiUpdateMessage(message.uuid, {"value": value})
-            client._websock_connection.queue_message(shown)
+            tell_page(client, handle, value=value)
 
     admitted = {
         messages.GuiUpdateMessage: [update],

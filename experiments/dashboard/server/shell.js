@@ -6,7 +6,8 @@
     GIVEN_UP_MS = 30000;
   const STATES = {
     starting: "Starting", balancing: "Balancing", running: "Run is on",
-    pause: "Pause between runs", stopped: "Stopped, motors at 0 V",
+    pause: "Pause between runs", stopping: "Stopping: the plate is levelled",
+    "at rest": "Stopped, motors at 0 V", stopped: "Stopped, motors at 0 V",
   };
   const SWITCH = "The motors may still have power: use the switch.";
   const here = location.pathname.replace(/\/+$/, "");
@@ -71,9 +72,8 @@
     gone = false;
     again.hidden = true;
     document.documentElement.classList.remove("rig-lost");
-    if (state.state === "stopped") stoppingAt = null;
+    if (state.state === "stopped" || state.state === "at rest") stoppingAt = null;
     if (stoppingAt === null) write(STATES[state.state] || state.state, state.state);
-    else if (state.state === "starting") write("Stopping before anything moves ...", "stopping");
     else if (Date.now() - stoppingAt > LONG_MS) write("STOP takes long: use the switch.", "lost");
   };
   const lost = (error) => {
@@ -117,6 +117,10 @@
     const open = document.activeElement?.getAttribute("aria-expanded") === "true";
     if (!open) halt();
   }, true);
+  // On a phone the table stands above viser's sheet, which folds.
+  const sheet = () => document.querySelector('.mantine-Paper-root[style*="position: fixed"]');
+  setInterval(() => document.documentElement.style.setProperty(
+    "--rig-sheet", `${sheet()?.offsetHeight || 0}px`), 500);
   addEventListener("visibilitychange", () => { if (!document.hidden) poll(); });
   poll();
 })();

@@ -67,11 +67,12 @@ def planned_runs(plan: RunPlan) -> list[PlannedRun]:
 class SessionStatus:
     """What the session does.
 
-    state: starting, balancing, running, pause or stopped; words: the same for a person; run: the
-    present run or, in a pause, the next; t_s: time of the present run, which stands still while the
-    operator is waited for; operator_step: what the operator has to do now, "" for nothing;
-    waited_s: for how long the operator has been waited for, None where nobody is; last: how the
-    last run ended, "" where it was completed.
+    state: starting, balancing, running, pause or stopped; after STOP until then: stopping (the
+    plate is levelled) and at rest (0 V; the recording is finished); words: the same for a person;
+    run: the present run or, in a pause, the next; t_s: time of the present run, which stands still
+    while the operator is waited for; operator_step: what the operator has to do now, "" for
+    nothing; waited_s: for how long the operator has been waited for, None where nobody is; last:
+    how the last run ended, "" where it was completed.
     """
 
     state: str

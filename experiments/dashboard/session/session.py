@@ -4,8 +4,6 @@ Pages reach it through the `ControlPanelQueue`, and `stop` directly. Its own thr
 of the loop process and records them; the loop process waits for neither.
 """
 
-import os
-import signal
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -34,7 +32,7 @@ from rig.loop.loop import Ending
 from rig.loop.process import LoopProcess
 from rig.parameters import Rig
 
-KILL = getattr(signal, "SIGKILL", signal.SIGTERM)
+CLOSE_S = 5.0  # of levelling, and of writing the recording's end; chosen
 QUICK_S, MOST_FAILURES = 5.0, 3  # balancing that ends so soon so often is given up; chosen
 
 
@@ -70,6 +68,7 @@ class Session:
         self._loop: LoopProcess | None = None
         self._stop: Stop | None = None  # asked for while a loop is being started
         self._stops = 0  # how often it was stopped
+        self._stopping = False  # what moves was told to end, and has not ended yet
         self._busy = False
         self._notes: deque[str] = deque(maxlen=64)
         self._status = SessionStatus("starting", "the loop's process starts")
@@ -84,7 +83,11 @@ class Session:
     @property
     def status(self) -> SessionStatus:
         """What the session does just now."""
-        return self._status
+        status, loop = self._status, self._loop
+        if not self._stopping:
+            return status
+        at_rest = loop is None or loop.at_rest  # no loop: no table was opened
+        return replace(status, state="at rest" if at_rest else "stopping")
 
     def start(self, plan: RunPlan) -> None:
         """Begin a plan; balancing ends.
@@ -139,6 +142,7 @@ class Session:
             self._stops += 1
             self._planned.clear()
             self._balance = self._waits = False
+            self._stopping = self._busy
             self._end_loop(Stop(f"stopped by {who}", "aborted"))
 
     def balance(self) -> None:
@@ -189,17 +193,17 @@ class Session:
         self._announce(self._status.t_s, text)
 
     def close(self) -> None:
-        """End in order: table level at 0 V, recording finished, thread ended (at most 10 s)."""
+        """End in order: table level at 0 V, recording finished, thread ended
+        (at most 2 CLOSE_S)."""
         with self._wake:
             self._closed = True
             self._planned.clear()
             self._end_loop(Stop("the dashboard was closed", "interrupted"))
             loop = self._loop
-        self._thread.join(5.0)
+        self._thread.join(CLOSE_S)
         if self._thread.is_alive() and loop is not None:  # still compiling: it has driven nothing
-            with suppress(ProcessLookupError):
-                os.kill(loop.pid, KILL)
-            self._thread.join(5.0)
+            loop.kill()
+            self._thread.join(CLOSE_S)
 
     # --- the session's thread ---
     def _end_loop(self, stop: Stop) -> None:
@@ -213,7 +217,6 @@ class Session:
     def _started(self, loop: LoopProcess) -> None:
         with self._wake:
             self._loop, stop = loop, self._stop
-            self._stop = None
         if stop is not None:
             loop.put(stop)
 
@@ -246,7 +249,7 @@ class Session:
         with self._wake:
             while not self._closed:
                 if self._planned and not self._waits:
-                    self._busy = True
+                    self._busy, self._stopping = True, False
                     return self._planned.popleft()
                 if self._planned:
                     planned = self._planned[0]
@@ -254,12 +257,13 @@ class Session:
                     words = f"run {planned.number} of {planned.of} is next ({how})"
                     self._status = SessionStatus("pause", words, planned, last=self._last)
                 elif self._balance:
-                    self._busy = True
+                    self._busy, self._stopping = True, False
                     return None
                 else:
                     self._status = SessionStatus(
                         "stopped", "the table rests at 0 V", last=self._last
                     )
+                self._stopping = False
                 self._wake.wait(1.0)
             return None
 

@@ -13,6 +13,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from calibration.bundle import load_draft
+from experiments.calibrate.found import HEAD, found_table
 from experiments.dashboard.server.controls import CheckedValue, Controls
 from experiments.dashboard.server.input_limits import PRINTED_MM
 from experiments.dashboard.server.untrusted_text import plain
@@ -131,6 +133,11 @@ class CalibrateTab:
         low, high = PRINTED_MM.low, PRINTED_MM.high
         handle = gui.add_number(label, PRINTED_DEFAULT_MM, min=low, max=high)
         return self._controls.value(handle, label, PRINTED_MM.clamp)
+
+    @property
+    def accepted(self) -> set[str]:
+        """The steps that were measured and accepted."""
+        return {step for step, state in self._state.items() if state == "accepted"}
 
     def begin(self, steps: tuple[str, ...]) -> None:
         """Do calibration steps in turn in the worker, without waiting, until one is refused.
@@ -259,14 +266,14 @@ class CalibrateTab:
     def _write_found(self) -> None:
         used = "the tab Gap compares with it, runs keep the rig file's numbers"
         place = plain(self._out / "calibration")
-        found = [f"**What was found** (accepted; {used}; kept in {place})"]
-        for name in self._steps:
-            found += [f"**{name}**" for _ in self._kept.get(name, ())[:1]]
-            found += [
-                f"- {plain(line.removeprefix(name).lstrip(': '))}"
-                for line in self._kept.get(name, ())
-            ]
-        self._found.content = "\n".join(line if line[0] == "-" else f"\n{line}\n" for line in found)
+        words = f"**What was found** (accepted; {used}; kept in {place})\n\n"
+        try:
+            rows = found_table(load_draft(self._out / "calibration" / "calibration.json"))
+        except (OSError, ValueError) as error:
+            self._found.content = words + plain(error)
+            return
+        lines = [HEAD, ("---",) * len(HEAD), *([plain(cell) for cell in row] for row in rows)]
+        self._found.content = words + "\n".join("| " + " | ".join(row) + " |" for row in lines)
 
     def _cancel(self) -> None:
         self._left = ()

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from experiments.dashboard.server.controls import Controls
+from experiments.dashboard.server.messages import show_usable, tell_page
 from experiments.dashboard.server.untrusted_text import plain
 from experiments.dashboard.session.live import LiveState
 from experiments.dashboard.session.plan import SessionStatus
@@ -24,6 +25,8 @@ STATES = {
     "balancing": "Balancing",
     "running": "Run is on",
     "pause": "Pause between runs",
+    "stopping": "Stopping: the plate is levelled",
+    "at rest": "Stopped, motors at 0 V",
     "stopped": "Stopped, motors at 0 V",
 }
 
@@ -81,12 +84,15 @@ class Header:
         )
         controls.button(self._take_over, "take over", self._take, everybody=True)
         self._own: dict[int, Any] = {}
+        self._clients: dict[int, ClientHandle] = {}
+        self._told: dict[int, tuple[int | None, int]] = {}  # who holds, how many were told of
         self._words = ""
 
     def joined(self, client: "ClientHandle") -> None:
         """Note that a page has connected. To be called in the thread of the control panel queue."""
         page = client.client_id
         self._own[page] = client.gui.add_markdown("", order=-100)
+        self._clients[page] = client
         self._controls.lock = self._controls.lock.joined(page)
         self.draw_locks()
 
@@ -94,7 +100,8 @@ class Header:
         """Note that a page has disconnected. To be called in the thread of the control
         panel queue.
         """
-        self._own.pop(page, None)
+        for known in (self._own, self._clients, self._told):
+            known.pop(page, None)
         self._controls.lock = self._controls.lock.left(page)
         self.draw_locks()
 
@@ -106,11 +113,24 @@ class Header:
         self.draw_locks()
 
     def draw_locks(self) -> None:
-        """Tell every page whether it holds the controls."""
+        """Tell every page whether it holds the controls, and let it see what it may use."""
         lock = self._controls.lock
         for page, words in self._own.items():
             words.content = live(lock.words(page))
-        self._take_over.visible = bool(lock.pages) and lock.pages != (lock.holder,)
+        self._show_usable()
+
+    def _show_usable(self) -> None:
+        """Whoever watches sees greyed what only the holder may use, and alone may take over."""
+        lock, reserved = self._controls.lock, self._controls.reserved
+        for page, client in list(self._clients.items()):
+            now = lock.holder, len(reserved)
+            if self._told.get(page) == now:
+                continue
+            self._told[page] = now
+            holds = lock.holder == page
+            tell_page(client, self._take_over, visible=not holds)
+            for handle in reserved:
+                show_usable(client, handle, usable=holds)
 
     def draw(
         self, now: LiveState, status: SessionStatus, rate_hz: float, *, film: bool = False
@@ -121,6 +141,7 @@ class Header:
         rests = status.state == "stopped" and not self._session.table.real
         if self._balance.visible != rests:
             self._balance.visible = rests
+        self._show_usable()  # of what came to the page meanwhile
         words = f"**{STATES[status.state]}** ({plain(self._table)})<br>"
         words += f"{link_words(now, status, rate_hz)} · {FILM if film else LIVE}"
         if words != self._words:
@@ -128,8 +149,9 @@ class Header:
             self._state.content = live(words)
 
 
-# A path or a number without a blank breaks where the panel ends instead of leaving it.
-WRAP = "<style>p, li, td, h4 { overflow-wrap: anywhere }</style>"
+# A path or a number without a blank breaks where the panel ends instead of leaving it; in a table
+# only where the columns cannot be made narrower between words.
+WRAP = "<style>p, li, h4 { overflow-wrap: anywhere } td { overflow-wrap: break-word }</style>"
 
 
 def set_looks(server: "ViserServer") -> None:

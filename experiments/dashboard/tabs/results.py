@@ -73,6 +73,7 @@ class ResultsTab:
 
     worker: draws and writes; out: folder of runs, figures and report; live: gives the present run's
     centroid; send: lets a page download a file. To be told by `refresh` that a run was recorded.
+    compared: whether a sentence on both methods was shown.
     """
 
     def __init__(
@@ -110,7 +111,7 @@ class ResultsTab:
         controls.button(self._recover, "recover", lambda page: self.recover())
         self._rows: list[RunSummary] = []
         self._centroids: dict[str, tuple[float, float]] = {}
-        self._live_words = ""
+        self._live_words, self.compared = "", False
         self.refresh()
         if self._rows:  # of an earlier program: shown again
             self.refresh(self._rows[0].protocol)
@@ -199,6 +200,7 @@ class ResultsTab:
             if row.centroid_cm is not None:
                 self._centroids[row.folder.name] = row.centroid_cm
         self._card.content = card(figures)
+        self.compared = self.compared or bool(figures.sentence)
         self._gallery.show(figures.pictures)
         self._table.content = table(self._rows, self._centroids)
 

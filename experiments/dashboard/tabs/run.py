@@ -14,7 +14,6 @@ from experiments.dashboard.server.input_limits import (
     KP,
     PUSH_M_S,
     REPETITIONS,
-    Range,
     choice,
     flag,
     on_plate,
@@ -23,6 +22,7 @@ from experiments.dashboard.server.untrusted_text import plain
 from experiments.dashboard.session.plan import RunPlan, SessionStatus
 from experiments.dashboard.session.session import Session
 from experiments.dashboard.tabs.header import live
+from experiments.dashboard.tabs.sliders import SliderGroup
 from experiments.dashboard.view.pose import backlash_widths
 from experiments.runs.assemble import with_play
 from experiments.runs.protocol import read_protocol, shipped
@@ -42,6 +42,20 @@ WHAT_REAL = (
     "switch, tick **Arm**, press **Start**; every run is armed anew."
 )
 SPEEDS = ("1 x", "2 x", "4 x")
+# Gains as multiples of the rig file's P, I, D: what each is good for shows at once.
+PRESETS = {
+    "as in the rig file": (1.0, 1.0, 1.0),
+    "half as stiff": (0.5, 1.0, 1.0),
+    "half the damping": (1.0, 1.0, 0.5),
+    "twice the damping": (1.0, 1.0, 2.0),
+    "no integral": (1.0, 0.0, 1.0),
+}
+PLAYS = {
+    "none": (0.0, 0.0),
+    "gear alone": (2.0, 0.0),
+    "joint alone": (0.0, 2.0),
+    "worn": (2.0, 3.0),
+}
 PUSH_S = 0.08  # duration of a push; chosen: a tap
 SEEDS = (
     "each has a seed of its own; same seed, same noise: both controllers get the same conditions"
@@ -117,7 +131,6 @@ class RunTab:
     ) -> None:
         self._server, self._controls, self._session = server, controls, session
         self._show_live = show_live
-        self._handles: dict[int, Any] = {}
         self._progress = ProgressLine()
         self._shown: dict[Any, Any] = {}
         gui, virtual = server.gui, not session.table.real
@@ -127,11 +140,11 @@ class RunTab:
         self._bar: Any = gui.add_progress_bar(0.0)
         self._words: Any = gui.add_markdown(IDLE)
         with gui.add_folder("Controller's gains", expand_by_default=False):
-            self._gains = self._add_gains()
+            self._add_gains()
         with gui.add_folder("Ball: target and pushes", expand_by_default=True):
             self._add_ball()
         with gui.add_folder("Virtual table's play", expand_by_default=False, visible=virtual):
-            self._backlash = self._add_backlash()
+            self._add_backlash()
         gui.add_markdown(KEYS)
         self._events: Any = gui.add_markdown("")
 
@@ -238,51 +251,23 @@ class RunTab:
             raise ValueError("nothing moves yet: clear the plate, hand at the switch, tick Arm")
         self._armed.now = self._arm_box.value = False
 
-    def _slider(
-        self,
-        label: str,
-        limits: Range,
-        value: float,
-        apply: Callable[[float], None],
-        hint: str,
-        *,
-        visible: bool = True,
-    ):
-        handle = self._server.gui.add_slider(
-            label, limits.low, limits.high, limits.step, value, hint=hint, visible=visible
-        )
-        kept = self._controls.value(handle, label, limits.clamp, apply)
-        self._handles[id(kept)] = handle
-        return kept
-
-    def _add_back(self, rows: list, values: list[float], apply: Callable[[], None]) -> None:
-        """A button that puts sliders back to where they began."""
-
-        def back(page: int | None) -> None:
-            apply()
-            for kept, value in zip(rows, values, strict=True):
-                kept.now = self._handles[id(kept)].value = value
-
-        label = " / ".join(f"{value:g}" for value in values)
-        button = self._server.gui.add_button(f"Reset to {label}")
-        self._controls.button(button, "back", back)
-
-    def _add_gains(self) -> list:
+    def _add_gains(self) -> SliderGroup:
         gains = self._session.rig.gains
         start = gains.proportional_rad_m, gains.integral_rad_m_s, gains.derivative_rad_s_m
-        rows = (("P [rad/m]", KP), ("I [rad/(m s)]", KI), ("D [rad s/m]", KD))
+        rows = zip(("P [rad/m]", "I [rad/(m s)]", "D [rad s/m]"), (KP, KI, KD), start, strict=True)
+        presets = {
+            name: [factor * value for factor, value in zip(factors, start, strict=True)]
+            for name, factors in PRESETS.items()
+        }
         hint = "applies at once, and to the runs that are started from now on"
-        kept = [
-            self._slider(label, limits, value, partial(self._set_gain, i), hint)
-            for i, ((label, limits), value) in enumerate(zip(rows, start, strict=True))
-        ]
-        self._add_back(kept, list(start), lambda: self._set_gains(list(start)))
-        return kept
-
-    def _set_gain(self, which: int, value: float) -> None:
-        wanted = [kept.now for kept in self._gains]
-        wanted[which] = value
-        self._set_gains(wanted)
+        return SliderGroup(
+            self._server,
+            self._controls,
+            list(rows),
+            self._set_gains,
+            hint=hint,
+            presets=presets,
+        )
 
     def _set_gains(self, wanted: list[float]) -> None:
         self._check_disturb()
@@ -301,14 +286,10 @@ class RunTab:
         self._disturb = controls.value(self._disturb_box, "disturb", flag)
         back = gui.add_button("Send the ball back to the middle")
         controls.button(back, "target", lambda page: self._send(Target(None)))
-        self._push = self._slider(
-            "Push [m/s]",
-            PUSH_M_S,
-            0.15,
-            lambda value: None,
-            "speed that a push gives",
-            visible=virtual,
-        )
+        low, high, step = PUSH_M_S.low, PUSH_M_S.high, PUSH_M_S.step
+        hint = "speed that a push gives"
+        push = gui.add_slider("Push [m/s]", low, high, step, 0.15, hint=hint, visible=virtual)
+        self._push = controls.value(push, "Push [m/s]", PUSH_M_S.clamp)
         arrows = gui.add_button_group("Push", tuple(ARROWS), visible=virtual)
         controls.pick(arrows, tuple(ARROWS), lambda label: self.push(ARROWS[label]))
 
@@ -333,27 +314,21 @@ class RunTab:
         side = self._session.rig.linkage.plate_side_m
         self._send(Target(on_plate(xy_m, side, self._session.rig.ball.radius_m)))
 
-    def _add_backlash(self) -> list:
-        gear, joint = backlash_widths(self._session.rig)
-        rows = (("Gear play [deg]", gear), ("Joint play [deg]", joint))
-        start = [round(degrees(float(play.mean())), 1) for _, play in rows]
-        kept = [
-            self._slider(
-                label,
-                BACKLASH_DEG,
-                value,
-                partial(self._set_backlash, i),
-                "a new virtual table starts",
+    def _add_backlash(self) -> SliderGroup:
+        rows = [
+            (label, BACKLASH_DEG, round(degrees(float(play.mean())), 1))
+            for label, play in zip(
+                ("Gear play [deg]", "Joint play [deg]"),
+                backlash_widths(self._session.rig),
+                strict=True,
             )
-            for i, ((label, _), value) in enumerate(zip(rows, start, strict=True))
         ]
-        self._add_back(kept, start, lambda: self._set_backlashes(start))
-        return kept
-
-    def _set_backlash(self, which: int, value: float) -> None:
-        wanted = [kept.now for kept in self._backlash]
-        wanted[which] = value
-        self._set_backlashes(wanted)
+        hint = "a new virtual table starts"
+        start = [value for *_, value in rows]
+        presets = {"this table's": start, **PLAYS}
+        return SliderGroup(
+            self._server, self._controls, rows, self._set_backlashes, hint=hint, presets=presets
+        )
 
     def _set_backlashes(self, wanted: list[float]) -> None:
         words = "a new virtual table: gear play {:.1f}, joint play {:.1f} degrees"
@@ -363,7 +338,7 @@ class RunTab:
 
     def draw(self, status: SessionStatus, events: list[str]) -> None:
         """Show the status and the newest events; only what changed is sent to the pages."""
-        on = status.state in ("running", "pause")
+        on = status.run is not None
         real = self._session.table.real
         then = "the table sees that you have" if real else "then press Done"
         operator_step = (

@@ -4,7 +4,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.dashboard.view.grid import draw_grid
 from experiments.dashboard.view.pose import DROP_M, linkage, plate_wxyz
+from experiments.dashboard.view.view_points import VIEW_POINTS
 from rig.parameters import Rig
 
 if TYPE_CHECKING:
@@ -15,7 +17,7 @@ PLATE, METAL, DARK = (228, 232, 238), (120, 128, 140), (70, 76, 86)
 AWAY = (0.0, 0.0, -9.0)
 LEGEND_TABLE = """
 **Grey plate, orange ball**: the table as it is measured. Its trail is where the ball was, the
-**target** is where it shall be.
+**target** is where it shall be. Fine lines are 1 cm apart.
 
 **Blue ball**: the model, driven by the same volts. "model off by 3 mm" is how far the two balls
 are apart: what the model does not know.
@@ -55,7 +57,7 @@ def legend_words(real: bool) -> str:
 def light(server: "ViserServer") -> None:
     """Set the scene's first view point and its lamps."""
     camera = server.initial_camera
-    camera.position, camera.look_at = (0.24, -0.62, 0.52), (0.03, 0.03, -0.03)
+    camera.position, camera.look_at = VIEW_POINTS["Whole table"]
     camera.fov = 0.82
     server.scene.configure_default_lights(True, cast_shadow=False)
     server.scene.configure_environment_map(None)  # the default one bleaches every colour
@@ -146,6 +148,7 @@ class TableScene:
     def __init__(self, server: "ViserServer", rig: Rig) -> None:
         self._rig, scene = rig, server.scene
         self.table = PlateModel(server, "/table", rig)
+        draw_grid(server, f"{self.table.name}/plate", rig.linkage.plate_side_m)
         vertices, faces = ball_mesh(HALO * rig.ball.radius_m)
         self.ghost = scene.add_mesh_simple(
             "/table/plate/ghost",

@@ -4,6 +4,7 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -125,6 +126,7 @@ def test_tolerances_come_from_five_clean_runs(capsys, tmp_path: Path, rig_file):
         (["log.csv", "--rig", "no.toml"], ["no.toml", "not found"]),
         (["log.csv", "log.csv"], ["named twice"]),
         (["log.csv", "--demo"], ["--demo"]),
+        (["log.csv", "--guess"], ["--guess", "--demo"]),
         (["log.csv", "--blind-trial"], ["--blind-trial"]),
         (["--blind-trial", "--onto"], ["--onto"]),
         (["log.csv", "--out", "log.csv"], ["log.csv", "folder"]),
@@ -164,6 +166,26 @@ def test_the_demo_hides_a_play_of_which_the_investigation_is_not_told(
             "joint_backlash"
         }
         assert read_run(run).meta["rig"]["effects"] == {}
+
+
+def test_a_person_guesses_before_the_analysis_and_the_hidden_is_told_last(
+    monkeypatch, capsys, tmp_path: Path
+):
+    asked, answers = [], iter((1.5, 2.5))
+    monkeypatch.setattr(demo, "read_protocol", short)
+    monkeypatch.setattr("experiments.gap.guess.clues", lambda runs, seed: ["a clue"])
+    monkeypatch.setattr("typer.prompt", lambda text, type: asked.append(text) or next(answers))
+    monkeypatch.setattr(
+        "experiments.cli.gap._investigate_and_report",
+        lambda runs, **more: SimpleNamespace(effects=[]),
+    )
+    assert call("gap", "--demo", "--guess", "--out", tmp_path, "--seed", "2") == 0
+    told = capsys.readouterr().out
+    assert asked == ["play of x [degrees]", "play of y [degrees]"]
+    before, _, after = told.partition("a clue")
+    assert "hidden" not in before
+    assert "you 1.50, the analysis nothing degrees: you are nearer" in after
+    assert "the same game again: --seed 2" in after
 
 
 @pytest.mark.slow

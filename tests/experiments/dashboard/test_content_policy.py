@@ -9,8 +9,6 @@ import pytest
 
 from experiments.dashboard.server.server import link_of, open_server
 from experiments.dashboard.server.untrusted_text import plain
-from tests.support.in_browser.program import FLAGS
-from tests.support.parts import PARTS
 from tests.support.waiting import wait_for
 
 TEXT = "<iframe srcdoc='<script>top.acted = 1</script>'></iframe>"
@@ -36,37 +34,32 @@ def other_server(sent: list[str | None]) -> Iterator[int]:
 
 
 @pytest.mark.slow
-def test_html_in_a_text_runs_no_script_and_the_page_works():
-    from playwright.sync_api import sync_playwright
-
+def test_html_in_a_text_runs_no_script_and_the_page_works(chromium):
     server, gate = open_server("127.0.0.1", 0, "a-token-of-some-length-for-tests")
     server.gui.add_markdown(f"as it stands {TEXT}")  # no text of the program is shown like this
     server.gui.add_markdown(f"escaped {plain(TEXT)}")
     server.scene.add_icosphere("/ball", radius=0.3, color=(255, 90, 0))
     wrong: list[str] = []
     try:
-        with sync_playwright() as play:
-            browser = play.chromium.launch(executable_path=PARTS["chromium"].find(), args=FLAGS)
-            page = browser.new_page()
-            page.on("pageerror", lambda error: wrong.append(str(error)))
-            page.goto(link_of(gate, "127.0.0.1"))
+        page = chromium.new_context().new_page()
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        page.goto(link_of(gate, "127.0.0.1"))
+        page.get_by_text("escaped").wait_for(timeout=120e3)
+        assert TEXT in page.get_by_text("escaped").inner_text()
+        wait_for("the frame", lambda: page.locator("iframe").count() == 1, 10.0)
+        assert page.url.startswith(f"http://127.0.0.1:{gate.port}{gate.path}")
+        assert gate.token not in page.url
+        page.wait_for_timeout(1000)  # longer than a script takes to run
+        assert page.evaluate("window.acted") is None
+        assert page.locator("canvas").count() > 0
+        assert page.evaluate("history.length") <= 2  # the link is not in the way back
+        sent = []
+        with other_server(sent) as port:
+            page.goto(f"http://127.0.0.1:{port}/")
+            page.goto(f"http://127.0.0.1:{gate.port}{gate.path}/")
             page.get_by_text("escaped").wait_for(timeout=120e3)
-            assert TEXT in page.get_by_text("escaped").inner_text()
-            wait_for("the frame", lambda: page.locator("iframe").count() == 1, 10.0)
-            assert page.url.startswith(f"http://127.0.0.1:{gate.port}{gate.path}")
-            assert gate.token not in page.url
-            page.wait_for_timeout(1000)  # longer than a script takes to run
-            assert page.evaluate("window.acted") is None
-            assert page.locator("canvas").count() > 0
-            assert page.evaluate("history.length") <= 2  # the link is not in the way back
-            sent = []
-            with other_server(sent) as port:
-                page.goto(f"http://127.0.0.1:{port}/")
-                page.goto(f"http://127.0.0.1:{gate.port}{gate.path}/")
-                page.get_by_text("escaped").wait_for(timeout=120e3)
-            assert len(sent) >= 1
-            assert not any(sent)
-            browser.close()
+        assert len(sent) >= 1
+        assert not any(sent)
     finally:
         server.stop()
     assert wrong == []

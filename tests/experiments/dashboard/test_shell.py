@@ -6,8 +6,6 @@ from collections.abc import Iterator
 import pytest
 
 from experiments.dashboard.server.server import link_of, open_server, shell_of
-from tests.support.in_browser.program import FLAGS
-from tests.support.parts import PARTS
 from tests.support.waiting import wait_for
 
 TOKEN = "a-token-of-some-length-for-tests"
@@ -52,16 +50,6 @@ class Program:
         return found
 
 
-@pytest.fixture(scope="module")
-def browser():
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as play:
-        one = play.chromium.launch(executable_path=PARTS["chromium"].find(), args=FLAGS)
-        yield one
-        one.close()
-
-
 @pytest.fixture
 def program() -> Iterator[Program]:
     one = Program()
@@ -69,16 +57,16 @@ def program() -> Iterator[Program]:
     one.server.stop()
 
 
-def opened(browser, program: Program, **settings):
+def opened(chromium, program: Program, **settings):
     """A page, as soon as the bar is there; viser's own page may come later."""
-    page = browser.new_context(**settings).new_page()
+    page = chromium.new_context(**settings).new_page()
     page.goto(program.link)
     page.locator("#rig-state", has_text="Run is on").wait_for()
     return page
 
 
-def test_stop_is_there_before_the_page_is_and_says_at_once_that_it_heard(browser, program):
-    page = opened(browser, program)
+def test_stop_is_there_before_the_page_is_and_says_at_once_that_it_heard(chromium, program):
+    page = opened(chromium, program)
     stop, state = page.locator("#rig-stop"), page.locator("#rig-state")
     assert stop.inner_text() == "■ STOP"
     assert stop.evaluate(CONTRAST) >= 4.5
@@ -108,8 +96,8 @@ def test_stop_is_there_before_the_page_is_and_says_at_once_that_it_heard(browser
 
 
 @pytest.mark.slow
-def test_esc_stops_whatever_has_the_focus_but_closes_a_list_first(browser, program):
-    page = opened(browser, program)
+def test_esc_stops_whatever_has_the_focus_but_closes_a_list_first(chromium, program):
+    page = opened(chromium, program)
     page.get_by_text("what stays").wait_for(timeout=120e3)
     for what in (
         page.get_by_role("textbox").first,
@@ -136,13 +124,23 @@ def test_esc_stops_whatever_has_the_focus_but_closes_a_list_first(browser, progr
     page.context.close()
 
 
+def below(one) -> float:
+    """Where an element ends [px]."""
+    box = one.bounding_box()
+    return box["y"] + box["height"]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("phone", [False, True])
-def test_stop_on_a_folded_page_and_on_a_phone(browser, program, phone):
+def test_stop_on_a_folded_page_and_on_a_phone(chromium, program, phone):
     settings = {"viewport": {"width": 390, "height": 844}, "has_touch": True} if phone else {}
-    page = opened(browser, program, **settings)
+    page = opened(chromium, program, **settings)
     page.get_by_text("what stays").wait_for(timeout=120e3)
     if phone:
+        canvas, sheet = page.locator("canvas").first, page.locator(".mantine-Paper-root").first
+        top = sheet.bounding_box()["y"]
+        wait_for("the table above the sheet", lambda: below(canvas) <= top + 1, 10.0)
+        assert sheet.bounding_box()["width"] == 390
         page.get_by_text("Connected").tap()  # folds the panel
         page.locator("#rig-stop").tap()
     else:
@@ -154,8 +152,8 @@ def test_stop_on_a_folded_page_and_on_a_phone(browser, program, phone):
 
 
 @pytest.mark.slow
-def test_a_stop_that_nobody_answers_sends_to_the_switch(browser, program):
-    page = opened(browser, program)
+def test_a_stop_that_nobody_answers_sends_to_the_switch(chromium, program):
+    page = opened(chromium, program)
     page.route("**/stop", lambda route: route.abort())
     page.locator("#rig-stop").click()
     page.get_by_text("STOP was not answered. The motors may still have power: use the").wait_for()
@@ -163,9 +161,9 @@ def test_a_stop_that_nobody_answers_sends_to_the_switch(browser, program):
 
 
 @pytest.mark.slow
-def test_a_program_that_died_is_said_and_found_again_by_itself(browser):
+def test_a_program_that_died_is_said_and_found_again_by_itself(chromium):
     program = Program()
-    page = opened(browser, program)
+    page = opened(chromium, program)
     page.get_by_text("what stays").wait_for(timeout=120e3)
     port = program.gate.port
     program.server.stop()
@@ -188,8 +186,8 @@ def test_a_program_that_died_is_said_and_found_again_by_itself(browser):
 
 
 @pytest.mark.slow
-def test_a_program_that_was_slow_to_answer_is_told_and_the_page_stays_as_it_is(browser, program):
-    page = opened(browser, program)
+def test_a_program_that_was_slow_to_answer_is_told_and_the_page_stays_as_it_is(chromium, program):
+    page = opened(chromium, program)
     page.evaluate("window.kept = 1")
     page.route("**/alive", lambda route: None)  # no answer, as of a machine that stands still
     page.get_by_text("Connection lost").wait_for(timeout=20e3)
@@ -200,8 +198,8 @@ def test_a_program_that_was_slow_to_answer_is_told_and_the_page_stays_as_it_is(b
 
 
 @pytest.mark.slow
-def test_each_page_is_light_or_dark_by_itself(browser, program):
-    light, dark = opened(browser, program), opened(browser, program, color_scheme="dark")
+def test_each_page_is_light_or_dark_by_itself(chromium, program):
+    light, dark = opened(chromium, program), opened(chromium, program, color_scheme="dark")
     assert light.locator("html").get_attribute("data-looks") == "light"
     assert dark.locator("html").get_attribute("data-looks") == "dark"
     light.get_by_role("button", name="Dark").click()

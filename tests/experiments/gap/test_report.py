@@ -1,5 +1,6 @@
 """The report tells people what was found, in their units, and says what was not done."""
 
+import html
 import re
 import tomllib
 from dataclasses import replace
@@ -21,7 +22,7 @@ from calibration.gap.findings import (
     Step,
 )
 from experiments.gap import figures
-from experiments.gap.report import write_gap_report
+from experiments.gap.report import NOISES, write_gap_report
 from experiments.gap.summary import summary_lines
 from experiments.gap.words import (
     added_toml,
@@ -36,6 +37,7 @@ from experiments.gap.words import (
 )
 from rig.effects import CATALOGUE
 from rig.parameters import CHANNELS, Rig
+from rig.prediction.innovations import NOISE
 from rig.rigfile import from_dict
 from tests.support.gap.findings import (
     ALL,
@@ -59,6 +61,15 @@ def pages(tmp_path_factory):
         assert path == folder / "gap.html"
         found[name] = path.read_text(encoding="utf-8"), folder
     return found
+
+
+def test_every_noise_has_its_words_and_a_unit_that_people_read(pages):
+    assert set(NOISES) == set(NOISE.names or ())
+    page = next(page for page, _ in pages.values() if "noise, as estimated" in page)
+    rows = re.findall(r"<tr[^>]*><td[^>]*>(.*?)</td><td[^>]*>(.*?)</td><td[^>]*>(.*?)</td>", page)
+    found = {tuple(re.sub(r"<[^>]+>", "", html.unescape(cell)) for cell in row) for row in rows}
+    assert ("ball's place as seen", "0.31", "mm") in found
+    assert ("servo's speed, random walk", "11.5", "deg/s per root of a second") in found
 
 
 def words(page):

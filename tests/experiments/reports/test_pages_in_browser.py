@@ -15,8 +15,6 @@ from experiments.reports.report import (
     Table,
     write_page,
 )
-from tests.support.in_browser.program import FLAGS
-from tests.support.parts import PARTS
 
 PRINTED_PX = 703  # width of A4 less two margins of 12 mm, at 96 pixels an inch
 LONG = "none | harmonic kinematic error | hold"
@@ -51,18 +49,8 @@ def page_file(tmp_path_factory) -> Path:
     return every_kind_of_page(tmp_path_factory.mktemp("report"))
 
 
-@pytest.fixture(scope="module")
-def browser():
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as play:
-        one = play.chromium.launch(executable_path=PARTS["chromium"].find(), args=FLAGS)
-        yield one
-        one.close()
-
-
-def opened(browser, file: Path, width: int, **settings):
-    page = browser.new_context(viewport={"width": width, "height": 900}, **settings).new_page()
+def opened(chromium, file: Path, width: int, **settings):
+    page = chromium.new_context(viewport={"width": width, "height": 900}, **settings).new_page()
     page.goto(file.as_uri())
     return page
 
@@ -71,21 +59,21 @@ CUT = """() => [...document.querySelectorAll("td, th, img, p")].filter(one =>
   one.getBoundingClientRect().width && one.getBoundingClientRect().right > innerWidth + 1).length"""
 
 
-def test_nothing_is_cut_off_on_a_phone_or_on_paper(browser, page_file):
-    phone = opened(browser, page_file, 390)
+def test_nothing_is_cut_off_on_a_phone_or_on_paper(chromium, page_file):
+    phone = opened(chromium, page_file, 390)
     assert phone.evaluate("document.documentElement.scrollWidth") <= 390
     box = phone.locator(".scroll").first
     assert box.evaluate("one => one.scrollWidth > one.clientWidth")  # it scrolls by itself
-    paper = opened(browser, page_file, PRINTED_PX)
+    paper = opened(chromium, page_file, PRINTED_PX)
     paper.emulate_media(media="print")
     assert paper.evaluate(CUT) == 0
     assert paper.get_by_text("+0.1 vs retuned 4.5, 5: ha").last.is_visible()  # folded on the screen
 
 
-def test_dark_by_preference_with_the_same_hues(browser, page_file):
+def test_dark_by_preference_with_the_same_hues(chromium, page_file):
     looks = {}
     for scheme in ("light", "dark"):
-        page = opened(browser, page_file, 800, color_scheme=scheme)
+        page = opened(chromium, page_file, 800, color_scheme=scheme)
         style = "one => [getComputedStyle(one).backgroundColor, getComputedStyle(one).color]"
         paper, ink = page.locator("body").evaluate(style)
         looks[scheme] = [sum(map(int, re.findall(r"\d+", one)[:3])) for one in (paper, ink)]
@@ -95,8 +83,8 @@ def test_dark_by_preference_with_the_same_hues(browser, page_file):
     assert looks["dark"][0] < 3 * 60 < looks["dark"][1]
 
 
-def test_a_long_table_is_folded_sorted_and_filtered(browser, page_file):
-    page = opened(browser, page_file, 1280)
+def test_a_long_table_is_folded_sorted_and_filtered(chromium, page_file):
+    page = opened(chromium, page_file, 1280)
     table = page.locator("table.sorts")
     assert not table.is_visible()
     page.locator("summary").click()
@@ -111,8 +99,8 @@ def test_a_long_table_is_folded_sorted_and_filtered(browser, page_file):
 
 
 @pytest.mark.slow
-def test_the_pdf_is_a4_and_has_every_column(browser, page_file):
-    page = opened(browser, page_file, 1280)
+def test_the_pdf_is_a4_and_has_every_column(chromium, page_file):
+    page = opened(chromium, page_file, 1280)
     content = page.pdf(prefer_css_page_size=True)
     boxes = re.findall(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", content)
     assert {(round(float(w)), round(float(h))) for w, h in boxes} == {(595, 842)}

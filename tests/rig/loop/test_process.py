@@ -19,8 +19,8 @@ from rig.course import Course
 from rig.loop.commands import Push, SetGains, Stop, Target
 from rig.loop.loop import Ending
 from rig.loop.paced import Paced
-from rig.loop.process import PARENT_SILENT_S, Job, LoopProcess, _Inbox
-from rig.loop.shared_channel import SharedChannel, SharedCommandSlot, encode, take_commands
+from rig.loop.process import PARENT_SILENT_S, Job, LoopProcess, _Inbox, _wait_for_word
+from rig.loop.shared_channel import READY, SharedChannel, SharedCommandSlot, encode, take_commands
 from rig.operator import Operator
 from rig.safety.monitor import MonitorLimits
 from rig.simulation.operator import SimulatedOperator
@@ -93,8 +93,45 @@ def test_a_stop_from_another_thread_and_commands_before_it():
     ending = loop.run(rows.append, lambda t_s, text: events.append(text))
     thread.join()
     assert ending == Ending("aborted", "the operator's button")
+    assert loop.at_rest
     assert rows[-1][9] == 0.01
     assert "by hand: target x +1.0, y +2.0 cm" in events
+
+
+def written_table(path: str):
+    Path(path).touch()
+    return paced_table()
+
+
+def test_a_stop_before_the_table_is_opened_keeps_it_closed(tmp_path: Path):
+    opened = tmp_path / "opened"
+    loop = LoopProcess(replace(job(5.0), table=partial(written_table, str(opened))))
+    assert not loop.at_rest
+    loop.put(Stop("the operator's button"))
+    assert loop.at_rest  # at once: whatever the process does, it is never given the word
+    loop.put(Stop("too late"))
+    assert loop.run() == Ending("aborted", "the operator's button")
+    assert not opened.exists()
+    loop.put(Stop("after the run"))  # is no error
+
+
+def test_a_loop_that_is_ready_waits_for_the_word_and_a_stop_outdoes_it():
+    box, parent = SharedChannel(), os.getppid()
+    try:
+        box.beat("parent_s")
+        word = threading.Timer(0.1, box.allow_to_open)
+        word.start()
+        commands = SharedCommandSlot(box)
+        commands.put(SetGains(1.0, 2.0, 3.0))
+        assert _wait_for_word(box, _Inbox(box, parent)) is None
+        assert box.may_open
+        assert _Inbox(box, parent).take() == [SetGains(1.0, 2.0, 3.0)]  # kept for the run
+        stop = Stop("crossed the word", "aborted")
+        commands.put(stop)
+        assert _wait_for_word(box, _Inbox(box, parent)) == stop
+        assert box.state == READY
+    finally:
+        box.close()
 
 
 class BadHand(Operator):

@@ -127,7 +127,7 @@ def named() -> Findings:
         ),
         closed_loop=CLOSED_LOOP,
         notes=("log.csv: left out row 18 and 3 more of 6000, where a voltage is blank",),
-        noise={"process_m_s2": 0.012, "camera_m": 3.1e-4, "camera_colour": 0.12},
+        noise={"servo_process": 0.2, "ball_measured": 3.1e-4, "ball_memory_s": 0.0},
         rig_before=rig,
         rig_after=replace(rig, effects=effects),
     )  # fmt: skip

@@ -6,9 +6,10 @@ from pathlib import Path
 
 from playwright.sync_api import Browser, Error, Locator, Page, TimeoutError, expect
 
-from tests.support.in_browser.program import PATIENCE_S, pixels
+from tests.support.in_browser.program import PATIENCE_S, pixels, sees_table
 from tests.support.waiting import wait_for
 
+TABS = ("Run", "Calibrate", "Results", "Gap", "Replay")
 STILL_S = 10.0  # so long what is drawn may take to hold still
 # Buttons, tabs, labels and inputs in view that reach out of the window, whose words do not fit, or
 # that lie over one another; what merely contains the other does not count.
@@ -122,6 +123,15 @@ class Hand:
     def view(self):
         """The 3-D view as BGR."""
         return pixels(self.page.locator("canvas").first.screenshot())
+
+    def table_in_view(self, ball_px: int, plate_px: int) -> None:
+        """Wait until the 3-D view shows more than so many pixels of ball and plate."""
+
+        def seen() -> bool:
+            spread, ball, plate = sees_table(self.view())
+            return spread > 15 and ball > ball_px and plate > plate_px
+
+        wait_for("ball and plate in the 3-D view", seen, PATIENCE_S, every_s=0.2)
 
     def nothing_cut_off(self) -> None:
         """Once the page has laid itself out: that takes a picture or two."""

@@ -128,6 +128,28 @@ def test_a_watching_page_presses_nothing_and_everybody_may_stop():
     assert noted == []  # a refusal is no event of the run
 
 
+class FakeCommand:
+    """What is used of an entry of viser's command palette."""
+
+    def on_trigger(self, callback) -> None: ...
+
+
+def test_what_the_holder_alone_may_use_is_known_so_that_others_see_it_greyed():
+    c, *_ = controls()
+    start, stop, shown, arrows, gain, box = (FakeHandle(False) for _ in range(6))
+    c.button(start, "start", print)
+    c.button(FakeCommand(), "start by a key", print)
+    c.button(shown, "report", print, everybody=True)
+    c.stop_button(stop, "stop", print)
+    c.pick(arrows, ("left",), print)
+    c.value(gain, "arm", flag)
+    c.value(box, "camera", flag, everybody=True)
+    assert c.reserved == [start, arrows, gain]
+    c.forget(arrows)
+    assert c.reserved == [start, gain]
+    c.queue.close()
+
+
 def test_a_value_that_cannot_be_used_goes_back():
     c, told, _ = controls()
     c.lock = ControlLock().joined(1)

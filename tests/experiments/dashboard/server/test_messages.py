@@ -16,7 +16,7 @@ from websockets.typing import Origin, Subprotocol
 
 from experiments.dashboard.server.controls import ControlLock, Controls
 from experiments.dashboard.server.input_limits import KP, choice, flag
-from experiments.dashboard.server.messages import LONGEST, admit_values
+from experiments.dashboard.server.messages import LONGEST, admit_values, show_usable
 from experiments.dashboard.server.server import open_server
 from tests.support.waiting import wait_for
 
@@ -112,6 +112,23 @@ contexts = {"panel": opened}  # for mutants of the filter
 def panel() -> Iterator[Panel]:
     with opened() as one:
         yield one
+
+
+def test_one_page_alone_sees_what_it_may_not_use_greyed(panel: Panel):
+    panel.page()
+    watcher = panel.page()
+    arrows = panel.server.gui.add_button_group("Push", ("left", "right"))
+    client = panel.server.get_clients()[1]
+    for handle in (panel.stop, arrows):
+        show_usable(client, handle, usable=False)
+    told = []
+    while len(told) < 2:
+        told += [m for m in said(watcher) if m["type"] == "GuiUpdateMessage"]
+    assert [one["updates"] for one in told] == [{"disabled": True}, {"visible": False}]
+    assert arrows.visible
+    show_usable(client, arrows, usable=True)
+    arrows.visible = False
+    show_usable(client, arrows, usable=True)
 
 
 def test_no_page_changes_anything_of_an_input_but_its_value(panel: Panel):

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from experiments.dashboard.session.live import LiveBuffer
-from experiments.dashboard.session.plan import RunPlan
+from experiments.dashboard.session.plan import RunPlan, SessionStatus
 from experiments.dashboard.session.run_setup import VirtualRunSetup
 from experiments.dashboard.session.session import Session
 from experiments.records.recording import read_run
@@ -111,6 +111,30 @@ def test_stop_while_the_loop_starts_ends_it(table):
     session.start(RunPlan(protocol, ("with",), 1, 1))
     wait_for("the start", lambda: session.status.state == "running", PATIENCE_S)
     session.stop("page 7")  # before its process has a row
+    assert session.status.state in ("at rest", "stopped")  # no table was opened
     assert session.status.t_s == 0.0
     wait_for("rest", lambda: session.status.state == "stopped", PATIENCE_S)
     assert recorded[0][2].reason == "stopped by page 7"
+
+
+class MovingLoop:
+    """Stands for a loop process whose table moves until it says otherwise."""
+
+    at_rest = False
+
+    def __init__(self):
+        self.put = [].append
+
+
+def test_after_stop_a_page_hears_of_levelling_then_of_0_V(table):
+    session, *_ = table
+    wait_for("rest", lambda: session.status.state == "stopped", PATIENCE_S)
+    loop = MovingLoop()
+    session._status, session._busy, session._loop = SessionStatus("running"), True, loop
+    session.stop("page 7")
+    assert session.status.state == "stopping"
+    loop.at_rest = True
+    assert session.status.state == "at rest"
+    session._loop = None
+    assert session.status.state == "at rest"
+    session._busy = False

@@ -2,10 +2,13 @@
 
 import threading
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from types import SimpleNamespace
 
 import pytest
 
+from calibration.bundle import Draft
+from calibration.records import TimingRecord, Value
 from experiments.dashboard.server.controls import ControlLock, Controls
 from experiments.dashboard.server.server import open_server
 from experiments.dashboard.session.worker_process import WorkItem
@@ -86,13 +89,17 @@ def test_verdicts_are_shown_again_after_a_restart(tab, tmp_path):
     worker.items[0].on_message("line", "delay 12.1 ms (limit 1 ms)")
     worker.items[0].on_message("done", [])
     wait_for("the verdict", lambda: one._state["time"] == "accepted")
+    delay = Value.around(0.0121, 0.0003)
+    timing = TimingRecord(delay_s=delay, play_rad={"x": 0.0, "y": 0.0}, frames=9, source="ball")
+    draft = Draft(made=datetime.now(UTC), source="measured", timing=timing)
+    draft.save(tmp_path / "calibration" / "calibration.json")
     server, _ = open_server("127.0.0.1", 0, "a-token-of-some-length-for-tests")
     try:
         controls = Controls(lambda *what: None, print)
         words = (server, controls, worker, one._session, tmp_path, lambda page, path: None)
         again = CalibrateTab(*words, real=one._real)
         assert again._state["time"] == "accepted"
-        assert "delay 12&#46;1 ms" in again._found.content
+        assert "12&#46;1 ± 0&#46;3" in again._found.content
         controls.queue.close()
     finally:
         server.stop()

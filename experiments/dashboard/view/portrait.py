@@ -1,0 +1,160 @@
+"""How the ball swings: speed over place, angle over torque, and how far from its target.
+
+Drawn as small pictures (SVG) of the last 20 s, twice a second: a ring is a limit cycle, a loop of
+the servo what play and friction leave of a straight line.
+"""
+
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.analysis.samples import held
+from experiments.dashboard.view.curves import X, Y
+from rig.log import INDEX
+from rig.parameters import Servo
+
+if TYPE_CHECKING:
+    from viser import ViserServer
+
+WIDTH, HEIGHT, MARGIN = 300, 190, 34  # of a picture [px]
+EVERY_S, RMS_S, BINS = 0.5, 10.0, 24  # chosen: calm to look at
+WAIT = "Waiting for the first data."
+Curve = tuple[str, np.ndarray, np.ndarray]  # colour, abscissae, ordinates
+
+
+def _range(values: np.ndarray) -> tuple[float, float]:
+    """Limits of an axis that holds all values and 0."""
+    low, high = min(0.0, float(values.min())), max(0.0, float(values.max()))
+    return (low, high) if high > low else (low - 1.0, high + 1.0)
+
+
+def phase_picture(title: str, across: str, up: str, curves: list[Curve]) -> str:
+    """An SVG of curves in a plane, with a cross at 0; across, up: names of its axes with units."""
+    finite = [(c, *(v[np.isfinite(x) & np.isfinite(y)] for v in (x, y))) for c, x, y in curves]
+    finite = [one for one in finite if len(one[1]) > 1]
+    if not finite:
+        return ""
+    (left, right), (low, high) = (
+        _range(np.concatenate([one[k] for one in finite])) for k in (1, 2)
+    )
+
+    def places(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        wide, tall = WIDTH - 2 * MARGIN, HEIGHT - 2 * MARGIN
+        return (
+            MARGIN + wide * (x - left) / (right - left),
+            HEIGHT - MARGIN - tall * (y - low) / (high - low),
+        )
+
+    lines = []
+    for colour, x, y in finite:
+        at = " ".join(f"{a:.0f},{b:.0f}" for a, b in zip(*places(x, y), strict=True))
+        lines.append(f'<polyline points="{at}" fill="none" stroke="{colour}" stroke-width="1.3"/>')
+    (zero_x,), (zero_y,) = places(np.zeros(1), np.zeros(1))
+    cross = (
+        f'<path d="M{MARGIN} {zero_y:.0f}H{WIDTH - MARGIN}M{zero_x:.0f} {MARGIN}V{HEIGHT - MARGIN}"'
+        ' stroke="currentColor" stroke-opacity="0.35" fill="none"/>'
+    )
+    ends = (
+        f"{_text(MARGIN, HEIGHT - MARGIN + 12, f'{left:.3g}', 'start')}"
+        f"{_text(WIDTH - MARGIN, HEIGHT - MARGIN + 12, f'{right:.3g}', 'end')}"
+        f"{_text(MARGIN - 3, HEIGHT - MARGIN, f'{low:.3g}', 'end')}"
+        f"{_text(MARGIN - 3, MARGIN + 8, f'{high:.3g}', 'end')}"
+        f"{_text(WIDTH / 2, HEIGHT - 8, across, 'middle')}{_text(4, MARGIN - 8, up, 'start')}"
+    )
+    return _picture(title, cross + "".join(lines) + ends)
+
+
+def histogram_picture(title: str, across: str, values: np.ndarray) -> str:
+    """An SVG of how often values (n,) >= 0 lie where, from 0 to the largest; "" without any."""
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return ""
+    most = max(float(values.max()), 1e-9)
+    share = np.histogram(values, BINS, (0.0, most))[0] / len(values)
+    wide, tall = (WIDTH - 2 * MARGIN) / BINS, HEIGHT - 2 * MARGIN
+    bars = "".join(
+        f'<rect x="{MARGIN + i * wide:.1f}" y="{HEIGHT - MARGIN - tall * s / share.max():.1f}" '
+        f'width="{wide - 1:.1f}" height="{tall * s / share.max():.1f}" fill="{X}"/>'
+        for i, s in enumerate(share)
+    )
+    ends = (
+        f"{_text(MARGIN, HEIGHT - MARGIN + 12, '0', 'start')}"
+        f"{_text(WIDTH - MARGIN, HEIGHT - MARGIN + 12, f'{most:.3g}', 'end')}"
+        f"{_text(MARGIN - 3, MARGIN + 8, f'{100 * share.max():.0f} %', 'end')}"
+        f"{_text(WIDTH / 2, HEIGHT - 8, across, 'middle')}"
+    )
+    return _picture(title, bars + ends)
+
+
+def _text(x: float, y: float, words: str, anchor: str) -> str:
+    place = f'x="{x:.0f}" y="{y:.0f}" text-anchor="{anchor}"'
+    return f'<text {place} font-size="11" fill="currentColor">{words}</text>'
+
+
+def _picture(title: str, inside: str) -> str:
+    return (
+        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" width="100%" role="img" aria-label="{title}">'
+        f"{_text(WIDTH / 2, 14, title, 'middle')}{inside}</svg>"
+    )
+
+
+def _place_m(rows: np.ndarray, axis: str) -> np.ndarray:
+    """The ball's coordinate (n,) [m] as it was last seen; NaN before that."""
+    seen_m = rows[:, INDEX[f"ball_{axis}_m"]]
+    return np.where(np.logical_or.accumulate(np.isfinite(seen_m)), held(seen_m), np.nan)
+
+
+def distance_cm(rows: np.ndarray) -> np.ndarray:
+    """How far the ball was from its target (n,) [cm], of log rows (n, len(COLUMNS)); NaN before it
+    was seen first.
+    """
+    off = [_place_m(rows, axis) - rows[:, INDEX[f"target_{axis}_m"]] for axis in "xy"]
+    return 100 * np.hypot(*off)
+
+
+def pictures(rows: np.ndarray, servo: Servo) -> str:
+    """HTML of the pictures of log rows (n, len(COLUMNS)), and the RMS distance of the last 10 s;
+    fewer than three rows: a sentence.
+    """
+    if len(rows) < 3:
+        return WAIT
+    t_s, away = rows[:, 0], distance_cm(rows)
+    driven, unit, factor = ("estimated_torque_{}_Nm", "torque in the shaft, estimated [mN m]", 1e3)
+    angle = "theta_{}_rad"
+    if servo.takes_angle:
+        driven, unit, factor = "command_{}_rad", "command [deg]", np.degrees(1)
+        angle = angle if servo.has_angle else "desired_theta_{}_rad"
+    swing, loop = [], []
+    for axis, colour in (("x", X), ("y", Y)):
+        place = 100 * _place_m(rows, axis)
+        swing.append((colour, place, np.gradient(place, t_s)))
+        turned = np.degrees(rows[:, INDEX[angle.format(axis)]])
+        loop.append((colour, factor * rows[:, INDEX[driven.format(axis)]], turned))
+    last = away[(t_s > t_s[-1] - RMS_S) & np.isfinite(away)]
+    rms = f"{np.sqrt(np.mean(last**2)):.2f} cm" if len(last) else "not seen"
+    return (
+        f"<p>From the target, RMS of the last {RMS_S:.0f} s: <b>{rms}</b></p>"
+        + phase_picture("ball: speed over place", "place [cm]", "speed [cm/s]", swing)
+        + phase_picture("servo: angle over what drives it", unit, "angle [deg]", loop)
+        + histogram_picture("how often how far from the target", "distance [cm]", away)
+    )
+
+
+class Portrait:
+    """Builds the pictures in the GUI container of viser that is open."""
+
+    def __init__(self, server: "ViserServer", servo: Servo) -> None:
+        self._servo, self._drawn_s = servo, 0.0
+        self._html: Any = server.gui.add_html(_boxed(WAIT))
+
+    def draw(self, rows: np.ndarray) -> None:
+        """Show rows (n, len(COLUMNS)) of the log, at most every EVERY_S."""
+        now_s = time.monotonic()
+        if now_s - self._drawn_s >= EVERY_S:
+            self._drawn_s = now_s
+            self._html.content = _boxed(pictures(rows, self._servo))
+
+
+def _boxed(inside: str) -> str:
+    return f'<div style="padding: 0 0.6em; font-size: 0.85em">{inside}</div>'

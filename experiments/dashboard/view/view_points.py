@@ -1,0 +1,47 @@
+"""Where a page looks at the table from: a few named places, each page by itself."""
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from experiments.dashboard.server.controls import Controls
+
+if TYPE_CHECKING:
+    from viser import ClientHandle, ViserServer
+
+Point = tuple[float, float, float]
+# Camera and what it looks at, in the table's frame [m]; chosen: the table fills the view.
+VIEW_POINTS: dict[str, tuple[Point, Point]] = {
+    "Whole table": ((0.24, -0.62, 0.52), (0.03, 0.03, -0.03)),
+    "From above": ((0.04, -0.01, 0.72), (0.04, 0.03, 0.0)),
+    "Level with the plate": ((0.06, -0.8, 0.03), (0.06, 0.0, -0.02)),
+    "Backlash of x": ((0.34, -0.28, 0.1), (0.15, 0.0, -0.03)),
+    "Backlash of y": ((-0.28, 0.38, 0.1), (0.0, 0.15, -0.03)),
+}
+
+
+def look_from(client: "ClientHandle", name: str) -> None:
+    """Move the view of one page to one of VIEW_POINTS."""
+    position, at = VIEW_POINTS[name]
+    with client.atomic():
+        client.camera.position, client.camera.look_at = position, at
+
+
+def add_view_points(
+    server: "ViserServer", controls: Controls, clients: Mapping[int, "ClientHandle"]
+) -> None:
+    """A button for each of VIEW_POINTS in the GUI container of viser that is open, and an entry of
+    the command palette; every page may press them and moves its own view alone.
+    """
+    gui = server.gui
+    with gui.add_folder("Look at", expand_by_default=True):
+        for name in VIEW_POINTS:
+            for handle in (gui.add_button(name, color="gray"), gui.add_command(name)):
+                controls.button(handle, name, _act(clients, name), everybody=True)
+
+
+def _act(clients: Mapping[int, Any], name: str) -> Callable[[int | None], None]:
+    def act(page: int | None) -> None:
+        if page is not None and page in clients:
+            look_from(clients[page], name)
+
+    return act

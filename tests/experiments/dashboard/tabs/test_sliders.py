@@ -1,0 +1,127 @@
+"""Sliders that act together: what is applied, undone, refused, and shown."""
+
+import threading
+from types import SimpleNamespace
+
+from experiments.dashboard.server.controls import Controls
+from experiments.dashboard.server.input_limits import KP, Range
+from experiments.dashboard.tabs.sliders import OWN, SliderGroup
+
+ROWS = [("P", KP, 2.0), ("D", Range(0.0, 1.0, 0.1), 0.5)]
+PRESETS = {"begin": (2.0, 0.5), "wild": (99.0, 0.0)}
+
+
+class Group:
+    """Sliders whose buttons and values are pressed by hand."""
+
+    def __init__(self) -> None:
+        self.applied: list[list[float]] = []
+        self.told: list[tuple] = []
+        self.refuses = False
+        self.controls = Controls(lambda *what: self.told.append(what), print)
+        self.controls.lock = self.controls.lock.joined(1)
+        self.handles: dict[str, SimpleNamespace] = {}
+        gui = SimpleNamespace(
+            add_dropdown=lambda label, names, initial_value: self._made(label, initial_value),
+            add_slider=lambda label, low, high, step, value, hint: self._made(label, value),
+            add_button=self._button,
+        )
+        server = SimpleNamespace(gui=gui)
+        self.group = SliderGroup(
+            server,  # pyright: ignore[reportArgumentType]
+            self.controls,
+            ROWS,
+            self._apply,
+            hint="",
+            presets=PRESETS,
+        )
+
+    def _made(self, label: str, value: object) -> SimpleNamespace:
+        self.handles[label] = SimpleNamespace(value=value)
+        return self.handles[label]
+
+    def _button(self, label: str, **looks: str) -> SimpleNamespace:
+        return SimpleNamespace(on_click=lambda act: self.handles.update({label: act}))
+
+    def _apply(self, values: list[float]) -> None:
+        if self.refuses:
+            raise ValueError("a run is being recorded")
+        self.applied.append(values)
+
+    def put(self, label: str, value: object) -> None:
+        """As a page that holds the controls would."""
+        handle = self.handles[label]
+        handle.value = self.controls.cleaned(1, handle, value)
+        self.controls.use(1, handle, handle.value)
+        done = threading.Event()
+        self.controls.queue.put("then", done.set)
+        assert done.wait(10.0)
+
+    def press(self, label: str) -> None:
+        self.handles[label](SimpleNamespace(client_id=1))  # pyright: ignore[reportCallIssue]
+
+    def shown(self) -> list:
+        """What the page shows once all is done."""
+        self.controls.queue.close()
+        return [self.handles[label].value for label in ("Preset", "P", "D")]
+
+
+def test_a_move_a_preset_and_the_reset_are_applied_together_and_undone_in_turn():
+    one = Group()
+    one.put("P", 3.0)
+    one.put("Preset", "wild")
+    one.press("Reset to 2 / 0.5")
+    for _ in range(4):
+        one.press("Undo")
+    assert one.shown() == [OWN, 2.0, 0.5]
+    top = KP.high
+    assert one.applied == [
+        [3.0, 0.5],
+        [top, 0.0],
+        [2.0, 0.5],
+        [top, 0.0],
+        [3.0, 0.5],
+        [2.0, 0.5],
+    ]
+    assert one.told == [(1, "undo", "nothing was changed yet")]
+
+
+def test_a_preset_keeps_its_name_until_a_slider_is_moved():
+    one = Group()
+    one.put("Preset", "wild")
+    assert one.shown() == ["wild", KP.high, 0.0]
+    one = Group()
+    one.put("Preset", "wild")
+    one.put("D", 0.3)
+    one.put("Preset", OWN)  # changes nothing
+    assert one.shown() == [OWN, KP.high, 0.3]
+    assert one.group.values == [KP.high, 0.3]
+
+
+def test_one_slider_that_is_drawn_along_is_one_move(monkeypatch):
+    one, now = Group(), [0.0]
+    monkeypatch.setattr("experiments.dashboard.tabs.sliders.time.monotonic", lambda: now[0])
+    for value in (2.5, 3.0, 3.5):
+        one.group._move(0, value)
+        one.group._kept[0].now = value
+        now[0] += 0.2
+    now[0] += 5.0
+    one.group._move(0, 4.0)
+    assert one.group._past == [[2.0, 0.5], [3.5, 0.5]]
+    one.group._move(1, 0.1)
+    assert len(one.group._past) == 3
+    one.controls.queue.close()
+
+
+def test_what_is_refused_is_neither_shown_nor_undone():
+    one = Group()
+    one.refuses = True
+    one.put("P", 3.0)
+    one.put("Preset", "wild")
+    one.press("Undo")
+    assert one.shown() == ["begin", 2.0, 0.5]
+    assert [what[2] for what in one.told] == [
+        "a run is being recorded",
+        "a run is being recorded",
+        "nothing was changed yet",
+    ]

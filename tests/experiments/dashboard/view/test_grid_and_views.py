@@ -1,0 +1,59 @@
+"""The grid on the plate, and the places from which a page looks at the table."""
+
+from contextlib import nullcontext
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from experiments.dashboard.server.controls import Controls
+from experiments.dashboard.view.grid import COARSE_M, FINE_M, grid_lines, grid_numbers
+from experiments.dashboard.view.view_points import VIEW_POINTS, add_view_points
+
+SIDE_M = 0.275
+
+
+@pytest.mark.parametrize("step_m", [FINE_M, COARSE_M])
+def test_every_line_is_a_whole_multiple_of_the_step_from_edge_to_edge(step_m):
+    lines = grid_lines(SIDE_M, step_m)
+    assert lines.shape == (2 * (2 * int(SIDE_M / 2 / step_m) + 1), 2, 3)
+    assert np.abs(lines[..., :2]).max() == pytest.approx(SIDE_M / 2)
+    upright = lines[lines[:, 0, 0] == lines[:, 1, 0]]
+    multiples = upright[:, 0, 0] / step_m
+    assert multiples == pytest.approx(np.round(multiples), abs=1e-4)
+    assert len(upright) == len(lines) // 2
+    assert (0.0, 0.0) in {tuple(x) for x in upright[:, :, 0]}
+
+
+def test_numbers_stand_beside_the_plate_where_their_lines_end():
+    numbers = grid_numbers(SIDE_M)
+    near = {text: place[0] for text, place in numbers if place[1] < -SIDE_M / 2}
+    right = {text: place[1] for text, place in numbers if place[0] > SIDE_M / 2}
+    assert near == right == {text: pytest.approx(float(text) / 100) for text in near}
+    assert list(near) == ["-10", "-5", "0", "5", "10"]
+
+
+def test_a_page_moves_its_own_view_alone_and_may_without_the_controls():
+    pressed = {}
+
+    def handle(name, **looks):
+        return SimpleNamespace(on_click=lambda act: pressed.update({name: act}))
+
+    def page():
+        return SimpleNamespace(atomic=nullcontext, camera=SimpleNamespace())
+
+    gui = SimpleNamespace(
+        add_folder=lambda *a, **k: nullcontext(), add_button=handle, add_command=handle
+    )
+    controls, pages = Controls(lambda *what: None, print), {1: page(), 2: page()}
+    add_view_points(SimpleNamespace(gui=gui), controls, pages)  # pyright: ignore
+    assert set(pressed) == set(VIEW_POINTS)
+    pressed["From above"](SimpleNamespace(client_id=2))
+    pressed["From above"](SimpleNamespace(client_id=3))  # has gone
+    controls.queue.close()
+    assert pages[2].camera.position == VIEW_POINTS["From above"][0]
+    assert pages[2].camera.look_at == VIEW_POINTS["From above"][1]
+    assert not vars(pages[1].camera)
+    for position, at in VIEW_POINTS.values():
+        assert np.linalg.norm(np.subtract(position, at)) > 0.2
+        assert position[2] > at[2]  # never from below

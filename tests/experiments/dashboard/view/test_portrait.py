@@ -1,0 +1,86 @@
+"""The pictures of how the ball swings: what they show of a motion that is known."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments.dashboard.view.portrait import (
+    WAIT,
+    distance_cm,
+    histogram_picture,
+    phase_picture,
+    pictures,
+)
+from rig.log import COLUMNS, INDEX
+from rig.parameters import Servo
+
+SERVO = Servo()
+N, PERIOD_S = 250, 2.0
+
+
+def swinging(**columns) -> np.ndarray:
+    """Rows of a ball that goes round its target at 1 cm, in 2 s."""
+    rows = np.full((N, len(COLUMNS)), np.nan)
+    t_s = rows[:, 0] = np.linspace(0.0, 20.0, N)
+    angle = 2 * np.pi * t_s / PERIOD_S
+    known = {
+        "ball_x_m": 0.03 + 0.01 * np.cos(angle),
+        "ball_y_m": 0.01 * np.sin(angle),
+        "target_x_m": 0.03,
+        "target_y_m": 0.0,
+        "theta_x_rad": 0.1 * np.cos(angle),
+        "theta_y_rad": 0.1 * np.sin(angle),
+        "estimated_torque_x_Nm": 0.02 * np.sin(angle),
+        "estimated_torque_y_Nm": 0.02 * np.cos(angle),
+    }
+    for name, values in {**known, **columns}.items():
+        rows[:, INDEX[name]] = values
+    return rows
+
+
+def test_a_circle_about_the_target_has_one_distance_and_is_a_ring():
+    rows = swinging()
+    assert distance_cm(rows) == pytest.approx(np.ones(N))
+    page = pictures(rows, SERVO)
+    assert "RMS of the last 10 s: <b>1.00 cm</b>" in page
+    assert page.count("<svg") == 3
+    assert page.count("<polyline") == 4
+    x_cm, speed = 100 * rows[:, INDEX["ball_x_m"]], np.pi * np.ones(N)
+    ring = phase_picture("", "", "", [("red", x_cm - 3.0, speed * rows[:, INDEX["ball_y_m"]])])
+    points = np.array(re.findall(r"(\d+),(\d+)", ring), float)
+    centre = (points.max(axis=0) + points.min(axis=0)) / 2
+    half = (points.max(axis=0) - points.min(axis=0)) / 2
+    assert np.hypot(*((points - centre) / half).T) == pytest.approx(np.ones(N), abs=0.05)
+
+
+def test_what_nobody_measured_is_left_out():
+    blank = np.nan
+    rows = swinging(estimated_torque_x_Nm=blank, estimated_torque_y_Nm=blank)
+    assert pictures(rows, SERVO).count("<svg") == 2
+    unseen = swinging(ball_x_m=blank, ball_y_m=blank)
+    page = pictures(unseen, SERVO)
+    assert "not seen" in page
+    assert page.count("<svg") == 1
+    assert "nan" not in page
+    assert pictures(rows[:2], SERVO) == WAIT
+    assert histogram_picture("", "", np.full(3, np.nan)) == ""
+
+
+def test_servos_that_take_an_angle_show_their_command():
+    servo = replace(SERVO, kind="position", angle_measured=False)
+    turn = np.linspace(-0.1, 0.1, N)
+    names = ("command_x_rad", "command_y_rad", "desired_theta_x_rad", "desired_theta_y_rad")
+    page = pictures(swinging(**dict.fromkeys(names, turn)), servo)
+    assert "command [deg]" in page
+    assert page.count("<polyline") == 4
+
+
+def test_the_bars_of_the_histogram_hold_every_sample_once():
+    values = np.array([0.0, 0.1, 0.1, 2.0])
+    picture = histogram_picture("far", "cm", values)
+    heights = np.array(re.findall(r'height="([\d.]+)" fill', picture), float)
+    assert np.count_nonzero(heights) == 3
+    assert sorted(heights[heights > 0] / heights.max()) == pytest.approx([0.5, 0.5, 1.0])
+    assert "50 %" in picture
