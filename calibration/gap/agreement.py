@@ -53,20 +53,19 @@ def sizes_by_log(state: State, names: Sequence[Named]) -> tuple[SizeByLog, ...]:
     return tuple(found)
 
 
-def disagreements(found: Sequence[SizeByLog], logs: Sequence[str]) -> tuple[str, ...]:
-    """A sentence for each size on which the logs differ by more than chance. `logs`: their names,
-    one a run; without them they are numbered."""
+def sentences(found: Sequence[SizeByLog], logs: Sequence[str]) -> tuple[str, ...]:
+    """A sentence for each size by log, those first on which the logs differ by more than chance.
+    `logs`: their names, one a run; without them they are numbered."""
     said = []
-    for one in found:
-        if one.agree:
-            continue
+    for one in sorted(found, key=lambda one: one.agree):
         told = [
             f"{size.value:.3g} [{size.low:.3g}, {size.high:.3g}] in "
             + (logs[i] if i < len(logs) else f"log {i + 1}")
             for i, size in enumerate(one.sizes)
             if size is not None
         ]
-        said.append(f"the logs disagree: {one.name} {one.axis} {one.key} is {', '.join(told)}")
+        head = "the logs agree" if one.agree else "the logs disagree"
+        said += [f"{head}: {one.name} {one.axis} {one.key} is {', '.join(told)}"] if told else []
     return tuple(said)
 
 

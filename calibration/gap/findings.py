@@ -234,10 +234,6 @@ class Findings:
             "unknown": {k: v for k, v in vars(left).items() if v is not None} if left else None,
             "untestable": [vars(u) for u in self.untestable],
             "calibrated": {k: vars(v) for k, v in self.calibrated.items()},
-            "by_log": [
-                vars(one) | {"sizes": [vars(size) if size else None for size in one.sizes]}
-                for one in self.by_log
-            ],
             "gap": gap,
             "next_experiment": vars(following) | {"separates": list(following.separates)}
             if following

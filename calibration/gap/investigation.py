@@ -10,7 +10,7 @@ from math import inf
 
 import numpy as np
 
-from calibration.gap.agreement import disagreements, sizes_by_log
+from calibration.gap.agreement import sentences, sizes_by_log
 from calibration.gap.decision_rule import RIVAL_MARGIN
 from calibration.gap.findings import Findings, Gap, Leftover, Named, ProofRow, Step
 from calibration.gap.locate.locate import locate
@@ -98,7 +98,7 @@ def investigate(
     found = _findings(decision, until, notes, quick=quick)
     if not quick and until != "locate":
         by_log = sizes_by_log(decision.state, found.effects)
-        told = found.notes + disagreements(by_log, log_names)
+        told = found.notes + sentences(by_log, log_names)
         found = replace(found, by_log=by_log, notes=told)
     return Investigation(found, decision)
 

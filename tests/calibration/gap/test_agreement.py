@@ -4,7 +4,7 @@ from functools import cache
 
 import pytest
 
-from calibration.gap.agreement import disagreements, sizes_by_log
+from calibration.gap.agreement import sentences, sizes_by_log
 from calibration.gap.findings import Interval, Named, SizeByLog
 from calibration.gap.model.state import refit
 from tests.support.gap.tables import evidence_of, foreign, released
@@ -32,14 +32,16 @@ def test_each_log_gives_its_own_size():
     assert (one.name, one.axis, one.key) == (NAME, "x", "play_rad")
     assert [size.value for size in one.sizes if size] == pytest.approx([0.03, 0.03], abs=0.004)
     assert one.agree
-    assert disagreements([one], ()) == ()
+    (said,) = sentences([one], ())
+    assert said.startswith("the logs agree: joint_backlash x play_rad is 0.0")
+    assert said.endswith("in log 2")
 
 
 def test_a_table_that_changed_between_two_logs_is_told_with_both_sizes():
     found = told(0.02, 0.05)
     sizes = [size.value for size in found[0].sizes if size]
     assert sizes == pytest.approx([0.02, 0.05], abs=0.005)
-    (said,) = disagreements(found, ("monday.csv", "friday.csv"))
+    (said,) = sentences(found, ("monday.csv", "friday.csv"))
     assert said.startswith("the logs disagree: joint_backlash x play_rad is ")
     assert "in monday.csv, " in said
     assert said.endswith("in friday.csv")
