@@ -44,6 +44,7 @@ def test_a_wrongly_mounted_sheet_turns_and_shifts_every_position():
     )
 
 
+@pytest.mark.slow
 def test_frames_go_through_the_real_chain(monkeypatch: pytest.MonkeyPatch):
     """A shifted sheet shifts what is measured; only half a second, with a perfect calibration."""
     from types import SimpleNamespace

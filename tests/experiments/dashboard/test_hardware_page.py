@@ -55,6 +55,7 @@ def test_a_real_table_is_homed_and_armed_for_every_run_and_stopped_by_everybody(
         tab.start()
 
 
+@pytest.mark.slow
 def test_a_person_is_told_on_the_page_and_the_table_sees_what_they_did(lab, app):
     asked = set()
     plan = RunPlan(read_protocol(lab.protocol(3.0)), ("without", "with"), 1, 1, pause=True)

@@ -123,6 +123,7 @@ def test_runs_through_frames_see_the_ball_to_a_tenth_of_a_millimetre(seen_runs):
         assert np.abs(error[seen]).max() < 3e-4  # no wrong lock
 
 
+@pytest.mark.slow
 def test_the_fitted_statistical_camera_agrees_with_the_frames(seen_runs):
     """Same plant, course and seeds: what is measured of the runs must not tell which camera saw.
 
