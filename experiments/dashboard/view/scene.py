@@ -19,7 +19,7 @@ LEGEND_TABLE = """
 **Grey plate, orange ball**: the table as it is measured. Its trail is where the ball was, the
 **target** is where it shall be. Fine lines are 1 cm apart.
 
-**Blue ball**: the model, driven by the same volts. "model off by 3 mm" is how far the two balls
+**Blue ball**: the model, driven by the same volts. "model 3.0 mm from the ball" is how far the two
 are apart: what the model does not know.
 
 **Blocks beside the servos**: the play of gear and joint, 40 times as large. The **yellow** tooth
