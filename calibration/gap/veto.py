@@ -52,7 +52,7 @@ from calibration.gap.decision_rule import (
     RIVAL_MARGIN,
     SURE_Z,
 )
-from calibration.gap.model.data import DIVERGED_Z, Evidence
+from calibration.gap.model.data import Evidence
 from calibration.gap.model.fit import evaluate, losses
 from calibration.gap.model.intervals import deviations, interval
 from calibration.gap.model.parameters import BALL, PERIODIC, Model
@@ -113,9 +113,7 @@ def _costs(evidence: Evidence, model: Model, output: str) -> np.ndarray:
     used = mask > 0
     places = np.column_stack([run, t // COST_BLOCK_S])[used]
     block = np.unique(places, axis=0, return_inverse=True)[1].ravel()
-    roll = evidence.roll(model, output)
-    terms = losses(roll, mask) if roll.z.any() else np.full(len(mask), DIVERGED_Z)
-    return np.bincount(block, terms[used])
+    return np.bincount(block, losses(evidence.roll(model, output), mask)[used])
 
 
 def gained(without: Prediction, with_it: Prediction, ratio: float = 1.0) -> tuple[float, float]:

@@ -162,8 +162,8 @@ class Evidence:
         """Residuals of an output under a model, all runs one after the other; 0 where a signal is
         missing.
 
-        Where one residual exceeds DIVERGED_Z, all are set to DIVERGED_Z, so that the cost is higher
-        than that of any other prediction.
+        Where one residual exceeds DIVERGED_Z, or none is a number, all are set to DIVERGED_Z, so
+        that the cost is higher than that of any other prediction.
         """
         with np.errstate(over="ignore", invalid="ignore"):
             found = [self._run(run, model, output) for run in self.runs]
@@ -172,6 +172,8 @@ class Evidence:
         z[blind] = 0.0
         if np.max(np.abs(z), initial=0.0) > DIVERGED_Z:
             z[~blind] = DIVERGED_Z
+        if blind.all():
+            z[:] = DIVERGED_Z
         log_std[blind] = 0.0
         return Roll(z, log_std)
 

@@ -38,12 +38,12 @@ Bounds = Mapping[str, tuple[float, float]]
 
 def loss(roll: Roll, mask: np.ndarray) -> float:
     """Cost C of one output (the module's equation) for the prediction `roll` and the weights `mask`
-    (n,); infinite where all residuals are 0, as after a prediction that is nowhere finite."""
+    (n,); infinite where all residuals are 0, which no prediction of a measurement gives."""
     return float(np.sum(losses(roll, mask))) if roll.z.any() else float("inf")
 
 
 def losses(roll: Roll, mask: np.ndarray) -> np.ndarray:
-    """The terms (n,) of `loss`, where the prediction is finite."""
+    """The terms (n,) of `loss`."""
     return mask * (huber(roll.z) + roll.log_std)
 
 
