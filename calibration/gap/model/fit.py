@@ -26,13 +26,14 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from calibration.gap.model.data import Evidence, Roll
-from calibration.gap.model.parameters import NominalModel, Parameter
+from calibration.gap.model.parameters import COAST_KEY, NominalModel, Parameter
 
 HUBER_Z = 3.0  # 0.27 % of Gaussian samples lie beyond
 ITERATIONS = 6
 CONVERGED_GAIN = 0.05  # a gain in C below this ends the fit
 STALE_SECANT_GAIN = 5.0  # a gain in C since the secants were taken beyond which they are renewed
 STEP_LENGTHS = (1.0, 0.33, 0.1)  # of the Gauss-Newton step, tried in turn
+KINKED = ("play_rad", COAST_KEY)  # keys along which C has kinks inside its valley
 Bounds = Mapping[str, tuple[float, float]]
 
 
@@ -191,8 +192,8 @@ def fit(
     until C with the prior falls by less than CONVERGED_GAIN; all other parameters stay as in
     `start`.
 
-    Secants are taken once, and at every step for the effects `bent` (backlash, delays, periods),
-    whose parameters are then moved one by one where no step along all lowers C.
+    Secants are taken once, and at every step for the effects `bent` (backlash, delays, periods).
+    Where no step along all lowers C, the parameters of backlash are moved one by one, once.
     Where C stalls after it fell by STALE_SECANT_GAIN, all secants are taken anew. `KeyError`: no
     such parameter.
     """
@@ -201,7 +202,7 @@ def fit(
     scale = np.array([parameter.step for parameter in parameters])
     prior = np.array([inverse_variance(k, bounds[k.name]) for k in parameters])
     nominals = np.array([k.nominal for k in parameters])
-    taken_at = start.cost
+    taken_at, searched = start.cost, False
     for _ in range(iterations):
         columns = differences(evidence, nominal, best, parameters, bounds)
         best = replace(best, columns={**best.columns, **kept_columns(columns, parameters, bent)})
@@ -214,8 +215,9 @@ def fit(
         step = bounded_step(a, b, low - value, high - value, scale)
         dearer = [float(prior @ (d * step * (away + 0.5 * d * step))) for d in STEP_LENGTHS]
         best, gain = _along(evidence, nominal, best, parameters, value, step, dearer)
-        if gain < CONVERGED_GAIN:
+        if gain < CONVERGED_GAIN and not searched:
             best, gain = _one_by_one(evidence, nominal, best, bounds, bent)
+            searched = True
         if gain < CONVERGED_GAIN:
             if taken_at - best.cost < STALE_SECANT_GAIN:
                 break
@@ -230,12 +232,13 @@ def _one_by_one(
     bounds: Bounds,
     bent: Collection[str],
 ) -> tuple[ParameterFit, float]:
-    """Compass search: each parameter of the effects `bent` alone by plus and minus STEP_LENGTHS of
-    its step, and by how much C fell (Kolda, Lewis and Torczon, SIAM Review 45, 2003)."""
+    """Compass search: each width of backlash of the effects `bent`, and how far its arm coasts,
+    alone by plus and minus STEP_LENGTHS of its step, and by how much C fell (Kolda, Lewis and
+    Torczon, SIAM Review 45, 2003)."""
     first = at.cost
     for name, (low, high) in bounds.items():
         parameter = nominal.parameters[name]
-        if parameter.effect not in bent:
+        if parameter.effect not in bent or parameter.key not in KINKED:
             continue
         for length in STEP_LENGTHS:
             value = at.setting.get(name, parameter.nominal)
