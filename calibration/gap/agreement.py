@@ -54,8 +54,8 @@ def sizes_by_log(state: State, names: Sequence[Named]) -> tuple[SizeByLog, ...]:
 
 
 def sentences(found: Sequence[SizeByLog], logs: Sequence[str]) -> tuple[str, ...]:
-    """A sentence for each size by log, those first on which the logs differ by more than chance.
-    `logs`: their names, one a run; without them they are numbered."""
+    """A sentence for each size that two logs or more tell, those first on which the logs differ by
+    more than chance. `logs`: their names, one a run; without them they are numbered."""
     said = []
     for one in sorted(found, key=lambda one: one.agree):
         told = [
@@ -65,7 +65,11 @@ def sentences(found: Sequence[SizeByLog], logs: Sequence[str]) -> tuple[str, ...
             if size is not None
         ]
         head = "the logs agree" if one.agree else "the logs disagree"
-        said += [f"{head}: {one.name} {one.axis} {one.key} is {', '.join(told)}"] if told else []
+        said += (
+            [f"{head}: {one.name} {one.axis} {one.key} is {', '.join(told)}"]
+            if len(told) > 1
+            else []
+        )
     return tuple(said)
 
 

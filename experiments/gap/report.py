@@ -167,7 +167,9 @@ def _log_table(found: Findings, names: Sequence[str]) -> Table:
         unit, factor = parameter_unit(one.name, one.key)
         sizes = [interval_words(size, unit, factor) if size else "not told" for size in one.sizes]
         place = "both" if one.axis == "xy" else one.axis
-        rows.append([f"{one.name}, {place}", *sizes, "yes" if one.agree else "no"])
+        alone = sum(size is not None for size in one.sizes) < 2
+        agree = "cannot say" if alone else "yes" if one.agree else "no"
+        rows.append([f"{one.name}, {place}", *sizes, agree])
     logs = [
         names[i] if i < len(names) else f"log {i + 1}" for i in range(len(found.by_log[0].sizes))
     ]

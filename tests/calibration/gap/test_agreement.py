@@ -49,3 +49,8 @@ def test_a_table_that_changed_between_two_logs_is_told_with_both_sizes():
 
 def test_one_log_has_nobody_to_agree_with():
     assert told(0.03) == ()
+
+
+def test_a_size_that_one_log_alone_tells_is_no_agreement():
+    one = SizeByLog(NAME, "x", "play_rad", (Interval(0.03, 0.02, 0.04), None), agree=True)
+    assert sentences([one], ()) == ()
