@@ -6,11 +6,15 @@ import sys
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 if "tests.support" not in sys.modules:  # but for a plugin that lies in it (bare_machine)
     pytest.register_assert_rewrite("tests.support")
 
 from tests.support import parts
+
+settings.register_profile("untimed", deadline=None)  # a machine may be busy, or have to compile
+settings.load_profile("untimed")
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

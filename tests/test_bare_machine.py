@@ -24,6 +24,7 @@ NEEDY = (
     "tests/test_architecture.py",
     "tests/vision/tracking/test_real_footage.py",
 )
+ALL = ("-m", "slow or not slow")
 
 
 def on_a_bare_machine(*words: str) -> subprocess.CompletedProcess:
@@ -31,8 +32,9 @@ def on_a_bare_machine(*words: str) -> subprocess.CompletedProcess:
     return subprocess.run([*command, *words], cwd=ROOT, capture_output=True, text=True)
 
 
+@pytest.mark.slow
 def test_every_missing_part_is_a_skip_with_its_cure():
-    done = on_a_bare_machine(*NEEDY, "-k", "not heavy and not outgrown and not screen")
+    done = on_a_bare_machine(*NEEDY, *ALL, "-k", "not heavy and not outgrown and not screen")
     assert done.returncode == 0, done.stdout[-2000:]
     said = done.stdout.rpartition("not tried on this machine")[2]
     for name, part in PARTS.items():
@@ -44,7 +46,7 @@ def test_every_missing_part_is_a_skip_with_its_cure():
 
 @pytest.mark.slow
 def test_everything_is_collected_without_the_parts():
-    done = on_a_bare_machine("--collect-only", "-m", "slow or not slow")
+    done = on_a_bare_machine("--collect-only", *ALL)
     assert done.returncode == 0, done.stdout[-2000:]
 
 

@@ -34,7 +34,7 @@ def test_a_name_ends_in_its_unit():
             assert column.name.endswith("_" + suffix[column.unit])
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(arrays(np.float64, st.tuples(st.integers(0, 6), st.just(len(COLUMNS))), elements=ANY))
 def test_rows_come_back_bit_for_bit(rows):
     log = Log.from_rows(rows)
@@ -105,7 +105,7 @@ def test_ball_without_exposure_uses_the_tick_minus_the_delay():
     np.testing.assert_allclose(log.ball(delay_s=0.012)[0], [-0.010])
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(
     st.lists(st.tuples(st.integers(-3, 3), st.integers(1, 9)), min_size=1, max_size=20),
     st.booleans(),

@@ -19,7 +19,7 @@ from rig.shared_memory import SharedArray, SharedRing
 ROW = np.dtype((np.float64, (3,)))
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(st.lists(st.integers(0, 12), max_size=12), st.integers(2, 8))
 def test_each_record_is_read_once_in_order_or_counted_as_lost(bursts: list[int], slots: int):
     ring = SharedRing(ROW, slots)

@@ -35,7 +35,7 @@ def simulated(kind, *, arm=0, seconds=15.0, start=0.13, hold_s=0.0, seed=1):
     return simulate.simulate(rig, replace(rig, effects={}), arm, course, draws).log
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(arrays(float, st.tuples(st.integers(1, 60), st.just(2)), elements=st.floats(-0.13, 0.13)))
 def test_k_means_with_one_cluster_is_the_mean(xy):
     np.testing.assert_allclose(centroid(xy), xy.mean(axis=0), atol=1e-12)

@@ -117,7 +117,7 @@ def test_a_run_that_never_settles_is_measured_over_its_last_half():
     assert m.settled.spread_m == pytest.approx(0, abs=1e-12)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     amplitude=st.floats(0.0015, 0.012),
     period=st.floats(1.0, 4.0),

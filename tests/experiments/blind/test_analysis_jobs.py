@@ -88,6 +88,7 @@ def test_nobody_stays_behind(tmp_path: Path):
     assert (tmp_path / TRIALS[0].name / "log-1.csv").read_bytes() == packed["log-1.csv"]
 
 
+@pytest.mark.slow
 def test_a_cluster_that_is_not_there_is_said_in_one_line():
     with pytest.raises(ValueError, match="--cluster tcp://localhost:1"):
         dask_client("tcp://localhost:1")

@@ -48,14 +48,15 @@ def test_the_rig_file_knows_nothing_of_what_is_hidden(trials: list[BlindTrial]):
 
 @pytest.mark.parametrize("name", [n for n in ALL_EFFECTS if n != "saturation"])
 def test_sizes_lie_between_1_5_and_6_times_the_smallest(name: str):
-    key = BY_NAME[name].parameters[0].key
-    for trial in of_kind("single", 20, (name,)):
-        for values in trial.hidden[name].values():
-            times = abs(values[key]) / max(sizes.SMALLEST[name], BY_NAME[name].tolerance)
-            assert 1.5 <= times <= 6.0
-            assert abs(values[key]) <= BY_NAME[name].parameters[0].high
-        assert 1.5 <= trial.factor <= 6.0
-    weak = [trial.factor for trial in of_kind("weak", 20, (name,))]
+    first, rng = BY_NAME[name].parameters[0], np.random.default_rng(7)
+    for _ in range(40):
+        drawn, times = sizes.draw_effect(name, rng)
+        for values in drawn.values():
+            size = abs(values[first.key])
+            assert 1.5 <= size / max(sizes.SMALLEST[name], BY_NAME[name].tolerance) <= 6.0
+            assert size <= first.high
+        assert 1.5 <= times <= 6.0
+    weak = [sizes.draw_effect(name, rng, within=sizes.WEAK_FACTORS)[1] for _ in range(40)]
     assert 0.15 <= min(weak) < max(weak) <= 1.5
 
 

@@ -85,6 +85,7 @@ def test_numbers_are_the_tables(made: Path):
     assert "gear_backlash" not in believed.effects
 
 
+@pytest.mark.slow
 def test_the_calibration_serves_a_run_through_frames(made: Path, tmp_path: Path):
     hold = read_protocol("hold").model_copy(update={"duration_s": 1.0})
     bundle = made / "calibration.json"
@@ -95,6 +96,7 @@ def test_the_calibration_serves_a_run_through_frames(made: Path, tmp_path: Path)
     assert not [e for e in read_run(done.folder).events if "moved camera" in e["text"]]
 
 
+@pytest.mark.slow
 def test_a_knock_is_said_in_the_run(made: Path, tmp_path: Path):
     """The bundle's plate lies 4 mm beside where the camera sees it now."""
     whole = json.loads((made / "calibration.json").read_text())
@@ -137,6 +139,7 @@ def test_a_video_gives_its_best_pictures(shots, tmp_path: Path):
     assert len(picker.samples) < 24
 
 
+@pytest.mark.slow
 def test_a_video_file(shots, tmp_path: Path):
     path = tmp_path / "sheet.avi"
     fourcc = cv2.VideoWriter.fourcc(*"MJPG")

@@ -146,6 +146,7 @@ def test_ctrl_c_is_exit_130_and_keeps_what_was_recorded(tmp_path: Path):
     assert len(run.log) >= 1000
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="file size limits are POSIX")
 def test_a_full_disk_is_exit_1_and_keeps_what_was_recorded(tmp_path: Path):
     import resource
@@ -166,8 +167,9 @@ def test_a_full_disk_is_exit_1_and_keeps_what_was_recorded(tmp_path: Path):
     assert _rows(out) > 500
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="signals of POSIX")
-@pytest.mark.parametrize("name", ["SIGTERM", pytest.param("SIGHUP", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
 def test_a_served_table_that_is_ended_says_so_and_tells_its_user(tmp_path: Path, name: str):
     number = getattr(signal, name)
     token = tmp_path / "rig.token"

@@ -57,6 +57,7 @@ def test_what_was_kept_for_another_grid_or_rig_counts_for_nothing(tmp_path):
     assert len(table[cells(GRID)[0].key]["with"]) == 6
 
 
+@pytest.mark.slow
 def test_two_processes_give_the_same_bits(tmp_path):
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()

@@ -28,6 +28,7 @@ def app(lab: Lab) -> Iterator[App]:
         server.stop()
 
 
+@pytest.mark.slow
 def test_a_real_table_is_homed_and_armed_for_every_run_and_stopped_by_everybody(lab, app):
     session, tab = app.session, app.run_tab
     # Opening the page moves nothing.

@@ -6,7 +6,7 @@ from math import inf, isfinite, nan, radians
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments.analysis.samples import held
@@ -83,7 +83,6 @@ def test_rods_keep_their_length_and_the_plate_follows_the_arms(x, y):
         ) < 0.02
 
 
-@settings(deadline=None)  # the first turn of a plate is compiled
 @given(st.floats(-0.08, 0.08), st.floats(-0.08, 0.08))
 def test_quaternion_is_the_rotation(x, y):
     import viser.transforms as tf

@@ -164,7 +164,7 @@ def test_exposures_of_another_clock_are_refused():
     refused(columns, "ball_exposed_s lies -1.7e.* clock of t_s")
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(counts=st.integers(200, 20000), seed=st.integers(0, 999))
 def test_the_encoders_step_is_told(counts, seed):
     step = 2 * np.pi / counts

@@ -53,6 +53,7 @@ def test_a_run_through_the_real_loop_serves_as_well(tmp_path: Path):
     assert abs(row.after - row.measured) < abs(np.nan_to_num(row.before) - row.measured)
 
 
+@pytest.mark.slow
 def test_the_ball_is_pushed_as_in_the_recording(tmp_path: Path):
     rows = by_name(read_evidence([recorded(tmp_path, read_protocol("pushed"), arm="with")]))
     assert abs(rows["spread"].after / rows["spread"].measured - 1) < 0.05
@@ -64,6 +65,7 @@ def test_the_same_noise_meets_both_models(holding: GapInput):
         assert row.before == row.after
 
 
+@pytest.mark.slow
 def test_a_moving_target_is_compared_by_its_error_and_groups_are_told_apart(tmp_path: Path):
     protocols = [read_protocol(name) for name in ("steps", "servo-squares", "free-release")]
     inputs = read_evidence([recorded(tmp_path, protocol) for protocol in protocols])

@@ -231,7 +231,7 @@ def test_a_few_blank_rows_are_bridged_and_said(tmp_path):
     refused(csv(tmp_path, columns), r"voltage_x_V is blank in row 18 and 100 more .limit: 1 %")
 
 
-@settings(max_examples=20, deadline=None, suppress_health_check=SLOW)
+@settings(max_examples=20, suppress_health_check=SLOW)
 @given(
     rate_hz=st.sampled_from([10.0, 33.3, 200.0, 1000.0, 5000.0]),
     frame_hz=st.sampled_from([5.0, 30.0, 120.0]),

@@ -27,7 +27,7 @@ def imported(lab: Disguise) -> tuple[Proposal, int]:
     raise AssertionError(f"more than {MOST_QUESTIONS} questions")
 
 
-@settings(max_examples=3, deadline=None, derandomize=True)
+@settings(max_examples=3, derandomize=True)
 @given(seed=st.integers(0, 2**31), number=st.sampled_from((7, 8)))
 def test_found_or_asked(seed: int, number: int):
     lab = disguised(np.random.default_rng(seed), number)
@@ -38,7 +38,7 @@ def test_found_or_asked(seed: int, number: int):
 
 @pytest.mark.slow
 @pytest.mark.xfail(reason="a servo whose angle has another sign in one of 150 drawn recordings")
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=150, derandomize=True)
 @given(seed=st.integers(0, 2**31), habits=st.booleans(), named=st.sampled_from((0.6, 1.0)))
 def test_found_or_asked_on_every_bench(seed: int, habits: bool, named: float):
     lab = disguised(np.random.default_rng(seed), habits=habits, named=named)

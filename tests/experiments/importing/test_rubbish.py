@@ -31,7 +31,7 @@ def column(kind: str, n: int, rng: np.random.Generator) -> np.ndarray:
     return np.where(rng.random(n) < 0.9, special[kind], noise) if kind in special else noise
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60, derandomize=True)
 @given(
     kinds=st.dictionaries(st.sampled_from(NAMES), st.sampled_from(KINDS), min_size=1, max_size=8),
     n=st.sampled_from((1, 2, 5, 30, 400)),

@@ -42,7 +42,7 @@ def same(a, b):
 
 
 @pytest.mark.parametrize("suffix", [*SUFFIXES, "run"])
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=25, suppress_health_check=[HealthCheck.too_slow])
 @given(log=logs())
 def test_export_then_import_is_the_same_log_bit_for_bit(tmp_path_factory, suffix, log):
     path = tmp_path_factory.mktemp("log") / f"log.{suffix}"

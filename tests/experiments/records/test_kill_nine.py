@@ -9,20 +9,18 @@ import pytest
 from experiments.records.recording import read_run
 from tests.support.killed_program import kill_after, opened_by_mcap, start, wait_for_ticks, whole
 
+pytestmark = pytest.mark.slow  # kill -9 by default: test_recording.py; Ctrl-C: ../cli/test_cli.py
 POSIX = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="kill -9 is of POSIX")
 
 
 @POSIX
-@pytest.mark.parametrize(
-    "most_s", [1.0, *(pytest.param(s, marks=pytest.mark.slow) for s in (0.0, 0.5))]
-)
+@pytest.mark.parametrize("most_s", [0.0, 0.5, 1.0])
 def test_kill_9_at_a_random_moment_takes_at_most_a_fifth_of_a_second(tmp_path: Path, most_s: float):
     """Three of the fifty of tests/benchmarks/kill_nine.py."""
     kill_after(tmp_path / "run", random.uniform(0.0, most_s))
 
 
 @POSIX
-@pytest.mark.slow  # a full disk by default: tests/experiments/cli/test_cli.py
 def test_no_more_room_ends_the_run_with_its_reason_and_all_rows(tmp_path: Path):
     program, _ = start(tmp_path / "run", "150000")
     _, words = program.communicate(timeout=150)
@@ -37,9 +35,7 @@ def test_no_more_room_ends_the_run_with_its_reason_and_all_rows(tmp_path: Path):
 
 
 @POSIX
-@pytest.mark.parametrize(
-    "name", ["SIGTERM", pytest.param("SIGINT", marks=pytest.mark.slow)]
-)  # Ctrl-C by default: tests/experiments/cli/test_cli.py
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
 def test_a_signal_ends_the_run_and_the_recording_says_so(tmp_path: Path, name: str):
     program, ticks = start(tmp_path / "run")
     wait_for_ticks(program, ticks, 100)

@@ -29,7 +29,7 @@ def write_7_3(path, columns, *, struct=None, row_vectors=False):
     return path
 
 
-@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=15, suppress_health_check=[HealthCheck.too_slow])
 @given(
     order=st.permutations(list(table_log(seconds=0.01))),
     struct=st.sampled_from([None, "log"]),

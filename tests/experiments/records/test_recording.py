@@ -60,7 +60,7 @@ def assert_rows(log, rows):
     assert log.rows.tobytes("C") == np.ascontiguousarray(rows).tobytes()
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(ROWS, st.booleans())
 def test_rows_come_back_bit_for_bit(tmp_path_factory, rows, at_once):
     rows[:, 0] = np.arange(len(rows)) * 0.002

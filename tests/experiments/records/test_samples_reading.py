@@ -118,7 +118,7 @@ def test_the_rows_are_what_protobuf_itself_would_write():
     assert len(record) == RECORD.itemsize
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.data())
 def test_a_file_cut_anywhere_keeps_every_whole_row(data):
     rows = example(7)
@@ -168,7 +168,7 @@ def test_zeros_after_a_power_cut_end_the_rows():
     assert not samples.complete
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.data(), st.booleans())
 def test_damaged_bytes_never_raise_more_than_a_value_error(data, finished):
     rows = example(20)
@@ -180,7 +180,7 @@ def test_damaged_bytes_never_raise_more_than_a_value_error(data, finished):
     assert samples.rows.shape[1] == len(COLUMNS)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 7), st.sampled_from((9, 10, 11, 200)), st.integers(0, HEAD + 1))
 def test_one_flipped_bit_takes_one_row_and_no_more(bit, row, byte):
     """Opcode, length and channel of a row: whatever it then seems to be, the next row is found."""

@@ -2,19 +2,17 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rig.control import compensation
 from rig.plant.shaft import play_operator
 
-NO_DEADLINE = settings(deadline=None)  # a first call may have to compile
 LEAST = 0.003
 ANGLE = st.floats(-0.4, 0.4)
 PLAY = st.just(0.0) | st.floats(1e-12, 0.1)  # half of the smallest double is no play
 
 
-@NO_DEADLINE
 @given(st.lists(ANGLE, min_size=1, max_size=30), PLAY)
 def test_joint_inverse_undoes_the_play_for_an_ideal_servo(wanted, play):
     """theta = reference at once: the plate is where it was asked to be, within `least`."""
@@ -27,7 +25,6 @@ def test_joint_inverse_undoes_the_play_for_an_ideal_servo(wanted, play):
         assert abs(reference - want) <= play / 2 + 1e-15
 
 
-@NO_DEADLINE
 @given(st.lists(ANGLE, min_size=1, max_size=10), st.lists(ANGLE, min_size=10, max_size=10))
 def test_joint_inverse_of_no_play_is_nothing(wanted, thetas):
     inverse = compensation.start()
@@ -35,7 +32,6 @@ def test_joint_inverse_of_no_play_is_nothing(wanted, thetas):
         assert compensation.joint_reference(inverse, 1, want, theta, 0.0, LEAST) == want
 
 
-@NO_DEADLINE
 @given(st.lists(st.tuples(ANGLE, ANGLE), min_size=1, max_size=10), PLAY)
 def test_joint_inverse_is_odd_and_its_axes_are_apart(pairs, play):
     up, down = compensation.start(), compensation.start()
@@ -64,7 +60,6 @@ def test_joint_inverse_crosses_at_a_reversal():
     assert compensation.joint_reference(inverse, 0, 0.05, 0.12, 0.04, LEAST) == pytest.approx(0.03)
 
 
-@NO_DEADLINE
 @given(st.floats(-0.3, 0.3), st.floats(-0.1, 0.1), PLAY, st.floats(0.1, 50))
 def test_gear_volts_carry_the_motor_to_the_pushing_side_and_no_further(error, twist, play, gain):
     volts = compensation.gear_volts(error, twist, play, gain, LEAST)
@@ -79,7 +74,6 @@ def test_gear_volts_carry_the_motor_to_the_pushing_side_and_no_further(error, tw
         assert (volts == 0.0) == (twist <= -play / 2)
 
 
-@NO_DEADLINE
 @given(st.floats(-0.3, 0.3), st.floats(-0.1, 0.1), PLAY)
 def test_gear_volts_are_odd(error, twist, play):
     volts = compensation.gear_volts(error, twist, play, 14.0, LEAST)

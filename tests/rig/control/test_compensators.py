@@ -21,7 +21,7 @@ from rig.simulation.simulator import SimulatedTable
 from rig.table import R_BALL, R_EXPOSED, R_NEW, R_THETA, R_TIME, blank_reading
 from tests.support.simulated import TICK_S, random_steps, realistic
 
-NO_DEADLINE = settings(deadline=None, max_examples=50)
+FEWER = settings(max_examples=50)
 GAIN_M_S2, LEAST = 1.087, 0.003
 
 
@@ -32,7 +32,7 @@ def fresh(dtype: np.dtype) -> np.record:
 # smooth feedforward inverse
 
 
-@NO_DEADLINE
+@FEWER
 @given(st.floats(0, 0.05), st.floats(-3, 3))
 def test_smooth_shift_is_the_published_weighing_of_both_sides(half, rate):
     """alpha chi_r - alpha chi_l of Zhou, Zhang and Wen, with k = 1/WIDTH."""
@@ -65,7 +65,7 @@ def test_smooth_gear_volts_carry_the_motor_over_the_whole_gap_at_a_reversal():
 # adaptive inverse
 
 
-@NO_DEADLINE
+@FEWER
 @given(st.lists(st.floats(-0.4, 0.4), min_size=1, max_size=30), st.floats(0, 0.05),
        st.floats(-0.05, 0))  # fmt: skip
 def test_adaptive_inverse_is_exact_where_its_parameters_are(wanted, upper, lower):
@@ -177,7 +177,7 @@ def test_sliding_mode_keeps_to_its_surface_and_decays_by_lambda():
     assert acceleration == pytest.approx(-hybrid.LAMBDA_1_S * rate)
 
 
-@NO_DEADLINE
+@FEWER
 @given(st.floats(-0.3, 0.3), st.floats(-0.05, 0.05), st.floats(0, 0.06))
 def test_hybrid_knows_how_far_the_gap_is(error, twist, gear):
     left = hybrid.gap_left(error, twist, gear, LEAST)

@@ -178,6 +178,7 @@ def test_a_loop_that_is_killed_or_hangs_is_named(name: str):
     assert loop.run(keep) == Ending("loop died", "its process ended with -9")
 
 
+@pytest.mark.slow
 def test_a_slow_reader_never_stops_the_loop_and_is_told_what_it_lost(monkeypatch):
     monkeypatch.setattr("rig.loop.shared_channel.ROWS", 64)
     loop, rows = LoopProcess(job(2.0)), []

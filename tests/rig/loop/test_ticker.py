@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rig.loop.jitter import EDGES_US, Jitter
@@ -30,7 +30,6 @@ def fake() -> tuple[Ticker, FakeClock]:
     return Ticker(PERIOD, clock=clock, sleep_until=clock.sleep_until), clock
 
 
-@settings(deadline=None)
 @given(st.lists(st.tuples(st.floats(0, 0.02), st.floats(0, 0.01)), max_size=80))
 def test_ticks_lie_on_the_grid_and_every_point_is_a_tick_or_missed(work):
     ticker, clock = fake()

@@ -4,7 +4,7 @@ from math import cos, exp, pi, sin
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rig.compiled import compiled
@@ -27,14 +27,12 @@ def several(x: np.ndarray) -> np.ndarray:
     return out
 
 
-@settings(deadline=None)  # the first call compiles
 @given(st.floats(-1e5, 1e5))
 def test_sine_and_cosine_are_within_an_ulp_of_one(x):
     assert sine(x) == pytest.approx(sin(x), abs=ULP, rel=2 * ULP)
     assert cosine(x) == pytest.approx(cos(x), abs=ULP, rel=2 * ULP)
 
 
-@settings(deadline=None)
 @given(st.floats(0, 700))
 def test_decay_is_exact_to_two_ulp_relative(x):
     assert decaying(x) == pytest.approx(exp(-x), rel=2 * ULP, abs=0)

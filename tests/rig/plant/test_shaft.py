@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -19,7 +19,6 @@ from rig.plant.shaft import (
     shaft_torque,
 )
 
-NO_DEADLINE = settings(deadline=None)  # a first call may have to compile
 K, C, ALPHA = 30.0, 0.02, 0.015  # N m/rad, N m s/rad, rad
 ANGLE = st.floats(-0.3, 0.3)
 HALF = st.floats(0.0, 0.1)
@@ -108,7 +107,6 @@ def test_torque_in_contact_is_eq_1():
     assert shaft_torque(EXACT, 0.02, -30.0, *args) == 0.0  # parting faster than the spring follows
 
 
-@NO_DEADLINE
 @given(ANGLE, HALF)
 def test_dead_zone_is_eq_8(theta_d, alpha):
     if theta_d > alpha:
@@ -121,13 +119,11 @@ def test_dead_zone_is_eq_8(theta_d, alpha):
     assert shaft_torque(DEAD_ZONE, theta_d, 7.0, 0.0, alpha, -alpha, K, C) == K * expected
 
 
-@NO_DEADLINE
 @given(ANGLE, HALF)
 def test_dead_zone_is_odd(theta_d, alpha):
     assert dead_zone(-theta_d, alpha, -alpha) == -dead_zone(theta_d, alpha, -alpha)
 
 
-@NO_DEADLINE
 @given(ANGLE, ANGLE, HALF, HALF)
 def test_dead_zone_is_monotone_and_never_steeper_than_one(a, b, up, down):
     low, high = sorted((a, b))
@@ -155,14 +151,12 @@ def test_exact_model_tends_to_the_dead_zone_as_damping_vanishes():
         assert 6 < wide / narrow < 16
 
 
-@NO_DEADLINE
 @given(ANGLE, st.floats(-20, 20))
 def test_none_is_a_spring_and_damper(theta_d, omega_d):
     torque = shaft_torque(NONE, theta_d, omega_d, 0.7, ALPHA, -ALPHA, K, C)
     assert torque == K * theta_d + C * omega_d
 
 
-@NO_DEADLINE
 @given(ANGLE, st.floats(-20, 20))
 def test_exact_model_without_play_is_none(theta_d, omega_d):
     exact = shaft_torque(EXACT, theta_d, omega_d, 0.0, 0.0, 0.0, K, C)
@@ -170,7 +164,6 @@ def test_exact_model_without_play_is_none(theta_d, omega_d):
     assert backlash_angle(theta_d, theta_d + 0.01, 0.0, 0.0, 0.0, 0.5) == 0.0
 
 
-@NO_DEADLINE
 @given(ANGLE, st.floats(-20, 20), ANGLE, HALF)
 def test_exact_torque_is_odd(theta_d, omega_d, theta_b, alpha):
     theta_b = min(max(theta_b, -alpha), alpha)
@@ -179,7 +172,6 @@ def test_exact_torque_is_odd(theta_d, omega_d, theta_b, alpha):
     assert up == -down
 
 
-@NO_DEADLINE
 @given(ANGLE, ANGLE, ANGLE, HALF, st.floats(0, 1))
 def test_backlash_angle_is_odd_and_stays_inside(before, after, theta_b, alpha, decay):
     up = backlash_angle(before, after, theta_b, alpha, -alpha, decay)
@@ -193,7 +185,6 @@ def test_backlash_angle_with_unequal_break_points():
     assert backlash_angle(0.0, -0.2, 0.0, beta_1, beta_2, 0.5) == beta_2
 
 
-@NO_DEADLINE
 @given(ANGLE, ANGLE, HALF, HALF)
 def test_play_operator_is_idempotent(theta_p, theta, up, down):
     once = play_operator(theta_p, theta, up, -down)
@@ -201,7 +192,6 @@ def test_play_operator_is_idempotent(theta_p, theta, up, down):
     assert theta - up <= once <= theta + down
 
 
-@NO_DEADLINE
 @given(ANGLE, ANGLE, ANGLE, ANGLE, HALF)
 def test_play_operator_is_monotone_and_continuous(p_1, p_2, theta_1, theta_2, alpha):
     assume(p_1 <= p_2)
@@ -212,14 +202,12 @@ def test_play_operator_is_monotone_and_continuous(p_1, p_2, theta_1, theta_2, al
     assert high - low <= max(p_2 - p_1, theta_2 - theta_1) + 1e-15
 
 
-@NO_DEADLINE
 @given(ANGLE, ANGLE, HALF)
 def test_play_operator_is_odd(theta_p, theta, alpha):
     up = play_operator(theta_p, theta, alpha, -alpha)
     assert play_operator(-theta_p, -theta, alpha, -alpha) == -up
 
 
-@NO_DEADLINE
 @given(st.lists(ANGLE, min_size=1, max_size=8), st.integers(1, 7), HALF)
 def test_play_operator_is_rate_independent(turns, parts, alpha):
     """Only the turning points count, not how fast or in how many pieces they are reached."""

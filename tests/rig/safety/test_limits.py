@@ -26,13 +26,11 @@ def clip(wish, theta, volts, angle):
     return limit(wish, theta, 0.0, 0.0, volts, angle, math.inf, STOPS)
 
 
-NO_DEADLINE = settings(deadline=None)  # a first call may have to compile
 ANY = st.floats(allow_nan=True, allow_infinity=True, width=64)
 VOLTAGE_LIMIT = st.floats(1e-3, 1e3)
 ANGLE_LIMIT = st.floats(1e-3, 1.5)
 
 
-@NO_DEADLINE
 @given(ANY, ANY, VOLTAGE_LIMIT, ANGLE_LIMIT)
 @example(math.nan, 0.0, 6.0, 0.5)
 @example(math.inf, 0.0, 6.0, 0.5)
@@ -44,14 +42,12 @@ def test_what_comes_out_is_finite_and_within_the_clip(wish, theta, volts, angle)
     assert abs(out) <= volts
 
 
-@NO_DEADLINE
 @given(ANY, ANY, VOLTAGE_LIMIT, ANGLE_LIMIT)
 def test_anything_unclear_is_zero(wish, theta, volts, angle):
     if not (math.isfinite(wish) and math.isfinite(theta)):
         assert clip(wish, theta, volts, angle) == 0.0
 
 
-@NO_DEADLINE
 @given(st.floats(-1e9, 1e9), st.floats(-2, 2), st.floats(-30, 30), VOLTAGE_LIMIT, ANGLE_LIMIT)
 def test_more_than_was_asked_is_given_for_braking_alone(wish, theta, rate, volts, angle):
     out = limit(wish, theta, rate, 0.0, volts, angle, math.inf, STOPS)
@@ -61,13 +57,11 @@ def test_more_than_was_asked_is_given_for_braking_alone(wish, theta, rate, volts
         assert outwards * out < 0.0
 
 
-@NO_DEADLINE
 @given(st.floats(allow_nan=False, allow_infinity=False), st.floats(-1.4, 1.4), VOLTAGE_LIMIT)
 def test_inside_the_angle_limit_it_is_the_plain_clip(wish, theta, volts):
     assert clip(wish, theta, volts, 1.5) == min(max(wish, -volts), volts)
 
 
-@NO_DEADLINE
 @given(st.floats(-1e9, 1e9), st.floats(-1e9, 1e9), VOLTAGE_LIMIT, st.floats(TAPER_RAD, 1.5))
 def test_beyond_the_angle_limit_only_volts_that_lead_back(wish, theta, volts, angle):
     out = clip(wish, theta, volts, angle)
@@ -77,13 +71,11 @@ def test_beyond_the_angle_limit_only_volts_that_lead_back(wish, theta, volts, an
         assert back * out >= min(back * wish, volts)
 
 
-@NO_DEADLINE
 @given(ANY, ANY, VOLTAGE_LIMIT, ANGLE_LIMIT)
 def test_mirrored_question_gives_the_mirrored_answer(wish, theta, volts, angle):
     assert clip(-wish, -theta, volts, angle) == -clip(wish, theta, volts, angle)
 
 
-@NO_DEADLINE
 @given(st.floats(-1e9, 1e9), ANY, VOLTAGE_LIMIT, ANGLE_LIMIT)
 def test_limiting_twice_changes_nothing(wish, theta, volts, angle):
     once = clip(wish, theta, volts, angle)
@@ -124,7 +116,6 @@ def test_the_whole_promise_on_a_grid_compiled_and_plain():
     laws(getattr(limit, "py_func"), STOPS)  # noqa: B009
 
 
-@NO_DEADLINE
 @given(ANY, ANY, ANY, ANY, ANY.filter(lambda age_s: not age_s <= STALE_S))
 def test_a_stale_estimate_is_zero(wish, theta, rate, last, age_s):
     assert limit(wish, theta, rate, last, 6.0, 0.5, 3.0, STOPS, age_s) == 0.0
@@ -193,14 +184,13 @@ class AnySequence(RuleBasedStateMachine):
             assert abs(self.now) <= (abs(self.before) if same else 0.0) + self.slew
 
 
-AnySequence.TestCase.settings = settings(deadline=None, max_examples=60, stateful_step_count=40)
+AnySequence.TestCase.settings = settings(max_examples=60, stateful_step_count=40)
 TestAnySequence = AnySequence.TestCase
 
 
 FINITE = st.floats(-1e6, 1e6)
 
 
-@NO_DEADLINE
 @given(ANY, FINITE, FINITE, FINITE, VOLTAGE_LIMIT, ANGLE_LIMIT, st.floats(1e-3, 100))
 def test_size_grows_by_the_slew_at_most_and_may_always_fall(w, theta, rate, last, v, angle, slew):
     out = limit(w, theta, rate, last, v, angle, slew, STOPS)
@@ -209,7 +199,6 @@ def test_size_grows_by_the_slew_at_most_and_may_always_fall(w, theta, rate, last
         assert abs(out) <= slew
 
 
-@NO_DEADLINE
 @given(FINITE, FINITE, FINITE, FINITE, st.sampled_from([math.nan, math.inf, -math.inf]))
 def test_an_unknown_rate_or_last_voltage_is_zero(wish, theta, rate, last, bad):
     assert limit(wish, theta, bad, last, 6.0, 0.5, 3.0, STOPS) == 0.0

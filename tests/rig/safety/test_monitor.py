@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments.runs.assemble import another_unit, load_rig
@@ -77,7 +77,11 @@ def healthy(log: Log, servo_only: bool) -> Fault | None:
 
 
 LIMITS_OF_TABLE = MonitorLimits.of_rig(TABLE)
-PROTOCOLS = sorted(p.stem for p in (ROOT / "experiments/protocols").glob("*.toml"))
+QUICK = ("free-release", "servo-squares", "steps")  # by default; the others are slow tests
+PROTOCOLS = [
+    p.stem if p.stem in QUICK else pytest.param(p.stem, marks=pytest.mark.slow)
+    for p in sorted((ROOT / "experiments/protocols").glob("*.toml"))
+]
 
 
 @pytest.mark.parametrize("name", PROTOCOLS)
@@ -406,7 +410,6 @@ ODD = st.builds(
 )
 
 
-@settings(deadline=None)
 @given(st.lists(st.tuples(ODD, st.tuples(ANY, ANY), st.booleans(), ANY), max_size=20))
 def test_it_never_raises_and_remembers_only_numbers(given_):
     state = MonitorState()

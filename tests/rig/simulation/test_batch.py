@@ -91,7 +91,7 @@ def random_task(seed: int) -> Task:
     return task_of(rig, course, arm=int(rng.choice([WITHOUT, WITH, SHAM])), seed=seed)
 
 
-@settings(max_examples=6, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=6, suppress_health_check=[HealthCheck.too_slow])
 @given(st.integers(0, 10**6))
 def test_random_tables_courses_and_endings_give_the_bits_they_have_alone(seed):
     assert_same([random_task(seed + i) for i in range(11)])

@@ -56,7 +56,7 @@ def test_no_bias_towards_any_part_of_the_pixel():
     assert np.abs(errors).max() < 0.006
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(u=st.floats(60, 100), v=st.floats(60, 100), radius=st.floats(8, 40))
 def test_mirrored_image_gives_the_mirrored_place(u, v, radius):
     image = still_disc(radius, (u, v), noise=1.0, shade=0.3, seed=3)

@@ -13,14 +13,18 @@ from vision.detection.appearance import Appearance
 from vision.detection.detector import locate_ball
 from vision.detection.rim import colour_is_smeared
 
-SHORT = ["a disc of its colour on the plate"]
-MORE = [
-    *("a hand over the ball", "corrupt frames", "half outside the image", "duplicated frames"),
+CASES = [
+    "a disc of its colour on the plate",
+    "a hand over the ball",
+    "corrupt frames",
+    "half outside the image",
+    "duplicated frames",
     "set down elsewhere, colour named",
 ]
 
 
-@pytest.mark.parametrize("name", [*SHORT, *(pytest.param(n, marks=pytest.mark.slow) for n in MORE)])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CASES)
 def test_hard_case_passes_no_wrong_position(name):
     figure = followed(name, cases()[name](48))
     assert figure.wrong == 0

@@ -53,7 +53,7 @@ def streams(draw):
     return data + f"--{BOUNDARY}{'--' if closed else ''}\r\n".encode(), expected, closed
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(streams(), st.lists(st.integers(0, 1 << 16), max_size=12))
 def test_any_cut_gives_every_part_with_its_headers(stream, places):
     data, expected, closed = stream
@@ -64,7 +64,7 @@ def test_any_cut_gives_every_part_with_its_headers(stream, places):
     assert ended == closed
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(streams())
 def test_byte_by_byte_is_the_same(stream):
     data, expected, _ = stream
@@ -72,7 +72,7 @@ def test_byte_by_byte_is_the_same(stream):
     assert [p.body for p in found] == [body for body, _ in expected]
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.binary(max_size=400), st.lists(st.integers(0, 1 << 16), max_size=6), st.booleans())
 def test_garbage_never_breaks_the_reader_nor_hides_the_next_frame(garbage, places, length):
     name = BOUNDARY.encode()
@@ -135,7 +135,7 @@ def test_a_missing_boundary_is_refused(header):
         boundary_of(header)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(0, 2**32 - 1), st.booleans(), st.integers(0, 5), st.data())
 def test_the_end_of_a_jpeg_is_its_last_byte(seed, progressive, restarts, data):
     noise = np.random.default_rng(seed).integers(0, 255, (24, 40, 3), dtype=np.uint8)

@@ -87,7 +87,7 @@ def test_repeats_are_told_by_motion(images):
     assert has_repeats([images[0]] * 50) is None
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(noise=st.floats(0.5, 8.0), seed=st.integers(0, 99))
 def test_new_exposures_of_a_still_scene_are_kept(noise, seed):
     rng = np.random.default_rng(seed)

@@ -32,7 +32,8 @@ def longest(flags) -> int:
 
 
 @needs("footage")
-@pytest.mark.parametrize("colour", [pytest.param(None, marks=pytest.mark.slow), "green"])
+@pytest.mark.slow
+@pytest.mark.parametrize("colour", [None, "green"])
 def test_real_footage_is_followed_to_its_end(colour):
     tracker = Tracker(appearance=Appearance.of_colour(colour) if colour else None)
     with open_source(FOOTAGE) as source:

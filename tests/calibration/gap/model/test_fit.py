@@ -113,7 +113,7 @@ def programmes(draw):
     return j.T @ j, b, low, high, scale
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(programmes())
 def test_the_step_meets_the_conditions_of_kuhn_and_tucker(programme):
     a, b, low, high, scale = programme
@@ -129,7 +129,7 @@ def test_the_step_meets_the_conditions_of_kuhn_and_tucker(programme):
     assert (gradient[~at_high] >= -slack[~at_high]).all()
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(programmes())
 def test_no_other_solver_finds_a_lower_place(programme):
     a, b, low, high, scale = programme
@@ -147,7 +147,7 @@ def test_a_parameter_that_nothing_feels_stays():
     np.testing.assert_allclose(step, [2.0, 0.0], atol=1e-3)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(z=st.lists(st.floats(-40, 40).filter(lambda v: abs(abs(v) - HUBER_Z) > 1e-3), min_size=1),
        log_std=st.floats(-3, 3))  # fmt: skip
 def test_hubers_loss_is_square_inside_straight_outside_and_its_slope_is_the_weights(z, log_std):

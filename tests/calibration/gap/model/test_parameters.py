@@ -67,7 +67,7 @@ def drawn(data: st.DataObject, effect: Effect) -> dict[str, float]:
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("which", RIGS)
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(data=st.data())
 def test_a_setting_is_the_rig_file_with_the_same_numbers(
     name: str, which: str, data: st.DataObject

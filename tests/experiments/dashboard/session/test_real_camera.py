@@ -146,12 +146,14 @@ def seen_through(eye: RealCamera, seconds: float = 60.0) -> tuple[np.ndarray, st
     raise AssertionError("no picture with the ball came")
 
 
+@pytest.mark.slow
 def test_the_camera_is_calibrated_with_pictures_that_grow(bundle: Path):
     made = load(bundle)
     assert made.source == "measured"
     assert made.view.camera_from_plate[2, 3] == pytest.approx(0.75, abs=0.005)
 
 
+@pytest.mark.slow
 def test_the_page_looks_through_the_tables_camera_between_runs(eye: RealCamera):
     image, words = seen_through(eye)
     assert image.shape == (240, 320, 3)
@@ -160,6 +162,7 @@ def test_the_page_looks_through_the_tables_camera_between_runs(eye: RealCamera):
     assert (red > 80).sum() > 100  # the orange ball, as RGB
 
 
+@pytest.mark.slow
 def test_who_needs_the_camera_gets_it_and_the_page_sees_through_its_eye(lab, bundle, eye):
     seen_through(eye)
     rig = rig_of(lab, "Ball", str(bundle))
@@ -174,12 +177,14 @@ def test_who_needs_the_camera_gets_it_and_the_page_sees_through_its_eye(lab, bun
     seen_through(eye)  # and again by itself
 
 
+@pytest.mark.slow
 def test_an_eye_nobody_looks_through_is_let_go(eye: RealCamera):
     seen_through(eye)
     eye.release()
     wait_for("the camera's release", lambda: not eye._holds_camera)
 
 
+@pytest.mark.slow
 def test_a_camera_that_cannot_be_opened_is_told_and_a_closed_page_lets_go(lab, bundle):
     eye = RealCamera(rig_of(lab, "Nobody", str(bundle)))
     eye.request(None)
@@ -202,6 +207,7 @@ def test_what_a_real_table_cannot_be_asked_is_refused_with_the_way_out(lab: Path
         )
 
 
+@pytest.mark.slow
 def test_the_frustum_hangs_where_the_calibration_says(lab: Path, bundle: Path):
     rig = rig_of(lab, "Ball", str(bundle))
     assert np.array_equal(view_of(rig).camera_from_plate, load(bundle).view.camera_from_plate)

@@ -41,6 +41,7 @@ def table(tmp_path: Path):
     session.close()
 
 
+@pytest.mark.slow
 def test_the_operator_at_the_page_places_and_lets_go(table):
     session, recorded, _ = table
     protocol = parse(SHORT, label="short", name="short")

@@ -6,7 +6,7 @@ import subprocess
 from dataclasses import astuple
 from pathlib import Path
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rig.hardware.board.wire import KINDS, Packet, Parser, encode
@@ -47,13 +47,11 @@ def rough_stream(n: int, seed: int) -> bytes:
     return bytes(out[:n])
 
 
-@settings(deadline=None)  # the first call compiles
 @given(st.binary(max_size=300))
 def test_both_parsers_agree_on_any_bytes(data: bytes):
     assert parse(data + b"\0") == in_python(data + b"\0")
 
 
-@settings(deadline=None)
 @given(st.integers(0, 2**32))
 def test_both_parsers_agree_on_rough_streams(seed: int):
     data = rough_stream(500, seed)

@@ -157,7 +157,7 @@ def test_one_cable_that_moves_both_encoders_is_named():
     assert refused(table).name == "coupled"
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.lists(
         st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.booleans()), min_size=5, max_size=300

@@ -441,7 +441,7 @@ def test_token_files(tmp_path: Path):
 
 
 # --- pure parts ---
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.binary(max_size=400))
 def test_no_bytes_upset_the_parser(data: bytes):
     near, far = socket.socketpair()
@@ -487,7 +487,7 @@ steps = st.tuples(
 )  # fmt: skip
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.lists(steps, max_size=60))
 def test_the_guard_lets_nothing_unfresh_through(todo):
     watchdog, now, fresh = ClientWatchdog(6.0, Servo(angle_limit_rad=0.52), 0.002), 10.0, -1.0
