@@ -26,14 +26,14 @@ J. Econometrics 2, 1974).
 from collections.abc import Iterator, Mapping
 
 import numpy as np
+from scipy.signal import lfilter
 from scipy.stats import f as f_distribution
 
 from calibration.gap.decision_rule import CONSTANCY_P, MAX_INCONSTANCY
-from calibration.gap.model.data import Evidence, within
 from calibration.gap.model.fit import ParameterFit, differences, huber, weights
-from calibration.gap.model.flexible import SPEED_S, ball_regressors, servo_regressors, with_hats
+from calibration.gap.model.flexible import ball_regressors, servo_regressors, with_hats
 from calibration.gap.model.intervals import SANDWICH_BLOCK_S, inverse_prior
-from calibration.gap.model.parameters import BALL, PERIODIC, SERVO
+from calibration.gap.model.parameters import BALL, PERIODIC, SERVO, Model
 from calibration.gap.model.state import State
 from calibration.gap.name.stepwise import Accepted
 from calibration.gap.prove import model_of
@@ -87,7 +87,7 @@ def inconstancy(state: State, one: Accepted, output: str) -> str:
         size -= [0.0 if one.name in PERIODIC else k.nominal for k in parameters[: len(own)]]
         if not own or not np.all(np.isfinite(size)):
             continue
-        for word, upper in _halves(state.evidence, output):
+        for word, upper in _halves(state, output):
             delta, p = _interaction(state, output, own, upper)
             share = float(np.linalg.norm(delta) / max(np.linalg.norm(size), 1e-30))
             if p < CONSTANCY_P and share > MAX_INCONSTANCY:
@@ -123,23 +123,31 @@ def _interaction(
     return d[-k:] * scale[places], float(f_distribution.sf(wald, k, max(len(sums) - 1, 2)))
 
 
-def _halves(evidence: Evidence, output: str) -> Iterator[tuple[str, np.ndarray]]:
+def _halves(state: State, output: str) -> Iterator[tuple[str, np.ndarray]]:
     """What the motion is cut by, in words, and true (n,) for the residuals in its upper half."""
-    used = evidence.masks[output] > 0
-    for word, value in _covariates(evidence, output).items():
+    used = state.evidence.masks[output] > 0
+    for word, value in _covariates(state, output).items():
         yield word, value > np.median(value[used])
 
 
-def _covariates(evidence: Evidence, output: str) -> Mapping[str, np.ndarray]:
+def _covariates(state: State, output: str) -> Mapping[str, np.ndarray]:
     """What the motion is cut by (n,): time, or the run where there are several; absolute values of
-    place, speed, tilt and its rate (ball), of angle, speed and volts (servo)."""
-    t, number = evidence.times(output)
+    place, speed, tilt and its rate (ball), of angle, speed and volts (servo), all as they were one
+    sample earlier.
+
+    The speed of a servo is the one that its volts give by its time constant: an innovation shares
+    the noise of the angle, so that cut by measured speed it would choose its own half, and friction
+    that is constant seems to fall with speed.
+    """
+    t, number = state.evidence.times(output)
     found: dict[str, list[np.ndarray]] = {}
-    for run in evidence.runs:
-        for word, value in (_of_ball(run) if output == BALL else _of_servo(run, output)).items():
-            found.setdefault(word, []).append(value)
-    time = number.astype(float) if len(evidence.runs) > 1 else t
-    return {"time": time} | {word: np.concatenate(parts) for word, parts in found.items()}
+    for run in state.evidence.runs:
+        parts = _of_ball(run) if output == BALL else _of_servo(run, output, model_of(state))
+        for word, value in parts.items():
+            found.setdefault(word, []).append(np.concatenate([value[:1], value[:-1]]))
+    repeated = 2 if output == BALL else 1
+    motion = {word: np.repeat(np.concatenate(v), repeated) for word, v in found.items()}
+    return {"time": number.astype(float) if len(state.evidence.runs) > 1 else t} | motion
 
 
 def _of_ball(run: Signals) -> dict[str, np.ndarray]:
@@ -151,17 +159,18 @@ def _of_ball(run: Signals) -> dict[str, np.ndarray]:
         "tilt": tilt,
         "rate of the tilt": _rate(tilt, t),
     }
-    return {word: np.repeat(np.linalg.norm(v, axis=1), 2) for word, v in values.items()}
+    return {word: np.linalg.norm(value, axis=1) for word, value in values.items()}
 
 
-def _of_servo(run: Signals, output: str) -> dict[str, np.ndarray]:
+def _of_servo(run: Signals, output: str, model: Model) -> dict[str, np.ndarray]:
     a = SERVO.index(output)
-    angle, volts = run.theta_rad[:, a], run.volts_V[:, a]
-    k = within(run.t_s, SPEED_S["servo"])
-    before = np.concatenate([np.full(k, angle[:1].sum()), angle])[: len(angle)]
-    speed = np.abs(angle - before)
-    return {"servo's angle": np.abs(angle), "servo's speed": speed, "volts": np.abs(volts)}
+    volts, step_s = run.volts_V[:, a], float(np.median(np.diff(run.t_s)))
+    decay = float(np.exp(-step_s / model.time_constant_s[a]))
+    speed = lfilter([1.0 - decay], [1.0, -decay], volts)
+    values = {"servo's angle": run.theta_rad[:, a], "servo's speed": speed, "volts": volts}
+    return {word: np.abs(value) for word, value in values.items()}
 
 
 def _rate(x: np.ndarray, t: np.ndarray) -> np.ndarray:
-    return np.gradient(x, t, axis=0) if len(t) > 1 else np.zeros_like(x)
+    """Backward differences (n, 2) of x (n, 2) over t (n,)."""
+    return np.diff(x, axis=0, prepend=x[:1]) / np.diff(t, prepend=t[:1] - 1.0)[:, None]
