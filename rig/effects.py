@@ -62,6 +62,7 @@ def _p(key: str, unit: str, low: float, high: float, null: float = 0.0) -> Param
 _TURN = (_p("phase_rad", "rad", -3.1416, 3.1416), _p("periods_per_turn", "1", 1, 100, 1.0))
 _DEG = radians(1)
 
+# A linkage's ranges end where the plate would turn back at 0.25 rad.
 CATALOGUE: tuple[Effect, ...] = (
     Effect("coulomb_friction", "servo", PER_AXIS, (_p("friction_V", "V", 0, 1),), 0.015,
            "Dry friction: the motor needs this many volts before it moves, and loses them moving.",
@@ -107,9 +108,9 @@ CATALOGUE: tuple[Effect, ...] = (
            "Free play in the joints, between encoder and plate (full width); the ball shows it."),
     Effect("transmission_ripple", "ball", PER_AXIS, (_p("amplitude_rad", "rad", 0, 0.05), *_TURN),
            0.0, "The plate's angle errs with a period along the servo's turn (kinematic error)."),
-    Effect("linkage_quadratic", "ball", PER_AXIS, (_p("coefficient_1_rad", "1/rad", -1, 1),), 0.01,
+    Effect("linkage_quadratic", "ball", PER_AXIS, (_p("coefficient_1_rad", "1/rad", -2, 2),), 0.01,
            "The linkage is bent: more tilt per angle on one side than on the other."),
-    Effect("linkage_cubic", "ball", PER_AXIS, (_p("coefficient_1_rad2", "1/rad2", -3, 3),), 0.0,
+    Effect("linkage_cubic", "ball", PER_AXIS, (_p("coefficient_1_rad2", "1/rad2", -5, 5),), 0.0,
            "The linkage's gain changes with the angle, alike on both sides."),
     Effect("cross_coupling", "ball", PER_AXIS, (_p("fraction", "1", -0.3, 0.3),), 0.003,
            "The other axis's servo also tilts the plate about this axis."),
@@ -119,9 +120,9 @@ CATALOGUE: tuple[Effect, ...] = (
            "The level changes slowly during the run."),
     Effect("plate_bowl", "ball", SHARED, (_p("stiffness_1_s2", "1/s2", -10, 10),), 0.0,
            "The plate is curved like a bowl (or a hill, if negative)."),
-    Effect("rolling_resistance", "ball", SHARED, (_p("deceleration_m_s2", "m/s2", 0, 0.1),), 0.0015,
+    Effect("rolling_resistance", "ball", SHARED, (_p("deceleration_m_s2", "m/s2", 0, 0.5),), 0.0015,
            "The ball is slowed by a constant amount while it rolls and may stick at rest."),
-    Effect("viscous_drag", "ball", SHARED, (_p("rate_1_s", "1/s", 0, 1),), 0.0,
+    Effect("viscous_drag", "ball", SHARED, (_p("rate_1_s", "1/s", 0, 5),), 0.0,
            "The ball is slowed in proportion to its speed."),
     Effect("camera_delay", "camera", SHARED, (_p("extra_s", "s", -0.02, 0.4),), 0.002,
            "The camera's picture is older than the rig file says."),
