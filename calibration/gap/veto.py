@@ -17,7 +17,7 @@ with B blocks of the windows that overlap, b the means in each, and C the cost o
 2. Each name beside the others: as rule 1. Where something without a name is left,
    a name may stand for a part of it: it needs D > SURE_Z se on one of its outputs.
 3. The 95 % interval of its size excludes the nominal value, and the size is not at the end of its
-   range, where it would have to be larger to be what its name says.
+   range on any axis, where it would have to be larger to be what its name says.
 4. Its best rival in its place does not predict better 1 s ahead: D < SURE_Z se of the rival's gain.
 5. Its size is a constant (`calibration.gap.specification`). If not, something else acts on the
    output, or acts otherwise: the probability of its names is at most DOUBTED_PROBABILITY.
@@ -27,6 +27,9 @@ with B blocks of the windows that overlap, b the means in each, and C the cost o
    certain, D > SURE_Z se, or D > 0 and C falls for certain, by more than SURE_Z of the standard
    errors that its falls by blocks of COST_BLOCK_S give (Vuong, Econometrica 57, 1989). If not, its
    probability is at most DOUBTED_PROBABILITY.
+
+8. What was refuted in an earlier round predicts the held-out data no better one sample ahead. If it
+   does, it was nearer to the truth than the name: its probability is at most DOUBTED_PROBABILITY.
 
 Errors are bounded at the OUTLIER_SHARE quantile of the model without, so that a push that nobody
 recorded does not decide; for harm at OUTLIER_RATIO times that as well, where D < -SURE_Z se, since
@@ -132,10 +135,13 @@ def decide_by_proof(before: State) -> tuple[Decision, tuple[str, ...]]:
     the reasons of those that they did."""
     barred: list[str] = []
     reasons: tuple[str, ...] = ()
-    decision = tried = decide(before)
+    decision = tried = first = decide(before)
     for i in range(MAX_ROUNDS):
         tried = decide(before, barred) if i else tried
         judged, outdone, more = judge(tried)
+        if i:
+            judged, doubts = _beside_refuted(judged, first)
+            more += doubts
         reasons += more
         if i == 0 or judged.accepted:
             decision = judged
@@ -144,6 +150,22 @@ def decide_by_proof(before: State) -> tuple[Decision, tuple[str, ...]]:
             break
         barred += outdone or lost
     return decision, reasons
+
+
+def _beside_refuted(decision: Decision, first: Decision) -> tuple[Decision, tuple[str, ...]]:
+    """The decision of a later round with rule 8, and its reasons in words; `first`: the decision of
+    which names were refuted."""
+    kept, reasons = [], []
+    for one in decision.accepted:
+        outputs = [o for o in _outputs(one) if o in decision.state.evidence.outputs]
+        levels = decision.state.evidence.levels
+        refuted = replace(first.state, evidence=first.state.evidence.with_levels(levels))
+        mine, other = held_out(decision.state, outputs), held_out(refuted, outputs)
+        if sum(p.cost for p in other.values()) < sum(p.cost for p in mine.values()):
+            one = replace(one, explained=min(one.explained, DOUBTED_PROBABILITY))
+            reasons.append(f"not certain: {one.name}: {_names(first.accepted)} predicts better")
+        kept.append(one)
+    return replace(decision, accepted=tuple(kept)), tuple(reasons)
 
 
 def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
@@ -215,21 +237,19 @@ def _size(output: str, value: float) -> str:
 
 
 def _not_a_size(state: State, one: Accepted, spread: Mapping[str, tuple[float, int]]) -> str:
-    """The reason of rule 3 in words; "" if the name stands on one of its axes."""
-    reasons = []
+    """The reason of rule 3 in words; "" if no axis is at the end of its range, and the name stands
+    on one of its axes."""
+    stands = False
     for axis in one.axes:
         first, *more = state.nominal.of(one.name, axis)
         free = [first, more[0]] if one.name in PERIODIC else [first]
         sizes = [state.fit.setting.get(k.name, k.nominal) - k.nominal for k in free]
         sure = interval(0.0, max(spread.get(k.name, (0.0, 2)) for k in free)).high
+        stands |= float(np.linalg.norm(sizes)) >= sure
         value = first.nominal + sizes[0]
-        if float(np.linalg.norm(sizes)) < sure:
-            reasons.append("the interval of its size holds its nominal value")
-        elif any(e and abs(value - e) < RANGE_END_STEPS * first.step for e in first.range):
-            reasons.append("its size is at the end of its range, so it stands for something else")
-        else:
-            return ""
-    return reasons[0]
+        if any(e and abs(value - e) < RANGE_END_STEPS * first.step for e in first.range):
+            return "its size is at the end of its range, so it stands for something else"
+    return "" if stands else "the interval of its size holds its nominal value"
 
 
 def _plain(state: State) -> State:
