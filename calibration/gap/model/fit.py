@@ -32,6 +32,9 @@ HUBER_Z = 3.0  # 0.27 % of Gaussian samples lie beyond
 ITERATIONS = 6
 CONVERGED_GAIN = 0.05  # a gain in C below this ends the fit
 STALE_SECANT_GAIN = 5.0  # a gain in C since the secants were taken beyond which they are renewed
+# Where secants promise more than STALE_SECANT_GAIN and the step gains less than POOR_SHARE of that,
+# they are too wide for a narrow valley and are taken NARROWER, to NARROWEST of a step; chosen.
+POOR_SHARE, NARROWER, NARROWEST = 0.25, 0.3, 0.05
 STEP_LENGTHS = (1.0, 0.33, 0.1)  # of the Gauss-Newton step, tried in turn
 KINKED = ("play_rad", COAST_KEY)  # keys along which C has kinks inside its valley
 Bounds = Mapping[str, tuple[float, float]]
@@ -99,12 +102,13 @@ def differences(
     at: ParameterFit,
     parameters: Sequence[Parameter],
     bounds: Bounds,
+    width: float = 1.0,
 ) -> dict[str, np.ndarray]:
     """Secants dz/dp by output, (n, k) for n residuals and k = len(`parameters`); those that `at`
     already has are taken from `at.columns`.
 
-    The step is `Parameter.step`, backwards where it would leave `bounds` (name -> (low, high))
-    upwards. The column is 0 for an output that does not depend on the parameter.
+    The step is `width` times `Parameter.step`, backwards where it would leave `bounds` (name ->
+    (low, high)) upwards. The column is 0 for an output that does not depend on the parameter.
     """
     columns = {
         output: np.zeros((len(roll.z), len(parameters))) for output, roll in at.rolls.items()
@@ -121,11 +125,9 @@ def differences(
             continue
         value = at.setting.get(parameter.name, parameter.nominal)
         low, high = bounds[parameter.name]
-        step = (
-            parameter.step
-            if value + parameter.step <= high or value - parameter.step < low
-            else -parameter.step
-        )
+        step = width * parameter.step
+        if value + step > high and value - step >= low:
+            step = -step
         model = nominal.model(at.setting | {parameter.name: value + step})
         todo += [(i, step, model, output) for output in outputs]
     rolls = evidence.rolls([(model, output) for _, _, model, output in todo])
@@ -193,18 +195,18 @@ def fit(
     `start`.
 
     Secants are taken once, and at every step for the effects `bent` (backlash, delays, periods).
-    Where no step along all lowers C, the parameters of backlash are moved one by one, once.
-    Where C stalls after it fell by STALE_SECANT_GAIN, all secants are taken anew. `KeyError`: no
-    such parameter.
+    All are taken anew where a step gains less than POOR_SHARE of what they promise, over a smaller
+    width, and where C stalls after it fell by STALE_SECANT_GAIN. Where no step along all lowers C,
+    the parameters of backlash are moved one by one, once. `KeyError`: no such parameter.
     """
     parameters = [nominal.parameters[name] for name in bounds]
     best = _inside(evidence, nominal, start, bounds)
     scale = np.array([parameter.step for parameter in parameters])
     prior = np.array([inverse_variance(k, bounds[k.name]) for k in parameters])
     nominals = np.array([k.nominal for k in parameters])
-    taken_at, searched = start.cost, False
-    for _ in range(iterations):
-        columns = differences(evidence, nominal, best, parameters, bounds)
+    taken_at, width, done, searched = start.cost, 1.0, 0, False
+    while done < iterations:
+        columns = differences(evidence, nominal, best, parameters, bounds, width)
         best = replace(best, columns={**best.columns, **kept_columns(columns, parameters, bent)})
         a, b = normal_equations(evidence, best, columns)
         value = np.array([best.setting.get(k.name, k.nominal) for k in parameters])
@@ -213,15 +215,21 @@ def fit(
         b += prior * away
         low, high = (np.array([bounds[k.name][i] for k in parameters]) for i in (0, 1))
         step = bounded_step(a, b, low - value, high - value, scale)
+        promised = -float(0.5 * step @ a @ step + b @ step)
         dearer = [float(prior @ (d * step * (away + 0.5 * d * step))) for d in STEP_LENGTHS]
         best, gain = _along(evidence, nominal, best, parameters, value, step, dearer)
         if gain < CONVERGED_GAIN and not searched:
             best, gain = _one_by_one(evidence, nominal, best, bounds, bent)
             searched = True
-        if gain < CONVERGED_GAIN:
-            if taken_at - best.cost < STALE_SECANT_GAIN:
-                break
+        stale = gain < CONVERGED_GAIN and taken_at - best.cost >= STALE_SECANT_GAIN
+        poor = promised > STALE_SECANT_GAIN and gain < POOR_SHARE * promised
+        narrow = poor and width > NARROWEST
+        width *= NARROWER if narrow else 1.0
+        done += not narrow
+        if narrow or stale:
             best, taken_at = replace(best, columns={}), best.cost
+        elif gain < CONVERGED_GAIN:
+            break
     return best
 
 
