@@ -166,7 +166,7 @@ class Evidence:
         that the cost is higher than that of any other prediction.
         """
         with np.errstate(over="ignore", invalid="ignore"):
-            found = [self._run(run, model, output) for run in self.runs]
+            found = [self._run(*part, model, output) for part in self._parts[output]]
         z, log_std = (np.concatenate(column) for column in zip(*found, strict=True))
         blind = np.isnan(z)
         z[blind] = 0.0
@@ -177,16 +177,36 @@ class Evidence:
         log_std[blind] = 0.0
         return Roll(z, log_std)
 
-    def _run(self, run: Signals, model: Model, output: str) -> tuple[np.ndarray, np.ndarray]:
+    @cached_property
+    def _parts(self) -> dict[str, list[tuple[Signals, int]]]:
+        """By output each run up to its last sample with a weight, and how many follow that: what a
+        filter expects depends on what came before alone."""
+        parts: dict[str, list[tuple[Signals, int]]] = {}
+        for output, mask in self.masks.items():
+            width = 2 if output == BALL else 1
+            sizes = [len(run.exposed_s if output == BALL else run.t_s) for run in self.runs]
+            own = np.split(mask, width * np.cumsum(sizes)[:-1])
+            used = [int(np.flatnonzero(m)[-1]) // width + 1 if m.any() else 0 for m in own]
+            parts[output] = [
+                (_until(run, output, last), width * (n - last))
+                for run, n, last in zip(self.runs, sizes, used, strict=True)
+            ]
+        return parts
+
+    def _run(
+        self, run: Signals, left: int, model: Model, output: str
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals and logarithms of their deviations, and NaN for the `left` samples after."""
         if output == BALL:
             out, std = ball_innovations(model.record, run, self.levels)
-            spread = np.repeat(std, 2)
-            return out.ravel() / spread, np.log(spread)
-        a = SERVO.index(output)
-        out, std = servo_innovations(
-            model.record, run, self.levels, model.gain_rad_s_V, model.time_constant_s, (a,)
-        )
-        return out[:, a] / std[:, a], np.log(std[:, a])
+            out, std = out.ravel(), np.repeat(std, 2)
+        else:
+            a = SERVO.index(output)
+            servo = model.gain_rad_s_V, model.time_constant_s
+            out, std = servo_innovations(model.record, run, self.levels, *servo, (a,))
+            out, std = out[:, a], std[:, a]
+        blind = np.full(left, np.nan)
+        return np.concatenate([out / std, blind]), np.concatenate([np.log(std), blind])
 
     def rolls(self, wanted: Iterable[tuple[Model, str]]) -> list[Roll]:
         """Predictions for (model, output) pairs, in their order, on `threads` threads."""
@@ -204,6 +224,20 @@ class Evidence:
     def with_levels(self, levels: np.record) -> "Evidence":
         """The evidence at other noise levels (dtype NOISE)."""
         return replace(self, levels=levels)
+
+
+def _until(run: Signals, output: str, last: int) -> Signals:
+    """The run up to the sample `last` of an output."""
+    if output == BALL:
+        fresh = None if run.fresh is None else run.fresh[:last]
+        return replace(run, exposed_s=run.exposed_s[:last], ball_m=run.ball_m[:last], fresh=fresh)
+    return replace(
+        run,
+        t_s=run.t_s[:last],
+        volts_V=run.volts_V[:last],
+        theta_rad=run.theta_rad[:last],
+        corrected=None if run.corrected is None else run.corrected[:last],
+    )
 
 
 def gather(runs: Sequence[Signals], levels: np.record, *, threads: int = 1) -> Evidence:
