@@ -15,10 +15,10 @@ from scipy.stats import t as student
 LEVEL = 0.95
 
 
-def student_quantile(freedom: float) -> float:
-    """0.975 quantile of Student's t distribution: the half width of a two-sided 95 % interval in
-    standard deviations. Under 1 degree of freedom counts as 1."""
-    return float(student.ppf(0.5 + LEVEL / 2, max(freedom, 1.0)))
+def student_quantile(freedom: float, beyond: float = 1.0 - LEVEL) -> float:
+    """Half width in standard deviations of a two-sided interval beyond which a share `beyond` of
+    Student's t distribution lies: 0.975 quantile. Under 1 degree of freedom counts as 1."""
+    return float(student.isf(beyond / 2, max(freedom, 1.0)))
 
 
 def mean_with_half_width(values: np.ndarray | list[float]) -> tuple[float, float]:

@@ -53,9 +53,8 @@ MIN_WINDOWS = 8  # predictions 1 s ahead: with fewer their mean says nothing; ch
 OUTLIER_SHARE, OUTLIER_RATIO = 0.95, 3.0  # a quantile of errors, bounded at thrice: pushes; chosen
 # Of an output's names (specification.py): below, something else acts. Chosen.
 MIN_COMPLETENESS = 0.8
-# Tail of the test that a size is a constant: 1 % of logs for about 100 tests of a log's names. It
-# has to differ by a quarter as well, since no model is exact. Chosen.
-CONSTANCY_P, MAX_INCONSTANCY = 1e-4, 0.25
+FAMILY_P = 1e-4  # tail of each of about 100 tests of a log's names: 1 in CHANCE_ONE_IN logs
+MAX_INCONSTANCY = 0.25  # by which a size has to differ as well, since no model is exact; chosen
 # Of a name whose size is no constant, or whose gain 1 s ahead is not certain: as likely something
 # else. Chosen.
 DOUBTED_PROBABILITY = 0.5

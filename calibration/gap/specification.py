@@ -29,7 +29,7 @@ import numpy as np
 from scipy.signal import lfilter
 from scipy.stats import f as f_distribution
 
-from calibration.gap.decision_rule import CONSTANCY_P, MAX_INCONSTANCY
+from calibration.gap.decision_rule import FAMILY_P, MAX_INCONSTANCY
 from calibration.gap.model.fit import ParameterFit, differences, huber, weights
 from calibration.gap.model.flexible import ball_regressors, servo_regressors, with_hats
 from calibration.gap.model.intervals import SANDWICH_BLOCK_S, inverse_prior
@@ -90,7 +90,7 @@ def inconstancy(state: State, one: Accepted, output: str) -> str:
         for word, upper in _halves(state, output):
             delta, p = _interaction(state, output, own, upper)
             share = float(np.linalg.norm(delta) / max(np.linalg.norm(size), 1e-30))
-            if p < CONSTANCY_P and share > MAX_INCONSTANCY:
+            if p < FAMILY_P and share > MAX_INCONSTANCY:
                 return f"its size on {axis} differs by {100 * share:.0f} % with the {word}"
     return ""
 

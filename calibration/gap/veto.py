@@ -1,16 +1,7 @@
 """A name has to predict what its fit has not seen: the proof can take it back.
 
-What is tried was chosen on all data; its numbers are held out. The logs are split in two
-(`calibration.gap.prove.split`); on each part in turn the model is fitted with all names and with
-some of them left out, and the other part is predicted 1 s ahead from the inputs alone and one
-sample ahead.
-
-With e_k the errors 1 s ahead of an output, in the same windows for both models,
-
-    D = mean_k (e_k^2 without - e_k^2 with),   se = std_b(...)/sqrt(B)
-
-with B blocks of the windows that overlap, b the means in each, and C the cost one sample ahead
-(`calibration.gap.model.fit`):
+What is tried was chosen on all data; its numbers are held out. D, with its standard error se, is
+what a name gains 1 s ahead (`calibration.gap.held_out`), C the cost one sample ahead:
 
 1. All names of an output together: C with them is lower, and D > -se: 1 s ahead they do no harm (a
    small effect may not show there). "A or B" is refuted by what refutes both.
@@ -27,9 +18,11 @@ with B blocks of the windows that overlap, b the means in each, and C the cost o
    certain, D > SURE_Z se, or D > 0 and C falls for certain, by more than SURE_Z of the standard
    errors that its falls by blocks of COST_BLOCK_S give (Vuong, Econometrica 57, 1989). If not, its
    probability is at most DOUBTED_PROBABILITY.
-
 8. What was refuted in an earlier round predicts the held-out data no better one sample ahead. If it
    does, it was nearer to the truth than the name: its probability is at most DOUBTED_PROBABILITY.
+9. The size of a name is certain where it differs from its nominal value by more than chance in
+   FAMILY_P of the tests, by the clustered deviation of its interval. If not, its probability is at
+   most DOUBTED_PROBABILITY: the likelihood counts residuals that hang together as if they did not.
 
 Errors are bounded at the OUTLIER_SHARE quantile of the model without, so that a push that nobody
 recorded does not decide; for harm at OUTLIER_RATIO times that as well, where D < -SURE_Z se, since
@@ -39,95 +32,33 @@ MAX_ROUNDS times: the imitation may have kept the right one out.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import degrees
 
 import numpy as np
 
 from calibration.gap.decision_rule import (
     DOUBTED_PROBABILITY,
+    FAMILY_P,
     MAX_ROUNDS,
     MIN_COMPLETENESS,
-    MIN_WINDOWS,
     OUTLIER_RATIO,
-    OUTLIER_SHARE,
     RANGE_END_STEPS,
     RIVAL_MARGIN,
     SURE_Z,
 )
-from calibration.gap.model.data import Evidence
-from calibration.gap.model.fit import evaluate, losses
+from calibration.gap.held_out import Prediction, gained, held_out
+from calibration.gap.model.fit import evaluate
 from calibration.gap.model.intervals import deviations, interval
-from calibration.gap.model.parameters import BALL, PERIODIC, Model
+from calibration.gap.model.parameters import BALL, PERIODIC
 from calibration.gap.model.state import Key, State, outputs_of, refit
 from calibration.gap.name.decide import Decision, decide, significant
 from calibration.gap.name.stepwise import Accepted, drop_effects
-from calibration.gap.prove import ahead, model_of, on, split
 from calibration.gap.specification import completeness, inconstancy
 from calibration.gap.unnamed.basis import unnamed_terms
+from calibration.statistics import student_quantile
 from rig.discrepancy import Discrepancy
 from rig.effects import BY_NAME
-
-OVERLAPPING = 4  # errors of the ball in a second: two windows of two axes
-COST_BLOCK_S = 1.0  # longer than innovations are correlated; chosen
-
-
-@dataclass(frozen=True, eq=False)
-class Prediction:
-    """Errors 1 s ahead (k,) of an output on data that were not fitted [m or rad], and the cost one
-    sample ahead by blocks of COST_BLOCK_S (B,). `rms`: the typical error."""
-
-    errors: np.ndarray
-    costs: np.ndarray
-
-    @property
-    def cost(self) -> float:
-        """The cost C one sample ahead, without unit."""
-        return float(self.costs.sum())
-
-    @property
-    def rms(self) -> float:
-        """RMS error 1 s ahead [m or rad]."""
-        return float(np.sqrt(np.mean(self.errors**2)))
-
-
-def held_out(state: State, outputs: Iterable[str]) -> dict[str, Prediction]:
-    """The predictions of a state's model by output, each part of the logs predicted by the fit on
-    the other; outputs that one part lacks are left out."""
-    halves = split(state.evidence)
-    found: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
-    outputs = [o for o in outputs if all(half.masks[o].any() for half in halves)]
-    for train, test in (halves, halves[::-1]):
-        fitted = on(state, train)
-        judged = replace(test, masks={o: test.masks[o] for o in outputs})
-        model = model_of(fitted)
-        for output in outputs:
-            costs = _costs(judged, model, output)
-            found.setdefault(output, []).append((ahead(judged, model, output), costs))
-    return {
-        output: Prediction(*(np.concatenate(part) for part in zip(*parts, strict=True)))
-        for output, parts in found.items()
-    }
-
-
-def _costs(evidence: Evidence, model: Model, output: str) -> np.ndarray:
-    """The cost by blocks of COST_BLOCK_S (B,) in which the output has weight."""
-    (t, run), mask = evidence.times(output), evidence.masks[output]
-    used = mask > 0
-    places = np.column_stack([run, t // COST_BLOCK_S])[used]
-    block = np.unique(places, axis=0, return_inverse=True)[1].ravel()
-    return np.bincount(block, losses(evidence.roll(model, output), mask)[used])
-
-
-def gained(without: Prediction, with_it: Prediction, ratio: float = 1.0) -> tuple[float, float]:
-    """D and its standard error of the module's equation [m2 or rad2], errors bounded at `ratio`
-    times the quantile; (0, 0) with fewer than MIN_WINDOWS windows."""
-    if len(without.errors) < MIN_WINDOWS or len(without.errors) != len(with_it.errors):
-        return 0.0, 0.0
-    most = ratio**2 * np.quantile(without.errors**2, OUTLIER_SHARE)
-    d = np.minimum(without.errors**2, most) - np.minimum(with_it.errors**2, most)
-    blocks = np.array([b.mean() for b in np.array_split(d, len(d) // OVERLAPPING)])
-    return float(d.mean()), float(blocks.std() / np.sqrt(len(blocks)))
 
 
 def decide_by_proof(before: State) -> tuple[Decision, tuple[str, ...]]:
@@ -208,7 +139,7 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
     kept = [_capped(one, sure) for one in accepted if one not in lost]
     reasons += doubts
     for i, one in enumerate(kept):
-        if reason := _unproven(one, before, after):
+        if reason := _unproven(one, before, after) or _faint(state, one, spread):
             kept[i] = replace(one, explained=min(one.explained, DOUBTED_PROBABILITY))
             reasons.append(f"not certain: {one.name}: {reason}")
     if not lost:
@@ -241,15 +172,34 @@ def _not_a_size(state: State, one: Accepted, spread: Mapping[str, tuple[float, i
     on one of its axes."""
     stands = False
     for axis in one.axes:
-        first, *more = state.nominal.of(one.name, axis)
-        free = [first, more[0]] if one.name in PERIODIC else [first]
-        sizes = [state.fit.setting.get(k.name, k.nominal) - k.nominal for k in free]
-        sure = interval(0.0, max(spread.get(k.name, (0.0, 2)) for k in free)).high
-        stands |= float(np.linalg.norm(sizes)) >= sure
-        value = first.nominal + sizes[0]
-        if any(e and abs(value - e) < RANGE_END_STEPS * first.step for e in first.range):
+        size, deviation, at_end = _size_of(state, one, axis, spread)
+        if at_end:
             return "its size is at the end of its range, so it stands for something else"
+        stands |= size >= interval(0.0, deviation).high
     return "" if stands else "the interval of its size holds its nominal value"
+
+
+def _size_of(
+    state: State, one: Accepted, axis: str, spread: Mapping[str, tuple[float, int]]
+) -> tuple[float, tuple[float, int], bool]:
+    """Distance of a name's size on an axis from its nominal value, its standard deviation with the
+    number of blocks behind it, and whether it is at the end of its range."""
+    first, *more = state.nominal.of(one.name, axis)
+    free = [first, more[0]] if one.name in PERIODIC else [first]
+    sizes = [state.fit.setting.get(k.name, k.nominal) - k.nominal for k in free]
+    value = first.nominal + sizes[0]
+    at_end = any(e and abs(value - e) < RANGE_END_STEPS * first.step for e in first.range)
+    deviation = max(spread.get(k.name, (0.0, 2)) for k in free)
+    return float(np.linalg.norm(sizes)), deviation, at_end
+
+
+def _faint(state: State, one: Accepted, spread: Mapping[str, tuple[float, int]]) -> str:
+    """The reason of rule 9 in words; "" if the size on one of the axes is beyond chance."""
+    for axis in one.axes:
+        size, deviation, _ = _size_of(state, one, axis, spread)
+        if size > student_quantile(max(deviation[1] - 1, 2), FAMILY_P) * deviation[0]:
+            return ""
+    return "its size is not beyond what so many tests reach by chance"
 
 
 def _plain(state: State) -> State:

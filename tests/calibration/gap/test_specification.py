@@ -4,7 +4,7 @@ tests on logs of a table where the right name is known and where there is none."
 import numpy as np
 import pytest
 
-from calibration.gap.decision_rule import CONSTANCY_P, MAX_INCONSTANCY, MIN_COMPLETENESS
+from calibration.gap.decision_rule import FAMILY_P, MAX_INCONSTANCY, MIN_COMPLETENESS
 from calibration.gap.model.flexible import Regressors, observer, with_hats
 from calibration.gap.model.parameters import BALL, NominalModel
 from calibration.gap.name.decide import Decision, decide
@@ -94,5 +94,5 @@ def test_what_stands_in_for_a_cable_is_incomplete():
 
 
 def test_the_thresholds_are_those_of_their_error_rate():
-    assert pytest.approx(0.01) == 100 * CONSTANCY_P
+    assert pytest.approx(0.01) == 100 * FAMILY_P
     assert 0.0 < MAX_INCONSTANCY < 1.0

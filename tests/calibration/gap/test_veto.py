@@ -8,11 +8,12 @@ import pytest
 
 from calibration.gap.decision_rule import MIN_WINDOWS
 from calibration.gap.findings import Findings
+from calibration.gap.held_out import Prediction, gained
 from calibration.gap.investigation import investigate
 from calibration.gap.model.parameters import NominalModel
 from calibration.gap.name.decide import Decision, decide
 from calibration.gap.name.stepwise import settled_baseline
-from calibration.gap.veto import Prediction, _proven, gained, judge
+from calibration.gap.veto import _proven, judge
 from tests.support.gap.tables import RIG, evidence_of, foreign
 
 COUNT = 200
