@@ -34,7 +34,7 @@ CONVERGED_GAIN = 0.05  # a gain in C below this ends the fit
 STALE_SECANT_GAIN = 5.0  # a gain in C since the secants were taken beyond which they are renewed
 # Where secants promise more than STALE_SECANT_GAIN and the step gains less than POOR_SHARE of that,
 # they are too wide for a narrow valley and are taken NARROWER, to NARROWEST of a step; chosen.
-POOR_SHARE, NARROWER, NARROWEST = 0.25, 0.3, 0.05
+POOR_SHARE, NARROWER, NARROWEST = 0.1, 0.3, 0.05
 STEP_LENGTHS = (1.0, 0.33, 0.1)  # of the Gauss-Newton step, tried in turn
 KINKED = ("play_rad", COAST_KEY)  # keys along which C has kinks inside its valley
 Bounds = Mapping[str, tuple[float, float]]
@@ -219,7 +219,7 @@ def fit(
         dearer = [float(prior @ (d * step * (away + 0.5 * d * step))) for d in STEP_LENGTHS]
         best, gain = _along(evidence, nominal, best, parameters, value, step, dearer)
         if gain < CONVERGED_GAIN and not searched:
-            best, gain = _one_by_one(evidence, nominal, best, bounds, bent)
+            best, gain = _one_by_one(evidence, nominal, best, bounds)
             searched = True
         stale = gain < CONVERGED_GAIN and taken_at - best.cost >= STALE_SECANT_GAIN
         poor = promised > STALE_SECANT_GAIN and gain < POOR_SHARE * promised
@@ -238,15 +238,14 @@ def _one_by_one(
     nominal: NominalModel,
     at: ParameterFit,
     bounds: Bounds,
-    bent: Collection[str],
 ) -> tuple[ParameterFit, float]:
-    """Compass search: each width of backlash of the effects `bent`, and how far its arm coasts,
-    alone by plus and minus STEP_LENGTHS of its step, and by how much C fell (Kolda, Lewis and
-    Torczon, SIAM Review 45, 2003)."""
+    """Compass search: each width of backlash, and how far its arm coasts, alone by plus and minus
+    STEP_LENGTHS of its step, and by how much C fell (Kolda, Lewis and Torczon, SIAM Review 45,
+    2003)."""
     first = at.cost
     for name, (low, high) in bounds.items():
         parameter = nominal.parameters[name]
-        if parameter.effect not in bent or parameter.key not in KINKED:
+        if parameter.key not in KINKED:
             continue
         for length in STEP_LENGTHS:
             value = at.setting.get(name, parameter.nominal)

@@ -7,11 +7,12 @@ import pytest
 from calibration.gap.decision_rule import FAMILY_P, MAX_INCONSTANCY, MIN_COMPLETENESS
 from calibration.gap.model.flexible import Regressors, observer, with_hats
 from calibration.gap.model.parameters import BALL, NominalModel
+from calibration.gap.model.state import refit, settle
 from calibration.gap.name.decide import Decision, decide
-from calibration.gap.name.stepwise import drop_effects, settled_baseline
+from calibration.gap.name.stepwise import Accepted, drop_effects, settled_baseline
 from calibration.gap.specification import completeness, inconstancy
 from rig.log import Log
-from tests.support.gap.tables import RIG, evidence_of, foreign
+from tests.support.gap.tables import RIG, evidence_of, foreign, released
 from tests.support.worlds import WORLDS
 
 N, STEP_S = 2000, 0.05
@@ -73,6 +74,18 @@ def test_the_right_name_is_complete_and_its_size_a_constant():
     assert {one.name for one in decision.accepted} == {"camera_delay"}
     assert complete(decision, BALL) > 0.98
     assert not any(inconstancy(decision.state, one, BALL) for one in decision.accepted)
+
+
+@pytest.mark.parametrize("friction_V", [0.05, 0.2])
+def test_friction_that_is_constant_is_not_said_to_fall_with_speed(friction_V: float):
+    """Cut by the measured speed, which shares the innovation's noise, it seems to."""
+    effects = {"coulomb_friction": {"x": {"friction_V": friction_V}}}
+    evidence = evidence_of(foreign("steps", seed=6, effects=effects, duration_s=20.0))
+    state = released(evidence, ("coulomb_friction", "x"))
+    state = refit(settle(state, ["servo_x"]), state.bounds(["servo_x"]))
+    assert state.fit.setting["coulomb_friction.friction_V.x"] == pytest.approx(friction_V, abs=0.01)
+    one = Accepted("coulomb_friction", ("x",), 100.0, ())
+    assert inconstancy(state, one, "servo_x") == ""
 
 
 @pytest.mark.slow

@@ -6,15 +6,17 @@ from functools import cache
 import numpy as np
 import pytest
 
+from calibration.gap import veto
 from calibration.gap.decision_rule import MIN_WINDOWS
 from calibration.gap.findings import Findings
 from calibration.gap.held_out import Prediction, gained
 from calibration.gap.investigation import investigate
 from calibration.gap.model.parameters import NominalModel
+from calibration.gap.model.state import State
 from calibration.gap.name.decide import Decision, decide
-from calibration.gap.name.stepwise import settled_baseline
-from calibration.gap.veto import _proven, judge
-from tests.support.gap.tables import RIG, evidence_of, foreign
+from calibration.gap.name.stepwise import Accepted, settled_baseline
+from calibration.gap.veto import _faint, _not_a_size, _proven, judge
+from tests.support.gap.tables import RIG, evidence_of, foreign, released
 
 COUNT = 200
 
@@ -96,3 +98,54 @@ def test_what_is_certain_on_data_not_used(errors_times: float, cost_falls: float
     others = np.roll(base.errors, COUNT // 2)  # as large, in other windows
     with_it = Prediction(errors_times * others, COSTS[::-1] - cost_falls)
     assert _proven(base, with_it) == proven
+
+
+@cache
+def with_friction() -> State:
+    """A released, unfitted coulomb_friction of 0.1 V on x and of 0.5 V on y."""
+    log = foreign("steps", seed=2, duration_s=6.0)
+    state = released(evidence_of(log), ("coulomb_friction", "x"), ("coulomb_friction", "y"))
+    sizes = {f"coulomb_friction.friction_V.{a}": v for a, v in (("x", 0.1), ("y", 0.5))}
+    return replace(state, fit=replace(state.fit, setting=state.fit.setting | sizes))
+
+
+@pytest.mark.parametrize(
+    ("deviation_V", "no_size", "faint"),
+    [(0.01, False, False), (0.04, False, True), (0.2, True, True)],
+)
+def test_a_size_counts_beyond_its_interval_and_is_certain_beyond_chance(
+    deviation_V: float, no_size: bool, faint: bool
+):
+    one = Accepted("coulomb_friction", ("x",), 50.0, ())
+    spread = {"coulomb_friction.friction_V.x": (deviation_V, 40)}
+    assert bool(_not_a_size(with_friction(), one, spread)) == no_size
+    assert bool(_faint(with_friction(), one, spread)) == faint
+
+
+def test_a_size_at_the_end_of_its_range_on_one_axis_is_none():
+    state, one = with_friction(), Accepted("coulomb_friction", ("x", "y"), 50.0, ())
+    spread = {f"coulomb_friction.friction_V.{a}": (1e-3, 40) for a in "xy"}
+    assert _not_a_size(state, one, spread) == ""
+    top = state.nominal.parameters["coulomb_friction.friction_V.y"].range[1]
+    sizes = state.fit.setting | {"coulomb_friction.friction_V.y": top}
+    at_end = replace(state, fit=replace(state.fit, setting=sizes))
+    assert "end of its range" in _not_a_size(at_end, one, spread)
+
+
+@pytest.mark.parametrize(("cost", "certain"), [(-1.0, True), (1.0, False)])
+def test_beside_a_refuted_name_that_predicts_better_none_is_certain(monkeypatch, cost, certain):
+    """`cost`: of the refuted model above that of the name."""
+    state = with_friction()
+    first, later = (Decision("named", None, (), None, replace(state)) for _ in range(2))
+    costs = {id(later.state): cost}
+    monkeypatch.setattr(
+        veto,
+        "held_out",
+        lambda s, outputs: {
+            o: Prediction(np.ones(9), np.full(9, costs.get(id(s), 0.0))) for o in outputs
+        },
+    )
+    later = replace(later, accepted=(Accepted("coulomb_friction", ("x",), 50.0, ()),))
+    told, reasons = veto._beside_refuted(later, first)
+    assert (told.accepted[0].probability > 0.9) == certain
+    assert bool(reasons) != certain

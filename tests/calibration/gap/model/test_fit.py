@@ -23,9 +23,11 @@ from calibration.gap.model.fit import (
     normal_equations,
     weights,
 )
-from calibration.gap.model.parameters import BALL, SERVO
-from calibration.gap.model.state import State
+from calibration.gap.model.parameters import BALL, SERVO, NominalModel
+from calibration.gap.model.state import State, baseline
+from rig.log import Log
 from tests.support.gap.tables import RIG, evidence_of, foreign, released, without_columns
+from tests.support.worlds import WORLDS
 
 GAIN, TAU = (1.72, 1.40), (0.031, 0.021)
 OFFSET = {"x": 0.08, "y": -0.05}
@@ -202,6 +204,29 @@ def test_differences_are_the_secants_of_the_roll_outs(name: str, linear: bool):
         assert (size > 0) == (output in parameter.outputs)
         if linear and size > 0:
             assert np.linalg.norm(secants[1] - secants[0]) < 0.05 * size
+
+
+def test_in_a_narrow_valley_the_fit_ends_as_low_as_powells_method():
+    """An axis with fine counts and hardly any friction: secants over a whole step lead nowhere, and
+    a play of a tenth of a count is a ditch."""
+    columns, _, _ = WORLDS["healthy_axis"](2000)
+    evidence, nominal = (
+        evidence_of(Log.from_columns(columns)),
+        NominalModel(RIG, load_friction=False),
+    )
+    state = baseline(evidence, nominal)
+    names, box = zip(*state.bounds(("servo_x",)).items(), strict=True)
+    scale = np.array([nominal.parameters[name].step for name in names])
+    low, high = np.array(box).T / scale
+
+    def cost(x: np.ndarray) -> float:
+        setting = dict(zip(names, np.clip(x, low, high) * scale, strict=True))
+        return evaluate(evidence, nominal, setting, ["servo_x"]).cost
+
+    first = np.array([nominal.parameters[name].nominal for name in names]) / scale
+    other = minimize(cost, first, method="Powell", bounds=list(zip(low, high, strict=True)))
+    assert cost(first) - other.fun > 300.0
+    assert cost(first) - state.fit.cost > 0.97 * (cost(first) - other.fun)
 
 
 def test_at_the_upper_bound_the_difference_goes_down():
