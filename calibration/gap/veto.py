@@ -175,7 +175,7 @@ def _not_a_size(state: State, one: Accepted, spread: Mapping[str, tuple[float, i
         size, deviation, at_end = _size_of(state, one, axis, spread)
         if at_end:
             return "its size is at the end of its range, so it stands for something else"
-        stands |= size >= interval(0.0, deviation).high
+        stands |= not size < interval(0.0, deviation).high  # a limit's nominal one is infinite
     return "" if stands else "the interval of its size holds its nominal value"
 
 
@@ -197,7 +197,7 @@ def _faint(state: State, one: Accepted, spread: Mapping[str, tuple[float, int]])
     """The reason of rule 9 in words; "" if the size on one of the axes is beyond chance."""
     for axis in one.axes:
         size, deviation, _ = _size_of(state, one, axis, spread)
-        if size > student_quantile(max(deviation[1] - 1, 2), FAMILY_P) * deviation[0]:
+        if not size <= student_quantile(max(deviation[1] - 1, 2), FAMILY_P) * deviation[0]:
             return ""
     return "its size is not beyond what so many tests reach by chance"
 

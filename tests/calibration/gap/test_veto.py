@@ -122,6 +122,14 @@ def test_a_size_counts_beyond_its_interval_and_is_certain_beyond_chance(
     assert bool(_faint(with_friction(), one, spread)) == faint
 
 
+def test_a_limit_that_is_no_longer_infinite_is_a_size():
+    state, one = with_friction(), Accepted("saturation", ("x",), 50.0, ())
+    cut = state.fit.setting | {"saturation.limit_V.x": 2.0}
+    state = replace(state, fit=replace(state.fit, setting=cut))
+    spread = {"saturation.limit_V.x": (float("nan"), 40)}
+    assert _not_a_size(state, one, spread) == _faint(state, one, spread) == ""
+
+
 def test_a_size_at_the_end_of_its_range_on_one_axis_is_none():
     state, one = with_friction(), Accepted("coulomb_friction", ("x", "y"), 50.0, ())
     spread = {f"coulomb_friction.friction_V.{a}": (1e-3, 40) for a in "xy"}
