@@ -22,6 +22,7 @@ ANGLE_STEPS = 60  # Newton steps with a numerical slope, at most
 NOT_POSSIBLE: dict[str, str] = {
     "coulomb_friction": "where the servo sticks no recorded voltage leads to the true one",
     "stribeck_friction": "as coulomb_friction",
+    "viscous_asymmetry": "it needs the motor's speed, which an encoder's counts do not give",
     "saturation": "a clipped voltage has no inverse: the true one is not clipped",
     "gear_backlash": "the encoder would have to leave the motor",
     "joint_backlash": "the plate would have to leave the encoder",

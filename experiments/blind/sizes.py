@@ -20,6 +20,7 @@ SMALLEST: dict[str, float] = {
     "stribeck_friction": 0.03,  # a fifth of the breakaway voltage of the table's own friction
     "dead_zone": 0.0035,
     "gain_asymmetry": 0.0013,
+    "viscous_asymmetry": 0.02,  # 2 % of the motor's own brake, four times its gain's asymmetry
     "voltage_offset": 0.02,
     "saturation": 0.1,  # share by which the peaks are cut, see `saturation_limit`
     "input_delay": 0.0002,

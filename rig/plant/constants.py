@@ -18,6 +18,7 @@ PAIRS = (  # per axis
     "saturation_limit_V supply_sag_drop_1_V dead_zone_positive_V dead_zone_negative_V "
     "gain_asymmetry_fraction gain_drift_rate_1_s voltage_offset_offset_V "
     "cogging_amplitude_V cogging_phase_rad cogging_periods_per_turn "
+    "viscous_asymmetry_fraction_1 "
     "coulomb_friction_friction_V stribeck_friction_extra_V stribeck_friction_speed_rad_s "
     "transmission_ripple_amplitude_rad transmission_ripple_phase_rad "
     "transmission_ripple_periods_per_turn linkage_quadratic_coefficient_1_rad "

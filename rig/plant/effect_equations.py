@@ -70,6 +70,13 @@ def friction_volts(omega, friction_V, extra_V, speed_rad_s):
 
 
 @inlined
+def braked_speed(omega, fraction):
+    """omega + fraction |omega|: the speed that viscous friction feels where it differs by
+    direction [rad/s]."""
+    return omega + fraction * abs(omega)
+
+
+@inlined
 def stick(speed, largest_change):
     """Speed after dry friction that changes it by at most `largest_change` and never reverses it.
 

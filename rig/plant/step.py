@@ -149,7 +149,8 @@ def drive_step(p, a, volts, ball_torque, axis):
         p.stribeck_friction_extra_V[a],
         p.stribeck_friction_speed_rad_s[a],
     )
-    torque = p.torque_per_volt[a] * volts - p.motor_damping[a] * motor_rate - t_gear
+    braked = equations.braked_speed(motor_rate, p.viscous_asymmetry_fraction_1[a])
+    torque = p.torque_per_volt[a] * volts - p.motor_damping[a] * braked - t_gear
     free = motor_rate + torque * p.motor_per_torque[a]
     motor_rate = equations.stick(free, dry * p.motor_per_volt[a])
     arm_rate = equations.stick(arm_rate + (t_gear - t_joint) * p.arm_per_torque, p.arm_stick)

@@ -5,7 +5,7 @@ simulator's own equation, and a Kalman filter over angle and speed. Inside a gap
 motor is alone and unseen.
 """
 
-from math import ceil, exp, sqrt
+from math import ceil, exp, log, sqrt
 
 from rig.compiled import compiled, inlined
 from rig.plant import effect_equations as equations
@@ -53,12 +53,26 @@ def servo_step(p, a, motor, speed, variance, volts, gain, decay, share, free_gap
         extra, bell = extra * bell / wide, wide
     dry = equations.friction_volts(speed, p.coulomb_friction_friction_V[a], extra, bell)
     dry += 0.0 if free_gap else p.arm_friction / p.torque_per_volt[a]
+    fraction = p.viscous_asymmetry_fraction_1[a]
+    if fraction != 0.0:
+        gain, decay, share = _braked(
+            gain, decay, fraction if speed > 0.0 or (speed == 0.0 and volts > 0.0) else -fraction
+        )
     target = gain * volts
     free = target + (speed - target) * decay
     after = equations.stick(free, gain * dry * (1.0 - decay))
     # The mean speed over the tick: exact for the first-order motor, dry friction on both ends.
     mean = target + (speed - target) * share
     return motor + dt * (mean + 0.5 * (after - free)), after
+
+
+@compiled
+def _braked(gain, decay, more):
+    """K, decay and share (as of `_decays`) of a motor whose viscous friction is 1 + more times its
+    own."""
+    rate = -log(decay) * (1.0 + more)
+    decay = exp(-rate)
+    return gain / (1.0 + more), decay, (1.0 - decay) / rate
 
 
 @compiled

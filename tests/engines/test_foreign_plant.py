@@ -48,6 +48,8 @@ STEADY = [
     Steady("dead_zone", {"positive_V": 0.2}, 0.19, 0.0),
     Steady("gain_asymmetry", {"fraction": 0.1}, 1.0, 1.1),
     Steady("gain_asymmetry", {"fraction": 0.1}, -1.0, -0.9),
+    Steady("viscous_asymmetry", {"fraction_1": 0.25}, 1.0, 0.8),
+    Steady("viscous_asymmetry", {"fraction_1": 0.2}, -1.0, -1.25),
     Steady("voltage_offset", {"offset_V": 0.1}, -1.0, -0.9),
     Steady("saturation", {"limit_V": 0.6}, -1.0, -0.6),
     Steady("gain_drift", {"rate_1_s": 0.1}, 1.0, 0.9 + 0.1 * (TAU + 0.002)),

@@ -28,6 +28,7 @@ LARGE = {  # about six times what a minute of data shows
     "stribeck_friction": {"y": {"extra_V": 0.15, "speed_rad_s": 0.12}},
     "dead_zone": {"x": {"half_width_V": 0.06}},
     "gain_asymmetry": {"y": {"fraction": -0.05}},
+    "viscous_asymmetry": {"x": {"fraction_1": 0.12}},
     "voltage_offset": {"x": {"offset_V": 0.12}},
     "saturation": {"y": {"limit_V": 1.0}},
     "input_delay": {"x": {"delay_s": 0.012}},

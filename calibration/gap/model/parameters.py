@@ -31,6 +31,7 @@ CALIBRATED = {"gain_rad_s_V": 0.05, "time_constant_s": 0.10}  # always fitted; b
 STEPS = {
     "friction_V": 0.01, "extra_V": 0.02, "speed_rad_s": 0.02, "half_width_V": 0.01,
     "positive_V": 0.01, "negative_V": 0.01, "fraction": 0.005, "offset_V": 0.01, "limit_V": 0.05,
+    "fraction_1": 0.01,
     "delay_s": 0.001, "sine": 0.01, "cosine": 0.01, "periods_per_turn": 0.3, "rate_1_s": 5e-4,
     "drop_1_V": 0.002, "play_rad": 0.002, "offset_rad": 0.001, "coast_s2_rad": 0.01,
     "coefficient_1_rad": 0.02, "coefficient_1_rad2": 0.1, "slope_rad": 2e-4, "rate_rad_s": 1e-5,

@@ -26,7 +26,8 @@ PERIODS = (3.0, 4.5, 6.5, 9.0, 13.0, 18.0, 25.0, 35.0, 50.0, 70.0)
 # tolerances, and a fit that starts near zero ends in the next minimum.
 SIZES: Mapping[str, tuple[float, ...]] = {
     "friction_V": (0.03, 0.1, 0.3, 1.0), "half_width_V": (0.03, 0.1, 0.3, 1.0),
-    "fraction": (0.02, 0.2), "offset_V": (0.05, 0.5), "delay_s": (0.003, 0.01, 0.03, 0.1),
+    "fraction": (0.02, 0.2), "fraction_1": (0.05, 0.3), "offset_V": (0.05, 0.5),
+    "delay_s": (0.003, 0.01, 0.03, 0.1),
     "rate_1_s": (0.002,), "drop_1_V": (0.01,), "play_rad": (0.005, 0.012, 0.03, 0.08),
     "coefficient_1_rad": (0.1, 0.5), "coefficient_1_rad2": (0.5, 2.0), "slope_rad": (0.001, 0.01),
     "rate_rad_s": (5e-5,), "stiffness_1_s2": (0.05, 1.0), "deceleration_m_s2": (0.004, 0.015, 0.06),

@@ -17,6 +17,7 @@ class Plant(NamedTuple):
     dead_above: np.ndarray
     dead_below: np.ndarray
     asymmetry: np.ndarray
+    lopsided: np.ndarray
     offset: np.ndarray
     limit: np.ndarray
     delay: np.ndarray

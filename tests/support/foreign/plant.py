@@ -68,8 +68,9 @@ def _servo(p, a, theta, omega, volts, h):
         return theta, 0.0
     way = omega if omega != 0.0 else volts
     net = p.gain[a] * (volts - (dry if way > 0.0 else -dry))
-    middle = omega + 0.5 * h * (net - omega) / p.tau[a]
-    new = omega + h * (net - middle) / p.tau[a]
+    brake = 1.0 + p.lopsided[a] if way > 0.0 else 1.0 - p.lopsided[a]
+    middle = omega + 0.5 * h * (net - brake * omega) / p.tau[a]
+    new = omega + h * (net - brake * middle) / p.tau[a]
     if dry > 0.0 and new * way < 0.0:
         new = 0.0
     return theta + 0.5 * h * (omega + new), new

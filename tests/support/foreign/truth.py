@@ -18,6 +18,7 @@ PLANT_KEYS = {
     "stribeck_friction": {"extra_V": "stribeck", "speed_rad_s": "stribeck_speed"},
     "dead_zone": {"positive_V": "dead_above", "negative_V": "dead_below"},
     "gain_asymmetry": {"fraction": "asymmetry"},
+    "viscous_asymmetry": {"fraction_1": "lopsided"},
     "voltage_offset": {"offset_V": "offset"},
     "saturation": {"limit_V": "limit"},
     "input_delay": {"delay_s": "delay"},
