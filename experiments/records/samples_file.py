@@ -26,6 +26,7 @@ import numpy as np
 
 from experiments.records.unpacking import LEAST_BYTES, MOST_RATIO, unpacked
 from rig.log import COLUMNS, INDEX, NAMES
+from rig.validation import read_json
 
 MAGIC = b"\x89MCAP0\r\n"
 LIBRARY = "balancing-table-rig"
@@ -374,7 +375,10 @@ def _take_message(content: bytes, reading: _Reading) -> None:
     payload = content[MESSAGE_HEAD:]
     topic = reading.topics.get(struct.unpack_from("<H", content)[0])
     if topic == EVENTS:
-        reading.events.append(json.loads(payload))
+        event = read_json(bytes(payload).decode())
+        if not isinstance(event, dict) or not isinstance(event.get("text"), str):
+            raise ValueError("an event without a text")
+        reading.events.append({**event, "t_s": float(event["t_s"])})
     elif topic is None:
         raise ValueError("a message of a channel that was not declared")
     elif topic == SAMPLES and reading.decode is not None:
