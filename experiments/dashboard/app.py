@@ -13,6 +13,7 @@ import numpy as np
 from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.server.messages import admit_values
 from experiments.dashboard.server.server import shell_of
+from experiments.dashboard.server.untrusted_text import as_unicode
 from experiments.dashboard.session.live import LiveBuffer, LiveState
 from experiments.dashboard.session.plan import PlannedRun
 from experiments.dashboard.session.playback import Playback
@@ -123,12 +124,7 @@ class App:
         self._add_tabs()
         self._commands()
 
-        @server.scene.on_click(modifier="shift")
-        def _(event: Any) -> None:
-            ray = np.array(event.ray_origin), np.array(event.ray_direction)
-            self.controls.queue.put(
-                "target", lambda: self._aim(event.client_id, *ray), event.client_id
-            )
+        server.scene.on_click(modifier="shift")(self.controls.click("target", self._aim))
 
     def _add_tabs(self) -> None:
         server, controls, analysis_worker, figure_worker = (
@@ -211,9 +207,8 @@ class App:
         for client in self._of(page):
             client.send_file_download(path.name, path.read_bytes(), save_immediately=True)
 
-    def _aim(self, page: int, origin: np.ndarray, direction: np.ndarray) -> None:
-        self.controls.check(page)
-        point = plate_point(origin, direction)
+    def _aim(self, event: Any) -> None:
+        point = plate_point(np.array(event.ray_origin), np.array(event.ray_direction))
         if point is not None:
             self.run_tab.aim((float(point[0]), float(point[1])))
 
@@ -258,7 +253,8 @@ class App:
         """Show a message with this title for 8 s on a page; page None: on every page."""
         for client in self._of(page):
             with suppress(Exception):  # it may be gone by now
-                client.add_notification(title, text, auto_close_seconds=8.0, color="red")
+                told = as_unicode(text)
+                client.add_notification(title, told, auto_close_seconds=8.0, color="red")
 
     def _of(self, page: int | None) -> list[Any]:
         if page is None:
