@@ -15,7 +15,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
-from experiments.dashboard.server.door import MOST_WAITING
+from experiments.dashboard.server.door import MOST_WAITING, WANTED_FILES, allow_files
 from experiments.dashboard.server.server import (
     PortBusyError,
     free_port,
@@ -123,6 +123,17 @@ def test_idle_strangers_use_up_nothing_and_keep_nobody_out(served):
     finally:
         for one in idle:
             one.close()
+
+
+def test_the_program_allows_itself_more_files():
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    try:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (256, before[1]))
+        allow_files()
+        assert resource.getrlimit(resource.RLIMIT_NOFILE)[0] == min(WANTED_FILES, before[1])
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
 
 
 def test_it_listens_where_it_was_told_and_nowhere_else(served):
