@@ -137,7 +137,9 @@ class App:
         tabs = server.gui.add_tab_group(order=0)
         with tabs.add_tab("Run"):
             self.tour = Tour(server, self._steps_done, visible=not self.session.table.real)
-            self.run_tab = RunTab(server, controls, self.session, lambda: self.show_playback(None))
+            self.run_tab = RunTab(
+                server, controls, self.session, out, lambda: self.show_playback(None)
+            )
         with tabs.add_tab("Calibrate"):
             self.calibrate = CalibrateTab(
                 server,
