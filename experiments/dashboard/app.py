@@ -30,6 +30,7 @@ from experiments.dashboard.tabs.results import ResultsTab
 from experiments.dashboard.tabs.run import RunTab
 from experiments.dashboard.tabs.tour import Tour, both_completed
 from experiments.dashboard.view.backlash_gauges import BacklashGauges
+from experiments.dashboard.view.big_view import big_view
 from experiments.dashboard.view.camera_view import NO_FILM, RESTS, CameraView
 from experiments.dashboard.view.curves import FILM, Curves
 from experiments.dashboard.view.ghost import Ghost
@@ -86,6 +87,9 @@ class App:
         shell = shell_of(server)
         shell.state = lambda: self.session.status.state
         shell.stop = partial(self.controls.stop, act=self.session.stop)
+        shell.live = lambda: big_view(
+            self.session.rig, self.live.now(), self.session.status, self.live.curve()
+        )
         self._ghost_of, self._ghost = rig, Ghost(rig)
         kind = f"{rig.table.kind} table" if table.real else "virtual table"
         self._build(f"{kind} of {rig_file.name}" if rig_file else kind)
@@ -106,6 +110,7 @@ class App:
         self.gauges = BacklashGauges(server, self.rig)
         self.side_plates = SidePlates(server, self.rig)
         self.camera = CameraView(server, self.rig if self.session.table.real else None)
+        shell_of(server).camera = lambda: self.camera.jpeg
         self.header = Header(
             server, self.controls, self.session, table, lambda: self.run_tab.balance()
         )

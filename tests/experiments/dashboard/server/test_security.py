@@ -23,7 +23,7 @@ from experiments.dashboard.server.security import (
     gate_of,
 )
 from experiments.dashboard.server.server import link_of, open_server
-from experiments.dashboard.server.shell import SCRIPT_HASH
+from experiments.dashboard.server.shell import SCRIPT_HASH, VIEW_HASH
 from rig.hardware.network.token_file import check_host, keep_token
 
 GATE = Gate("secret-token", 7644)
@@ -152,7 +152,7 @@ def test_the_page_runs_the_scripts_of_visers_page_and_of_its_bar_and_no_others()
     code = zstandard.ZstdDecompressor().decompress(zipped, sum(sizes))[sizes[0] :]
     found = [b64encode(sha256(one).digest()).decode() for one in (text.encode(), code)]
     assert [f"sha256-{one}" for one in found] == list(SCRIPTS[:2])
-    assert SCRIPTS[2:] == (SCRIPT_HASH,)
+    assert SCRIPTS[2:] == (SCRIPT_HASH, VIEW_HASH)
     assert "'unsafe-inline'" not in CONTENT_POLICY.partition("script-src")[2].partition(";")[0]
 
 

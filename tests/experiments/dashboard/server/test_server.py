@@ -23,7 +23,7 @@ from experiments.dashboard.server.server import (
     open_server,
     shell_of,
 )
-from experiments.dashboard.server.shell import ICON, SCRIPT, SCRIPT_HASH
+from experiments.dashboard.server.shell import ICON, SCRIPT, SCRIPT_HASH, VIEW_HASH, VIEW_SCRIPT
 from tests.support import ROOT
 from tests.support.waiting import wait_for
 
@@ -182,6 +182,20 @@ def test_the_bar_stops_for_who_has_the_cookie_alone(served):
     assert not stops
     assert page(gate, f"{gate.path}/stop", **mine)[0].status == 200
     assert stops == ["a page at 127.0.0.1"]
+
+
+def test_the_big_view_is_for_who_has_the_cookie_alone(served):
+    _, gate = served
+    mine = {"Cookie": f"{gate.cookie}={TOKEN}"}
+    for part in ("view", "live", "camera"):
+        assert page(gate, f"{gate.path}/{part}")[0].status == 403
+        evil = mine | {"Origin": "http://evil.example"}
+        assert page(gate, f"{gate.path}/{part}", **evil)[0].status == 403
+        assert page(gate, f"{gate.path}/{part}", **mine)[0].status == 200
+    answer, body = page(gate, f"{gate.path}/view", **mine)
+    assert (answer.getheader("Content-Type") or "").startswith("text/html")
+    assert VIEW_SCRIPT.encode() in body
+    assert VIEW_HASH in (answer.getheader("Content-Security-Policy") or "")
 
 
 def test_the_page_bears_its_own_name_and_the_bar_zipped_or_not(served):
