@@ -14,6 +14,7 @@ from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.server.messages import admit_values
 from experiments.dashboard.server.server import shell_of
 from experiments.dashboard.server.untrusted_text import as_unicode
+from experiments.dashboard.session.foxglove_stream import FoxgloveStream
 from experiments.dashboard.session.live import LiveBuffer, LiveState
 from experiments.dashboard.session.plan import PlannedRun
 from experiments.dashboard.session.playback import Playback
@@ -58,13 +59,20 @@ class App:
     drawing thread; `close` ends them in order.
 
     out: folder of runs, figures and reports; rig_file: of `rig`, None for the virtual table. The
-    attribute `playback` is the film that is shown, None while the live table is.
+    attribute `playback` is the film that is shown, None while the live table is. stream: is given
+    every row and event that is drawn, too, and closed.
     """
 
     def __init__(
-        self, server: "ViserServer", rig: Rig, out: Path, *, rig_file: Path | None = None
+        self,
+        server: "ViserServer",
+        rig: Rig,
+        out: Path,
+        *,
+        rig_file: Path | None = None,
+        stream: FoxgloveStream | None = None,
     ) -> None:
-        self.server, self.rig, self.out = server, rig, out
+        self.server, self.rig, self.out, self._stream = server, rig, out, stream
         self.clients: dict[int, ClientHandle] = {}
         self.live = LiveBuffer(rig.control_rate_hz)
         self.events: deque[str] = deque(maxlen=EVENTS_SHOWN)
@@ -271,6 +279,8 @@ class App:
     def _on_event(self, t_s: float, text: str) -> None:
         """Keep an event of the loop or of a page for the tab Run; called from any thread."""
         self.events.append(f"{t_s:.1f} s: {text}")
+        if self._stream is not None:
+            self._stream.event(t_s, text)
 
     # --- drawing ---
     def _draw(self) -> None:
@@ -290,6 +300,8 @@ class App:
     def _draw_once(self, count: int) -> None:
         now = self.live.now()
         rows = self.live.unread()
+        if self._stream is not None:
+            self._stream.send(rows)
         if self._ghost_of is not (rig := self.session.rig):
             self._ghost_of, self._ghost = rig, Ghost(rig)
         self._ghost.follow(rows)
@@ -383,3 +395,5 @@ class App:
             self.controls.queue,
         ):
             part.close()
+        if self._stream is not None:
+            self._stream.close()

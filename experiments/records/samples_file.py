@@ -142,8 +142,8 @@ def sample_schema() -> bytes:
 
 
 @cache
-def _declarations() -> tuple[list[tuple], list[tuple]]:
-    """Return the arguments of `Writer.register_schema` and `Writer.register_channel`.
+def declarations() -> tuple[list[tuple], list[tuple]]:
+    """The arguments of `Writer.register_schema` and `Writer.register_channel`.
 
     Schemas (name, encoding, data) and channels (topic, encoding, schema id, metadata), in the
     order of their ids; units and meanings of the columns are metadata of the samples' channel.
@@ -163,7 +163,7 @@ def opening() -> bytes:
     """First bytes of a file being recorded: magic, header, schemas, channels."""
     from mcap.records import Channel, Header, Schema
 
-    schemas, channels = _declarations()
+    schemas, channels = declarations()
     records = [Header(profile="", library=LIBRARY)]
     records += [
         Schema(id=i, name=name, encoding=encoding, data=data)
@@ -196,7 +196,7 @@ def finished_file(rows: np.ndarray, events: Sequence[dict], start_ns: int) -> by
     out = BytesIO()
     out.write(opening())  # instead of `writer.start()`: a damaged first chunk takes no declaration
     writer = Writer(out)
-    schemas, channels = _declarations()
+    schemas, channels = declarations()
     for schema in schemas:
         writer.register_schema(*schema)
     for channel in channels:

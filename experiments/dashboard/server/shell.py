@@ -89,7 +89,7 @@ def _dressed(body: bytes, zipped: bool) -> bytes:
 def _with_bar(page: str, more: str = "") -> str:
     """A page with the bar's style and script, and `more`, behind its title."""
     title = f"<title>{TITLE}</title>"
-    return page.replace(title, f"{title}<style>{STYLE}</style><script>{SCRIPT}</script>{more}", 1)
+    return page.replace(title, f"{title}<style>{STYLE}</style><script>{SCRIPT}</script>{more}")
 
 
 def dressed(response: Any) -> Any:
