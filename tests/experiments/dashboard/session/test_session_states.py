@@ -1,8 +1,11 @@
 """The session's states with a loop that does what the test says: no process, no table, no clock."""
 
+import random
 import sys
+import threading
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from queue import Queue
 from types import SimpleNamespace
@@ -588,3 +591,35 @@ def test_closing_ends_what_moves_and_drops_the_plan():
 def test_a_real_table_moves_in_runs_alone():
     with opened(real=True) as desk, pytest.raises(ValueError, match="in a run alone"):
         desk.session.balance()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_whatever_races_with_a_stop_nothing_moves_after_it(seed: int):
+    """Start, repeat, balance, next run and stops of two pages at once; the last word is a stop."""
+    rng = random.Random(seed)
+    with opened() as desk:
+        session, over = desk.session, threading.Event()
+
+        def press(*acts) -> None:
+            while not over.is_set():
+                with suppress(ValueError):
+                    rng.choice(acts)()
+                time.sleep(rng.uniform(0.0, 0.002))
+
+        acts = (lambda: session.start(desk.plan()), session.repeat, session.balance, session.go_on)
+        threads = [threading.Thread(target=press, args=acts) for _ in range(2)]
+        threads.append(threading.Thread(target=press, args=(lambda: session.stop("page 2"),)))
+        for thread in threads:
+            thread.start()
+        time.sleep(0.5)
+        over.set()
+        for thread in threads:
+            thread.join(PATIENCE_S)
+        session.stop("page 1")
+        told = len(desk.loops)
+        desk.state("stopped")
+        time.sleep(0.05)
+        assert len(desk.loops) - told <= 1  # one that was being started is given the stop
+        assert all(any(isinstance(one, Stop) for one in loop.got) for loop in desk.loops)
+        assert session.status.state == "stopped"
+        assert told > 3
