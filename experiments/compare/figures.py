@@ -45,8 +45,18 @@ def map_figure(results: Mapping, out: Path) -> Path:
             text = f"{gain[i, j]:+.2f}" if np.isfinite(gain[i, j]) else "lost"
             weight, style = ("bold", "normal") if sure else ("normal", "italic")
             dark = _is_dark(np.array(image.to_rgba(gain[i, j])[:3]))  # the field behind it
-            look = {"weight": weight, "style": style, "color": "white" if dark else "black"}
-            ax.text(j, i, text, ha="center", va="center", fontsize=7, **look)
+            colour = "white" if dark else "black"
+            ax.text(
+                j,
+                i,
+                text,
+                ha="center",
+                va="center",
+                fontsize=7,
+                weight=weight,
+                style=style,
+                color=colour,
+            )
     ax.set_xticks(range(len(conditions)), conditions, rotation=30, ha="left")
     ax.xaxis.tick_top()
     ax.set_yticks(range(len(cells)), names, fontsize=7)

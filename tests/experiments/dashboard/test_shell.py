@@ -159,7 +159,9 @@ INK = """id => { const one = document.getElementById(id);
   return one.getContext("2d").getImageData(0, 0, one.width, one.height).data.some(v => v); }"""
 
 
-@pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 844)])
+@pytest.mark.parametrize(
+    ("width", "height"), [pytest.param(1280, 720, marks=pytest.mark.slow), (390, 844)]
+)
 def test_the_big_view_shows_table_curves_and_camera_and_stops(chromium, program, width, height):
     shell = shell_of(program.server)
     image = cv2.imencode(".jpg", np.full((60, 80, 3), 128, np.uint8))[1].tobytes()
