@@ -42,9 +42,10 @@ def map_figure(results: Mapping, out: Path) -> Path:
         for j, condition in enumerate(conditions):
             verdict = cell["arms"][condition]["against_without"]["verdict"]
             sure = verdict in (HELPS, HARMS)
-            text = f"{gain[i, j]:+.2f}" if np.isfinite(gain[i, j]) else "lost"
+            known = bool(np.isfinite(gain[i, j]))  # else the field is white
+            text = f"{gain[i, j]:+.2f}" if known else "lost"
             weight, style = ("bold", "normal") if sure else ("normal", "italic")
-            dark = _is_dark(np.array(image.to_rgba(gain[i, j])[:3]))  # the field behind it
+            dark = known and _is_dark(np.array(image.to_rgba(gain[i, j])[:3]))
             colour = "white" if dark else "black"
             ax.text(
                 j,

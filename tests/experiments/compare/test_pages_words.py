@@ -60,18 +60,21 @@ def test_the_map_tells_help_from_harm_without_red_and_green_and_can_be_read(tmp_
     gains, kept = np.linspace(-1.2, 1.2, 25), {}
     cells = [cell(f"joint 2, one-sided {i}", {"with": HELPS, "neural": OPEN}, gain)
              for i, gain in enumerate(gains)]  # fmt: skip
+    cells.append(cell("lost", {"with": OPEN, "neural": OPEN}, float("nan")))
     monkeypatch.setattr(figures, "save", lambda figure, *_: kept.update(figure=figure))
     figures.map_figure({**RESULTS, "cells": cells}, tmp_path)
     axes = kept["figure"].axes[0]
     kept["figure"].canvas.draw()
     image = axes.images[0]
     shown = np.asarray(image.to_rgba(image.get_array()))[..., :3]
-    assert (shown[gains > 0.2, :, 2] > shown[gains > 0.2, :, 0]).all()  # helps: blue
-    assert (shown[gains < -0.2, :, 0] > shown[gains < -0.2, :, 2]).all()  # harms: red
-    for text in axes.texts:
+    assert (shown[:-1][gains > 0.2, :, 2] > shown[:-1][gains > 0.2, :, 0]).all()  # helps: blue
+    assert (shown[:-1][gains < -0.2, :, 0] > shown[:-1][gains < -0.2, :, 2]).all()  # harms: red
+    for text in axes.texts[: 2 * len(gains)]:
         x, y = map(round, text.get_position())
         pair = shown[y, x], np.array(matplotlib.colors.to_rgb(text.get_color()))
         dark, light = sorted(float(np.dot([0.2126, 0.7152, 0.0722], linear(c))) for c in pair)
         assert (light + 0.05) / (dark + 0.05) > 4.5, (text.get_text(), x)
+    lost = [text for text in axes.texts if text.get_text() == "lost"]
+    assert [text.get_color() for text in lost] == ["black", "black"]  # on white
     assert min(label.get_window_extent().x0 for label in axes.get_yticklabels()) >= 0.0
     plt.close(kept["figure"])
