@@ -138,9 +138,9 @@ class Log:
     def ball(self, delay_s: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Return the times (k,) [s] and positions (k, 2) [m] of the new observations alone.
 
-        A time is the exposure's, `ball_exposed_s`; where that is blank, `t_s` of the tick in which
-        the observation became usable minus `delay_s` (the camera's delay [s]; 0 keeps the tick's
-        time). A row that repeats the position of the row before it is a held value, no new
+        A time is the exposure's, `ball_exposed_s`; where that is no number, `t_s` of the tick in
+        which the observation became usable minus `delay_s` (the camera's delay [s]; 0 keeps the
+        tick's time). A row that repeats the position of the row before it is a held value, no new
         observation, unless its `ball_exposed_s` differs. The position is NaN on an axis that the
         log lacks.
         """
@@ -150,7 +150,7 @@ class Log:
         same = (xy[1:] == xy[:-1]) | (np.isnan(xy[1:]) & np.isnan(xy[:-1]))
         held = same.all(axis=1) & (np.isnan(exposed[1:]) | (exposed[1:] == exposed[:-1]))
         new = seen & ~np.concatenate(([False], held))[: len(self)]
-        times = np.where(np.isnan(exposed), self["t_s"] - delay_s, exposed)
+        times = np.where(np.isfinite(exposed), exposed, self["t_s"] - delay_s)
         return times[new], xy[new]
 
 

@@ -1,5 +1,6 @@
 """What files are checked with: a strict pydantic model, and one line about what is wrong in one."""
 
+import json
 import tomllib
 from types import NoneType, UnionType
 from typing import Any, Union, get_args, get_origin
@@ -66,6 +67,20 @@ def read_toml(text: str) -> dict[str, Any]:
     except ValueError:  # of Python's own limit of digits
         raise ValueError("not a TOML file (a number has too many digits)") from None
     _check_sizes(data)
+    return data
+
+
+def read_json(text: str) -> Any:
+    """Return the data of a JSON document. ValueError (one line): it is none, its brackets are too
+    deep, or it holds text that is no Unicode (half a surrogate pair), which nobody could show.
+    """
+    try:
+        data = json.loads(text)
+        json.dumps(data, ensure_ascii=False).encode()
+    except RecursionError:
+        raise ValueError("not a JSON file (its brackets are too deep)") from None
+    except UnicodeEncodeError:
+        raise ValueError("not a JSON file (a text in it is no Unicode)") from None
     return data
 
 

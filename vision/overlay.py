@@ -66,6 +66,34 @@ def contact_sheet(images: Sequence[np.ndarray], columns: int) -> np.ndarray:
     return np.vstack([np.hstack(cells[r * columns : (r + 1) * columns]) for r in range(rows)])
 
 
+MEANINGS = (  # of the colours that `draw_track` uses
+    ("search: none yet", COLOURS["search"]),
+    ("track: outline of the ball", COLOURS["track"]),
+    ("coast: predicted", COLOURS["coast"]),
+    ("lost", COLOURS["lost"]),
+    ("where it was", (255, 255, 0)),
+    (f"{SIGMA_ZOOM:.0f} sigma of its place", (255, 0, 255)),
+)
+
+
+def legend(title: str, width_px: int) -> np.ndarray:
+    """A strip (h, width_px, 3) uint8 BGR: the title, and below it what each colour means."""
+    font, size, line = cv2.FONT_HERSHEY_SIMPLEX, 0.5, 22
+    places, x, y = [], 8, 2
+    for words, colour in MEANINGS:
+        wide = cv2.getTextSize(words, font, size, 1)[0][0] + 40
+        if x > 8 and x + wide > width_px:
+            x, y = 8, y + 1
+        places.append((words, colour, x, y * line - 6))
+        x += wide
+    out = np.zeros((y * line + 4, width_px, 3), np.uint8)
+    cv2.putText(out, title, (8, line - 6), font, size, (255, 255, 255), 1, cv2.LINE_AA)
+    for words, colour, left, base in places:
+        cv2.line(out, (left, base - 5), (left + 16, base - 5), colour, 4)
+        cv2.putText(out, words, (left + 22, base), font, size, (255, 255, 255), 1, cv2.LINE_AA)
+    return out
+
+
 def _fixed(u: float, v: float) -> tuple[int, int]:
     """Sub-pixel coordinates as OpenCV's drawing functions take them."""
     return round(u * (1 << SHIFT)), round(v * (1 << SHIFT))

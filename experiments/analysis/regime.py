@@ -5,9 +5,8 @@ is said here follows from the rig file, not from the run. In between, neither of
 plate models is right (see `tests/benchmarks/regime.py`).
 """
 
-from dataclasses import replace
-
 from rig.parameters import GRAVITY_M_S2, Rig
+from rig.rigfile import from_dict
 
 KEEPS = "the plate keeps its place inside the play"
 DROPS = "the plate drops to the ball's side"
@@ -53,9 +52,22 @@ def regime_of_record(rig: dict | None) -> str:
     """
     if not rig:
         return "Regime: not known, the run folder holds no rig."
-    known, told = Rig(), {}
+    return regime_sentence(rig_of_record(rig))
+
+
+def rig_of_record(rig: dict) -> Rig:
+    """Servo, ball, linkage and drive of the rig that a run's start record holds; what it lacks has
+    its default, and keys that this version does not know are ignored. ValueError (one line): a
+    value cannot be used.
+    """
+    told = {}
     for section in ("servo", "ball", "linkage", "drive"):
-        mine = getattr(known, section)
-        given = {k: v for k, v in rig.get(section, {}).items() if k in vars(mine)}
-        told[section] = replace(mine, **given)
-    return regime_sentence(replace(known, **told))
+        given = rig.get(section, {})
+        known = vars(getattr(Rig(), section))
+        told[section] = (
+            {k: v for k, v in given.items() if k in known} if isinstance(given, dict) else given
+        )
+    try:
+        return from_dict(told)
+    except ValueError as error:
+        raise ValueError(f"the rig of run.json cannot be used: {error}") from None

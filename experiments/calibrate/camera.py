@@ -1,6 +1,5 @@
 """`rig calibrate sheet`, `camera` and `table`: sheets to print, the lens, the level plate."""
 
-import json
 from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
@@ -31,7 +30,7 @@ from experiments.calibrate.watch import Growing
 from experiments.records.run_folder import writable
 from experiments.runs.assemble import load_rig, virtual_scene
 from rig.parameters import Rig
-from rig.validation import first_error_line
+from rig.validation import first_error_line, read_json
 from vision.frames import Frame
 from vision.plate.markers import MarkerLayout, default_layout
 from vision.sources.sources import open_source
@@ -259,7 +258,7 @@ def _layout(path: Path | None) -> MarkerLayout | None:
     if not path.is_file():
         raise FileNotFoundError(f"--layout {path}: no such file")
     try:
-        record = MarkersRecord.model_validate(json.loads(path.read_text(encoding="utf-8")))
+        record = MarkersRecord.model_validate(read_json(path.read_text(encoding="utf-8")))
     except ValidationError as error:
         raise ValueError(f"--layout {path}: {first_error_line(error, MarkersRecord)}") from None
     except ValueError as error:

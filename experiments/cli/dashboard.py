@@ -17,6 +17,10 @@ def dashboard(
     out: Annotated[Path, typer.Option("--out", help="Folder for what is made.")] = Path(
         "out/dashboard"
     ),
+    foxglove: Annotated[
+        int | None,
+        typer.Option(min=0, max=65535, help="Also stream to Foxglove, on this port of 127.0.0.1."),
+    ] = None,
 ) -> None:
     """A page to see the table, run protocols, calibrate, look at results and close the gap.
 
@@ -26,4 +30,12 @@ def dashboard(
     from experiments.records.run_folder import writable
     from experiments.runs.assemble import load_rig
 
-    serve_dashboard(load_rig(rig), rig, writable(out), host=host, port=port, say=typer.echo)
+    serve_dashboard(
+        load_rig(rig),
+        rig,
+        writable(out),
+        host=host,
+        port=port,
+        foxglove_port=foxglove,
+        say=typer.echo,
+    )

@@ -106,7 +106,7 @@ def _investigate_and_report(
         found = investigate(logs, rig_file, until=until, threads=2, progress=progress)
     if json_file is not None:
         write_json(json_file, found.to_json())
-    page = write_findings(found, folder, names=[path.name for path in logs])
+    page = write_findings(found, folder, names=[path.name for path in logs], rig_file=rig_file)
     for line in summary_lines(found):
         typer.echo(line)
     typer.echo(f"report: {page}   numbers: {folder / 'results.json'}")

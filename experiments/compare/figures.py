@@ -7,6 +7,7 @@ import numpy as np
 
 from experiments.compare.case import Case
 from experiments.compare.statistics import HARMS, HELPS
+from experiments.compare.words import conditions as conditions_of
 from experiments.reports.figures import ball_cm, plt, save, servo_word
 from rig.log import Log, shown_angles
 
@@ -15,8 +16,11 @@ COLOURS = {"without": "#1f4fd8", "with": "#d62728", "adaptive": "#9467bd", "neur
            "adaptive-asymmetric": "#e377c2", "sham": "0.6", "misplaced": "0.4"}  # fmt: skip
 
 
-def _conditions(results: Mapping) -> list[str]:
-    return [a for a, found in results["cells"][0]["arms"].items() if "against_without" in found]
+def _is_dark(colour: np.ndarray) -> bool:
+    """Whether white letters stand out more than black ones from a colour (3,) of sRGB (WCAG 2)."""
+    light = np.where(colour <= 0.03928, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
+    luminance = float(np.dot([0.2126, 0.7152, 0.0722], light))
+    return (luminance + 0.05) ** 2 < 1.05 * 0.05
 
 
 def map_figure(results: Mapping, out: Path) -> Path:
@@ -26,24 +30,41 @@ def map_figure(results: Mapping, out: Path) -> Path:
     results: as of `run_comparison`. Bold: the sign is certain after Holm's correction; "lost": no
     mean gain is known. OSError: `out` cannot be written.
     """
-    conditions, cells = _conditions(results), results["cells"]
+    conditions, cells = conditions_of(results["cells"]), results["cells"]
     gain = np.array(
         [[c["arms"][a]["against_without"]["effect"] for a in conditions] for c in cells]
     )
-    figure, ax = plt.subplots(figsize=(2.6 + 0.95 * len(conditions), 1.4 + 0.24 * len(cells)))
-    image = ax.imshow(gain, cmap="RdYlGn", vmin=-1.0, vmax=1.0, aspect="auto")
+    names = [c["key"].replace(" | ", " · ") for c in cells]
+    wide = 1.4 + 0.06 * max(map(len, names)) + 0.95 * len(conditions)
+    figure, ax = plt.subplots(figsize=(wide, 1.4 + 0.24 * len(cells)))
+    image = ax.imshow(gain, cmap="RdBu", vmin=-1.0, vmax=1.0, aspect="auto")
     for i, cell in enumerate(cells):
         for j, condition in enumerate(conditions):
             verdict = cell["arms"][condition]["against_without"]["verdict"]
             sure = verdict in (HELPS, HARMS)
-            text = f"{gain[i, j]:+.2f}" if np.isfinite(gain[i, j]) else "lost"
-            weight, colour = ("bold", "black") if sure else ("normal", "0.45")
-            ax.text(j, i, text, ha="center", va="center", fontsize=7, weight=weight, color=colour)
+            known = bool(np.isfinite(gain[i, j]))  # else the field is white
+            text = f"{gain[i, j]:+.2f}" if known else "lost"
+            weight, style = ("bold", "normal") if sure else ("normal", "italic")
+            dark = known and _is_dark(np.array(image.to_rgba(gain[i, j])[:3]))
+            colour = "white" if dark else "black"
+            ax.text(
+                j,
+                i,
+                text,
+                ha="center",
+                va="center",
+                fontsize=7,
+                weight=weight,
+                style=style,
+                color=colour,
+            )
     ax.set_xticks(range(len(conditions)), conditions, rotation=30, ha="left")
     ax.xaxis.tick_top()
-    ax.set_yticks(range(len(cells)), [c["key"] for c in cells], fontsize=7)
+    ax.set_yticks(range(len(cells)), names, fontsize=7)
     ax.grid(False)
-    figure.colorbar(image, label="gain over no compensator [cm RMS]", shrink=0.5)
+    figure.colorbar(
+        image, label="gain over no compensator [cm RMS]: blue helps, red harms", shrink=0.5
+    )
     return save(figure, out, "compare_map", "simulated")
 
 
@@ -56,7 +77,7 @@ def effect_figure(results: Mapping, out: Path) -> Path:
     first = next(iter(results["grid"]["frictions"]))
     cells = [c for c in results["cells"] if c["friction"] == first and not c["fault"]]
     cells = [c for c in cells if c["protocol"] == cells[0]["protocol"]]
-    conditions = _conditions(results)
+    conditions = conditions_of(results["cells"])
     columns = min(4, len(cells))
     lines = -(-len(cells) // columns)
     figure, axes = plt.subplots(

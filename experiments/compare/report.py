@@ -12,6 +12,8 @@ from experiments.compare.figures import (
 )
 from experiments.compare.glossary import glossary
 from experiments.compare.grid import Grid
+from experiments.compare.statistics import HARMS, HELPS, OPEN
+from experiments.compare.words import conditions, count, fault_words, paper_words, plain_cells
 from experiments.reports.report import (
     Picture,
     Pictures,
@@ -35,7 +37,7 @@ def write_report(results: dict, rig: Rig, grid: Grid, out: Path) -> Path:
         Picture(
             map_figure(results, out),
             "Each compensator against none in every cell: mean gain in the ball's RMS distance; "
-            "bold where sure after Holm's correction, grey where not.",
+            "bold where sure after Holm's correction, italic where not.",
         ),
         Picture(
             effect_figure(results, out),
@@ -60,11 +62,16 @@ def write_report(results: dict, rig: Rig, grid: Grid, out: Path) -> Path:
         out / "report.html",
         title=results["title"],
         source="simulated",
-        summary=results["words"][:1],
+        summary=[results["words"][0], *paper_words(results)],
         sections=[
             Section(
                 "Which compensator helps, and when",
-                [*results["words"][1:], Pictures(overview, wide=True)],
+                [
+                    _by_condition(results),
+                    _by_play(results),
+                    *fault_words(results),
+                    Pictures(overview, wide=True),
+                ],
             ),
             Section(
                 "What is compared",
@@ -79,6 +86,31 @@ def write_report(results: dict, rig: Rig, grid: Grid, out: Path) -> Path:
             recompute_section("", "rig compare"),
         ],
     )
+
+
+def _by_condition(results: dict) -> Table:
+    """In how many cells each compensator helps and harms, against none and at equal activity."""
+    cells, rows = plain_cells(results), []
+    for condition in conditions(cells):
+        plain, equal = (
+            count(condition, cells, t) for t in ("against_without", "at_equal_activity")
+        )
+        found = (plain[HELPS], plain[HARMS], plain[OPEN], equal[HELPS], equal[HARMS])
+        rows.append([condition, *map(str, found)])
+    head = ("compensator", "helps", "harms", "undecided", "helps at equal servo activity")
+    caption = f"Cells, of {len(cells)}: against no compensator, and against the best of the others."
+    return Table((*head, "harms at equal servo activity"), rows, caption, words=1)
+
+
+def _by_play(results: dict) -> Table:
+    """In how many cells of each play every compensator helps against none."""
+    cells = plain_cells(results)
+    names, rows = conditions(cells), []
+    for play in dict.fromkeys(cell["play"] for cell in cells):
+        those = [cell for cell in cells if cell["play"] == play]
+        helped = [count(name, those, "against_without")[HELPS] for name in names]
+        rows.append([play, str(len(those)), *map(str, helped)])
+    return Table(("play", "cells", *names), rows, "In how many of its cells it helps.", words=1)
 
 
 def _table(results: dict) -> Table:

@@ -10,18 +10,23 @@ from experiments.compare.statistics import HARMS, HELPS, OPEN
 
 def words(results: Mapping) -> list[str]:
     """Sentences on the results of `run_comparison`, most important first."""
-    cells = results["cells"]
-    plain = [cell for cell in cells if not cell["fault"]]
+    plain = plain_cells(results)
     return [
         *_winners(plain, results["measure"]),
         *_by_place(plain),
-        *[_of_condition(condition, plain) for condition in _conditions(plain)],
-        *_paper(results, plain),
-        *_faults(results, cells),
+        *[_of_condition(condition, plain) for condition in conditions(plain)],
+        *paper_words(results),
+        *fault_words(results),
     ]
 
 
-def _conditions(cells) -> list[str]:
+def plain_cells(results: Mapping) -> list[dict]:
+    """The cells without a fault."""
+    return [cell for cell in results["cells"] if not cell["fault"]]
+
+
+def conditions(cells) -> list[str]:
+    """The conditions that are tested against none, in the cells' order."""
     return [
         condition for condition, found in cells[0]["arms"].items() if "against_without" in found
     ]
@@ -53,25 +58,26 @@ def _by_place(cells) -> list[str]:
     lines = []
     for play in dict.fromkeys(cell["play"] for cell in cells):
         those = [cell for cell in cells if cell["play"] == play]
-        count = Counter(
+        found = Counter(
             condition
             for cell in those
-            for condition in _conditions(cells)
+            for condition in conditions(cells)
             if cell["arms"][condition]["against_without"]["verdict"] == HELPS
         )
         helped = ", ".join(
-            f"{condition} in {n} of {len(those)}" for condition, n in count.most_common(4)
+            f"{condition} in {n} of {len(those)}" for condition, n in found.most_common(4)
         )
         lines.append(f"Play «{play}»: {helped or 'nothing'} helps against no compensator.")
     return lines
 
 
-def _count(condition: str, cells, test: str) -> Counter:
+def count(condition: str, cells, test: str) -> Counter:
+    """How often each verdict was given on a condition; test: against_without, at_equal_activity."""
     return Counter(cell["arms"][condition][test]["verdict"] for cell in cells)
 
 
 def _of_condition(condition: str, cells) -> str:
-    plain, equal = (_count(condition, cells, t) for t in ("against_without", "at_equal_activity"))
+    plain, equal = (count(condition, cells, t) for t in ("against_without", "at_equal_activity"))
     harmed = [
         cell["key"]
         for cell in cells
@@ -85,22 +91,25 @@ def _of_condition(condition: str, cells) -> str:
     )
 
 
-def _paper(results, cells) -> list[str]:
-    paper = results["grid"]["paper"]
-    if "with" not in _conditions(cells):
+def paper_words(results: Mapping) -> list[str]:
+    """What the cells say of the paper's claim; nothing where its model was not tried."""
+    paper, cells = results["grid"]["paper"], plain_cells(results)
+    if "with" not in conditions(cells):
         return []
     agree = [c for c in cells if c["arms"]["with"]["against_without"]["verdict"] == HELPS]
     against = [c for c in cells if c["arms"]["with"]["against_without"]["verdict"] == HARMS]
     own = next((c for c in cells if all(c[k] == paper[k] for k in paper)), None)
     lines = []
     if own is not None:
-        t = own["arms"]["with"]["against_without"]
+        t, key = own["arms"]["with"]["against_without"], own["key"].replace(" | ", " · ")
         lines.append(
-            f"The paper's claim is one cell of this map ({own['key']}): there its model "
+            f"The paper's claim is one cell of this map ({key}): there its model "
             f"{t['verdict'] if t['verdict'] != OPEN else 'is undecided'}, {t['effect']:+.3f} "
             f"[{t['low']:+.3f}, {t['high']:+.3f}] {t['unit']}."
         )
-    names = "; ".join(c["key"] for c in agree)
+    every = Counter(c["play"] for c in cells)
+    where = Counter(c["play"] for c in agree)
+    names = ", ".join(f"«{play}» {n} of {every[play]}" for play, n in where.items())
     lines.append(
         f"{len(agree)} of {len(cells)} cells agree with the paper (its model helps beyond the "
         f"relevant size){': ' + names if agree else ''}. {len(against)} contradict it."
@@ -108,20 +117,21 @@ def _paper(results, cells) -> list[str]:
     return lines
 
 
-def _faults(results, cells) -> list[str]:
-    lines = []
+def fault_words(results: Mapping) -> list[str]:
+    """What still helps, and what harms, under each fault of the grid: a sentence each."""
+    lines, cells = [], results["cells"]
     for fault in results["grid"]["robustness"]["faults"]:
         those = [cell for cell in cells if cell["fault"] == fault]
         parts = []
         for cell in those:
             helped = [
                 condition
-                for condition in _conditions(cells)
+                for condition in conditions(cells)
                 if cell["arms"][condition]["against_without"]["verdict"] == HELPS
             ]
             harmed = [
                 condition
-                for condition in _conditions(cells)
+                for condition in conditions(cells)
                 if cell["arms"][condition]["against_without"]["verdict"] == HARMS
             ]
             parts.append(

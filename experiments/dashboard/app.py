@@ -13,6 +13,8 @@ import numpy as np
 from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.server.messages import admit_values
 from experiments.dashboard.server.server import shell_of
+from experiments.dashboard.server.untrusted_text import as_unicode
+from experiments.dashboard.session.foxglove_stream import FoxgloveStream
 from experiments.dashboard.session.live import LiveBuffer, LiveState
 from experiments.dashboard.session.plan import PlannedRun
 from experiments.dashboard.session.playback import Playback
@@ -29,6 +31,7 @@ from experiments.dashboard.tabs.results import ResultsTab
 from experiments.dashboard.tabs.run import RunTab
 from experiments.dashboard.tabs.tour import Tour, both_completed
 from experiments.dashboard.view.backlash_gauges import BacklashGauges
+from experiments.dashboard.view.big_view import big_view
 from experiments.dashboard.view.camera_view import NO_FILM, RESTS, CameraView
 from experiments.dashboard.view.curves import FILM, Curves
 from experiments.dashboard.view.ghost import Ghost
@@ -56,13 +59,20 @@ class App:
     drawing thread; `close` ends them in order.
 
     out: folder of runs, figures and reports; rig_file: of `rig`, None for the virtual table. The
-    attribute `playback` is the film that is shown, None while the live table is.
+    attribute `playback` is the film that is shown, None while the live table is. stream: is given
+    every row and event that is drawn, too, and closed.
     """
 
     def __init__(
-        self, server: "ViserServer", rig: Rig, out: Path, *, rig_file: Path | None = None
+        self,
+        server: "ViserServer",
+        rig: Rig,
+        out: Path,
+        *,
+        rig_file: Path | None = None,
+        stream: FoxgloveStream | None = None,
     ) -> None:
-        self.server, self.rig, self.out = server, rig, out
+        self.server, self.rig, self.out, self._stream = server, rig, out, stream
         self.clients: dict[int, ClientHandle] = {}
         self.live = LiveBuffer(rig.control_rate_hz)
         self.events: deque[str] = deque(maxlen=EVENTS_SHOWN)
@@ -85,6 +95,9 @@ class App:
         shell = shell_of(server)
         shell.state = lambda: self.session.status.state
         shell.stop = partial(self.controls.stop, act=self.session.stop)
+        shell.live = lambda: big_view(
+            self.session.rig, self.live.now(), self.session.status, self.live.curve()
+        )
         self._ghost_of, self._ghost = rig, Ghost(rig)
         kind = f"{rig.table.kind} table" if table.real else "virtual table"
         self._build(f"{kind} of {rig_file.name}" if rig_file else kind)
@@ -105,6 +118,7 @@ class App:
         self.gauges = BacklashGauges(server, self.rig)
         self.side_plates = SidePlates(server, self.rig)
         self.camera = CameraView(server, self.rig if self.session.table.real else None)
+        shell_of(server).camera = lambda: self.camera.jpeg
         self.header = Header(
             server, self.controls, self.session, table, lambda: self.run_tab.balance()
         )
@@ -123,12 +137,7 @@ class App:
         self._add_tabs()
         self._commands()
 
-        @server.scene.on_click(modifier="shift")
-        def _(event: Any) -> None:
-            ray = np.array(event.ray_origin), np.array(event.ray_direction)
-            self.controls.queue.put(
-                "target", lambda: self._aim(event.client_id, *ray), event.client_id
-            )
+        server.scene.on_click(modifier="shift")(self.controls.click("target", self._aim))
 
     def _add_tabs(self) -> None:
         server, controls, analysis_worker, figure_worker = (
@@ -141,7 +150,9 @@ class App:
         tabs = server.gui.add_tab_group(order=0)
         with tabs.add_tab("Run"):
             self.tour = Tour(server, self._steps_done, visible=not self.session.table.real)
-            self.run_tab = RunTab(server, controls, self.session, lambda: self.show_playback(None))
+            self.run_tab = RunTab(
+                server, controls, self.session, out, lambda: self.show_playback(None)
+            )
         with tabs.add_tab("Calibrate"):
             self.calibrate = CalibrateTab(
                 server,
@@ -211,9 +222,8 @@ class App:
         for client in self._of(page):
             client.send_file_download(path.name, path.read_bytes(), save_immediately=True)
 
-    def _aim(self, page: int, origin: np.ndarray, direction: np.ndarray) -> None:
-        self.controls.check(page)
-        point = plate_point(origin, direction)
+    def _aim(self, event: Any) -> None:
+        point = plate_point(np.array(event.ray_origin), np.array(event.ray_direction))
         if point is not None:
             self.run_tab.aim((float(point[0]), float(point[1])))
 
@@ -258,7 +268,8 @@ class App:
         """Show a message with this title for 8 s on a page; page None: on every page."""
         for client in self._of(page):
             with suppress(Exception):  # it may be gone by now
-                client.add_notification(title, text, auto_close_seconds=8.0, color="red")
+                told = as_unicode(text)
+                client.add_notification(title, told, auto_close_seconds=8.0, color="red")
 
     def _of(self, page: int | None) -> list[Any]:
         if page is None:
@@ -268,6 +279,8 @@ class App:
     def _on_event(self, t_s: float, text: str) -> None:
         """Keep an event of the loop or of a page for the tab Run; called from any thread."""
         self.events.append(f"{t_s:.1f} s: {text}")
+        if self._stream is not None:
+            self._stream.event(t_s, text)
 
     # --- drawing ---
     def _draw(self) -> None:
@@ -287,6 +300,8 @@ class App:
     def _draw_once(self, count: int) -> None:
         now = self.live.now()
         rows = self.live.unread()
+        if self._stream is not None:
+            self._stream.send(rows)
         if self._ghost_of is not (rig := self.session.rig):
             self._ghost_of, self._ghost = rig, Ghost(rig)
         self._ghost.follow(rows)
@@ -380,3 +395,5 @@ class App:
             self.controls.queue,
         ):
             part.close()
+        if self._stream is not None:
+            self._stream.close()

@@ -10,6 +10,7 @@ from pathlib import Path
 from experiments.dashboard.app import App
 from experiments.dashboard.server.door import allow_files
 from experiments.dashboard.server.server import link_of, open_server
+from experiments.dashboard.session.foxglove_stream import FoxgloveStream
 from rig.hardware.network.token_file import keep_token
 from rig.loop.signals import NAMES
 from rig.parameters import Rig
@@ -22,22 +23,27 @@ def serve_dashboard(
     *,
     host: str,
     port: int,
+    foxglove_port: int | None = None,
     say: Callable[[str], None],
 ) -> None:
     """Serve the dashboard until Ctrl-C, SIGTERM or SIGHUP, then level the table and end in order.
 
     rig_file: of `rig`, None for the virtual table; out: folder of everything that is made; host,
-    port: where to listen (port 0: any free one); say: is given the link to open. PortBusyError: the
-    port is taken, nothing was started.
+    port: where to listen (port 0: any free one); foxglove_port: serves the live table to Foxglove,
+    too; say: is given the link to open, and Foxglove's. PortBusyError (a ValueError): the port is
+    taken, nothing was started.
     """
     allow_files()
+    stream = None if foxglove_port is None else FoxgloveStream(foxglove_port)
     server, gate = open_server(host, port, keep_token(out / "token"))
-    app = App(server, rig, out, rig_file=rig_file)
+    app = App(server, rig, out, rig_file=rig_file, stream=stream)
     over = threading.Event()
     numbers = [getattr(signal, name) for name in NAMES if hasattr(signal, name)]
     before = {number: signal.signal(number, lambda *_: over.set()) for number in numbers}
     try:
         say(link_of(gate, host))
+        if stream is not None:
+            say(f"Foxglove, Open connection: {stream.link}")
         while not over.wait(1.0):
             pass
     finally:

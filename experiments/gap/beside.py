@@ -3,7 +3,6 @@
 Only for a person who compares: the analysis has its answer before any of this is read.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -12,6 +11,7 @@ from calibration.bundle import load_draft
 from calibration.gap.findings import Findings, Interval
 from experiments.gap.words import interval_words, key_words, parameter_unit, sig
 from rig.effects import BY_NAME
+from rig.validation import read_json
 
 Place = tuple[str, str, str]  # effect, axis, key of the parameter
 HEAD = ("effect", "axis", "found", "Calibrate found", "truth", "")
@@ -53,7 +53,7 @@ def true_values(runs: Sequence[Path]) -> dict[Place, float] | None:
     tables = []
     for run in runs:
         try:
-            rig = json.loads((run / "truth.json").read_text(encoding="utf-8"))["rig"]
+            rig = read_json((run / "truth.json").read_text(encoding="utf-8"))["rig"]
             tables.append(_flat(rig.get("effects") or {}))
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return None

@@ -26,24 +26,31 @@ from rig.effects import BY_NAME
 from rig.rigfile import write_rig
 
 SHORT_CHANNELS = 4
+RIG_NOT_GIVEN = "none was given, so the one in each run's run.json, else the default table's"
 
 
-def write_findings(found: Findings, folder: Path, *, names: Sequence[str]) -> Path:
+def write_findings(
+    found: Findings, folder: Path, *, names: Sequence[str], rig_file: Path | None = None
+) -> Path:
     """Write all files of an analysis in `folder`, and return the path of the page gap.html.
 
     These are results.json, the extended model as rig.toml (where something was added), and the page
-    with its figures. names: of the logs. OSError: the folder cannot be written.
+    with its figures. names: of the logs; rig_file: the one that was given. OSError: the folder
+    cannot be written.
     """
     write_results(folder, found.to_json())
     if found.rig_after is not None and (found.effects or found.unknown):
         write_rig(found.rig_after, folder / "rig.toml")
-    return write_gap_report(found, folder, names=names)
+    return write_gap_report(found, folder, names=names, rig_file=rig_file)
 
 
-def write_gap_report(found: Findings, folder: Path, *, names: Sequence[str]) -> Path:
+def write_gap_report(
+    found: Findings, folder: Path, *, names: Sequence[str], rig_file: Path | None = None
+) -> Path:
     """Write gap.html, self-contained, and its figures (PNG) in `folder`; return the page's path.
 
-    names: of the logs. OSError: the folder cannot be written.
+    names: of the logs; rig_file: the one that was given, which the page names. OSError: the folder
+    cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     stages = [
@@ -64,6 +71,7 @@ def write_gap_report(found: Findings, folder: Path, *, names: Sequence[str]) -> 
         verdict_words=VERDICT_WORDS.get(found.verdict, found.verdict),
         sentence=found.sentence,
         names=list(names),
+        rig_words=str(rig_file) if rig_file is not None else RIG_NOT_GIVEN,
         notes=found.notes,
     )
 

@@ -21,6 +21,7 @@ ONE_OF = ("theta_x_rad", "theta_y_rad", "ball_x_m", "ball_y_m")
 FEW = 0.01  # share of rows that may lack an angle or a voltage and are then left out
 RESTART_STEPS = 10  # back in time, in usual steps: less is a clock that stutters; chosen
 GAPLESS = tuple(name for name in ALWAYS if name.startswith(("theta", "voltage")))
+MOST_ROWS = 10_000_000  # of a log; chosen: 2.6 GB of memory, five hours and a half at 500 Hz
 
 
 def read_log(path: Path | str) -> Log:
@@ -203,10 +204,13 @@ def _read_parquet(path: Path) -> dict[str, np.ndarray]:
 
     try:
         with pq.ParquetFile(path) as file:  # one file, whatever the folders around it are called
-            table = file.read()
+            names, rows = file.schema_arrow.names, file.metadata.num_rows
+            if rows > MOST_ROWS:  # which a file of some kB can hold: equal values take no room
+                raise ValueError(f"it has {rows} rows (limit: {MOST_ROWS}): cut the log in parts")
+            table = file.read(columns=[name for name in names if name in INDEX])
         return {
             name: table[name].cast(pa.float64()).to_numpy() if name in INDEX else np.empty(0)
-            for name in table.column_names
+            for name in names
         }
     except (pa.ArrowException, KeyError) as error:
         raise ValueError(str(error)) from error

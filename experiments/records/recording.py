@@ -7,7 +7,6 @@ that a kill -9 takes none of the rows before it.
 import errno
 import math
 import os
-import shutil
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -287,7 +286,7 @@ def _keep_damaged(path: Path) -> None:
         return
     kept = path.with_suffix(f".damaged{path.suffix}")
     if not kept.exists():
-        shutil.copy2(path, kept)
+        replace(kept, path.read_bytes())
 
 
 def _rewrite(path: Path, samples: SamplesFile, start_ns: int) -> None:

@@ -18,6 +18,8 @@ from typing import Any
 
 import numpy as np
 
+from rig.validation import read_json
+
 SCHEMA = 1
 SOURCES = ("simulated", "measured")
 START_KEYS = ("source", "protocol", "arm", "seed", "rig", "calibration", "versions", "created")
@@ -32,7 +34,9 @@ KINDS = {
     "arm": (str,),
     "created": (str,),
     "rejected": (str,),
+    "by_hand": (list,),
 }
+LONGEST_RECORD = 1 << 24  # bytes of a run.json; chosen: a thousand times a usual one
 
 
 def new_run_folder(parent: Path, protocol: str, arm: str, now: datetime | None = None) -> Path:
@@ -171,8 +175,14 @@ def reserve(path: Path) -> None:
 
 
 def _part(path: Path) -> Path:
-    """Return where a file is written before it takes the place of `path`."""
-    return path.with_name(path.name + ".part")
+    """Return where a file is written before it takes the place of `path`.
+
+    In somebody else's folder a link may lie there, which leads to any file: it is removed.
+    """
+    part = path.with_name(path.name + ".part")
+    if part.is_symlink():
+        part.unlink()
+    return part
 
 
 def read_meta(folder: Path) -> dict:
@@ -181,7 +191,10 @@ def read_meta(folder: Path) -> dict:
     ValueError: no JSON, no record of a run, or of a newer version. FileNotFoundError: there is
     none.
     """
-    meta = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    path = folder / "run.json"
+    if path.stat().st_size > LONGEST_RECORD:
+        raise ValueError(f"run.json is longer than {LONGEST_RECORD} bytes: no record of a run")
+    meta = read_json(path.read_text(encoding="utf-8"))
     if not isinstance(meta, dict) or not isinstance(meta.get("schema"), int):
         raise ValueError("run.json has no schema number")
     if meta["schema"] > SCHEMA:

@@ -26,6 +26,7 @@ import numpy as np
 
 from experiments.records.unpacking import LEAST_BYTES, MOST_RATIO, unpacked
 from rig.log import COLUMNS, INDEX, NAMES
+from rig.validation import read_json
 
 MAGIC = b"\x89MCAP0\r\n"
 LIBRARY = "balancing-table-rig"
@@ -141,8 +142,8 @@ def sample_schema() -> bytes:
 
 
 @cache
-def _declarations() -> tuple[list[tuple], list[tuple]]:
-    """Return the arguments of `Writer.register_schema` and `Writer.register_channel`.
+def declarations() -> tuple[list[tuple], list[tuple]]:
+    """The arguments of `Writer.register_schema` and `Writer.register_channel`.
 
     Schemas (name, encoding, data) and channels (topic, encoding, schema id, metadata), in the
     order of their ids; units and meanings of the columns are metadata of the samples' channel.
@@ -162,7 +163,7 @@ def opening() -> bytes:
     """First bytes of a file being recorded: magic, header, schemas, channels."""
     from mcap.records import Channel, Header, Schema
 
-    schemas, channels = _declarations()
+    schemas, channels = declarations()
     records = [Header(profile="", library=LIBRARY)]
     records += [
         Schema(id=i, name=name, encoding=encoding, data=data)
@@ -195,7 +196,7 @@ def finished_file(rows: np.ndarray, events: Sequence[dict], start_ns: int) -> by
     out = BytesIO()
     out.write(opening())  # instead of `writer.start()`: a damaged first chunk takes no declaration
     writer = Writer(out)
-    schemas, channels = _declarations()
+    schemas, channels = declarations()
     for schema in schemas:
         writer.register_schema(*schema)
     for channel in channels:
@@ -374,7 +375,10 @@ def _take_message(content: bytes, reading: _Reading) -> None:
     payload = content[MESSAGE_HEAD:]
     topic = reading.topics.get(struct.unpack_from("<H", content)[0])
     if topic == EVENTS:
-        reading.events.append(json.loads(payload))
+        event = read_json(bytes(payload).decode())
+        if not isinstance(event, dict) or not isinstance(event.get("text"), str):
+            raise ValueError("an event without a text")
+        reading.events.append({**event, "t_s": float(event["t_s"])})
     elif topic is None:
         raise ValueError("a message of a channel that was not declared")
     elif topic == SAMPLES and reading.decode is not None:

@@ -32,6 +32,7 @@ plt.rcParams.update(
         "figure.constrained_layout.use": True,
         "svg.hashsalt": "rig",
         "legend.framealpha": 0.9,
+        "text.parse_math": False,  # names of runs and files are shown as they are
     }
 )
 
@@ -73,7 +74,7 @@ def servo_word(log: Log) -> str:
 
 def _angle_label(log: Log, a: int) -> str:
     what = "" if servo_word(log) == "servo" else "commanded "
-    return rf"{what}$\theta_{'xy'[a]}$ [deg]"
+    return f"{what}θ {'xy'[a]} [deg]"
 
 
 def save(figure: Figure, folder: Path, name: str, source: str) -> Path:

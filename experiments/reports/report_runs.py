@@ -7,7 +7,7 @@ import numpy as np
 
 from experiments.analysis.comparison import HEAD, comparison_rows, comparison_sentence
 from experiments.analysis.numbers import Recorded, centroid_cm, recorded, run_numbers
-from experiments.analysis.regime import regime_of_record
+from experiments.analysis.regime import regime_of_record, rig_of_record
 from experiments.analysis.samples import run_part
 from experiments.records.recording import read_run
 from experiments.records.run_folder import write_results
@@ -185,7 +185,7 @@ def _run_section(run: Recorded, meta: dict, out: Path) -> Section:
     colour = figures.colour_of(str(meta["arm"]))
     drawn = {"servo": figures.servo_of_run(run.log, colour)}
     if np.isfinite(run.metrics.distance_m):
-        side = 100 * meta["rig"]["linkage"]["plate_side_m"] if meta.get("rig") else 27.5
+        side = 100 * rig_of_record(meta.get("rig") or {}).linkage.plate_side_m
         drawn = {
             "ball": figures.ball_of_run(run.log, colour),
             "plate": figures.pushed_scatter(run.log, centroid_cm(run), f"{meta['arm']}", side),

@@ -89,7 +89,8 @@ def track_video(
         out = Path(out_dir)
         out.mkdir(parents=True, exist_ok=True)
         states, times, troubles = _follow(source, tracker, calibration, out, progress)
-        summary = _summary(source, tracker, states, times, ball_colour)
+        metric = calibration is not None
+        summary = _summary(source, tracker, states, times, ball_colour, metric=metric)
         summary["notes"] += troubles
     text = json.dumps(summary, indent=1, allow_nan=False)
     (out / "results.json").write_text(text + "\n", encoding="utf-8")
@@ -169,7 +170,7 @@ def _follow(
     states: Counter[str] = Counter()
     times: list[float] = []
     trail: deque[tuple[float, float]] = deque(maxlen=TRAIL)
-    sheet = ContactSheet()
+    sheet = ContactSheet(str(source.address))
     troubles: list[str] = []
     camera = None
     if calibration is not None:  # the plate's pose is seen in every frame, not taken as level
@@ -235,6 +236,8 @@ def _summary(
     states: Counter[str],
     times: list[float],
     ball_colour: str | None,
+    *,
+    metric: bool,
 ) -> dict[str, Any]:
     appearance = tracker.appearance
     notes: list[str] = []
@@ -250,6 +253,10 @@ def _summary(
         )
     elif not tracker.proven:
         notes.append("what was tracked last never moved: it may be another round thing")
+    if not metric:
+        notes.append("pixels only: x_m and y_m are blank without --calibration")
+    if source.duplicates:
+        notes.append(f"{source.duplicates} frames repeat the one before them and were skipped")
     return {
         "address": str(source.address),
         "size_px": list(source.size),
@@ -277,9 +284,12 @@ def _finite(x: float) -> float | None:
 
 
 class ContactSheet:
-    """Thumbnails spread evenly over a film whose length need not be known beforehand."""
+    """Thumbnails spread evenly over the film at an address, whose length need not be known
+    beforehand.
+    """
 
-    def __init__(self) -> None:
+    def __init__(self, address: str) -> None:
+        self._address = address
         self._images: list[np.ndarray] = []
         self._every, self._seen = 1, 0
 
@@ -299,15 +309,22 @@ class ContactSheet:
         self._seen += 1
 
     def write(self, path: Path) -> None:
-        """Write the sheet as PNG; nothing without images. OSError: it cannot be written."""
+        """Write the sheet as PNG below its title and what the colours mean; nothing without images.
+        OSError: it cannot be written.
+        """
         import cv2
+        import numpy as np
 
-        from vision.overlay import contact_sheet
+        from vision.overlay import contact_sheet, legend
+        from vision.sources.addresses import without_password
 
         count = len(self._images)
         if count == 0:
             return
         keep = min(SHEET_IMAGES, count)
         chosen = [self._images[i * count // keep] for i in range(keep)]
-        if not cv2.imwrite(str(path), contact_sheet(chosen, min(SHEET_COLUMNS, keep))):
+        sheet = contact_sheet(chosen, min(SHEET_COLUMNS, keep))
+        name = Path(without_password(self._address)).name
+        named = f"{name}: {keep} of {self._seen} frames"
+        if not cv2.imwrite(str(path), np.vstack([legend(named, sheet.shape[1]), sheet])):
             raise OSError(f"{path}: could not be written; is there space and permission?")

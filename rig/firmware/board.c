@@ -157,7 +157,7 @@ static void uart_receive(void) {
 /* Send whole frames while there is room; what does not fit waits (telemetry: the newest). */
 static void uart_send(void) {
     uint8_t frame[LONGEST_FRAME], length, i;
-    while ((uint8_t)(tx_out - tx_in - 1) % TX_SIZE >= LONGEST_FRAME) { /* room, in the ring */
+    while (ring_room(tx_in, tx_out, TX_SIZE) >= LONGEST_FRAME) {
         length = board_frame(&board, frame);
         if (length == 0) return;
         for (i = 0; i < length; i++) {

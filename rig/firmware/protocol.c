@@ -97,6 +97,10 @@ static uint8_t *put32(uint8_t *p, uint32_t v) {
 
 static uint32_t next_token(uint32_t seed) { return seed * (uint32_t)2654435761UL + 1; }
 
+uint8_t ring_room(uint8_t in, uint8_t out, uint8_t size) {
+    return (uint8_t)((uint8_t)(out - in - 1) % size); /* int would keep the sign */
+}
+
 static void take_config(board_t *b, const uint8_t *p) {
     uint16_t per_rev = get16(p + 14), most;
     if (b->state == IS_LEVELLING) return;

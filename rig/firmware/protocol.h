@@ -128,6 +128,9 @@ typedef struct {
 void board_init(board_t *b, uint16_t supply_mV, uint8_t has_tachometer);
 void board_byte(board_t *b, uint8_t byte);
 void board_tick(board_t *b);
+/* How many bytes a ring of `size` (a power of 2 up to 128) takes, written at `in`, read at `out`;
+ * one place stays empty. */
+uint8_t ring_room(uint8_t in, uint8_t out, uint8_t size);
 /* Put the next frame to send into `frame` (LONGEST_FRAME bytes); returns its length, 0 for none. */
 uint8_t board_frame(board_t *b, uint8_t *frame);
 

@@ -41,6 +41,10 @@ LONGEST_S = 60
 # Changes that change nothing that anybody could see, each with its reason.
 EQUIVALENT = {
     "if (b->limit_mV[> -> >=]LIMIT_MV) b->limit_mV = LIMIT_MV;",  # equal stays equal
+    "if (b->angle_limit[> -> >=]most) b->angle_limit = most;",  # the same
+    # At the taper's ends the proportion is the whole limit.
+    "if (room [>= -> >] b->taper) return b->limit_mV;",
+    "if (room [<= -> <] -b->taper) return -(int32_t)b->limit_mV;",
     "return wish[> -> >=]-most ? wish : -most;",  # the same
     # The shift of a number that only has to be hard to guess.
     "b->token = next_token(b->token ^ b->clock_us ^ ((uint32_t)b->nonce << [16 -> 17]));",
@@ -86,7 +90,12 @@ def mutants(text: str) -> Iterator[tuple[int, str, str]]:
 def is_idle(line: str, at: int) -> bool:
     """A comment, a loop's head, a flag that only has to be true: changes there say nothing."""
     comment = line.find("/*")
-    return "for (" in line or 0 <= comment < at or (line[:at].endswith(" = ") and line[at] == "1")
+    return (
+        "for (" in line
+        or line.lstrip().startswith("* ")
+        or 0 <= comment < at
+        or (line[:at].endswith(" = ") and line[at] == "1")
+    )
 
 
 def cases() -> Iterator:

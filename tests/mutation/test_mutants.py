@@ -14,6 +14,7 @@ from tests.experiments.dashboard.server import (
     test_security,
     test_shell_answers,
 )
+from tests.experiments.dashboard.session import test_session_states
 from tests.experiments.records import test_recording
 from tests.mutation import suites
 from tests.mutation.mutate import survivors
@@ -95,6 +96,13 @@ FILES = {
     "seal": Guarded(f"{NETWORK}/remote_wire.py", test_remote_wire, 60),
     "greetings": Guarded(f"{NETWORK}/greetings.py", test_seat, 30),
     "seat": Guarded(f"{NETWORK}/serve.py", test_seat, 60, only=("Server",)),
+    "session": Guarded(
+        "experiments/dashboard/session/session.py",
+        test_session_states,
+        60,
+        lambda name: "races" not in name,  # it leaves to chance what it tries
+        ("Session",),
+    ),
     "gate": Guarded(
         f"{SERVER}/security.py", test_security, 90, lambda name: name not in NOT_OF_THE_GATE
     ),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vision.frames import Track
-from vision.overlay import COLOURS, contact_sheet, draw_track
+from vision.overlay import COLOURS, MEANINGS, contact_sheet, draw_track, legend
 
 GREY = np.full((120, 160, 3), 90, np.uint8)
 
@@ -41,3 +41,13 @@ def test_sheet_places_images_by_rows():
 def test_impossible_sheets_are_refused(images, columns):
     with pytest.raises(ValueError, match="contact sheet"):
         contact_sheet(images, columns)
+
+
+@pytest.mark.parametrize("width", [240, 640, 1600])
+def test_a_legend_shows_every_colour_inside_its_width(width: int):
+    strip = legend("a film: 24 of 600 frames", width)
+    assert strip.shape[1] == width
+    for _, colour in MEANINGS:
+        assert (strip == colour).all(axis=2).sum() > 30, colour
+    assert not strip[:, -2:].any()  # nothing is cut off
+    assert {colour for _, colour in MEANINGS} >= set(COLOURS.values())

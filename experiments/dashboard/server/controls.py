@@ -170,6 +170,33 @@ class Controls:
         if not self.lock.may(page):
             raise WatchingError("you are watching: press 'Take over the controls' first")
 
+    def _may(self, page: int | None, what: str) -> bool:
+        """Whether the page holds the controls; one that does not is told about `what`."""
+        try:
+            self.check(page)
+        except WatchingError as error:
+            self._tell(page, what, error)
+            return False
+        return True
+
+    def click(self, what: str, act: Callable[[Any], None]) -> Callable[[Any], None]:
+        """The callback of a click into the 3-D view: `act(event)` in the queue's thread, for the
+        page that holds the controls.
+        """
+
+        def clicked(event: Any) -> None:
+            page, stops = event.client_id, self._stops
+            if not self._may(page, what):
+                return
+
+            def do() -> None:
+                self._check_still(page, stops)
+                act(event)
+
+            self._enqueue(what, do, page)
+
+        return clicked
+
     def _check_still(self, page: int | None, stops: int) -> None:
         """Also StoppedError: STOP was pressed since `stops` presses of it were counted."""
         self.check(page)
@@ -193,6 +220,8 @@ class Controls:
 
         def pressed(event: Any) -> None:
             page, stops = event.client_id, self._stops
+            if not everybody and not self._may(page, what):
+                return  # a page that watches fills no queue
 
             def do() -> None:
                 if not everybody:

@@ -17,15 +17,17 @@ from hmac import compare_digest
 from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qs, parse_qsl, urlencode
 
-from experiments.dashboard.server.shell import PARTS, SCRIPT_HASH
+from experiments.dashboard.server.shell import PARTS, SCRIPT_HASH, VIEW_HASH
 
-# The two scripts of viser 1.1.1's page (loader, and the program that it unpacks), and our bar's.
+# The two scripts of viser 1.1.1's page (loader, and the program that it unpacks), our bar's and the
+# big view's.
 # No other runs, so that HTML in a text cannot act. viser needs the rest: bindings made by
 # `Function`, styles set by script, workers and pictures from its own data.
 SCRIPTS = (
     "sha256-5iRcjB7VnwnYpbUpHa15FmjNIRu22hIQnvWuocHMxJw=",
     "sha256-o/BTEGoB4UnTxqb+3RxwUFQZkWXpqUxouHkbDNrAkqE=",
     SCRIPT_HASH,
+    VIEW_HASH,
 )
 CONTENT_POLICY = "; ".join(
     (

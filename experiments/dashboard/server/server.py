@@ -14,7 +14,7 @@ from weakref import WeakKeyDictionary
 from experiments.dashboard.server.door import crowd_limit
 from experiments.dashboard.server.messages import LONGEST
 from experiments.dashboard.server.security import Gate, PageRequest, gate_of, in_address
-from experiments.dashboard.server.shell import Shell, dressed
+from experiments.dashboard.server.shell import PARTS, Shell, dressed
 from rig.hardware.network.token_file import check_host
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def guarded(
         part = gate.part_of(request.path)
         if part:
             body = shell.answer(part, _caller(connection))
-            head = Headers({"Content-Type": "application/json", "Content-Length": str(len(body))})
+            head = Headers({"Content-Type": PARTS[part], "Content-Length": str(len(body))})
             head.update(gate.headers())
             return Response(200, "OK", head, body)
         request.path = "/"  # the only page that viser serves

@@ -10,7 +10,8 @@
     "at rest": "Stopped, motors at 0 V", stopped: "Stopped, motors at 0 V",
   };
   const SWITCH = "The motors may still have power: use the switch.";
-  const here = location.pathname.replace(/\/+$/, "");
+  const inView = /\/view\/*$/.test(location.pathname);
+  const here = location.pathname.replace(/(\/view)?\/*$/, "");
 
   // --- light or dark: this page's own, by the system's preference until it is chosen ---
   const query = new URLSearchParams(location.search);
@@ -40,6 +41,10 @@
   const words = make("span", "rig-state", "Connecting ...");
   words.setAttribute("role", "status");
   const again = make("button", "rig-again", "Reload");
+  const view = make("button", "rig-view", "Big view");
+  view.title = "Plate, numbers and curves for a projector or a phone, in a tab of its own.";
+  view.hidden = inView;
+  view.onclick = () => open(`${here}/view`, "_blank", "noopener");
   const looks = make("button", "rig-looks", dark ? "Light" : "Dark");
   again.hidden = true;
   again.onclick = () => location.reload();

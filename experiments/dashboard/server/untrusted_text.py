@@ -6,6 +6,13 @@ LONGEST = 500  # characters; chosen: some lines of a panel
 _PUNCTUATION = re.compile(r"[!-/:-@\[-`{-~]")  # of ASCII: whatever HTML or Markdown may read
 
 
+def as_unicode(text: object) -> str:
+    """The text with "?" for what is no Unicode (half a surrogate pair, as in names of files that
+    are no UTF-8): no message that holds it could be sent, to this page or any other.
+    """
+    return str(text).encode("utf-8", "replace").decode()
+
+
 def plain(text: object) -> str:
     """The text for a Markdown widget, which shows it unchanged, on one line.
 
@@ -13,7 +20,7 @@ def plain(text: object) -> str:
     program goes through here. Punctuation becomes numeric character references, which neither HTML
     nor Markdown reads as anything but the character; what is longer than LONGEST is cut off.
     """
-    line = " ".join(str(text).split())
+    line = " ".join(as_unicode(text).split())
     if len(line) > LONGEST:
         line = line[: LONGEST - 1] + "…"
     return _PUNCTUATION.sub(lambda found: f"&#{ord(found[0])};", line)

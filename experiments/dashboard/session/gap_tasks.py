@@ -11,6 +11,7 @@ import numpy as np
 
 from experiments.dashboard.session.tasks import CaptionedPicture
 from experiments.dashboard.session.worker_process import ProgressSender
+from rig.validation import read_json
 
 if TYPE_CHECKING:
     from experiments.gap.closed_loop_replay import ModelComparison
@@ -126,7 +127,7 @@ def newest_answer(out: Path) -> GapAnswer | None:
     numbered = [f for f in out.glob("gap-*") if f.name[4:].isdecimal()]
     for folder in sorted(numbered, key=lambda f: -int(f.name[4:])):
         try:
-            kept = json.loads((folder / ANSWER).read_text(encoding="utf-8"))
+            kept = read_json((folder / ANSWER).read_text(encoding="utf-8"))
             table = [list(map(str, row)) for row in kept["table"]]
             short = ShortAnswer(list(map(str, kept["sentences"])), table)
         except (OSError, ValueError, KeyError, TypeError):

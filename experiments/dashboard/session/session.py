@@ -298,7 +298,7 @@ class Session:
             recorder = AnnouncingRecorder(run.folder, run.start)
             watch = Watch(run.request, recorder, None)
             watch.stop_through(self)
-            recorder.say = self._on_event
+            recorder.say = partial(self._on_event, planned)
             recorder.at_end = partial(watch.note_pushes, run.request.believed)
             look = partial(self._on_row, watch, recorder, planned)
             with recorder:
@@ -327,9 +327,8 @@ class Session:
             "running", planned.words, planned, clock_s, operator_step, waited_s
         )
 
-    def _on_event(self, t_s: float, text: str) -> None:
-        run = self._status.run
-        hold_s = run.plan.protocol.start.hold_s if run else 0.0
+    def _on_event(self, planned: PlannedRun, t_s: float, text: str) -> None:
+        hold_s = planned.plan.protocol.start.hold_s
         if text.startswith("asked: "):
             self._asked = self._asked or text.startswith("asked: place")
             self._status = replace(self._status, operator_step=text.removeprefix("asked: "))

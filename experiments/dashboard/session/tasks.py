@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.dashboard.server.untrusted_text import as_unicode
 from experiments.dashboard.session.worker_process import ProgressSender
 
 if TYPE_CHECKING:
@@ -64,6 +65,8 @@ def list_runs(parent: Path, most: int = MOST_LISTED) -> list[RunSummary]:
         try:
             meta = read_meta(folder)
         except (OSError, ValueError):
+            continue
+        if as_unicode(folder.name) != folder.name:  # no page could be told
             continue
         protocol = meta.get("protocol")
         name = protocol.get("name", "?") if isinstance(protocol, dict) else str(protocol)

@@ -82,7 +82,8 @@ class Header:
         self._take_over: Any = gui.add_button(
             "Take over the controls", order=-90, color="orange", visible=False
         )
-        controls.button(self._take_over, "take over", self._take, everybody=True)
+        for handle in (self._take_over, gui.add_command("Take over the controls")):
+            controls.button(handle, "take over", self._take, everybody=True)
         self._own: dict[int, Any] = {}
         self._clients: dict[int, ClientHandle] = {}
         self._told: dict[int, tuple[int | None, int]] = {}  # who holds, how many were told of

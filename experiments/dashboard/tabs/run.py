@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from math import cos, degrees, radians, sin
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments.dashboard.server.controls import Controls
@@ -20,6 +21,7 @@ from experiments.dashboard.server.input_limits import (
 )
 from experiments.dashboard.server.untrusted_text import plain
 from experiments.dashboard.session.plan import RunPlan, SessionStatus
+from experiments.dashboard.session.presets import KeptPresets
 from experiments.dashboard.session.session import Session
 from experiments.dashboard.tabs.header import live
 from experiments.dashboard.tabs.sliders import SliderGroup
@@ -118,8 +120,8 @@ class RunTab:
     """Builds the tab Run in the GUI container of viser that is open: protocol, start, gains,
     target, pushes and the virtual table's backlash.
 
-    session: what the buttons act on; show_live: called when a run or balancing begins, to end a
-    film.
+    session: what the buttons act on; out: folder of the gains that are kept; show_live: called
+    when a run or balancing begins, to end a film.
     """
 
     def __init__(
@@ -127,8 +129,10 @@ class RunTab:
         server: "ViserServer",
         controls: Controls,
         session: Session,
+        out: Path,
         show_live: Callable[[], None],
     ) -> None:
+        self._kept_gains = KeptPresets(out / "gains.json", 3)
         self._server, self._controls, self._session = server, controls, session
         self._show_live = show_live
         self._progress = ProgressLine()
@@ -267,6 +271,7 @@ class RunTab:
             self._set_gains,
             hint=hint,
             presets=presets,
+            kept=self._kept_gains,
         )
 
     def _set_gains(self, wanted: list[float]) -> None:

@@ -1,4 +1,4 @@
-"""Sliders that act together: presets, undo, and the way back to where they began."""
+"""Sliders that act together: presets, some kept by name, undo, and the way back to the start."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.server.input_limits import Range, choice
+from experiments.dashboard.session.presets import KeptPresets, preset_name
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -20,7 +21,8 @@ class SliderGroup:
     """Sliders in the GUI container of viser that is open, whose values are applied together.
 
     rows: label, limits and first value of each; apply: is given all values whenever one changes
-    (ValueError: refused); presets: name -> values, clamped to the limits.
+    (ValueError: refused); presets: name -> values, clamped to the limits; kept: presets that a
+    person may add under a name, and forget.
     """
 
     def __init__(
@@ -31,21 +33,19 @@ class SliderGroup:
         apply: Callable[[list[float]], None],
         *,
         hint: str,
-        presets: Mapping[str, Sequence[float]] | None = None,
+        presets: Mapping[str, Sequence[float]],
+        kept: KeptPresets | None = None,
     ) -> None:
-        gui, self._apply = server.gui, apply
+        gui, self._apply, self._presets, self._own = server.gui, apply, presets, kept
         self._limits = [limits for _, limits, _ in rows]
         self._start = [value for *_, value in rows]
         self._past: list[list[float]] = []
         self._moved, self._moved_s = -1, 0.0  # which slider, and when
-        self._preset: Any = None
-        if presets:
-            names = (OWN, *presets)
-            self._preset = gui.add_dropdown("Preset", names, initial_value=next(iter(presets)))
-            take = partial(self._take, dict(presets))
-            self._chosen = controls.value(
-                self._preset, "preset", partial(choice, options=names), take
-            )
+        first = next(iter(presets))
+        self._preset: Any = gui.add_dropdown("Preset", self._names, initial_value=first)
+        self._chosen = controls.value(
+            self._preset, "preset", lambda v: choice(v, self._names), self._take
+        )
         self._handles = [
             gui.add_slider(label, limits.low, limits.high, limits.step, value, hint=hint)
             for label, limits, value in rows
@@ -58,6 +58,37 @@ class SliderGroup:
         controls.button(gui.add_button("Undo", color="gray"), "undo", lambda page: self.undo())
         reset = gui.add_button(f"Reset to {words}")
         controls.button(reset, "reset", lambda page: self.set(self._start))
+        if kept is not None:
+            self._add_keeping(gui, controls)
+
+    def _add_keeping(self, gui: Any, controls: Controls) -> None:
+        name = gui.add_text("Name", "", hint="to keep these values by; in the list from then on")
+        self._name = controls.value(name, "name", preset_name)
+        keep, forget = gui.add_button("Keep by this name"), gui.add_button("Forget this name")
+        controls.button(keep, "keep", lambda page: self.keep(self._name.now))
+        controls.button(forget, "forget", lambda page: self.forget(self._name.now))
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        return (OWN, *self._presets, *(self._own or ()))
+
+    def keep(self, name: str) -> None:
+        """Keep the values under a name. ValueError: it is none, or that of another preset."""
+        if self._own is None or not name or name in (OWN, *self._presets):
+            raise ValueError("write a name that no other preset has, then press Keep")
+        self._own.keep(name, self.values)
+        self._show_names(name)
+
+    def forget(self, name: str) -> None:
+        """Forget the values kept under a name. ValueError: there are none."""
+        if self._own is None or name not in self._own:
+            raise ValueError("write the name of a preset that was kept, then press Forget")
+        self._own.forget(name)
+        self._show_names(OWN)
+
+    def _show_names(self, chosen: str) -> None:
+        self._preset.options = self._names
+        self._preset.value = self._chosen.now = chosen
 
     @property
     def values(self) -> list[float]:
@@ -88,9 +119,9 @@ class SliderGroup:
         for kept, handle, value in zip(self._kept, self._handles, values, strict=True):
             kept.now = handle.value = value
 
-    def _take(self, presets: Mapping[str, Sequence[float]], name: str) -> None:
+    def _take(self, name: str) -> None:
         if name != OWN:
-            self._set(presets[name])
+            self._set(self._presets[name] if name in self._presets else (self._own or {})[name])
 
     def _move(self, which: int, value: float) -> None:
         """One slider was moved; it keeps its own value."""
@@ -107,5 +138,5 @@ class SliderGroup:
             self._past = [*self._past[1 - MOST_UNDONE :], before]
 
     def _is_own(self) -> None:
-        if self._preset is not None and self._preset.value != OWN:
+        if self._preset.value != OWN:
             self._preset.value = self._chosen.now = OWN

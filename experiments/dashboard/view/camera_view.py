@@ -64,6 +64,7 @@ class CameraView:
             cast_shadow=False,
         )
         self._box: Any = None
+        self.jpeg = b""  # the image that is shown, for the big view
         self._picture: Any = None  # image and words: one widget, so that they are of one frame
 
     def add_widgets(self, controls: Controls) -> None:
@@ -124,7 +125,8 @@ class CameraView:
             self._frustum.visible = True
         self._frustum.image = image
         coded = cv2.imencode(".jpg", np.ascontiguousarray(image[:, :, ::-1]))[1]
-        data = b64encode(coded.tobytes()).decode()
+        self.jpeg = coded.tobytes()
+        data = b64encode(self.jpeg).decode()
         self._picture.content = (
             f'<div class="rig-live" style="padding: 0 0.6em; font-size: 0.9em">'
             f'<img style="width: 100%" alt="" src="data:image/jpeg;base64,{data}">'
@@ -139,6 +141,7 @@ class CameraView:
     def hide(self, words: str = "") -> None:
         """Take the image away and show `words`, the reason, in its place."""
         text = f'<p style="padding: 0 0.6em; font-size: 0.9em">{escape(words)}</p>' if words else ""
+        self.jpeg = b""
         if self._picture.content != text:
             self._frustum.visible = False
             self._picture.content = text

@@ -4,20 +4,31 @@
 """
 
 import secrets
+import socket
 import stat
 import sys
 from pathlib import Path
 
+EVERY_ADDRESS = ("0.0.0.0", "::")
 SHORTEST_TOKEN = 16  # characters; chosen: 64 random bits, written as hexadecimal digits
 
 
 def check_host(host: str) -> None:
-    """Refuse an empty host to listen at, which would be every address of this machine.
+    """Refuse a host to listen at that is every address of this machine without saying so.
 
-    ValueError: it is empty; the network has to be asked for by 0.0.0.0 or ::.
+    ValueError: it is empty, or another form of 0.0.0.0 or ::, such as 0 or 0x0; the network has to
+    be asked for by one of those two.
     """
     if not host.strip():
         raise ValueError("--host is empty: name an address, such as 127.0.0.1 or 0.0.0.0 for all")
+    try:
+        found = {str(one[4][0]) for one in socket.getaddrinfo(host, None)}
+    except (OSError, ValueError):  # no address: who listens there says so
+        return
+    if host not in EVERY_ADDRESS and found & set(EVERY_ADDRESS):
+        raise ValueError(
+            f"--host {host} is every address of this machine: write 0.0.0.0 or :: for that"
+        )
 
 
 def read_token(path: Path) -> bytes:

@@ -3,6 +3,8 @@
 import re
 from collections.abc import Iterator
 
+import cv2
+import numpy as np
 import pytest
 
 from experiments.dashboard.server.server import link_of, open_server, shell_of
@@ -147,6 +149,50 @@ def test_stop_on_a_folded_page_and_on_a_phone(chromium, program, phone):
         page.mouse.click(1267, 60)  # the panel's arrow
         page.get_by_text("what stays").wait_for(state="hidden")
         page.locator("#rig-stop").click()
+    wait_for("STOP", program.stopped, 5.0)
+    page.context.close()
+
+
+WIDTHS = """() => [...document.querySelectorAll("canvas, img, b, button")].map(one => {
+  const box = one.getBoundingClientRect(); return [one.id, box.left, box.right, box.height]; })"""
+INK = """id => { const one = document.getElementById(id);
+  return one.getContext("2d").getImageData(0, 0, one.width, one.height).data.some(v => v); }"""
+
+
+@pytest.mark.parametrize(
+    ("width", "height"), [pytest.param(1280, 720, marks=pytest.mark.slow), (390, 844)]
+)
+def test_the_big_view_shows_table_curves_and_camera_and_stops(chromium, program, width, height):
+    shell = shell_of(program.server)
+    image = cv2.imencode(".jpg", np.full((60, 80, 3), 128, np.uint8))[1].tobytes()
+    shell.camera = lambda: image
+    curve = {"t_s": [0.0, 1.0, 2.0], "x_m": [None, 0.01, 0.04], "y_m": [None, 0.02, 0.05]}
+    shell.live = lambda: {
+        **{"side_m": 0.275, "radius_m": 0.02, "ball_m": [0.04, 0.05], "target_m": [0.01, 0.01]},
+        **{"rms_m": 0.0123, "run": "run 1 of 2", "title": "<b>let go</b>", "t_s": 7.4},
+        **{"duration_s": 16.0, "ask": "place the ball", "curve": curve},
+    }
+    page = chromium.new_context(viewport={"width": width, "height": height}).new_page()
+    page.goto(program.link)
+    with page.expect_popup() as coming:
+        page.get_by_role("button", name="Big view").click()
+    view = coming.value
+    view.set_viewport_size({"width": width, "height": height})
+    view.get_by_text("7 of 16").wait_for()
+    assert [view.locator(f"#{one}").inner_text() for one in ("off", "rms")] == ["5.0", "1.23"]
+    assert view.locator("#run").inner_text() == "<b>let go</b>: run 1 of 2"
+    assert view.locator("#ask").inner_text() == "Please place the ball"
+    view.locator("#camera").wait_for(state="visible")
+    for name, left, right, high in view.evaluate(WIDTHS):
+        assert left >= 0, name
+        assert right <= width, name
+        assert high > 40 or name not in ("plate", "curve", "camera"), name
+    assert all(view.evaluate(INK, one) for one in ("plate", "curve"))
+    shell.camera = bytes
+    view.locator("#camera").wait_for(state="hidden")
+    view.keyboard.press("Escape")
+    wait_for("Esc", program.stopped, 5.0)
+    view.locator("#rig-stop").click()
     wait_for("STOP", program.stopped, 5.0)
     page.context.close()
 

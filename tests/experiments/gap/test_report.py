@@ -5,6 +5,7 @@ import re
 import tomllib
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -61,6 +62,12 @@ def pages(tmp_path_factory):
         assert path == folder / "gap.html"
         found[name] = path.read_text(encoding="utf-8"), folder
     return found
+
+
+def test_the_page_names_the_rig_file_or_says_that_none_was_given(tmp_path, pages):
+    path = write_gap_report(named(), tmp_path, names=["log.csv"], rig_file=Path("lab/<my>.toml"))
+    assert "Rig file: lab/&lt;my&gt;.toml." in path.read_text(encoding="utf-8")
+    assert all("Rig file: none was given" in page for page, _ in pages.values())
 
 
 def test_every_noise_has_its_words_and_a_unit_that_people_read(pages):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.io import savemat
 
 from experiments.records.exporting import export_log, export_run
-from experiments.records.importing import GAPLESS, ONE_OF, read_log
+from experiments.records.importing import GAPLESS, MOST_ROWS, ONE_OF, read_log
 from experiments.records.recording import Recorder, write_run
 from experiments.records.samples_file import LONGEST_S, SHORTEST_S
 from rig.log import COLUMNS, INDEX, NAMES, Log
@@ -172,6 +172,15 @@ def test_parquet_of_other_programs(tmp_path):
     np.testing.assert_array_equal(log["push"], [1, 0, np.nan])
     pq.write_table(pa.table({"t_s": ["zero"], "ball_x_m": [1.0]}), path)
     with pytest.raises(ValueError, match="zero"):
+        read_log(path)
+
+
+def test_a_parquet_file_of_some_kB_that_holds_more_rows_than_memory_is_refused(tmp_path):
+    column = pa.array(np.zeros(MOST_ROWS + 1, np.int8))
+    path = tmp_path / "bomb.parquet"
+    pq.write_table(pa.table({"t_s": column, "theta_x_rad": column}), path, compression="zstd")
+    assert path.stat().st_size < 100_000
+    with pytest.raises(ValueError, match=f"it has {MOST_ROWS + 1} rows"):
         read_log(path)
 
 

@@ -75,6 +75,10 @@ def test_film_and_sheet_show_the_distinct_frames_only(tmp_path, film):
     video = write(tmp_path / "v.mp4", film, repeat=3)
     summary = track_video(video, tmp_path / "out", ball_colour="orange")
     assert summary["duplicates"] > len(film.frames)
+    assert summary["notes"] == [
+        "pixels only: x_m and y_m are blank without --calibration",
+        f"{summary['duplicates']} frames repeat the one before them and were skipped",
+    ]
     capture = cv2.VideoCapture(str(tmp_path / "out/overlay.mp4"))
     count = 0
     while capture.read()[0]:

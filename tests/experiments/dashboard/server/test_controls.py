@@ -262,6 +262,39 @@ def test_who_watches_presses_and_picks_nothing_but_what_is_for_everybody():
     assert ways == ["left"]
 
 
+def test_a_page_that_watches_fills_no_queue():
+    c, told, noted = controls()
+    c.lock = ControlLock().joined(1).joined(2)
+    start, palette, acted, busy = FakeHandle(False), PaletteHandle(), [], threading.Event()
+    c.button(start, "start", lambda page: acted.append(("start", page)))
+    c.button(palette, "next", lambda page: acted.append(("next", page)))
+    click = c.click("target", lambda event: acted.append(("target", event.client_id)))
+    c.queue.put("slow", busy.wait)
+    for _ in range(QUEUE_LENGTH):
+        for press in (start.callback, palette.callback, click):
+            press(FakeEvent(2))
+    for press in (start.callback, palette.callback, click):
+        press(FakeEvent(1))
+    busy.set()
+    c.queue.close()
+    assert acted == [("start", 1), ("next", 1), ("target", 1)]
+    assert {what[:2] for what in told} == {(2, "start"), (2, "next"), (2, "target")}
+    assert noted == []
+
+
+def test_a_click_before_a_stop_is_refused_after_it():
+    c, told, _ = controls()
+    c.lock = ControlLock().joined(1)
+    busy, acted = threading.Event(), []
+    c.queue.put("slow", busy.wait)
+    c.click("target", acted.append)(FakeEvent(1))
+    c.stop("page 1", lambda who: None)
+    busy.set()
+    c.queue.close()
+    assert acted == []
+    assert told == [(1, "target", "STOP was pressed meanwhile: ask again")]
+
+
 def test_what_everybody_asked_for_is_done_after_a_stop_and_what_follows_a_stop_too():
     c, _, _ = controls()
     c.lock = ControlLock().joined(1)

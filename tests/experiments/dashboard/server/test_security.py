@@ -23,8 +23,8 @@ from experiments.dashboard.server.security import (
     gate_of,
 )
 from experiments.dashboard.server.server import link_of, open_server
-from experiments.dashboard.server.shell import SCRIPT_HASH
-from rig.hardware.network.token_file import keep_token
+from experiments.dashboard.server.shell import SCRIPT_HASH, VIEW_HASH
+from rig.hardware.network.token_file import check_host, keep_token
 
 GATE = Gate("secret-token", 7644)
 
@@ -152,7 +152,7 @@ def test_the_page_runs_the_scripts_of_visers_page_and_of_its_bar_and_no_others()
     code = zstandard.ZstdDecompressor().decompress(zipped, sum(sizes))[sizes[0] :]
     found = [b64encode(sha256(one).digest()).decode() for one in (text.encode(), code)]
     assert [f"sha256-{one}" for one in found] == list(SCRIPTS[:2])
-    assert SCRIPTS[2:] == (SCRIPT_HASH,)
+    assert SCRIPTS[2:] == (SCRIPT_HASH, VIEW_HASH)
     assert "'unsafe-inline'" not in CONTENT_POLICY.partition("script-src")[2].partition(";")[0]
 
 
@@ -177,6 +177,14 @@ def test_port_80_and_ipv6_are_told_apart_from_others():
 def test_nobody_listens_to_the_whole_network_unasked(host):
     with pytest.raises(ValueError, match="--host is empty"):
         open_server(host, 0, "secret-token")
+
+
+@pytest.mark.parametrize("host", ["0", "00", "0x0", "0:0:0:0:0:0:0:0"])
+def test_every_address_has_to_be_asked_for_by_its_own_name(host):
+    with pytest.raises(ValueError, match="is every address of this machine"):
+        check_host(host)
+    for good in ("127.0.0.1", "::1", "localhost", "0.0.0.0", "::"):
+        check_host(good)
 
 
 def test_of_the_page_only_its_known_parts_are_asked_for():

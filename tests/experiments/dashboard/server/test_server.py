@@ -15,7 +15,7 @@ from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
-from experiments.dashboard.server.door import MOST_WAITING
+from experiments.dashboard.server.door import MOST_WAITING, WANTED_FILES, allow_files
 from experiments.dashboard.server.server import (
     PortBusyError,
     free_port,
@@ -23,7 +23,7 @@ from experiments.dashboard.server.server import (
     open_server,
     shell_of,
 )
-from experiments.dashboard.server.shell import ICON, SCRIPT, SCRIPT_HASH
+from experiments.dashboard.server.shell import ICON, SCRIPT, SCRIPT_HASH, VIEW_HASH, VIEW_SCRIPT
 from tests.support import ROOT
 from tests.support.waiting import wait_for
 
@@ -125,6 +125,17 @@ def test_idle_strangers_use_up_nothing_and_keep_nobody_out(served):
             one.close()
 
 
+def test_the_program_allows_itself_more_files():
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    try:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (256, before[1]))
+        allow_files()
+        assert resource.getrlimit(resource.RLIMIT_NOFILE)[0] == min(WANTED_FILES, before[1])
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
+
+
 def test_it_listens_where_it_was_told_and_nowhere_else(served):
     server, gate = served
     assert server.get_host() == "127.0.0.1"
@@ -171,6 +182,20 @@ def test_the_bar_stops_for_who_has_the_cookie_alone(served):
     assert not stops
     assert page(gate, f"{gate.path}/stop", **mine)[0].status == 200
     assert stops == ["a page at 127.0.0.1"]
+
+
+def test_the_big_view_is_for_who_has_the_cookie_alone(served):
+    _, gate = served
+    mine = {"Cookie": f"{gate.cookie}={TOKEN}"}
+    for part in ("view", "live", "camera"):
+        assert page(gate, f"{gate.path}/{part}")[0].status == 403
+        evil = mine | {"Origin": "http://evil.example"}
+        assert page(gate, f"{gate.path}/{part}", **evil)[0].status == 403
+        assert page(gate, f"{gate.path}/{part}", **mine)[0].status == 200
+    answer, body = page(gate, f"{gate.path}/view", **mine)
+    assert (answer.getheader("Content-Type") or "").startswith("text/html")
+    assert VIEW_SCRIPT.encode() in body
+    assert VIEW_HASH in (answer.getheader("Content-Security-Policy") or "")
 
 
 def test_the_page_bears_its_own_name_and_the_bar_zipped_or_not(served):

@@ -15,6 +15,9 @@ from experiments.dashboard.server.shell import (
     SCRIPT_HASH,
     STYLE,
     TITLE,
+    VIEW,
+    VIEW_HASH,
+    VIEW_SCRIPT,
     Shell,
     dressed,
 )
@@ -37,7 +40,27 @@ def test_alive_tells_the_state_and_stops_nothing_and_stop_tells_who():
     assert stops == []
     assert json.loads(shell.answer("stop", "10.0.0.7")) == told
     assert stops == ["a page at 10.0.0.7"]
-    assert PARTS == ("alive", "stop")
+
+
+def test_the_big_view_gets_its_page_the_table_and_the_cameras_image():
+    stops = []
+    shell = Shell(stop=stops.append)
+    assert json.loads(shell.answer("live", "x")) == {}
+    assert shell.answer("camera", "x") == b""
+    shell.live, shell.camera = lambda: {"ball_m": [0.1, None]}, lambda: b"jpeg"
+    assert json.loads(shell.answer("live", "x")) == {"ball_m": [0.1, None]}
+    assert shell.answer("camera", "x") == b"jpeg"
+    page = shell.answer("view", "x").decode()
+    scripts = f"<style>{STYLE}</style><script>{SCRIPT}</script><script>{VIEW_SCRIPT}</script>"
+    assert f"<title>{TITLE}</title>{scripts}" in page
+    assert page.replace(scripts, "") == VIEW
+    assert stops == []
+    assert f"sha256-{b64encode(sha256(VIEW_SCRIPT.encode()).digest()).decode()}" == VIEW_HASH
+    shell.live = lambda: {"x": float("nan")}
+    with pytest.raises(ValueError, match="JSON"):
+        shell.answer("live", "x")
+    kinds = {"alive": "json", "stop": "json", "live": "json", "camera": "jpeg", "view": "html"}
+    assert {part: kind.split("/")[1][:4] for part, kind in PARTS.items()} == kinds
 
 
 def test_before_the_program_is_ready_it_starts_and_every_start_has_a_name_of_its_own():

@@ -5,7 +5,7 @@ import html
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.dashboard.server.untrusted_text import LONGEST, plain
+from experiments.dashboard.server.untrusted_text import LONGEST, as_unicode, plain
 
 
 @given(st.text(alphabet=st.characters(codec="ascii"), max_size=200))
@@ -19,3 +19,8 @@ def test_nothing_of_a_text_means_anything_and_all_of_it_is_shown(text):
 def test_a_long_text_is_cut_off():
     assert html.unescape(plain("a<" * LONGEST)).endswith("a…")
     assert len(html.unescape(plain("a<" * LONGEST))) == LONGEST
+
+
+def test_half_a_surrogate_pair_is_shown_as_a_question_mark():
+    """No message with one could be sent, and no new page would open any more."""
+    assert html.unescape(plain("a\ud800b\udcff")) == as_unicode("a\ud800b\udcff") == "a?b?"

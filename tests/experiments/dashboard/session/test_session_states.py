@@ -1,8 +1,11 @@
 """The session's states with a loop that does what the test says: no process, no table, no clock."""
 
+import random
 import sys
+import threading
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from queue import Queue
 from types import SimpleNamespace
@@ -197,8 +200,9 @@ def opened(**how) -> Iterator[Desk]:
         for loop in desk[0].loops:
             loop.end(DONE)
         desk[0].session.close()
-        module.update(before)
+        # A thread that lives on (of a mutant) keeps the stand-ins: it starts no process.
         assert not desk[0].session._thread.is_alive()
+        module.update(before)
 
 
 def test_the_runs_of_a_plan_follow_each_other_and_then_the_virtual_table_balances():
@@ -444,15 +448,23 @@ def test_the_operator_is_waited_for_and_confirms():
         assert (status.t_s, status.operator_step) == (3.0, "")  # from 2 s of hold before 7 s
 
 
-def test_a_ball_that_is_only_placed_starts_the_clock_there():
+@pytest.mark.parametrize("hold_s", [0.0, 0.5])
+def test_a_ball_that_is_only_placed_starts_the_clock_there_one_that_is_held_when_let_go(hold_s):
+    start = {"title": "short", "duration_s": 10.0, "start": {"hold_s": hold_s}}
     with opened() as desk:
-        desk.session.start(desk.plan(("with",)))
+        protocol = parse(start, label="short", name="short")
+        desk.session.start(desk.plan(("with",), protocol=protocol))
         loop = desk.loop(1)
         loop.say(0.5, "asked: place the ball")
         loop.say(6.0, "placed")
-        loop.row(6.5)
-        wait_for("the run", lambda: desk.session.status.t_s == 0.5, PATIENCE_S)
+        loop.row(6.75)
+        if hold_s:
+            wait_for("the hold", lambda: desk.session.status.waited_s == 6.75, PATIENCE_S)
+            loop.say(7.0, "released")
+            loop.row(7.25)
+        wait_for("the run", lambda: desk.session.status.t_s == 0.75, PATIENCE_S)
         assert desk.session.status.operator_step == ""
+        assert desk.session.status.waited_s is None
 
 
 def test_a_run_that_was_broken_off_while_it_waited_leaves_no_wait_behind():
@@ -579,3 +591,35 @@ def test_closing_ends_what_moves_and_drops_the_plan():
 def test_a_real_table_moves_in_runs_alone():
     with opened(real=True) as desk, pytest.raises(ValueError, match="in a run alone"):
         desk.session.balance()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_whatever_races_with_a_stop_nothing_moves_after_it(seed: int):
+    """Start, repeat, balance, next run and stops of two pages at once; the last word is a stop."""
+    rng = random.Random(seed)
+    with opened() as desk:
+        session, over = desk.session, threading.Event()
+
+        def press(*acts) -> None:
+            while not over.is_set():
+                with suppress(ValueError):
+                    rng.choice(acts)()
+                time.sleep(rng.uniform(0.0, 0.002))
+
+        acts = (lambda: session.start(desk.plan()), session.repeat, session.balance, session.go_on)
+        threads = [threading.Thread(target=press, args=acts) for _ in range(2)]
+        threads.append(threading.Thread(target=press, args=(lambda: session.stop("page 2"),)))
+        for thread in threads:
+            thread.start()
+        time.sleep(0.5)
+        over.set()
+        for thread in threads:
+            thread.join(PATIENCE_S)
+        session.stop("page 1")
+        told = len(desk.loops)
+        desk.state("stopped")
+        time.sleep(0.05)
+        assert len(desk.loops) - told <= 1  # one that was being started is given the stop
+        assert all(any(isinstance(one, Stop) for one in loop.got) for loop in desk.loops)
+        assert session.status.state == "stopped"
+        assert told > 3

@@ -83,6 +83,28 @@ def test_a_step_that_is_cancelled_while_the_camera_is_awaited_never_begins(tab):
     assert not worker.items
 
 
+def test_a_step_uses_the_number_that_passed_its_checks_and_no_other(tab):
+    one, camera, worker = tab
+    camera.free.set()
+    handle = next(
+        handle
+        for handle in one._controls.reserved
+        if getattr(handle, "label", "") == "Square as printed [mm]"
+    )
+    with pytest.raises(ValueError, match="no number"):
+        one._controls.cleaned(1, handle, "wide")
+    with pytest.raises(PermissionError):
+        one._controls.cleaned(2, handle, 30.0)
+    one._controls.use(1, handle, one._controls.cleaned(1, handle, 1e9))
+    wait_for("the number", lambda: one._square_mm.now == 100.0)
+    handle._impl.value = 7.0  # what a page might have got into the widget all the same
+    one.begin(("camera",))
+    wait_for("the worker", lambda: worker.items)
+    assert one._square_mm.now == 100.0
+    worker.items[0].on_message("failed", "no sheet was seen")
+    wait_for("the camera's return", lambda: camera.lent == 0)
+
+
 def test_verdicts_are_shown_again_after_a_restart(tab, tmp_path):
     one, _, worker = tab
     one.begin(("time",))

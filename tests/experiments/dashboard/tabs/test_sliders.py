@@ -1,10 +1,15 @@
 """Sliders that act together: what is applied, undone, refused, and shown."""
 
+import json
 import threading
+from pathlib import Path
 from types import SimpleNamespace
+
+import pytest
 
 from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.server.input_limits import KP, Range
+from experiments.dashboard.session.presets import MOST_KEPT, KeptPresets
 from experiments.dashboard.tabs.sliders import OWN, SliderGroup
 
 ROWS = [("P", KP, 2.0), ("D", Range(0.0, 1.0, 0.1), 0.5)]
@@ -14,7 +19,7 @@ PRESETS = {"begin": (2.0, 0.5), "wild": (99.0, 0.0)}
 class Group:
     """Sliders whose buttons and values are pressed by hand."""
 
-    def __init__(self) -> None:
+    def __init__(self, kept: KeptPresets | None = None) -> None:
         self.applied: list[list[float]] = []
         self.told: list[tuple] = []
         self.refuses = False
@@ -25,6 +30,7 @@ class Group:
             add_dropdown=lambda label, names, initial_value: self._made(label, initial_value),
             add_slider=lambda label, low, high, step, value, hint: self._made(label, value),
             add_button=self._button,
+            add_text=lambda label, value, hint: self._made(label, value),
         )
         server = SimpleNamespace(gui=gui)
         self.group = SliderGroup(
@@ -34,6 +40,7 @@ class Group:
             self._apply,
             hint="",
             presets=PRESETS,
+            kept=kept,
         )
 
     def _made(self, label: str, value: object) -> SimpleNamespace:
@@ -125,3 +132,52 @@ def test_what_is_refused_is_neither_shown_nor_undone():
         "a run is being recorded",
         "nothing was changed yet",
     ]
+
+
+def test_values_kept_by_name_are_in_the_list_of_this_program_and_of_the_next(tmp_path: Path):
+    file = tmp_path / "gains.json"
+    one = Group(KeptPresets(file, 2))
+    one.put("P", 3.0)
+    one.put("Name", "  lively $<b>  ")
+    one.press("Keep by this name")
+    one.put("Preset", "wild")
+    one.put("Preset", "lively $<b>")
+    assert one.shown() == ["lively $<b>", 3.0, 0.5]
+    again = Group(KeptPresets(file, 2))
+    again.put("Preset", "lively $<b>")
+    again.put("Name", "lively $<b>")
+    again.press("Forget this name")
+    assert again.shown() == [OWN, 3.0, 0.5]
+    assert again.handles["Preset"].options == (OWN, "begin", "wild")
+    assert json.loads(file.read_text()) == {}
+
+
+def test_no_name_hides_another_preset_and_none_is_beyond_measure(tmp_path: Path):
+    one = Group(KeptPresets(tmp_path / "gains.json", 2))
+    for name in ("", "wild", OWN):
+        one.put("Name", name)
+        one.press("Keep by this name")
+        one.press("Forget this name")
+    for name in (5, "x" * 41, "a\x1bb", "\ud800"):
+        with pytest.raises(ValueError, match="a name has up to"):
+            one.controls.cleaned(1, one.handles["Name"], name)
+    one.shown()
+    assert [what[1] for what in one.told] == 3 * ["keep", "forget"]
+    assert not (tmp_path / "gains.json").exists()
+
+
+def test_a_file_of_presets_is_read_as_far_as_it_holds_some(tmp_path: Path):
+    file = tmp_path / "gains.json"
+    kept = {"a": [1, 2], "b": [1], "c": "x", " d": [1, 2], "e": [1, 1e999], "f": [1, None]}
+    file.write_text(json.dumps(kept))
+    assert dict(KeptPresets(file, 2)) == {"a": [1.0, 2.0]}
+    for text in ("[1]", "{", "5", "[" * 100_000):
+        file.write_text(text)
+        assert dict(KeptPresets(file, 2)) == {}
+    file.write_text(json.dumps({f"n{i}": [0, 0] for i in range(MOST_KEPT)}))
+    many = KeptPresets(file, 2)
+    many.keep("n0", [1, 1])
+    with pytest.raises(ValueError, match="forget one first"):
+        many.keep("one more", [1, 1])
+    many.forget("n0")
+    many.keep("one more", [1, 1])

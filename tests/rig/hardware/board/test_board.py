@@ -25,7 +25,7 @@ from rig.hardware.camera.eye import CameraStopped
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig
 from rig.safety.limits import Braking, limit
-from tests.support.boards.host import HostBoard
+from tests.support.boards.host import HostBoard, library
 from tests.support.boards.world import World, WorldLink, table_on
 
 LIMIT = 341  # counts of 30 degrees
@@ -362,6 +362,39 @@ def test_the_board_brakes_by_the_law_of_the_loop(tau_ms: int, sign: int, encoder
         assert True in braced
 
 
+def most_mV(at: int, w: int, tau_ms: int, counts_per_rev: int) -> int:
+    """The law of protocol.c in whole numbers: at [counts], w [counts/256 a ms]; 6 V, 9.18 rad/s."""
+    room, taper = LIMIT - at, counts_per_rev // 157 + 1
+    if w > 0:
+        top_speed = counts_per_rev * 9180 // 24544 + 1
+        room -= w * (32 + 3 + tau_ms // 20) // 512 + 1
+        room -= w * w // (2 * top_speed + w) * tau_ms // 256 + 1
+    return int(6000 * max(-taper, min(room, taper)) / taper)
+
+
+@pytest.mark.parametrize("tau_ms", [10, 20, 42, 500])
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_the_board_brakes_to_the_millivolt_whatever_the_arm_does(tau_ms: int, sign: int):
+    """Jumps, pauses, way there and back; its speed is filtered over 16 ms, a jump cut at 100."""
+    bench, rng = Bench(armed=False), np.random.default_rng(tau_ms)
+    bench.request = replace(bench.request, time_constant_ms=tau_ms)
+    bench.configure()
+    bench.send(Arm(bench.token, bench.sequence))
+    at, speed_sum, tapered = 0, 0, 0
+    for k in range(4000):
+        before = at
+        at += int(rng.integers(-4, 6)) if k % 200 < 120 else 0  # and then it rests
+        at = int(rng.integers(-LIMIT, LIMIT)) if k % 400 == 0 else max(-LIMIT, min(at, LIMIT + 20))
+        speed_sum += 256 * max(-100, min(at - before, 100)) - int(speed_sum / 16)
+        bench.counts = (sign * at, 0)
+        bench.command(6.0 * sign)
+        bench.run(1)
+        right = most_mV(at, int(speed_sum / 16), tau_ms, 4096)
+        assert round(1000 * bench.board.volts()[0]) == sign * right, k
+        tapered += -6000 < right < 6000
+    assert tapered > 100
+
+
 @pytest.mark.parametrize("counts_per_rev", [256, 1024, 4096, 65535])
 def test_no_angle_beyond_the_boards_own_limit_is_taken(counts_per_rev: int):
     """0.6 rad from level, whatever the host asks for: there the volts are 0."""
@@ -381,6 +414,13 @@ def test_no_angle_beyond_the_boards_own_limit_is_taken(counts_per_rev: int):
     bench.command(6.0, 0.0)
     bench.run(1)
     assert bench.has(wire.BY_ANGLE)
+
+
+def test_a_full_ring_never_says_that_it_has_room():
+    for size in (16, 128):
+        for into in range(size):
+            kept = {library().ring_room(into, (into - n) % size, size) + n for n in range(size)}
+            assert kept == {size - 1}
 
 
 @pytest.mark.parametrize("beyond", [0, 1])

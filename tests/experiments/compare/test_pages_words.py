@@ -1,0 +1,80 @@
+"""What the page of a comparison says of its cells, in tables and on the map."""
+
+import matplotlib.colors
+import numpy as np
+
+from experiments.compare import figures, report
+from experiments.compare.statistics import EVEN, HARMS, HELPS, OPEN
+from experiments.compare.words import paper_words, words
+from experiments.reports.figures import plt
+
+
+def cell(play: str, verdicts: dict[str, str], effect: float = 0.3) -> dict:
+    arms: dict = {"without": {"means": {"settled_error": 1.0}}}
+    for name, verdict in verdicts.items():
+        test = {"verdict": verdict, "effect": effect, "low": 0.1, "high": 0.5, "unit": "cm"}
+        equal = {**test, "verdict": HARMS}
+        means = {"settled_error": 0.5}
+        arms[name] = {"against_without": test, "at_equal_activity": equal, "means": means}
+    place = {"play": play, "friction": "own", "protocol": "hold", "fault": ""}
+    return {**place, "key": f"{play} | own | hold", "arms": arms}
+
+
+RESULTS = {
+    "cells": [
+        cell("none", {"with": OPEN, "neural": HELPS}),
+        cell("joint 2", {"with": HELPS, "neural": HELPS}, 1.2),
+        cell("joint 2", {"with": HARMS, "neural": EVEN}, -0.8),
+        {**cell("joint 2", {"with": HARMS, "neural": HELPS}), "fault": "late"},
+    ],
+    "grid": {
+        "paper": {"play": "joint 2", "friction": "own", "protocol": "hold"},
+        "robustness": {"faults": {"late": {}}},
+    },
+    "measure": "settled_error",
+}
+
+
+def test_the_tables_count_the_cells_without_a_fault():
+    found = report._by_condition(RESULTS)
+    assert found.rows == [["with", "1", "1", "1", "0", "3"], ["neural", "2", "0", "0", "0", "3"]]
+    found = report._by_play(RESULTS)
+    assert found.head == ("play", "cells", "with", "neural")
+    assert found.rows == [["none", "1", "0", "1"], ["joint 2", "2", "1", "1"]]
+
+
+def test_cells_that_agree_with_the_paper_are_counted_by_their_play():
+    own, agree = paper_words(RESULTS)
+    assert "(joint 2 · own · hold): there its model helps, +1.200 [+0.100, +0.500] cm." in own
+    assert agree.startswith("1 of 3 cells agree")
+    assert agree.endswith("«joint 2» 1 of 2. 1 contradict it.")
+    assert words(RESULTS)[-1] == "With late: «joint 2» still helped by neural; harmed by with."
+
+
+def linear(colour: np.ndarray) -> np.ndarray:
+    """sRGB to light, as WCAG has it."""
+    return np.where(colour <= 0.03928, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
+
+
+def test_the_map_tells_help_from_harm_without_red_and_green_and_can_be_read(tmp_path, monkeypatch):
+    gains, kept = np.linspace(-1.2, 1.2, 25), {}
+    cells = [cell(f"joint 2, one-sided {i}", {"with": HELPS, "neural": OPEN}, gain)
+             for i, gain in enumerate(gains)]  # fmt: skip
+    cells.append(cell("lost", {"with": OPEN, "neural": OPEN}, float("nan")))
+    monkeypatch.setattr(figures, "save", lambda figure, *_: kept.update(figure=figure))
+    figures.map_figure({**RESULTS, "cells": cells}, tmp_path)
+    axes = kept["figure"].axes[0]
+    kept["figure"].canvas.draw()
+    image = axes.images[0]
+    shown = np.asarray(image.to_rgba(image.get_array()))[..., :3]
+    assert (shown[:-1][gains > 0.2, :, 2] > shown[:-1][gains > 0.2, :, 0]).all()  # helps: blue
+    assert (shown[:-1][gains < -0.2, :, 0] > shown[:-1][gains < -0.2, :, 2]).all()  # harms: red
+    for text in axes.texts[: 2 * len(gains)]:
+        x, y = map(round, text.get_position())
+        pair = shown[y, x], np.array(matplotlib.colors.to_rgb(text.get_color()))
+        dark, light = sorted(float(np.dot([0.2126, 0.7152, 0.0722], linear(c))) for c in pair)
+        assert (light + 0.05) / (dark + 0.05) > 4.5, (text.get_text(), x)
+    lost = [text for text in axes.texts if text.get_text() == "lost"]
+    assert [text.get_color() for text in lost] == ["black", "black"]  # on white
+    assert min(label.get_window_extent().x0 for label in axes.get_yticklabels()) >= 0.0
+    plt.close(kept["figure"])

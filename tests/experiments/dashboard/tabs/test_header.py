@@ -1,0 +1,46 @@
+"""Who watches takes the controls over, by the button or by the palette."""
+
+import threading
+from types import SimpleNamespace
+
+import pytest
+
+from experiments.dashboard.server.controls import ControlLock, Controls
+from experiments.dashboard.tabs.header import Header
+
+
+class Handle:
+    """A button or a command: what is registered with it."""
+
+    def __init__(self) -> None:
+        self.press = lambda event: None
+
+    def on_click(self, act) -> None:
+        self.press = act
+
+
+class Command(Handle):
+    def on_trigger(self, act) -> None:
+        self.press = act
+
+
+@pytest.mark.parametrize("way", ["button", "palette"])
+def test_a_page_that_watches_takes_over_and_the_other_is_told(way: str):
+    buttons, commands, noted = {}, {}, []
+    gui = SimpleNamespace(
+        add_markdown=lambda *a, **k: SimpleNamespace(),
+        add_button=lambda label, **k: buttons.setdefault(label, Handle()),
+        add_command=lambda label: commands.setdefault(label, Command()),
+    )
+    controls = Controls(lambda *what: None, print)
+    session = SimpleNamespace(note=noted.append)
+    Header(SimpleNamespace(gui=gui), controls, session, "virtual", lambda: None)  # pyright: ignore[reportArgumentType]
+    controls.lock = ControlLock().joined(1).joined(2)
+    handle = {"button": buttons, "palette": commands}[way]["Take over the controls"]
+    handle.press(SimpleNamespace(client_id=2))  # pyright: ignore[reportArgumentType]
+    done = threading.Event()
+    controls.queue.put("then", done.set)
+    assert done.wait(5.0)
+    assert controls.lock.holder == 2
+    assert noted == ["page 2 took over the controls"]
+    controls.queue.close()

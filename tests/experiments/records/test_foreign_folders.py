@@ -1,0 +1,105 @@
+"""A run folder of somebody else: nothing outside it is written, and odd ones are one line."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.records import Message
+
+from experiments.analysis.regime import rig_of_record
+from experiments.dashboard.session.tasks import list_runs
+from experiments.records.recording import Recorder, read_run, recover
+from experiments.records.run_folder import LONGEST_RECORD, read_meta
+from experiments.records.samples_file import CHANNEL_ID, EVENTS, RECORD, _bytes, opening
+from experiments.runs.runs import reject
+from rig.log import COLUMNS
+
+START = {"source": "simulated", "protocol": "hold", "arm": "with", "seed": 7}
+
+
+def recorded(folder: Path, rows: int = 50) -> Path:
+    with Recorder(folder, START) as recorder:
+        for i in range(rows):
+            recorder.append(np.array([0.002 * i, *np.zeros(len(COLUMNS) - 1)]))
+    return folder
+
+
+def cut_off(folder: Path) -> Path:
+    """A recording in the middle of which a bit was flipped, and that was never finished."""
+    recorder = Recorder(folder, START)
+    for i in range(50):
+        recorder.append(np.array([0.002 * i, *np.zeros(len(COLUMNS) - 1)]))
+    os.close(recorder._file)
+    path = folder / "samples.mcap"
+    content = bytearray(path.read_bytes())
+    content[len(opening()) + 10 * RECORD.itemsize + 4] ^= 0x08
+    path.write_bytes(content)
+    return folder
+
+
+@pytest.mark.parametrize("act", [lambda run: reject(run, "why"), recover])
+def test_no_link_in_a_folder_leads_a_write_out_of_it(tmp_path: Path, act):
+    run, mine = cut_off(tmp_path / "run"), tmp_path / "mine"
+    mine.write_text("precious")
+    for name in ("run.json.part", "samples.mcap.part", "samples.damaged.mcap.part"):
+        (run / name).unlink(missing_ok=True)
+        (run / name).symlink_to(mine)
+    (run / "samples.damaged.mcap").symlink_to(tmp_path / "new")
+    act(run)
+    assert mine.read_text() == "precious"
+    assert not (tmp_path / "new").exists()
+    assert not read_run(run).meta["truncated"] or act is not recover
+
+
+def rewritten(folder: Path, **changes: object) -> Path:
+    file = recorded(folder) / "run.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | changes))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('{"schema": 1, "x": ' + "[" * 100_000 + "]" * 100_000 + "}", "brackets are too deep"),
+        ('{"schema": 1, "arm": "a\\ud800"}', "no Unicode"),
+        ("{}" + " " * LONGEST_RECORD, "longer than"),
+    ],
+)
+def test_a_record_beyond_all_measure_is_one_line_and_no_reason_to_list_no_runs(
+    tmp_path: Path, text: str, words: str
+):
+    (recorded(tmp_path / "1-odd") / "run.json").write_text(text)
+    with pytest.raises(ValueError, match=words):
+        read_run(tmp_path / "1-odd")
+    recorded(tmp_path / "2-good")
+    assert [row.folder.name for row in list_runs(tmp_path)] == ["2-good"]
+
+
+def test_a_folder_whose_name_no_page_could_be_told_is_not_listed(tmp_path: Path):
+    recorded(tmp_path / "run")
+    try:
+        (tmp_path / "run").rename(tmp_path / os.fsdecode(b"run-\xff"))
+    except OSError:
+        pytest.skip("this file system takes no such name")
+    assert list_runs(tmp_path) == []
+
+
+def test_values_that_others_compute_with_are_checked(tmp_path: Path):
+    with pytest.raises(ValueError, match="by_hand = 5 is no list"):
+        read_meta(rewritten(tmp_path / "a", by_hand=5))
+    assert rig_of_record({"linkage": {"unknown": 1}}).linkage.plate_side_m == 0.275
+    for given in ({"plate_side_m": "wide"}, [1]):
+        with pytest.raises(ValueError, match=r"the rig of run\.json"):
+            rig_of_record({"linkage": given})
+
+
+def test_an_event_without_a_text_or_a_time_is_no_event(tmp_path: Path):
+    recorder = Recorder(tmp_path, START)
+    for event in ([1], {"t_s": 1.0}, {"text": "x"}, {"t_s": "x", "text": "x"}, "\ud800"):
+        data = json.dumps(event).encode()
+        recorder._write(_bytes(Message(CHANNEL_ID[EVENTS], 0, data, 0, 0)))
+    recorder.event(2.0, "good")
+    recorder.finish("done")
+    assert read_run(tmp_path).events == [{"t_s": 2.0, "text": "good"}]
