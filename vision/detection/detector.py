@@ -31,9 +31,6 @@ APART_PX = 0.3  # between rim and rays, from which the rays count more
 # `LACK_SHARE` to 960 images of two renderers that share no code (tests/benchmarks/locating.py,
 # other seeds than those of its table).
 DOUBT = 0.5
-# Light from one side makes one edge stronger and lays a shadow at the other; the centre then leans
-# by about this much (px) per relative first harmonic of the edge's strength.
-LIGHT_SHARE_PX = 0.06
 UNSEEN_PX = 2.0  # that the centre may be off by, per share of the turn that shows no edge
 RIM_ROUNDS = 4
 LEVELS_SHARE = 1.5  # the fit's noise with that of its levels, which neighbouring sectors share
@@ -185,13 +182,10 @@ def _rim_variance(rim: np.ndarray) -> float:
 
 
 def _line_variance(line: Outline) -> float:
-    """Variance (px^2) of a traced outline's centre per axis.
-
-    From the residuals (which neighbouring rays share), the shift by light from one side, and the
-    arc that is not seen.
-    """
-    common = math.hypot(LIGHT_SHARE_PX * line.lopsided, UNSEEN_PX * (1.0 - min(line.share, 1.0)))
-    return RAYS_SHARE * line.variance_px2 + common**2
+    """Variance (px^2) of a traced outline's centre per axis, from the residuals (which neighbouring
+    rays share) and the arc that is not seen."""
+    unseen = 1.0 - min(line.share, 1.0)
+    return RAYS_SHARE * line.variance_px2 + (UNSEEN_PX * unseen) ** 2
 
 
 def _settled(
