@@ -42,6 +42,10 @@ MAJORITY = 0.75  # share of the rays on their shared circle from which it outwei
 WHOLE = 0.85  # share of the rays from which an outline counts as free all round
 # Casts at most; the share of the radius that is no move; and that a blurred outline may still sway.
 SETTLE_ROUNDS, SETTLED, RESTLESS = 7, 0.03, 0.1
+# Residual, share of the radius, at which a mere guess is given up after two casts: 1.6 times what
+# the gate lets pass. Of 3263 guesses in 79 images this spares two in five casts; 14 of 701 that
+# would have passed are lost.
+HOPELESS = 0.08
 REACH = 0.6  # rays search from (1 - REACH) to (1 + REACH) radii
 
 
@@ -97,7 +101,8 @@ def locate_ball(
         direction = appearance.here(image, u_px, v_px, radius_px)[0]
     # Edges of either sign are found inside a mirroring ball too: look for its rim alone.
     reach = reach if signed else min(reach, UNSIGNED_REACH)
-    line = _settled(image, direction, signed, (u_px, v_px, radius_px), reach)
+    worst = math.inf if polish else HOPELESS
+    line = _settled(image, direction, signed, (u_px, v_px, radius_px), reach, worst)
     if line is None:
         return None
     contrast = shared = None
@@ -194,17 +199,20 @@ def _settled(
     signed: bool,
     guess: tuple[float, float, float],
     reach: float,
+    worst: float,
 ) -> Outline | None:
-    """The outline about a guess, traced again from its own result until that stays.
+    """The outline about a guess, traced again from its own result until that stays or its residual
+    exceeds `worst` (share of the radius) twice in a row.
 
     Rays from a guess near the ball's edge meet other edges too, and an ellipse through them all
     lies somewhere between: only an outline that is found again from its own centre is accepted.
     """
-    line, moved, radius = None, math.inf, guess[2]
+    line, moved, radius, rough = None, math.inf, guess[2], False
     for _ in range(SETTLE_ROUNDS):
         line = trace_outline(image, direction, signed, *guess, reach)
-        if line is None:
+        if line is None or (rough and line.residual_px > worst * line.radius_px):
             return None
+        rough = line.residual_px > worst * line.radius_px
         u, v, radius = guess
         guess = line.u_px, line.v_px, line.radius_px
         moved = math.hypot(guess[0] - u, guess[1] - v) + abs(guess[2] - radius)
