@@ -229,16 +229,23 @@ def _learned_table(image: np.ndarray, u: float, v: float, radius: float) -> np.n
 
     The disc's colours count at eight brightnesses, since the ball rolls through light and shade.
     """
-    h, w = image.shape[:2]
-    grid_v, grid_u = np.mgrid[0:h, 0:w]
-    distance = np.hypot(grid_u - u, grid_v - v)
-    disc = image[distance < max(0.85 * radius, 1.5)].reshape(-1, 3).astype(float)
-    ring = image[(distance > 1.25 * radius + 1) & (distance < 2.5 * radius + 4)].reshape(-1, 3)
-    rest = image[distance > 1.25 * radius + 1].reshape(-1, 3)
-    step = max(1, len(rest) // 40000)
+    reach = 2.5 * radius + 4
+    x0, y0 = max(0, int(u - reach)), max(0, int(v - reach))
+    window = image[y0 : max(0, int(v + reach) + 2), x0 : max(0, int(u + reach) + 2)]
+    near = _distances(window, u - x0, v - y0)
+    disc = window[near < max(0.85 * radius, 1.5)].astype(float)
+    ring = window[(near > 1.25 * radius + 1) & (near < reach)]
+    step = max(1, round(math.sqrt(image.shape[0] * image.shape[1] / 40000)))
+    sparse = image[::step, ::step]
+    rest = sparse[step * _distances(sparse, u / step, v / step) > 1.25 * radius + 1]
     shaded = np.concatenate([disc * gain for gain in (0.6, 0.75, 0.88, 1.0, 1.0, 1.0, 1.12, 1.25)])
     ball = _histogram(shaded)
-    plate = 0.5 * _histogram(rest[::step].astype(float)) + 0.5 * _histogram(ring.astype(float))
+    plate = 0.5 * _histogram(rest.astype(float)) + 0.5 * _histogram(ring.astype(float))
     # The floor keeps colours that neither has shown from counting as the ball's.
     floor = 0.002 * float(ball.max())
     return np.round(255 * ball / (ball + plate + floor)).astype(np.uint8).reshape(-1)
+
+
+def _distances(image: np.ndarray, u: float, v: float) -> np.ndarray:
+    """Distances (h, w) px of the pixels of an image (h, w, 3) from the place (u, v)."""
+    return np.hypot(np.arange(image.shape[1]) - u, np.arange(image.shape[0])[:, None] - v)

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from vision.compiled import kernel
+from vision.compiled import fast_kernel, kernel
 
 ARCS = 3  # strides of n / 3, n / 5 and n / 7 points: the shortest triple spans 2 / 7 of the turn
 LEAST_SHARE = 0.45  # of the points; chosen below a half, since another edge may hide that much
@@ -30,6 +30,17 @@ def _through(points, i, j, k):
     return points[i, 0] + u, points[i, 1] + v, math.sqrt(u * u + v * v)
 
 
+@fast_kernel
+def _count_on(x, y, u, v, least, most):
+    """How many places (x, y) (n,) have a squared distance from (u, v) between `least` and `most`;
+    all in px."""
+    on = 0
+    for m in range(x.size):
+        d = (x[m] - u) ** 2 + (y[m] - v) ** 2
+        on += least < d < most
+    return on
+
+
 @kernel
 def consensus_circle(points, radius, slack_px):
     """The circle that most points lie on within `slack_px`, (4,): u, v, radius [px], share of the
@@ -41,16 +52,18 @@ def consensus_circle(points, radius, slack_px):
     """
     n = points.shape[0]
     best, most = np.zeros(4), LEAST_SHARE * n - 0.5
+    x, y = np.empty(n), np.empty(n)
+    for i in range(n):
+        there = np.isfinite(points[i, 0])
+        x[i], y[i] = (points[i, 0], points[i, 1]) if there else (1e9, 1e9)  # on no circle
     for arc in range(ARCS):
         stride = n // (3 + 2 * arc)
         for i in range(n):
             u, v, r = _through(points, i, (i + stride) % n, (i + 2 * stride) % n)
             if not 0.67 * radius < r < 1.33 * radius:
                 continue
-            on = 0
-            for m in range(n):
-                du, dv = points[m, 0] - u, points[m, 1] - v
-                on += abs(math.sqrt(du * du + dv * dv) - r) < slack_px
+            least = max(r - slack_px, 0.0) ** 2
+            on = _count_on(x, y, u, v, least, (r + slack_px) ** 2)
             if on > most:
                 most = float(on)
                 best[0], best[1], best[2], best[3] = u, v, r, on / n

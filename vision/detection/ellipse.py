@@ -44,31 +44,42 @@ def _scale(residual, used, floor):
 
 
 @kernel
-def _normal(points, weight, used, q, u, v, scale):
-    """A (5, 5) and b (5,) of the weighted least squares about (u, v), and residuals (n,) px.
-
-    Tukey's weights of the residuals against the ellipse q: 0 beyond 4.685 `scale`.
-    """
-    A, b = np.zeros((5, 5)), np.zeros(5)
-    residual = np.zeros(points.shape[0])
-    row = np.zeros(5)
-    cut = 4.685 * scale
+def _measure(points, used, q, u, v, polar):
+    """Write of every used point r, cos a, sin a, cos 2a, sin 2a about (u, v) px and its residual
+    [px] against the ellipse q about its own centre into `polar` (n, 6)."""
     for i in range(points.shape[0]):
-        if not used[i]:
+        if used[i]:
+            du, dv = points[i, 0] - u, points[i, 1] - v
+            r = np.sqrt(du * du + dv * dv) + 1e-12
+            c, s = du / r, dv / r
+            c2, s2 = c * c - s * s, 2.0 * c * s
+            polar[i, 0], polar[i, 1], polar[i, 2], polar[i, 3], polar[i, 4] = r, c, s, c2, s2
+            polar[i, 5] = r - (q[0] + q[3] * c2 + q[4] * s2)
+
+
+@kernel
+def _normal(polar, weight, used, scale):
+    """A (5, 5) and b (5,) of the weighted least squares for `polar` (n, 6), under Tukey's weights
+    of the residuals: 0 beyond 4.685 `scale` [px]."""
+    A, b = np.zeros((5, 5)), np.zeros(5)
+    cut = 4.685 * scale
+    for i in range(polar.shape[0]):
+        e = polar[i, 5]
+        if not used[i] or abs(e) >= cut:
             continue
-        du, dv = points[i, 0] - u, points[i, 1] - v
-        r = np.sqrt(du * du + dv * dv) + 1e-12
-        c, s = du / r, dv / r
-        row[0], row[1], row[2], row[3], row[4] = 1.0, c, s, c * c - s * s, 2.0 * c * s
-        e = r - (q[0] + q[3] * row[3] + q[4] * row[4])
-        residual[i] = e
-        if abs(e) < cut:
-            t = weight[i] * (1.0 - (e / cut) ** 2) ** 2
-            for m in range(5):
-                b[m] += t * row[m] * r
-                for o in range(5):
-                    A[m, o] += t * row[m] * row[o]
-    return A, b, residual
+        t = weight[i] * (1.0 - (e / cut) ** 2) ** 2
+        r = polar[i, 0]
+        polar[i, 0] = 1.0  # the row of the radius while the sums are taken
+        for m in range(5):
+            part = t * polar[i, m]
+            b[m] += part * r
+            for o in range(m + 1):
+                A[m, o] += part * polar[i, o]
+        polar[i, 0] = r
+    for m in range(5):
+        for o in range(m):
+            A[o, m] = A[m, o]
+    return A, b
 
 
 @kernel
@@ -88,9 +99,10 @@ def fit_ellipse(points, weight, u, v, radius, scale, flat_std, rounds):
         used[i] = np.isfinite(points[i, 0]) and weight[i] > 0.0
     q = np.zeros(5)  # in the first round the model is the guess, a circle
     q[0] = radius
-    inverse = np.zeros((5, 5))
+    inverse, polar = np.zeros((5, 5)), np.zeros((points.shape[0], 6))
+    _measure(points, used, q, u, v, polar)
     for _ in range(rounds):
-        A, b, _r = _normal(points, weight, used, q, u, v, scale)
+        A, b = _normal(polar, weight, used, scale)
         noise = max(scale, 0.02) ** 2
         A[0, 0] += noise / (0.3 * radius) ** 2
         b[0] += noise / (0.3 * radius) ** 2 * radius
@@ -100,33 +112,19 @@ def fit_ellipse(points, weight, u, v, radius, scale, flat_std, rounds):
         A[4, 4] += noise / (flat_std * radius) ** 2
         q, inverse = solve_linear(A, b)
         u, v = u + q[1], v + q[2]
-        fresh = _after(points, used, q, u, v)
+        _measure(points, used, q, u, v, polar)
         last = scale
-        scale = max(_scale(fresh, used, 0.02), 0.25 * scale)
+        scale = max(_scale(polar[:, 5], used, 0.02), 0.25 * scale)
         if scale > 0.9 * last and abs(q[1]) + abs(q[2]) < 0.01:
             break
-    residual = _after(points, used, q, u, v)
     good = np.zeros(points.shape[0], np.bool_)
     count, total = 0, 0.0
     for i in range(points.shape[0]):
-        good[i] = used[i] and abs(residual[i]) < 3.0 * scale
+        good[i] = used[i] and abs(polar[i, 5]) < 3.0 * scale
         if good[i]:
             count += 1
-            total += residual[i] * residual[i]
+            total += polar[i, 5] ** 2
     if count <= 5:
         return u, v, q[0], np.inf, np.inf, good
     variance = total / (count - 5) * 0.5 * (inverse[1, 1] + inverse[2, 2])
     return u, v, q[0], variance, np.sqrt(total / count), good
-
-
-@kernel
-def _after(points, used, q, u, v):
-    """Residuals (n,) px of the points against the ellipse q about its own centre (u, v)."""
-    out = np.zeros(points.shape[0])
-    for i in range(points.shape[0]):
-        if used[i]:
-            du, dv = points[i, 0] - u, points[i, 1] - v
-            r = np.sqrt(du * du + dv * dv) + 1e-12
-            c, s = du / r, dv / r
-            out[i] = r - (q[0] + q[3] * (c * c - s * s) + q[4] * 2.0 * c * s)
-    return out

@@ -7,7 +7,6 @@ outer edge of a mirroring ball (`outer_outline`).
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -33,10 +32,9 @@ class Outline(NamedTuple):
 
     `u_px, v_px, radius_px` centre and mean radius; `variance_px2` of the centre per axis, from the
     residuals alone; `residual_px` rms of the inliers; `good` rays on the ellipse and `inside` rays
-    in the image (counts); `lopsided` first harmonic of the edge's strength round the turn, relative
-    to its mean; `coverage` share of the turn that is covered: eighths with at least one in three
-    rays on the ellipse; `framed` share of the turn that lies in the image: eighths with at least
-    half their rays.
+    in the image (counts); `coverage` share of the turn that is covered: eighths with at least one
+    in three rays on the ellipse; `framed` share of the turn that lies in the image: eighths with at
+    least half their rays.
     """
 
     u_px: float
@@ -46,7 +44,6 @@ class Outline(NamedTuple):
     residual_px: float
     good: float
     inside: float
-    lopsided: float
     coverage: float
     framed: float
 
@@ -99,9 +96,9 @@ def trace_rays(image, u, v, radius, reach, w, n_rays, signed, flat_std, blurred_
     `image`, `u`, `v`, `radius`, `reach` and `signed` as in `trace_outline`; `w` (3,): colour
     direction; `n_rays`: a multiple of 8; `flat_std` and `rounds`: as in `fit_ellipse`;
     `blurred_std`: the `flat_std` with which a blurred ball is tried. Returns the fields of
-    `Outline` in their order, (10,), and whether an ellipse was found.
+    `Outline` in their order, (9,), and whether an ellipse was found.
     """
-    out = np.zeros(10)
+    out = np.zeros(9)
     points, outer, strength, inside = cast_rays(image, u, v, radius, reach, w, n_rays, signed)
     typical = np.median(strength)
     if not typical > 0.0:
@@ -122,22 +119,23 @@ def trace_rays(image, u, v, radius, reach, w, n_rays, signed, flat_std, blurred_
         return out, False
     # Rays closer than a pixel's diagonal or so share their pixels, and so their noise.
     variance *= max(1.0, 2.2 * n_rays / (2.0 * np.pi * radius2))
-    c, s, total = 0.0, 0.0, 1e-9
-    for i in range(n_rays):
-        c += strength[i] * np.cos(2.0 * np.pi * i / n_rays)
-        s += strength[i] * np.sin(2.0 * np.pi * i / n_rays)
-        total += strength[i]
-    per, covered = n_rays // 8, 0
+    return _described(image, u2, v2, radius2, variance, residual, good, inside), True
+
+
+@kernel
+def _described(image, u, v, radius, variance, residual, good, inside):
+    """The fields of `Outline` in their order, (9,), of an ellipse on the rays `good` (n,)."""
+    per, covered = good.size // 8, 0
     for i in range(8):
         on = 0
         for k in range(i * per, (i + 1) * per):
             on += good[k]
         covered += on > 0.34 * per
-    out[0], out[1], out[2], out[3], out[4] = u2, v2, radius2, variance, residual
-    out[5], out[6], out[8] = count, inside, covered / 8.0
-    out[9] = framed_share(image, u2, v2, radius2, per)
-    out[7] = 2.0 * np.sqrt(c * c + s * s) / total
-    return out, True
+    out = np.empty(9)
+    out[0], out[1], out[2], out[3], out[4] = u, v, radius, variance, residual
+    out[5], out[6], out[7] = good.sum(), inside, covered / 8.0
+    out[8] = framed_share(image, u, v, radius, per)
+    return out
 
 
 @kernel
@@ -187,6 +185,12 @@ def trace_outer_ring(image, u, v, radius, w, n_rays, flat_std, rounds):
     return out
 
 
+@kernel
+def _rays(radius):
+    """Number of rays: one every two pixels of the outline [px], a multiple of 8 from 24 to 72."""
+    return 8 * min(max(int(np.pi * radius / 8.0), 3), 9)
+
+
 def trace_outline(
     image: np.ndarray,
     direction: np.ndarray,
@@ -208,11 +212,6 @@ def trace_outline(
     return Outline(*values.tolist()) if found else None
 
 
-def _rays(radius: float) -> int:
-    """Number of rays: one every two pixels of the outline, a multiple of 8 from 24 to 72."""
-    return 8 * min(max(int(2 * math.pi * radius / 2.0 / 8), 3), 9)
-
-
 def retrace_on_consensus(
     image: np.ndarray, direction: np.ndarray, signed: bool, line: Outline, reach: float
 ) -> Outline | None:
@@ -223,61 +222,62 @@ def retrace_on_consensus(
     and points farther than the slack from the circle are dropped. Better is: over 60 % of the rays
     on it, and under 70 % of the residual of `line`.
     """
+    place = line.u_px, line.v_px, line.radius_px
+    first = cast_rays(image, *place, reach, direction, _rays(line.radius_px), signed)[0]
     for slack in SLACKS:
-        again = _on_shared_circle(image, direction, signed, line, reach, slack * line.radius_px)
-        if again is not None and again.share > 0.6 and again.residual_px < 0.7 * line.residual_px:
+        slack_px = slack * line.radius_px
+        values, found = _trace_shared(image, *place, first, direction, signed, slack_px)
+        again = Outline(*values.tolist()) if found else line
+        if again.share > 0.6 and again.residual_px < 0.7 * line.residual_px:
             return again
     return None
 
 
-def _on_shared_circle(
-    image: np.ndarray,
-    direction: np.ndarray,
-    signed: bool,
-    line: Outline,
-    reach: float,
-    slack: float,
-) -> Outline | None:
-    """The outline through the edges within `slack` px of their consensus circle."""
-    u, v, radius = line.u_px, line.v_px, line.radius_px
-    for rays in (reach, SHORT_REACH):
-        points, _, strength, inside = cast_rays(
-            image, u, v, radius, rays, direction, _rays(radius), signed
-        )
-        circle = consensus_circle(points, radius, slack)
-        if circle[3] == 0.0:
-            return None
-        u, v, radius = (float(c) for c in circle[:3])
-        beyond = np.hypot(points[:, 0] - u, points[:, 1] - v) - radius
-        away = math.hypot(u - line.u_px, v - line.v_px) > AWAY * radius
-        arc = _is_arc(beyond > slack) or _is_arc(beyond < -slack)
-        if rays == reach and not (arc or away):  # mere noise
-            return None
-    weight = (strength > 0.0).astype(float)
+@kernel
+def _trace_shared(image, u, v, radius, first, w, signed, slack):
+    """The fields of `Outline`, (9,), through the edges within `slack` px of the circle that most
+    of them share, and whether there is such an outline that differs from the circle (u, v, radius).
+
+    `first` (n, 2) are the edges that long rays met; short rays from their shared circle follow.
+    """
+    out = np.zeros(9)
+    shared = consensus_circle(first, radius, slack)
+    if shared[3] == 0.0:
+        return out, False
+    away = np.sqrt((shared[0] - u) ** 2 + (shared[1] - v) ** 2) > AWAY * radius
+    outside, inside = _longest_arc(first, shared, slack)
+    if not away and max(outside, inside) < max(first.shape[0] // 8, 3):  # mere noise
+        return out, False
+    n_rays = _rays(shared[2])
+    points, _, strength, seen = cast_rays(
+        image, shared[0], shared[1], shared[2], SHORT_REACH, w, n_rays, signed
+    )
+    shared = consensus_circle(points, shared[2], slack)
+    if shared[3] == 0.0:
+        return out, False
+    weight = np.empty(n_rays)
+    for i in range(n_rays):
+        weight[i] = 1.0 if strength[i] > 0.0 else 0.0
     u, v, radius, variance, rms, good = fit_ellipse(
-        points, weight, u, v, radius, slack, ROUND_STD, ROUNDS
+        points, weight, shared[0], shared[1], shared[2], slack, ROUND_STD, ROUNDS
     )
-    octants = good[: len(good) // 8 * 8].reshape(8, -1).mean(1)
-    wave = np.exp(2j * np.pi * np.arange(len(strength)) / len(strength))
-    return Outline(
-        float(u),
-        float(v),
-        float(radius),
-        float(variance),
-        float(rms),
-        float(good.sum()),
-        float(inside),
-        float(2.0 * abs(strength @ wave) / max(strength.sum(), 1e-9)),
-        float(np.mean(octants > 0.34)),
-        float(framed_share(image, u, v, radius, len(good) // 8)),
-    )
+    return _described(image, u, v, radius, variance, rms, good, seen), True
 
 
-def _is_arc(flags: np.ndarray) -> bool:
-    """Whether an eighth of the turn or more is set without a gap: by an edge, not by noise."""
-    twice = np.concatenate((flags, flags)).astype(np.int8)
-    least = max(len(flags) // 8, 3)
-    return bool((np.convolve(twice, np.ones(least, np.int8), "valid") == least).any())
+@kernel
+def _longest_arc(points, circle, slack):
+    """The most consecutive points (n, 2) px once round that lie farther than `slack` px outside the
+    circle (u, v, radius), and inside it: many in a row are another edge, not noise."""
+    n = points.shape[0]
+    longest, run = np.zeros(2, np.int64), np.zeros(2, np.int64)
+    for i in range(2 * n):
+        du, dv = points[i % n, 0] - circle[0], points[i % n, 1] - circle[1]
+        off = np.sqrt(du * du + dv * dv) - circle[2]
+        run[0] = run[0] + 1 if off > slack else 0
+        run[1] = run[1] + 1 if off < -slack else 0
+        for k in range(2):
+            longest[k] = max(longest[k], run[k])
+    return longest[0], longest[1]
 
 
 def outer_outline(

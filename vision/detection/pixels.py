@@ -154,21 +154,6 @@ def probability_map(image, table, step):
 
 
 @kernel
-def mean_between(image, u, v, r_in, r_out):
-    """Mean of a grey image (h, w) at distances r_in <= r < r_out from (u, v); 0 where there are no
-    pixels."""
-    h, wd = image.shape
-    total, value = 0, 0.0
-    for i in range(max(0, int(v - r_out)), min(h, int(v + r_out) + 2)):
-        for j in range(max(0, int(u - r_out)), min(wd, int(u + r_out) + 2)):
-            d = (i - v) ** 2 + (j - u) ** 2
-            if r_in * r_in <= d < r_out * r_out:
-                total += 1
-                value += image[i, j]
-    return value / total if total else 0.0
-
-
-@kernel
 def update_map(image, table, known, row, rows, step, gain, u, v, radius, least):
     """Update `rows` rows of the map `known` (h / step, w / step) float32 in place, from `row` on.
 

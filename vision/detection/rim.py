@@ -106,7 +106,7 @@ def fit_rim(image, u, v, radius, guess_px, flat_std, smeared, rounds):
         else:
             shift_pixels(px, n, move)
         wide = blur.mean()
-        update_blurs(shifts, 2.0 * math.pi * q[0] / k, blur, most)
+        update_blurs(shifts, rows, 2.0 * math.pi * q[0] / k, blur, most)
         if turn > 0 and step < 0.03 and abs(blur.mean() - wide) < 0.15 * wide:
             break
     out[0], out[1], out[2], out[3], out[5], out[6] = u, v, q[0], variance, good.mean(), blur.mean()

@@ -266,20 +266,16 @@ def ellipse_step(shifts, noise, rows, q, flat_std, good):
 
 
 @kernel
-def update_blurs(shifts, arc, blur, most):
+def update_blurs(shifts, rows, arc, blur, most):
     """Update `blur` (k,) px in place: s^2 = 2 M / (A arc), as a mean and a second harmonic.
 
-    M is the moment in `shifts`, A the contrast, `arc` a sector's length (px); 0.45 <= s <= `most`.
+    M is the moment in `shifts`, A the contrast, `rows` (k, 5) as in `ellipse_step`, `arc` a
+    sector's length (px); 0.45 <= s <= `most`.
     """
     k = blur.size
-    N, b = np.zeros((3, 3)), np.zeros(3)
-    row = np.empty(3)
-    contrast = 0.0
+    N, b, row = np.zeros((3, 3)), np.zeros(3), np.ones(3)
     for i in range(k):
-        contrast += shifts[i, 3] / k
-    for i in range(k):
-        t = 6.2831853 * (i + 0.5) / k
-        row[0], row[1], row[2] = 1.0, math.cos(2.0 * t), math.sin(2.0 * t)
+        row[1], row[2] = rows[i, 3], rows[i, 4]
         width = 2.0 * (ZONE * blur[i] + 0.4)  # of the zone, px: shifts[3] = A^2 arc width
         weight = shifts[i, 3] / width
         for m in range(3):
@@ -292,8 +288,7 @@ def update_blurs(shifts, arc, blur, most):
         N[m, m] *= 1.001
     got, _ = solve_linear(N, b)
     for i in range(k):
-        t = 6.2831853 * (i + 0.5) / k
-        s2 = got[0] + got[1] * math.cos(2.0 * t) + got[2] * math.sin(2.0 * t)
+        s2 = got[0] + got[1] * rows[i, 3] + got[2] * rows[i, 4]
         blur[i] = min(max(math.sqrt(max(s2, 0.0)), 0.45), most)
 
 
