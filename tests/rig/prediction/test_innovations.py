@@ -25,7 +25,8 @@ HELD = {
 }
 SIZES = {
     "friction_V": 0.2, "extra_V": 0.15, "speed_rad_s": 0.3, "half_width_V": 0.15,
-    "fraction": 0.05, "fraction_1": 0.1, "offset_V": 0.2, "limit_V": 0.8, "delay_s": 0.008, "amplitude_V": 0.2, "phase_rad": 0.5,
+    "fraction": 0.05, "fraction_1": 0.1, "offset_V": 0.2, "limit_V": 0.8,
+    "delay_s": 0.008, "amplitude_V": 0.2, "phase_rad": 0.5,
     "periods_per_turn": 13.0, "rate_1_s": 0.05, "drop_1_V": 0.03, "play_rad": 0.02,
     "amplitude_rad": 0.01, "coefficient_1_rad": 0.3, "coefficient_1_rad2": 1.0, "slope_rad": 0.005,
     "rate_rad_s": 0.001, "stiffness_1_s2": 0.5, "deceleration_m_s2": 0.01, "extra_s": 0.015,
