@@ -11,6 +11,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 from calibration.gap.decision_rule import (
+    MIN_COMPLETENESS,
     NAME_THRESHOLD,
     RIVAL_MARGIN,
     UNNAMED_SHARE,
@@ -90,16 +91,18 @@ def _names_beside(
     """The effects that still score beside the unnamed term, and the state with those alone.
 
     An effect's score beside the term is S + S_term - S_term without the effect: what both explain
-    together less what the term explains alone.
+    together less what the term explains alone. An effect stays as well if it scores
+    MIN_COMPLETENESS of what the term scores in its place: the term is the effect and a remainder.
     """
     kept: list[Accepted] = []
     for one in accepted:
         keys = [(one.name, axis) for axis in one.axes]
         bare = drop_effects(state, keys)
         rival = significant(unnamed_terms(bare))
+        in_its_place = rival.score if rival is not None else 0.0
         need = max(NAME_THRESHOLD, UNNAMED_SHARE * left.score)
-        gain = one.score + left.score - (rival.score if rival is not None else 0.0)
-        if gain >= need:
+        is_it = one.score >= MIN_COMPLETENESS * in_its_place
+        if is_it or one.score + left.score - in_its_place >= need:
             kept.append(one)
         else:
             state = bare
