@@ -84,8 +84,9 @@ MIN_LATE_REFIT_GAIN = 12.0  # for a lower-ranked effect, while no better one kep
 MIN_AXIS_GAIN = 6.0  # screened gain on an axis for the effect to be released there
 MIN_SHARE_OF_BEST_ON_AXIS = 0.8  # of the best effect's screened gain on that axis, likewise
 CERTAIN_GAIN = 50.0  # beyond it something is missing for certain: costly starts are tried, too
-# Process noise [V/sqrt(Hz)] beyond which a model without dead zone has failed: 150 times the usual.
-FAILED_MODEL_NOISE_V = 0.1
+# Process noise [V/sqrt(Hz)] beyond which a model without dead zone may have failed: ten times the
+# usual.
+FAILED_MODEL_NOISE_V = 0.01
 DETECTABLE_GAIN = 12.0  # gain at which an effect would have shown: 1/2 (sqrt(2 8) + 0.9)^2, 82 %
 
 

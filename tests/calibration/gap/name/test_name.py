@@ -9,7 +9,10 @@ from calibration.gap.findings import Findings, Named
 from calibration.gap.investigation import investigate
 from calibration.gap.report.wording import _effect_words
 from rig.effects import BY_NAME
+from rig.log import Log
+from rig.rigfile import read_rig
 from tests.support.gap.tables import RIG, foreign, foreign_table, without_columns
+from tests.support.worlds import WORLDS
 
 SECONDS = 20.0
 Hidden = dict[str, dict[str, dict[str, float]]]
@@ -208,3 +211,33 @@ def test_a_limit_above_the_volts_that_last_is_told_untestable():
 
 def test_a_name_without_sizes_is_told_all_the_same():
     assert "x" not in _effect_words(Named("dead_zone", 1.0, (), {"x": {}})).rsplit(":", 1)[1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("world", "sizes"),
+    [
+        ("wide_dead_zone", {"dead_zone.half_width_V": 1.3}),
+        (
+            "asymmetric_viscous",
+            {
+                "coulomb_friction.friction_V": 0.58,
+                "viscous_asymmetry.fraction_1": 0.26 * 0.69,
+                "voltage_offset.offset_V": 0.09,
+            },
+        ),
+    ],
+)
+def test_axes_of_another_generator_have_their_names_and_sizes(world: str, sizes: dict, tmp_path):
+    """A dead zone of which the noise beside the wrong model is just below a tenth of a volt; and
+    three frictions at once."""
+    columns, rig, _ = WORLDS[world](1500)
+    (tmp_path / "rig.toml").write_text(rig, encoding="utf-8")
+    log = Log.from_columns(columns)
+    found = investigate([log], read_rig(tmp_path / "rig.toml"), until="add", quick=True).findings
+    assert {one.name for one in found.effects} == {name.split(".")[0] for name in sizes}
+    for name, size in sizes.items():
+        effect, key = name.split(".")
+        one = by_name(found)[effect]
+        assert one.probability > 0.9
+        assert one.parameters["x"][key].value == pytest.approx(size, rel=0.02)
