@@ -75,7 +75,7 @@ CATALOGUE: tuple[Effect, ...] = (
            "The amplifier gives nothing for small commands; larger ones arrive reduced.", VOLTS),
     Effect("gain_asymmetry", "servo", PER_AXIS, (_p("fraction", "1", -0.5, 0.5),), 0.005,
            "The drive is stronger in one direction than in the other.", VOLTS),
-    Effect("viscous_asymmetry", "servo", PER_AXIS, (_p("fraction_1", "1", -0.8, 0.8),), 0.01,
+    Effect("viscous_asymmetry", "servo", PER_AXIS, (_p("fraction_1", "1", -0.8, 0.8),), 0.0,
            "Viscous friction brakes more in one direction than in the other.", VOLTS),
     Effect("voltage_offset", "servo", PER_AXIS, (_p("offset_V", "V", -1, 1),), 0.02,
            "A constant voltage is added to every command.", VOLTS),

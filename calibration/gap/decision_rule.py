@@ -34,7 +34,8 @@ MIN_TOLERANCE_RATIO = 1.2  # fitted size over the tolerance; chosen
 # Minimum size of an effect without a tolerance [unit of its first parameter]: below it, the effect
 # cannot be told from errors of other parameters within their tolerances; chosen.
 MIN_EFFECT_SIZE = {
-    "stribeck_friction": 0.018, "cogging": 0.015, "gain_drift": 8e-4, "supply_sag": 0.0105,
+    "stribeck_friction": 0.018, "viscous_asymmetry": 0.012, "cogging": 0.015, "gain_drift": 8e-4,
+    "supply_sag": 0.0105,
     "gear_backlash": 0.0012, "transmission_ripple": 0.0015, "linkage_cubic": 0.25,
     "level_drift": 8e-6, "plate_bowl": 0.015, "viscous_drag": 0.014, "lens_distortion": 0.3,
 }  # fmt: skip
