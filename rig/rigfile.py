@@ -46,6 +46,8 @@ def read_rig(path: Path) -> Rig:
 def _beside(rig: Rig, folder: Path) -> Rig:
     """The rig with the files that [table] names found from the rig file's folder."""
     named = {key: name for key in _FILES if (name := getattr(rig.table, key))}
+    if ".py:" in (rig.table.camera or ""):  # a camera's class in a file of one's own
+        named["camera"] = rig.table.camera
     if not named:
         return rig
     found = {key: str(folder / name) for key, name in named.items()}

@@ -124,9 +124,20 @@ def test_files_named_in_the_table_section_lie_beside_the_rig_file(tmp_path: Path
     table = read_rig(path).table
     assert table.token_file == str(tmp_path / "lab.token")
     assert table.calibration == "/cal/calibration.json"
+    assert table.camera == "0"
     assert table.sign_angle == (1, -1)
     write_rig(read_rig(path), tmp_path / "again.toml")
     assert read_rig(tmp_path / "again.toml") == read_rig(path)
+
+
+@pytest.mark.parametrize("file", ["mine.py", "/cameras/mine.py"])
+def test_a_camera_of_ones_own_lies_beside_the_rig_file(tmp_path: Path, file: str):
+    path = tmp_path / "lab.toml"
+    path.write_text(
+        "[table]\nkind = 'serial'\nport = 'a'\ncalibration = 'c.json'\n"
+        f"camera = '{file}:MyCamera'\n"
+    )
+    assert read_rig(path).table.camera == f"{tmp_path / file}:MyCamera"
 
 
 ARMS = """

@@ -1,4 +1,5 @@
-"""The verdict: named, unknown effect, both, nothing missing, or two names that no log separates.
+"""The decision before the proof, which `calibration.gap.veto` upholds or changes: names, an unknown
+effect, names beside one, nothing missing, or two names that no log separates.
 
 1. Names from stepwise selection (`stepwise`).
 2. Names whose score chance alone reaches on such a log are dropped (`bootstrap`).
