@@ -46,7 +46,8 @@ class BoardTable(LevelOnExit):
     time_constant_s, top_speed_rad_s: of the servo at voltage_limit_V, by which the board brakes.
     homed False: the zeros are not known yet, so the board keeps to 1.5 V and does not level. eye:
     where observations of the ball come from; tachometer_rad_s_V: speed at the load shaft per volt
-    of the tachometer; clock: monotonic [s]. ticks_missed: of the board; newest: telemetry.
+    of the tachometer; clock: monotonic [s]; random_below(n): from 0 to n - 1, for the numbers that
+    tell this session's packets from another's. ticks_missed: of the board; newest: telemetry.
     ValueError: a period or a field that the board cannot take. LinkLost: the board does not answer
     or speaks another version.
     """
@@ -65,6 +66,7 @@ class BoardTable(LevelOnExit):
         eye: ObservationSource | None = None,
         tachometer_rad_s_V: float = TACHOMETER_RAD_S_V,
         clock: Callable[[], float] = time.monotonic,
+        random_below: Callable[[int], int] = secrets.randbelow,
     ) -> None:
         self.period_s, self.voltage_limit_V = period_s, voltage_limit_V
         self.ticks_missed = 0  # of the board's: their telemetry came late or never
@@ -73,7 +75,7 @@ class BoardTable(LevelOnExit):
         self._tachometer, self._clock = tachometer_rad_s_V, clock
         self._parser, self._times = wire.Parser(), BoardClock(clock)
         self._unheard: deque[tuple[int, float]] = deque()
-        self._sequence = secrets.randbelow(65536)
+        self._random_below, self._sequence = random_below, random_below(65536)
         self._armed, self._ended, self._closed = False, None, False
         self._read_us: int | None = None
         try:
@@ -110,7 +112,7 @@ class BoardTable(LevelOnExit):
         bits = homed | negative[0] << 1 | negative[1] << 2 | wiring.crossed << 3
         return ConfigRequest(
             wire.VERSION,
-            secrets.randbelow(65536),
+            self._random_below(65536),
             period_ms,
             bits,
             *wiring.zero_counts,

@@ -4,6 +4,7 @@
 whose waiting makes time pass. A board is anything with receive, run_ms, take, volts, reset.
 """
 
+import random
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -42,6 +43,7 @@ class World:
         self.board, self.wiring, self.pace = board, wiring or Wiring(), pace
         self.plant = SimulatedTable(fine, np.random.default_rng(seed), start_m=start_m, held=held)
         self.watch: Callable[[], None] = lambda: None
+        self.random = random.Random(seed)  # session numbers: the chip's cycles depend on bytes
         self.volts = (0.0, 0.0)  # at the axes' motors
         self.balls: list[Observation] = []
         self.powered = True  # the emergency stop cuts it
@@ -133,7 +135,11 @@ class WorldEye:
 def table_on(world: World, link: WorldLink | None = None, **settings) -> BoardTable:
     """A board table over a lock-step link, its eye the plant's camera."""
     eye, link = WorldEye(world), link or WorldLink(world)
-    settings = {"wiring": world.wiring, "clock": link.clock} | settings
+    settings = {
+        "wiring": world.wiring,
+        "clock": link.clock,
+        "random_below": world.random.randrange,
+    } | settings
     table = BoardTable(link, eye=eye, **settings)
     eye.table = table
     return table
