@@ -64,7 +64,9 @@ _DEG = radians(1)
 
 # A linkage's ranges end where the plate would turn back at 0.25 rad.
 CATALOGUE: tuple[Effect, ...] = (
-    Effect("coulomb_friction", "servo", PER_AXIS, (_p("friction_V", "V", 0, 1),), 0.015,
+    Effect("coulomb_friction", "servo", PER_AXIS,
+           (_p("friction_V", "V", 0, 1), _p("settling_s", "s", 0, 0.1),
+            _p("softness_rad_s", "rad/s", 0, 1)), 0.015,
            "Dry friction: the motor needs this many volts before it moves, and loses them moving.",
            VOLTS),
     Effect("stribeck_friction", "servo", PER_AXIS,
@@ -183,11 +185,13 @@ def check(effects: Mapping[str, Mapping[str, Mapping[str, float]]]) -> None:
                     raise ValueError(f"effect '{name}' has no key '{key}'; known: {keys}")
                 _check_number(name, axis, key, value)
         _check_play(name, by_axis)
+        _check_shape(name, by_axis)
 
 
 _NOT_NEGATIVE = (
     "play_rad friction_V limit_V delay_s half_width_V positive_V negative_V extra_V amplitude_V "
-    "amplitude_rad deceleration_m_s2 half_width_rad limit_rad_s"
+    "amplitude_rad deceleration_m_s2 half_width_rad limit_rad_s settling_s "
+    "softness_rad_s"
 ).split()
 _LIMITS = ("limit_V", "limit_rad_s")  # may be infinite
 _ABOVE_ZERO = ("speed_rad_s", "periods_per_turn", *_LIMITS)
@@ -226,6 +230,16 @@ def _check_play(name: str, by_axis: Mapping[str, Mapping[str, float]]) -> None:
             raise ValueError(
                 f"effect '{name}', {axis}.offset_rad = {offset:g}: must be at most half of "
                 f"play_rad ({width / 2:g})"
+            )
+
+
+def _check_shape(name: str, by_axis: Mapping[str, Mapping[str, float]]) -> None:
+    """Dry friction has one shape near standstill: it settles, or it is soft."""
+    for axis, pairs in by_axis.items():
+        if pairs.get("settling_s") and pairs.get("softness_rad_s"):
+            raise ValueError(
+                f"effect '{name}', {axis}: settling_s and softness_rad_s exclude each other; "
+                "leave one at 0"
             )
 
 

@@ -19,7 +19,8 @@ PAIRS = (  # per axis
     "gain_asymmetry_fraction gain_drift_rate_1_s voltage_offset_offset_V "
     "cogging_amplitude_V cogging_phase_rad cogging_periods_per_turn "
     "viscous_asymmetry_fraction_1 "
-    "coulomb_friction_friction_V stribeck_friction_extra_V stribeck_friction_speed_rad_s "
+    "coulomb_friction_friction_V friction_held coulomb_friction_softness_rad_s "
+    "stribeck_friction_extra_V stribeck_friction_speed_rad_s "
     "transmission_ripple_amplitude_rad transmission_ripple_phase_rad "
     "transmission_ripple_periods_per_turn linkage_quadratic_coefficient_1_rad "
     "linkage_cubic_coefficient_1_rad2 cross_coupling_fraction level_offset_slope_rad "
@@ -34,6 +35,7 @@ UNIFORM = ("step_s", "shaft_model", "walls")  # the same in all lanes of a block
 # compiler sees their nulls as literals and drops the work.
 COSTLY = (
     "cogging_amplitude_V",
+    "coulomb_friction_softness_rad_s",
     "stribeck_friction_extra_V",
     "transmission_ripple_amplitude_rad",
     "rolling_resistance_deceleration_m_s2",

@@ -70,13 +70,6 @@ def friction_volts(omega, friction_V, extra_V, speed_rad_s):
 
 
 @inlined
-def braked_speed(omega, fraction):
-    """omega + fraction |omega|: the speed that viscous friction feels where it differs by
-    direction [rad/s]."""
-    return omega + fraction * abs(omega)
-
-
-@inlined
 def stick(speed, largest_change):
     """Speed after dry friction that changes it by at most `largest_change` and never reverses it.
 
@@ -84,6 +77,40 @@ def stick(speed, largest_change):
     unit of speed, alike for both arguments.
     """
     return max(speed - largest_change, 0.0) + min(speed + largest_change, 0.0)
+
+
+@inlined
+def softened(speed, softness_rad_s):
+    """tanh(|omega|/s)/|omega| [s/rad]: dry friction that sets in softly over the speed s, as a share
+    of it per speed. s > 0.
+
+    Regularised Coulomb friction F tanh(omega/s), as of E. Pennestri et al., "Review and comparison
+    of dry friction force models", Nonlinear Dynamics 83 (2016), Sec. 3.1.
+    """
+    x = max(abs(speed) / softness_rad_s, 1e-6)  # its limit at rest is 1/s, to 1e-12
+    e = decaying(2.0 * x)
+    return (1.0 - e) / ((1.0 + e) * x * softness_rad_s)
+
+
+@inlined
+def dry_friction(free, speed, largest_change, held, softness_rad_s):
+    """Speed after dry friction, of a motor that had `speed` and would have `free` without it.
+
+    It changes the speed by at most `largest_change`, and never reverses it. It stops a motor that it
+    can hold down to `held` times its speed: 0, or exp(-h/T) where the motor settles with the time
+    constant T while its asperities slip. With a softness s > 0 it is semi-implicitly
+    -F tanh(omega/s), under which a loaded motor creeps.
+    """
+    if softness_rad_s > 0.0:
+        return free / (1.0 + largest_change * softened(speed, softness_rad_s))
+    return free - min(max(free - held * speed, -largest_change), largest_change)
+
+
+@inlined
+def braked_speed(omega, fraction):
+    """omega + fraction |omega|: the speed that viscous friction feels where it differs by
+    direction [rad/s]."""
+    return omega + fraction * abs(omega)
 
 
 # --- ball side: the angle that the plate feels, and forces on the ball ------------------------

@@ -1,6 +1,6 @@
 """The plant's parameters as one flat record that the compiled functions take, made from a rig."""
 
-from math import ceil, cos
+from math import ceil, cos, exp
 
 import numpy as np
 
@@ -20,7 +20,7 @@ _MODELS = {"exact": EXACT, "dead_zone": DEAD_ZONE, "none": NONE}
 _PER_AXIS = (
     "torque_per_volt motor_damping motor_inertia motor_per_torque motor_per_volt gear_k gear_c "
     "gear_decay gear_1 gear_2 gear_coast joint_k joint_c joint_decay joint_1 joint_2 "
-    "ratio weight half_side arm_radius rod"
+    "friction_held ratio weight half_side arm_radius rod"
 ).split() + list(Servo.by_axis)
 _SCALARS = (
     "step_s arm_inertia plate_inertia arm_friction joint_friction arm_per_torque plate_per_torque "
@@ -130,6 +130,7 @@ def _per_step(p: np.record) -> None:
     p["motor_per_torque"] = h / p["motor_inertia"]
     p["motor_per_volt"] = p["torque_per_volt"] * p["motor_per_torque"]
     p["arm_per_torque"], p["plate_per_torque"] = h / p["arm_inertia"], h / p["plate_inertia"]
+    p["friction_held"] = [exp(-h / t) if t > 0.0 else 0.0 for t in p["coulomb_friction_settling_s"]]
     p["arm_stick"] = p["arm_friction"] * p["arm_per_torque"]
     p["plate_stick"] = p["joint_friction"] * p["plate_per_torque"]
     p["weight"] = p["mass"] * GRAVITY_M_S2 * p["ratio"]  # torque at the servo per metre of offset

@@ -152,7 +152,13 @@ def drive_step(p, a, volts, ball_torque, axis):
     braked = equations.braked_speed(motor_rate, p.viscous_asymmetry_fraction_1[a])
     torque = p.torque_per_volt[a] * volts - p.motor_damping[a] * braked - t_gear
     free = motor_rate + torque * p.motor_per_torque[a]
-    motor_rate = equations.stick(free, dry * p.motor_per_volt[a])
+    motor_rate = equations.dry_friction(
+        free,
+        motor_rate,
+        dry * p.motor_per_volt[a],
+        p.friction_held[a],
+        p.coulomb_friction_softness_rad_s[a],
+    )
     arm_rate = equations.stick(arm_rate + (t_gear - t_joint) * p.arm_per_torque, p.arm_stick)
     plate_rate = plate_speed(p, plate_rate, t_joint + ball_torque)
     motor, arm, plate = motor + h * motor_rate, arm + h * arm_rate, plate + h * plate_rate

@@ -42,7 +42,7 @@ def servo_step(p, a, motor, speed, variance, volts, gain, decay, share, free_gap
     p: record PLANT; variance: of the speed, as the filter knows it [rad2/s2]; gain: K [rad/s/V];
     decay, share: what is left of a speed after dt and of its mean over dt [1] (`_decays`);
     free_gap: the motor turns alone inside the gear's gap, without the arm's friction. First order
-    exactly, then dry friction. A speed known to +-s feels the mean of the Stribeck excess over
+    exactly, then dry friction, or with it where it sets in softly. A speed known to +-s feels the mean of the Stribeck excess over
     N(omega, s^2): the bell of width v becomes sqrt(v^2 + 2 s^2) wide and lower by the ratio of
     both.
     """
@@ -52,15 +52,23 @@ def servo_step(p, a, motor, speed, variance, volts, gain, decay, share, free_gap
         wide = sqrt(bell * bell + 2.0 * variance)
         extra, bell = extra * bell / wide, wide
     dry = equations.friction_volts(speed, p.coulomb_friction_friction_V[a], extra, bell)
-    dry += 0.0 if free_gap else p.arm_friction / p.torque_per_volt[a]
-    fraction = p.viscous_asymmetry_fraction_1[a]
+    fraction, soft = p.viscous_asymmetry_fraction_1[a], p.coulomb_friction_softness_rad_s[a]
+    more = 0.0
     if fraction != 0.0:
-        gain, decay, share = _braked(
-            gain, decay, fraction if speed > 0.0 or (speed == 0.0 and volts > 0.0) else -fraction
-        )
+        more = fraction if speed > 0.0 or (speed == 0.0 and volts > 0.0) else -fraction
+    if soft > 0.0:  # a viscous friction that depends on the speed: on that in the step's middle
+        slower, left, _ = _braked(gain, decay, more + gain * dry * equations.softened(speed, soft))
+        middle = slower * volts + (speed - slower * volts) * sqrt(left)
+        more += gain * dry * equations.softened(middle, soft)
+        dry = 0.0
+    if more != 0.0:
+        gain, decay, share = _braked(gain, decay, more)
+    dry += 0.0 if free_gap else p.arm_friction / p.torque_per_volt[a]
     target = gain * volts
     free = target + (speed - target) * decay
-    after = equations.stick(free, gain * dry * (1.0 - decay))
+    settling = p.coulomb_friction_settling_s[a]
+    held = exp(-dt / settling) if settling > 0.0 else 0.0
+    after = equations.dry_friction(free, speed, gain * dry * (1.0 - decay), held, 0.0)
     # The mean speed over the tick: exact for the first-order motor, dry friction on both ends.
     mean = target + (speed - target) * share
     return motor + dt * (mean + 0.5 * (after - free)), after

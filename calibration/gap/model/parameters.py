@@ -29,7 +29,7 @@ SERVO, BALL = ("servo_x", "servo_y"), "ball"
 CALIBRATED = {"gain_rad_s_V": 0.05, "time_constant_s": 0.10}  # always fitted; beyond: recalibrate
 # Steps of difference quotients: about the tolerances, for backlash and friction have no derivative.
 STEPS = {
-    "friction_V": 0.01, "extra_V": 0.02, "speed_rad_s": 0.02, "half_width_V": 0.01,
+    "friction_V": 0.01, "settling_s": 0.001, "softness_rad_s": 0.01, "extra_V": 0.02, "speed_rad_s": 0.02, "half_width_V": 0.01,
     "positive_V": 0.01, "negative_V": 0.01, "fraction": 0.005, "offset_V": 0.01, "limit_V": 0.05,
     "fraction_1": 0.01,
     "delay_s": 0.001, "sine": 0.01, "cosine": 0.01, "periods_per_turn": 0.3, "rate_1_s": 5e-4,
@@ -52,6 +52,8 @@ COAST_KEY, LONGEST_COAST_S2_RAD = "coast_s2_rad", 0.5
 # So has a camera scale: a ball higher than assumed seems larger, and shifted as the plate tilts. At
 # most its own diameter, as where its positions were taken for those of its lowest point or its top.
 HEIGHT_KEY = "height_m"
+# And dry friction: how it stops a motor, by a time constant or over a speed.
+SETTLING_KEY, SOFTNESS_KEY = "settling_s", "softness_rad_s"
 INNER_SHAPE = {"gear_backlash": [COAST_KEY], "camera_scale": [HEIGHT_KEY]}
 IN_RECORD = {COAST_KEY: "gear_coast", HEIGHT_KEY: "camera_height"}  # not in the catalogue
 # Where servos take an angle that nobody measures, these make the same data as others do, whatever
@@ -308,8 +310,7 @@ def released(
     parameters = nominal.of(effect.name, axis)
     if effect.name in (*PERIODIC, "stribeck_friction"):
         return parameters
-    if effect.name == "gear_backlash" and setting.get(f"gear_backlash.{COAST_KEY}.{axis}"):
-        return [k for k in parameters if k.key in ("play_rad", COAST_KEY)]
-    if effect.name == "camera_scale" and setting.get(f"camera_scale.{HEIGHT_KEY}.{axis}"):
-        return parameters
+    for key in (COAST_KEY, HEIGHT_KEY, SETTLING_KEY, SOFTNESS_KEY):
+        if setting.get(f"{effect.name}.{key}.{axis}"):
+            return [parameters[0], *(k for k in parameters if k.key == key)]
     return parameters[:1]

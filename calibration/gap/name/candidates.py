@@ -17,6 +17,8 @@ from calibration.gap.model.parameters import (
     HEIGHT_KEY,
     PERIODIC,
     SERVO,
+    SETTLING_KEY,
+    SOFTNESS_KEY,
     NominalModel,
 )
 from rig.effects import Effect
@@ -36,6 +38,7 @@ SIZES: Mapping[str, tuple[float, ...]] = {
     "half_width_rad": (0.003, 0.01, 0.03),
 }  # fmt: skip
 START_COAST_S2_RAD = 0.06
+FRICTION_SHAPES = ((SETTLING_KEY, (0.003, 0.01)), (SOFTNESS_KEY, (0.02, 0.1)))
 WIDE_DEAD_ZONE_SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)  # of the largest volts
 OWN_SIZES = {"viscous_drag.rate_1_s": (0.05,)}
 Start = dict[str, float]
@@ -69,6 +72,12 @@ def starts(
         fraction, height = nominal.of(name, axis)
         alone = {fraction.name: fraction.nominal + SIZES["fraction"][0]}
         return [[alone], [alone, {height.name: SIZES[HEIGHT_KEY][0]}]]
+    if name == "coulomb_friction":
+        frictions = [{first.name: first.nominal + size} for size in SIZES["friction_V"]]
+        shapes = [
+            {f"{name}.{key}.{axis}": value} for key, sizes in FRICTION_SHAPES for value in sizes
+        ]
+        return [[one | more] for one in frictions for more in ({}, *shapes)]
     sizes = OWN_SIZES.get(f"{name}.{first.key}", SIZES.get(first.key, ()))
     return [[{first.name: first.nominal + size}] for size in sizes]
 
