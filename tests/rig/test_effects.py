@@ -326,6 +326,37 @@ def test_coulomb_friction_sticks_below_its_volts():
     assert np.all(moved(rig, constant_volts(0.201, -0.201, 0.2))[-1, MOTOR] != 0.0)
 
 
+@pytest.mark.parametrize("volts", [0.25, -0.15])
+def test_soft_friction_creeps_under_less_than_its_volts(volts):
+    """Steady speed solves omega = K (V - F tanh(omega/s))."""
+    friction, soft = 0.2, 0.05
+    rig = smooth_rig(effects=on("coulomb_friction", friction_V=friction, softness_rad_s=soft))
+    omega = moved(rig, constant_volts(volts, 0.0, 0.5), held=True)[-1, MOTOR_RATE, 0]
+    lost = friction * np.tanh(omega / soft)
+    assert omega == pytest.approx(rig.servo.gain_rad_s_V * (volts - lost), rel=1e-3)
+    assert 0.2 * friction < abs(lost) < 0.999 * friction
+
+
+def test_friction_that_settles_holds_and_stops_with_its_time_constant():
+    """Below its volts v = v_0 exp(-t/T), whatever the drive; at rest nothing creeps."""
+    friction, settling_s, begin = 0.3, 0.02, 0.05
+    rig = smooth_rig(effects=on("coulomb_friction", friction_V=friction, settling_s=settling_s))
+    start = plant.rest()
+    start[MOTOR_RATE] = begin
+    states = moved(rig, constant_volts(0.1, -0.1, 0.06), state=start, held=True)
+    t_s = np.linspace(0.0, 0.06, len(states))
+    for a in range(2):
+        expected = begin * np.exp(-t_s / settling_s)
+        np.testing.assert_allclose(states[:, MOTOR_RATE, a], expected, rtol=0.02, atol=1e-6)
+    assert np.all(moved(rig, constant_volts(0.299, -0.299, 0.2))[:, MOTOR] == 0.0)
+    assert np.all(moved(rig, constant_volts(0.301, -0.301, 0.2))[-1, MOTOR] != 0.0)
+
+
+def test_friction_has_one_shape_near_standstill():
+    with pytest.raises(ValueError, match="exclude each other"):
+        check(on("coulomb_friction", friction_V=0.1, settling_s=0.01, softness_rad_s=0.05))
+
+
 def test_stribeck_friction_falls_with_speed():
     """Steady speed solves omega = K (V - F - E exp(-(omega/speed)^2))."""
     friction, extra, speed = 0.1, 0.2, 0.4

@@ -102,6 +102,23 @@ def test_with_the_true_effect_the_innovations_shrink_with_the_tick(name: str):
     assert fine < 0.75 * coarse
 
 
+@pytest.mark.parametrize("shape", [{"settling_s": 0.01}, {"softness_rad_s": 0.05}])
+def test_friction_of_either_shape_is_followed_as_well(shape: dict[str, float]):
+    """Both shrink with the tick; hard friction of the same size leaves a gap."""
+    sizes_of = {}
+    for rate_hz in (500.0, 2000.0):
+        rig = table("coulomb_friction", rate_hz)
+        pairs = rig.effects["coulomb_friction"]["x"]
+        true, hard = (
+            replace(rig, effects={"coulomb_friction": dict.fromkeys("xy", pairs | more)})
+            for more in (shape, {})
+        )
+        run = simulated(true)
+        sizes_of[rate_hz] = [sizes(predict(m, run, LEVELS), rate_hz)["servo"] for m in (true, hard)]
+    assert sizes_of[2000.0][0] < 0.75 * sizes_of[500.0][0]
+    assert all(hard > 1.5 * true for true, hard in sizes_of.values()), sizes_of
+
+
 @pytest.mark.parametrize("name", [effect.name for effect in effects_of("voltage")])
 def test_without_the_effect_its_own_channel_shows_a_gap_and_the_other_does_not(name: str):
     mine = channel(name)
