@@ -1,18 +1,19 @@
 """Gaps before and after on data that the fit has not seen, over one noise floor a channel.
 
-The runs (or the halves of a single run) are split in two; every model is refitted on one half and
-judged on the other. With e the innovations of a channel on the judged half,
+The runs (or the halves of a single run) are split in two; every model is refitted on each half and
+judged on the other (two-fold cross-validation). With e the innovations of a channel on both judged
+halves,
 
     gap = RMS(e)/floor,   closed share = (before - after)/(before - 1)
 
 The floor is the RMS that repeated clean runs of this table leave, if the rig file has it
-(`rig gap --tolerances-from`), else that of the accepted model refitted on the judged half: the same
-for all rows, never estimated anew for "before". The RMS error 1 s ahead of the ball (predicted from
+(`rig gap --tolerances-from`), else that of the accepted model refitted on each judged half: the
+same for all rows, never estimated anew for "before". The RMS error 1 s ahead of the ball (predicted from
 the measured angles alone) and of the servos (from the volts alone) is told as well. Whether a name
 may stand at all is judged by `calibration.gap.veto`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import degrees
 
@@ -61,6 +62,15 @@ def on(state: State, evidence: Evidence) -> State:
 def rms(evidence: Evidence, model: Model) -> dict[str, float]:
     """RMS innovation by channel [rad or m] over the samples with a mask above 0 and a residual
     below OUTLIER_Z deviations; channels without samples are left out."""
+    return _rms(_squares(evidence, model))
+
+
+def _rms(squares: Mapping[str, np.ndarray]) -> dict[str, float]:
+    return {name: float(np.sqrt(np.mean(values))) for name, values in squares.items()}
+
+
+def _squares(evidence: Evidence, model: Model) -> dict[str, np.ndarray]:
+    """Squared innovations by channel [rad2 or m2] of the samples that `rms` takes."""
     found = {}
     for output in evidence.outputs:
         roll, mask = evidence.roll(model, output), evidence.masks[output] > 0
@@ -69,9 +79,9 @@ def rms(evidence: Evidence, model: Model) -> dict[str, float]:
         if output == BALL:
             for a, channel in enumerate(CHANNELS[2:]):
                 if evidence.ball_axes[a] and good[a::2].any():
-                    found[channel] = float(np.sqrt(np.mean(size[a::2][good[a::2]])))
+                    found[channel] = size[a::2][good[a::2]]
         elif good.any():
-            found[SERVO[SERVO.index(output)]] = float(np.sqrt(np.mean(size[good])))
+            found[SERVO[SERVO.index(output)]] = size[good]
     return found
 
 
@@ -89,10 +99,11 @@ def _ahead_of_run(run: Signals, evidence: Evidence, model: Model, output: str) -
     return servo_ahead(model.record, run, evidence.levels, *servo, SERVO.index(output))[0]
 
 
-def ahead_1s(evidence: Evidence, model: Model) -> dict[str, float]:
-    """RMS error 1 s ahead by output [m, rad]; outputs in which no prediction ends are left out."""
+def _ahead_squares(evidence: Evidence, model: Model) -> dict[str, np.ndarray]:
+    """Squared errors 1 s ahead by output [m2 or rad2]; outputs in which no prediction ends are left
+    out."""
     errors = {output: ahead(evidence, model, output) for output in evidence.outputs}
-    return {o: float(np.sqrt(np.mean(e * e))) for o, e in errors.items() if len(e)}
+    return {output: e * e for output, e in errors.items() if len(e)}
 
 
 def model_of(state: State) -> Model:
@@ -118,22 +129,20 @@ class Proof:
 
 
 def prove(models: Mapping[str, State], after: str, levels: np.record) -> Proof:
-    """Judge models on held-out data: each is refitted on one half and judged on the other.
+    """Judge models on held-out data: each is refitted on each half and judged on the other.
 
     `models`: label -> state, of which the first is "nothing added"; `after`: label of the accepted
     one; `levels`: its noise levels (dtype NOISE), used for all models.
     """
     states = {k: replace(s, evidence=s.evidence.with_levels(levels)) for k, s in models.items()}
-    train, test = split(states[after].evidence)
-    floor_model = model_of(on(states[after], test))
-    floor, source = floors(states[after].nominal.rig, rms(test, floor_model))
-    aheads = {"floor": ahead_1s(test, floor_model)}
-    rows, raw = [], {}
-    for label, state in states.items():
-        fitted = model_of(on(state, train))
-        raw[label] = rms(test, fitted)
-        gaps = {c: raw[label][c] / floor[c] for c in floor if c in raw[label]}
-        aheads[label] = ahead_1s(test, fitted)
+    halves = split(states[after].evidence)
+    fitted = {k: [model_of(on(state, half)) for half in halves] for k, state in states.items()}
+    fullest, ahead_floor = _judged(halves, fitted[after])
+    floor, source = floors(states[after].nominal.rig, fullest)
+    aheads, rows = {"floor": ahead_floor}, []
+    for label, models_of_halves in fitted.items():
+        raw, aheads[label] = _judged(halves[::-1], models_of_halves)
+        gaps = {c: raw[c] / floor[c] for c in floor if c in raw}
         rows.append(ProofRow(label, gaps, *_in_units(aheads[label])))
     by = {row.model: row for row in rows}
     before, last = rows[0], by[after]
@@ -145,6 +154,19 @@ def prove(models: Mapping[str, State], after: str, levels: np.record) -> Proof:
         if all(output in aheads[label] for label in told.values())
     }
     return Proof(Gap(before.gap, last.gap, source, True, floor, mm, deg), tuple(rows))
+
+
+def _judged(
+    halves: Sequence[Evidence], models: Sequence[Model]
+) -> tuple[dict[str, float], dict[str, float]]:
+    """RMS innovation by channel and RMS error 1 s ahead by output [m, rad], of each half under the
+    model beside it."""
+    found = []
+    for size in (_squares, _ahead_squares):
+        parts = [size(half, model) for half, model in zip(halves, models, strict=True)]
+        names = dict.fromkeys(name for part in parts for name in part)
+        found.append(_rms({n: np.concatenate([p[n] for p in parts if n in p]) for n in names}))
+    return found[0], found[1]
 
 
 def _in_units(errors: Mapping[str, float]) -> tuple[float | None, dict[str, float]]:

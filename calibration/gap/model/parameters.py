@@ -29,7 +29,8 @@ SERVO, BALL = ("servo_x", "servo_y"), "ball"
 CALIBRATED = {"gain_rad_s_V": 0.05, "time_constant_s": 0.10}  # always fitted; beyond: recalibrate
 # Steps of difference quotients: about the tolerances, for backlash and friction have no derivative.
 STEPS = {
-    "friction_V": 0.01, "settling_s": 0.001, "softness_rad_s": 0.01, "extra_V": 0.02, "speed_rad_s": 0.02, "half_width_V": 0.01,
+    "friction_V": 0.01, "settling_s": 0.001, "softness_rad_s": 0.01,
+    "extra_V": 0.02, "speed_rad_s": 0.02, "half_width_V": 0.01,
     "positive_V": 0.01, "negative_V": 0.01, "fraction": 0.005, "offset_V": 0.01, "limit_V": 0.05,
     "fraction_1": 0.01,
     "delay_s": 0.001, "sine": 0.01, "cosine": 0.01, "periods_per_turn": 0.3, "rate_1_s": 5e-4,
