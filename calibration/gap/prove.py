@@ -8,9 +8,9 @@ halves,
 
 The floor is the RMS that repeated clean runs of this table leave, if the rig file has it
 (`rig gap --tolerances-from`), else that of the accepted model refitted on each judged half: the
-same for all rows, never estimated anew for "before". The RMS error 1 s ahead of the ball (predicted from
-the measured angles alone) and of the servos (from the volts alone) is told as well. Whether a name
-may stand at all is judged by `calibration.gap.veto`.
+same for all rows, never estimated anew for "before". The RMS error 1 s ahead of the ball (predicted
+from the measured angles alone) and of the servos (from the volts alone) is told as well. Whether a
+name may stand at all is judged by `calibration.gap.veto`.
 """
 
 from collections.abc import Mapping, Sequence

@@ -81,11 +81,11 @@ def stick(speed, largest_change):
 
 @inlined
 def softened(speed, softness_rad_s):
-    """tanh(|omega|/s)/|omega| [s/rad]: dry friction that sets in softly over the speed s, as a share
-    of it per speed. s > 0.
+    """tanh(|omega|/s)/|omega| [s/rad]: the share of dry friction per speed that sets in softly
+    over the speed s > 0.
 
-    Regularised Coulomb friction F tanh(omega/s), as of E. Pennestri et al., "Review and comparison
-    of dry friction force models", Nonlinear Dynamics 83 (2016), Sec. 3.1.
+    Regularised Coulomb friction F tanh(omega/s), as in E. Pennestri et al., "Review and comparison
+    of dry friction force models", Nonlinear Dynamics 83 (2016).
     """
     x = max(abs(speed) / softness_rad_s, 1e-6)  # its limit at rest is 1/s, to 1e-12
     e = decaying(2.0 * x)
@@ -96,10 +96,10 @@ def softened(speed, softness_rad_s):
 def dry_friction(free, speed, largest_change, held, softness_rad_s):
     """Speed after dry friction, of a motor that had `speed` and would have `free` without it.
 
-    It changes the speed by at most `largest_change`, and never reverses it. It stops a motor that it
-    can hold down to `held` times its speed: 0, or exp(-h/T) where the motor settles with the time
-    constant T while its asperities slip. With a softness s > 0 it is semi-implicitly
-    -F tanh(omega/s), under which a loaded motor creeps.
+    It changes the speed by at most `largest_change` and never reverses it. Where it can hold the
+    motor, `held` times its speed is left: 0, or after a step h exp(-h/T) if the motor settles with
+    the time constant T (as under MuJoCo's `frictionloss`). With a softness s > 0 it is -F
+    tanh(omega/s), semi-implicitly, under which a loaded motor creeps.
     """
     if softness_rad_s > 0.0:
         return free / (1.0 + largest_change * softened(speed, softness_rad_s))

@@ -42,9 +42,9 @@ def servo_step(p, a, motor, speed, variance, volts, gain, decay, share, free_gap
     p: record PLANT; variance: of the speed, as the filter knows it [rad2/s2]; gain: K [rad/s/V];
     decay, share: what is left of a speed after dt and of its mean over dt [1] (`_decays`);
     free_gap: the motor turns alone inside the gear's gap, without the arm's friction. First order
-    exactly, then dry friction, or with it where it sets in softly. A speed known to +-s feels the mean of the Stribeck excess over
-    N(omega, s^2): the bell of width v becomes sqrt(v^2 + 2 s^2) wide and lower by the ratio of
-    both.
+    exactly, then dry friction; soft friction is viscous friction that depends on the speed in the
+    step's middle. A speed known to +-s feels the mean of the Stribeck excess over N(omega, s^2): the
+    bell of width v becomes sqrt(v^2 + 2 s^2) wide and lower by the ratio of both.
     """
     bell = p.stribeck_friction_speed_rad_s[a]
     extra = p.stribeck_friction_extra_V[a]
