@@ -43,8 +43,8 @@ def servo_step(p, a, motor, speed, variance, volts, gain, decay, share, free_gap
     decay, share: what is left of a speed after dt and of its mean over dt [1] (`_decays`);
     free_gap: the motor turns alone inside the gear's gap, without the arm's friction. First order
     exactly, then dry friction; soft friction is viscous friction that depends on the speed in the
-    step's middle. A speed known to +-s feels the mean of the Stribeck excess over N(omega, s^2): the
-    bell of width v becomes sqrt(v^2 + 2 s^2) wide and lower by the ratio of both.
+    step's middle. A speed known to +-s feels the mean of the Stribeck excess over N(omega, s^2):
+    the bell of width v becomes sqrt(v^2 + 2 s^2) wide and lower by the ratio of both.
     """
     bell = p.stribeck_friction_speed_rad_s[a]
     extra = p.stribeck_friction_extra_V[a]

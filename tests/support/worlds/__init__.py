@@ -3,7 +3,7 @@
 `WORLDS[name](seed)` gives the log's columns, a rig file and what is really there.
 """
 
-from tests.support.worlds import axes, healthy, positions, strangers, tables
+from tests.support.worlds import axes, default_mujoco, healthy, positions, strangers, tables
 
 WORLDS = {
     f.__name__: f
@@ -35,6 +35,11 @@ WORLDS = {
         strangers.cable,
         strangers.fan,
         strangers.slipping_ball,
+        default_mujoco.mujoco_friction,
+        default_mujoco.mujoco_friction_of_one_axis,
+        default_mujoco.mujoco_gears,
+        default_mujoco.mujoco_joint,
+        default_mujoco.mujoco_walls,
         healthy.plain,
         healthy.coloured_torque,
         healthy.pink_drift,
