@@ -31,9 +31,9 @@ class Motion:
 def course(rig: Rig, seconds: float = SECONDS) -> np.ndarray:
     """Volts or angles of both axes by tick (n, 2) that leave the ball on the plate.
 
-    The angle is sin(w t) - 2 sin(2 w t), which pushes the ball there and back, volts its slope, less
-    the table's own offset. Angles change at the servo's period only and are whole quanta, as the
-    servo would make them.
+    The angle is sin(w t) - 2 sin(2 w t), which pushes the ball there and back, volts its slope,
+    less the table's own offset. Angles change at the servo's period only and are whole quanta, as
+    the servo would make them.
     """
     t = np.arange(round(seconds * rig.control_rate_hz)) / rig.control_rate_hz
     w = 2 * np.pi * np.array([0.9, 0.7])

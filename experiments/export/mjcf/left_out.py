@@ -35,6 +35,8 @@ def left_out(rig: Rig) -> list[str]:
         )
     elif servo.tachometer_scale:
         told.append("servo.tachometer_scale: a sensor has no scale.")
+    if "stribeck_friction" in rig.effects:
+        told.append("effects.stribeck_friction: as LuGre's, which creeps 1 mrad before it breaks.")
     if servo.has_angle:
         told.append("Sensors: angles are not rounded to encoder counts.")
     told.append("Sensors: MuJoCo adds no noise and drops no frame; noise is noted in `camera`.")

@@ -1,11 +1,11 @@
 """Motor and gear of an axis that is driven by volts, up to the arm with the encoder."""
 
-from math import ceil, inf, sqrt
+from math import ceil, inf
 
 from experiments.export.mjcf.parts import STEP_S, Document, add, effect, light, shaft, stiff
 from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, Rig
 
-_BRISTLE_RAD = 1e-4  # chosen: wind-up at which friction breaks away, far below a play
+_BRISTLE_RAD = 1e-3  # chosen: wind-up at which friction breaks away; 0.1 ms then bear 20 rad/s
 
 
 def arm_inertia(rig: Rig) -> float:
@@ -37,7 +37,7 @@ def add_motor(document: Document, rig: Rig, axis: str, at: tuple[float, float, f
     apart = 1 / inertia + 1 / arm_inertia(rig)
     shaft(document, rig, "gear", axis, ("motor", "arm"), apart)
     _volts(document, rig, axis, per_volt)
-    _poles_and_bristles(document, rig, axis, (dry, extra), inertia)
+    _poles_and_bristles(document, rig, axis, (dry, extra))
     add(document.sensor, "jointvel", name=f"motor_speed_{axis}", joint=f"motor_{axis}")
 
 
@@ -66,7 +66,7 @@ def _volts(document: Document, rig: Rig, axis: str, per_volt: float) -> None:
 
 
 def _poles_and_bristles(
-    document: Document, rig: Rig, axis: str, friction: tuple[float, float], inertia: float
+    document: Document, rig: Rig, axis: str, friction: tuple[float, float]
 ) -> None:
     """Cogging and Stribeck friction as a passive motor on the same hinge (LuGre's bristles)."""
     dry, extra = friction
@@ -80,12 +80,16 @@ def _poles_and_bristles(
             "in it."
         )
         pull = 0.0
+    elif pull:
+        document.told.append(
+            f"cogging.{axis}: at the motor's angle; the rig takes the arm's, a gear's play apart."
+        )
     cogging = (pull, round(periods), effect(rig, "cogging", "phase_rad", axis)) if pull else None
     lugre = None
     if extra:
-        bristle = (dry + extra) / _BRISTLE_RAD
+        bristle = (dry + extra) / _BRISTLE_RAD  # no damping of its own: the motor's is enough
         speed = effect(rig, "stribeck_friction", "speed_rad_s", axis, 0.1)
-        lugre = (bristle, sqrt(bristle * inertia), dry, dry + extra, speed)
+        lugre = (bristle, 0, dry, dry + extra, speed)
     if not (pull or extra):
         return
     add(

@@ -35,6 +35,11 @@ def add_three_arms(document: Document, rig: Rig) -> float:
     add_plate(plate, rig, (rig.drive.plate_inertia_kg_m2,) * 2)
     for a, axis in enumerate("xy"):
         _held_by_ground(document, plate, rig, a, axis)
+    document.told += [
+        f"effects.{name}: not with three arms."
+        for name in ("linkage_quadratic", "linkage_cubic", "cross_coupling")
+        if name in rig.effects
+    ]
     document.told.append(
         "Controls are the three arms' angles from level [rad], not the plate's tilt: MuJoCo has no "
         "inverse kinematics; rig.three_arms.arm_angle has them in closed form."
@@ -76,7 +81,7 @@ def _joint(plate, rig: Rig, axis: str, axle: str) -> None:
         return
     # the plate lags behind the carrier: its turn is minus what is lost in the play
     ends = numbers(-centre - play / 2, -centre + play / 2)
-    apart = 1 / rig.drive.plate_inertia_kg_m2
+    apart = 1 / rig.drive.plate_inertia_kg_m2 + 1 / CARRIER_KG_M2
     hinge.attrib |= {"limited": "true", "range": ends, "solimplimit": numbers(SOFT, SOFT, 1)}
     hinge.attrib["solreflimit"] = numbers(-k * apart, -c * apart)
 
