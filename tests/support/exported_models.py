@@ -153,7 +153,7 @@ MOST = {  # of a voltage table: every effect that MuJoCo can carry
     "coulomb_friction": {"x": {"friction_V": 0.10}, "y": {"friction_V": 0.06}},
     "stribeck_friction": {"x": {"extra_V": 0.05, "speed_rad_s": 0.2}},
     "voltage_offset": {"x": {"offset_V": -0.13}, "y": {"offset_V": 0.1}},
-    "saturation": {"x": {"limit_V": 1.4}},
+    "saturation": {"x": {"limit_V": 0.9}},
     "input_delay": {"x": {"delay_s": 0.006}, "y": {"delay_s": 0.004}},
     "cogging": {"y": {"amplitude_V": 0.1, "phase_rad": 0.5, "periods_per_turn": 40}},
     "gear_backlash": {"x": {"play_rad": 0.0175}, "y": {"play_rad": 0.01, "offset_rad": 0.002}},

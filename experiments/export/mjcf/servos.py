@@ -49,32 +49,16 @@ def add_servo(
     }
     if lag > 0:
         damping = k * lag
-        inertia = damping * rate / change
-        force = damping * rate + k * band
-        add(
-            document.actuator,
-            "general",
-            gainprm=k * (1 + scale),
-            biastype="affine",
-            biasprm=(k * zero, -k, 0),
-            forcerange=(-force, force),
-            **common,
-        )
+        inertia, force = damping * rate / change, damping * rate + k * band
+        own = {"gainprm": k * (1 + scale), "biastype": "affine", "biasprm": (k * zero, -k, 0)}
     else:
         inertia, damping = k / FAST_RAD_S**2, 0.0
         force = inertia * change + k * band
-        add(
-            document.actuator,
-            "pid",
-            kp=k,
-            kv=2 * inertia * FAST_RAD_S,
-            slewmax=rate,
-            input="pos",
-            forcerange=(-force, force),
-            **common,
-        )
+        own = {"kp": k, "kv": 2 * inertia * FAST_RAD_S, "slewmax": rate, "input": "pos"}
         if scale or zero:
             document.told.append(f"{name}: angle_scale and angle_zero of a servo without lag.")
+    tag = "general" if lag > 0 else "pid"
+    add(document.actuator, tag, forcerange=(-force, force), **own, **common)
     stop = float(p["stop_rad"])
     return {
         "armature": inertia,

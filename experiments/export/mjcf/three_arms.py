@@ -32,7 +32,8 @@ def add_three_arms(document: Document, rig: Rig) -> float:
     plate = add(carrier, "body", name="plate")
     for axis, axle in (("x", "0 1 0"), ("y", "-1 0 0")):
         _joint(plate, rig, axis, axle)
-    add_plate(plate, rig, (rig.drive.plate_inertia_kg_m2,) * 2)
+    inertia = rig.drive.plate_inertia_kg_m2
+    add_plate(plate, rig, (inertia, inertia))
     for a, axis in enumerate("xy"):
         _held_by_ground(document, plate, rig, a, axis)
     document.told += [
