@@ -96,7 +96,7 @@ def in_c(function, count: int, tmp_path: Path):
         (whole, 2),
         (branches, 2),
         (limits, 2),
-        (rows, 2),
+        pytest.param(rows, 2, marks=pytest.mark.slow),  # numba takes 10 s for its arrays
         (sine_cosine, 1),
         (decaying, 1),
         (stick, 2),
