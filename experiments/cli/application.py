@@ -16,6 +16,7 @@ from experiments.cli.calibrate import calibrate
 from experiments.cli.compare import compare
 from experiments.cli.dashboard import dashboard
 from experiments.cli.doctor import doctor
+from experiments.cli.export_model import export_model
 from experiments.cli.gap import gap
 from experiments.cli.home import home
 from experiments.cli.importing import EPILOG, import_
@@ -222,6 +223,7 @@ app.command()(gap)
 app.command()(compare)
 app.command()(home)
 app.command("import", epilog=EPILOG)(import_)
+app.command("export-model")(export_model)
 app.command()(serve)
 app.command()(doctor)
 app.add_typer(calibrate, name="calibrate")

@@ -1,6 +1,6 @@
 """The plant's parameters as one flat record that the compiled functions take, made from a rig."""
 
-from math import ceil, cos, exp
+from math import ceil, cos
 
 import numpy as np
 
@@ -8,10 +8,11 @@ from rig import discrepancy
 from rig.discrepancy import DISCREPANCY
 from rig.effects import fields, values
 from rig.linkage import THREE_ARMS, Linkage
-from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, GRAVITY_M_S2, Rig, Servo
+from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, Rig, Servo
 from rig.plant import position_servo
-from rig.plant.shaft import DEAD_ZONE, EXACT, NONE, relaxation
-from rig.three_arms import AZIMUTHS, arm_angle
+from rig.plant.derived import derive
+from rig.plant.shaft import DEAD_ZONE, EXACT, NONE
+from rig.three_arms import AZIMUTHS
 
 STEP_S = 1e-4
 GROWTH_MARGIN = 1e-9  # of rounding, in the eigenvalue 1 of the drive's free turning
@@ -20,10 +21,11 @@ _MODELS = {"exact": EXACT, "dead_zone": DEAD_ZONE, "none": NONE}
 _PER_AXIS = (
     "torque_per_volt motor_damping motor_inertia motor_per_torque motor_per_volt gear_k gear_c "
     "gear_decay gear_1 gear_2 gear_coast joint_k joint_c joint_decay joint_1 joint_2 "
-    "friction_held ratio weight half_side arm_radius rod"
+    "friction_held ratio weight half_side plate_side arm_radius rod"
 ).split() + list(Servo.by_axis)
 _SCALARS = (
-    "step_s arm_inertia plate_inertia arm_friction joint_friction arm_per_torque plate_per_torque "
+    "step_s gain time_constant arm_inertia plate_inertia arm_friction joint_friction "
+    "arm_per_torque plate_per_torque "
     "arm_stick plate_stick stop_rad radius mass factor "
     "base_radius plate_radius arm_length rod_length height level_arm "
     "wall_restitution encoder_step tachometer_scale tachometer_noise tachometer "
@@ -51,30 +53,19 @@ def pack(rig: Rig, *, step_s: float = STEP_S) -> np.record:
     servo, drive = rig.servo, rig.drive
     for name, pair in values(rig.effects).items():
         p[name] = pair
+    p["gain"], p["time_constant"] = servo.gain_rad_s_V, servo.time_constant_s
     p["torque_per_volt"] = servo.torque_per_volt_nm
-    p["motor_damping"] = servo.damping_nm_s
-    load = GEARS_INERTIA_HIGH_KG_M2 + drive.plate_inertia_kg_m2
-    p["motor_inertia"] = servo.inertia_kg_m2 - load
-    p["arm_inertia"], p["plate_inertia"] = GEARS_INERTIA_HIGH_KG_M2, drive.plate_inertia_kg_m2
-    for shaft, k, c in (
-        ("gear", drive.gear_stiffness_nm_rad, drive.gear_damping_nm_s),
-        ("joint", drive.joint_stiffness_nm_rad, drive.joint_damping_nm_s),
-    ):
-        p[f"{shaft}_k"], p[f"{shaft}_c"], p[f"{shaft}_decay"] = k, c, relaxation(k, c, step_s)
-        half, centre = p[f"{shaft}_backlash_play_rad"] / 2, p[f"{shaft}_backlash_offset_rad"]
-        p[f"{shaft}_1"], p[f"{shaft}_2"] = centre + half, centre - half
+    p["plate_inertia"] = drive.plate_inertia_kg_m2
+    p["gear_k"], p["gear_c"] = drive.gear_stiffness_nm_rad, drive.gear_damping_nm_s
+    p["joint_k"], p["joint_c"] = drive.joint_stiffness_nm_rad, drive.joint_damping_nm_s
     p["gear_coast"] = coasting(rig)
     p["unknown"] = discrepancy.pack(rig.unknown, servo.angle_limit_rad)
     p["step_s"], p["shaft_model"] = step_s, _MODELS[drive.shaft_model]
     p["arm_friction"], p["joint_friction"] = drive.arm_friction_nm, drive.joint_friction_nm
-    p["stop_rad"], p["half_side"] = servo.stop_rad, rig.linkage.half_sides_m
-    p["radius"], p["mass"], p["factor"] = (
-        rig.ball.radius_m,
-        rig.ball.mass_kg,
-        rig.ball.rolling_factor,
-    )
+    p["stop_rad"], p["radius"], p["mass"] = servo.stop_rad, rig.ball.radius_m, rig.ball.mass_kg
+    p["factor"] = rig.ball.rolling_factor
     _linkage(p, rig.linkage)
-    _per_step(p)
+    derive(p)
     if not servo.takes_angle and step_growth(p) > 1.0 + GROWTH_MARGIN:
         raise ValueError(
             f"drive with gear_stiffness_nm_rad = {drive.gear_stiffness_nm_rad:g}, "
@@ -99,16 +90,15 @@ def pack(rig: Rig, *, step_s: float = STEP_S) -> np.record:
 
 
 def _linkage(p: np.record, linkage: Linkage) -> None:
-    """What the linkage makes of the servos' angles: ratio, lengths, shares of the servos."""
+    """The linkage's kind and lengths, and the shares of the servos."""
     arms = linkage.kind == THREE_ARMS
     rods = not arms and any(linkage.pair("rod_length_m"))
     p["linkage"] = position_servo.THREE_ARMS if arms else position_servo.RODS if rods else 0
-    p["ratio"], p["arm_radius"] = linkage.ratios, linkage.pair("arm_radius_m")
+    p["arm_radius"], p["plate_side"] = linkage.pair("arm_radius_m"), linkage.pair("plate_side_m")
     p["rod"] = linkage.pair("rod_length_m")
     p["base_radius"], p["plate_radius"], p["arm_length"], p["rod_length"] = linkage.size
     p["height"], p["share_x"] = linkage.height_m, (1.0, 0.0, 0.0)
     if arms:
-        p["level_arm"] = arm_angle(0, 0.0, 0.0, linkage.height_m, linkage.size)
         p["share_x"] = [cos(azimuth) ** 2 for azimuth in AZIMUTHS]
 
 
@@ -122,18 +112,6 @@ def coasting(rig: Rig) -> float:
     if drive.joint_friction_nm > 0.0 or drive.arm_friction_nm == 0.0:
         return 0.0
     return (GEARS_INERTIA_HIGH_KG_M2 + drive.plate_inertia_kg_m2) / drive.arm_friction_nm
-
-
-def _per_step(p: np.record) -> None:
-    """What one step makes of a torque: speeds, not accelerations, so that no step divides."""
-    h = p["step_s"]
-    p["motor_per_torque"] = h / p["motor_inertia"]
-    p["motor_per_volt"] = p["torque_per_volt"] * p["motor_per_torque"]
-    p["arm_per_torque"], p["plate_per_torque"] = h / p["arm_inertia"], h / p["plate_inertia"]
-    p["friction_held"] = [exp(-h / t) if t > 0.0 else 0.0 for t in p["coulomb_friction_settling_s"]]
-    p["arm_stick"] = p["arm_friction"] * p["arm_per_torque"]
-    p["plate_stick"] = p["joint_friction"] * p["plate_per_torque"]
-    p["weight"] = p["mass"] * GRAVITY_M_S2 * p["ratio"]  # torque at the servo per metre of offset
 
 
 def step_growth(p: np.record) -> float:

@@ -116,15 +116,13 @@ def _carried(p, motion, moved, ball):
 
 
 @compiled
-def _servos_of(s):
-    """The servos' state (SERVOS_STATE,) out of the table's (STATE_ROWS, 2)."""
-    servos = np.empty(SERVOS_STATE)
+def _servos_of(s, servos):
+    """Write the servos' state out of the table's (STATE_ROWS, 2) into `servos` (SERVOS_STATE,)."""
     servos[ANGLE], servos[ANGLE + 1] = s[MOTOR, 0], s[MOTOR, 1]
     servos[RATE], servos[RATE + 1] = s[MOTOR_RATE, 0], s[MOTOR_RATE, 1]
     servos[ANGLE + 2], servos[RATE + 2] = s[SERVO_THIRD, 0], s[SERVO_THIRD, 1]
     servos[POSE], servos[POSE + 1] = s[SERVO_POSE, 0], s[SERVO_POSE, 1]
     servos[POSE + 2] = s[SERVO_POSE + 1, 0]
-    return servos
 
 
 @compiled
@@ -156,7 +154,9 @@ def advance_commanded(s, p, history, t, ticks_s, push_x, push_y, held, exposure_
     history (n, 2): angles commanded (see `plant_record.no_volts`), the present tick's first [rad];
     the other arguments are those of `plant.advance`.
     """
-    servos, ball, wanted, angles = _servos_of(s), ball_of(s), np.empty(SERVOS), np.empty(2)
+    servos, ball = np.empty(SERVOS_STATE), ball_of(s)
+    wanted, angles = np.empty(SERVOS), np.empty(2)
+    _servos_of(s, servos)
     plates, h, looked = np.empty((2, 3)), p.step_s, False
     before, lifted = np.empty(2), (0.0, 0.0, 0.0)
     for a in range(2):

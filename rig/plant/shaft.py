@@ -7,12 +7,13 @@ beta_1 - beta_2 = 2 alpha), k stiffness [N m/rad], c damping [N m s/rad], T_s sh
 
 from math import exp
 
-from rig.compiled import inlined
+from rig.compiled import compiled, inlined
 
 EXACT, DEAD_ZONE, NONE = 0, 1, 2
 
 
-def relaxation(stiffness: float, damping: float, step_s: float) -> float:
+@compiled
+def relaxation(stiffness, damping, step_s):
     """Factor exp(-k h/c) [1] by which theta_d - theta_b decays in one step out of contact (Eq. 5).
 
     stiffness k [N m/rad], damping c [N m s/rad], step_s = h. The exponential, not an explicit step:

@@ -15,7 +15,7 @@ PROGRAMS = sorted(
     for path in HERE.glob("*.py")
     if path != Path(__file__) and '__name__ == "__main__"' in path.read_text("utf-8")
 )
-ENGINE = {"agreement", "speed"}
+ENGINE = {"agreement", "exported_models", "speed"}
 
 
 @pytest.mark.slow

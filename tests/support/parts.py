@@ -49,7 +49,7 @@ class Part:
 
 PARTS = {
     "cc": Part(
-        "protocol.c of the firmware, built for this machine",
+        "protocol.c of the firmware and exported tables, built for this machine",
         programs=("cc",),
         debian=("gcc", "libc6-dev"),
     ),
@@ -73,6 +73,7 @@ PARTS = {
     ),
     "playwright": Part("the dashboard in a browser", module="playwright"),
     "mujoco": Part("the simulator against an independent engine", module="mujoco"),
+    "fmpy": Part("exported tables in an FMI importer", module="fmpy"),
     "importlinter": Part("the order of packages and rooms", module="importlinter"),
     "distributed": Part("trials on a Dask cluster", module="distributed"),
     "nptdms": Part("rig import of LabVIEW's TDMS files", module="nptdms"),
