@@ -20,6 +20,7 @@ from experiments.cli.gap import gap
 from experiments.cli.home import home
 from experiments.cli.importing import EPILOG, import_
 from experiments.cli.serve import serve
+from experiments.cli.watch import watch
 
 INTERRUPTED = 130
 # What the system says of a name that no file can have, or of a folder in a file's place.
@@ -219,6 +220,7 @@ def reject(
 
 app.command()(dashboard)
 app.command()(gap)
+app.command()(watch)
 app.command()(compare)
 app.command()(home)
 app.command("import", epilog=EPILOG)(import_)
