@@ -12,6 +12,7 @@ import numpy as np
 
 from rig.compiled import compiled
 from rig.control import controllers
+from rig.control.optimal import lqg
 from rig.estimation import backlash_observer, observers, servo_model
 from rig.estimation.backlash_observer import gear_backlash, joint_backlash
 from rig.log import INDEX
@@ -128,6 +129,7 @@ def control_tick(state, q, reading, target, applied, commanded):
     if state.phase == HOLD:
         _watch_release(state, reading)
         state.control.integral[0] = state.control.integral[1] = 0.0
+        lqg.forget(state.control.lqg)
     else:
         backlash_observer.observe_backlash(state.backlash, q.backlash, reading)
         blind = observers.seconds_blind(state.estimate, reading) > BLIND_S

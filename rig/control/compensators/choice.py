@@ -17,8 +17,8 @@ from rig.control.compensators.smooth import SMOOTH_STATE, smooth_inverse
 from rig.table import R_MOTOR, R_THETA
 
 FIRST_PUBLISHED = 64  # numbers below are the bits of the paper's conditions
-SMOOTH, ADAPTIVE, ADAPTIVE_ASYMMETRIC, HYBRID, NEURAL, DISTURBANCE = range(
-    FIRST_PUBLISHED, FIRST_PUBLISHED + 6
+SMOOTH, ADAPTIVE, ADAPTIVE_ASYMMETRIC, HYBRID, NEURAL, DISTURBANCE, LQG = range(
+    FIRST_PUBLISHED, FIRST_PUBLISHED + 7
 )
 PUBLISHED = {
     "smooth": SMOOTH,
@@ -27,6 +27,7 @@ PUBLISHED = {
     "hybrid": HYBRID,
     "neural": NEURAL,
     "disturbance": DISTURBANCE,
+    "lqg": LQG,  # no PID below it: `rig.control.optimal`, called by `controllers.control`
 }
 COMPENSATOR_STATES = np.dtype(
     [
