@@ -44,15 +44,14 @@ LQG_SETTINGS = np.dtype(
 )
 
 
-def settings(rig: Rig) -> np.record:
-    """The settings (dtype LQG_SETTINGS) from what a controller may know of the rig; all zero where
-    the servos take an angle."""
+def settings(rig: Rig, weights: design.Weights) -> np.record:
+    """The settings (dtype LQG_SETTINGS) from what a controller may know of the rig, whose servos
+    take volts."""
     q = np.zeros(1, LQG_SETTINGS)[0]
-    if rig.servo.takes_angle:
-        return q
     tick_s = 1.0 / rig.control_rate_hz
-    q["gain"] = design.regulator(rig, tick_s)[0]
-    q["ball_gain"], q["servo_gain"] = design.ball_filter(rig), design.servo_filter(rig, tick_s)
+    q["gain"] = design.regulator(rig, tick_s, weights)[0]
+    q["ball_gain"] = design.ball_filter(rig, weights)
+    q["servo_gain"] = design.servo_filter(rig, tick_s, weights)
     q["decay"] = np.exp(-tick_s / rig.servo.time_constant_s)
     q["voltage_limit"] = rig.servo.voltage_limit_V
     return q
