@@ -21,6 +21,8 @@ from experiments.cli.gap import gap
 from experiments.cli.home import home
 from experiments.cli.importing import EPILOG, import_
 from experiments.cli.serve import serve
+from experiments.cli.sheets import check, sheet
+from experiments.cli.watch import watch
 
 INTERRUPTED = 130
 # What the system says of a name that no file can have, or of a folder in a file's place.
@@ -220,6 +222,9 @@ def reject(
 
 app.command()(dashboard)
 app.command()(gap)
+app.command()(watch)
+app.command()(sheet)
+app.command()(check)
 app.command()(compare)
 app.command()(home)
 app.command("import", epilog=EPILOG)(import_)

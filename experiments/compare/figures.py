@@ -13,7 +13,8 @@ from rig.log import Log, shown_angles
 
 COLOURS = {"without": "#1f4fd8", "with": "#d62728", "adaptive": "#9467bd", "neural": "#2ca02c",
            "hybrid": "#ff7f0e", "disturbance": "#8c564b", "smooth": "#17becf",
-           "adaptive-asymmetric": "#e377c2", "sham": "0.6", "misplaced": "0.4"}  # fmt: skip
+           "adaptive-asymmetric": "#e377c2", "sham": "0.6", "misplaced": "0.4",
+           "lqg": "#bcbd22", "mpc": "#393b79"}  # fmt: skip
 
 
 def _is_dark(colour: np.ndarray) -> bool:

@@ -18,6 +18,9 @@ CONDITIONS = {
     "hybrid": "sliding mode in contact, a soft landing across the gap (Nordin and Gutman 2002)",
     "neural": "dynamic inversion, a small network learns what is left (Selmic and Lewis 2000)",
     "disturbance": "disturbance observer on the motor, backlash unknown to it (Ohnishi 1987)",
+    "lqg": "no PID: linear-quadratic regulator on a steady-state Kalman filter (Kalman 1960)",
+    "mpc": "no PID: the same filter, volts and angle planned 0.5 s ahead within their limits "
+    "(Rawlings and Mayne 2009)",
     RETUNED: "without with other PID gains: rivals at equal servo activity",
 }
 

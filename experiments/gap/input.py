@@ -170,7 +170,7 @@ def _nominal(
     if given is not None:
         notes = []
         for name, rig in known:
-            other = list(_differences(given, rig))
+            other = list(rig_differences(given, rig))
             if other:
                 notes.append(f"{name} was recorded with another rig file ({other[0]})")
         return given, notes
@@ -178,7 +178,7 @@ def _nominal(
         return Rig(), ["no rig file given: the default table is assumed (--rig names another)"]
     first_name, first = known[0]
     for name, rig in known[1:]:
-        other = list(_differences(first, rig))
+        other = list(rig_differences(first, rig))
         if other:
             raise ValueError(
                 f"{first_name} and {name} are of different rigs ({'; '.join(other[:3])}): "
@@ -189,7 +189,7 @@ def _nominal(
     return replace(first, effects={}), notes
 
 
-def _differences(a: Rig, b: Rig) -> Iterator[str]:
+def rig_differences(a: Rig, b: Rig) -> Iterator[str]:
     """Yield where two rigs differ as tables; gains and control rate may differ between runs."""
     for section in SAME_RIG:
         one, other = asdict(getattr(a, section)), asdict(getattr(b, section))

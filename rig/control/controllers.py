@@ -14,9 +14,13 @@ from rig.control import compensation
 from rig.control.compensators.choice import (
     COMPENSATOR_STATES,
     FIRST_PUBLISHED,
+    LQG,
+    MPC,
     PUBLISHED,
     compensator_volts,
 )
+from rig.control.optimal import lqg, mpc
+from rig.control.optimal.design import WEIGHTS
 from rig.estimation.backlash_observer import lost_in_gear, lost_in_joint
 from rig.estimation.observers import ball_now
 from rig.parameters import Rig
@@ -43,6 +47,8 @@ CONTROL = np.dtype(
         ("inverse", compensation.INVERSE),
         ("gear_inverse", compensation.INVERSE),
         ("compensators", COMPENSATOR_STATES),
+        ("lqg", lqg.LQG_STATE),
+        ("mpc", mpc.MPC_STATE),
     ]
 )
 CONTROL_SETTINGS = np.dtype(
@@ -58,6 +64,8 @@ CONTROL_SETTINGS = np.dtype(
         ("joint_given", np.float64, (2,)),
         ("gear_given", np.float64, (2,)),
         ("compensator", np.int64),
+        ("lqg", lqg.LQG_SETTINGS),
+        ("mpc", mpc.MPC_SETTINGS),
     ]
 )
 
@@ -80,6 +88,11 @@ def settings(rig: Rig, compensator: int) -> np.record:
     g["torque_per_volt"] = rig.servo.torque_per_volt_nm
     g["joint_given"] = rig.play.joint_x_rad, rig.play.joint_y_rad
     g["gear_given"] = rig.play.gear_x_rad, rig.play.gear_y_rad
+    if compensator in (LQG, MPC):
+        weights = WEIGHTS["mpc" if compensator == MPC else "lqg"]
+        g["lqg"] = lqg.settings(rig, weights)
+        if compensator == MPC:
+            g["mpc"] = mpc.settings(rig, weights)
     g["compensator"], g["takes_angle"] = compensator, int(rig.servo.takes_angle)
     return g
 
@@ -148,6 +161,14 @@ def control(c, g, estimate, backlash, q_backlash, reading, target, volts):
     """
     for a in range(2):
         theta = reading[R_THETA + a]
+        if g.compensator == LQG or g.compensator == MPC:
+            place = ball_now(estimate, reading[R_TIME], a)
+            lqg.estimate(c.lqg, g.lqg, g, reading, a, place, estimate.velocity[a])
+            if g.compensator == LQG:
+                volts[a] = lqg.lqg_volts(c.lqg, g.lqg, c, g, a, target[a])
+            else:
+                volts[a] = mpc.mpc_volts(c.mpc, c.lqg, g.mpc, c, g, a, target[a])
+            continue
         error = target[a] - ball_now(estimate, reading[R_TIME], a)
         wanted = wanted_angle(c, g, a, error, estimate.velocity[a])
         c.wanted_theta[a] = wanted

@@ -12,6 +12,8 @@ import numpy as np
 
 from rig.compiled import compiled
 from rig.control import controllers
+from rig.control.compensators.choice import MPC
+from rig.control.optimal import lqg, mpc
 from rig.estimation import backlash_observer, observers, servo_model
 from rig.estimation.backlash_observer import gear_backlash, joint_backlash
 from rig.log import INDEX
@@ -128,6 +130,9 @@ def control_tick(state, q, reading, target, applied, commanded):
     if state.phase == HOLD:
         _watch_release(state, reading)
         state.control.integral[0] = state.control.integral[1] = 0.0
+        lqg.forget(state.control.lqg)
+        if q.control.compensator == MPC:
+            mpc.forget(state.control.mpc)
     else:
         backlash_observer.observe_backlash(state.backlash, q.backlash, reading)
         blind = observers.seconds_blind(state.estimate, reading) > BLIND_S

@@ -234,11 +234,11 @@ def _response(
     evidence: Evidence, state: State, output: str, side: str, length: float, stride: int
 ) -> np.ndarray | None:
     """The change of the residuals by a unit force of `length` seconds, from its start on; None
-    where no samples show it: the log is too short, or has a gap there."""
+    where no samples show it: the first run that has the output is too short, or has a gap there."""
     t, run = evidence.times(output)
-    t, first = t[::stride], run[::stride] == 0
-    t = t[first]
-    if t[-1] - t[0] < length + 3.0:
+    first = run[::stride] == run[:1]
+    t = t[::stride][first]
+    if not len(t) or t[-1] - t[0] < length + 3.0:
         return None
     begin = float(t[0]) + 1.0
     fixed = {f"{side}_segment_s": (begin, begin + length)}
@@ -246,7 +246,7 @@ def _response(
     unknown = _term([(f"{side}_segment", axis)], np.array([UNIT[side]]), fixed, Discrepancy())
     model = state.nominal.with_unknown(unknown).model(state.fit.setting)
     z = evidence.roll(model, output).z - state.fit.z(output)
-    z = z.reshape(-1, stride)[: len(t), 0]
+    z = z.reshape(-1, stride)[first, 0]
     i = int(np.searchsorted(t, begin))
     end = int(np.searchsorted(t, begin + length + 1.0))
     return z[i:end] if end > i else None

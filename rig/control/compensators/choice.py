@@ -17,8 +17,8 @@ from rig.control.compensators.smooth import SMOOTH_STATE, smooth_inverse
 from rig.table import R_MOTOR, R_THETA
 
 FIRST_PUBLISHED = 64  # numbers below are the bits of the paper's conditions
-SMOOTH, ADAPTIVE, ADAPTIVE_ASYMMETRIC, HYBRID, NEURAL, DISTURBANCE = range(
-    FIRST_PUBLISHED, FIRST_PUBLISHED + 6
+SMOOTH, ADAPTIVE, ADAPTIVE_ASYMMETRIC, HYBRID, NEURAL, DISTURBANCE, LQG, MPC = range(
+    FIRST_PUBLISHED, FIRST_PUBLISHED + 8
 )
 PUBLISHED = {
     "smooth": SMOOTH,
@@ -27,6 +27,8 @@ PUBLISHED = {
     "hybrid": HYBRID,
     "neural": NEURAL,
     "disturbance": DISTURBANCE,
+    "lqg": LQG,  # this and the next: no PID below; `rig.control.optimal`, called by `controllers`
+    "mpc": MPC,
 }
 COMPENSATOR_STATES = np.dtype(
     [

@@ -1,0 +1,49 @@
+"""The commands `rig sheet` and `rig check`: lab exercises on a virtual table of one's own."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def sheet(
+    name: Annotated[str, typer.Argument(help="play, servo, camera or missing.")],
+    student: Annotated[str, typer.Option(help="Name or number; it draws the table.")],
+    out: Annotated[Path | None, typer.Option("--out", help="Default: out/sheet-NAME.")] = None,
+) -> None:
+    """Hand out a lab sheet: runs of a table of the student's own, and the results file."""
+    from experiments.cli.console import bars
+    from experiments.records.run_folder import writable
+    from experiments.sheets.catalogue import sheet_named
+    from experiments.sheets.handout import RESULTS, hand_out
+    from experiments.sheets.tables import seed_of
+
+    wanted = sheet_named(name)
+    seed_of(name, student)
+    folder = out or Path(f"out/sheet-{name}")
+    try:
+        with bars() as progress:
+            runs = hand_out(wanted, student, writable(folder), progress=progress)
+    except FileExistsError as error:
+        raise ValueError(str(error)) from None
+    typer.echo(f"{wanted.title}: {len(runs)} runs of your table in {folder / 'runs'}")
+    typer.echo(f"rig file: {folder / 'rig.toml'}   your answers: {folder / RESULTS}")
+
+
+def check(
+    name: Annotated[str, typer.Argument(help="play, servo, camera or missing.")],
+    results: Annotated[Path, typer.Argument(help="Your results.toml.")],
+) -> None:
+    """Say which answers of a lab sheet are right; exit code 1 where one is not."""
+    from experiments.sheets.catalogue import sheet_named
+    from experiments.sheets.check import RIGHT, WRONG
+    from experiments.sheets.check import check as work
+
+    found = work(sheet_named(name), results)
+    for one in found:
+        why = f"   ({one.hint})" if one.state == WRONG and one.hint else ""
+        typer.echo(f"{one.question.key:18s} {one.state}{why}")
+    right = sum(one.state == RIGHT for one in found)
+    typer.echo(f"{right} of {len(found)} answers are right")
+    if right < len(found):
+        raise typer.Exit(1)

@@ -1,0 +1,44 @@
+"""The command `rig watch`: has a table changed since its model was accepted?"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def watch(
+    folder: Annotated[Path, typer.Argument(help="Folder that holds the run folders of one table.")],
+    rig: Annotated[
+        Path | None,
+        typer.Option("--rig", help="rig.toml: the table as believed; default: the accepted run's."),
+    ] = None,
+    accept: Annotated[
+        list[str] | None,
+        typer.Option(help="Accepted run; again for several. Default: the first that counts."),
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", help="Folder for what is made.")] = Path(
+        "out/watch"
+    ),
+) -> None:
+    """Say whether a table has changed from run to run: what, since when and how much."""
+    from experiments.cli.console import bars
+    from experiments.records.run_folder import writable
+    from experiments.watch.report import write_watch
+    from experiments.watch.runs import runs_of
+    from experiments.watch.watch import SKIPPED
+    from experiments.watch.watch import watch as work
+    from experiments.watch.words import run_words, sentence
+
+    runs_of(folder)
+    made = writable(out)
+    with bars() as progress:
+        found = work(folder, rig, accepted=accept or (), progress=progress)
+    command = f"rig watch {folder}" + (f" --rig {rig}" if rig else "") + f" --out {out}"
+    page = write_watch(found, made, command=command)
+    for one in found.runs:
+        said = run_words(found, one)
+        statistic = f"{abs(one.strongest.z):5.2f}" if one.strongest else "     "
+        typer.echo(f"{one.run.name}  {one.state:9s} {statistic}  {said}".rstrip())
+    skipped = sum(one.state == SKIPPED for one in found.runs)
+    typer.echo(sentence(found) + (f" ({skipped} skipped)" if skipped else ""))
+    typer.echo(f"report: {page}   numbers: {out / 'results.json'}")

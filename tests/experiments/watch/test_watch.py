@@ -1,0 +1,133 @@
+"""`rig watch` on folders of run folders: what is told, what is skipped, what is refused."""
+
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from experiments.cli import application
+from experiments.watch.runs import accepted_of, runs_of
+from rig import Rig, write_rig
+from tests.support.dated_runs import step_logs, write_runs
+
+PLAY_RAD, GREW_RAD = 0.015, 0.009
+
+
+def table(play_x_rad: float) -> Rig:
+    plays = {"x": {"play_rad": play_x_rad}, "y": {"play_rad": PLAY_RAD}}
+    return Rig(effects={"joint_backlash": plays, "gear_backlash": {"x": {"play_rad": 0.01}}})
+
+
+def called(monkeypatch, capsys, *words: object) -> tuple[int, str, str]:
+    monkeypatch.setattr(sys, "argv", ["rig", *map(str, words)])
+    try:
+        application.main()
+        code = 0
+    except SystemExit as end:
+        code = int(end.code or 0)
+    told = capsys.readouterr()
+    return code, told.out, told.err
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Seven runs of a table whose joint comes loose in the fifth, and what lies beside them."""
+    folder = tmp_path_factory.mktemp("runs")
+    logs = step_logs([table(PLAY_RAD)] * 4 + [table(PLAY_RAD + GREW_RAD)] * 3, seed=1)
+    made = write_runs(folder, logs, replace(table(PLAY_RAD), effects={}))
+    others = write_runs(folder, logs[1:5], replace(table(PLAY_RAD), effects={}), first_day=20)
+    for path, change in zip(
+        others,
+        (
+            {"outcome": "ball lost"},
+            {"protocol": {"name": "hold"}},
+            {"rejected": "somebody sneezed"},
+            {},
+        ),
+        strict=True,
+    ):
+        file = path / "run.json"
+        file.write_text(json.dumps(json.loads(file.read_text()) | change))
+    mcap = others[3] / "samples.mcap"
+    mcap.write_bytes(mcap.read_bytes()[:3000])
+    (folder / "20260501T000000Z-steps-without").mkdir()
+    (folder / "20260501T000000Z-steps-without" / "run.json").write_text("{")
+    write_rig(table(PLAY_RAD), folder / "rig.toml")
+    assert len(made) == 7
+    return folder
+
+
+@pytest.mark.slow
+def test_a_loose_joint_is_told_with_run_name_and_size(runs, monkeypatch, capsys, tmp_path: Path):
+    words = ("watch", runs, "--rig", runs / "rig.toml", "--out", tmp_path)
+    code, out, err = called(monkeypatch, capsys, *words)
+    assert code == 0, err
+    found = json.loads((tmp_path / "results.json").read_text())
+    assert found["verdict"] == "changed"
+    first = found["changes"][0]
+    assert (first["effect"], first["axis"], first["key"]) == ("joint_backlash", "x", "play_rad")
+    assert first["since"].startswith("20260305")
+    assert first["size"]["low"] < GREW_RAD < first["size"]["high"]
+    states = [one["state"] for one in found["runs"]]
+    assert states[:4] == ["accepted"] + ["unchanged"] * 3
+    assert states[5:7] == ["changed"] * 2
+    whys = [one["why"] for one in found["runs"][7:]]
+    for why, say in zip(
+        whys, ("ball lost", "hold", "sneezed", "end before", "damaged"), strict=True
+    ):
+        assert say in why
+    page = (tmp_path / "report.html").read_text()
+    assert "joint backlash x, play, grew by" in page
+    assert page.count("<tr") >= 12
+    assert "joint backlash x" in out
+
+
+@pytest.mark.slow
+def test_a_repaired_table_is_judged_from_the_run_that_is_accepted(
+    runs, monkeypatch, capsys, tmp_path: Path
+):
+    begin = next(runs.glob("20260305*")).name
+    words = ("watch", runs, "--rig", runs / "rig.toml", "--accept", begin, "--out", tmp_path)
+    code, out, err = called(monkeypatch, capsys, *words)
+    assert code == 0, err
+    found = json.loads((tmp_path / "results.json").read_text())
+    assert found["verdict"] == "nothing-changed"
+    assert found["accepted"] == [begin]
+    assert "before the accepted" in found["runs"][0]["why"]
+    assert "nothing changed in 2 runs" in out
+
+
+def test_runs_are_in_order_and_the_first_whole_one_is_accepted(runs: Path):
+    found = runs_of(runs)
+    assert [one.name for one in found] == sorted(one.name for one in found)
+    assert accepted_of(found, [], runs)[0].name.startswith("20260301")
+
+
+@pytest.mark.parametrize(
+    ("words", "say"),
+    [
+        (("nowhere",), "no such folder"),
+        ((".",), "no run folder"),
+        (("runs", "--accept", "that"), "no such run"),
+        (("runs", "--accept", "20260321*"), "ball lost"),
+        (("runs", "--accept", "20260301*", "--accept", "20260322*"), "several protocols"),
+        (("runs/20260301*",), "folder that holds it"),
+        (("runs", "--rig", "none.toml"), "none.toml"),
+    ],
+)
+def test_bad_input_is_one_line(runs, monkeypatch, capsys, tmp_path: Path, words, say):
+    monkeypatch.chdir(tmp_path)
+    given = []
+    for word in words:
+        if word.startswith("runs/"):
+            word = next(runs.glob(word[5:]))
+        elif word == "runs":
+            word = runs
+        elif "*" in word:
+            word = next(runs.glob(word)).name
+        given.append(word)
+    code, _, err = called(monkeypatch, capsys, "watch", *given)
+    assert (code, err.count("\n")) == (2, 1), err
+    assert say in err
