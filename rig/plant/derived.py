@@ -19,9 +19,9 @@ def derive(p):
     """Fill the derived fields of p (record PLANT) from those given, in place.
 
     Given: gain [rad/s/V] and time_constant [s] of the servo, torque_per_volt [N m/V], stiffness and
-    damping of the shafts, plate_inertia [kg m2], frictions [N m], lengths [m], mass, play and its
-    offset [rad], settling time [s], step_s. Derived: damping and inertias, the play's ends, what one
-    step makes of a torque: speeds, not accelerations, so that no step divides.
+    damping of the shafts, plate_inertia [kg m2], frictions [N m], settling time [s], lengths [m],
+    mass, play and its offset [rad], step_s. Derived: damping and inertias, the play's ends, what
+    one step makes of a torque: speeds, not accelerations, so that no step divides.
     """
     h = p.step_s
     load = GEARS_INERTIA_HIGH_KG_M2 + p.plate_inertia
