@@ -14,7 +14,7 @@ import inspect
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache
 from itertools import product
 from math import isfinite
 from pathlib import Path
@@ -87,7 +87,7 @@ def catalogue_of(own: Iterable[OwnEffect]) -> dict[str, Effect]:
     return found
 
 
-@lru_cache(maxsize=None)
+@cache
 def _executed(file: str, text: str) -> tuple[Effect, Callable[..., float]]:
     """EFFECT and equation of a file's text, held against each other."""
     names: dict[str, Any] = {"__name__": "own_effect", "__file__": file}
@@ -115,8 +115,8 @@ def _bad(file: str, why: str) -> ValueError:
     return ValueError(f"effect file {file}: {why}")
 
 
-def _line(error: BaseException) -> str:
-    """What an error says, in one line."""
+def _line(error: object) -> str:
+    """What an error says, in one line of at most 300 characters."""
     return " ".join(str(error).split())[:300]
 
 
@@ -159,7 +159,7 @@ def _wrong_parameter(one: Parameter) -> str:
     return ""
 
 
-@lru_cache(maxsize=None)
+@cache
 def _compiled(file: str, text: str) -> Any:
     """The equation as a C function of u, v, t and KEYS numbers, kept for the process's life."""
     effect, equation = _executed(file, text)
@@ -171,7 +171,7 @@ def _compiled(file: str, text: str) -> Any:
         return numba.cfunc(numba.float64(*[numba.float64] * (3 + KEYS)))(made["called"])
     except Exception as error:
         said = str(error).replace("Failed in nopython mode pipeline (step: nopython frontend)", "")
-        raise _bad(file, f"equation cannot be compiled by numba: {_line(Exception(said))}") from None
+        raise _bad(file, f"equation cannot be compiled by numba: {_line(said)}") from None
 
 
 def _try(own: OwnEffect) -> None:

@@ -1,8 +1,8 @@
 """`rig.toml` <-> `Rig`: every key has a default, an unknown one is an error naming the known.
 
-Effects of a lab's own are files that `[effects] own = "mine.py"` names (or `own = ["a.py", "b.py"]`,
-or `effects = "mine.py"` where no effect is set). Only `read_rig` executes them: what a recording
-says of them is text.
+Effects of a lab's own are files that `[effects] own = "mine.py"` names (`own = ["a.py", "b.py"]`
+for two, `effects = "mine.py"` where no effect is set). Only `read_rig` executes them: what a
+recording says of them is text.
 """
 
 import dataclasses

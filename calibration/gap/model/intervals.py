@@ -110,8 +110,8 @@ def _coupled(state: State) -> bool:
     """True if one parameter moves several outputs, so that they share one covariance."""
     return (
         any(
-            BY_NAME[name].axes == ("xy",) and BY_NAME[name].side == "servo"
-            for name, _ in state.named
+            effect.axes == ("xy",) and effect.side == "servo"
+            for effect in (state.nominal.catalogue[name] for name, _ in state.named)
         )
         or state.nominal.load_friction
     )
