@@ -170,8 +170,12 @@ def _compiled(file: str, text: str) -> Any:
     try:
         return numba.cfunc(numba.float64(*[numba.float64] * (3 + KEYS)))(made["called"])
     except Exception as error:
-        said = str(error).replace("Failed in nopython mode pipeline (step: nopython frontend)", "")
-        raise _bad(file, f"equation cannot be compiled by numba: {_line(said)}") from None
+        said = _line(str(error).partition("File ")[0].rpartition("frontend)")[2])
+        raise _bad(
+            file,
+            f"equation cannot be compiled by numba: {said}; it may call functions of math and "
+            "numpy, and those of the file that are marked @numba.njit",
+        ) from None
 
 
 def _try(own: OwnEffect) -> None:
