@@ -1,4 +1,4 @@
-"""`rig gap` with effects of a lab's own, on logs of a plant that shares no code with the product."""
+"""`rig gap` with a lab's own effects, on logs of a plant that shares no code with the product."""
 
 import pickle
 from pathlib import Path
