@@ -200,12 +200,17 @@ class NominalModel:
 
     def _own_parameter(self, effect: Effect, key: str, axis: str) -> Parameter:
         """A parameter of a lab's own effect. The first is its size, whose step is the tolerance;
-        the others are its shape, whose steps are SHAPE_STEP_SHARE of their range."""
+        the others are its shape, whose steps are SHAPE_STEP_SHARE of their range.
+
+        Without a size in the rig file its shape is not known: it is free only where it is released,
+        and a file that is named changes nothing of the baseline.
+        """
         first = effect.parameters[0].key == key
         low, high = _range(effect, key)
-        tolerance = self._tolerances[effect.name] if first else 0.0
-        step = effect.tolerance if first else SHAPE_STEP_SHARE * (high - low)
         nominal = self._nominal(effect.name, key, 1 if axis == "y" else 0)
+        known = first and nominal != effect.parameters[0].null
+        tolerance = self._tolerances[effect.name] if known else 0.0
+        step = effect.tolerance if first else SHAPE_STEP_SHARE * (high - low)
         return Parameter(
             effect.name, key, axis, nominal, tolerance, low, high, step, in_ball=in_ball(effect)
         )

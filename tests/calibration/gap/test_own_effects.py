@@ -26,11 +26,13 @@ def test_the_nominal_model_knows_them_beside_the_catalogue():
     nominal = NominalModel(Rig(drive=BARE, own=OWN), load_friction=False)
     assert [e.name for e in nominal.effects[-2:]] == ["hanging_arm", "pulling_cable"]
     first, angle = nominal.of("hanging_arm", "x")
-    assert (first.tolerance, first.outputs, first.range) == (0.02, ("servo_x",), (-2.0, 2.0))
+    assert (first.tolerance, first.outputs, first.range) == (0.0, ("servo_x",), (-2.0, 2.0))
     assert (angle.tolerance, angle.range) == (0.0, (-1.5, 1.5))
     assert released(nominal.catalogue["hanging_arm"], "x", nominal, {}) == [first, angle]
     assert not nominal.exceeds_minimum("hanging_arm", "x", {first.name: 0.023})
     assert nominal.exceeds_minimum("hanging_arm", "x", {first.name: -0.025})
+    told = Rig(drive=BARE, own=OWN, effects={"hanging_arm": {"x": {"weight_V": 0.4}}})
+    assert NominalModel(told, load_friction=False).of("hanging_arm", "x")[0].box == (0.38, 0.42)
 
 
 def test_a_setting_is_the_rig_file_with_the_same_numbers():
