@@ -181,8 +181,8 @@ def check(
         keys = [p.key for p in effect.parameters]
         for axis, values in by_axis.items():
             if axis not in effect.axes:
-                known = ", ".join(effect.axes)
-                raise ValueError(f"effect '{name}' has no axis '{axis}'; known: {known}")
+                axes = ", ".join(effect.axes)
+                raise ValueError(f"effect '{name}' has no axis '{axis}'; known: {axes}")
             for key, value in values.items():
                 if key not in keys:
                     raise ValueError(f"effect '{name}' has no key '{key}'; known: {keys}")

@@ -73,5 +73,6 @@ def with_own(own, side, a, total, u, v, t):
     for i in range(SLOTS):
         n = own.values[a, i]
         if own.address[side, i] != 0 and n[0] != own.null[i]:
-            total += _call(own.address[side, i], u, v, t, n[0], n[1], n[2], n[3])
+            address = own.address[side, i]
+            total += _call(address, u, v, t, n[0], n[1], n[2], n[3])  # pyright: ignore[reportCallIssue]
     return total
