@@ -118,9 +118,11 @@ def main() -> None:
     print(f"| {' | '.join(HEADS)} |\n|{'---|' * len(HEADS)}", flush=True)
     rows = []
     with ThreadPoolExecutor(args.jobs) as pool:
-        for row in pool.map(
-            lambda task: row_of(*task, args.out, args.timeout, own=args.own), tasks
-        ):
+
+        def ask(task: tuple[str, int]) -> tuple[str, ...]:
+            return row_of(*task, args.out, args.timeout, own=args.own)
+
+        for row in pool.map(ask, tasks):
             print(f"| {' | '.join(row)} |", flush=True)
             rows.append(row)
     print(f"\n{summary(rows)}")
