@@ -13,7 +13,7 @@ from vision.lazy import lazy_names
 if TYPE_CHECKING:
     from rig.control.controllers import COMPENSATORS
     from rig.course import Course
-    from rig.effects import CATALOGUE, Effect
+    from rig.effects import CATALOGUE, Effect, Parameter
     from rig.hardware.choose import open_table
     from rig.log import COLUMNS, Log
     from rig.loop.loop import Ending, Loop
@@ -35,6 +35,7 @@ __all__ = [
     "Ending",
     "Log",
     "Loop",
+    "Parameter",
     "Reading",
     "Rig",
     "Simulated",
@@ -55,7 +56,7 @@ __getattr__ = lazy_names(
     {
         "control.controllers": "COMPENSATORS",
         "course": "Course",
-        "effects": "CATALOGUE Effect",
+        "effects": "CATALOGUE Effect Parameter",
         "hardware.choose": "open_table",
         "log": "COLUMNS Log",
         "loop.loop": "Ending Loop",

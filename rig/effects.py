@@ -141,51 +141,57 @@ CATALOGUE: tuple[Effect, ...] = (
 BY_NAME: dict[str, Effect] = {effect.name: effect for effect in CATALOGUE}
 
 
-def effects_of(kind: str) -> tuple[Effect, ...]:
-    """Return the effects that a table with servos of this kind can have, in the catalogue's
+def effects_of(kind: str, known: Iterable[Effect] = CATALOGUE) -> tuple[Effect, ...]:
+    """Return those of the `known` effects that a table with servos of this kind can have, in their
     order.
     """
-    return tuple(effect for effect in CATALOGUE if kind in effect.servos)
+    return tuple(effect for effect in known if kind in effect.servos)
 
 
-def check_servos(names: Iterable[str], kind: str) -> None:
-    """Raise ValueError where servos of this kind cannot have an effect; unknown names pass."""
+def check_servos(names: Iterable[str], kind: str, known: Mapping[str, Effect] = BY_NAME) -> None:
+    """Raise ValueError where servos of this kind cannot have an effect; names that are not `known`
+    pass.
+    """
     for name in names:
-        effect = BY_NAME.get(name)
+        effect = known.get(name)
         if effect is not None and kind not in effect.servos:
-            known = ", ".join(one.name for one in effects_of(kind))
-            raise ValueError(f"effect '{name}' is not one of {kind} servos; known: {known}")
+            have = ", ".join(one.name for one in effects_of(kind, known.values()))
+            raise ValueError(f"effect '{name}' is not one of {kind} servos; known: {have}")
 
 
-def fields() -> Iterator[tuple[str, Effect, Parameter]]:
-    """Yield every parameter as (field name, effect, parameter), in the catalogue's order."""
-    for effect in CATALOGUE:
+def fields(known: Iterable[Effect] = CATALOGUE) -> Iterator[tuple[str, Effect, Parameter]]:
+    """Yield every parameter as (field name, effect, parameter), in the order of the effects."""
+    for effect in known:
         for parameter in effect.parameters:
             yield effect.field(parameter.key), effect, parameter
 
 
-def check(effects: Mapping[str, Mapping[str, Mapping[str, float]]]) -> None:
-    """Raise ValueError unless `effects` {name: {axis: {key: value}}} fits the catalogue.
+def check(
+    effects: Mapping[str, Mapping[str, Mapping[str, float]]],
+    known: Mapping[str, Effect] = BY_NAME,
+) -> None:
+    """Raise ValueError unless `effects` {name: {axis: {key: value}}} fits the `known` ones.
 
-    ValueError: a name, axis or key that is not in the catalogue (the message lists the known ones),
-    a value that is not finite, has the wrong sign or lies far outside its sensible range, or an
+    ValueError: a name, axis or key that is not known (the message lists the known ones), a value
+    that is not finite, has the wrong sign or lies far outside its sensible range, or an
     `offset_rad` beyond half of its `play_rad`.
     """
     for name, by_axis in effects.items():
-        effect = BY_NAME.get(name)
+        effect = known.get(name)
         if effect is None:
-            raise ValueError(f"unknown effect '{name}'; known: {', '.join(BY_NAME)}")
+            raise ValueError(f"unknown effect '{name}'; known: {', '.join(known)}")
         keys = [p.key for p in effect.parameters]
         for axis, values in by_axis.items():
             if axis not in effect.axes:
-                known = ", ".join(effect.axes)
-                raise ValueError(f"effect '{name}' has no axis '{axis}'; known: {known}")
+                axes = ", ".join(effect.axes)
+                raise ValueError(f"effect '{name}' has no axis '{axis}'; known: {axes}")
             for key, value in values.items():
                 if key not in keys:
                     raise ValueError(f"effect '{name}' has no key '{key}'; known: {keys}")
-                _check_number(name, axis, key, value)
-        _check_play(name, by_axis)
-        _check_shape(name, by_axis)
+                _check_number(effect, axis, key, value)
+        if name in BY_NAME:
+            _check_play(name, by_axis)
+            _check_shape(name, by_axis)
 
 
 _NOT_NEGATIVE = (
@@ -199,16 +205,17 @@ LONGEST_DELAY_S = {"input_delay": 0.1, "servo_dead_time": 0.5}
 GROSS = 30  # so many times beyond the sensible range is a slip of units or of the point
 
 
-def _check_number(name: str, axis: str, key: str, value: float) -> None:
+def _check_number(effect: Effect, axis: str, key: str, value: float) -> None:
     """One value of an effect: finite (a limit may be infinite), and of the sign it must have."""
+    name, own = effect.name, effect.name not in BY_NAME
     label = f"effect '{name}', {axis}.{key} = {value:g}"
-    if value != value or (abs(value) == inf and key not in _LIMITS):
+    parameter = next(p for p in effect.parameters if p.key == key)
+    if value != value or (abs(value) == inf and (own or key not in _LIMITS)):
         raise ValueError(f"{label}: must be finite")
-    if key in _NOT_NEGATIVE and value < 0:
+    if value < 0 and (parameter.low >= 0 if own else key in _NOT_NEGATIVE):
         raise ValueError(f"{label}: must be >= 0")
-    if key in _ABOVE_ZERO and value <= 0:
+    if not own and key in _ABOVE_ZERO and value <= 0:
         raise ValueError(f"{label}: must be above 0")
-    parameter = next(p for p in BY_NAME[name].parameters if p.key == key)
     if key != "phase_rad" and abs(value) != inf:
         most = GROSS * max(abs(parameter.low), abs(parameter.high))
         if abs(value) > most:
@@ -236,23 +243,27 @@ def _check_play(name: str, by_axis: Mapping[str, Mapping[str, float]]) -> None:
 def _check_shape(name: str, by_axis: Mapping[str, Mapping[str, float]]) -> None:
     """Dry friction has one shape near standstill: it settles, or it is soft."""
     for axis, pairs in by_axis.items():
-        if pairs.get("settling_s") and pairs.get("softness_rad_s"):
+        if name == "coulomb_friction" and pairs.get("settling_s") and pairs.get("softness_rad_s"):
             raise ValueError(
                 f"effect '{name}', {axis}: settling_s and softness_rad_s exclude each other; "
                 "leave one at 0"
             )
 
 
-def values(effects: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[str, np.ndarray]:
-    """Return field name -> values of both axes (2,), from effects {name: {axis: {key: value}}}.
+def values(
+    effects: Mapping[str, Mapping[str, Mapping[str, float]]], known: Iterable[Effect] = CATALOGUE
+) -> dict[str, np.ndarray]:
+    """Return field name -> values of both axes (2,), from effects {name: {axis: {key: value}}} of
+    the `known` ones.
 
     A field that `effects` does not name holds its null value. `dead_zone_half_width_V` is added to
     both `dead_zone_positive_V` and `dead_zone_negative_V`. ValueError: as `check` raises it.
     """
-    check(effects)
-    table = {name: np.full(2, parameter.null) for name, _, parameter in fields()}
+    by_name = {effect.name: effect for effect in known}
+    check(effects, by_name)
+    table = {name: np.full(2, parameter.null) for name, _, parameter in fields(by_name.values())}
     for name, by_axis in effects.items():
-        effect = BY_NAME[name]
+        effect = by_name[name]
         for axis, pairs in by_axis.items():
             where = {"x": 0, "y": 1}.get(axis, slice(None))
             for key, value in pairs.items():

@@ -13,7 +13,9 @@ from annotated_types import Gt
 
 from rig import effects
 from rig.discrepancy import Discrepancy
+from rig.effects import Effect
 from rig.linkage import THREE_ARMS, Linkage
+from rig.own_effects import OwnEffect, catalogue_of
 from rig.section import Finite, NotNegative, Positive, Section, Share
 
 GRAVITY_M_S2 = 9.81
@@ -299,7 +301,8 @@ class Rig:
 
     unknown: the discrepancy term of the model, zero by default. effects: {name of the catalogue:
     {"x" | "y" | "xy": {key: value}}} (see `rig.effects`), which only the simulator and the gap
-    workflow read. tolerances: effect's name -> half width of its first parameter within which the
+    workflow read. own: effects of a lab's own, which `effects` may name, too, as far as they are in
+    `catalogue`. tolerances: effect's name -> half width of its first parameter within which the
     effect counts as absent on this table. floors: channel (CHANNELS) -> RMS innovation of clean
     runs [rad or m]. ValueError: sections that contradict each other, such as a ball wider than the
     plate or a camera faster than the loop.
@@ -317,6 +320,7 @@ class Rig:
     table: TableChoice = field(default_factory=TableChoice)
     control_rate_hz: float = 500.0
     effects: dict[str, dict[str, dict[str, float]]] = field(default_factory=dict)
+    own: tuple[OwnEffect, ...] = ()
     tolerances: dict[str, float] = field(default_factory=dict)
     floors: dict[str, float] = field(default_factory=dict)
 
@@ -325,9 +329,14 @@ class Rig:
         """Eq. 15: acceleration of the ball per servo angle, k g 2 R_d/L [m/s2/rad]."""
         return self.ball.rolling_factor * GRAVITY_M_S2 * self.linkage.ratio
 
+    @property
+    def catalogue(self) -> dict[str, Effect]:
+        """Every effect that this rig knows, by name: the catalogue's, then its own."""
+        return catalogue_of(self.own)
+
     def __post_init__(self) -> None:
         servo, linkage = self.servo, self.linkage
-        effects.check_servos(self.effects, servo.kind)
+        effects.check_servos(self.effects, servo.kind, self.catalogue)
         limit, travel = servo.angle_limit_rad, servo.stop_rad
         if not servo.takes_angle:
             if linkage.kind == THREE_ARMS or any(linkage.pair("rod_length_m")):

@@ -1,6 +1,12 @@
-"""`rig.toml` <-> `Rig`: every key has a default, an unknown one is an error naming the known."""
+"""`rig.toml` <-> `Rig`: every key has a default, an unknown one is an error naming the known.
+
+Effects of a lab's own are files that `[effects] own = "mine.py"` names (`own = ["a.py", "b.py"]`
+for two, `effects = "mine.py"` where no effect is set). Only `read_rig` executes them: what a
+recording says of them is text.
+"""
 
 import dataclasses
+from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -8,6 +14,8 @@ import tomli_w
 from pydantic import TypeAdapter, ValidationError
 
 from rig import effects
+from rig.effects import Effect
+from rig.own_effects import OwnEffect, catalogue_of, read_effect
 from rig.parameters import CHANNELS, Rig
 from rig.validation import first_error_line, read_toml
 from vision.sources.addresses import without_password
@@ -24,21 +32,25 @@ SECTIONS = (
     "unknown",
     "table",
 )
+OWN_EFFECTS = "own_effects"  # in what `to_dict` gives: name, file and text of each
 _FILES = ("token_file", "calibration")  # of [table]: relative to the rig file's folder
 
 
 def read_rig(path: Path) -> Rig:
-    """Return the rig of a TOML file; files that its [table] names are found from the file's folder.
+    """Return the rig of a TOML file; files that its [table] and [effects] name are found from the
+    file's folder.
 
-    ValueError (one line that names the file): no TOML, an unknown key or a wrong value. OSError:
-    the file cannot be read.
+    ValueError (one line that names the file): no TOML, an unknown key, a wrong value or an effect
+    file that is no good. OSError: the file cannot be read.
     """
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
         raise ValueError(f"{path}: not a TOML file ({error})") from None
     try:
-        return _beside(from_dict(read_toml(text)), path.absolute().parent)
+        data, folder = read_toml(text), path.absolute().parent
+        own = tuple(read_effect(folder / name) for name in _own_files(data))
+        return _beside(from_dict(data, own), folder)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
@@ -54,15 +66,39 @@ def _beside(rig: Rig, folder: Path) -> Rig:
     return dataclasses.replace(rig, table=dataclasses.replace(rig.table, **found))
 
 
-def from_dict(data: dict[str, Any]) -> Rig:
+def _own_files(data: dict[str, Any]) -> list[str]:
+    """The effect files that a rig file names, taken out of its `data`. ValueError: no names."""
+    found = data.get("effects")
+    if isinstance(found, str | list):
+        named = data.pop("effects")
+    else:
+        named = found.pop("own", []) if isinstance(found, dict) else []
+    files = [named] if isinstance(named, str) else named
+    if not isinstance(files, list) or not all(isinstance(f, str) and f for f in files):
+        raise ValueError(
+            f'effects.own = {named!r}: write [effects] own = "mine.py", or own = ["a.py", "b.py"]'
+        )
+    return files
+
+
+def own_names(data: dict[str, Any]) -> dict[str, str]:
+    """Name -> file of the effects of a lab's own that `data` of `to_dict` tells of."""
+    found = data.get(OWN_EFFECTS, [])
+    there = [one for one in found if isinstance(one, dict)] if isinstance(found, list) else []
+    return {str(one.get("name")): str(one.get("file")) for one in there}
+
+
+def from_dict(data: dict[str, Any], own: Sequence[OwnEffect] = ()) -> Rig:
     """Return the rig of `data`, a parsed TOML document or what `to_dict` gave; a missing key has
     its default.
 
-    ValueError (one line): an unknown key, which lists the known ones, or a wrong value.
+    own: the effects of a lab's own; values of those that `data` itself tells of are left out where
+    they are not among them. ValueError (one line): an unknown key, which lists the known ones, or a
+    wrong value.
     """
     known = (*SECTIONS, "control_rate_hz", "effects", "tolerances", "floors")
     for key in data:
-        if key not in known:
+        if key not in (*known, OWN_EFFECTS):
             raise ValueError(f"unknown key '{key}'; known: {', '.join(known)}")
     rig = Rig()
     sections = {}
@@ -73,13 +109,18 @@ def from_dict(data: dict[str, Any]) -> Rig:
     if not isinstance(rate, int | float) or not 10 <= rate <= 5000:
         raise ValueError(f"control_rate_hz = {rate}: must be a number from 10 to 5000")
     found = data.get("effects", {})
-    _check_effects_shape(found)
-    effects.check(found)
+    catalogue = catalogue_of(own)
+    foreign = {name for name in own_names(data) if name not in catalogue}
+    if foreign and isinstance(found, dict):
+        found = {name: by_axis for name, by_axis in found.items() if name not in foreign}
+    _check_effects_shape(found, catalogue)
+    effects.check(found, catalogue)
     return Rig(
         **sections,
         control_rate_hz=float(rate),
         effects=found,
-        tolerances=_sizes("tolerances", data, tuple(effects.BY_NAME)),
+        own=tuple(own),
+        tolerances=_sizes("tolerances", data, (*catalogue, *foreign)),
         floors=_sizes("floors", data, CHANNELS),
     )
 
@@ -129,14 +170,14 @@ def _validated(name: str, default: Any, given: dict[str, Any]) -> Any:
         raise ValueError(first_error_line(error, within=name)) from None
 
 
-def _check_effects_shape(found: Any) -> None:
+def _check_effects_shape(found: Any, known: Mapping[str, Effect]) -> None:
     """effects.NAME.AXIS.KEY = number, else one clear line."""
     if not isinstance(found, dict):
         raise ValueError("[effects] must hold tables such as [effects.joint_backlash]")
     for name, by_axis in found.items():
-        if name not in effects.BY_NAME or _is_by_axis(by_axis):
+        if name not in known or _is_by_axis(by_axis):
             continue
-        axis, key = effects.BY_NAME[name].axes[0], effects.BY_NAME[name].parameters[0].key
+        axis, key = known[name].axes[0], known[name].parameters[0].key
         raise ValueError(f"effect '{name}': write it as [effects.{name}] {axis}.{key} = number")
 
 
@@ -150,15 +191,21 @@ def _is_by_axis(by_axis: Any) -> bool:
 
 def to_dict(rig: Rig) -> dict[str, Any]:
     """Return the rig as nested dictionaries of plain data, as `from_dict` takes it."""
-    return dataclasses.asdict(rig)
+    data = dataclasses.asdict(rig)
+    own = [{"name": one.effect.name, "file": one.file, "text": one.text} for one in rig.own]
+    del data["own"]
+    return {**data, OWN_EFFECTS: own} if own else data
 
 
 def to_record(rig: Rig) -> dict[str, Any]:
     """Return the rig as recordings keep it: `to_dict` without secrets and where they lie.
 
-    The camera's address has no password; of token file and calibration only the name is left.
+    The camera's address has no password; of token file, calibration and effect files only the name
+    is left, of the last their text, too.
     """
     record = to_dict(rig)
+    for one in record.get(OWN_EFFECTS, []):
+        one["file"] = PurePath(one["file"]).name
     table = record["table"]
     table["camera"] = without_password(table["camera"])
     for key in ("token_file", "calibration"):
@@ -167,7 +214,10 @@ def to_record(rig: Rig) -> dict[str, Any]:
 
 
 def write_rig(rig: Rig, path: Path) -> None:
-    """Write the rig, with every key, to a TOML file that `read_rig` reads. OSError: it cannot be
-    written.
+    """Write the rig, with every key, to a TOML file that `read_rig` reads, as long as the effect
+    files of its own lie where they lay. OSError: it cannot be written.
     """
-    path.write_text(tomli_w.dumps(to_dict(rig)), encoding="utf-8")
+    data = to_dict(rig)
+    if data.pop(OWN_EFFECTS, []):
+        data["effects"] = {"own": [one.file for one in rig.own]} | data["effects"]
+    path.write_text(tomli_w.dumps(data), encoding="utf-8")

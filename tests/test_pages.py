@@ -50,6 +50,21 @@ def test_every_command_of_the_front_door_exists():
     assert named <= commands | groups
 
 
+def test_the_effect_of_ones_own_on_the_page_is_one(tmp_path: Path):
+    from rig.plant.own_equations import acts
+    from rig.plant.plant_record import pack
+    from rig.rigfile import read_rig
+
+    text = (ROOT / "calibration/gap/README.md").read_text(encoding="utf-8")
+    section = text.partition("## An effect of your own")[2]
+    for language, name in (("python", "mine.py"), ("toml", "my.toml")):
+        [code] = re.findall(rf"```{language}\n(.*?)```", section, flags=re.S)
+        (tmp_path / name).write_text(code)
+    rig = read_rig(tmp_path / "my.toml")
+    assert rig.effects == {"dangling_tool": {"x": {"weight_V": 0.4}}}
+    assert acts(pack(rig)["own"])
+
+
 @pytest.mark.slow
 def test_the_examples_of_the_library_page_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     text = (ROOT / "rig/library.md").read_text(encoding="utf-8")

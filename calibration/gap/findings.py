@@ -4,11 +4,13 @@ Gaps are RMS innovations over one noise floor a channel, the same before and aft
 model. Channels: servo_x, servo_y, ball_x, ball_y.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from rig.effects import BY_NAME, Effect
 from rig.parameters import Rig
 
 VERDICTS = ("named", "nothing-missing", "unknown-effect", "undecided")
@@ -211,6 +213,11 @@ class Findings:
     noise: dict[str, float] = field(default_factory=dict)
     rig_before: Rig | None = None
     rig_after: Rig | None = None
+
+    @property
+    def known(self) -> Mapping[str, Effect]:
+        """The effects that could be named, by name: those of the nominal rig."""
+        return self.rig_before.catalogue if self.rig_before is not None else BY_NAME
 
     def to_json(self) -> dict[str, Any]:
         """The dictionary that `rig gap --json` prints: plain types, SI units but for keys that name

@@ -26,7 +26,6 @@ from calibration.gap.name.screen import screen
 from rig.control.controllers import WITHOUT
 from rig.course import Course
 from rig.discrepancy import Discrepancy
-from rig.effects import BY_NAME
 from rig.log import Log
 from rig.parameters import Rig
 from rig.prediction.innovations import noise as first_levels
@@ -233,8 +232,9 @@ class _Name:
     def of(cls, effects: Effects, nominal: NominalModel) -> "_Name":
         keys = tuple((name, axis) for name, by_axis in effects.items() for axis in by_axis)
         setting: dict[str, float] = {}
+        known = nominal.catalogue
         for name, axis in keys:
-            if name not in BY_NAME or axis not in BY_NAME[name].axes:
+            if name not in known or axis not in known[name].axes:
                 raise ValueError(f"no effect '{name}' on axis '{axis}' in the catalogue")
             for key, value in _turned(name, effects[name][axis]).items():
                 setting[f"{name}.{key}.{axis}"] = value
@@ -245,7 +245,7 @@ class _Name:
         found = {
             k.name
             for key in self.keys
-            for k in released(BY_NAME[key[0]], key[1], nominal, self.setting)
+            for k in released(nominal.catalogue[key[0]], key[1], nominal, self.setting)
         }
         return found | set(self.setting)
 

@@ -23,7 +23,6 @@ from calibration.gap.name.screen import screen
 from calibration.gap.name.stepwise import settled_baseline
 from calibration.gap.prove import model_of, rms
 from calibration.statistics import student_quantile
-from rig.effects import CATALOGUE
 from rig.log import Log
 from rig.parameters import Rig
 
@@ -53,7 +52,7 @@ def learn(logs: Sequence[Log], rig: Rig) -> Rig:
             left.setdefault(channel, []).append(size)
     reach = student_quantile(len(logs) - 1) * (1 + 1 / len(logs)) ** 0.5
     found = {}
-    for effect in CATALOGUE:
+    for effect in rig.catalogue.values():
         sizes = np.array(values.get(effect.name, []))
         if len(sizes) < MIN_CLEAN_RUNS or effect.tolerance == 0.0:
             continue

@@ -58,7 +58,7 @@ from calibration.gap.specification import completeness, inconstancy
 from calibration.gap.unnamed.basis import unnamed_terms
 from calibration.statistics import student_quantile
 from rig.discrepancy import Discrepancy
-from rig.effects import BY_NAME
+from rig.effects import Effect
 
 
 def decide_by_proof(before: State) -> tuple[Decision, tuple[str, ...]]:
@@ -88,7 +88,8 @@ def _beside_refuted(decision: Decision, first: Decision) -> tuple[Decision, tupl
     which names were refuted."""
     kept, reasons = [], []
     for one in decision.accepted:
-        outputs = [o for o in _outputs(one) if o in decision.state.evidence.outputs]
+        known = decision.state.nominal.catalogue
+        outputs = [o for o in _outputs(one, known) if o in decision.state.evidence.outputs]
         levels = decision.state.evidence.levels
         refuted = replace(first.state, evidence=first.state.evidence.with_levels(levels))
         mine, other = held_out(decision.state, outputs), held_out(refuted, outputs)
@@ -105,7 +106,9 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
     accepted, state, reasons = decision.accepted, decision.state, []
     if not accepted:
         return decision, [], ()
-    outputs = [o for o in state.evidence.outputs if any(o in _outputs(one) for one in accepted)]
+    known = state.nominal.catalogue
+    acting = {output for one in accepted for output in _outputs(one, known)}
+    outputs = [o for o in state.evidence.outputs if o in acting]
     bare = drop_effects(state, [key for one in accepted for key in _keys(one)])
     before, after = held_out(bare, outputs), held_out(state, outputs)
     complete = {output: completeness(_plain(bare), _plain(state), output) for output in outputs}
@@ -116,7 +119,7 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
             lost.append(one)
             reasons.append(f"not named: {one.name}: {reason}")
     for output in outputs:
-        here = [one for one in accepted if output in _outputs(one) and one not in lost]
+        here = [one for one in accepted if output in _outputs(one, known) and one not in lost]
         reason = _harm(output, before[output], after[output]) if output in after else ""
         if reason and _rival_stands(here, output, before):
             reason = ""
@@ -136,10 +139,10 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
             reasons.append(f"not named: {one.name}: {reason}")
     lost += outdone
     sure, doubts = _doubted(state, [one for one in accepted if one not in lost], complete)
-    kept = [_capped(one, sure) for one in accepted if one not in lost]
+    kept = [_capped(one, sure, known) for one in accepted if one not in lost]
     reasons += doubts
     for i, one in enumerate(kept):
-        if reason := _unproven(one, before, after) or _faint(state, one, spread):
+        if reason := _unproven(one, before, after, known) or _faint(state, one, spread):
             kept[i] = replace(one, explained=min(one.explained, DOUBTED_PROBABILITY))
             reasons.append(f"not certain: {one.name}: {reason}")
     if not lost:
@@ -147,8 +150,8 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
     return _without(decision, tuple(kept), lost), [one.name for one in outdone], tuple(reasons)
 
 
-def _outputs(one: Accepted) -> tuple[str, ...]:
-    return outputs_of(BY_NAME[one.name], one.axes)
+def _outputs(one: Accepted, known: Mapping[str, Effect]) -> tuple[str, ...]:
+    return outputs_of(known[one.name], one.axes)
 
 
 def _keys(one: Accepted) -> list[Key]:
@@ -221,7 +224,8 @@ def _doubted(
     """What bounds the probability of an output's names by rules 5 and 6, and rule 5 in words."""
     sure, doubts = dict(complete), []
     for one in accepted:
-        for output in (o for o in _outputs(one) if o in state.evidence.outputs):
+        outputs = _outputs(one, state.nominal.catalogue)
+        for output in (o for o in outputs if o in state.evidence.outputs):
             if reason := inconstancy(state, one, output):
                 sure[output] = min(sure[output], DOUBTED_PROBABILITY)
                 doubts.append(f"not certain: {one.name}: {reason}")
@@ -261,23 +265,26 @@ def _harm_of_one(
 ) -> str:
     """The reason of rule 2 in words; "" if the name helps on one of its outputs, and harms on
     none. `beside`: something without a name is left."""
-    outputs = [o for o in _outputs(one) if o in after]
+    outputs = [o for o in _outputs(one, decision.state.nominal.catalogue) if o in after]
     without = held_out(drop_effects(decision.state, _keys(one)), outputs)
     reasons = {output: _harm(output, without[output], after[output]) for output in outputs}
     harmed = [o for o in outputs if _harmed(without[o], after[o])]
     if harmed or (outputs and all(reasons.values())):
         return reasons[(harmed or outputs)[0]]
-    if beside and (reason := _unproven(one, without, after)):
+    if beside and (reason := _unproven(one, without, after, decision.state.nominal.catalogue)):
         return f"something without a name is left, and {reason}"
     return ""
 
 
 def _unproven(
-    one: Accepted, without: Mapping[str, Prediction], with_it: Mapping[str, Prediction]
+    one: Accepted,
+    without: Mapping[str, Prediction],
+    with_it: Mapping[str, Prediction],
+    known: Mapping[str, Effect],
 ) -> str:
     """The reason of rule 7 in words; "" if the error 1 s ahead falls for certain on an output of
     the name, or there are too few windows to say."""
-    outputs = [o for o in _outputs(one) if o in with_it and o in without]
+    outputs = [o for o in _outputs(one, known) if o in with_it and o in without]
     if not outputs or any(_proven(without[output], with_it[output]) for output in outputs):
         return ""
     return (
@@ -307,7 +314,7 @@ def _rival_stands(names: list[Accepted], output: str, before: dict[str, Predicti
 def _rival_is_better(one: Accepted, after: dict[str, Prediction]) -> str:
     """The reason of rule 4 in words; "" if the best rival predicts no better 1 s ahead."""
     for rival in one.rivals[:1]:
-        outputs = [o for o in _outputs(one) if o in after]
+        outputs = [o for o in _outputs(one, rival.state.nominal.catalogue) if o in after]
         others = held_out(rival.state, outputs)
         for output in outputs:
             d, se = gained(after[output], others[output])
@@ -320,9 +327,10 @@ def _rival_is_better(one: Accepted, after: dict[str, Prediction]) -> str:
     return ""
 
 
-def _capped(one: Accepted, share: Mapping[str, float]) -> Accepted:
+def _capped(one: Accepted, share: Mapping[str, float], known: Mapping[str, Effect]) -> Accepted:
     """The name with the smallest completeness of its outputs."""
-    return replace(one, explained=min((share[o] for o in _outputs(one) if o in share), default=1.0))
+    shares = [share[output] for output in _outputs(one, known) if output in share]
+    return replace(one, explained=min(shares, default=1.0))
 
 
 def _without(decision: Decision, kept: tuple[Accepted, ...], lost: list[Accepted]) -> Decision:

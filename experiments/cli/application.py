@@ -174,11 +174,22 @@ def track(
 
 
 @app.command()
-def effects() -> None:
+def effects(
+    rig: Annotated[
+        Path | None, typer.Argument(help="rig.toml: its own effects, too; only what it can have.")
+    ] = None,
+) -> None:
     """List the effects that the model knows: name, keys, unit, range, tolerance, meaning."""
     from experiments.cli.console import effects_table
+    from rig.effects import CATALOGUE, effects_of
 
-    effects_table()
+    if rig is None:
+        effects_table(CATALOGUE)
+        return
+    from experiments.runs.assemble import load_rig
+
+    table = load_rig(rig)
+    effects_table(effects_of(table.servo.kind, table.catalogue.values()))
 
 
 @app.command()

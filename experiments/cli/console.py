@@ -1,14 +1,18 @@
 """What a terminal shows: progress bars and tables."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from math import inf
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from experiments.progress import ProgressCall
+
+if TYPE_CHECKING:
+    from rig.effects import Effect
 
 
 @contextmanager
@@ -40,12 +44,10 @@ def bars() -> Iterator[ProgressCall]:
             progress.stop()
 
 
-def effects_table() -> None:
-    """Print the catalogue of `rig.effects` as a table on standard output."""
-    from rig.effects import CATALOGUE
-
+def effects_table(effects: "Iterable[Effect]") -> None:
+    """Print effects as a table on standard output."""
     table = Table("name", "axis", "key", "unit", "range", "null", "tolerance", "what it is")
-    for effect in CATALOGUE:
+    for effect in effects:
         for i, p in enumerate(effect.parameters):
             first = i == 0
             table.add_row(

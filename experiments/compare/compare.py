@@ -34,7 +34,7 @@ from experiments.runs.assemble import load_rig
 from experiments.runs.runner import simulate_in_blocks
 from experiments.workers import results_of
 from rig.parameters import Rig
-from rig.rigfile import from_dict, to_record
+from rig.rigfile import to_record
 
 KEPT = (
     "settled_error",
@@ -53,14 +53,14 @@ def _measured(request, result) -> dict[str, float]:
     return {name: found[name] for name in KEPT}
 
 
-def condition_rows(rig: dict, grid: dict, cell: dict, condition: str) -> list[dict[str, float]]:
+def condition_rows(rig: Rig, grid: dict, cell: dict, condition: str) -> list[dict[str, float]]:
     """Simulate a condition in a cell: for each seed one row of the measures KEPT.
 
-    The values are NaN in a run that did not complete. rig, grid, cell: plain data, as `to_record`,
-    `model_dump` and `asdict` make it, so that any worker can take them. ValueError: the cell's
-    table or protocol is impossible.
+    The values are NaN in a run that did not complete. grid, cell: plain data, as `model_dump` and
+    `asdict` make it, so that any worker can take them. ValueError: the cell's table or protocol is
+    impossible.
     """
-    wanted = run_requests(from_dict(rig), Grid.model_validate(grid), Cell(**cell), condition)
+    wanted = run_requests(rig, Grid.model_validate(grid), Cell(**cell), condition)
     return simulate_in_blocks(wanted, _measured)
 
 
@@ -119,7 +119,7 @@ def all_rows(
     kept = {key: rows for key, rows in _kept(path).items() if key in wanted}
     missing = [key for key in wanted if key not in kept]
     progress("arms in cells", len(kept), len(wanted))
-    calls = [(key, (plain, data, asdict(wanted[key][0]), wanted[key][1])) for key in missing]
+    calls = [(key, (rig, data, asdict(wanted[key][0]), wanted[key][1])) for key in missing]
     with path.open("a", encoding="utf-8") as file:
         if file.tell() and not path.read_bytes().endswith(b"\n"):
             file.write("\n")

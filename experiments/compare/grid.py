@@ -215,7 +215,7 @@ def table_of(rig: Rig, grid: Grid, cell: Cell) -> Rig:
         effects["camera_delay"] = {"xy": {"extra_s": fault.camera_late_s}}
     camera = replace(rig.camera, rate_hz=rig.camera.rate_hz * fault.camera_rate)
     drive = replace(rig.drive, **friction.drive)
-    return from_dict(to_dict(replace(rig, effects=effects, camera=camera, drive=drive)))
+    return from_dict(to_dict(replace(rig, effects=effects, camera=camera, drive=drive)), rig.own)
 
 
 def run_requests(rig: Rig, grid: Grid, cell: Cell, condition: str) -> list[RunRequest]:

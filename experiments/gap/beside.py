@@ -3,14 +3,15 @@
 Only for a person who compares: the analysis has its answer before any of this is read.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 from calibration.bundle import load_draft
 from calibration.gap.findings import Findings, Interval
 from experiments.gap.words import interval_words, key_words, parameter_unit, sig
-from rig.effects import BY_NAME
+from rig.effects import BY_NAME, Effect
+from rig.rigfile import own_names
 from rig.validation import read_json
 
 Place = tuple[str, str, str]  # effect, axis, key of the parameter
@@ -54,17 +55,19 @@ def true_values(runs: Sequence[Path]) -> dict[Place, float] | None:
     for run in runs:
         try:
             rig = read_json((run / "truth.json").read_text(encoding="utf-8"))["rig"]
-            tables.append(_flat(rig.get("effects") or {}))
+            tables.append(_flat(rig.get("effects") or {}, {*BY_NAME, *own_names(rig)}))
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return None
     return tables[0] if tables and all(one == tables[0] for one in tables) else None
 
 
-def _flat(effects: Mapping[str, Mapping[str, Mapping[str, float]]]) -> dict[Place, float]:
+def _flat(
+    effects: Mapping[str, Mapping[str, Mapping[str, float]]], known: Collection[str]
+) -> dict[Place, float]:
     return {
         (name, axis, key): float(value)
         for name, by_axis in effects.items()
-        if name in BY_NAME
+        if name in known
         for axis, pairs in by_axis.items()
         for key, value in pairs.items()
         if value
@@ -75,15 +78,16 @@ def beside_rows(
     found: Mapping[Place, Interval],
     calibrated: Mapping[Place, Interval],
     truth: Mapping[Place, float] | None,
+    known: Mapping[str, Effect] = BY_NAME,
 ) -> list[list[str]]:
     """Rows under HEAD, one a parameter that is found, calibrated or true; the last cell is the
-    verdict on what was found.
+    verdict on what was found. known: the effects by name, of which the units are taken.
     """
     rows = []
     places: list[Place] = [*found, *calibrated, *(truth or {})]
     for place in dict.fromkeys(places):
         name, axis, key = place
-        unit, factor = parameter_unit(name, key)
+        unit, factor = parameter_unit(name, key, known)
         cells = [
             interval_words(values[place], unit, factor) if place in values else ""
             for values in (found, calibrated)

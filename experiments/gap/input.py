@@ -16,7 +16,7 @@ from experiments.records.run_folder import read_meta
 from experiments.runs.assemble import load_rig
 from rig.log import INDEX, Log, Phase
 from rig.parameters import Rig
-from rig.rigfile import from_dict
+from rig.rigfile import from_dict, own_names
 
 SAME_RIG = ("servo", "linkage", "ball", "camera", "drive", "walls")
 STEP_TOLERANCE = 0.02  # encoder steps of one rig's logs differ by less
@@ -52,6 +52,11 @@ class _One:
     meta: dict[str, Any] | None = None
     rig: Rig | None = None
 
+    @property
+    def own(self) -> dict[str, str]:
+        """Effects of a lab's own in the run's rig, name -> file; a recording's are not executed."""
+        return own_names((self.meta or {}).get("rig") or {})
+
 
 def read_evidence(paths: Sequence[Path], rig_file: Path | None = None) -> GapInput:
     """Read and check every log and the rig that `rig gap` works on.
@@ -67,7 +72,7 @@ def read_evidence(paths: Sequence[Path], rig_file: Path | None = None) -> GapInp
     read, notes = _kept([one for path in paths for one in _read(Path(path))])
     names = _names([one.path for one in read])
     rig, more = _nominal(read, names, given)
-    notes += more
+    notes += [*more, *_left_out(read, names, rig)]
     logs, odd = _checked(read, names, rig)
     notes += odd
     read = [one for one, log in zip(read, logs, strict=True) if log is not None]
@@ -187,6 +192,17 @@ def _nominal(
     files = [name for name, one in zip(names, read, strict=True) if one.rig is None]
     notes = [f"{', '.join(files)}: taken to be of the rig of {first_name}"] if files else []
     return replace(first, effects={}), notes
+
+
+def _left_out(read: Sequence[_One], names: Sequence[str], rig: Rig) -> Iterator[str]:
+    """Yield a note for each run whose rig names an effect that this analysis does not know."""
+    for name, one in zip(names, read, strict=True):
+        missing = [f"{effect} ({file})" for effect, file in one.own.items()]
+        if missing and not set(one.own) <= set(rig.catalogue):
+            yield (
+                f"{name} was made with a rig file of its own effects: {', '.join(missing)}; they "
+                "are left out, since a recording runs no code: name the rig file with --rig"
+            )
 
 
 def rig_differences(a: Rig, b: Rig) -> Iterator[str]:

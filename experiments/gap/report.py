@@ -22,7 +22,6 @@ from experiments.gap.words import (
 )
 from experiments.records.run_folder import write_results
 from experiments.reports.report import Block, Code, Section, Table, write_page
-from rig.effects import BY_NAME
 from rig.rigfile import write_rig
 
 SHORT_CHANNELS = 4
@@ -124,9 +123,9 @@ def add_stage(found: Findings, names: Sequence[str]) -> Section:
         blocks.append(_parameter_table(found))
         blocks += [_log_table(found, names)] if found.by_log else []
         blocks += [
-            f"{effect.name}: {sentence_of(effect.name)}"
+            f"{effect.name}: {sentence_of(effect.name, found.known)}"
             for effect in found.effects
-            if sentence_of(effect.name)
+            if sentence_of(effect.name, found.known)
         ]
     if found.calibrated:
         blocks += _servo_blocks(found)
@@ -148,10 +147,10 @@ def add_stage(found: Findings, names: Sequence[str]) -> Section:
 def _parameter_table(found: Findings) -> Table:
     rows = []
     for effect in found.effects:
-        known = BY_NAME.get(effect.name)
+        known = found.known.get(effect.name)
         for axis, pairs in effect.parameters.items():
             for key, interval in pairs.items():
-                unit, factor = parameter_unit(effect.name, key)
+                unit, factor = parameter_unit(effect.name, key, found.known)
                 tolerance, span = "-", "-"
                 for i, p in enumerate(known.parameters if known else ()):
                     if p.key == key:
@@ -172,7 +171,7 @@ def _log_table(found: Findings, names: Sequence[str]) -> Table:
     """The sizes of the names in every log alone."""
     rows = []
     for one in found.by_log:
-        unit, factor = parameter_unit(one.name, one.key)
+        unit, factor = parameter_unit(one.name, one.key, found.known)
         sizes = [interval_words(size, unit, factor) if size else "not told" for size in one.sizes]
         place = "both" if one.axis == "xy" else one.axis
         alone = sum(size is not None for size in one.sizes) < 2

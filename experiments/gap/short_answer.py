@@ -70,7 +70,7 @@ def _headline(found: Findings, *, sure: bool) -> str:
     names = []
     for effect in found.effects:
         label = NAMES.get(effect.name, effect.name.replace("_", " "))
-        sizes = effect_words(effect).partition(": ")[2]
+        sizes = effect_words(effect, found.known).partition(": ")[2]
         how = f", sure: {percent(effect.probability)}" if sure else ""
         names.append(f"{label}{f' ({sizes})' if sizes else ''}{how}")
     if found.verdict == "undecided":

@@ -127,7 +127,10 @@ def name_stage(found: Findings, folder: Path) -> Section:
             f"{start} is left that no name explains, in {channel}: {left.shape}.{formula}"
         )
     if found.untestable:
-        rows = [[u.name, u.why, smallest_words(u.name, u.smallest)] for u in found.untestable]
+        rows = [
+            [u.name, u.why, smallest_words(u.name, u.smallest, found.known)]
+            for u in found.untestable
+        ]
         caption = "What these logs cannot show: such an effect may be there all the same."
         head = ("effect", "why", "smallest that would have shown")
         blocks.append(Table(head, rows, caption, words=3))

@@ -17,6 +17,7 @@ from experiments.gap.words import (
     sig,
     smallest_words,
 )
+from rig.effects import BY_NAME, Effect
 
 UNTESTABLE_SHOWN, NOTES_SHOWN, WHERE_SHOWN = 4, 3, 2
 
@@ -27,7 +28,7 @@ def summary_lines(found: Findings) -> list[str]:
     for w in found.where[:WHERE_SHOWN]:
         lines.append(_line("where", f"{channel_words(w.channel)}, {w.region}: gap {floors(w.gap)}"))
     label = "rival" if found.verdict == "undecided" else "effect"
-    lines += [_line(label, effect_words(effect)) for effect in found.effects]
+    lines += [_line(label, effect_words(effect, found.known)) for effect in found.effects]
     if found.unknown is not None:
         left = found.unknown
         formula = f"; {left.formula}" if left.formula else ""
@@ -35,9 +36,11 @@ def summary_lines(found: Findings) -> list[str]:
     lines += _gap_lines(found)
     lines += _servo_lines(found)
     if found.untestable:
+        shown = found.untestable[:UNTESTABLE_SHOWN]
+        sizes = [smallest_words(u.name, u.smallest, found.known) for u in shown]
         names = [
-            f"{u.name} ({smallest_words(u.name, u.smallest)})" if u.smallest else u.name
-            for u in found.untestable[:UNTESTABLE_SHOWN]
+            f"{u.name} ({size})" if u.smallest else u.name
+            for u, size in zip(shown, sizes, strict=True)
         ]
         more = len(found.untestable) - len(names)
         names += [f"{more} more"] if more > 0 else []
@@ -56,13 +59,16 @@ def _line(label: str, text: str) -> str:
     return f"  {label:10s} {text}"
 
 
-def effect_words(effect: Named) -> str:
-    """One line on a named effect: name, probability, parameters with 95 % intervals, twins."""
+def effect_words(effect: Named, known: Mapping[str, Effect] = BY_NAME) -> str:
+    """One line on a named effect: name, probability, parameters with 95 % intervals, twins.
+
+    known: the effects by name, of which the units are taken.
+    """
     parts = []
     for axis, pairs in effect.parameters.items():
         for key, interval in pairs.items():
             where = "" if axis == "xy" else f"{axis} "
-            unit, factor = parameter_unit(effect.name, key)
+            unit, factor = parameter_unit(effect.name, key, known)
             parts.append(f"{where}{key_words(key)} {interval_words(interval, unit, factor)}")
     twins = f"; or its twins {', '.join(effect.twins)}" if effect.twins else ""
     sizes = f": {', '.join(parts)}" if parts else ""

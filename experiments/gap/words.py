@@ -1,8 +1,10 @@
 """Words, units and numbers of the gap workflow for people: degrees and millimetres, no jargon."""
 
 import re
+from collections.abc import Mapping
 from dataclasses import asdict
 from math import degrees, floor, inf, isfinite, log10
+from pathlib import PurePath
 from typing import Any
 
 import tomli_w
@@ -10,7 +12,7 @@ import tomli_w
 from calibration.gap.findings import Findings, Interval
 from calibration.gap.model.parameters import CALIBRATED
 from calibration.gap.report.wording import far_off
-from rig.effects import BY_NAME
+from rig.effects import BY_NAME, Effect
 from rig.parameters import Rig
 from rig.rigfile import SECTIONS
 
@@ -78,14 +80,16 @@ def shown_unit(unit: str, key: str = "") -> tuple[str, float]:
     return _SHOWN.get(unit, ("" if unit == "1" else unit, 1.0))
 
 
-def parameter_unit(effect: str, key: str) -> tuple[str, float]:
-    """The unit shown for a parameter of a catalogue effect, and the factor from SI to it.
+def parameter_unit(
+    effect: str, key: str, known: Mapping[str, Effect] = BY_NAME
+) -> tuple[str, float]:
+    """The unit shown for a parameter of one of the `known` effects, and the factor from SI to it.
 
-    An unknown effect or key has the unit "" and the factor 1.
+    Another effect or key has the unit "" and the factor 1.
     """
     key = key.rpartition(".")[2]
-    known = BY_NAME[effect].parameters if effect in BY_NAME else ()
-    return shown_unit(next((p.unit for p in known if p.key == key), ""), key)
+    parameters = known[effect].parameters if effect in known else ()
+    return shown_unit(next((p.unit for p in parameters if p.key == key), ""), key)
 
 
 def key_words(key: str) -> str:
@@ -113,21 +117,23 @@ def interval_words(interval: Interval, unit: str, factor: float) -> str:
     return f"{value} [{low}, {high}] {unit}".strip()
 
 
-def smallest_words(effect: str, smallest: dict[str, float]) -> str:
+def smallest_words(
+    effect: str, smallest: dict[str, float], known: Mapping[str, Effect] = BY_NAME
+) -> str:
     """The smallest amplitude that a log would have shown, in shown units; "-" without any.
 
-    smallest: parameter key -> value (SI).
+    smallest: parameter key -> value (SI); known: as of `parameter_unit`.
     """
     parts = []
     for key, value in smallest.items():
-        unit, factor = parameter_unit(effect, key)
+        unit, factor = parameter_unit(effect, key, known)
         parts.append(f"{key_words(key)} {sig(factor * value)} {unit}".strip())
     return ", ".join(parts) or "-"
 
 
-def sentence_of(effect: str) -> str:
-    """The catalogue's sentence on an effect; "" for an unknown one."""
-    return BY_NAME[effect].sentence if effect in BY_NAME else ""
+def sentence_of(effect: str, known: Mapping[str, Effect] = BY_NAME) -> str:
+    """The sentence on one of the `known` effects; "" for another."""
+    return known[effect].sentence if effect in known else ""
 
 
 def nominal_of(key: str, rig: Rig | None) -> float | None:
@@ -193,7 +199,8 @@ def added_toml(found: Findings) -> str:
             if found.verdict == "named"
         }
     if effects:
-        changed["effects"] = effects
+        own = [PurePath(one.file).name for one in after.own] if after is not None else []
+        changed["effects"] = ({"own": own} if own else {}) | effects
     text = tomli_w.dumps(_rounded(changed)).strip() if changed else ""
     return re.sub(r"\[\n([^\]]*?),?\n\]", lambda found: f"[{_one_line(found[1])}]", text)
 

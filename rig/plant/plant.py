@@ -13,6 +13,8 @@ import numpy as np
 from rig.compiled import compiled, inlined
 from rig.discrepancy import discrepancy_acceleration
 from rig.plant.ball import velocity
+from rig.plant.own_equations import BALL as BALL_SIDE
+from rig.plant.own_equations import with_own
 from rig.plant.step import (
     ball_step,
     drive_step,
@@ -115,15 +117,21 @@ def sight(p, now, exposure_s, x, y, motion, ball):
 
 @inlined
 def unnamed(p, ball, motion, t):
-    """The unnamed acceleration of the ball, if there is any [m/s2]."""
-    if not p.unknown.on:
-        return 0.0, 0.0
-    x, y = ball[0] / p.half_side[0], ball[1] / p.half_side[1]
+    """The acceleration of the ball that is in no catalogue, unnamed or of a lab's own, if there is
+    any [m/s2].
+    """
+    a_x, a_y = 0.0, 0.0
+    if not (p.unknown.on or p.own.ball):
+        return a_x, a_y
     v_x, v_y = velocity(ball[2], ball[3], motion[2], motion[3], p.radius)
-    return (
-        discrepancy_acceleration(p.unknown, 0, x, y, v_x, t),
-        discrepancy_acceleration(p.unknown, 1, x, y, v_y, t),
-    )
+    if p.unknown.on:
+        x, y = ball[0] / p.half_side[0], ball[1] / p.half_side[1]
+        a_x = discrepancy_acceleration(p.unknown, 0, x, y, v_x, t)
+        a_y = discrepancy_acceleration(p.unknown, 1, x, y, v_y, t)
+    if p.own.ball:
+        a_x = with_own(p.own, BALL_SIDE, 0, a_x, ball[0], v_x, t)
+        a_y = with_own(p.own, BALL_SIDE, 1, a_y, ball[1], v_y, t)
+    return a_x, a_y
 
 
 @inlined

@@ -9,7 +9,7 @@ from rig.discrepancy import DISCREPANCY
 from rig.effects import fields, values
 from rig.linkage import THREE_ARMS, Linkage
 from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, Rig, Servo
-from rig.plant import position_servo
+from rig.plant import own_equations, position_servo
 from rig.plant.derived import derive
 from rig.plant.shaft import DEAD_ZONE, EXACT, NONE
 from rig.three_arms import AZIMUTHS
@@ -36,7 +36,7 @@ PLANT = np.dtype(
     + [(name, np.float64, (2,)) for name, _, _ in fields()]
     + [(name, np.float64) for name in _SCALARS]
     + [(name, np.int64) for name in ("shaft_model", "walls", "position", "linkage", "has_angle")]
-    + [("share_x", np.float64, (3,)), ("unknown", DISCREPANCY)]
+    + [("share_x", np.float64, (3,)), ("unknown", DISCREPANCY), ("own", own_equations.OWN)]
 )
 
 
@@ -51,8 +51,10 @@ def pack(rig: Rig, *, step_s: float = STEP_S) -> np.record:
     step_s = tick_s / ceil(tick_s / step_s - 1e-9)
     p = np.zeros(1, PLANT)[0]
     servo, drive = rig.servo, rig.drive
-    for name, pair in values(rig.effects).items():
-        p[name] = pair
+    given = values(rig.effects, rig.catalogue.values())
+    for name, _, _ in fields():
+        p[name] = given[name]
+    p["own"] = own_equations.pack(rig.own, given)
     p["gain"], p["time_constant"] = servo.gain_rad_s_V, servo.time_constant_s
     p["torque_per_volt"] = servo.torque_per_volt_nm
     p["plate_inertia"] = drive.plate_inertia_kg_m2

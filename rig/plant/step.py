@@ -10,6 +10,7 @@ from rig.compiled import inlined
 from rig.discrepancy import discrepancy_volts
 from rig.plant import effect_equations as equations
 from rig.plant.ball import plate_rates, plate_sines, rolling, velocity
+from rig.plant.own_equations import SERVO, with_own
 from rig.plant.shaft import backlash_angle, shaft_torque
 
 
@@ -55,6 +56,8 @@ def effective_volts(p, a, volts_x, volts_y, theta, omega, t):
     v = delivered(p, a, commanded(p, a, volts_x, volts_y), t)
     if p.unknown.on:
         v += discrepancy_volts(p.unknown, a, theta, omega, t)
+    if p.own.servo:
+        v = with_own(p.own, SERVO, a, v, theta, omega, t)
     return cogged(p, a, v, theta)
 
 

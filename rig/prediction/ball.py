@@ -13,6 +13,7 @@ from rig.compiled import compiled
 from rig.discrepancy import discrepancy_acceleration
 from rig.plant import effect_equations as equations
 from rig.plant.ball import rolling
+from rig.plant.own_equations import BALL, with_own
 from rig.plant.plant import felt_angle
 from rig.plant.position_plant import felt_sines
 from rig.plant.shaft import play_operator
@@ -66,6 +67,9 @@ def ball_step(p, s, plate, sines, angle_x, angle_y, now, dt):
         part_x, part_y = x / p.half_side[0], y / p.half_side[1]
         a_x += discrepancy_acceleration(p.unknown, 0, part_x, part_y, v_x + 0.5 * dt * a_x, now)
         a_y += discrepancy_acceleration(p.unknown, 1, part_x, part_y, v_y + 0.5 * dt * a_y, now)
+    if p.own.ball:
+        a_x = with_own(p.own, BALL, 0, a_x, x, v_x + 0.5 * dt * a_x, now)
+        a_y = with_own(p.own, BALL, 1, a_y, y, v_y + 0.5 * dt * a_y, now)
     n_x, n_y = v_x + dt * a_x, v_y + dt * a_y
     kept = equations.rolling_resistance(n_x, n_y, p.rolling_resistance_deceleration_m_s2[0], dt)
     n_x, n_y = n_x * kept, n_y * kept

@@ -1,8 +1,8 @@
 """Many closed-loop runs at once: each its own controller and sensors, their plants in lanes.
 
 A run gives the same bits as `simulate.simulate` makes of it alone. Runs of one kind (control rate,
-step, shaft model, walls) share blocks of LANES; a plant with an unnamed term, or with servos that
-take an angle, runs alone.
+step, shaft model, walls) share blocks of LANES; a plant with an unnamed term, an effect of a lab's
+own, or with servos that take an angle, runs alone.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ import numpy as np
 
 from rig.compiled import compiled, inlined
 from rig.log import COLUMNS, Log
-from rig.plant import plant_record
+from rig.plant import own_equations, plant_record
 from rig.plant.constants import LANES, UNIFORM
 from rig.plant.plant import ARM, MOTOR_RATE, STATE_ROWS
 from rig.simulation import statistical_camera
@@ -176,7 +176,7 @@ def simulate_many(tasks: Sequence[Task]) -> list[Simulated]:
     plants, done = [plant_record.pack(task.rig) for task in tasks], {}
     for i, (task, p) in enumerate(zip(tasks, plants, strict=True)):
         task.check()
-        if p["unknown"]["on"] or p["position"]:
+        if p["unknown"]["on"] or p["position"] or own_equations.acts(p["own"]):
             done[i] = simulate(task.rig, task.known, task.compensator, task.course, task.draws)
             continue
         kind = (task.known.control_rate_hz, *(float(p[name]) for name in UNIFORM))

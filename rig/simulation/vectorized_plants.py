@@ -4,7 +4,8 @@ A block is one array in which the lanes of each number lie next to each other an
 innermost index. The equations are those of `step.py`, called with one lane's numbers inside the
 innermost loop, which the compiler turns into vector instructions (512 bits where the machine has
 them). It reorders nothing, so a run gives the same bits here and in `plant.advance`. Lanes of a
-block share the step, the shaft model and the walls; a discrepancy (`discrepancy.py`) has no lanes.
+block share the step, the shaft model and the walls; a discrepancy (`discrepancy.py`) and effects of
+a lab's own (`own_equations.py`) have no lanes.
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,8 @@
 """`rig gap` on worlds that share no code with it: verdict, names, sizes, and how often it is wrong.
 
 The command line is the only contact: each log is written as CSV beside its rig file, `rig gap` is
-run on it, and its JSON is held against what is really there.
+run on it, and its JSON is held against what is really there. With --own the rig files name the two
+shipped effects of a lab's own, by which two worlds without a name have one.
 """
 
 import argparse
@@ -21,6 +22,11 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from tests.support.worlds import WORLDS
 from tests.support.worlds.score import OUTCOMES, ahead, names, outcome, sizes
 
+OWN = Path(__file__).parents[2] / "experiments" / "rigs" / "own_effects"
+OWN_NAMES = {
+    "pendulum": {"hanging_arm": {"x": {"weight_V": 0.5, "angle_rad": 0.0}}},
+    "cable": {"pulling_cable": {"x": {"stiffness_V_rad": 3.0, "slack_rad": 0.1}}},
+}
 HEADS = ("world", "seed", "outcome", "truth", "verdict", "names", "sizes", "1 s ahead", "seconds")
 
 
@@ -30,9 +36,18 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--seeds", type=int, default=1, help="logs a world")
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--only", nargs="+", choices=sorted(WORLDS), metavar="NAME")
+    parser.add_argument("--own", action="store_true", help="with hanging_arm and pulling_cable")
     parser.add_argument("--jobs", type=int, default=2, help="commands at once")
     parser.add_argument("--timeout", type=float, default=900.0, help="seconds a log")
     return parser.parse_args()
+
+
+def with_own(name: str, rig: str, truth: dict) -> tuple[str, dict]:
+    """Rig file and truth of a world whose rig file names the shipped effects of a lab's own."""
+    files = sorted(str(file) for file in OWN.glob("*.py"))
+    if name in OWN_NAMES:
+        truth = truth | {"kind": "effect", "required": OWN_NAMES[name]}
+    return f"{rig}[effects]\nown = {json.dumps(files)}\n", truth
 
 
 def write_csv(path: Path, columns: dict[str, np.ndarray]) -> None:
@@ -60,11 +75,13 @@ def answer_of(folder: Path, timeout_s: float) -> tuple[dict | None, str]:
     return json.loads((folder / "answer.json").read_text("utf-8")), ""
 
 
-def row_of(name: str, seed: int, out: Path, timeout_s: float) -> tuple[str, ...]:
+def row_of(name: str, seed: int, out: Path, timeout_s: float, *, own: bool) -> tuple[str, ...]:
     """Make one log, ask, compare: the cells of its row."""
     folder = out / f"{name}-{seed}"
     folder.mkdir(parents=True, exist_ok=True)
     columns, rig, truth = WORLDS[name](seed)
+    if own:
+        rig, truth = with_own(name, rig, truth)
     write_csv(folder / "log.csv", columns)
     (folder / "rig.toml").write_text(rig, "utf-8")
     (folder / "truth.json").write_text(json.dumps(truth, indent=1), "utf-8")
@@ -101,7 +118,11 @@ def main() -> None:
     print(f"| {' | '.join(HEADS)} |\n|{'---|' * len(HEADS)}", flush=True)
     rows = []
     with ThreadPoolExecutor(args.jobs) as pool:
-        for row in pool.map(lambda task: row_of(*task, args.out, args.timeout), tasks):
+
+        def ask(task: tuple[str, int]) -> tuple[str, ...]:
+            return row_of(*task, args.out, args.timeout, own=args.own)
+
+        for row in pool.map(ask, tasks):
             print(f"| {' | '.join(row)} |", flush=True)
             rows.append(row)
     print(f"\n{summary(rows)}")

@@ -33,6 +33,7 @@ MIN_DEVIATION = {
 }  # fmt: skip
 INTERVAL_FACTOR = 1.45  # with it 95 % of intervals held the truth in simulated tuning trials
 MIN_DEVIATION_COUNTS = {"play_rad": 0.5}
+OWN_MIN_DEVIATION = 0.2  # of the tolerance, as that of a dead zone and hardly less than friction's
 # As shares of the nominal value: where within a count a motor starts after a rest is not measured.
 MIN_DEVIATION_SHARE = {"gain_rad_s_V": 0.0012, "time_constant_s": 0.006}
 
@@ -94,7 +95,22 @@ def deviations(state: State) -> dict[str, tuple[float, int]]:
     return found
 
 
+def _min_deviation_of_own(state: State, parameter: Parameter) -> float:
+    """The floor of a lab's own effect: OWN_MIN_DEVIATION of the tolerance of its size. What shapes
+    it trades with what a healthy table may have (an angle with an offset): as large a share of half
+    its range as the tolerance's deviation, t/sqrt(3), is of the size."""
+    effect = state.nominal.catalogue[parameter.effect]
+    first = state.nominal.of(parameter.effect, parameter.axis)[0]
+    if parameter == first:
+        return OWN_MIN_DEVIATION * effect.tolerance
+    size = abs(state.fit.setting.get(first.name, first.nominal) - effect.parameters[0].null)
+    share = effect.tolerance / sqrt(3.0) / max(size, effect.tolerance)
+    return 0.5 * (parameter.upper - parameter.lower) * share
+
+
 def _min_deviation(state: State, parameter: Parameter) -> float:
+    if state.nominal.is_own(parameter.effect):
+        return _min_deviation_of_own(state, parameter)
     count = state.nominal.rig.servo.encoder_step_rad
     least = MIN_DEVIATION.get(parameter.key, MIN_DEVIATION_COUNTS.get(parameter.key, 0.0) * count)
     least += MIN_DEVIATION_SHARE.get(parameter.key, 0.0) * abs(parameter.nominal)
@@ -110,8 +126,8 @@ def _coupled(state: State) -> bool:
     """True if one parameter moves several outputs, so that they share one covariance."""
     return (
         any(
-            BY_NAME[name].axes == ("xy",) and BY_NAME[name].side == "servo"
-            for name, _ in state.named
+            effect.axes == ("xy",) and effect.side == "servo"
+            for effect in (state.nominal.catalogue[name] for name, _ in state.named)
         )
         or state.nominal.load_friction
     )

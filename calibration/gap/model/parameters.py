@@ -7,7 +7,6 @@ model is linear.
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from copy import copy
 from dataclasses import dataclass, replace
 from math import atan2, cos, hypot, inf, sin
 
@@ -20,7 +19,7 @@ from calibration.gap.decision_rule import (
 )
 from rig.discrepancy import Discrepancy
 from rig.discrepancy import pack as pack_unknown
-from rig.effects import ANGLES, BY_NAME, CATALOGUE, Effect, effects_of, values
+from rig.effects import ANGLES, Effect, effects_of, values
 from rig.parameters import Rig
 from rig.plant.plant_record import pack
 
@@ -45,6 +44,7 @@ OWN_STEPS = {
     "transmission_ripple.cosine": 0.001,
     "viscous_drag.rate_1_s": 0.01,
 }
+SHAPE_STEP_SHARE = 0.01  # of the range of what shapes a lab's own effect; chosen
 SLOWEST_STRIBECK_RAD_S = 0.04  # below, encoder counts cannot tell it from how friction sets in
 # Ranges beyond the catalogue's, up to the supply: an H-bridge takes half of the volts.
 REACHES_SUPPLY = ("friction_V", "half_width_V", "positive_V", "negative_V")
@@ -71,10 +71,11 @@ GUESSES = (0.2, 0.5, 1.0, 2.0, 5.0)  # of the nominal K and tau: starts of a fit
 class Parameter:
     """One number of the model, in the SI unit of its key.
 
-    `effect`: its name in the catalogue, "" for K and tau; `axis`: "x", "y" or "xy" (one value for
-    both); `nominal`: its value in the rig file; `tolerance`: half width of what a rig without
+    `effect`: its name in the rig's catalogue, "" for K and tau; `axis`: "x", "y" or "xy" (one value
+    for both); `nominal`: its value in the rig file; `tolerance`: half width of what a rig without
     faults may have; `lower`, `upper`: the range of the effect; `step`: of its difference quotients;
-    `loads`: True where the friction of arm and joints loads the motors.
+    `loads`: True where the friction of arm and joints loads the motors; `in_ball`: the effect shows
+    in the ball (`in_ball`).
     """
 
     effect: str
@@ -86,6 +87,7 @@ class Parameter:
     upper: float
     step: float
     loads: bool = False
+    in_ball: bool = False
 
     @property
     def name(self) -> str:
@@ -98,7 +100,7 @@ class Parameter:
         motor also frees the motor, so it moves the servo's output, too."""
         if self.effect == "joint_backlash" and self.loads:
             return (f"servo_{self.axis}", BALL)
-        if self.effect and in_ball(BY_NAME[self.effect]):
+        if self.in_ball:
             return (BALL,)
         return SERVO if self.axis == "xy" else (f"servo_{self.axis}",)
 
@@ -137,14 +139,15 @@ def in_ball(effect: Effect) -> bool:
 
 
 def effects_in(rig: Rig) -> tuple[Effect, ...]:
-    """The effects that logs of the rig can tell apart (see TOLD_TWINS). Servos that read their
-    angle back show theirs in no output yet."""
+    """The effects of the rig's catalogue that its logs can tell apart (see TOLD_TWINS). Servos that
+    read their angle back show theirs in no output yet."""
+    known = effects_of(rig.servo.kind, rig.catalogue.values())
     twins = {twin for names in TOLD_TWINS.values() for twin in names}
     if not rig.servo.takes_angle:
-        return effects_of(rig.servo.kind)
+        return known
     if rig.servo.has_angle:
-        return tuple(e for e in effects_of(rig.servo.kind) if e.servos != ANGLES)
-    return tuple(e for e in effects_of(rig.servo.kind) if e.name not in twins)
+        return tuple(e for e in known if e.servos != ANGLES)
+    return tuple(e for e in known if e.name not in twins)
 
 
 class NominalModel:
@@ -152,7 +155,8 @@ class NominalModel:
 
     `load_friction`: whether the assumed friction F [N m] of arm and joints loads the motors;
     through the joint's stiffness k [N m/rad] F also widens the backlash that the plate feels by 2
-    F/k. `tolerances`: effect -> half width of its first key, in place of the catalogue's.
+    F/k. `tolerances`: effect -> half width of its first key, in place of the catalogue's. It cannot
+    be pickled (see `Model`).
     """
 
     def __init__(
@@ -164,16 +168,21 @@ class NominalModel:
         self._wound = drive.joint_friction_nm / drive.joint_stiffness_nm_rad
         if not load_friction:
             self._record["arm_friction"] = self._record["joint_friction"] = self._wound = 0.0
-        self.effects = effects_in(rig)
-        self._tolerances = {e.name: e.tolerance for e in CATALOGUE} | dict(tolerances or {})
+        self.effects, self.catalogue = effects_in(rig), rig.catalogue
+        self._own = {one.effect.name: slot for slot, one in enumerate(rig.own)}
+        known = self.catalogue.values()
+        self._tolerances = {e.name: e.tolerance for e in known} | dict(tolerances or {})
         # The motor's own friction is known no better than the assumed friction of its load.
         held = rig.drive.joint_friction_nm + rig.drive.arm_friction_nm
         self.assumed_friction_V = held / rig.servo.torque_per_volt_nm if load_friction else 0.0
         self.friction_slack_V = ASSUMED_FRICTION_ERROR * self.assumed_friction_V
         if load_friction and "coulomb_friction" not in (tolerances or {}):
             self._tolerances["coulomb_friction"] += self.friction_slack_V
-        self._start = {name: tuple(pair) for name, pair in values(rig.effects).items()}
+        self._start = {name: tuple(pair) for name, pair in values(rig.effects, known).items()}
         self.parameters = {parameter.name: parameter for parameter in self._all()}
+
+    def __reduce__(self) -> str:
+        raise TypeError("a NominalModel stays in its process: send the rig instead")
 
     def _all(self) -> Iterable[Parameter]:
         servo = self.rig.servo
@@ -188,7 +197,30 @@ class NominalModel:
                 for key in _keys(effect):
                     yield self._parameter(effect, key, axis)
 
+    def is_own(self, name: str) -> bool:
+        """Whether an effect is one of a lab's own (`rig.own_effects`)."""
+        return name in self._own
+
+    def _own_parameter(self, effect: Effect, key: str, axis: str) -> Parameter:
+        """A parameter of a lab's own effect. The first is its size, whose step is the tolerance;
+        the others are its shape, whose steps are SHAPE_STEP_SHARE of their range.
+
+        Without a size in the rig file its shape is not known: it is free only where it is released,
+        and a file that is named changes nothing of the baseline.
+        """
+        first = effect.parameters[0].key == key
+        low, high = _range(effect, key)
+        nominal = self._nominal(effect.name, key, 1 if axis == "y" else 0)
+        known = first and nominal != effect.parameters[0].null
+        tolerance = self._tolerances[effect.name] if known else 0.0
+        step = effect.tolerance if first else SHAPE_STEP_SHARE * (high - low)
+        return Parameter(
+            effect.name, key, axis, nominal, tolerance, low, high, step, in_ball=in_ball(effect)
+        )
+
     def _parameter(self, effect: Effect, key: str, axis: str) -> Parameter:
+        if self.is_own(effect.name):
+            return self._own_parameter(effect, key, axis)
         first = _keys(effect)[0] == key
         tolerance = self._tolerances[effect.name] if first and effect.name not in PERIODIC else 0.0
         gear = effect.name == "gear_backlash" and max(self._start["gear_backlash_play_rad"]) == 0.0
@@ -205,8 +237,9 @@ class NominalModel:
             low = SLOWEST_STRIBECK_RAD_S
         step = OWN_STEPS.get(f"{effect.name}.{key}", STEPS[key])
         nominal = self._nominal(effect.name, key, 1 if axis == "y" else 0)
+        loads, seen = self.load_friction, in_ball(effect)
         return Parameter(
-            effect.name, key, axis, nominal, tolerance, low, high, step, self.load_friction
+            effect.name, key, axis, nominal, tolerance, low, high, step, loads, in_ball=seen
         )
 
     def _nominal(self, name: str, key: str, a: int) -> float:
@@ -233,7 +266,8 @@ class NominalModel:
 
     def with_unknown(self, unknown: Discrepancy) -> "NominalModel":
         """A copy of the model with an unnamed term in it."""
-        other = copy(self)
+        other = object.__new__(NominalModel)
+        other.__dict__.update(self.__dict__)
         other.rig = replace(self.rig, unknown=unknown)
         other._record = self._record.copy()
         other._record["unknown"] = pack_unknown(unknown, self.rig.servo.angle_limit_rad)
@@ -260,12 +294,21 @@ class NominalModel:
             for a in {"x": (0,), "y": (1,), "xy": (0, 1)}[parameter.axis]:
                 touched.setdefault((parameter.effect, a), {})[parameter.key] = value
         for (effect, a), given in touched.items():
+            if self.is_own(effect):
+                self._set_own(p, effect, a, given)
+                continue
             _set(p, effect, a, given, lambda key, e=effect, b=a: self._nominal(e, key, b))
         for shaft, wound in (("gear", 0.0), ("joint", self._wound)):
             half = p[f"{shaft}_backlash_play_rad"] / 2 + wound
             centre = p[f"{shaft}_backlash_offset_rad"]
             p[f"{shaft}_1"], p[f"{shaft}_2"] = centre + half, centre - half
         return Model(p, (gain[0], gain[1]), (tau[0], tau[1]))
+
+    def _set_own(self, p: np.record, name: str, a: int, given: Mapping[str, float]) -> None:
+        """Write the parameters of a lab's own effect into the plant's record."""
+        for i, parameter in enumerate(self.catalogue[name].parameters):
+            if parameter.key in given:
+                p["own"]["values"][a, self._own[name], i] = given[parameter.key]
 
 
 def _set(
@@ -295,21 +338,25 @@ def _set(
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A model ready to predict: the plant's record, and K and tau of the axes x and y."""
+    """A model ready to predict: the plant's record, and K and tau of the axes x and y. It cannot be
+    pickled: a record may hold addresses of this process (`rig.plant.own_equations`)."""
 
     record: np.record
     gain_rad_s_V: tuple[float, float]
     time_constant_s: tuple[float, float]
 
+    def __reduce__(self) -> str:
+        raise TypeError("a Model stays in its process: send the rig and the setting instead")
+
 
 def released(
     effect: Effect, axis: str, nominal: NominalModel, setting: Mapping[str, float]
 ) -> list[Parameter]:
-    """The parameters that become free when the effect is tried on an axis: all of a periodic effect
-    or of Stribeck friction, the first of any other, and those of the inner shape where `setting`
-    (parameter name -> value) has already departed from zero there."""
+    """The parameters that become free when the effect is tried on an axis: all of a periodic,
+    of Stribeck friction or of a lab's own effect, the first of any other, and those of the inner
+    shape where `setting` (parameter name -> value) has already departed from zero there."""
     parameters = nominal.of(effect.name, axis)
-    if effect.name in (*PERIODIC, "stribeck_friction"):
+    if effect.name in (*PERIODIC, "stribeck_friction") or nominal.is_own(effect.name):
         return parameters
     for key in (COAST_KEY, HEIGHT_KEY, SETTLING_KEY, SOFTNESS_KEY):
         if setting.get(f"{effect.name}.{key}.{axis}"):

@@ -22,7 +22,7 @@ from calibration.gap.model.parameters import (
     in_ball,
     released,
 )
-from rig.effects import BY_NAME, Effect
+from rig.effects import Effect
 
 RESTART_RATIO = 1.7  # of K or tau to its nominal: beyond, other starts are tried, too; chosen
 Key = tuple[str, str]  # effect, axis
@@ -50,7 +50,7 @@ class State:
         for parameter in self.nominal.parameters.values():
             if not outputs & set(parameter.outputs):
                 continue
-            effect = BY_NAME.get(parameter.effect)
+            effect = self.nominal.catalogue.get(parameter.effect)
             key = (parameter.effect, parameter.axis)
             if effect and key in chosen and parameter in self._released(effect, parameter.axis):
                 found[parameter.name] = parameter.range

@@ -5,6 +5,7 @@ derivative at zero, a period along the turn has to be found), one where it is.
 """
 
 from collections.abc import Iterable, Mapping
+from itertools import product
 
 import numpy as np
 
@@ -41,6 +42,14 @@ START_COAST_S2_RAD = 0.06
 FRICTION_SHAPES = ((SETTLING_KEY, (0.003, 0.01)), (SOFTNESS_KEY, (0.02, 0.1)))
 WIDE_DEAD_ZONE_SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)  # of the largest volts
 OWN_SIZES = {"viscous_drag.rate_1_s": (0.05,)}
+# A lab's own effect: shares of its size's range, and places in the range of its 0 to 3 shapes.
+OWN_SIZES_OF_RANGE = (0.05, 0.3)
+OWN_SHAPES: tuple[tuple[float, ...], ...] = (
+    (),
+    (0.05, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95),
+    (0.1, 0.3, 0.5, 0.7, 0.9),
+    (0.2, 0.5, 0.8),
+)
 Start = dict[str, float]
 
 
@@ -60,6 +69,8 @@ def starts(
             for n in PERIODS
             if n * reach(evidence, axis) > MIN_PHASE_RAD[name]
         ]
+    if nominal.is_own(name):
+        return own_starts(effect, axis, nominal)
     first = nominal.of(name, axis)[0]
     if name == "stribeck_friction":
         return [[{first.name: 0.05, f"{name}.speed_rad_s.{axis}": v}] for v in (0.05, 0.12, 0.3)]
@@ -80,6 +91,24 @@ def starts(
         return [[one | more] for one in frictions for more in ({}, *shapes)]
     sizes = OWN_SIZES.get(f"{name}.{first.key}", SIZES.get(first.key, ()))
     return [[{first.name: first.nominal + size}] for size in sizes]
+
+
+def own_starts(effect: Effect, axis: str, nominal: NominalModel) -> list[list[Start]]:
+    """Starts with an effect of a lab's own: each of OWN_SIZES of its range, beside a grid over what
+    shapes it. The linear screen finds the sign."""
+    first, *shape = nominal.of(effect.name, axis)
+    places = OWN_SHAPES[len(shape)]
+    grid = product(*[[k.lower + share * (k.upper - k.lower) for share in places] for k in shape])
+    reach = max(first.upper - first.nominal, first.nominal - first.lower)
+    way = 1.0 if first.upper > first.nominal else -1.0
+    return [
+        [
+            {first.name: first.nominal + way * share * reach}
+            | {k.name: value for k, value in zip(shape, values, strict=True)}
+        ]
+        for values in grid
+        for share in OWN_SIZES_OF_RANGE
+    ]
 
 
 def free_coasting_backlash_starts(

@@ -31,7 +31,6 @@ from calibration.gap.name.candidates import (
     resets_servo,
 )
 from calibration.gap.name.screen import Screened, at_start_noise
-from rig.effects import BY_NAME
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +54,9 @@ class CandidateFit:
         axis."""
         if not any(self.is_identified(axis) for axis in self.axes):
             return -float("inf")
+        nominal = self.state.nominal
         parameters = sum(
-            len(released(BY_NAME[self.name], axis, self.state.nominal, self.state.fit.setting))
+            len(released(nominal.catalogue[self.name], axis, nominal, self.state.fit.setting))
             for axis in self.axes
         )
         return penalised_gain(self.gain, parameters)
@@ -93,13 +93,14 @@ def rank(
         by_name.setdefault(one.name, []).append(one)
     gain = {name: sum(max(o.gain, 0.0) for o in found) for name, found in by_name.items()}
     order = sorted(gain, key=lambda name: -gain[name])
-    best_on_side = {BY_NAME[name].side: gain[name] for name in reversed(order)}
+    side = {name: state.nominal.catalogue[name].side for name in order}
+    best_on_side = {side[name]: gain[name] for name in reversed(order)}
     fits: list[CandidateFit] = []
     for i, name in enumerate(order):
         best = max((candidate.score for candidate in fits), default=0.0)
         if gain[name] < MIN_REFIT_GAIN or (i >= most and best >= gain[name]):
             break
-        if gain[name] < MIN_SHARE_OF_BEST * best_on_side[BY_NAME[name].side]:
+        if gain[name] < MIN_SHARE_OF_BEST * best_on_side[side[name]]:
             continue
         if i < most or gain[name] >= MIN_LATE_REFIT_GAIN:
             fits.append(_release(state, name, _axes(by_name[name], screened)))

@@ -30,7 +30,6 @@ from calibration.gap.model.state import Key, State, baseline, outputs_of, refit,
 from calibration.gap.name.refit import CandidateFit, rank
 from calibration.gap.name.screen import Screened, Screens, screen
 from calibration.gap.unnamed.basis import unnamed_terms
-from rig.effects import BY_NAME
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +98,7 @@ def settled_baseline(evidence: Evidence, nominal: NominalModel) -> State:
 def name_effects(state: State, barred: Collection[str] = ()) -> Naming:
     """Stepwise naming from the settled baseline `state`: forward selection, then backward
     elimination; the effects `barred` are not tried."""
-    skip = [(name, axis) for name in barred for axis in BY_NAME[name].axes]
+    skip = [(name, axis) for name in barred for axis in state.nominal.catalogue[name].axes]
     before, path = state, [("", state)]
     last: list[CandidateFit] = []
     screened: list[Screened] = []
@@ -118,7 +117,7 @@ def name_effects(state: State, barred: Collection[str] = ()) -> Naming:
         ):
             break
         best = worth[0]
-        outputs = outputs_of(BY_NAME[best.name], best.axes)
+        outputs = outputs_of(state.nominal.catalogue[best.name], best.axes)
         total += best.score
         explained |= {output: explained.get(output, 0.0) + best.score for output in outputs}
         state = settle(best.state, outputs)
@@ -144,13 +143,15 @@ def entry_threshold(state: State, candidate: CandidateFit, explained: Mapping[st
     enough = (
         RELATED_FRICTION_THRESHOLD if candidate.name in DRY_FRICTIONS and beside else NAME_THRESHOLD
     )
-    named = [explained.get(p, 0.0) for p in outputs_of(BY_NAME[candidate.name], candidate.axes)]
+    outputs = outputs_of(state.nominal.catalogue[candidate.name], candidate.axes)
+    named = [explained.get(p, 0.0) for p in outputs]
     return max(enough, MIN_SHARE_ON_OUTPUT * max(named))
 
 
 def _stands_in_for_unnamed(state: State, best: CandidateFit) -> bool:
     """True if an unnamed term on the same outputs scores more than twice this small addition."""
-    outputs = {output for name, axis in best.keys for output in outputs_of(BY_NAME[name], (axis,))}
+    known = state.nominal.catalogue
+    outputs = {output for name, axis in best.keys for output in outputs_of(known[name], (axis,))}
     rivals = [term.score for term in unnamed_terms(state) if term.output in outputs]
     return max(rivals, default=0.0) > 2.0 * best.score
 
@@ -159,7 +160,8 @@ def drop_effects(state: State, keys: Iterable[Key]) -> State:
     """The state with the effects `keys` (effect, axis) back inside their tolerance boxes,
     refitted."""
     keys = set(keys)
-    outputs = {p for name, axis in keys for p in outputs_of(BY_NAME[name], (axis,))}
+    known = state.nominal.catalogue
+    outputs = {p for name, axis in keys for p in outputs_of(known[name], (axis,))}
     parameters = state.nominal.parameters
     setting = {
         name: value
@@ -195,12 +197,13 @@ def backward_step(
     """
     keys = [key for key in state.named if key[0] == name]
     bare = drop_effects(state, keys)
-    outputs = [p for p in outputs_of(BY_NAME[name], [a for _, a in keys]) if p in bare.fit.rolls]
+    known, axes = state.nominal.catalogue, [a for _, a in keys]
+    outputs = [p for p in outputs_of(known[name], axes) if p in bare.fit.rolls]
     fits = rank(bare, screen(bare, outputs, skip=[*keys, *skip]), most=RIVALS_REFITTED)
     own = CandidateFit(name, tuple(axis for _, axis in keys), state, bare.fit.cost - state.fit.cost)
     if fits and fits[0].score > own.score and fits[0].score >= NAME_THRESHOLD:
         winner = fits[0]
-        state = settle(winner.state, outputs_of(BY_NAME[winner.name], winner.axes))
+        state = settle(winner.state, outputs_of(known[winner.name], winner.axes))
         fits = [own, *fits[1:]]
         own = winner
     if own.score < NAME_THRESHOLD:

@@ -23,7 +23,7 @@ from calibration.gap.name.candidates import largest_volts
 from calibration.gap.name.decide import Decision
 from calibration.gap.name.screen import Screened
 from calibration.gap.name.stepwise import Accepted
-from rig.effects import BY_NAME
+from rig.effects import BY_NAME, Effect
 from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, Rig
 
 TWINS: Mapping[str, tuple[str, ...]] = {
@@ -119,9 +119,10 @@ def effects_of(state: State, name: str) -> dict[str, dict[str, dict[str, float]]
     cannot be negative are clipped to 0."""
     axes = tuple(axis for effect, axis in state.named if effect == name)
     found = parameters(state, name, axes, {})
+    effect = state.nominal.catalogue[name]
     return {
         name: {
-            axis: {key: _allowed(name, key, value.value) for key, value in pairs.items()}
+            axis: {key: _allowed(effect, key, value.value) for key, value in pairs.items()}
             for axis, pairs in found.items()
         }
     }
@@ -210,11 +211,12 @@ def extended(decision: Decision, found: tuple[Named, ...], servo: Mapping[str, I
     rig = nominal.rig
     effects = {n: {a: dict(p) for a, p in by.items()} for n, by in rig.effects.items()}
     for one in found:
+        known = nominal.catalogue[one.name]
         for axis, pairs in one.parameters.items():
             into = effects.setdefault(one.name, {}).setdefault(axis, {})
             if one.name == "dead_zone":
                 into.clear()
-            into |= {key: _allowed(one.name, key, value.value) for key, value in pairs.items()}
+            into |= {key: _allowed(known, key, value.value) for key, value in pairs.items()}
     mean = {
         key: [v.value for label, v in servo.items() if label.startswith(key.split("_")[0])]
         for key in CALIBRATED
@@ -250,9 +252,9 @@ def _light_friction(state: State) -> float:
     return load * len(found) / sum(found) if found else 0.0
 
 
-def _allowed(name: str, key: str, value: float) -> float:
+def _allowed(effect: Effect, key: str, value: float) -> float:
     """A value that a rig file takes: sizes that cannot be negative are clipped to 0."""
-    parameter = next(p for p in BY_NAME[name].parameters if p.key == key)
+    parameter = next(p for p in effect.parameters if p.key == key)
     return float(max(value, 0.0) if parameter.low >= 0 else value)
 
 

@@ -15,7 +15,7 @@ from calibration.gap.model.state import State
 from calibration.gap.name.decide import Decision
 from calibration.gap.report.findings_of_decision import ball_height_m
 from calibration.gap.unnamed.wording import describe
-from rig.effects import BY_NAME
+from rig.effects import Effect
 
 VAGUE_WIDTH = 0.5  # width of an interval over its value beyond which it is not known
 ANGLES = ("play_rad", "offset_rad", "amplitude_rad", "slope_rad", "angle_rad")
@@ -128,7 +128,8 @@ def _chance_note(decision: Decision) -> tuple[str, ...]:
 
 def sentence(decision: Decision, names: tuple[Named, ...]) -> str:
     """The verdict as one or two sentences in plain words, for the user."""
-    told = [_effect_words(name) for name in names]
+    known = decision.state.nominal.catalogue
+    told = [_effect_words(name, known[name.name]) for name in names]
     left = decision.unnamed and describe(decision.unnamed)
     if decision.verdict == "nothing-missing":
         return "Nothing is missing: the model explains the log within the declared tolerances."
@@ -156,8 +157,8 @@ def _doubted(name: Named) -> bool:
     return name.probability <= DOUBTED_PROBABILITY
 
 
-def _effect_words(name: Named) -> str:
-    words = BY_NAME[name.name].sentence.rstrip(".").lower()
+def _effect_words(name: Named, effect: Effect) -> str:
+    words = effect.sentence.rstrip(".").lower()
     sizes = []
     for axis, pairs in name.parameters.items():
         for key, value in list(pairs.items())[:1]:

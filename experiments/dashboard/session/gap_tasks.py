@@ -103,7 +103,7 @@ def _short(findings: Any, paths: Sequence[Path], calibration: Path, *, demo: boo
 
     known = {} if demo else beside.calibrated_values(calibration)
     found = beside.found_values(findings)
-    rows = beside.beside_rows(found, known, beside.true_values(paths))
+    rows = beside.beside_rows(found, known, beside.true_values(paths), findings.known)
     protocols = [(read_meta(path).get("protocol") or {}).get("name", "?") for path in paths]
     first = "" if demo else advice(protocols)
     said = short_answer(findings, enough=not first, contradiction=beside.contradictions(rows))
