@@ -7,6 +7,7 @@ import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from experiments.export import own_effects
 from experiments.export.fmu import variables as kinds
 from experiments.export.fmu.compiler import WINDOWS, compile_library, find_compiler, own_platform
 from experiments.export.fmu.description import IDENTIFIER, build_description, model_description
@@ -45,9 +46,10 @@ def write_fmu(
     ValueError (one line): no C compiler, or an interval without the rig's own value. OSError: it
     cannot be written. RuntimeError: the compiler refused the source.
     """
+    own, rig = own_effects.left_out(rig), own_effects.without_own(rig)
     compiler, record = find_compiler(), pack(rig)
     found, strange = kinds.bounded(kinds.parameters(rig, record), intervals)
-    told = [*left_out(rig), *lost]
+    told = [*left_out(rig), *own, *lost]
     told += [
         f"The interval of {one} is not in it: no parameter bears this name." for one in strange
     ]

@@ -1,5 +1,6 @@
 """What MuJoCo's XML does not carry of a rig, one line each."""
 
+from experiments.export import own_effects
 from rig.parameters import Rig
 
 # Effects for which MuJoCo has nothing of its own, and why.
@@ -19,6 +20,10 @@ NOT_CARRIED = {
 def left_out(rig: Rig) -> list[str]:
     """The lines, those for effects that the rig has first."""
     told = [f"effects.{name}: {NOT_CARRIED[name]}." for name in rig.effects if name in NOT_CARRIED]
+    told += own_effects.left_out(rig)
+    friction = rig.effects.get("coulomb_friction", {}).values()
+    if any(pairs.get(key) for pairs in friction for key in ("settling_s", "softness_rad_s")):
+        told.append("effects.coulomb_friction: hard; neither settling_s nor softness_rad_s.")
     if rig.unknown != type(rig.unknown)():
         told.append("[unknown]: the discrepancy term has no equivalent.")
     servo = rig.servo
