@@ -191,7 +191,6 @@ def check(
                 _check_number(effect, axis, key, value)
         if name in BY_NAME:
             _check_play(name, by_axis)
-            _check_shape(name, by_axis)
 
 
 _NOT_NEGATIVE = (
@@ -237,16 +236,6 @@ def _check_play(name: str, by_axis: Mapping[str, Mapping[str, float]]) -> None:
             raise ValueError(
                 f"effect '{name}', {axis}.offset_rad = {offset:g}: must be at most half of "
                 f"play_rad ({width / 2:g})"
-            )
-
-
-def _check_shape(name: str, by_axis: Mapping[str, Mapping[str, float]]) -> None:
-    """Dry friction has one shape near standstill: it settles, or it is soft."""
-    for axis, pairs in by_axis.items():
-        if name == "coulomb_friction" and pairs.get("settling_s") and pairs.get("softness_rad_s"):
-            raise ValueError(
-                f"effect '{name}', {axis}: settling_s and softness_rad_s exclude each other; "
-                "leave one at 0"
             )
 
 

@@ -15,6 +15,13 @@ from rig.three_arms import arm_angle
 
 
 @compiled
+def held_share(settling_s, step_s):
+    """Share of its speed that a motor keeps over a step while dry friction stops it [1]; 0 where it
+    stops at once (settling_s = 0)."""
+    return exp(-step_s / settling_s) if settling_s > 0.0 else 0.0
+
+
+@compiled
 def derive(p):
     """Fill the derived fields of p (record PLANT) from those given, in place.
 
@@ -34,8 +41,7 @@ def derive(p):
         p.motor_inertia[a] = p.time_constant * p.motor_damping[a] - load  # J = tau B
         p.motor_per_torque[a] = h / p.motor_inertia[a]
         p.motor_per_volt[a] = p.torque_per_volt[a] * p.motor_per_torque[a]
-        settling_s = p.coulomb_friction_settling_s[a]
-        p.friction_held[a] = exp(-h / settling_s) if settling_s > 0.0 else 0.0
+        p.friction_held[a] = held_share(p.coulomb_friction_settling_s[a], h)
         half = p.gear_backlash_play_rad[a] / 2
         p.gear_1[a] = p.gear_backlash_offset_rad[a] + half
         p.gear_2[a] = p.gear_backlash_offset_rad[a] - half

@@ -99,7 +99,7 @@ def dry_friction(free, speed, largest_change, held, softness_rad_s):
     It changes the speed by at most `largest_change` and never reverses it. Where it can hold the
     motor, `held` times its speed is left: 0, or after a step h exp(-h/T) if the motor settles with
     the time constant T (as under MuJoCo's `frictionloss`). With a softness s > 0 it is -F
-    tanh(omega/s), semi-implicitly, under which a loaded motor creeps.
+    tanh(omega/s) instead, semi-implicitly, under which a loaded motor creeps.
     """
     if softness_rad_s > 0.0:
         return free / (1.0 + largest_change * softened(speed, softness_rad_s))

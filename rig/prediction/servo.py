@@ -9,6 +9,7 @@ from math import ceil, exp, log, sqrt
 
 from rig.compiled import compiled, inlined
 from rig.plant import effect_equations as equations
+from rig.plant.derived import held_share
 from rig.plant.plant import effective_volts
 from rig.plant.shaft import EXACT, dead_zone, play_operator, shaft_torque
 
@@ -66,8 +67,7 @@ def servo_step(p, a, motor, speed, variance, volts, gain, decay, share, free_gap
     dry += 0.0 if free_gap else p.arm_friction / p.torque_per_volt[a]
     target = gain * volts
     free = target + (speed - target) * decay
-    settling = p.coulomb_friction_settling_s[a]
-    held = exp(-dt / settling) if settling > 0.0 else 0.0
+    held = held_share(p.coulomb_friction_settling_s[a], dt)
     after = equations.dry_friction(free, speed, gain * dry * (1.0 - decay), held, 0.0)
     # The mean speed over the tick: exact for the first-order motor, dry friction on both ends.
     mean = target + (speed - target) * share

@@ -352,9 +352,13 @@ def test_friction_that_settles_holds_and_stops_with_its_time_constant():
     assert np.all(moved(rig, constant_volts(0.301, -0.301, 0.2))[-1, MOTOR] != 0.0)
 
 
-def test_friction_has_one_shape_near_standstill():
-    with pytest.raises(ValueError, match="exclude each other"):
-        check(on("coulomb_friction", friction_V=0.1, settling_s=0.01, softness_rad_s=0.05))
+def test_of_both_shapes_of_friction_the_soft_one_holds():
+    soft, both = (
+        smooth_rig(effects=on("coulomb_friction", friction_V=0.2, softness_rad_s=0.05, **more))
+        for more in ({}, {"settling_s": 0.02})
+    )
+    runs = [moved(rig, constant_volts(0.25, -0.1, 0.1)) for rig in (soft, both)]
+    np.testing.assert_array_equal(*runs)
 
 
 def test_stribeck_friction_falls_with_speed():

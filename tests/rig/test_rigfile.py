@@ -109,12 +109,7 @@ def test_every_catalogue_entry_can_be_switched_on_in_a_file(kind, tmp_path: Path
     lines = ["[servo]", f"kind = '{kind}'"]
     for effect in effects_of(kind):
         lines.append(f"[effects.{effect.name}]")
-        lines += [
-            f"{axis}.{p.key} = {p.high}"
-            for axis in effect.axes
-            for p in effect.parameters
-            if p.key != "softness_rad_s"
-        ]  # excluded by settling_s
+        lines += [f"{axis}.{p.key} = {p.high}" for axis in effect.axes for p in effect.parameters]
     path = tmp_path / "rig.toml"
     path.write_text("\n".join(lines))
     assert set(read_rig(path).effects) == {effect.name for effect in effects_of(kind)}

@@ -21,6 +21,7 @@ from rig.discrepancy import Discrepancy
 from rig.discrepancy import pack as pack_unknown
 from rig.effects import ANGLES, Effect, effects_of, values
 from rig.parameters import Rig
+from rig.plant.derived import held_share
 from rig.plant.plant_record import pack
 
 PERIODIC = {"cogging": "amplitude_V", "transmission_ripple": "amplitude_rad"}
@@ -298,6 +299,8 @@ class NominalModel:
                 self._set_own(p, effect, a, given)
                 continue
             _set(p, effect, a, given, lambda key, e=effect, b=a: self._nominal(e, key, b))
+        for a in range(2):
+            p["friction_held"][a] = held_share(p["coulomb_friction_settling_s"][a], p["step_s"])
         for shaft, wound in (("gear", 0.0), ("joint", self._wound)):
             half = p[f"{shaft}_backlash_play_rad"] / 2 + wound
             centre = p[f"{shaft}_backlash_offset_rad"]

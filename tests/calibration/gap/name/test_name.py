@@ -210,7 +210,8 @@ def test_a_limit_above_the_volts_that_last_is_told_untestable():
 
 
 def test_a_name_without_sizes_is_told_all_the_same():
-    assert "x" not in _effect_words(Named("dead_zone", 1.0, (), {"x": {}})).rsplit(":", 1)[1]
+    words = _effect_words(Named("dead_zone", 1.0, (), {"x": {}}), BY_NAME["dead_zone"])
+    assert "x" not in words.rsplit(":", 1)[1]
 
 
 @pytest.mark.slow
