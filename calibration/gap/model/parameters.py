@@ -54,8 +54,8 @@ COAST_KEY, LONGEST_COAST_S2_RAD = "coast_s2_rad", 0.5
 # So has a camera scale: a ball higher than assumed seems larger, and shifted as the plate tilts. At
 # most its own diameter, as where its positions were taken for those of its lowest point or its top.
 HEIGHT_KEY = "height_m"
-# And dry friction: how it stops a motor, by a time constant or over a speed.
-SETTLING_KEY, SOFTNESS_KEY = "settling_s", "softness_rad_s"
+# And dry friction: the time constant with which it stops a motor.
+SETTLING_KEY = "settling_s"
 INNER_SHAPE = {"gear_backlash": [COAST_KEY], "camera_scale": [HEIGHT_KEY]}
 IN_RECORD = {COAST_KEY: "gear_coast", HEIGHT_KEY: "camera_height"}  # not in the catalogue
 # Where servos take an angle that nobody measures, these make the same data as others do, whatever
@@ -361,7 +361,7 @@ def released(
     parameters = nominal.of(effect.name, axis)
     if effect.name in (*PERIODIC, "stribeck_friction") or nominal.is_own(effect.name):
         return parameters
-    for key in (COAST_KEY, HEIGHT_KEY, SETTLING_KEY, SOFTNESS_KEY):
+    for key in (COAST_KEY, HEIGHT_KEY, SETTLING_KEY):
         if setting.get(f"{effect.name}.{key}.{axis}"):
             return [parameters[0], *(k for k in parameters if k.key == key)]
     return parameters[:1]

@@ -19,7 +19,6 @@ from calibration.gap.model.parameters import (
     PERIODIC,
     SERVO,
     SETTLING_KEY,
-    SOFTNESS_KEY,
     NominalModel,
 )
 from rig.effects import Effect
@@ -39,7 +38,7 @@ SIZES: Mapping[str, tuple[float, ...]] = {
     "half_width_rad": (0.003, 0.01, 0.03),
 }  # fmt: skip
 START_COAST_S2_RAD = 0.06
-FRICTION_SHAPES = ((SETTLING_KEY, (0.003, 0.01)), (SOFTNESS_KEY, (0.02, 0.1)))
+SETTLING_S = (0.003, 0.01)  # dry friction is tried hard and with these
 WIDE_DEAD_ZONE_SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)  # of the largest volts
 OWN_SIZES = {"viscous_drag.rate_1_s": (0.05,)}
 # A lab's own effect: shares of its size's range, and places in the range of its 0 to 3 shapes.
@@ -85,10 +84,8 @@ def starts(
         return [[alone], [alone, {height.name: SIZES[HEIGHT_KEY][0]}]]
     if name == "coulomb_friction":
         frictions = [{first.name: first.nominal + size} for size in SIZES["friction_V"]]
-        shapes = [
-            {f"{name}.{key}.{axis}": value} for key, sizes in FRICTION_SHAPES for value in sizes
-        ]
-        return [[one | more] for one in frictions for more in ({}, *shapes)]
+        settling = [{f"{name}.{SETTLING_KEY}.{axis}": value} for value in SETTLING_S]
+        return [[one | more] for one in frictions for more in ({}, *settling)]
     sizes = OWN_SIZES.get(f"{name}.{first.key}", SIZES.get(first.key, ()))
     return [[{first.name: first.nominal + size}] for size in sizes]
 
