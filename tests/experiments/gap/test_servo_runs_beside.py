@@ -12,6 +12,7 @@ from experiments.runs.runner import RunRequest, keep_simulated, simulate_run
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)  # two minutes on a quiet machine
 def test_the_advised_runs_of_the_houses_table_give_an_answer(tmp_path: Path):
     rig = load_rig(None)
     runs = []
