@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.benchmark.engines.mujoco_engine.mechanism import Build
 from tests.support.mujoco_engine.ball_windows import WINDOW_S, residuals, rms_mm
 from tests.support.mujoco_engine.closed_loop import (
     cell,
@@ -28,7 +29,6 @@ from tests.support.mujoco_engine.comparison import (
     steps,
     table_with,
 )
-from tests.support.mujoco_engine.mechanism import Build
 
 LOOSE = table_with(joint_deg=2.0)
 LOOSE = replace(LOOSE, drive=replace(LOOSE.drive, joint_friction_nm=0.0))

@@ -25,8 +25,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
+from experiments.benchmark.engines.foreign.table import make_log, write_csv
 from experiments.gap.gap import investigate
-from tests.support.foreign.table import make_log, write_csv
 
 PROTOCOLS = ("steps", "hold", "squares")
 INTERNAL = re.compile(r"array|concatenat|shape|index|operand|broadcast|dtype|object|None|axis 0")

@@ -19,6 +19,7 @@ from pathlib import Path
 import numba
 import numpy as np
 
+from experiments.benchmark.engines.mujoco_engine.table import MujocoTable
 from experiments.runs.assemble import another_unit, known, load_rig
 from rig.compiled import compiled
 from rig.control.controllers import WITH
@@ -31,7 +32,6 @@ from rig.simulation.simulate import TICK_BUFFERS, Task, draw, simulate
 from tests.benchmarks.speed_c import C, builds, pack_state
 from tests.benchmarks.speed_numpy import Tables
 from tests.support.mujoco_engine.comparison import Start
-from tests.support.mujoco_engine.table import MujocoTable
 
 TICK_S, STEPS = 0.002, 20
 RUN_TICKS, BATCH_TICKS, SETS = 500, 500, 1000

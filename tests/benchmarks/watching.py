@@ -4,8 +4,8 @@
 core): each table has 30 runs of 12 s of random steps; 1 or 3 are accepted. Of five tables one stays
 as it is, one wears (joint play grows from run to run), one has its camera knocked (turned, or of
 another scale), one a joint that comes loose at once, one a weaker supply. Healthy tables differ
-from run to run, too (SPREAD). Every other table is the independent one of tests/support/foreign,
-which shares no code with the product. A table is followed up to its first alarm. Interrupted, it
+from run to run, too (SPREAD). Every other table is the independent one of the benchmark, which
+shares no code with the product. A table is followed up to its first alarm. Interrupted, it
 goes on where it stopped. `--prior` prints the moments from which PRIOR_RATIO and PRIOR_RUNS of
 calibration/watch/change_detection.py come.
 """
@@ -29,11 +29,11 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from calibration.watch.change_detection import alarm_threshold, alarms, strongest
 from calibration.watch.run_estimates import Accepted, accept, effect_of, estimate
+from experiments.benchmark.engines.foreign.table import make_log
 from rig import COMPENSATORS, Course, Rig, draw, simulate_many
 from rig.log import Log
 from rig.parameters import Drive
 from rig.simulation.simulate import Task
-from tests.support.foreign.table import make_log
 
 RUNS, SECONDS, RATE_HZ = 30, 12.0, 500.0
 KINDS = ("nothing", "wear", "camera", "joint", "supply")

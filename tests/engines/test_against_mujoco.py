@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from experiments.benchmark.engines.mujoco_engine.mechanism import Build
 from rig.parameters import GRAVITY_M_S2, Walls
 from tests.support.mujoco_engine.ball_windows import residuals, rms_mm
 from tests.support.mujoco_engine.comparison import (
@@ -29,7 +30,6 @@ from tests.support.mujoco_engine.comparison import (
     steps,
     table_with,
 )
-from tests.support.mujoco_engine.mechanism import Build
 
 SERVO_RAD, PLATE_RAD, BALL_RMS_M = 1e-3, 2.5e-4, 1.5e-4
 SIGNALS = {"multi-sine": multisine(), "steps": steps(), "one axis": multisine(both=False)}

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.support.foreign.parts import packed
-from tests.support.foreign.plant import RATIO, G, _behind, _servo, _tilt
+from experiments.benchmark.engines.foreign.parts import packed
+from experiments.benchmark.engines.foreign.plant import RATIO, G, _behind, _servo, _tilt
+from experiments.benchmark.engines.foreign.table import CAMERA_DELAY_S
+from experiments.benchmark.engines.foreign.truth import plant_and_eye
 from tests.support.foreign.runs import bang, quiet, seen, slope
-from tests.support.foreign.table import CAMERA_DELAY_S
-from tests.support.foreign.truth import plant_and_eye
 
 K, TAU, FACTOR = 1.53, 0.025, 0.6
 COUNT = 2 * np.pi / 4096

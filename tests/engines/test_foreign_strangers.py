@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from tests.support.foreign.plant import G
+from experiments.benchmark.engines.foreign.plant import G
+from experiments.benchmark.engines.foreign.truth import STRANGERS, strange
 from tests.support.foreign.runs import bang, nothing_odd, quiet, seen
-from tests.support.foreign.truth import STRANGERS, strange
 
 FACTOR = 0.6
 COUNT = 2 * np.pi / 4096

@@ -3,13 +3,10 @@
 import numpy as np
 import pytest
 
-from experiments.records.importing import read_log
-from rig.effects import check, effects_of
-from tests.support.foreign.parts import packed
-from tests.support.foreign.plant import RADIUS_M, _roll
-from tests.support.foreign.protocols import PROTOCOLS
-from tests.support.foreign.runs import nothing_odd
-from tests.support.foreign.table import (
+from experiments.benchmark.engines.foreign.parts import packed
+from experiments.benchmark.engines.foreign.plant import RADIUS_M, _roll
+from experiments.benchmark.engines.foreign.protocols import PROTOCOLS
+from experiments.benchmark.engines.foreign.table import (
     CAMERA_DELAY_S,
     NOISE_M,
     NOMINAL_GAIN,
@@ -20,7 +17,10 @@ from tests.support.foreign.table import (
     make_log,
     write_csv,
 )
-from tests.support.foreign.truth import BOXES, STRANGERS, plant_and_eye
+from experiments.benchmark.engines.foreign.truth import BOXES, STRANGERS, plant_and_eye
+from experiments.records.importing import read_log
+from rig.effects import check, effects_of
+from tests.support.foreign.runs import nothing_odd
 
 DEG = np.pi / 180
 LARGE = {  # about six times what a minute of data shows

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from experiments.benchmark.engines.mujoco_engine.table import MujocoTable
 from rig.parameters import Rig
 from tests.support.mujoco_engine.closed_loop import (
     Cell,
@@ -14,7 +15,6 @@ from tests.support.mujoco_engine.closed_loop import (
     on_product,
     quiet,
 )
-from tests.support.mujoco_engine.table import MujocoTable
 
 
 def mujoco_table(rig: Rig | None = None) -> MujocoTable:

@@ -7,21 +7,24 @@ looks at forces. Its own dry friction is 0.012 V.
 import numpy as np
 import pytest
 
-from rig.parameters import Servo
-from tests.support.foreign import table as foreign_table
-from tests.support.foreign.parts import Pilot
-from tests.support.foreign.plant import G
-from tests.support.foreign.runs import SLACK, bang, nothing_odd, quiet, seen, slope
-from tests.support.foreign.table import completed
-from tests.support.foreign.truth import plant_and_eye
-from tests.support.mujoco_engine import logs as mujoco_logs
-from tests.support.mujoco_engine.hidden import (
+from experiments.benchmark.engines.foreign import table as foreign_table
+from experiments.benchmark.engines.foreign.parts import Pilot
+from experiments.benchmark.engines.foreign.plant import G
+from experiments.benchmark.engines.foreign.table import completed
+from experiments.benchmark.engines.foreign.truth import plant_and_eye
+from experiments.benchmark.engines.mujoco_engine import logs as mujoco_logs
+from experiments.benchmark.engines.mujoco_engine.hidden import (
     ARM_FRICTION_NM,
     BLOCK_S,
     JOINT_FRICTION_NM,
     HiddenTable,
     sine_as_cubic,
 )
+from rig.parameters import Servo
+from tests.support.foreign.runs import SLACK, bang, nothing_odd, quiet, seen, slope
+from tests.support.parts import need
+
+need("mujoco")
 
 FACTOR, RATIO = 0.6, 2 * 0.0254 / 0.275
 OWN_FRICTION_V = (ARM_FRICTION_NM + JOINT_FRICTION_NM) / Servo().torque_per_volt_nm

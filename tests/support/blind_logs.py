@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from experiments.benchmark.engines.foreign.truth import STRANGERS
 from experiments.blind.draws import TrialPlan, plan_trials
 from experiments.blind.trial import BlindTrial
 from experiments.blind.uncatalogued_effects import NAMES
 from experiments.runs.protocol import read_protocol
 from rig.log import Log
 from rig.parameters import Drive, Rig, Servo
-from tests.support.foreign.truth import STRANGERS
 
 PROTOCOLS = {
     "steps": "steps",
@@ -49,9 +49,9 @@ def _placed(trial: BlindTrial, engine: str) -> BlindTrial:
 def other_log(trial: BlindTrial, protocol: str, seed: int) -> Log:
     """One log of a trial on its table; an `experiments.blind.logs.LogMaker`."""
     if trial.engine == "mujoco":
-        from tests.support.mujoco_engine.logs import make_log
+        from experiments.benchmark.engines.mujoco_engine.logs import make_log
     else:
-        from tests.support.foreign.table import make_log
+        from experiments.benchmark.engines.foreign.table import make_log
     servo, noise, stranger = trial.plant["servo"], trial.noise, trial.stranger
     if stranger is not None:
         name = OTHERS[stranger["kind"]]

@@ -4,10 +4,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tests.support.foreign.parts import Course, Eye, Odd, Pilot, Plant, packed
-from tests.support.foreign.plant import run
-from tests.support.foreign.table import CAMERA_DELAY_S, COLUMNS, NOMINAL_GAIN, NOMINAL_TAU, STEP_S
-from tests.support.foreign.truth import plant_and_eye, strange
+from experiments.benchmark.engines.foreign.parts import Course, Eye, Odd, Pilot, Plant, packed
+from experiments.benchmark.engines.foreign.plant import run
+from experiments.benchmark.engines.foreign.table import (
+    CAMERA_DELAY_S,
+    COLUMNS,
+    NOMINAL_GAIN,
+    NOMINAL_TAU,
+    STEP_S,
+)
+from experiments.benchmark.engines.foreign.truth import plant_and_eye, strange
 
 DT = 0.002
 Engine = Callable[[Plant, Eye, Odd, Pilot, Course], np.ndarray]

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments.benchmark.engines.foreign.table import make_log
 from experiments.cli import application
 from experiments.records.exporting import export_log
 from rig.log import Log
 from rig.parameters import Rig
-from tests.support.foreign.table import make_log
 
 RIG = Rig()
 OFFSET = {"voltage_offset": {"y": {"offset_V": 0.1}}}

@@ -7,9 +7,9 @@ from calibration.gap.model.data import Evidence, gather
 from calibration.gap.model.fit import evaluate
 from calibration.gap.model.parameters import NominalModel
 from calibration.gap.model.state import Key, State
+from experiments.benchmark.engines.foreign import table as foreign_table
 from rig.log import Log
 from rig.parameters import Rig
-from tests.support.foreign import table as foreign_table
 
 RIG = Rig()
 

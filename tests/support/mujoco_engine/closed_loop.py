@@ -6,6 +6,8 @@ import numpy as np
 
 from experiments.analysis.limit_cycle import limit_cycle
 from experiments.analysis.samples import ball_samples
+from experiments.benchmark.engines.mujoco_engine.mechanism import Build
+from experiments.benchmark.engines.mujoco_engine.table import MujocoTable
 from experiments.runs.assemble import known, load_rig, with_play
 from rig.control.controllers import COMPENSATORS
 from rig.course import Course
@@ -13,8 +15,6 @@ from rig.log import Log
 from rig.loop.loop import Loop
 from rig.parameters import Rig
 from rig.simulation.simulate import draw, simulate
-from tests.support.mujoco_engine.mechanism import Build
-from tests.support.mujoco_engine.table import MujocoTable
 
 TICK_S = 0.002
 START_M = (-0.13, 0.13)

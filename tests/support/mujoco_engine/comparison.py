@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from experiments.benchmark.engines.mujoco_engine.mechanism import Build
+from experiments.benchmark.engines.mujoco_engine.table import MujocoTable
 from rig.parameters import Ball, Drive, Rig
 from rig.plant import plant, plant_record
 from rig.plant.ball import velocity
-from tests.support.mujoco_engine.mechanism import Build
-from tests.support.mujoco_engine.table import MujocoTable
 
 TICK_S = 0.002
 DEGREE = np.pi / 180

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from experiments.benchmark.engines.mujoco_engine.table import FLYWHEEL_KG_M2
 from rig.linkage import THREE_ARMS
 from rig.parameters import GRAVITY_M_S2, Rig
-from tests.support.mujoco_engine.table import FLYWHEEL_KG_M2
 
 mujoco: Any = importlib.import_module("mujoco")  # its compiled part has no types
 STEP_S = 1e-4

@@ -12,10 +12,10 @@ from calibration.gap.locate.locate import NO_DEPARTURE, Located, locate, rms, se
 from calibration.gap.model import data, parameters
 from calibration.gap.model.state import State, with_levels
 from calibration.gap.name import stepwise
+from experiments.benchmark.engines.foreign.table import make_log
 from rig.log import Log
 from rig.parameters import CHANNELS, Rig
 from rig.prediction import innovations
-from tests.support.foreign.table import make_log
 
 RIG = Rig()
 SEED = 3

@@ -1,19 +1,17 @@
 """The MuJoCo mechanism behind the product's seam: read, drive, close; and its truth for tests."""
 
-import importlib
 from collections.abc import Sequence
 from math import sqrt
-from typing import Any
 
 import numpy as np
 
+from experiments.benchmark.engines.mujoco_engine.binding import mujoco
+from experiments.benchmark.engines.mujoco_engine.mechanism import Build, mechanism
 from rig.parameters import Rig
 from rig.safety.levelling import LevelOnExit
 from rig.table import Reading
-from tests.support.mujoco_engine.mechanism import Build, mechanism
 from vision.frames import Observation
 
-mujoco: Any = importlib.import_module("mujoco")  # its compiled part has no types
 FLYWHEEL_KG_M2 = 1e3
 
 

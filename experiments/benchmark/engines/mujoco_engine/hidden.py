@@ -14,11 +14,12 @@ from math import sqrt
 
 import numpy as np
 
+from experiments.benchmark.engines.foreign.parts import Odd, Plant, packed
+from experiments.benchmark.engines.foreign.plant import G, _at_motor, _held, _odd_forces
+from experiments.benchmark.engines.mujoco_engine.binding import mujoco
+from experiments.benchmark.engines.mujoco_engine.mechanism import Build
+from experiments.benchmark.engines.mujoco_engine.table import MujocoTable
 from rig.parameters import Ball, Drive, Rig, Servo
-from tests.support.foreign.parts import Odd, Plant, packed
-from tests.support.foreign.plant import G, _at_motor, _held, _odd_forces
-from tests.support.mujoco_engine.mechanism import Build
-from tests.support.mujoco_engine.table import MujocoTable, mujoco
 
 ARM_FRICTION_NM, JOINT_FRICTION_NM = 3e-4, 1.2e-3  # a well-kept table: together 0.012 V
 BLOCK_S = 1e-3  # forces and volts are held for so long at most

@@ -5,10 +5,17 @@ from typing import Any
 
 import numpy as np
 
-from tests.support.foreign import table as foreign_table
-from tests.support.foreign.parts import Course, Eye, Odd, Pilot, Plant, packed
-from tests.support.foreign.plant import COUNT_RAD, HALF_M, RADIUS_M, VOLTS_HOLD_S, _look, _pilot
-from tests.support.mujoco_engine.hidden import BLOCK_S, STEP_S, HiddenTable, Moved
+from experiments.benchmark.engines.foreign import table as foreign_table
+from experiments.benchmark.engines.foreign.parts import Course, Eye, Odd, Pilot, Plant, packed
+from experiments.benchmark.engines.foreign.plant import (
+    COUNT_RAD,
+    HALF_M,
+    RADIUS_M,
+    VOLTS_HOLD_S,
+    _look,
+    _pilot,
+)
+from experiments.benchmark.engines.mujoco_engine.hidden import BLOCK_S, STEP_S, HiddenTable, Moved
 
 
 class _Camera:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tests.support.foreign.parts import Eye, Odd, Plant
+from experiments.benchmark.engines.foreign.parts import Eye, Odd, Plant
 
 Effects = Mapping[str, Mapping[str, Mapping[str, float]]]
 

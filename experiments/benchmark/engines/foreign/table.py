@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tests.support.foreign.parts import Course, Eye, Odd, Pilot, Plant, packed
-from tests.support.foreign.plant import VOLTS_HOLD_S, run
-from tests.support.foreign.protocols import PROTOCOLS, SERVO_ONLY, ask
-from tests.support.foreign.truth import (
+from experiments.benchmark.engines.foreign.parts import Course, Eye, Odd, Pilot, Plant, packed
+from experiments.benchmark.engines.foreign.plant import VOLTS_HOLD_S, run
+from experiments.benchmark.engines.foreign.protocols import PROTOCOLS, SERVO_ONLY, ask
+from experiments.benchmark.engines.foreign.truth import (
     SERVO_SPREAD,
     Effects,
     imperfections,

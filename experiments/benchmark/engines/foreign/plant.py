@@ -204,6 +204,18 @@ def _look(eye, frame, x, y, out):
 
 
 @njit(cache=True)
+def _handed_over(eye, frames, shots, given, taken, t, seen, row):
+    """Frames whose time has come go to `seen` (2,) and the row, in place; how many are given."""
+    while given < taken and shots[given, 2] + eye.delay <= t + 1e-9:
+        if frames[given, 3] == 0.0:
+            seen[:] = shots[given, :2]
+            row[5:7] = seen
+            row[12] = shots[given, 2]
+        given += 1
+    return given
+
+
+@njit(cache=True)
 def _drives(p, odd, commands, dt, noise, motor, load, t, h):
     """Both servos one step on: motor (2, 2) angles and rates, load (2,) angles, in place."""
     x = _held(commands[0], dt, t - p.delay[0], h)
@@ -237,12 +249,7 @@ def run(p, eye, odd, pilot, course):
     shots, taken, given = np.zeros((len(course.frames), 3)), 0, 0
     for i in range(n):
         t, row = i * dt, rows[i]
-        while given < taken and shots[given, 2] + eye.delay <= t + 1e-9:
-            if course.frames[given, 3] == 0.0:
-                seen[:] = shots[given, :2]
-                row[5:7] = seen
-                row[12] = shots[given, 2]
-            given += 1
+        given = _handed_over(eye, course.frames, shots, given, taken, t, seen, row)
         theta[:] = np.floor(load / COUNT_RAD + 0.5) * COUNT_RAD
         _pilot(pilot, dt, course.target[i], seen, memory, theta, course.has_ball, volts)
         commands[:, i] = volts
@@ -250,17 +257,8 @@ def run(p, eye, odd, pilot, course):
         row[9:11], row[11] = course.target[i], 1.0 if course.push[i].any() else 0.0
         for j in range(sub):
             now = t + j * h
-            _drives(
-                p,
-                odd,
-                commands,
-                dt,
-                course.volts_noise[int(now / VOLTS_HOLD_S)],
-                motor,
-                load,
-                now,
-                h,
-            )
+            noise = course.volts_noise[int(now / VOLTS_HOLD_S)]
+            _drives(p, odd, commands, dt, noise, motor, load, now, h)
             if not course.has_ball:
                 continue
             _tilt(p, load, joint, s_new)
