@@ -55,7 +55,7 @@ def drawn(options: argparse.Namespace, seed: int) -> list[BlindTrial]:
         parts[f"{protocol}-"] = plan
     make = plan_trials
     if options.engine != "own":
-        from tests.support.blind_logs import trials_for
+        from experiments.benchmark.logs import trials_for
 
         def make(plan: TrialPlan) -> list[BlindTrial]:
             return trials_for(options.engine, plan)
@@ -72,7 +72,7 @@ def main() -> None:
     if options.engine == "camera":
         from experiments.blind.through_camera import camera_log as make_log
     elif options.engine != "own":
-        from tests.support.blind_logs import other_log as make_log
+        from experiments.benchmark.logs import other_log as make_log
     digest = sealed_hash(out) if options.seed is None else None
     seed = secrets.randbits(48) if options.seed is None else options.seed
     trials = open_seal(out, digest) if digest else drawn(options, seed)
