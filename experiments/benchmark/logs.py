@@ -1,6 +1,6 @@
-"""The blind trials' logs from the two independent tables, with the trial's own imperfections.
+"""The logs of a trial from the two independent engines, with the trial's own imperfections.
 
-Those tables' own draws are switched off, for all logs of a trial come from one table; where a
+Those engines' own draws are switched off, for all logs of a trial come from one table; where a
 stranger sits they draw from the seed, so that all logs of such a trial have one seed.
 """
 
@@ -47,17 +47,27 @@ def _placed(trial: BlindTrial, engine: str) -> BlindTrial:
 
 
 def other_log(trial: BlindTrial, protocol: str, seed: int) -> Log:
-    """One log of a trial on its table; an `experiments.blind.logs.LogMaker`."""
+    """One log of a trial of `trials_for`, an `experiments.blind.logs.LogMaker`: as long as the
+    protocol, or twice that where it is a stranger's only one.
+    """
+    alone = trial.stranger is not None and len(trial.protocols) == 1
+    times = 2 if alone else 1
+    return engine_log(trial, protocol, seed, times * read_protocol(protocol).duration_s)
+
+
+def engine_log(trial: BlindTrial, protocol: str, seed: int, seconds: float) -> Log:
+    """A log of `seconds` from the trial's engine ("foreign" or "mujoco"), shorter where the ball
+    left the plate. KeyError: the engine has no such protocol. ModuleNotFoundError: no MuJoCo.
+    """
     if trial.engine == "mujoco":
         from experiments.benchmark.engines.mujoco_engine.logs import make_log
     else:
         from experiments.benchmark.engines.foreign.table import make_log
     servo, noise, stranger = trial.plant["servo"], trial.noise, trial.stranger
+    odd = None
     if stranger is not None:
         name = OTHERS[stranger["kind"]]
         odd = (name, STRANGERS[name][1] * trial.factor / 1.5)
-    seconds = read_protocol(protocol).duration_s
-    alone = stranger is not None and len(trial.protocols) == 1
     columns = make_log(
         PROTOCOLS[protocol],
         effects=trial.plant["effects"],
@@ -65,11 +75,11 @@ def other_log(trial: BlindTrial, protocol: str, seed: int) -> Log:
         imperfect=False,
         gain=(servo["gain_rad_s_V"],) * 2,
         tau=(servo["time_constant_s"],) * 2,
-        stranger=odd if stranger is not None else None,
+        stranger=odd,
         process_scale=noise.process,
         noise_scale=noise.camera,
         colour=noise.colour,
         dropout=noise.dropped,
-        duration_s=2 * seconds if alone else seconds,
+        duration_s=seconds,
     )
     return Log.from_columns({n: v for n, v in columns.items() if not np.isnan(v).all()})

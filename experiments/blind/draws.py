@@ -5,6 +5,7 @@ Every trial has its own generator [seed, number], so any of them can be drawn al
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -33,6 +34,12 @@ REALISTIC_COUNTS = (1, 3, 5)  # effects on top of a realistic rig
 # Pairs that one effect explains: antisymmetric coupling is a yaw, a dead zone with an offset has
 # two sides.
 COMPLEMENTARY = ({"camera_yaw", "cross_coupling"}, {"dead_zone", "voltage_offset"})
+# The same where the servos take an angle that nobody measures.
+COMPLEMENTARY += ({"angle_zero", "level_offset"}, {"angle_scale", "camera_scale"})
+COMPLEMENTARY += tuple(
+    {one, other} for one, other in combinations(("servo_dead_time", "servo_lag", "camera_delay"), 2)
+)
+FIVE = 5  # effects at once of the kind of that name
 ALL_EFFECTS = tuple(effect.name for effect in effects_of("voltage"))
 
 
@@ -43,7 +50,8 @@ class TrialPlan:
     hidden, nothing: number of trials with and without something hidden; effects: catalogue names
     that may be hidden; kinds: see `trial.KINDS`; protocols: names, or "battery" for all of
     `BATTERY`; table: the rig that a trial's rig file describes where the table is well kept
-    (default: the shipped rig).
+    (default: the shipped rig); runs: of a single protocol; factors: over the smallest amplitude,
+    lowest and highest, of catalogued effects; strangers: uncatalogued effects that may be hidden.
     """
 
     hidden: int
@@ -53,6 +61,9 @@ class TrialPlan:
     kinds: tuple[str, ...] = tuple(MIXTURE)
     protocols: tuple[str, ...] = ("steps", "battery")
     table: Rig | None = None
+    runs: int = RUNS
+    factors: tuple[float, float] = sizes.FACTORS
+    strangers: tuple[str, ...] = uncatalogued_effects.NAMES
 
     @property
     def kind(self) -> Rig:
@@ -100,6 +111,14 @@ def _pairs(names: Sequence[str]) -> list[tuple[str, str]]:
     ]
 
 
+def _apart(pool: Sequence[str], count: int, rng: np.random.Generator) -> tuple[str, ...]:
+    """So many names of the pool, of which no two are the same data as one effect."""
+    while True:
+        names = tuple(str(n) for n in rng.choice(pool, count, replace=False))
+        if not _complementary(set(names)):
+            return names
+
+
 def _complementary(names: set[str]) -> bool:
     """True if two of the names are the same data as one effect."""
     return any(apart <= names for apart in COMPLEMENTARY)
@@ -111,7 +130,7 @@ def draw_trial(plan: TrialPlan, number: int, kind: str) -> BlindTrial:
     """
     rng = np.random.default_rng([plan.seed, number])
     choice = plan.protocols[rng.integers(len(plan.protocols))]
-    protocols = BATTERY if choice == "battery" else (choice,) * RUNS
+    protocols = BATTERY if choice == "battery" else (choice,) * plan.runs
     seeds = tuple(int(n) for n in rng.integers(1, 2**31, len(protocols)))
     nominal = plan.kind
     trial = BlindTrial(f"trial-{number:05d}", kind, "", protocols, seeds, {}, {})
@@ -122,7 +141,7 @@ def draw_trial(plan: TrialPlan, number: int, kind: str) -> BlindTrial:
         variant = str(rng.choice(list(NOTHING), p=[share for share, _ in NOTHING.values()]))
         trial = replace(trial, variant=variant, noise=NOTHING[variant][1])
     elif kind == "stranger":
-        name = uncatalogued_effects.NAMES[rng.integers(len(uncatalogued_effects.NAMES))]
+        name = plan.strangers[rng.integers(len(plan.strangers))]
         seconds = min(read_protocol(p).duration_s for p in protocols)
         times = sizes.factor(rng)
         stranger = uncatalogued_effects.draw(name, times, rng, seconds=seconds)
@@ -136,14 +155,16 @@ def draw_trial(plan: TrialPlan, number: int, kind: str) -> BlindTrial:
 
 
 def _names(plan: TrialPlan, kind: str, rng: np.random.Generator):
-    """What is hidden in a single, pair, shape or weak trial: names, factors, whether reshaped."""
+    """What is hidden where effects are catalogued: names, factors, whether reshaped."""
     if kind == "pair":
         pairs = _pairs(plan.effects)
-        return pairs[rng.integers(len(pairs))], sizes.FACTORS, False
+        return pairs[rng.integers(len(pairs))], plan.factors, False
     pool = plan.effects
+    if kind == "five":
+        return _apart(pool, FIVE, rng), plan.factors, False
     if kind == "shape":
         pool = tuple(name for name in pool if name in sizes.SHAPES) or tuple(sizes.SHAPES)
-    within = sizes.WEAK_FACTORS if kind == "weak" else sizes.FACTORS
+    within = sizes.WEAK_FACTORS if kind == "weak" else plan.factors
     return (pool[rng.integers(len(pool))],), within, kind == "shape"
 
 
@@ -185,10 +206,7 @@ def _realistic(plan: TrialPlan, trial: BlindTrial, rng: np.random.Generator) -> 
     plant, nominal = calibrated_table(replace(plan.kind, effects=load_rig(None).effects), rng)
     pool = [name for name in plan.effects if name not in nominal.effects]
     count = min(int(rng.choice(REALISTIC_COUNTS)), len(pool))
-    while True:
-        names = tuple(str(n) for n in rng.choice(pool, count, replace=False))
-        if not _complementary(set(names)):
-            break
+    names = _apart(pool, count, rng)
     trial = replace(_hide(trial, names, rng), variant=f"{count} on top")
     return _finish(trial, plant, nominal)
 

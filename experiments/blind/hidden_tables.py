@@ -27,14 +27,15 @@ def merged(effects: Effects, more: Effects) -> Effects:
     return result
 
 
-def boxed(rng: np.random.Generator, share: float = 1.0) -> Effects:
-    """Every effect of voltage servos that has a tolerance, on all axes, uniformly within `share`.
+def boxed(rng: np.random.Generator, share: float = 1.0, *, kind: str = "voltage") -> Effects:
+    """Every effect of servos of this kind that has a tolerance, on all axes, uniformly within
+    `share`.
 
     The first parameter lies in [-share tolerance, share tolerance], or [0, share tolerance] where
     the catalogue allows no negative value.
     """
     effects: Effects = {}
-    for effect in effects_of("voltage"):
+    for effect in effects_of(kind):
         if effect.tolerance == 0:
             continue
         first = effect.parameters[0]
@@ -59,7 +60,9 @@ def well_kept(nominal: Rig, rng: np.random.Generator) -> Rig:
         time_constant_s=nominal.servo.time_constant_s * (1 + SPREAD_TAU * one(-1, 1)),
         tachometer_scale=SPREAD_TACHOMETER * one(-1, 1),
     )
-    return replace(nominal, servo=servo, effects=merged(nominal.effects, boxed(rng)))
+    return replace(
+        nominal, servo=servo, effects=merged(nominal.effects, boxed(rng, kind=servo.kind))
+    )
 
 
 def calibrated_table(kind: Rig, rng: np.random.Generator) -> tuple[Rig, Rig]:

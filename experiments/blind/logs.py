@@ -88,6 +88,8 @@ def own_run(trial: BlindTrial, protocol: str, seed: int) -> Simulated:
     frames = spoiled(draws.camera, noise, rng)
     draws = Draws(frames, draws.tachometer)
     pushes = process(rng, len(draws.tachometer), plant.control_rate_hz, noise.process)
+    if plant.servo.kind == "position":
+        pushes[:, 2:] = 0.0  # nobody gives volts there
     return engine.disturbed(
         plant,
         known(nominal),

@@ -12,6 +12,8 @@ from rig.effects import BY_NAME, PER_AXIS
 
 FACTORS = (1.5, 6.0)
 WEAK_FACTORS = (0.15, 1.5)  # the power curve's part below
+# As strangers' tables have them: plays of 1.5 to 3 degrees, frictions of 0.09 to 0.18 V.
+REAL_FACTORS = (6.0, 12.0)
 
 # Of the first parameter (dead_zone: of the half width), SI. Published ones: what a prototype saw in
 # 60 s of random steps. The others: what a lab would care about, with the reason.
@@ -42,8 +44,14 @@ SMALLEST: dict[str, float] = {
     "camera_scale": 0.014,
     "camera_yaw": radians(0.76),
     "lens_distortion": 1.5,  # 0.3 mm at 6 cm: the camera's noise
+    # Of servos that take an angle: their tolerances, which nobody has published a better size for.
+    "servo_lag": 0.005,
+    "servo_dead_time": 0.003,
+    "command_dead_band": radians(0.1),
+    "angle_scale": 0.01,
+    "angle_zero": radians(0.1),
 }
-POSITIVE = ("input_delay", "camera_delay", "gain_drift", "supply_sag", "level_drift")
+POSITIVE = ("input_delay", "servo_lag", "camera_delay", "gain_drift", "supply_sag", "level_drift")
 
 # The families with an inner shape: key, the usual value, and the others that trials draw from.
 SHAPES: dict[str, tuple[str, float, tuple[float, float]]] = {

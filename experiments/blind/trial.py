@@ -8,7 +8,7 @@ from rig.parameters import Rig
 from rig.rigfile import from_dict, to_dict
 
 KINDS = ("single", "pair", "shape", "stranger", "nothing", "realistic", "weak", "untestable")
-KINDS += ("camera",)
+KINDS += ("camera", "five")
 ENGINES = ("own", "foreign", "mujoco", "camera")
 BATTERY = ("steps", "pushed", "free-release", "sine-sweep")
 Effects = dict[str, dict[str, dict[str, float]]]

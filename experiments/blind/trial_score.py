@@ -11,9 +11,12 @@ from rig.effects import BY_NAME
 SURE = 0.95
 # Names that stand for the same data as a catalogue name, whatever the motion.
 TWINS: dict[str, frozenset[str]] = {
-    "level_offset": frozenset({"encoder_zero", "asymmetric_play"}),
-    "camera_scale": frozenset({"linkage_gain", "ball_inertia"}),
-    "camera_delay": frozenset({"ball_delay", "plate_delay"}),
+    "level_offset": frozenset({"encoder_zero", "asymmetric_play", "angle_zero"}),
+    "camera_scale": frozenset({"linkage_gain", "ball_inertia", "angle_scale"}),
+    "camera_delay": frozenset({"ball_delay", "plate_delay", "servo_dead_time"}),
+    "angle_zero": frozenset({"level_offset"}),
+    "angle_scale": frozenset({"camera_scale", "linkage_gain", "ball_inertia"}),
+    "servo_dead_time": frozenset({"camera_delay", "ball_delay", "plate_delay"}),
 }
 
 
@@ -29,10 +32,10 @@ class TrialScore:
 
     stated: (probability, name is right) of every answered name; errors, shape_errors: relative
     errors |value - truth| / |truth| of amplitudes and of inner shapes; covered: for each parameter,
-    whether its 95 % interval holds the truth; closed: share of the held-out gap that was closed
-    (NaN: not stated); ahead: prediction error 1 s ahead over its noise floor (NaN: not stated);
-    seconds: duration of the analysis [s]; follow_up: protocol of the proposed next experiment, or
-    "".
+    whether its 95 % interval, where it has one, holds the truth; closed: share of the held-out gap
+    that was closed (NaN: not stated); ahead: prediction error 1 s ahead over its noise floor (NaN:
+    not stated); seconds: duration of the analysis [s]; follow_up: protocol of the proposed next
+    experiment, or "".
     """
 
     trial: BlindTrial
@@ -181,7 +184,7 @@ def _sizes(trial: BlindTrial, effect: Mapping[str, Any], hidden: str):
         answered = (effect.get("parameters") or {}).get(axis) or {}
         one = _one_width(hidden, true, answered)
         parts = [
-            comparable(hidden, {key: float(i[part]) for key, i in answered.items()}, one_width=one)
+            comparable(hidden, {key: _bound(i[part]) for key, i in answered.items()}, one_width=one)
             for part in ("value", "low", "high")
         ]
         for key, truth in comparable(hidden, true, one_width=one).items():
@@ -194,8 +197,13 @@ def _sizes(trial: BlindTrial, effect: Mapping[str, Any], hidden: str):
                 errors.append(abs(value - truth) / abs(truth))
             else:
                 shapes.append(abs(value - truth) / abs(truth))
-            covered.append(low <= truth <= high)
+            if isfinite(low) and isfinite(high):
+                covered.append(low <= truth <= high)
     return errors, shapes, covered
+
+
+def _bound(number: float | None) -> float:
+    return nan if number is None else float(number)
 
 
 def _proof(gap: Mapping[str, Any]) -> tuple[float, float]:
