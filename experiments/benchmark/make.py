@@ -28,7 +28,9 @@ from rig.log import CONTRACT, Log
 from rig.rigfile import write_rig
 
 CASES, RULES, LOG = "cases", "rules.md", "log-1.parquet"
-DECIMALS = {"_V": 3, "_s": 6, "_m": 6}  # what is written: 1 mV (a converter of 13 bits), 1 us, 1 um
+# What is written, by a column's first word: 1 mV (a converter of 13 bits), 1 us, 1 um; of what is
+# told 0.1 mm and 0.1 mrad. An angle that is read is an encoder's counts.
+DECIMALS = {"t": 6, "voltage": 3, "ball": 6, "target": 4, "command": 4}
 SHORTEST_S = 10.0  # a log whose ball fell off earlier is drawn anew
 ATTEMPTS = 8
 MADE_OF_STEPS = ("voltage_x_V", "voltage_y_V", "theta_x_rad", "theta_y_rad", "command_x_rad")
@@ -138,8 +140,6 @@ def write_log(log: Log, path: Path) -> None:
 
 
 def rounded(name: str, values: np.ndarray) -> np.ndarray:
-    """The column's values to `DECIMALS` of its unit; angles (counts of an encoder) as they are."""
-    for unit, decimals in DECIMALS.items():
-        if name.endswith(unit) and not name.endswith("rad_s"):
-            return np.round(values, decimals)
-    return values
+    """The column's values to `DECIMALS`, or as they are."""
+    decimals = DECIMALS.get(name.split("_")[0])
+    return values if decimals is None else np.round(values, decimals)

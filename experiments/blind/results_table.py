@@ -90,6 +90,14 @@ def _kind(kinds: Mapping[str, Any], kind: str, what: str, least: float) -> Row:
     return _share(what, kinds[kind]["right"] if kind in kinds else None, least=least)
 
 
+def share_text(found: Mapping[str, Any]) -> str:
+    """A share with its interval, "97.5 % (95.1 to 98.7; 195/200)"; "-" of nothing."""
+    if not found["n"]:
+        return "-"
+    value, low, high = (100 * found[key] for key in ("value", "low", "high"))
+    return f"{value:.1f} % ({low:.1f} to {high:.1f}; {found['k']}/{found['n']})"
+
+
 def _share(
     what: str,
     found: Mapping[str, Any] | None,
@@ -102,8 +110,7 @@ def _share(
     goal = "" if limit is None else f"{'at least' if most is None else 'at most'} {100 * limit:g} %"
     if not found or not found["n"]:
         return Row(what, goal, "-", None)
-    value, low, high = (100 * found[key] for key in ("value", "low", "high"))
-    text = f"{value:.1f} % ({low:.1f} to {high:.1f}; {found['k']}/{found['n']})"
+    text = share_text(found)
     met = None
     if limit is not None:
         met = found["value"] >= limit if most is None else found["value"] <= limit

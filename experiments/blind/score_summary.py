@@ -55,7 +55,7 @@ def summary(scores: Sequence[TrialScore]) -> dict[str, Any]:
         "proof": _proof([m for m in hidden if m.right]),
         "calibration": calibration([pair for m in scores for pair in m.stated]),
         "power": power([m for m in every if m.trial.kind in ("single", "weak")]),
-        "seconds": _quantiles([m.seconds for m in every]),
+        "seconds": quantiles([m.seconds for m in every]),
     }
 
 
@@ -141,21 +141,21 @@ def _sizes(scores: Sequence[TrialScore]) -> dict[str, Any]:
         for name in m.found if len(m.trial.hidden) == 1 else ():
             by_effect.setdefault(name, []).extend(m.errors)
     return {
-        "error": _quantiles(errors),
-        "shape error": _quantiles([e for m in scores for e in m.shape_errors]),
+        "error": quantiles(errors),
+        "shape error": quantiles([e for m in scores for e in m.shape_errors]),
         "covered": asdict(wilson(sum(covered), len(covered))) | {"k": sum(covered)},
-        "by effect": {name: _quantiles(values) for name, values in sorted(by_effect.items())},
+        "by effect": {name: quantiles(values) for name, values in sorted(by_effect.items())},
     }
 
 
 def _proof(scores: Sequence[TrialScore]) -> dict[str, Any]:
     return {
-        "closed": _quantiles([m.closed for m in scores]),
-        "ahead": _quantiles([m.ahead for m in scores]),
+        "closed": quantiles([m.closed for m in scores]),
+        "ahead": quantiles([m.ahead for m in scores]),
     }
 
 
-def _quantiles(values: Sequence[float]) -> dict[str, float]:
+def quantiles(values: Sequence[float]) -> dict[str, float]:
     """Tenth, median, ninetieth of a hundred, and the count; NaN values are left out."""
     found = np.array([v for v in values if np.isfinite(v)])
     if len(found) == 0:

@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from experiments.cli.benchmark import benchmark
 from experiments.cli.calibrate import calibrate
 from experiments.cli.compare import compare
 from experiments.cli.dashboard import dashboard
@@ -243,6 +244,7 @@ app.command("export-model")(export_model)
 app.command()(serve)
 app.command()(doctor)
 app.add_typer(calibrate, name="calibrate")
+app.add_typer(benchmark, name="benchmark")
 
 
 def main() -> None:

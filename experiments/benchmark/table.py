@@ -1,0 +1,95 @@
+"""The scores as tables: one entry by kind and engine, and several entries side by side."""
+
+from collections.abc import Mapping, Sequence
+from math import isfinite
+from typing import Any
+
+from experiments.blind.results_table import share_text
+
+COUNTS = ("named", "nothing", "unknown", "undecided", "no answer")
+HEAD = ("logs", "n", "right", *COUNTS, "wrong and sure")
+
+
+def lines_of(results: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """The cells of an entry's table, without its head (`HEAD`): all logs, by kind, by engine."""
+    groups = {"all": results["all"], **results["kinds"], **results["engines"]}
+    return [
+        (
+            name,
+            str(group["right"]["n"]),
+            share_text(group["right"]),
+            *(str(group[word]["k"]) for word in COUNTS),
+            share_text(group["wrong and sure"]),
+        )
+        for name, group in groups.items()
+    ]
+
+
+def numbers_of(results: Mapping[str, Any]) -> list[str]:
+    """An entry's calibration, sizes, coverage and time, a sentence each."""
+    said, error, seconds = results["calibration"], results["sizes"], results["seconds"]
+    return [
+        f"probabilities: expected calibration error {_number(said['error'], '.3f')}, Brier score "
+        f"{_number(results['brier'], '.3f')} (n = {said['n']})",
+        f"sizes of right names off by {_number(100 * error['median'], '.2g', ' %')} in the median, "
+        f"{_number(100 * error['p90'], '.2g', ' %')} in the worst tenth (n = {error['n']})",
+        f"95 % intervals that hold the truth: {share_text(results['covered'])}",
+        f"seconds a log: {_number(seconds['median'], '.3g')} in the median, "
+        f"{_number(seconds['p90'], '.3g')} in the slowest tenth (n = {seconds['n']})",
+    ]
+
+
+def markdown(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
+    """A Markdown table."""
+    rows = [head, ["---"] * len(head), *lines]
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows) + "\n"
+
+
+def side_by_side(entries: Mapping[str, Mapping[str, Any]]) -> str:
+    """A Markdown table of several entries' results, by name: a column each."""
+    kinds = dict.fromkeys(kind for one in entries.values() for kind in one["kinds"])
+    lines = [("right, of all logs", *(share_text(r["all"]["right"]) for r in entries.values()))]
+    lines += [
+        (kind, *(_of(one["kinds"].get(kind), "right") for one in entries.values()))
+        for kind in kinds
+    ]
+    engines = dict.fromkeys(name for one in entries.values() for name in one["engines"])
+    lines += [
+        (f"right, {name}", *(_of(one["engines"].get(name), "right") for one in entries.values()))
+        for name in engines
+    ]
+    lines += [
+        (word, *(_of(one["all"], word) for one in entries.values()))
+        for word in ("wrong and sure", *COUNTS)
+    ]
+    more = {
+        "calibration error": lambda r: _number(r["calibration"]["error"], ".2f"),
+        "Brier score": lambda r: _number(r["brier"], ".2f"),
+        "sizes, median error": lambda r: _number(100 * r["sizes"]["median"], ".2g", " %"),
+        "intervals that hold the truth": lambda r: share_text(r["covered"]),
+        "seconds a log, median": lambda r: _number(r["seconds"]["median"], ".2g"),
+    }
+    lines += [(what, *(get(r) for r in entries.values())) for what, get in more.items()]
+    return markdown(["", *entries], lines)
+
+
+def _of(group: Mapping[str, Any] | None, word: str) -> str:
+    return share_text(group[word]) if group else "-"
+
+
+def _number(value: float, form: str, unit: str = "") -> str:
+    return f"{value:{form}}{unit}" if isfinite(value) else "-"
+
+
+def show(title: str, results: Mapping[str, Any]) -> None:
+    """Print an entry's table and numbers to the terminal, at least 130 characters wide."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(*HEAD, title=title)
+    for line in lines_of(results):
+        table.add_row(*line)
+    width = max(Console().width, 130)
+    Console(width=width).print(table)
+    for line in numbers_of(results):
+        print(line)

@@ -1,0 +1,87 @@
+"""The commands `rig benchmark ...`: sealed logs for anybody's method, and the score of answers."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+benchmark = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    help="Name the missing effect: sealed logs for any method, and the score of its answers.",
+)
+
+SetArgument = Annotated[Path, typer.Argument(help="Folder that `rig benchmark make` made.")]
+JobsOption = Annotated[int | None, typer.Option(min=1, help="Processes; default: one per core.")]
+FirstOption = Annotated[
+    int | None, typer.Option(min=1, help="So many cases alone, in the set's order.")
+]
+
+
+@benchmark.command()
+def make(
+    out: Annotated[Path, typer.Option("--out", help="Folder for the set; must hold none yet.")],
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Default: drawn, and told to nobody.")
+    ] = None,
+    logs: Annotated[int, typer.Option(min=1, max=9999, help="How many logs.")] = 300,
+    jobs: JobsOption = None,
+) -> None:
+    """Make logs with something hidden, a rig file each, the rules, and the sealed truth."""
+    import secrets
+
+    from experiments.benchmark.make import make_set
+    from experiments.cli.console import bars
+
+    chosen = secrets.randbits(64) if seed is None else seed
+    with bars() as progress:
+        made = make_set(out, seed=chosen, logs=logs, jobs=jobs, progress=progress)
+    if made.left_out:
+        typer.echo(made.left_out)
+    typer.echo(f"{made.logs} logs, {made.size_bytes / 1e6:.1f} MB, rules: {out / 'rules.md'}")
+    typer.echo(f"truth sealed, SHA-256 {made.sha256}; hand out all but {out / 'sealed'}")
+
+
+@benchmark.command()
+def answer(
+    folder: SetArgument,
+    out: Annotated[Path, typer.Option("--out", help="Folder for the answers; it grows.")],
+    first: FirstOption = None,
+    jobs: JobsOption = None,
+    cluster: Annotated[
+        str | None, typer.Option(help="Address of a Dask scheduler, in place of processes.")
+    ] = None,
+) -> None:
+    """Answer with `rig gap`; interrupted, it goes on where it stopped."""
+    from experiments.benchmark.answers import answer_set
+    from experiments.cli.application import WorkFailedError
+    from experiments.cli.console import bars
+
+    with bars() as progress:
+        failed = answer_set(folder, out, first=first, jobs=jobs, cluster=cluster, progress=progress)
+    typer.echo(f"answers: {out}   score them: rig benchmark score {folder} {out}")
+    if failed:
+        raise WorkFailedError(f"{failed} logs got no answer; their files say why")
+
+
+@benchmark.command()
+def score(
+    folder: SetArgument,
+    answers: Annotated[Path, typer.Argument(help="Folder with one JSON of `rig gap` a case.")],
+    first: FirstOption = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder for results.json and table.md.")
+    ] = None,
+) -> None:
+    """Open the seal and score the answers of an entry."""
+    from experiments.benchmark.score import score_set
+    from experiments.benchmark.table import HEAD, lines_of, markdown, numbers_of, show
+    from experiments.records.run_folder import writable, write_results
+
+    results = score_set(folder, answers, first=first)
+    show(f"{answers} to {folder}", results)
+    if out is not None:
+        numbers = "\n".join(f"- {line}" for line in numbers_of(results))
+        text = f"{markdown(HEAD, lines_of(results))}\n{numbers}\n"
+        (writable(out) / "table.md").write_text(text, encoding="utf-8")
+        write_results(out, results)
