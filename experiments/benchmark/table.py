@@ -82,14 +82,14 @@ def _number(value: float, form: str, unit: str = "") -> str:
 
 
 def show(title: str, results: Mapping[str, Any]) -> None:
-    """Print an entry's table and numbers to the terminal, at least 130 characters wide."""
+    """Print an entry's table and numbers to the terminal, at least 160 characters wide."""
     from rich.console import Console
     from rich.table import Table
 
     table = Table(*HEAD, title=title)
     for line in lines_of(results):
         table.add_row(*line)
-    width = max(Console().width, 130)
+    width = max(Console().width, 160)
     Console(width=width).print(table)
     for line in numbers_of(results):
         print(line)
