@@ -14,7 +14,7 @@ import pytest
 
 from tests.support import ROOT
 
-UV_LINE = "uv run --group dev --extra cluster pytest"
+UV_LINE = "uv run --group dev --group entries --extra cluster pytest"
 RECORDINGS = ROOT.parent / "shared/data"
 FOOTAGE = ROOT.parent / "shared/data/ball_on_plate/balancing_1.mp4"
 
@@ -73,6 +73,8 @@ PARTS = {
     ),
     "playwright": Part("the dashboard in a browser", module="playwright"),
     "mujoco": Part("the simulator against an independent engine", module="mujoco"),
+    "pysindy": Part("sparse regression of the discrepancy", module="pysindy"),
+    "gplearn": Part("symbolic regression of the discrepancy", module="gplearn"),
     "fmpy": Part("exported tables in an FMI importer", module="fmpy"),
     "importlinter": Part("the order of packages and rooms", module="importlinter"),
     "distributed": Part("trials on a Dask cluster", module="distributed"),
