@@ -3,8 +3,9 @@
 As a system identification toolbox has it (mujoco.sysid): parameters of a simulator are fitted by
 least squares on whole stretches of the log, with bounds and intervals from the Jacobian; K and tau
 are always fitted. Which of the catalogue's effects are fitted is chosen forwards by Schwarz's BIC =
-n ln(RSS/n) + k ln n (1978), a row each 0.1 s. A name's probability is its share of exp(-BIC/2)
-among all that were tried in its round, nothing included. It cannot say "unknown".
+n ln(RSS/n) + k ln n (1978), n: two rows a window. A name's probability is its share of exp(-BIC/2)
+among all that were tried in its round, nothing included. Told is what is beyond its tolerance with
+its whole interval. It cannot say "unknown".
 """
 
 from collections.abc import Callable
@@ -38,7 +39,7 @@ from tests.benchmarks.entries.windows import (
     without_start,
 )
 
-ROUNDS, TRIED = 3, 5  # effects a group at most; candidates that are tried again in later rounds
+ROUNDS, TRIED = 5, 6  # effects a group at most; candidates that are tried again in later rounds
 Slot = tuple[str, str, str]  # effect, axis, key
 Residual = Callable[[np.ndarray], np.ndarray]
 
@@ -122,8 +123,8 @@ def named(group: tuple[list[Slot], Residual, int]) -> list[dict]:
     for (name, axis), probability in accepted.items():
         place = places[name, axis][0]
         key = slots[place - base][2]
-        if counts(name, p[place]):
-            size = (float(p[place]), float(sd[free.index(place)]))
+        size = (float(p[place]), float(sd[free.index(place)]))
+        if counts(name, max(abs(size[0]) - 1.96 * size[1], 0.0)):
             found.append(effect(name, probability, {(axis, key): size}))
     return found
 

@@ -66,7 +66,7 @@ class Case:
         if f"theta_{axis}_rad" in self.log:
             return self.log[f"theta_{axis}_rad"]
         servo = self.rig["servo"] | self.rig["servo"].get(axis, {})
-        keep = np.exp(-1 / (servo["lag_s"] * self.rate_hz))
+        keep = np.exp(-1 / (servo["lag_s"] * self.rate_hz)) if servo["lag_s"] else 0.0
         late = round(servo["dead_time_s"] * self.rate_hz)
         told = self.log[f"command_{axis}_rad"]
         return lfilter([1 - keep], [1, -keep], np.r_[np.zeros(late), told[: len(told) - late]])

@@ -31,6 +31,7 @@ BOTH = (
 )  # fmt: skip
 N_SERVO = len(SERVO) + 1  # and the phase of the cogging
 SERVO_TICKS, BALL_TICKS = 200, 500  # 0.4 and 1 s at 500 Hz
+ALIKE = 10  # rows of a window's residual that count as one: an error lasts for half a window
 G = 9.81
 
 
@@ -125,12 +126,12 @@ def fit(residual, free: list[int], low, high, unit, start: np.ndarray, evals: in
     first = np.where(first == 0, 0.5, first)  # where a hard effect has a slope
     span = (low[free] / unit[free] - 1e-9, high[free] / unit[free] + 1e-9)
     if not free:
-        e, sd = residual(start), np.zeros(0)
-        return start, sd, len(e) * np.log(np.mean(e * e))
+        e = residual(start)
+        return start, np.zeros(0), len(e) / ALIKE * np.log(np.mean(e * e))
     found = least_squares(
         lambda u: residual(whole(u)), first, bounds=span, max_nfev=evals, diff_step=0.02
     )
-    n, rss = len(found.fun), 2 * found.cost
-    covariance = np.linalg.pinv(found.jac.T @ found.jac) * rss / n
+    n, mean_square = len(found.fun) / ALIKE, np.mean(found.fun**2)
+    covariance = np.linalg.pinv(found.jac.T @ found.jac) * mean_square * ALIKE
     sd = np.sqrt(np.diag(covariance)) * unit[free]
-    return whole(found.x), sd, n * np.log(rss / n) + len(free) * np.log(n)
+    return whole(found.x), sd, n * np.log(mean_square) + len(free) * np.log(n)

@@ -58,11 +58,11 @@ def test_what_is_handed_out_tells_nothing_of_the_truth(made: Path):
         everything = b"".join(case.values())
         for number in (*trial.seeds, *numbers_of(trial)):
             assert repr(number).encode() not in everything
-        for word in (*BY_NAME, "stranger", "own", "foreign", "mujoco"):
-            assert word.encode() not in case[f"cases/{trial.name}/log-1.parquet"]
         file = pq.ParquetFile(made / "cases" / trial.name / "log-1.parquet")
         assert set(file.schema_arrow.names) <= set(CONTRACT)
         assert set(file.metadata.metadata or {}) <= {b"ARROW:schema"}
+        for word in (*BY_NAME, "stranger", "own", "foreign", "mujoco"):
+            assert word not in str(file.schema_arrow)
         assert not file.schema_arrow.metadata
     assert set(handed) - {k for k in handed if k.startswith("cases")} == {"rules.md", "seal.json"}
     assert set(json.loads(handed["seal.json"])) == {"sha256", "trials"}
