@@ -1,14 +1,11 @@
-"""`rig gap` called as from a shell, and the logs of a foreign table that it is given."""
+"""The logs of a foreign table that `rig gap` is given, and the JSON that it answers with."""
 
 import json
-import sys
 from functools import cache
 from pathlib import Path
 
 import numpy as np
-import pytest
 
-from experiments.cli import application
 from experiments.records.exporting import export_log
 from rig.log import Log
 from rig.parameters import Rig
@@ -23,17 +20,6 @@ KEYS = {
 }
 MORE = {"ranking", "notes"}  # what the contract does not name
 SERVO_ONLY, BALL_ONLY = ("ball", "target"), ("voltage",)
-
-
-def call(*arguments) -> int:
-    """Call `rig` with arguments and return its exit code."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "argv", ["rig", *map(str, arguments)])
-        try:
-            application.main()
-        except SystemExit as end:
-            return int(end.code or 0)
-    return 0
 
 
 @cache
