@@ -41,7 +41,7 @@ from calibration.statistics import student_quantile
 
 ONE_IN = 100  # healthy runs of which one raises an alarm; asked for
 # Spread of healthy runs over their standard deviations, and of how many runs' worth that knowledge
-# is: the moments of log spread over 10 healthy tables (tests/benchmarks/watching.py --prior).
+# is: the moments of log spread over 10 healthy tables (tests/benchmarks/gap/watching.py --prior).
 PRIOR_RATIO, PRIOR_RUNS = 1.45, 4.2
 LIKELY = 2.0  # log-likelihood below the maximum within which a time of change is likely; chosen
 OVERSHOOT = 0.583  # nu(x) of the module's equation (Siegmund, Sequential Analysis, 1985)

@@ -42,9 +42,9 @@ class JudgedRun:
 class Watch:
     """A table's runs, judged.
 
-    counted: the n runs that count, the accepted ones first; values, stds (n, p): their estimates
-    and standard deviations, in the units of the p `parameters`; threshold: of the statistic; smallest
-    (p,): the change that five further runs would show with even chances.
+    values, stds (n, p): estimates of the n runs that count (`counted`), the accepted ones first,
+    and their standard deviations, in the units of the p `parameters`; threshold: of the statistic;
+    smallest (p,): the change that five further runs would show with even chances.
     """
 
     folder: Path

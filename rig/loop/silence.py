@@ -1,4 +1,4 @@
-"""How long another process has been silent, told apart from how long this one was held up itself."""
+"""How long another process has been silent, but for the time in which this one was held up."""
 
 import time
 
