@@ -25,7 +25,7 @@ PAGE = HERE / "README.md"
 
 @dataclass(frozen=True)
 class Measurement:
-    """A command of this folder, and about how many minutes it takes on two quiet cores."""
+    """A command, its program as a path in this folder, and about how many minutes it takes."""
 
     command: str
     minutes: float
@@ -55,7 +55,9 @@ MEASUREMENTS = {
     ),
     "page-load": Measurement("dashboard/dashboard_load.py --pairs 8 --seconds 12 --minutes 30", 40),
     "stopping": Measurement("hardware/stopping.py --tries 6", 8),
-    "position-help": Measurement("control/position_help.py --picture .github/pictures/position.png", 20),
+    "position-help": Measurement(
+        "control/position_help.py --picture .github/pictures/position.png", 20
+    ),
     "next-experiment": Measurement("gap/next_experiments.py --draws 3 --seed 7", 15),
 }
 

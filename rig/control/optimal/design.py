@@ -51,7 +51,8 @@ class Weights:
         return np.diag(size**-2.0), np.array([[self.volts**-2.0]])
 
 
-# For each arm the one with the smallest error of 16 settings (tests/benchmarks/control/optimal_arms.py).
+# For each arm the one with the smallest error of 16 settings
+# (tests/benchmarks/control/optimal_arms.py).
 WEIGHTS = {"lqg": Weights(), "mpc": Weights()}
 
 

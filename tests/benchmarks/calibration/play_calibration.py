@@ -1,7 +1,7 @@
 """How often `rig calibrate play`'s 95 % intervals hold the truth: 200 random simulated rigs.
 
-`python tests/benchmarks/calibration/play_calibration.py --rigs 200 --out play.jsonl`; resumable: rigs that are
-in the file are not made again.
+`python tests/benchmarks/calibration/play_calibration.py --rigs 200 --out play.jsonl`;
+resumable: rigs that are in the file are not made again.
 """
 
 import argparse

@@ -1,6 +1,6 @@
 """The weights of LQG and MPC: 16 settings each, on seeds that no comparison uses.
 
-`uv run python tests/benchmarks/control/optimal_arms.py` (some minutes of one core). Each setting holds the
+`python tests/benchmarks/control/optimal_arms.py` (some minutes of one core). Each setting holds the
 ball on the default table (experiments/rigs/default.toml) in --seeds runs of 16 s; told are the
 ball's RMS distance over the last 8 s and the servos' RMS speed. A setting that loses a ball is out;
 of the others the smallest error wins, for each arm alone.

@@ -1,6 +1,6 @@
 """Does the backlash model help where the servos take an angle? The shipped tables, one picture.
 
-`uv run python tests/benchmarks/control/position_help.py` (20 min). `rig compare` with the shipped grid on
+`python tests/benchmarks/control/position_help.py` (20 min). `rig compare` with the shipped grid on
 each table; comparisons that stand in `--out`/TABLE are read. Shown is how much less than without a
 compensator the ball strays (RMS after settling), seeds paired, 95 % by sign flips, and the verdict.
 """

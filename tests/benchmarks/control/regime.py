@@ -1,6 +1,6 @@
 """Where the plate keeps its place inside the joint's play.
 
-`uv run python tests/benchmarks/control/regime.py` (1 min). Assumed values decide it (joint friction and
+`python tests/benchmarks/control/regime.py` (1 min). Assumed values decide it (joint friction and
 stiffness, plate inertia): they are swept one by one on the default table with 1.5 degrees of joint
 play. Does a ball 10 cm out pull a resting plate to its side, and what does the joint's observer
 say of a closed-loop run?

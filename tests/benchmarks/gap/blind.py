@@ -1,6 +1,6 @@
 """The blind trials of the README, one engine at a time; interrupted, it goes on where it stopped.
 
-`uv run python tests/benchmarks/gap/blind.py --out out/blind` (60 min on two cores): 1500 trials with
+`python tests/benchmarks/gap/blind.py --out out/blind` (60 min on two cores): 1500 trials with
 something hidden and 1500 with nothing, in the house's own simulator. `--engine foreign` and
 `--engine mujoco` hide the same in two tables that share no code with it, `--engine camera` behind
 rendered frames; their numbers stand apart. `--weak N` adds trials below the amplitudes that count

@@ -1,6 +1,6 @@
 """Does the proposed next experiment really separate two names? In simulation, on runs of its own.
 
-`uv run python tests/benchmarks/gap/next_experiments.py` (about 10 min on one core). Pairs of names that
+`python tests/benchmarks/gap/next_experiments.py` (about 10 min on one core). Pairs of names that
 a short log may leave open, each 1.5 to 4 times its smallest amplitude. For each pair the workflow
 proposes a protocol from the shipped ones; then the table has the one name, then the other, the
 protocol is run with noise, start and targets drawn anew, and both names are fitted to the log:

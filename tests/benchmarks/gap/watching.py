@@ -1,6 +1,6 @@
 """How often `rig watch` cries wolf, and how soon and rightly it tells a change.
 
-`uv run python tests/benchmarks/gap/watching.py --tables 200 --out out/watching` (about an hour of one
+`python tests/benchmarks/gap/watching.py --tables 200 --out out/watching` (about an hour of one
 core): each table has 30 runs of 12 s of random steps; 1 or 3 are accepted. Of five tables one stays
 as it is, one wears (joint play grows from run to run), one has its camera knocked (turned, or of
 another scale), one a joint that comes loose at once, one a weaker supply. Healthy tables differ

@@ -1,6 +1,7 @@
 """How late the ticks of our loop come, beside C's cyclictest in the same minutes.
 
-    python tests/benchmarks/hardware/loop_jitter.py [--seconds 10] [--rounds 3] [--idle] [--json FILE]
+    python tests/benchmarks/hardware/loop_jitter.py [--seconds 10] [--rounds 3] [--idle] \
+        [--json FILE]
 
 Rounds alternate: our loop in its own process at 500 Hz (the real loop on a paced simulated table,
 its rows recorded), then `cyclictest` (package rt-tests) with the same period and priority. All the

@@ -1,4 +1,4 @@
-"""The product against a MuJoCo table: `uv run python tests/benchmarks/plant/agreement.py --out A.png`.
+"""The product against a MuJoCo table: `python tests/benchmarks/plant/agreement.py --out A.png`.
 
 Same volts for 2 s, channel by channel; the moving plate's terms against Eq. 15 alone; free releases
 under the product's own pilot. Two minutes; `--seeds 1` takes half a minute.

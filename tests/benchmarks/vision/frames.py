@@ -1,4 +1,4 @@
-"""What a frame costs and how well it is seen: `uv run python tests/benchmarks/vision/frames.py` (20 s).
+"""What a frame costs and how well it is seen: `python tests/benchmarks/vision/frames.py` (20 s).
 
 Rendered 640x480 frames in the loop, the plate moving: CPU time of the parts in one run, and the
 error of the observations against the renderer's truth (arm "with", free release and pushes).

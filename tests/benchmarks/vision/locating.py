@@ -1,4 +1,4 @@
-"""How right and how honest is one located outline? `uv run python -m tests.benchmarks.vision.locating`
+"""How right and how honest is one located outline? `python -m tests.benchmarks.vision.locating`
 
 A ball of some 31 px in six lights on two renderers that share no code with `vision` or with each
 other: the benchmarks' own (`vision_scenes`: looks straight down, adds light in grey levels) and the

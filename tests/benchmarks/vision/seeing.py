@@ -1,4 +1,4 @@
-"""Ours and others on one table: `uv run python tests/benchmarks/vision/seeing.py --out DIR` (5 minutes).
+"""Ours and others on one table: `python tests/benchmarks/vision/seeing.py --out DIR` (5 minutes).
 
 A ball rolls over ray-traced scenes with exact truth; every method sees the same images, one
 thread, CPU time per call. Errors are px per axis, over the calls that gave the ball; "wrong" are

@@ -16,7 +16,7 @@ from experiments.runs.runs import run_protocol
 from rig.parameters import Rig
 from rig.rigfile import read_rig
 from tests.support.command import call
-from tests.support.own_effects import EXAMPLES
+from tests.support.gap.own_effects import EXAMPLES
 
 FILE = EXAMPLES / "hanging_arm.py"
 RIG = '[effects]\nown = "mine.py"\n[effects.hanging_arm]\nx.weight_V = 0.4\nx.angle_rad = 0.2\n'
