@@ -127,14 +127,15 @@ def write_log(log: Log, path: Path) -> None:
     import pyarrow.parquet as pq
 
     columns = {name: rounded(name, log[name]) for name in CONTRACT if log.has(name)}
-    smooth = {name: "BYTE_STREAM_SPLIT" for name in columns if name not in MADE_OF_STEPS}
+    steps = [name for name in columns if name in MADE_OF_STEPS]
+    smooth = {name: "BYTE_STREAM_SPLIT" for name in columns if name not in steps}
     table = pa.table({n: pa.array(v, pa.float64(), from_pandas=True) for n, v in columns.items()})
     pq.write_table(
         table,
         path,
         compression="zstd",
         compression_level=15,
-        use_dictionary=[name for name in columns if name in MADE_OF_STEPS],
+        use_dictionary=steps,  # pyright: ignore[reportArgumentType]
         column_encoding=smooth,
     )
 

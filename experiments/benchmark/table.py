@@ -73,6 +73,15 @@ def side_by_side(entries: Mapping[str, Mapping[str, Any]]) -> str:
     return markdown(["", *entries], lines)
 
 
+def page_of(entries: Mapping[str, Mapping[str, Any]]) -> str:
+    """Markdown of several entries' results, by name: side by side, then each by kind and engine."""
+    parts = [side_by_side(entries)] if len(entries) > 1 else []
+    for name, results in entries.items():
+        numbers = "\n".join(f"- {line}" for line in numbers_of(results))
+        parts.append(f"## {name}\n\n{markdown(HEAD, lines_of(results))}\n{numbers}\n")
+    return "\n".join(parts)
+
+
 def _of(group: Mapping[str, Any] | None, word: str) -> str:
     return share_text(group[word]) if group else "-"
 

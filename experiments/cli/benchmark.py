@@ -67,21 +67,22 @@ def answer(
 @benchmark.command()
 def score(
     folder: SetArgument,
-    answers: Annotated[Path, typer.Argument(help="Folder with one JSON of `rig gap` a case.")],
+    answers: Annotated[
+        list[Path], typer.Argument(help="Folders with one JSON of `rig gap` a case.")
+    ],
     first: FirstOption = None,
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for results.json and table.md.")
     ] = None,
 ) -> None:
-    """Open the seal and score the answers of an entry."""
+    """Open the seal and score the answers of an entry, or of several side by side."""
     from experiments.benchmark.score import score_set
-    from experiments.benchmark.table import HEAD, lines_of, markdown, numbers_of, show
+    from experiments.benchmark.table import page_of, show
     from experiments.records.run_folder import writable, write_results
 
-    results = score_set(folder, answers, first=first)
-    show(f"{answers} to {folder}", results)
+    results = {one.name: score_set(folder, one, first=first) for one in answers}
+    for name, found in results.items():
+        show(f"{name} to {folder.name}", found)
     if out is not None:
-        numbers = "\n".join(f"- {line}" for line in numbers_of(results))
-        text = f"{markdown(HEAD, lines_of(results))}\n{numbers}\n"
-        (writable(out) / "table.md").write_text(text, encoding="utf-8")
+        (writable(out) / "table.md").write_text(page_of(results), encoding="utf-8")
         write_results(out, results)

@@ -1,12 +1,15 @@
-"""Answer a sealed set with one of the entries: `python -m tests.benchmarks.entries.run ENTRY SET`.
+"""Answer a sealed set with one of the entries: `run.py ENTRY SET --out ANSWERS`.
 
 Entries are `whiteness`, `parametric`, `sparse` and `symbolic`; the last two need the group
 `entries` (`uv run --group entries`).
 """
 
 import argparse
+import sys
 from importlib import import_module
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[3]))
 
 from experiments.benchmark.answers import answer_set
 from experiments.cli.console import bars

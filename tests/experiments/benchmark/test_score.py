@@ -172,7 +172,18 @@ def test_the_command_prints_a_table_and_writes_it(folder: Path):
     assert found.exit_code == 0, found.output
     assert "60.0 % (23.1 to 88.2; 3/5)" in found.output
     assert "| healthy | 1 |" in (folder / "out/table.md").read_text()
-    assert json.loads((folder / "out/results.json").read_text())["all"]["right"]["k"] == 3
+    found = json.loads((folder / "out/results.json").read_text())
+    assert found["answers"]["all"]["right"]["k"] == 3
+
+
+def test_several_entries_stand_side_by_side(folder: Path):
+    (folder / "silent").mkdir()
+    words = [str(folder / name) for name in ("set", "answers", "silent")]
+    found = CliRunner().invoke(app, ["benchmark", "score", *words, "--out", str(folder / "out")])
+    assert found.exit_code == 0, found.output
+    page = (folder / "out/table.md").read_text()
+    assert "|  | answers | silent |" in page
+    assert "| no answer | 20.0 % (3.6 to 62.4; 1/5) | 100.0 % (56.6 to 100.0; 5/5) |" in page
 
 
 def told_by_folder(place: Path) -> dict:
