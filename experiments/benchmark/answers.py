@@ -18,7 +18,7 @@ from experiments.blind.analysis_jobs import (
 )
 from experiments.blind.seal import SEAL, sealed_hash
 from experiments.progress import ProgressCall, silent
-from experiments.records.run_folder import replace_json
+from experiments.records.run_folder import write_json
 from rig.validation import first_error_line, read_json
 
 WORK = "work"  # answers with their seconds, by which an interrupted run goes on
@@ -92,8 +92,8 @@ def answer_set(
         progress=progress,
     )
     for name, one in found.items():
-        replace_json(out / f"{name}.json", one["answer"])
-    replace_json(out / SEAL, {"sha256": sealed_hash(folder)})
+        write_json(out / f"{name}.json", one["answer"])
+    write_json(out / SEAL, {"sha256": sealed_hash(folder)})
     return sum(one["answer"].get("verdict") == FAILED for one in found.values())
 
 

@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import replace
-from math import sqrt
+from math import inf, sqrt
 from pathlib import Path
 
 import pytest
@@ -189,7 +189,9 @@ def test_several_entries_stand_side_by_side(folder: Path):
 def told_by_folder(place: Path) -> dict:
     """A fake analysis: the answer depends on what lies in the folder alone."""
     names = sorted(path.name for path in place.iterdir())
-    return {"verdict": "nothing-missing", "sentence": " ".join(names), "effects": []}
+    never = {"name": "input_delay", "score": -inf}  # as `rig gap` has it in its ranking
+    told = {"sentence": " ".join(names), "effects": [], "ranking": [never]}
+    return {"verdict": "nothing-missing", **told}
 
 
 def test_answers_go_on_where_they_stopped(folder: Path):
@@ -204,7 +206,9 @@ def test_answers_go_on_where_they_stopped(folder: Path):
 
     assert answer_set(folder / "set", out, answer=fails, jobs=1) == 3
     assert (out / "work/case-0001.json").read_bytes() == first
-    assert json.loads((out / "case-0002.json").read_text())["sentence"] == "log-case-0002"
+    second = json.loads((out / "case-0002.json").read_text())
+    assert second["sentence"] == "log-case-0002"
+    assert second["ranking"][0]["score"] is None
     assert json.loads((out / "case-0004.json").read_text())["verdict"] == "failed"
     found = score_set(folder / "set", out)
     assert (found["all"]["nothing"]["k"], found["all"]["no answer"]["k"]) == (2, 3)
