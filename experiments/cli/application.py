@@ -283,7 +283,9 @@ def main() -> None:
 
 
 def _say(message: str) -> None:
-    line = "".join(c if c.isprintable() else "?" for c in " ".join(message.split()))
+    from rig.validation import printable
+
+    line = printable(message)
     if len(line) > LONGEST_LINE:
         line = f"{line[: LONGEST_LINE - 200]} ... {line[-195:]}"
     print(f"rig: {line}", file=sys.stderr)
