@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from experiments.cli.say import say
+
 
 def compare(
     rig: Annotated[
@@ -34,5 +36,5 @@ def compare(
             rig, folder, grid_file=grid, seeds=seeds, jobs=jobs, cluster=cluster, progress=progress
         )
     for line in results["words"]:
-        typer.echo(line)
-    typer.echo(f"report: {out / 'report.html'}   numbers: {out / 'results.json'}")
+        say(line)
+    say(f"report: {out / 'report.html'}   numbers: {out / 'results.json'}")

@@ -2,12 +2,15 @@
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from experiments.cli import application
+from experiments.cli.console import bars, effects_table
 from experiments.records.recording import Recorder
+from rig.effects import BY_NAME
 from tests.support.gap.logs import table_log
 
 NESTED = "x = " + "[" * 5000
@@ -90,3 +93,24 @@ def test_odd_words(monkeypatch, capsys, tmp_path: Path):
     assert "1_0" in refused(monkeypatch, capsys, "gap", tmp_path / "log.csv", *out)
     (tmp_path / "wide.csv").write_text(",".join(f"c{k}" for k in range(100_000)) + "\n1\n")
     refused(monkeypatch, capsys, "gap", tmp_path / "wide.csv", *out)
+
+
+def test_what_a_recording_says_steers_no_terminal(monkeypatch, capsys, tmp_path: Path):
+    with Recorder(tmp_path / "run", {"source": "simulated", "arm": "with"}) as recorder:
+        recorder.finish("done\x1b]0;mine\x07")
+    monkeypatch.setattr(sys, "argv", ["rig", "recover", str(tmp_path / "run")])
+    application.main()
+    assert capsys.readouterr().out.endswith("outcome done?]0;mine?\n")
+
+
+def test_brackets_in_a_labs_own_words_are_shown(capsys):
+    """rich reads [V] as a style and fails over [/V]."""
+    known = BY_NAME["dead_zone"]
+    width = replace(known.parameters[0], unit="[V]")
+    effects_table([replace(known, parameters=(width,), sentence="half [/V] of it")])
+    shown = capsys.readouterr().out
+    assert "[V]" in shown
+    assert "half [/V] of it" in shown
+    with bars() as progress:
+        progress("run [/hold]", 1, 2)
+    assert "run [/hold]" in capsys.readouterr().err
