@@ -90,7 +90,10 @@ def _members(group: Any) -> Iterator[tuple[str, Any]]:
         if isinstance(group.get(name, getlink=True), h5py.ExternalLink):
             raise ValueError(f"{name} lies in another file: save the numbers themselves")
         if not name.startswith("#"):
-            yield name, group[name]
+            value = group[name]
+            if value.file.filename != group.file.filename:  # by a soft link over an external one
+                raise ValueError(f"{name} lies in another file: save the numbers themselves")
+            yield name, value
 
 
 def _numbers(dataset: Any, name: str) -> np.ndarray:
