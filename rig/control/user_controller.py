@@ -26,10 +26,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from rig.control import foreign_call
-from rig.control.foreign_call import ForeignCall, OvertimeError
+from rig import foreign_call
 from rig.estimation.backlash_observer import gear_backlash, joint_backlash
 from rig.estimation.observers import ball_now
+from rig.foreign_call import ForeignCall, OvertimeError
 from rig.parameters import Rig
 from rig.table import R_MOTOR, R_THETA, R_TIME
 
