@@ -16,7 +16,7 @@ def compare(
         "out/compare"
     ),
     grid: Annotated[Path | None, typer.Option(help="Your own grid (TOML).")] = None,
-    seeds: Annotated[int | None, typer.Option(min=6, help="Paired seeds a cell.")] = None,
+    seeds: Annotated[int | None, typer.Option(min=6, max=1000, help="Paired seeds a cell.")] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: all cores.")] = None,
     cluster: Annotated[str | None, typer.Option(help="Address of a Dask scheduler.")] = None,
 ) -> None:

@@ -76,6 +76,7 @@ def test_odd_words(tmp_path: Path):
     with Recorder(run, {"source": "simulated", "arm": "with"}):
         pass
     assert "1000" in refused("run", "circle", "--repetitions", 99999999999)
+    assert "1000" in refused("compare", "--seeds", 99999999)
     assert "given twice" in refused("report", run, tmp_path / "." / "run", "--out", tmp_path / "r")
     assert "control characters" in refused("reject", run, "a\x1b[2Jb")
     columns = table_log(seconds=1.0)

@@ -38,7 +38,8 @@ class Mine:
     def end(self, outcome):
         {end}
 """
-MEMORY = "self.kept = [bytearray(1 << 28) for _ in range(1 << 20)]"
+# In pieces of 16 MB: one of 256 MB takes a busy machine a second that nothing can interrupt.
+MEMORY = "self.kept = [bytearray(1 << 24) for _ in range(1 << 20)]"
 CAUGHT = "exec('while True:\\n try: time.sleep(9)\\n except BaseException: pass')"
 
 
