@@ -23,9 +23,12 @@ from typing import Any
 import numba
 
 from rig.effects import BY_NAME, PER_AXIS, SHARED, VOLTS, Effect, Parameter
+from rig.foreign_call import ForeignCall, OvertimeError
 
 SLOTS = 4  # effects of one's own in a rig; chosen: as many as the plant's record holds
 KEYS = 4  # numbers of one such effect; chosen as well
+LARGEST_BYTES = 1 << 20  # of a file; chosen: an equation and its tables take far less
+LONGEST_S = 20.0  # to execute the file, and to try its equation; chosen: as a controller's start
 SIDES = {"servo": "(angle_rad, speed_rad_s, t_s", "ball": "(position_m, speed_m_s, t_s"}
 # States in which an equation is tried before it is used: to the stop, or to the rim, and faster
 # than either ever moves.
@@ -60,9 +63,15 @@ def read_effect(file: Path) -> OwnEffect:
     """Return the effect of a Python file, executed, compiled and tried.
 
     ValueError (one line that names the file): it is missing or cannot be executed, EFFECT or
-    equation is missing or contradicts the other, or the equation cannot be compiled, raises, gives
-    no finite number, or something else than 0 at the first parameter's null value.
+    equation is missing or contradicts the other, or the equation cannot be compiled, raises, does
+    not return, gives no finite number, or something else than 0 at the first parameter's null
+    value. Time and memory of what is executed are bounded (`foreign_call`), but not those of a
+    function in it that numba compiled.
     """
+    if file.exists() and not file.is_file():
+        raise ValueError(f"effect file {file} is no file")
+    if file.exists() and file.stat().st_size > LARGEST_BYTES:
+        raise ValueError(f"effect file {file} is larger than {LARGEST_BYTES} bytes")
     try:
         own = OwnEffect(str(file), file.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
@@ -92,7 +101,10 @@ def _executed(file: str, text: str) -> tuple[Effect, Callable[..., float]]:
     """EFFECT and equation of a file's text, held against each other."""
     names: dict[str, Any] = {"__name__": "own_effect", "__file__": file}
     try:
-        exec(compile(text, file, "exec"), names)
+        with ForeignCall(LONGEST_S):
+            exec(compile(text, file, "exec"), names)
+    except OvertimeError as error:
+        raise _bad(file, f"it {error}") from None
     except (Exception, SystemExit) as error:
         raise _bad(file, f"{type(error).__name__}: {_line(error)}") from None
     effect, equation = names.get("EFFECT"), names.get("equation")
@@ -183,9 +195,15 @@ def _try(own: OwnEffect) -> None:
     effect, equation = _executed(own.file, own.text)
     function, parameters = _compiled(own.file, own.text).ctypes, effect.parameters
     ends = [sorted({p.low, p.null, (p.low + p.high) / 2, p.high}) for p in parameters]
-    for state in product(*TRIED[effect.side]):
-        for values in product(*ends):
-            _try_once(own.file, equation, function, state, values, parameters)
+    where = ""
+    try:
+        with ForeignCall(LONGEST_S):
+            for state in product(*TRIED[effect.side]):
+                for values in product(*ends):
+                    where = f"equation{(*state, *values)}"
+                    _try_once(own.file, equation, function, state, values, parameters)
+    except OvertimeError as error:
+        raise _bad(own.file, f"{where} {error} with those before it") from None
 
 
 def _try_once(
@@ -201,7 +219,7 @@ def _try_once(
         equation(*state, *values)
     except ZeroDivisionError:
         pass  # compiled, it gives an infinite number
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise _bad(file, f"{where} raises {type(error).__name__}: {_line(error)}") from None
     answer = function(*state, *values, *[0.0] * (KEYS - len(values)))
     if not isfinite(answer):

@@ -53,6 +53,13 @@ def _known_keys(kind: Any, place: tuple[int | str, ...]) -> list[str]:
     return list(getattr(kind, "model_fields", {}))
 
 
+def printable(text: object) -> str:
+    """Return a text from elsewhere (a file, its name, an error) as one line of printable
+    characters, with "?" for others: it can steer no terminal, and stands in any file as it is.
+    """
+    return "".join(c if c.isprintable() else "?" for c in " ".join(str(text).split()))
+
+
 LARGEST = 2**63  # of whole numbers in a file, as TOML itself bounds them
 
 

@@ -21,6 +21,7 @@ from experiments.cli.export_model import export_model
 from experiments.cli.gap import gap
 from experiments.cli.home import home
 from experiments.cli.importing import EPILOG, import_
+from experiments.cli.say import say
 from experiments.cli.serve import serve
 from experiments.cli.sheets import check, sheet
 from experiments.cli.watch import watch
@@ -67,8 +68,8 @@ def reproduce(
     with bars() as progress:
         results = work(table, folder, seed=seed, frames=frames, progress=progress)
     for claim in results["claims"]:
-        typer.echo(_claim_line(claim))
-    typer.echo(f"report: {out / 'report.html'}   numbers: {out / 'results.json'}")
+        say(_claim_line(claim))
+    say(f"report: {out / 'report.html'}   numbers: {out / 'results.json'}")
 
 
 def _claim_line(claim: dict) -> str:
@@ -120,13 +121,13 @@ def run(
         from experiments.runs.runs import measure_protocol
 
         ask = partial(consent, yes=yes)
-        done = measure_protocol(table, rig, plan, **how, arm_table=ask, say=typer.echo)
+        done = measure_protocol(table, rig, plan, **how, arm_table=ask, say=say)
     else:
         with bars() as progress:
             done = run_protocol(table, plan, **how, frames=camera == "frames", progress=progress)
     for one in done:
         reason = f" ({one.ending.reason})" if one.ending.reason else ""
-        typer.echo(f"{one.folder}  {one.ending.outcome}{reason}")
+        say(f"{one.folder}  {one.ending.outcome}{reason}")
     if any(one.ending.outcome != "completed" for one in done):
         raise WorkFailedError("not every run was completed; what was recorded is kept")
 
@@ -140,7 +141,7 @@ def report(
     from experiments.records.run_folder import writable
     from experiments.reports.report_runs import report_runs
 
-    typer.echo(str(report_runs(runs, writable(out))))
+    say(str(report_runs(runs, writable(out))))
 
 
 @app.command()
@@ -171,7 +172,7 @@ def track(
         video, writable(out), calibration=bundle, ball_colour=ball_colour, ball_at=place
     )
     for key, value in summary.items():
-        typer.echo(f"{key}: {value}")
+        say(f"{key}: {value}")
 
 
 @app.command()
@@ -202,7 +203,7 @@ def export(
     from experiments.records.exporting import export_run
     from experiments.records.recording import read_run
 
-    typer.echo(str(export_run(run, out)))
+    say(str(export_run(run, out)))
     whole = read_run(run)
     if whole.meta["truncated"]:
         raise WorkFailedError(
@@ -217,7 +218,7 @@ def recover(run: Annotated[Path, typer.Argument(help="Run folder that was cut of
     from experiments.records.recording import recover as mend
 
     mended = mend(run)
-    typer.echo(f"{run}: {len(mended.log)} rows, outcome {mended.meta['outcome']}")
+    say(f"{run}: {len(mended.log)} rows, outcome {mended.meta['outcome']}")
 
 
 @app.command()
@@ -229,7 +230,7 @@ def reject(
     from experiments.runs.runs import reject as mark
 
     mark(run, reason)
-    typer.echo(f"{run}: rejected ({reason})")
+    say(f"{run}: rejected ({reason})")
 
 
 app.command()(dashboard)
@@ -285,7 +286,9 @@ def main() -> None:
 
 
 def _say(message: str) -> None:
-    line = "".join(c if c.isprintable() else "?" for c in " ".join(message.split()))
+    from rig.validation import printable
+
+    line = printable(message)
     if len(line) > LONGEST_LINE:
         line = f"{line[: LONGEST_LINE - 200]} ... {line[-195:]}"
     print(f"rig: {line}", file=sys.stderr)

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from experiments.cli.say import say
+
 
 def compare(
     rig: Annotated[
@@ -14,7 +16,7 @@ def compare(
         "out/compare"
     ),
     grid: Annotated[Path | None, typer.Option(help="Your own grid (TOML).")] = None,
-    seeds: Annotated[int | None, typer.Option(min=6, help="Paired seeds a cell.")] = None,
+    seeds: Annotated[int | None, typer.Option(min=6, max=1000, help="Paired seeds a cell.")] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: all cores.")] = None,
     cluster: Annotated[str | None, typer.Option(help="Address of a Dask scheduler.")] = None,
 ) -> None:
@@ -34,5 +36,5 @@ def compare(
             rig, folder, grid_file=grid, seeds=seeds, jobs=jobs, cluster=cluster, progress=progress
         )
     for line in results["words"]:
-        typer.echo(line)
-    typer.echo(f"report: {out / 'report.html'}   numbers: {out / 'results.json'}")
+        say(line)
+    say(f"report: {out / 'report.html'}   numbers: {out / 'results.json'}")

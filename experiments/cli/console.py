@@ -22,7 +22,7 @@ def bars() -> Iterator[ProgressCall]:
     Each stage has its own bar. Nothing is drawn before the first update.
     """
     columns = (
-        TextColumn("{task.description:34s}"),
+        TextColumn("{task.description:34s}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn(),
@@ -62,4 +62,4 @@ def effects_table(effects: "Iterable[Effect]") -> None:
             )
     # A pipe or a narrow terminal gets whole names all the same.
     console = Console()
-    Console(width=max(console.width, 150)).print(table)
+    Console(width=max(console.width, 150), markup=False).print(table)

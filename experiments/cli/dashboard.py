@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from experiments.cli.say import say
+
 
 def dashboard(
     rig: Annotated[
@@ -37,5 +39,5 @@ def dashboard(
         host=host,
         port=port,
         foxglove_port=foxglove,
-        say=typer.echo,
+        say=say,
     )

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from experiments.cli.say import say
+
 
 def doctor(
     rig: Annotated[
@@ -22,10 +24,10 @@ def doctor(
     known = load_rig(rig)
     findings = examine(gather(known, rig), known)
     for one in findings:
-        typer.echo(f"{one.state:4s}  {one.what}: {one.text}")
+        say(f"{one.state:4s}  {one.what}: {one.text}")
         if one.cure:
-            typer.echo(f"      -> {one.cure}")
+            say(f"      -> {one.cure}")
     if not usable(findings):
-        typer.echo("this table cannot be used yet: see the lines that begin with bad")
+        say("this table cannot be used yet: see the lines that begin with bad")
         raise typer.Exit(1)
-    typer.echo("nothing is missing")
+    say("nothing is missing")

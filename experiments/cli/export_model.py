@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from experiments.cli.say import say
+
 
 def export_model(
     rig: Annotated[
@@ -21,5 +23,5 @@ def export_model(
     from experiments.runs.assemble import load_rig
 
     for line in write(load_rig(rig), rig.stem, kind, out, intervals=intervals):
-        typer.echo(f"note: {line}")
-    typer.echo(str(out))
+        say(f"note: {line}")
+    say(str(out))

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from experiments.cli.say import say
+
 if TYPE_CHECKING:
     from calibration.gap.findings import Findings
 
@@ -108,8 +110,8 @@ def _investigate_and_report(
         write_json(json_file, found.to_json())
     page = write_findings(found, folder, names=[path.name for path in logs], rig_file=rig_file)
     for line in summary_lines(found):
-        typer.echo(line)
-    typer.echo(f"report: {page}   numbers: {folder / 'results.json'}")
+        say(line)
+    say(f"report: {page}   numbers: {folder / 'results.json'}")
     return found
 
 
@@ -124,8 +126,8 @@ def _tolerances(logs: Sequence[Path], *, rig_file: Path | None, out: Path) -> No
     learned = learn(inputs.logs, inputs.rig)
     write_rig(learned, folder / "rig.toml")
     for name, value in (*learned.tolerances.items(), *learned.floors.items()):
-        typer.echo(f"{name:22s} {value:.4g}")
-    typer.echo(
+        say(f"{name:22s} {value:.4g}")
+    say(
         f"from {len(inputs.logs)} clean runs; written to {folder / 'rig.toml'} [tolerances] "
         "(half width of the first parameter) and [floors] (RMS, rad or m)"
     )
@@ -146,7 +148,7 @@ def _demo(*, out: Path, json_file: Path | None, seed: int | None, until: str) ->
     from experiments.records.run_folder import writable
 
     runs = demo_runs(writable(out), seed=1 if seed is None else seed)
-    typer.echo(
+    say(
         "hidden in the simulated table, unknown to the workflow: joint play of "
         + ", ".join(f"{play} rad ({axis})" for axis, play in DEMO_PLAY_RAD.items())
     )
@@ -166,15 +168,15 @@ def _guess(*, out: Path, json_file: Path | None, seed: int | None, until: str) -
     drawn = secrets.randbelow(10**6) if seed is None else seed
     hidden = guess.draw_plays(drawn)
     runs = demo_runs(writable(out), seed=drawn, plays_rad=hidden)
-    typer.echo("Somewhere between encoder and plate the joints have play. How much?")
+    say("Somewhere between encoder and plate the joints have play. How much?")
     for line in guess.clues(runs, seed=drawn):
-        typer.echo(line)
+        say(line)
     yours = {axis: typer.prompt(f"play of {axis} [degrees]", type=float) for axis in "xy"}
     found = _investigate_and_report(runs, rig_file=None, out=out, json_file=json_file, until=until)
     sizes = {place: one.value for place, one in found_values(found).items()}
     for line in guess.score(hidden, yours, sizes):
-        typer.echo(line)
-    typer.echo(f"the same game again: --seed {drawn}")
+        say(line)
+    say(f"the same game again: --seed {drawn}")
 
 
 def _blind(
@@ -211,9 +213,9 @@ def _blind(
             rig_file=rig_file,
             cluster=cluster,
             jobs=jobs,
-            say=typer.echo,
+            say=say,
             progress=progress,
         )
     if not logs:
         show(rows(results), "Blind trials")
-    typer.echo(f"table: {out / 'table.md'}   numbers: {out / 'results.json'}")
+    say(f"table: {out / 'table.md'}   numbers: {out / 'results.json'}")

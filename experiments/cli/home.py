@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from experiments.cli.say import say
+
 WARNING = (
     "Both arms will move slowly to their stops. Take the ball off, keep hands away, one hand at "
     "the switch that cuts the motors' power."
@@ -33,21 +35,19 @@ def home(
         found, kept = home_table(known, rig)
     wiring = found.wiring
     for axis, travel, volts in zip("xy", found.travel_rad, found.moving_V, strict=True):
-        typer.echo(
-            f"{axis}: {degrees(travel):.1f} degrees between the stops, moves at {volts:.2f} V"
-        )
+        say(f"{axis}: {degrees(travel):.1f} degrees between the stops, moves at {volts:.2f} V")
     orders = {"swapped": wiring.swap, "motors crossed": wiring.crossed}
     said = [word for word, so in orders.items() if so] or ["as named"]
-    typer.echo(
+    say(
         f"channels: {', '.join(said)}; signs of volts {list(wiring.sign_volts)}, of angles "
         f"{list(wiring.sign_angle)}; level at counts {list(wiring.zero_counts)}"
     )
     if found.level is not None:
         x, y = (degrees(s) for s in found.level)
-        typer.echo(f"the markers see the plate level to {x:+.2f}, {y:+.2f} degrees")
+        say(f"the markers see the plate level to {x:+.2f}, {y:+.2f} degrees")
     else:
-        typer.echo(
+        say(
             "no markers were seen: which axis is which, and which way is down, is as the rig file "
             "says; see with a ball and a hand at the switch"
         )
-    typer.echo(f"kept in {kept}" if kept else "this was the virtual table: nothing is kept")
+    say(f"kept in {kept}" if kept else "this was the virtual table: nothing is kept")

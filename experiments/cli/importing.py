@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from experiments.cli.say import say
+
 EPILOG = """
 Without --map the file's names, ranges and physics are looked at, a map is proposed in five lines,
 and you are asked; --yes takes it. What the file does not tell (a sign, a unit, a scale) is asked,
@@ -69,9 +71,9 @@ def import_(
         names = [out.with_name(f"{out.stem}-{i + 1}{out.suffix}") for i in range(len(logs))]
     for name, log in zip(names, logs, strict=True):
         export_log(log, name)
-        typer.echo(log_line(str(name), log))
+        say(log_line(str(name), log))
     write_map(out.with_name("import.toml"), made)
-    typer.echo(f"map: {out.with_name('import.toml')}")
+    say(f"map: {out.with_name('import.toml')}")
 
 
 def somebody_is_there() -> bool:
@@ -92,16 +94,16 @@ def _proposed(recording, said, sources: tuple[str, ...], *, yes: bool):
     ask = not yes and somebody_is_there()
     if ask and found.doubts:
         for line in report_lines(recording, found):
-            typer.echo(line)
+            say(line)
     while found.doubts and ask:
         doubt = found.doubts[0]
         try:
             answered = with_answers(said, _answer(doubt))
             found, said = propose(recording.stream, answered), answered
         except ValueError as error:
-            typer.echo(str(error))
+            say(str(error))
     for line in report_lines(recording, found):
-        typer.echo(line)
+        say(line)
     made = found.map(sources)
     if not yes:
         if not ask:

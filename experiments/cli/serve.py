@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from experiments.cli.say import say
+
 WARM_TICKS = 20  # whatever is compiled is there before a user is
 
 
@@ -39,7 +41,7 @@ def serve(
     check_drives_volts(known)
     if not token_file.exists():
         make_token(token_file)
-        typer.echo(f"made {token_file}: copy it to the machine that shall drive the table")
+        say(f"made {token_file}: copy it to the machine that shall drive the table")
     token = read_token(token_file)
     table = open_table(known, homed=False)
     with table:
@@ -49,11 +51,11 @@ def serve(
             servo=known.servo,
             host=host,
             port=port,
-            say=lambda text: typer.echo(text),
+            say=say,
         )
         with server:
             go_realtime()  # where it is allowed
             for _ in range(WARM_TICKS):
                 server.tick()
-            typer.echo(f"serving the {known.table.kind} table at {host}:{server.port}")
+            say(f"serving the {known.table.kind} table at {host}:{server.port}")
             server.run()

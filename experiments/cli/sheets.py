@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from experiments.cli.say import say
+
 
 def sheet(
     name: Annotated[str, typer.Argument(help="play, servo, camera or missing.")],
@@ -26,8 +28,8 @@ def sheet(
             runs = hand_out(wanted, student, writable(folder), progress=progress)
     except FileExistsError as error:
         raise ValueError(str(error)) from None
-    typer.echo(f"{wanted.title}: {len(runs)} runs of your table in {folder / 'runs'}")
-    typer.echo(f"rig file: {folder / 'rig.toml'}   your answers: {folder / RESULTS}")
+    say(f"{wanted.title}: {len(runs)} runs of your table in {folder / 'runs'}")
+    say(f"rig file: {folder / 'rig.toml'}   your answers: {folder / RESULTS}")
 
 
 def check(
@@ -42,8 +44,8 @@ def check(
     found = work(sheet_named(name), results)
     for one in found:
         why = f"   ({one.hint})" if one.state == WRONG and one.hint else ""
-        typer.echo(f"{one.question.key:18s} {one.state}{why}")
+        say(f"{one.question.key:18s} {one.state}{why}")
     right = sum(one.state == RIGHT for one in found)
-    typer.echo(f"{right} of {len(found)} answers are right")
+    say(f"{right} of {len(found)} answers are right")
     if right < len(found):
         raise typer.Exit(1)

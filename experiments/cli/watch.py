@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from experiments.cli.say import say
+
 
 def watch(
     folder: Annotated[Path, typer.Argument(help="Folder that holds the run folders of one table.")],
@@ -38,7 +40,7 @@ def watch(
     for one in found.runs:
         said = run_words(found, one)
         statistic = f"{abs(one.strongest.z):5.2f}" if one.strongest else "     "
-        typer.echo(f"{one.run.name}  {one.state:9s} {statistic}  {said}".rstrip())
+        say(f"{one.run.name}  {one.state:9s} {statistic}  {said}".rstrip())
     skipped = sum(one.state == SKIPPED for one in found.runs)
-    typer.echo(sentence(found) + (f" ({skipped} skipped)" if skipped else ""))
-    typer.echo(f"report: {page}   numbers: {out / 'results.json'}")
+    say(sentence(found) + (f" ({skipped} skipped)" if skipped else ""))
+    say(f"report: {page}   numbers: {out / 'results.json'}")

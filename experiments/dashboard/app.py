@@ -3,7 +3,6 @@
 import threading
 import time
 from collections import deque
-from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,8 +11,8 @@ import numpy as np
 
 from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.server.messages import admit_values
+from experiments.dashboard.server.pages import Pages
 from experiments.dashboard.server.server import shell_of
-from experiments.dashboard.server.untrusted_text import as_unicode
 from experiments.dashboard.session.foxglove_stream import FoxgloveStream
 from experiments.dashboard.session.live import LiveBuffer, LiveState
 from experiments.dashboard.session.plan import PlannedRun
@@ -26,6 +25,7 @@ from experiments.dashboard.session.worker_process import WorkerProcess
 from experiments.dashboard.tabs.calibrate import CalibrateTab
 from experiments.dashboard.tabs.gap import GapTab
 from experiments.dashboard.tabs.header import Header, set_looks
+from experiments.dashboard.tabs.keys import add_keys
 from experiments.dashboard.tabs.replay import ReplayTab
 from experiments.dashboard.tabs.results import ResultsTab
 from experiments.dashboard.tabs.run import RunTab
@@ -73,7 +73,7 @@ class App:
         stream: FoxgloveStream | None = None,
     ) -> None:
         self.server, self.rig, self.out, self._stream = server, rig, out, stream
-        self.clients: dict[int, ClientHandle] = {}
+        self.pages = Pages()
         self.live = LiveBuffer(rig.control_rate_hz)
         self.events: deque[str] = deque(maxlen=EVENTS_SHOWN)
         real = rig_file is not None and is_hardware(rig)
@@ -90,7 +90,7 @@ class App:
         )  # no figure waits for an analysis
         self.playback: Playback | None = None
         self._replayed = False  # a recorded run was shown
-        self.controls = Controls(self.notify, self.session.note)
+        self.controls = Controls(self.pages.notify, self.session.note)
         admit_values(server, self.controls)
         shell = shell_of(server)
         shell.state = lambda: self.session.status.state
@@ -130,12 +130,12 @@ class App:
         with panel.add_tab("Camera"):
             self.camera.add_widgets(self.controls)
         with panel.add_tab("Legend"):
-            add_view_points(server, self.controls, self.clients)
+            add_view_points(server, self.controls, self.pages.clients)
             gui.add_markdown(legend_words(self.session.table.real))
         panel.dock_left()
         panel.set_width(330)
         self._add_tabs()
-        self._commands()
+        add_keys(server, self.controls, self.session, self.run_tab, self.replay)
 
         server.scene.on_click(modifier="shift")(self.controls.click("target", self._aim))
 
@@ -160,12 +160,14 @@ class App:
                 analysis_worker,
                 self.session,
                 out,
-                self.send,
+                self.pages.send,
                 real=self._real,
                 rows=rows,
             )
         with tabs.add_tab("Results"):
-            self.results = ResultsTab(server, controls, figure_worker, out, self.live, self.send)
+            self.results = ResultsTab(
+                server, controls, figure_worker, out, self.live, self.pages.send
+            )
         with tabs.add_tab("Gap"):
             self.gap = GapTab(
                 server,
@@ -175,7 +177,7 @@ class App:
                 rows,
                 self.side_plates.show_map,
                 self.show_playback,
-                self.send,
+                self.pages.send,
             )
         with tabs.add_tab("Replay"):
             self.replay = ReplayTab(server, controls, figure_worker, rows, self.show_playback)
@@ -215,66 +217,25 @@ class App:
 
         self.controls.queue.put("results", do)
 
-    def send(self, page: int | None, path: Path) -> None:
-        """Let a page download the file `path`; page None: every page. OSError: it cannot be
-        read.
-        """
-        for client in self._of(page):
-            client.send_file_download(path.name, path.read_bytes(), save_immediately=True)
-
     def _aim(self, event: Any) -> None:
         point = plate_point(np.array(event.ray_origin), np.array(event.ray_direction))
         if point is not None:
             self.run_tab.aim((float(point[0]), float(point[1])))
 
-    def _commands(self) -> None:
-        """Keys, and the entries of the command palette (Ctrl + K)."""
-        add, button = self.server.gui.add_command, self.controls.button
-        self.controls.stop_button(add("Stop", hotkey="escape"), "stop", self.session.stop)
-        button(add("Start the run", hotkey="R"), "start", lambda page: self.run_tab.start())
-        button(add("Next run", hotkey="N"), "next run", lambda page: self.run_tab.go_on())
-        button(add("Balance again", hotkey="B"), "balance", lambda page: self.run_tab.balance())
-        button(add("Play or pause", hotkey="space"), "play", lambda page: self.replay.toggle())
-        for frames, key in ((1, "arrowright"), (-1, "arrowleft")):
-            way = "on" if frames > 0 else "back"
-            step = add(f"A frame {way}", hotkey=key)  # pyright: ignore[reportArgumentType]
-            button(step, "frame", lambda page, n=frames: self.replay.step(n))
-        keys = (
-            ("left", "left", 180),
-            ("right", "right", 0),
-            ("up", "away", 90),
-            ("down", "near", 270),
-        )
-        for key, way, angle in keys:
-            push = add(f"Push {way}", hotkey=f"arrow{key}", modifier="shift")  # pyright: ignore[reportArgumentType]
-            button(push, "push", lambda page, a=float(angle): self.run_tab.push(a))
-
     # --- pages that come and go ---
     def _on_connect(self, client: "ClientHandle") -> None:
         def do() -> None:
-            self.clients[client.client_id] = client
+            self.pages.joined(client)
             self.header.joined(client)
 
         self.controls.queue.put("a page came", do)
 
     def _on_disconnect(self, client: "ClientHandle") -> None:
         def do() -> None:
-            self.clients.pop(client.client_id, None)
+            self.pages.left(client.client_id)
             self.header.left(client.client_id)
 
         self.controls.queue.put("a page went", do)
-
-    def notify(self, page: int | None, title: str, text: str) -> None:
-        """Show a message with this title for 8 s on a page; page None: on every page."""
-        for client in self._of(page):
-            with suppress(Exception):  # it may be gone by now
-                told = as_unicode(text)
-                client.add_notification(title, told, auto_close_seconds=8.0, color="red")
-
-    def _of(self, page: int | None) -> list[Any]:
-        if page is None:
-            return list(self.clients.values())
-        return [self.clients[page]] if page in self.clients else []
 
     def _on_event(self, t_s: float, text: str) -> None:
         """Keep an event of the loop or of a page for the tab Run; called from any thread."""
@@ -293,7 +254,7 @@ class App:
                 if words != failed:  # once, not twenty times a second
                     failed = words
                     self.session.note(f"drawing: {words}")
-                    self.notify(None, "drawing failed", words)
+                    self.pages.notify(None, "drawing failed", words)
                 time.sleep(0.5)
             count += 1
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from experiments.export.intervals import read_intervals
 from rig.parameters import Rig
+from rig.validation import printable
 
 MJCF, FMU = "mjcf", "fmu"
 KINDS = {MJCF: ".xml", FMU: ".fmu"}
@@ -20,6 +21,7 @@ def export_model(
     MJCF, no C compiler. OSError: a file cannot be read or written. RuntimeError: the C compiler
     failed.
     """
+    name = printable(name)
     if kind not in KINDS:
         raise ValueError(f"--as {kind}: must be {' or '.join(KINDS)}")
     if out.suffix != KINDS[kind]:

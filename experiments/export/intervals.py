@@ -1,10 +1,10 @@
 """The intervals of a `rig gap` answer (its JSON) by the names of the rig file's numbers."""
 
-import json
 from pathlib import Path
 from typing import Any
 
 from rig.parameters import Rig
+from rig.validation import printable, read_json
 
 Intervals = dict[str, tuple[float, float]]
 _SERVO = {
@@ -21,9 +21,9 @@ def read_intervals(path: Path, rig: Rig) -> tuple[Intervals, list[str]]:
     highs. ValueError (one line): not an answer of `rig gap`. OSError: it cannot be read.
     """
     try:
-        answer = json.loads(path.read_text(encoding="utf-8"))
+        answer = read_json(path.read_text(encoding="utf-8"))
         listed = [
-            (f"effects.{effect['name']}.{axis}.{key}", ends)
+            (printable(f"effects.{effect['name']}.{axis}.{key}"), ends)
             for effect in answer["effects"]
             for axis, keys in effect["parameters"].items()
             for key, ends in keys.items()
@@ -35,7 +35,7 @@ def read_intervals(path: Path, rig: Rig) -> tuple[Intervals, list[str]]:
             else:
                 found[name] = (float(ends["low"]), float(ends["high"]))
         servo = _of_servo(answer.get("calibrated", {}))
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
         what = f"{type(error).__name__}: {error}"
         raise ValueError(
             f"--intervals {path}: not what `rig gap LOG... --json FILE` writes ({what})"
@@ -59,5 +59,5 @@ def _of_servo(calibrated: dict[str, Any]) -> Intervals:
         ends = [calibrated[key] for n in "xy" if (key := label.format(n)) in calibrated]
         ends = [e for e in ends if e["low"] is not None and e["high"] is not None]
         if ends:
-            found[name] = (min(e["low"] for e in ends), max(e["high"] for e in ends))
+            found[name] = (min(float(e["low"]) for e in ends), max(float(e["high"]) for e in ends))
     return found

@@ -59,7 +59,7 @@ def _read_hdf5(path: Path) -> dict[str, Any]:
 def _with_time(file: Any, group: type) -> Any:
     """Return the group that has `t_s`: the file itself, or the one struct that does."""
     if "t_s" not in file:
-        for _, value in _members(file):
+        for _, value in members(file):
             if isinstance(value, group) and "t_s" in value:
                 return value
     return file
@@ -68,7 +68,7 @@ def _with_time(file: Any, group: type) -> Any:
 def _columns(group: Any) -> dict[str, Any]:
     """Name -> array of a group's datasets; of names that nobody asks for only the name."""
     found: dict[str, Any] = {}
-    for name, value in _members(group):
+    for name, value in members(group):
         if name not in INDEX:
             found[name] = np.empty(0)
         elif not hasattr(value, "dtype"):  # a group: a struct or an object
@@ -82,23 +82,33 @@ def _columns(group: Any) -> dict[str, Any]:
     return found
 
 
-def _members(group: Any) -> Iterator[tuple[str, Any]]:
-    """Name and content of what a group holds itself. ValueError: it leads into another file."""
+def members(group: Any) -> Iterator[tuple[str, Any]]:
+    """Yield name and content of what a group of HDF5 holds, less MATLAB's own (#...).
+
+    ValueError: one lies in another file, whichever way it is led to: else a file from a stranger
+    would read any file of this machine.
+    """
     import h5py
 
     for name in group:
         if isinstance(group.get(name, getlink=True), h5py.ExternalLink):
             raise ValueError(f"{name} lies in another file: save the numbers themselves")
         if not name.startswith("#"):
-            yield name, group[name]
+            yield name, in_file(group.file, name, group[name])
+
+
+def in_file(file: Any, name: str, value: Any) -> Any:
+    """Return a dataset or group of an HDF5 file. ValueError: it lies in another one, such as behind
+    a soft link over an external one, or in external storage.
+    """
+    elsewhere = value.file.filename != file.filename
+    if elsewhere or getattr(value, "external", None) or getattr(value, "is_virtual", False):
+        raise ValueError(f"{name} lies in another file: save the numbers themselves")
+    return value
 
 
 def _numbers(dataset: Any, name: str) -> np.ndarray:
-    """All numbers of a column. ValueError: they lie in another file, or are more than a file of
-    this size can hold.
-    """
-    if dataset.external or dataset.is_virtual:
-        raise ValueError(f"{name} lies in another file: save the numbers themselves")
+    """All numbers of a column. ValueError: they are more than a file of this size can hold."""
     held = max(Path(dataset.file.filename).stat().st_size * MOST_RATIO, LEAST_BYTES)
     if dataset.nbytes > held:
         raise ValueError(f"{name} claims {dataset.nbytes} bytes, more than its file can hold")

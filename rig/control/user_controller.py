@@ -18,17 +18,18 @@ commands passes `limits.limit`, which turns what is no number into 0 V.
 
 import importlib.util
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
-from rig.control import foreign_call
-from rig.control.foreign_call import ForeignCall, OvertimeError
+from rig import foreign_call
 from rig.estimation.backlash_observer import gear_backlash, joint_backlash
 from rig.estimation.observers import ball_now
+from rig.foreign_call import ForeignCall, OvertimeError
 from rig.parameters import Rig
 from rig.table import R_MOTOR, R_THETA, R_TIME
 
@@ -89,7 +90,7 @@ class ControllerError(Exception):
 
 class WatchedController:
     """A user's controller, the calls of which are told: `called` gets "start", "control" or "end",
-    and "" when it has returned.
+    and "" when it has returned or raised.
     """
 
     def __init__(self, controller: UserController, called: Callable[[str], None]) -> None:
@@ -97,22 +98,26 @@ class WatchedController:
 
     def start(self, rig: Rig, period_s: float) -> None:
         """Call the controller's `start`."""
-        self._called("start")
-        self.controller.start(rig, period_s)
-        self._called("")
+        with self._told("start"):
+            self.controller.start(rig, period_s)
 
     def control(self, now: Now) -> tuple[float, float]:
         """Call the controller's `control`."""
-        self._called("control")
-        volts = self.controller.control(now)
-        self._called("")
-        return volts
+        with self._told("control"):
+            return self.controller.control(now)
 
     def end(self, outcome: str) -> None:
         """Call the controller's `end`."""
-        self._called("end")
-        self.controller.end(outcome)
-        self._called("")
+        with self._told("end"):
+            self.controller.end(outcome)
+
+    @contextmanager
+    def _told(self, method: str) -> Iterator[None]:
+        self._called(method)
+        try:
+            yield
+        finally:  # else what follows a failure, such as levelling, would be timed as its own
+            self._called("")
 
 
 def _pair(values) -> tuple[float, float]:

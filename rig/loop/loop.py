@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rig.control import tick, user_controller
-from rig.control.foreign_call import ForeignCall
 from rig.control.tick import BLIND, HOLD, PLACE, RUN, control_tick, fill_row
 from rig.course import BLIND_LIMIT_S, Course
+from rig.foreign_call import ForeignCall
 from rig.log import COLUMNS
 from rig.loop.commands import BY_HAND, CommandSlot, Inbox, Push, SetGains, Stop, Target, said
 from rig.operator import SAY, Operator

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from rig import foreign_call, own_effects
 from rig.own_effects import read_effect
 from rig.parameters import Rig, Servo
 from rig.rigfile import from_dict, own_names, read_rig, to_record, write_rig
@@ -156,3 +157,46 @@ def test_another_process_finds_the_effect_without_the_file(tmp_path: Path):
     again = pickle.loads(sent)
     assert again.catalogue["gone"].parameters[0].key == "size_V"
     assert str(again.own[0].address).encode() not in sent
+
+
+HANGS = GOOD.replace("return -weight_V", "while t_s > 99.0:\n        pass\n    return -weight_V")
+HOARDS = f"{GOOD}\nkept = [bytearray(1 << 24) for _ in range(1 << 20)]\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (f"{GOOD}\nwhile True:\n    pass\n", "it did not return within 0.5 s"),
+        (HANGS, r"equation.*100.0, .* did not return within 0.5 s"),
+        (HOARDS, "MemoryError"),
+        (f"{GOOD}\nimport sys\nsys.exit(0)\n", "SystemExit: 0"),
+    ],
+    ids=["hangs", "equation hangs", "hoards", "leaves"],
+)
+def test_a_file_that_hangs_hoards_or_leaves_is_one_line(lab: Path, monkeypatch, text, says):
+    read_effect(lab / "mine.py")  # what it imports is there: that takes longer than half a second
+    if "MemoryError" in says:
+        monkeypatch.setattr(foreign_call, "MEMORY_SHARE", 0.01)
+    else:
+        monkeypatch.setattr(own_effects, "LONGEST_S", 0.5)
+    (lab / "mine.py").write_text(text)
+    with pytest.raises(ValueError, match=says) as error:
+        read_effect(lab / "mine.py")
+    assert "mine.py" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_what_a_file_prints_is_not_the_programs_answer(lab: Path, capsys):
+    (lab / "mine.py").write_text(f"print('read')\n{GOOD}")
+    read_effect(lab / "mine.py")
+    told = capsys.readouterr()
+    assert (told.out, told.err) == ("", "read\n")
+
+
+def test_what_is_no_file_or_too_large_is_not_read(lab: Path):
+    (lab / "folder.py").mkdir()
+    (lab / "zero.py").symlink_to("/dev/zero")
+    (lab / "large.py").write_bytes(b"#" * (own_effects.LARGEST_BYTES + 1))
+    for name, says in (("folder", "is no file"), ("zero", "is no file"), ("large", "is larger")):
+        with pytest.raises(ValueError, match=rf"{name}.py {says}"):
+            read_effect(lab / f"{name}.py")

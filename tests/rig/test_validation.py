@@ -3,9 +3,11 @@
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pydantic import Field, ValidationError
 
-from rig.validation import StrictModel, first_error_line
+from rig.validation import StrictModel, first_error_line, printable
 
 
 class Inner(StrictModel):
@@ -46,3 +48,12 @@ def test_a_section_checked_alone_is_named():
     with pytest.raises(ValidationError) as caught:
         Inner.model_validate({"size_m": "wide"})
     assert first_error_line(caught.value, within="ball").startswith("ball.size_m = 'wide': ")
+
+
+@given(st.text() | st.text(st.characters(categories=["Cc", "Cf", "Cs", "Zl", "Zp"])))
+def test_a_text_from_elsewhere_becomes_one_printable_line_of_unicode(text: str):
+    found = printable(text)
+    assert found.isprintable()
+    assert found.encode() is not None
+    assert printable(found) == found
+    assert printable("a \x1b[1m\n b\ud800") == "a ?[1m b?"

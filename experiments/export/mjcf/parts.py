@@ -1,5 +1,6 @@
 """What the parts of a MuJoCo model are made of: a document, and numbers as attributes."""
 
+import re
 from dataclasses import dataclass, field
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -68,7 +69,7 @@ class Document:
             if len(section) == 0 and not section.attrib:
                 self.root.remove(section)
         ElementTree.indent(self.root)
-        said = "\n".join(f"  {line}".replace("--", "- -") for line in header)
+        said = "\n".join(re.sub("-(?=-)", "- ", f"  {line}") for line in header)
         return f"<!--\n{said}\n-->\n{ElementTree.tostring(self.root, 'unicode')}\n"
 
 

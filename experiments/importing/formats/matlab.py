@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from experiments.importing.recording import MAX_CELLS, BadFileError, Stream, check_size
+from experiments.records.mat_files import in_file, members
 
 MIN_ROWS = 20  # a shorter array is a gain or a setting, no signal: `rig gap` needs so many rows
 MAX_WIDTH = 64  # chosen: a wider matrix is a picture
@@ -94,9 +95,8 @@ def _hdf5(path: Path) -> tuple[dict[str, Any], list[str]]:
 
 def _group(group: Any, objects: list[str], room: list[int], depth: int) -> dict[str, Any]:
     found = {}
-    for name, value in group.items():
-        if not name.startswith("#"):
-            found[name] = _item(name, value, objects, room, depth)
+    for name, value in members(group):
+        found[name] = _item(name, value, objects, room, depth)
     return found
 
 
@@ -116,7 +116,7 @@ def _item(name: str, value: Any, objects: list[str], room: list[int], depth: int
     if room[0] < 0:
         check_size(MAX_CELLS + 1, 1)
     if value.dtype.kind == "O":  # cells and arrays of structs: references
-        parts = [value.file[ref] for ref in np.ravel(value[()])]
+        parts = [in_file(value.file, name, value.file[ref]) for ref in np.ravel(value[()])]
         return [_item(name, part, objects, room, depth + 1) for part in parts]
     if value.attrs.get("MATLAB_class") == b"char":
         return "".join(map(chr, np.ravel(value[()])))

@@ -1,11 +1,14 @@
 """Bad input of any kind: exit code 2 and one line that a person can read."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from experiments.cli.console import bars, effects_table
 from experiments.records.recording import Recorder
+from rig.effects import BY_NAME
 from tests.support.command import told
 from tests.support.gap.logs import table_log
 
@@ -73,6 +76,7 @@ def test_odd_words(tmp_path: Path):
     with Recorder(run, {"source": "simulated", "arm": "with"}):
         pass
     assert "1000" in refused("run", "circle", "--repetitions", 99999999999)
+    assert "1000" in refused("compare", "--seeds", 99999999)
     assert "given twice" in refused("report", run, tmp_path / "." / "run", "--out", tmp_path / "r")
     assert "control characters" in refused("reject", run, "a\x1b[2Jb")
     columns = table_log(seconds=1.0)
@@ -84,3 +88,24 @@ def test_odd_words(tmp_path: Path):
     assert "1_0" in refused("gap", tmp_path / "log.csv", *out)
     (tmp_path / "wide.csv").write_text(",".join(f"c{k}" for k in range(100_000)) + "\n1\n")
     refused("gap", tmp_path / "wide.csv", *out)
+
+
+def test_what_a_recording_says_steers_no_terminal(tmp_path: Path):
+    with Recorder(tmp_path / "run", {"source": "simulated", "arm": "with"}) as recorder:
+        recorder.finish("done\x1b]0;mine\x07")
+    code, shown, _ = told("recover", tmp_path / "run")
+    assert code == 0
+    assert shown.endswith("outcome done?]0;mine?\n")
+
+
+def test_brackets_in_a_labs_own_words_are_shown(capsys):
+    """rich reads [V] as a style and fails over [/V]."""
+    known = BY_NAME["dead_zone"]
+    width = replace(known.parameters[0], unit="[V]")
+    effects_table([replace(known, parameters=(width,), sentence="half [/V] of it")])
+    shown = capsys.readouterr().out
+    assert "[V]" in shown
+    assert "half [/V] of it" in shown
+    with bars() as progress:
+        progress("run [/hold]", 1, 2)
+    assert "run [/hold]" in capsys.readouterr().err

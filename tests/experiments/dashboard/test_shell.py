@@ -153,6 +153,71 @@ def test_stop_on_a_folded_page_and_on_a_phone(chromium, program, phone):
     page.context.close()
 
 
+REACHED = """() => {
+  const stop = document.getElementById("rig-stop"), box = stop.getBoundingClientRect();
+  const words = document.getElementById("rig-state").getBoundingClientRect(), wrong = [];
+  for (const [x, y] of [[0.1, 0.1], [0.9, 0.1], [0.5, 0.5], [0.1, 0.9], [0.9, 0.9]]) {
+    const top = document.elementFromPoint(box.x + x * box.width, box.y + y * box.height);
+    if (top !== stop) wrong.push("STOP lies below " + (top ? top.outerHTML.slice(0, 80) : "?"));
+  }
+  const text = document.createRange();
+  text.selectNodeContents(document.getElementById("rig-state"));
+  const said = text.getBoundingClientRect();
+  const bar = document.getElementById("rig-bar").getBoundingClientRect();
+  if (said.bottom > bar.bottom || said.top < bar.top) wrong.push("words reach out of the bar");
+  if (said.right > words.right + 1) wrong.push("words lie under a button");
+  return wrong; }"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [(390, 844), (320, 568), (844, 390)])
+def test_on_a_phone_stop_is_reached_in_every_state_and_words_fit(chromium, program, size):
+    """Unfolded, folded, scrolled, below an open list, a message, and without a connection."""
+    viewport = {"width": size[0], "height": size[1]}
+    page = opened(chromium, program, viewport=viewport, has_touch=True)
+    stop, kept = page.locator("#rig-stop"), page.get_by_text("what stays")
+    first = stop.bounding_box()
+
+    def reached(state: str, *, answered: bool = True) -> None:
+        page.wait_for_timeout(700)  # the sheet's height is taken over
+        assert page.evaluate(REACHED) == [], state
+        assert stop.bounding_box() == first, state
+        stop.tap(timeout=5e3)
+        if answered:
+            page.get_by_text("Stopped, motors at 0 V").wait_for()
+            assert program.stopped(), state
+            page.locator("#rig-state", has_text="Run is on").wait_for()
+
+    reached("before viser's own page is there")
+    kept.wait_for(timeout=120e3)
+    reached("unfolded")
+    page.get_by_text("line 59").scroll_into_view_if_needed()
+    reached("scrolled")
+    page.get_by_role("combobox", name="Protocol").tap()
+    page.get_by_role("option", name="steps").wait_for()
+    reached("a list is open")
+    page.keyboard.press("Escape")
+    if size[0] < 520:
+        page.get_by_text("Connected").tap()
+        kept.wait_for(state="hidden")
+        reached("folded")
+    for client in program.server.get_clients().values():
+        client.add_notification(
+            "a long message " * 20, "of many words " * 40, auto_close_seconds=60
+        )
+    page.get_by_text("of many words").first.wait_for()
+    reached("a message")
+    program.state = "stopping"
+    page.get_by_text("the plate is levelled").wait_for()
+    reached("stopping, below a message")
+    page.route("**/alive", lambda route: route.abort())
+    page.route("**/stop", lambda route: route.abort())
+    page.get_by_text("Connection lost").wait_for(timeout=20e3)
+    reached("lost", answered=False)
+    page.get_by_text("STOP was not answered").wait_for()
+    page.context.close()
+
+
 WIDTHS = """() => [...document.querySelectorAll("canvas, img, b, button")].map(one => {
   const box = one.getBoundingClientRect(); return [one.id, box.left, box.right, box.height]; })"""
 INK = """id => { const one = document.getElementById(id);

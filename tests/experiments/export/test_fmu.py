@@ -157,6 +157,10 @@ def test_the_intervals_of_an_answer_are_least_and_greatest_values(tmp_path: Path
         (json.dumps(answer(0.03, 0.035, 0.04)), "outside its interval 0.03 to 0.04"),
         ("[1]", "not what `rig gap LOG... --json FILE` writes"),
         ("{", "not what `rig gap LOG... --json FILE` writes"),
+        ("[" * 100_000, "not what .* brackets are too deep"),
+        (json.dumps(answer(0.01, 0.02, 10**400)), "not what .* too large"),
+        (json.dumps(answer(0.01, 0.02, 0.03)).replace("joint_", r"\ud800"), "not what .* Unicode"),
+        (json.dumps(answer(0.01, 0.02, 0.03)).replace("1.72", '"1.72 V"'), "not what .* float"),
     ],
 )
 def test_intervals_that_do_not_fit_are_one_line(text: str, said: str, tmp_path: Path):
@@ -165,6 +169,20 @@ def test_intervals_that_do_not_fit_are_one_line(text: str, said: str, tmp_path: 
     with pytest.raises(ValueError, match=said) as error:
         export_model(DEFAULT, "t", "fmu", tmp_path / "t.fmu", intervals=file)
     assert "\n" not in str(error.value)
+
+
+def test_names_from_elsewhere_leave_the_description_xml(tmp_path: Path):
+    """The rig file's name and the answer's own names are whatever somebody gave them."""
+    (tmp_path / "gap.json").write_text(
+        json.dumps(answer(0.02, 0.026, 0.03)).replace("joint_", r"\u0001\u001b]0;\n<x y=\"")
+    )
+    out = tmp_path / "t.fmu"
+    name = 'a"><b>--\x01\n\ud800\ufffe'
+    told = export_model(DEFAULT, name, "fmu", out, intervals=tmp_path / "gap.json")
+    found = fmpy.read_model_description(str(out))
+    assert found.modelName == 'a"><b>--? ??'
+    assert 'effects.??]0; <x y="backlash' in found.description
+    assert all(line.isprintable() for line in told)
 
 
 def test_without_a_compiler_there_is_one_clear_line(tmp_path: Path, monkeypatch):

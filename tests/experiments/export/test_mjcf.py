@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -141,3 +142,12 @@ def test_bad_input_is_one_line(kind: str, file: str, said: str, tmp_path: Path):
 def test_intervals_have_no_place_in_the_xml(tmp_path: Path):
     with pytest.raises(ValueError, match="no place for intervals"):
         export_model(DEFAULT, "t", "mjcf", tmp_path / "t.xml", intervals=tmp_path / "gap.json")
+
+
+def test_a_name_from_elsewhere_leaves_the_file_xml(tmp_path: Path):
+    """A parser by the book takes neither control characters nor -- in a comment."""
+    out = tmp_path / "t.xml"
+    export_model(DEFAULT, 'a"><b>\x01--->\n<!---->\ud800', "mjcf", out)
+    root = ElementTree.parse(out).getroot()
+    assert root.get("model") == 'a"><b>?---> <!---->?'
+    assert 'a"><b>?- - -> <!- - - ->?' in out.read_text(encoding="utf-8")

@@ -233,6 +233,35 @@ def test_bombs_are_refused_before_they_are_unpacked(tmp_path: Path, monkeypatch)
         read_recording(tmp_path / "bomb.npz")
 
 
+@pytest.mark.parametrize("way", ["external", "link", "soft", "virtual", "reference"])
+def test_no_file_from_elsewhere_is_read(way: str, tmp_path: Path):
+    """Else a log from a stranger would put any file of this machine into what is made of it."""
+    import h5py
+
+    path, other, secret = tmp_path / "log.mat", tmp_path / "other.h5", tmp_path / "secret"
+    secret.write_bytes(bytes(800))
+    with h5py.File(other, "w") as file:
+        file["theta"] = np.zeros((1, 100))
+    with h5py.File(path, "w") as file:
+        file["t"] = np.arange(100.0)[None]
+        outside = [(str(secret), 0, h5py.h5f.UNLIMITED)]
+        if way == "external":
+            file.create_dataset("theta", (1, 100), "f8", external=outside)
+        elif way == "virtual":
+            layout = h5py.VirtualLayout((1, 100), "f8")
+            layout[:] = h5py.VirtualSource(str(other), "theta", (1, 100))
+            file.create_virtual_dataset("theta", layout)
+        elif way == "reference":
+            hidden = file.create_dataset("#refs#/a", (1, 100), "f8", external=outside)
+            file.create_dataset("theta", (1, 1), h5py.ref_dtype)[0, 0] = hidden.ref
+        else:
+            file["theta" if way == "link" else "#b"] = h5py.ExternalLink(str(other), "theta")
+            if way == "soft":
+                file["theta"] = h5py.SoftLink("/#b")
+    with pytest.raises(BadFileError, match="lies in another file"):
+        read_recording(path)
+
+
 @pytest.mark.parametrize(("name", "module"), [("a.tdms", "nptdms")])
 def test_a_library_that_is_missing_is_named_with_its_cure(name, module, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, module, None)

@@ -3,6 +3,8 @@
 import io
 import json
 import struct
+import tracemalloc
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import lz4.frame
@@ -12,6 +14,7 @@ import zstandard
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.decoder import DecoderFactory as McapDecoderFactory
+from mcap.records import Chunk
 
 from experiments.records import samples_file
 from experiments.records.samples_file import (
@@ -26,6 +29,7 @@ from experiments.records.samples_file import (
     read_samples,
     sample_schema,
 )
+from experiments.records.unpacking import unpacked
 from rig.log import COLUMNS, INDEX, NAMES
 
 START_NS = int(datetime(2026, 11, 20, 10, 15, 2, tzinfo=UTC).timestamp()) * 10**9
@@ -285,10 +289,33 @@ def test_chunks_that_hold_more_than_a_recording_are_left_out(monkeypatch, compre
     reading = samples_file._Reading(room=1 << 20)
     with pytest.raises(ValueError, match="hold more than 1048576 bytes"):
         samples_file._take(6, content, reading)
-    found = read_samples(MAGIC + chunk * 3)
+    tracemalloc.start()
+    try:
+        found = read_samples(MAGIC + chunk * 3)
+        most = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    # by its size the file can hold none such chunk of zstd's, but all three of LZ4's
+    assert most < (1 << 24 if compression == "zstd" else 5 << 26)
     assert len(found.rows) == 0
     assert found.unread >= 3 * len(content)
     inner = struct.pack("<QQQII", 0, 0, len(chunk), 0, 0) + struct.pack("<Q", len(chunk)) + chunk
     with pytest.raises(ValueError, match="a chunk inside a chunk"):
         samples_file._take(6, content, samples_file._Reading(room=1 << 30, inside=True))
     assert read_samples(MAGIC + struct.pack("<BQ", 6, len(inner)) + inner).unread > 0
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4", ""])
+def test_a_small_chunk_of_a_large_file_takes_little_memory(compression):
+    """LZ4's decoder takes all that it is allowed to fill at once."""
+    packs = {"zstd": zstandard.compress, "lz4": lz4.frame.compress, "": bytes}
+    held = bytes(range(256)) * 40
+    chunk = Chunk(compression, packs[compression](held), 0, 0, 0, len(held))
+    tracemalloc.start()
+    try:
+        assert unpacked(chunk, 1 << 33) == held
+        assert tracemalloc.get_traced_memory()[1] < 1 << 22
+    finally:
+        tracemalloc.stop()
+    with pytest.raises(ValueError, match="hold more than 99 bytes"):
+        unpacked(replace(chunk, uncompressed_size=99), 1 << 33)

@@ -53,6 +53,16 @@ def test_angles_that_no_homed_arm_can_have_are_refused_before_arming():
     assert lost.done == ["read", "closed"]
 
 
+def test_a_board_that_was_reset_is_refused_before_arming():
+    """It says so itself, whatever its clock and its angles look like."""
+    homed = Homed.of(Homing(Wiring(), (1.2, 1.2), (0.4, 0.4)), RIG, None)
+    board = Card((0.1, 0.0))
+    board.is_fresh = True  # pyright: ignore[reportAttributeAccessIssue]
+    with pytest.raises(NotHomed, match="was reset since"), Checked(board, RIG, homed):  # pyright: ignore[reportArgumentType]
+        pass
+    assert board.done == ["read", "closed"]
+
+
 def test_an_earlier_homing_is_gone_before_anything_moves(tmp_path, monkeypatch):
     """A homing that was begun and not finished leaves a table that is not homed."""
     file, found = tmp_path / "lab.toml", Homing(Wiring(), (1.2, 1.2), (0.4, 0.4))

@@ -38,16 +38,17 @@ class Mine:
     def end(self, outcome):
         {end}
 """
-MEMORY = "self.kept = [bytearray(1 << 28) for _ in range(1 << 20)]"
+# In pieces of 16 MB: one of 256 MB takes a busy machine a second that nothing can interrupt.
+MEMORY = "self.kept = [bytearray(1 << 24) for _ in range(1 << 20)]"
 CAUGHT = "exec('while True:\\n try: time.sleep(9)\\n except BaseException: pass')"
 
 
 class Told(Paced):
     """Writes down when it was armed and its volts and angles at the end."""
 
-    def __init__(self, path: str) -> None:
+    def __init__(self, path: str, level_s: float = Paced.level_s) -> None:
         super().__init__(SimulatedTable(TABLE, np.random.default_rng(3), start_m=(-0.03, 0.02)))
-        self._path = Path(path)
+        self._path, self.level_s = Path(path), level_s
 
     def __enter__(self):
         (self._path / "armed").write_text(str(time.monotonic()))
@@ -60,16 +61,18 @@ class Told(Paced):
         super().close()
 
 
-def told(path: str):
-    return Told(path)
+def told(path: str, level_s: float):
+    return Told(path, level_s)
 
 
-def ran(folder: Path, *, start="pass", control="pass", end="pass", ticks=400):
+def ran(
+    folder: Path, *, start="pass", control="pass", end="pass", ticks=400, level_s=Paced.level_s
+):
     """Ending, rows and seconds of a run in a process of its own."""
     file = folder / "mine.py"
     file.write_text(FILE.format(start=start, control=control, end=end))
     course = Course(np.zeros((ticks, 2)), np.zeros((ticks, 2)), (-0.03, 0.02))
-    table = partial(told, str(folder))
+    table = partial(told, str(folder), level_s)
     loop = LoopProcess(
         Job(table, known(TABLE), 0, course, limits=PATIENT, controller=f"{file}:Mine")
     )
@@ -121,6 +124,15 @@ def test_what_control_does_for_ever_is_named_and_the_table_levelled(
         assert np.all(rows[-1][1:3] == 0.0)
     assert seconds < 60.0
     assert capfd.readouterr().out == ""  # standard output is the program's
+    level(tmp_path)
+
+
+@pytest.mark.parametrize("control", ["1 / 0", slow(MEMORY)])
+def test_levelling_after_a_failure_may_take_as_long_as_it_does(tmp_path, control: str):
+    """As on a busy machine, where the 0.6 s of levelling take longer than control may."""
+    ending, _, _ = ran(tmp_path, control=control, level_s=2.0 * process.LOOP_SILENT_S)
+    assert ending.outcome == "aborted"
+    assert "controller Mine.control" in ending.reason
     level(tmp_path)
 
 

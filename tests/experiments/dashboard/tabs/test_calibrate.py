@@ -101,6 +101,8 @@ def test_a_step_uses_the_number_that_passed_its_checks_and_no_other(tab):
     one.begin(("camera",))
     wait_for("the worker", lambda: worker.items)
     assert one._square_mm.now == 100.0
+    (request,) = worker.items[0].task.args
+    assert request.square_mm == 100.0
     worker.items[0].on_message("failed", "no sheet was seen")
     wait_for("the camera's return", lambda: camera.lent == 0)
 

@@ -112,5 +112,7 @@ def test_a_board_that_was_reset_is_seen():
         one.check(RIG, reset, later)
     with pytest.raises(NotHomed, match="reset"):  # the host was started anew
         one.check(RIG, power_up(Board(Newest(20_000_000)), 999.0), later)  # pyright: ignore
+    with pytest.raises(NotHomed, match="reset"):  # so was the board, as long after the host's start
+        one.check(RIG, power_up(Board(Newest(10_000_000)), 990.0), later)  # pyright: ignore
     assert power_up(Board(None)) is None  # pyright: ignore
     assert CLOCK_TURN_S > 4000

@@ -7,8 +7,8 @@ import time
 
 import pytest
 
-from rig.control import foreign_call
-from rig.control.foreign_call import ForeignCall, OvertimeError
+from rig import foreign_call
+from rig.foreign_call import ForeignCall, OvertimeError
 
 POSIX = pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="timers of POSIX")
 

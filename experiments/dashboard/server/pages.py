@@ -1,0 +1,48 @@
+"""The pages that are connected: messages and files for one of them, or for all."""
+
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from experiments.dashboard.server.untrusted_text import as_unicode
+
+if TYPE_CHECKING:
+    from viser import ClientHandle
+
+SHOWN_S = 8.0  # a message
+
+
+class Pages:
+    """The connected pages; `clients`: by number. They come and go in the control panel queue's
+    thread alone.
+    """
+
+    def __init__(self) -> None:
+        self.clients: dict[int, ClientHandle] = {}
+
+    def joined(self, client: "ClientHandle") -> None:
+        """Take note of a page that connected."""
+        self.clients[client.client_id] = client
+
+    def left(self, page: int) -> None:
+        """Take note that a page is gone."""
+        self.clients.pop(page, None)
+
+    def notify(self, page: int | None, title: str, text: str) -> None:
+        """Show a message with this title for SHOWN_S on a page; page None: on every page."""
+        for client in self._of(page):
+            with suppress(Exception):  # it may be gone by now
+                told = as_unicode(text)
+                client.add_notification(title, told, auto_close_seconds=SHOWN_S, color="red")
+
+    def send(self, page: int | None, path: Path) -> None:
+        """Let a page download the file `path`; page None: every page. OSError: it cannot be
+        read.
+        """
+        for client in self._of(page):
+            client.send_file_download(path.name, path.read_bytes(), save_immediately=True)
+
+    def _of(self, page: int | None) -> list["ClientHandle"]:
+        if page is None:
+            return list(self.clients.values())
+        return [self.clients[page]] if page in self.clients else []
