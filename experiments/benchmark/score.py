@@ -28,9 +28,9 @@ def score_set(folder: Path, out: Path, *, first: int | None = None) -> dict[str,
     answered. ValueError (one line): the truth does not fit the set's hash, or an answer is
     malformed or to another set. FileNotFoundError: no set, no truth, or no answers.
     """
-    trials = truth_of(folder)[:first]
+    trials = truth_of(folder)
     answers, seconds = read_answers(folder, out, [trial.name for trial in trials])
-    return summary(scores_of(trials, answers, seconds))
+    return summary(scores_of(trials[:first], answers, seconds))
 
 
 def truth_of(folder: Path) -> list[BlindTrial]:

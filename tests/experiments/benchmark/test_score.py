@@ -98,6 +98,11 @@ def test_groups_by_kind_and_engine(folder: Path):
     assert "| 60.0 % (23.1 to 88.2; 3/5) |" in side_by_side({"mine": found})
 
 
+def test_the_first_cases_alone(folder: Path):
+    found = score_set(folder / "set", folder / "answers", first=2)
+    assert (found["all"]["right"]["k"], found["all"]["right"]["n"]) == (1, 2)
+
+
 def test_an_unknown_effect_has_to_be_called_unknown():
     unknown, named = {"verdict": "unknown-effect"}, ANSWERS["case-0001"]
     for answer, right in ((unknown, 1), (named, 0)):
