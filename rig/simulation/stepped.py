@@ -195,6 +195,7 @@ class SteppedTables:
 
     def __init__(self, n: int, rig: Rig, steps: int) -> None:
         known, idle = rig.known, plant_record.pack(rig)
+        self._rig, self._idle = rig, idle
         self.n, self._known, self._ticks = n, known, most_ticks(known, steps)
         self._lanes = n >= FEW and not (idle["position"] or idle["unknown"]["on"] or known.own)
         m = LANES * ceil(n / LANES) if self._lanes else n
@@ -226,7 +227,7 @@ class SteppedTables:
         seen within BLIND_LIMIT_S.
         """
         start.check(self._known, self._ticks)
-        p = plant_record.pack(start.rig)
+        p = self._idle if start.rig is self._rig else plant_record.pack(start.rig)
         self._plants[i] = p
         self._s[i] = plant.rest(start.course.start_m, start.rig.linkage.height_m)
         self._room_for(plant_record.no_volts(start.rig))

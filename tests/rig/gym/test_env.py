@@ -1,6 +1,7 @@
 """One table as a Gymnasium environment: the interface, what is seen, and a law of physics."""
 
 import importlib
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -174,3 +175,13 @@ def test_open_intervals_are_warned_of(tmp_path: Path):
         UserWarning, match="coulomb_friction.x.friction_V is open and not in it. It stays"
     ):
         BalancingTable(Rig(), randomise=tmp_path / "gap.json")
+
+
+def test_the_example_of_the_page_runs():
+    text = (ROOT / "rig/gym/README.md").read_text(encoding="utf-8")
+    [example] = re.findall(r"```python\n(.*?)```", text, flags=re.S)
+    names: dict = {"__name__": "example"}
+    exec(compile(example, "rig/gym/README.md", "exec"), names)
+    assert names["info"]["outcome"] == "completed"
+    assert np.hypot(*names["info"]["true_ball_m"]) < 0.02
+    assert names["seen"].shape == (16, 12)
