@@ -193,33 +193,29 @@ def check(
             _check_play(name, by_axis)
 
 
-_NOT_NEGATIVE = (
-    "play_rad friction_V limit_V delay_s half_width_V positive_V negative_V extra_V amplitude_V "
-    "amplitude_rad deceleration_m_s2 half_width_rad limit_rad_s settling_s "
-    "softness_rad_s"
-).split()
-_LIMITS = ("limit_V", "limit_rad_s")  # may be infinite
-_ABOVE_ZERO = ("speed_rad_s", "periods_per_turn", *_LIMITS)
+# An estimate of these may come out below zero though no sensible value does: a wind that drives the
+# ball, a supply that rises under load.
+_EITHER_SIGN = ("supply_sag_drop_1_V", "viscous_drag_rate_1_s")
 LONGEST_DELAY_S = {"input_delay": 0.1, "servo_dead_time": 0.5}
 GROSS = 30  # so many times beyond the sensible range is a slip of units or of the point
 
 
 def _check_number(effect: Effect, axis: str, key: str, value: float) -> None:
-    """One value of an effect: finite (a limit may be infinite), and of the sign it must have."""
-    name, own = effect.name, effect.name not in BY_NAME
-    label = f"effect '{name}', {axis}.{key} = {value:g}"
+    """One value of an effect: finite unless its null value is not, of the sign of its sensible
+    range, zero only where the range or the null value is.
+    """
+    name, label = effect.name, f"effect '{effect.name}', {axis}.{key} = {value:g}"
     parameter = next(p for p in effect.parameters if p.key == key)
-    if value != value or (abs(value) == inf and (own or key not in _LIMITS)):
+    if value != value or (abs(value) == inf and parameter.null != inf):
         raise ValueError(f"{label}: must be finite")
-    if value < 0 and (parameter.low >= 0 if own else key in _NOT_NEGATIVE):
-        raise ValueError(f"{label}: must be >= 0")
-    if not own and key in _ABOVE_ZERO and value <= 0:
+    if value <= 0 < parameter.low and parameter.null != 0:
         raise ValueError(f"{label}: must be above 0")
-    if key != "phase_rad" and abs(value) != inf:
-        most = GROSS * max(abs(parameter.low), abs(parameter.high))
-        if abs(value) > most:
-            raise ValueError(f"{label}: no table is like that (sensible: {parameter.low:g} to "
-                             f"{parameter.high:g} {parameter.unit})")  # fmt: skip
+    if value < 0 <= parameter.low and effect.field(key) not in _EITHER_SIGN:
+        raise ValueError(f"{label}: must be >= 0")
+    most = GROSS * max(abs(parameter.low), abs(parameter.high))
+    if most < abs(value) < inf and key != "phase_rad":
+        sensible = f"{parameter.low:g} to {parameter.high:g} {parameter.unit}"
+        raise ValueError(f"{label}: no table is like that (sensible: {sensible})")
     if value > LONGEST_DELAY_S.get(name, inf):
         raise ValueError(f"{label}: must be at most {LONGEST_DELAY_S[name]:g} s")
     if name == "cross_coupling" and abs(value) >= 1:

@@ -2,7 +2,7 @@
 
 A `check_...` raises `CalibrationError`, named after the fault, with the number, the limit and the
 cure, or returns warnings. The limits are chosen: they pass the rendered pictures of sound cameras
-and refuse the faults of `tests/benchmarks/calibration_faults.py`.
+and refuse the faults of `tests/benchmarks/calibration/calibration_faults.py`.
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,7 @@
-"""Specification tests of a model with names: is it complete, and are its sizes constants?
+"""Specification tests of a named model: is it complete, are its sizes constants, is it in time?
 
-A wrong name fits because it stands in for something else. Two properties of the right model, which
-need no idea of what else could act, tell it:
+A wrong name fits because it stands in for something else. Three properties of the right model,
+which need no idea of what else could act, tell it:
 
 **Completeness.** What the logs explain of each other beyond the named model is nothing. With
 G_names the fall of the cost (`calibration.gap.model.fit`) by the names of an output, and G_flexible
@@ -21,6 +21,16 @@ A size is no constant where F is beyond its quantile and |delta| > MAX_INCONSTAN
 that is a rate in time (TRENDS) cannot be shown to be one in a single run: whatever changes slowly,
 1/f noise or a slipping encoder, has a trend over one run (spurious regression: Granger and Newbold,
 J. Econometrics 2, 1974).
+
+**Order in time.** A cause does not come after what it causes (Sims, Am. Econ. Rev. 62, 1972). In
+closed loop a gust is answered by the controller, and a function of the angles of this answer looks
+like its cause, but comes too late. With z the residuals without a name and r(t) its response, z
+with it less z without,
+
+    C(tau) = sum m rho(z - a r(t + tau)),   a by least squares,   D = C(0) - C(tau)
+
+is below 0 for the right name. It is not in time where D > SURE_Z of its standard errors by blocks
+for a tau of LEADS_S. A name that is a delay itself is not asked.
 """
 
 from collections.abc import Iterator, Mapping
@@ -29,8 +39,8 @@ import numpy as np
 from scipy.signal import lfilter
 from scipy.stats import f as f_distribution
 
-from calibration.gap.decision_rule import FAMILY_P, MAX_INCONSTANCY
-from calibration.gap.model.fit import ParameterFit, differences, huber, weights
+from calibration.gap.decision_rule import FAMILY_P, MAX_INCONSTANCY, SURE_Z
+from calibration.gap.model.fit import ParameterFit, differences, evaluate, huber, weights
 from calibration.gap.model.flexible import ball_regressors, servo_regressors, with_hats
 from calibration.gap.model.intervals import SANDWICH_BLOCK_S, inverse_prior
 from calibration.gap.model.parameters import BALL, PERIODIC, SERVO, Model
@@ -40,6 +50,7 @@ from calibration.gap.prove import model_of
 from rig.prediction.innovations import Signals
 
 TRENDS = ("level_drift",)  # effects whose size is a rate in time
+LEADS_S = (0.1, 0.2, 0.4)  # from a controller's first answer to most of it; chosen
 FOLD_S = 1.0  # of two folds in turn: longer than a filter remembers, shorter than a hat; chosen
 
 
@@ -49,11 +60,12 @@ def completeness(bare: State, state: State, output: str) -> float:
     named = bare.fit.costs[output] - state.fit.costs[output]
     if named <= 0.0:
         return 0.0
-    return named / (named + max(_predictable(state, output), 0.0))
+    return named / (named + max(predictable(state, output), 0.0))
 
 
-def _predictable(state: State, output: str) -> float:
-    """G_flexible of the module's equation, for the residuals of a state."""
+def predictable(state: State, output: str) -> float:
+    """G_flexible of the module's equation on an output, for the residuals of a state; 0 or less
+    where a flexible model predicts nothing more of them."""
     evidence, model = state.evidence, model_of(state)
     z, mask = state.fit.z(output), evidence.masks[output]
     w, (t, run) = weights(z, mask), evidence.times(output)
@@ -113,14 +125,55 @@ def _interaction(
     prior = np.append([inverse_prior(state, k) for k in parameters], np.zeros(len(own)))
     inverse = np.linalg.inv((j * w[:, None]).T @ j + np.diag(prior + 1e-6))
     d = -inverse @ (j.T @ (w * z))
-    t, run = evidence.times(output)
-    block = np.unique(np.column_stack([run, t // SANDWICH_BLOCK_S]), axis=0, return_inverse=True)[1]
+    block = _blocks(state, output)
     sums = np.zeros((block.max() + 1, j.shape[1]))
-    np.add.at(sums, block.ravel(), j * (w * (z + j @ d))[:, None])
+    np.add.at(sums, block, j * (w * (z + j @ d))[:, None])
     cov = inverse @ (sums.T @ sums) @ inverse
     k = len(own)
     wald = d[-k:] @ np.linalg.pinv(cov[-k:, -k:]) @ d[-k:] / k
     return d[-k:] * scale[places], float(f_distribution.sf(wald, k, max(len(sums) - 1, 2)))
+
+
+def _blocks(state: State, output: str) -> np.ndarray:
+    """The number of the block of SANDWICH_BLOCK_S in which each residual (n,) of an output lies."""
+    t, run = state.evidence.times(output)
+    places = np.column_stack([run, t // SANDWICH_BLOCK_S])
+    return np.unique(places, axis=0, return_inverse=True)[1].ravel()
+
+
+def untimely(state: State, one: Accepted, output: str) -> str:
+    """By how much the cause that a name tells comes too late on an output, in words; "" if it is in
+    time."""
+    if state.nominal.catalogue[one.name].parameters[0].unit == "s":
+        return ""
+    own = {k.name for axis in one.axes for k in state.nominal.of(one.name, axis)}
+    setting = {name: value for name, value in state.fit.setting.items() if name not in own}
+    z = evaluate(state.evidence, state.nominal, setting, (output,)).z(output)
+    response, block = state.fit.z(output) - z, _blocks(state, output)
+    mask = state.evidence.masks[output]
+    w = weights(z, mask)
+
+    def costs(told: np.ndarray) -> np.ndarray:
+        share = np.sum(w * z * told) / max(np.sum(w * told**2), 1e-30)
+        return np.bincount(block, mask * huber(z - share * told))
+
+    in_time = costs(response)
+    for lead_s in LEADS_S:
+        falls = in_time - costs(_advanced(state, output, response, lead_s))
+        if falls.sum() > SURE_Z * np.sqrt(len(falls)) * falls.std():
+            return f"what it explains begins {1e3 * lead_s:.0f} ms before its cause"
+    return ""
+
+
+def _advanced(state: State, output: str, response: np.ndarray, lead_s: float) -> np.ndarray:
+    """The response (n,) `lead_s` earlier, each run and each axis of the ball by itself."""
+    t, run = state.evidence.times(output)
+    lane = 2 * run + (np.arange(len(t)) % 2 if output == BALL else 0)
+    moved = np.empty_like(response)
+    for one in np.unique(lane):
+        own = lane == one
+        moved[own] = np.interp(t[own] + lead_s, t[own], response[own])
+    return moved
 
 
 def _halves(state: State, output: str) -> Iterator[tuple[str, np.ndarray]]:

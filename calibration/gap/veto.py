@@ -10,8 +10,9 @@ what a name gains 1 s ahead (`calibration.gap.held_out`), C the cost one sample 
 3. The 95 % interval of its size excludes the nominal value, and the size is not at the end of its
    range on any axis, where it would have to be larger to be what its name says.
 4. Its best rival in its place does not predict better 1 s ahead: D < SURE_Z se of the rival's gain.
-5. Its size is a constant (`calibration.gap.specification`). If not, something else acts on the
-   output, or acts otherwise: the probability of its names is at most DOUBTED_PROBABILITY.
+5. Its size is a constant, and what it explains does not come before it
+   (`calibration.gap.specification`). If not, something else acts on the output, or acts otherwise:
+   the probability of its names is at most DOUBTED_PROBABILITY.
 6. The names of an output are complete: at least MIN_COMPLETENESS (`calibration.gap.specification`),
    which bounds their probability as well.
 7. A name is certain only where the names of one of its outputs lower the error 1 s ahead: for
@@ -26,8 +27,10 @@ what a name gains 1 s ahead (`calibration.gap.held_out`), C the cost one sample 
 
 Errors are bounded at the OUTLIER_SHARE quantile of the model without, so that a push that nobody
 recorded does not decide; for harm at OUTLIER_RATIO times that as well, where D < -SURE_Z se, since
-a wrong name may fail seldom and by much. A name that is refuted leaves the model. Where none is
-left, or a rival predicted better, the naming is repeated without those that were refuted, at most
+a wrong name may fail seldom and by much. A name that is refuted leaves the model. Nothing is
+missing where no name is left, those of every output do harm by rule 1, and a flexible model
+predicts no more than the model without them (`calibration.gap.specification`). Where none is left,
+or a rival predicted better, the naming is repeated without those that were refuted, at most
 MAX_ROUNDS times: the imitation may have kept the right one out.
 """
 
@@ -54,7 +57,7 @@ from calibration.gap.model.parameters import BALL, PERIODIC
 from calibration.gap.model.state import Key, State, outputs_of, refit
 from calibration.gap.name.decide import Decision, decide, significant
 from calibration.gap.name.stepwise import Accepted, drop_effects
-from calibration.gap.specification import completeness, inconstancy
+from calibration.gap.specification import completeness, inconstancy, predictable, untimely
 from calibration.gap.unnamed.basis import unnamed_terms
 from calibration.statistics import student_quantile
 from rig.discrepancy import Discrepancy
@@ -147,7 +150,9 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
             reasons.append(f"not certain: {one.name}: {reason}")
     if not lost:
         return replace(decision, accepted=tuple(kept)), [], tuple(reasons)
-    return _without(decision, tuple(kept), lost), [one.name for one in outdone], tuple(reasons)
+    all_harm = all(o in after and _harmed(before[o], after[o]) for o in outputs)
+    left = _without(decision, tuple(kept), lost, all_harm=all_harm)
+    return left, [one.name for one in outdone], tuple(reasons)
 
 
 def _outputs(one: Accepted, known: Mapping[str, Effect]) -> tuple[str, ...]:
@@ -226,7 +231,7 @@ def _doubted(
     for one in accepted:
         outputs = _outputs(one, state.nominal.catalogue)
         for output in (o for o in outputs if o in state.evidence.outputs):
-            if reason := inconstancy(state, one, output):
+            if reason := inconstancy(state, one, output) or untimely(state, one, output):
                 sure[output] = min(sure[output], DOUBTED_PROBABILITY)
                 doubts.append(f"not certain: {one.name}: {reason}")
     return sure, doubts
@@ -333,8 +338,11 @@ def _capped(one: Accepted, share: Mapping[str, float], known: Mapping[str, Effec
     return replace(one, explained=min(shares, default=1.0))
 
 
-def _without(decision: Decision, kept: tuple[Accepted, ...], lost: list[Accepted]) -> Decision:
-    """The decision with the names `kept`, and those in `lost` back inside their tolerances."""
+def _without(
+    decision: Decision, kept: tuple[Accepted, ...], lost: list[Accepted], *, all_harm: bool
+) -> Decision:
+    """The decision with the names `kept`, and those in `lost` back inside their tolerances;
+    `all_harm`: on each of their outputs the names do harm."""
     keys = [key for one in lost for key in _keys(one)]
     state = drop_effects(decision.state, keys)
     close = any(one.margin < RIVAL_MARGIN for one in kept)
@@ -343,5 +351,9 @@ def _without(decision: Decision, kept: tuple[Accepted, ...], lost: list[Accepted
         unnamed = significant(unnamed_terms(state))
         state = unnamed.state if unnamed else state
     if not kept:
-        verdict = "unknown-effect" if unnamed else "undecided"
+        outputs = {o for one in lost for o in _outputs(one, state.nominal.catalogue)}
+        seen = outputs & set(state.evidence.outputs)
+        complete = all_harm and all(predictable(state, o) <= 0.0 for o in seen)
+        verdict = "nothing-missing" if complete else "undecided"
+        verdict = "unknown-effect" if unnamed else verdict
     return replace(decision, accepted=kept, state=state, verdict=verdict, unnamed=unnamed)

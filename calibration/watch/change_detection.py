@@ -41,7 +41,7 @@ from calibration.statistics import student_quantile
 
 ONE_IN = 100  # healthy runs of which one raises an alarm; asked for
 # Spread of healthy runs over their standard deviations, and of how many runs' worth that knowledge
-# is: the moments of log spread over 10 healthy tables (tests/benchmarks/watching.py --prior).
+# is: the moments of log spread over 10 healthy tables (tests/benchmarks/gap/watching.py --prior).
 PRIOR_RATIO, PRIOR_RUNS = 1.45, 4.2
 LIKELY = 2.0  # log-likelihood below the maximum within which a time of change is likely; chosen
 OVERSHOOT = 0.583  # nu(x) of the module's equation (Siegmund, Sequential Analysis, 1985)
@@ -72,13 +72,11 @@ def alarm_threshold(parameters: int, one_in: float = ONE_IN) -> float:
     `one_in` healthy runs. ValueError: fewer than 1 parameter, or `one_in` below 10."""
     if parameters < 1 or one_in < 10:
         raise ValueError(f"{parameters} parameters, one alarm in {one_in}: at least 1 and 10")
-    c = 1.0 / (2.0 * OVERSHOOT) ** 2
-    wanted = log(parameters * one_in)
 
     def excess(h: float) -> float:
-        return 0.5 * log(2 * pi) + 0.5 * h * h - log(h * c) - wanted
+        return log(average_run_length(h) / (parameters * one_in))
 
-    return float(root_scalar(excess, bracket=(1.0, 40.0)).root)
+    return float(root_scalar(excess, bracket=(1.0, 30.0)).root)
 
 
 def strongest(values: np.ndarray, stds: np.ndarray, accepted: int) -> list[Change | None]:
@@ -112,7 +110,7 @@ def smallest_seen(values: np.ndarray, stds: np.ndarray, threshold: float) -> np.
         n = int(told.sum())
         if n == 0:
             continue
-        x, weight, typical = _weighted(values[told, j], stds[told, j])
+        x, (weight, typical) = values[told, j], _weights(stds[told, j])
         mean = np.sum(weight * x) / np.sum(weight)
         rest = float(np.sum(weight * (x - mean) ** 2))
         freedom = PRIOR_RUNS + n - 1 + 4
@@ -122,9 +120,10 @@ def smallest_seen(values: np.ndarray, stds: np.ndarray, threshold: float) -> np.
     return sizes
 
 
-def _weighted(x: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+def _weights(s: np.ndarray) -> tuple[np.ndarray, float]:
+    """The weights w of the runs and their typical standard deviation s."""
     typical = float(np.median(s))
-    return x, np.minimum(1.0, (typical / s) ** 2), typical
+    return np.minimum(1.0, (typical / s) ** 2), typical
 
 
 def _of_one(values: np.ndarray, stds: np.ndarray, accepted: int, column: int) -> Change | None:
@@ -133,7 +132,7 @@ def _of_one(values: np.ndarray, stds: np.ndarray, accepted: int, column: int) ->
     n = len(told)
     if first < 1 or n - first < 2:
         return None
-    x, w, typical = _weighted(values[told] - values[told[0]], stds[told])
+    x, (w, typical) = values[told] - values[told[0]], _weights(stds[told])
     k = np.arange(first, n - 1)
     moments = np.array([np.concatenate([[0.0], np.cumsum(w * x**power)]) for power in (0, 1, 2)])
     before, after = moments[:, k], moments[:, [n]] - moments[:, k]

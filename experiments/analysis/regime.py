@@ -2,7 +2,7 @@
 
 Friction in the plate's pivots decides against the ball's weight, and it is an assumed number: what
 is said here follows from the rig file, not from the run. In between, neither of the observer's two
-plate models is right (see `tests/benchmarks/regime.py`).
+plate models is right (see `tests/benchmarks/control/regime.py`).
 """
 
 from rig.parameters import GRAVITY_M_S2, Rig

@@ -45,7 +45,6 @@ def write_watch(found: Watch, out: Path, *, command: str) -> Path:
             f"{found.threshold:.2f}, for "
             f"{rate_words()}.",
             *([f"{len(skipped)} runs were skipped; the table says why."] if skipped else []),
-            *found.notes,
         ],
         sections=[
             Section("Runs", [_runs(found)], "What does each run say, beside those before it?"),

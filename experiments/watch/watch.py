@@ -1,7 +1,7 @@
 """`rig watch`: judge every new run of a table against the accepted model and the runs before it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -42,9 +42,9 @@ class JudgedRun:
 class Watch:
     """A table's runs, judged.
 
-    values, stds (n, p): estimates of the n runs that count, the accepted ones first, and their
-    standard deviations, in the units of the p `parameters`; threshold: of the statistic; smallest
-    (p,): the change that five further runs would show with even chances.
+    values, stds (n, p): estimates of the n runs that count (`counted`), the accepted ones first,
+    and their standard deviations, in the units of the p `parameters`; threshold: of the statistic;
+    smallest (p,): the change that five further runs would show with even chances.
     """
 
     folder: Path
@@ -54,8 +54,7 @@ class Watch:
     stds: np.ndarray
     threshold: float
     smallest: np.ndarray
-    counted: tuple[RunFolder, ...] = ()
-    notes: tuple[str, ...] = field(default=())
+    counted: tuple[RunFolder, ...]
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

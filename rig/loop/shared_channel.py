@@ -11,6 +11,7 @@ import numpy as np
 
 from rig.log import COLUMNS
 from rig.loop.commands import LONGEST_QUEUE, Command, Push, SetGains, Stop, Target
+from rig.loop.silence import Silence
 from rig.shared_memory import SharedArray, SharedRing
 
 ROWS = 8192  # 16 s of a reader that does not read
@@ -55,6 +56,7 @@ class SharedChannel:
         self.stops = SharedRing(STOP, 2)
         self.stopped: Stop | None = None  # as the loop has read it
         self.pulse = SharedArray((1,), PULSE)
+        self._silences = {"parent_s": Silence(), "loop_s": Silence()}
 
     def close(self) -> None:
         """Let go of the memory; the process that made it frees it."""
@@ -100,8 +102,10 @@ class SharedChannel:
         return CALLED[int(self.pulse.array["called"][0])]
 
     def silent_s(self, side: str) -> float:
-        """Time since a side, "parent_s" or "loop_s", was last alive [s]."""
-        return time.monotonic() - float(self.pulse.array[side][0])
+        """Time since a side, "parent_s" or "loop_s", was last alive, less what the asking side was
+        held up itself [s].
+        """
+        return self._silences[side].seconds(float(self.pulse.array[side][0]))
 
 
 class SharedCommandSlot:

@@ -4,7 +4,7 @@ In the old checkout and in the new one, each into its own folder:
 
     uv run rig reproduce --out OUT/reproduce --seed 1
     uv run rig compare --out OUT/compare
-    uv run python tests/benchmarks/blind.py --out OUT/blind --trials 100 --nothing 100 --seed 5
+    uv run python tests/benchmarks/gap/blind.py --out OUT/blind --trials 100 --nothing 100 --seed 5
 
 then `uv run python tests/benchmarks/same_results.py OLD NEW`. It compares the `results.json` of the
 first two, every sample of every recorded run, and the answer to each of the 200 blind trials;

@@ -25,38 +25,40 @@ PAGE = HERE / "README.md"
 
 @dataclass(frozen=True)
 class Measurement:
-    """A command of this folder, and about how many minutes it takes on two quiet cores."""
+    """A command, its program as a path in this folder, and about how many minutes it takes."""
 
     command: str
     minutes: float
 
 
 MEASUREMENTS = {
-    "speed": Measurement("speed.py", 12),
-    "agreement": Measurement("agreement.py --out out/benchmarks/agreement.png", 6),
-    "backlash-observers": Measurement("play_estimates.py", 2),
+    "speed": Measurement("plant/speed.py", 12),
+    "agreement": Measurement("plant/agreement.py --out out/benchmarks/agreement.png", 6),
+    "backlash-observers": Measurement("control/play_estimates.py", 2),
     "backlash-calibration": Measurement(
-        "play_calibration.py --rigs 200 --out out/benchmarks/play_calibration.jsonl", 15
+        "calibration/play_calibration.py --rigs 200 --out out/benchmarks/play_calibration.jsonl", 15
     ),
-    "regime": Measurement("regime.py", 1),
-    "geometry": Measurement("geometry.py", 8),
-    "seeing-in-the-loop": Measurement("frames.py", 3),
-    "ball-in-pixels": Measurement("seeing.py --out out/benchmarks/seeing", 15),
-    "random-scenes": Measurement("seeing_random.py", 3),
-    "hard-cases": Measurement("vision_cases.py --frames 300", 20),
-    "strangers": Measurement("strangers.py --quick --seeds 900 908", 10),
-    "fault-campaign": Measurement("fault_campaign.py --faults 1000 --seed 1", 12),
-    "firmware-mutants": Measurement("firmware_mutants.py", 15),
-    "kill-9": Measurement("kill_nine.py", 11),
-    "jitter": Measurement("loop_jitter.py --seconds 10", 3),
-    "camera-run": Measurement("camera_run.py 3", 3),
+    "regime": Measurement("control/regime.py", 1),
+    "geometry": Measurement("vision/geometry.py", 8),
+    "seeing-in-the-loop": Measurement("vision/frames.py", 3),
+    "ball-in-pixels": Measurement("vision/seeing.py --out out/benchmarks/seeing", 15),
+    "random-scenes": Measurement("vision/seeing_random.py", 3),
+    "hard-cases": Measurement("vision/cases.py --frames 300", 20),
+    "strangers": Measurement("vision/strangers.py --quick --seeds 900 908", 10),
+    "fault-campaign": Measurement("hardware/fault_campaign.py --faults 1000 --seed 1", 12),
+    "firmware-mutants": Measurement("hardware/firmware_mutants.py", 15),
+    "kill-9": Measurement("records/kill_nine.py", 11),
+    "jitter": Measurement("hardware/loop_jitter.py --seconds 10", 3),
+    "camera-run": Measurement("hardware/camera_run.py 3", 3),
     "worlds": Measurement(
-        "worlds.py --out out/benchmarks/worlds --seeds 1 --first-seed 400 --jobs 2", 10
+        "gap/worlds.py --out out/benchmarks/worlds --seeds 1 --first-seed 400 --jobs 2", 10
     ),
-    "page-load": Measurement("dashboard_load.py --pairs 8 --seconds 12 --minutes 30", 40),
-    "stopping": Measurement("stopping.py --tries 6", 8),
-    "position-help": Measurement("position_help.py --picture .github/pictures/position.png", 20),
-    "next-experiment": Measurement("next_experiments.py --draws 3 --seed 7", 15),
+    "page-load": Measurement("dashboard/dashboard_load.py --pairs 8 --seconds 12 --minutes 30", 40),
+    "stopping": Measurement("hardware/stopping.py --tries 6", 8),
+    "position-help": Measurement(
+        "control/position_help.py --picture .github/pictures/position.png", 20
+    ),
+    "next-experiment": Measurement("gap/next_experiments.py --draws 3 --seed 7", 15),
 }
 
 

@@ -12,7 +12,7 @@ from tests.support.parts import needs
 HERE = Path(__file__).parent
 PROGRAMS = sorted(
     path
-    for path in HERE.glob("*.py")
+    for path in HERE.rglob("*.py")
     if path != Path(__file__) and '__name__ == "__main__"' in path.read_text("utf-8")
 )
 ENGINE = {"agreement", "exported_models", "speed"}

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from rig.rigfile import write_rig
-from tests.support.gap.calls import RIG
+from tests.support.gap.exchange import RIG
 from tests.support.rig_lab import Lab
 
 

@@ -9,7 +9,7 @@ import pytest
 from rig.own_effects import read_effect
 from rig.parameters import Rig, Servo
 from rig.rigfile import from_dict, own_names, read_rig, to_record, write_rig
-from tests.support.own_effects import EXAMPLES, example, written
+from tests.support.gap.own_effects import EXAMPLES, example, written
 
 GOOD = (EXAMPLES / "hanging_arm.py").read_text(encoding="utf-8")
 

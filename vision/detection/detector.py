@@ -28,8 +28,8 @@ from vision.detection.rim import fit_rim
 RAYS_SHARE = 9.0
 APART_PX = 0.3  # between rim and rays, from which the rays count more
 # Share of the distance between rim and rays that the place between them may be off by; fitted with
-# `LACK_SHARE` to 960 images of two renderers that share no code (tests/benchmarks/locating.py,
-# other seeds than those of its table).
+# `LACK_SHARE` to 960 images of two renderers that share no code, of other seeds than those of the
+# table (tests/benchmarks/vision/locating.py).
 DOUBT = 0.5
 UNSEEN_PX = 2.0  # that the centre may be off by, per share of the turn that shows no edge
 RIM_ROUNDS = 4

@@ -7,7 +7,7 @@ radii is looked for in an image; larger circles are found as small ones in a sma
 (`circles_of_any_size`), so that the cost does not grow with the radius.
 
 Why not `cv2.HoughCircles`, which takes grey images: of 266 frames of the hard cases in
-tests/benchmarks/vision_scripts.py, at 320 x 240 px, the ball is among the ten best circles in 258
+tests/benchmarks/vision/scripts.py, at 320 x 240 px, the ball is among the ten best circles in 258
 with this transform, in 121 to 156 with HOUGH_GRADIENT, in 256 with HOUGH_GRADIENT_ALT. The last
 fails on other frames: it misses coloured balls on transparent plates, where only the colour has
 contrast (10 of 18 found, here 18), and finds white ones on pale plates (9 of 9, here 1).

@@ -179,7 +179,7 @@ def _of_field(
     numbers = np.atleast_1d(value)
     place = f"plant.{field}"
     if not by_axis:
-        if ".".join(name.split(".")[:1]) == "effects":
+        if name.startswith("effects."):
             name = ".xy.".join(name.rsplit(".", 1))
         yield Variable(name, PARAMETER, place, unit, what, float(numbers[0]), numbers.size)
         return

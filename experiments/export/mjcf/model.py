@@ -4,12 +4,13 @@ from math import sqrt
 from xml.etree.ElementTree import Element
 
 from experiments.export.mjcf.left_out import left_out
-from experiments.export.mjcf.parts import HARD, STEP_S, Document, add, effect
+from experiments.export.mjcf.parts import HARD, Document, add, effect
 from experiments.export.mjcf.plates import add_ball, add_camera
 from experiments.export.mjcf.three_arms import add_three_arms
 from experiments.export.mjcf.two_rods import add_two_rods
 from rig.linkage import THREE_ARMS
 from rig.parameters import GRAVITY_M_S2, Rig
+from rig.plant.plant_record import STEP_S
 
 TESTED_WITH = "4.0"  # MuJoCo; 4.0 is the first that has all that is used here
 

@@ -2,8 +2,9 @@
 
 from math import ceil, inf
 
-from experiments.export.mjcf.parts import STEP_S, Document, add, effect, light, shaft, stiff
+from experiments.export.mjcf.parts import Document, add, effect, light, shaft, stiff
 from rig.parameters import GEARS_INERTIA_HIGH_KG_M2, Rig
+from rig.plant.plant_record import STEP_S
 
 _BRISTLE_RAD = 1e-3  # chosen: wind-up at which friction breaks away; 0.1 ms then bear 20 rad/s
 

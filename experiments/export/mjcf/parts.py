@@ -5,8 +5,8 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 from rig.parameters import Rig
+from rig.plant.plant_record import STEP_S
 
-STEP_S = 1e-4  # of the model; the rig's own simulator has the same
 LIGHT_KG, LIGHT_KG_M2 = 1e-4, 1e-7  # chosen: of bodies whose inertia stands in their joint
 SOFT = 1e-3  # impedance of a limit that acts as a spring: 0.1 % of other forces leaks in
 HARD = {"solref": f"{3 * STEP_S:g} 1", "solimp": "0.9999 0.9999 1"}

@@ -4,8 +4,9 @@ from math import atan2, exp, pi, sqrt
 
 from scipy.optimize import brentq
 
-from experiments.export.mjcf.parts import HARD, STEP_S, Document, add, effect, numbers
+from experiments.export.mjcf.parts import HARD, Document, add, effect, numbers
 from rig.parameters import Rig
+from rig.plant.plant_record import STEP_S
 
 HALF_THICKNESS_M = 0.004
 PLATE_KG = 0.3  # assumed, as rig.parameters does; it hangs in its middle

@@ -4,7 +4,8 @@ from math import ceil
 
 import numpy as np
 
-from experiments.export.mjcf.parts import STEP_S, Document, add, stiff
+from experiments.export.mjcf.parts import Document, add, stiff
+from rig.plant.plant_record import STEP_S
 
 STIFF_NM_RAD = 1e4  # chosen: a load of 1 N m turns a servo by 0.1 mrad
 FAST_RAD_S = 300.0  # chosen: of a servo without lag; steps of some mrad settle in 13 ms

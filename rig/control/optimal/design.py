@@ -6,7 +6,6 @@ period h and x = (p, p', theta, omega) the step is exact,
 
     x+ = A x + B V,   [A B; 0 1] = exp([F G; 0 0] h)
 
-(Van Loan, IEEE Trans. Autom. Control 23, 1978). The regulator minimises sum x'Qx + R V^2, the
 (Van Loan, IEEE Trans. Autom. Control 23, 1978). The regulator minimises the sum of x'Qx + R V^2,
 the filter the variance of the estimate; both from the discrete algebraic Riccati equation (Kalman
 1960):
@@ -52,7 +51,8 @@ class Weights:
         return np.diag(size**-2.0), np.array([[self.volts**-2.0]])
 
 
-# For each arm the one with the smallest error of 16 settings (tests/benchmarks/optimal_arms.py).
+# For each arm the one with the smallest error of 16 settings
+# (tests/benchmarks/control/optimal_arms.py).
 WEIGHTS = {"lqg": Weights(), "mpc": Weights()}
 
 

@@ -15,7 +15,7 @@ from rig.log import Log
 from rig.parameters import Drive, Rig
 from rig.plant.plant_record import pack
 from rig.rigfile import read_rig, write_rig
-from tests.support.own_effects import example
+from tests.support.gap.own_effects import example
 from tests.support.worlds import WORLDS
 
 BARE = Drive(arm_friction_nm=0.0, joint_friction_nm=0.0)

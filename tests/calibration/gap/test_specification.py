@@ -10,7 +10,7 @@ from calibration.gap.model.parameters import BALL, NominalModel
 from calibration.gap.model.state import refit, settle
 from calibration.gap.name.decide import Decision, decide
 from calibration.gap.name.stepwise import Accepted, drop_effects, settled_baseline
-from calibration.gap.specification import completeness, inconstancy
+from calibration.gap.specification import LEADS_S, _advanced, completeness, inconstancy, untimely
 from rig.log import Log
 from tests.support.gap.tables import RIG, evidence_of, foreign, released
 from tests.support.worlds import WORLDS
@@ -56,9 +56,9 @@ def test_hats_add_up_to_one_in_every_run():
         assert (run[:, -3:] == 0.0).all()
 
 
-def judged(effects: dict, *, runs: int = 1) -> Decision:
+def judged(effects: dict, *, runs: int = 1, protocol: str = "steps") -> Decision:
     """The names of logs of 20 s, before any veto."""
-    logs = [foreign("steps", seed=3 + i, effects=effects, duration_s=20.0) for i in range(runs)]
+    logs = [foreign(protocol, seed=3 + i, effects=effects, duration_s=20.0) for i in range(runs)]
     nominal = NominalModel(RIG, load_friction=False)
     return decide(settled_baseline(evidence_of(*logs), nominal))
 
@@ -76,6 +76,48 @@ def test_the_right_name_is_complete_and_its_size_a_constant():
     assert not any(inconstancy(decision.state, one, BALL) for one in decision.accepted)
 
 
+RIPPLE = {"amplitude_rad": 0.01, "phase_rad": 0.4, "periods_per_turn": 20.0}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("protocol", "effects"),
+    [
+        ("steps", {"transmission_ripple": {"x": RIPPLE}}),
+        ("circle", {"transmission_ripple": {"x": RIPPLE}}),
+        ("steps", {"joint_backlash": {"x": {"play_rad": 0.03}}}),
+        ("steps", {"plate_bowl": {"xy": {"stiffness_1_s2": 1.0}}}),
+    ],
+)
+def test_the_right_name_is_in_time(protocol: str, effects: dict):
+    decision = judged(effects, protocol=protocol)
+    assert {one.name for one in decision.accepted} == set(effects)
+    assert not any(untimely(decision.state, one, BALL) for one in decision.accepted)
+
+
+@pytest.mark.slow
+def test_what_a_controller_answers_comes_before_its_answer():
+    """Gusts of a fan, told as a function of the angles by which the controller holds against it."""
+    columns, _, _ = WORLDS["fan"](1700)
+    nominal = NominalModel(RIG, load_friction=False)
+    decision = decide(settled_baseline(evidence_of(Log.from_columns(columns)), nominal))
+    assert decision.accepted
+    assert all("before its cause" in untimely(decision.state, o, BALL) for o in decision.accepted)
+
+
+def test_a_response_is_advanced_by_axis_and_run():
+    logs = [foreign("steps", seed=i, effects={}, duration_s=5.0) for i in (1, 2)]
+    state = released(evidence_of(*logs))
+    t, run = state.evidence.times(BALL)
+    axis = np.arange(len(t)) % 2
+    line = 3.0 * t + 100.0 * run + 7.0 * axis
+    for lead_s in LEADS_S:
+        moved = _advanced(state, BALL, line, lead_s)
+        last = np.array([t[run == r].max() for r in (0, 1)])[run]
+        wanted = 3.0 * np.minimum(t + lead_s, last) + 100.0 * run + 7.0 * axis
+        np.testing.assert_allclose(moved, wanted, rtol=0, atol=1e-9)
+
+
 @pytest.mark.parametrize("friction_V", [0.05, 0.2])
 def test_friction_that_is_constant_is_not_said_to_fall_with_speed(friction_V: float):
     """Cut by the measured speed, which shares the innovation's noise, it seems to."""
@@ -86,6 +128,7 @@ def test_friction_that_is_constant_is_not_said_to_fall_with_speed(friction_V: fl
     assert state.fit.setting["coulomb_friction.friction_V.x"] == pytest.approx(friction_V, abs=0.01)
     one = Accepted("coulomb_friction", ("x",), 100.0, ())
     assert inconstancy(state, one, "servo_x") == ""
+    assert untimely(state, one, "servo_x") == ""
 
 
 @pytest.mark.slow

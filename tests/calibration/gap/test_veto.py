@@ -16,7 +16,9 @@ from calibration.gap.model.state import State
 from calibration.gap.name.decide import Decision, decide
 from calibration.gap.name.stepwise import Accepted, settled_baseline
 from calibration.gap.veto import _faint, _not_a_size, _proven, judge
+from rig.log import Log
 from tests.support.gap.tables import RIG, evidence_of, foreign, released
+from tests.support.worlds import WORLDS
 
 COUNT = 200
 
@@ -47,6 +49,19 @@ def test_one_push_does_not_decide():
 def test_too_few_windows_say_nothing():
     few = errors(1.0, count=MIN_WINDOWS - 1)
     assert gained(few, replace(few, errors=9.0 * few.errors)) == (0.0, 0.0)
+
+
+@pytest.mark.slow
+def test_nothing_is_missing_where_all_names_do_harm_and_nothing_more_is_predictable():
+    """A healthy axis that rests within encoder counts looks like Stribeck friction, sample by
+    sample."""
+    columns, _, _ = WORLDS["healthy_axis"](4200)
+    nominal = NominalModel(RIG, load_friction=False)
+    decision = decide(settled_baseline(evidence_of(Log.from_columns(columns)), nominal))
+    assert decision.accepted
+    left, _, reasons = judge(decision)
+    assert (left.verdict, left.accepted) == ("nothing-missing", ())
+    assert "1 s ahead" in reasons[0]
 
 
 @cache

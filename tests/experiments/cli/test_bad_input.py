@@ -1,43 +1,39 @@
 """Bad input of any kind: exit code 2 and one line that a person can read."""
 
 import json
-import sys
 from pathlib import Path
 
 import pytest
 
-from experiments.cli import application
 from experiments.records.recording import Recorder
+from tests.support.command import told
 from tests.support.gap.logs import table_log
 
 NESTED = "x = " + "[" * 5000
 DIGITS = "9" * 400
 
 
-def refused(monkeypatch, capsys, *words: object) -> str:
-    monkeypatch.setattr(sys, "argv", ["rig", *map(str, words)])
-    with pytest.raises(SystemExit) as end:
-        application.main()
-    told = capsys.readouterr()
-    assert (end.value.code, told.err.count("\n")) == (2, 1), told.err
-    assert len(told.err) < 1200
-    assert told.err.isprintable() or told.err[:-1].isprintable()
-    return told.err
+def refused(*words: object) -> str:
+    code, _, error = told(*words)
+    assert (code, error.count("\n")) == (2, 1), error
+    assert len(error) < 1200
+    assert error.isprintable() or error[:-1].isprintable()
+    return error
 
 
 @pytest.mark.parametrize("text", [NESTED, f"control_rate_hz = {DIGITS}", f"x = {'9' * 5000}"])
-def test_numbers_and_brackets_beyond_all_measure(monkeypatch, capsys, tmp_path: Path, text: str):
+def test_numbers_and_brackets_beyond_all_measure(tmp_path: Path, text: str):
     file = tmp_path / "odd.toml"
     file.write_text(text)
-    assert "odd.toml" in refused(monkeypatch, capsys, "run", "circle", "--rig", file)
-    assert "odd.toml" in refused(monkeypatch, capsys, "run", file)
+    assert "odd.toml" in refused("run", "circle", "--rig", file)
+    assert "odd.toml" in refused("run", file)
 
 
 @pytest.mark.parametrize("words", [("run", "circle", "--rig"), ("run",), ("export",), ("recover",)])
-def test_names_that_no_file_can_have(monkeypatch, capsys, tmp_path: Path, words):
+def test_names_that_no_file_can_have(tmp_path: Path, words):
     name = "x" * 5000 + ".toml"
     more = ("--out", tmp_path / "a.csv") if words[0] == "export" else ()
-    assert "too long" in refused(monkeypatch, capsys, *words, name, *more)
+    assert "too long" in refused(*words, name, *more)
 
 
 @pytest.mark.parametrize(
@@ -50,17 +46,17 @@ def test_names_that_no_file_can_have(monkeypatch, capsys, tmp_path: Path, words)
         ({"created": "once"}, "created"),
     ],
 )
-def test_a_run_json_with_wrong_values(monkeypatch, capsys, tmp_path: Path, change, say):
+def test_a_run_json_with_wrong_values(tmp_path: Path, change, say):
     run = tmp_path / "run"
     with Recorder(run, {"source": "simulated", "arm": "with"}):
         pass
     file = run / "run.json"
     file.write_text(json.dumps(json.loads(file.read_text()) | change))
     for words in (("report", run, "--out", tmp_path / "r"), ("recover", run)):
-        assert say in refused(monkeypatch, capsys, *words)
+        assert say in refused(*words)
 
 
-def test_what_gap_can_know_before_it_works(monkeypatch, capsys, tmp_path: Path):
+def test_what_gap_can_know_before_it_works(tmp_path: Path):
     log = tmp_path / "log.csv"
     log.write_text("t_s\n0\n")
     for words, say in (
@@ -69,24 +65,22 @@ def test_what_gap_can_know_before_it_works(monkeypatch, capsys, tmp_path: Path):
         (("--demo", "--rig", "nope.toml"), "--demo has a table of its own"),
         (("--demo", "--until", "xyz"), "known stages"),
     ):
-        assert say in refused(monkeypatch, capsys, "gap", *words, "--out", tmp_path / "o")
+        assert say in refused("gap", *words, "--out", tmp_path / "o")
 
 
-def test_odd_words(monkeypatch, capsys, tmp_path: Path):
+def test_odd_words(tmp_path: Path):
     run = tmp_path / "run"
     with Recorder(run, {"source": "simulated", "arm": "with"}):
         pass
-    assert "1000" in refused(monkeypatch, capsys, "run", "circle", "--repetitions", 99999999999)
-    assert "given twice" in refused(
-        monkeypatch, capsys, "report", run, tmp_path / "." / "run", "--out", tmp_path / "r"
-    )
-    assert "control characters" in refused(monkeypatch, capsys, "reject", run, "a\x1b[2Jb")
+    assert "1000" in refused("run", "circle", "--repetitions", 99999999999)
+    assert "given twice" in refused("report", run, tmp_path / "." / "run", "--out", tmp_path / "r")
+    assert "control characters" in refused("reject", run, "a\x1b[2Jb")
     columns = table_log(seconds=1.0)
     names, rows = list(columns), zip(*columns.values(), strict=True)
     lines = [",".join(names), *(",".join(map(str, row)) for row in rows)]
     lines[3] = "1_0" + lines[3][lines[3].index(",") :]
     (tmp_path / "log.csv").write_text("\n".join(lines))
     out = ("--out", tmp_path / "o")
-    assert "1_0" in refused(monkeypatch, capsys, "gap", tmp_path / "log.csv", *out)
+    assert "1_0" in refused("gap", tmp_path / "log.csv", *out)
     (tmp_path / "wide.csv").write_text(",".join(f"c{k}" for k in range(100_000)) + "\n1\n")
-    refused(monkeypatch, capsys, "gap", tmp_path / "wide.csv", *out)
+    refused("gap", tmp_path / "wide.csv", *out)

@@ -20,7 +20,7 @@ from experiments.runs.assemble import load_rig
 from experiments.runs.protocol import read_protocol
 from experiments.runs.runner import RunRequest, keep_simulated, run, simulate_run
 from rig.rigfile import read_rig
-from tests.support.gap.calls import call
+from tests.support.command import call
 from vision.frames import Frame
 from vision.synthetic.synthetic import Renderer, Scene, virtual_view
 

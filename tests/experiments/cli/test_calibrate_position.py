@@ -9,7 +9,7 @@ import pytest
 from calibration.bundle import load_draft
 from experiments.records.importing import read_log
 from rig.rigfile import read_rig
-from tests.support.gap.calls import call
+from tests.support.command import call
 
 HOBBY, BUS = (Path("experiments/rigs") / f"{n}.toml" for n in ("hobby-two-servos", "bus-servos"))
 

@@ -11,24 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.cli import application
 from experiments.records.importing import read_log
 from experiments.records.recording import read_run
 from rig.hardware.board.link import LinkLost
 from rig.hardware.network.remote import RemoteTable
 from rig.hardware.network.token_file import read_token
 from rig.hardware.wiring import Wiring
+from tests.support.command import call
 
 QUICK = 'title = "quick"\nduration_s = 1.0\n[start]\nhold_s = 0.0\n'
-
-
-def call(monkeypatch, *arguments: str) -> int:
-    monkeypatch.setattr(sys, "argv", ["rig", *arguments])
-    try:
-        application.main()
-    except SystemExit as end:
-        return int(end.code or 0)
-    return 0
 
 
 @pytest.fixture
@@ -38,20 +29,20 @@ def quick(tmp_path: Path) -> str:
     return str(path)
 
 
-def test_run_report_export_import(monkeypatch, capsys, tmp_path: Path, quick: str):
+def test_run_report_export_import(capsys, tmp_path: Path, quick: str):
     out = tmp_path / "out"
-    assert call(monkeypatch, "run", quick, "--out", str(out), "--seed", "4") == 0
+    assert call("run", quick, "--out", str(out), "--seed", "4") == 0
     runs = sorted((out / "runs").iterdir(), key=lambda run: read_run(run).meta["arm"])
     assert [read_run(run).meta["arm"] for run in runs] == ["with", "without"]
     results = json.loads((out / "results.json").read_text())
     assert {run["folder"] for run in results["runs"]} == {run.name for run in runs}
     for suffix in ("csv", "parquet", "mat"):
         target = tmp_path / f"log.{suffix}"
-        assert call(monkeypatch, "export", str(runs[0]), "--out", str(target)) == 0
+        assert call("export", str(runs[0]), "--out", str(target)) == 0
         back, run = read_log(target), read_run(runs[0]).log
         assert np.array_equal(back["theta_x_rad"], run["theta_x_rad"])
-    assert call(monkeypatch, "reject", str(runs[1]), "ball touched") == 0
-    assert call(monkeypatch, "report", *map(str, runs), "--out", str(tmp_path / "r")) == 0
+    assert call("reject", str(runs[1]), "ball touched") == 0
+    assert call("report", *map(str, runs), "--out", str(tmp_path / "r")) == 0
     page = (tmp_path / "r" / "report.html").read_text()
     assert "rejected: ball touched" in page
     assert "virtual rig" in page
@@ -60,8 +51,8 @@ def test_run_report_export_import(monkeypatch, capsys, tmp_path: Path, quick: st
     capsys.readouterr()
 
 
-def test_effects_lists_the_whole_catalogue(monkeypatch, capsys):
-    assert call(monkeypatch, "effects") == 0
+def test_effects_lists_the_whole_catalogue(capsys):
+    assert call("effects") == 0
     shown = capsys.readouterr().out
     from rig.effects import CATALOGUE
 
@@ -93,17 +84,17 @@ def test_bad_input_is_exit_2_and_one_line(
     monkeypatch, capsys, tmp_path: Path, arguments: list[str], words: list[str]
 ):
     monkeypatch.chdir(tmp_path)
-    assert call(monkeypatch, *arguments) == 2
+    assert call(*arguments) == 2
     lines = [line for line in capsys.readouterr().err.splitlines() if line.strip()]
     assert len(lines) == 1, lines
     for word in words:
         assert word in lines[0]
 
 
-def test_a_bad_rig_file_is_exit_2(monkeypatch, capsys, tmp_path: Path):
+def test_a_bad_rig_file_is_exit_2(capsys, tmp_path: Path):
     rig = tmp_path / "rig.toml"
     rig.write_text("[ball]\nradius_m = 0.2\n")
-    assert call(monkeypatch, "run", "hold", "--rig", str(rig), "--out", str(tmp_path)) == 2
+    assert call("run", "hold", "--rig", str(rig), "--out", str(tmp_path)) == 2
     assert "does not fit on the plate" in capsys.readouterr().err
 
 

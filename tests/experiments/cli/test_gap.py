@@ -13,7 +13,8 @@ from experiments.records.recording import read_run
 from experiments.runs.protocol import Protocol, read_protocol
 from experiments.runs.runner import RunRequest, keep_simulated, simulate_run
 from rig.rigfile import read_rig
-from tests.support.gap.calls import RIG, SERVO_ONLY, answer, assert_contract, call, foreign, written
+from tests.support.command import call
+from tests.support.gap.exchange import RIG, SERVO_ONLY, answer, assert_contract, foreign, written
 
 PLAY = {"joint_backlash": {"x": {"play_rad": 0.04}}}
 

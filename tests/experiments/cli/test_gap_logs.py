@@ -9,12 +9,12 @@ from experiments.gap.gap import investigate
 from experiments.records.exporting import export_log
 from experiments.runs.protocol import read_protocol
 from rig.log import Log
-from tests.support.gap.calls import (
+from tests.support.command import call
+from tests.support.gap.exchange import (
     BALL_ONLY,
     SERVO_ONLY,
     answer,
     assert_contract,
-    call,
     foreign,
     written,
 )

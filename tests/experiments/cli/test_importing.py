@@ -1,6 +1,5 @@
 """`rig import`: from a stranger's file to a log, or one line."""
 
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ from typer.testing import CliRunner
 from experiments.cli import application
 from experiments.importing.import_map import read_map
 from experiments.records.importing import read_log
+from tests.support.command import told
 from tests.support.other_labs.labs import LABS
 from tests.support.parts import RECORDINGS, needs
 
@@ -24,19 +24,12 @@ class Done:
 
 
 @pytest.fixture
-def rig(monkeypatch, capsys) -> Callable[..., Done]:
+def rig(monkeypatch) -> Callable[..., Done]:
     """The command line in this process, with nobody there to ask."""
 
     def call(*arguments: str | Path) -> Done:
-        monkeypatch.setattr(sys, "argv", ["rig", *map(str, arguments)])
         monkeypatch.setattr("experiments.cli.importing.somebody_is_there", lambda: False)
-        code = 0
-        try:
-            application.main()
-        except SystemExit as end:
-            code = int(end.code or 0)
-        said = capsys.readouterr()
-        return Done(code, said.out, said.err)
+        return Done(*told(*arguments))
 
     return call
 

@@ -1,6 +1,5 @@
 """The doctor: what is missing and the cure, from told facts and on this very machine."""
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +9,7 @@ from experiments.cli import application
 from experiments.doctor.doctor import BAD, NOTE, OK, Device, Facts, examine, udev_rule, usable
 from experiments.doctor.facts import gather
 from rig.parameters import Rig, Servo, TableChoice
+from tests.support.command import told
 
 WELL = Facts(
     user="eva",
@@ -125,24 +125,18 @@ def test_facts_of_this_machine_can_be_gathered(tmp_path: Path):
     assert any(f.state == OK for f in examine(facts, Rig(table=table)))
 
 
-def doctor(monkeypatch, capsys, rig: Path) -> tuple[int, str]:
-    monkeypatch.setattr(sys, "argv", ["rig", "doctor", "--rig", str(rig)])
-    try:
-        application.main()
-        code = 0
-    except SystemExit as end:
-        code = int(end.code or 0)
-    return code, capsys.readouterr().out
+def doctor(rig: Path) -> tuple[int, str]:
+    return told("doctor", "--rig", rig)[:2]
 
 
-def test_the_command_exits_0_or_1(monkeypatch, capsys, tmp_path: Path):
+def test_the_command_exits_0_or_1(tmp_path: Path):
     rig = tmp_path / "rig.toml"
     rig.write_text("")
-    code, out = doctor(monkeypatch, capsys, rig)
+    code, out = doctor(rig)
     assert code == 0
     assert "nothing is missing" in out
     rig.write_text('[table]\nkind = "serial"\nport = "/dev/no-such-port"\n')
-    code, out = doctor(monkeypatch, capsys, rig)
+    code, out = doctor(rig)
     assert code == 1
     assert "/dev/no-such-port" in out
     assert "-> plug the board in" in out

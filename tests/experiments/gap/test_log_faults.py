@@ -1,8 +1,8 @@
-"""Spoiled logs get an answer or one line: a sample of tests/benchmarks/log_faults.py."""
+"""Spoiled logs get an answer or one line: a sample of tests/benchmarks/gap/log_faults.py."""
 
 import pytest
 
-from tests.benchmarks.log_faults import ask
+from tests.benchmarks.gap.log_faults import ask
 
 
 @pytest.mark.parametrize("number", [0, 1, 2])

@@ -1,13 +1,11 @@
 """A lab's own effects in run folders, on the command line and in the report."""
 
 import json
-import sys
 from pathlib import Path
 
 import pytest
 
 from calibration.gap.findings import Findings, Interval, Named
-from experiments.cli import main
 from experiments.gap.beside import beside_rows, found_values, true_values
 from experiments.gap.input import read_evidence
 from experiments.gap.report import write_findings
@@ -17,7 +15,8 @@ from experiments.runs.protocol import parse
 from experiments.runs.runs import run_protocol
 from rig.parameters import Rig
 from rig.rigfile import read_rig
-from tests.support.own_effects import EXAMPLES
+from tests.support.command import call
+from tests.support.gap.own_effects import EXAMPLES
 
 FILE = EXAMPLES / "hanging_arm.py"
 RIG = '[effects]\nown = "mine.py"\n[effects.hanging_arm]\nx.weight_V = 0.4\nx.angle_rad = 0.2\n'
@@ -87,17 +86,8 @@ def test_the_report_tells_its_units_and_its_rig_file_is_read_again(rig_file: Pat
     assert rows[1][2].endswith("deg")
 
 
-def call(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
-    monkeypatch.setattr(sys, "argv", ["rig", *arguments])
-    try:
-        main()
-    except SystemExit as ended:
-        return int(ended.code or 0)
-    return 0
-
-
-def test_rig_effects_lists_those_of_a_rig_file(rig_file: Path, monkeypatch, capsys):
-    assert call(monkeypatch, "effects", str(rig_file)) == 0
+def test_rig_effects_lists_those_of_a_rig_file(rig_file: Path, capsys):
+    assert call("effects", str(rig_file)) == 0
     shown = capsys.readouterr().out
     assert "hanging_arm" in shown
     assert "weight_V" in shown
@@ -105,9 +95,9 @@ def test_rig_effects_lists_those_of_a_rig_file(rig_file: Path, monkeypatch, caps
     assert "command_dead_band" not in shown  # of servos that take an angle
 
 
-def test_a_bad_effect_file_is_exit_2_and_one_line(rig_file: Path, monkeypatch, capsys):
+def test_a_bad_effect_file_is_exit_2_and_one_line(rig_file: Path, capsys):
     (rig_file.parent / "mine.py").write_text("EFFECT = 1\n")
-    assert call(monkeypatch, "effects", str(rig_file)) == 2
+    assert call("effects", str(rig_file)) == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1
     assert "mine.py: it has no EFFECT" in lines[0]

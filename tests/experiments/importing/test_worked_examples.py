@@ -10,7 +10,7 @@ from scipy.io import savemat
 
 from experiments.records.importing import read_log
 from tests.support import ROOT
-from tests.support.gap.calls import call
+from tests.support.command import call
 
 PAGE = ROOT / "experiments" / "importing" / "README.md"
 HZ = 50.0

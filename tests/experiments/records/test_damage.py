@@ -1,9 +1,9 @@
-"""A part of the campaign of damages; the whole is tests/benchmarks/damage_campaign.py."""
+"""A part of the campaign of damages; the whole is tests/benchmarks/records/damage_campaign.py."""
 
 import numpy as np
 
 from experiments.records.samples_file import RECORD, read_samples
-from tests.benchmarks.damage_campaign import DAMAGES, campaign, recording
+from tests.benchmarks.records.damage_campaign import DAMAGES, campaign, recording
 
 
 def test_no_row_that_a_damage_left_whole_is_lost():

@@ -17,7 +17,7 @@ from experiments.records.recording import read_run
 from rig.log import NAMES
 from rig.rigfile import read_rig
 from tests.support import DATA
-from tests.support.gap.calls import assert_contract
+from tests.support.gap.exchange import assert_contract
 
 TODAY = DATA / "today"
 

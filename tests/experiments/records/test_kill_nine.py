@@ -16,7 +16,7 @@ POSIX = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="kill -9 is of
 @POSIX
 @pytest.mark.parametrize("most_s", [0.0, 0.5, 1.0])
 def test_kill_9_at_a_random_moment_takes_at_most_a_fifth_of_a_second(tmp_path: Path, most_s: float):
-    """Three of the fifty of tests/benchmarks/kill_nine.py."""
+    """Three of the fifty of tests/benchmarks/records/kill_nine.py."""
     kill_after(tmp_path / "run", random.uniform(0.0, most_s))
 
 

@@ -1,6 +1,7 @@
 """`rig home` with a camera: pictures of the virtual table over HTTP, its markers seen by the real
-vision chain in a process of its own, in real time. A ball so seen: tests/benchmarks/camera_run.py.
-The same without real time: tests/rig/firmware/test_firmware_commands.py.
+vision chain in a process of its own, in real time. A ball so seen:
+tests/benchmarks/hardware/camera_run.py. The same without real time:
+tests/rig/firmware/test_firmware_commands.py.
 """
 
 import json

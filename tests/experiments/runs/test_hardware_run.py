@@ -10,22 +10,20 @@ import os
 import signal
 import subprocess
 import time
-from contextlib import redirect_stderr
-from io import StringIO
 
 import numpy as np
 import pytest
 
 from experiments.records.recording import read_run
-from tests.support.gap.calls import call
+from tests.support.command import told
 from tests.support.rig_lab import Lab
 
 
 def refused(*arguments) -> str:
     """What a command says that ends with 2 before it opens the table."""
-    with redirect_stderr(StringIO()) as said:
-        assert call(*arguments) == 2
-    return said.getvalue()
+    code, _, error = told(*arguments)
+    assert code == 2
+    return error
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +46,7 @@ def running(homed: Lab, seconds: float, arm: str) -> tuple[subprocess.Popen, lis
     child = homed.start(
         "run", homed.protocol(seconds), "--out", str(homed.out), "--arm", arm, "--yes"
     )
-    deadline = time.monotonic() + 90
+    deadline = time.monotonic() + 240
     while time.monotonic() < deadline and child.poll() is None:
         runs = homed.runs() if (homed.out / "runs").exists() else []
         mine = [r for r in runs if r.meta["protocol"]["duration_s"] == seconds]

@@ -3,13 +3,11 @@
 import json
 import re
 import shlex
-import sys
 from math import degrees
 from pathlib import Path
 
 import pytest
 
-from experiments.cli import application
 from experiments.sheets.catalogue import SHEETS, LabSheet
 from experiments.sheets.check import OPEN, RIGHT, WRONG, check
 from experiments.sheets.handout import BLANK, blank_results
@@ -17,19 +15,9 @@ from experiments.sheets.swing import swing
 from experiments.sheets.tables import seed_of
 from rig.rigfile import to_record
 from tests.support import ROOT
+from tests.support.command import told
 
 STUDENT = "Ada L."
-
-
-def called(monkeypatch, capsys, *words: object) -> tuple[int, str, str]:
-    monkeypatch.setattr(sys, "argv", ["rig", *map(str, words)])
-    try:
-        application.main()
-        code = 0
-    except SystemExit as end:
-        code = int(end.code or 0)
-    told = capsys.readouterr()
-    return code, told.out, told.err
 
 
 def filled(sheet: LabSheet, answers: dict[str, float | str], student: str = STUDENT) -> str:
@@ -95,10 +83,10 @@ def test_what_is_not_answered_is_neither_right_nor_wrong(tmp_path: Path):
         ('sheet = "servo"\nstudent = "a"\n[answers]\ngain_rad_s_V = nan\n', "finite"),
     ],
 )
-def test_a_bad_results_file_is_one_line(monkeypatch, capsys, tmp_path: Path, text: str, say: str):
+def test_a_bad_results_file_is_one_line(tmp_path: Path, text: str, say: str):
     file = tmp_path / "results.toml"
     file.write_text(text)
-    code, _, err = called(monkeypatch, capsys, "check", "servo", file)
+    code, _, err = told("check", "servo", file)
     assert (code, err.count("\n")) == (2, 1), err
     assert say in err
 
@@ -112,9 +100,9 @@ def test_a_bad_results_file_is_one_line(monkeypatch, capsys, tmp_path: Path, tex
         (("check", "nothing", "none.toml"), "known: play"),
     ],
 )
-def test_bad_words_are_one_line(monkeypatch, capsys, tmp_path: Path, words, say: str):
+def test_bad_words_are_one_line(monkeypatch, tmp_path: Path, words, say: str):
     monkeypatch.chdir(tmp_path)
-    code, _, err = called(monkeypatch, capsys, *words)
+    code, _, err = told(*words)
     assert (code, err.count("\n")) == (2, 1), err
     assert say in err
 
@@ -169,7 +157,7 @@ def answers_of(name: str, folder: Path) -> dict[str, float | str]:
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("name", list(SHEETS))
-def test_a_sheet_from_its_pages_own_commands(monkeypatch, capsys, tmp_path: Path, name: str):
+def test_a_sheet_from_its_pages_own_commands(tmp_path: Path, name: str):
     *work, last = commands(name, tmp_path)
     folder, results = tmp_path / f"sheet-{name}", Path(last[-1])
     assert [words[0] for words in work][:1] == ["sheet"]
@@ -179,20 +167,20 @@ def test_a_sheet_from_its_pages_own_commands(monkeypatch, capsys, tmp_path: Path
         for word in words:
             place = Path(word)
             given += sorted(place.parent.glob(place.name)) if "*" in word else [word]
-        code, _, err = called(monkeypatch, capsys, *given)
+        code, _, err = told(*given)
         assert code == 0, f"{words}: {err}"
     assert not list(folder.rglob("truth.json"))
     assert BLANK in results.read_text()
-    code, out, _ = called(monkeypatch, capsys, *last)
+    code, out, _ = told(*last)
     assert code == 1
     assert "0 of" in out
     answers = answers_of(name, folder)
     results.write_text(filled(SHEETS[name], answers))
-    code, out, _ = called(monkeypatch, capsys, *last)
+    code, out, _ = told(*last)
     assert (code, out.count(RIGHT)) == (0, len(SHEETS[name].questions) + 1), out
     wrong = {k: 1.5 * v + 1.0 for k, v in answers.items() if not isinstance(v, str)}
     results.write_text(filled(SHEETS[name], answers | wrong))
-    code, out, _ = called(monkeypatch, capsys, *last)
+    code, out, _ = told(*last)
     assert code == 1
     assert out.count(WRONG) == len(wrong)
     truth = SHEETS[name].table_of(STUDENT).truth

@@ -1,15 +1,14 @@
 """`rig watch` on folders of run folders: what is told, what is skipped, what is refused."""
 
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from experiments.cli import application
 from experiments.watch.runs import accepted_of, runs_of
 from rig import Rig, write_rig
+from tests.support.command import told
 from tests.support.dated_runs import step_logs, write_runs
 
 PLAY_RAD, GREW_RAD = 0.015, 0.009
@@ -18,17 +17,6 @@ PLAY_RAD, GREW_RAD = 0.015, 0.009
 def table(play_x_rad: float) -> Rig:
     plays = {"x": {"play_rad": play_x_rad}, "y": {"play_rad": PLAY_RAD}}
     return Rig(effects={"joint_backlash": plays, "gear_backlash": {"x": {"play_rad": 0.01}}})
-
-
-def called(monkeypatch, capsys, *words: object) -> tuple[int, str, str]:
-    monkeypatch.setattr(sys, "argv", ["rig", *map(str, words)])
-    try:
-        application.main()
-        code = 0
-    except SystemExit as end:
-        code = int(end.code or 0)
-    told = capsys.readouterr()
-    return code, told.out, told.err
 
 
 @pytest.fixture(scope="module")
@@ -60,9 +48,9 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_a_loose_joint_is_told_with_run_name_and_size(runs, monkeypatch, capsys, tmp_path: Path):
+def test_a_loose_joint_is_told_with_run_name_and_size(runs, tmp_path: Path):
     words = ("watch", runs, "--rig", runs / "rig.toml", "--out", tmp_path)
-    code, out, err = called(monkeypatch, capsys, *words)
+    code, out, err = told(*words)
     assert code == 0, err
     found = json.loads((tmp_path / "results.json").read_text())
     assert found["verdict"] == "changed"
@@ -85,12 +73,10 @@ def test_a_loose_joint_is_told_with_run_name_and_size(runs, monkeypatch, capsys,
 
 
 @pytest.mark.slow
-def test_a_repaired_table_is_judged_from_the_run_that_is_accepted(
-    runs, monkeypatch, capsys, tmp_path: Path
-):
+def test_a_repaired_table_is_judged_from_the_run_that_is_accepted(runs, tmp_path: Path):
     begin = next(runs.glob("20260305*")).name
     words = ("watch", runs, "--rig", runs / "rig.toml", "--accept", begin, "--out", tmp_path)
-    code, out, err = called(monkeypatch, capsys, *words)
+    code, out, err = told(*words)
     assert code == 0, err
     found = json.loads((tmp_path / "results.json").read_text())
     assert found["verdict"] == "nothing-changed"
@@ -117,7 +103,7 @@ def test_runs_are_in_order_and_the_first_whole_one_is_accepted(runs: Path):
         (("runs", "--rig", "none.toml"), "none.toml"),
     ],
 )
-def test_bad_input_is_one_line(runs, monkeypatch, capsys, tmp_path: Path, words, say):
+def test_bad_input_is_one_line(runs, monkeypatch, tmp_path: Path, words, say):
     monkeypatch.chdir(tmp_path)
     given = []
     for word in words:
@@ -128,6 +114,6 @@ def test_bad_input_is_one_line(runs, monkeypatch, capsys, tmp_path: Path, words,
         elif "*" in word:
             word = next(runs.glob(word)).name
         given.append(word)
-    code, _, err = called(monkeypatch, capsys, "watch", *given)
+    code, _, err = told("watch", *given)
     assert (code, err.count("\n")) == (2, 1), err
     assert say in err

@@ -1,9 +1,9 @@
-"""A part of the fault campaign; the whole is tests/benchmarks/fault_campaign.py."""
+"""A part of the fault campaign; the whole is tests/benchmarks/hardware/fault_campaign.py."""
 
 import numpy as np
 import pytest
 
-from tests.benchmarks.fault_campaign import campaign, one, table
+from tests.benchmarks.hardware.fault_campaign import campaign, one, table
 from tests.support.boards.chip import firmware
 from tests.support.boards.chip_faults import KINDS, resampled
 from tests.support.boards.host import HostBoard

@@ -14,7 +14,7 @@ from rig.parameters import Rig, Servo
 from rig.plant.plant import ARM, BALL
 from rig.simulation.batch import simulate_many
 from rig.simulation.simulate import Task, draw, simulate
-from tests.support.own_effects import example, written
+from tests.support.gap.own_effects import example, written
 from tests.support.simulated import (
     TICK_S,
     ball_state,

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from tests.benchmarks.vision_cases import followed
-from tests.benchmarks.vision_scenes import SHADED, Studio
-from tests.benchmarks.vision_scripts import cases
+from tests.benchmarks.vision.cases import followed
+from tests.benchmarks.vision.scenes import SHADED, Studio
+from tests.benchmarks.vision.scripts import cases
 from vision.detection.appearance import Appearance
 from vision.detection.detector import locate_ball
 from vision.detection.rim import colour_is_smeared

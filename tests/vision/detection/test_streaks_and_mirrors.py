@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.benchmarks.vision_scenes import SHADED, Studio
+from tests.benchmarks.vision.scenes import SHADED, Studio
 from vision.detection.appearance import Appearance
 from vision.detection.detector import locate_ball
 from vision.detection.streaks_and_mirrors import locate_streak, mirror_silhouette

@@ -1,0 +1,177 @@
+"""Does a test notice when the firmware's safety is changed? Mutants of protocol.c, one by one.
+
+    python tests/benchmarks/hardware/firmware_mutants.py [FIRST [LAST]]
+
+FIRST and LAST (numbers from 0, LAST not included) choose a piece of the whole. Each mutant changes
+one operator or number in the functions that decide about volts; it dies when a test of
+`test_board.py` fails, or when it hangs or crashes. Prints those that live; exit code 1 where there
+are any that are not known to change nothing.
+"""
+
+import argparse
+import os
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from functools import partial
+from itertools import product
+from pathlib import Path
+
+from tests.rig.hardware.board import test_board as tests
+from tests.support import ROOT
+from tests.support.boards import host as board_host
+
+SOURCE = ROOT / "rig/firmware/protocol.c"
+FUNCTIONS = (
+    "take_config", "take_arm", "take_command", "measure_speed", "most_mV", "guarded_mV", "stalled",
+    "watch", "apply",
+)  # fmt: skip
+SWAPS = {
+    "<=": "<", ">=": ">", "==": "!=", "!=": "==", "&&": "||", "||": "&&", " < ": " <= ",
+    " > ": " >= ", " + ": " - ", " - ": " + ", " & ": " | ", " ? ": " ? !!", "++": "--", "|=": "&=",
+}  # fmt: skip
+TOKENS = re.compile(
+    r"<=|>=|==|!=|&&|\|\||\+\+|\|=| [<>+\-&?] |\b\d+\b|\b[A-Z]+_MS\b|\b[A-Z_]+_MV\b"
+)
+LONGEST_S = 60
+# Changes that change nothing that anybody could see, each with its reason.
+EQUIVALENT = {
+    "if (b->limit_mV[> -> >=]LIMIT_MV) b->limit_mV = LIMIT_MV;",  # equal stays equal
+    "if (b->angle_limit[> -> >=]most) b->angle_limit = most;",  # the same
+    # At the taper's ends the proportion is the whole limit.
+    "if (room [>= -> >] b->taper) return b->limit_mV;",
+    "if (room [<= -> <] -b->taper) return -(int32_t)b->limit_mV;",
+    "return wish[> -> >=]-most ? wish : -most;",  # the same
+    # The shift of a number that only has to be hard to guess.
+    "b->token = next_token(b->token ^ b->clock_us ^ ((uint32_t)b->nonce << [16 -> 17]));",
+    "b->since_telemetry_ms = [0 -> 1];",  # the first telemetry a millisecond sooner
+    # A sign only has to differ from the other's, and from zero.
+    "int8_t sign = (int8_t)(v >= STALL_MV[? -> ? !!]1 : v <= -STALL_MV ? -1 : 0);",
+    "int8_t sign = (int8_t)(v >= STALL_MV ? [1 -> 2] : v <= -STALL_MV ? -1 : 0);",
+    "int8_t sign = (int8_t)(v >= STALL_MV ? 1 : v <= -STALL_MV ? -[1 -> 2] : 0);",
+    # The bound keeps a difference from overflowing; any above STALL_COUNTS will do.
+    "int32_t moved = clamp((int32_t)((uint32_t)b->counts[e] - (uint32_t)b->stall_from[e]), [100 -> 101]);",  # noqa: E501
+}
+
+
+def bodies(text: str) -> Iterator[tuple[int, int]]:
+    """Where the functions that decide begin and end."""
+    for name in FUNCTIONS:
+        found = re.search(rf"^static \w+ {name}\(", text, re.M)
+        assert found, name
+        yield text.index("{", found.start()), text.index("\n}", found.start())
+
+
+def mutants(text: str) -> Iterator[tuple[int, str, str]]:
+    """(line, what it was, the whole mutated text)."""
+    for begin, end in bodies(text):
+        for token in TOKENS.finditer(text, begin, end):
+            line_begin = text.rfind("\n", 0, token.start()) + 1
+            line = text[line_begin : text.index("\n", token.start())]
+            if (
+                is_idle(line, token.start() - line_begin)
+                or "payload" in line
+                or "get16(p" in line
+                or "get32(p" in line
+            ):
+                continue
+            was = token.group()
+            now = SWAPS.get(was) or (str(int(was) + 1) if was.isdigit() else f"({was} + 2)")
+            changed = text[: token.start()] + now + text[token.end() :]
+            at = token.start() - line_begin
+            shown = f"{line[:at]}[{was.strip()} -> {now.strip()}]{line[at + len(was) :]}".strip()
+            yield text.count("\n", 0, token.start()) + 1, shown, changed
+
+
+def is_idle(line: str, at: int) -> bool:
+    """A comment, a loop's head, a flag that only has to be true: changes there say nothing."""
+    comment = line.find("/*")
+    return (
+        "for (" in line
+        or line.lstrip().startswith("* ")
+        or 0 <= comment < at
+        or (line[:at].endswith(" = ") and line[at] == "1")
+    )
+
+
+def cases() -> Iterator:
+    """The tests of the board, as calls: those before the wiring's."""
+    last = tests.test_wiring_goes_there_and_back.hypothesis.inner_test.__code__.co_firstlineno
+    for name, function in vars(tests).items():
+        if not name.startswith("test_") or function.__code__.co_filename != tests.__file__:
+            continue
+        marks = [m for m in getattr(function, "pytestmark", []) if m.name == "parametrize"]
+        if function.__code__.co_firstlineno > last:
+            continue
+        ways = [
+            [(value,) if isinstance(mark.args[0], str) else value for value in mark.args[1]]
+            for mark in marks
+        ]
+        for way in product(*ways):  # marks nearest to the function come first, as its arguments do
+            names = [n for mark in marks for n in _names(mark.args[0])]
+            yield partial(function, **dict(zip(names, sum(way, ()), strict=True)))
+
+
+def _names(given) -> list[str]:
+    return [given] if isinstance(given, str) else list(given)
+
+
+def dies(text: str) -> bool:
+    """Runs the tests on a mutant in a process of its own."""
+    child = os.fork()
+    if child == 0:
+        signal.alarm(LONGEST_S)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+        try:
+            with tempfile.TemporaryDirectory() as folder:
+                for file in SOURCE.parent.glob("protocol.*"):
+                    (Path(folder) / file.name).write_bytes(file.read_bytes())
+                (Path(folder) / SOURCE.name).write_text(text)
+                board_host.FIRMWARE = Path(folder)
+                board_host.library.cache_clear()
+                board_host._BUILT = tempfile.TemporaryDirectory()
+                board_host.library()
+            for case in cases():
+                case()
+        except subprocess.CalledProcessError:
+            os._exit(2)  # does not compile: no mutant
+        except BaseException:
+            os._exit(1)
+        os._exit(0)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) != 0
+
+
+def piece_of(words: list[str], count: int) -> tuple[int, int]:
+    first, last = [*map(int, words), *(0, count)[len(words) :]]
+    return first, last
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
+    parser.add_argument("piece", type=int, nargs="*", help="FIRST [LAST]")
+    asked = parser.parse_args().piece
+    begin, text = time.monotonic(), SOURCE.read_text()
+    for case in cases():  # here, so that every child finds the plant compiled
+        case()
+    assert not dies(text), "the unchanged firmware must pass"
+    every = list(mutants(text))
+    known = {shown for _, shown, _ in every}
+    assert known >= EQUIVALENT, f"no mutants any more: {EQUIVALENT - known}"
+    piece, alive = every[slice(*piece_of(asked, len(every)))], []
+    for line, shown, changed in piece:
+        if not dies(changed) and shown not in EQUIVALENT:
+            alive.append((line, shown))
+            print(f"alive: line {line}: {shown}", flush=True)
+    idle = sum(shown in EQUIVALENT for _, shown, _ in piece)
+    print(f"{len(piece)} of {len(every)} mutants, {idle} known to change nothing, ", end="")
+    print(f"{len(alive)} alive; ", end="")
+    print(f"{time.monotonic() - begin:.0f} s")
+    return int(bool(alive))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
