@@ -1,6 +1,6 @@
 """The learned policy beside the PID, on `rig run`.
 
-`uv run python tests/benchmarks/learned_policy.py` prints the table of rig/gym/README.md: the
+`uv run python tests/benchmarks/gym/learned_policy.py` prints the table of rig/gym/README.md: the
 protocol experiments/own_controllers/learned.toml on tables that no training saw, each seed with
 every arm. Three minutes.
 """

@@ -1,6 +1,6 @@
 """Steps a second of `rig.gym` beside MuJoCo.
 
-`uv run --group dev python tests/benchmarks/gym_speed.py` prints the table of rig/gym/README.md: one
+`uv run --group dev python tests/benchmarks/gym/speed.py` prints the table of rig/gym/README.md: one
 step is one control tick (2 ms, 0.1 ms inside) of one table. MuJoCo has the same table from `rig
 export-model` in the plainest environment that there is: volts in, its positions out, no camera, no
 observers, no reward. Contenders in turn, CPU time of one thread each; ratios are taken round by
@@ -21,7 +21,7 @@ import rig.gym
 from experiments.export.export_model import export_model
 from experiments.runs.assemble import load_rig
 from rig.parameters import Rig
-from tests.benchmarks.speed import in_turn
+from tests.benchmarks.plant.speed import in_turn
 
 DEFAULT = load_rig(None)
 STEPS = 5000  # 10 s
