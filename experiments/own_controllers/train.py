@@ -13,12 +13,11 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-import gymnasium
 import numpy as np
 from linear_policy import INPUTS, actions
 
-import rig.gym
 from experiments.runs.assemble import load_rig
+from rig.gym import BalancingTables
 
 HERE = Path(__file__).parent
 CANDIDATES, TABLES, ELITE = 64, 4, 16
@@ -26,7 +25,7 @@ SPREAD = np.array([8.0, 4.0, 2.0, 0.1, 0.05, 0.05])  # chosen: full volts at the
 LEAST = 0.02  # of SPREAD: added, so that the search does not freeze early
 
 
-def returns(envs: gymnasium.vector.VectorEnv, weights: np.ndarray, seeds: list[int]) -> np.ndarray:
+def returns(envs: BalancingTables, weights: np.ndarray, seeds: list[int]) -> np.ndarray:
     """Mean reward a tick of candidates with these weights (c, 2, 6); a lost ball earns no more.
 
     envs: c tables a seed, in the order of the candidates.
@@ -43,7 +42,7 @@ def returns(envs: gymnasium.vector.VectorEnv, weights: np.ndarray, seeds: list[i
     return total.reshape(len(weights), -1).mean(axis=1) / ticks
 
 
-def train(envs: gymnasium.vector.VectorEnv, generations: int, seed: int) -> np.ndarray:
+def train(envs: BalancingTables, generations: int, seed: int) -> np.ndarray:
     """Return the mean weights (2, 6) of the last generation."""
     rng = np.random.default_rng(seed)
     mean, spread = np.zeros((2, len(INPUTS))), np.tile(SPREAD, (2, 1))
@@ -67,10 +66,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, required=True)
     given = parser.parse_args()
-    envs = gymnasium.make_vec(
-        rig.gym.ID,
-        num_envs=CANDIDATES * TABLES,
-        rig=replace(load_rig(given.rig), effects={}),
+    envs = BalancingTables(
+        CANDIDATES * TABLES,
+        replace(load_rig(given.rig), effects={}),
         randomise=given.gap,
         seconds=given.seconds,
     )

@@ -81,7 +81,9 @@ def stepping_many(envs: gymnasium.vector.VectorEnv, steps: int) -> Callable[[], 
 def contenders(rig: Rig) -> dict[str, tuple[Callable[[], object], float]]:
     """What is compared: name -> (work, steps of tables in it). Without the checks of `make`."""
     one = gymnasium.make("BalancingTable-v0", rig=rig).unwrapped
-    found = {"`BalancingTable`": (stepping(one), STEPS)}
+    found: dict[str, tuple[Callable[[], object], float]] = {
+        "`BalancingTable`": (stepping(one), STEPS)
+    }
     for n in TABLES:
         envs = gymnasium.make_vec("BalancingTable-v0", num_envs=n, rig=rig)
         found[f"`BalancingTables`, n = {n}"] = (stepping_many(envs, STEPS), n * STEPS)
