@@ -1,5 +1,6 @@
 """Many tables as a `gymnasium.vector.VectorEnv`, all stepped in one compiled call."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
@@ -47,7 +48,7 @@ class BalancingTables(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
     def reset(
         self,
         *,
-        seed: int | list[int | None] | None = None,
+        seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Draw every table anew, or those of options["reset_mask"] (n,) bool; seed: of the first,
@@ -61,7 +62,7 @@ class BalancingTables(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         if len(seeds) != n:
             raise ValueError(f"{len(seeds)} seeds for {n} tables: give one each")
         self._rngs = self._rngs or [seeding.np_random()[0] for _ in range(n)]
-        for i in np.flatnonzero(mask):
+        for i in np.flatnonzero(mask).tolist():
             if seeds[i] is not None:
                 self._rngs[i] = seeding.np_random(seeds[i])[0]
         self._begin(mask, options)
@@ -110,9 +111,9 @@ class BalancingTables(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return {"final_obs": last, "_final_obs": done, "final_info": told, "_final_info": done}
 
     def _begin(self, mask: np.ndarray, options: dict[str, Any]) -> None:
-        for i in np.flatnonzero(mask):
+        for i in np.flatnonzero(mask).tolist():
             start = self._task.start(self._rngs[i], options)
-            self._tables.reset(int(i), start)
+            self._tables.reset(i, start)
             self.true_rigs[i], self._left[i] = start.rig, self._task.steps
 
     def _observations(self) -> np.ndarray:
@@ -123,7 +124,7 @@ class BalancingTables(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         return {"t_s": t_s, "_t_s": mask, "true_ball_m": balls_m, "_true_ball_m": mask}
 
 
-def _seeds(seed: int | list[int | None] | None, n: int) -> list[int | None]:
+def _seeds(seed: int | Sequence[int | None] | None, n: int) -> Sequence[int | None]:
     """A seed for each of n tables."""
     if seed is None:
         return [None] * n
