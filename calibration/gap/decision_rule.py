@@ -42,6 +42,9 @@ MIN_EFFECT_SIZE = {
 # Phase that the motion has to span [rad]: less of a period is a curve, as of a cable that pulls.
 MIN_PHASE_RAD = {"cogging": 5.0, "transmission_ripple": 2.0}  # chosen
 MAX_STRIBECK_SPEED_SHARE = 0.4  # of the fastest motion: beyond, friction hardly falls; chosen
+# Dry friction that settles with the motor's own time constant is a dead zone, in every term of the
+# equations; with less of it, it is friction. Chosen: nearer to it than fits of either come.
+MAX_SETTLING_SHARE = 0.75
 MAX_SATURATION_RATIO = 1.03  # limit over the largest volts: beyond, hardly any were cut; chosen
 
 # --- the threshold that chance sets on this log (bootstrap) ---------------------------------------

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from calibration.gap.decision_rule import (
     EFFECTS_REFITTED,
     MAX_SATURATION_RATIO,
+    MAX_SETTLING_SHARE,
     MAX_STRIBECK_SPEED_SHARE,
     MIN_AXIS_GAIN,
     MIN_LATE_REFIT_GAIN,
@@ -20,7 +21,7 @@ from calibration.gap.decision_rule import (
     penalised_gain,
 )
 from calibration.gap.model.fit import evaluate
-from calibration.gap.model.parameters import PERIODIC, released
+from calibration.gap.model.parameters import PERIODIC, SETTLING_KEY, released
 from calibration.gap.model.state import Key, State, refit, settle
 from calibration.gap.name.candidates import (
     Start,
@@ -64,7 +65,7 @@ class CandidateFit:
     def is_identified(self, axis: str) -> bool:
         """Whether the fitted size on this axis exceeds the decision rule's minimum and the logs
         show its shape: saturation is reached, the motion spans enough of a period, Stribeck
-        friction falls with speed."""
+        friction falls with speed, Coulomb friction stops the motor sooner than it stops alone."""
         nominal, setting = self.state.nominal, self.state.fit.setting
         if self.name == "saturation":
             reached = largest_volts(self.state.evidence, axis)
@@ -76,6 +77,13 @@ class CandidateFit:
         if self.name == "stribeck_friction":
             speed = setting[f"stribeck_friction.speed_rad_s.{axis}"]
             if speed > MAX_STRIBECK_SPEED_SHARE * fastest(self.state.evidence, axis):
+                return False
+        if self.name == "coulomb_friction":
+            settling, motor = (
+                setting.get(name, nominal.parameters[name].nominal)
+                for name in (f"{self.name}.{SETTLING_KEY}.{axis}", f".time_constant_s.{axis}")
+            )
+            if settling > MAX_SETTLING_SHARE * motor:
                 return False
         return nominal.exceeds_minimum(self.name, axis, setting)
 

@@ -1,0 +1,46 @@
+"""Which fitted effects are what their names say."""
+
+import numpy as np
+import pytest
+
+from calibration.gap.model.data import Evidence
+from calibration.gap.model.fit import ParameterFit, evaluate
+from calibration.gap.model.parameters import NominalModel
+from calibration.gap.model.state import State
+from calibration.gap.name.refit import CandidateFit
+from tests.support.gap.tables import RIG, evidence_of, foreign
+
+NOMINAL = NominalModel(RIG, load_friction=False)
+TAU_S = NOMINAL.parameters[".time_constant_s.x"].nominal
+HALF_WIDTH_V = 0.4
+
+
+@pytest.fixture(scope="module")
+def evidence() -> Evidence:
+    hidden = {"dead_zone": {"x": {"half_width_V": HALF_WIDTH_V}}}
+    return evidence_of(foreign("steps", seed=6, effects=hidden, duration_s=10.0))
+
+
+def friction(evidence: Evidence, settling_s: float) -> ParameterFit:
+    setting = {"friction_V": HALF_WIDTH_V, "settling_s": settling_s}
+    named = {f"coulomb_friction.{key}.x": value for key, value in setting.items()}
+    return evaluate(evidence, NOMINAL, named, ("servo_x",))
+
+
+def test_friction_that_settles_as_the_motor_does_is_a_dead_zone(evidence: Evidence):
+    """Its equation is the dead zone's: within the band either leaves exp(-h/tau) of the speed."""
+    dead = evaluate(evidence, NOMINAL, {"dead_zone.half_width_V.x": HALF_WIDTH_V}, ("servo_x",))
+    twin = friction(evidence, TAU_S)
+    np.testing.assert_allclose(twin.z("servo_x"), dead.z("servo_x"), rtol=0, atol=0.01)
+    assert np.abs(friction(evidence, 0.2 * TAU_S).z("servo_x") - dead.z("servo_x")).max() > 1.0
+
+
+@pytest.mark.parametrize(("share", "is_friction"), [(0.0, True), (0.4, True), (1.0, False)])
+def test_it_is_called_friction_only_where_it_stops_the_motor_sooner(
+    evidence: Evidence, share: float, is_friction: bool
+):
+    fit = friction(evidence, share * TAU_S)
+    state = State(evidence, NOMINAL, fit, (("coulomb_friction", "x"),))
+    candidate = CandidateFit("coulomb_friction", ("x",), state, 1e3)
+    assert candidate.is_identified("x") == is_friction
+    assert (candidate.score > 0.0) == is_friction
