@@ -5,7 +5,7 @@ D = measured on real units, as published by their owners; "assumed" = nobody pub
 Angles, speeds, torques and inertias of the drive are those at the servo's load shaft.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import pi
 from typing import Annotated, ClassVar, Literal
 
@@ -328,6 +328,15 @@ class Rig:
     def ball_gain_m_s2(self) -> float:
         """Eq. 15: acceleration of the ball per servo angle, k g 2 R_d/L [m/s2/rad]."""
         return self.ball.rolling_factor * GRAVITY_M_S2 * self.linkage.ratio
+
+    @property
+    def known(self) -> "Rig":
+        """The rig as controllers and estimators may know it.
+
+        Without its effects, its unknown term and its tachometer's scale error.
+        """
+        servo = replace(self.servo, tachometer_scale=0.0)
+        return replace(self, servo=servo, effects={}, unknown=Discrepancy())
 
     @property
     def catalogue(self) -> dict[str, Effect]:

@@ -23,6 +23,7 @@ NEEDY = (
     "tests/experiments/gap/test_recordings.py",
     "tests/experiments/importing/test_extra_formats.py",
     "tests/rig/firmware",
+    "tests/rig/gym",
     "tests/rig/hardware/board/test_board.py",
     "tests/rig/hardware/board/test_board_fuzz.py",
     "tests/test_architecture.py",

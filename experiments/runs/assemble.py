@@ -10,7 +10,6 @@ import numpy as np
 
 from experiments.runs.protocol import Protocol
 from rig.course import Course
-from rig.discrepancy import Discrepancy
 from rig.linkage import THREE_ARMS, Linkage
 from rig.operator import Operator
 from rig.parameters import Rig
@@ -45,12 +44,8 @@ def load_rig(path: Path | None) -> Rig:
 
 
 def known(rig: Rig) -> Rig:
-    """The rig as controllers and estimators may know it.
-
-    Without its effects, its unknown term and its tachometer's scale error.
-    """
-    servo = replace(rig.servo, tachometer_scale=0.0)
-    return replace(rig, servo=servo, effects={}, unknown=Discrepancy())
+    """The rig as controllers and estimators may know it (`Rig.known`)."""
+    return rig.known
 
 
 def another_unit(rig: Rig, seed: int) -> Rig:

@@ -27,11 +27,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from rig import foreign_call
-from rig.estimation.backlash_observer import gear_backlash, joint_backlash
-from rig.estimation.observers import ball_now
+from rig.control.seen import PAIRS, SEEN_SIZE, fill_seen
 from rig.foreign_call import ForeignCall, OvertimeError
 from rig.parameters import Rig
-from rig.table import R_MOTOR, R_THETA, R_TIME
 
 METHODS = ("start", "control", "end")
 # `sys.exit` of a lab's code ends the run, not the program.
@@ -120,31 +118,17 @@ class WatchedController:
             self._called("")
 
 
-def _pair(values) -> tuple[float, float]:
-    return float(values[0]), float(values[1])
-
-
 def now(state, q, reading: np.ndarray, target: np.ndarray, applied: np.ndarray) -> Now:
     """Return what a user controller sees of the controller state.
 
     state, q: of `control.tick`; reading (READING_SIZE,), columns R_*; target (2,) [m]; applied
     (2,): volts applied since the last tick.
     """
-    estimate, backlash = state["estimate"], state["backlash"]
-    t = float(reading[R_TIME])
-    return Now(
-        t_s=t,
-        ball_m=_pair([ball_now(estimate, t, a) for a in range(2)]),
-        velocity_m_s=_pair(estimate["velocity"]),
-        target_m=_pair(target),
-        theta_rad=_pair(reading[R_THETA:]),
-        rate_rad_s=_pair(estimate["rate"]),
-        motor_rad_s=_pair(reading[R_MOTOR:]),
-        torque_nm=_pair(estimate["torque"]),
-        gear_play_rad=_pair([gear_backlash(backlash, q["backlash"], a)[0] for a in range(2)]),
-        joint_play_rad=_pair([joint_backlash(backlash, q["backlash"], a)[0] for a in range(2)]),
-        volts_V=_pair(applied),
-    )
+    row = np.empty(SEEN_SIZE)
+    fill_seen(row, state, q, reading, target, applied)
+    t_s, *numbers = row.tolist()
+    pairs = zip(numbers[::2], numbers[1::2], strict=True)
+    return Now(t_s, **dict(zip(PAIRS, pairs, strict=True)))
 
 
 def _failed(controller: Any, method: str, error: BaseException) -> ControllerError:

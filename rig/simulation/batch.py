@@ -68,9 +68,9 @@ def _run_block(
     A lane whose ending is not -1 at the start is empty. lengths (LANES, 2): of its course, of its
     rows; history (LANES, n, 2), targets and pushes (LANES, n, 2), camera_draws (LANES, k, 3).
     """
-    exposures_s, s = np.full(LANES, np.inf), np.zeros((STATE_ROWS, 2))
+    exposures_s, s, t = np.full(LANES, np.inf), np.zeros((STATE_ROWS, 2)), np.zeros(LANES)
     for k in range(rows.shape[1]):
-        running, t = 0, k * tick_s
+        running, t[:] = 0, k * tick_s
         for lane in range(LANES):
             exposures_s[lane] = np.inf
             if endings[lane] >= 0:
@@ -79,9 +79,7 @@ def _run_block(
                 endings[lane] = NOT_RELEASED
                 continue
             buffer = buffers[lane]
-            for a in range(2):
-                s[MOTOR_RATE, a] = b[(X + 8 * a + MOTOR_RATE) * LANES + lane]
-                s[ARM, a] = b[(X + 8 * a + ARM) * LANES + lane]
+            show_drives(s, b, lane)
             load_inputs(buffer, targets, pushes, tachometer, lane, k)
             ticks = lengths[lane, 0]
             endings[lane] = measure_and_control(
@@ -89,7 +87,7 @@ def _run_block(
             )
             store_row(buffer, rows, lane, k)
             filled[lane] = k + 1
-            _act(b, history, lane, buffer, t < hold_s[lane])
+            act(b, history, lane, buffer, t[lane] < hold_s[lane])
             if endings[lane] < 0:
                 running += 1
                 exposures_s[lane] = next_exposure(cameras[lane])
@@ -102,8 +100,20 @@ def _run_block(
 
 
 @inlined
-def _act(b, history, lane, buffer, held):
-    """What the tick's command and the operator do to the plant."""
+def show_drives(s, b, lane):
+    """Copy what a lane's encoders and tachometers see out of the block b into s (STATE_ROWS, 2)."""
+    for a in range(2):
+        s[MOTOR_RATE, a] = b[(X + 8 * a + MOTOR_RATE) * LANES + lane]
+        s[ARM, a] = b[(X + 8 * a + ARM) * LANES + lane]
+
+
+@inlined
+def act(b, history, lane, buffer, held):
+    """Hand what the tick's command and the operator do to the plant in a lane of the block b.
+
+    history (LANES, n, 2): volts applied, newest first; buffer: record TICK_BUFFERS with the volts
+    applied and the push; held: the ball is held in its place.
+    """
     b[PUSH_X * LANES + lane], b[PUSH_Y * LANES + lane] = buffer.push[0], buffer.push[1]
     b[HELD * LANES + lane] = 1.0 if held else 0.0
     for a in range(2):

@@ -25,7 +25,7 @@ from rig.simulation.statistical_camera import deliver, look, next_exposure
 from rig.table import R_THETA, R_TIME, R_VARIANCE, READING_SIZE
 
 ENDINGS = ("completed", "ball lost", "limit", "not released")
-NOT_RELEASED = 3
+BALL_LOST, LIMIT, NOT_RELEASED = 1, 2, 3
 
 
 TICK_BUFFERS = np.dtype(
@@ -71,32 +71,26 @@ def _most_ticks(rig: Rig, course: Course) -> int:
     return len(course.targets_m) + ceil(waiting * rig.control_rate_hz)
 
 
-@compiled
-def measure_and_control(k, s, p, q, state, camera, ticks, tick_s, buffer):
-    """Run tick k up to the volts applied: sensors, controller, limits, row.
+@inlined
+def measure(k, s, p, q, state, camera, tick_s, buffer):
+    """Put tick k's reading, and what the built-in controller commands, into the buffer.
 
-    s (STATE_ROWS, 2), p: the plant's state and record; q, state: settings and state of the
-    controller; camera: record of `statistical_camera`; ticks: length of the course; tick_s: period
-    [s]; buffer: record TICK_BUFFERS, whose inputs are loaded (`load_inputs`) and whose outputs are
-    filled in. Returns how the run has ended, an index of ENDINGS, or -1 while it goes on.
+    The arguments are those of `measure_and_control`.
     """
-    reading, applied, commanded, push = (
-        buffer.reading,
-        buffer.applied,
-        buffer.commanded,
-        buffer.push,
-    )
+    reading = buffer.reading
     reading[R_TIME] = k * tick_s
     read_drives(s, p, buffer.noise, reading)
     deliver(camera, reading)
-    control_tick(state, q, reading, buffer.target, applied, commanded)
-    if state.phase == HOLD:
-        push[0] = push[1] = 0.0
-    runaway = False
+    control_tick(state, q, reading, buffer.target, buffer.applied, buffer.commanded)
+
+
+@inlined
+def bound(q, state, buffer):
+    """Write what may be applied of the commanded volts or angles into the buffer's `applied`."""
+    reading, applied, commanded = buffer.reading, buffer.applied, buffer.commanded
     for a in range(2):
         if q.takes_angle:
             applied[a] = limit_angle(commanded[a], applied[a], q.angle_limit)
-            runaway = runaway or abs(reading[R_THETA + a]) > q.angle_limit + ANGLE_MARGIN_RAD
             continue
         applied[a] = limit(
             commanded[a],
@@ -108,17 +102,48 @@ def measure_and_control(k, s, p, q, state, camera, ticks, tick_s, buffer):
             q.slew,
             Braking(q.delay, q.time_constant, q.top_speed),
         )
-        runaway = runaway or abs(reading[R_THETA + a]) > q.angle_limit + ANGLE_MARGIN_RAD
+
+
+@inlined
+def broken_off(q, state, tick_s, buffer):
+    """How the tick's reading ends the run before its time, an index of ENDINGS, or -1."""
+    for a in range(2):
+        if abs(buffer.reading[R_THETA + a]) > q.angle_limit + ANGLE_MARGIN_RAD:
+            return LIMIT
+    buffer.blind = buffer.blind + 1 if state.phase == BLIND else 0
+    return BALL_LOST if buffer.blind * tick_s > BLIND_LIMIT_S else -1
+
+
+@compiled
+def measure_and_control(k, s, p, q, state, camera, ticks, tick_s, buffer):
+    """Run tick k up to the volts applied: sensors, controller, limits, row.
+
+    s (STATE_ROWS, 2), p: the plant's state and record; q, state: settings and state of the
+    controller; camera: record of `statistical_camera`; ticks: length of the course; tick_s: period
+    [s]; buffer: record TICK_BUFFERS, whose inputs are loaded (`load_inputs`) and whose outputs are
+    filled in. Returns how the run has ended, an index of ENDINGS, or -1 while it goes on.
+    """
+    reading, push = buffer.reading, buffer.push
+    measure(k, s, p, q, state, camera, tick_s, buffer)
+    if state.phase == HOLD:
+        push[0] = push[1] = 0.0
+    bound(q, state, buffer)
     buffer.covariance[0] = buffer.covariance[2] = reading[R_VARIANCE]
     pushed = 1.0 if push[0] != 0.0 or push[1] != 0.0 else 0.0
     fill_row(
-        buffer.row, state, q, reading, buffer.covariance, buffer.target, pushed, commanded, applied
+        buffer.row,
+        state,
+        q,
+        reading,
+        buffer.covariance,
+        buffer.target,
+        pushed,
+        buffer.commanded,
+        buffer.applied,
     )
-    if runaway:
-        return 2
-    buffer.blind = buffer.blind + 1 if state.phase == BLIND else 0
-    if buffer.blind * tick_s > BLIND_LIMIT_S:
-        return 1
+    ending = broken_off(q, state, tick_s, buffer)
+    if ending >= 0:
+        return ending
     if state.phase != HOLD:
         buffer.since_release += 1
     if buffer.since_release == ticks:

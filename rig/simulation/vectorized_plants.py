@@ -15,7 +15,8 @@ import numpy as np
 
 from rig.compiled import compiled, inlined
 from rig.plant.constants import COSTLY, LANES, ROWS, cheap_constants_of, constants_of, rows_of
-from rig.plant.plant import SEEN_T, late_row, sight
+from rig.plant.plant import BALL as PLANT_BALL
+from rig.plant.plant import BALL_W, SEEN_T, SPIN, late_row, sight
 from rig.plant.shaft import EXACT
 from rig.plant.step import (
     ball_step,
@@ -30,8 +31,11 @@ from rig.plant.step import (
 
 # Rows of a block after the constants: both axes' state, the ball's, inputs.
 X, Y, BALL = ROWS, ROWS + 8, ROWS + 16
-COMMAND_X, COMMAND_Y, PUSH_X, PUSH_Y, HELD, FALLEN, BEFORE_X, BEFORE_Y = range(BALL + 5, BALL + 13)
-BLOCK_ROWS = BALL + 13
+COMMAND_X, COMMAND_Y, PUSH_X, PUSH_Y, HELD, FALLEN, BEFORE_X, BEFORE_Y, NOW = range(
+    BALL + 5, BALL + 14
+)
+BLOCK_ROWS = BALL + 14
+EARLY_S = 1e-9  # far more than times are rounded by, far less than a step
 
 
 @inlined
@@ -63,7 +67,8 @@ def _put(b, row, lane, values):
 
 
 @inlined
-def _lane_step(b, c, lane, now):
+def _lane_step(b, c, lane):
+    now = b[NOW * LANES + lane]
     axis_x, axis_y, ball = _axis(b, X, lane), _axis(b, Y, lane), _ball(b, lane)
     held, fallen = b[HELD * LANES + lane] != 0.0, b[FALLEN * LANES + lane] != 0.0
     load_x = 0.0 if held or fallen else c.weight[0]
@@ -84,15 +89,15 @@ def _lane_step(b, c, lane, now):
 
 
 @compiled
-def _cheap_step(b, now, step_s):
+def _cheap_step(b, step_s):
     for lane in range(LANES):
-        _lane_step(b, cheap_constants_of(b, lane, step_s, EXACT, 0), lane, now)
+        _lane_step(b, cheap_constants_of(b, lane, step_s, EXACT, 0), lane)
 
 
 @compiled
-def _full_step(b, now, step_s, shaft_model, walls):
+def _full_step(b, step_s, shaft_model, walls):
     for lane in range(LANES):
-        _lane_step(b, constants_of(b, lane, step_s, shaft_model, walls), lane, now)
+        _lane_step(b, constants_of(b, lane, step_s, shaft_model, walls), lane)
 
 
 @compiled
@@ -107,15 +112,17 @@ def _command(b, plants, history, into_tick_s, ticks_s):
 
 
 @compiled
-def _see(b, plants, now, exposures_s, buffers):
-    """Fill `seen` of the buffers whose exposure has come; returns the time of the next one."""
+def _see(b, plants, t, exposures_s, buffers):
+    """Fill `seen` of the buffers whose exposure has come; returns how long after the tick's begin
+    the next one is."""
     due = inf
     for lane in range(LANES):
         p, exposure_s, seen = plants[lane], exposures_s[lane], buffers[lane].seen
+        now = b[NOW * LANES + lane]
         if not np.isnan(seen[SEEN_T]):
             continue
         if exposure_s > now + p.step_s:
-            due = min(due, exposure_s)
+            due = min(due, exposure_s - t[lane] - EARLY_S)
             continue
         axis_x, axis_y, ball = _axis(b, X, lane), _axis(b, Y, lane), _ball(b, lane)
         motion = tilt(p, axis_x[4], axis_x[5], axis_y[4], axis_y[5])
@@ -131,31 +138,34 @@ def advance_block(b, plants, history, costly, delayed, t, ticks_s, exposures_s, 
     """Move LANES plants over one control tick: `plant.advance` for a block b (BLOCK_ROWS * LANES,).
 
     plants (LANES,) of dtype PLANT; history (LANES, n, 2): volts applied, newest first; costly: some
-    lane is (`is_costly`); delayed: some lane delays its volts (`is_delayed`); t, ticks_s: begin and
-    length of the tick [s]; exposures_s (LANES,): the next exposures, inf for none; buffers
-    (LANES,): with a field `seen` (7,), filled in as by `plant.advance`. Pushes, held and fallen
-    balls stand in the block's rows; a ball that falls is marked there.
+    lane is (`is_costly`); delayed: some lane delays its volts (`is_delayed`); t (LANES,), ticks_s:
+    begin of the tick by each lane's clock and its length [s]; exposures_s (LANES,): the
+    next exposures, inf for none; buffers (LANES,): with a field `seen` (7,), filled in as by
+    `plant.advance`. Pushes, held and fallen balls stand in the block's rows; a ball that falls is
+    marked there.
     """
     p, due = plants[0], inf
     h = p.step_s
     for lane in range(LANES):
         buffers[lane].seen[SEEN_T] = nan
-        due = min(due, exposures_s[lane])
+        due = min(due, exposures_s[lane] - t[lane] - EARLY_S)
         if off_plate(plants[lane], _ball(b, lane)):
             b[FALLEN * LANES + lane] = 1.0
     for i in range(int(round(ticks_s / h))):
-        now = t + i * h
+        for lane in range(LANES):
+            b[NOW * LANES + lane] = t[lane] + i * h
         if i == 0 or delayed:
             _command(b, plants, history, (i + 0.5) * h, ticks_s)
-        if due <= now + h:
-            for i in range(2 * LANES):
-                b[BEFORE_X * LANES + i] = b[BALL * LANES + i]
+        seeing = due <= (i + 1) * h
+        if seeing:
+            for k in range(2 * LANES):
+                b[BEFORE_X * LANES + k] = b[BALL * LANES + k]
         if costly:
-            _full_step(b, now, h, p.shaft_model, p.walls)
+            _full_step(b, h, p.shaft_model, p.walls)
         else:
-            _cheap_step(b, now, h)
-        if due <= now + h:
-            due = _see(b, plants, now, exposures_s, buffers)
+            _cheap_step(b, h)
+        if seeing:
+            due = _see(b, plants, t, exposures_s, buffers)
 
 
 def block_of(plants: np.ndarray, balls_m: Sequence[Sequence[float]]) -> np.ndarray:
@@ -166,6 +176,18 @@ def block_of(plants: np.ndarray, balls_m: Sequence[Sequence[float]]) -> np.ndarr
     b = np.zeros((BLOCK_ROWS, LANES))
     b[:ROWS], b[BALL : BALL + 2] = rows_of(plants), np.transpose(balls_m)
     return b.ravel()
+
+
+def put_lane(b: np.ndarray, lane: int, p: np.record, s: np.ndarray) -> None:
+    """Put a plant with the record p (dtype PLANT) in the state s (STATE_ROWS, 2) into a lane of the
+    block b (BLOCK_ROWS * LANES,), on the plate.
+    """
+    column = b.reshape(BLOCK_ROWS, LANES)[:, lane]
+    column[ROWS:] = 0.0
+    column[:ROWS] = rows_of(np.array([p]))[:, 0]
+    for a, first in enumerate((X, Y)):
+        column[first : first + 8] = s[:8, a]
+    column[BALL : BALL + 5] = *s[PLANT_BALL], *s[BALL_W], s[SPIN, 0]
 
 
 def is_costly(p: np.record) -> bool:

@@ -80,6 +80,7 @@ PARTS = {
     "distributed": Part("trials on a Dask cluster", module="distributed"),
     "nptdms": Part("rig import of LabVIEW's TDMS files", module="nptdms"),
     "foxglove": Part("the live stream for Foxglove", module="foxglove"),
+    "gymnasium": Part("the Gymnasium environment", module="gymnasium"),
     "mcap_ros2": Part("rig import of ROS 2 bags", module="mcap_ros2"),
     "footage": Part(
         "the tracker on real footage",

@@ -66,11 +66,13 @@ def one_run(s, p, history, volts, seen):
 @compiled
 def one_block(b, plants, history, volts, never, buffers):
     """LANES plants under the same volts."""
+    now = np.zeros(LANES)
     for k in range(volts.shape[0]):
+        now[:] = k * TICK_S
         for lane in range(LANES):
             history[lane, 0, 0], history[lane, 0, 1] = volts[k, 0], volts[k, 1]
         vectorized_plants.advance_block(
-            b, plants, history, False, False, k * TICK_S, TICK_S, never, buffers
+            b, plants, history, False, False, now, TICK_S, never, buffers
         )
 
 
@@ -193,7 +195,7 @@ def vector_limit(fast: C, batch_speed: np.ndarray) -> dict:
     again = numba.njit(error_model="numpy")(
         vectorized_plants._cheap_step.py_func
     )  # the cache has no listing
-    again(vectorized_plants.block_of(Batch().blocks[0], [START] * LANES), 0.0, 1e-4)
+    again(vectorized_plants.block_of(Batch().blocks[0], [START] * LANES), 1e-4)
     ((_, text),) = again.inspect_asm().items()
     arithmetic = r"\tv(?:add|sub|mul|div|sqrt|max|min|fn?m(?:add|sub)\d+)pd\t.*%zmm"
     instructions = len(re.findall(arithmetic, text))

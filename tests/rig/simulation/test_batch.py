@@ -161,7 +161,8 @@ def test_open_loop_block_moves_as_the_plant_alone():
         history[:, 1:] = history[:, :-1].copy()
         history[:, 0] = pair
         never = np.full(LANES, np.inf)
-        advance_block(b, plants, history, False, True, k * TICK_S, TICK_S, never, buffers)
+        now = np.full(LANES, k * TICK_S)
+        advance_block(b, plants, history, False, True, now, TICK_S, never, buffers)
     found = b.reshape(-1, LANES)
     for i, rig in enumerate(rigs):
         want = moved(rig, volts, state=ball_state((0.01 * i, 0.0)))[-1]
