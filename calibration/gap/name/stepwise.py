@@ -122,12 +122,23 @@ def name_effects(state: State, barred: Collection[str] = ()) -> Naming:
         explained |= {output: explained.get(output, 0.0) + best.score for output in outputs}
         state = settle(best.state, outputs)
         path.append((best.name, state))
-    accepted: list[Accepted] = []
+    state, accepted = _eliminated(state, skip)
+    return Naming(before, state, accepted, tuple(last), tuple(path), screened)
+
+
+def _eliminated(state: State, skip: Sequence[Key]) -> tuple[State, tuple[Accepted, ...]]:
+    """Backward elimination of each name in turn. One that takes another's place on an axis and
+    stands on a second one already is judged once, on both."""
+    accepted: dict[str, Accepted] = {}
     for name in dict.fromkeys(effect for effect, _ in state.named):
         state, found = backward_step(state, name, skip)
+        if found and {axis for effect, axis in state.named if effect == found.name} != set(
+            found.axes
+        ):
+            state, found = backward_step(state, found.name, skip)
         if found:
-            accepted.append(found)
-    return Naming(before, state, tuple(accepted), tuple(last), tuple(path), screened)
+            accepted[found.name] = found
+    return state, tuple(accepted.values())
 
 
 def entry_threshold(state: State, candidate: CandidateFit, explained: Mapping[str, float]) -> float:
