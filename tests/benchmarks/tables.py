@@ -51,7 +51,7 @@ MEASUREMENTS = {
     "jitter": Measurement("hardware/loop_jitter.py --seconds 10", 3),
     "camera-run": Measurement("hardware/camera_run.py 3", 3),
     "worlds": Measurement(
-        "gap/worlds.py --out out/benchmarks/worlds --seeds 1 --first-seed 1800 --jobs 2", 10
+        "gap/worlds.py --out out/benchmarks/worlds --seeds 1 --first-seed 1900 --jobs 2", 10
     ),
     "page-load": Measurement("dashboard/dashboard_load.py --pairs 8 --seconds 12 --minutes 30", 40),
     "stopping": Measurement("hardware/stopping.py --tries 6", 8),
