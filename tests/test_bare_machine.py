@@ -10,6 +10,7 @@ from tests.support.parts import PARTS, UV_LINE
 
 # The tests that need parts; the slow one below takes all.
 NEEDY = (
+    "tests/benchmarks/test_entries.py",
     "tests/engines/test_against_mujoco.py",
     "tests/engines/test_mujoco_closed_loop.py",
     "tests/engines/test_mujoco_logs.py",
