@@ -94,6 +94,12 @@ FAILED_MODEL_NOISE_V = 0.01
 DETECTABLE_GAIN = 12.0  # gain at which an effect would have shown: 1/2 (sqrt(2 8) + 0.9)^2, 82 %
 
 
+def is_certain(falls: np.ndarray) -> bool:
+    """Whether the falls of the cost by blocks (B,) sum to more than SURE_Z of their standard errors
+    (Vuong, Econometrica 57, 1989)."""
+    return bool(falls.sum() > SURE_Z * np.sqrt(len(falls)) * falls.std())
+
+
 def penalised_gain(gain, parameters: int):
     """Score S = G - (PENALTY_PER_PARAMETER + MISFIT_SHARE max(G, 0)) k of gains G in log-likelihood
     (scalar or array) for which k = `parameters` were released; of the shape of `gain`."""

@@ -39,7 +39,7 @@ import numpy as np
 from scipy.signal import lfilter
 from scipy.stats import f as f_distribution
 
-from calibration.gap.decision_rule import FAMILY_P, MAX_INCONSTANCY, SURE_Z
+from calibration.gap.decision_rule import FAMILY_P, MAX_INCONSTANCY, is_certain
 from calibration.gap.model.fit import ParameterFit, differences, evaluate, huber, weights
 from calibration.gap.model.flexible import ball_regressors, servo_regressors, with_hats
 from calibration.gap.model.intervals import SANDWICH_BLOCK_S, inverse_prior
@@ -160,7 +160,7 @@ def untimely(state: State, one: Accepted, output: str) -> str:
     in_time = costs(response)
     for lead_s in LEADS_S:
         falls = in_time - costs(_advanced(state, output, response, lead_s))
-        if falls.sum() > SURE_Z * np.sqrt(len(falls)) * falls.std():
+        if is_certain(falls):
             return f"what it explains begins {1e3 * lead_s:.0f} ms before its cause"
     return ""
 

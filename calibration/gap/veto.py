@@ -49,6 +49,7 @@ from calibration.gap.decision_rule import (
     RANGE_END_STEPS,
     RIVAL_MARGIN,
     SURE_Z,
+    is_certain,
 )
 from calibration.gap.held_out import Prediction, gained, held_out
 from calibration.gap.model.fit import evaluate
@@ -303,8 +304,7 @@ def _proven(without: Prediction, with_it: Prediction) -> bool:
     d, se = gained(without, with_it)
     if d >= SURE_Z * se:
         return True
-    falls = without.costs - with_it.costs
-    return d > 0.0 and float(falls.mean()) > SURE_Z * float(falls.std()) / np.sqrt(len(falls))
+    return d > 0.0 and is_certain(without.costs - with_it.costs)
 
 
 def _rival_stands(names: list[Accepted], output: str, before: dict[str, Prediction]) -> bool:
