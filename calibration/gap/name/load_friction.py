@@ -56,7 +56,7 @@ def better_friction_model(state: State) -> NominalModel | None:
     setting |= {name: max(setting[name] - more, 0.0) for name in friction}
     released = dict.fromkeys((*state.named, *((FRICTION, axis) for axis in sorted(axes))))
     moved = State(evidence, other, evaluate(evidence, other, setting, outputs), tuple(released))
-    moved = refit(moved, moved.bounds(outputs), iterations=8)
+    moved = refit(moved, moved.bounds(outputs))
     paid = PENALTY_PER_PARAMETER * (len(released) - len(state.named))
     costs = sum(state.fit.costs[output] for output in outputs)
     return other if moved.fit.cost + paid < costs else None
@@ -81,4 +81,4 @@ def _cost_with_coulomb(evidence: Evidence, nominal: NominalModel) -> float:
     """The cost of the nominal model whose motors have the Coulomb friction that fits best."""
     state = baseline(evidence, nominal, iterations=3)
     state = replace(state, named=tuple((FRICTION, output[-1]) for output in evidence.outputs))
-    return refit(state, state.bounds(evidence.outputs), iterations=4).fit.cost
+    return refit(state, state.bounds(evidence.outputs)).fit.cost
