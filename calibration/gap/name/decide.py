@@ -1,9 +1,7 @@
 """The decision before the proof, which `calibration.gap.veto` upholds or changes: names, an unknown
 effect, names beside one, nothing missing, or two names that no log separates.
 
-1. Names from stepwise selection (`stepwise`). Where the servos cost less with the same names and
-   the other model of the load's friction (`load_friction`), names from that one, too; those are
-   kept that cost less in the end, at the same noise.
+1. Names from stepwise selection (`stepwise`).
 2. Names whose score chance alone reaches on such a log are dropped (`bootstrap`).
 3. The residuals of the final model are fitted by unnamed terms (`calibration.gap.unnamed.basis`).
 4. Where an unnamed term is significant, a name stays only if it still scores beside that term:
@@ -13,28 +11,16 @@ effect, names beside one, nothing missing, or two names that no log separates.
 from collections.abc import Collection
 from dataclasses import dataclass
 
-import numpy as np
-
 from calibration.gap.decision_rule import (
     MIN_COMPLETENESS,
     NAME_THRESHOLD,
-    PENALTY_PER_PARAMETER,
     RIVAL_MARGIN,
     UNNAMED_SHARE,
     UNNAMED_THRESHOLD,
 )
-from calibration.gap.model.noise import least_noise
-from calibration.gap.model.parameters import released
-from calibration.gap.model.state import State, with_levels
+from calibration.gap.model.state import State
 from calibration.gap.name.bootstrap import ChanceScores, chance_scores
-from calibration.gap.name.load_friction import better_friction_model
-from calibration.gap.name.stepwise import (
-    Accepted,
-    Naming,
-    drop_effects,
-    name_effects,
-    settled_baseline,
-)
+from calibration.gap.name.stepwise import Accepted, Naming, drop_effects, name_effects
 from calibration.gap.unnamed.basis import UnnamedTerm, unnamed_terms
 
 
@@ -55,7 +41,7 @@ class Decision:
 def decide(before: State, barred: Collection[str] = ()) -> Decision:
     """The decision on a settled baseline, by the module's four steps; `barred`: effects that are
     not tried."""
-    naming = _named(before, barred)
+    naming = name_effects(before, barred)
     chance, accepted, state = _beyond_chance(naming)
     left = significant(unnamed_terms(state))
     if left is None:
@@ -67,25 +53,6 @@ def decide(before: State, barred: Collection[str] = ()) -> Decision:
         alone = significant(unnamed_terms(before)) or left
         return Decision("unknown-effect", naming, (), alone, alone.state, chance)
     return Decision(_verdict(accepted, ""), naming, accepted, left, left.state, chance)
-
-
-def _named(before: State, barred: Collection[str]) -> Naming:
-    """The naming from the baseline, or from that of the other model of the load's friction."""
-    naming = name_effects(before, barred)
-    other = better_friction_model(naming.after)
-    if other is None:
-        return naming
-    again = name_effects(settled_baseline(before.evidence, other), barred)
-    levels = least_noise(naming.after.evidence.levels, again.after.evidence.levels)
-    return min((naming, again), key=lambda one: _price(one, levels))
-
-
-def _price(naming: Naming, levels: np.record) -> float:
-    """The cost of the names at these noise levels, and what their parameters are paid for."""
-    state = with_levels(naming.after, levels, naming.after.evidence.outputs)
-    nominal, setting = state.nominal, state.fit.setting
-    free = [released(nominal.catalogue[n], a, nominal, setting) for n, a in state.named]
-    return state.fit.cost + PENALTY_PER_PARAMETER * sum(map(len, free))
 
 
 def _verdict(accepted: tuple[Accepted, ...], none: str) -> str:

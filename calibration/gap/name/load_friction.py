@@ -3,8 +3,8 @@
 Two nominal models compete: one loaded by the assumed friction, and one without it. They differ in
 what the arm does in the gap of the gears, so that which of them is right shows beside the effects
 that act: naming begins with the one that costs less where the motors have the Coulomb friction that
-fits best, and what was named is then fitted to the other. Where that costs less, the naming is
-repeated with it (`calibration.gap.name.decide`).
+fits best, and what was selected is then fitted to the other. Where that costs less, effects are
+selected anew beside it (`calibration.gap.name.stepwise`).
 """
 
 from collections.abc import Mapping
