@@ -247,10 +247,15 @@ def _one_by_one(
         parameter = nominal.parameters[name]
         if parameter.key not in KINKED:
             continue
+        known = {at.setting.get(name, parameter.nominal)}  # bounds make them repeat
         for length in STEP_LENGTHS:
             value = at.setting.get(name, parameter.nominal)
-            for moved in (value - length * parameter.step, value + length * parameter.step):
-                setting = at.setting | {name: min(max(moved, low), high)}
+            for end in (value - length * parameter.step, value + length * parameter.step):
+                moved = min(max(end, low), high)
+                if moved in known:
+                    continue
+                known.add(moved)
+                setting = at.setting | {name: moved}
                 here = [output for output in parameter.outputs if output in at.rolls]
                 tried = evaluate(evidence, nominal, setting, here)
                 rolls, costs = at.rolls | tried.rolls, at.costs | tried.costs
