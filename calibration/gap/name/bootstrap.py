@@ -70,10 +70,10 @@ def chance_scores(
 
 
 def _equations(state: State, output: str, tried: Candidates) -> tuple[np.ndarray, np.ndarray]:
-    """J'WJ (m, m) of the nuisance parameters and all candidates, and J'Wz by block (blocks, m)."""
+    """J'WJ (m, m) of the free parameters and all candidates, and J'Wz by block (blocks, m)."""
     z = state.fit.rolls[output].z
     w = weights(z, state.evidence.masks[output])
-    j = np.column_stack([tried.nuisance, *(one.columns for one in tried.effects)])
+    j = tried.columns
     t, run = state.evidence.times(output)
     seconds = sum(float(np.ptp(t[run == r])) for r in np.unique(run))
     block_s = min(SANDWICH_BLOCK_S, seconds / MIN_BLOCKS)
@@ -88,11 +88,8 @@ def _best(tried: Candidates, nominal: NominalModel, a: np.ndarray, b: np.ndarray
     best = np.zeros(len(b))
     widths = np.array([high - low for low, high in tried.bounds.values()])
     prior = 12.0 / np.maximum(widths, 1e-12) ** 2  # inverse variance of a uniform of this width
-    first = len(tried.parameters)
     for one in tried.effects:
-        own = np.arange(first, first + one.columns.shape[1])
-        first += len(own)
-        rest = one.others(tried.parameters)
+        own, rest = one.places, one.others(tried.parameters)
         inner = a[np.ix_(rest, rest)] + np.diag(prior[rest] + 1e-9 * np.diag(a)[rest] + 1e-12)
         share = np.linalg.solve(inner, a[np.ix_(rest, own)])
         left = a[np.ix_(own, own)] - a[np.ix_(own, rest)] @ share

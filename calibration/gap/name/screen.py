@@ -98,14 +98,14 @@ def screen(
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """An effect on one axis as it is tried: its k starts (`group`), the change of z that each makes
-    (`columns` (n, k)), and by how much more than its size the linear screen may extrapolate
-    (`reach`)."""
+    """An effect on one axis as it is tried: its k starts (`group`), the places (k,) of the changes
+    that they make among the columns of `Candidates`, and by how much more than its size the linear
+    screen may extrapolate (`reach`)."""
 
     name: str
     axis: str
     group: list[Start]
-    columns: np.ndarray
+    places: np.ndarray
     reach: float
 
     def others(self, parameters: list[Parameter]) -> np.ndarray:
@@ -121,12 +121,13 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """The candidates of one output: the m parameters that are free in any case, their bounds and
-    their secants (`nuisance` (n, m)), and every effect that is tried beside them."""
+    """The candidates of one output: the m parameters that are free in any case and their bounds,
+    every effect that is tried beside them, and `columns`: the secants (n, m) of the parameters,
+    followed by the change of z (n,) by each start of each effect."""
 
     parameters: list[Parameter]
     bounds: Mapping[str, tuple[float, float]]
-    nuisance: np.ndarray
+    columns: np.ndarray
     effects: list[Candidate]
 
 
@@ -147,33 +148,24 @@ def candidates(state: State, output: str, skip: set[Key]) -> Candidates:
                 groups = starts(effect, axis, state.nominal, state.evidence)
                 reach = LADDER_REACH if len(groups) > 1 else LINEAR_REACH
                 tried += [(effect.name, axis, group, reach) for group in groups]
-    rolls = iter(
-        state.evidence.rolls(
-            [
-                (state.nominal.model(base.setting | s), output)
-                for _, _, group, _ in tried
-                for s in group
-            ]
-        )
-    )
+    models = [state.nominal.model(base.setting | s) for _, _, group, _ in tried for s in group]
+    rolls = state.evidence.rolls([(model, output) for model in models])
+    changes = [roll.z - base.rolls[output].z for roll in rolls]
+    places = iter(range(len(parameters), len(parameters) + len(rolls)))
     found = [
-        Candidate(
-            name,
-            axis,
-            group,
-            np.column_stack([next(rolls).z - base.rolls[output].z for _ in group]),
-            reach,
-        )
+        Candidate(name, axis, group, np.array([next(places) for _ in group]), reach)
         for name, axis, group, reach in tried
     ]
-    return Candidates(parameters, bounds, nuisance, found)
+    return Candidates(parameters, bounds, np.column_stack([nuisance, *changes]), found)
 
 
 def _screen_output(state: State, output: str, skip: set[Key]) -> list[Screened]:
     tried = candidates(state, output, skip)
+    only = ParameterFit(state.fit.setting, {output: state.fit.rolls[output]}, {})
+    equations = normal_equations(state.evidence, only, {output: tried.columns})
     best: dict[Key, Screened] = {}
     for effect in tried.effects:
-        one, key = _gain(state, output, tried, effect), (effect.name, effect.axis)
+        one, key = _gain(state, tried, effect, *equations), (effect.name, effect.axis)
         if key not in best or one.worth > best[key].worth:
             best[key] = one
     most = max((one.gain for one in best.values()), default=0.0)
@@ -261,13 +253,15 @@ def _fitted_from_reset(
     return Screened(name, output[-1], gain, moved, 0.0, moved)
 
 
-def _gain(state: State, output: str, tried: Candidates, one: Candidate) -> Screened:
-    """The screen of one candidate: other parameters within bounds, sizes of its group free."""
+def _gain(
+    state: State, tried: Candidates, one: Candidate, a: np.ndarray, b: np.ndarray
+) -> Screened:
+    """The screen of one candidate: other parameters within bounds, sizes of its group free; a, b:
+    the normal equations of all columns of `tried`."""
     base, parameters, bounds, group = state.fit, tried.parameters, tried.bounds, one.group
     keep = one.others(parameters)
-    both = {output: np.column_stack([tried.nuisance[:, keep], one.columns])}
-    only = ParameterFit(base.setting, {output: base.rolls[output]}, {})
-    a, b = normal_equations(state.evidence, only, both)
+    used = np.append(keep, one.places)
+    a, b = a[np.ix_(used, used)], b[used]
     value = np.array([base.setting.get(parameters[i].name, parameters[i].nominal) for i in keep])
     low = np.array([bounds[parameters[i].name][0] for i in keep]) - value
     high = np.array([bounds[parameters[i].name][1] for i in keep]) - value

@@ -24,12 +24,12 @@ def test_a_single_effect_in_white_noise_follows_chi_squared(name: str, key: str)
     rng = np.random.default_rng(4)
     blocks, draws = 400, 40_000
     column = rng.standard_normal(blocks)
-    one = Candidate(name, "x", [{f"{name}.{key}.x": 0.05}], column[:, None], 6.0)
+    one = Candidate(name, "x", [{f"{name}.{key}.x": 0.05}], np.array([0]), 6.0)
     nominal = choose_friction_model(
         evidence_of(foreign("steps", seed=3, duration_s=3.0)), RIG, None
     )
     turned = rng.choice([-1.0, 1.0], (draws, blocks)) @ column[:, None]
-    none = Candidates([], {}, np.zeros((blocks, 0)), [one])
+    none = Candidates([], {}, column[:, None], [one])
     found = _best(none, nominal, np.array([[column @ column]]), turned)
     tail = 0.01 if one.two_sided(nominal) else 0.02
     expected = max(0.5 * chi2.isf(tail, 1) * (1 - MISFIT_SHARE) - PENALTY_PER_PARAMETER, 0.0)
