@@ -52,7 +52,7 @@ def held_out(state: State, outputs: Iterable[str]) -> dict[str, Prediction]:
     found: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
     outputs = [o for o in outputs if all(half.masks[o].any() for half in halves)]
     for train, test in (halves, halves[::-1]):
-        fitted = on(state, train)
+        fitted = on(state, train, outputs)
         judged = replace(test, masks={o: test.masks[o] for o in outputs})
         model = model_of(fitted)
         for output in outputs:

@@ -13,7 +13,7 @@ from the measured angles alone) and of the servos (from the volts alone) is told
 name may stand at all is judged by `calibration.gap.veto`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import degrees
 
@@ -47,14 +47,15 @@ def split(evidence: Evidence) -> tuple[Evidence, Evidence]:
     )
 
 
-def on(state: State, evidence: Evidence) -> State:
-    """Fit the state's free parameters anew, from its setting, to other evidence."""
+def on(state: State, evidence: Evidence, outputs: Iterable[str] | None = None) -> State:
+    """Fit the state's free parameters anew, from its setting, to other evidence; `outputs`: those
+    whose parameters are fitted (None: all)."""
     moved = replace(
         state,
         evidence=evidence,
         fit=evaluate(evidence, state.nominal, state.fit.setting, evidence.outputs),
     )
-    for output in evidence.outputs:
+    for output in evidence.outputs if outputs is None else outputs:
         moved = refit(moved, moved.bounds((output,)), iterations=3)
     return moved
 
