@@ -190,7 +190,7 @@ class ResultsTab:
         if kind == "progress":
             self._words.content = f"*{name}: {plain(what[0])}*"
         elif kind == "failed":
-            self._words.content = f"{name}: {what}"
+            self._words.content = f"{name}: {plain(what)}"
         elif kind == "done":
             self._words.content = ""
             done(what)
