@@ -12,7 +12,7 @@ from experiments.compare.figures import (
 )
 from experiments.compare.glossary import glossary
 from experiments.compare.grid import Grid
-from experiments.compare.statistics import HARMS, HELPS, OPEN
+from experiments.compare.statistics import EVEN, HARMS, HELPS, OPEN
 from experiments.compare.words import conditions, count, fault_words, paper_words, plain_cells
 from experiments.reports.report import (
     Picture,
@@ -26,11 +26,11 @@ from experiments.reports.report import (
 from rig.parameters import Rig
 
 
-def write_report(results: dict, rig: Rig, grid: Grid, out: Path) -> Path:
+def write_report(results: dict, rig: Rig, grid: Grid, out: Path, command: str) -> Path:
     """Write the figures and report.html of a comparison in `out`; return the page's path.
 
-    results: as of `run_comparison`. The telling case is simulated again. OSError: `out` cannot be
-    written.
+    results: as of `run_comparison`; command: that made them. The telling case is simulated again.
+    OSError: `out` cannot be written.
     """
     case = telling_case(results, rig, grid)
     overview = [
@@ -46,7 +46,7 @@ def write_report(results: dict, rig: Rig, grid: Grid, out: Path) -> Path:
         ),
     ]
     closer = [
-        Picture(case_figure(case, out), f"One telling case: {case.title}."),
+        Picture(case_figure(case, out), f"One telling case: {case.title.replace(' | ', ' · ')}."),
         Picture(
             crossing_figure(case, out),
             "The crossing of the backlash itself: reference, servo and plate around one reversal "
@@ -62,7 +62,8 @@ def write_report(results: dict, rig: Rig, grid: Grid, out: Path) -> Path:
         out / "report.html",
         title=results["title"],
         source="simulated",
-        summary=[results["words"][0], *paper_words(results)],
+        answer=results["words"][0],
+        summary=paper_words(results),
         sections=[
             Section(
                 "Which compensator helps, and when",
@@ -81,9 +82,9 @@ def write_report(results: dict, rig: Rig, grid: Grid, out: Path) -> Path:
                     )
                 ],
             ),
-            Section("A telling case", [Pictures(closer)]),
+            Section("A telling case", [Pictures(closer, wide=True)]),
             Section("Every cell", [_table(results)]),
-            recompute_section("", "rig compare"),
+            recompute_section("", command),
         ],
     )
 
@@ -95,9 +96,9 @@ def _by_condition(results: dict) -> Table:
         plain, equal = (
             count(condition, cells, t) for t in ("against_without", "at_equal_activity")
         )
-        found = (plain[HELPS], plain[HARMS], plain[OPEN], equal[HELPS], equal[HARMS])
+        found = (plain[HELPS], plain[HARMS], plain[EVEN], plain[OPEN], equal[HELPS], equal[HARMS])
         rows.append([condition, *map(str, found)])
-    head = ("compensator", "helps", "harms", "undecided", "helps at equal servo activity")
+    head = ("compensator", "helps", "harms", EVEN, "undecided", "helps at equal servo activity")
     caption = f"Cells, of {len(cells)}: against no compensator, and against the best of the others."
     return Table((*head, "harms at equal servo activity"), rows, caption, words=1)
 
@@ -123,7 +124,7 @@ def _table(results: dict) -> Table:
             m, test = found["means"], found.get("against_without")
             equal = found.get("at_equal_activity")
             row = [
-                cell["key"],
+                cell["key"].replace(" | ", " · "),
                 condition,
                 number(m[results["measure"]]),
                 number(m["servo_activity"], 4),
