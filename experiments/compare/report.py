@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from experiments.compare.case import telling_case
+from experiments.compare.case import Case, telling_case
 from experiments.compare.figures import (
     case_figure,
     convergence_figure,
@@ -32,7 +32,7 @@ def write_report(results: dict, rig: Rig, grid: Grid, out: Path, command: str) -
     results: as of `run_comparison`; command: that made them. The telling case is simulated again.
     OSError: `out` cannot be written.
     """
-    case = telling_case(results, rig, grid)
+    closer = _closer(telling_case(results, rig, grid), out)
     overview = [
         Picture(
             map_figure(results, out),
@@ -43,19 +43,6 @@ def write_report(results: dict, rig: Rig, grid: Grid, out: Path, command: str) -
             effect_figure(results, out),
             "The same with 95 % intervals for the cells of the table's own friction; the band is "
             "the relevant size fixed beforehand.",
-        ),
-    ]
-    closer = [
-        Picture(case_figure(case, out), f"One telling case: {case.title.replace(' | ', ' · ')}."),
-        Picture(
-            crossing_figure(case, out),
-            "The crossing of the backlash itself: reference, servo and plate around one reversal "
-            "(the plate is the simulator's truth).",
-        ),
-        Picture(
-            convergence_figure(case, out),
-            "The two ends of the backlash as the adaptive inverses estimate them; dashed: the "
-            "truth.",
         ),
     ]
     return write_page(
@@ -87,6 +74,23 @@ def write_report(results: dict, rig: Rig, grid: Grid, out: Path, command: str) -
             recompute_section("", command),
         ],
     )
+
+
+def _closer(case: Case, out: Path) -> list[Picture]:
+    """Figures of a telling case, saved in `out`."""
+    return [
+        Picture(case_figure(case, out), f"One telling case: {case.title.replace(' | ', ' · ')}."),
+        Picture(
+            crossing_figure(case, out),
+            "The crossing of the backlash itself: reference, servo and plate around one reversal "
+            "(the plate is the simulator's truth).",
+        ),
+        Picture(
+            convergence_figure(case, out),
+            "The two ends of the backlash as the adaptive inverses estimate them; dashed: the "
+            "truth.",
+        ),
+    ]
 
 
 def _by_condition(results: dict) -> Table:

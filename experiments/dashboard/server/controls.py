@@ -325,12 +325,16 @@ class Controls:
     def own_value(
         self, handle: Any, what: str, clean: Callable[[Any], T], apply: Callable[[int, T], None]
     ) -> None:
-        """Call `apply(page, value)` in the queue's thread when any page sets an input of which
-        every page has a value of its own; arguments as of `value`.
+        """Call `apply(page, value)` when any page sets an input of which every page has a value of
+        its own; arguments as of `value`. It is called in the server's thread, so that a page that
+        watches fills no queue: it has to be short and to touch what is that page's alone.
         """
 
         def use(page: int, value: T) -> None:
-            self._enqueue(what, partial(apply, page, value), page)
+            try:
+                apply(page, value)
+            except ValueError as error:
+                self._tell(page, what, error)
 
         self._rules[id(handle)] = InputRules(what, clean, use, everybody=True, own=True)
 
