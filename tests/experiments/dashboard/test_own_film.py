@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments.dashboard.session.video import VIDEO
 from experiments.records.recording import write_run
+from experiments.track.film import Film
 from rig.log import Log
 from tests.support.in_browser.page import Hand, expect
 from tests.support.in_browser.program import PATIENCE_S, Program, pixels, sees_table
@@ -19,13 +21,16 @@ CORNER_M = (-0.13, 0.13)
 
 
 def run_in_the_corner(folder: Path) -> None:
-    """Record a run whose ball rests in a corner of the plate for a minute."""
+    """Record a run whose ball rests in a corner of the plate for a minute, and a grey video."""
     t_s = np.arange(6000) / 100
     columns = {f"ball_{axis}_m": 0 * t_s + at for axis, at in zip("xy", CORNER_M, strict=True)}
     columns |= {"theta_x_rad": 0 * t_s, "theta_y_rad": 0 * t_s, "ball_exposed_s": t_s}
     log = Log.from_columns({"t_s": t_s, "phase": 2 + 0 * t_s, **columns})
     start = {"source": "measured", "arm": "with", "seed": 1, "protocol": {"name": "hold"}}
     write_run(folder, start, log, [], outcome="completed")
+    with Film(folder / VIDEO, (64, 48)) as video:
+        for t in t_s[::50]:
+            video.add(np.full((48, 64, 3), 128, np.uint8), float(t))
 
 
 def ball_in_corner(page: Hand) -> bool:
@@ -48,7 +53,9 @@ def test_a_watchers_film_leaves_the_live_table_to_the_others(
         watcher.tab("Replay")
         watcher.press("Show")
         watcher.see(FILM)
-        watcher.see("nobody filmed this run")
+        watcher.see("the run's video")  # below the newest frame
+        watcher.see("What the camera saw is shown left")
+        expect(holder.page.get_by_text("the run's video")).to_be_hidden()
         wait_for("the film", lambda: ball_in_corner(watcher), PATIENCE_S)
         watcher.see("Replay of")
         watcher.shot("own-film-watcher")
