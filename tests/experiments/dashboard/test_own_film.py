@@ -1,6 +1,7 @@
 """Two pages in a real browser: a film on one of them leaves the live table on the other."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from tests.support.waiting import wait_for
 FILM = "A film is shown on this page"
 
 
-CORNER = {"x": 470, "y": 262, "width": 60, "height": 60}  # [px] of a page; a ball in CORNER_M
+CORNER: Any = {"x": 470, "y": 262, "width": 60, "height": 60}  # [px] of a page; a ball in CORNER_M
 CORNER_M = (-0.13, 0.13)
 
 
