@@ -14,7 +14,7 @@ import inspect
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from itertools import product
 from math import isfinite
 from pathlib import Path
@@ -24,11 +24,14 @@ import numba
 
 from rig.effects import BY_NAME, PER_AXIS, SHARED, VOLTS, Effect, Parameter
 from rig.foreign_call import ForeignCall, OvertimeError
+from rig.foreign_trial import Begins, on_trial
 
 SLOTS = 4  # effects of one's own in a rig; chosen: as many as the plant's record holds
 KEYS = 4  # numbers of one such effect; chosen as well
 LARGEST_BYTES = 1 << 20  # of a file; chosen: an equation and its tables take far less
 LONGEST_S = 20.0  # to execute the file, and to try its equation; chosen: as a controller's start
+COMPILED_S = 120.0  # to compile it; chosen: ten times what a long equation takes when busy
+GRACE_S = 1.0  # beyond it, until a trial that does not end itself is ended; chosen
 SIDES = {"servo": "(angle_rad, speed_rad_s, t_s", "ball": "(position_m, speed_m_s, t_s"}
 # States in which an equation is tried before it is used: to the stop, or to the rim, and faster
 # than either ever moves.
@@ -65,8 +68,8 @@ def read_effect(file: Path) -> OwnEffect:
     ValueError (one line that names the file): it is missing or cannot be executed, EFFECT or
     equation is missing or contradicts the other, or the equation cannot be compiled, raises, does
     not return, gives no finite number, or something else than 0 at the first parameter's null
-    value. Time and memory of what is executed are bounded (`foreign_call`), but not those of a
-    function in it that numba compiled.
+    value. Its first use is a trial in a copy of this process, which it may hang, leave or crash
+    (`foreign_trial`); time and memory of what Python executes are bounded here, too.
     """
     if file.exists() and not file.is_file():
         raise ValueError(f"effect file {file} is no file")
@@ -77,8 +80,31 @@ def read_effect(file: Path) -> OwnEffect:
     except (OSError, UnicodeDecodeError) as error:
         why = error.strerror if isinstance(error, OSError) else error
         raise ValueError(f"effect file {file} cannot be read: {why}") from None
-    _try(own)
+    _tried(own)
+    _executed(own.file, own.text)
     return own
+
+
+@cache
+def _tried(own: OwnEffect) -> None:
+    """Try an effect once in a copy of this process. ValueError (one line): it is no good."""
+    _wake_compiler()
+    try:
+        on_trial(partial(_try, own))
+    except ValueError as error:
+        if str(error).startswith("effect file "):
+            raise
+        raise _bad(own.file, str(error)) from None
+
+
+@cache
+def _wake_compiler() -> None:
+    """Compile something here, so that no copy of this process has to load the compiler anew."""
+    numba.cfunc(numba.float64(numba.float64))(_same)
+
+
+def _same(x: float) -> float:
+    return x
 
 
 def catalogue_of(own: Iterable[OwnEffect]) -> dict[str, Effect]:
@@ -190,12 +216,15 @@ def _compiled(file: str, text: str) -> Any:
         ) from None
 
 
-def _try(own: OwnEffect) -> None:
+def _try(own: OwnEffect, begins: Begins) -> None:
     """Ask the equation for its answer all over its range. ValueError: it is no good."""
+    begins("executed, it", LONGEST_S + GRACE_S)
     effect, equation = _executed(own.file, own.text)
+    begins("equation, being compiled,", COMPILED_S)
     function, parameters = _compiled(own.file, own.text).ctypes, effect.parameters
     ends = [sorted({p.low, p.null, (p.low + p.high) / 2, p.high}) for p in parameters]
     where = ""
+    begins("compiled, equation", LONGEST_S + GRACE_S)
     try:
         with ForeignCall(LONGEST_S):
             for state in product(*TRIED[effect.side]):

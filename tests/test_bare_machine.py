@@ -16,6 +16,7 @@ NEEDY = (
     "tests/engines/test_mujoco_logs.py",
     "tests/experiments/blind/test_cluster.py",
     "tests/experiments/dashboard/test_browser.py",
+    "tests/experiments/dashboard/test_own_film.py",
     "tests/experiments/dashboard/session/test_foxglove_stream.py",
     "tests/experiments/doctor/test_doctor_devices.py",
     "tests/experiments/export/test_fmu.py",

@@ -1,5 +1,6 @@
 """The command `rig watch`: has a table changed since its model was accepted?"""
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -35,7 +36,9 @@ def watch(
     made = writable(out)
     with bars() as progress:
         found = work(folder, rig, accepted=accept or (), progress=progress)
-    command = f"rig watch {folder}" + (f" --rig {rig}" if rig else "") + f" --out {out}"
+    options = [*(("--rig", rig) if rig else ()), "--out", out]
+    options += [word for name in accept or () for word in ("--accept", name)]
+    command = shlex.join(map(str, ("rig", "watch", folder, *options)))
     page = write_watch(found, made, command=command)
     for one in found.runs:
         said = run_words(found, one)

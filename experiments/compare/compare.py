@@ -8,6 +8,7 @@ an interrupted comparison goes on where it stopped and a changed rig, grid or pr
 
 import hashlib
 import json
+import shlex
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -201,7 +202,9 @@ def run_comparison(
     }
     results["words"] = words(results)
     write_results(out, results)
-    write_report(results, rig, grid, out)
+    named = {"--rig": rig_file, "--grid": grid_file, "--seeds": seeds, "--out": out}
+    options = [word for name, value in named.items() if value is not None for word in (name, value)]
+    write_report(results, rig, grid, out, shlex.join(["rig", "compare", *map(str, options)]))
     return results
 
 

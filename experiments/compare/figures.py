@@ -63,9 +63,8 @@ def map_figure(results: Mapping, out: Path) -> Path:
     ax.xaxis.tick_top()
     ax.set_yticks(range(len(cells)), names, fontsize=7)
     ax.grid(False)
-    figure.colorbar(
-        image, label="gain over no compensator [cm RMS]: blue helps, red harms", shrink=0.5
-    )
+    bar = figure.colorbar(image, shrink=0.5)
+    bar.set_label("gain over none [cm RMS]\nblue helps, red harms", fontsize=8)
     return save(figure, out, "compare_map", "simulated")
 
 

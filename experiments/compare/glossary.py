@@ -21,7 +21,8 @@ CONDITIONS = {
     "lqg": "no PID: linear-quadratic regulator on a steady-state Kalman filter (Kalman 1960)",
     "mpc": "no PID: the same filter, volts and angle planned 0.5 s ahead within their limits "
     "(Rawlings and Mayne 2009)",
-    RETUNED: "without with other PID gains: rivals at equal servo activity",
+    RETUNED: "PID alone with other gains, P [rad/m] and D [rad s/m]: rivals at equal servo "
+    "activity",
 }
 
 

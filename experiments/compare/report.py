@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from experiments.compare.case import telling_case
+from experiments.compare.case import Case, telling_case
 from experiments.compare.figures import (
     case_figure,
     convergence_figure,
@@ -12,7 +12,7 @@ from experiments.compare.figures import (
 )
 from experiments.compare.glossary import glossary
 from experiments.compare.grid import Grid
-from experiments.compare.statistics import HARMS, HELPS, OPEN
+from experiments.compare.statistics import EVEN, HARMS, HELPS, OPEN
 from experiments.compare.words import conditions, count, fault_words, paper_words, plain_cells
 from experiments.reports.report import (
     Picture,
@@ -26,13 +26,13 @@ from experiments.reports.report import (
 from rig.parameters import Rig
 
 
-def write_report(results: dict, rig: Rig, grid: Grid, out: Path) -> Path:
+def write_report(results: dict, rig: Rig, grid: Grid, out: Path, command: str) -> Path:
     """Write the figures and report.html of a comparison in `out`; return the page's path.
 
-    results: as of `run_comparison`. The telling case is simulated again. OSError: `out` cannot be
-    written.
+    results: as of `run_comparison`; command: that made them. The telling case is simulated again.
+    OSError: `out` cannot be written.
     """
-    case = telling_case(results, rig, grid)
+    closer = _closer(telling_case(results, rig, grid), out)
     overview = [
         Picture(
             map_figure(results, out),
@@ -45,24 +45,12 @@ def write_report(results: dict, rig: Rig, grid: Grid, out: Path) -> Path:
             "the relevant size fixed beforehand.",
         ),
     ]
-    closer = [
-        Picture(case_figure(case, out), f"One telling case: {case.title}."),
-        Picture(
-            crossing_figure(case, out),
-            "The crossing of the backlash itself: reference, servo and plate around one reversal "
-            "(the plate is the simulator's truth).",
-        ),
-        Picture(
-            convergence_figure(case, out),
-            "The two ends of the backlash as the adaptive inverses estimate them; dashed: the "
-            "truth.",
-        ),
-    ]
     return write_page(
         out / "report.html",
         title=results["title"],
         source="simulated",
-        summary=[results["words"][0], *paper_words(results)],
+        answer=results["words"][0],
+        summary=paper_words(results),
         sections=[
             Section(
                 "Which compensator helps, and when",
@@ -81,11 +69,28 @@ def write_report(results: dict, rig: Rig, grid: Grid, out: Path) -> Path:
                     )
                 ],
             ),
-            Section("A telling case", [Pictures(closer)]),
+            Section("A telling case", [Pictures(closer, wide=True)]),
             Section("Every cell", [_table(results)]),
-            recompute_section("", "rig compare"),
+            recompute_section("", command),
         ],
     )
+
+
+def _closer(case: Case, out: Path) -> list[Picture]:
+    """Figures of a telling case, saved in `out`."""
+    return [
+        Picture(case_figure(case, out), f"One telling case: {case.title.replace(' | ', ' · ')}."),
+        Picture(
+            crossing_figure(case, out),
+            "The crossing of the backlash itself: reference, servo and plate around one reversal "
+            "(the plate is the simulator's truth).",
+        ),
+        Picture(
+            convergence_figure(case, out),
+            "The two ends of the backlash as the adaptive inverses estimate them; dashed: the "
+            "truth.",
+        ),
+    ]
 
 
 def _by_condition(results: dict) -> Table:
@@ -95,9 +100,9 @@ def _by_condition(results: dict) -> Table:
         plain, equal = (
             count(condition, cells, t) for t in ("against_without", "at_equal_activity")
         )
-        found = (plain[HELPS], plain[HARMS], plain[OPEN], equal[HELPS], equal[HARMS])
+        found = (plain[HELPS], plain[HARMS], plain[EVEN], plain[OPEN], equal[HELPS], equal[HARMS])
         rows.append([condition, *map(str, found)])
-    head = ("compensator", "helps", "harms", "undecided", "helps at equal servo activity")
+    head = ("compensator", "helps", "harms", EVEN, "undecided", "helps at equal servo activity")
     caption = f"Cells, of {len(cells)}: against no compensator, and against the best of the others."
     return Table((*head, "harms at equal servo activity"), rows, caption, words=1)
 
@@ -123,7 +128,7 @@ def _table(results: dict) -> Table:
             m, test = found["means"], found.get("against_without")
             equal = found.get("at_equal_activity")
             row = [
-                cell["key"],
+                cell["key"].replace(" | ", " · "),
                 condition,
                 number(m[results["measure"]]),
                 number(m["servo_activity"], 4),

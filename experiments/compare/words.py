@@ -49,8 +49,8 @@ def best(cell: Mapping, measure: str) -> str:
 
 def _winners(cells, measure) -> list[str]:
     first = Counter(best(cell, measure) for cell in cells).most_common()
-    named = ", ".join(f"{condition} {count}" for condition, count in first)
-    return [f"The smallest mean error in {len(cells)} cells: {named}."]
+    named = ", ".join(f"{condition} in {count}" for condition, count in first)
+    return [f"The smallest mean error, of {len(cells)} cells: {named}."]
 
 
 def _by_place(cells) -> list[str]:

@@ -32,13 +32,14 @@ from experiments.dashboard.tabs.run import RunTab
 from experiments.dashboard.tabs.tour import Tour, both_completed
 from experiments.dashboard.view.backlash_gauges import BacklashGauges
 from experiments.dashboard.view.big_view import big_view
-from experiments.dashboard.view.camera_view import NO_FILM, RESTS, CameraView
-from experiments.dashboard.view.curves import FILM, Curves
+from experiments.dashboard.view.camera_view import RESTS, CameraView
+from experiments.dashboard.view.curves import Curves
+from experiments.dashboard.view.film_view import FilmView
 from experiments.dashboard.view.ghost import Ghost
 from experiments.dashboard.view.portrait import Portrait
 from experiments.dashboard.view.pose import plate_point
 from experiments.dashboard.view.scene import TableScene, legend_words, light
-from experiments.dashboard.view.side_plates import SidePlates
+from experiments.dashboard.view.side_plates import PlateMap
 from experiments.dashboard.view.view_points import add_view_points
 from experiments.runs.hardware import is_hardware
 from rig.log import INDEX, shown_angles
@@ -59,8 +60,8 @@ class App:
     drawing thread; `close` ends them in order.
 
     out: folder of runs, figures and reports; rig_file: of `rig`, None for the virtual table. The
-    attribute `playback` is the film that is shown, None while the live table is. stream: is given
-    every row and event that is drawn, too, and closed.
+    attribute `films` holds, by page, what is shown there in place of the live table. stream: is
+    given every row and event that is drawn, too, and closed.
     """
 
     def __init__(
@@ -84,11 +85,11 @@ class App:
         self.session = Session(
             rig, table, self.live, on_event=self._on_event, on_recorded=self._on_recorded
         )
-        self.analysis_worker, self.figure_worker = (
-            WorkerProcess(),
-            WorkerProcess(),
-        )  # no figure waits for an analysis
-        self.playback: Playback | None = None
+        # No figure waits for an analysis, nor for the film of a page that watches.
+        self.analysis_worker, self.figure_worker, self.film_worker = (
+            WorkerProcess() for _ in range(3)
+        )
+        self.films: dict[int, FilmView] = {}
         self._replayed = False  # a recorded run was shown
         self.controls = Controls(self.pages.notify, self.session.note)
         admit_values(server, self.controls)
@@ -116,18 +117,20 @@ class App:
         light(server)
         self.scene = TableScene(server, self.rig)
         self.gauges = BacklashGauges(server, self.rig)
-        self.side_plates = SidePlates(server, self.rig)
+        self.plate_map = PlateMap(server)
         self.camera = CameraView(server, self.rig if self.session.table.real else None)
         shell_of(server).camera = lambda: self.camera.jpeg
         self.header = Header(
-            server, self.controls, self.session, table, lambda: self.run_tab.balance()
+            server, self.controls, self.session, table, lambda page: self.run_tab.balance(page)
         )
         panel = gui.add_panel()
-        with panel.add_tab("Live curves"):
+        self._places = [panel.add_tab(name) for name in ("Live curves", "Swing", "Camera")]
+        curves, swing, camera = self._places
+        with curves:
             self.curves = Curves(server, self.rig.servo)
-        with panel.add_tab("Swing"):
+        with swing:
             self.portrait = Portrait(server, self.rig.servo)
-        with panel.add_tab("Camera"):
+        with camera:
             self.camera.add_widgets(self.controls)
         with panel.add_tab("Legend"):
             add_view_points(server, self.controls, self.pages.clients)
@@ -151,7 +154,7 @@ class App:
         with tabs.add_tab("Run"):
             self.tour = Tour(server, self._steps_done, visible=not self.session.table.real)
             self.run_tab = RunTab(
-                server, controls, self.session, out, lambda: self.show_playback(None)
+                server, controls, self.session, out, lambda page: self.show_playback(page, None)
             )
         with tabs.add_tab("Calibrate"):
             self.calibrate = CalibrateTab(
@@ -175,12 +178,14 @@ class App:
                 analysis_worker,
                 out,
                 rows,
-                self.side_plates.show_map,
+                self.plate_map.show,
                 self.show_playback,
                 self.pages.send,
             )
         with tabs.add_tab("Replay"):
-            self.replay = ReplayTab(server, controls, figure_worker, rows, self.show_playback)
+            self.replay = ReplayTab(
+                server, controls, self.pages, self.film_worker, rows, self.show_playback
+            )
         self.replay.refresh()
         self.gap.refresh()
 
@@ -195,17 +200,23 @@ class App:
             self.gap.answer is not None,
         )
 
-    def show_playback(self, playback: Playback | None) -> None:
-        """Show a film in place of the live table on every page; None: the live table again."""
-        self.playback = playback
-        self._replayed = self._replayed or (playback is not None and playback.film is not None)
-        self.camera.hide()
-        if playback is None or playback.models is None:
-            self.gap.take_map_off()  # it is of what was analysed, not of what is shown
-        self.replay.on_playback(playback)
-        self.side_plates.begin(playback)
-        self.scene.both(None, None)
-        self.gauges.show(playback is None)
+    def show_playback(self, page: int | None, playback: Playback | None) -> None:
+        """Show a film in place of the live table on one page; None: the live table again. To be
+        called in the thread of the control panel queue.
+        """
+        client = self.pages.clients.get(page) if page is not None else None
+        if page is None or client is None:
+            return
+        if (before := self.films.pop(page, None)) is not None:
+            before.close()
+        self.replay.on_playback(page, playback)
+        self.header.show_film(page, playback is not None)
+        if playback is None:
+            return
+        self._replayed = self._replayed or playback.film is not None
+        live = [*self.curves.handles, *self.portrait.handles, *self.camera.handles]
+        real = self.rig if self.session.table.real else None
+        self.films[page] = FilmView(client, self.rig, playback, self._places, live, real=real)
 
     def _on_recorded(self, planned: PlannedRun, folder: Path, ending: Ending) -> None:
         """A run was recorded: draw its figures and list it, in the thread of the queue."""
@@ -218,6 +229,8 @@ class App:
         self.controls.queue.put("results", do)
 
     def _aim(self, event: Any) -> None:
+        if event.client_id in self.films:
+            raise ValueError("this page shows a film: go back to the live table first")
         point = plate_point(np.array(event.ray_origin), np.array(event.ray_direction))
         if point is not None:
             self.run_tab.aim((float(point[0]), float(point[1])))
@@ -232,6 +245,9 @@ class App:
 
     def _on_disconnect(self, client: "ClientHandle") -> None:
         def do() -> None:
+            if (film := self.films.pop(client.client_id, None)) is not None:
+                film.end()
+            self.replay.left(client.client_id)
             self.pages.left(client.client_id)
             self.header.left(client.client_id)
 
@@ -266,26 +282,18 @@ class App:
         if self._ghost_of is not (rig := self.session.rig):
             self._ghost_of, self._ghost = rig, Ghost(rig)
         self._ghost.follow(rows)
-        playback = self.playback
         with self.server.atomic():
-            if playback is not None and count % CURVES_EVERY == 0:
-                self._draw_playback(playback)
-            elif playback is None and now.row is not None and rows:
+            if now.row is not None and rows:
                 self._draw_table(now.row, now.seen_s)
-            self._draw_camera(now, playback, count)
+            self._draw_camera(now, count)
             if count % CURVES_EVERY == 0:
                 self._draw_words(now, bool(rows))
+        if count % CURVES_EVERY == 0:
+            for film in list(self.films.values()):
+                film.draw()
 
-    def _draw_camera(self, now: LiveState, playback: Playback | None, count: int) -> None:
-        """What the camera sees: a film's frame, the real camera's, or the virtual one's of the
-        present pose."""
-        if playback is not None:
-            video = playback.video
-            if count % 2 == 0 and video and (frame := video.at(playback.clock.t_s)) is not None:
-                self.camera.show(frame, "the run's video")
-            elif video is None:
-                self.camera.hide(NO_FILM)
-            return
+    def _draw_camera(self, now: LiveState, count: int) -> None:
+        """What the camera sees: the real one, or the virtual one of the present pose."""
         if self.session.status.state in ("at rest", "stopped") and isinstance(
             self.eye, VirtualCamera
         ):
@@ -297,37 +305,17 @@ class App:
     def _draw_words(self, now: LiveState, fresh: bool) -> None:
         """Lines, bars and curves: ten times a second."""
         status = self.session.status
-        self.header.draw(now, status, self.rig.control_rate_hz, film=self.playback is not None)
+        self.header.draw(now, status, self.rig.control_rate_hz)
         self.tour.draw()
         self.run_tab.draw(status, list(self.events))
         self.results.draw(running=status.state == "running")
         self.replay.draw()
         self.calibrate.draw()
         self.gap.draw()
-        if self.playback is not None:
-            rows = self.playback.curve()
-            self.curves.rest(FILM) if rows is None else self.curves.draw(rows)
-            if rows is not None:
-                self.portrait.draw(rows)
-        elif fresh:
+        if fresh:
             self.curves.draw(curve := self.live.curve())
             self.portrait.draw(curve)
             self.scene.draw_trail(self.live.trail(), self.live.centroid.xy_m)
-
-    def _draw_playback(self, playback: Playback) -> None:
-        """A recorded run in the place of the live table; both models of it beside."""
-        t_s = playback.clock.t_s
-        theta, ball, target = playback.motion.at(t_s)
-        self.scene.compare(None, None)
-        film = playback.film
-        if film is not None and film.beside is not None:
-            self.scene.pose(theta, None, target)
-            self.scene.both(ball, film.beside.at(t_s)[1], beside=film.beside_method)
-        else:
-            self.scene.pose(theta, ball, target)
-        past = playback.motion.ball_m[: int(np.searchsorted(playback.motion.t_s, t_s))][-90:]
-        self.scene.draw_trail(past, None)
-        self.side_plates.draw(t_s)
 
     def _draw_table(self, row: np.ndarray, seen_s: float) -> None:
         ball = row[_BALL : _BALL + 2] if row[0] - seen_s < UNSEEN_S else None
@@ -352,6 +340,7 @@ class App:
             self.session,
             self.analysis_worker,
             self.figure_worker,
+            self.film_worker,
             self.eye,
             self.controls.queue,
         ):

@@ -39,7 +39,7 @@ def write_watch(found: Watch, out: Path, *, command: str) -> Path:
         out / "report.html",
         title=f"Watch of {found.folder.resolve().name}",
         source=source,
-        answer=sentence(found) + ".",
+        answer=f"{sentence(found)[:1].upper()}{sentence(found)[1:]}.",
         summary=[
             f"{len(found.parameters)} parameters are watched; the threshold of the statistic is "
             f"{found.threshold:.2f}, for "
@@ -93,13 +93,24 @@ def _smallest(found: Watch) -> Table:
     rows = []
     for j, parameter in enumerate(found.parameters):
         unit, factor = shown_unit(unit_of(parameter), parameter.key)
-        value = factor * found.model.value(parameter.name)
+        value = factor * _accepted(found, j)
         rows.append(
             [parameter_words(parameter), unit, sig(value), sig(factor * found.smallest[j], 2)]
         )
-    head = ("parameter", "unit", "accepted", "smallest change")
-    caption = "The smallest lasting change that five further runs would show with even chances."
+    head = ("parameter", "unit", "accepted runs", "smallest change")
+    caption = (
+        "The mean of the accepted runs, and the smallest lasting change from it that five further "
+        "runs would show with even chances."
+    )
     return Table(head, rows, caption, words=2)
+
+
+def _accepted(found: Watch, column: int) -> float:
+    """The mean of the accepted runs' estimates of a parameter; NaN where they tell nothing."""
+    accepted = sum(one.state == ACCEPTED for one in found.runs)
+    told = found.values[:accepted, column]
+    told = told[np.isfinite(told)]
+    return float(told.mean()) if len(told) else float("nan")
 
 
 def history(found: Watch) -> Figure:
@@ -125,12 +136,11 @@ def history(found: Watch) -> Figure:
             axis.errorbar(
                 runs[part] + 1, values[part], half[part], fmt="o", ms=3, lw=0.8, color=colour
             )
-        told = np.isfinite(values[:accepted])
-        if told.any():
-            axis.axhline(float(values[:accepted][told].mean()), color=CENTRE, lw=0.9)
+        if np.isfinite(mean := factor * _accepted(found, j)):
+            axis.axhline(mean, color=CENTRE, lw=0.9)
         axis.set_title(f"{parameter_words(parameter)}{f' [{unit}]' if unit else ''}", fontsize=9)
     for axis in axes.flat[p:]:
         axis.set_visible(False)
     for axis in axes[-1]:
-        axis.set_xlabel("run that counts")
+        axis.set_xlabel("run (skipped ones left out)")
     return figure

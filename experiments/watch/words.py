@@ -61,8 +61,10 @@ def run_words(found: Watch, one: JudgedRun) -> str:
         return one.why
     if one.state == CHANGED:
         return "; ".join(change_words(found, change) for change in one.changes[:3])
-    if one.state == ACCEPTED or one.strongest is None:
+    if one.state == ACCEPTED:
         return ""
+    if one.strongest is None:
+        return "too few runs to tell from chance"
     return f"largest: {parameter_words(found.parameters[one.strongest.parameter])}"
 
 

@@ -160,6 +160,20 @@ def test_another_process_finds_the_effect_without_the_file(tmp_path: Path):
 
 
 HANGS = GOOD.replace("return -weight_V", "while t_s > 99.0:\n        pass\n    return -weight_V")
+SPINS = GOOD.replace(
+    "EFFECT =",
+    """import numba
+
+
+@numba.njit
+def spin(t):
+    while t > 99.0:
+        t += 1.0
+    return t
+
+
+EFFECT =""",
+).replace("return -weight_V", "return -spin(t_s) * 0.0 - weight_V")
 HOARDS = f"{GOOD}\nkept = [bytearray(1 << 24) for _ in range(1 << 20)]\n"
 
 
@@ -170,8 +184,21 @@ HOARDS = f"{GOOD}\nkept = [bytearray(1 << 24) for _ in range(1 << 20)]\n"
         (HANGS, r"equation.*100.0, .* did not return within 0.5 s"),
         (HOARDS, "MemoryError"),
         (f"{GOOD}\nimport sys\nsys.exit(0)\n", "SystemExit: 0"),
+        (SPINS, r"compiled, equation did not return within 0.7 s"),
+        (f"{SPINS}\nspin(100.0)\n", r"executed, it did not return within 0.7 s"),
+        (f"{GOOD}\nimport os\nos._exit(0)\n", r"executed, it left the program \(exit code 0\)"),
+        (f"{GOOD}\nimport os\nos.abort()\n", r"executed, it crashed the program \(signal 6\)"),
     ],
-    ids=["hangs", "equation hangs", "hoards", "leaves"],
+    ids=[
+        "hangs",
+        "equation hangs",
+        "hoards",
+        "leaves",
+        "compiled helper hangs",
+        "compiled helper hangs at once",
+        "leaves at once",
+        "crashes",
+    ],
 )
 def test_a_file_that_hangs_hoards_or_leaves_is_one_line(lab: Path, monkeypatch, text, says):
     read_effect(lab / "mine.py")  # what it imports is there: that takes longer than half a second
@@ -179,6 +206,7 @@ def test_a_file_that_hangs_hoards_or_leaves_is_one_line(lab: Path, monkeypatch, 
         monkeypatch.setattr(foreign_call, "MEMORY_SHARE", 0.01)
     else:
         monkeypatch.setattr(own_effects, "LONGEST_S", 0.5)
+        monkeypatch.setattr(own_effects, "GRACE_S", 0.2)
     (lab / "mine.py").write_text(text)
     with pytest.raises(ValueError, match=says) as error:
         read_effect(lab / "mine.py")

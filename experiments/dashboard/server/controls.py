@@ -116,13 +116,15 @@ class InputRules:
     """What a page may set on an input, named `what` in messages.
 
     clean: converts and clamps the raw value (ValueError: refused); use: called with the page and
-    the cleaned value; everybody: pages that only watch may set it as well.
+    the cleaned value; everybody: pages that only watch may set it as well; own: every page has a
+    value of its own, which no other page is shown.
     """
 
     what: str
     clean: Callable[[Any], Any]
     use: Callable[[int, Any], None]
     everybody: bool = False
+    own: bool = False
 
 
 class CheckedValue(Generic[T]):
@@ -319,6 +321,27 @@ class Controls:
         if not everybody:
             self.reserved.append(handle)
         return checked
+
+    def own_value(
+        self, handle: Any, what: str, clean: Callable[[Any], T], apply: Callable[[int, T], None]
+    ) -> None:
+        """Call `apply(page, value)` when any page sets an input of which every page has a value of
+        its own; arguments as of `value`. It is called in the server's thread, so that a page that
+        watches fills no queue: it has to be short and to touch what is that page's alone.
+        """
+
+        def use(page: int, value: T) -> None:
+            try:
+                apply(page, value)
+            except ValueError as error:
+                self._tell(page, what, error)
+
+        self._rules[id(handle)] = InputRules(what, clean, use, everybody=True, own=True)
+
+    def is_own(self, handle: Any) -> bool:
+        """Whether `handle` is an input of `own_value`."""
+        rules = self._rules.get(id(handle))
+        return rules is not None and rules.own
 
     def forget(self, handle: Any) -> None:
         """Take no more values for an input that leaves the page."""

@@ -57,7 +57,8 @@ def admit_values(server: "ViserServer", controls: Controls) -> None:
             controls.refuse(page, handle, error)
             value = handle.value
         else:
-            await store(page, replace(message, updates={"value": value}))
+            if not controls.is_own(handle):  # viser would show it to every page
+                await store(page, replace(message, updates={"value": value}))
             controls.use(page, handle, value)
         client = server._connected_clients.get(page)
         if value != raw and client is not None:  # the page shows what it asked for

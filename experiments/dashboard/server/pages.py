@@ -2,8 +2,9 @@
 
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from experiments.dashboard.server.messages import tell_page
 from experiments.dashboard.server.untrusted_text import as_unicode
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ class Pages:
 
     def __init__(self) -> None:
         self.clients: dict[int, ClientHandle] = {}
+        self._told: dict[int, dict[tuple[int, str], Any]] = {}
 
     def joined(self, client: "ClientHandle") -> None:
         """Take note of a page that connected."""
@@ -27,6 +29,24 @@ class Pages:
     def left(self, page: int) -> None:
         """Take note that a page is gone."""
         self.clients.pop(page, None)
+        self._told.pop(page, None)
+
+    def tell(self, page: int, handle: Any, **properties: Any) -> None:
+        """Show an element of all pages with other properties on one page; what it was told before
+        is not sent again. To be called for a page and a property from one thread.
+        """
+        client = self.clients.get(page)
+        if client is None:
+            return
+        told = self._told.setdefault(page, {})
+        new = {
+            name: value
+            for name, value in properties.items()
+            if (id(handle), name) not in told or told[id(handle), name] != value
+        }
+        if new:
+            told.update({(id(handle), name): value for name, value in new.items()})
+            tell_page(client, handle, **new)
 
     def notify(self, page: int | None, title: str, text: str) -> None:
         """Show a message with this title for SHOWN_S on a page; page None: on every page."""

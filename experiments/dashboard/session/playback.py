@@ -77,9 +77,10 @@ class RunFilm:
 class Playback:
     """A film of one recorded motion, called `name` on the page.
 
-    models: the motions of the model before and after naming, shown beside it; film: the run's
-    curves, events and the run beside it, None: the motion alone; playing: it begins at once. The
-    attribute `video` is None until it is set to the run's video.
+    models: the motions of the model before and after naming, shown beside it; plate_map: the map of
+    disagreement on its plate (`GapAnswer.plate_map`), None: none; film: the run's curves, events
+    and the run beside it, None: the motion alone; playing: it begins at once. The attribute
+    `video` is None until it is set to the run's video.
     """
 
     def __init__(
@@ -88,10 +89,11 @@ class Playback:
         motion: TableMotion,
         models: tuple[TableMotion, TableMotion] | None = None,
         *,
+        plate_map: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None,
         film: RunFilm | None = None,
         playing: bool = True,
     ) -> None:
-        self.film = film
+        self.film, self.plate_map = film, plate_map
         self.name, self.motion, self.models = name, motion, models
         self.clock = PlaybackClock(motion.end_s, loop=models is not None)
         self.clock.play(playing)

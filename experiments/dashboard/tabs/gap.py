@@ -86,8 +86,8 @@ class GapTab:
 
     worker: does the analysis; out: parent of the folders `gap-N`; rows: lists the recorded runs,
     newest first; show_map: lays a map of `GapAnswer.plate_map` on the plate, None takes it away;
-    show_playback: puts a film in place of the live table, None ends it; send: lets a page download
-    a file.
+    show_playback: puts a film in place of the live table on a page, None ends it; send: lets a page
+    download a file.
     """
 
     def __init__(
@@ -98,7 +98,7 @@ class GapTab:
         out: Path,
         rows: Callable[[], list[RunSummary]],
         show_map: Callable[[Any], None],
-        show_playback: Callable[[Playback | None], None],
+        show_playback: Callable[[int, Playback | None], None],
         send: Callable[[int | None, Path], None],
     ) -> None:
         self._controls, self._worker, self._out, self._rows = controls, worker, out, rows
@@ -106,20 +106,20 @@ class GapTab:
         gui = server.gui
         gui.add_markdown("Find out which effect the model lacks: start with the demo.")
         demo = gui.add_button("Demo: find a hidden play", color="green")
-        controls.button(demo, "gap", lambda page: self.begin(None))
+        controls.button(demo, "gap", lambda page: self.begin(None, page))
         gui.add_markdown(GOOD)
         self._folder: Any = gui.add_folder("Recorded runs", visible=False)
         self._boxes: dict[Path, tuple[Any, CheckedValue[bool]]] = {}
         self._advice: Any = gui.add_markdown("")
         own = gui.add_button("Analyse the ticked runs")
-        controls.button(own, "gap", lambda page: self.begin(self._chosen()))
+        controls.button(own, "gap", lambda page: self.begin(self._chosen(), page))
         cancel = gui.add_button("Cancel", color="gray")
         controls.button(cancel, "cancel", lambda page: self._cancel())
         self._stages: Any = gui.add_markdown(stage_lines(-1, False))
         self._bar: Any = gui.add_progress_bar(0.0)
         self._words: Any = gui.add_markdown("")
         self._film: Any = gui.add_button("Before and after, side by side", visible=False)
-        controls.button(self._film, "film", lambda page: self._start_film())
+        controls.button(self._film, "film", self._start_film, everybody=True)
         self._report: Any = gui.add_button("Download the gap report", visible=False)
         controls.button(self._report, "gap report", self._download, everybody=True)
         self._clear: Any = gui.add_button("Take the map off the plate", color="gray", visible=False)
@@ -166,9 +166,9 @@ class GapTab:
             raise ValueError("no run is ticked: make some in the tab Run, or try the demo")
         return [row.folder for row in rows]
 
-    def begin(self, logs: list[Path] | None) -> None:
+    def begin(self, logs: list[Path] | None, page: int | None) -> None:
         """Have the worker analyse run folders (None: the demo), without waiting; what was shown
-        before is cleared. ValueError: an analysis is on.
+        before is cleared, and the film of the page that asked. ValueError: an analysis is on.
         """
         number = 1 + sum(1 for _ in self._out.glob("gap-*"))
         calibration = self._out / "calibration" / FILE
@@ -179,7 +179,8 @@ class GapTab:
 
         self._worker.put(WorkItem("gap", task, on_message))
         self._demo = logs is None
-        self._show_playback(None)  # a film and pictures of before would be taken for this one's
+        if page is not None:
+            self._show_playback(page, None)  # it would be taken for this analysis's
         self._gallery.show([])
         self._on = -1
         self._film.visible = self._report.visible = False
@@ -240,24 +241,22 @@ class GapTab:
         self._film.visible = answer.models is not None
         self._report.visible = True
 
-    def take_map_off(self) -> None:
-        """Take the map of disagreement off the plate: what is shown is not what was analysed."""
-        self._lay(None)
-
     def _lay(self, plate_map: Any) -> None:
-        """The map of disagreement on the plate, or (None) the bare plate."""
+        """The map of disagreement on the live table's plate, or (None) the bare plate."""
         if plate_map is None and not self._clear.visible:
             return
         self._show_map(plate_map)
         self._clear.visible = plate_map is not None
 
-    def _start_film(self) -> None:
+    def _start_film(self, page: int | None) -> None:
         if self.answer is None or self.answer.models is None:
             raise ValueError("no effect was named: there is nothing to compare")
         models = self.answer.models
         name = f"{models.name}: recorded, before, after"
-        self._show_playback(Playback(name, models.recorded, (models.before, models.after)))
-        self._lay(self.answer.plate_map)
+        both = models.before, models.after
+        film = Playback(name, models.recorded, both, plate_map=self.answer.plate_map)
+        if page is not None:
+            self._show_playback(page, film)
 
     def _download(self, page: int | None) -> None:
         if self.answer is None:

@@ -17,7 +17,7 @@ NO_EMERGENCY = (
     "STOP and **Esc** are **not** the emergency stop: that is the switch that cuts the motors' "
     "power."
 )
-FILM, LIVE = "● a film: the tab Replay leads back", "● live"
+FILM = "● **A film** is shown on this page: the tab Replay leads back to the live table."
 SILENT_S, BLIND_S = 1.0, 0.25
 ON_TIME = 0.95  # share of the ticks; chosen: as of the monitor of a real table
 STATES = {
@@ -69,7 +69,7 @@ class Header:
         controls: Controls,
         session: Session,
         table: str,
-        balance: Callable[[], None],
+        balance: Callable[[int | None], None],
     ) -> None:
         self._controls, self._session, self._table = controls, session, table
         gui = server.gui
@@ -77,7 +77,7 @@ class Header:
         self._balance: Any = gui.add_button(
             "Balance again", color="green", order=-70, visible=False
         )
-        controls.button(self._balance, "balance", lambda page: balance())
+        controls.button(self._balance, "balance", balance)
         gui.add_markdown(NO_EMERGENCY, order=-60)
         self._take_over: Any = gui.add_button(
             "Take over the controls", order=-90, color="orange", visible=False
@@ -85,6 +85,7 @@ class Header:
         for handle in (self._take_over, gui.add_command("Take over the controls")):
             controls.button(handle, "take over", self._take, everybody=True)
         self._own: dict[int, Any] = {}
+        self._films: set[int] = set()  # pages that show one
         self._clients: dict[int, ClientHandle] = {}
         self._told: dict[int, tuple[int | None, int]] = {}  # who holds, how many were told of
         self._words = ""
@@ -101,6 +102,7 @@ class Header:
         """Note that a page has disconnected. To be called in the thread of the control
         panel queue.
         """
+        self._films.discard(page)
         for known in (self._own, self._clients, self._told):
             known.pop(page, None)
         self._controls.lock = self._controls.lock.left(page)
@@ -113,11 +115,19 @@ class Header:
         self._session.note(f"page {page} took over the controls")
         self.draw_locks()
 
+    def show_film(self, page: int, on: bool) -> None:
+        """Say on a page that it shows a film, or (`on` False) the live table."""
+        (self._films.add if on else self._films.discard)(page)
+        self.draw_locks()
+
     def draw_locks(self) -> None:
-        """Tell every page whether it holds the controls, and let it see what it may use."""
+        """Tell every page whether it holds the controls and shows the live table, and let it see
+        what it may use.
+        """
         lock = self._controls.lock
         for page, words in self._own.items():
-            words.content = live(lock.words(page))
+            film = f"<br>{FILM}" if page in self._films else ""
+            words.content = live(lock.words(page) + film)
         self._show_usable()
 
     def _show_usable(self) -> None:
@@ -133,18 +143,16 @@ class Header:
             for handle in reserved:
                 show_usable(client, handle, usable=holds)
 
-    def draw(
-        self, now: LiveState, status: SessionStatus, rate_hz: float, *, film: bool = False
-    ) -> None:
+    def draw(self, now: LiveState, status: SessionStatus, rate_hz: float) -> None:
         """Show the session's state; only what changed is sent. rate_hz: nominal ticks a second of
-        the loop; film: a recorded motion is shown, not the live table.
+        the loop.
         """
         rests = status.state == "stopped" and not self._session.table.real
         if self._balance.visible != rests:
             self._balance.visible = rests
         self._show_usable()  # of what came to the page meanwhile
         words = f"**{STATES[status.state]}** ({plain(self._table)})<br>"
-        words += f"{link_words(now, status, rate_hz)} · {FILM if film else LIVE}"
+        words += link_words(now, status, rate_hz)
         if words != self._words:
             self._words = words
             self._state.content = live(words)

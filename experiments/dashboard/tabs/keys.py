@@ -1,5 +1,6 @@
 """The keys of the page, which are the entries of its command palette (Ctrl + K), too."""
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 from experiments.dashboard.server.controls import Controls
@@ -17,14 +18,14 @@ def add_keys(
     """Stop, start, go on, balance, play and push by key."""
     add, button = server.gui.add_command, controls.button
     controls.stop_button(add("Stop", hotkey="escape"), "stop", session.stop)
-    button(add("Start the run", hotkey="R"), "start", lambda page: run_tab.start())
+    button(add("Start the run", hotkey="R"), "start", run_tab.start)
     button(add("Next run", hotkey="N"), "next run", lambda page: run_tab.go_on())
-    button(add("Balance again", hotkey="B"), "balance", lambda page: run_tab.balance())
-    button(add("Play or pause", hotkey="space"), "play", lambda page: replay.toggle())
+    button(add("Balance again", hotkey="B"), "balance", run_tab.balance)
+    replay.key(add("Play or pause", hotkey="space"), "play", replay.toggle)
     for frames, key in ((1, "arrowright"), (-1, "arrowleft")):
         way = "on" if frames > 0 else "back"
         step = add(f"A frame {way}", hotkey=key)  # pyright: ignore[reportArgumentType]
-        button(step, "frame", lambda page, n=frames: replay.step(n))
+        replay.key(step, "frame", partial(replay.step, frames=frames))
     keys = (
         ("left", "left", 180),
         ("right", "right", 0),

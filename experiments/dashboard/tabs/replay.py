@@ -1,12 +1,15 @@
 """The tab Replay: any recorded run again, scrubbed and at any speed, with its video."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.server.input_limits import SPEED, Range, choice, flag
+from experiments.dashboard.server.messages import tell_page
+from experiments.dashboard.server.pages import Pages
 from experiments.dashboard.server.untrusted_text import plain
 from experiments.dashboard.session.playback import Playback
 from experiments.dashboard.session.tasks import RunSummary
@@ -19,6 +22,8 @@ if TYPE_CHECKING:
 NONE = "(no runs yet)"
 STEP_S = 0.1  # of the slider; the keys step a frame of FRAME_S
 FRAME_S = 1 / 60
+FILM_S = Range(0.0, 1e6, STEP_S)  # the clock keeps within its own film
+WHAT = "Choose a run and press **Show**: this page alone leaves the live table for it."
 BOTH = "the run of the same protocol and seed with the other controller beside it"
 EVENTS_SHOWN = 6
 PLAY, PAUSE = "▶ Play", "❚❚ Pause"
@@ -56,147 +61,177 @@ def event_lines(events: list[tuple[float, str]], t_s: float) -> str:
     )
 
 
+@dataclass
+class Viewer:
+    """What one page has set and is shown in the tab.
+
+    picked: name of a run, "" for the first of the list; item: what reads the run that it asked for;
+    about: of the video, which the panel Camera shows.
+    """
+
+    picked: str = ""
+    both: bool = False
+    playback: Playback | None = None
+    item: WorkItem | None = None
+    about: str = ""
+
+
 class ReplayTab:
     """Builds the tab Replay in the GUI container of viser that is open: run, time, speed, video.
+    Every page has a film of its own, whether it holds the controls or not.
 
-    worker: reads runs and makes videos; rows: lists the recorded runs; show_playback: puts a film
-    in place of the live table, None ends it.
+    pages: those that are connected; worker: reads runs and makes videos; rows: lists the recorded
+    runs; show_playback: puts a film in place of the live table on a page, None ends it.
     """
 
     def __init__(
         self,
         server: "ViserServer",
         controls: Controls,
+        pages: Pages,
         worker: WorkerProcess,
         rows: Callable[[], list[RunSummary]],
-        show_playback: Callable[[Playback | None], None],
+        show_playback: Callable[[int, Playback | None], None],
     ) -> None:
-        self._controls, self._worker, self._rows, self._show_playback = (
-            controls,
-            worker,
-            rows,
-            show_playback,
-        )
-        self._playback: Playback | None = None
+        self._controls, self._pages, self._worker = controls, pages, worker
+        self._rows, self._show_playback = rows, show_playback
+        self._viewers: dict[int, Viewer] = {}
         gui = server.gui
-        gui.add_markdown("Choose a run and press **Show**; drag the slider to look anywhere.")
+        gui.add_markdown(WHAT)
         self._picked: Any = gui.add_dropdown("Run", (NONE,))
-        self._run = controls.value(self._picked, "run", lambda v: choice(v, self._picked.options))
+        controls.own_value(
+            self._picked, "run", lambda v: choice(v, self._picked.options), self._pick
+        )
         both = gui.add_checkbox("Both controllers on one plate", False, hint=BOTH)
-        self._both = controls.value(both, "both controllers", flag)
-        show = gui.add_button("Show", color="green")
-        controls.button(show, "replay", lambda page: self.show())
+        controls.own_value(both, "both controllers", flag, self._set_both)
+        self.key(gui.add_button("Show", color="green"), "replay", self.show)
         self._scrub: Any = gui.add_slider("Time [s]", 0.0, 1.0, STEP_S, 0.0)
-        self._at = controls.value(self._scrub, "time", self._on_film, self._seek)
+        controls.own_value(self._scrub, "time", FILM_S.clamp, self._seek)
         self._fast: Any = gui.add_slider("Speed", SPEED.low, SPEED.high, SPEED.step, 1.0)
-        self._speed = controls.value(self._fast, "speed", SPEED.clamp, self._set_speed)
+        controls.own_value(self._fast, "speed", SPEED.clamp, self._set_speed)
         self._play: Any = gui.add_button(PLAY)
-        controls.button(self._play, "play", lambda page: self.toggle())
+        self.key(self._play, "play", self.toggle)
         back = gui.add_button("Back to the live table", color="gray")
-        controls.button(back, "live", lambda page: self._show_playback(None))
+        self.key(back, "live", lambda page: self._show_playback(page, None))
         self._words: Any = gui.add_markdown(LIVE)
         self._events: Any = gui.add_markdown("")
-        self._about: Any = gui.add_markdown("")  # the video, which the panel Camera shows
-        self._drawn_s = 0.0
-        self._item: WorkItem | None = None  # that reads the chosen run
-        self._shown = LIVE
+        self._about: Any = gui.add_markdown("")
+
+    def key(self, handle: Any, what: str, act: Callable[[int], None]) -> None:
+        """Have any page use a button or a command for itself alone."""
+
+        def for_page(page: int | None) -> None:
+            if page is not None:
+                act(page)
+
+        self._controls.button(handle, what, for_page, everybody=True)
+
+    def _of(self, page: int) -> Viewer:
+        return self._viewers.setdefault(page, Viewer())
 
     def refresh(self) -> None:
         """List the recorded runs anew."""
         names = tuple(row.folder.name for row in self._rows()) or (NONE,)
         if names != self._picked.options:
             self._picked.options = names
-            if self._run.now not in names:
-                self._run.now = names[0]
 
-    def show(self) -> None:
-        """Have the worker read the chosen run and make its video; what it read before is dropped.
+    def _pick(self, page: int, name: str) -> None:
+        self._of(page).picked = name
+
+    def _set_both(self, page: int, both: bool) -> None:
+        self._of(page).both = both
+
+    def show(self, page: int) -> None:
+        """Have the worker read the run that a page chose and make its video; what it read for this
+        page before is dropped.
 
         ValueError: there is no such run.
         """
-        found = [row for row in self._rows() if row.folder.name == self._run.now]
+        viewer = self._of(page)
+        name = viewer.picked or self._picked.value
+        found = [row for row in self._rows() if row.folder.name == name]
         if not found:
             raise ValueError("no such run: make one in the tab Run")
         folder = found[0].folder
-        beside = partner(found[0], self._rows()) if self._both.now else None
-        if self._both.now and beside is None:
+        beside = partner(found[0], self._rows()) if viewer.both else None
+        if viewer.both and beside is None:
             raise ValueError("no run of the other controller with this protocol and seed")
 
         def on_message(kind: str, what: Any) -> None:
-            self._controls.queue.put("replay", partial(self._on_message, item, kind, what))
+            self._controls.queue.put("replay", partial(self._on_message, page, item, kind, what))
 
-        item = WorkItem("replay", partial(replay_run, folder, beside), on_message)
-        self._item, self._about.content = item, f"*{plain(folder.name)} is read.*"
+        item = WorkItem(f"replay {page}", partial(replay_run, folder, beside), on_message)
+        viewer.item, viewer.about = item, f"*{plain(folder.name)} is read.*"
         self._worker.put(item, instead=True)
 
-    def _on_message(self, item: WorkItem, kind: str, what: Any) -> None:
-        if item is not self._item:  # another run was chosen, or another film is shown
+    def _on_message(self, page: int, item: WorkItem, kind: str, what: Any) -> None:
+        viewer = self._viewers.get(page)
+        if viewer is None or item is not viewer.item:  # another run was chosen, or the page is gone
             return
         if kind == "shown":
-            self._show_playback(Playback(what.name, what.motion, film=what))
-            self._item, self._about.content = item, MAKING
+            self._show_playback(page, Playback(what.name, what.motion, film=what))
+            viewer.item, viewer.about = item, MAKING
         elif kind == "progress":
-            self._about.content = f"*{plain(what[0])}: {100 * what[1] // max(what[2], 1)} %*"
+            viewer.about = f"*{plain(what[0])}: {100 * what[1] // max(what[2], 1)} %*"
         elif kind == "failed":
-            self._about.content = plain(what)
+            viewer.about = plain(what)
         elif kind == "done":
-            self._need().video = Video(what)
-            self._about.content = "What the camera saw is shown left, in the panel Camera."
+            self._need(page).video = Video(what)
+            viewer.about = "What the camera saw is shown left, in the panel Camera."
 
-    def on_playback(self, playback: Playback | None) -> None:
-        """Take note of the film that the app shows from now on, None for the live table: the film
-        before is closed, and a run that is still being read will not be shown.
+    def on_playback(self, page: int, playback: Playback | None) -> None:
+        """Take note of the film that a page is shown from now on, None for the live table: a run
+        that is still being read for it will not be shown.
         """
-        self._item = None
-        if self._playback is not None:
-            self._playback.close()
-        self._playback, self._about.content, self._events.content = playback, "", ""
+        viewer = self._of(page)
+        viewer.item, viewer.playback, viewer.about = None, playback, ""
         end_s = playback.clock.end_s if playback is not None else 1.0
-        self._scrub.max = round(end_s, 1)
-        self._speed.now = self._fast.value = 1.0
+        self._pages.tell(page, self._scrub, max=round(end_s, 1))
+        client = self._pages.clients.get(page)
+        if client is not None:  # whatever it was set to there
+            tell_page(client, self._fast, value=1.0)
 
-    def _need(self) -> Playback:
-        if self._playback is None:
+    def left(self, page: int) -> None:
+        """Forget a page that is gone; what was made for it ends."""
+        viewer = self._viewers.pop(page, None)
+        if viewer is not None and viewer.item is not None:
+            self._worker.cancel(viewer.item.name)
+
+    def _need(self, page: int) -> Playback:
+        playback = self._of(page).playback
+        if playback is None:
             raise ValueError("choose a run and press Show first")
-        return self._playback
+        return playback
 
-    def _on_film(self, value: Any) -> float:
-        return Range(0.0, self._playback.clock.end_s if self._playback else 1.0, STEP_S).clamp(
-            value
-        )
+    def _seek(self, page: int, t_s: float) -> None:
+        self._need(page).clock.seek(t_s)
 
-    def _seek(self, t_s: float) -> None:
-        self._need().clock.seek(t_s)
-
-    def step(self, frames: int) -> None:
-        """Pause the film and go so many frames on (or back). ValueError: no film is shown."""
-        clock = self._need().clock
+    def step(self, page: int, frames: int) -> None:
+        """Pause a page's film and go so many frames on (or back). ValueError: no film is shown."""
+        clock = self._need(page).clock
         clock.play(False)
         clock.seek(clock.t_s + frames * FRAME_S)
 
-    def _set_speed(self, speed: float) -> None:
-        if self._playback is not None:
-            self._playback.clock.set_speed(speed)
+    def _set_speed(self, page: int, speed: float) -> None:
+        self._need(page).clock.set_speed(speed)
 
-    def toggle(self) -> None:
-        """Play the film, or pause it. ValueError: no film is shown."""
-        clock = self._need().clock
+    def toggle(self, page: int) -> None:
+        """Play a page's film, or pause it. ValueError: no film is shown."""
+        clock = self._need(page).clock
         clock.play(not clock.playing)
 
     def draw(self) -> None:
-        """Write the film's time, and move the slider with a film that runs."""
-        playback, words, label = self._playback, LIVE, PLAY
-        if playback is not None:
-            t_s, end_s = playback.clock.t_s, playback.clock.end_s
-            words = f"**Replay** of {plain(playback.name)}: {t_s:.1f} of {end_s:.1f} s"
-            label = PAUSE if playback.clock.playing else PLAY
-            lines = event_lines(playback.film.events, t_s) if playback.film else ""
-            if self._events.content != lines:
-                self._events.content = lines
-            at_s = min(round(t_s, 1), self._scrub.max)
-            if at_s != self._drawn_s:  # not a slider that is just dragged
-                self._drawn_s = self._scrub.value = self._at.now = at_s
-        if self._play.label != label:
-            self._play.label = label
-        if words != self._shown:
-            self._shown = self._words.content = words
+        """Write each film's time on its page, and move the slider with a film that runs."""
+        for page, viewer in list(self._viewers.items()):
+            tell, playback = partial(self._pages.tell, page), viewer.playback
+            words, label, lines = LIVE, PLAY, ""
+            if playback is not None:
+                t_s, end_s = playback.clock.t_s, playback.clock.end_s
+                words = f"**Replay** of {plain(playback.name)}: {t_s:.1f} of {end_s:.1f} s"
+                label = PAUSE if playback.clock.playing else PLAY
+                lines = event_lines(playback.film.events, t_s) if playback.film else ""
+                tell(self._scrub, value=min(round(t_s, 1), round(end_s, 1)))
+            tell(self._play, label=label)
+            tell(self._words, _markdown=words)  # viser's name of a paragraph's content
+            tell(self._events, _markdown=lines)
+            tell(self._about, _markdown=viewer.about)

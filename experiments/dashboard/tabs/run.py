@@ -121,7 +121,7 @@ class RunTab:
     target, pushes and the virtual table's backlash.
 
     session: what the buttons act on; out: folder of the gains that are kept; show_live: called
-    when a run or balancing begins, to end a film.
+    with the page that begins a run or balancing, to end its film.
     """
 
     def __init__(
@@ -130,7 +130,7 @@ class RunTab:
         controls: Controls,
         session: Session,
         out: Path,
-        show_live: Callable[[], None],
+        show_live: Callable[[int | None], None],
     ) -> None:
         self._kept_gains = KeptPresets(out / "gains.json", 3)
         self._server, self._controls, self._session = server, controls, session
@@ -195,18 +195,18 @@ class RunTab:
         """Start, next run, what the operator is asked to do."""
         gui, button = self._server.gui, self._controls.button
         self._start = gui.add_button("▶ Start", color="green")
-        button(self._start, "start", lambda page: self.start())
+        button(self._start, "start", self.start)
         self._next = gui.add_button("Next run", color="green", visible=False)
         button(self._next, "next run", lambda page: self.go_on())
         self._repeat = gui.add_button("Repeat the last run", visible=False)
-        button(self._repeat, "repeat", lambda page: self.repeat())
+        button(self._repeat, "repeat", self.repeat)
         self._step = gui.add_markdown("", visible=False)
         self._done = gui.add_button("Done", color="orange", visible=False)
         button(self._done, "confirm", lambda page: self._session.confirm())
 
-    def start(self) -> None:
-        """Start the plan that the inputs describe. ValueError, OSError: a real table is not armed,
-        or the session refuses the plan (`Session.start`).
+    def start(self, page: int | None) -> None:
+        """Start the plan that the inputs describe, and show it on `page`. ValueError, OSError: a
+        real table is not armed, or the session refuses the plan (`Session.start`).
         """
         protocol, real = read_protocol(self._protocol.now), self._session.table.real
         self._take_arming()
@@ -221,12 +221,12 @@ class RunTab:
                 speed=float(self._speed.now.split()[0]),
             )
         )
-        self._show_live()
+        self._show_live(page)
 
-    def balance(self) -> None:
-        """Balance the virtual table again and show it on every page. ValueError: a real table."""
+    def balance(self, page: int | None) -> None:
+        """Balance the virtual table again and show it on `page`. ValueError: a real table."""
         self._session.balance()
-        self._show_live()
+        self._show_live(page)
 
     def go_on(self) -> None:
         """Begin the next run of the plan. ValueError: a real table that is not armed for it."""
@@ -234,13 +234,13 @@ class RunTab:
             self._take_arming()
         self._session.go_on()
 
-    def repeat(self) -> None:
+    def repeat(self, page: int | None) -> None:
         """Make the last run again, which was not completed. ValueError: there is none, or a real
         table is not armed for it.
         """
         self._take_arming()
         self._session.repeat()
-        self._show_live()
+        self._show_live(page)
 
     def _check_disturb(self) -> None:
         """Raise ValueError where a run is being recorded and nobody said that it may be marked."""

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from viser import ViserServer
 
 FREE, TOUCHED, TOOTH = (150, 158, 170), (214, 39, 40), (255, 176, 30)
+TEETH = "/teeth"  # the node of the scene above all gauges
 PLACES = {  # of the four gauges, beside the two servos
     ("gear", 0): (0.215, -0.03, -0.07),
     ("joint", 0): (0.215, -0.03, 0.0),
@@ -30,12 +31,12 @@ class BacklashGauge:
     """
 
     def __init__(self, server: "ViserServer", kind: str, axis: int) -> None:
-        scene, name = server.scene, f"/teeth/{kind}_{'xy'[axis]}"
+        scene, name = server.scene, f"{TEETH}/{kind}_{'xy'[axis]}"
         self._along = np.eye(3)[0]  # across the picture, whatever the servo
         self._words = f"{kind} {'xy'[axis]}"
         size = np.full(3, TOOTH_M)
         size[2] = 3 * TOOTH_M
-        self._root: Any = scene.add_frame(name, position=PLACES[kind, axis], show_axes=False)
+        scene.add_frame(name, position=PLACES[kind, axis], show_axes=False)
         self._tooth: Any = scene.add_box(f"{name}/tooth", TOOTH, tuple(size))
         # A jaw is two boxes, one of which is shown: a colour would change later than a place.
         self._jaws: list[tuple[Any, Any]] = [
@@ -53,10 +54,6 @@ class BacklashGauge:
             anchor="bottom-center",
         )
         self._touches = 0
-
-    def show(self, visible: bool) -> None:
-        """Show the gauge, or hide it (`visible` False)."""
-        self._root.visible = visible
 
     def draw(self, play_rad: float, twist_rad: float, found_rad: float, rig: Rig) -> None:
         """Draw the backlash at the servo: play_rad, its full width; twist_rad, driving minus driven
@@ -86,13 +83,6 @@ class BacklashGauges:
         self._gauges = {
             place: BacklashGauge(server, *place) for place in PLACES if place[0] in kinds
         }
-
-    def show(self, visible: bool) -> None:
-        """Show all gauges, or hide them (`visible` False), as beside a film: recordings hold no
-        twists.
-        """
-        for gauge in self._gauges.values():
-            gauge.show(visible)
 
     def draw(self, rig: Rig, gear_rad: np.ndarray, joint_rad: np.ndarray, found: np.ndarray):
         """Draw all gauges: gear_rad and joint_rad (2,), twists in the model by axis; found (2, 2)

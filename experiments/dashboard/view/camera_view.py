@@ -14,7 +14,7 @@ from rig.log import INDEX, shown_angles
 from rig.parameters import Rig
 
 if TYPE_CHECKING:
-    from viser import ViserServer
+    from viser import ClientHandle, ViserServer
 
     from vision.view import View
 
@@ -40,15 +40,15 @@ def view_of(real: Rig | None) -> "View":
     return virtual_view()
 
 
-class CameraView:
-    """The camera in the 3-D view and its newest image; hidden until a page asks for it by the box
-    *Look through the camera*, or a run's video is shown.
+class CameraPicture:
+    """A camera in the 3-D view and its newest image, hidden until one is shown; for all pages
+    (`server`), or one of them.
 
-    real: the rig of a real table, whose camera is looked through; None: the virtual one.
+    real: the rig of a real table, whose camera it is; None: the virtual one.
     """
 
-    def __init__(self, server: "ViserServer", real: Rig | None = None) -> None:
-        self._server, self._real, view = server, real, view_of(real)
+    def __init__(self, server: "ViserServer | ClientHandle", real: Rig | None = None) -> None:
+        self._server, view = server, view_of(real)
         world_from_camera = np.linalg.inv(view.camera_from_plate)
         height, f = view.camera.height_px, float(view.camera.matrix[1, 1])
         self._frustum: Any = server.scene.add_camera_frustum(
@@ -63,9 +63,57 @@ class CameraView:
             visible=False,
             cast_shadow=False,
         )
-        self._box: Any = None
         self.jpeg = b""  # the image that is shown, for the big view
         self._picture: Any = None  # image and words: one widget, so that they are of one frame
+
+    @property
+    def handles(self) -> list[Any]:
+        """The widgets in the panel."""
+        return [self._picture]
+
+    def add_picture(self) -> None:
+        """Build the image and its words in the GUI container of viser that is open."""
+        self._picture = self._server.gui.add_html("")
+
+    def show(self, image: np.ndarray, words: str) -> None:
+        """Show an image (h, w, 3) uint8 RGB and below it `words`, of the same frame."""
+        import cv2
+
+        if not self._frustum.visible:
+            self._frustum.visible = True
+        self._frustum.image = image
+        coded = cv2.imencode(".jpg", np.ascontiguousarray(image[:, :, ::-1]))[1]
+        self.jpeg = coded.tobytes()
+        data = b64encode(self.jpeg).decode()
+        self._picture.content = (
+            f'<div class="rig-live" style="padding: 0 0.6em; font-size: 0.9em">'
+            f'<img style="width: 100%" alt="" src="data:image/jpeg;base64,{data}">'
+            f"<p>{escape(words)}</p></div>"
+        )
+
+    def wait(self) -> None:
+        """Say that the camera starts, where nothing was shown yet."""
+        if not self._frustum.visible and not self._picture.content:
+            self.hide("The camera starts: some seconds, more on a busy machine.")
+
+    def hide(self, words: str = "") -> None:
+        """Take the image away and show `words`, the reason, in its place."""
+        text = f'<p style="padding: 0 0.6em; font-size: 0.9em">{escape(words)}</p>' if words else ""
+        self.jpeg = b""
+        if self._picture.content != text:
+            self._frustum.visible = False
+            self._picture.content = text
+
+
+class CameraView(CameraPicture):
+    """The live table's camera: its image is shown once a page asks for it by the box *Look through
+    the camera*; arguments as of `CameraPicture`.
+    """
+
+    def __init__(self, server: "ViserServer", real: Rig | None = None) -> None:
+        super().__init__(server, real)
+        self._real = real
+        self._box: Any = None
 
     def add_widgets(self, controls: Controls) -> None:
         """Build the box, the image and its words in the GUI container of viser that is open."""
@@ -81,7 +129,7 @@ class CameraView:
         )
         self._box = gui.add_checkbox(f"Look through the {kind} camera", False)
         self._wanted = controls.value(self._box, "camera", flag, everybody=True)
-        self._picture = gui.add_html("")
+        self.add_picture()
 
     @property
     def wanted(self) -> bool:
@@ -116,32 +164,3 @@ class CameraView:
             self.show(*sight)
         else:
             self.wait()
-
-    def show(self, image: np.ndarray, words: str) -> None:
-        """Show an image (h, w, 3) uint8 RGB and below it `words`, of the same frame."""
-        import cv2
-
-        if not self._frustum.visible:
-            self._frustum.visible = True
-        self._frustum.image = image
-        coded = cv2.imencode(".jpg", np.ascontiguousarray(image[:, :, ::-1]))[1]
-        self.jpeg = coded.tobytes()
-        data = b64encode(self.jpeg).decode()
-        self._picture.content = (
-            f'<div class="rig-live" style="padding: 0 0.6em; font-size: 0.9em">'
-            f'<img style="width: 100%" alt="" src="data:image/jpeg;base64,{data}">'
-            f"<p>{escape(words)}</p></div>"
-        )
-
-    def wait(self) -> None:
-        """Say that the camera starts, where nothing was shown yet."""
-        if not self._frustum.visible and not self._picture.content:
-            self.hide("The camera starts: some seconds, more on a busy machine.")
-
-    def hide(self, words: str = "") -> None:
-        """Take the image away and show `words`, the reason, in its place."""
-        text = f'<p style="padding: 0 0.6em; font-size: 0.9em">{escape(words)}</p>' if words else ""
-        self.jpeg = b""
-        if self._picture.content != text:
-            self._frustum.visible = False
-            self._picture.content = text

@@ -11,7 +11,7 @@ from rig.log import INDEX
 from rig.parameters import Servo
 
 if TYPE_CHECKING:
-    from viser import ViserServer
+    from viser import ClientHandle, ViserServer
 
 X, Y = "#7048e8", "#e8590c"
 LEGEND = (
@@ -20,7 +20,7 @@ LEGEND = (
     "the joint, full of the gear)</div>"
 )
 WAIT = "*Waiting for the first data.*"
-FILM = "*A film is shown: the curves are the live table's and rest meanwhile.*"
+FILM = "*This film has no curves.*"
 _CM, _DEG = 100.0, degrees(1)
 
 
@@ -95,9 +95,11 @@ class Curves:
     Only the last one has numbers on its time axis, which all share.
     """
 
-    def __init__(self, server: "ViserServer", servo: Servo, height: int = 84) -> None:
+    def __init__(
+        self, server: "ViserServer | ClientHandle", servo: Servo, height: int = 84
+    ) -> None:
         self._charts = charts_of(servo)
-        server.gui.add_html(LEGEND)
+        self._legend: Any = server.gui.add_html(LEGEND)
         self._words: Any = server.gui.add_markdown(WAIT)
         self._said, self._plots = WAIT, list[Any]()
         for chart in self._charts:
@@ -121,6 +123,11 @@ class Curves:
                     visible=False,
                 )
             )
+
+    @property
+    def handles(self) -> list[Any]:
+        """The widgets."""
+        return [self._legend, self._words, *self._plots]
 
     def rest(self, words: str) -> None:
         """Show `words` (Markdown) instead of the curves; "" shows the curves again."""

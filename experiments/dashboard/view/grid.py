@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from viser import ViserServer
+    from viser import ClientHandle, ViserServer
 
 FINE_M, COARSE_M = 0.01, 0.05
 FINE, COARSE = (206, 211, 219), (150, 158, 170)
@@ -37,7 +37,7 @@ def grid_numbers(side_m: float) -> list[tuple[str, tuple[float, float, float]]]:
     return found
 
 
-def draw_grid(server: "ViserServer", plate: str, side_m: float) -> None:
+def draw_grid(server: "ViserServer | ClientHandle", plate: str, side_m: float) -> None:
     """Draw grid and numbers under the scene's node `plate`, so that they tilt with it."""
     scene = server.scene
     for name, step_m, colour, thickness in (

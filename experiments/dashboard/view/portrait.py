@@ -15,7 +15,7 @@ from rig.log import INDEX
 from rig.parameters import Servo
 
 if TYPE_CHECKING:
-    from viser import ViserServer
+    from viser import ClientHandle, ViserServer
 
 WIDTH, HEIGHT, MARGIN = 300, 190, 34  # of a picture [px]
 EVERY_S, RMS_S, BINS = 0.5, 10.0, 24  # chosen: calm to look at
@@ -144,9 +144,14 @@ def pictures(rows: np.ndarray, servo: Servo) -> str:
 class Portrait:
     """Builds the pictures in the GUI container of viser that is open."""
 
-    def __init__(self, server: "ViserServer", servo: Servo) -> None:
+    def __init__(self, server: "ViserServer | ClientHandle", servo: Servo) -> None:
         self._servo, self._drawn_s = servo, 0.0
         self._html: Any = server.gui.add_html(_boxed(WAIT))
+
+    @property
+    def handles(self) -> list[Any]:
+        """The widgets."""
+        return [self._html]
 
     def draw(self, rows: np.ndarray) -> None:
         """Show rows (n, len(COLUMNS)) of the log, at most every EVERY_S."""

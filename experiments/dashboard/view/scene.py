@@ -10,7 +10,7 @@ from experiments.dashboard.view.view_points import VIEW_POINTS
 from rig.parameters import Rig
 
 if TYPE_CHECKING:
-    from viser import ViserServer
+    from viser import ClientHandle, ViserServer
 
 ORANGE, GHOST, GREEN = (255, 112, 16), (70, 150, 255), (26, 150, 65)
 PLATE, METAL, DARK = (228, 232, 238), (120, 128, 140), (70, 76, 86)
@@ -87,7 +87,13 @@ class PlateModel:
     """
 
     def __init__(
-        self, server: "ViserServer", name: str, rig: Rig, *, at=(0.0, 0.0, 0.0), ghost: bool = False
+        self,
+        server: "ViserServer | ClientHandle",
+        name: str,
+        rig: Rig,
+        *,
+        at=(0.0, 0.0, 0.0),
+        ghost: bool = False,
     ) -> None:
         self._rig, scene = rig, server.scene
         side, radius = rig.linkage.plate_side_m, rig.ball.radius_m
@@ -124,11 +130,6 @@ class PlateModel:
         self.plate.wxyz = plate_wxyz(theta_rad, self._rig)
         self.ball.position = _on_plate(ball_m, self._rig.ball.radius_m)
 
-    def show(self, visible: bool) -> None:
-        """Show or hide plate and ball."""
-        if self.root.visible != visible:
-            self.root.visible = visible
-
 
 def _on_plate(ball_m: np.ndarray | None, height_m: float) -> tuple[float, float, float]:
     if ball_m is None or not np.all(np.isfinite(ball_m)):
@@ -145,7 +146,7 @@ class TableScene:
     and the model's ball with its distance from the measured one.
     """
 
-    def __init__(self, server: "ViserServer", rig: Rig) -> None:
+    def __init__(self, server: "ViserServer | ClientHandle", rig: Rig) -> None:
         self._rig, scene = rig, server.scene
         self.table = PlateModel(server, "/table", rig)
         draw_grid(server, f"{self.table.name}/plate", rig.linkage.plate_side_m)
@@ -188,7 +189,7 @@ class TableScene:
             for a in "xy"
         ]
 
-    def _build_base(self, server: "ViserServer") -> None:
+    def _build_base(self, server: "ViserServer | ClientHandle") -> None:
         scene, half = server.scene, self._rig.linkage.plate_side_m / 2
         floor = -DROP_M - 0.03
         scene.add_box(

@@ -4,17 +4,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.dashboard.session.playback import Playback
 from experiments.dashboard.view.scene import PlateModel
+from experiments.gap.closed_loop_replay import TableMotion
 from rig.parameters import Rig
 
 if TYPE_CHECKING:
-    from viser import ViserServer
+    from viser import ClientHandle, ViserServer
 
 BEHIND = {"before": (-0.225, 0.37, 0.03), "after": (0.075, 0.37, 0.03)}
 WORDS = {"before": "model before", "after": "model after"}
 LOW, HIGH = np.array([255.0, 245.0, 200.0]), np.array([150.0, 0.0, 60.0])
 CELL_PX = 8
+MAP, MAP_LEGEND = "/table/plate/map", "/table/plate/map_legend"  # nodes of the scene
 
 
 def map_image(plate_map: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
@@ -40,62 +41,24 @@ def off_words(seen_m: np.ndarray, told_m: np.ndarray) -> str:
     return f"{far_mm:.0f} mm from the ball" if np.isfinite(far_mm) else "no ball"
 
 
-class SidePlates:
-    """Two small plates behind the table, with the models before and after naming, and the map of
-    disagreement on the table's own plate; hidden until there is something to show.
-    """
+class PlateMap:
+    """The map of disagreement on the table's plate, for all pages (`server`) or one of them."""
 
-    def __init__(self, server: "ViserServer", rig: Rig) -> None:
-        self._server = server
-        self._plates = {
-            name: PlateModel(server, f"/{name}", rig, at=at, ghost=True)
-            for name, at in BEHIND.items()
-        }
-        self._labels: list[Any] = []
-        for name, plate in self._plates.items():
-            plate.show(False)
-            self._labels.append(
-                server.scene.add_label(
-                    f"/{name}/label", WORDS[name], position=(0, 0.16, 0.03), anchor="bottom-center"
-                )
-            )
-        self._playback: Playback | None = None
-        self._map: Any = None
-        self._legend: Any = None
+    def __init__(self, server: "ViserServer | ClientHandle") -> None:
+        self._scene = server.scene
+        self._parts: list[Any] = []
 
-    def begin(self, playback: Playback | None) -> None:
-        """Show both models where the film `playback` has them; None (the live table): hide them."""
-        self._playback = playback
-        beside = playback is not None and playback.models is not None
-        for plate in self._plates.values():
-            plate.show(beside)
-
-    def draw(self, t_s: float) -> None:
-        """Pose both models as they were at `t_s` of the film; nothing without a film of models."""
-        if self._playback is None or self._playback.models is None:
-            return
-        _, seen, _ = self._playback.motion.at(t_s)
-        for (name, plate), label, motion in zip(
-            self._plates.items(), self._labels, self._playback.models, strict=True
-        ):
-            theta, ball, _ = motion.at(t_s)
-            plate.pose(theta, ball)
-            text = f"{WORDS[name]}: {off_words(seen, ball)}"
-            if label.text != text:
-                label.text = text
-
-    def show_map(self, plate_map: tuple[np.ndarray, np.ndarray, np.ndarray] | None) -> None:
-        """Lay a map (`GapAnswer.plate_map`) on the table's plate; None takes it away."""
-        for old in (self._map, self._legend):
-            if old is not None:
-                old.remove()
-        self._map = self._legend = None
+    def show(self, plate_map: tuple[np.ndarray, np.ndarray, np.ndarray] | None) -> None:
+        """Lay a map (`GapAnswer.plate_map`) on the plate; None takes it away."""
+        for old in self._parts:
+            old.remove()
+        self._parts = []
         if plate_map is None or not np.isfinite(plate_map[2]).any():
             return
         x, y, size = plate_map
         at = (float(x[0] + x[-1]) / 2, float(y[0] + y[-1]) / 2, 0.0004)
-        self._map = self._server.scene.add_image(
-            "/table/plate/map",
+        image = self._scene.add_image(
+            MAP,
             map_image(plate_map),
             float(np.ptp(x)),
             float(np.ptp(y)),
@@ -104,10 +67,45 @@ class SidePlates:
             wxyz=(0.0, 1.0, 0.0, 0.0),
             cast_shadow=False,
         )
-        top = float(np.nanmax(size))
-        self._legend = self._server.scene.add_label(
-            "/table/plate/map_legend",
-            f"error of the model: pale none, dark {top:.1f} x what noise alone gives",
+        legend = self._scene.add_label(
+            MAP_LEGEND,
+            f"error of the model: pale none, dark {float(np.nanmax(size)):.1f} x what noise alone "
+            "gives",
             position=(0, -float(np.ptp(y)) / 2 - 0.02, 0.0),
             anchor="top-center",
         )
+        self._parts = [image, legend]
+
+
+class SidePlates:
+    """Two small plates behind the table, with the models before and after naming, on one page."""
+
+    def __init__(self, client: "ClientHandle", rig: Rig) -> None:
+        self._plates = {
+            name: PlateModel(client, f"/{name}", rig, at=at, ghost=True)
+            for name, at in BEHIND.items()
+        }
+        self._labels: list[Any] = []
+        for name in BEHIND:
+            self._labels.append(
+                client.scene.add_label(
+                    f"/{name}/label", WORDS[name], position=(0, 0.16, 0.03), anchor="bottom-center"
+                )
+            )
+
+    @property
+    def names(self) -> list[str]:
+        """The plates' nodes of the scene."""
+        return [plate.name for plate in self._plates.values()]
+
+    def draw(self, seen: np.ndarray, models: tuple[TableMotion, TableMotion], t_s: float) -> None:
+        """Pose both models as they were at `t_s` of the film, beside the ball that was `seen` (2,)
+        [m]."""
+        for (name, plate), label, motion in zip(
+            self._plates.items(), self._labels, models, strict=True
+        ):
+            theta, ball, _ = motion.at(t_s)
+            plate.pose(theta, ball)
+            text = f"{WORDS[name]}: {off_words(seen, ball)}"
+            if label.text != text:
+                label.text = text

@@ -33,6 +33,8 @@ def read_recording(path: Path) -> Recording:
     """
     if not path.exists():
         raise FileNotFoundError(f"{path} does not exist")
+    if odd := _without_an_end(path):
+        raise BadFileError(f"{odd} is no file but a pipe or a device, which may have no end")
     if path.is_dir():
         lerobot = (path / "meta" / "info.json").is_file()
         bag = (path / "metadata.yaml").is_file() or any(path.glob("*.mcap"))
@@ -48,3 +50,11 @@ def read_recording(path: Path) -> Recording:
         return joined(reader(path))
     except BadFileError as error:
         raise BadFileError(f"{path}: {' '.join(str(error).split())}") from error
+
+
+def _without_an_end(path: Path) -> Path | None:
+    """What is no file there or within: a pipe, a socket or a device, None: nothing is."""
+    parts = [path, *(path.rglob("*") if path.is_dir() else ())]
+    return next(
+        (one for one in parts if one.exists() and not (one.is_file() or one.is_dir())), None
+    )

@@ -70,7 +70,7 @@ def begin(desk: Desk, rng: random.Random) -> None:
     tab = desk.app.run_tab
     tab._protocol.now = RUN if not desk.session.table.real else "servo-squares"
     tab._armed.now = True
-    tab.start()
+    tab.start(None)
 
 
 def starting(desk: Desk, rng: random.Random) -> None:

@@ -37,10 +37,24 @@ RESULTS = {
 
 def test_the_tables_count_the_cells_without_a_fault():
     found = report._by_condition(RESULTS)
-    assert found.rows == [["with", "1", "1", "1", "0", "3"], ["neural", "2", "0", "0", "0", "3"]]
+    assert found.rows == [
+        ["with", "1", "1", "0", "1", "0", "3"],
+        ["neural", "2", "0", "1", "0", "0", "3"],
+    ]
     found = report._by_play(RESULTS)
     assert found.head == ("play", "cells", "with", "neural")
     assert found.rows == [["none", "1", "0", "1"], ["joint 2", "2", "1", "1"]]
+
+
+def test_no_name_of_a_cell_is_cut_off_in_the_map(tmp_path):
+    import cv2
+
+    names = [f"gear 1, joint 1.5 | as measured | hold | play taken for {n} times" for n in range(9)]
+    cells = [cell(name, {"with": HELPS, "neural": OPEN}, 0.1) for name in names]
+    image = cv2.imread(str(figures.map_figure({**RESULTS, "cells": cells}, tmp_path)))
+    assert image is not None
+    assert image[:, :2].min() == 255  # nothing reaches the left edge
+    assert image[-2:].min() == 255
 
 
 def test_cells_that_agree_with_the_paper_are_counted_by_their_play():

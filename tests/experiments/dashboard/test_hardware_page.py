@@ -34,7 +34,7 @@ def test_a_real_table_is_homed_and_armed_for_every_run_and_stopped_by_everybody(
     # Opening the page moves nothing.
     wait_for("rest", lambda: session.status.state == "stopped", 120.0)
     with pytest.raises(ValueError, match="tick Arm"):
-        tab.start()
+        tab.start(None)
     with pytest.raises(ValueError, match="in a run alone"):
         session.balance()
     with pytest.raises(ValueError, match="has not been homed"):
@@ -42,7 +42,7 @@ def test_a_real_table_is_homed_and_armed_for_every_run_and_stopped_by_everybody(
     assert not (lab.folder / "volts").read_text()
     assert lab.call("home", "--yes")[0] == 0
     tab._armed.now, tab._protocol.now = True, "servo-squares"
-    tab.start()
+    tab.start(None)
     wait_for("motion", lambda: session.status.t_s > 1.0, 120.0)
     assert not tab._armed.now  # used up
     session.stop("page 7")
@@ -53,7 +53,7 @@ def test_a_real_table_is_homed_and_armed_for_every_run_and_stopped_by_everybody(
     assert meta["reason"].startswith("stopped by page 7")
     assert lab.volts()[-1, 1:].tolist() == [0.0, 0.0]
     with pytest.raises(ValueError, match="tick Arm"):
-        tab.start()
+        tab.start(None)
 
 
 @pytest.mark.slow

@@ -1,14 +1,18 @@
 """Whatever stands in a table, the answer is a proposal, a question or one line."""
 
+import os
 import warnings
+from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from experiments.importing.conversion import convert
+from experiments.importing.formats.choose import read_recording
 from experiments.importing.proposal import propose
-from experiments.importing.recording import Stream
+from experiments.importing.recording import BadFileError, Stream
 
 NAMES = (
     *("t_s", "time", "ball_x_mm", "ball_y_mm", "x", "y", "servo_cmd_x_deg", "theta_y_rad"),
@@ -62,3 +66,15 @@ def outcome(stream: Stream) -> str:
     except ValueError as error:
         return str(error)
     return ""
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no pipes with a name")
+@pytest.mark.parametrize("within", ["", "data"])
+def test_a_pipe_in_the_place_of_a_file_is_one_line(tmp_path: Path, within: str):
+    """Opened, it would wait for ever; a device might have no end."""
+    folder = tmp_path / "recording" / within
+    folder.mkdir(parents=True)
+    os.mkfifo(folder / "samples.mcap")
+    asked = tmp_path / "recording" if within else folder / "samples.mcap"
+    with pytest.raises(BadFileError, match=r"samples.mcap is no file but a pipe or a device"):
+        read_recording(asked)

@@ -1,11 +1,13 @@
 """`rig watch` on folders of run folders: what is told, what is skipped, what is refused."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from experiments.gap.words import sig
 from experiments.watch.runs import accepted_of, runs_of
 from rig import Rig, write_rig
 from tests.support.command import told
@@ -70,6 +72,11 @@ def test_a_loose_joint_is_told_with_run_name_and_size(runs, tmp_path: Path):
     assert "joint backlash x, play, grew by" in page
     assert page.count("<tr") >= 12
     assert "joint backlash x" in out
+    begin = found["runs"][0]["values"]  # of the accepted run: what the figure shows, too
+    shown = re.findall(r"<td>(?:V|ms)</td><td class=\"n\">([^<]*)</td>", page)
+    inside = [p["unit"] in ("V", "s") for p in found["parameters"]]
+    factors = [{"s": 1e3}.get(p["unit"], 1.0) for p in found["parameters"]]
+    assert shown == [sig(f * v) for f, v, i in zip(factors, begin, inside, strict=True) if i]
 
 
 @pytest.mark.slow

@@ -54,6 +54,9 @@ class Panel:
         self.camera = c.value(self.box, "camera", flag, everybody=True)
         self.group: Any = gui.add_button_group("push", ("left", "right"))
         c.pick(self.group, ("left", "right"), self.arrows.append)
+        self.own: Any = gui.add_slider("time", KP.low, KP.high, KP.step, 1.0)
+        self.times: list[Any] = []
+        c.own_value(self.own, "time", KP.clamp, lambda *what: self.times.append(what))
         self.unknown: Any = gui.add_checkbox("nobody's", False)
         self.stop: Any = gui.add_button("STOP")
         c.stop_button(self.stop, "stop", lambda page: self.stopped.set())
@@ -141,6 +144,19 @@ def test_no_page_changes_anything_of_an_input_but_its_value(panel: Panel):
     assert not panel.stopped.is_set()
     panel.set(watcher, panel.stop, value=True)
     assert panel.stopped.wait(5.0)
+
+
+def test_a_value_of_a_pages_own_is_clamped_and_no_other_page_is_shown_it(panel: Panel):
+    holder, watcher = panel.page(), panel.page()
+    panel.set(watcher, panel.own, value=1e9)
+    panel.set(watcher, panel.own, value="soon")
+    panel.set(holder, panel.own, value=2.0)
+    panel.heard(watcher, 1)
+    panel.heard(holder, 0)
+    assert sorted(panel.times) == [(0, 2.0), (1, KP.high)]
+    assert panel.own.value == 1.0  # what a page that comes is shown
+    assert any(told[:2] == (1, "time") and "no number" in told[2] for told in panel.told)
+    assert panel.applied == []
 
 
 def test_only_the_holder_sets_values_and_the_one_that_was_sent_is_applied(panel: Panel):

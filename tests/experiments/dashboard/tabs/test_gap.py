@@ -48,7 +48,7 @@ def gap(tmp_path):
     def tab():
         return GapTab(
             server, controls, worker, tmp_path, lambda: rows,
-            shown.append, lambda film: None, lambda page, path: None,
+            shown.append, lambda page, film: None, lambda page, path: None,
         )  # pyright: ignore[reportArgumentType] # fmt: skip
 
     yield tab, worker, rows, tmp_path

@@ -34,7 +34,7 @@ def test_a_page_that_watches_takes_over_and_the_other_is_told(way: str):
     )
     controls = Controls(lambda *what: None, print)
     session = SimpleNamespace(note=noted.append)
-    Header(SimpleNamespace(gui=gui), controls, session, "virtual", lambda: None)  # pyright: ignore[reportArgumentType]
+    Header(SimpleNamespace(gui=gui), controls, session, "virtual", lambda page: None)  # pyright: ignore[reportArgumentType]
     controls.lock = ControlLock().joined(1).joined(2)
     handle = {"button": buttons, "palette": commands}[way]["Take over the controls"]
     handle.press(SimpleNamespace(client_id=2))  # pyright: ignore[reportArgumentType]

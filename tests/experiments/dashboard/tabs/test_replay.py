@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.dashboard.server.controls import ControlLock, Controls
+from experiments.dashboard.server.pages import Pages
 from experiments.dashboard.server.server import open_server
 from experiments.dashboard.session.playback import Playback, run_film
 from experiments.dashboard.session.tasks import RunSummary
@@ -20,10 +21,15 @@ class FakeWorker:
 
     def __init__(self):
         self.items: list[WorkItem] = []
+        self.cancelled: list[str] = []
 
     def put(self, item: WorkItem, *, instead: bool = False) -> None:
         assert instead
         self.items.append(item)
+
+    def cancel(self, name: str) -> bool:
+        self.cancelled.append(name)
+        return False
 
 
 @pytest.fixture
@@ -33,11 +39,11 @@ def replay():
     controls.lock = ControlLock().joined(1)
     rows = [RunSummary(Path(f"out/run-{i}"), "hold", "with", 1, "completed") for i in (1, 2)]
 
-    def show(playback):
-        shown.append(playback)
-        tab.on_playback(playback)
+    def show(page, playback):
+        shown.append((page, playback.name))
+        tab.on_playback(page, playback)
 
-    tab = ReplayTab(server, controls, worker, lambda: rows, show)  # pyright: ignore[reportArgumentType]
+    tab = ReplayTab(server, controls, Pages(), worker, lambda: rows, show)  # pyright: ignore[reportArgumentType]
     tab.refresh()
     yield tab, controls, worker, shown
     server.stop()
@@ -58,26 +64,45 @@ def film(name):
 
 def test_of_two_runs_that_were_asked_for_the_newest_is_shown(replay):
     tab, controls, worker, shown = replay
-    tab.show()
-    tab._run.now = "run-2"
-    tab.show()
+    tab.show(1)
+    tab._pick(1, "run-2")
+    tab.show(1)
     first, second = worker.items
     first.on_message("shown", film("run-1"))  # it was on its way as the second was asked for
     second.on_message("shown", film("run-2"))
     first.on_message("failed", "ended before it was done")
     second.on_message("progress", ("rendering the video", 1, 4))
     controls.queue.close()
-    assert [playback.name for playback in shown] == ["run-2"]
-    assert tab._about.content == "*rendering the video: 25 %*"
+    assert shown == [(1, "run-2")]
+    assert tab._of(1).about == "*rendering the video: 25 %*"
 
 
 def test_a_run_that_is_still_read_does_not_replace_what_was_chosen_since(replay):
     tab, controls, worker, shown = replay
-    tab.show()
-    tab.on_playback(None)  # back to the live table
+    tab.show(1)
+    tab.on_playback(1, None)  # back to the live table
     worker.items[0].on_message("shown", film("run-1"))
     controls.queue.close()
     assert shown == []
+
+
+def test_every_page_has_a_film_of_its_own_and_one_that_is_gone_none(replay):
+    tab, controls, worker, shown = replay
+    tab.show(1)
+    tab._pick(2, "run-2")  # a page that watches
+    tab.show(2)
+    first, second = worker.items
+    assert first.name != second.name  # so that neither ends the other
+    first.on_message("shown", film("run-1"))
+    second.on_message("shown", film("run-2"))
+    controls.queue.put("seek", lambda: tab._seek(2, 0.5))
+    controls.queue.put("gone", lambda: tab.left(1))
+    controls.queue.close()
+    assert shown == [(1, "run-1"), (2, "run-2")]
+    assert tab._need(2).clock.t_s == pytest.approx(0.5, abs=0.4)
+    assert worker.cancelled == [first.name]
+    with pytest.raises(ValueError, match="press Show first"):
+        tab.toggle(1)
 
 
 def test_curves_ball_and_events_stand_at_one_time():

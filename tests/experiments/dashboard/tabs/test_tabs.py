@@ -2,18 +2,22 @@
 
 import os
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from experiments.dashboard.server.controls import Controls
+from experiments.dashboard.server.server import open_server
 from experiments.dashboard.session.calibration_tasks import (
     CalibrationRequest,
     calibration_step,
     steps_of,
 )
-from experiments.dashboard.session.live import LiveState
+from experiments.dashboard.session.live import LiveBuffer, LiveState
 from experiments.dashboard.session.plan import RunPlan, SessionStatus, planned_runs
 from experiments.dashboard.session.tasks import (
+    DrawnFigures,
     RunSummary,
     draw_figures,
     list_runs,
@@ -22,7 +26,7 @@ from experiments.dashboard.session.tasks import (
 from experiments.dashboard.session.worker_process import ProgressSender
 from experiments.dashboard.tabs.gap import BEGINS, STAGES, stage_lines
 from experiments.dashboard.tabs.header import link_words
-from experiments.dashboard.tabs.results import card, table
+from experiments.dashboard.tabs.results import ResultsTab, card, table
 from experiments.dashboard.tabs.run import ProgressLine, minutes, progress_words
 from experiments.dashboard.view.side_plates import CELL_PX, map_image, off_words
 from experiments.gap.closed_loop_replay import table_motion
@@ -156,6 +160,30 @@ def test_a_run_of_somebody_else_writes_no_html_onto_the_page():
     assert "<" not in words
     assert words.count("|") == 3 * 5  # of the program's own cells
     assert "<" not in progress_words(SessionStatus("stopped", text))
+    hostile = RunSummary(Path(text), text, text, 1, text, by_hand=(text,))
+    for figures in (
+        DrawnFigures([], [], sentence=text),
+        DrawnFigures([], [], table=[[text] * 4]),
+        DrawnFigures([], [hostile]),
+    ):
+        words = card(figures)
+        assert "iframe" in words
+        assert "<" not in words
+        assert "`" not in words
+
+
+def test_what_a_worker_says_of_somebody_elses_run_is_no_html_either(tmp_path: Path):
+    server, _ = open_server("127.0.0.1", 0, "a-token-of-some-length-for-tests")
+    controls = Controls(lambda *what: None, print)
+    tab = ResultsTab(
+        server, controls, SimpleNamespace(), tmp_path, LiveBuffer(500.0), lambda page, path: None
+    )  # pyright: ignore[reportArgumentType]
+    for kind, what in (("progress", ("<b>", 1, 2)), ("failed", "<b>: no run")):
+        tab._on_message("report", lambda made: None, kind, what)
+        assert "<" not in tab._words.content
+        assert "b" in tab._words.content
+    controls.queue.close()
+    server.stop()
 
 
 @pytest.mark.slow

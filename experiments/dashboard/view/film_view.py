@@ -1,0 +1,124 @@
+"""A film in place of the live table, on one page: no other page sees it.
+
+What is drawn for one page stands over what is drawn for all under the same name (viser's scopes),
+so the live table is drawn on below it and is there again when the film is taken away.
+"""
+
+import threading
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.dashboard.server.messages import tell_page
+from experiments.dashboard.session.playback import Playback
+from experiments.dashboard.view.backlash_gauges import TEETH
+from experiments.dashboard.view.camera_view import NO_FILM, CameraPicture
+from experiments.dashboard.view.curves import FILM, Curves
+from experiments.dashboard.view.portrait import Portrait
+from experiments.dashboard.view.scene import TableScene
+from experiments.dashboard.view.side_plates import MAP, MAP_LEGEND, PlateMap, SidePlates
+from rig.parameters import Rig
+
+if TYPE_CHECKING:
+    from viser import ClientHandle
+
+TRAIL = 90  # points of the motion behind the ball
+
+
+class FilmView:
+    """The film `playback` of a table like `rig` on the page `client`, in the tabs `places` (curves,
+    swing, camera); live: the widgets there which the film's stand in for; real: as of
+    `CameraPicture`.
+
+    To be built and closed in one thread, the control panel queue's; any may draw.
+    """
+
+    def __init__(
+        self,
+        client: "ClientHandle",
+        rig: Rig,
+        playback: Playback,
+        places: Sequence[Any],
+        live: Sequence[Any],
+        *,
+        real: Rig | None = None,
+    ) -> None:
+        self.playback, self._client, self._live = playback, client, live
+        self._lock, self._open = threading.Lock(), True
+        scene = client.scene
+        with client.atomic():
+            self._scene = TableScene(client, rig)
+            scene.add_frame(TEETH, show_axes=False, visible=False)  # recordings hold no twists
+            self._roots = [self._scene.table.name, TEETH, "/camera"]
+            if playback.plate_map is None:
+                for name in (MAP, MAP_LEGEND):
+                    scene.add_frame(name, show_axes=False, visible=False)
+            PlateMap(client).show(playback.plate_map)
+            self._plates = None if playback.models is None else SidePlates(client, rig)
+            if self._plates is not None:
+                self._roots += self._plates.names
+            self._camera = CameraPicture(client, real)
+            curves, swing, camera = places
+            with curves:
+                self._curves = Curves(client, rig.servo)
+            with swing:
+                self._portrait = Portrait(client, rig.servo)
+            with camera:
+                self._camera.add_picture()
+            self._hide_live()
+
+    def _hide_live(self) -> None:
+        self._shown = [handle.visible for handle in self._live]  # on the other pages
+        for handle in self._live:
+            tell_page(self._client, handle, visible=False)
+
+    def draw(self) -> None:
+        """Draw the film as it is now: table, models, trail, curves, video."""
+        with self._lock:
+            if not self._open:
+                return
+            with self._client.atomic():
+                self._draw()
+
+    def _draw(self) -> None:
+        if self._shown != [handle.visible for handle in self._live]:
+            self._hide_live()  # some came to every page meanwhile
+        playback, film = self.playback, self.playback.film
+        t_s = playback.clock.t_s
+        theta, ball, target = playback.motion.at(t_s)
+        beside = None if film is None else film.beside
+        self._scene.pose(theta, ball if beside is None else None, target)
+        if film is not None and beside is not None:
+            self._scene.both(ball, beside.at(t_s)[1], beside=film.beside_method)
+        past = playback.motion.ball_m[: int(np.searchsorted(playback.motion.t_s, t_s))]
+        self._scene.draw_trail(past[-TRAIL:], None)
+        if self._plates is not None and playback.models is not None:
+            self._plates.draw(ball, playback.models, t_s)
+        rows = playback.curve()
+        self._curves.rest(FILM) if rows is None else self._curves.draw(rows)
+        if rows is not None:
+            self._portrait.draw(rows)
+        video = playback.video
+        if video is None:
+            self._camera.hide(NO_FILM)
+        elif (frame := video.at(t_s)) is not None:
+            self._camera.show(frame, "the run's video")
+
+    def end(self) -> None:
+        """Draw no more, and close the film's video: the page is gone, or `close` follows."""
+        with self._lock:
+            self._open = False
+            self.playback.close()
+
+    def close(self) -> None:
+        """Show the live table again."""
+        self.end()
+        with self._client.atomic():
+            for name in self._roots:
+                self._client.scene.remove_by_name(name)
+            for part in (self._curves, self._portrait, self._camera):
+                for handle in part.handles:
+                    handle.remove()
+            for handle in self._live:
+                tell_page(self._client, handle, visible=handle.visible)
