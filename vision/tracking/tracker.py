@@ -20,7 +20,7 @@ from vision.detection.detector import REACH, Detection, locate_ball
 from vision.detection.pixels import mean_probability
 from vision.detection.streaks_and_mirrors import locate_streak, mirror_silhouette
 from vision.frames import Frame, Track
-from vision.tracking.acquisition import LOOK_S, Acquisition, Known
+from vision.tracking.acquisition import LOOK_S, Acquired, Acquisition, Known
 from vision.tracking.candidates import (
     DISTRACTOR_LIMIT,
     DiscCandidate,
@@ -85,6 +85,7 @@ class Tracker:
         self._lock_px = (math.nan, math.nan)
         self._mirrors = False  # its silhouette was found about an inner outline
         self._proven = False  # has moved since it was locked
+        self._clear = True  # was too evidently round for a finger or a leaf
         self._state = "search"
         self._good_s = self._locked_s = -math.inf
         self._views = 0
@@ -122,7 +123,7 @@ class Tracker:
         if self._motion is not None:
             self._motion, self._candidates, self._state = None, [], "lost"
             assert self.appearance is not None
-            known = Known(self.appearance, self._radius_px, self._is_known_still)
+            known = Known(self.appearance, self._radius_px, self._clear, self._is_known_still)
             self._acquisition.lost(known, held_s=self._good_s - self._locked_s)
             found = self._search(frame)
             if found is not None:
@@ -170,6 +171,12 @@ class Tracker:
         self._radius_px = found.radius_px
         return self._lock(frame, found, proven=proven)
 
+    def _begin(self, frame: Frame, acquired: Acquired) -> Detection:
+        """Lock on what the acquisition found."""
+        found = self._start(frame, acquired.seen, proven=acquired.moves)
+        self._clear = acquired.clear
+        return found
+
     def _coast(self, ahead: ImageMotion) -> Track:
         self._state = "coast"
         u, v = (float(x) for x in ahead.place)
@@ -179,7 +186,7 @@ class Tracker:
         if self._motion is None:
             return self._search(frame)
         found = self._follow(frame, self._motion.at(frame.t_s, self._radius_px))
-        if not self._proven:
+        if not (self._proven and self._clear):
             found = self._doubt(frame, found)
         return found
 
@@ -231,7 +238,7 @@ class Tracker:
             found.u_px, found.v_px, self._radius_px, found.sigma_px, frame.t_s
         )
         self._lock_px, self._proven, self._candidates = (found.u_px, found.v_px), proven, []
-        self._locked_s = frame.t_s
+        self._locked_s, self._clear = frame.t_s, True
         self._acquisition.locked(Sighting(found, appearance, 0.0))
         return found
 
@@ -273,7 +280,7 @@ class Tracker:
         acquired = self._acquisition.step(frame)
         if acquired is None:
             return None
-        return self._start(frame, acquired.seen, proven=acquired.moves)
+        return self._begin(frame, acquired)
 
     def _is_patch(self, frame: Frame, seen: Detection) -> bool:
         """Whether a disc of the colour that was named is a patch on a larger round thing."""
@@ -301,9 +308,10 @@ class Tracker:
         assert distractors is not None
         if self._seeks == "any":
             other = self._acquisition.step(frame, every_s=WATCH_S)
-            if other is not None and other.moves and _apart(other.seen, motion, self._radius_px):
-                return self._start(frame, other.seen, proven=True)
-        if self._seeks == "nothing" or frame.t_s - self._doubted_s < LOOK_S:
+            better = other is not None and (other.moves or (other.clear and not self._clear))
+            if other is not None and better and _apart(other.seen, motion, self._radius_px):
+                return self._begin(frame, other)
+        if self._proven or self._seeks == "nothing" or frame.t_s - self._doubted_s < LOOK_S:
             return found
         self._doubted_s = frame.t_s
         self._observe(frame)
