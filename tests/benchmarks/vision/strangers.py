@@ -3,10 +3,11 @@
     uv run python -m tests.benchmarks.vision.strangers --seeds 0 20 [--world third] [--quick]
 
 Each seed draws a film (tests/support/other_world or third_world; the third needs OpenGL without a
-screen, Mesa's EGL, and its seeds go round its kinds, which have totals of their own). A frame counts where the whole ball shows (95 %
-of its outline): right within half a radius (at least 3 px), wrong beyond that, lost without a
-measured place; where nothing of the ball shows (under 5 %) any place counts as wrong. Locks are the
-times from where the ball comes into view (again) to the first right place.
+screen, Mesa's EGL, and its seeds go round its kinds, which have totals of their own). A frame
+counts where the whole ball shows (95 % of its disc): right within half a radius (at least 3 px),
+wrong beyond that, lost without a measured place; where nothing of the ball shows (under 5 %) any
+place counts as wrong. Locks are the times from where the ball comes into view (again) to the first
+right place.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Where plate, ball, hand and leaves are at each frame: a ball that rolls, a plate that chases it."""
+"""Where plate, ball, hand and leaves are at each frame; the plate chases a ball that rolls."""
 
 from __future__ import annotations
 

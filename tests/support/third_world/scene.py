@@ -43,7 +43,9 @@ def model_text(plan: Plan) -> str:
       <geom type="box" size="{half} {half} {THICK_M / 2}" material="plate"
         rgba="1 1 1 {see_through}"/>
     </body>
-    <body name="ball" mocap="true"><geom name="ball" type="sphere" size="{r}" material="ball"/></body>
+    <body name="ball" mocap="true">
+      <geom name="ball" type="sphere" size="{r}" material="ball"/>
+    </body>
     <body name="hand" mocap="true" pos="0 0 -5">{_hand(plan)}</body>
     {"".join(_leaf(k) for k in range(3)) if plan.kind == "leaves" else ""}
   </worldbody>
