@@ -163,7 +163,7 @@ class NominalModel:
     def __init__(
         self, rig: Rig, *, load_friction: bool, tolerances: Mapping[str, float] | None = None
     ) -> None:
-        self.rig, self.load_friction = rig, load_friction
+        self.rig, self.load_friction, self._given = rig, load_friction, tolerances
         self._record = pack(rig)
         drive = rig.drive
         self._wound = drive.joint_friction_nm / drive.joint_stiffness_nm_rad
@@ -273,6 +273,11 @@ class NominalModel:
         other._record = self._record.copy()
         other._record["unknown"] = pack_unknown(unknown, self.rig.servo.angle_limit_rad)
         return other
+
+    def with_other_load(self) -> "NominalModel":
+        """The model with the motors loaded by the assumed friction where they are not, or the
+        reverse."""
+        return NominalModel(self.rig, load_friction=not self.load_friction, tolerances=self._given)
 
     def of(self, name: str, axis: str | None = None) -> list[Parameter]:
         """The parameters of the effect `name`, on all axes (None) or one."""
