@@ -26,8 +26,9 @@ LARGER, FIXED = 1.4, 0.3  # ratio of radii; share of the larger radius that a pa
 # A shadow: shares of the light beside it that are left at most, and that the colours differ by; how
 # far (sum of the radii) it lies from what moves with it; sway, share of their common way.
 SHADED, TINTED, AWAY, RIGID = 0.9, 0.2, 2.0, 0.4
-# Travel beyond which more says nothing: marks on a plate that tilts by 10 degrees reach 2 to 3.
-FARTHEST = 8.0
+# Travel beyond which more says nothing: marks on a plate that tilts by 10 degrees reach 2 to 3, and
+# leaves and hands come farther than a ball.
+FARTHEST = 3.0
 
 
 HIDDEN = 3  # looks in a row that miss a thing; from then on it is hidden, not seen unsteadily

@@ -42,9 +42,8 @@ GOOD_SHARE = 0.2  # of the radius: a position with a larger sigma only corrects 
 RADIUS_SLACK = 0.25
 SAME_SIZE_SHARE = 0.06  # share of the radius that a ball's outline keeps from one frame to the next
 ROUGH_SHARE = 0.03  # residual of an outline, share of the radius, that a sharp whole ball never has
-INNER_SHARE = (
-    0.92  # share of the radius below which a sharp outline is the image in a mirroring one
-)
+# Share of the radius below which a sharp outline is the image in a mirroring one.
+INNER_SHARE = 0.92
 SWOLLEN_SHARE = 0.1  # share of the radius by which no blur makes a ball larger
 WATCH_S = 0.3  # between two looks for a ball that moves while what is tracked has not moved yet
 GONE_SHARE = 0.1  # of the ball's own fill, below which its colour is gone from a place
@@ -85,10 +84,10 @@ class Tracker:
         self._lock_px = (math.nan, math.nan)
         self._mirrors = False  # its silhouette was found about an inner outline
         self._proven = False  # has moved since it was locked
+        self._clear = True  # was too evidently round for a finger or a leaf
         self._state = "search"
-        self._good_s = self._locked_s = -math.inf
+        self._good_s = self._locked_s = self._doubted_s = -math.inf
         self._views = 0
-        self._doubted_s = -math.inf
 
     @property
     def radius_px(self) -> float:
@@ -122,7 +121,7 @@ class Tracker:
         if self._motion is not None:
             self._motion, self._candidates, self._state = None, [], "lost"
             assert self.appearance is not None
-            known = Known(self.appearance, self._radius_px, self._is_known_still)
+            known = Known(self.appearance, self._radius_px, self._clear, self._is_known_still)
             self._acquisition.lost(known, held_s=self._good_s - self._locked_s)
             found = self._search(frame)
             if found is not None:
@@ -153,7 +152,9 @@ class Tracker:
         other._radius_px, other._distractors = self._radius_px, self._distractors
         return other
 
-    def _start(self, frame: Frame, found: Detection, *, proven: bool) -> Detection:
+    def _start(
+        self, frame: Frame, found: Detection, *, proven: bool, clear: bool = True
+    ) -> Detection:
         """Lock on a disc that was recognised without the appearance known so far."""
         known, place = self.appearance, (found.u_px, found.v_px, found.radius_px)
         learned = Appearance.learn(frame.image, *place)
@@ -168,7 +169,7 @@ class Tracker:
         self.appearance = learned
         self._mirrors = found.inside_px > 0.0
         self._radius_px = found.radius_px
-        return self._lock(frame, found, proven=proven)
+        return self._lock(frame, found, proven=proven, clear=clear)
 
     def _coast(self, ahead: ImageMotion) -> Track:
         self._state = "coast"
@@ -179,9 +180,7 @@ class Tracker:
         if self._motion is None:
             return self._search(frame)
         found = self._follow(frame, self._motion.at(frame.t_s, self._radius_px))
-        if not self._proven:
-            found = self._doubt(frame, found)
-        return found
+        return found if self._proven and self._clear else self._doubt(frame, found)
 
     def _accept(self, frame: Frame, found: Detection) -> Track:
         """Update motion, size, appearance and distractors from an accepted detection."""
@@ -216,8 +215,10 @@ class Tracker:
         self._proven |= span > max(5.0, 0.5 * self._radius_px)
         return Track("track", found.u_px, found.v_px, claimed, found.radius_px)
 
-    def _lock(self, frame: Frame, found: Detection, *, proven: bool) -> Detection:
-        """Start to track this detection; `proven`: it is known to move."""
+    def _lock(
+        self, frame: Frame, found: Detection, *, proven: bool, clear: bool = True
+    ) -> Detection:
+        """Start to track this detection; `proven`: it is known to move, `clear`: see `Acquired`."""
         appearance = self.appearance
         assert appearance is not None
         if not appearance.learned:
@@ -231,7 +232,7 @@ class Tracker:
             found.u_px, found.v_px, self._radius_px, found.sigma_px, frame.t_s
         )
         self._lock_px, self._proven, self._candidates = (found.u_px, found.v_px), proven, []
-        self._locked_s = frame.t_s
+        self._locked_s, self._clear = frame.t_s, clear
         self._acquisition.locked(Sighting(found, appearance, 0.0))
         return found
 
@@ -273,7 +274,7 @@ class Tracker:
         acquired = self._acquisition.step(frame)
         if acquired is None:
             return None
-        return self._start(frame, acquired.seen, proven=acquired.moves)
+        return self._start(frame, acquired.seen, proven=acquired.moves, clear=acquired.clear)
 
     def _is_patch(self, frame: Frame, seen: Detection) -> bool:
         """Whether a disc of the colour that was named is a patch on a larger round thing."""
@@ -301,9 +302,10 @@ class Tracker:
         assert distractors is not None
         if self._seeks == "any":
             other = self._acquisition.step(frame, every_s=WATCH_S)
-            if other is not None and other.moves and _apart(other.seen, motion, self._radius_px):
-                return self._start(frame, other.seen, proven=True)
-        if self._seeks == "nothing" or frame.t_s - self._doubted_s < LOOK_S:
+            better = other is not None and (other.moves or (other.clear and not self._clear))
+            if other is not None and better and _apart(other.seen, motion, self._radius_px):
+                return self._start(frame, other.seen, proven=other.moves, clear=other.clear)
+        if self._proven or self._seeks == "nothing" or frame.t_s - self._doubted_s < LOOK_S:
             return found
         self._doubted_s = frame.t_s
         self._observe(frame)

@@ -47,34 +47,53 @@ def survey(
     colour: Appearance | None = None,
 ) -> Survey:
     """Look at a film and choose its ball; the arguments are those of `Tracker`."""
-    looks: list[tuple[int, float, list[Sighting]]] = []  # index, time, what was seen
-    every_s, longer = LOOK_S, 0
+    looks = _looks(frames, radius_px, mask)
+    return _ball_in(looks, colour)
+
+
+@dataclass
+class _Looks:
+    """What was seen of a film: (index of the frame, sightings) every `every_s`; `longer`: the
+    image's longer side (px)."""
+
+    seen: list[tuple[int, list[Sighting]]]
+    every_s: float
+    longer: int
+
+
+def _looks(
+    frames: Frames, radius_px: tuple[float, float] | None, mask: np.ndarray | None
+) -> _Looks:
+    looks, last_s = _Looks([], LOOK_S, 0), -np.inf
     for frame in frames():
-        if looks and 0.0 <= frame.t_s - looks[-1][1] < every_s:
+        if 0.0 <= frame.t_s - last_s < looks.every_s:
             continue
-        image = frame.image
-        longer = max(longer, *image.shape[:2])
+        image, last_s = frame.image, frame.t_s
+        looks.longer = max(looks.longer, *image.shape[:2])
         seen = round_things(image, bounds_of(image, radius_px), at_most=AT_MOST)
-        if mask is not None:
-            seen = [s for s in seen if _on(mask, s)]
-        looks.append((frame.index, frame.t_s, seen))
-        if len(looks) > LOOKS:
-            looks, every_s = looks[::2], 2.0 * every_s
+        looks.seen.append((frame.index, [s for s in seen if mask is None or _on(mask, s)]))
+        if len(looks.seen) > LOOKS:
+            looks.seen, looks.every_s = looks.seen[::2], 2.0 * looks.every_s
+    return looks
+
+
+def _ball_in(looks: _Looks, colour: Appearance | None) -> Survey:
+    """The ball among what was seen, with the places where it is sure."""
     things = Things()
-    for number, (_, _, seen) in enumerate(looks):
-        things.add(number * every_s, seen)
-    reach = TRAVEL * longer
+    for number, (_, seen) in enumerate(looks.seen):
+        things.add(number * looks.every_s, seen)
+    reach = TRAVEL * looks.longer
     ranked = sorted(things.all, key=lambda t: -_score(t, reach, colour))
     ranked = [thing for thing in ranked[:RANKED] if not things.is_part(thing, reach)]
     best = ranked[0] if ranked else None
-    if best is None or not _sure(best, len(looks)):
+    if best is None or not _sure(best, len(looks.seen)):
         return Survey({}, moves=False)
     moves = best.travel(reach) > 1.0
     if not moves and len(ranked) > 1:
         lead = _score(best, reach, colour) / _score(ranked[1], reach, colour)
         if lead < STANDS_OUT:
             return Survey({}, moves=False)
-    places = {looks[round(t_s / every_s)][0]: s for t_s, s in _usual(best)}
+    places = {looks.seen[round(t_s / looks.every_s)][0]: s for t_s, s in _usual(best)}
     return Survey(places, moves)
 
 

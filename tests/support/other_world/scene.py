@@ -5,12 +5,13 @@ rests, rolls, is taken away and put down again. Nothing here was chosen by what 
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from tests.support.other_world.rays import cast, silhouette
+from tests.support.strange_film import StrangeFilm
 from vision.frames import Frame
 
 COLOURS = {  # linear BGR, 0..1
@@ -34,20 +35,6 @@ PLATES = {
 }
 SKINS = ((0.22, 0.32, 0.62), (0.10, 0.16, 0.32), (0.04, 0.07, 0.16))
 SIDE_M = 0.30
-
-
-@dataclass
-class StrangeFilm:
-    """Frames with truth by frame: `truth[k]` is (u, v, radius) px, and `shown[k]` the share of the
-    ball's outline that is not hidden or outside the image. `words` say what it is."""
-
-    seed: int
-    words: str
-    fps: float
-    frames: list[Frame] = field(default_factory=list)
-    truth: list[tuple[float, float, float]] = field(default_factory=list)
-    shown: list[float] = field(default_factory=list)
-    colour: str = ""
 
 
 @dataclass
@@ -88,7 +75,7 @@ def strange_film(seed: int, *, quick: bool = False) -> StrangeFilm:
         f"{', put down again' if plan.gone else ''}{', ' + plan.arm if plan.arm else ''}"
         f"{', leaf' if plan.leaf else ''}"
     )
-    film = StrangeFilm(seed, words, plan.fps, colour=plan.ball)
+    film = StrangeFilm(seed, words)
     for k, moment in enumerate(_motion(plan)):
         _take(film, plan, numbers, moment, k)
     return film

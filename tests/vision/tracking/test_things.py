@@ -49,6 +49,14 @@ def test_plate_marks_that_tilt_travel_less_than_the_ball():
     assert watched(mark, ball).ranked(REACH)[0].last.place[1] == 200
 
 
+def test_a_leaf_that_is_blown_far_does_not_outrank_a_ball_that_is_seen_steadily():
+    leaf = lambda k: sighting(40 + 25 * k, 80, bgr=(40, 60, 160)) if k % 2 else None  # noqa: E731
+    ball = lambda k: sighting(300 + 16 * np.sin(0.5 * k), 250, evidence=1.6)  # noqa: E731
+    best, other = watched(leaf, ball, looks=20).ranked(REACH)
+    assert best.last.place[1] == 250
+    assert other.travel(REACH) > 5.0 * best.travel(REACH)
+
+
 def test_a_highlight_is_a_part_of_its_ball_but_a_ball_on_a_printed_disc_is_none():
     ball = lambda k: sighting(200 + 10 * k, 200, 40)  # noqa: E731
     glint = lambda k: sighting(190 + 10 * k, 190, 6, bgr=(250, 250, 250))  # noqa: E731
