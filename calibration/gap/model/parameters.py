@@ -173,6 +173,7 @@ class NominalModel:
         self._own = {one.effect.name: slot for slot, one in enumerate(rig.own)}
         known = self.catalogue.values()
         self._tolerances = {e.name: e.tolerance for e in known} | dict(tolerances or {})
+        self._learned = frozenset(tolerances or ())
         # The motor's own friction is known no better than the assumed friction of its load.
         held = rig.drive.joint_friction_nm + rig.drive.arm_friction_nm
         self.assumed_friction_V = held / rig.servo.torque_per_volt_nm if load_friction else 0.0
@@ -223,7 +224,8 @@ class NominalModel:
         if self.is_own(effect.name):
             return self._own_parameter(effect, key, axis)
         first = _keys(effect)[0] == key
-        tolerance = self._tolerances[effect.name] if first and effect.name not in PERIODIC else 0.0
+        sized = first and effect.name not in PERIODIC
+        tolerance = self.tolerance(effect.name, axis) if sized else 0.0
         gear = effect.name == "gear_backlash" and max(self._start["gear_backlash_play_rad"]) == 0.0
         if gear and self.load_friction:
             tolerance = 0.0  # below one count, beside shafts that wind up, it is not identifiable
@@ -253,12 +255,26 @@ class NominalModel:
             return self._start[f"{name}_{key}"][a] - self._start["dead_zone_half_width_V"][a]
         return float(self._start[f"{name}_{key}"][a])
 
+    def tolerance(self, name: str, axis: str) -> float:
+        """Half width of what a rig without faults may have of an effect on an axis [unit of its
+        first key].
+
+        Of twins (TOLD_TWINS) one is tried, so it has what all of them may have together; a zero of
+        the servo tilts the plate by the lever 2 r/L of it. Tolerances learned from logs hold it.
+        """
+        own = self._tolerances[name]
+        if name in self._learned or self.rig.servo.has_angle or name not in TOLD_TWINS:
+            return own
+        lever = self.rig.linkage.ratios["xy".index(axis)] if name == "level_offset" else 1.0
+        return own + lever * sum(self._tolerances.get(twin, 0.0) for twin in TOLD_TWINS[name])
+
     def exceeds_minimum(self, name: str, axis: str, setting: Mapping[str, float]) -> bool:
         """Whether the effect on this axis departs from nominal in `setting` by at least the
         decision rule's minimum: the larger of MIN_EFFECT_SIZE and MIN_TOLERANCE_RATIO times the
         tolerance."""
         size = [abs(setting.get(k.name, k.nominal) - k.nominal) for k in self.of(name, axis)]
-        least = max(MIN_EFFECT_SIZE.get(name, 0.0), MIN_TOLERANCE_RATIO * self._tolerances[name])
+        tolerance = self.tolerance(name, axis)
+        least = max(MIN_EFFECT_SIZE.get(name, 0.0), MIN_TOLERANCE_RATIO * tolerance)
         if name == "stribeck_friction":
             least += self.friction_slack_V
         if name == "dead_zone":

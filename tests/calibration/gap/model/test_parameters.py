@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from calibration.gap.model.parameters import BALL, INNER_SHAPE, PERIODIC, SERVO, NominalModel
 from experiments.runs.assemble import load_rig
 from rig.effects import BY_NAME, Effect, effects_of
-from rig.parameters import Rig
+from rig.linkage import Linkage
+from rig.parameters import Rig, Servo
 from rig.plant.plant_record import pack
 from tests.support.gap.tables import RIG, evidence_of, foreign
 
@@ -161,6 +162,28 @@ def test_tolerances_are_the_catalogues_or_those_given():
     assert usual.exceeds_minimum("voltage_offset", "x", setting)
     assert not usual.exceeds_minimum("voltage_offset", "y", setting)
     assert not wide.exceeds_minimum("voltage_offset", "x", setting)
+
+
+def test_of_twins_the_one_that_is_tried_may_have_what_all_of_them_may():
+    """A servo beside its zero by its tolerance, and the plate off level by its own, is healthy."""
+    tolerance = {name: effect.tolerance for name, effect in BY_NAME.items()}
+    arm_m, lever_m = {"x": 0.02, "y": 0.03}, 0.1
+    linkage = Linkage(plate_side_m=2 * lever_m, x={"arm_radius_m": 0.02}, y={"arm_radius_m": 0.03})
+    rig = Rig(servo=Servo(kind="position"), linkage=linkage)
+    told = NominalModel(rig, load_friction=False)
+    for axis in "xy":
+        size = told.parameters[f"level_offset.slope_rad.{axis}"].tolerance
+        zero = arm_m[axis] / lever_m * tolerance["angle_zero"]
+        assert size == pytest.approx(tolerance["level_offset"] + zero)
+        assert told.tolerance("angle_scale", axis) == pytest.approx(
+            tolerance["angle_scale"] + tolerance["camera_scale"]
+        )
+        assert told.tolerance("servo_lag", axis) == tolerance["servo_lag"]
+    learned = NominalModel(rig, load_friction=False, tolerances={"level_offset": 0.001})
+    assert learned.tolerance("level_offset", "x") == 0.001
+    read_back = replace(rig, servo=replace(rig.servo, angle_measured=True))
+    measured = NominalModel(read_back, load_friction=False)
+    assert measured.tolerance("level_offset", "x") == tolerance["level_offset"]
 
 
 @pytest.fixture(scope="module")
