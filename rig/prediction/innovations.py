@@ -9,7 +9,7 @@ the tick.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from rig.log import COMMANDS, Log
 from rig.parameters import Rig
 from rig.plant.plant_record import pack
 from rig.prediction.ball import LONGEST_GAP_S, look_ahead, predict_ball
-from rig.prediction.commanded import answers
+from rig.prediction.commanded import Answers
 from rig.prediction.servo import predict_axis
 
 NOISE = np.dtype(
@@ -40,7 +40,8 @@ class Signals:
     starts anew; driven: axes that have a servo channel (the volts of the others are taken as 0);
     corrected (n,), optional: true at ticks whose angles correct the servos' filters (None: all);
     told_rad (n, 2), optional: angles told to servos that take them and whose angle nobody measures;
-    the ball is then predicted from their answer, and theta_rad is no more than a guess of it.
+    the ball is then predicted from their answer, and theta_rad is no more than a guess of it;
+    answered: the last of these answers.
     """
 
     t_s: np.ndarray
@@ -52,13 +53,14 @@ class Signals:
     driven: tuple[bool, bool] = (True, True)
     corrected: np.ndarray | None = None
     told_rad: np.ndarray | None = None
+    answered: Answers = field(default_factory=Answers)
 
     def angles(self, p: np.record) -> tuple[np.ndarray, np.ndarray]:
         """Times (m,) [s] and servo angles (m, 2) [rad] for the ball: measured, or the answer to the
         commands under the model p (record PLANT)."""
         if self.told_rad is None:
             return self.t_s, self.theta_rad
-        return answers(p, self.t_s, self.told_rad)
+        return self.answered.of(p, self.t_s, self.told_rad)
 
     def has_servo(self, a: int) -> bool:
         """Whether volts and angle of axis `a` are there in every row, and the axis is driven."""

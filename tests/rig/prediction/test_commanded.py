@@ -12,7 +12,7 @@ from rig.effects import ANGLES, effects_of
 from rig.log import Log
 from rig.parameters import Rig, Servo
 from rig.plant.plant_record import pack
-from rig.prediction.commanded import answers
+from rig.prediction.commanded import BEHIND, Answers, answers
 from rig.prediction.innovations import noise, predict, signals
 from rig.simulation.simulate import draw, simulate
 from tests.rig.plant.test_position_servo import VISIBLE
@@ -104,3 +104,24 @@ def test_blank_commands_hold_the_last():
     measured = Log.from_columns({name: np.array(v) for name, v in columns.items()} | {
         "theta_x_rad": np.zeros(4), "theta_y_rad": np.zeros(4)})  # fmt: skip
     assert signals(measured, camera_delay_s=0.0).told_rad is None
+
+
+def test_an_answer_is_kept_for_all_that_lies_behind_the_servos_and_for_nothing_else():
+    rig = replace(shipped("hobby-two-servos"), effects={})
+    p, t = pack(rig), np.arange(0, 1.0, 0.01)
+    told = 0.1 * np.sign(np.sin(9 * t))[:, None] * [1.0, -1.0]
+    kept = Answers()
+    first = kept.of(p, t, told)
+    for name in BEHIND:
+        other = p.copy()
+        if other[name].dtype.kind == "f":
+            other[name] += 0.01
+        assert kept.of(other, t, told) is first, name
+        np.testing.assert_array_equal(answers(other, t, told)[1], first[1], err_msg=name)
+    for name in OWN:
+        other = pack(replace(rig, effects={name: {"x": VISIBLE[name]}}))
+        np.testing.assert_array_equal(kept.of(other, t, told)[1], answers(other, t, told)[1])
+        assert np.abs(kept.of(other, t, told)[1] - first[1]).max() > 1e-4, name
+    again = kept.of(p, t, told)
+    assert kept.of(p, t.copy(), told) is not again
+    assert kept.of(p, t, told) is again
