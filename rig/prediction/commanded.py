@@ -2,10 +2,11 @@
 
 Where nobody measures the angle, the ball is predicted from the servos' answer to the commands by
 the simulator's own equations (`rig.plant.position_servo`), never from the commands themselves: a
-command jumps, the plate does not.
+command jumps, the plate does not. Where servos read their angle back, the commands predict the next
+reading (`predict_told_axis`).
 """
 
-from math import ceil
+from math import ceil, exp, sqrt
 
 import numpy as np
 
@@ -15,7 +16,9 @@ from rig.plant.position_servo import (
     ANGLE,
     SERVOS,
     aim,
+    arriving,
     move_servos,
+    moved_servo,
     rounded,
     servo_dead_time,
     servos_at_level,
@@ -99,6 +102,42 @@ def answers(p: np.record, t_s: np.ndarray, told_rad: np.ndarray) -> tuple[np.nda
     times, angles = np.empty(m), np.empty((m, 2))
     _follow(p, t_s, np.ascontiguousarray(told_rad), parts, servos_at_level(p), times, angles)
     return times, angles
+
+
+@compiled
+def predict_told_axis(p, levels, a, t, told, theta, corrected, tau, out, std):
+    """Fill column `a` of `out` and `std` (n, 2) [rad]: innovations of the angle that the servo of
+    axis `a` of two rods reads back, and their deviations.
+
+    p: record PLANT; levels: record NOISE; t (n,) [s]; told, theta (n, 2) [rad]; corrected (n,):
+    rows whose angle corrects the filter; the first row and the others are left as they were. The
+    servo moves on from the filtered angle; to its rate a disturbance is added that decays in tau
+    [s], as the speed of a motor does (`rig.prediction.servo`).
+    """
+    r = levels.servo_measured[a] ** 2
+    angle, rate, more, row = theta[0, a], 0.0, 0.0, 0
+    p00, p01, p11 = r, 0.0, 0.5 * levels.servo_process[a] ** 2 * tau
+    for k in range(t.shape[0] - 1):
+        parts = max(int(ceil((t[k + 1] - t[k]) / LONGEST_STEP_S - 1e-9)), 1)
+        h = (t[k + 1] - t[k]) / parts
+        decay = exp(-h / tau)
+        reach, q = tau * (1.0 - decay), levels.servo_process[a] ** 2 * h
+        for i in range(parts):
+            mean, row = _mean_told(p, a, t, told, t[k] + i * h, h, row)
+            angle, rate = moved_servo(p, a, arriving(p, a, mean), angle, rate, h)
+            angle, more = angle + reach * more, decay * more
+            p00 += 2.0 * reach * p01 + reach * reach * p11 + q * h * h / 3.0
+            p01 = decay * (p01 + reach * p11) + 0.5 * q * h
+            p11 = decay * decay * p11 + q
+        if not corrected[k + 1]:
+            continue
+        total = p00 + r
+        miss, g0, g1 = theta[k + 1, a] - angle, p00 / total, p01 / total
+        out[k + 1, a], std[k + 1, a] = miss, sqrt(total)
+        angle, more = angle + g0 * miss, more + g1 * miss
+        p11 -= g1 * p01
+        p01 -= g0 * p01
+        p00 -= g0 * p00
 
 
 class Answers:

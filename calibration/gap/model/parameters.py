@@ -20,6 +20,7 @@ from calibration.gap.decision_rule import (
 from rig.discrepancy import Discrepancy
 from rig.discrepancy import pack as pack_unknown
 from rig.effects import ANGLES, Effect, effects_of, values
+from rig.linkage import RODS
 from rig.parameters import Rig
 from rig.plant.derived import held_share
 from rig.plant.plant_record import pack
@@ -134,21 +135,29 @@ def _keys(effect: Effect) -> list[str]:
 
 
 def in_ball(effect: Effect) -> bool:
-    """Whether the ball shows the effect, not the servo's encoder; it alone shows those of servos
-    whose angle nobody measures."""
-    return effect.side != "servo" or effect.servos == ANGLES
+    """Whether the ball shows the effect (of `effects_in`), not what the servo's encoder reads."""
+    return effect.side != "servo"
+
+
+def has_commanded_servos(rig: Rig) -> bool:
+    """Whether the servos' outputs of this rig's logs are angles by commands; with three arms the
+    angle is the plate's tilt, which no servo has by itself."""
+    return rig.servo.takes_angle and rig.linkage.kind == RODS
 
 
 def effects_in(rig: Rig) -> tuple[Effect, ...]:
-    """The effects of the rig's catalogue that its logs can tell apart (see TOLD_TWINS). Servos that
-    read their angle back show theirs in no output yet."""
+    """The effects of the rig's catalogue that its logs can tell apart (see TOLD_TWINS), each on the
+    side on which they show it: the ball alone shows those of servos whose angle nobody measures.
+    Three arms that read their angles back show theirs in no output yet."""
     known = effects_of(rig.servo.kind, rig.catalogue.values())
     twins = {twin for names in TOLD_TWINS.values() for twin in names}
     if not rig.servo.takes_angle:
         return known
     if rig.servo.has_angle:
-        return tuple(e for e in known if e.servos != ANGLES)
-    return tuple(e for e in known if e.name not in twins)
+        return tuple(e for e in known if e.servos != ANGLES or has_commanded_servos(rig))
+    return tuple(
+        replace(e, side="ball") if e.servos == ANGLES else e for e in known if e.name not in twins
+    )
 
 
 class NominalModel:
@@ -169,7 +178,8 @@ class NominalModel:
         self._wound = drive.joint_friction_nm / drive.joint_stiffness_nm_rad
         if not load_friction:
             self._record["arm_friction"] = self._record["joint_friction"] = self._wound = 0.0
-        self.effects, self.catalogue = effects_in(rig), rig.catalogue
+        self.effects = effects_in(rig)
+        self.catalogue = {**rig.catalogue, **{effect.name: effect for effect in self.effects}}
         self._own = {one.effect.name: slot for slot, one in enumerate(rig.own)}
         known = self.catalogue.values()
         self._tolerances = {e.name: e.tolerance for e in known} | dict(tolerances or {})

@@ -28,7 +28,7 @@ def choose_friction_model(
     `NominalModel`."""
     free = NominalModel(rig, load_friction=False, tolerances=tolerances)
     outputs = tuple(output for output in evidence.outputs if output in SERVO)
-    if rig.drive.joint_friction_nm == 0.0 or not outputs:
+    if rig.servo.takes_angle or rig.drive.joint_friction_nm == 0.0 or not outputs:
         return free
     loaded = NominalModel(rig, load_friction=True, tolerances=tolerances)
     servo = replace(evidence, masks={output: evidence.masks[output] for output in outputs})

@@ -188,7 +188,8 @@ def untestable(state: State, screened: list[Screened] | None) -> tuple[Untestabl
         if size is None and there and screened is not None:  # it was tried
             continue
         if size is None:
-            servo = "volts and angles of a servo that moves"
+            given = "commands" if state.nominal.rig.servo.takes_angle else "volts"
+            servo = f"{given} and angles of a servo that moves"
             channel = servo if effect.side == "servo" else "the ball"
             found.append(Untestable(effect.name, f"the log lacks {channel}", {}))
         elif effect.name == "saturation":
