@@ -27,6 +27,8 @@ from rig.plant.position_servo import (
 )
 
 LONGEST_STEP_S = 0.0025  # between two angles: the ball's predictor goes straight between them
+# Where the angle is read, a servo that turns by a count in a millisecond is seen; chosen.
+READ_STEP_S = 0.0005
 # What lies behind the servos: their answer does not depend on it.
 BEHIND = tuple(e.field(p.key) for e in CATALOGUE if e.side != "servo" for p in e.parameters)
 BEHIND += ("joint_1", "joint_2", "camera_height", "unknown", "own")
@@ -118,7 +120,7 @@ def predict_told_axis(p, levels, a, t, told, theta, corrected, tau, out, std):
     angle, rate, more, row = theta[0, a], 0.0, 0.0, 0
     p00, p01, p11 = r, 0.0, 0.5 * levels.servo_process[a] ** 2 * tau
     for k in range(t.shape[0] - 1):
-        parts = max(int(ceil((t[k + 1] - t[k]) / LONGEST_STEP_S - 1e-9)), 1)
+        parts = max(int(ceil((t[k + 1] - t[k]) / READ_STEP_S - 1e-9)), 1)
         h = (t[k + 1] - t[k]) / parts
         decay = exp(-h / tau)
         reach, q = tau * (1.0 - decay), levels.servo_process[a] ** 2 * h

@@ -281,7 +281,12 @@ class NominalModel:
     def exceeds_minimum(self, name: str, axis: str, setting: Mapping[str, float]) -> bool:
         """Whether the effect on this axis departs from nominal in `setting` by at least the
         decision rule's minimum: the larger of MIN_EFFECT_SIZE and MIN_TOLERANCE_RATIO times the
-        tolerance."""
+        tolerance. A servo's fastest rate is its K times its volts: the rig file's is known no
+        better than a K."""
+        if name == "rate_limit":
+            known = self.rig.servo.on(axis).rate_limit_rad_s
+            limit = setting.get(f"{name}.limit_rad_s.{axis}", inf)
+            return limit < (1.0 - CALIBRATED["gain_rad_s_V"]) * known
         size = [abs(setting.get(k.name, k.nominal) - k.nominal) for k in self.of(name, axis)]
         tolerance = self.tolerance(name, axis)
         least = max(MIN_EFFECT_SIZE.get(name, 0.0), MIN_TOLERANCE_RATIO * tolerance)

@@ -32,12 +32,14 @@ TWINS: Mapping[str, tuple[str, ...]] = {
     "camera_delay": ("delay_encoder_to_plate",),
     "camera_yaw": ("antisymmetric_cross_coupling",),
 }
+# Where servos that take an angle read it back: what lies between is also what reads it.
+READ_TWINS = {"angle_zero": ("encoder_zero",), "angle_scale": ("encoder_scale",)}
 Parameters = dict[str, dict[str, Interval]]
 
 
 def twins_of(name: str, rig: Rig) -> tuple[str, ...]:
     """What makes the same data as the effect on this rig, whatever the motion."""
-    told = TWINS if rig.servo.has_angle else {**TWINS, **TOLD_TWINS}
+    told = {**TWINS, **(READ_TWINS if rig.servo.has_angle else TOLD_TWINS)}
     return told.get(name, ())
 
 
