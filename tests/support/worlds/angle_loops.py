@@ -8,6 +8,7 @@ from numba import njit
 from tests.support.worlds.angle_servos import (
     answer,
     behind_play,
+    driven,
     fallen_axes,
     hold,
     load_nm,
@@ -62,7 +63,7 @@ def run_commanded(b, mass_kg, s, f, level, loop, targets, push, noise):
     memory, ball, heavy = np.zeros((2, 3)), np.zeros(6), np.array([0.0, 0.0, -1.0])
     arms, goals, theta, plate = np.zeros(3), np.zeros(3), np.zeros(2), np.zeros(2)
     phi, rate, old, aim, way = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
-    unknown, pose = np.zeros(9), np.zeros(6)
+    unknown, pose, rates = np.zeros(9), np.zeros(6), np.zeros(3)
     unknown[5] = pose[5] = f.height_m
     unknown[6:] = level
     last = np.full(2, np.nan)
@@ -85,9 +86,13 @@ def run_commanded(b, mass_kg, s, f, level, loop, targets, push, noise):
                     last[:] = aim
                 for i in range(servos):
                     j = min(i, 1)
-                    arms[i] = answer(
-                        arms[i], goals[i], s.lag_s[j], s.rate_rad_s[j], s.band_rad[j], span
-                    )
+                    lag, most, band, motor = s.lag_s[j], s.rate_rad_s[j], s.band_rad[j], s.motor_s[j]
+                    if motor > 0.0:
+                        arms[i], rates[i] = driven(
+                            arms[i], rates[i], goals[i], lag, most, band, motor, span
+                        )
+                    else:
+                        arms[i] = answer(arms[i], goals[i], lag, most, band, span)
                 if f.three:
                     pose_of(arms + level, pose, f)
                     theta[0], theta[1] = fallen_axes(pose)

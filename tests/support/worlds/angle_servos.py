@@ -26,6 +26,7 @@ class Servos(NamedTuple):
     scale: np.ndarray  # it goes to (1 + scale) command + zero
     zero_rad: np.ndarray
     play_rad: np.ndarray  # full width, behind the servo
+    motor_s: np.ndarray  # in which a motor takes up the rate that is wanted of it; 0: at once
     friction_nm: float  # holds the plate within the play
     period_s: float  # between two pulses; 0: it listens all the time
 
@@ -61,6 +62,16 @@ def answer(angle, goal, lag_s, rate_rad_s, band_rad, h):
     left = h - straight / rate_rad_s
     rest = (off - straight) * math.exp(-left / lag_s)
     return angle + way * (off - rest)
+
+
+@njit(cache=True)
+def driven(angle, rate, goal, lag_s, rate_rad_s, band_rad, motor_s, h):
+    """Angle and rate after h of a motor that a proportional controller drives to `goal`:
+    rate' = (wanted - rate)/motor_s, wanted as the rate of `answer`."""
+    off = max(abs(goal - angle) - band_rad, 0.0)
+    wanted = min(off / lag_s, rate_rad_s) * (1.0 if goal > angle else -1.0)
+    after = wanted + (rate - wanted) * math.exp(-h / motor_s)
+    return angle + h * wanted + motor_s * (rate - after), after
 
 
 @njit(cache=True)

@@ -24,7 +24,7 @@ TABLES = {
     "slow": (RC | {"period_s": 0.0}, RODS, 0.28, 100.0 / 3.0, 0.03),
     "legs": (LEGS, ARMS, 0.24, 50.0, 0.02),
 }
-LEVEL_KEYS = ("lag_s", "dead_time_s", "rate_rad_s", "band_rad", "scale", "zero_rad", "play_rad")
+CHANGED = ("lag_s", "dead_time_s", "rate_rad_s", "band_rad", "scale", "zero_rad", "motor_s")
 
 
 def _servos(rng: np.random.Generator, file: dict, changes: dict) -> Servos:
@@ -38,8 +38,9 @@ def _servos(rng: np.random.Generator, file: dict, changes: dict) -> Servos:
         "scale": rng.uniform(-0.005, 0.005, 2),
         "zero_rad": rng.uniform(-0.05 * DEG, 0.05 * DEG, 2),
         "play_rad": rng.uniform(0.0, 0.04 * DEG, 2),
+        "motor_s": np.zeros(2),
     }
-    for key in LEVEL_KEYS:
+    for key in CHANGED:
         if key in changes:
             more = np.asarray(changes[key], float)
             true[key] = np.minimum(true[key], more) if key == "rate_rad_s" else true[key] + more
@@ -72,6 +73,7 @@ def log_of(
     servo: dict | None = None,
     plate: dict | None = None,
     scale: float = 0.0,
+    late_s: float = 0.0,
     drift_rad_s: np.ndarray | float = 0.0,
     seconds: float = 60.0,
 ) -> dict[str, np.ndarray]:
@@ -91,7 +93,7 @@ def log_of(
     gains["ki_rad_m_s"] = 0.15 * gains["kp_rad_m"] * speed
     settings = loop(
         rows_hz=rows_hz,
-        delay_s=delay_s + rng.uniform(-0.001, 0.001),
+        delay_s=delay_s + late_s + rng.uniform(-0.001, 0.001),
         scale=scale + rng.uniform(-0.0015, 0.0015),
         yaw_rad=rng.uniform(-0.075, 0.075) * DEG,
         speed_filter_s=0.1,
@@ -149,6 +151,11 @@ def healthy_bus_servos(seed: int) -> World:
     return _world({}, "bus", seed)
 
 
+def healthy_slow_motors(seed: int) -> World:
+    """Bus servos whose file is a fit: 15 ms of dead time stand for the 15 ms of their motors."""
+    return _world({}, "bus", seed, servo={"motor_s": 0.015, "dead_time_s": -0.015})
+
+
 def late_servo(seed: int) -> World:
     """40 ms more lag in x, 30 ms in y."""
     size = {"x": {"lag_s": 0.04}, "y": {"lag_s": 0.03}}
@@ -187,6 +194,28 @@ def crooked_servo(seed: int) -> World:
     return _world(found, "rc", seed, servo={"zero_rad": (zero, 0.0)})
 
 
+def crooked_bus_servo(seed: int) -> World:
+    """A servo that reads its angle back stands 0.5 degree beside what it is told: no tilt is off."""
+    found = {"angle_zero": {"x": {"offset_rad": 0.5 * DEG}}}
+    return _world(found, "bus", seed, servo={"zero_rad": (0.5 * DEG, 0.0)})
+
+
+def late_bus_servo(seed: int) -> World:
+    """Servos that read their angle back: 15 ms more lag in x, 10 ms more dead time in y."""
+    found = {
+        "servo_lag": {"x": {"lag_s": 0.015}},
+        "servo_dead_time": {"y": {"delay_s": 0.01}},
+    }
+    late = {"lag_s": (0.015, 0.0), "dead_time_s": (0.0, 0.01)}
+    return _world(found, "bus", seed, servo=late)
+
+
+def late_bus_camera(seed: int) -> World:
+    """Servos that read their angle back are as the file says; the camera is 20 ms later."""
+    columns = log_of(np.random.default_rng(seed), "bus", late_s=0.02)
+    return columns, _rig("bus"), truth({"camera_delay": {"xy": {"extra_s": 0.02}}})
+
+
 def crooked_plate(seed: int) -> World:
     """Three arms that stand 0.4 degree off level in y."""
     found = {"level_offset|angle_zero": {"y": {"slope_rad": 0.4 * DEG}}}
@@ -216,13 +245,17 @@ WORLDS = (
     healthy_slow_rows,
     healthy_three_arms,
     healthy_bus_servos,
+    healthy_slow_motors,
     late_servo,
     dead_servo,
     weak_servo,
     lazy_servo,
     far_servo,
     crooked_servo,
+    crooked_bus_servo,
+    late_bus_servo,
     crooked_plate,
+    late_bus_camera,
     far_camera,
     curved_plate,
     sinking_level,
