@@ -66,8 +66,8 @@ def usable(
     From frame to frame at 100 Hz a controller that answers the camera's noise is part of what is
     predicted best: a table that is 0.25 s late is told better by a model without the delay, and at
     0.05 s and more by the right one. `camera_delay_s`: from exposure to row, for logs without
-    exposure times; `reach_m`: of the ball's centre between walls; `commanded`: the servos of a table
-    on two rods take an angle."""
+    exposure times; `reach_m`: of the ball's centre between walls; `commanded`: the servos may read
+    back the angle that they are told."""
     known = signals(log, camera_delay_s=camera_delay_s)
     known = _thinned(read_back(log, known) if commanded else known)
     driven = known.has_servo(0), known.has_servo(1)

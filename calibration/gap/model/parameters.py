@@ -177,7 +177,10 @@ class NominalModel:
         drive = rig.drive
         self._wound = drive.joint_friction_nm / drive.joint_stiffness_nm_rad
         if not load_friction:
-            self._record["arm_friction"] = self._record["joint_friction"] = self._wound = 0.0
+            self._record["arm_friction"] = self._wound = 0.0
+            self._record["joint_friction"] *= (
+                rig.servo.takes_angle
+            )  # it holds the plate in its play
         self.effects = effects_in(rig)
         self.catalogue = {**rig.catalogue, **{effect.name: effect for effect in self.effects}}
         self._own = {one.effect.name: slot for slot, one in enumerate(rig.own)}

@@ -20,7 +20,9 @@ def test_a_step_is_answered_by_a_straight_way_and_an_exponential():
         late = abs(servos.answer(0.0, goal, lag, rate, band, turn + 0.07))
         assert late == pytest.approx(0.29 - 0.1 * exp(-0.07 / lag))
     assert servos.answer(0.295, 0.3, lag, rate, band, 1.0) == 0.295  # within the band
-    halves = servos.answer(servos.answer(0.0, 0.3, lag, rate, band, 0.06), 0.3, lag, rate, band, 0.1)
+    halves = servos.answer(
+        servos.answer(0.0, 0.3, lag, rate, band, 0.06), 0.3, lag, rate, band, 0.1
+    )
     assert halves == pytest.approx(servos.answer(0.0, 0.3, lag, rate, band, 0.16))
 
 

@@ -132,7 +132,9 @@ def read_errors_rad(rig: Rig, log: Log) -> np.ndarray:
     known_ = read_back(log, signals(log, camera_delay_s=rig.camera.delay_s))
     levels = noise(servo_process=0.05, servo_measured=1e-5)
     errors = [
-        servo_ahead(pack(rig), known_, levels, (1, 1), (0.025, 0.025), a, horizon_s=0.2, every_s=0.1)
+        servo_ahead(
+            pack(rig), known_, levels, (1, 1), (0.025, 0.025), a, horizon_s=0.2, every_s=0.1
+        )
         for a in (0, 1)
     ]
     return np.sqrt(np.nanmean([found**2 for found, _ in errors], axis=1))

@@ -3,7 +3,15 @@
 `WORLDS[name](seed)` gives the log's columns, a rig file and what is really there.
 """
 
-from tests.support.worlds import axes, commanded, default_mujoco, healthy, positions, strangers, tables
+from tests.support.worlds import (
+    axes,
+    commanded,
+    default_mujoco,
+    healthy,
+    positions,
+    strangers,
+    tables,
+)
 
 WORLDS = {
     f.__name__: f

@@ -86,7 +86,12 @@ def run_commanded(b, mass_kg, s, f, level, loop, targets, push, noise):
                     last[:] = aim
                 for i in range(servos):
                     j = min(i, 1)
-                    lag, most, band, motor = s.lag_s[j], s.rate_rad_s[j], s.band_rad[j], s.motor_s[j]
+                    lag, most, band, motor = (
+                        s.lag_s[j],
+                        s.rate_rad_s[j],
+                        s.band_rad[j],
+                        s.motor_s[j],
+                    )
                     if motor > 0.0:
                         arms[i], rates[i] = driven(
                             arms[i], rates[i], goals[i], lag, most, band, motor, span

@@ -6,7 +6,17 @@ import numpy as np
 
 from tests.support.worlds.angle_loops import run_commanded
 from tests.support.worlds.angle_servos import Frame, Servos, level_arm_rad
-from tests.support.worlds.logs import DEG, SOLID, World, ball, coloured, loop, rig_toml, steps, truth
+from tests.support.worlds.logs import (
+    DEG,
+    SOLID,
+    World,
+    ball,
+    coloured,
+    loop,
+    rig_toml,
+    steps,
+    truth,
+)
 
 RADIUS_m, MASS_kg = 0.015, 0.05
 RODS = Frame(False, 0.024, np.array([0.15, 0.12]), 0.075, 0.0, 0.0, 0.0)
@@ -195,7 +205,7 @@ def crooked_servo(seed: int) -> World:
 
 
 def crooked_bus_servo(seed: int) -> World:
-    """A servo that reads its angle back stands 0.5 degree beside what it is told: no tilt is off."""
+    """A servo that reads its angle back stands 0.5 degree beside its command; no tilt is off."""
     found = {"angle_zero": {"x": {"offset_rad": 0.5 * DEG}}}
     return _world(found, "bus", seed, servo={"zero_rad": (0.5 * DEG, 0.0)})
 

@@ -1,7 +1,9 @@
 """A parameter changes the model exactly as a rig file with the same number would."""
 
 from dataclasses import replace
+from itertools import product
 from math import cos, hypot, inf, sin
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calibration.gap.model.parameters import BALL, INNER_SHAPE, PERIODIC, SERVO, NominalModel
+from calibration.gap.model.state import outputs_of
 from experiments.runs.assemble import load_rig
 from rig.effects import BY_NAME, Effect, effects_of
 from rig.linkage import Linkage
@@ -184,6 +187,30 @@ def test_of_twins_the_one_that_is_tried_may_have_what_all_of_them_may():
     read_back = replace(rig, servo=replace(rig.servo, angle_measured=True))
     measured = NominalModel(read_back, load_friction=False)
     assert measured.tolerance("level_offset", "x") == tolerance["level_offset"]
+
+
+def test_what_a_servo_between_command_and_angle_lacks_shows_where_its_angle_is_read():
+    for measured, arms in product((True, False), (True, False)):
+        rig = load_rig(Path("three-arms" if arms else "bus-servos"))
+        rig = replace(rig, effects={}, servo=replace(rig.servo, angle_measured=measured))
+        nominal = NominalModel(rig, load_friction=False)
+        tried = {effect.name for effect in nominal.effects}
+        assert ("angle_zero" in tried) == (measured and not arms)
+        assert ("servo_lag" in tried) == (not measured or not arms)
+        assert ("camera_delay" in tried) == measured
+        for name in tried & {"servo_lag", "rate_limit", "angle_zero"}:
+            own = ("servo_x",) if measured else (BALL,)
+            assert nominal.of(name, "x")[0].outputs == own
+            assert outputs_of(nominal.catalogue[name], ("x",)) == own
+
+
+def test_a_rate_limit_is_known_no_better_than_a_gain():
+    rig = replace(load_rig(Path("bus-servos")), effects={})
+    nominal = NominalModel(rig, load_friction=False)
+    for share, beyond in ((0.96, False), (0.94, True)):
+        setting = {"rate_limit.limit_rad_s.x": share * rig.servo.rate_limit_rad_s}
+        assert nominal.exceeds_minimum("rate_limit", "x", setting) == beyond
+    assert not nominal.exceeds_minimum("rate_limit", "x", {})
 
 
 @pytest.fixture(scope="module")
