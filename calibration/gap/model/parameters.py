@@ -140,8 +140,7 @@ def in_ball(effect: Effect) -> bool:
 
 
 def has_commanded_servos(rig: Rig) -> bool:
-    """Whether the servos' outputs of this rig's logs are angles by commands; with three arms the
-    angle is the plate's tilt, which no servo has by itself."""
+    """Whether servos' outputs are angles by commands: of three arms no servo has the tilt's."""
     return rig.servo.takes_angle and rig.linkage.kind == RODS
 
 

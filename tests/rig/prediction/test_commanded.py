@@ -13,7 +13,14 @@ from rig.log import Log
 from rig.parameters import Rig, Servo
 from rig.plant.plant_record import pack
 from rig.prediction.commanded import BEHIND, Answers, answers
-from rig.prediction.innovations import noise, predict, read_back, servo_ahead, signals
+from rig.prediction.innovations import (
+    ball_ahead,
+    noise,
+    predict,
+    read_back,
+    servo_ahead,
+    signals,
+)
 from rig.simulation.simulate import draw, simulate
 from tests.rig.plant.test_position_servo import VISIBLE
 from tests.support import ROOT
@@ -125,6 +132,18 @@ def test_an_answer_is_kept_for_all_that_lies_behind_the_servos_and_for_nothing_e
     again = kept.of(p, t, told)
     assert kept.of(p, t.copy(), told) is not again
     assert kept.of(p, t, told) is again
+
+
+def test_a_heavy_ball_lays_the_plate_over_in_its_play():
+    """By the friction alone, as behind motors, the predicted plate would stay where it was left."""
+    rig = replace(shipped("three-arms"), effects={"joint_backlash": {"x": {"play_rad": 0.004}}})
+    rig = replace(rig, servo=replace(rig.servo, quantum_rad=0.0))
+    log, p = log_of(rig), pack(rig)
+    known_ = signals(log, camera_delay_s=rig.camera.delay_s)
+    light = p.copy()
+    light["weight"] = 0.0
+    laid, held = (np.nanstd(ball_ahead(q, known_, LEVELS)[0][:, 0]) for q in (p, light))
+    assert laid < 0.5 * held
 
 
 def read_errors_rad(rig: Rig, log: Log) -> np.ndarray:
