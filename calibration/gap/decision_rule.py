@@ -74,7 +74,6 @@ MIN_FELT = {"ball": 0.0015, "servo": 0.025}  # RMS [m/s2, V]: tolerances of roll
 
 # --- which model stands before any name -----------------------------------------------------------
 ASSUMED_FRICTION_ERROR = 0.015  # relative error of the assumed friction of arm and joints; chosen
-MIN_FRICTION_SHARE = 0.5  # fitted over assumed friction, for the motor's own to pass for it; chosen
 # A servo creeps that stays for CREEP_QUANTILE of its time below CREEP_SPEED_SHARE of the speed
 # which the volts of the assumed friction would give; chosen.
 CREEP_QUANTILE, CREEP_SPEED_SHARE = 0.95, 0.75

@@ -17,7 +17,7 @@ from calibration.gap.locate.locate import locate
 from calibration.gap.model.data import gather, usable
 from calibration.gap.model.fit import evaluate
 from calibration.gap.model.intervals import deviations
-from calibration.gap.model.parameters import has_commanded_servos
+from calibration.gap.model.seen_effects import has_commanded_servos
 from calibration.gap.model.state import State
 from calibration.gap.name.decide import Decision
 from calibration.gap.name.load_friction import choose_friction_model, creeping_servos

@@ -24,9 +24,9 @@ from calibration.gap.model.parameters import (
     CALIBRATED,
     PERIODIC,
     NominalModel,
-    has_commanded_servos,
     released,
 )
+from calibration.gap.model.seen_effects import has_commanded_servos
 from calibration.gap.model.state import Key, State, refit
 from calibration.gap.name.screen import screen
 from rig.control.controllers import WITHOUT

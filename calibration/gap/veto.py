@@ -72,7 +72,7 @@ def decide_by_proof(before: State) -> tuple[Decision, tuple[str, ...]]:
     reasons: tuple[str, ...] = ()
     decision = tried = first = decide(before)
     for i in range(MAX_ROUNDS):
-        tried = decide(before, barred) if i else tried
+        tried = decide(tried.naming.before, barred) if i else tried
         judged, outdone, more = judge(tried)
         if i:
             judged, doubts = _beside_refuted(judged, first)

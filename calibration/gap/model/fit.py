@@ -29,7 +29,7 @@ from calibration.gap.model.data import Evidence, Roll
 from calibration.gap.model.parameters import COAST_KEY, NominalModel, Parameter
 
 HUBER_Z = 3.0  # 0.27 % of Gaussian samples lie beyond
-ITERATIONS = 6
+ITERATIONS = 40  # at most: a fit that is cut off loses to a worse model that is not; chosen
 CONVERGED_GAIN = 0.05  # a gain in C below this ends the fit
 STALE_SECANT_GAIN = 5.0  # a gain in C since the secants were taken beyond which they are renewed
 # Where secants promise more than STALE_SECANT_GAIN and the step gains less than POOR_SHARE of that,

@@ -173,3 +173,12 @@ def _memory_s(
         a, b, _ = np.polyfit(near, [costs[rho] for rho in near], 2)
         best = float(np.clip(-0.5 * b / a, near[0], near[2])) if a > 0 else best
     return float(-frame_s / np.log(best))
+
+
+def least_noise(one: np.record, other: np.record) -> np.record:
+    """The smaller of each of two noise levels (dtype NOISE): what is left beside the better
+    model."""
+    least = one.copy()
+    for name in least.dtype.names or ():
+        least[name] = np.minimum(one[name], other[name])
+    return least

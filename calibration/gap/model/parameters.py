@@ -17,10 +17,10 @@ from calibration.gap.decision_rule import (
     MIN_EFFECT_SIZE,
     MIN_TOLERANCE_RATIO,
 )
+from calibration.gap.model.seen_effects import TOLD_TWINS, effects_in, in_ball
 from rig.discrepancy import Discrepancy
 from rig.discrepancy import pack as pack_unknown
-from rig.effects import ANGLES, Effect, effects_of, values
-from rig.linkage import RODS
+from rig.effects import Effect, values
 from rig.parameters import Rig
 from rig.plant.derived import held_share
 from rig.plant.plant_record import pack
@@ -59,13 +59,6 @@ HEIGHT_KEY = "height_m"
 SETTLING_KEY = "settling_s"
 INNER_SHAPE = {"gear_backlash": [COAST_KEY], "camera_scale": [HEIGHT_KEY]}
 IN_RECORD = {COAST_KEY: "gear_coast", HEIGHT_KEY: "camera_height"}  # not in the catalogue
-# Where servos take an angle that nobody measures, these make the same data as others do, whatever
-# the motion: a late camera as late servos, its scale as theirs, their zero as the level.
-TOLD_TWINS = {
-    "servo_dead_time": ("camera_delay", "delay_servo_to_plate"),
-    "angle_scale": ("camera_scale", "linkage_gain", "ball_inertia"),
-    "level_offset": ("angle_zero", "asymmetric_play"),
-}
 GUESSES = (0.2, 0.5, 1.0, 2.0, 5.0)  # of the nominal K and tau: starts of a fit far from them
 
 
@@ -134,31 +127,6 @@ def _keys(effect: Effect) -> list[str]:
     return [p.key for p in effect.parameters] + INNER_SHAPE.get(effect.name, [])
 
 
-def in_ball(effect: Effect) -> bool:
-    """Whether the ball shows the effect (of `effects_in`), not what the servo's encoder reads."""
-    return effect.side != "servo"
-
-
-def has_commanded_servos(rig: Rig) -> bool:
-    """Whether servos' outputs are angles by commands: of three arms no servo has the tilt's."""
-    return rig.servo.takes_angle and rig.linkage.kind == RODS
-
-
-def effects_in(rig: Rig) -> tuple[Effect, ...]:
-    """The effects of the rig's catalogue that its logs can tell apart (see TOLD_TWINS), each on the
-    side on which they show it: the ball alone shows those of servos whose angle nobody measures.
-    Three arms that read their angles back show theirs in no output yet."""
-    known = effects_of(rig.servo.kind, rig.catalogue.values())
-    twins = {twin for names in TOLD_TWINS.values() for twin in names}
-    if not rig.servo.takes_angle:
-        return known
-    if rig.servo.has_angle:
-        return tuple(e for e in known if e.servos != ANGLES or has_commanded_servos(rig))
-    return tuple(
-        replace(e, side="ball") if e.servos == ANGLES else e for e in known if e.name not in twins
-    )
-
-
 class NominalModel:
     """The model as the rig file has it, and all its parameters by name ("effect.key.axis").
 
@@ -171,21 +139,19 @@ class NominalModel:
     def __init__(
         self, rig: Rig, *, load_friction: bool, tolerances: Mapping[str, float] | None = None
     ) -> None:
-        self.rig, self.load_friction = rig, load_friction
+        self.rig, self.load_friction, self._given = rig, load_friction, tolerances
         self._record = pack(rig)
         drive = rig.drive
         self._wound = drive.joint_friction_nm / drive.joint_stiffness_nm_rad
         if not load_friction:
             self._record["arm_friction"] = self._wound = 0.0
-            self._record["joint_friction"] *= (
-                rig.servo.takes_angle
-            )  # it holds the plate in its play
+            # Of a servo that holds its angle, it holds the plate in its play.
+            self._record["joint_friction"] *= float(rig.servo.takes_angle)
         self.effects = effects_in(rig)
         self.catalogue = {**rig.catalogue, **{effect.name: effect for effect in self.effects}}
         self._own = {one.effect.name: slot for slot, one in enumerate(rig.own)}
         known = self.catalogue.values()
         self._tolerances = {e.name: e.tolerance for e in known} | dict(tolerances or {})
-        self._learned = frozenset(tolerances or ())
         # The motor's own friction is known no better than the assumed friction of its load.
         held = rig.drive.joint_friction_nm + rig.drive.arm_friction_nm
         self.assumed_friction_V = held / rig.servo.torque_per_volt_nm if load_friction else 0.0
@@ -275,7 +241,7 @@ class NominalModel:
         the servo tilts the plate by the lever 2 r/L of it. Tolerances learned from logs hold it.
         """
         own = self._tolerances[name]
-        if name in self._learned or self.rig.servo.has_angle or name not in TOLD_TWINS:
+        if name in (self._given or ()) or self.rig.servo.has_angle or name not in TOLD_TWINS:
             return own
         lever = self.rig.linkage.ratios["xy".index(axis)] if name == "level_offset" else 1.0
         return own + lever * sum(self._tolerances.get(twin, 0.0) for twin in TOLD_TWINS[name])
@@ -306,6 +272,11 @@ class NominalModel:
         other._record = self._record.copy()
         other._record["unknown"] = pack_unknown(unknown, self.rig.servo.angle_limit_rad)
         return other
+
+    def with_other_load(self) -> "NominalModel":
+        """The model with the motors loaded by the assumed friction where they are not, or the
+        reverse."""
+        return NominalModel(self.rig, load_friction=not self.load_friction, tolerances=self._given)
 
     def of(self, name: str, axis: str | None = None) -> list[Parameter]:
         """The parameters of the effect `name`, on all axes (None) or one."""

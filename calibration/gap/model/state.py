@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calibration.gap.model.data import Evidence
-from calibration.gap.model.fit import ParameterFit, evaluate, fit
+from calibration.gap.model.fit import ITERATIONS, ParameterFit, evaluate, fit
 from calibration.gap.model.noise import estimate
 from calibration.gap.model.parameters import (
     BALL,
@@ -19,9 +19,9 @@ from calibration.gap.model.parameters import (
     SERVO,
     NominalModel,
     Parameter,
-    in_ball,
     released,
 )
+from calibration.gap.model.seen_effects import in_ball
 from rig.effects import Effect
 
 RESTART_RATIO = 1.7  # of K or tau to its nominal: beyond, other starts are tried, too; chosen
@@ -74,7 +74,9 @@ def outputs_of(effect: Effect, axes: Iterable[str]) -> tuple[str, ...]:
     return SERVO if "xy" in axes else tuple(f"servo_{axis}" for axis in axes)
 
 
-def refit(state: State, bounds: Mapping[str, tuple[float, float]], *, iterations: int = 6) -> State:
+def refit(
+    state: State, bounds: Mapping[str, tuple[float, float]], *, iterations: int = ITERATIONS
+) -> State:
     """The state with the parameters of `bounds` (name -> (low, high)) fitted on the outputs that
     they move; all other parameters and outputs stay. `KeyError`: no such parameter."""
     felt = {output for name in bounds for output in state.nominal.parameters[name].outputs}

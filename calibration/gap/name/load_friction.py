@@ -1,47 +1,68 @@
 """Does the friction of arm and joints, an assumed value, load the motors? The logs decide.
 
-Two nominal models compete: one loaded by the assumed friction, and one without it whose motors have
-the Coulomb friction that fits best. If the latter fits better with a Coulomb friction about as
-large as the assumed one, something else may be missing that only one of the two can imitate
-(backlash in the gears, say): each is then fitted with the one further effect that helps it most,
-and the cheaper one is taken.
+Two nominal models compete: one loaded by the assumed friction, and one without it. They differ in
+what the arm does in the gap of the gears, so that which of them is right shows beside the effects
+that act: naming begins with the one that costs less where the motors have the Coulomb friction that
+fits best, and what was selected is then fitted to the other. Where that costs less, effects are
+selected anew beside it (`calibration.gap.name.stepwise`).
 """
 
 from collections.abc import Mapping
 from dataclasses import replace
 
-from calibration.gap.decision_rule import CREEP_QUANTILE, CREEP_SPEED_SHARE, MIN_FRICTION_SHARE
+from calibration.gap.decision_rule import (
+    CREEP_QUANTILE,
+    CREEP_SPEED_SHARE,
+    PENALTY_PER_PARAMETER,
+)
 from calibration.gap.model.data import Evidence
+from calibration.gap.model.fit import evaluate
 from calibration.gap.model.parameters import SERVO, NominalModel
 from calibration.gap.model.state import State, baseline, refit
 from calibration.gap.name.candidates import fastest
-from calibration.gap.name.refit import rank
-from calibration.gap.name.screen import screen
 from rig.parameters import Rig
+
+FRICTION = "coulomb_friction"
 
 
 def choose_friction_model(
     evidence: Evidence, rig: Rig, tolerances: Mapping[str, float] | None
 ) -> NominalModel:
     """The nominal model of the rig, with the motors loaded by the assumed friction of arm and
-    joints or without, whichever the logs prefer (the module's comparison). `tolerances`: as in
+    joints or without, whichever the logs prefer before anything is named. `tolerances`: as in
     `NominalModel`."""
     free = NominalModel(rig, load_friction=False, tolerances=tolerances)
-    outputs = tuple(output for output in evidence.outputs if output in SERVO)
-    if rig.servo.takes_angle or rig.drive.joint_friction_nm == 0.0 or not outputs:
+    outputs = _servos(evidence)
+    if not _has_load(rig) or not outputs:
         return free
     loaded = NominalModel(rig, load_friction=True, tolerances=tolerances)
-    servo = replace(evidence, masks={output: evidence.masks[output] for output in outputs})
-    with_load = baseline(servo, loaded, iterations=3)
-    without_load = _with_coulomb(baseline(servo, free, iterations=3), outputs)
-    if with_load.fit.cost < without_load.fit.cost:
-        return loaded
-    enough = MIN_FRICTION_SHARE * loaded.assumed_friction_V
-    if not all(_coulomb_V(without_load, output) > enough for output in outputs):
-        return free
-    with_load = _with_coulomb(with_load, outputs)
-    better = _cost_of_one_more(with_load, outputs) < _cost_of_one_more(without_load, outputs)
-    return loaded if better else free
+    servos = replace(evidence, masks={output: evidence.masks[output] for output in outputs})
+    return min((loaded, free), key=lambda nominal: _cost_with_coulomb(servos, nominal))
+
+
+def _has_load(rig: Rig) -> bool:
+    """Whether there is friction of arm and joints, and motors without a controller that feel it."""
+    return rig.drive.joint_friction_nm > 0.0 and not rig.servo.takes_angle
+
+
+def better_friction_model(state: State) -> NominalModel | None:
+    """The other nominal model, if the servos cost less with it, the same effects released and the
+    Coulomb friction of the motors as well; None if not, or if nothing is named there."""
+    evidence, outputs = state.evidence, _servos(state.evidence)
+    axes = {output[-1] for output in outputs}
+    if not (_has_load(state.nominal.rig) and any(a in axes for _, a in state.named)):
+        return None
+    other = state.nominal.with_other_load()
+    more = other.assumed_friction_V - state.nominal.assumed_friction_V
+    friction = {f"{FRICTION}.friction_V.{axis}": 0.0 for axis in sorted(axes)}
+    setting = friction | state.fit.setting
+    setting |= {name: max(setting[name] - more, 0.0) for name in friction}
+    released = dict.fromkeys((*state.named, *((FRICTION, axis) for axis in sorted(axes))))
+    moved = State(evidence, other, evaluate(evidence, other, setting, outputs), tuple(released))
+    moved = refit(moved, moved.bounds(outputs))
+    paid = PENALTY_PER_PARAMETER * (len(released) - len(state.named))
+    costs = sum(state.fit.costs[output] for output in outputs)
+    return other if moved.fit.cost + paid < costs else None
 
 
 def creeping_servos(evidence: Evidence, nominal: NominalModel) -> tuple[str, ...]:
@@ -55,16 +76,12 @@ def creeping_servos(evidence: Evidence, nominal: NominalModel) -> tuple[str, ...
     return tuple(output for output in there if fastest(evidence, output[-1], CREEP_QUANTILE) < slow)
 
 
-def _with_coulomb(state: State, outputs: tuple[str, ...]) -> State:
-    state = replace(state, named=tuple(("coulomb_friction", output[-1]) for output in outputs))
-    return refit(state, state.bounds(outputs), iterations=4)
+def _servos(evidence: Evidence) -> tuple[str, ...]:
+    return tuple(output for output in evidence.outputs if output in SERVO)
 
 
-def _coulomb_V(state: State, output: str) -> float:
-    return state.fit.setting.get(f"coulomb_friction.friction_V.{output[-1]}", 0.0)
-
-
-def _cost_of_one_more(state: State, outputs: tuple[str, ...]) -> float:
-    """The cost with the one further effect that lowers it most."""
-    fits = rank(state, screen(state, outputs), most=2)
-    return min((candidate.state.fit.cost for candidate in fits), default=state.fit.cost)
+def _cost_with_coulomb(evidence: Evidence, nominal: NominalModel) -> float:
+    """The cost of the nominal model whose motors have the Coulomb friction that fits best."""
+    state = baseline(evidence, nominal, iterations=3)
+    state = replace(state, named=tuple((FRICTION, output[-1]) for output in evidence.outputs))
+    return refit(state, state.bounds(evidence.outputs)).fit.cost

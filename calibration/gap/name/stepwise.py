@@ -4,6 +4,10 @@ Forward: the effect with the largest score S (`calibration.gap.decision_rule`) i
 reaches its threshold. An effect is fitted with its inner shape (period, Stribeck speed) at once,
 and the noise levels are estimated anew before another may enter.
 
+Where the servos then cost less with the other model of the load's friction
+(`calibration.gap.name.load_friction`), effects are selected beside that one, too, and those are
+kept that cost less at the same noise.
+
 Backward: each accepted effect is removed and its RIVALS_REFITTED strongest alternatives are
 refitted at the final noise levels. It is dropped if its score falls below NAME_THRESHOLD, replaced
 if an alternative scores more, and reported as "A or B" if the difference is below RIVAL_MARGIN.
@@ -13,20 +17,33 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import exp
 
+import numpy as np
+
 from calibration.gap.decision_rule import (
     DRY_FRICTIONS,
     MAX_EFFECTS,
     MIN_SHARE_OF_TOTAL,
     MIN_SHARE_ON_OUTPUT,
     NAME_THRESHOLD,
+    PENALTY_PER_PARAMETER,
     PROBABILITY_TEMPERATURE,
     RELATED_FRICTION_THRESHOLD,
     RIVALS_REFITTED,
 )
 from calibration.gap.model.data import Evidence
 from calibration.gap.model.fit import evaluate
-from calibration.gap.model.parameters import NominalModel
-from calibration.gap.model.state import Key, State, baseline, outputs_of, refit, settle
+from calibration.gap.model.noise import least_noise
+from calibration.gap.model.parameters import NominalModel, released
+from calibration.gap.model.state import (
+    Key,
+    State,
+    baseline,
+    outputs_of,
+    refit,
+    settle,
+    with_levels,
+)
+from calibration.gap.name.load_friction import better_friction_model
 from calibration.gap.name.refit import CandidateFit, rank
 from calibration.gap.name.screen import Screened, Screens, screen
 from calibration.gap.unnamed.basis import unnamed_terms
@@ -99,7 +116,34 @@ def name_effects(state: State, barred: Collection[str] = ()) -> Naming:
     """Stepwise naming from the settled baseline `state`: forward selection, then backward
     elimination; the effects `barred` are not tried."""
     skip = [(name, axis) for name in barred for axis in state.nominal.catalogue[name].axes]
-    before, path = state, [("", state)]
+    chosen = _selected(state, skip)
+    other = better_friction_model(chosen.state)
+    if other is not None:
+        again = _selected(settled_baseline(state.evidence, other), skip)
+        levels = least_noise(chosen.state.evidence.levels, again.state.evidence.levels)
+        chosen = min((chosen, again), key=lambda one: _price(one.state, levels))
+    after, accepted = _eliminated(chosen.state, skip)
+    return Naming(chosen.path[0][1], after, accepted, chosen.last, chosen.path, chosen.screened)
+
+
+@dataclass(frozen=True, eq=False)
+class _Selection:
+    """Forward selection: the path of additions (name, state), beginning with ("", baseline), the
+    last ranking and the last screen."""
+
+    path: tuple[tuple[str, State], ...]
+    last: tuple[CandidateFit, ...]
+    screened: list[Screened]
+
+    @property
+    def state(self) -> State:
+        """The state with all that was added."""
+        return self.path[-1][1]
+
+
+def _selected(state: State, skip: Sequence[Key]) -> _Selection:
+    """Forward selection from the settled baseline `state`; `skip` is not tried."""
+    path = [("", state)]
     last: list[CandidateFit] = []
     screened: list[Screened] = []
     screens: Screens = {}
@@ -122,8 +166,15 @@ def name_effects(state: State, barred: Collection[str] = ()) -> Naming:
         explained |= {output: explained.get(output, 0.0) + best.score for output in outputs}
         state = settle(best.state, outputs)
         path.append((best.name, state))
-    state, accepted = _eliminated(state, skip)
-    return Naming(before, state, accepted, tuple(last), tuple(path), screened)
+    return _Selection(tuple(path), tuple(last), screened)
+
+
+def _price(state: State, levels: np.record) -> float:
+    """The cost of a state at these noise levels, and what its effects' parameters are paid for."""
+    state = with_levels(state, levels, state.evidence.outputs)
+    nominal, setting = state.nominal, state.fit.setting
+    free = [released(nominal.catalogue[n], axis, nominal, setting) for n, axis in state.named]
+    return state.fit.cost + PENALTY_PER_PARAMETER * sum(map(len, free))
 
 
 def _eliminated(state: State, skip: Sequence[Key]) -> tuple[State, tuple[Accepted, ...]]:

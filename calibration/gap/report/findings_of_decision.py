@@ -15,9 +15,9 @@ from calibration.gap.model.parameters import (
     IN_RECORD,
     PERIODIC,
     SERVO,
-    TOLD_TWINS,
     NominalModel,
 )
+from calibration.gap.model.seen_effects import TOLD_TWINS
 from calibration.gap.model.state import State, outputs_of
 from calibration.gap.name.candidates import largest_volts
 from calibration.gap.name.decide import Decision

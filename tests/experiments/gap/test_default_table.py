@@ -1,0 +1,26 @@
+"""The default table against a rig file that knows none of its effects: five act at once."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from calibration.gap.investigation import investigate
+from experiments.runs.assemble import load_rig
+from experiments.runs.protocol import read_protocol
+from experiments.runs.runner import RunRequest, simulate_run
+
+TABLE = load_rig(None)
+BELIEVED = replace(TABLE, effects={})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("protocol", ["steps", "free-release"])
+def test_what_acts_at_once_is_named_and_nothing_else(protocol: str):
+    request = RunRequest(TABLE, read_protocol(protocol), "without", 5, Path(), kind=BELIEVED)
+    found = investigate([simulate_run(request).log], BELIEVED, quick=True, until="name").findings
+    assert {one.name for one in found.effects} == set(TABLE.effects), found.sentence
+    for one in found.effects:
+        for axis, pairs in one.parameters.items():
+            key, size = next(iter(pairs.items()))
+            assert size.value == pytest.approx(TABLE.effects[one.name][axis][key], rel=0.1)
