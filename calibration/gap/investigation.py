@@ -19,7 +19,7 @@ from calibration.gap.model.fit import evaluate
 from calibration.gap.model.intervals import deviations
 from calibration.gap.model.seen_effects import has_commanded_servos
 from calibration.gap.model.state import State
-from calibration.gap.name.decide import Decision
+from calibration.gap.name.decide import Decision, verdict_of
 from calibration.gap.name.load_friction import choose_friction_model, creeping_servos
 from calibration.gap.name.stepwise import Accepted, Rival, settled_baseline
 from calibration.gap.prove import floors, model_of, prove, rms, steps
@@ -149,12 +149,9 @@ def _findings(decision: Decision, until: str, notes: tuple[str, ...], *, quick: 
     names = tuple(findings_of_decision.named(decision, one, spread) for one in decision.accepted)
     names = findings_of_decision.one_dead_zone(names, state, spread)
     told = {name.name for name in names}
-    if (
-        names
-        and decision.verdict == "undecided"
-        and not any(one.margin < RIVAL_MARGIN for one in decision.accepted if one.name in told)
-    ):
-        decision = replace(decision, verdict="named")
+    if names:
+        kept = [one for one in decision.accepted if one.name in told]
+        decision = replace(decision, verdict=verdict_of(kept, decision.unnamed))
     servo = findings_of_decision.calibrated(state, spread)
     rig_after = findings_of_decision.extended(decision, names, servo)
     effects = names if decision.verdict != "undecided" else _with_rivals(decision, names)

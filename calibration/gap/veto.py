@@ -25,6 +25,8 @@ what a name gains 1 s ahead (`calibration.gap.held_out`), C the cost one sample 
    FAMILY_P of the tests, by the clustered deviation of its interval. If not, its probability is at
    most DOUBTED_PROBABILITY: the likelihood counts residuals that hang together as if they did not.
 
+Where none of the names is certain, the verdict is "undecided".
+
 Errors are bounded at the OUTLIER_SHARE quantile of the model without, so that a push that nobody
 recorded does not decide; for harm at OUTLIER_RATIO times that as well, where D < -SURE_Z se, since
 a wrong name may fail seldom and by much. A name that is refuted leaves the model. Nothing is
@@ -56,7 +58,7 @@ from calibration.gap.model.fit import evaluate
 from calibration.gap.model.intervals import deviations, interval
 from calibration.gap.model.parameters import BALL, PERIODIC
 from calibration.gap.model.state import Key, State, outputs_of, refit
-from calibration.gap.name.decide import Decision, decide, significant
+from calibration.gap.name.decide import Decision, decide, significant, verdict_of
 from calibration.gap.name.stepwise import Accepted, drop_effects
 from calibration.gap.specification import completeness, inconstancy, predictable, untimely
 from calibration.gap.unnamed.basis import unnamed_terms
@@ -101,7 +103,7 @@ def _beside_refuted(decision: Decision, first: Decision) -> tuple[Decision, tupl
             one = replace(one, explained=min(one.explained, DOUBTED_PROBABILITY))
             reasons.append(f"not certain: {one.name}: {_names(first.accepted)} predicts better")
         kept.append(one)
-    return replace(decision, accepted=tuple(kept)), tuple(reasons)
+    return _with(decision, kept), tuple(reasons)
 
 
 def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
@@ -150,10 +152,17 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
             kept[i] = replace(one, explained=min(one.explained, DOUBTED_PROBABILITY))
             reasons.append(f"not certain: {one.name}: {reason}")
     if not lost:
-        return replace(decision, accepted=tuple(kept)), [], tuple(reasons)
+        return _with(decision, kept), [], tuple(reasons)
     all_harm = all(o in after and _harmed(before[o], after[o]) for o in outputs)
     left = _without(decision, tuple(kept), lost, all_harm=all_harm)
     return left, [one.name for one in outdone], tuple(reasons)
+
+
+def _with(decision: Decision, accepted: Iterable[Accepted]) -> Decision:
+    """The decision with the probabilities of its names as in `accepted`."""
+    accepted = tuple(accepted)
+    verdict = verdict_of(accepted, decision.unnamed)
+    return replace(decision, accepted=accepted, verdict=verdict)
 
 
 def _outputs(one: Accepted, known: Mapping[str, Effect]) -> tuple[str, ...]:
@@ -345,8 +354,7 @@ def _without(
     `all_harm`: on each of their outputs the names do harm."""
     keys = [key for one in lost for key in _keys(one)]
     state = drop_effects(decision.state, keys)
-    close = any(one.margin < RIVAL_MARGIN for one in kept)
-    verdict, unnamed = "undecided" if close else "named", decision.unnamed
+    unnamed, none = decision.unnamed, "undecided"
     if not kept and unnamed is None:
         unnamed = significant(unnamed_terms(state))
         state = unnamed.state if unnamed else state
@@ -354,6 +362,6 @@ def _without(
         outputs = {o for one in lost for o in _outputs(one, state.nominal.catalogue)}
         seen = outputs & set(state.evidence.outputs)
         complete = all_harm and all(predictable(state, o) <= 0.0 for o in seen)
-        verdict = "nothing-missing" if complete else "undecided"
-        verdict = "unknown-effect" if unnamed else verdict
+        none = "nothing-missing" if complete else none
+    verdict = verdict_of(kept, unnamed, none)
     return replace(decision, accepted=kept, state=state, verdict=verdict, unnamed=unnamed)

@@ -162,7 +162,7 @@ def _parameter_table(found: Findings) -> Table:
                 rows.append([effect.name, both, key_words(key), value, tolerance, span])
     head = ("effect", "axis", "quantity", "value [95 %]", "tolerance", "range")
     caption = "Sizes as fitted" + (
-        "; the rivals' too, of which at most one is right." if found.verdict == "undecided" else "."
+        "; the rivals' too, of which at most one is right." if found.are_rivals else "."
     )
     return Table(head, rows, caption, words=3)
 

@@ -73,7 +73,7 @@ def _headline(found: Findings, *, sure: bool) -> str:
         sizes = effect_words(effect, found.known).partition(": ")[2]
         how = f", sure: {percent(effect.probability)}" if sure else ""
         names.append(f"{label}{f' ({sizes})' if sizes else ''}{how}")
-    if found.verdict == "undecided":
+    if found.are_rivals:
         return f"Undecided between: {'; '.join(names)}."
     sure = sure and any(one.probability > DOUBTED_PROBABILITY for one in found.effects)
     return f"{'Missing' if sure else 'Suspected, not proven'}: {'; '.join(names)}."

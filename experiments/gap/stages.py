@@ -116,8 +116,10 @@ def name_stage(found: Findings, folder: Path) -> Section:
                 "makes the same data; look at the hardware to tell."
             )
     if found.verdict == "undecided" and found.effects:
-        rivals = " or ".join(f"{e.name} ({percent(e.probability)})" for e in found.effects)
-        blocks.append(f"It is {rivals}: these logs do not tell them apart.")
+        names = [f"{e.name} ({percent(e.probability)})" for e in found.effects]
+        said = f"It is {' or '.join(names)}: these logs do not tell them apart."
+        doubt = f"It may be {', '.join(names)}, or something else: the notes say why."
+        blocks.append(said if found.are_rivals else doubt)
     if found.unknown is not None:
         left = found.unknown
         formula = f" A formula that holds on held-out data: {left.formula}." if left.formula else ""

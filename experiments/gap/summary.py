@@ -27,7 +27,7 @@ def summary_lines(found: Findings) -> list[str]:
     lines = [f"{found.verdict}: {found.sentence}"]
     for w in found.where[:WHERE_SHOWN]:
         lines.append(_line("where", f"{channel_words(w.channel)}, {w.region}: gap {floors(w.gap)}"))
-    label = "rival" if found.verdict == "undecided" else "effect"
+    label = "rival" if found.are_rivals else "effect"
     lines += [_line(label, effect_words(effect, found.known)) for effect in found.effects]
     if found.unknown is not None:
         left = found.unknown

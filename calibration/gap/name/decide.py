@@ -12,6 +12,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 from calibration.gap.decision_rule import (
+    DOUBTED_PROBABILITY,
     MIN_COMPLETENESS,
     NAME_THRESHOLD,
     RIVAL_MARGIN,
@@ -45,21 +46,25 @@ def decide(before: State, barred: Collection[str] = ()) -> Decision:
     chance, accepted, state = _beyond_chance(naming)
     left = significant(unnamed_terms(state))
     if left is None:
-        return Decision(
-            _verdict(accepted, "nothing-missing"), naming, accepted, None, state, chance
-        )
+        verdict = verdict_of(accepted, None, none="nothing-missing")
+        return Decision(verdict, naming, accepted, None, state, chance)
     accepted, state = _names_beside(left, accepted, state)
     if not accepted:
         alone = significant(unnamed_terms(before)) or left
         return Decision("unknown-effect", naming, (), alone, alone.state, chance)
-    return Decision(_verdict(accepted, ""), naming, accepted, left, left.state, chance)
+    return Decision(verdict_of(accepted, left), naming, accepted, left, left.state, chance)
 
 
-def _verdict(accepted: tuple[Accepted, ...], none: str) -> str:
-    """The verdict on these effects; `none` where there are none."""
-    if any(one.margin < RIVAL_MARGIN for one in accepted):
-        return "undecided"
-    return "named" if accepted else none
+def verdict_of(
+    accepted: Collection[Accepted], unnamed: UnnamedTerm | None, none: str = "undecided"
+) -> str:
+    """The verdict on these effects and what is left without a name; `none`: where there is
+    neither. Names that are told as "A or B", or of which none is certain, are undecided."""
+    if not accepted:
+        return "unknown-effect" if unnamed is not None else none
+    close = any(one.margin < RIVAL_MARGIN for one in accepted)
+    doubted = all(one.explained <= DOUBTED_PROBABILITY for one in accepted)
+    return "undecided" if close or doubted else "named"
 
 
 def _beyond_chance(naming: Naming) -> tuple[ChanceScores | None, tuple[Accepted, ...], State]:

@@ -8,6 +8,7 @@ from calibration.gap.decision_rule import (
     DOUBTED_PROBABILITY,
     NAME_THRESHOLD,
     RANGE_END_STEPS,
+    RIVAL_MARGIN,
 )
 from calibration.gap.findings import Interval, Named
 from calibration.gap.model.parameters import CALIBRATED, PERIODIC, SERVO
@@ -141,7 +142,7 @@ def sentence(decision: Decision, names: tuple[Named, ...]) -> str:
             "Something is missing, but no effect of the catalogue that fits these logs also "
             "predicts data that were not fitted: none is named."
         )
-    if decision.verdict == "undecided":
+    if any(one.margin < RIVAL_MARGIN for one in decision.accepted):
         rivals = dict.fromkeys(r.name for one in decision.accepted for r in one.rivals[:1])
         return f"{'; '.join(told)}, or {' or '.join(rivals)}: this log cannot tell them apart."
     sure = [words for words, name in zip(told, names, strict=True) if not _doubted(name)]
