@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from calibration.gap.decision_rule import DOUBTED_PROBABILITY
 from rig.effects import BY_NAME, Effect
 from rig.parameters import Rig
 
@@ -214,13 +213,6 @@ class Findings:
     noise: dict[str, float] = field(default_factory=dict)
     rig_before: Rig | None = None
     rig_after: Rig | None = None
-
-    @property
-    def are_rivals(self) -> bool:
-        """Whether `effects` are alternatives that the logs do not separate; the names of any other
-        undecided answer are doubted, each for itself."""
-        likely = any(one.probability > DOUBTED_PROBABILITY for one in self.effects)
-        return self.verdict == "undecided" and likely
 
     @property
     def known(self) -> Mapping[str, Effect]:

@@ -20,7 +20,13 @@ from calibration.gap.findings import NextExperiment
 from calibration.gap.model import noise
 from calibration.gap.model.data import Evidence, gather, usable
 from calibration.gap.model.fit import ParameterFit, evaluate
-from calibration.gap.model.parameters import CALIBRATED, PERIODIC, NominalModel, released
+from calibration.gap.model.parameters import (
+    CALIBRATED,
+    PERIODIC,
+    NominalModel,
+    released,
+)
+from calibration.gap.model.seen_effects import has_commanded_servos
 from calibration.gap.model.state import Key, State, refit
 from calibration.gap.name.screen import screen
 from rig.control.controllers import WITHOUT
@@ -295,7 +301,8 @@ def _score(
 
 def _evidence(log: Log, course: Course, rig: Rig, levels: np.record | None) -> Evidence:
     """One run's evidence; on the servos alone there is no ball, whatever a simulator shows."""
-    seen = usable(log, camera_delay_s=rig.camera.delay_s)
+    told = has_commanded_servos(rig)
+    seen = usable(log, camera_delay_s=rig.camera.delay_s, commanded=told)
     if course.servo_only:
         seen = replace(seen, exposed_s=seen.exposed_s[:0], ball_m=seen.ball_m[:0], fresh=None)
     return gather([seen], first_levels() if levels is None else levels)

@@ -220,7 +220,10 @@ def _of_servo(run: Signals, output: str, model: Model) -> dict[str, np.ndarray]:
     volts, step_s = run.volts_V[:, a], float(np.median(np.diff(run.t_s)))
     decay = float(np.exp(-step_s / model.time_constant_s[a]))
     speed = lfilter([1.0 - decay], [1.0, -decay], volts)
-    values = {"servo's angle": run.theta_rad[:, a], "servo's speed": speed, "volts": volts}
+    if run.commanded:  # a servo is the faster, the further its command is away
+        values = {"servo's angle": run.theta_rad[:, a], "servo's speed": volts - speed}
+    else:
+        values = {"servo's angle": run.theta_rad[:, a], "servo's speed": speed, "volts": volts}
     return {word: np.abs(value) for word, value in values.items()}
 
 

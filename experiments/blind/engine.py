@@ -197,7 +197,7 @@ def disturbed(
     q, state = task.controller()
     rows = np.empty((1, ticks, len(COLUMNS)))
     filled, ending = _run(
-        plant.rest(course.start_m),
+        plant.rest(course.start_m, rig.linkage.height_m),
         plant_record.pack(rig),
         q,
         plant_record.no_volts(rig),

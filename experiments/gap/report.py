@@ -9,6 +9,7 @@ from experiments.gap.stages import locate_stage, name_stage, next_stage, prove_s
 from experiments.gap.words import (
     VERDICT_WORDS,
     added_toml,
+    are_rivals,
     channel_words,
     floors,
     interval_words,
@@ -162,7 +163,7 @@ def _parameter_table(found: Findings) -> Table:
                 rows.append([effect.name, both, key_words(key), value, tolerance, span])
     head = ("effect", "axis", "quantity", "value [95 %]", "tolerance", "range")
     caption = "Sizes as fitted" + (
-        "; the rivals' too, of which at most one is right." if found.are_rivals else "."
+        "; the rivals' too, of which at most one is right." if are_rivals(found) else "."
     )
     return Table(head, rows, caption, words=3)
 

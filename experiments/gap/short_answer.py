@@ -5,7 +5,7 @@ from collections.abc import Collection, Sequence
 from calibration.gap.decision_rule import DOUBTED_PROBABILITY
 from calibration.gap.findings import Findings
 from experiments.gap.summary import effect_words
-from experiments.gap.words import channel_words, percent, sig
+from experiments.gap.words import are_rivals, channel_words, percent, sig
 from experiments.runs.protocol import read_protocol
 
 # Chosen: steps of the ball tell most effects of plate and ball apart, squares on the servos alone
@@ -73,7 +73,7 @@ def _headline(found: Findings, *, sure: bool) -> str:
         sizes = effect_words(effect, found.known).partition(": ")[2]
         how = f", sure: {percent(effect.probability)}" if sure else ""
         names.append(f"{label}{f' ({sizes})' if sizes else ''}{how}")
-    if found.are_rivals:
+    if are_rivals(found):
         return f"Undecided between: {'; '.join(names)}."
     sure = sure and any(one.probability > DOUBTED_PROBABILITY for one in found.effects)
     return f"{'Missing' if sure else 'Suspected, not proven'}: {'; '.join(names)}."

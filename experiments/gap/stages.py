@@ -7,6 +7,7 @@ from pathlib import Path
 from calibration.gap.findings import UNITS, Findings
 from experiments.gap import figures
 from experiments.gap.words import (
+    are_rivals,
     channel_words,
     closed_share,
     floors,
@@ -119,7 +120,7 @@ def name_stage(found: Findings, folder: Path) -> Section:
         names = [f"{e.name} ({percent(e.probability)})" for e in found.effects]
         said = f"It is {' or '.join(names)}: these logs do not tell them apart."
         doubt = f"It may be {', '.join(names)}, or something else: the notes say why."
-        blocks.append(said if found.are_rivals else doubt)
+        blocks.append(said if are_rivals(found) else doubt)
     if found.unknown is not None:
         left = found.unknown
         formula = f" A formula that holds on held-out data: {left.formula}." if left.formula else ""

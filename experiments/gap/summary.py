@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 from calibration.gap.findings import Findings, Named
 from experiments.gap.words import (
+    are_rivals,
     channel_words,
     floors,
     interval_words,
@@ -27,7 +28,7 @@ def summary_lines(found: Findings) -> list[str]:
     lines = [f"{found.verdict}: {found.sentence}"]
     for w in found.where[:WHERE_SHOWN]:
         lines.append(_line("where", f"{channel_words(w.channel)}, {w.region}: gap {floors(w.gap)}"))
-    label = "rival" if found.are_rivals else "effect"
+    label = "rival" if are_rivals(found) else "effect"
     lines += [_line(label, effect_words(effect, found.known)) for effect in found.effects]
     if found.unknown is not None:
         left = found.unknown

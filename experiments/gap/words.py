@@ -9,6 +9,7 @@ from typing import Any
 
 import tomli_w
 
+from calibration.gap.decision_rule import DOUBTED_PROBABILITY
 from calibration.gap.findings import Findings, Interval
 from calibration.gap.model.parameters import CALIBRATED
 from calibration.gap.report.wording import far_off
@@ -216,3 +217,10 @@ def _rounded(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_rounded(item) for item in value]
     return float(f"{value:.5g}") if isinstance(value, float) and isfinite(value) else value
+
+
+def are_rivals(found: Findings) -> bool:
+    """Whether `effects` are alternatives that the logs do not separate; the names of any other
+    undecided answer are doubted, each for itself."""
+    likely = any(one.probability > DOUBTED_PROBABILITY for one in found.effects)
+    return found.verdict == "undecided" and likely

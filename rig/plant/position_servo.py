@@ -126,7 +126,7 @@ def rounded(p, a, told):
 
 
 @inlined
-def _arriving(p, a, told):
+def arriving(p, a, told):
     """What becomes of a rounded angle told to axis `a` before the servo follows it [rad]."""
     return angle_zero(angle_scale(told, p.angle_scale_fraction[a]), p.angle_zero_offset_rad[a])
 
@@ -147,7 +147,7 @@ def targets(p, history, t, now, tick_s, wanted):
 @compiled
 def aim(p, told_x, told_y, wanted):
     """Write the servos' targets (SERVOS,) into `wanted`; told: of `rounded` for both axes [rad]."""
-    x, y = _arriving(p, 0, told_x), _arriving(p, 1, told_y)
+    x, y = arriving(p, 0, told_x), arriving(p, 1, told_y)
     if p.linkage != THREE_ARMS:
         wanted[0], wanted[1] = x, y
         return
@@ -159,21 +159,6 @@ def aim(p, told_x, told_y, wanted):
             wanted[i] = quantised(alpha, mixed(p, i, p.quantum_rad))
 
 
-@compiled
-def move_servos(p, wanted, h, state):
-    """Move the servos on by h [s] towards the angles `wanted` (SERVOS,) [rad], in place."""
-    for i in range(SERVOS if p.linkage == THREE_ARMS else 2):
-        band = mixed(p, i, p.dead_band_rad) + mixed(p, i, p.command_dead_band_half_width_rad)
-        error = command_dead_band(wanted[i] - state[ANGLE + i], band)
-        lag = servo_lag(mixed(p, i, p.lag_s), mixed(p, i, p.servo_lag_lag_s))
-        limit = mixed_limit(p, i)
-        acceleration = mixed(p, i, p.acceleration_limit_rad_s2)
-        rate = next_rate(error, state[RATE + i], lag, limit, acceleration, h)
-        angle = state[ANGLE + i] + h * rate
-        state[RATE + i] = rate if abs(angle) <= p.stop_rad else 0.0
-        state[ANGLE + i] = min(max(angle, -p.stop_rad), p.stop_rad)
-
-
 @inlined
 def mixed_limit(p, i):
     """Rate limit of servo i [rad/s]; an axis without one takes no part in the mean."""
@@ -181,6 +166,28 @@ def mixed_limit(p, i):
     y = rate_limit(p.rate_limit_rad_s[1], p.rate_limit_limit_rad_s[1])
     share = p.share_x[i]
     return share * x + (1.0 - share) * y
+
+
+@inlined
+def moved_servo(p, i, wanted, angle, rate, h):
+    """Angle [rad] and rate [rad/s] of servo i after h [s] towards the angle `wanted` [rad]."""
+    band = mixed(p, i, p.dead_band_rad) + mixed(p, i, p.command_dead_band_half_width_rad)
+    error = command_dead_band(wanted - angle, band)
+    lag = servo_lag(mixed(p, i, p.lag_s), mixed(p, i, p.servo_lag_lag_s))
+    limit = mixed_limit(p, i)
+    acceleration = mixed(p, i, p.acceleration_limit_rad_s2)
+    rate = next_rate(error, rate, lag, limit, acceleration, h)
+    turned = angle + h * rate
+    rate = rate if abs(turned) <= p.stop_rad else 0.0
+    return min(max(turned, -p.stop_rad), p.stop_rad), rate
+
+
+@compiled
+def move_servos(p, wanted, h, state):
+    """Move the servos on by h [s] towards the angles `wanted` (SERVOS,) [rad], in place."""
+    for i in range(SERVOS if p.linkage == THREE_ARMS else 2):
+        angle, rate = moved_servo(p, i, wanted[i], state[ANGLE + i], state[RATE + i], h)
+        state[ANGLE + i], state[RATE + i] = angle, rate
 
 
 @compiled

@@ -66,3 +66,13 @@ def play_operator(theta_p, theta, beta_1, beta_2):
     beta_1 when pushed up, at theta - beta_2 when pulled down.
     """
     return min(max(theta_p, theta - beta_1), theta - beta_2)
+
+
+@inlined
+def loaded_play(theta_p, theta, beta_1, beta_2, load, friction):
+    """The play operator behind which a load that exceeds the friction [both N m] lays the driven
+    side over to the end to which it pushes: theta - beta_2 upwards, theta - beta_1 downwards.
+    """
+    if abs(load) > friction:
+        return theta - (beta_2 if load > 0.0 else beta_1)
+    return play_operator(theta_p, theta, beta_1, beta_2)

@@ -16,7 +16,7 @@ from rig.plant.ball import rolling
 from rig.plant.own_equations import BALL, with_own
 from rig.plant.plant import felt_angle
 from rig.plant.position_plant import felt_sines
-from rig.plant.shaft import play_operator
+from rig.plant.shaft import loaded_play
 
 FILTER_S = 1.0  # of observations before a look ahead
 LONGEST_GAP_S = 0.25  # unseen for longer, the filter starts anew
@@ -24,9 +24,14 @@ FIRST_SPEED_M_S = 0.5
 
 
 @compiled
-def _plate(p, a, theta, plate):
-    """The servo angle that the plate feels behind joint play and linkage; new play position."""
-    plate = play_operator(plate, theta, p.joint_1[a], p.joint_2[a])
+def _plate(p, a, theta, plate, place):
+    """The servo angle that the plate feels behind joint play and linkage; new play position.
+
+    place: of the ball [m], whose weight lies over a plate that a servo holds at an angle; the light
+    ball on a plate that motors turn is left out.
+    """
+    load = p.weight[a] * place if p.position else 0.0
+    plate = loaded_play(plate, theta, p.joint_1[a], p.joint_2[a], load, p.joint_friction)
     return felt_angle(p, a, plate), plate
 
 
@@ -48,8 +53,8 @@ def ball_step(p, s, plate, sines, angle_x, angle_y, now, dt):
     [s]. s, plate and sines are changed in place. One midpoint step of `plant.ball`'s equations of
     motion.
     """
-    felt_x, plate[0] = _plate(p, 0, angle_x, plate[0])
-    felt_y, plate[1] = _plate(p, 1, angle_y, plate[1])
+    felt_x, plate[0] = _plate(p, 0, angle_x, plate[0], s[0])
+    felt_y, plate[1] = _plate(p, 1, angle_y, plate[1], s[1])
     s_x, s_y = felt_sines(p, felt_x, felt_y)
     mid_x, mid_y = 0.5 * (s_x + sines[0]), 0.5 * (s_y + sines[1])
     c = sqrt(1.0 - mid_x * mid_x - mid_y * mid_y)
@@ -152,7 +157,7 @@ def predict_ball(p, levels, t, theta, exposed, ball, fresh, longest_gap_s, out, 
                 angle = _angle(theta, t, k, a, end)
                 if not started:
                     plate[a] = angle
-                _, plate[a] = _plate(p, a, angle, plate[a])
+                _, plate[a] = _plate(p, a, angle, plate[a], z_x if a == 0 else z_y)
             # A first position is the truth plus the noise: the two err by the same, opposed.
             c[0], c[1], c[2], c[3], c[4], c[5] = r, 0.0, FIRST_SPEED_M_S**2, -r, 0.0, r
             now, started = end, True

@@ -9,7 +9,7 @@ the tick.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from rig.log import COMMANDS, Log
 from rig.parameters import Rig
 from rig.plant.plant_record import pack
 from rig.prediction.ball import LONGEST_GAP_S, look_ahead, predict_ball
-from rig.prediction.commanded import answers
+from rig.prediction.commanded import Answers, predict_told_axis
 from rig.prediction.servo import predict_axis
 
 NOISE = np.dtype(
@@ -40,7 +40,9 @@ class Signals:
     starts anew; driven: axes that have a servo channel (the volts of the others are taken as 0);
     corrected (n,), optional: true at ticks whose angles correct the servos' filters (None: all);
     told_rad (n, 2), optional: angles told to servos that take them and whose angle nobody measures;
-    the ball is then predicted from their answer, and theta_rad is no more than a guess of it.
+    the ball is then predicted from their answer, and theta_rad is no more than a guess of it;
+    answered: the last of these answers; commanded: the servos read their angle back, and `volts_V`
+    holds the angles that they are told [rad] (`read_back`).
     """
 
     t_s: np.ndarray
@@ -52,13 +54,15 @@ class Signals:
     driven: tuple[bool, bool] = (True, True)
     corrected: np.ndarray | None = None
     told_rad: np.ndarray | None = None
+    answered: Answers = field(default_factory=Answers)
+    commanded: bool = False
 
     def angles(self, p: np.record) -> tuple[np.ndarray, np.ndarray]:
         """Times (m,) [s] and servo angles (m, 2) [rad] for the ball: measured, or the answer to the
         commands under the model p (record PLANT)."""
         if self.told_rad is None:
             return self.t_s, self.theta_rad
-        return answers(p, self.t_s, self.told_rad)
+        return self.answered.of(p, self.t_s, self.told_rad)
 
     def has_servo(self, a: int) -> bool:
         """Whether volts and angle of axis `a` are there in every row, and the axis is driven."""
@@ -77,6 +81,15 @@ def signals(log: Log, *, camera_delay_s: float) -> Signals:
     if told is not None:
         told = np.column_stack([_held(column) for column in told.T])
     return Signals(np.array(log["t_s"]), pair[0], pair[1], exposed, ball, told_rad=told)
+
+
+def read_back(log: Log, known: Signals) -> Signals:
+    """The signals of a log of two rods whose servos take an angle: with the commands for volts,
+    where the log has them and the angles that they led to."""
+    if not log.has(*COMMANDS) or known.told_rad is not None:
+        return known
+    told = np.column_stack([_held(log[name]) for name in COMMANDS])
+    return replace(known, volts_V=told, commanded=True)
 
 
 def _held(column: np.ndarray) -> np.ndarray:
@@ -155,7 +168,22 @@ def servo_innovations(
     if corrected is None:
         corrected = np.ones(len(known.t_s), np.bool_)
     for a in axes:
-        if known.has_servo(a):
+        if not known.has_servo(a):
+            continue
+        if known.commanded:
+            predict_told_axis(
+                p,
+                levels,
+                a,
+                known.t_s,
+                known.volts_V,
+                known.theta_rad,
+                corrected,
+                time_constant_s[a],
+                out,
+                std,
+            )
+        else:
             predict_axis(
                 p,
                 levels,

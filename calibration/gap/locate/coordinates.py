@@ -141,12 +141,15 @@ def of_servo(runs: Sequence[Signals], a: int, t_s: np.ndarray) -> list[Coordinat
     those of the tick before."""
     angle = np.concatenate([r.theta_rad[:, a] for r in runs])
     speed = np.concatenate([slope(r.t_s, r.theta_rad[:, a], SPEED_OVER_S) for r in runs])
-    volts = np.concatenate([np.append(r.volts_V[:1, a], r.volts_V[:-1, a]) for r in runs])
     axis = "xy"[a]
-    return [
+    found = [
         *_timed(t_s),
         *_reversals(runs, lambda r: r.t_s, a),
         Coordinate("speed", axis, np.abs(speed), up_to(SERVO_SPEED_RAD_S, speed), np.sign(speed)),
         _placed("position", axis, angle),
-        Coordinate("voltage", axis, np.abs(volts), up_to(VOLTS_V, volts), np.sign(volts)),
     ]
+    if any(run.commanded for run in runs):  # nobody gives volts there
+        return found
+    volts = np.concatenate([np.append(r.volts_V[:1, a], r.volts_V[:-1, a]) for r in runs])
+    levels = up_to(VOLTS_V, volts)
+    return [*found, Coordinate("voltage", axis, np.abs(volts), levels, np.sign(volts))]

@@ -16,7 +16,13 @@ import numpy as np
 
 from calibration.gap.model.parameters import BALL, SERVO, Model
 from rig.log import Log
-from rig.prediction.innovations import Signals, ball_innovations, servo_innovations, signals
+from rig.prediction.innovations import (
+    Signals,
+    ball_innovations,
+    read_back,
+    servo_innovations,
+    signals,
+)
 
 MAX_RATE_HZ = 600.0  # above, a tick is less than an encoder count: several ticks become one
 DIVERGED_Z = 1e6  # residual beyond which a prediction has diverged
@@ -51,15 +57,19 @@ class Roll:
         return (self.z - base.z) / step
 
 
-def usable(log: Log, *, camera_delay_s: float, reach_m: float = inf) -> Signals:
+def usable(
+    log: Log, *, camera_delay_s: float, reach_m: float = inf, commanded: bool = False
+) -> Signals:
     """A log's signals as the workflow uses them: at most MAX_RATE_HZ, missing axes 0, exposures of
     a held or pushed ball, or of one at a wall, left out, of the others one each HORIZON_S.
 
     From frame to frame at 100 Hz a controller that answers the camera's noise is part of what is
     predicted best: a table that is 0.25 s late is told better by a model without the delay, and at
     0.05 s and more by the right one. `camera_delay_s`: from exposure to row, for logs without
-    exposure times; `reach_m`: of the ball's centre between walls."""
-    known = _thinned(signals(log, camera_delay_s=camera_delay_s))
+    exposure times; `reach_m`: of the ball's centre between walls; `commanded`: the servos may read
+    back the angle that they are told."""
+    known = signals(log, camera_delay_s=camera_delay_s)
+    known = _thinned(read_back(log, known) if commanded else known)
     driven = known.has_servo(0), known.has_servo(1)
     theta = np.where(np.isnan(known.theta_rad).all(axis=0), 0.0, known.theta_rad)
     volts = np.where(np.array(driven), known.volts_V, 0.0)

@@ -113,7 +113,8 @@ def _min_deviation(state: State, parameter: Parameter) -> float:
         return _min_deviation_of_own(state, parameter)
     count = state.nominal.rig.servo.encoder_step_rad
     least = MIN_DEVIATION.get(parameter.key, MIN_DEVIATION_COUNTS.get(parameter.key, 0.0) * count)
-    least += MIN_DEVIATION_SHARE.get(parameter.key, 0.0) * abs(parameter.nominal)
+    if parameter.key in MIN_DEVIATION_SHARE:  # a limit's nominal value is infinite
+        least += MIN_DEVIATION_SHARE[parameter.key] * abs(parameter.nominal)
     if parameter.key == "play_rad" and state.fit.setting.get(
         f"gear_backlash.{COAST_KEY}.{parameter.axis}"
     ):

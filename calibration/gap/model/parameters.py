@@ -17,9 +17,10 @@ from calibration.gap.decision_rule import (
     MIN_EFFECT_SIZE,
     MIN_TOLERANCE_RATIO,
 )
+from calibration.gap.model.seen_effects import TOLD_TWINS, effects_in, in_ball
 from rig.discrepancy import Discrepancy
 from rig.discrepancy import pack as pack_unknown
-from rig.effects import ANGLES, Effect, effects_of, values
+from rig.effects import Effect, values
 from rig.parameters import Rig
 from rig.plant.derived import held_share
 from rig.plant.plant_record import pack
@@ -58,13 +59,6 @@ HEIGHT_KEY = "height_m"
 SETTLING_KEY = "settling_s"
 INNER_SHAPE = {"gear_backlash": [COAST_KEY], "camera_scale": [HEIGHT_KEY]}
 IN_RECORD = {COAST_KEY: "gear_coast", HEIGHT_KEY: "camera_height"}  # not in the catalogue
-# Where servos take an angle that nobody measures, these make the same data as others do, whatever
-# the motion: a late camera as late servos, its scale as theirs, their zero as the level.
-TOLD_TWINS = {
-    "servo_dead_time": ("camera_delay", "delay_servo_to_plate"),
-    "angle_scale": ("camera_scale", "linkage_gain", "ball_inertia"),
-    "level_offset": ("angle_zero", "asymmetric_play"),
-}
 GUESSES = (0.2, 0.5, 1.0, 2.0, 5.0)  # of the nominal K and tau: starts of a fit far from them
 
 
@@ -133,24 +127,6 @@ def _keys(effect: Effect) -> list[str]:
     return [p.key for p in effect.parameters] + INNER_SHAPE.get(effect.name, [])
 
 
-def in_ball(effect: Effect) -> bool:
-    """Whether the ball shows the effect, not the servo's encoder; it alone shows those of servos
-    whose angle nobody measures."""
-    return effect.side != "servo" or effect.servos == ANGLES
-
-
-def effects_in(rig: Rig) -> tuple[Effect, ...]:
-    """The effects of the rig's catalogue that its logs can tell apart (see TOLD_TWINS). Servos that
-    read their angle back show theirs in no output yet."""
-    known = effects_of(rig.servo.kind, rig.catalogue.values())
-    twins = {twin for names in TOLD_TWINS.values() for twin in names}
-    if not rig.servo.takes_angle:
-        return known
-    if rig.servo.has_angle:
-        return tuple(e for e in known if e.servos != ANGLES)
-    return tuple(e for e in known if e.name not in twins)
-
-
 class NominalModel:
     """The model as the rig file has it, and all its parameters by name ("effect.key.axis").
 
@@ -168,8 +144,11 @@ class NominalModel:
         drive = rig.drive
         self._wound = drive.joint_friction_nm / drive.joint_stiffness_nm_rad
         if not load_friction:
-            self._record["arm_friction"] = self._record["joint_friction"] = self._wound = 0.0
-        self.effects, self.catalogue = effects_in(rig), rig.catalogue
+            self._record["arm_friction"] = self._wound = 0.0
+            # Of a servo that holds its angle, it holds the plate in its play.
+            self._record["joint_friction"] *= float(rig.servo.takes_angle)
+        self.effects = effects_in(rig)
+        self.catalogue = {**rig.catalogue, **{effect.name: effect for effect in self.effects}}
         self._own = {one.effect.name: slot for slot, one in enumerate(rig.own)}
         known = self.catalogue.values()
         self._tolerances = {e.name: e.tolerance for e in known} | dict(tolerances or {})
@@ -223,7 +202,8 @@ class NominalModel:
         if self.is_own(effect.name):
             return self._own_parameter(effect, key, axis)
         first = _keys(effect)[0] == key
-        tolerance = self._tolerances[effect.name] if first and effect.name not in PERIODIC else 0.0
+        sized = first and effect.name not in PERIODIC
+        tolerance = self.tolerance(effect.name, axis) if sized else 0.0
         gear = effect.name == "gear_backlash" and max(self._start["gear_backlash_play_rad"]) == 0.0
         if gear and self.load_friction:
             tolerance = 0.0  # below one count, beside shafts that wind up, it is not identifiable
@@ -253,12 +233,31 @@ class NominalModel:
             return self._start[f"{name}_{key}"][a] - self._start["dead_zone_half_width_V"][a]
         return float(self._start[f"{name}_{key}"][a])
 
+    def tolerance(self, name: str, axis: str) -> float:
+        """Half width of what a rig without faults may have of an effect on an axis [unit of its
+        first key].
+
+        Of twins (TOLD_TWINS) one is tried, so it has what all of them may have together; a zero of
+        the servo tilts the plate by the lever 2 r/L of it. Tolerances learned from logs hold it.
+        """
+        own = self._tolerances[name]
+        if name in (self._given or ()) or self.rig.servo.has_angle or name not in TOLD_TWINS:
+            return own
+        lever = self.rig.linkage.ratios["xy".index(axis)] if name == "level_offset" else 1.0
+        return own + lever * sum(self._tolerances.get(twin, 0.0) for twin in TOLD_TWINS[name])
+
     def exceeds_minimum(self, name: str, axis: str, setting: Mapping[str, float]) -> bool:
         """Whether the effect on this axis departs from nominal in `setting` by at least the
         decision rule's minimum: the larger of MIN_EFFECT_SIZE and MIN_TOLERANCE_RATIO times the
-        tolerance."""
+        tolerance. A servo's fastest rate is its K times its volts: the rig file's is known no
+        better than a K."""
+        if name == "rate_limit":
+            known = self.rig.servo.on(axis).rate_limit_rad_s
+            limit = setting.get(f"{name}.limit_rad_s.{axis}", inf)
+            return limit < (1.0 - CALIBRATED["gain_rad_s_V"]) * known
         size = [abs(setting.get(k.name, k.nominal) - k.nominal) for k in self.of(name, axis)]
-        least = max(MIN_EFFECT_SIZE.get(name, 0.0), MIN_TOLERANCE_RATIO * self._tolerances[name])
+        tolerance = self.tolerance(name, axis)
+        least = max(MIN_EFFECT_SIZE.get(name, 0.0), MIN_TOLERANCE_RATIO * tolerance)
         if name == "stribeck_friction":
             least += self.friction_slack_V
         if name == "dead_zone":

@@ -19,9 +19,9 @@ from calibration.gap.model.parameters import (
     SERVO,
     NominalModel,
     Parameter,
-    in_ball,
     released,
 )
+from calibration.gap.model.seen_effects import in_ball
 from rig.effects import Effect
 
 RESTART_RATIO = 1.7  # of K or tau to its nominal: beyond, other starts are tried, too; chosen

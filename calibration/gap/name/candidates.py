@@ -40,7 +40,7 @@ SIZES: Mapping[str, tuple[float, ...]] = {
 START_COAST_S2_RAD = 0.06
 SETTLING_S = (0.003, 0.01)  # dry friction is tried hard and with these
 WIDE_DEAD_ZONE_SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)  # of the largest volts
-OWN_SIZES = {"viscous_drag.rate_1_s": (0.05,)}
+OWN_SIZES = {"viscous_drag.rate_1_s": (0.05,), "angle_zero.offset_rad": (0.005, 0.05)}
 # A lab's own effect: shares of its size's range, and places in the range of its 0 to 3 shapes.
 OWN_SIZES_OF_RANGE = (0.05, 0.3)
 OWN_SHAPES: tuple[tuple[float, ...], ...] = (

@@ -33,11 +33,16 @@ def choose_friction_model(
     `NominalModel`."""
     free = NominalModel(rig, load_friction=False, tolerances=tolerances)
     outputs = _servos(evidence)
-    if rig.drive.joint_friction_nm == 0.0 or not outputs:
+    if not _has_load(rig) or not outputs:
         return free
     loaded = NominalModel(rig, load_friction=True, tolerances=tolerances)
     servos = replace(evidence, masks={output: evidence.masks[output] for output in outputs})
     return min((loaded, free), key=lambda nominal: _cost_with_coulomb(servos, nominal))
+
+
+def _has_load(rig: Rig) -> bool:
+    """Whether there is friction of arm and joints, and motors without a controller that feel it."""
+    return rig.drive.joint_friction_nm > 0.0 and not rig.servo.takes_angle
 
 
 def better_friction_model(state: State) -> NominalModel | None:
@@ -45,9 +50,7 @@ def better_friction_model(state: State) -> NominalModel | None:
     Coulomb friction of the motors as well; None if not, or if nothing is named there."""
     evidence, outputs = state.evidence, _servos(state.evidence)
     axes = {output[-1] for output in outputs}
-    if state.nominal.rig.drive.joint_friction_nm == 0.0 or not any(
-        a in axes for _, a in state.named
-    ):
+    if not (_has_load(state.nominal.rig) and any(a in axes for _, a in state.named)):
         return None
     other = state.nominal.with_other_load()
     more = other.assumed_friction_V - state.nominal.assumed_friction_V

@@ -101,7 +101,8 @@ def rank(
         by_name.setdefault(one.name, []).append(one)
     gain = {name: sum(max(o.gain, 0.0) for o in found) for name, found in by_name.items()}
     order = sorted(gain, key=lambda name: -gain[name])
-    side = {name: state.nominal.catalogue[name].side for name in order}
+    known = state.nominal.catalogue
+    side = {name: (known[name].side, known[name].servos) for name in order}
     best_on_side = {side[name]: gain[name] for name in reversed(order)}
     fits: list[CandidateFit] = []
     for i, name in enumerate(order):

@@ -197,7 +197,7 @@ def _free_coasting_backlash(state: State, output: str, skip: set[Key]) -> Screen
     None: the plate's friction holds the arm in the gap, or there is no gain.
     """
     axis = output[-1]
-    first = state.nominal.of("gear_backlash", axis)[0] if output in SERVO else None
+    first = next(iter(state.nominal.of("gear_backlash", axis)), None) if output in SERVO else None
     held = state.nominal.load_friction or ("gear_backlash", axis) in skip
     if first is None or held or first.nominal > 0.0:
         return None
@@ -220,6 +220,8 @@ def _wide_dead_zone(state: State, output: str, skip: set[Key]) -> Screened | Non
     """A dead zone so wide that the model without it has failed, fitted from the best of many
     starts. None: the process noise is below FAILED_MODEL_NOISE_V, or there is no gain."""
     if output not in SERVO or ("dead_zone", axis := output[-1]) in skip:
+        return None
+    if not state.nominal.of("dead_zone", axis):
         return None
     gain, time = (state.fit.setting[f".{key}.{axis}"] for key in CALIBRATED)
     if (

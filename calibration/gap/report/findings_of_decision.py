@@ -15,9 +15,9 @@ from calibration.gap.model.parameters import (
     IN_RECORD,
     PERIODIC,
     SERVO,
-    TOLD_TWINS,
     NominalModel,
 )
+from calibration.gap.model.seen_effects import TOLD_TWINS
 from calibration.gap.model.state import State, outputs_of
 from calibration.gap.name.candidates import largest_volts
 from calibration.gap.name.decide import Decision
@@ -32,12 +32,14 @@ TWINS: Mapping[str, tuple[str, ...]] = {
     "camera_delay": ("delay_encoder_to_plate",),
     "camera_yaw": ("antisymmetric_cross_coupling",),
 }
+# Where servos that take an angle read it back: what lies between is also what reads it.
+READ_TWINS = {"angle_zero": ("encoder_zero",), "angle_scale": ("encoder_scale",)}
 Parameters = dict[str, dict[str, Interval]]
 
 
 def twins_of(name: str, rig: Rig) -> tuple[str, ...]:
     """What makes the same data as the effect on this rig, whatever the motion."""
-    told = TWINS if rig.servo.has_angle else {**TWINS, **TOLD_TWINS}
+    told = {**TWINS, **(READ_TWINS if rig.servo.has_angle else TOLD_TWINS)}
     return told.get(name, ())
 
 
@@ -188,7 +190,8 @@ def untestable(state: State, screened: list[Screened] | None) -> tuple[Untestabl
         if size is None and there and screened is not None:  # it was tried
             continue
         if size is None:
-            servo = "volts and angles of a servo that moves"
+            given = "commands" if state.nominal.rig.servo.takes_angle else "volts"
+            servo = f"{given} and angles of a servo that moves"
             channel = servo if effect.side == "servo" else "the ball"
             found.append(Untestable(effect.name, f"the log lacks {channel}", {}))
         elif effect.name == "saturation":

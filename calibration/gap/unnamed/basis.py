@@ -73,6 +73,8 @@ def unnamed_terms(state: State) -> list[UnnamedTerm]:
 
 def _terms_of(state: State, output: str) -> Iterator[UnnamedTerm]:
     side = "ball" if output == BALL else "servo"
+    if side == "servo" and state.nominal.rig.servo.takes_angle:
+        return  # the terms of a servo are volts
     axes = "xy" if output == BALL else output[-1]
     nuisance = _nuisance(state, output)
     for order in ORDERS if side == "ball" else (4,):

@@ -1,6 +1,7 @@
 """The disturbed run: without a disturbance the house's own, with one another one."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from experiments.blind.trial import Noise
 from experiments.runs.assemble import known, load_rig
 from experiments.runs.protocol import course, read_protocol
 from rig.control.controllers import COMPENSATORS
+from rig.parameters import Rig
 from rig.simulation.simulate import draw, simulate
 
 RIG = load_rig(None)
@@ -22,13 +24,18 @@ def short(seconds: float = 4.0):
     return read_protocol("steps").model_copy(update={"duration_s": seconds})
 
 
-@pytest.mark.parametrize("name", ["steps", "free-release", "pushed"])
-def test_undisturbed_it_is_the_houses_own_run_bit_for_bit(name: str):
-    way = course(read_protocol(name).model_copy(update={"duration_s": 7.0}), RIG, 5)
-    draws = draw(np.random.default_rng(1), RIG, way)
-    own = simulate(RIG, known(RIG), COMPENSATORS["without"], way, draws)
+TABLES = ("hobby-two-servos", "bus-servos", "three-arms")
+RUNS = [(RIG, "steps"), (RIG, "free-release"), (RIG, "pushed")]
+RUNS += [(load_rig(Path(name)), "steps") for name in TABLES]
+
+
+@pytest.mark.parametrize(("rig", "name"), RUNS, ids=["steps", "free-release", "pushed", *TABLES])
+def test_undisturbed_it_is_the_houses_own_run_bit_for_bit(rig: Rig, name: str):
+    way = course(read_protocol(name).model_copy(update={"duration_s": 7.0}), rig, 5)
+    draws = draw(np.random.default_rng(1), rig, way)
+    own = simulate(rig, known(rig), COMPENSATORS["without"], way, draws)
     quiet = np.zeros((len(draws.tachometer), 4))
-    other = engine.disturbed(RIG, known(RIG), COMPENSATORS["without"], way, draws, noise=quiet)
+    other = engine.disturbed(rig, known(rig), COMPENSATORS["without"], way, draws, noise=quiet)
     assert own.outcome == other.outcome
     np.testing.assert_array_equal(own.log.rows, other.log.rows)
 

@@ -12,8 +12,15 @@ from rig.effects import ANGLES, effects_of
 from rig.log import Log
 from rig.parameters import Rig, Servo
 from rig.plant.plant_record import pack
-from rig.prediction.commanded import answers
-from rig.prediction.innovations import noise, predict, signals
+from rig.prediction.commanded import BEHIND, Answers, answers
+from rig.prediction.innovations import (
+    ball_ahead,
+    noise,
+    predict,
+    read_back,
+    servo_ahead,
+    signals,
+)
 from rig.simulation.simulate import draw, simulate
 from tests.rig.plant.test_position_servo import VISIBLE
 from tests.support import ROOT
@@ -104,3 +111,72 @@ def test_blank_commands_hold_the_last():
     measured = Log.from_columns({name: np.array(v) for name, v in columns.items()} | {
         "theta_x_rad": np.zeros(4), "theta_y_rad": np.zeros(4)})  # fmt: skip
     assert signals(measured, camera_delay_s=0.0).told_rad is None
+
+
+def test_an_answer_is_kept_for_all_that_lies_behind_the_servos_and_for_nothing_else():
+    rig = replace(shipped("hobby-two-servos"), effects={})
+    p, t = pack(rig), np.arange(0, 1.0, 0.01)
+    told = 0.1 * np.sign(np.sin(9 * t))[:, None] * [1.0, -1.0]
+    kept = Answers()
+    first = kept.of(p, t, told)
+    for name in BEHIND:
+        other = p.copy()
+        if other[name].dtype.kind == "f":
+            other[name] += 0.01
+        assert kept.of(other, t, told) is first, name
+        np.testing.assert_array_equal(answers(other, t, told)[1], first[1], err_msg=name)
+    for name in OWN:
+        other = pack(replace(rig, effects={name: {"x": VISIBLE[name]}}))
+        np.testing.assert_array_equal(kept.of(other, t, told)[1], answers(other, t, told)[1])
+        assert np.abs(kept.of(other, t, told)[1] - first[1]).max() > 1e-4, name
+    again = kept.of(p, t, told)
+    assert kept.of(p, t.copy(), told) is not again
+    assert kept.of(p, t, told) is again
+
+
+def test_a_heavy_ball_lays_the_plate_over_in_its_play():
+    """By the friction alone, as behind motors, the predicted plate would stay where it was left."""
+    rig = replace(shipped("three-arms"), effects={"joint_backlash": {"x": {"play_rad": 0.004}}})
+    rig = replace(rig, servo=replace(rig.servo, quantum_rad=0.0))
+    log, p = log_of(rig), pack(rig)
+    known_ = signals(log, camera_delay_s=rig.camera.delay_s)
+    light = p.copy()
+    light["weight"] = 0.0
+    laid, held = (np.nanstd(ball_ahead(q, known_, LEVELS)[0][:, 0]) for q in (p, light))
+    assert laid < 0.5 * held
+
+
+def read_errors_rad(rig: Rig, log: Log) -> np.ndarray:
+    """RMS of the angle's errors 0.2 s ahead by the commands alone, x and y."""
+    known_ = read_back(log, signals(log, camera_delay_s=rig.camera.delay_s))
+    levels = noise(servo_process=0.05, servo_measured=1e-5)
+    errors = [
+        servo_ahead(
+            pack(rig), known_, levels, (1, 1), (0.025, 0.025), a, horizon_s=0.2, every_s=0.1
+        )
+        for a in (0, 1)
+    ]
+    return np.sqrt(np.nanmean([found**2 for found, _ in errors], axis=1))
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_the_angle_that_is_read_back_is_the_simulators(name):
+    rig = shipped("bus-servos")
+    fine = replace(rig.servo, quantum_rad=0.0, encoder_counts_per_rev=400_000)
+    rig = replace(rig, servo=fine)
+    with_it = replace(rig, effects={name: {"x": VISIBLE[name]}})
+    log = log_of(with_it, 5)
+    right, missing = read_errors_rad(with_it, log), read_errors_rad(rig, log)
+    assert right.max() < 1e-3
+    assert missing[0] > 4 * right[0]
+    assert missing[1] == pytest.approx(right[1])
+
+
+def test_commands_that_led_to_no_angle_or_to_no_commands_are_no_servo_output():
+    rig = shipped("hobby-two-servos")
+    log = log_of(rig, 1)
+    unread = signals(log, camera_delay_s=0.0)
+    assert read_back(log, unread) is unread
+    silent = Log.from_columns({"t_s": log["t_s"], "theta_x_rad": log["t_s"]})
+    known_ = signals(silent, camera_delay_s=0.0)
+    assert read_back(silent, known_) is known_

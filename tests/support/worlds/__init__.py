@@ -3,7 +3,15 @@
 `WORLDS[name](seed)` gives the log's columns, a rig file and what is really there.
 """
 
-from tests.support.worlds import axes, default_mujoco, healthy, positions, strangers, tables
+from tests.support.worlds import (
+    axes,
+    commanded,
+    default_mujoco,
+    healthy,
+    positions,
+    strangers,
+    tables,
+)
 
 WORLDS = {
     f.__name__: f
@@ -23,6 +31,7 @@ WORLDS = {
         positions.late_camera_250ms_at_60hz,
         positions.late_camera_250ms_at_100hz,
         positions.home_made_table,
+        *commanded.WORLDS,
         axes.wide_dead_zone,
         axes.bare_motor,
         axes.asymmetric_viscous,

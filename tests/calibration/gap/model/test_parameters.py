@@ -1,7 +1,9 @@
 """A parameter changes the model exactly as a rig file with the same number would."""
 
 from dataclasses import replace
+from itertools import product
 from math import cos, hypot, inf, sin
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,9 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calibration.gap.model.parameters import BALL, INNER_SHAPE, PERIODIC, SERVO, NominalModel
+from calibration.gap.model.state import outputs_of
 from experiments.runs.assemble import load_rig
 from rig.effects import BY_NAME, Effect, effects_of
-from rig.parameters import Rig
+from rig.linkage import Linkage
+from rig.parameters import Rig, Servo
 from rig.plant.plant_record import pack
 from tests.support.gap.tables import RIG, evidence_of, foreign
 
@@ -161,6 +165,52 @@ def test_tolerances_are_the_catalogues_or_those_given():
     assert usual.exceeds_minimum("voltage_offset", "x", setting)
     assert not usual.exceeds_minimum("voltage_offset", "y", setting)
     assert not wide.exceeds_minimum("voltage_offset", "x", setting)
+
+
+def test_of_twins_the_one_that_is_tried_may_have_what_all_of_them_may():
+    """A servo beside its zero by its tolerance, and the plate off level by its own, is healthy."""
+    tolerance = {name: effect.tolerance for name, effect in BY_NAME.items()}
+    arm_m, lever_m = {"x": 0.02, "y": 0.03}, 0.1
+    linkage = Linkage(plate_side_m=2 * lever_m, x={"arm_radius_m": 0.02}, y={"arm_radius_m": 0.03})
+    rig = Rig(servo=Servo(kind="position"), linkage=linkage)
+    told = NominalModel(rig, load_friction=False)
+    for axis in "xy":
+        size = told.parameters[f"level_offset.slope_rad.{axis}"].tolerance
+        zero = arm_m[axis] / lever_m * tolerance["angle_zero"]
+        assert size == pytest.approx(tolerance["level_offset"] + zero)
+        assert told.tolerance("angle_scale", axis) == pytest.approx(
+            tolerance["angle_scale"] + tolerance["camera_scale"]
+        )
+        assert told.tolerance("servo_lag", axis) == tolerance["servo_lag"]
+    learned = NominalModel(rig, load_friction=False, tolerances={"level_offset": 0.001})
+    assert learned.tolerance("level_offset", "x") == 0.001
+    read_back = replace(rig, servo=replace(rig.servo, angle_measured=True))
+    measured = NominalModel(read_back, load_friction=False)
+    assert measured.tolerance("level_offset", "x") == tolerance["level_offset"]
+
+
+def test_what_a_servo_between_command_and_angle_lacks_shows_where_its_angle_is_read():
+    for measured, arms in product((True, False), (True, False)):
+        rig = load_rig(Path("three-arms" if arms else "bus-servos"))
+        rig = replace(rig, effects={}, servo=replace(rig.servo, angle_measured=measured))
+        nominal = NominalModel(rig, load_friction=False)
+        tried = {effect.name for effect in nominal.effects}
+        assert ("angle_zero" in tried) == (measured and not arms)
+        assert ("servo_lag" in tried) == (not measured or not arms)
+        assert ("camera_delay" in tried) == measured
+        for name in tried & {"servo_lag", "rate_limit", "angle_zero"}:
+            own = ("servo_x",) if measured else (BALL,)
+            assert nominal.of(name, "x")[0].outputs == own
+            assert outputs_of(nominal.catalogue[name], ("x",)) == own
+
+
+def test_a_rate_limit_is_known_no_better_than_a_gain():
+    rig = replace(load_rig(Path("bus-servos")), effects={})
+    nominal = NominalModel(rig, load_friction=False)
+    for share, beyond in ((0.96, False), (0.94, True)):
+        setting = {"rate_limit.limit_rad_s.x": share * rig.servo.rate_limit_rad_s}
+        assert nominal.exceeds_minimum("rate_limit", "x", setting) == beyond
+    assert not nominal.exceeds_minimum("rate_limit", "x", {})
 
 
 @pytest.fixture(scope="module")

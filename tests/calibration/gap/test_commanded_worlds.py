@@ -1,0 +1,91 @@
+"""The worlds of servos that take an angle against closed forms, and what is said of their logs."""
+
+from math import asin, exp, sin
+
+import numpy as np
+import pytest
+
+from calibration.gap import investigate
+from rig.log import Log
+from rig.rigfile import read_rig
+from tests.support.worlds import WORLDS, commanded
+from tests.support.worlds import angle_servos as servos
+
+
+def test_a_step_is_answered_by_a_straight_way_and_an_exponential():
+    lag, rate, band = 0.05, 2.0, 0.01
+    for goal in (0.3, -0.3):
+        turn, early = 0.19 / rate, servos.answer(0.0, goal, lag, rate, band, 0.05)
+        assert early == pytest.approx(np.sign(goal) * 0.1)
+        late = abs(servos.answer(0.0, goal, lag, rate, band, turn + 0.07))
+        assert late == pytest.approx(0.29 - 0.1 * exp(-0.07 / lag))
+    assert servos.answer(0.295, 0.3, lag, rate, band, 1.0) == 0.295  # within the band
+    halves = servos.answer(
+        servos.answer(0.0, 0.3, lag, rate, band, 0.06), 0.3, lag, rate, band, 0.1
+    )
+    assert halves == pytest.approx(servos.answer(0.0, 0.3, lag, rate, band, 0.16))
+
+
+def test_a_motor_that_takes_its_rate_at_once_is_a_lag():
+    angle = rate = slow = 0.0
+    for _ in range(2000):
+        angle, rate = servos.driven(angle, rate, 0.1, 0.05, 9.0, 0.0, 1e-6, 5e-5)
+    assert angle == pytest.approx(0.1 * (1.0 - exp(-0.1 / 0.05)), rel=2e-3)
+    for _ in range(20000):
+        slow, rate = servos.driven(slow, rate, 0.1, 0.05, 9.0, 0.01, 0.01, 5e-5)
+    assert slow == pytest.approx(0.09, abs=1e-6)
+
+
+def test_a_play_is_held_by_friction_or_laid_over_by_the_ball():
+    assert servos.behind_play(0.0, 0.004, 0.01, 0.001, 0.002) == 0.0
+    assert servos.behind_play(0.0, 0.008, 0.01, 0.001, 0.002) == pytest.approx(0.003)
+    assert servos.behind_play(0.0, 0.004, 0.01, 0.003, 0.002) == pytest.approx(0.009)
+    assert servos.behind_play(0.0, 0.004, 0.01, -0.003, 0.002) == pytest.approx(-0.001)
+
+
+def test_a_long_rod_tilts_by_the_ratio_of_arm_and_lever():
+    assert servos.rod_tilt(0.3, 0.0, 0.02, 0.1, 50.0) == pytest.approx(
+        asin(0.2 * sin(0.3)), abs=1e-4
+    )
+    short = servos.rod_tilt(0.3, 0.0, 0.02, 0.1, 0.05)
+    assert servos.rod_gap(short, 0.3, 0.02, 0.1, 0.05) == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.slow  # the solvers are compiled for half a minute
+def test_three_arms_hold_the_tilt_that_they_are_set_for():
+    frame = commanded.ARMS
+    level = servos.level_arm_rad(frame)
+    unknown, pose = np.zeros(9), np.zeros(6)
+    unknown[5] = pose[5] = frame.height_m
+    unknown[6:] = level
+    servos.hold(np.array([0.08, -0.05]), unknown, frame)
+    servos.pose_of(unknown[6:].copy(), pose, frame)
+    assert servos.fallen_axes(pose) == pytest.approx((0.08, -0.05), abs=1e-9)
+    assert pose[5] == pytest.approx(frame.height_m)
+    # Without an x tilt the arm on the x axis keeps its height but for the plate's own shift.
+    servos.hold(np.array([0.0, 0.05]), unknown, frame)
+    assert unknown[6] == pytest.approx(level, abs=1e-3)
+    assert unknown[7] < level < unknown[8]
+
+
+def said_of(name: str, seed: int, tmp_path):
+    columns, rig, _ = WORLDS[name](seed)
+    (tmp_path / "rig.toml").write_text(rig, "utf-8")
+    log, table = Log.from_columns(columns), read_rig(tmp_path / "rig.toml")
+    return investigate([log], table, until="name", quick=True).findings
+
+
+@pytest.mark.slow
+def test_a_zero_between_command_and_measured_angle_is_no_tilt_of_the_plate(tmp_path):
+    found = said_of("crooked_bus_servo", 4100, tmp_path)
+    assert found.verdict == "named"
+    assert [one.name for one in found.effects] == ["angle_zero"]
+    assert found.effects[0].twins == ("encoder_zero",)
+    size = found.effects[0].parameters["x"]["offset_rad"]
+    assert size.value == pytest.approx(0.5 * commanded.DEG, abs=0.06 * commanded.DEG)
+    assert 0.0 < size.high - size.low < 0.001
+
+
+@pytest.mark.slow
+def test_servos_that_read_their_angle_back_and_lack_nothing(tmp_path):
+    assert said_of("healthy_bus_servos", 4100, tmp_path).verdict == "nothing-missing"

@@ -1,0 +1,272 @@
+"""Tables whose servos take an angle: RC servos or bus servos on two rods, three arms, and what each
+of them may lack. Random steps for a PD; a frame a row, 33 to 100 rows a second.
+"""
+
+import numpy as np
+
+from tests.support.worlds.angle_loops import run_commanded
+from tests.support.worlds.angle_servos import Frame, Servos, level_arm_rad
+from tests.support.worlds.logs import (
+    DEG,
+    SOLID,
+    World,
+    ball,
+    coloured,
+    loop,
+    rig_toml,
+    steps,
+    truth,
+)
+
+RADIUS_m, MASS_kg = 0.015, 0.05
+RODS = Frame(False, 0.024, np.array([0.15, 0.12]), 0.075, 0.0, 0.0, 0.0)
+ARMS = Frame(True, 0.045, np.ones(2), 0.09, 0.055, 0.08, 0.105)
+# What the rig files say of each table: servos, frame, side of the plate, rows a second, camera.
+RC = {"lag_s": 0.05, "dead_time_s": 0.008, "rate_limit_rad_s": 6.0, "dead_band_rad": 0.003}
+RC |= {"quantum_rad": 0.0016, "period_s": 0.02}
+BUS = {"lag_s": 0.035, "dead_time_s": 0.015, "rate_limit_rad_s": 4.8, "dead_band_rad": 0.0045}
+BUS |= {"quantum_rad": 0.00153, "period_s": 0.0}
+LEGS = {"lag_s": 0.03, "dead_time_s": 0.0, "rate_limit_rad_s": 5.0, "dead_band_rad": 0.002}
+LEGS |= {"quantum_rad": 0.0018, "period_s": 0.02}
+TABLES = {
+    "rc": (RC, RODS, 0.28, 50.0, 0.02),
+    "bus": (BUS, RODS, 0.28, 100.0, 0.015),
+    "slow": (RC | {"period_s": 0.0}, RODS, 0.28, 100.0 / 3.0, 0.03),
+    "legs": (LEGS, ARMS, 0.24, 50.0, 0.02),
+}
+CHANGED = ("lag_s", "dead_time_s", "rate_rad_s", "band_rad", "scale", "zero_rad", "motor_s")
+
+
+def _servos(rng: np.random.Generator, file: dict, changes: dict) -> Servos:
+    """The file's servos with faults inside half of the default tolerances, then the changes: each
+    is added, but for a rate, which is the lower one."""
+    true = {
+        "lag_s": file["lag_s"] + rng.uniform(-0.0025, 0.0025, 2),
+        "dead_time_s": file["dead_time_s"] + rng.uniform(0.0, 0.0015, 2),
+        "rate_rad_s": np.full(2, file["rate_limit_rad_s"]),
+        "band_rad": file["dead_band_rad"] + rng.uniform(0.0, 0.05 * DEG, 2),
+        "scale": rng.uniform(-0.005, 0.005, 2),
+        "zero_rad": rng.uniform(-0.05 * DEG, 0.05 * DEG, 2),
+        "play_rad": rng.uniform(0.0, 0.04 * DEG, 2),
+        "motor_s": np.zeros(2),
+    }
+    for key in CHANGED:
+        if key in changes:
+            more = np.asarray(changes[key], float)
+            true[key] = np.minimum(true[key], more) if key == "rate_rad_s" else true[key] + more
+    quantum = np.full(2, file["quantum_rad"])
+    return Servos(**true, quantum_rad=quantum, friction_nm=0.004, period_s=file["period_s"])
+
+
+def _rig(table: str) -> str:
+    file, frame, side_m, rows_hz, delay_s = TABLES[table]
+    linkage = {"kind": '"three-arms"', "plate_side_m": side_m, "arm_radius_m": frame.arm_m}
+    linkage |= {"rod_length_m": frame.rod_m, "base_radius_m": frame.base_m}
+    linkage |= {"plate_radius_m": frame.plate_m, "height_m": frame.height_m}
+    if not frame.three:
+        linkage = {"arm_radius_m": frame.arm_m, "rod_length_m": frame.rod_m}
+        linkage |= {f"{a}.plate_side_m": 2.0 * frame.lever_m[i] for i, a in enumerate("xy")}
+    most = {"angle_limit_rad": 0.2 if frame.three else 0.5, "stop_rad": 1.2}
+    most["angle_measured"] = table == "bus"
+    return rig_toml(
+        top={"control_rate_hz": rows_hz},
+        servo={"kind": '"position"', **file, **most},
+        linkage=linkage,
+        ball={"hollow": False, "radius_m": RADIUS_m, "mass_kg": MASS_kg},
+        camera={"rate_hz": rows_hz, "delay_s": delay_s, "noise_m": 0.0003},
+    )
+
+
+def log_of(
+    rng: np.random.Generator,
+    table: str,
+    servo: dict | None = None,
+    plate: dict | None = None,
+    scale: float = 0.0,
+    late_s: float = 0.0,
+    drift_rad_s: np.ndarray | float = 0.0,
+    seconds: float = 60.0,
+) -> dict[str, np.ndarray]:
+    """Random steps of up to 5 cm, smaller ones where the ball would fall; see the module."""
+    file, frame, side_m, rows_hz, delay_s = TABLES[table]
+    servos, n = _servos(rng, file, servo or {}), int(seconds * rows_hz)
+    flaws = {"level_rad": rng.uniform(-0.01 * DEG, 0.01 * DEG, 2), "bowl_1_s2": 0.0}
+    flaws |= {"rolling_m_s2": rng.uniform(0.0, 0.0007)}
+    for key, more in (plate or {}).items():
+        flaws[key] = flaws[key] + more
+    b = ball(spin=SOLID, radius_m=RADIUS_m, arm_m=0.5 * side_m, side_m=side_m, **flaws)
+    lever = 1.0 if frame.three else frame.arm_m / frame.lever_m.mean()
+    late = delay_s + file["lag_s"] + file["dead_time_s"] + 0.5 * file["period_s"] + 0.5 / rows_hz
+    speed, factor = 0.28 / late, SOLID / (1.0 + SOLID) * 9.81 * lever
+    speed = min(speed, 3.0)
+    gains = {"kp_rad_m": speed**2 / factor, "kd_rad_s_m": 1.6 * speed / factor}
+    gains["ki_rad_m_s"] = 0.15 * gains["kp_rad_m"] * speed
+    settings = loop(
+        rows_hz=rows_hz,
+        delay_s=delay_s + late_s + rng.uniform(-0.001, 0.001),
+        scale=scale + rng.uniform(-0.0015, 0.0015),
+        yaw_rad=rng.uniform(-0.075, 0.075) * DEG,
+        speed_filter_s=0.1,
+        angle_limit_rad=0.2 if frame.three else 0.5,
+        **gains,
+    )
+    push = coloured(rng, (n, 2), 0.005, 0.05, rows_hz)
+    slope_m_s3 = 9.81 * SOLID / (1.0 + SOLID) * np.broadcast_to(drift_rad_s, 2)
+    push += np.arange(n)[:, None] / rows_hz * slope_m_s3
+    noise = rng.normal(0.0, 0.0003, (n, 2))
+    targets = np.stack([steps(rng, n, rows_hz, 0.05, (1.5, 4.0)) for _ in range(2)], axis=1)
+    level = level_arm_rad(frame) if frame.three else 0.0
+    names = "command_x_rad command_y_rad theta_x_rad theta_y_rad ball_x_m ball_y_m".split()
+    for shrink in (1.0, 0.8, 0.6, 0.4, 0.2):
+        log = run_commanded(
+            b, MASS_kg, servos, frame, level, settings, shrink * targets, push, noise
+        )
+        if np.abs(log[:, 4:]).max() < 0.5 * side_m:
+            break
+    else:
+        raise RuntimeError(f"the ball fell at x, y of {np.abs(log[:, 4:]).max(axis=0)} m")
+    columns = {"t_s": np.arange(n) / rows_hz} | dict(zip(names, log.T, strict=True))
+    for axis in "xy":
+        if table == "bus":
+            counts = columns[f"theta_{axis}_rad"] / file["quantum_rad"]
+            columns[f"theta_{axis}_rad"] = np.round(counts) * file["quantum_rad"]
+        else:
+            del columns[f"theta_{axis}_rad"]
+    return columns
+
+
+def _world(found: dict, table: str, seed: int, *accepted: str, **changes) -> World:
+    columns = log_of(np.random.default_rng(seed), table, **changes)
+    kind = {} if found else {"kind": "healthy"}
+    return columns, _rig(table), truth(found, *accepted, **kind)
+
+
+def healthy_rc_servos(seed: int) -> World:
+    """RC servos on 20 ms pulses, two rods, 50 rows a second; small faults alone."""
+    return _world({}, "rc", seed)
+
+
+def healthy_slow_rows(seed: int) -> World:
+    """The same servos without a clock of their own, told 33 times a second."""
+    return _world({}, "slow", seed)
+
+
+def healthy_three_arms(seed: int) -> World:
+    """Three arms, 50 rows a second; small faults alone."""
+    return _world({}, "legs", seed)
+
+
+def healthy_bus_servos(seed: int) -> World:
+    """Servos that read their angle back, 100 rows a second; small faults alone."""
+    return _world({}, "bus", seed)
+
+
+def healthy_slow_motors(seed: int) -> World:
+    """Bus servos whose file is a fit: 15 ms of dead time stand for the 15 ms of their motors."""
+    return _world({}, "bus", seed, servo={"motor_s": 0.015, "dead_time_s": -0.015})
+
+
+def late_servo(seed: int) -> World:
+    """40 ms more lag in x, 30 ms in y."""
+    size = {"x": {"lag_s": 0.04}, "y": {"lag_s": 0.03}}
+    return _world({"servo_lag": size}, "rc", seed, servo={"lag_s": (0.04, 0.03)})
+
+
+def dead_servo(seed: int) -> World:
+    """25 ms more dead time on both axes."""
+    size = {"x": {"delay_s": 0.025}, "y": {"delay_s": 0.025}}
+    found = {"servo_dead_time|camera_delay": size}
+    return _world(found, "slow", seed, servo={"dead_time_s": 0.025})
+
+
+def weak_servo(seed: int) -> World:
+    """The servos turn at 0.9 rad/s at most, where the file says 6."""
+    size = {"x": {"limit_rad_s": 0.9}, "y": {"limit_rad_s": 0.9}}
+    return _world({"rate_limit": size}, "rc", seed, servo={"rate_rad_s": 0.9})
+
+
+def lazy_servo(seed: int) -> World:
+    """0.6 degree more dead band in x."""
+    found = {"command_dead_band": {"x": {"half_width_rad": 0.6 * DEG}}}
+    return _world(found, "rc", seed, servo={"band_rad": (0.6 * DEG, 0.0)})
+
+
+def far_servo(seed: int) -> World:
+    """The servos turn 7 % further than told, in y 5 % less far."""
+    found = {"angle_scale": {"x": {"fraction": 0.07}, "y": {"fraction": -0.05}}}
+    return _world(found, "rc", seed, servo={"scale": (0.07, -0.05)})
+
+
+def crooked_servo(seed: int) -> World:
+    """The servo of x stands 1.2 degrees beside the angle that it is told."""
+    zero = 1.2 * DEG
+    found = {"level_offset|angle_zero": {"x": {"slope_rad": zero * RODS.arm_m / RODS.lever_m[0]}}}
+    return _world(found, "rc", seed, servo={"zero_rad": (zero, 0.0)})
+
+
+def crooked_bus_servo(seed: int) -> World:
+    """A servo that reads its angle back stands 0.5 degree beside its command; no tilt is off."""
+    found = {"angle_zero": {"x": {"offset_rad": 0.5 * DEG}}}
+    return _world(found, "bus", seed, servo={"zero_rad": (0.5 * DEG, 0.0)})
+
+
+def late_bus_servo(seed: int) -> World:
+    """Servos that read their angle back: 15 ms more lag in x, 10 ms more dead time in y."""
+    found = {
+        "servo_lag": {"x": {"lag_s": 0.015}},
+        "servo_dead_time": {"y": {"delay_s": 0.01}},
+    }
+    late = {"lag_s": (0.015, 0.0), "dead_time_s": (0.0, 0.01)}
+    return _world(found, "bus", seed, servo=late)
+
+
+def late_bus_camera(seed: int) -> World:
+    """Servos that read their angle back are as the file says; the camera is 20 ms later."""
+    columns = log_of(np.random.default_rng(seed), "bus", late_s=0.02)
+    return columns, _rig("bus"), truth({"camera_delay": {"xy": {"extra_s": 0.02}}})
+
+
+def crooked_plate(seed: int) -> World:
+    """Three arms that stand 0.4 degree off level in y."""
+    found = {"level_offset|angle_zero": {"y": {"slope_rad": 0.4 * DEG}}}
+    return _world(found, "legs", seed, plate={"level_rad": np.array([0.0, 0.4 * DEG])})
+
+
+def far_camera(seed: int) -> World:
+    """The camera sees distances 5 % too long."""
+    size = {"x": {"fraction": 0.05}, "y": {"fraction": 0.05}}
+    return _world({"angle_scale|camera_scale": size}, "slow", seed, scale=0.05)
+
+
+def curved_plate(seed: int) -> World:
+    """A hill of 0.4 1/s2."""
+    found = {"plate_bowl": {"xy": {"stiffness_1_s2": -0.4}}}
+    return _world(found, "rc", seed, plate={"bowl_1_s2": -0.4})
+
+
+def sinking_level(seed: int) -> World:
+    """The level of y changes by 1.5e-4 rad/s (0.5 degree in a run)."""
+    found = {"level_drift": {"y": {"rate_rad_s": 1.5e-4}}}
+    return _world(found, "rc", seed, "level_offset", drift_rad_s=np.array([0.0, 1.5e-4]))
+
+
+WORLDS = (
+    healthy_rc_servos,
+    healthy_slow_rows,
+    healthy_three_arms,
+    healthy_bus_servos,
+    healthy_slow_motors,
+    late_servo,
+    dead_servo,
+    weak_servo,
+    lazy_servo,
+    far_servo,
+    crooked_servo,
+    crooked_bus_servo,
+    late_bus_servo,
+    crooked_plate,
+    late_bus_camera,
+    far_camera,
+    curved_plate,
+    sinking_level,
+)
