@@ -67,6 +67,8 @@ def read_logs(path: Path | str) -> list[Log]:
 
 def _read(path: Path) -> tuple[dict[str, np.ndarray], list[str]]:
     """The columns of a file, and what to say of them. ValueError: it is not readable."""
+    if not path.is_file():
+        raise ValueError(f"{path} is no file but a pipe or a device, which may have no end")
     try:
         columns = READERS[path.suffix.lower()](path)
     except (ValueError, csv.Error) as error:

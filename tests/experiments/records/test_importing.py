@@ -1,5 +1,7 @@
 """What was exported is read back bit for bit; what others wrote is checked and explained."""
 
+import os
+
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -224,6 +226,13 @@ def test_what_is_not_there_or_no_log_is_said(tmp_path):
     (tmp_path / "log.txt").write_text("t_s")
     with pytest.raises(ValueError, match=r"run folder or a file \.csv"):
         read_log(tmp_path / "log.txt")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no pipes with a name")
+def test_a_pipe_is_refused_and_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "log.csv")
+    with pytest.raises(ValueError, match="log.csv is no file but a pipe or a device"):
+        read_log(tmp_path / "log.csv")
 
 
 def test_every_column_is_known_by_its_name(tmp_path):
