@@ -157,7 +157,8 @@ def make(monkeypatch: pytest.MonkeyPatch):
 @patiently
 def test_time_strictly_increases(make, name: str):
     case = make(name)
-    contract.time_strictly_increases(case.table, jitter_s=case.jitter_s)
+    in_real_time = case.clock if case.jitter_s else None
+    contract.time_strictly_increases(case.table, clock=in_real_time, jitter_s=case.jitter_s)
 
 
 @EVERY
