@@ -6,9 +6,11 @@ which need no idea of what else could act, tell it:
 **Completeness.** What the logs explain of each other beyond the named model is nothing. With
 G_names the fall of the cost (`calibration.gap.model.fit`) by the names of an output, and G_flexible
 by what a flexible model (`calibration.gap.model.flexible`, and hats of HAT_S in time) that was
-fitted to every other second predicts of the seconds between,
+fitted to four of five seconds predicts of the fifth,
 
-    completeness = G_names/(G_names + max(G_flexible, 0))
+    completeness = G_names/(G_names + G_flexible)
+
+G_flexible counts where it is above 0 for certain, by blocks (`decision_rule.is_certain`).
 
 **Constancy.** A physical size is the same in every part of the motion (Hansen, J. Policy Modeling
 14, 1992; Andrews, Econometrica 61, 1993). The motion is cut at the median of time, place, speed,
@@ -51,7 +53,8 @@ from rig.prediction.innovations import Signals
 
 TRENDS = ("level_drift",)  # effects whose size is a rate in time
 LEADS_S = (0.1, 0.2, 0.4)  # from a controller's first answer to most of it; chosen
-FOLD_S = 1.0  # of two folds in turn: longer than a filter remembers, shorter than a hat; chosen
+FOLD_S = 1.0  # of folds in turn: longer than a filter remembers, shorter than a hat; chosen
+FOLDS = 5  # four fifths of the seconds tell a fifth: the usual number of a cross-validation
 
 
 def completeness(bare: State, state: State, output: str) -> float:
@@ -60,17 +63,17 @@ def completeness(bare: State, state: State, output: str) -> float:
     named = bare.fit.costs[output] - state.fit.costs[output]
     if named <= 0.0:
         return 0.0
-    return named / (named + max(predictable(state, output), 0.0))
+    return named / (named + predictable(state, output))
 
 
 def predictable(state: State, output: str) -> float:
-    """G_flexible of the module's equation on an output, for the residuals of a state; 0 or less
-    where a flexible model predicts nothing more of them."""
+    """G_flexible of the module's equation on an output, for the residuals of a state; 0 where it is
+    not certain that a flexible model predicts more of them."""
     evidence, model = state.evidence, model_of(state)
     z, mask = state.fit.z(output), evidence.masks[output]
     w, (t, run) = weights(z, mask), evidence.times(output)
-    fold = (np.floor(t / FOLD_S).astype(int) + run) % 2
-    levels, gain = evidence.levels, 0.0
+    fold = (np.floor(t / FOLD_S).astype(int) + run) % FOLDS
+    levels, gain = evidence.levels, np.zeros(len(z))
     if output == BALL:
         axes = ball_regressors(evidence.runs, float(model.record["half_side"].max()))
         noise = float(levels["ball_process"]), float(levels["ball_measured"])
@@ -83,8 +86,9 @@ def predictable(state: State, output: str) -> float:
         parts, times = [(rows, slice(None))], [r.t_s for r in evidence.runs]
     for rows, own in parts:
         said = with_hats(rows, times).predicted(z[own], w[own], fold[own], *noise)
-        gain += float(np.sum(mask[own] * (huber(z[own]) - huber(z[own] - said))))
-    return gain
+        gain[own] = mask[own] * (huber(z[own]) - huber(z[own] - said))
+    falls = np.bincount(_blocks(state, output), gain)
+    return float(falls.sum()) if is_certain(falls) else 0.0
 
 
 def inconstancy(state: State, one: Accepted, output: str) -> str:

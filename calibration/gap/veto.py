@@ -361,7 +361,7 @@ def _without(
     if not kept:
         outputs = {o for one in lost for o in _outputs(one, state.nominal.catalogue)}
         seen = outputs & set(state.evidence.outputs)
-        complete = all_harm and all(predictable(state, o) <= 0.0 for o in seen)
+        complete = all_harm and all(predictable(state, o) == 0.0 for o in seen)
         none = "nothing-missing" if complete else none
     verdict = verdict_of(kept, unnamed, none)
     return replace(decision, accepted=kept, state=state, verdict=verdict, unnamed=unnamed)

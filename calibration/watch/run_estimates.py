@@ -14,6 +14,7 @@ other effects that have one.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from calibration.gap.model.fit import evaluate
 from calibration.gap.model.intervals import covariance
 from calibration.gap.model.parameters import CALIBRATED, NominalModel, Parameter
 from calibration.gap.model.state import Key, State, refit, settle
-from calibration.gap.name.load_friction import choose_friction_model
+from calibration.gap.name.load_friction import choose_friction_model, friction_models
 from calibration.gap.report.findings_of_decision import enough_motion
 from rig.effects import BY_NAME
 from rig.log import Log
@@ -128,9 +129,8 @@ def _starts(evidence: Evidence, rig: Rig) -> list[tuple[NominalModel, dict[str, 
     known = choose_friction_model(evidence, rig, None)
     if any(known.parameters[n].nominal > 0 for n in _play_names(known)):
         return [(known, {})]
-    loads = (True, False) if rig.drive.joint_friction_nm > 0 else (False,)
-    models = [NominalModel(rig, load_friction=load) for load in loads]
-    return [(m, dict.fromkeys(_play_names(m), p)) for m in models for p in START_PLAYS_RAD]
+    starts = product(friction_models(rig), START_PLAYS_RAD)
+    return [(model, dict.fromkeys(_play_names(model), play)) for model, play in starts]
 
 
 def _play_names(nominal: NominalModel) -> list[str]:

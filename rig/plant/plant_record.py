@@ -1,6 +1,6 @@
 """The plant's parameters as one flat record that the compiled functions take, made from a rig."""
 
-from math import ceil, cos
+from math import ceil, cos, inf
 
 import numpy as np
 
@@ -108,11 +108,13 @@ def coasting(rig: Rig) -> float:
     """Inertia of arm and plate over the friction that brakes both in the gear's gap [s2/rad].
 
     It is the inverse of their deceleration. 0: they stay where the teeth leave them, as the plate's
-    friction in its joints holds them, or nothing brakes them at all.
+    friction in its joints holds them; infinite: nothing brakes them.
     """
     drive = rig.drive
-    if drive.joint_friction_nm > 0.0 or drive.arm_friction_nm == 0.0:
+    if drive.joint_friction_nm > 0.0:
         return 0.0
+    if drive.arm_friction_nm == 0.0:
+        return inf
     return (GEARS_INERTIA_HIGH_KG_M2 + drive.plate_inertia_kg_m2) / drive.arm_friction_nm
 
 

@@ -33,6 +33,7 @@ SPEED_S = {"servo": 0.03, BALL: 0.08}  # span of the difference quotient; chosen
 BALL_STATES, SERVO_STATES = 11, 8
 HAT_S = 4.0  # several folds of a cross-validation by seconds, and several hats a log; chosen
 MAX_HATS = 40  # bounds the work for long logs; chosen
+SHRINKAGE = (1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, np.inf)  # of regressors with unit mean square
 SAMPLES_PER_REGRESSOR = 40  # at least: fewer, and noise is explained, too; chosen
 
 
@@ -84,12 +85,20 @@ class Regressors:
         self, z: np.ndarray, w: np.ndarray, fold: np.ndarray, process: float, measured: float
     ) -> np.ndarray:
         """The innovations (n,) that the regression fitted on the other folds expects; `fold` (n,):
-        the fold of each sample. Other arguments as of `unexplained`."""
+        the fold of each sample, 0 to K - 1. Other arguments as of `unexplained`.
+
+        A ridge of SHRINKAGE times the number of samples keeps a direction that few samples tell from
+        deciding: the one which, of the other folds, predicts each from the rest best. Infinite, it
+        expects nothing.
+        """
         f, said = self._responses(w, process, measured), np.zeros(len(z))
-        for one in np.unique(fold):
-            here = fold == one
-            c, _ = _least_squares(f, z, w * ~here)
-            said[here] = f[here] @ c
+        folds = [fold == one for one in range(int(fold.max(initial=-1)) + 1)]
+        sums = [_Moments.of(f[here], z[here], w[here]) for here in folds]
+        for one, here in enumerate(folds):
+            others = sums[:one] + sums[one + 1 :]
+            total = sum(others[1:], start=others[0])
+            ridge = min(SHRINKAGE, key=lambda share: _misses(others, total, share))
+            said[here] = f[here] @ total.coefficients(ridge)
         return said
 
     def _responses(self, w: np.ndarray, process: float, measured: float) -> np.ndarray:
@@ -98,6 +107,43 @@ class Regressors:
         f = np.concatenate([lfilter(b, a, run, axis=0) for run in self.runs])
         f *= w[:, None] > 0
         return f / (np.sqrt(np.mean(f * f, axis=0)) + 1e-30)
+
+
+@dataclass(frozen=True, eq=False)
+class _Moments:
+    """What a fit needs of some samples: F'WF (k, k), F'Wz (k,) and the sum of the weights W."""
+
+    ff: np.ndarray
+    fz: np.ndarray
+    weight: float
+
+    @classmethod
+    def of(cls, f: np.ndarray, z: np.ndarray, w: np.ndarray) -> "_Moments":
+        weighted = f * w[:, None]
+        return cls(weighted.T @ f, weighted.T @ z, float(np.sum(w)))
+
+    def __add__(self, other: "_Moments") -> "_Moments":
+        return _Moments(self.ff + other.ff, self.fz + other.fz, self.weight + other.weight)
+
+    def __sub__(self, other: "_Moments") -> "_Moments":
+        return _Moments(self.ff - other.ff, self.fz - other.fz, self.weight - other.weight)
+
+    def coefficients(self, shrinkage: float) -> np.ndarray:
+        """Ridge regression (k,): (F'WF + shrinkage n 1)^-1 F'Wz (Hoerl and Kennard, Technometrics
+        12, 1970)."""
+        if not np.isfinite(shrinkage):
+            return np.zeros(len(self.fz))
+        ridge = shrinkage * max(self.weight, 1.0) * np.eye(len(self.fz))
+        return np.linalg.solve(self.ff + ridge, self.fz)
+
+    def misses(self, c: np.ndarray) -> float:
+        """By how much the weighted square of z - F c is above that of z."""
+        return float(c @ self.ff @ c - 2.0 * c @ self.fz)
+
+
+def _misses(folds: Sequence[_Moments], total: _Moments, shrinkage: float) -> float:
+    """The misses of predicting each fold from the rest of them with this shrinkage."""
+    return sum(one.misses((total - one).coefficients(shrinkage)) for one in folds)
 
 
 def _least_squares(f: np.ndarray, z: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, int]:

@@ -132,21 +132,30 @@ class NominalModel:
 
     `load_friction`: whether the assumed friction F [N m] of arm and joints loads the motors;
     through the joint's stiffness k [N m/rad] F also widens the backlash that the plate feels by 2
-    F/k. `tolerances`: effect -> half width of its first key, in place of the catalogue's. It cannot
-    be pickled (see `Model`).
+    F/k. `coasts`: whether arm and plate, where F does not load the motors, coast through the gap of
+    the gears with nothing that brakes them, or stay where the teeth leave them. `tolerances`:
+    effect -> half width of its first key, in place of the catalogue's. It cannot be pickled (see
+    `Model`).
     """
 
     def __init__(
-        self, rig: Rig, *, load_friction: bool, tolerances: Mapping[str, float] | None = None
+        self,
+        rig: Rig,
+        *,
+        load_friction: bool,
+        coasts: bool = True,
+        tolerances: Mapping[str, float] | None = None,
     ) -> None:
-        self.rig, self.load_friction, self._given = rig, load_friction, tolerances
+        self.rig, self.load_friction, self.given_tolerances = rig, load_friction, tolerances
         self._record = pack(rig)
         drive = rig.drive
         self._wound = drive.joint_friction_nm / drive.joint_stiffness_nm_rad
         if not load_friction:
             self._record["arm_friction"] = self._wound = 0.0
+            self._record["gear_coast"] = inf if coasts else 0.0
             # Of a servo that holds its angle, it holds the plate in its play.
             self._record["joint_friction"] *= float(rig.servo.takes_angle)
+        self.coasts = bool(np.any(self._record["gear_coast"]))
         self.effects = effects_in(rig)
         self.catalogue = {**rig.catalogue, **{effect.name: effect for effect in self.effects}}
         self._own = {one.effect.name: slot for slot, one in enumerate(rig.own)}
@@ -241,7 +250,11 @@ class NominalModel:
         the servo tilts the plate by the lever 2 r/L of it. Tolerances learned from logs hold it.
         """
         own = self._tolerances[name]
-        if name in (self._given or ()) or self.rig.servo.has_angle or name not in TOLD_TWINS:
+        if (
+            name in (self.given_tolerances or ())
+            or self.rig.servo.has_angle
+            or name not in TOLD_TWINS
+        ):
             return own
         lever = self.rig.linkage.ratios["xy".index(axis)] if name == "level_offset" else 1.0
         return own + lever * sum(self._tolerances.get(twin, 0.0) for twin in TOLD_TWINS[name])
@@ -272,11 +285,6 @@ class NominalModel:
         other._record = self._record.copy()
         other._record["unknown"] = pack_unknown(unknown, self.rig.servo.angle_limit_rad)
         return other
-
-    def with_other_load(self) -> "NominalModel":
-        """The model with the motors loaded by the assumed friction where they are not, or the
-        reverse."""
-        return NominalModel(self.rig, load_friction=not self.load_friction, tolerances=self._given)
 
     def of(self, name: str, axis: str | None = None) -> list[Parameter]:
         """The parameters of the effect `name`, on all axes (None) or one."""

@@ -111,19 +111,16 @@ def own_starts(effect: Effect, axis: str, nominal: NominalModel) -> list[list[St
 def free_coasting_backlash_starts(
     axis: str, nominal: NominalModel, plays: Iterable[float]
 ) -> list[Start]:
-    """Starts with gear backlash of each width of `plays` [rad], through whose gap the arm coasts
-    freely. K, tau and delay are nominal, because those fitted beside a model without backlash are
-    biased."""
+    """Starts with gear backlash of each width of `plays` [rad], through whose gap the arm coasts:
+    braked by some friction and, in a model of arms that coast, by none. K, tau and delay are
+    nominal, because those fitted beside a model without backlash are biased."""
     servo = {f".{key}.{axis}": getattr(nominal.rig.servo, key) for key in CALIBRATED}
     delay = nominal.of("input_delay", axis)[0]
+    braked = {f"gear_backlash.{COAST_KEY}.{axis}": START_COAST_S2_RAD}
     return [
-        {
-            f"gear_backlash.play_rad.{axis}": play,
-            f"gear_backlash.{COAST_KEY}.{axis}": START_COAST_S2_RAD,
-            delay.name: delay.nominal,
-        }
-        | servo
+        {f"gear_backlash.play_rad.{axis}": play, delay.name: delay.nominal} | servo | shape
         for play in plays
+        for shape in ([braked, {}] if nominal.coasts else [braked])
     ]
 
 
@@ -153,7 +150,7 @@ def resets_servo(start: Iterable[str]) -> bool:
 def is_wide_dead_zone(start: Iterable[str]) -> bool:
     """Whether a start is one of `wide_dead_zone_starts`, which are judged at the noise estimated
     with them; `start` holds its parameter names."""
-    return resets_servo(start) and not any(f".{COAST_KEY}." in name for name in start)
+    return resets_servo(start) and any(name.startswith("dead_zone.") for name in start)
 
 
 def largest_volts(evidence: Evidence, axis: str) -> float:

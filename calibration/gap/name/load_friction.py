@@ -1,10 +1,11 @@
 """Does the friction of arm and joints, an assumed value, load the motors? The logs decide.
 
-Two nominal models compete: one loaded by the assumed friction, and one without it. They differ in
-what the arm does in the gap of the gears, so that which of them is right shows beside the effects
-that act: naming begins with the one that costs less where the motors have the Coulomb friction that
-fits best, and what was selected is then fitted to the other. Where that costs less, effects are
-selected anew beside it (`calibration.gap.name.stepwise`).
+Three nominal models compete: one loaded by the assumed friction, and two without it, in which the
+arm coasts through the gap of the gears or stays where the teeth leave it. A gap of a quarter of an
+encoder count through which the arm coasts already delays a servo by a millisecond or two. Which of
+them is right shows beside the effects that act: naming begins with the one that costs least where
+the motors have the Coulomb friction that fits best, and what was selected is then fitted to the
+others. Where one costs less, effects are selected anew beside it (`calibration.gap.name.stepwise`).
 """
 
 from collections.abc import Mapping
@@ -28,41 +29,61 @@ FRICTION = "coulomb_friction"
 def choose_friction_model(
     evidence: Evidence, rig: Rig, tolerances: Mapping[str, float] | None
 ) -> NominalModel:
-    """The nominal model of the rig, with the motors loaded by the assumed friction of arm and
-    joints or without, whichever the logs prefer before anything is named. `tolerances`: as in
-    `NominalModel`."""
-    free = NominalModel(rig, load_friction=False, tolerances=tolerances)
+    """The nominal model of the rig that the logs prefer before anything is named. `tolerances`: as
+    in `NominalModel`."""
+    known = friction_models(rig, tolerances)
     outputs = _servos(evidence)
-    if not _has_load(rig) or not outputs:
-        return free
-    loaded = NominalModel(rig, load_friction=True, tolerances=tolerances)
+    if len(known) == 1 or not outputs:
+        return known[-1]
     servos = replace(evidence, masks={output: evidence.masks[output] for output in outputs})
-    return min((loaded, free), key=lambda nominal: _cost_with_coulomb(servos, nominal))
+    return min(known, key=lambda nominal: _cost_with_coulomb(servos, nominal))
 
 
-def _has_load(rig: Rig) -> bool:
-    """Whether there is friction of arm and joints, and motors without a controller that feel it."""
-    return rig.drive.joint_friction_nm > 0.0 and not rig.servo.takes_angle
+def friction_models(rig: Rig, tolerances: Mapping[str, float] | None = None) -> list[NominalModel]:
+    """The nominal models of a rig that compete, the last of them that of held arms without load: a
+    loaded one only where there is friction of arm and joints; where a controller holds the servo's
+    angle no motor feels it, nor does an arm coast."""
+    held = NominalModel(rig, load_friction=False, coasts=False, tolerances=tolerances)
+    if rig.servo.takes_angle:
+        return [held]
+    coasting = NominalModel(rig, load_friction=False, tolerances=tolerances)
+    if not rig.drive.joint_friction_nm > 0.0:
+        return [coasting, held]
+    return [NominalModel(rig, load_friction=True, tolerances=tolerances), coasting, held]
 
 
 def better_friction_model(state: State) -> NominalModel | None:
-    """The other nominal model, if the servos cost less with it, the same effects released and the
-    Coulomb friction of the motors as well; None if not, or if nothing is named there."""
-    evidence, outputs = state.evidence, _servos(state.evidence)
+    """The best other nominal model, if the servos cost less with it, the same effects released and
+    the Coulomb friction of the motors as well; None if not, or if nothing is named there."""
+    outputs = _servos(state.evidence)
     axes = {output[-1] for output in outputs}
-    if not (_has_load(state.nominal.rig) and any(a in axes for _, a in state.named)):
+    if not any(axis in axes for _, axis in state.named):
         return None
-    other = state.nominal.with_other_load()
+    least, best = sum(state.fit.costs[output] for output in outputs), None
+    nominal = state.nominal
+    for other in friction_models(nominal.rig, nominal.given_tolerances):
+        if (other.load_friction, other.coasts) == (nominal.load_friction, nominal.coasts):
+            continue
+        cost = _cost_with_same(state, other, outputs)
+        if cost < least:
+            least, best = cost, other
+    return best
+
+
+def _cost_with_same(state: State, other: NominalModel, outputs: tuple[str, ...]) -> float:
+    """The cost of the servos with another nominal model and the effects of the state, beside the
+    Coulomb friction of the motors, which is paid for."""
+    axes = {output[-1] for output in outputs}
     more = other.assumed_friction_V - state.nominal.assumed_friction_V
     friction = {f"{FRICTION}.friction_V.{axis}": 0.0 for axis in sorted(axes)}
     setting = friction | state.fit.setting
     setting |= {name: max(setting[name] - more, 0.0) for name in friction}
     released = dict.fromkeys((*state.named, *((FRICTION, axis) for axis in sorted(axes))))
-    moved = State(evidence, other, evaluate(evidence, other, setting, outputs), tuple(released))
+    moved = State(
+        state.evidence, other, evaluate(state.evidence, other, setting, outputs), tuple(released)
+    )
     moved = refit(moved, moved.bounds(outputs))
-    paid = PENALTY_PER_PARAMETER * (len(released) - len(state.named))
-    costs = sum(state.fit.costs[output] for output in outputs)
-    return other if moved.fit.cost + paid < costs else None
+    return moved.fit.cost + PENALTY_PER_PARAMETER * (len(released) - len(state.named))
 
 
 def creeping_servos(evidence: Evidence, nominal: NominalModel) -> tuple[str, ...]:

@@ -55,6 +55,20 @@ class CandidateFit:
         axis."""
         if not any(self.is_identified(axis) for axis in self.axes):
             return -float("inf")
+        return self._penalised
+
+    @property
+    def rival_score(self) -> float:
+        """The score as a rival: a wave of which the motion spans too little to be named may be what
+        looks like a curve."""
+        nominal, setting = self.state.nominal, self.state.fit.setting
+        wave = self.name in PERIODIC
+        if wave and any(nominal.exceeds_minimum(self.name, axis, setting) for axis in self.axes):
+            return self._penalised
+        return self.score
+
+    @property
+    def _penalised(self) -> float:
         nominal = self.state.nominal
         parameters = sum(
             len(released(nominal.catalogue[self.name], axis, nominal, self.state.fit.setting))

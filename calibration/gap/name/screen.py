@@ -203,16 +203,15 @@ def _free_coasting_backlash(state: State, output: str, skip: set[Key]) -> Screen
         return None
     evidence = at_start_noise(state, (output,))
 
-    def best(plays: list[float]) -> ParameterFit:
-        tried = [
-            state.fit.setting | s for s in free_coasting_backlash_starts(axis, state.nominal, plays)
-        ]
-        fits = [evaluate(evidence, state.nominal, setting, (output,)) for setting in tried]
-        return min(fits, key=lambda fit: fit.cost)
+    def best(plays: list[float]) -> tuple[Start, ParameterFit]:
+        tried = free_coasting_backlash_starts(axis, state.nominal, plays)
+        fits = [evaluate(evidence, state.nominal, bare | start, (output,)) for start in tried]
+        return min(zip(tried, fits, strict=True), key=lambda pair: pair[1].cost)
 
-    play = best([SMALLEST_COASTING_PLAY_RAD * 1.25**n for n in range(10)]).setting[first.name]
-    start = best([play * ratio for ratio in (0.9, 0.95, 1.0, 1.06, 1.12)])
-    keys = free_coasting_backlash_starts(axis, state.nominal, [play])[0]
+    bare = state.fit.setting
+    ladder, _ = best([SMALLEST_COASTING_PLAY_RAD * 1.25**n for n in range(10)])
+    play = ladder[first.name]
+    keys, start = best([play * ratio for ratio in (0.9, 0.95, 1.0, 1.06, 1.12)])
     return _fitted_from_reset(state, evidence, "gear_backlash", output, start, keys)
 
 

@@ -267,9 +267,10 @@ def backward_step(
         winner = fits[0]
         state = settle(winner.state, outputs_of(known[winner.name], winner.axes))
         fits = [own, *fits[1:]]
-        own = winner
+        own = replace(winner, state=state)  # settled, it may no longer be of a size that counts
     if own.score < NAME_THRESHOLD:
         return bare, None
-    rivals = [Rival(t.name, own.score - t.score, t.state) for t in fits if not _same_data(own, t)]
+    others = [one for one in fits if not _same_data(own, one)]
+    rivals = [Rival(t.name, own.score - t.rival_score, t.state) for t in others]
     rivals.sort(key=lambda rival: rival.margin)
     return state, Accepted(own.name, own.axes, own.score, tuple(rivals))

@@ -212,7 +212,7 @@ def test_in_a_narrow_valley_the_fit_ends_as_low_as_powells_method():
     columns, _, _ = WORLDS["healthy_axis"](2000)
     evidence, nominal = (
         evidence_of(Log.from_columns(columns)),
-        NominalModel(RIG, load_friction=False),
+        NominalModel(RIG, load_friction=False, coasts=False),
     )
     state = baseline(evidence, nominal)
     names, box = zip(*state.bounds(("servo_x",)).items(), strict=True)
