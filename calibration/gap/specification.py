@@ -91,11 +91,17 @@ def predictable(state: State, output: str) -> float:
     return float(falls.sum()) if is_certain(falls) else 0.0
 
 
+def trend_of_one_run(state: State, one: Accepted) -> str:
+    """Why a name whose size is a rate in time cannot be certain, in words; "" if it can, or has no
+    such size."""
+    if one.name in TRENDS and len(state.evidence.runs) < 2:
+        return "whatever changes slowly has a trend over one run: record another"
+    return ""
+
+
 def inconstancy(state: State, one: Accepted, output: str) -> str:
     """On what the size of a name depends most, or why that cannot be said, in words; "" if it is
     constant on every axis."""
-    if one.name in TRENDS and len(state.evidence.runs) < 2:
-        return "whatever changes slowly has a trend over one run: record another"
     for axis in one.axes:
         parameters = state.nominal.of(one.name, axis)[: 2 if one.name in PERIODIC else 1]
         own = [k.name for k in parameters if k.name in state.bounds((output,))]

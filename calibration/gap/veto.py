@@ -24,6 +24,7 @@ what a name gains 1 s ahead (`calibration.gap.held_out`), C the cost one sample 
 9. The size of a name is certain where it differs from its nominal value by more than chance in
    FAMILY_P of the tests, by the clustered deviation of its interval. If not, its probability is at
    most DOUBTED_PROBABILITY: the likelihood counts residuals that hang together as if they did not.
+   So has a drift that a single run tells: whatever changes slowly has a trend over one run.
 
 Where none of the names is certain, the verdict is "undecided".
 
@@ -60,7 +61,13 @@ from calibration.gap.model.parameters import BALL, PERIODIC
 from calibration.gap.model.state import Key, State, outputs_of, refit
 from calibration.gap.name.decide import Decision, decide, significant, verdict_of
 from calibration.gap.name.stepwise import Accepted, drop_effects
-from calibration.gap.specification import completeness, inconstancy, predictable, untimely
+from calibration.gap.specification import (
+    completeness,
+    inconstancy,
+    predictable,
+    trend_of_one_run,
+    untimely,
+)
 from calibration.gap.unnamed.basis import unnamed_terms
 from calibration.statistics import student_quantile
 from rig.discrepancy import Discrepancy
@@ -148,7 +155,8 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
     kept = [_capped(one, sure, known) for one in accepted if one not in lost]
     reasons += doubts
     for i, one in enumerate(kept):
-        if reason := _unproven(one, before, after, known) or _faint(state, one, spread):
+        weak = _unproven(one, before, after, known) or _faint(state, one, spread)
+        if reason := weak or trend_of_one_run(state, one):
             kept[i] = replace(one, explained=min(one.explained, DOUBTED_PROBABILITY))
             reasons.append(f"not certain: {one.name}: {reason}")
     if not lost:

@@ -87,9 +87,8 @@ class Regressors:
         """The innovations (n,) that the regression fitted on the other folds expects; `fold` (n,):
         the fold of each sample, 0 to K - 1. Other arguments as of `unexplained`.
 
-        A ridge of SHRINKAGE times the number of samples keeps a direction that few samples tell from
-        deciding: the one which, of the other folds, predicts each from the rest best. Infinite, it
-        expects nothing.
+        A ridge of SHRINKAGE times the number of samples keeps what few samples tell from deciding:
+        the one with which the other folds predict each other best. Infinite, it expects nothing.
         """
         f, said = self._responses(w, process, measured), np.zeros(len(z))
         folds = [fold == one for one in range(int(fold.max(initial=-1)) + 1)]

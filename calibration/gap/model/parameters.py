@@ -222,7 +222,7 @@ class NominalModel:
         if key in REACHES_SUPPLY:
             high = max(high, self.rig.servo.voltage_limit_V)
         if key in ("limit_V", "limit_rad_s"):
-            high = inf
+            low, high = STEPS[key], inf
         if key == "speed_rad_s":
             low = SLOWEST_STRIBECK_RAD_S
         step = OWN_STEPS.get(f"{effect.name}.{key}", STEPS[key])

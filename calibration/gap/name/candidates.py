@@ -40,6 +40,7 @@ SIZES: Mapping[str, tuple[float, ...]] = {
 START_COAST_S2_RAD = 0.06
 SETTLING_S = (0.003, 0.01)  # dry friction is tried hard and with these
 WIDE_DEAD_ZONE_SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)  # of the largest volts
+LOW_LIMIT_SHARES = (0.6, 0.4, 0.25, 0.16, 0.1, 0.06, 0.04, 0.025)  # likewise
 OWN_SIZES = {"viscous_drag.rate_1_s": (0.05,), "angle_zero.offset_rad": (0.005, 0.05)}
 # A lab's own effect: shares of its size's range, and places in the range of its 0 to 3 shapes.
 OWN_SIZES_OF_RANGE = (0.05, 0.3)
@@ -141,9 +142,16 @@ def wide_dead_zone_starts(axis: str, nominal: NominalModel, most_V: float) -> li
     ]
 
 
+def low_saturation_starts(axis: str, nominal: NominalModel, most_V: float) -> list[Start]:
+    """Starts with volts that are cut far below the largest `most_V` that were asked for. K and tau
+    are nominal, because those fitted beside a model without it are biased."""
+    servo = {f".{key}.{axis}": getattr(nominal.rig.servo, key) for key in CALIBRATED}
+    return [{f"saturation.limit_V.{axis}": share * most_V} | servo for share in LOW_LIMIT_SHARES]
+
+
 def resets_servo(start: Iterable[str]) -> bool:
-    """Whether a start sets K and tau anew, as those of free coasting backlash and of a wide dead
-    zone do; `start` holds its parameter names."""
+    """Whether a start sets K and tau anew, as those of free coasting backlash, of a wide dead zone
+    and of low saturation do; `start` holds its parameter names."""
     return any(name.startswith(".") for name in start)
 
 

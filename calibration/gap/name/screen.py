@@ -34,12 +34,15 @@ from calibration.gap.name.candidates import (
     free_coasting_backlash_starts,
     is_wide_dead_zone,
     largest_volts,
+    low_saturation_starts,
     starts,
     wide_dead_zone_starts,
 )
 from rig.prediction.innovations import noise
 
-SMALLEST_COASTING_PLAY_RAD = 0.005
+# Plays that are tried from here to the end of the range, a quarter apart: the valley of C about the
+# right one is as wide; chosen.
+SMALLEST_COASTING_PLAY_RAD, COASTING_PLAYS = 0.005, 14
 # Times the tried size to which a screen extrapolates: sizes of a ladder stand 2 to 5 apart, an
 # effect with one size is nearly linear; chosen.
 LADDER_REACH, LINEAR_REACH = 2.0, 6.0
@@ -169,12 +172,14 @@ def _screen_output(state: State, output: str, skip: set[Key]) -> list[Screened]:
         if key not in best or one.worth > best[key].worth:
             best[key] = one
     most = max((one.gain for one in best.values()), default=0.0)
-    free_coasting = _free_coasting_backlash(state, output, skip) if most > CERTAIN_GAIN else None
-    if free_coasting and free_coasting.gain > best["gear_backlash", free_coasting.axis].gain:
-        best["gear_backlash", free_coasting.axis] = free_coasting
-    wide_dead_zone = _wide_dead_zone(state, output, skip)
-    if wide_dead_zone and wide_dead_zone.gain > best["dead_zone", wide_dead_zone.axis].gain:
-        best["dead_zone", wide_dead_zone.axis] = wide_dead_zone
+    certain = most > CERTAIN_GAIN
+    for anew in (
+        _free_coasting_backlash(state, output, skip) if certain else None,
+        _low_saturation(state, output, skip) if certain else None,
+        _wide_dead_zone(state, output, skip),
+    ):
+        if anew and anew.gain > best[anew.name, anew.axis].gain:
+            best[anew.name, anew.axis] = anew
     return list(best.values())
 
 
@@ -209,7 +214,9 @@ def _free_coasting_backlash(state: State, output: str, skip: set[Key]) -> Screen
         return min(zip(tried, fits, strict=True), key=lambda pair: pair[1].cost)
 
     bare = state.fit.setting
-    ladder, _ = best([SMALLEST_COASTING_PLAY_RAD * 1.25**n for n in range(10)])
+    ladder, _ = best(
+        np.geomspace(SMALLEST_COASTING_PLAY_RAD, first.range[1], COASTING_PLAYS).tolist()
+    )
     play = ladder[first.name]
     keys, start = best([play * ratio for ratio in (0.9, 0.95, 1.0, 1.06, 1.12)])
     return _fitted_from_reset(state, evidence, "gear_backlash", output, start, keys)
@@ -233,6 +240,20 @@ def _wide_dead_zone(state: State, output: str, skip: set[Key]) -> Screened | Non
     fits = [evaluate(evidence, state.nominal, state.fit.setting | s, (output,)) for s in tried]
     start = min(fits, key=lambda fit: fit.cost)
     return _fitted_from_reset(state, evidence, "dead_zone", output, start, tried[0])
+
+
+def _low_saturation(state: State, output: str, skip: set[Key]) -> Screened | None:
+    """Volts that are cut far below the largest, fitted from the best of some limits. None: there is
+    no gain."""
+    if output not in SERVO or ("saturation", axis := output[-1]) in skip:
+        return None
+    if not state.nominal.of("saturation", axis):
+        return None
+    evidence = at_start_noise(state, (output,))
+    tried = low_saturation_starts(axis, state.nominal, largest_volts(evidence, axis))
+    fits = [evaluate(evidence, state.nominal, state.fit.setting | s, (output,)) for s in tried]
+    start = min(fits, key=lambda fit: fit.cost)
+    return _fitted_from_reset(state, evidence, "saturation", output, start, tried[0])
 
 
 def _fitted_from_reset(
