@@ -60,41 +60,63 @@ def printable(text: object) -> str:
     return "".join(c if c.isprintable() else "?" for c in " ".join(str(text).split()))
 
 
-LARGEST = 2**63  # of whole numbers in a file, as TOML itself bounds them
+LARGEST = 2**63  # of whole numbers in a TOML file, as TOML itself bounds them
+MOST_DIGITS = 300  # of a whole number in a JSON file, so that a float can hold it
+# (Lines + dots) x dots of one line: `tomllib` keeps a.b.c.d with all its beginnings, and takes a
+# key below [a.b.c.d] apart anew. Chosen: below a second and 100 MB; rig files have some thousands.
+MOST_PARTS = 10**7
 
 
 def read_toml(text: str) -> dict[str, Any]:
     """Return the data of a TOML document. ValueError (one line): it is none, or beyond measure."""
+    lines = text.split("\n")
+    if (len(lines) + text.count(".")) * max(line.count(".") for line in lines) > MOST_PARTS:
+        raise ValueError("not a TOML file (its dotted keys are too many and too long)")
     try:
         data = tomllib.loads(text)
+        _check_sizes(data)
     except tomllib.TOMLDecodeError as error:
         raise ValueError(f"not a TOML file ({error})") from None
     except RecursionError:
-        raise ValueError("not a TOML file (its brackets are too deep)") from None
+        raise ValueError("not a TOML file (its brackets or dotted keys are too deep)") from None
+    except _BeyondError:
+        raise ValueError("not a TOML file (a whole number is beyond 64 bits)") from None
     except ValueError:  # of Python's own limit of digits
         raise ValueError("not a TOML file (a number has too many digits)") from None
-    _check_sizes(data)
     return data
 
 
 def read_json(text: str) -> Any:
     """Return the data of a JSON document. ValueError (one line): it is none, its brackets are too
-    deep, or it holds text that is no Unicode (half a surrogate pair), which nobody could show.
+    deep, a whole number in it has too many digits, or it holds text that is no Unicode (half a
+    surrogate pair), which nobody could show.
     """
     try:
-        data = json.loads(text)
+        data = json.loads(text, parse_int=_whole_number)
         json.dumps(data, ensure_ascii=False).encode()
     except RecursionError:
         raise ValueError("not a JSON file (its brackets are too deep)") from None
     except UnicodeEncodeError:
         raise ValueError("not a JSON file (a text in it is no Unicode)") from None
+    except ValueError as error:
+        raise ValueError(f"not a JSON file ({error})") from None
     return data
+
+
+def _whole_number(digits: str) -> int:
+    if len(digits) > MOST_DIGITS:
+        raise ValueError("a number has too many digits")
+    return int(digits)
+
+
+class _BeyondError(ValueError):
+    """A whole number is larger than a TOML file may hold."""
 
 
 def _check_sizes(value: Any) -> None:
     if isinstance(value, int):
         if abs(value) >= LARGEST:
-            raise ValueError("not a TOML file (a whole number is beyond 64 bits)")
+            raise _BeyondError
         return
     for item in value.values() if isinstance(value, dict) else value:
         if isinstance(item, dict | list | int):
