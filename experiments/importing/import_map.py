@@ -6,7 +6,6 @@
 shares of a supply, pulse widths): how much SI one of them is, or the supply's volts of a share.
 """
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -14,6 +13,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from experiments.importing.units import canonical, factor, family, quantity
+from rig.foreign_file import toml_of
 from rig.log import CONTRACT
 from rig.validation import StrictModel, first_error_line
 
@@ -102,10 +102,10 @@ def read_map(path: Path) -> ImportMap:
     if not path.is_file():
         raise FileNotFoundError(f"{path} does not exist")
     try:
-        return ImportMap.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+        return ImportMap.model_validate(toml_of(path))
     except ValidationError as error:
         raise ValueError(f"{path}: {first_error_line(error, ImportMap)}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from pydantic import TypeAdapter
 
+from rig.foreign_file import file_bytes
 from rig.hardware.homing.home import Homing
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig, Servo
@@ -149,7 +150,7 @@ def load(path: Path) -> Homed:
     if not path.is_file():
         raise NotHomed(f"this table has not been homed ({path} is missing): {CURE}")
     try:
-        return TypeAdapter(Homed).validate_json(path.read_bytes())
+        return TypeAdapter(Homed).validate_json(file_bytes(path))
     except ValueError as error:
         first = str(error).splitlines()[0]
         raise NotHomed(f"{path} is no homing ({first}): {CURE}") from None

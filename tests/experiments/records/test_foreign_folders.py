@@ -11,9 +11,10 @@ from mcap.records import Message
 from experiments.analysis.regime import rig_of_record
 from experiments.dashboard.session.tasks import list_runs
 from experiments.records.recording import Recorder, read_run, recover
-from experiments.records.run_folder import LONGEST_RECORD, read_meta
+from experiments.records.run_folder import read_meta
 from experiments.records.samples_file import CHANNEL_ID, EVENTS, RECORD, _bytes, opening
 from experiments.runs.runs import reject
+from rig.foreign_file import LONGEST
 from rig.log import COLUMNS
 
 START = {"source": "simulated", "protocol": "hold", "arm": "with", "seed": 7}
@@ -64,7 +65,8 @@ def rewritten(folder: Path, **changes: object) -> Path:
     [
         ('{"schema": 1, "x": ' + "[" * 100_000 + "]" * 100_000 + "}", "brackets are too deep"),
         ('{"schema": 1, "arm": "a\\ud800"}', "no Unicode"),
-        ("{}" + " " * LONGEST_RECORD, "longer than"),
+        ('{"schema": 1, "rows": ' + "9" * 5000 + "}", "a number has too many digits"),
+        ("{}" + " " * LONGEST, "longer than"),
     ],
 )
 def test_a_record_beyond_all_measure_is_one_line_and_no_reason_to_list_no_runs(
