@@ -4,6 +4,7 @@ drawn from them.
 
 from collections.abc import Mapping
 from dataclasses import replace
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -72,7 +73,7 @@ def check_intervals(rig: Rig, intervals: Mapping[str, tuple[float, float]]) -> N
     or where no table can be drawn from them (`drawn`).
     """
     for name, (low, high) in intervals.items():
-        if not (low <= high and np.isfinite([low, high]).all()):
+        if not (low <= high and isfinite(high - low)):
             raise ValueError(f"interval of {name}, {low:g} to {high:g}: must be finite and rise")
         kind, *words = name.split(".")
         if name not in _SERVO and (kind != "effects" or len(words) != 3):

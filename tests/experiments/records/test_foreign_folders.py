@@ -79,6 +79,27 @@ def test_a_record_beyond_all_measure_is_one_line_and_no_reason_to_list_no_runs(
     assert [row.folder.name for row in list_runs(tmp_path)] == ["2-good"]
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no pipes with a name")
+@pytest.mark.parametrize("name", ["run.json", "samples.mcap"])
+def test_a_file_that_becomes_a_pipe_while_it_is_read_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+):
+    folder = recorded(tmp_path / "1")
+    (folder / name).unlink()
+    os.mkfifo(folder / name)
+    monkeypatch.setattr(Path, "is_file", lambda path: True)  # it was one when it was looked at
+    with pytest.raises(ValueError, match="no file, but a folder, a pipe or a device"):
+        read_run(folder)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no pipes with a name")
+def test_a_pipe_in_the_place_of_what_is_about_to_be_written_is_removed(tmp_path: Path):
+    folder = recorded(tmp_path / "1")
+    os.mkfifo(folder / "run.json.part")
+    reject(folder, "why")
+    assert read_meta(folder)["rejected"] == "why"
+
+
 def test_a_folder_whose_name_no_page_could_be_told_is_not_listed(tmp_path: Path):
     recorded(tmp_path / "run")
     try:
