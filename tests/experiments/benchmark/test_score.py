@@ -261,6 +261,19 @@ def test_several_entries_stand_side_by_side(folder: Path):
     assert "| no answer | 20.0 % (3.6 to 62.4; 1/5) | 100.0 % (56.6 to 100.0; 5/5) |" in page
 
 
+def test_entries_are_told_apart_by_names_that_steer_no_terminal(folder: Path):
+    for name in ("one/out", "two/out", "[b]|c\x1b[31m"):
+        (folder / name).mkdir(parents=True)
+    words = [str(folder / name) for name in ("set", "one/out", "two/out", "[b]|c\x1b[31m")]
+    found = CliRunner().invoke(app, ["benchmark", "score", *words, "--out", str(folder / "res")])
+    assert found.exit_code == 0, found.output
+    one, two = (str((folder / name).resolve()) for name in ("one/out", "two/out"))
+    assert list(json.loads((folder / "res/results.json").read_text())) == [one, two, "[b]?c?[31m"]
+    page = (folder / "res/table.md").read_text()
+    assert f"|  | {one} | {two} | [b]?c?[31m |" in page
+    assert "\x1b" not in found.output + page
+
+
 def told_by_folder(place: Path) -> dict:
     """A fake analysis: the answer depends on what lies in the folder alone."""
     names = sorted(path.name for path in place.iterdir())
