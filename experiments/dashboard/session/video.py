@@ -103,6 +103,7 @@ def render_video(
         raise ValueError("nobody filmed this run: there is no video of it")
     renderer = VirtualCameraRenderer(from_dict(meta["rig"]))
     unfinished = video.with_name(f"part-{video.name}")
+    unfinished.unlink(missing_ok=True)  # in a stranger's folder a link that leads to any file
     times = np.arange(0.0, motion.end_s, STEP_S)
     with Film(unfinished, renderer.size) as film:
         for i, t_s in enumerate(times):
