@@ -9,6 +9,7 @@ import json
 import math
 import os
 import re
+import stat
 from contextlib import suppress
 from dataclasses import asdict, is_dataclass
 from datetime import UTC, datetime, timedelta
@@ -176,12 +177,14 @@ def reserve(path: Path) -> None:
 def _part(path: Path) -> Path:
     """Return where a file is written before it takes the place of `path`.
 
-    In somebody else's folder a link may lie there, which leads to any file, or a pipe: it is
-    removed.
+    In somebody else's folder a link may lie there, which leads to any file, a second name of one,
+    or a pipe: it is removed.
     """
     part = path.with_name(path.name + ".part")
-    if part.is_symlink() or (part.exists() and not part.is_file() and not part.is_dir()):
-        part.unlink()
+    with suppress(FileNotFoundError):
+        about = part.lstat()
+        if not (stat.S_ISREG(about.st_mode) and about.st_nlink == 1):
+            part.unlink()
     return part
 
 

@@ -92,6 +92,17 @@ def test_a_file_that_becomes_a_pipe_while_it_is_read_is_refused(
         read_run(folder)
 
 
+def test_another_name_of_a_file_in_the_place_of_what_is_about_to_be_written_is_removed(
+    tmp_path: Path,
+):
+    folder, mine = recorded(tmp_path / "1"), tmp_path / "mine"
+    mine.write_text("mine")
+    (folder / "run.json.part").hardlink_to(mine)
+    reject(folder, "why")
+    assert read_meta(folder)["rejected"] == "why"
+    assert mine.read_text() == "mine"
+
+
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no pipes with a name")
 def test_a_pipe_in_the_place_of_what_is_about_to_be_written_is_removed(tmp_path: Path):
     folder = recorded(tmp_path / "1")
