@@ -30,8 +30,7 @@ from calibration.records import (
     Strict,
     TimingRecord,
 )
-from rig.foreign_file import json_of
-from rig.validation import first_error_line
+from rig.validation import first_error_line, json_of
 from vision.plate.markers import MarkerLayout
 from vision.synthetic.synthetic import Renderer
 from vision.view import Camera, View

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from rig import effects
-from rig.foreign_file import json_of
 from rig.parameters import Rig
-from rig.validation import printable
+from rig.validation import json_of, printable
 
 Intervals = dict[str, tuple[float, float]]
 _SERVO = {

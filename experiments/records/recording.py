@@ -41,9 +41,9 @@ from experiments.records.samples_file import (
     plain_ending,
     read_samples,
 )
-from rig.foreign_file import file_bytes
 from rig.log import COLUMNS, Log
 from rig.loop.loop import ending_of
+from rig.validation import file_bytes
 
 __all__ = ["Recorder", "Run", "new_run_folder", "read_run", "recover", "write_run", "write_truth"]
 

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from rig.foreign_file import json_of
+from rig.validation import json_of
 
 SCHEMA = 1
 SOURCES = ("simulated", "measured")

@@ -31,7 +31,7 @@ class Video:
     def __init__(self, path: Path) -> None:
         import av
 
-        self._lock, self._damage = threading.Lock(), av.FFmpegError
+        self._lock = threading.Lock()
         self._file: Any = av.open(str(path))
         self._stream: Any = self._file.streams.video[0]
         if self._stream.width * self._stream.height > MOST_PX:
@@ -48,12 +48,14 @@ class Video:
         Where the way there takes longer than DECODE_S it is one on the way, from which the next
         call goes on. None: the file is closed, or it is the frame that the last call returned.
         """
+        from av.error import FFmpegError
+
         with self._lock:
             if self._file is None or self._from_s <= t_s < self._to_s:
                 return None
             try:
                 self._go_to(t_s)
-            except self._damage:  # what comes behind it is not shown
+            except FFmpegError:  # what comes behind it is not shown
                 self._frames, self._to_s, self._reached = iter(()), inf, True
             image = self._image
             if image is None:

@@ -10,11 +10,11 @@ from pathlib import Path
 
 from pydantic import TypeAdapter
 
-from rig.foreign_file import file_bytes
 from rig.hardware.homing.home import Homing
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig, Servo
 from rig.table import Table
+from rig.validation import file_bytes
 
 LONGEST = timedelta(hours=12)  # for a table that does not tell when it was switched off
 MARGIN_RAD = 0.1

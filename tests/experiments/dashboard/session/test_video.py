@@ -73,6 +73,12 @@ def test_a_damaged_film_is_shown_as_far_as_it_goes(tmp_path: Path):
         shown.close()
 
 
+def test_frames_beyond_measure_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(video, "MOST_PX", 64 * 48 - 1)
+    with pytest.raises(OSError, match="frames of more than 3071 pixels"):
+        video.Video(film(tmp_path / "a.mkv", 1, 10))
+
+
 class Silent:
     """Progress that nobody looks at."""
 
