@@ -30,7 +30,7 @@ from calibration.records import (
     Strict,
     TimingRecord,
 )
-from rig.validation import first_error_line, read_json
+from rig.validation import first_error_line, json_of
 from vision.plate.markers import MarkerLayout
 from vision.synthetic.synthetic import Renderer
 from vision.view import Camera, View
@@ -164,7 +164,7 @@ def load_draft(path: str | Path) -> Draft:
 
 def _read(path: str | Path, kind: type[_B]) -> _B:
     try:
-        return kind.model_validate(read_json(Path(path).read_text(encoding="utf-8")))
+        return kind.model_validate(json_of(Path(path)))
     except ValidationError as error:
         first = error.errors()[0]
         section = str(first["loc"][0]) if first["loc"] else ""

@@ -4,6 +4,7 @@ drawn from them.
 
 from collections.abc import Mapping
 from dataclasses import replace
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from rig import effects
 from rig.parameters import Rig
-from rig.validation import printable, read_json
+from rig.validation import json_of, printable
 
 Intervals = dict[str, tuple[float, float]]
 _SERVO = {
@@ -30,7 +31,10 @@ def read_intervals(path: Path, label: str = "") -> tuple[Intervals, list[str]]:
     answer of `rig gap`. OSError: it cannot be read.
     """
     try:
-        answer = read_json(path.read_text(encoding="utf-8"))
+        answer = json_of(path)
+    except ValueError as error:
+        raise ValueError(f"{label}{path}: {error}") from None
+    try:
         listed = [
             (printable(f"effects.{effect['name']}.{axis}.{key}"), ends)
             for effect in answer["effects"]
@@ -44,8 +48,8 @@ def read_intervals(path: Path, label: str = "") -> tuple[Intervals, list[str]]:
             else:
                 found[name] = (float(ends["low"]), float(ends["high"]))
         found |= _of_servo(answer.get("calibrated", {}))
-    except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
-        what = f"{type(error).__name__}: {error}"
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        what = f"{error} is missing" if isinstance(error, KeyError) else "a part is of another kind"
         raise ValueError(
             f"{label}{path}: not what `rig gap LOG... --json FILE` writes ({what})"
         ) from None
@@ -68,7 +72,7 @@ def check_intervals(rig: Rig, intervals: Mapping[str, tuple[float, float]]) -> N
     or where no table can be drawn from them (`drawn`).
     """
     for name, (low, high) in intervals.items():
-        if not (low <= high and np.isfinite([low, high]).all()):
+        if not (low <= high and isfinite(high - low)):
             raise ValueError(f"interval of {name}, {low:g} to {high:g}: must be finite and rise")
         kind, *words = name.split(".")
         if name not in _SERVO and (kind != "effects" or len(words) != 3):

@@ -17,7 +17,7 @@ from rig import effects
 from rig.effects import Effect
 from rig.own_effects import OwnEffect, catalogue_of, read_effect
 from rig.parameters import CHANNELS, Rig
-from rig.validation import first_error_line, read_toml
+from rig.validation import first_error_line, read_toml, toml_of
 from vision.sources.addresses import without_password
 
 SECTIONS = (
@@ -44,11 +44,7 @@ def read_rig(path: Path) -> Rig:
     file that is no good. OSError: the file cannot be read.
     """
     try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path}: not a TOML file ({error})") from None
-    try:
-        data, folder = read_toml(text), path.absolute().parent
+        data, folder = toml_of(path), path.absolute().parent
         own = tuple(read_effect(folder / name) for name in _own_files(data))
         return _beside(from_dict(data, own), folder)
     except ValueError as error:
@@ -64,6 +60,14 @@ def _beside(rig: Rig, folder: Path) -> Rig:
         return rig
     found = {key: str(folder / name) for key, name in named.items()}
     return dataclasses.replace(rig, table=dataclasses.replace(rig.table, **found))
+
+
+def effect_files(text: str) -> list[str]:
+    """Return the effect files that the text of a rig file names, whose code `read_rig` executes.
+
+    ValueError (one line): as of `read_rig`.
+    """
+    return _own_files(read_toml(text))
 
 
 def _own_files(data: dict[str, Any]) -> list[str]:

@@ -1,11 +1,21 @@
-"""What files are checked with: a strict pydantic model, and one line about what is wrong in one."""
+"""What files are checked with: how a file of anybody is read, a strict pydantic model, and one line
+about what is wrong in one.
+"""
 
 import json
+import os
+import stat
 import tomllib
+from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
+
+LONGEST = 1 << 24  # bytes; chosen: a hundred times the longest answer or record of a run
+LONGEST_TOML = 1 << 20  # bytes; chosen: a hundred times a long rig file
+# A pipe that nobody writes to would be waited for, before one could see that it is a pipe.
+_FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 
 
 class StrictModel(BaseModel):
@@ -60,42 +70,104 @@ def printable(text: object) -> str:
     return "".join(c if c.isprintable() else "?" for c in " ".join(str(text).split()))
 
 
-LARGEST = 2**63  # of whole numbers in a file, as TOML itself bounds them
+LARGEST = 2**63  # of whole numbers in a TOML file, as TOML itself bounds them
+MOST_DIGITS = 300  # of a whole number in a JSON file, so that a float can hold it
+# (Lines + dots) x dots of one line: `tomllib` keeps a.b.c.d with all its beginnings, and takes a
+# key below [a.b.c.d] apart anew. Chosen: below a second and 100 MB; rig files have some thousands.
+MOST_PARTS = 10**7
 
 
 def read_toml(text: str) -> dict[str, Any]:
     """Return the data of a TOML document. ValueError (one line): it is none, or beyond measure."""
+    lines = text.split("\n")
+    if (len(lines) + text.count(".")) * max(line.count(".") for line in lines) > MOST_PARTS:
+        raise ValueError("not a TOML file (its dotted keys are too many and too long)")
     try:
         data = tomllib.loads(text)
+        _check_sizes(data)
     except tomllib.TOMLDecodeError as error:
         raise ValueError(f"not a TOML file ({error})") from None
     except RecursionError:
-        raise ValueError("not a TOML file (its brackets are too deep)") from None
+        raise ValueError("not a TOML file (its brackets or dotted keys are too deep)") from None
+    except _BeyondError:
+        raise ValueError("not a TOML file (a whole number is beyond 64 bits)") from None
     except ValueError:  # of Python's own limit of digits
         raise ValueError("not a TOML file (a number has too many digits)") from None
-    _check_sizes(data)
     return data
 
 
 def read_json(text: str) -> Any:
     """Return the data of a JSON document. ValueError (one line): it is none, its brackets are too
-    deep, or it holds text that is no Unicode (half a surrogate pair), which nobody could show.
+    deep, a whole number in it has too many digits, or it holds text that is no Unicode (half a
+    surrogate pair), which nobody could show.
     """
     try:
-        data = json.loads(text)
+        data = json.loads(text, parse_int=_whole_number)
         json.dumps(data, ensure_ascii=False).encode()
     except RecursionError:
         raise ValueError("not a JSON file (its brackets are too deep)") from None
     except UnicodeEncodeError:
         raise ValueError("not a JSON file (a text in it is no Unicode)") from None
+    except ValueError as error:
+        raise ValueError(f"not a JSON file ({error})") from None
     return data
+
+
+def _whole_number(digits: str) -> int:
+    if len(digits) > MOST_DIGITS:
+        raise ValueError("a number has too many digits")
+    return int(digits)
+
+
+class _BeyondError(ValueError):
+    """A whole number is larger than a TOML file may hold."""
 
 
 def _check_sizes(value: Any) -> None:
     if isinstance(value, int):
         if abs(value) >= LARGEST:
-            raise ValueError("not a TOML file (a whole number is beyond 64 bits)")
+            raise _BeyondError
         return
     for item in value.values() if isinstance(value, dict) else value:
         if isinstance(item, dict | list | int):
             _check_sizes(item)
+
+
+def file_bytes(path: Path, longest: int | None = LONGEST) -> bytes:
+    """Return the content of a file, of at most `longest` bytes (None: of any length).
+
+    What is looked at is what is then read, so that nobody exchanges it in between. ValueError (one
+    line, without the path): a folder, a pipe or a device, or longer. OSError: it cannot be read.
+    """
+    handle = os.open(path, _FLAGS)
+    try:
+        about = os.fstat(handle)
+        if not stat.S_ISREG(about.st_mode):
+            raise ValueError("no file, but a folder, a pipe or a device")
+        if longest is not None and about.st_size > longest:
+            raise ValueError(f"longer than {longest} bytes")
+        with os.fdopen(handle, "rb", closefd=False) as file:
+            data = file.read() if longest is None else file.read(longest + 1)
+    finally:
+        os.close(handle)
+    if longest is not None and len(data) > longest:  # it grew, or is one of the system's own
+        raise ValueError(f"longer than {longest} bytes")
+    return data
+
+
+def file_text(path: Path, longest: int = LONGEST) -> str:
+    """Return the text (UTF-8) of a file; errors as of `file_bytes`. ValueError: no UTF-8, too."""
+    try:
+        return file_bytes(path, longest).decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"no text in UTF-8 ({error.reason} at byte {error.start})") from None
+
+
+def toml_of(path: Path) -> dict[str, Any]:
+    """Return the data of a TOML file; errors as of `file_text` and `read_toml`."""
+    return read_toml(file_text(path, LONGEST_TOML))
+
+
+def json_of(path: Path, longest: int = LONGEST) -> Any:
+    """Return the data of a JSON file; errors as of `file_text` and `read_json`."""
+    return read_json(file_text(path, longest))

@@ -1,6 +1,5 @@
 """Answers to a set: made by `rig gap` (or another entry), read, and checked before they count."""
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -11,6 +10,7 @@ from experiments.benchmark.make import CASES
 from experiments.blind.analysis_jobs import (
     FAILED,
     Analysis,
+    Packed,
     analyse,
     answers_of,
     pack_folder,
@@ -19,7 +19,8 @@ from experiments.blind.analysis_jobs import (
 from experiments.blind.seal import SEAL, sealed_hash
 from experiments.progress import ProgressCall, silent
 from experiments.records.run_folder import write_json
-from rig.validation import first_error_line, read_json
+from rig.rigfile import effect_files
+from rig.validation import first_error_line, json_of
 
 WORK = "work"  # answers with their seconds, by which an interrupted run goes on
 NO_ANSWER: dict[str, Any] = {"verdict": FAILED, "sentence": "no answer", "effects": []}
@@ -31,19 +32,22 @@ class _Part(BaseModel):
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
 
+Number = Annotated[float, Field(strict=True)]  # no text, no true
+
+
 class Interval(_Part):
     """A number with its 95 % interval; None: bounded on no side."""
 
-    value: float
-    low: float | None = None
-    high: float | None = None
+    value: Number
+    low: Number | None = None
+    high: Number | None = None
 
 
 class Effect(_Part):
     """A name of the catalogue (or of an entry's own), how sure, and its sizes by axis and key."""
 
     name: str
-    probability: Annotated[float, Field(ge=0, le=1)] | None = None
+    probability: Annotated[Number, Field(ge=0, le=1)] | None = None
     parameters: dict[Literal["x", "y", "xy"], dict[str, Interval]] = {}
 
 
@@ -78,13 +82,14 @@ def answer_set(
     answer: from a case's folder to that JSON; first: so many cases alone, in the set's order;
     jobs, cluster: see `experiments.workers.results_of`. A later call goes on where one was
     interrupted. The answers depend neither on processes nor on machines. ValueError: `out` holds
-    answers to another set, no cluster. FileNotFoundError: no set. OSError: not writable.
+    answers to another set, a rig file of the set names code, no cluster. FileNotFoundError: no set.
+    OSError: not writable.
     """
     names = case_names(folder)[:first]
     _same_set(folder, out)
     found = run_analyses(
         names,
-        lambda name: pack_folder(folder / CASES / name),
+        lambda name: packed_case(folder / CASES / name),
         out / WORK,
         answer=answer,
         jobs=jobs,
@@ -95,6 +100,23 @@ def answer_set(
         write_json(out / f"{name}.json", one["answer"])
     write_json(out / SEAL, {"sha256": sealed_hash(folder)})
     return sum(one["answer"].get("verdict") == FAILED for one in found.values())
+
+
+def packed_case(case: Path) -> Packed:
+    """The files of a case. ValueError (one line): its rig file names code, which would be executed
+    where it is read: a set may be anybody's.
+    """
+    packed = pack_folder(case)
+    try:
+        named = effect_files(packed.get("rig.toml", b"").decode())
+    except ValueError as error:
+        raise ValueError(f"{case / 'rig.toml'}: {error}") from None
+    if named:
+        raise ValueError(
+            f"{case / 'rig.toml'} names effects of its own ({named[0]}), and the code of a set is "
+            "not executed: take that case out"
+        )
+    return packed
 
 
 def _same_set(folder: Path, out: Path) -> None:
@@ -122,18 +144,22 @@ def read_answers(
     if odd:
         raise ValueError(f"{files[odd[0]]}: the set has no case of that name")
     timed = {name: one["seconds"] for name, one in answers_of(out / WORK).items()}
-    return {name: read_answer(path) for name, path in files.items()}, timed
+    # What nobody checked does not reach the score.
+    return {name: _checked(path)[1].model_dump() for name, path in files.items()}, timed
 
 
 def read_answer(path: Path) -> dict[str, Any]:
     """One answer. ValueError (one line): it is no JSON, or not as the rules have it."""
+    return _checked(path)[0]
+
+
+def _checked(path: Path) -> tuple[dict[str, Any], Answer]:
+    """An answer as it is, and what the score reads of it; errors as of `read_answer`."""
     try:
-        data = read_json(path.read_text(encoding="utf-8"))
-        Answer.model_validate(data)
+        data = json_of(path)
+        return data, Answer.model_validate(data)
     except ValidationError as error:
         raise ValueError(f"{path}: {first_error_line(error)}; format: rules.md") from None
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: not a JSON file ({error})") from None
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-    return data
+    except (ValueError, OSError) as error:
+        why = error.strerror if isinstance(error, OSError) else error
+        raise ValueError(f"{path}: {why}") from None

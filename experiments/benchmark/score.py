@@ -16,6 +16,7 @@ from experiments.blind.score_summary import calibration, quantiles, share
 from experiments.blind.seal import SEAL, open_seal, sealed_hash
 from experiments.blind.trial import BlindTrial
 from experiments.blind.trial_score import TrialScore, score_trial
+from rig.effects import BY_NAME
 
 TABLES = {"own": "own simulator", "foreign": "independent plant", "mujoco": "MuJoCo"}
 TABLES |= {"positions": "tables that take an angle"}
@@ -34,16 +35,27 @@ def score_set(folder: Path, out: Path, *, first: int | None = None) -> dict[str,
 
 
 def truth_of(folder: Path) -> list[BlindTrial]:
-    """The set's truth, by case. ValueError: it does not fit the hash. FileNotFoundError: none."""
+    """The set's truth, by case. ValueError: it does not fit the hash, or hides what the catalogue
+    does not have. FileNotFoundError: none.
+    """
     digest = sealed_hash(folder)
     if digest is None:
         raise FileNotFoundError(f"{folder / SEAL}: no such file; is {folder} a benchmark?")
     try:
-        return open_seal(folder, digest)
+        trials = open_seal(folder, digest)
     except FileNotFoundError:
         raise FileNotFoundError(
             f"{folder}: the sealed truth is not there, nothing to score with"
         ) from None
+    for trial in trials:
+        for name, by_axis in trial.hidden.items():
+            if name not in BY_NAME or not all(
+                v for keys in by_axis.values() for v in keys.values()
+            ):
+                raise ValueError(
+                    f"{folder}: '{name}' hidden in {trial.name} is no effect of a size"
+                )
+    return trials
 
 
 def scores_of(

@@ -2,12 +2,23 @@
 
 from collections.abc import Mapping, Sequence
 from math import isfinite
+from pathlib import Path
 from typing import Any
 
 from experiments.blind.results_table import share_text
+from rig.validation import printable
 
 COUNTS = ("named", "nothing", "unknown", "undecided", "no answer")
 HEAD = ("logs", "n", "right", *COUNTS, "wrong and sure")
+
+
+def entry_names(folders: Sequence[Path]) -> list[str]:
+    """What the entries of these folders are called: the folder's name, or the whole path where two
+    have one name; printable, and no part of a table's frame.
+    """
+    paths = [printable(one.resolve()).replace("|", "?") for one in folders]
+    names = [Path(one).name for one in paths]
+    return [n if names.count(n) == 1 else p for n, p in zip(names, paths, strict=True)]
 
 
 def lines_of(results: Mapping[str, Any]) -> list[tuple[str, ...]]:
@@ -99,6 +110,6 @@ def show(title: str, results: Mapping[str, Any]) -> None:
     for line in lines_of(results):
         table.add_row(*line)
     width = max(Console().width, 160)
-    Console(width=width).print(table)
+    Console(width=width, markup=False).print(table)
     for line in numbers_of(results):
         print(line)

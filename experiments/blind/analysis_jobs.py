@@ -14,11 +14,13 @@ from typing import Any
 
 from experiments.progress import ProgressCall, silent
 from experiments.workers import results_of
+from rig.validation import file_bytes, json_of
 
 Analysis = Callable[[Path], dict[str, Any]]
 Packed = dict[str, bytes]
 Task = tuple[str, Packed]
 FAILED = "failed"
+LONGEST_PACKED = 1 << 28  # bytes of a file of a trial; chosen: a hundred times a usual log
 
 
 def analyse(folder: Path) -> dict[str, Any]:
@@ -36,8 +38,14 @@ def analyse(folder: Path) -> dict[str, Any]:
 
 
 def pack_folder(folder: Path) -> Packed:
-    """The contents of a folder's files, by file name. OSError: a file cannot be read."""
-    return {path.name: path.read_bytes() for path in sorted(folder.iterdir()) if path.is_file()}
+    """The contents of a folder's files, by file name. ValueError: a file is longer than
+    LONGEST_PACKED; OSError: one cannot be read.
+    """
+    files = [path for path in sorted(folder.iterdir()) if path.is_file()]
+    try:
+        return {path.name: file_bytes(path, LONGEST_PACKED) for path in files}
+    except ValueError as error:
+        raise ValueError(f"{folder}: a file in it is {error}") from None
 
 
 def analyse_packed(task: Task, answer: Analysis) -> tuple[str, dict[str, Any]]:
@@ -63,12 +71,22 @@ def analyse_packed(task: Task, answer: Analysis) -> tuple[str, dict[str, Any]]:
 
 def answers_of(folder: Path) -> dict[str, dict[str, Any]]:
     """Every finished answer in `folder` by trial name: {"answer": JSON of the analysis, "seconds":
-    [s]}. ValueError: a file there is not JSON.
+    [s]}. ValueError (one line): a file there holds no such thing.
     """
-    return {
-        path.stem: json.loads(path.read_text(encoding="utf-8"))
-        for path in sorted(folder.glob("*.json"))
-    }
+    return {path.stem: _answer_in(path) for path in sorted(folder.glob("*.json"))}
+
+
+def _answer_in(path: Path) -> dict[str, Any]:
+    try:
+        found = json_of(path)
+        seconds = found["seconds"]
+        if not isinstance(found["answer"], dict) or not isinstance(seconds, int | float):
+            raise TypeError
+    except (KeyError, TypeError):
+        raise ValueError(f"{path}: no answer with its seconds; remove it") from None
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    return found
 
 
 def run_analyses(

@@ -5,10 +5,14 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from experiments.blind.trial import BlindTrial, from_plain, to_plain
+from pydantic import TypeAdapter, ValidationError
+
+from experiments.blind.trial import BlindTrial, to_plain
 from experiments.records.run_folder import replace_json
+from rig.validation import file_bytes, first_error_line, json_of
 
 TRUTH, SEAL = "sealed/truth.json", "seal.json"
+LONGEST_TRUTH = 1 << 27  # bytes; 9999 trials of 6 kB take half of it
 
 
 def text_of(trials: Sequence[BlindTrial]) -> str:
@@ -40,22 +44,37 @@ def seal(trials: Sequence[BlindTrial], out: Path) -> str:
 
 def sealed_hash(out: Path) -> str | None:
     """The SHA-256 (hex) of the trials sealed in `out`; None: no trials are sealed there.
-    ValueError, KeyError: seal.json is damaged.
+    ValueError (one line): seal.json is damaged.
     """
     path = out / SEAL
-    return json.loads(path.read_text(encoding="utf-8"))["sha256"] if path.is_file() else None
+    if not path.is_file():
+        return None
+    try:
+        content = json_of(path)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    digest = content.get("sha256") if isinstance(content, dict) else None
+    if not isinstance(digest, str):
+        raise ValueError(f"{path}: no seal (it holds no sha256)")
+    return digest
 
 
 def open_seal(out: Path, sha256: str) -> list[BlindTrial]:
     """The trials sealed in `out`, in sealed order.
 
     sha256: hash that was printed when they were sealed. ValueError: the file of the truth has
-    another hash. FileNotFoundError: there is none.
+    another hash, or is none. FileNotFoundError: there is none.
     """
-    text = (out / TRUTH).read_text(encoding="utf-8")
-    found = hashlib.sha256(text.encode()).hexdigest()
+    try:
+        content = file_bytes(out / TRUTH, LONGEST_TRUTH)
+    except ValueError as error:
+        raise ValueError(f"{out / TRUTH}: {error}") from None
+    found = hashlib.sha256(content).hexdigest()
     if found != sha256:
         raise ValueError(
             f"{out / TRUTH}: the seal is broken (hash {found[:12]}, not {sha256[:12]})"
         )
-    return [from_plain(data) for data in json.loads(text)]
+    try:
+        return TypeAdapter(list[BlindTrial]).validate_json(content)
+    except ValidationError as error:
+        raise ValueError(f"{out / TRUTH}: {first_error_line(error)}") from None

@@ -30,7 +30,7 @@ from experiments.calibrate.watch import Growing
 from experiments.records.run_folder import writable
 from experiments.runs.assemble import load_rig, virtual_scene
 from rig.parameters import Rig
-from rig.validation import first_error_line, read_json
+from rig.validation import first_error_line, json_of
 from vision.frames import Frame
 from vision.plate.markers import MarkerLayout, default_layout
 from vision.sources.sources import open_source
@@ -258,11 +258,11 @@ def _layout(path: Path | None) -> MarkerLayout | None:
     if not path.is_file():
         raise FileNotFoundError(f"--layout {path}: no such file")
     try:
-        record = MarkersRecord.model_validate(read_json(path.read_text(encoding="utf-8")))
+        record = MarkersRecord.model_validate(json_of(path))
     except ValidationError as error:
         raise ValueError(f"--layout {path}: {first_error_line(error, MarkersRecord)}") from None
     except ValueError as error:
-        raise ValueError(f"--layout {path}: not JSON ({error})") from None
+        raise ValueError(f"--layout {path}: {error}") from None
     return MarkerLayout(np.array(record.ids), np.array(record.corners_m), record.dictionary)
 
 

@@ -272,17 +272,24 @@ def main() -> None:
     except WorkFailedError as error:
         _fail(str(error), 1)
     except (ValueError, FileNotFoundError, NotADirectoryError, PermissionError) as error:
-        _fail(str(error), 2)
+        _fail(_words(error), 2)
     except OSError as error:
         if error.errno in BAD_NAMES:
-            _fail(str(error), 2)
+            _fail(_words(error), 2)
         full = error.errno in (errno.ENOSPC, errno.EDQUOT) and "free" not in str(error)
         cure = "; free some space: what was recorded so far is kept" if full else ""
-        _fail(f"{error}{cure}", 1)
+        _fail(f"{_words(error)}{cure}", 1)
     except Exception as error:
         if hasattr(error, "format_message"):  # the parser's own usage errors
             _fail(error.format_message(), 2)  # pyright: ignore[reportAttributeAccessIssue]
         _fail(f"{type(error).__name__}: {error}", 1)
+
+
+def _words(error: Exception) -> str:
+    """The error in words; one of the system's own is "FILE: what it says"."""
+    if isinstance(error, OSError) and error.filename is not None and error.strerror:
+        return f"{error.filename}: {error.strerror}"
+    return str(error)
 
 
 def _say(message: str) -> None:

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from experiments.cli.say import say
+
 benchmark = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -37,9 +39,9 @@ def make(
     with bars() as progress:
         made = make_set(out, seed=chosen, logs=logs, jobs=jobs, progress=progress)
     if made.left_out:
-        typer.echo(made.left_out)
-    typer.echo(f"{made.logs} logs, {made.size_bytes / 1e6:.1f} MB, rules: {out / 'rules.md'}")
-    typer.echo(f"truth sealed, SHA-256 {made.sha256}; hand out all but {out / 'sealed'}")
+        say(made.left_out)
+    say(f"{made.logs} logs, {made.size_bytes / 1e6:.1f} MB, rules: {out / 'rules.md'}")
+    say(f"truth sealed, SHA-256 {made.sha256}; hand out all but {out / 'sealed'}")
 
 
 @benchmark.command()
@@ -59,7 +61,7 @@ def answer(
 
     with bars() as progress:
         failed = answer_set(folder, out, first=first, jobs=jobs, cluster=cluster, progress=progress)
-    typer.echo(f"answers: {out}   score them: rig benchmark score {folder} {out}")
+    say(f"answers: {out}   score them: rig benchmark score {folder} {out}")
     if failed:
         raise WorkFailedError(f"{failed} logs got no answer; their files say why")
 
@@ -77,12 +79,14 @@ def score(
 ) -> None:
     """Open the seal and score the answers of an entry, or of several side by side."""
     from experiments.benchmark.score import score_set
-    from experiments.benchmark.table import page_of, show
+    from experiments.benchmark.table import entry_names, page_of, show
     from experiments.records.run_folder import writable, write_results
+    from rig.validation import printable
 
-    results = {one.name: score_set(folder, one, first=first) for one in answers}
+    named = zip(entry_names(answers), answers, strict=True)
+    results = {name: score_set(folder, one, first=first) for name, one in named}
     for name, found in results.items():
-        show(f"{name} to {folder.name}", found)
+        show(f"{name} to {printable(folder.resolve().name)}", found)
     if out is not None:
         (writable(out) / "table.md").write_text(page_of(results), encoding="utf-8")
         write_results(out, results)

@@ -15,7 +15,7 @@ from experiments.runs.runner import RunRequest
 from rig.control.controllers import COMPENSATORS
 from rig.parameters import Gains, Rig
 from rig.rigfile import from_dict, to_dict
-from rig.validation import StrictModel, first_error_line, read_toml
+from rig.validation import StrictModel, first_error_line, toml_of
 
 NO_FAULT = ""
 
@@ -140,9 +140,7 @@ def read_grid(path: Path | None, *, takes_angle: bool = False) -> Grid:
     if not source.is_file():
         raise ValueError(f"grid file {source} not found")
     try:
-        grid = Grid.model_validate(read_toml(source.read_text(encoding="utf-8")))
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{source}: not a TOML file ({error})") from None
+        grid = Grid.model_validate(toml_of(source))
     except ValidationError as error:
         raise ValueError(f"{source}: {first_error_line(error, Grid)}") from None
     except ValueError as error:

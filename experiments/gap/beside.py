@@ -12,7 +12,7 @@ from calibration.gap.findings import Findings, Interval
 from experiments.gap.words import interval_words, key_words, parameter_unit, sig
 from rig.effects import BY_NAME, Effect
 from rig.rigfile import own_names
-from rig.validation import read_json
+from rig.validation import json_of
 
 Place = tuple[str, str, str]  # effect, axis, key of the parameter
 HEAD = ("effect", "axis", "found", "Calibrate found", "truth", "")
@@ -54,7 +54,7 @@ def true_values(runs: Sequence[Path]) -> dict[Place, float] | None:
     tables = []
     for run in runs:
         try:
-            rig = read_json((run / "truth.json").read_text(encoding="utf-8"))["rig"]
+            rig = json_of(run / "truth.json")["rig"]
             tables.append(_flat(rig.get("effects") or {}, {*BY_NAME, *own_names(rig)}))
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return None

@@ -6,7 +6,6 @@
 shares of a supply, pulse widths): how much SI one of them is, or the supply's volts of a share.
 """
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -15,7 +14,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from experiments.importing.units import canonical, factor, family, quantity
 from rig.log import CONTRACT
-from rig.validation import StrictModel, first_error_line
+from rig.validation import StrictModel, first_error_line, toml_of
 
 SIGNALS = tuple(name for name in CONTRACT if name != "t_s")
 PER_AXIS = ("ball", "theta", "command", "voltage", "motor_speed", "target")
@@ -102,10 +101,10 @@ def read_map(path: Path) -> ImportMap:
     if not path.is_file():
         raise FileNotFoundError(f"{path} does not exist")
     try:
-        return ImportMap.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+        return ImportMap.model_validate(toml_of(path))
     except ValidationError as error:
         raise ValueError(f"{path}: {first_error_line(error, ImportMap)}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
 
 

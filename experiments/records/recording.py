@@ -43,9 +43,11 @@ from experiments.records.samples_file import (
 )
 from rig.log import COLUMNS, Log
 from rig.loop.loop import ending_of
+from rig.validation import file_bytes
 
 __all__ = ["Recorder", "Run", "new_run_folder", "read_run", "recover", "write_run", "write_truth"]
 
+LONGEST_SAMPLES = 1 << 32  # bytes; chosen: three hours at 1 kHz, uncompressed
 DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -235,7 +237,7 @@ def read_run(folder: Path | str) -> Run:
             raise FileNotFoundError(f"{folder} is no run folder: it has no {name}")
     try:
         meta = read_meta(folder)
-        samples = read_samples((folder / "samples.mcap").read_bytes())
+        samples = read_samples(file_bytes(folder / "samples.mcap", LONGEST_SAMPLES))
     except ValueError as error:
         raise ValueError(f"{folder} is not readable as a run: {error}") from error
     rows = meta.get("rows")
@@ -282,11 +284,12 @@ def _keep_damaged(path: Path) -> None:
 
     Half a record is what a kill leaves: of that there is nothing to be had.
     """
-    if read_samples(path.read_bytes()).unread < RECORD.itemsize:
+    content = file_bytes(path, LONGEST_SAMPLES)
+    if read_samples(content).unread < RECORD.itemsize:
         return
     kept = path.with_suffix(f".damaged{path.suffix}")
     if not kept.exists():
-        replace(kept, path.read_bytes())
+        replace(kept, content)
 
 
 def _rewrite(path: Path, samples: SamplesFile, start_ns: int) -> None:

@@ -9,6 +9,7 @@ import json
 import math
 import os
 import re
+import stat
 from contextlib import suppress
 from dataclasses import asdict, is_dataclass
 from datetime import UTC, datetime, timedelta
@@ -18,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from rig.validation import read_json
+from rig.validation import json_of
 
 SCHEMA = 1
 SOURCES = ("simulated", "measured")
@@ -36,7 +37,6 @@ KINDS = {
     "rejected": (str,),
     "by_hand": (list,),
 }
-LONGEST_RECORD = 1 << 24  # bytes of a run.json; chosen: a thousand times a usual one
 
 
 def new_run_folder(parent: Path, protocol: str, arm: str, now: datetime | None = None) -> Path:
@@ -177,11 +177,14 @@ def reserve(path: Path) -> None:
 def _part(path: Path) -> Path:
     """Return where a file is written before it takes the place of `path`.
 
-    In somebody else's folder a link may lie there, which leads to any file: it is removed.
+    In somebody else's folder a link may lie there, which leads to any file, a second name of one,
+    or a pipe: it is removed.
     """
     part = path.with_name(path.name + ".part")
-    if part.is_symlink():
-        part.unlink()
+    with suppress(FileNotFoundError):
+        about = part.lstat()
+        if not (stat.S_ISREG(about.st_mode) and about.st_nlink == 1):
+            part.unlink()
     return part
 
 
@@ -191,10 +194,10 @@ def read_meta(folder: Path) -> dict:
     ValueError: no JSON, no record of a run, or of a newer version. FileNotFoundError: there is
     none.
     """
-    path = folder / "run.json"
-    if path.stat().st_size > LONGEST_RECORD:
-        raise ValueError(f"run.json is longer than {LONGEST_RECORD} bytes: no record of a run")
-    meta = read_json(path.read_text(encoding="utf-8"))
+    try:
+        meta = json_of(folder / "run.json")
+    except ValueError as error:
+        raise ValueError(f"run.json: {error}") from None
     if not isinstance(meta, dict) or not isinstance(meta.get("schema"), int):
         raise ValueError("run.json has no schema number")
     if meta["schema"] > SCHEMA:

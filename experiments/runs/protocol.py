@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError
 from rig.course import Course
 from rig.parameters import Rig
 from rig.reference import SHAPES
-from rig.validation import StrictModel, first_error_line, read_toml
+from rig.validation import StrictModel, first_error_line, toml_of
 
 OWN = "own"  # the arm of a lab's own controller
 STEPS = ("place", "hold", "release", "push")
@@ -87,16 +87,15 @@ def read_protocol(name: str) -> Protocol:
     if path.suffix == ".toml":
         if not path.is_file():
             raise ValueError(f"protocol file {path} not found; shipped: {', '.join(shipped())}")
-        text, label = path.read_bytes().decode("utf-8", "replace"), str(path)
+        source, label = path, str(path)
     elif name in shipped():
-        text = (files("experiments") / "protocols" / f"{name}.toml").read_text(encoding="utf-8")
-        label = name
+        source, label = Path(str(files("experiments"))) / "protocols" / f"{name}.toml", name
     else:
         raise ValueError(
             f"unknown protocol '{name}'; shipped: {', '.join(shipped())}; your own: a .toml file"
         )
     try:
-        data = read_toml(text)
+        data = toml_of(source)
     except ValueError as error:
         raise ValueError(f"{label}: {error}") from None
     plan = parse(data, label=label, name=path.stem)

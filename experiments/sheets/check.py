@@ -11,7 +11,7 @@ from experiments.records.run_folder import read_meta
 from experiments.sheets.catalogue import LabSheet, Question
 from experiments.sheets.handout import BLANK
 from experiments.sheets.swing import swing
-from rig.validation import StrictModel, first_error_line, read_toml
+from rig.validation import StrictModel, first_error_line, toml_of
 
 RIGHT, WRONG, OPEN = "right", "wrong", "not answered"
 BLANKS = ("", BLANK)
@@ -40,7 +40,7 @@ def read_results(path: Path, sheet: LabSheet) -> Results:
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such results file; rig sheet {sheet.name} makes one")
     try:
-        data: dict[str, Any] = read_toml(path.read_bytes().decode("utf-8", "replace"))
+        data: dict[str, Any] = toml_of(path)
         found = Results(**data)
     except ValidationError as error:
         raise ValueError(f"{path}: {first_error_line(error, Results)}") from None

@@ -134,7 +134,10 @@ def _intervals(randomise: str | PathLike | Mapping[str, tuple[float, float]] | N
     if randomise is None:
         return {}
     if isinstance(randomise, Mapping):
-        return {name: (float(low), float(high)) for name, (low, high) in randomise.items()}
+        try:
+            return {str(name): (float(low), float(high)) for name, (low, high) in randomise.items()}
+        except (TypeError, ValueError, OverflowError) as error:
+            raise ValueError(f"randomise: must be {{NAME: (low, high)}} ({error})") from None
     found, told = read_intervals(Path(randomise), "randomise = ")
     for line in told:
         gymnasium.logger.warn(f"{line} It stays as the rig file has it.")

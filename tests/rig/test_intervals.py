@@ -78,6 +78,13 @@ def test_open_intervals_are_told_and_other_files_refused(tmp_path: Path):
     found, told = read_intervals(file)
     assert "effects.dead_zone.x.positive_V" not in found
     assert told == ["The interval of effects.dead_zone.x.positive_V is open and not in it."]
-    file.write_text("{}")
-    with pytest.raises(ValueError, match=r"randomise = .*gap.json: not what `rig gap LOG"):
-        read_intervals(file, "randomise = ")
+    for text, said in (
+        ("{}", "not what `rig gap LOG.*'effects' is missing"),
+        ("null", "not what `rig gap LOG.*of another kind"),
+        ("[" * 100_000, "brackets are too deep"),
+        ('{"effects": [], "x": ' + "9" * 5000 + "}", "a number has too many digits"),
+    ):
+        file.write_text(text)
+        with pytest.raises(ValueError, match=rf"randomise = .*gap.json: .*{said}") as error:
+            read_intervals(file, "randomise = ")
+        assert "Error" not in str(error.value)  # no word of Python's

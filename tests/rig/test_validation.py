@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import Field, ValidationError
 
-from rig.validation import StrictModel, first_error_line, printable
+from rig.validation import StrictModel, first_error_line, printable, read_json, read_toml
 
 
 class Inner(StrictModel):
@@ -57,3 +57,41 @@ def test_a_text_from_elsewhere_becomes_one_printable_line_of_unicode(text: str):
     assert found.encode() is not None
     assert printable(found) == found
     assert printable("a \x1b[1m\n b\ud800") == "a ?[1m b?"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("9" * 5000, "a number has too many digits"),
+        ('{"a": -' + "9" * 301 + "}", "a number has too many digits"),  # which no float holds
+        ("[" * 100_000, "its brackets are too deep"),
+        ('"\\ud800"', "no Unicode"),
+        ("{", "line 1 column 2"),
+    ],
+)
+def test_a_bad_json_file_is_one_line(text: str, words: str):
+    with pytest.raises(ValueError, match=words) as caught:
+        read_json(text)
+    assert str(caught.value).startswith("not a JSON file (")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a = " + "9" * 5000, "a number has too many digits"),
+        ("a = " + "9" * 19, "beyond 64 bits"),
+        ("a = " + "[" * 5000, "too deep"),
+        (".".join("a" * 2500) + " = 1", "dotted keys are too deep"),
+        (".".join("a" * 20_000) + " = 1", "dotted keys are too many"),  # took 1.7 GB
+        ("[" + ".".join("a" * 2000) + "]\n" + "b = 1\n" * 10_000, "dotted keys are too many"),
+    ],
+)
+def test_a_bad_toml_file_is_one_line(text: str, words: str):
+    with pytest.raises(ValueError, match=words) as caught:
+        read_toml(text)
+    assert str(caught.value).startswith("not a TOML file (")
+
+
+def test_long_lists_of_numbers_are_no_dotted_keys():
+    line = "a = [" + ", ".join(["0.5"] * 1000) + "]\n"
+    assert len(read_toml(line + "".join(f"b{i} = 1\n" for i in range(1000)))["a"]) == 1000

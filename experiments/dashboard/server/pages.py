@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.dashboard.server.messages import tell_page
 from experiments.dashboard.server.untrusted_text import as_unicode
+from rig.validation import file_bytes
 
 if TYPE_CHECKING:
     from viser import ClientHandle
@@ -56,11 +57,12 @@ class Pages:
                 client.add_notification(title, told, auto_close_seconds=SHOWN_S, color="red")
 
     def send(self, page: int | None, path: Path) -> None:
-        """Let a page download the file `path`; page None: every page. OSError: it cannot be
-        read.
+        """Let a page download the file `path`; page None: every page. OSError,
+        ValueError: it cannot be read.
         """
+        content = file_bytes(path, None)
         for client in self._of(page):
-            client.send_file_download(path.name, path.read_bytes(), save_immediately=True)
+            client.send_file_download(path.name, content, save_immediately=True)
 
     def _of(self, page: int | None) -> list["ClientHandle"]:
         if page is None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from experiments.dashboard.session.tasks import CaptionedPicture
 from experiments.dashboard.session.worker_process import ProgressSender
-from rig.validation import read_json
+from rig.validation import json_of
 
 if TYPE_CHECKING:
     from experiments.gap.closed_loop_replay import ModelComparison
@@ -127,7 +127,7 @@ def newest_answer(out: Path) -> GapAnswer | None:
     numbered = [f for f in out.glob("gap-*") if f.name[4:].isdecimal()]
     for folder in sorted(numbered, key=lambda f: -int(f.name[4:])):
         try:
-            kept = read_json((folder / ANSWER).read_text(encoding="utf-8"))
+            kept = json_of(folder / ANSWER)
             table = [list(map(str, row)) for row in kept["table"]]
             short = ShortAnswer(list(map(str, kept["sentences"])), table)
         except (OSError, ValueError, KeyError, TypeError):

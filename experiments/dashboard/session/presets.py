@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from experiments.records.run_folder import replace_json
-from rig.validation import read_json
+from rig.validation import json_of
 
 LONGEST_NAME = 40  # characters; chosen: what a list shows
 MOST_KEPT = 100  # chosen
@@ -27,7 +27,7 @@ class KeptPresets(Mapping[str, Sequence[float]]):
     def __init__(self, path: Path, count: int) -> None:
         self._path = path
         try:
-            found = dict(read_json(path.read_text(encoding="utf-8")))
+            found = dict(json_of(path))
         except (OSError, ValueError, TypeError):
             found = {}
         self._kept = {

@@ -1,6 +1,8 @@
 """Video of a run: frames by time for the replay, or rendered from the recording of a simulation."""
 
 import threading
+import time
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,13 +17,15 @@ VIDEO = "video.mkv"
 STEP_S = 1 / 30  # between frames of a rendered video
 SEEK_AHEAD_S = 2.0  # further ahead it seeks, nearer it decodes frame by frame; chosen
 WIDEST_PX = 480  # of a shown frame; chosen: a panel is narrower
+MOST_PX = 1 << 25  # of a file's frame; chosen: four times 4K
+DECODE_S = 0.02  # so long a call decodes: who draws the film draws the live tables, too
 
 
 class Video:
     """Frames of a video file by their time. Any thread may call: a lock lets one at a time use the
     decoder.
 
-    OSError, `av.FFmpegError`: the file is not a video.
+    OSError, `av.FFmpegError`: the file is not a video, or its frames are larger than MOST_PX.
     """
 
     def __init__(self, path: Path) -> None:
@@ -30,33 +34,59 @@ class Video:
         self._lock = threading.Lock()
         self._file: Any = av.open(str(path))
         self._stream: Any = self._file.streams.video[0]
-        self._frames, self._image = self._file.decode(self._stream), None
-        self._from_s, self._to_s = 0.0, 0.0  # how long the present image is shown
+        if self._stream.width * self._stream.height > MOST_PX:
+            raise OSError(f"{path}: frames of more than {MOST_PX} pixels")
+        self._image: Any = None  # shown from _from_s until _to_s, when the next one is due
+        self._frames: Any = iter(())
+        self._next: Any = None
+        self._from_s, self._to_s = 0.0, -inf
+        self._asked_s, self._reached = 0.0, True  # by the last call, and whether that was found
 
     def at(self, t_s: float) -> np.ndarray | None:
         """The frame (h, w, 3) uint8 RGB at the time `t_s`, past the end the last one.
 
-        None: the file is closed, or it is the frame that the last call returned.
+        Where the way there takes longer than DECODE_S it is one on the way, from which the next
+        call goes on. None: the file is closed, or it is the frame that the last call returned.
         """
+        from av.error import FFmpegError
+
         with self._lock:
             if self._file is None or self._from_s <= t_s < self._to_s:
                 return None
-            if not self._from_s <= t_s < self._to_s + SEEK_AHEAD_S:  # further ahead or back: jump
-                self._file.seek(int(t_s / self._stream.time_base), stream=self._stream)
-                self._frames = self._file.decode(self._stream)
-            for frame in self._frames:
-                self._from_s, self._to_s = float(frame.time), float(frame.time) + STEP_S
-                self._image = frame
-                if t_s < self._to_s:
-                    break
-            else:
-                self._to_s = float("inf")
+            try:
+                self._go_to(t_s)
+            except FFmpegError:  # what comes behind it is not shown
+                self._frames, self._to_s, self._reached = iter(()), inf, True
             image = self._image
             if image is None:
                 return None
             width = min(WIDEST_PX, image.width)
             height = round(image.height * width / image.width)
             return image.to_ndarray(format="rgb24", width=width, height=height)
+
+    def _go_to(self, t_s: float) -> None:
+        """Decode up to the frame at `t_s`, for DECODE_S at most and one frame at least."""
+        until_s = time.monotonic() + DECODE_S
+        elsewhere = abs(t_s - self._asked_s) > SEEK_AHEAD_S  # than where it is on its way to
+        far = t_s >= self._to_s + SEEK_AHEAD_S and (elsewhere or self._reached)
+        self._asked_s, self._reached = t_s, False
+        if t_s < self._from_s or far:
+            self._file.seek(int(t_s / self._stream.time_base), stream=self._stream)
+            self._frames = self._file.decode(self._stream)
+            self._turn()
+            self._to_s = min(self._to_s, t_s)  # a film may begin later
+        while t_s >= self._to_s:
+            self._turn()
+            if time.monotonic() >= until_s:
+                break
+        self._reached = t_s < self._to_s
+
+    def _turn(self) -> None:
+        """Go on to the next frame, and decode the one behind it."""
+        if self._next is not None:
+            self._image, self._from_s = self._next, self._to_s
+        self._next = next(self._frames, None)
+        self._to_s = inf if self._next is None else float(self._next.time)
 
     def close(self) -> None:
         """Close the file; `at` returns None from now on."""
@@ -103,6 +133,7 @@ def render_video(
         raise ValueError("nobody filmed this run: there is no video of it")
     renderer = VirtualCameraRenderer(from_dict(meta["rig"]))
     unfinished = video.with_name(f"part-{video.name}")
+    unfinished.unlink(missing_ok=True)  # in a stranger's folder a link that leads to any file
     times = np.arange(0.0, motion.end_s, STEP_S)
     with Film(unfinished, renderer.size) as film:
         for i, t_s in enumerate(times):

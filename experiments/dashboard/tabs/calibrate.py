@@ -30,7 +30,7 @@ from experiments.dashboard.session.session import Session
 from experiments.dashboard.session.tasks import RunSummary
 from experiments.dashboard.session.worker_process import WorkerProcess, WorkItem
 from experiments.dashboard.tabs.gallery import Gallery
-from rig.validation import read_json
+from rig.validation import json_of
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -120,7 +120,7 @@ class CalibrateTab:
     def _restore(self) -> None:
         """Show the verdicts of an earlier program, which lie beside its calibration."""
         try:
-            kept = read_json((self._out / "calibration" / VERDICTS).read_text(encoding="utf-8"))
+            kept = json_of(self._out / "calibration" / VERDICTS)
             kept = {step: list(map(str, lines)) for step, lines in kept.items()}
         except (OSError, ValueError, AttributeError, TypeError):
             return

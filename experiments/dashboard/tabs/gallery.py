@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.dashboard.session.tasks import CaptionedPicture
+from rig.validation import file_bytes
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -17,7 +18,10 @@ def pixels(shown: CaptionedPicture) -> np.ndarray:
     """The picture as RGB (h, w, 3) uint8, at most `WIDEST_PX` wide. OSError: it cannot be read."""
     import cv2
 
-    image = cv2.imread(str(shown.path))
+    try:
+        image = cv2.imdecode(np.frombuffer(file_bytes(shown.path), np.uint8), cv2.IMREAD_COLOR)
+    except (ValueError, cv2.error) as error:
+        raise OSError(f"{shown.path} is not readable as a picture ({error})") from None
     if image is None:
         raise OSError(f"{shown.path} is not readable as a picture")
     if image.shape[1] > WIDEST_PX:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from experiments.importing.recording import BadFileError, Stream, check_size
-from rig.validation import read_json
+from rig.validation import json_of
 
 MAX_WIDTH = 64  # chosen: a longer list in a cell is a picture, no set of signals
 
@@ -36,7 +36,7 @@ def read_lerobot(folder: Path) -> list[Stream]:
     is no data, or info.json is none.
     """
     try:
-        info = read_json((folder / "meta" / "info.json").read_text(encoding="utf-8"))
+        info = json_of(folder / "meta" / "info.json")
         features = dict(info["features"])
     except (ValueError, KeyError, TypeError, OSError) as error:
         raise BadFileError(f"meta/info.json is not that of a LeRobot data set ({error})") from error

@@ -14,6 +14,7 @@ from rig.hardware.homing.home import Homing
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig, Servo
 from rig.table import Table
+from rig.validation import file_bytes
 
 LONGEST = timedelta(hours=12)  # for a table that does not tell when it was switched off
 MARGIN_RAD = 0.1
@@ -149,7 +150,7 @@ def load(path: Path) -> Homed:
     if not path.is_file():
         raise NotHomed(f"this table has not been homed ({path} is missing): {CURE}")
     try:
-        return TypeAdapter(Homed).validate_json(path.read_bytes())
+        return TypeAdapter(Homed).validate_json(file_bytes(path))
     except ValueError as error:
         first = str(error).splitlines()[0]
         raise NotHomed(f"{path} is no homing ({first}): {CURE}") from None

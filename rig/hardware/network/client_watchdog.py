@@ -54,9 +54,9 @@ class ClientWatchdog:
         """Return how long a message took, beyond the fastest so far [s]; inf for an old one.
 
         sent_s: on the user's clock; now_s: on ours. Old is one that was not sent after the last one
-        heard.
+        heard, or at no time at all.
         """
-        if not sent_s > self._sent_s:
+        if not self._sent_s < sent_s < inf:
             return inf
         self._sent_s = sent_s
         return now_s - self._clock.to_rig(sent_s, now_s)

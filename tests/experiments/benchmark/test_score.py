@@ -1,9 +1,12 @@
 """Scores in closed form, and what is refused with one line."""
 
+import hashlib
 import json
+import os
 from dataclasses import replace
 from math import inf, sqrt
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -12,8 +15,9 @@ from experiments.benchmark.answers import answer_set, read_answer
 from experiments.benchmark.score import score_set, scores_of, summary, truth_of
 from experiments.benchmark.table import lines_of, numbers_of, side_by_side
 from experiments.blind.seal import seal
-from experiments.blind.trial import BlindTrial
+from experiments.blind.trial import BlindTrial, to_plain
 from experiments.cli.application import app
+from rig.validation import LONGEST
 
 PLANT = {"servo": {"kind": "voltage"}}
 PLAY = {"joint_backlash": {"x": {"play_rad": 0.04}}}
@@ -151,6 +155,10 @@ def test_answers_to_another_set_are_refused(folder: Path):
             '{"verdict": "named", "effects": [{"name": "a", "parameters": {"x": {"k": {}}}}]}',
             "value' is missing",
         ),
+        ('{"verdict": "named", "effects": [{"name": "a", "probability": true}]}', "probability"),
+        ('{"verdict": "named", "x": ' + "9" * 5000 + "}", "a number has too many digits"),
+        ('{"verdict": "named", "x": ' + "[" * 10_000 + "]" * 10_000 + "}", "too deep"),
+        ('{"verdict": "named"}' + " " * LONGEST, "longer than"),
     ],
 )
 def test_a_malformed_answer_is_one_line(folder: Path, text: str, words: str):
@@ -162,9 +170,71 @@ def test_a_malformed_answer_is_one_line(folder: Path, text: str, words: str):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no pipes with a name")
+@pytest.mark.parametrize("place", ["case-0004.json", "work/case-0004.json"])
+def test_a_pipe_among_the_answers_is_refused_and_not_waited_for(folder: Path, place: str):
+    path = folder / "answers" / place
+    path.parent.mkdir(exist_ok=True)
+    path.unlink(missing_ok=True)
+    os.mkfifo(path)
+    with pytest.raises(ValueError, match=f"{place}: no file, but a folder, a pipe or a device"):
+        score_set(folder / "set", folder / "answers")
+
+
+@pytest.mark.parametrize("text", ["x", "[]", "{}", '{"sha256": 5}', "[" * 100_000])
+def test_a_damaged_seal_is_one_line(folder: Path, text: str):
+    (folder / "answers/seal.json").write_text(text)
+    with pytest.raises(ValueError, match=r"answers/seal.json: (not a JSON file|no seal)"):
+        score_set(folder / "set", folder / "answers")
+
+
+@pytest.mark.parametrize("text", ["[1]", "{}", '{"answer": {}, "seconds": "long"}', "["])
+def test_answers_without_their_seconds_are_one_line(folder: Path, text: str):
+    (folder / "answers/work").mkdir(exist_ok=True)
+    (folder / "answers/work/case-0001.json").write_text(text)
+    with pytest.raises(ValueError, match=r"work/case-0001.json: (no answer with|not a JSON file)"):
+        score_set(folder / "set", folder / "answers")
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"hidden": {"gremlins": {"x": {"size": 1.0}}}}, "'gremlins' hidden in"),
+        ({"hidden": {"joint_backlash": {"x": {"play_rad": 0.0}}}}, "no effect of a size"),
+        ({"hidden": [1]}, "hidden"),
+        ({"noise": None}, "noise"),
+        ({"kind": 5}, "kind"),
+    ],
+)
+def test_a_truth_that_is_none_is_one_line(folder: Path, changes: dict[str, Any], words: str):
+    text = json.dumps([to_plain(TRIALS[0]) | changes])
+    (folder / "set/sealed/truth.json").write_text(text)
+    seal_of_it = {"sha256": hashlib.sha256(text.encode()).hexdigest()}
+    (folder / "set/seal.json").write_text(json.dumps(seal_of_it))
+    with pytest.raises(ValueError, match=words) as caught:
+        truth_of(folder / "set")
+    assert "\n" not in str(caught.value)
+
+
+def test_code_in_a_set_is_not_executed(tmp_path: Path):
+    case, ran = tmp_path / "set/cases/case-0001", tmp_path / "ran"
+    case.mkdir(parents=True)
+    (case / "rig.toml").write_text('[effects]\nown = "evil.py"\n')
+    (case / "evil.py").write_text(f"open({str(ran)!r}, 'w')\n")
+    (tmp_path / "set/seal.json").write_text('{"sha256": "00"}')
+    with pytest.raises(ValueError, match=r"names effects of its own \(evil.py\)"):
+        answer_set(tmp_path / "set", tmp_path / "answers", jobs=1)
+    assert not ran.exists()
+
+
 def test_what_rig_gap_says_beside_is_not_in_the_way(folder: Path):
     path = folder / "answers/case-0001.json"
-    whole = ANSWERS["case-0001"] | {"sentence": "play", "gap": {"floor": None}, "unknown": None}
+    whole = ANSWERS["case-0001"] | {
+        "sentence": "play",
+        "gap": [1],
+        "next_experiment": "x",
+        "unknown": None,
+    }
     whole["effects"][0]["parameters"]["x"]["offset_rad"] = {"value": 0.0, "low": None, "high": None}
     path.write_text(json.dumps(whole))
     assert read_answer(path) == whole
@@ -189,6 +259,19 @@ def test_several_entries_stand_side_by_side(folder: Path):
     page = (folder / "out/table.md").read_text()
     assert "|  | answers | silent |" in page
     assert "| no answer | 20.0 % (3.6 to 62.4; 1/5) | 100.0 % (56.6 to 100.0; 5/5) |" in page
+
+
+def test_entries_are_told_apart_by_names_that_steer_no_terminal(folder: Path):
+    for name in ("one/out", "two/out", "[b]|c\x1b[31m"):
+        (folder / name).mkdir(parents=True)
+    words = [str(folder / name) for name in ("set", "one/out", "two/out", "[b]|c\x1b[31m")]
+    found = CliRunner().invoke(app, ["benchmark", "score", *words, "--out", str(folder / "res")])
+    assert found.exit_code == 0, found.output
+    one, two = (str((folder / name).resolve()) for name in ("one/out", "two/out"))
+    assert list(json.loads((folder / "res/results.json").read_text())) == [one, two, "[b]?c?[31m"]
+    page = (folder / "res/table.md").read_text()
+    assert f"|  | {one} | {two} | [b]?c?[31m |" in page
+    assert "\x1b" not in found.output + page
 
 
 def told_by_folder(place: Path) -> dict:

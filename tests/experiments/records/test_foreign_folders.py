@@ -11,10 +11,11 @@ from mcap.records import Message
 from experiments.analysis.regime import rig_of_record
 from experiments.dashboard.session.tasks import list_runs
 from experiments.records.recording import Recorder, read_run, recover
-from experiments.records.run_folder import LONGEST_RECORD, read_meta
+from experiments.records.run_folder import read_meta
 from experiments.records.samples_file import CHANNEL_ID, EVENTS, RECORD, _bytes, opening
 from experiments.runs.runs import reject
 from rig.log import COLUMNS
+from rig.validation import LONGEST
 
 START = {"source": "simulated", "protocol": "hold", "arm": "with", "seed": 7}
 
@@ -64,7 +65,8 @@ def rewritten(folder: Path, **changes: object) -> Path:
     [
         ('{"schema": 1, "x": ' + "[" * 100_000 + "]" * 100_000 + "}", "brackets are too deep"),
         ('{"schema": 1, "arm": "a\\ud800"}', "no Unicode"),
-        ("{}" + " " * LONGEST_RECORD, "longer than"),
+        ('{"schema": 1, "rows": ' + "9" * 5000 + "}", "a number has too many digits"),
+        ("{}" + " " * LONGEST, "longer than"),
     ],
 )
 def test_a_record_beyond_all_measure_is_one_line_and_no_reason_to_list_no_runs(
@@ -75,6 +77,38 @@ def test_a_record_beyond_all_measure_is_one_line_and_no_reason_to_list_no_runs(
         read_run(tmp_path / "1-odd")
     recorded(tmp_path / "2-good")
     assert [row.folder.name for row in list_runs(tmp_path)] == ["2-good"]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no pipes with a name")
+@pytest.mark.parametrize("name", ["run.json", "samples.mcap"])
+def test_a_file_that_becomes_a_pipe_while_it_is_read_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+):
+    folder = recorded(tmp_path / "1")
+    (folder / name).unlink()
+    os.mkfifo(folder / name)
+    monkeypatch.setattr(Path, "is_file", lambda path: True)  # it was one when it was looked at
+    with pytest.raises(ValueError, match="no file, but a folder, a pipe or a device"):
+        read_run(folder)
+
+
+def test_another_name_of_a_file_in_the_place_of_what_is_about_to_be_written_is_removed(
+    tmp_path: Path,
+):
+    folder, mine = recorded(tmp_path / "1"), tmp_path / "mine"
+    mine.write_text("mine")
+    (folder / "run.json.part").hardlink_to(mine)
+    reject(folder, "why")
+    assert read_meta(folder)["rejected"] == "why"
+    assert mine.read_text() == "mine"
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no pipes with a name")
+def test_a_pipe_in_the_place_of_what_is_about_to_be_written_is_removed(tmp_path: Path):
+    folder = recorded(tmp_path / "1")
+    os.mkfifo(folder / "run.json.part")
+    reject(folder, "why")
+    assert read_meta(folder)["rejected"] == "why"
 
 
 def test_a_folder_whose_name_no_page_could_be_told_is_not_listed(tmp_path: Path):

@@ -28,6 +28,8 @@ def every_kind_of_page(folder: Path) -> Path:
     cv2.imwrite(str(picture), np.full((660, 960, 3), 255, np.uint8))
     wide = [[f"run {i}", *(f"{i}.{j} [{j}, {j + 1}]" for j in range(13))] for i in range(8)]
     head = ("cell", "arm", "gain [cm]", "p (Holm)", "verdict", "at equal activity")
+    logs = [f"20261122T15010{i}-sine-sweep-without" for i in range(3)]
+    agree = [["joint_backlash", *("1.99 [1.89, 2.09] deg" for _ in logs), "yes"]]
     rest = ("-", "helps", "+0.1 vs retuned 4.5, 5: ha")
     cells = [[f"{LONG} kind{i % 7}", "with", f"{(i * 37) % 101:+d}", *rest] for i in range(120)]
     return write_page(
@@ -38,6 +40,8 @@ def every_kind_of_page(folder: Path) -> Path:
         summary=["a note"],
         sections=[
             Section("Figures", [Pictures([Picture(picture, "a"), Picture(picture, "b")])]),
+            Section("Sizes", [Table(("effect", *logs, "agree"), agree)]),
+            Section("Seven", [Table([f"column {j}" for j in range(7)], [["1.5 mm"] * 7])]),
             Section("Every run", [Table(RUN_HEAD, wide)]),
             Section("Every cell", [Table(head, cells, words=2, folded=True)]),
         ],
@@ -68,6 +72,19 @@ def test_nothing_is_cut_off_on_a_phone_or_on_paper(chromium, page_file):
     paper.emulate_media(media="print")
     assert paper.evaluate(CUT) == 0
     assert paper.get_by_text("+0.1 vs retuned 4.5, 5: ha").last.is_visible()  # folded on the screen
+
+
+LINES = """one => { const text = document.createRange(); text.selectNodeContents(one);
+  return new Set([...text.getClientRects()].map(box => Math.round(box.top))).size; }"""
+
+
+def test_words_are_whole_on_paper_and_borders_lie_inside(chromium, page_file):
+    paper = opened(chromium, page_file, PRINTED_PX)
+    paper.emulate_media(media="print")
+    for word in ("agree", "joint_backlash"):
+        assert paper.get_by_text(word, exact=True).evaluate(LINES) == 1
+    right = "one => one.getBoundingClientRect().right"
+    assert max(paper.locator("table").evaluate_all(f"all => all.map({right})")) <= PRINTED_PX - 0.5
 
 
 def test_dark_by_preference_with_the_same_hues(chromium, page_file):

@@ -242,6 +242,14 @@ def test_what_was_long_on_its_way_is_old_or_no_number_is_not_obeyed():
     assert one.latched
 
 
+@pytest.mark.parametrize("sent_s", [nan, inf, -inf])
+def test_a_command_sent_at_no_time_is_not_obeyed_and_leaves_the_clocks_alone(sent_s: float):
+    one = watchdog()
+    assert not one.obey(DriveRequest(0, sent_s, 50, 5.0, 5.0), T + 0.04)
+    assert one.volts((0.0, 0.0), T + 0.041) == (0.0, 0.0)
+    assert told(one, 1.0, at_s=T + 0.05)
+
+
 def test_a_new_user_has_a_clock_of_their_own():
     one = watchdog()
     assert one.hear(T - 51.0, T) == inf
