@@ -58,12 +58,12 @@ def test_three_arms_hold_the_tilt_that_they_are_set_for():
     unknown, pose = np.zeros(9), np.zeros(6)
     unknown[5] = pose[5] = frame.height_m
     unknown[6:] = level
-    servos.hold(np.array([0.08, -0.05]), unknown, frame)
-    servos.pose_of(unknown[6:].copy(), pose, frame)
+    servos.solve(unknown, np.array([0.08, -0.05]), frame)
+    servos.solve(pose, unknown[6:].copy(), frame)
     assert servos.fallen_axes(pose) == pytest.approx((0.08, -0.05), abs=1e-9)
     assert pose[5] == pytest.approx(frame.height_m)
     # Without an x tilt the arm on the x axis keeps its height but for the plate's own shift.
-    servos.hold(np.array([0.0, 0.05]), unknown, frame)
+    servos.solve(unknown, np.array([0.0, 0.05]), frame)
     assert unknown[6] == pytest.approx(level, abs=1e-3)
     assert unknown[7] < level < unknown[8]
 

@@ -10,10 +10,9 @@ from tests.support.worlds.angle_servos import (
     behind_play,
     driven,
     fallen_axes,
-    hold,
     load_nm,
-    pose_of,
     rod_tilt,
+    solve,
 )
 from tests.support.worlds.loops import look, wanted_angle
 from tests.support.worlds.plant import STEP_s, ball_step
@@ -43,7 +42,7 @@ def aims(told_x, told_y, s, f, unknown, level, goals):
         angle = nearest(told_x if i == 0 else told_y, q)
         goals[i] = (1.0 + s.scale[i]) * angle + s.zero_rad[i]
     if f.three:
-        hold(goals[:2].copy(), unknown, f)
+        solve(unknown, goals[:2].copy(), f)
         for i in range(3):
             goals[i] = nearest(unknown[6 + i] - level, s.quantum_rad[0])
 
@@ -99,7 +98,7 @@ def run_commanded(b, mass_kg, s, f, level, loop, targets, push, noise):
                     else:
                         arms[i] = answer(arms[i], goals[i], lag, most, band, span)
                 if f.three:
-                    pose_of(arms + level, pose, f)
+                    solve(pose, arms + level, f)
                     theta[0], theta[1] = fallen_axes(pose)
                 else:
                     theta[0], theta[1] = arms[0], arms[1]

@@ -118,62 +118,43 @@ def turned(w):
 
 
 @njit(cache=True)
-def lengths(pose, arms, f, misses):
-    """What the six constraints of a plate on three arms miss: each joint in its arm's plane (m),
-    each rod as long as it is (m2). pose (6,): rotation vector and centre."""
+def misses(unknown, given, f, out):
+    """Write what the constraints of a plate on three arms miss into `out`.
+
+    Six of the joints: each is in its arm's plane (m), each rod as long as it is (m2). unknown (6,):
+    the pose (rotation vector and centre), with the arms `given` (3,); or (9,): pose and arms, with
+    the angles `given` (2,) by which the plate's x and y axes fall, and the height of its centre.
+    """
+    pose, arms = unknown[:6], unknown[6:] if len(unknown) == 9 else given
     turn = turned(pose[:3])
     for i in range(3):
         u, v = math.cos(2.0 * math.pi * i / 3.0), math.sin(2.0 * math.pi * i / 3.0)
         p = f.plate_m * (turn[:, 0] * u + turn[:, 1] * v) + pose[3:]
-        misses[i] = -v * p[0] + u * p[1]
-        out = u * p[0] + v * p[1] - f.base_m - f.arm_m * math.cos(arms[i])
+        out[i] = -v * p[0] + u * p[1]
+        far = u * p[0] + v * p[1] - f.base_m - f.arm_m * math.cos(arms[i])
         up = p[2] - f.arm_m * math.sin(arms[i])
-        misses[3 + i] = out * out + up * up - f.rod_m**2
+        out[3 + i] = far * far + up * up - f.rod_m**2
+    if len(unknown) == 9:
+        out[6] = -turn[2, 0] - math.sin(given[0])
+        out[7] = -turn[2, 1] - math.sin(given[1])
+        out[8] = pose[5] - f.height_m
 
 
 @njit(cache=True)
-def tilt_misses(unknown, tilt, f, misses):
-    """The six constraints, and the two that the plate's x and y axes fall by these angles.
-
-    unknown (9,): pose and arms; misses (9,); the centre's height is the ninth.
-    """
-    lengths(unknown[:6], unknown[6:], f, misses)
-    turn = turned(unknown[:3])
-    misses[6] = -turn[2, 0] - math.sin(tilt[0])
-    misses[7] = -turn[2, 1] - math.sin(tilt[1])
-    misses[8] = unknown[5] - f.height_m
-
-
-@njit(cache=True)
-def hold(tilt, unknown, f):
-    """Bring `unknown` (9,) to the pose and the arms that hold the plate at `tilt` (2,)."""
-    miss, near, slope = np.empty(9), np.empty(9), np.empty((9, 9))
+def solve(unknown, given, f):
+    """Bring `unknown` to where nothing is missed (see `misses`), by Newton's method."""
+    n = len(unknown)
+    miss, near, slope = np.empty(n), np.empty(n), np.empty((n, n))
     for _ in range(20):
-        tilt_misses(unknown, tilt, f, miss)
-        if np.abs(miss).max() < 1e-13:
+        misses(unknown, given, f, miss)
+        if np.abs(miss).max() < 1e-12:
             return
-        for k in range(9):
+        for k in range(n):
             unknown[k] += DIFFERENCE
-            tilt_misses(unknown, tilt, f, near)
+            misses(unknown, given, f, near)
             unknown[k] -= DIFFERENCE
             slope[:, k] = (near - miss) / DIFFERENCE
         unknown -= np.linalg.solve(slope, miss)
-
-
-@njit(cache=True)
-def pose_of(arms, pose, f):
-    """Bring `pose` (6,) to where these arms hold the plate."""
-    miss, near, slope = np.empty(6), np.empty(6), np.empty((6, 6))
-    for _ in range(20):
-        lengths(pose, arms, f, miss)
-        if np.abs(miss).max() < 1e-12:
-            return
-        for k in range(6):
-            pose[k] += DIFFERENCE
-            lengths(pose, arms, f, near)
-            pose[k] -= DIFFERENCE
-            slope[:, k] = (near - miss) / DIFFERENCE
-        pose -= np.linalg.solve(slope, miss)
 
 
 @njit(cache=True)
