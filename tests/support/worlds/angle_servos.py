@@ -13,20 +13,24 @@ from numba import njit
 from tests.support.worlds.plant import G_m_s2
 
 DIFFERENCE = 1e-6  # of a numerical derivative
+PULL_TURNS, SWAY_HZ = 4.0, 1.7
 
 
 class Servos(NamedTuple):
-    """Servos of the axes x and y, entries of shape (2,) but for the period."""
+    """Two servos of the axes x and y, or those of three arms: entries of shape (2,) or (3,) but for
+    the play (2,) of the axes and for numbers that all of them share."""
 
     lag_s: np.ndarray
     dead_time_s: np.ndarray
     rate_rad_s: np.ndarray
     band_rad: np.ndarray  # half width: so far off its command it does nothing
-    quantum_rad: np.ndarray
     scale: np.ndarray  # it goes to (1 + scale) command + zero
     zero_rad: np.ndarray
-    play_rad: np.ndarray  # full width, behind the servo
     motor_s: np.ndarray  # in which a motor takes up the rate that is wanted of it; 0: at once
+    pull_rad: np.ndarray  # a spring on a gear draws it off by pull sin(PULL_TURNS angle)
+    sway_rad: np.ndarray  # and it swings about its command at SWAY_HZ
+    play_rad: np.ndarray  # full width, behind the servo
+    quantum_rad: float  # of commands, and of readings
     friction_nm: float  # holds the plate within the play
     period_s: float  # between two pulses; 0: it listens all the time
 
@@ -72,6 +76,13 @@ def driven(angle, rate, goal, lag_s, rate_rad_s, band_rad, motor_s, h):
     wanted = min(off / lag_s, rate_rad_s) * (1.0 if goal > angle else -1.0)
     after = wanted + (rate - wanted) * math.exp(-h / motor_s)
     return angle + h * wanted + motor_s * (rate - after), after
+
+
+@njit(cache=True)
+def drawn_off(s, i, angle, now):
+    """By how much servo i is drawn off the angle that it is told [rad]."""
+    pull = s.pull_rad[i] * math.sin(PULL_TURNS * angle)
+    return pull + s.sway_rad[i] * math.sin(2.0 * math.pi * SWAY_HZ * now)
 
 
 @njit(cache=True)
