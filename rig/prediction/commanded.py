@@ -17,6 +17,7 @@ from rig.plant.position_servo import (
     SERVOS,
     aim,
     arriving,
+    drawn_off,
     move_servos,
     moved_servo,
     rounded,
@@ -71,7 +72,8 @@ def _mean_told(p, a, t, told, begin, h, row):
 def _follow(p, t, told, parts, state, times, angles):
     """Fill times (m,) [s] and angles (m, 2) [rad], m = sum(parts[:-1]) + 1; see `answers`."""
     wanted, at_x, at_y, row = np.zeros(SERVOS), 0, 0, 0
-    aim(p, rounded(p, 0, told[0, 0]), rounded(p, 1, told[0, 1]), wanted)
+    x, y = rounded(p, 0, told[0, 0]), rounded(p, 1, told[0, 1])
+    aim(p, arriving(p, 0, x), arriving(p, 1, y), wanted)
     for i in range(SERVOS):
         state[ANGLE + i] = wanted[i]
     table_angles(p, state, angles[0])
@@ -82,7 +84,7 @@ def _follow(p, t, told, parts, state, times, angles):
             begin = t[k] + i * h
             x, at_x = _mean_told(p, 0, t, told, begin, h, at_x)
             y, at_y = _mean_told(p, 1, t, told, begin, h, at_y)
-            aim(p, x, y, wanted)
+            aim(p, arriving(p, 0, x), arriving(p, 1, y), wanted)
             move_servos(p, wanted, h, state)
             row += 1
             table_angles(p, state, angles[row])
@@ -125,8 +127,10 @@ def predict_told_axis(p, levels, a, t, told, theta, corrected, tau, out, std):
         decay = exp(-h / tau)
         reach, q = tau * (1.0 - decay), levels.servo_process[a] ** 2 * h
         for i in range(parts):
-            mean, row = _mean_told(p, a, t, told, t[k] + i * h, h, row)
-            angle, rate = moved_servo(p, a, arriving(p, a, mean), angle, rate, h)
+            now = t[k] + i * h
+            mean, row = _mean_told(p, a, t, told, now, h, row)
+            goal = drawn_off(p, a, arriving(p, a, mean), angle, rate, now, h)
+            angle, rate = moved_servo(p, a, goal, angle, rate, h)
             angle, more = angle + reach * more, decay * more
             p00 += 2.0 * reach * p01 + reach * reach * p11 + q * h * h / 3.0
             p01 = decay * (p01 + reach * p11) + 0.5 * q * h

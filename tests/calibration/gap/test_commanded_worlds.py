@@ -87,5 +87,22 @@ def test_a_zero_between_command_and_measured_angle_is_no_tilt_of_the_plate(tmp_p
 
 
 @pytest.mark.slow
+def test_a_servo_that_swings_about_its_command_has_a_rhythm_without_a_name(tmp_path):
+    found = said_of("swaying_bus_servo", 4100, tmp_path)
+    assert found.verdict == "unknown-effect"
+    assert found.unknown.channel == "servo_y"
+    rhythm, size = found.unknown.shape.split(", ")
+    assert rhythm == "a rhythm of 1.70 Hz"
+    assert float(size.removesuffix(" degrees")) == pytest.approx(0.3, rel=0.1)
+
+
+@pytest.mark.slow
+def test_a_cable_on_one_side_of_a_servo_is_no_scale_of_its_angle(tmp_path):
+    found = said_of("cable_bus_servo", 4100, tmp_path)
+    assert found.verdict == "unknown-effect"
+    assert "an angle beside the command of x" in found.unknown.shape
+
+
+@pytest.mark.slow
 def test_servos_that_read_their_angle_back_and_lack_nothing(tmp_path):
     assert said_of("healthy_bus_servos", 4100, tmp_path).verdict == "nothing-missing"

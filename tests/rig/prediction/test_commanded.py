@@ -8,6 +8,7 @@ import pytest
 
 from experiments.runs.assemble import known, load_rig
 from rig.course import Course
+from rig.discrepancy import Discrepancy
 from rig.effects import ANGLES, effects_of
 from rig.log import Log
 from rig.parameters import Rig, Servo
@@ -165,6 +166,27 @@ def test_the_angle_that_is_read_back_is_the_simulators(name):
     fine = replace(rig.servo, quantum_rad=0.0, encoder_counts_per_rev=400_000)
     rig = replace(rig, servo=fine)
     with_it = replace(rig, effects={name: {"x": VISIBLE[name]}})
+    log = log_of(with_it, 5)
+    right, missing = read_errors_rad(with_it, log), read_errors_rad(rig, log)
+    assert right.max() < 1e-3
+    assert missing[0] > 4 * right[0]
+    assert missing[1] == pytest.approx(right[1])
+
+
+UNNAMED = {
+    "map": Discrepancy(servo_map_x=(0.0, 0.02, 0.02, 0.0)),
+    "speed": Discrepancy(servo_speed_x=(0.02, 0.0, 0.0, 0.0)),
+    "rhythm": Discrepancy(servo_rhythm_x=(0.01, 0.01), servo_rhythm_hz=1.3),
+    "segment": Discrepancy(servo_segment=(0.03, 0.0), servo_segment_s=(2.0, 2.5)),
+}
+
+
+@pytest.mark.parametrize("kind", UNNAMED)
+def test_an_angle_beside_the_command_without_a_name_is_the_simulators(kind):
+    rig = shipped("bus-servos")
+    fine = replace(rig.servo, quantum_rad=0.0, encoder_counts_per_rev=400_000)
+    rig = replace(rig, servo=fine)
+    with_it = replace(rig, unknown=UNNAMED[kind])
     log = log_of(with_it, 5)
     right, missing = read_errors_rad(with_it, log), read_errors_rad(rig, log)
     assert right.max() < 1e-3

@@ -13,7 +13,7 @@ from numba import njit
 from tests.support.worlds.plant import G_m_s2
 
 DIFFERENCE = 1e-6  # of a numerical derivative
-PULL_TURNS, SWAY_HZ = 4.0, 1.7
+PULL_TURNS, TAUT_RAD, SWAY_HZ = 4.0, 0.05, 1.7
 
 
 class Servos(NamedTuple):
@@ -28,6 +28,7 @@ class Servos(NamedTuple):
     zero_rad: np.ndarray
     motor_s: np.ndarray  # in which a motor takes up the rate that is wanted of it; 0: at once
     pull_rad: np.ndarray  # a spring on a gear draws it off by pull sin(PULL_TURNS angle)
+    cable_1: np.ndarray  # a cable that is taut beyond TAUT_RAD draws it back by this share of the way
     sway_rad: np.ndarray  # and it swings about its command at SWAY_HZ
     play_rad: np.ndarray  # full width, behind the servo
     quantum_rad: float  # of commands, and of readings
@@ -82,6 +83,7 @@ def driven(angle, rate, goal, lag_s, rate_rad_s, band_rad, motor_s, h):
 def drawn_off(s, i, angle, now):
     """By how much servo i is drawn off the angle that it is told [rad]."""
     pull = s.pull_rad[i] * math.sin(PULL_TURNS * angle)
+    pull -= s.cable_1[i] * max(angle - TAUT_RAD, 0.0)
     return pull + s.sway_rad[i] * math.sin(2.0 * math.pi * SWAY_HZ * now)
 
 

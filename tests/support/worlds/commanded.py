@@ -56,6 +56,7 @@ def _servos(rng: np.random.Generator, file: dict, n: int, changes: dict) -> Serv
         "zero_rad": rng.uniform(-0.05 * DEG, 0.05 * DEG, n),
         "motor_s": np.zeros(n),
         "pull_rad": np.zeros(n),
+        "cable_1": np.zeros(n),
         "sway_rad": np.zeros(n),
     }
     play_rad = rng.uniform(0.0, 0.04 * DEG, 2)
@@ -237,6 +238,13 @@ def sprung_bus_servo(seed: int) -> World:
     return columns, _rig("bus"), truth({}, kind="unknown")
 
 
+def cable_bus_servo(seed: int) -> World:
+    """A cable draws the servo of x back by 15 % of its way beyond 0.05 rad, on one side; the servos
+    read their angle back."""
+    columns = log_of(np.random.default_rng(seed), "bus", servo={"cable_1": (0.15, 0.0)})
+    return columns, _rig("bus"), truth({}, kind="unknown")
+
+
 def swaying_bus_servo(seed: int) -> World:
     """A servo that reads its angle back swings by 0.3 degree about what y is told, 1.7 Hz."""
     columns = log_of(np.random.default_rng(seed), "bus", servo={"sway_rad": (0.0, 0.3 * DEG)})
@@ -327,6 +335,7 @@ WORLDS = (
     crooked_bus_servo,
     late_bus_servo,
     sprung_bus_servo,
+    cable_bus_servo,
     swaying_bus_servo,
     healthy_bus_arms,
     late_bus_arms,
