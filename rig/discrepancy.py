@@ -27,9 +27,9 @@ ZERO_16 = (0.0,) * 16
 class Discrepancy:
     """Coefficients of the discrepancy on this module's basis, each tuple as long as its default.
 
-    `ball_*` in m/s2, `servo_*` in V or rad (`*_speed` divided by the unit of its basis function), `*_hz`
-    the frequency of the rhythm, `*_segment_s` begin and end [s] of the time in which `*_segment`
-    acts. ValueError: a tuple of another length.
+    `ball_*` in m/s2, `servo_*` in V or rad (`*_speed` divided by the unit of its basis function),
+    `*_hz` the frequency of the rhythm, `*_segment_s` begin and end [s] of the time in which
+    `*_segment` acts. ValueError: a tuple of another length.
     """
 
     ball_map_x: tuple[float, ...] = ZERO_16  # row i * 4 + j of T_i(x/h) T_j(y/h)

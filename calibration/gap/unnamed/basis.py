@@ -1,9 +1,10 @@
 """What no name explains: an unnamed term on a fixed basis, fitted to the residuals.
 
 Families (`rig.discrepancy`), each linear in its k coefficients c: a map (force over the plate,
-volts over the servo's angle, or the angle by which it is drawn off where it takes one), a dependence on speed, one rhythm, one segment of time, a force that
-turns with the ball. A periodogram proposes the frequency, a matched filter the window. With the
-other parameters free within their tolerance boxes, the score is
+volts over the servo's angle, or the angle by which it is drawn off where it takes one), a
+dependence on speed, one rhythm, one segment of time, a force that turns with the ball. A
+periodogram proposes the frequency, a matched filter the window. With the other parameters free
+within their tolerance boxes, the score is
 
     S = G - PENALTY_PER_PARAMETER k - (SEARCH_PENALTY where a frequency or a window was searched)
 
@@ -261,7 +262,8 @@ def _response(
     begin = float(t[0]) + 1.0
     fixed = {f"{side}_segment_s": (begin, begin + length)}
     axis = 0 if output == BALL else SERVO.index(output)
-    unknown = _term([(f"{side}_segment", axis)], np.array([_unit(state, output)]), fixed, Discrepancy())
+    push = np.array([_unit(state, output)])
+    unknown = _term([(f"{side}_segment", axis)], push, fixed, Discrepancy())
     model = state.nominal.with_unknown(unknown).model(state.fit.setting)
     z = evidence.roll(model, output).z - state.fit.z(output)
     z = z.reshape(-1, stride)[first, 0]

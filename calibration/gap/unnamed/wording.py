@@ -9,7 +9,6 @@ from calibration.gap.model.parameters import BALL
 from calibration.gap.unnamed.basis import UnnamedTerm
 from rig.discrepancy import Discrepancy
 
-
 # Of what a term is made, in words, its unit there and how many of them an SI unit is.
 QUANTITIES = {
     "a": ("a force", "m/s2", 1.0),
@@ -71,7 +70,8 @@ def formula(term: UnnamedTerm) -> str | None:
     0.
 
     Ball, a [m/s2]: x, y over half the plate's side, v its speed [m/s]. Servo, V [V], or where it
-    takes an angle, d [rad]: q its angle over the servo's limit, w its speed [rad/s]. T2, T3 ...: Chebyshev polynomials; t: the run's time [s].
+    takes an angle, d [rad]: q its angle over the servo's limit, w its speed [rad/s]. T2, T3 ...:
+    Chebyshev polynomials; t: the run's time [s].
     """
     side = "ball" if term.output == BALL else "servo"
     axes = "xy" if term.output == BALL else term.output[-1]

@@ -28,7 +28,9 @@ class Servos(NamedTuple):
     zero_rad: np.ndarray
     motor_s: np.ndarray  # in which a motor takes up the rate that is wanted of it; 0: at once
     pull_rad: np.ndarray  # a spring on a gear draws it off by pull sin(PULL_TURNS angle)
-    cable_1: np.ndarray  # a cable that is taut beyond TAUT_RAD draws it back by this share of the way
+    cable_1: (
+        np.ndarray
+    )  # a cable that is taut beyond TAUT_RAD draws it back by this share of the way
     sway_rad: np.ndarray  # and it swings about its command at SWAY_HZ
     play_rad: np.ndarray  # full width, behind the servo
     quantum_rad: float  # of commands, and of readings
