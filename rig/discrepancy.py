@@ -1,6 +1,7 @@
 """Room for what has no name: a discrepancy on a fixed basis, so that it can join the model too.
 
-Ball side, an acceleration [m/s2] per axis; servo side, volts per axis. Each is a sum of
+Ball side, an acceleration [m/s2] per axis; servo side, what is added to the servo's input per axis:
+volts, or where it takes an angle, an angle by which it is drawn off [rad]. Each is a sum of
   a map      Chebyshev products T_i(x/h) T_j(y/h), i, j < 4 (ball; h = half the plate's side), or
              T_1 .. T_4 of theta/(the servo's angle limit) (servo),
   a speed    tanh(u/u_0), u, u |u|, |u| of the own speed (ball: u_0 = 0.01 m/s; servo: 0.05 rad/s),
@@ -26,9 +27,9 @@ ZERO_16 = (0.0,) * 16
 class Discrepancy:
     """Coefficients of the discrepancy on this module's basis, each tuple as long as its default.
 
-    `ball_*` in m/s2, `servo_*` in V (`*_speed` divided by the unit of its basis function), `*_hz`
-    the frequency of the rhythm, `*_segment_s` begin and end [s] of the time in which `*_segment`
-    acts. ValueError: a tuple of another length.
+    `ball_*` in m/s2, `servo_*` in V or rad (`*_speed` divided by the unit of its basis function),
+    `*_hz` the frequency of the rhythm, `*_segment_s` begin and end [s] of the time in which
+    `*_segment` acts. ValueError: a tuple of another length.
     """
 
     ball_map_x: tuple[float, ...] = ZERO_16  # row i * 4 + j of T_i(x/h) T_j(y/h)
@@ -128,8 +129,8 @@ def discrepancy_acceleration(u, a, x, y, speed, t):
 
 
 @compiled
-def discrepancy_volts(u, a, theta, omega, t):
-    """Volts added at motor `a` (0: x, 1: y) by the discrepancy term [V].
+def servo_discrepancy(u, a, theta, omega, t):
+    """What the discrepancy term adds to the input of servo `a` (0: x, 1: y) [V, or rad].
 
     u: record of `pack`; theta [rad] and omega [rad/s]: angle and rate of the servo; t: the run's
     time [s].

@@ -17,7 +17,6 @@ from calibration.gap.locate.locate import locate
 from calibration.gap.model.data import gather, usable
 from calibration.gap.model.fit import evaluate
 from calibration.gap.model.intervals import deviations
-from calibration.gap.model.seen_effects import has_commanded_servos
 from calibration.gap.model.state import State
 from calibration.gap.name.decide import Decision, verdict_of
 from calibration.gap.name.load_friction import choose_friction_model, creeping_servos
@@ -109,7 +108,7 @@ def usable_runs(logs: Sequence[Log], rig: Rig) -> list[Signals]:
     walls of `rig`."""
     half = rig.linkage.plate_side_m / 2
     reach = half - rig.ball.radius_m if rig.walls.present else inf
-    told, delay_s = has_commanded_servos(rig), rig.camera.delay_s
+    told, delay_s = rig.servo.takes_angle, rig.camera.delay_s
     runs = [usable(x, camera_delay_s=delay_s, reach_m=reach, commanded=told) for x in logs]
     return [_guessed(run, rig) for run in runs]
 

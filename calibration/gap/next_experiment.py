@@ -26,7 +26,6 @@ from calibration.gap.model.parameters import (
     NominalModel,
     released,
 )
-from calibration.gap.model.seen_effects import has_commanded_servos
 from calibration.gap.model.state import Key, State, refit
 from calibration.gap.name.screen import screen
 from rig.control.controllers import WITHOUT
@@ -301,7 +300,7 @@ def _score(
 
 def _evidence(log: Log, course: Course, rig: Rig, levels: np.record | None) -> Evidence:
     """One run's evidence; on the servos alone there is no ball, whatever a simulator shows."""
-    told = has_commanded_servos(rig)
+    told = rig.servo.takes_angle
     seen = usable(log, camera_delay_s=rig.camera.delay_s, commanded=told)
     if course.servo_only:
         seen = replace(seen, exposed_s=seen.exposed_s[:0], ball_m=seen.ball_m[:0], fresh=None)

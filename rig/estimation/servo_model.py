@@ -10,10 +10,11 @@ from rig.compiled import compiled
 from rig.plant.position_servo import (
     SERVOS,
     SERVOS_STATE,
+    aim,
+    arrived,
     move_servos,
     servos_at_level,
     table_angles,
-    targets,
 )
 
 KEPT = 256  # ticks of commands: at 500 Hz half a second of dead time and period
@@ -49,6 +50,9 @@ def follow(m, p, told, now, tick_s):
         m.told[i, 0], m.told[i, 1] = m.told[i - 1, 0], m.told[i - 1, 1]
     m.told[0, 0], m.told[0, 1] = told[0], told[1]
     begin = now - tick_s
-    targets(p, m.told, begin, begin + 0.5 * tick_s, tick_s, m.wanted)
+    middle = begin + 0.5 * tick_s
+    x = arrived(p, 0, m.told, begin, middle, tick_s)
+    y = arrived(p, 1, m.told, begin, middle, tick_s)
+    aim(p, x, y, m.wanted)
     move_servos(p, m.wanted, tick_s, m.servos)
     table_angles(p, m.servos, m.angles)

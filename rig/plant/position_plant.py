@@ -40,9 +40,11 @@ from rig.plant.position_servo import (
     SERVOS,
     SERVOS_STATE,
     THREE_ARMS,
+    aim,
+    arrived,
+    drawn_off,
     move_servos,
     table_angles,
-    targets,
 )
 from rig.plant.step import (
     ball_step,
@@ -158,17 +160,21 @@ def advance_commanded(s, p, history, t, ticks_s, push_x, push_y, held, exposure_
     wanted, angles = np.empty(SERVOS), np.empty(2)
     _servos_of(s, servos)
     plates, h, looked = np.empty((2, 3)), p.step_s, False
-    before, lifted = np.empty(2), (0.0, 0.0, 0.0)
+    before, rates = np.empty(2), np.empty(2)
     for a in range(2):
         plates[a, 0], plates[a, 1], plates[a, 2] = s[PLATE, a], s[PLATE_RATE, a], s[JOINT_LOST, a]
-        angles[a] = s[ARM, a]
+        angles[a], rates[a] = s[ARM, a], s[ARM_RATE, a]
     wanted[:] = servos[ANGLE : ANGLE + SERVOS]
     shown, fallen = (nan, nan, nan, nan, nan, nan, nan), off_plate(p, ball)
     lifted = s[SERVO_POSE + 2, 0], s[SERVO_POSE + 2, 1], s[SERVO_POSE + 1, 1]
     for i in range(int(round(ticks_s / h))):
         now, x, y = t + i * h, ball[0], ball[1]
         here = _centre(p, servos)
-        targets(p, history, t, now + 0.5 * h, ticks_s, wanted)
+        x_to = arrived(p, 0, history, t, now + 0.5 * h, ticks_s)
+        y_to = arrived(p, 1, history, t, now + 0.5 * h, ticks_s)
+        x_to = drawn_off(p, 0, x_to, angles[0], rates[0], now, h)
+        y_to = drawn_off(p, 1, y_to, angles[1], rates[1], now, h)
+        aim(p, x_to, y_to, wanted)
         move_servos(p, wanted, h, servos)
         before[0], before[1] = angles[0], angles[1]
         table_angles(p, servos, angles)
@@ -178,6 +184,7 @@ def advance_commanded(s, p, history, t, ticks_s, push_x, push_y, held, exposure_
             plate = plates[a, 0], plates[a, 1], plates[a, 2]
             plate = _follow(p, a, before[a], angles[a], h, load, plate)
             plates[a, 0], plates[a, 1], plates[a, 2] = plate
+            rates[a] = (angles[a] - before[a]) / h
         motion = _motion(p, plates[0, 0], plates[0, 1], plates[1, 0], plates[1, 1])
         there = _centre(p, servos)
         going = (there[0] - here[0]) / h, (there[1] - here[1]) / h, (there[2] - here[2]) / h
@@ -193,7 +200,6 @@ def advance_commanded(s, p, history, t, ticks_s, push_x, push_y, held, exposure_
         fallen = fallen or off_plate(p, ball)
         if not looked and exposure_s <= now + h:
             shown, looked = sight(p, now, exposure_s, x, y, motion, ball), True
-    rates = (angles[0] - before[0]) / h, (angles[1] - before[1]) / h
     _keep(s, servos, angles, rates, plates, ball)
     s[SERVO_POSE + 2, 0], s[SERVO_POSE + 2, 1], s[SERVO_POSE + 1, 1] = lifted
     for i in range(7):

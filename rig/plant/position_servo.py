@@ -6,7 +6,7 @@ On its way a command u(t) [rad] meets, in this order,
     the clock        read at the multiples of the servo's period only, held between them,
     dead time        u(t - t_d),
     quantum          round(u/q) q,
-    scale, zero      (1 + s) u + z,
+    scale, zero      (1 + s) u + z, and off by what has no name (`rig.discrepancy`),
     dead band        e = sgn(u - theta) max(|u - theta| - w, 0),
     lag              omega = e/T, which over a step h with constant e is e (1 - exp(-h/T))/h,
     rate limit       |omega| <= Omega, and such that |d omega/dt| <= A still stops it at its target:
@@ -23,6 +23,7 @@ from math import ceil, exp, floor, sqrt
 import numpy as np
 
 from rig.compiled import compiled, inlined
+from rig.discrepancy import servo_discrepancy
 from rig.plant.effect_equations import dead_zone
 from rig.three_arms import arm_angle, solve_pose
 
@@ -131,23 +132,45 @@ def arriving(p, a, told):
     return angle_zero(angle_scale(told, p.angle_scale_fraction[a]), p.angle_zero_offset_rad[a])
 
 
-@compiled
-def targets(p, history, t, now, tick_s, wanted):
-    """Write the angles (SERVOS,) to which the servos are told to go at the time now into `wanted`.
+@inlined
+def arrived(p, a, history, t, now, tick_s):
+    """What has become of the command of axis `a` that reaches its servo at the time now [rad].
 
-    history (n, 2): commands by axis, the one of the tick that began at t first [rad]. Where three
-    arms cannot reach the tilt, `wanted` stays.
+    history (n, 2): commands by axis, the one of the tick that began at t first [rad].
     """
-    rows = history.shape[0]
-    x = history[late_command_row(rows, t - told_at(p, 0, now), tick_s), 0]
-    y = history[late_command_row(rows, t - told_at(p, 1, now), tick_s), 1]
-    aim(p, rounded(p, 0, x), rounded(p, 1, y), wanted)
+    row = late_command_row(history.shape[0], t - told_at(p, a, now), tick_s)
+    return arriving(p, a, rounded(p, a, history[row, a]))
+
+
+@inlined
+def drawn_off(p, a, goal, angle, rate, now, h):
+    """Where axis `a` goes in the next step h [s] that is told to go to `goal` [rad]: there, and off
+    by what has no name.
+
+    That is a function of the time now [s], of the axis's angle [rad] and of the rate at which it
+    would turn without: its own rate would answer itself within the step. rate: over the step before
+    [rad/s].
+    """
+    if not p.unknown.on:
+        return goal
+    band = p.dead_band_rad[a] + p.command_dead_band_half_width_rad[a]
+    omega = next_rate(
+        command_dead_band(goal - angle, band),
+        rate,
+        servo_lag(p.lag_s[a], p.servo_lag_lag_s[a]),
+        rate_limit(p.rate_limit_rad_s[a], p.rate_limit_limit_rad_s[a]),
+        p.acceleration_limit_rad_s2[a],
+        h,
+    )
+    return goal + servo_discrepancy(p.unknown, a, angle, omega, now)
 
 
 @compiled
-def aim(p, told_x, told_y, wanted):
-    """Write the servos' targets (SERVOS,) into `wanted`; told: of `rounded` for both axes [rad]."""
-    x, y = arriving(p, 0, told_x), arriving(p, 1, told_y)
+def aim(p, x, y, wanted):
+    """Write the servos' targets (SERVOS,) into `wanted`; x, y: where the axes are to go [rad].
+
+    Where three arms cannot reach the tilt, `wanted` stays.
+    """
     if p.linkage != THREE_ARMS:
         wanted[0], wanted[1] = x, y
         return

@@ -7,7 +7,7 @@ turns a loop over runs into vector instructions.
 """
 
 from rig.compiled import inlined
-from rig.discrepancy import discrepancy_volts
+from rig.discrepancy import servo_discrepancy
 from rig.plant import effect_equations as equations
 from rig.plant.ball import plate_rates, plate_sines, rolling, velocity
 from rig.plant.own_equations import SERVO, with_own
@@ -55,7 +55,7 @@ def effective_volts(p, a, volts_x, volts_y, theta, omega, t):
     """
     v = delivered(p, a, commanded(p, a, volts_x, volts_y), t)
     if p.unknown.on:
-        v += discrepancy_volts(p.unknown, a, theta, omega, t)
+        v += servo_discrepancy(p.unknown, a, theta, omega, t)
     if p.own.servo:
         v = with_own(p.own, SERVO, a, v, theta, omega, t)
     return cogged(p, a, v, theta)

@@ -3,20 +3,22 @@
 Where nobody measures the angle, the ball is predicted from the servos' answer to the commands by
 the simulator's own equations (`rig.plant.position_servo`), never from the commands themselves: a
 command jumps, the plate does not. Where servos read their angle back, the commands predict the next
-reading (`predict_told_axis`).
+reading (`predict_told_axis`, of three arms `predict_told_arms`).
 """
 
-from math import ceil, exp, sqrt
+from math import ceil, exp, sin, sqrt
 
 import numpy as np
 
-from rig.compiled import compiled
+from rig.compiled import compiled, inlined
 from rig.effects import CATALOGUE
 from rig.plant.position_servo import (
     ANGLE,
+    POSE,
     SERVOS,
     aim,
     arriving,
+    drawn_off,
     move_servos,
     moved_servo,
     rounded,
@@ -25,6 +27,7 @@ from rig.plant.position_servo import (
     table_angles,
     told_at,
 )
+from rig.three_arms import arm_angle
 
 LONGEST_STEP_S = 0.0025  # between two angles: the ball's predictor goes straight between them
 # Where the angle is read, a servo that turns by a count in a millisecond is seen; chosen.
@@ -32,6 +35,7 @@ READ_STEP_S = 0.0005
 # What lies behind the servos: their answer does not depend on it.
 BEHIND = tuple(e.field(p.key) for e in CATALOGUE if e.side != "servo" for p in e.parameters)
 BEHIND += ("joint_1", "joint_2", "camera_height", "unknown", "own")
+SMALL_TILT_RAD = 1e-4  # of a numerical derivative
 KEPT = 4  # answers: of the present model and of what is tried on one servo beside it; chosen
 
 
@@ -71,7 +75,8 @@ def _mean_told(p, a, t, told, begin, h, row):
 def _follow(p, t, told, parts, state, times, angles):
     """Fill times (m,) [s] and angles (m, 2) [rad], m = sum(parts[:-1]) + 1; see `answers`."""
     wanted, at_x, at_y, row = np.zeros(SERVOS), 0, 0, 0
-    aim(p, rounded(p, 0, told[0, 0]), rounded(p, 1, told[0, 1]), wanted)
+    x, y = rounded(p, 0, told[0, 0]), rounded(p, 1, told[0, 1])
+    aim(p, arriving(p, 0, x), arriving(p, 1, y), wanted)
     for i in range(SERVOS):
         state[ANGLE + i] = wanted[i]
     table_angles(p, state, angles[0])
@@ -82,7 +87,7 @@ def _follow(p, t, told, parts, state, times, angles):
             begin = t[k] + i * h
             x, at_x = _mean_told(p, 0, t, told, begin, h, at_x)
             y, at_y = _mean_told(p, 1, t, told, begin, h, at_y)
-            aim(p, x, y, wanted)
+            aim(p, arriving(p, 0, x), arriving(p, 1, y), wanted)
             move_servos(p, wanted, h, state)
             row += 1
             table_angles(p, state, angles[row])
@@ -106,6 +111,27 @@ def answers(p: np.record, t_s: np.ndarray, told_rad: np.ndarray) -> tuple[np.nda
     return times, angles
 
 
+@inlined
+def _spread(cov, reach, decay, process, h):
+    """Covariance (p00, p01, p11) of angle and disturbance after h [s] in which the disturbance has
+    moved the angle by `reach` times itself and decayed; process: white noise [rad/s/sqrt(s)]."""
+    p00, p01, p11 = cov
+    q = process * process * h
+    p00 += 2.0 * reach * p01 + reach * reach * p11 + q * h * h / 3.0
+    p01 = decay * (p01 + reach * p11) + 0.5 * q * h
+    return p00, p01, decay * decay * p11 + q
+
+
+@inlined
+def _read(cov, r):
+    """Standard deviation of an innovation of variance `r` [rad2] beside that of the angle, the
+    gains of angle and disturbance, and the covariance after it."""
+    p00, p01, p11 = cov
+    total = p00 + r
+    g0, g1 = p00 / total, p01 / total
+    return sqrt(total), g0, g1, (p00 - g0 * p00, p01 - g0 * p01, p11 - g1 * p01)
+
+
 @compiled
 def predict_told_axis(p, levels, a, t, told, theta, corrected, tau, out, std):
     """Fill column `a` of `out` and `std` (n, 2) [rad]: innovations of the angle that the servo of
@@ -116,30 +142,107 @@ def predict_told_axis(p, levels, a, t, told, theta, corrected, tau, out, std):
     servo moves on from the filtered angle; to its rate a disturbance is added that decays in tau
     [s], as the speed of a motor does (`rig.prediction.servo`).
     """
-    r = levels.servo_measured[a] ** 2
+    r, process = levels.servo_measured[a] ** 2, levels.servo_process[a]
     angle, rate, more, row = theta[0, a], 0.0, 0.0, 0
-    p00, p01, p11 = r, 0.0, 0.5 * levels.servo_process[a] ** 2 * tau
+    cov = r, 0.0, 0.5 * process * process * tau
     for k in range(t.shape[0] - 1):
         parts = max(int(ceil((t[k + 1] - t[k]) / READ_STEP_S - 1e-9)), 1)
         h = (t[k + 1] - t[k]) / parts
         decay = exp(-h / tau)
-        reach, q = tau * (1.0 - decay), levels.servo_process[a] ** 2 * h
+        reach = tau * (1.0 - decay)
         for i in range(parts):
-            mean, row = _mean_told(p, a, t, told, t[k] + i * h, h, row)
-            angle, rate = moved_servo(p, a, arriving(p, a, mean), angle, rate, h)
+            now = t[k] + i * h
+            mean, row = _mean_told(p, a, t, told, now, h, row)
+            goal = drawn_off(p, a, arriving(p, a, mean), angle, rate, now, h)
+            angle, rate = moved_servo(p, a, goal, angle, rate, h)
             angle, more = angle + reach * more, decay * more
-            p00 += 2.0 * reach * p01 + reach * reach * p11 + q * h * h / 3.0
-            p01 = decay * (p01 + reach * p11) + 0.5 * q * h
-            p11 = decay * decay * p11 + q
+            cov = _spread(cov, reach, decay, process, h)
         if not corrected[k + 1]:
             continue
-        total = p00 + r
-        miss, g0, g1 = theta[k + 1, a] - angle, p00 / total, p01 / total
-        out[k + 1, a], std[k + 1, a] = miss, sqrt(total)
-        angle, more = angle + g0 * miss, more + g1 * miss
-        p11 -= g1 * p01
-        p01 -= g0 * p01
-        p00 -= g0 * p00
+        miss = theta[k + 1, a] - angle
+        std[k + 1, a], g0, g1, cov = _read(cov, r)
+        out[k + 1, a], angle, more = miss, angle + g0 * miss, more + g1 * miss
+
+
+@compiled
+def _hold(p, tilt, state):
+    """Turn the arms in `state` to where they hold the plate at `tilt` (2,) [rad] at its height;
+    they stay where it is out of reach."""
+    size = (p.base_radius, p.plate_radius, p.arm_length, p.rod_length)
+    s_x, s_y = sin(tilt[0]), sin(tilt[1])
+    turned = np.empty(SERVOS)
+    for i in range(SERVOS):
+        turned[i] = arm_angle(i, s_x, s_y, state[POSE + 2], size) - p.level_arm
+    if np.isfinite(turned).all():
+        state[ANGLE : ANGLE + SERVOS] = turned
+        state[POSE], state[POSE + 1] = s_x, s_y
+
+
+@compiled
+def _per_tilt(p, state):
+    """By how much each arm turns for a tilt of x and of y, at level (SERVOS, 2) [1]."""
+    level, ends = state.copy(), np.empty((2, SERVOS))
+    slopes = np.empty((SERVOS, 2))
+    for a in range(2):
+        for end in range(2):
+            tilt = np.zeros(2)
+            tilt[a] = SMALL_TILT_RAD * (2 * end - 1)
+            _hold(p, tilt, level)
+            ends[end] = level[ANGLE : ANGLE + SERVOS]
+        slopes[:, a] = (ends[1] - ends[0]) / (2.0 * SMALL_TILT_RAD)
+    return slopes
+
+
+@compiled
+def predict_told_arms(p, levels, t, told, theta, seen, corrected, tau, state, out, std):
+    """As `predict_told_axis` for the tilts (n, 2) of a plate on three arms, both columns at once.
+
+    seen (2,): axes whose angle was read; of the others the filter knows what was told. tau (2,)
+    [s]; state (SERVOS_STATE,): of arms that hold the plate level, changed in place. An arm is moved
+    by its own equations; the tilt that was read moves all three, at the height that they predict.
+    """
+    wanted, goal, aimed = np.zeros(SERVOS), np.empty(2), np.full(2, np.nan)
+    angles, rates, more, rows = theta[0].copy(), np.zeros(2), np.zeros(2), np.zeros(2, np.int64)
+    cov, slopes = np.zeros((2, 3)), _per_tilt(p, state)
+    decay, reach = np.empty(2), np.empty(2)
+    _hold(p, angles, state)
+    for a in range(2):
+        cov[a, 0] = levels.servo_measured[a] ** 2
+        cov[a, 2] = 0.5 * levels.servo_process[a] ** 2 * tau[a]
+    for k in range(t.shape[0] - 1):
+        parts = max(int(ceil((t[k + 1] - t[k]) / READ_STEP_S - 1e-9)), 1)
+        h = (t[k + 1] - t[k]) / parts
+        for a in range(2):
+            decay[a] = exp(-h / tau[a])
+            reach[a] = tau[a] * (1.0 - decay[a])
+        for i in range(parts):
+            now = t[k] + i * h
+            for a in range(2):
+                mean, rows[a] = _mean_told(p, a, t, told, now, h, rows[a])
+                goal[a] = drawn_off(p, a, arriving(p, a, mean), angles[a], rates[a], now, h)
+            if goal[0] != aimed[0] or goal[1] != aimed[1]:
+                aim(p, goal[0], goal[1], wanted)
+                aimed[:] = goal
+            move_servos(p, wanted, h, state)
+            for a in range(2):
+                for j in range(SERVOS):
+                    state[ANGLE + j] += reach[a] * more[a] * slopes[j, a]
+                more[a] *= decay[a]
+                before = cov[a, 0], cov[a, 1], cov[a, 2]
+                cov[a] = _spread(before, reach[a], decay[a], levels.servo_process[a], h)
+            if p.unknown.on or i == parts - 1:  # what has no name may depend on the tilt
+                rates[:] = angles
+                table_angles(p, state, angles)
+                rates[:] = (angles - rates) / h
+        if not corrected[k + 1]:
+            continue
+        for a in range(2):
+            if not seen[a]:
+                continue
+            miss, before = theta[k + 1, a] - angles[a], (cov[a, 0], cov[a, 1], cov[a, 2])
+            std[k + 1, a], g0, g1, cov[a] = _read(before, levels.servo_measured[a] ** 2)
+            out[k + 1, a], angles[a], more[a] = miss, angles[a] + g0 * miss, more[a] + g1 * miss
+        _hold(p, angles, state)
 
 
 class Answers:

@@ -16,8 +16,9 @@ import numpy as np
 from rig.log import COMMANDS, Log
 from rig.parameters import Rig
 from rig.plant.plant_record import pack
+from rig.plant.position_servo import THREE_ARMS, servos_at_level
 from rig.prediction.ball import LONGEST_GAP_S, look_ahead, predict_ball
-from rig.prediction.commanded import Answers, predict_told_axis
+from rig.prediction.commanded import Answers, predict_told_arms, predict_told_axis
 from rig.prediction.servo import predict_axis
 
 NOISE = np.dtype(
@@ -84,8 +85,8 @@ def signals(log: Log, *, camera_delay_s: float) -> Signals:
 
 
 def read_back(log: Log, known: Signals) -> Signals:
-    """The signals of a log of two rods whose servos take an angle: with the commands for volts,
-    where the log has them and the angles that they led to."""
+    """The signals of a log whose servos take an angle: with the commands for volts, where the log
+    has them and the angles that they led to."""
     if not log.has(*COMMANDS) or known.told_rad is not None:
         return known
     told = np.column_stack([_held(log[name]) for name in COMMANDS])
@@ -167,36 +168,22 @@ def servo_innovations(
     corrected = known.corrected
     if corrected is None:
         corrected = np.ones(len(known.t_s), np.bool_)
-    for a in axes:
-        if not known.has_servo(a):
+    read = known.t_s, known.volts_V, known.theta_rad
+    seen = [known.has_servo(a) for a in (0, 1)]
+    arms = known.commanded and p["linkage"] == THREE_ARMS
+    if arms and any(seen):
+        state, tau = servos_at_level(p), np.array(time_constant_s)
+        predict_told_arms(p, levels, *read, np.array(seen), corrected, tau, state, out, std)
+    for a in (0, 1):
+        if a not in axes:
+            out[:, a] = std[:, a] = np.nan
+        elif not seen[a] or arms:
             continue
-        if known.commanded:
-            predict_told_axis(
-                p,
-                levels,
-                a,
-                known.t_s,
-                known.volts_V,
-                known.theta_rad,
-                corrected,
-                time_constant_s[a],
-                out,
-                std,
-            )
+        elif known.commanded:
+            predict_told_axis(p, levels, a, *read, corrected, time_constant_s[a], out, std)
         else:
-            predict_axis(
-                p,
-                levels,
-                a,
-                known.t_s,
-                known.volts_V,
-                known.theta_rad,
-                corrected,
-                gain_rad_s_V[a],
-                time_constant_s[a],
-                out,
-                std,
-            )
+            motor = gain_rad_s_V[a], time_constant_s[a]
+            predict_axis(p, levels, a, *read, corrected, *motor, out, std)
     return out, std
 
 

@@ -13,8 +13,8 @@ from rig.discrepancy import (
     ZERO_16,
     Discrepancy,
     discrepancy_acceleration,
-    discrepancy_volts,
     pack,
+    servo_discrepancy,
 )
 from rig.parameters import Rig, Servo
 from rig.plant import plant, plant_record
@@ -53,12 +53,12 @@ def test_speed_rhythm_and_segment_act_as_written():
     u = pack(Discrepancy(servo_map_y=(1.0, 0.0, 0.0, 2.0), servo_segment=(0.0, 3.0)))
     z = 0.2 / (pi / 6)
     expected = z + 2 * (8 * z**4 - 8 * z**2 + 1)
-    assert discrepancy_volts(u, 1, 0.2, 0.0, 1.0) == pytest.approx(expected)
+    assert servo_discrepancy(u, 1, 0.2, 0.0, 1.0) == pytest.approx(expected)
 
 
 def test_a_servo_that_turns_further_has_a_wider_map():
     shape = Discrepancy(servo_map_x=(0.0, 0.0, 0.0, 2.0))
-    assert discrepancy_volts(pack(shape, 3.0), 0, 3.0, 0.0, 0.0) == pytest.approx(2.0)
+    assert servo_discrepancy(pack(shape, 3.0), 0, 3.0, 0.0, 0.0) == pytest.approx(2.0)
     wide = replace(Rig(), servo=Servo(angle_limit_rad=3.0), unknown=shape)
     assert plant_record.pack(wide)["unknown"]["servo_angle"] == 3.0
 

@@ -72,7 +72,7 @@ def usable(
     known = _thinned(read_back(log, known) if commanded else known)
     driven = known.has_servo(0), known.has_servo(1)
     theta = np.where(np.isnan(known.theta_rad).all(axis=0), 0.0, known.theta_rad)
-    volts = np.where(np.array(driven), known.volts_V, 0.0)
+    volts = np.where(np.array(driven) | known.commanded, known.volts_V, 0.0)
     seen = ~np.isnan(known.ball_m)
     ball = np.where(seen.any(axis=0), known.ball_m, 0.0)
     kept = np.isfinite(ball).all(axis=1) & seen.any()

@@ -20,7 +20,7 @@ import numpy as np
 from calibration.gap.findings import Interval
 from calibration.gap.model.fit import ParameterFit, differences, inverse_variance, weights
 from calibration.gap.model.parameters import COAST_KEY, Parameter
-from calibration.gap.model.state import State
+from calibration.gap.model.state import State, outputs_of
 from calibration.statistics import student_quantile
 from rig.effects import BY_NAME
 
@@ -127,8 +127,8 @@ def _coupled(state: State) -> bool:
     """True if one parameter moves several outputs, so that they share one covariance."""
     return (
         any(
-            effect.axes == ("xy",) and effect.side == "servo"
-            for effect in (state.nominal.catalogue[name] for name, _ in state.named)
+            len(outputs_of(state.nominal.catalogue[name], (axis,))) > 1
+            for name, axis in state.named
         )
         or state.nominal.load_friction
     )

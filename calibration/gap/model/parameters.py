@@ -17,7 +17,7 @@ from calibration.gap.decision_rule import (
     MIN_EFFECT_SIZE,
     MIN_TOLERANCE_RATIO,
 )
-from calibration.gap.model.seen_effects import TOLD_TWINS, effects_in, in_ball
+from calibration.gap.model.seen_effects import IN_BOTH, TOLD_TWINS, effects_in, in_ball
 from rig.discrepancy import Discrepancy
 from rig.discrepancy import pack as pack_unknown
 from rig.effects import Effect, values
@@ -70,7 +70,7 @@ class Parameter:
     for both); `nominal`: its value in the rig file; `tolerance`: half width of what a rig without
     faults may have; `lower`, `upper`: the range of the effect; `step`: of its difference quotients;
     `loads`: True where the friction of arm and joints loads the motors; `in_ball`: the effect shows
-    in the ball (`in_ball`).
+    in the ball (`in_ball`); `in_both`: its parameters of either axis show in both servos' outputs.
     """
 
     effect: str
@@ -83,6 +83,7 @@ class Parameter:
     step: float
     loads: bool = False
     in_ball: bool = False
+    in_both: bool = False
 
     @property
     def name(self) -> str:
@@ -97,7 +98,7 @@ class Parameter:
             return (f"servo_{self.axis}", BALL)
         if self.in_ball:
             return (BALL,)
-        return SERVO if self.axis == "xy" else (f"servo_{self.axis}",)
+        return SERVO if self.in_both or self.axis == "xy" else (f"servo_{self.axis}",)
 
     @property
     def box(self) -> tuple[float, float]:
@@ -227,10 +228,8 @@ class NominalModel:
             low = SLOWEST_STRIBECK_RAD_S
         step = OWN_STEPS.get(f"{effect.name}.{key}", STEPS[key])
         nominal = self._nominal(effect.name, key, 1 if axis == "y" else 0)
-        loads, seen = self.load_friction, in_ball(effect)
-        return Parameter(
-            effect.name, key, axis, nominal, tolerance, low, high, step, loads, in_ball=seen
-        )
+        shown = self.load_friction, in_ball(effect), effect.side == IN_BOTH
+        return Parameter(effect.name, key, axis, nominal, tolerance, low, high, step, *shown)
 
     def _nominal(self, name: str, key: str, a: int) -> float:
         if name in PERIODIC and key != "periods_per_turn":

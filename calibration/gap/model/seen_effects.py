@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from rig.effects import ANGLES, Effect, effects_of
-from rig.linkage import RODS
+from rig.linkage import THREE_ARMS
 from rig.parameters import Rig
 
 # Where servos take an angle that nobody measures, these make the same data as others do, whatever
@@ -15,26 +15,29 @@ TOLD_TWINS = {
 }
 
 
+# Each of three arms follows its command with the values of both axes in its own shares, so that
+# these, on either axis, show in both tilts; what befalls the command itself stays on its axis.
+IN_BOTH = "servos"  # the side of such an effect
+OF_EACH_ARM = ("servo_lag", "rate_limit", "command_dead_band")
+
+
 def in_ball(effect: Effect) -> bool:
     """Whether the ball shows the effect (of `effects_in`), not what the servo's encoder reads."""
-    return effect.side != "servo"
-
-
-def has_commanded_servos(rig: Rig) -> bool:
-    """Whether servos' outputs are angles by commands: of three arms no servo has the tilt's."""
-    return rig.servo.takes_angle and rig.linkage.kind == RODS
+    return effect.side not in ("servo", IN_BOTH)
 
 
 def effects_in(rig: Rig) -> tuple[Effect, ...]:
     """The effects of the rig's catalogue that its logs can tell apart (see TOLD_TWINS), each on the
-    side on which they show it: the ball alone shows those of servos whose angle nobody measures.
-    Three arms that read their angles back show theirs in no output yet."""
+    side on which they show it: the ball alone shows those of servos whose angle nobody measures, of
+    three arms that read it back both axes show those of each arm (IN_BOTH)."""
     known = effects_of(rig.servo.kind, rig.catalogue.values())
     twins = {twin for names in TOLD_TWINS.values() for twin in names}
-    if not rig.servo.takes_angle:
-        return known
-    if rig.servo.has_angle:
-        return tuple(e for e in known if e.servos != ANGLES or has_commanded_servos(rig))
-    return tuple(
-        replace(e, side="ball") if e.servos == ANGLES else e for e in known if e.name not in twins
-    )
+    if rig.servo.takes_angle and not rig.servo.has_angle:
+        return tuple(
+            replace(e, side="ball") if e.servos == ANGLES else e
+            for e in known
+            if e.name not in twins
+        )
+    if rig.servo.takes_angle and rig.linkage.kind == THREE_ARMS:
+        return tuple(replace(e, side=IN_BOTH) if e.name in OF_EACH_ARM else e for e in known)
+    return known

@@ -21,7 +21,7 @@ from calibration.gap.model.parameters import (
     Parameter,
     released,
 )
-from calibration.gap.model.seen_effects import in_ball
+from calibration.gap.model.seen_effects import IN_BOTH, in_ball
 from rig.effects import Effect
 
 RESTART_RATIO = 1.7  # of K or tau to its nominal: beyond, other starts are tried, too; chosen
@@ -68,10 +68,12 @@ class State:
 
 def outputs_of(effect: Effect, axes: Iterable[str]) -> tuple[str, ...]:
     """The outputs in which an effect on these axes is looked for: "ball", or the servos' of the
-    axes."""
+    axes, or both of them."""
     if in_ball(effect):
         return (BALL,)
-    return SERVO if "xy" in axes else tuple(f"servo_{axis}" for axis in axes)
+    if effect.side == IN_BOTH or "xy" in axes:
+        return SERVO
+    return tuple(f"servo_{axis}" for axis in axes)
 
 
 def refit(

@@ -17,7 +17,7 @@ from calibration.gap.model.parameters import (
     SERVO,
     NominalModel,
 )
-from calibration.gap.model.seen_effects import TOLD_TWINS
+from calibration.gap.model.seen_effects import TOLD_TWINS, in_ball
 from calibration.gap.model.state import State, outputs_of
 from calibration.gap.name.candidates import largest_volts
 from calibration.gap.name.decide import Decision
@@ -192,7 +192,7 @@ def untestable(state: State, screened: list[Screened] | None) -> tuple[Untestabl
         if size is None:
             given = "commands" if state.nominal.rig.servo.takes_angle else "volts"
             servo = f"{given} and angles of a servo that moves"
-            channel = servo if effect.side == "servo" else "the ball"
+            channel = "the ball" if in_ball(effect) else servo
             found.append(Untestable(effect.name, f"the log lacks {channel}", {}))
         elif effect.name == "saturation":
             servos = [p[-1] for p in state.evidence.outputs if p != BALL]

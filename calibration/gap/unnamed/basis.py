@@ -1,13 +1,14 @@
 """What no name explains: an unnamed term on a fixed basis, fitted to the residuals.
 
 Families (`rig.discrepancy`), each linear in its k coefficients c: a map (force over the plate,
-volts over the servo's angle), a dependence on speed, one rhythm, one segment of time, a force that
-turns with the ball. A periodogram proposes the frequency, a matched filter the window. With the
-other parameters free within their tolerance boxes, the score is
+volts over the servo's angle, or the angle by which it is drawn off where it takes one), a
+dependence on speed, one rhythm, one segment of time, a force that turns with the ball. A
+periodogram proposes the frequency, a matched filter the window. With the other parameters free
+within their tolerance boxes, the score is
 
     S = G - PENALTY_PER_PARAMETER k - (SEARCH_PENALTY where a frequency or a window was searched)
 
-and 0 gain where the term's RMS along the recorded motion is below MIN_FELT.
+and 0 gain where the term's RMS along the recorded motion is below what counts (`_least_felt`).
 """
 
 from collections.abc import Iterator
@@ -28,12 +29,13 @@ from calibration.gap.model.fit import (
 )
 from calibration.gap.model.parameters import BALL, SERVO
 from calibration.gap.model.state import State
-from rig.discrepancy import Discrepancy, discrepancy_acceleration, discrepancy_volts, pack
+from rig.discrepancy import Discrepancy, discrepancy_acceleration, pack, servo_discrepancy
 
 WINDOWS_S = (0.3, 0.6, 1.2, 2.5, 5.0, 10.0)
 ORDERS = (1, 2, 3)  # of a map over the plate
 SMOOTHING_SAMPLES = 15  # of a servo's speed: encoder counts are steps
-UNIT = {"ball": 0.02, "servo": 0.02}  # m/s2 and V: size of the trial coefficients
+# Size of the trial coefficients: of a ball [m/s2], a servo that takes volts [V], or an angle [rad].
+UNIT_BALL, UNIT_VOLTS, UNIT_ANGLE = 0.02, 0.02, 0.002
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +75,6 @@ def unnamed_terms(state: State) -> list[UnnamedTerm]:
 
 def _terms_of(state: State, output: str) -> Iterator[UnnamedTerm]:
     side = "ball" if output == BALL else "servo"
-    if side == "servo" and state.nominal.rig.servo.takes_angle:
-        return  # the terms of a servo are volts
     axes = "xy" if output == BALL else output[-1]
     nuisance = _nuisance(state, output)
     for order in ORDERS if side == "ball" else (4,):
@@ -82,7 +82,7 @@ def _terms_of(state: State, output: str) -> Iterator[UnnamedTerm]:
         places = places if side == "ball" else list(range(4))
         units = [(f"{side}_map_{a}", i) for a in axes for i in places]
         yield _fitted(state, output, "map", units, nuisance, {})
-    # On a servo the term proportional to speed is K and tau: it is left out.
+    # On a servo the term proportional to speed is K and tau, or the lag: it is left out.
     units = [(f"{side}_speed_{a}", i) for a in axes for i in range(4) if output == BALL or i != 1]
     yield _fitted(state, output, "speed", units, nuisance, {})
     units = [(f"{side}_rhythm_{a}", i) for a in axes for i in range(2)]
@@ -132,7 +132,7 @@ def _fitted(
     searched: float = 0.0,
 ) -> UnnamedTerm:
     """Fit a family linearly beside the free parameters; its gain is what it adds to theirs."""
-    unit = UNIT["ball" if output == BALL else "servo"]
+    unit = _unit(state, output)
     base, nominal = state.fit.rolls[output], state.nominal
     have = nominal.rig.unknown
     eye = np.eye(len(units)) * unit
@@ -152,15 +152,32 @@ def _fitted(
     gain += float(0.5 * alone @ a[:-k, :-k] @ alone + b[:-k] @ alone)
     unknown = _term(units, step[-k:], fixed, have)
     felt = float(np.sqrt(np.mean(np.square(_felt(state, output, unknown)))))
-    least = MIN_FELT["ball" if output == BALL else "servo"]
-    if felt < least + (state.nominal.friction_slack_V if output != BALL else 0.0):
+    if felt < _least_felt(state, output):
         gain = 0.0
     new = replace(state, nominal=nominal.with_unknown(unknown))
     return UnnamedTerm(output, kind, gain - PENALTY_PER_PARAMETER * k - searched, unknown, new)
 
 
+def _unit(state: State, output: str) -> float:
+    """The size of the trial coefficients of an output [m/s2, V or rad]."""
+    if output == BALL:
+        return UNIT_BALL
+    return UNIT_ANGLE if state.nominal.rig.servo.takes_angle else UNIT_VOLTS
+
+
+def _least_felt(state: State, output: str) -> float:
+    """The smallest RMS of an unnamed term that counts [m/s2, V or rad]. Of an angle it is as far as
+    a well-kept servo may stop short of its command."""
+    if output == BALL:
+        return MIN_FELT["ball"]
+    nominal = state.nominal
+    if nominal.rig.servo.takes_angle:
+        return nominal.tolerance("command_dead_band", output[-1])
+    return MIN_FELT["servo"] + nominal.friction_slack_V
+
+
 def _felt(state: State, output: str, unknown: Discrepancy) -> np.ndarray:
-    """The unnamed term along the recorded motion [V or m/s2], (n,)."""
+    """The unnamed term along the recorded motion [m/s2, V or rad], (n,)."""
     rig = state.nominal.rig
     u, half = pack(unknown, rig.servo.angle_limit_rad), rig.linkage.plate_side_m / 2
     values: list[float] = []
@@ -180,7 +197,7 @@ def _felt(state: State, output: str, unknown: Discrepancy) -> np.ndarray:
                 omega, np.ones(SMOOTHING_SAMPLES) / SMOOTHING_SAMPLES, "same"
             )  # counts are steps
             values += [
-                discrepancy_volts(u, a, run.theta_rad[i, a], omega[i], run.t_s[i])
+                servo_discrepancy(u, a, run.theta_rad[i, a], omega[i], run.t_s[i])
                 for i in range(0, len(run.t_s), 20)
             ]
     return np.array(values)
@@ -245,7 +262,8 @@ def _response(
     begin = float(t[0]) + 1.0
     fixed = {f"{side}_segment_s": (begin, begin + length)}
     axis = 0 if output == BALL else SERVO.index(output)
-    unknown = _term([(f"{side}_segment", axis)], np.array([UNIT[side]]), fixed, Discrepancy())
+    push = np.array([_unit(state, output)])
+    unknown = _term([(f"{side}_segment", axis)], push, fixed, Discrepancy())
     model = state.nominal.with_unknown(unknown).model(state.fit.setting)
     z = evidence.roll(model, output).z - state.fit.z(output)
     z = z.reshape(-1, stride)[first, 0]
@@ -283,7 +301,7 @@ def turning(state: State, nuisance: tuple) -> UnnamedTerm:
             column = np.zeros((total, 2))
             for a in range(2):
                 answer = np.convolve(turned[:, a, j], kernel if kernel is not None else [0.0])
-                column[begin : begin + n, a] = answer[:n] / (3 * UNIT["ball"])
+                column[begin : begin + n, a] = answer[:n] / (3 * UNIT_BALL)
             found.append(column.ravel())
         begin += n
     k = len(found)
@@ -294,7 +312,7 @@ def turning(state: State, nuisance: tuple) -> UnnamedTerm:
         np.append(side, np.full(k, s * np.inf))
         for side, s in zip(nuisance[1:3], (-1, 1), strict=True)
     )
-    step = bounded_step(a, b, low, high, np.append(nuisance[3], np.full(k, UNIT["ball"])))
+    step = bounded_step(a, b, low, high, np.append(nuisance[3], np.full(k, UNIT_BALL)))
     gain = -float(0.5 * step @ a @ step + b @ step)
     if np.linalg.norm(step[-k:]) / k**0.5 < MIN_FELT["ball"]:
         gain = 0.0

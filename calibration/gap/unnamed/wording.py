@@ -1,6 +1,7 @@
 """An unnamed term in plain words, and as a formula."""
 
 from collections.abc import Callable
+from math import degrees
 
 import numpy as np
 
@@ -8,23 +9,37 @@ from calibration.gap.model.parameters import BALL
 from calibration.gap.unnamed.basis import UnnamedTerm
 from rig.discrepancy import Discrepancy
 
+# Of what a term is made, in words, its unit there and how many of them an SI unit is.
+QUANTITIES = {
+    "a": ("a force", "m/s2", 1.0),
+    "V": ("a voltage", "V", 1.0),
+    "d": ("an angle beside the command", "degrees", degrees(1.0)),
+}
+
+
+def _quantity(term: UnnamedTerm) -> str:
+    """The letter of a term in a formula: acceleration, volts or an angle."""
+    if term.output == BALL:
+        return "a"
+    return "d" if term.state.nominal.rig.servo.takes_angle else "V"
+
 
 def describe(term: UnnamedTerm) -> str:
     """The term's kind and size in plain words, for the report."""
     u, side = term.unknown, "ball" if term.output == BALL else "servo"
-    unit = "m/s2" if side == "ball" else "V"
+    word, unit, scale = QUANTITIES[_quantity(term)]
     words: dict[str, Callable[[], str]] = {
         "map": lambda: _map_words(term),
-        "speed": lambda: f"a {'force' if side == 'ball' else 'voltage'} that depends on speed",
+        "speed": lambda: f"{word} that depends on speed",
         "rhythm": lambda: (
             f"a rhythm of {getattr(u, f'{side}_rhythm_hz'):.2f} Hz, "
-            f"{_largest(u, side, 'rhythm'):.2g} {unit}"
+            f"{scale * _largest(u, side, 'rhythm'):.2g} {unit}"
         ),
         "turning": lambda: "a force that turns with the ball, as of one that is heavier on a side",
         "segment": lambda: (
             f"from {getattr(u, f'{side}_segment_s')[0]:.1f} to "
             f"{getattr(u, f'{side}_segment_s')[1]:.1f} s only, "
-            f"{max(abs(v) for v in getattr(u, f'{side}_segment')):.2g} {unit}"
+            f"{scale * max(abs(v) for v in getattr(u, f'{side}_segment')):.2g} {unit}"
         ),
     }
     return words[term.kind]()
@@ -35,9 +50,12 @@ def _largest(u: Discrepancy, side: str, kind: str) -> float:
 
 
 def _map_words(term: UnnamedTerm) -> str:
-    if term.output != BALL:
-        return f"volts on {term.output[-1]} that depend on the servo's angle"
-    return "a force that depends on the place on the plate"
+    quantity, axis = _quantity(term), term.output[-1]
+    if quantity == "a":
+        return "a force that depends on the place on the plate"
+    if quantity == "d":
+        return f"an angle beside the command of {axis} that depends on the servo's angle"
+    return f"volts on {axis} that depend on the servo's angle"
 
 
 SPARSE = 0.15  # of the largest coefficient: smaller ones are left out of a formula
@@ -51,8 +69,9 @@ def formula(term: UnnamedTerm) -> str | None:
     """The largest coefficients of the unnamed term as a formula, axis by axis; None where all are
     0.
 
-    Ball [m/s2]: x, y over half the plate's side, v its speed [m/s]. Servo [V]: q its angle over the
-    servo's limit, w its speed [rad/s]. T2, T3 ...: Chebyshev polynomials; t: the run's time [s].
+    Ball, a [m/s2]: x, y over half the plate's side, v its speed [m/s]. Servo, V [V], or where it
+    takes an angle, d [rad]: q its angle over the servo's limit, w its speed [rad/s]. T2, T3 ...:
+    Chebyshev polynomials; t: the run's time [s].
     """
     side = "ball" if term.output == BALL else "servo"
     axes = "xy" if term.output == BALL else term.output[-1]
@@ -62,7 +81,7 @@ def formula(term: UnnamedTerm) -> str | None:
         largest = max((abs(c) for c, _ in terms), default=0.0)
         kept = [f"{c:+.2g} {w}".strip() for c, w in terms if abs(c) >= SPARSE * largest]
         if kept:
-            told.append(f"{'a' if side == 'ball' else 'V'}_{axis} = {' '.join(kept)}")
+            told.append(f"{_quantity(term)}_{axis} = {' '.join(kept)}")
     return "; ".join(told) or None
 
 

@@ -51,6 +51,16 @@ def test_a_long_rod_tilts_by_the_ratio_of_arm_and_lever():
     assert servos.rod_gap(short, 0.3, 0.02, 0.1, 0.05) == pytest.approx(0.0, abs=1e-15)
 
 
+def test_a_servo_is_drawn_off_by_what_acts_on_it():
+    none = {name: np.zeros(2) for name in servos.Servos._fields}
+    sprung = servos.Servos(**none | {"pull_rad": np.array([0.0, 0.02])})
+    assert servos.drawn_off(sprung, 0, 0.3, 1.0) == 0.0
+    assert servos.drawn_off(sprung, 1, 0.3, 1.0) == pytest.approx(0.02 * sin(4.0 * 0.3))
+    held = servos.Servos(**none | {"cable_1": np.array([0.2, 0.0])})
+    assert servos.drawn_off(held, 0, 0.3, 1.0) == pytest.approx(-0.2 * 0.25)
+    assert servos.drawn_off(held, 0, -0.3, 1.0) == 0.0
+
+
 @pytest.mark.slow  # the solvers are compiled for half a minute
 def test_three_arms_hold_the_tilt_that_they_are_set_for():
     frame = commanded.ARMS
@@ -58,12 +68,12 @@ def test_three_arms_hold_the_tilt_that_they_are_set_for():
     unknown, pose = np.zeros(9), np.zeros(6)
     unknown[5] = pose[5] = frame.height_m
     unknown[6:] = level
-    servos.hold(np.array([0.08, -0.05]), unknown, frame)
-    servos.pose_of(unknown[6:].copy(), pose, frame)
+    servos.solve(unknown, np.array([0.08, -0.05]), frame)
+    servos.solve(pose, unknown[6:].copy(), frame)
     assert servos.fallen_axes(pose) == pytest.approx((0.08, -0.05), abs=1e-9)
     assert pose[5] == pytest.approx(frame.height_m)
     # Without an x tilt the arm on the x axis keeps its height but for the plate's own shift.
-    servos.hold(np.array([0.0, 0.05]), unknown, frame)
+    servos.solve(unknown, np.array([0.0, 0.05]), frame)
     assert unknown[6] == pytest.approx(level, abs=1e-3)
     assert unknown[7] < level < unknown[8]
 
@@ -87,5 +97,37 @@ def test_a_zero_between_command_and_measured_angle_is_no_tilt_of_the_plate(tmp_p
 
 
 @pytest.mark.slow
+def test_a_servo_that_swings_about_its_command_has_a_rhythm_without_a_name(tmp_path):
+    found = said_of("swaying_bus_servo", 4100, tmp_path)
+    assert found.verdict == "unknown-effect"
+    assert found.unknown.channel == "servo_y"
+    rhythm, size = found.unknown.shape.split(", ")
+    assert rhythm == "a rhythm of 1.70 Hz"
+    assert float(size.removesuffix(" degrees")) == pytest.approx(0.3, rel=0.1)
+
+
+@pytest.mark.slow
+def test_a_cable_on_one_side_of_a_servo_is_no_scale_of_its_angle(tmp_path):
+    found = said_of("cable_bus_servo", 4100, tmp_path)
+    assert found.verdict == "unknown-effect"
+    assert "an angle beside the command of x" in found.unknown.shape
+
+
+@pytest.mark.slow
 def test_servos_that_read_their_angle_back_and_lack_nothing(tmp_path):
     assert said_of("healthy_bus_servos", 4100, tmp_path).verdict == "nothing-missing"
+
+
+@pytest.mark.slow
+def test_three_arms_that_read_their_angles_back_and_lack_nothing(tmp_path):
+    assert said_of("healthy_bus_arms", 4100, tmp_path).verdict == "nothing-missing"
+
+
+@pytest.mark.slow
+def test_one_of_three_arms_that_turns_too_far_is_a_scale_of_the_axis_on_which_it_stands(tmp_path):
+    found = said_of("far_bus_arm", 4100, tmp_path)
+    assert found.verdict == "named"
+    assert [one.name for one in found.effects] == ["angle_scale"]
+    assert found.effects[0].twins == ("encoder_scale",)
+    (size,) = found.effects[0].parameters["x"].values()
+    assert size.value == pytest.approx(0.06, abs=0.01)  # tolerance: each arm's own half per cent

@@ -1,6 +1,7 @@
 """Logs of commanded angles: the ball from the servos' answer, by the simulator's own equations."""
 
 from dataclasses import replace
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from experiments.runs.assemble import known, load_rig
 from rig.course import Course
+from rig.discrepancy import Discrepancy
 from rig.effects import ANGLES, effects_of
 from rig.log import Log
 from rig.parameters import Rig, Servo
@@ -19,6 +21,7 @@ from rig.prediction.innovations import (
     predict,
     read_back,
     servo_ahead,
+    servo_innovations,
     signals,
 )
 from rig.simulation.simulate import draw, simulate
@@ -58,6 +61,7 @@ def test_true_parameters_leave_next_to_nothing_and_the_command_is_not_the_angle(
     assert np.sqrt(np.nanmean(wrong[10:] ** 2, axis=0)).min() > 20 * most_m / 2
 
 
+OF_EACH_ARM = ("servo_lag", "rate_limit", "command_dead_band")
 OWN = [e.name for e in effects_of("position") if e.servos == ANGLES]
 
 
@@ -159,17 +163,66 @@ def read_errors_rad(rig: Rig, log: Log) -> np.ndarray:
     return np.sqrt(np.nanmean([found**2 for found, _ in errors], axis=1))
 
 
+def finely_read(name: str) -> Rig:
+    """A shipped rig with servos of 30 ms at least, whose angles are read to 16 microradians."""
+    rig = shipped(name)
+    late = {"lag_s": max(rig.servo.lag_s, 0.03), "acceleration_limit_rad_s2": inf}
+    fine = {"quantum_rad": 0.0, "encoder_counts_per_rev": 400_000, "angle_measured": True}
+    return replace(rig, servo=replace(rig.servo, **late, **fine))
+
+
+READ = [("bus-servos", False), ("three-arms", True)]
+
+
+@pytest.mark.parametrize(("table", "arms"), READ)
 @pytest.mark.parametrize("name", OWN)
-def test_the_angle_that_is_read_back_is_the_simulators(name):
-    rig = shipped("bus-servos")
-    fine = replace(rig.servo, quantum_rad=0.0, encoder_counts_per_rev=400_000)
-    rig = replace(rig, servo=fine)
+def test_the_angle_that_is_read_back_is_the_simulators(table, arms, name):
+    """On three arms what each arm does shows in both tilts, what befalls a command in its own."""
+    rig = finely_read(table)
     with_it = replace(rig, effects={name: {"x": VISIBLE[name]}})
+    log = log_of(with_it, 5)
+    right, missing = read_errors_rad(with_it, log), read_errors_rad(rig, log)
+    assert right.max() < (2e-5 if arms else 1e-3)
+    assert missing[0] > 4 * right[0]
+    if not arms:
+        assert missing[1] == pytest.approx(right[1])
+    else:
+        assert missing[1] > 20 * right[1] or name not in OF_EACH_ARM
+
+
+UNNAMED = {
+    "map": Discrepancy(servo_map_x=(0.0, 0.02, 0.02, 0.0)),
+    "speed": Discrepancy(servo_speed_x=(0.02, 0.0, 0.0, 0.0)),
+    "rhythm": Discrepancy(servo_rhythm_x=(0.01, 0.01), servo_rhythm_hz=1.3),
+    "segment": Discrepancy(servo_segment=(0.03, 0.0), servo_segment_s=(2.0, 2.5)),
+}
+
+
+@pytest.mark.parametrize(("table", "arms"), READ)
+@pytest.mark.parametrize("kind", UNNAMED)
+def test_an_angle_beside_the_command_without_a_name_is_the_simulators(table, arms, kind):
+    rig = finely_read(table)
+    with_it = replace(rig, unknown=UNNAMED[kind])
     log = log_of(with_it, 5)
     right, missing = read_errors_rad(with_it, log), read_errors_rad(rig, log)
     assert right.max() < 1e-3
     assert missing[0] > 4 * right[0]
-    assert missing[1] == pytest.approx(right[1])
+    assert missing[1] == pytest.approx(right[1]) or arms
+
+
+def test_a_tilt_of_three_arms_that_nobody_read_follows_from_its_commands():
+    rig = finely_read("three-arms")
+    log = log_of(rig, 2)
+    both = read_back(log, signals(log, camera_delay_s=0.0))
+    one = replace(both, driven=(True, False))
+    p, levels = pack(rig), noise(servo_process=0.05, servo_measured=1e-5)
+    out, std = servo_innovations(p, one, levels, (1, 1), (0.025, 0.025))
+    assert np.isnan(out[:, 1]).all()
+    assert np.isnan(std[:, 1]).all()
+    assert np.abs(out[1:, 0]).max() < 1e-3
+    alone, _ = servo_innovations(p, both, levels, (1, 1), (0.025, 0.025), (1,))
+    assert np.isnan(alone[:, 0]).all()
+    assert np.isfinite(alone[1:, 1]).all()
 
 
 def test_commands_that_led_to_no_angle_or_to_no_commands_are_no_servo_output():

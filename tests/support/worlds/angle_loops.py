@@ -8,12 +8,12 @@ from numba import njit
 from tests.support.worlds.angle_servos import (
     answer,
     behind_play,
+    drawn_off,
     driven,
     fallen_axes,
-    hold,
     load_nm,
-    pose_of,
     rod_tilt,
+    solve,
 )
 from tests.support.worlds.loops import look, wanted_angle
 from tests.support.worlds.plant import STEP_s, ball_step
@@ -36,24 +36,33 @@ def nearest(angle, quantum):
 
 
 @njit(cache=True)
-def aims(told_x, told_y, s, f, unknown, level, goals):
-    """Where the servos (2, or 3 arms) are told to go, after scale, zero and their own steps."""
-    for i in range(2):
-        q = 0.0 if f.three else s.quantum_rad[i]
-        angle = nearest(told_x if i == 0 else told_y, q)
-        goals[i] = (1.0 + s.scale[i]) * angle + s.zero_rad[i]
+def aim(i, told, s, f, unknown, level):
+    """Where servo i is told to go, after its own steps, scale and zero; told (2,): by axis."""
+    angle = told[min(i, 1)]
     if f.three:
-        hold(goals[:2].copy(), unknown, f)
-        for i in range(3):
-            goals[i] = nearest(unknown[6 + i] - level, s.quantum_rad[0])
+        solve(unknown, told, f)
+        angle = unknown[6 + i] - level
+    return (1.0 + s.scale[i]) * nearest(angle, s.quantum_rad) + s.zero_rad[i]
+
+
+@njit(cache=True)
+def read_back(arms, s, f, level, pose, theta):
+    """Write the angles that the servos read (2,) into `theta`: of three arms the tilt that they
+    hold, each to its own steps."""
+    counted = np.array([nearest(angle, s.quantum_rad) for angle in arms])
+    if f.three:
+        solve(pose, counted + level, f)
+        theta[0], theta[1] = fallen_axes(pose)
+    else:
+        theta[0], theta[1] = counted[0], counted[1]
 
 
 @njit(cache=True)
 def run_commanded(b, mass_kg, s, f, level, loop, targets, push, noise):
     """Columns command_x, command_y, theta_x, theta_y, ball_x, ball_y a row.
 
-    theta: the servo's angle (of three arms the tilt that they hold) at the row; the ball is
-    `loop.delay_s` old; `level`: angle of an arm under a level plate.
+    theta: of `read_back`; the ball is `loop.delay_s` old; `level`: angle of an arm under a level
+    plate.
     """
     rows = len(targets)
     inner = round(1.0 / (loop.rows_hz * STEP_s))
@@ -62,44 +71,39 @@ def run_commanded(b, mass_kg, s, f, level, loop, targets, push, noise):
     path, log, told = np.zeros((rows * inner + 1, 2)), np.zeros((rows, 6)), np.zeros((rows, 2))
     memory, ball, heavy = np.zeros((2, 3)), np.zeros(6), np.array([0.0, 0.0, -1.0])
     arms, goals, theta, plate = np.zeros(3), np.zeros(3), np.zeros(2), np.zeros(2)
-    phi, rate, old, aim, way = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
+    phi, rate, old, way, read = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
     unknown, pose, rates = np.zeros(9), np.zeros(6), np.zeros(3)
     unknown[5] = pose[5] = f.height_m
     unknown[6:] = level
-    last = np.full(2, np.nan)
+    last = np.full((3, 2), np.nan)
     slope = 1.0 if f.three else f.arm_m / f.lever_m.mean()
     for row in range(rows):
         seen = look(path[max(row * inner - late, 0)], noise[row], loop)
+        read_back(arms, s, f, level, pose, read)
         for i in range(2):
             told[row, i] = wanted_angle(
                 memory[i], targets[row, i], seen[i], 1.0 / loop.rows_hz, loop
             )
-            log[row, i], log[row, 2 + i], log[row, 4 + i] = told[row, i], theta[i], seen[i]
+            log[row, i], log[row, 2 + i], log[row, 4 + i] = told[row, i], read[i], seen[i]
         for k in range(inner):
             now = (row * inner + k) * h
             if k % EACH == 0:
                 span = h * min(EACH, inner - k)
-                for i in range(2):
-                    aim[i] = heard(told, now - s.dead_time_s[i], row, loop.rows_hz, s.period_s)[i]
-                if aim[0] != last[0] or aim[1] != last[1]:
-                    aims(aim[0], aim[1], s, f, unknown, level, goals)
-                    last[:] = aim
                 for i in range(servos):
-                    j = min(i, 1)
-                    lag, most, band, motor = (
-                        s.lag_s[j],
-                        s.rate_rad_s[j],
-                        s.band_rad[j],
-                        s.motor_s[j],
-                    )
-                    if motor > 0.0:
+                    command = heard(told, now - s.dead_time_s[i], row, loop.rows_hz, s.period_s)
+                    if command[0] != last[i, 0] or command[1] != last[i, 1]:
+                        goals[i] = aim(i, command, s, f, unknown, level)
+                        last[i] = command
+                    goal = goals[i] + drawn_off(s, i, arms[i], now)
+                    lag, most, band = s.lag_s[i], s.rate_rad_s[i], s.band_rad[i]
+                    if s.motor_s[i] > 0.0:
                         arms[i], rates[i] = driven(
-                            arms[i], rates[i], goals[i], lag, most, band, motor, span
+                            arms[i], rates[i], goal, lag, most, band, s.motor_s[i], span
                         )
                     else:
-                        arms[i] = answer(arms[i], goals[i], lag, most, band, span)
+                        arms[i] = answer(arms[i], goal, lag, most, band, span)
                 if f.three:
-                    pose_of(arms + level, pose, f)
+                    solve(pose, arms + level, f)
                     theta[0], theta[1] = fallen_axes(pose)
                 else:
                     theta[0], theta[1] = arms[0], arms[1]

@@ -13,20 +13,27 @@ from numba import njit
 from tests.support.worlds.plant import G_m_s2
 
 DIFFERENCE = 1e-6  # of a numerical derivative
+PULL_TURNS, TAUT_RAD, SWAY_HZ = 4.0, 0.05, 1.7
 
 
 class Servos(NamedTuple):
-    """Servos of the axes x and y, entries of shape (2,) but for the period."""
+    """Two servos of the axes x and y, or those of three arms: entries of shape (2,) or (3,) but for
+    the play (2,) of the axes and for numbers that all of them share."""
 
     lag_s: np.ndarray
     dead_time_s: np.ndarray
     rate_rad_s: np.ndarray
     band_rad: np.ndarray  # half width: so far off its command it does nothing
-    quantum_rad: np.ndarray
     scale: np.ndarray  # it goes to (1 + scale) command + zero
     zero_rad: np.ndarray
-    play_rad: np.ndarray  # full width, behind the servo
     motor_s: np.ndarray  # in which a motor takes up the rate that is wanted of it; 0: at once
+    pull_rad: np.ndarray  # a spring on a gear draws it off by pull sin(PULL_TURNS angle)
+    cable_1: (
+        np.ndarray
+    )  # a cable that is taut beyond TAUT_RAD draws it back by this share of the way
+    sway_rad: np.ndarray  # and it swings about its command at SWAY_HZ
+    play_rad: np.ndarray  # full width, behind the servo
+    quantum_rad: float  # of commands, and of readings
     friction_nm: float  # holds the plate within the play
     period_s: float  # between two pulses; 0: it listens all the time
 
@@ -75,6 +82,14 @@ def driven(angle, rate, goal, lag_s, rate_rad_s, band_rad, motor_s, h):
 
 
 @njit(cache=True)
+def drawn_off(s, i, angle, now):
+    """By how much servo i is drawn off the angle that it is told [rad]."""
+    pull = s.pull_rad[i] * math.sin(PULL_TURNS * angle)
+    pull -= s.cable_1[i] * max(angle - TAUT_RAD, 0.0)
+    return pull + s.sway_rad[i] * math.sin(2.0 * math.pi * SWAY_HZ * now)
+
+
+@njit(cache=True)
 def behind_play(plate, arm, play_rad, load_nm, friction_nm):
     """The plate's angle behind a play of this full width: an arm takes it along at either end, and
     a ball that is heavy enough for the friction lays it on its own side."""
@@ -118,62 +133,43 @@ def turned(w):
 
 
 @njit(cache=True)
-def lengths(pose, arms, f, misses):
-    """What the six constraints of a plate on three arms miss: each joint in its arm's plane (m),
-    each rod as long as it is (m2). pose (6,): rotation vector and centre."""
+def misses(unknown, given, f, out):
+    """Write what the constraints of a plate on three arms miss into `out`.
+
+    Six of the joints: each is in its arm's plane (m), each rod as long as it is (m2). unknown (6,):
+    the pose (rotation vector and centre), with the arms `given` (3,); or (9,): pose and arms, with
+    the angles `given` (2,) by which the plate's x and y axes fall, and the height of its centre.
+    """
+    pose, arms = unknown[:6], unknown[6:] if len(unknown) == 9 else given
     turn = turned(pose[:3])
     for i in range(3):
         u, v = math.cos(2.0 * math.pi * i / 3.0), math.sin(2.0 * math.pi * i / 3.0)
         p = f.plate_m * (turn[:, 0] * u + turn[:, 1] * v) + pose[3:]
-        misses[i] = -v * p[0] + u * p[1]
-        out = u * p[0] + v * p[1] - f.base_m - f.arm_m * math.cos(arms[i])
+        out[i] = -v * p[0] + u * p[1]
+        far = u * p[0] + v * p[1] - f.base_m - f.arm_m * math.cos(arms[i])
         up = p[2] - f.arm_m * math.sin(arms[i])
-        misses[3 + i] = out * out + up * up - f.rod_m**2
+        out[3 + i] = far * far + up * up - f.rod_m**2
+    if len(unknown) == 9:
+        out[6] = -turn[2, 0] - math.sin(given[0])
+        out[7] = -turn[2, 1] - math.sin(given[1])
+        out[8] = pose[5] - f.height_m
 
 
 @njit(cache=True)
-def tilt_misses(unknown, tilt, f, misses):
-    """The six constraints, and the two that the plate's x and y axes fall by these angles.
-
-    unknown (9,): pose and arms; misses (9,); the centre's height is the ninth.
-    """
-    lengths(unknown[:6], unknown[6:], f, misses)
-    turn = turned(unknown[:3])
-    misses[6] = -turn[2, 0] - math.sin(tilt[0])
-    misses[7] = -turn[2, 1] - math.sin(tilt[1])
-    misses[8] = unknown[5] - f.height_m
-
-
-@njit(cache=True)
-def hold(tilt, unknown, f):
-    """Bring `unknown` (9,) to the pose and the arms that hold the plate at `tilt` (2,)."""
-    miss, near, slope = np.empty(9), np.empty(9), np.empty((9, 9))
+def solve(unknown, given, f):
+    """Bring `unknown` to where nothing is missed (see `misses`), by Newton's method."""
+    n = len(unknown)
+    miss, near, slope = np.empty(n), np.empty(n), np.empty((n, n))
     for _ in range(20):
-        tilt_misses(unknown, tilt, f, miss)
-        if np.abs(miss).max() < 1e-13:
+        misses(unknown, given, f, miss)
+        if np.abs(miss).max() < 1e-12:
             return
-        for k in range(9):
+        for k in range(n):
             unknown[k] += DIFFERENCE
-            tilt_misses(unknown, tilt, f, near)
+            misses(unknown, given, f, near)
             unknown[k] -= DIFFERENCE
             slope[:, k] = (near - miss) / DIFFERENCE
         unknown -= np.linalg.solve(slope, miss)
-
-
-@njit(cache=True)
-def pose_of(arms, pose, f):
-    """Bring `pose` (6,) to where these arms hold the plate."""
-    miss, near, slope = np.empty(6), np.empty(6), np.empty((6, 6))
-    for _ in range(20):
-        lengths(pose, arms, f, miss)
-        if np.abs(miss).max() < 1e-12:
-            return
-        for k in range(6):
-            pose[k] += DIFFERENCE
-            lengths(pose, arms, f, near)
-            pose[k] -= DIFFERENCE
-            slope[:, k] = (near - miss) / DIFFERENCE
-        pose -= np.linalg.solve(slope, miss)
 
 
 @njit(cache=True)

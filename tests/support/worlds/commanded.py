@@ -5,7 +5,13 @@ of them may lack. Random steps for a PD; a frame a row, 33 to 100 rows a second.
 import numpy as np
 
 from tests.support.worlds.angle_loops import run_commanded
-from tests.support.worlds.angle_servos import Frame, Servos, level_arm_rad
+from tests.support.worlds.angle_servos import (
+    Frame,
+    Servos,
+    fallen_axes,
+    level_arm_rad,
+    solve,
+)
 from tests.support.worlds.logs import (
     DEG,
     SOLID,
@@ -33,29 +39,32 @@ TABLES = {
     "bus": (BUS, RODS, 0.28, 100.0, 0.015),
     "slow": (RC | {"period_s": 0.0}, RODS, 0.28, 100.0 / 3.0, 0.03),
     "legs": (LEGS, ARMS, 0.24, 50.0, 0.02),
+    "bus legs": (BUS, ARMS, 0.24, 100.0, 0.015),
 }
-CHANGED = ("lag_s", "dead_time_s", "rate_rad_s", "band_rad", "scale", "zero_rad", "motor_s")
+READ_BACK = ("bus", "bus legs")
 
 
-def _servos(rng: np.random.Generator, file: dict, changes: dict) -> Servos:
-    """The file's servos with faults inside half of the default tolerances, then the changes: each
+def _servos(rng: np.random.Generator, file: dict, n: int, changes: dict) -> Servos:
+    """The file's n servos with faults inside half of the default tolerances, then the changes: each
     is added, but for a rate, which is the lower one."""
     true = {
-        "lag_s": file["lag_s"] + rng.uniform(-0.0025, 0.0025, 2),
-        "dead_time_s": file["dead_time_s"] + rng.uniform(0.0, 0.0015, 2),
-        "rate_rad_s": np.full(2, file["rate_limit_rad_s"]),
-        "band_rad": file["dead_band_rad"] + rng.uniform(0.0, 0.05 * DEG, 2),
-        "scale": rng.uniform(-0.005, 0.005, 2),
-        "zero_rad": rng.uniform(-0.05 * DEG, 0.05 * DEG, 2),
-        "play_rad": rng.uniform(0.0, 0.04 * DEG, 2),
-        "motor_s": np.zeros(2),
+        "lag_s": file["lag_s"] + rng.uniform(-0.0025, 0.0025, n),
+        "dead_time_s": file["dead_time_s"] + rng.uniform(0.0, 0.0015, n),
+        "rate_rad_s": np.full(n, file["rate_limit_rad_s"]),
+        "band_rad": file["dead_band_rad"] + rng.uniform(0.0, 0.05 * DEG, n),
+        "scale": rng.uniform(-0.005, 0.005, n),
+        "zero_rad": rng.uniform(-0.05 * DEG, 0.05 * DEG, n),
+        "motor_s": np.zeros(n),
+        "pull_rad": np.zeros(n),
+        "cable_1": np.zeros(n),
+        "sway_rad": np.zeros(n),
     }
-    for key in CHANGED:
-        if key in changes:
-            more = np.asarray(changes[key], float)
-            true[key] = np.minimum(true[key], more) if key == "rate_rad_s" else true[key] + more
-    quantum = np.full(2, file["quantum_rad"])
-    return Servos(**true, quantum_rad=quantum, friction_nm=0.004, period_s=file["period_s"])
+    play_rad = rng.uniform(0.0, 0.04 * DEG, 2)
+    for key, change in changes.items():
+        more = np.asarray(change, float)
+        true[key] = np.minimum(true[key], more) if key == "rate_rad_s" else true[key] + more
+    shared = {"quantum_rad": file["quantum_rad"], "period_s": file["period_s"]}
+    return Servos(**true, **shared, play_rad=play_rad, friction_nm=0.004)
 
 
 def _rig(table: str) -> str:
@@ -67,7 +76,7 @@ def _rig(table: str) -> str:
         linkage = {"arm_radius_m": frame.arm_m, "rod_length_m": frame.rod_m}
         linkage |= {f"{a}.plate_side_m": 2.0 * frame.lever_m[i] for i, a in enumerate("xy")}
     most = {"angle_limit_rad": 0.2 if frame.three else 0.5, "stop_rad": 1.2}
-    most["angle_measured"] = table == "bus"
+    most["angle_measured"] = table in READ_BACK
     return rig_toml(
         top={"control_rate_hz": rows_hz},
         servo={"kind": '"position"', **file, **most},
@@ -89,7 +98,8 @@ def log_of(
 ) -> dict[str, np.ndarray]:
     """Random steps of up to 5 cm, smaller ones where the ball would fall; see the module."""
     file, frame, side_m, rows_hz, delay_s = TABLES[table]
-    servos, n = _servos(rng, file, servo or {}), int(seconds * rows_hz)
+    servos = _servos(rng, file, 3 if frame.three else 2, servo or {})
+    n = int(seconds * rows_hz)
     flaws = {"level_rad": rng.uniform(-0.01 * DEG, 0.01 * DEG, 2), "bowl_1_s2": 0.0}
     flaws |= {"rolling_m_s2": rng.uniform(0.0, 0.0007)}
     for key, more in (plate or {}).items():
@@ -126,13 +136,8 @@ def log_of(
     else:
         raise RuntimeError(f"the ball fell at x, y of {np.abs(log[:, 4:]).max(axis=0)} m")
     columns = {"t_s": np.arange(n) / rows_hz} | dict(zip(names, log.T, strict=True))
-    for axis in "xy":
-        if table == "bus":
-            counts = columns[f"theta_{axis}_rad"] / file["quantum_rad"]
-            columns[f"theta_{axis}_rad"] = np.round(counts) * file["quantum_rad"]
-        else:
-            del columns[f"theta_{axis}_rad"]
-    return columns
+    unread = () if table in READ_BACK else ("theta_x_rad", "theta_y_rad")
+    return {name: column for name, column in columns.items() if name not in unread}
 
 
 def _world(found: dict, table: str, seed: int, *accepted: str, **changes) -> World:
@@ -226,6 +231,71 @@ def late_bus_camera(seed: int) -> World:
     return columns, _rig("bus"), truth({"camera_delay": {"xy": {"extra_s": 0.02}}})
 
 
+def sprung_bus_servo(seed: int) -> World:
+    """A spring on a gear draws the servo of x off by up to 1 degree, with the sine of its angle;
+    the servos read their angle back."""
+    columns = log_of(np.random.default_rng(seed), "bus", servo={"pull_rad": (1.0 * DEG, 0.0)})
+    return columns, _rig("bus"), truth({}, kind="unknown")
+
+
+def cable_bus_servo(seed: int) -> World:
+    """A cable draws the servo of x back by 15 % of its way beyond 0.05 rad, on one side; the servos
+    read their angle back."""
+    columns = log_of(np.random.default_rng(seed), "bus", servo={"cable_1": (0.15, 0.0)})
+    return columns, _rig("bus"), truth({}, kind="unknown")
+
+
+def swaying_bus_servo(seed: int) -> World:
+    """A servo that reads its angle back swings by 0.3 degree about what y is told, 1.7 Hz."""
+    columns = log_of(np.random.default_rng(seed), "bus", servo={"sway_rad": (0.0, 0.3 * DEG)})
+    return columns, _rig("bus"), truth({}, kind="unknown")
+
+
+def healthy_bus_arms(seed: int) -> World:
+    """Three arms whose servos read their angle back, 100 rows a second; small faults alone."""
+    return _world({}, "bus legs", seed)
+
+
+def late_bus_arms(seed: int) -> World:
+    """Three arms that read their angle back: each has 15 ms more lag."""
+    size = {"x": {"lag_s": 0.015}, "y": {"lag_s": 0.015}}
+    return _world({"servo_lag": size}, "bus legs", seed, servo={"lag_s": 0.015})
+
+
+def late_bus_arm(seed: int) -> World:
+    """The one of them that stands on the x axis has 20 ms more lag."""
+    found = {"servo_lag": {"x": {"lag_s": 0.02}}}
+    return _world(found, "bus legs", seed, servo={"lag_s": (0.02, 0.0, 0.0)})
+
+
+def weak_bus_arms(seed: int) -> World:
+    """Each of them turns at 0.4 rad/s at most, where the file says 4.8."""
+    size = {"x": {"limit_rad_s": 0.4}, "y": {"limit_rad_s": 0.4}}
+    return _world({"rate_limit": size}, "bus legs", seed, servo={"rate_rad_s": 0.4})
+
+
+def lazy_bus_arms(seed: int) -> World:
+    """Each of them has 0.6 degree more dead band."""
+    size = {"x": {"half_width_rad": 0.6 * DEG}, "y": {"half_width_rad": 0.6 * DEG}}
+    return _world({"command_dead_band": size}, "bus legs", seed, servo={"band_rad": 0.6 * DEG})
+
+
+def far_bus_arm(seed: int) -> World:
+    """The one on the x axis turns 9 % further than told: two thirds of that in the plate's x."""
+    found = {"angle_scale": {"x": {"fraction": 0.06}}}
+    return _world(found, "bus legs", seed, servo={"scale": (0.09, 0.0, 0.0)})
+
+
+def crooked_bus_arm(seed: int) -> World:
+    """The one 120 degrees from it stands 1 degree too high, so that the plate falls both ways."""
+    arms = np.array([0.0, 1.0 * DEG, 0.0]) + level_arm_rad(ARMS)
+    pose = np.array([0.0, 0.0, 0.0, 0.0, 0.0, ARMS.height_m])
+    solve(pose, arms, ARMS)
+    x, y = fallen_axes(pose)
+    found = {"angle_zero": {"x": {"offset_rad": x}, "y": {"offset_rad": y}}}
+    return _world(found, "bus legs", seed, servo={"zero_rad": (0.0, 1.0 * DEG, 0.0)})
+
+
 def crooked_plate(seed: int) -> World:
     """Three arms that stand 0.4 degree off level in y."""
     found = {"level_offset|angle_zero": {"y": {"slope_rad": 0.4 * DEG}}}
@@ -264,6 +334,16 @@ WORLDS = (
     crooked_servo,
     crooked_bus_servo,
     late_bus_servo,
+    sprung_bus_servo,
+    cable_bus_servo,
+    swaying_bus_servo,
+    healthy_bus_arms,
+    late_bus_arms,
+    late_bus_arm,
+    weak_bus_arms,
+    lazy_bus_arms,
+    far_bus_arm,
+    crooked_bus_arm,
     crooked_plate,
     late_bus_camera,
     far_camera,
