@@ -15,6 +15,8 @@ from tests.support import parts
 
 settings.register_profile("untimed", deadline=None)  # a machine may be busy, or have to compile
 settings.load_profile("untimed")
+if parts.PARTS["EGL"].find():
+    os.environ.setdefault("MUJOCO_GL", "egl")  # read when MuJoCo is imported: it draws no window
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

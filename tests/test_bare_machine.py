@@ -30,6 +30,7 @@ NEEDY = (
     "tests/rig/hardware/board/test_board_fuzz.py",
     "tests/test_architecture.py",
     "tests/vision/tracking/test_real_footage.py",
+    "tests/vision/tracking/test_third_world.py",
 )
 ALL = ("-m", "slow or not slow")
 

@@ -73,6 +73,11 @@ PARTS = {
     ),
     "playwright": Part("the dashboard in a browser", module="playwright"),
     "mujoco": Part("the simulator against an independent engine", module="mujoco"),
+    "EGL": Part(
+        "films of MuJoCo's renderer",
+        library="EGL",
+        debian=("libegl1", "libgl1-mesa-dri", "libopengl0"),
+    ),
     "pysindy": Part("sparse regression of the discrepancy", module="pysindy"),
     "gplearn": Part("symbolic regression of the discrepancy", module="gplearn"),
     "fmpy": Part("exported tables in an FMI importer", module="fmpy"),

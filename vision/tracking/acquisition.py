@@ -19,6 +19,7 @@ from vision.detection.pixels import mean_probability
 from vision.frames import Frame
 from vision.tracking.gate import TELLING_FILL
 from vision.tracking.sightings import Sighting, bounds_of, round_things, same_place, sight
+from vision.tracking.stir import Stir
 from vision.tracking.things import TRAVEL, UNLIKE_COLOUR, UNLIKE_SIZE, Thing, Things
 
 LOOK_S = 0.08  # between two looks at the image, so that finding costs little beside tracking
@@ -37,6 +38,8 @@ STANDS_OUT, STANDS_OUT_AT_REST = 1.2, 1.5
 # Sum over the looks of the logarithm of that lead, from which a thing is believed (Wald's
 # sequential test): log 9, of ten beliefs one may be wrong, as what does not move stays in doubt.
 SURE = math.log(9.0)
+# While other things move: a ball on a plate that tilts by half a degree rolls 8 mm in it.
+STIRRED_S = 0.5
 LEAST_EVIDENCE = 0.5  # mean over the sightings; grain and specks reach 0.4
 # Of a ball beyond doubt: of generated films 95 % of the balls have it, of hands and leaves 10 %.
 CLEAR_EVIDENCE = 1.0
@@ -98,12 +101,31 @@ class Acquisition:
         self._mask = mask
         self._known: Known | None = None
         self.things = Things(window_s=WINDOW_S)
+        self._stir = Stir()
+        self._stirred_s = self._calm_s = -math.inf
         self._looked_s = -math.inf
         self._looks = 0
 
-    def locked(self, ball: Sighting) -> None:
+    def locked(self, ball: Sighting, t_s: float) -> None:
         """The ball was found here, by whatever means; what is elsewhere is not the ball."""
         self.things.ball_is(ball)
+        self._calm_s = t_s
+
+    def doubts(self, frame: Frame, ball: Detection) -> bool:
+        """Whether the `ball`, which has stayed where it was locked, is no ball: other things have
+        stirred for so long that a ball on their plate would have rolled."""
+        if 0.0 <= frame.t_s - self._stirred_s < LOOK_S:
+            return False
+        self._stirred_s = frame.t_s
+        self._stir.add(frame.t_s, frame.image)
+        place = ball.u_px, ball.v_px
+        if not self._stir.elsewhere(place, ball.radius_px):
+            self._calm_s = frame.t_s
+        if frame.t_s - self._calm_s < STIRRED_S:
+            return False
+        look = Appearance.sketch(frame.image, *place, ball.radius_px)
+        self.things.ball_is_not(frame.t_s, Sighting(ball, look, 0.0))
+        return True
 
     def lost(self, known: Known, *, held_s: float) -> None:
         """A ball that is known was lost: it is believed sooner than another. One that was held for
@@ -125,11 +147,22 @@ class Acquisition:
         due = _cadence(self._looks - 1)
         seen = round_things(image, bounds, at_most=AT_MOST, due=due)
         self.things.add(frame.t_s, self._allowed(self._again(image, bounds, seen)))
+        if every_s == LOOK_S:  # what is locked is doubted by `doubts`
+            self._stir.add(frame.t_s, image)
+            self._blame(frame.t_s, _reach(image))
         thing = self._choose(image)
         if thing is None:
             return None
         moves, clear = thing.travel(_reach(image)) > 1.0, thing.evidence > CLEAR_EVIDENCE
         return Acquired(thing.last.seen, thing.last.appearance, moves, clear)
+
+    def _blame(self, t_s: float, reach: float) -> None:
+        """Things that stayed while others stirred for `STIRRED_S` are not the ball."""
+        for thing in self.things.all:
+            alone = self._stir.elsewhere(thing.last.place, thing.radius_px)
+            stays = alone and not thing.drifts(reach)
+            thing.calm_s = min(thing.calm_s, t_s) if stays else t_s
+            thing.other |= t_s - thing.calm_s > STIRRED_S
 
     def _again(
         self, image: np.ndarray, bounds: tuple[float, float], seen: list[Sighting]
@@ -187,6 +220,8 @@ class Acquisition:
         others = [thing for thing in ranked if thing is not best]
         if any(thing.drifts(reach) and thing.evidence > 0.5 * best.evidence for thing in others):
             return None  # that one will be seen to travel, or not
+        if best.last.flat and self._stir.elsewhere(best.last.place, best.radius_px):
+            return None
         return best if sure and n >= 2 and lasted >= waits_s else None
 
     def _score(self, thing: Thing, image: np.ndarray) -> float:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from vision.tracking.kinematics import PUSH_RADII_S2, START_SPEED_RADII_S
 from vision.tracking.sightings import Sighting
 
 # Of the image's longer side: a mark at the edge of a plate tilted by 6 degrees shifts by 1 %.
@@ -38,13 +39,15 @@ HIDDEN = 3  # looks in a row that miss a thing; from then on it is hidden, not s
 class Thing:
     """A round thing and where it was seen: `times` [s] and `sightings` of equal length; `looks`
     counts the images since its first in which it was not hidden, `missed` those since its last;
-    `other` says that the ball was known to be elsewhere while it was there."""
+    `other` says that the ball was known to be elsewhere while it was there, `calm_s` when nothing
+    stirred beside it or it moved itself [s]."""
 
     times: list[float] = field(default_factory=list)
     sightings: list[Sighting] = field(default_factory=list)
     looks: int = 0
     missed: int = 0
     other: bool = False
+    calm_s: float = math.inf
 
     @property
     def last(self) -> Sighting:
@@ -154,6 +157,12 @@ class Things:
             thing.looks, thing.missed = 1, 0
         self.all = [thing for thing in self.all if thing.other]
 
+    def ball_is_not(self, t_s: float, still: Sighting) -> None:
+        """What was taken for the ball at `t_s` is a thing that stays; all else may be the ball."""
+        self.ball_was_not()
+        self.all = [x for x in self.all if x.last.far(still) > still.seen.radius_px]
+        self.all.append(Thing([t_s], [still], looks=1, other=True))
+
     def ball_was_not(self) -> None:
         """What `ball_is` said last was a mistake."""
         for thing in self.all:
@@ -204,13 +213,28 @@ def _unlike(thing: Thing, new: list[Sighting], t_s: float) -> list[float]:
         (last.seen.radius_px, last.appearance.ball_bgr),
         (thing.radius_px, np.median([s.appearance.ball_bgr for s in thing.sightings], 0)),
     ]
-    farthest = NEAR_RADII + SPEED_RADII_S * abs(t_s - thing.times[-1])
+    gap_s = abs(t_s - thing.times[-1])
+    farthest = NEAR_RADII + SPEED_RADII_S * gap_s
+    ahead, sway = _ahead(thing, gap_s)
     return [
         math.inf
         if last.far(s) > farthest * max(last.seen.radius_px, s.seen.radius_px)
+        or min(last.far(s), math.dist(ahead, s.place))
+        > sway * max(thing.radius_px, s.seen.radius_px)
         else min(_differ(*look, last, s) for look in looks)
         for s in new
     ]
+
+
+def _ahead(thing: Thing, gap_s: float) -> tuple[tuple[float, float], float]:
+    """Where a thing is `gap_s` after its last sighting if it keeps its speed, (u, v) px, and how
+    many radii from there, or from its last place, it may be; infinite before its speed is known."""
+    (u, v), n = thing.last.place, len(thing.times)
+    if n < 3:
+        return (u, v), math.inf
+    (u0, v0), dt = thing.sightings[-2].place, abs(thing.times[-1] - thing.times[-2])
+    sway = NEAR_RADII + START_SPEED_RADII_S * gap_s + 0.5 * PUSH_RADII_S2 * gap_s**2
+    return (u + (u - u0) * gap_s / dt, v + (v - v0) * gap_s / dt), sway
 
 
 def _differ(radius: float, bgr: np.ndarray, last: Sighting, new: Sighting) -> float:

@@ -84,6 +84,7 @@ class Tracker:
         self._lock_px = (math.nan, math.nan)
         self._mirrors = False  # its silhouette was found about an inner outline
         self._proven = False  # has moved since it was locked
+        self._told = False  # somebody said where it is
         self._clear = True  # was too evidently round for a finger or a leaf
         self._state = "search"
         self._good_s = self._locked_s = self._doubted_s = -math.inf
@@ -139,7 +140,9 @@ class Tracker:
             return None
         if self._distractors is None:
             self._distractors = StaticDistractors((image.shape[0], image.shape[1]))
-        return self._accept(frame, self._start(frame, sighting.seen, proven=False))
+        found = self._start(frame, sighting.seen, proven=False)
+        self._told = True
+        return self._accept(frame, found)
 
     def from_known(self) -> Tracker:
         """A tracker of the same ball that has not seen it yet and seeks no other."""
@@ -232,8 +235,8 @@ class Tracker:
             found.u_px, found.v_px, self._radius_px, found.sigma_px, frame.t_s
         )
         self._lock_px, self._proven, self._candidates = (found.u_px, found.v_px), proven, []
-        self._locked_s, self._clear = frame.t_s, clear
-        self._acquisition.locked(Sighting(found, appearance, 0.0))
+        self._locked_s, self._clear, self._told = frame.t_s, clear, False
+        self._acquisition.locked(Sighting(found, appearance, 0.0), frame.t_s)
         return found
 
     def _bounds(self, image: np.ndarray) -> tuple[float, float]:
@@ -305,6 +308,9 @@ class Tracker:
             better = other is not None and (other.moves or (other.clear and not self._clear))
             if other is not None and better and _apart(other.seen, motion, self._radius_px):
                 return self._start(frame, other.seen, proven=other.moves, clear=other.clear)
+            at_rest = not (self._proven or self._told)
+            if found is not None and at_rest and self._acquisition.doubts(frame, found):
+                return self._leave(found)
         if self._proven or self._seeks == "nothing" or frame.t_s - self._doubted_s < LOOK_S:
             return found
         self._doubted_s = frame.t_s
@@ -318,6 +324,13 @@ class Tracker:
             return found
         distractors.add(float(motion.place[0]), float(motion.place[1]), self._radius_px)
         return self._lock(frame, away[0].seen, proven=True)
+
+    def _leave(self, found: Detection) -> None:
+        """Give up a lock: what was tracked is not the ball, and nothing is known of that."""
+        assert self._distractors is not None
+        self._distractors.add(found.u_px, found.v_px, found.radius_px)
+        self.appearance, self._radius_px, self._motion = self._asked, math.nan, None
+        self._candidates, self._state = [], "lost"
 
     def _elsewhere(self, frame: Frame, ahead: ImageMotion) -> Detection | None:
         """The ball beyond all gates, as after a hand or missing frames: where its own colour is

@@ -54,7 +54,7 @@ def third_film(seed: int, *, quick: bool = False) -> StrangeFilm:
     model = mujoco.MjModel.from_xml_string(model_text(plan), assets)
     film = StrangeFilm(seed, plan.words, plan.kind)
     with mujoco.Renderer(model, plan.size[1], plan.size[0]) as renderer:
-        studio = _Studio(plan, model, mujoco.MjData(model), renderer, rng)
+        studio = Studio(plan, model, mujoco.MjData(model), renderer, rng)
         for k, (image, truth, shown) in enumerate(studio.takes()):
             film.frames.append(Frame(image, k / plan.fps, k))
             film.truth.append(truth)
@@ -81,7 +81,7 @@ def ball_in(eye: Eye, centre: np.ndarray, radius_m: float) -> tuple[float, float
     return float(u), float(v), math.sqrt(area / math.pi)
 
 
-class _Studio:
+class Studio:
     """A film in the making."""
 
     def __init__(self, plan: Plan, model, data, renderer, rng: np.random.Generator) -> None:
