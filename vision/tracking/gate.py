@@ -1,4 +1,4 @@
-"""Is a located disc plausibly the ball? Tests of outline, size, colour and contrast.
+"""Is a located disc plausibly the ball? Tests of outline, size, colour, contrast and place.
 
 A wrong position that passes as good is worse than a lost ball, so the tests are strict where no
 prediction supports the place.
@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from vision.detection.appearance import Appearance
 from vision.detection.detector import Detection
+from vision.tracking.kinematics import ImageMotion
 
 # Below this mean P(ball) of its own pixels the colour table says nothing about a ball.
 TELLING_FILL = 0.35
@@ -31,6 +34,21 @@ def _clear(found: Detection) -> bool:
     """Whether the outline is whole and sharp, and nothing of the ball's colour lies beside it."""
     sharp = found.residual_px < max(0.25, 0.02 * found.radius_px)
     return found.inliers > 0.85 and found.coverage == 1.0 and sharp and found.spill < 0.15
+
+
+def is_inside(found: Detection, mask: np.ndarray | None) -> bool:
+    """Whether a disc's centre is where the ball can be: `mask` (h, w) is not 0 there, or None."""
+    if mask is None:
+        return True
+    h, w = mask.shape[:2]
+    i, j = round(found.v_px), round(found.u_px)
+    return 0 <= i < h and 0 <= j < w and bool(mask[i, j])
+
+
+def is_apart(seen: Detection, motion: ImageMotion, radius_px: float) -> bool:
+    """Whether a disc is another than the one that is tracked, of radius `radius_px`."""
+    u, v = motion.place
+    return math.hypot(seen.u_px - u, seen.v_px - v) > 1.5 * radius_px
 
 
 def is_plausible(

@@ -29,7 +29,7 @@ from vision.tracking.candidates import (
     find_discs,
     rough_centres,
 )
-from vision.tracking.gate import TELLING_FILL, is_plausible
+from vision.tracking.gate import TELLING_FILL, is_apart, is_inside, is_plausible
 from vision.tracking.kinematics import ImageMotion, gate_radii
 from vision.tracking.sightings import Sighting, bounds_of, surest_disc
 from vision.tracking.static_distractors import StaticDistractors
@@ -245,14 +245,6 @@ class Tracker:
             return self._radius_px / slack, self._radius_px * slack
         return bounds_of(image, self._given_bounds)
 
-    def _inside(self, found: Detection) -> bool:
-        """Whether its centre is where the ball can be."""
-        if self._mask is None:
-            return True
-        h, w = self._mask.shape[:2]
-        i, j = round(found.v_px), round(found.u_px)
-        return 0 <= i < h and 0 <= j < w and bool(self._mask[i, j])
-
     def _sigma_px(self, found: Detection) -> float:
         """Sigma of the detection (px); larger where its outline is rough and not of the usual size.
 
@@ -306,7 +298,7 @@ class Tracker:
         if self._seeks == "any":
             other = self._acquisition.step(frame, every_s=WATCH_S)
             better = other is not None and (other.moves or (other.clear and not self._clear))
-            if other is not None and better and _apart(other.seen, motion, self._radius_px):
+            if other is not None and better and is_apart(other.seen, motion, self._radius_px):
                 return self._start(frame, other.seen, proven=other.moves, clear=other.clear)
             at_rest = not (self._proven or self._told)
             if found is not None and at_rest and self._acquisition.doubts(frame, found):
@@ -318,7 +310,10 @@ class Tracker:
         away = [
             c
             for c in self._candidates
-            if c.misses == 0 and c.moved and c.hits >= 3 and _apart(c.seen, motion, self._radius_px)
+            if c.misses == 0
+            and c.moved
+            and c.hits >= 3
+            and is_apart(c.seen, motion, self._radius_px)
         ]
         if len(away) != 1:
             return found
@@ -384,7 +379,7 @@ class Tracker:
                 return False
             # The ball may roll over a known mark, but a jump onto one is a wrong detection.
             on = distractors.at(found.u_px, found.v_px, radius)
-            return self._inside(found) and (on <= DISTRACTOR_LIMIT or was_on > 0.1)
+            return is_inside(found, self._mask) and (on <= DISTRACTOR_LIMIT or was_on > 0.1)
 
         # Where the ball is as predicted, short rays suffice; farther off they see a part of it.
         short = min(0.25 + 3.0 * ahead.sigma_px / radius, REACH)
@@ -404,9 +399,3 @@ class Tracker:
             if good(found):
                 return found
         return None
-
-
-def _apart(seen: Detection, motion: ImageMotion, radius_px: float) -> bool:
-    """Whether a disc is another than the one tracked, of radius `radius_px`."""
-    u, v = motion.place
-    return math.hypot(seen.u_px - u, seen.v_px - v) > 1.5 * radius_px

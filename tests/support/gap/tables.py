@@ -25,7 +25,7 @@ def evidence_of(*logs: Log, rig: Rig = RIG) -> Evidence:
 
 def released(evidence: Evidence, *named: Key, rig: Rig = RIG) -> State:
     """The believed model with these effects released, not yet fitted."""
-    nominal = NominalModel(rig, load_friction=False)
+    nominal = NominalModel(rig, load_friction=False, coasts=False)  # as that plant has it
     start = evaluate(evidence, nominal, {}, evidence.outputs)
     return State(evidence, nominal, start, named)
 
