@@ -279,9 +279,8 @@ class Tracker:
 
     def _is_known_still(self, seen: Detection) -> bool:
         """Whether a still thing of the ball's colour lies there, which is not the ball."""
-        distractors = self._distractors
-        assert distractors is not None
-        return distractors.at(seen.u_px, seen.v_px, seen.radius_px) > DISTRACTOR_LIMIT
+        assert self._distractors is not None
+        return self._distractors.at(seen.u_px, seen.v_px, seen.radius_px) > DISTRACTOR_LIMIT
 
     def _observe(self, frame: Frame) -> None:
         appearance = self.appearance
