@@ -334,8 +334,9 @@ def _rival_stands(names: list[Accepted], output: str, before: dict[str, Predicti
 
 
 def _rival_is_better(one: Accepted, after: dict[str, Prediction]) -> str:
-    """The reason of rule 4 in words; "" if the best rival predicts no better 1 s ahead."""
-    for rival in one.rivals[:1]:
+    """The reason of rule 4 in words; "" if the best rival that the logs could show predicts no
+    better 1 s ahead."""
+    for rival in [rival for rival in one.rivals if rival.nameable][:1]:
         outputs = [o for o in _outputs(one, rival.state.nominal.catalogue) if o in after]
         others = held_out(rival.state, outputs)
         for output in outputs:

@@ -52,11 +52,12 @@ from calibration.gap.unnamed.basis import unnamed_terms
 @dataclass(frozen=True, eq=False)
 class Rival:
     """An alternative to an accepted effect, with its state; `margin`: the accepted effect's score
-    minus the rival's."""
+    minus the rival's; `nameable`: whether the logs could show it (`CandidateFit.score`)."""
 
     name: str
     margin: float
     state: State
+    nameable: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,6 +272,8 @@ def backward_step(
     if own.score < NAME_THRESHOLD:
         return bare, None
     others = [one for one in fits if not _same_data(own, one)]
-    rivals = [Rival(t.name, own.score - t.rival_score, t.state) for t in others]
+    rivals = [
+        Rival(t.name, own.score - t.rival_score, t.state, np.isfinite(t.score)) for t in others
+    ]
     rivals.sort(key=lambda rival: rival.margin)
     return state, Accepted(own.name, own.axes, own.score, tuple(rivals))

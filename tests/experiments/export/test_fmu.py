@@ -156,11 +156,20 @@ def test_the_intervals_of_an_answer_are_least_and_greatest_values(tmp_path: Path
     [
         (json.dumps(answer(0.03, 0.035, 0.04)), "outside its interval 0.03 to 0.04"),
         ("[1]", "not what `rig gap LOG... --json FILE` writes"),
-        ("{", "not what `rig gap LOG... --json FILE` writes"),
-        ("[" * 100_000, "not what .* brackets are too deep"),
-        (json.dumps(answer(0.01, 0.02, 10**400)), "not what .* too large"),
-        (json.dumps(answer(0.01, 0.02, 0.03)).replace("joint_", r"\ud800"), "not what .* Unicode"),
-        (json.dumps(answer(0.01, 0.02, 0.03)).replace("1.72", '"1.72 V"'), "not what .* float"),
+        ("{", r"not a JSON file \(Expecting"),
+        ("[" * 100_000, r"not a JSON file \(its brackets are too deep"),
+        (
+            json.dumps(answer(0.01, 0.02, 10**400)),
+            r"not a JSON file \(a number has too many digits",
+        ),
+        (
+            json.dumps(answer(0.01, 0.02, 0.03)).replace("joint_", r"\ud800"),
+            r"not a JSON file \(.* no Unicode",
+        ),
+        (
+            json.dumps(answer(0.01, 0.02, 0.03)).replace("1.72", '"1.72 V"'),
+            "not what .* a part is of another kind",
+        ),
     ],
 )
 def test_intervals_that_do_not_fit_are_one_line(text: str, said: str, tmp_path: Path):

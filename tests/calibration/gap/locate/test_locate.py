@@ -37,7 +37,9 @@ def state_of(columns: dict[str, np.ndarray], *more: dict[str, np.ndarray]) -> St
     logs = [Log.from_columns(c) for c in (columns, *more)]
     runs = [data.usable(log, camera_delay_s=RIG.camera.delay_s) for log in logs]
     gathered = data.gather(runs, innovations.noise())
-    return stepwise.settled_baseline(gathered, parameters.NominalModel(RIG, load_friction=False))
+    return stepwise.settled_baseline(
+        gathered, parameters.NominalModel(RIG, load_friction=False, coasts=False)
+    )
 
 
 def floors_of(state: State) -> dict[str, float]:
