@@ -168,7 +168,7 @@ def test_the_intervals_of_an_answer_are_least_and_greatest_values(tmp_path: Path
         ),
         (
             json.dumps(answer(0.01, 0.02, 0.03)).replace("1.72", '"1.72 V"'),
-            "not what .* a part is of another kind",
+            r"not what .*\(a part is of another kind",
         ),
     ],
 )
