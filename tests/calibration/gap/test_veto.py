@@ -52,11 +52,6 @@ def test_too_few_windows_say_nothing():
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(
-    reason="undecided since fits converge: the name does harm, but a flexible model still predicts "
-    "69 nats more of this axis; that of seed 4201 has nothing missing",
-    strict=True,
-)
 def test_nothing_is_missing_where_all_names_do_harm_and_nothing_more_is_predictable():
     """A healthy axis that rests within encoder counts looks like Stribeck friction, sample by
     sample."""
