@@ -1,11 +1,13 @@
-"""Does the friction of arm and joints, an assumed value, load the motors? The logs decide.
+"""What brakes the arm behind the gears? The logs decide.
 
-Three nominal models compete: one loaded by the assumed friction, and two without it, in which the
-arm coasts through the gap of the gears or stays where the teeth leave it. A gap of a quarter of an
-encoder count through which the arm coasts already delays a servo by a millisecond or two. Which of
-them is right shows beside the effects that act: naming begins with the one that costs least where
-the motors have the Coulomb friction that fits best, and what was selected is then fitted to the
-others. Where one costs less, effects are selected anew beside it (`calibration.gap.name.stepwise`).
+Two nominal models compete. Where the rig file has friction of arm and joints, an assumed value: one
+whose motors are loaded by it, and one without it. Where it has none: one in which the arm coasts
+through the gap of the gears, and one in which it stays where the teeth leave it; a gap of a quarter
+of an encoder count through which the arm coasts already delays a servo by a millisecond or two.
+Which of them is right shows beside the effects that act: naming begins with the one that costs less
+where the motors have the Coulomb friction that fits best, and what was selected is then fitted to
+the other. Where that costs less, effects are selected anew beside it
+(`calibration.gap.name.stepwise`).
 """
 
 from collections.abc import Mapping
@@ -40,34 +42,29 @@ def choose_friction_model(
 
 
 def friction_models(rig: Rig, tolerances: Mapping[str, float] | None = None) -> list[NominalModel]:
-    """The nominal models of a rig that compete, the last of them that of held arms without load: a
-    loaded one only where there is friction of arm and joints; where a controller holds the servo's
-    angle no motor feels it, nor does an arm coast."""
+    """The nominal models of a rig that compete, the last of them that of held arms without load; it
+    is alone where a controller holds the servo's angle: no motor feels a load, no arm coasts."""
     held = NominalModel(rig, load_friction=False, coasts=False, tolerances=tolerances)
     if rig.servo.takes_angle:
         return [held]
-    coasting = NominalModel(rig, load_friction=False, tolerances=tolerances)
-    if not rig.drive.joint_friction_nm > 0.0:
-        return [coasting, held]
-    return [NominalModel(rig, load_friction=True, tolerances=tolerances), coasting, held]
+    if rig.drive.joint_friction_nm > 0.0:
+        return [NominalModel(rig, load_friction=True, tolerances=tolerances), held]
+    return [NominalModel(rig, load_friction=False, tolerances=tolerances), held]
 
 
 def better_friction_model(state: State) -> NominalModel | None:
-    """The best other nominal model, if the servos cost less with it, the same effects released and
-    the Coulomb friction of the motors as well; None if not, or if nothing is named there."""
-    outputs = _servos(state.evidence)
+    """The other nominal model, if the servos cost less with it, the same effects released and the
+    Coulomb friction of the motors as well; None if not, or if nothing is named there."""
+    outputs, nominal = _servos(state.evidence), state.nominal
     axes = {output[-1] for output in outputs}
     if not any(axis in axes for _, axis in state.named):
         return None
-    least, best = sum(state.fit.costs[output] for output in outputs), None
-    nominal = state.nominal
+    costs = sum(state.fit.costs[output] for output in outputs)
     for other in friction_models(nominal.rig, nominal.given_tolerances):
-        if (other.load_friction, other.coasts) == (nominal.load_friction, nominal.coasts):
-            continue
-        cost = _cost_with_same(state, other, outputs)
-        if cost < least:
-            least, best = cost, other
-    return best
+        same = (other.load_friction, other.coasts) == (nominal.load_friction, nominal.coasts)
+        if not same and _cost_with_same(state, other, outputs) < costs:
+            return other
+    return None
 
 
 def _cost_with_same(state: State, other: NominalModel, outputs: tuple[str, ...]) -> float:

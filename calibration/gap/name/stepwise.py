@@ -4,7 +4,7 @@ Forward: the effect with the largest score S (`calibration.gap.decision_rule`) i
 reaches its threshold. An effect is fitted with its inner shape (period, Stribeck speed) at once,
 and the noise levels are estimated anew before another may enter.
 
-Where the servos then cost less with another model of the load's friction
+Where the servos then cost less with the other model of the load's friction
 (`calibration.gap.name.load_friction`), effects are selected beside that one, too, and those are
 kept that cost less at the same noise.
 
