@@ -1,6 +1,9 @@
 """How late ticks came: a histogram that costs next to nothing a tick and fits into run.json."""
 
+import time
 from bisect import bisect_right
+
+from rig.table import Table
 
 EDGES_US = (
     1, 2, 3, 5, 7, 10, 15, 20, 30, 50, 70, 100, 150, 200, 300, 500, 700, 1000, 1500, 2000, 3000,
@@ -59,3 +62,23 @@ class Jitter:
             "edges_us": list(EDGES_US),
             "counts": list(self.counts),
         }
+
+
+class Lateness:
+    """How late the last tick came: what the table's ticker says, else by the ticks' intervals."""
+
+    def __init__(self, table: Table, jitter: Jitter) -> None:
+        self._ticker, self._jitter = getattr(table, "ticker", None), jitter
+        self._period_s, self._last_s, self._missed = table.period_s, None, 0
+
+    def __call__(self) -> float:
+        now_s = time.monotonic()
+        if self._ticker is not None:
+            late_s, missed = self._ticker.late_s, self._ticker.missed
+        else:
+            step_s = self._period_s if self._last_s is None else now_s - self._last_s
+            late_s = max(0.0, step_s - self._period_s)
+            missed = self._missed + int(late_s / self._period_s)
+        self._jitter.add(late_s, missed - self._missed)
+        self._last_s, self._missed = now_s, missed
+        return late_s

@@ -25,7 +25,7 @@ from rig.control.user_controller import END_S, START_S, WatchedController, load_
 from rig.course import Course
 from rig.log import INDEX
 from rig.loop.commands import Command, CommandSlot, Stop
-from rig.loop.jitter import Jitter
+from rig.loop.jitter import Jitter, Lateness
 from rig.loop.loop import Ending, Loop, ending_of, run_controlled
 from rig.loop.realtime import go_realtime
 from rig.loop.shared_channel import (
@@ -118,26 +118,6 @@ class _Inbox:
 
     def put(self, command: Command) -> None:
         self.signals.put(command)
-
-
-class _Lateness:
-    """How late the last tick came: what the table's ticker says, else by the ticks' intervals."""
-
-    def __init__(self, table: Table, jitter: Jitter) -> None:
-        self._ticker, self._jitter = getattr(table, "ticker", None), jitter
-        self._period_s, self._last_s, self._missed = table.period_s, None, 0
-
-    def __call__(self) -> float:
-        now_s = time.monotonic()
-        if self._ticker is not None:
-            late_s, missed = self._ticker.late_s, self._ticker.missed
-        else:
-            step_s = self._period_s if self._last_s is None else now_s - self._last_s
-            late_s = max(0.0, step_s - self._period_s)
-            missed = self._missed + int(late_s / self._period_s)
-        self._jitter.add(late_s, missed - self._missed)
-        self._last_s, self._missed = now_s, missed
-        return late_s
 
 
 def warm_up(job: Job) -> None:
@@ -237,7 +217,7 @@ def _run(
             commands=inbox,
             keep=_keeper(box, job.eye),
             event=box.say,
-            late_s=_Lateness(table, jitter),
+            late_s=Lateness(table, jitter),
             limits=limits,
             controller=controller,
             control_s=CONTROL_SHARE * limits.late_s,
