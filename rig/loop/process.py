@@ -26,7 +26,7 @@ from rig.course import Course
 from rig.log import INDEX
 from rig.loop.commands import Command, CommandSlot, Stop
 from rig.loop.jitter import Jitter, Lateness
-from rig.loop.loop import Ending, Loop, ending_of, run_controlled
+from rig.loop.loop import DONE, Ending, Loop, ending_of, run_controlled
 from rig.loop.realtime import go_realtime
 from rig.loop.shared_channel import (
     AT_REST,
@@ -203,29 +203,38 @@ def _run(
     jitter: Jitter,
     controller: WatchedController | None,
 ) -> Ending:
+    """The run on its table. The first thing that went wrong names it: a table that is lost while
+    a stopped run levels it is told in the reason; after a completed run it is raised.
+    """
     limits = job.limits or MonitorLimits.of_rig(job.known)
-    table = job.table()
-    with table:  # pyright: ignore[reportGeneralTypeIssues]
-        operator = job.operator(table) if job.operator else Operator()
-        box.beat("loop_s", RUNNING)
-        loop = Loop(
-            table,
-            job.known,
-            job.compensator,
-            job.course,
-            operator=operator,
-            commands=inbox,
-            keep=_keeper(box, job.eye),
-            event=box.say,
-            late_s=Lateness(table, jitter),
-            limits=limits,
-            controller=controller,
-            control_s=CONTROL_SHARE * limits.late_s,
-        )
-        try:
-            ending = loop.run()
-        finally:
-            box.beat("loop_s", ENDING)
+    table, ending = job.table(), DONE
+    try:
+        with table:  # pyright: ignore[reportGeneralTypeIssues]
+            operator = job.operator(table) if job.operator else Operator()
+            box.beat("loop_s", RUNNING)
+            loop = Loop(
+                table,
+                job.known,
+                job.compensator,
+                job.course,
+                operator=operator,
+                commands=inbox,
+                keep=_keeper(box, job.eye),
+                event=box.say,
+                late_s=Lateness(table, jitter),
+                limits=limits,
+                controller=controller,
+                control_s=CONTROL_SHARE * limits.late_s,
+            )
+            try:
+                ending = loop.run()
+            finally:
+                box.beat("loop_s", ENDING)
+    except OSError as error:
+        if ending == DONE:
+            raise
+        lost = f"the plate may not be level: {error}"
+        return replace(ending, reason="; ".join(filter(None, (ending.reason, lost))))
     box.beat("loop_s", AT_REST)
     return ending
 

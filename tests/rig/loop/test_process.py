@@ -16,6 +16,7 @@ import pytest
 from experiments.runs.assemble import known, load_rig
 from rig.control.controllers import COMPENSATORS
 from rig.course import Course
+from rig.hardware.board.link import LinkLost
 from rig.loop.commands import Push, SetGains, Stop, Target
 from rig.loop.loop import Ending
 from rig.loop.paced import Paced
@@ -132,6 +133,29 @@ def test_a_loop_that_is_ready_waits_for_the_word_and_a_stop_outdoes_it():
         assert box.state == READY
     finally:
         box.close()
+
+
+class LostWhileLevelling(Paced):
+    def __exit__(self, *error) -> None:
+        super().__exit__(*error)
+        raise LinkLost("cable out")
+
+
+def lost_while_levelling() -> LostWhileLevelling:
+    return LostWhileLevelling(paced_table(pace=False))
+
+
+def test_the_first_thing_that_went_wrong_names_the_run():
+    loop = LoopProcess(replace(job(30.0), table=lost_while_levelling))
+
+    def keep(row) -> None:
+        loop.put(Stop("the operator's button"))
+
+    told = "the operator's button; the plate may not be level: cable out"
+    assert loop.run(keep) == Ending("aborted", told)
+    assert not loop.at_rest
+    ending = LoopProcess(replace(job(0.2), table=lost_while_levelling)).run()
+    assert ending == Ending("link lost", "LinkLost: cable out")
 
 
 class BadHand(Operator):
