@@ -1,4 +1,6 @@
-"""What pytest has to know of these tests: which modules assert, and what a run did not try."""
+"""What pytest has to know of these tests: which modules assert, what a run did not try, and when
+a test is tried again.
+"""
 
 import os
 import re
@@ -11,7 +13,9 @@ from hypothesis import settings
 if "tests.support" not in sys.modules:  # but for a plugin that lies in it (bare_machine)
     pytest.register_assert_rewrite("tests.support")
 
+from rig.hardware.board.link import LinkLost
 from tests.support import parts
+from tests.support.standstill import RERUNS, Watch
 
 settings.register_profile("untimed", deadline=None)  # a machine may be busy, or have to compile
 settings.load_profile("untimed")
@@ -31,10 +35,36 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """A slow test may take five times as long as the others before it counts as hung."""
+    """A slow test may take five times as long as the others before it counts as hung; one that is
+    `realtime` is tried again where the machine stood still (tests/support/standstill.py).
+    """
     for item in items:
+        if item.get_closest_marker("realtime"):
+            item.add_marker(pytest.mark.flaky(reruns=RERUNS, condition=_stood_still))
         if item.get_closest_marker("slow") and not item.get_closest_marker("timeout"):
             item.add_marker(pytest.mark.timeout(1500))
+
+
+_watches: list[Watch] = []  # of this process: none before the first test that is `realtime`
+
+
+def _stood_still(error: BaseException | None) -> bool:
+    return _watches[0].saw_a_halt() or isinstance(error, LinkLost)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """From here on the watch counts."""
+    if item.get_closest_marker("realtime"):
+        if not _watches:
+            _watches.append(Watch())
+        _watches[0].saw_a_halt()
+
+
+def pytest_unconfigure() -> None:
+    """End the watch."""
+    for watch in _watches:
+        watch.end()
 
 
 @pytest.fixture(scope="module")

@@ -95,10 +95,14 @@ class Lab:
         rows = (self.folder / "volts").read_text().split("\n")[:-1]
         return np.array([[float(v) for v in row.split()] for row in rows])
 
-    def runs(self) -> list:
-        """Those that have begun to be recorded."""
+    def folders(self) -> list[Path]:
+        """Of the runs that have begun to be recorded, oldest first."""
         begun = sorted((self.out / "runs").glob("*/samples.mcap"))
-        return [read_run(path.parent) for path in begun if (path.parent / "run.json").is_file()]
+        return [path.parent for path in begun if (path.parent / "run.json").is_file()]
+
+    def runs(self) -> list:
+        """As they can be read now."""
+        return [read_run(folder) for folder in self.folders()]
 
     def end(self) -> None:
         for process in (self.process, self.camera):

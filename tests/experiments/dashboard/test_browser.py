@@ -16,6 +16,8 @@ from tests.support.in_browser.page import TABS, Hand, expect
 from tests.support.in_browser.program import FLAGS, Program
 from tests.support.parts import PARTS
 
+pytestmark = pytest.mark.realtime
+
 SIZES = ((1280, 800), (1920, 1080))
 
 

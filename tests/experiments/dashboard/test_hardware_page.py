@@ -15,6 +15,8 @@ from tests.support.patient_rig import patiently
 from tests.support.rig_lab import Lab
 from tests.support.waiting import wait_for
 
+pytestmark = pytest.mark.realtime
+
 
 @pytest.fixture
 def app(lab: Lab) -> Iterator[App]:

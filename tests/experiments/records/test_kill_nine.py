@@ -9,7 +9,8 @@ import pytest
 from experiments.records.recording import read_run
 from tests.support.killed_program import kill_after, opened_by_mcap, start, wait_for_ticks, whole
 
-pytestmark = pytest.mark.slow  # kill -9 by default: test_recording.py; Ctrl-C: ../cli/test_cli.py
+# kill -9 by default: test_recording.py; Ctrl-C: ../cli/test_cli.py
+pytestmark = [pytest.mark.slow, pytest.mark.realtime]
 POSIX = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="kill -9 is of POSIX")
 
 

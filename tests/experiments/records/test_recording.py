@@ -33,6 +33,7 @@ from experiments.records.recording import (
 from experiments.records.samples_file import RECORD, opening, plain_ending
 from rig.log import COLUMNS, Log
 from tests.support import ROOT
+from tests.support.waiting import wait_for
 
 START = {"source": "simulated", "protocol": "hold", "arm": "with", "seed": 7}
 ANY = st.floats(allow_nan=True, allow_infinity=True, width=64)
@@ -480,7 +481,7 @@ for tick in range(100000):
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="kill -9 is of POSIX")
-def test_kill_9_takes_nothing_that_is_older_than_a_fifth_of_a_second(tmp_path):
+def test_kill_9_takes_nothing_that_is_older_than_a_fifth_of_a_second(tmp_path, request):
     """Children record in real time and are killed at random moments; what they had is there."""
     children = []
     for i in range(4):
@@ -488,12 +489,11 @@ def test_kill_9_takes_nothing_that_is_older_than_a_fifth_of_a_second(tmp_path):
         shared.write_bytes(bytes(16))
         command = [sys.executable, "-c", CHILD, str(tmp_path / str(i)), str(shared)]
         children.append((subprocess.Popen(command, cwd=ROOT), i))
-    deadline = time.monotonic() + 20
+        request.addfinalizer(children[-1][0].kill)
     for child, i in children:
         with (tmp_path / f"{i}.done").open("rb") as file:
             view = mmap.mmap(file.fileno(), 16, access=mmap.ACCESS_READ)
-            while struct.unpack("<2d", view[:16])[1] < 20 and time.monotonic() < deadline:
-                time.sleep(0.01)
+            wait_for("row 20", lambda now=view: struct.unpack("<2d", now[:16])[1] >= 20)
             time.sleep(random.uniform(0.0, 0.4))
             child.send_signal(signal.SIGKILL)
             child.wait()

@@ -12,6 +12,8 @@ import pytest
 
 from tests.support.rig_lab import Lab
 
+pytestmark = pytest.mark.realtime
+
 TRIES = 3
 # A busy machine's doing: a process that had no turn in time is a lost table or camera.
 LOST = ("silent for", "heard nothing", "no new frame for", "no frame for", "no first frame")

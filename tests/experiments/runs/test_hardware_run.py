@@ -18,6 +18,8 @@ from experiments.records.recording import read_run
 from tests.support.command import told
 from tests.support.rig_lab import Lab
 
+pytestmark = pytest.mark.realtime
+
 
 def refused(*arguments) -> str:
     """What a command says that ends with 2 before it opens the table."""
@@ -43,16 +45,16 @@ def homed(lab: Lab) -> Lab:
 
 def running(homed: Lab, seconds: float, arm: str) -> tuple[subprocess.Popen, list]:
     """A run that has been balancing for a while, and its folder."""
+    before = homed.folders()
     child = homed.start(
         "run", homed.protocol(seconds), "--out", str(homed.out), "--arm", arm, "--yes"
     )
     deadline = time.monotonic() + 240
     while time.monotonic() < deadline and child.poll() is None:
-        runs = homed.runs() if (homed.out / "runs").exists() else []
-        mine = [r for r in runs if r.meta["protocol"]["duration_s"] == seconds]
-        if mine and len(mine[0].log) > 1500:
-            return child, mine[0].folder
-        time.sleep(0.1)
+        mine = [folder for folder in homed.folders() if folder not in before]
+        if mine and len(read_run(mine[0]).log) > 1500:
+            return child, mine[0]
+        time.sleep(0.3)
     child.kill()
     raise AssertionError(child.communicate())
 
@@ -64,7 +66,7 @@ def test_a_protocol_runs_on_the_served_table_and_is_recorded_as_measured(homed: 
     assert code == 0, error
     assert "place the ball at x = -10.0 cm, y = 10.0 cm" in out
     assert "let it go" in out
-    (run,) = homed.runs()
+    run = homed.runs()[-1]
     meta = run.meta
     assert (meta["source"], meta["outcome"], meta["table"]) == ("measured", "completed", "remote")
     assert not (run.folder / "truth.json").exists()

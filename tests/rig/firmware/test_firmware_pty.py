@@ -26,6 +26,8 @@ from tests.support.boards.chip import firmware
 from tests.support.boards.pty import real_time
 from vision.frames import Observation
 
+pytestmark = pytest.mark.realtime
+
 PROGRAM = "tests.support.boards.pty"
 SECONDS = 3.0
 TRIES = 3

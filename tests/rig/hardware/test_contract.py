@@ -25,7 +25,9 @@ from tests.support.boards.usb_fake import FakeUsb
 from tests.support.boards.world import World, WorldEye, WorldLink, table_on
 from tests.support.hardware import contract
 from tests.support.hardware.quanser_card import Bench, install
-from tests.support.hardware.remote_bench import Cable, patiently, realtime, served
+from tests.support.hardware.remote_bench import Cable, realtime, served
+
+pytestmark = pytest.mark.realtime
 
 ODD = Wiring(swap=True, sign_volts=(-1, 1), sign_angle=(1, -1), zero_counts=(7, -4), crossed=True)
 Pair = tuple[float, float]
@@ -154,7 +156,6 @@ def make(monkeypatch: pytest.MonkeyPatch):
 
 
 @EVERY
-@patiently
 def test_time_strictly_increases(make, name: str):
     case = make(name)
     in_real_time = case.clock if case.jitter_s else None
@@ -162,7 +163,6 @@ def test_time_strictly_increases(make, name: str):
 
 
 @EVERY
-@patiently
 def test_observations_follow_their_light(make, name: str):
     contract.observations_follow_their_light(make(name).table)
 
@@ -170,14 +170,12 @@ def test_observations_follow_their_light(make, name: str):
 @EVERY
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("sign", [-1, 1])
-@patiently
 def test_positive_volts_raise_the_angle(make, name: str, axis: int, sign: int):
     contract.positive_volts_raise_the_angle(make(name).table, axis, sign)
 
 
 @EVERY
 @pytest.mark.parametrize("fails", [False, True])
-@patiently
 def test_leaving_gives_level_and_no_volts(make, name: str, fails: bool):
     case = make(name, load_rig(None), armed=False)
 
@@ -198,7 +196,6 @@ DEATHS = [
 
 
 @pytest.mark.parametrize(("name", "how"), DEATHS)
-@patiently
 def test_a_dead_link_raises_by_name_and_the_table_levels(make, name: str, how: str):
     case = make(name)
     contract.a_dead_link_raises_by_name(

@@ -20,6 +20,8 @@ from rig.loop.process import Job, LoopProcess
 from rig.safety.monitor import MonitorLimits
 from rig.simulation.simulator import SimulatedTable
 
+pytestmark = pytest.mark.realtime
+
 TABLE = load_rig(None)
 # A busy machine that grants no priority may be late as it likes.
 PATIENT = replace(MonitorLimits.of_rig(TABLE), late_s=0.5, late_ticks=1e9)

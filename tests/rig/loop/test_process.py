@@ -29,6 +29,8 @@ from rig.simulation.simulate import draw, simulate
 from rig.simulation.simulator import SimulatedTable
 from tests.support import ROOT
 
+pytestmark = pytest.mark.realtime
+
 TABLE = load_rig(None)
 # A busy machine that grants no priority may be late as it likes.
 PATIENT = replace(MonitorLimits.of_rig(TABLE), late_s=10.0, late_ticks=1e9)

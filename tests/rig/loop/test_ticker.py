@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from rig.loop.jitter import EDGES_US, Jitter
 from rig.loop.ticker import Ticker, sleep_until
 
+pytestmark = pytest.mark.realtime
+
 PERIOD = 0.002
 
 

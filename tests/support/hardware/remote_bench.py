@@ -1,6 +1,5 @@
 """A table served by a thread of this process, and a connection that can be cut or held up."""
 
-import functools
 import os
 import socket
 import threading
@@ -10,7 +9,6 @@ from contextlib import contextmanager, suppress
 
 import numpy as np
 
-from rig.hardware.board.link import LinkLost
 from rig.hardware.network.remote import RemoteTable
 from rig.hardware.network.serve import Server
 from rig.hardware.wiring import Wiring
@@ -19,22 +17,6 @@ from rig.parameters import Rig
 from rig.simulation.simulator import SimulatedTable
 
 TOKEN = b"0123456789abcdef0123456789abcdef"
-
-
-def patiently(test):
-    """A busy machine may halt any process for 100 ms, which is a lost link by definition: such a
-    test is tried three times. What is found wrong is never tried again."""
-
-    @functools.wraps(test)
-    def run(*arguments, **named):
-        for left in (2, 1, 0):
-            try:
-                return test(*arguments, **named)
-            except LinkLost:
-                if not left:
-                    raise
-
-    return run
 
 
 @contextmanager

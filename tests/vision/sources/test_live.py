@@ -14,6 +14,8 @@ from vision.sources.source_errors import (
     StalledError,
 )
 
+pytestmark = pytest.mark.realtime
+
 
 class Feed:
     """Gives frames that a test puts in; an exception put in is raised."""

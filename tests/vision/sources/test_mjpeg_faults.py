@@ -18,6 +18,8 @@ from vision.sources.source_errors import (
 )
 from vision.sources.sources import open_source
 
+pytestmark = pytest.mark.realtime
+
 
 def test_a_stall_is_named_and_goes_on(server, script):
     with open_source(server.address, patience_s=0.3) as source:

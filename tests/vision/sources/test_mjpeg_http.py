@@ -10,6 +10,8 @@ from vision.sources.addresses import without_password
 from vision.sources.mjpeg_http import PartClock, server_stamp
 from vision.sources.sources import open_source
 
+pytestmark = pytest.mark.realtime
+
 
 def test_frames_come_with_size_and_index(server, script):
     with open_source(server.address) as source:

@@ -13,6 +13,8 @@ from tests.vision.sources.test_sources import write_video
 from vision.sources.source_errors import GoneError
 from vision.sources.sources import open_source
 
+pytestmark = pytest.mark.realtime
+
 
 @pytest.fixture(scope="module")
 def images():

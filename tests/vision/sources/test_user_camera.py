@@ -9,6 +9,8 @@ from vision.sources.source_errors import StalledError, UserCameraError
 from vision.sources.sources import open_source
 from vision.sources.user_camera import split_address
 
+pytestmark = pytest.mark.realtime
+
 GOOD = """
 import time
 import numpy as np

@@ -18,7 +18,7 @@ from experiments.records.samples_file import SCHEMA_NAME, sample_schema
 from rig.log import COLUMNS, NAMES
 from tests.support.parts import needs
 
-pytestmark = needs("foxglove")
+pytestmark = [needs("foxglove"), pytest.mark.realtime]
 
 
 @pytest.fixture

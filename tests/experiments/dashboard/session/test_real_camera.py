@@ -26,6 +26,8 @@ from rig.rigfile import write_rig
 from tests.support.waiting import wait_for
 from vision.sources.sources import open_source
 
+pytestmark = pytest.mark.realtime
+
 CAMERA = """
 import time
 from itertools import cycle

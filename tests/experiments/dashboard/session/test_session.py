@@ -15,6 +15,8 @@ from experiments.runs.protocol import parse
 from rig.loop.commands import Push, Target
 from tests.support.waiting import wait_for
 
+pytestmark = pytest.mark.realtime
+
 PATIENCE_S = 300.0  # a slow machine compiles first
 SHORT = {
     "title": "short",

@@ -22,6 +22,8 @@ from rig.loop.loop import Ending
 from rig.parameters import Rig
 from tests.support.waiting import wait_for
 
+pytestmark = pytest.mark.realtime
+
 PATIENCE_S = 5.0
 PROTOCOL = parse({"title": "short", "duration_s": 10.0}, label="short", name="short")
 HELD = parse(

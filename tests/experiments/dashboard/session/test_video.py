@@ -13,6 +13,8 @@ from rig.log import Log
 from rig.parameters import Rig
 from rig.rigfile import to_record
 
+pytestmark = pytest.mark.realtime
+
 
 def film(path: Path, seconds: int, keyframes: int) -> Path:
     """A film of 10 frames a second that grow lighter, a key frame every `keyframes`."""

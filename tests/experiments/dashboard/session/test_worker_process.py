@@ -7,6 +7,8 @@ import pytest
 
 from experiments.dashboard.session.worker_process import WorkerProcess, WorkItem
 
+pytestmark = pytest.mark.realtime
+
 
 def good(progress):
     progress("halfway", 1, 2)

@@ -19,6 +19,8 @@ from tests.support.boards.pty import PtyBoard, SteppedLink
 from tests.support.boards.world import World
 from tests.support.hardware import contract
 
+pytestmark = pytest.mark.realtime
+
 SLACK_S = 1.0  # what a busy machine's scheduler may add
 
 

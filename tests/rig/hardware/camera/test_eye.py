@@ -12,6 +12,8 @@ from rig.parameters import Rig
 from vision.frames import Frame, Observation, Track
 from vision.sources.source_errors import GarbageError, GoneError
 
+pytestmark = pytest.mark.realtime
+
 RATIO = Rig().linkage.ratio
 BLANK = np.zeros((4, 4, 3), np.uint8)
 COV = (1e-8, 0.0, 2e-8)

@@ -21,6 +21,8 @@ from rig.simulation.simulator import SimulatedTable
 from tests.support.hardware import contract
 from tests.support.hardware.quanser_card import Bench, install
 
+pytestmark = pytest.mark.realtime
+
 CLEAN = Rig(table=TableChoice(kind="quanser"))
 
 

@@ -1,0 +1,47 @@
+"""A watch that sees the machine stand still, for tests that are `realtime`.
+
+There a table, its program and its camera answer each other within tens of milliseconds. A machine
+that halts, or is given to others, for as long makes them fall silent whatever they are; a halt of
+one of them alone is a lost link by definition. Where such a test failed by a lost link, or the
+watch saw a halt meanwhile, it is tried again, and never otherwise: the closing line of pytest
+counts it as "rerun".
+"""
+
+import os
+import subprocess
+import sys
+
+from rig.hardware.board.link import LINK_DEAD_S
+
+RERUNS = 2  # chosen: three halts in three tries are the test's own doing
+HALT_S = LINK_DEAD_S / 2  # chosen: of the shortest patience that a link has, both ends share it
+_WATCH = f"""
+import os, time
+last_s, parent = time.monotonic(), os.getppid()
+while os.getppid() == parent:
+    time.sleep({HALT_S / 8})
+    now_s = time.monotonic()
+    if now_s - last_s > {HALT_S}:
+        os.write(1, b"h")
+    last_s = now_s
+"""
+
+
+class Watch:
+    """A process of its own, at the priority of the tests, that notes when it woke too late."""
+
+    def __init__(self) -> None:
+        command = [sys.executable, "-S", "-E", "-c", _WATCH]
+        self._process = subprocess.Popen(command, stdout=subprocess.PIPE)
+        assert self._process.stdout is not None
+        self._told = self._process.stdout
+        os.set_blocking(self._told.fileno(), False)
+
+    def saw_a_halt(self) -> bool:
+        """Whether the machine stood still since this was last asked."""
+        return bool(self._told.read())
+
+    def end(self) -> None:
+        self._process.kill()
+        self._process.wait()
+        self._told.close()
