@@ -7,9 +7,9 @@ watch saw a halt meanwhile, it is tried again, and never otherwise: the closing 
 counts it as "rerun".
 """
 
-import os
 import subprocess
 import sys
+import threading
 
 from rig.hardware.board.link import LINK_DEAD_S
 
@@ -28,20 +28,32 @@ while os.getppid() == parent:
 
 
 class Watch:
-    """A process of its own, at the priority of the tests, that notes when it woke too late."""
+    """A process of its own, at the priority of the tests, that tells when it woke too late."""
 
     def __init__(self) -> None:
         command = [sys.executable, "-S", "-E", "-c", _WATCH]
-        self._process = subprocess.Popen(command, stdout=subprocess.PIPE)
+        self._process = subprocess.Popen(command, stdout=subprocess.PIPE, bufsize=0)
+        self._halts, self._listener = 0, threading.Thread(target=self._listen, daemon=True)
+        self._listener.start()
+
+    @property
+    def pid(self) -> int:
+        """Number of its process."""
+        return self._process.pid
+
+    def _listen(self) -> None:
         assert self._process.stdout is not None
-        self._told = self._process.stdout
-        os.set_blocking(self._told.fileno(), False)
+        while self._process.stdout.read(1):
+            self._halts += 1
 
     def saw_a_halt(self) -> bool:
         """Whether the machine stood still since this was last asked."""
-        return bool(self._told.read())
+        halts, self._halts = self._halts, 0
+        return halts > 0
 
     def end(self) -> None:
         self._process.kill()
         self._process.wait()
-        self._told.close()
+        self._listener.join()
+        assert self._process.stdout is not None
+        self._process.stdout.close()
