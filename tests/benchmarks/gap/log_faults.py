@@ -80,7 +80,7 @@ def time_backwards(log: Columns, rng: np.random.Generator) -> None:
 def swapped_axes(log: Columns, rng: np.random.Generator) -> None:
     stem = rng.choice(["theta_{}_rad", "voltage_{}_V", "ball_{}_m"])
     x, y = stem.format("x"), stem.format("y")
-    log[x], log[y] = log[y], log[x]
+    log.update({there: log[here] for here, there in ((x, y), (y, x)) if here in log})
 
 
 def wrong_sign(log: Columns, rng: np.random.Generator) -> None:
