@@ -30,7 +30,7 @@ class BusLab(Lab):
         wiring: Wiring = LEVEL, counts=(2048, 2048), markers: bool = True, keys: str = "",
     ) -> None:  # fmt: skip
         self.known = read_rig(SHIPPED)
-        self.world = BusWorld(bus_of(kind, counts), self.known, start_m=AWAY_M, wiring=wiring)  # pyright: ignore
+        self.world = BusWorld(bus_of(kind, counts), self.known, start_m=AWAY_M, wiring=wiring)
         self.folder, self.rig_file, self._capsys = folder, folder / "lab.toml", capsys
         self._patch, self.markers, self._next_s = patch, markers, 0.0
         self.most_V, self.then = 0.0, lambda run_s: None

@@ -29,7 +29,7 @@ class Bench:
     def __init__(self, kind: str, counts=AWAY) -> None:
         self.kind, self.board = kind, bus_of(kind, counts)
         self.world = BusWorld(self.board, Rig(), start_m=(1.0, 1.0))
-        self.pty = PtyBoard(self.world, thread=False)  # pyright: ignore[reportArgumentType]
+        self.pty = PtyBoard(self.world, thread=False)
 
     def open(self, **settings) -> BusTable:
         link = SteppedLink(self.pty, SerialLink(self.pty.port, 1_000_000, "servo bus"))
