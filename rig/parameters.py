@@ -21,7 +21,10 @@ from rig.section import Finite, NotNegative, Positive, Section, Share
 GRAVITY_M_S2 = 9.81
 SHAFT_MODELS = ("exact", "dead_zone", "none")
 VOLTAGE, POSITION = "voltage", "position"
-TABLE_KINDS = ("simulated", "serial", "usb", "quanser", "remote")
+BUS_KINDS = ("feetech", "dynamixel")
+ANGLE_KINDS = BUS_KINDS  # of tables whose servos are told an angle
+TABLE_KINDS = ("simulated", "serial", "usb", "quanser", "remote", *ANGLE_KINDS)
+HIGHEST_ID = 252  # of a servo on either bus
 ANGLE_MARGIN_RAD = 0.08  # further beyond the angle limit is a runaway (the stop is at 0.086)
 
 # SRV02 in high gear (A).
@@ -248,12 +251,13 @@ class KnownBacklash(Section):
 class TableChoice:
     """Which table is driven and how it is reached; none of these keys changes the model.
 
-    kind: one of TABLE_KINDS; port, baud: of the serial board; address: "host:port" of a remote
-    table, number of a Quanser card or "vendor:product" of a USB board; token_file: the remote
-    table's secret; camera: an address for `vision.open_source`; calibration: the camera's bundle.
-    amplifier_gain: motor volts per output volt of the Quanser card; card_options: handed to its
-    driver. swap, crossed and the signs by channel: the wiring (`rig.hardware.wiring`); what homing
-    finds overrides them.
+    kind: one of TABLE_KINDS; port, baud: of the serial board or bus; address: "host:port" of a
+    remote table, number of a Quanser card or "vendor:product" of a USB board; token_file: the
+    remote table's secret; camera: an address for `vision.open_source`; calibration: the camera's
+    bundle. amplifier_gain: motor volts per output volt of the Quanser card; card_options: handed to
+    its driver. ids: of the servos on a bus, channel 0 and 1; trim_rad: by channel, where a servo
+    that takes an angle holds the plate level, from its own middle. swap, crossed and the signs by
+    channel: the wiring (`rig.hardware.wiring`); what homing finds overrides these and trim_rad.
     """
 
     kind: str = "simulated"
@@ -265,6 +269,8 @@ class TableChoice:
     calibration: str = ""
     amplifier_gain: float = 1.0
     card_options: str = ""
+    ids: tuple[int, int] = (1, 2)
+    trim_rad: tuple[float, float] = (0.0, 0.0)
     swap: bool = False
     crossed: bool = False
     sign_volts: tuple[int, int] = (1, 1)
@@ -274,13 +280,21 @@ class TableChoice:
         """Raise ValueError (one line) where a key has no valid value or a needed key is missing."""
         if self.kind not in TABLE_KINDS:
             raise ValueError(f"table.kind = '{self.kind}'; known: {', '.join(TABLE_KINDS)}")
-        needed = {"serial": ["port"], "remote": ["address", "token_file"]}.get(self.kind, [])
-        for key in needed:
+        needed = {"remote": ("address", "token_file")}
+        needed |= dict.fromkeys(("serial", *BUS_KINDS), ("port",))
+        for key in needed.get(self.kind, ()):
             if not getattr(self, key):
                 raise ValueError(f"table.kind = '{self.kind}' needs table.{key}: add it to [table]")
         for key in ("sign_volts", "sign_angle"):
             if any(sign not in (-1, 1) for sign in getattr(self, key)):
                 raise ValueError(f"table.{key} = {list(getattr(self, key))}: each must be 1 or -1")
+        if not all(0 <= one <= HIGHEST_ID for one in self.ids) or self.ids[0] == self.ids[1]:
+            raise ValueError(
+                f"table.ids = {list(self.ids)}: must be two different numbers from 0 to "
+                f"{HIGHEST_ID}; give the second servo its own with its maker's tool"
+            )
+        if not all(abs(trim) <= pi for trim in self.trim_rad):
+            raise ValueError(f"table.trim_rad = {list(self.trim_rad)}: each must be -3.14 to 3.14")
         if not 0.1 <= self.amplifier_gain <= 10:
             gain = f"table.amplifier_gain = {self.amplifier_gain:g}"
             raise ValueError(f"{gain}: must be 0.1 to 10 (usual: 1, 3)")

@@ -8,6 +8,10 @@ import typer
 
 from experiments.cli.say import say
 
+ANGLES = (
+    "Both arms will move slowly to level, then a little to both sides. Take the ball off, keep "
+    "hands away, one hand at the switch that cuts the servos' power."
+)
 WARNING = (
     "Both arms will move slowly to their stops. Take the ball off, keep hands away, one hand at "
     "the switch that cuts the motors' power."
@@ -20,7 +24,7 @@ def home(
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the arms move.")] = False,
 ) -> None:
-    """Find the arms' middle between their stops at low volts, check cables and signs.
+    """Find where the plate is level (at low volts, or by small angles), check cables and signs.
 
     What is found is kept beside the rig file until the table is switched off.
     """
@@ -31,11 +35,12 @@ def home(
     if rig is None or not is_hardware(known):
         found, kept = rehearse_home(known), None
     else:
-        consent(WARNING, yes)
+        consent(ANGLES if known.servo.takes_angle else WARNING, yes)
         found, kept = home_table(known, rig)
     wiring = found.wiring
     for axis, travel, volts in zip("xy", found.travel_rad, found.moving_V, strict=True):
-        say(f"{axis}: {degrees(travel):.1f} degrees between the stops, moves at {volts:.2f} V")
+        moves = f", moves at {volts:.2f} V" if volts else ""
+        say(f"{axis}: {degrees(travel):.1f} degrees between the stops{moves}")
     orders = {"swapped": wiring.swap, "motors crossed": wiring.crossed}
     said = [word for word, so in orders.items() if so] or ["as named"]
     say(

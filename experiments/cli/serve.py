@@ -25,10 +25,11 @@ def serve(
     Who does not know the token is not listened to; who falls silent for 0.1 s loses the table.
     """
     from experiments.runs.assemble import load_rig
-    from rig.hardware.choose import check_drives_volts, open_table
+    from rig.hardware.choose import check_drive, open_table
     from rig.hardware.network.serve import Server
     from rig.hardware.network.token_file import make_token, read_token
     from rig.loop.realtime import go_realtime
+    from rig.parameters import ANGLE_KINDS
 
     known = load_rig(rig)
     if known.table.kind == "remote":
@@ -38,7 +39,9 @@ def serve(
             f'table.kind = "{known.table.kind}" is not served: a board keeps its own zero; plug it '
             "into the machine that runs the loop"
         )
-    check_drives_volts(known)
+    check_drive(known)
+    if known.table.kind in ANGLE_KINDS:
+        raise ValueError(f'table.kind = "{known.table.kind}" is not served: only volts are')
     if not token_file.exists():
         make_token(token_file)
         say(f"made {token_file}: copy it to the machine that shall drive the table")

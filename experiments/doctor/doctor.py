@@ -5,7 +5,7 @@
 
 from dataclasses import dataclass, field
 
-from rig.parameters import Rig
+from rig.parameters import ANGLE_KINDS, BUS_KINDS, Rig
 
 OK, NOTE, BAD = "ok", "note", "bad"
 BOARD_VENDORS = {
@@ -100,7 +100,7 @@ def examine(facts: Facts, rig: Rig) -> list[Finding]:
         "usb": _usb,
         "quanser": _quanser,
         "remote": _remote,
-    }
+    } | dict.fromkeys(BUS_KINDS, _bus)
     found = [*_packages(facts), *of_kind[rig.table.kind](facts, rig), *_camera(facts, rig)]
     found += [Finding(name, BAD, "no such file", "correct [table]") for name in facts.missing_files]
     if rig.table.kind != "simulated":
@@ -122,11 +122,14 @@ def _packages(facts: Facts) -> list[Finding]:
 
 
 def _angles(rig: Rig) -> list[Finding]:
-    if not rig.servo.takes_angle:
-        return []
-    why = "servo.kind = 'position': no driver here tells servos an angle yet"
-    cure = "run the table by its own program, then rig import and rig calibrate servo"
-    return [Finding("servos", BAD, why, cure)]
+    from rig.hardware.choose import check_drive
+
+    try:
+        check_drive(rig)
+    except ValueError as error:
+        cure = f"set servo.kind, or table.kind to one of {', '.join(ANGLE_KINDS)}"
+        return [Finding("servos", BAD, str(error), cure)]
+    return []
 
 
 def _simulated(facts: Facts, rig: Rig) -> list[Finding]:
@@ -149,6 +152,21 @@ def _serial(facts: Facts, rig: Rig) -> list[Finding]:
         cure = _group_cure(facts, found.group or "dialout")
         return [Finding(f"serial port {port}", BAD, "may not be opened", cure)]
     return [Finding(f"serial port {port}", OK, found.about or "can be opened")]
+
+
+def _bus(facts: Facts, rig: Rig) -> list[Finding]:
+    """The adapter's port, and whether a tick leaves time for the bus; no servo is asked."""
+    from rig.hardware.bus.bus import check_period
+    from rig.hardware.choose import bus_vendor
+
+    found, table = _serial(facts, rig), rig.table
+    name = f"servo bus, ids {table.ids[0]} and {table.ids[1]}"
+    try:
+        check_period(bus_vendor(rig), len(table.ids), table.baud, 1 / rig.control_rate_hz)
+    except ValueError as error:
+        return [*found, Finding(name, BAD, str(error), "bus servos: control_rate_hz = 250")]
+    text = f"{table.baud} baud is fast enough for {rig.control_rate_hz:g} Hz; rig home asks them"
+    return [*found, Finding(name, OK, text)]
 
 
 def _usb(facts: Facts, rig: Rig) -> list[Finding]:

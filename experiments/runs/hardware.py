@@ -10,11 +10,12 @@ from typing import Self
 
 from experiments.runs.live_eye import open_markers, watching
 from rig.hardware.camera.eye import CameraEye
-from rig.hardware.choose import OpenTable, check_drives_volts, open_table
+from rig.hardware.choose import OpenTable, check_drive, open_table, raw_wiring
 from rig.hardware.homing.home import Homing, home
+from rig.hardware.homing.home_angles import home_angles
 from rig.hardware.homing.homed import CURE, Homed, NotHomed, home_file, load, power_up
 from rig.loop.realtime import go_realtime
-from rig.parameters import Rig
+from rig.parameters import BUS_KINDS, Rig
 from rig.safety.levelling import LevelOnExit
 from rig.table import Reading, Table, takes_angle
 
@@ -30,12 +31,16 @@ def is_hardware(rig: Rig) -> bool:
 def check_there(rig: Rig) -> None:
     """Check, before anything is opened, that the board's port is there.
 
-    FileNotFoundError: `table.port` of a serial table is a path that does not exist.
+    FileNotFoundError: `table.port` of a serial board or bus is a path that does not exist.
     """
-    port = rig.table.port
-    if rig.table.kind == "serial" and port.startswith("/") and not Path(port).exists():
+    port, what = rig.table.port, "adapter" if rig.table.kind in BUS_KINDS else "board"
+    if (
+        rig.table.kind in ("serial", *BUS_KINDS)
+        and port.startswith("/")
+        and not Path(port).exists()
+    ):
         raise FileNotFoundError(
-            f"table.port = '{port}' is not there: plug the board in; rig doctor lists the ports"
+            f"table.port = '{port}' is not there: plug the {what} in; rig doctor lists the ports"
         )
 
 
@@ -84,7 +89,7 @@ def home_table(rig: Rig, rig_file: Path) -> tuple[Homing, Path]:
     camera cannot be opened. An earlier homing is deleted in these cases too, except when the port
     is not there.
     """
-    check_drives_volts(rig)
+    check_drive(rig)
     check_there(rig)
     path = home_file(rig_file)
     path.unlink(missing_ok=True)
@@ -92,11 +97,18 @@ def home_table(rig: Rig, rig_file: Path) -> tuple[Homing, Path]:
         go_realtime()  # where it is allowed: a late tick costs the board's trust
         table = open_table(rig, homed=False)
         with table:
-            found = home(table, rig, tilt)
+            found = _homed(table, rig, tilt)
             found = _marked(table, found)
             homed = Homed.of(found, rig, power_up(table))
     homed.save(path)
     return found, path
+
+
+def _homed(table: Table, rig: Rig, tilt: Callable[[float], tuple[float, float] | None]) -> Homing:
+    """Home a table by what its servos take."""
+    if takes_angle(table):
+        return home_angles(table, rig, raw_wiring(rig).zero_counts, tilt)
+    return home(table, rig, tilt)
 
 
 def _marked(table: Table, found: Homing) -> Homing:
@@ -203,14 +215,16 @@ def open_homed(
 def rehearse_home(rig: Rig) -> Homing:
     """Home the virtual table, with the tilt of its plate as markers would show it.
 
-    HomingRefused: homing stopped, with its reason. ValueError: its servos take an angle.
+    HomingRefused: homing stopped, with its reason. ValueError: its servos take an angle and do not
+    tell theirs.
     """
     import numpy as np
 
     from rig.plant.ball import tilt_sines
     from rig.simulation.simulator import SimulatedTable
 
-    check_drives_volts(rig)
+    if not rig.servo.has_angle:
+        raise ValueError("servo.angle_measured = false: homing needs to see where the servos are")
     table = SimulatedTable(rig, np.random.default_rng(1), start_m=(1.0, 1.0))
     table.level_s = 0.0
 
@@ -219,4 +233,4 @@ def rehearse_home(rig: Rig) -> Homing:
         return tilt_sines((float(x), float(y)), rig.linkage.ratio)
 
     with table:
-        return home(table, rig, tilt)
+        return _homed(table, rig, tilt)

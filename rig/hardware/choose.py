@@ -2,15 +2,20 @@
 
 import re
 from contextlib import AbstractContextManager
+from math import pi
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from rig.hardware.observations import ObservationSource
 from rig.hardware.wiring import Wiring
-from rig.parameters import Rig
+from rig.linkage import THREE_ARMS
+from rig.parameters import ANGLE_KINDS, BUS_KINDS, Rig
 from rig.table import Table
+
+if TYPE_CHECKING:
+    from rig.hardware.bus.vendor import Vendor
 
 
 class OpenTable(Table, AbstractContextManager, Protocol):
@@ -19,11 +24,22 @@ class OpenTable(Table, AbstractContextManager, Protocol):
 
 def raw_wiring(rig: Rig) -> Wiring:
     """Return the wiring of channels as they are, for homing, which finds out what they mean."""
-    return Wiring(counts_per_rev=rig.servo.encoder_counts_per_rev)
+    return Wiring(zero_counts=level_counts(rig), counts_per_rev=rig.servo.encoder_counts_per_rev)
+
+
+def level_counts(rig: Rig) -> tuple[int, int]:
+    """Return the counts, by channel, at which the rig file says that the plate is level: the middle
+    of a bus servo's turn and its trim; 0 where encoders count from where they wake up.
+    """
+    if rig.table.kind not in BUS_KINDS:
+        return 0, 0
+    turn = rig.servo.encoder_counts_per_rev
+    a, b = (turn // 2 + round(trim * turn / (2 * pi)) for trim in rig.table.trim_rad)
+    return a, b
 
 
 def file_wiring(rig: Rig) -> Wiring:
-    """Return the wiring that the rig file tells; level is where the encoders read zero.
+    """Return the wiring that the rig file tells, level at `level_counts`.
 
     ValueError: as `Wiring` raises it.
     """
@@ -33,6 +49,7 @@ def file_wiring(rig: Rig) -> Wiring:
         crossed=table.crossed,
         sign_volts=table.sign_volts,
         sign_angle=table.sign_angle,
+        zero_counts=level_counts(rig),
         counts_per_rev=rig.servo.encoder_counts_per_rev,
     )
 
@@ -45,14 +62,26 @@ def host_and_port(address: str) -> tuple[str, int]:
     return found[1] or found[2], int(found[3])
 
 
-def check_drives_volts(rig: Rig) -> None:
-    """Raise ValueError (one line) where the rig's servos take an angle: homing, boards and servers
-    speak volts, and a servo that is told an angle must get none.
+def check_drive(rig: Rig) -> None:
+    """Raise ValueError (one line) where the rig's servos take what its table does not give.
+
+    A servo that is told an angle must get no volts, and the reverse.
     """
-    if rig.servo.takes_angle:
+    kind, servo = rig.table.kind, rig.servo
+    if kind == "simulated":
+        return
+    if servo.takes_angle and kind not in ANGLE_KINDS:
         raise ValueError(
-            "servo.kind = 'position': no driver here tells servos an angle yet, and volts would "
-            "be wrong; run such a table by its own program, then rig import and rig calibrate servo"
+            f"servo.kind = 'position': table.kind = '{kind}' drives volts, which would be wrong; "
+            f"tables that are told an angle: {', '.join(ANGLE_KINDS)}"
+        )
+    if kind not in ANGLE_KINDS:
+        return
+    if not servo.takes_angle:
+        raise ValueError(f"table.kind = '{kind}' is told angles: set servo.kind = 'position'")
+    if rig.linkage.kind == THREE_ARMS:
+        raise ValueError(
+            f"linkage.kind = '{THREE_ARMS}': no driver here moves three servos yet, two rods only"
         )
 
 
@@ -68,14 +97,15 @@ def open_table(
     eye: where observations of the ball come from (None: without a camera); wiring: what homing
     found (default: the rig file's); homed False: channels as they are, for homing itself; such a
     table is never levelled. ValueError: the rig file or its token file is wrong, or its servos take
-    an angle. OSError: the table
-    is not there, in one line with the cure.
+    what the table does not give. OSError: the table is not there, in one line with the cure.
     """
     kind = rig.table.kind
     wired = wiring or (file_wiring(rig) if homed else raw_wiring(rig))
     if kind == "simulated":
         return _simulated(rig, homed)
-    check_drives_volts(rig)
+    check_drive(rig)
+    if kind in BUS_KINDS:
+        return _bus(rig, eye, wired, homed)
     if kind in ("serial", "usb"):
         return _board(rig, eye, wired, homed)
     if kind == "quanser":
@@ -126,6 +156,43 @@ def _board(rig: Rig, eye: ObservationSource | None, wiring: Wiring, homed: bool)
     if not homed:
         table.level_s = 0.0
     return table
+
+
+def _bus(rig: Rig, eye: ObservationSource | None, wiring: Wiring, homed: bool) -> OpenTable:
+    from rig.hardware.board.serial_link import SerialLink
+    from rig.hardware.bus.bus import BusTable, check_period
+
+    table, servo, period_s = rig.table, rig.servo, 1 / rig.control_rate_hz
+    vendor = bus_vendor(rig)
+    check_period(vendor, len(table.ids), table.baud, period_s)
+    if servo.encoder_counts_per_rev != vendor.counts_per_rev:
+        raise ValueError(
+            f"servo.encoder_counts_per_rev = {servo.encoder_counts_per_rev}: {vendor.name} servos "
+            f"have {vendor.counts_per_rev}"
+        )
+    opened = BusTable(
+        SerialLink(table.port, table.baud, "servo bus"),
+        vendor,
+        wiring,
+        ids=table.ids,
+        period_s=period_s,
+        angle_limit_rad=servo.angle_limit_rad,
+        rate_limit_rad_s=servo.pair("rate_limit_rad_s"),
+        voltage_limit_V=servo.voltage_limit_V,
+        homed=homed,
+        eye=eye,
+    )
+    if not homed:
+        opened.level_s = 0.0
+    return opened
+
+
+def bus_vendor(rig: Rig) -> "Vendor":
+    """Return the maker of the servos on the rig's bus."""
+    from rig.hardware.bus.dynamixel import Dynamixel
+    from rig.hardware.bus.feetech import Feetech
+
+    return Feetech() if rig.table.kind == "feetech" else Dynamixel()
 
 
 def usb_numbers(address: str) -> tuple[int, ...]:

@@ -29,19 +29,20 @@ _CURES = {
 
 
 class SerialLink:
-    """A board on a serial port, held alone; baud in bit/s.
+    """A board on a serial port, held alone; baud in bit/s; what: is on it, for messages.
 
     LinkLost: the port is not there, busy, gone or hung.
     """
 
-    def __init__(self, port: str, baud: int = 500_000) -> None:
-        self.name = f"board on {port}"
+    def __init__(self, port: str, baud: int = 500_000, what: str = "board") -> None:
+        self.name = f"{what} on {port}"
         try:
             self._serial = serial.Serial(
                 port, baud, timeout=0, write_timeout=_WRITE_TIMEOUT_S, exclusive=True
             )
             self._serial.reset_input_buffer()
             _keep_ready(self._serial)
+            _hurry(self._serial)
         except _GONE as error:
             number = getattr(error, "errno", None)
             cure = _CURES.get(number or 0, "is it plugged in and free?")
@@ -113,6 +114,12 @@ def _keep_ready(port: serial.Serial) -> None:
     settings = termios.tcgetattr(port.fileno())
     settings[2] &= ~termios.HUPCL
     termios.tcsetattr(port.fileno(), termios.TCSANOW, settings)
+
+
+def _hurry(port: serial.Serial) -> None:
+    """Have an adapter give on every byte at once: an FTDI keeps them back for 16 ms else."""
+    with suppress(*_GONE, ValueError, NotImplementedError, AttributeError):  # not every one can
+        port.set_low_latency_mode(True)
 
 
 def _short(error: BaseException) -> str:

@@ -32,9 +32,9 @@ from rig.table import Table
 class Homing:
     """What homing found; pairs by axis (x, y).
 
-    travel_rad: between the stops; moving_V: volts that moved the arm; level: (sin phi_x, sin phi_y)
-    in the middle between the stops as the markers see them, None where they were not seen. Which
-    axis is which, and which way is down, is then what the rig file says.
+    travel_rad: between the stops; moving_V: volts that moved the arm, 0 where angles did; level:
+    (sin phi_x, sin phi_y) in the middle between the stops as the markers see them, None where they
+    were not seen. Which axis is which, and which way is down, is then what the rig file says.
     """
 
     wiring: Wiring
@@ -70,10 +70,10 @@ def plan(rig: Rig) -> Plan:
         _check_travel(found, rig)
         done.append(found)
         sight = yield from hold(done, [a.middle for a in done], sight)
-    columns, level, sight = yield from _swing(done, sight)
+    columns, level, sight = yield from swing(done, sight)
     if level is None:
-        return _unconfirmed(done, rig)
-    return _confirmed(done, columns, level, rig)
+        return unconfirmed(done, rig)
+    return confirmed(done, columns, level, rig)
 
 
 def _check_pairs(arms: list[Arm]) -> None:
@@ -105,8 +105,11 @@ def _check_travel(arm: Arm, rig: Rig) -> None:
 Swung = tuple[list[Pair], Pair | None, Sight]
 
 
-def _swing(arms: list[Arm], sight: Sight) -> Generator[Pair, Sight, Swung]:
-    """Each arm to both sides of its middle: sines per radian of each, and the sines in the middle.
+def swing(
+    arms: list[Arm], sight: Sight, swing_rad: float = SWING_RAD
+) -> Generator[Pair, Sight, Swung]:
+    """Each arm by swing_rad to both sides of its middle: sines per radian of each, and the sines in
+    the middle.
 
     Ends in the middle. Where the markers are not seen nothing is swung.
     """
@@ -116,7 +119,7 @@ def _swing(arms: list[Arm], sight: Sight) -> Generator[Pair, Sight, Swung]:
     for i in (0, 1) if level is not None else ():
         ends = []
         for way in (1, -1):
-            targets = [m + way * SWING_RAD * (k == i) for k, m in enumerate(middles)]
+            targets = [m + way * swing_rad * (k == i) for k, m in enumerate(middles)]
             tilt, angles, sight = yield from look(arms, targets, sight)
             if tilt is None:
                 raise HomingRefused("no markers", "the markers were lost while the plate moved")
@@ -127,7 +130,7 @@ def _swing(arms: list[Arm], sight: Sight) -> Generator[Pair, Sight, Swung]:
     return columns, level, sight
 
 
-def _confirmed(arms: list[Arm], columns: list[Pair], level: Pair, rig: Rig) -> Homing:
+def confirmed(arms: list[Arm], columns: list[Pair], level: Pair, rig: Rig) -> Homing:
     """The wiring as the markers saw it. HomingRefused: they saw what cannot be."""
     ratio = rig.linkage.ratio
     axes, signs = [], []
@@ -159,7 +162,7 @@ def _confirmed(arms: list[Arm], columns: list[Pair], level: Pair, rig: Rig) -> H
     return _homing(arms, axes, signs, rig, level)
 
 
-def _unconfirmed(arms: list[Arm], rig: Rig) -> Homing:
+def unconfirmed(arms: list[Arm], rig: Rig) -> Homing:
     """The wiring as far as the encoders tell; axes and directions are the rig file's."""
     axes = [1 - arm.encoder if rig.table.swap else arm.encoder for arm in arms]
     signs = [rig.table.sign_angle[arm.encoder] for arm in arms]
@@ -189,13 +192,19 @@ def _homing(
     return Homing(wiring, (x.high - x.low, y.high - y.low), (x.moving_V, y.moving_V), level)
 
 
-def home(table: Table, rig: Rig, tilt: Callable[[float], Pair | None] = lambda t_s: None) -> Homing:
+def home(
+    table: Table,
+    rig: Rig,
+    tilt: Callable[[float], Pair | None] = lambda t_s: None,
+    steps: Plan | None = None,
+) -> Homing:
     """Home an armed table that was opened with raw wiring; it ends in the middle, at 0 V.
 
     tilt: called at every tick with the reading's time [s]; gives (sin phi_x, sin phi_y) when a new
-    picture of the plate was taken, else None. HomingRefused: as `plan`; OSError: the table is lost.
+    picture of the plate was taken, else None; steps: default `plan`. HomingRefused: as the plan;
+    OSError: the table is lost.
     """
-    steps = plan(rig)
+    steps = steps or plan(rig)
     volts = next(steps)
     try:
         while True:

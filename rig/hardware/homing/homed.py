@@ -12,7 +12,7 @@ from pydantic import TypeAdapter
 
 from rig.hardware.homing.home import Homing
 from rig.hardware.wiring import Wiring
-from rig.parameters import Rig, Servo
+from rig.parameters import BUS_KINDS, Rig, Servo
 from rig.table import Table
 from rig.validation import file_bytes
 
@@ -109,7 +109,9 @@ class Homed:
 
 
 def _where(rig: Rig) -> str:
-    return rig.table.port or rig.table.address
+    table = rig.table
+    where = table.port or table.address
+    return f"{where} {list(table.ids)}" if table.kind in BUS_KINDS else where
 
 
 def power_up(table: Table, now_s: float | None = None) -> str | None:

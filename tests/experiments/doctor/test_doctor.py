@@ -43,11 +43,30 @@ def test_where_everything_is_there_nothing_is_bad(kind: str):
     assert bad(WELL, TABLES[kind]) == {}
 
 
+def bus(**keys) -> Rig:
+    """A rig on a bus of Feetech servos."""
+    table = TableChoice(kind="feetech", port=WELL.serial[0].path, baud=1_000_000)
+    servo = Servo(kind="position", angle_measured=True)
+    return replace(Rig(servo=servo, table=table, control_rate_hz=250.0), **keys)
+
+
+def test_a_bus_of_servos_is_looked_at_without_asking_them():
+    found = {f.what: f for f in examine(WELL, bus())}
+    assert usable(list(found.values()))
+    assert "1000000 baud is fast enough for 250 Hz" in found["servo bus, ids 1 and 2"].text
+    slow = {f.what: f for f in examine(WELL, bus(control_rate_hz=500.0)) if f.state == BAD}
+    assert "control_rate_hz has 2.0 ms" in slow["servo bus, ids 1 and 2"].text
+    volts = {f.what: f for f in examine(WELL, bus(servo=Servo())) if f.state == BAD}
+    assert "set servo.kind = 'position'" in volts["servos"].text
+    gone = {f.what: f for f in examine(replace(WELL, serial=()), bus()) if f.state == BAD}
+    assert list(gone) == [f"serial port {WELL.serial[0].path}"]
+
+
 @pytest.mark.parametrize("kind", [kind for kind in TABLES if kind != "simulated"])
-def test_a_real_table_whose_servos_take_an_angle_cannot_be_used(kind: str):
+def test_a_table_of_volts_whose_servos_take_an_angle_cannot_be_used(kind: str):
     rig = Rig(table=TABLES[kind], servo=Servo(kind="position"))
     found = {f.what: f for f in examine(WELL, rig) if f.state == BAD}
-    assert "no driver here tells servos an angle" in found["servos"].text
+    assert "drives volts, which would be wrong" in found["servos"].text
     virtual = Rig(servo=Servo(kind="position"))
     assert usable(examine(WELL, virtual))
 

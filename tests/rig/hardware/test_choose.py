@@ -7,14 +7,25 @@ import pytest
 
 from rig.hardware.board.link import LinkLost
 from rig.hardware.camera.plate_tilt import MarkerTilt
-from rig.hardware.choose import file_wiring, host_and_port, open_table, raw_wiring, usb_numbers
+from rig.hardware.choose import (
+    file_wiring,
+    host_and_port,
+    level_counts,
+    open_table,
+    raw_wiring,
+    usb_numbers,
+)
 from rig.hardware.wiring import Wiring
 from rig.loop.paced import Paced
 from rig.parameters import Rig, Servo, TableChoice
 from rig.plant.ball import plate_rotation
+from rig.rigfile import from_dict, read_rig
+from tests.support import ROOT
 from vision.frames import Frame
 from vision.plate.markers import default_layout
 from vision.synthetic.synthetic import Renderer, Scene, virtual_view
+
+RIGS = ROOT / "experiments/rigs"
 
 
 def test_wirings_of_a_rig_file():
@@ -69,8 +80,53 @@ def test_each_kind_is_opened_or_named():
 @pytest.mark.parametrize("homed", [True, False])
 def test_no_volts_are_opened_for_servos_that_take_an_angle(table: TableChoice, homed: bool):
     rig = Rig(servo=Servo(kind="position"), table=table)
-    with pytest.raises(ValueError, match="no driver here tells servos an angle yet"):
+    with pytest.raises(ValueError, match="drives volts, which would be wrong"):
         open_table(rig, homed=homed)
+
+
+BUS = TableChoice(kind="feetech", port="/dev/no-such-port", baud=1_000_000)
+ANGLES = Rig(servo=Servo(kind="position", angle_measured=True), table=BUS, control_rate_hz=250.0)
+
+
+def test_a_bus_is_opened_for_servos_that_take_an_angle_alone():
+    with pytest.raises(LinkLost, match="servo bus on /dev/no-such-port"):
+        open_table(ANGLES)
+    wrong = {
+        "set servo.kind = 'position'": replace(ANGLES, servo=Servo()),
+        "have 4096": replace(ANGLES, servo=replace(ANGLES.servo, encoder_counts_per_rev=1024)),
+        "control_rate_hz has 2.0 ms": replace(ANGLES, control_rate_hz=500.0),
+    }
+    for words, rig in wrong.items():
+        with pytest.raises(ValueError, match=words):
+            open_table(rig)
+    arms = read_rig(RIGS / "three-arms.toml")
+    with pytest.raises(ValueError, match="no driver here moves three servos"):
+        open_table(replace(arms, table=BUS))
+
+
+def test_level_of_a_bus_is_the_middle_and_its_trim():
+    table = replace(BUS, trim_rad=(0.1, -0.2))
+    assert level_counts(replace(ANGLES, table=table)) == (2048 + 65, 2048 - 130)
+    assert level_counts(Rig()) == (0, 0)
+    assert file_wiring(replace(ANGLES, table=table)).zero_counts == (2113, 1918)
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"ids": [3, 3]}, r"table.ids = \[3, 3\]: must be two different numbers"),
+        ({"ids": [1, 254]}, "from 0 to 252"),
+        ({"ids": [1, 2, 3]}, "table.ids"),
+        ({"trim_rad": [0.0, 4.0]}, r"table.trim_rad = \[0.0, 4.0\]"),
+        ({"port": ""}, r"table.kind = 'dynamixel' needs table.port"),
+        ({"kind": "dynamxel"}, "table.kind = 'dynamxel'; known: .*feetech, dynamixel"),
+    ],
+)
+def test_keys_of_a_bus_that_cannot_be_are_one_line(keys: dict, words: str):
+    table = {"kind": "dynamixel", "port": "/dev/ttyUSB0"} | keys
+    with pytest.raises(ValueError, match=words) as caught:
+        from_dict({"servo": {"kind": "position"}, "table": table})
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("tilt", [(0.05, 0.0), (-0.03, 0.06), (0.0, -0.09)])

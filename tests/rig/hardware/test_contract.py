@@ -1,9 +1,10 @@
 """One contract for every table, each by its name: simulated, protocol.c without a chip, the real
-firmware, a real serial device, USB, the Quanser stand-in, a table on another machine."""
+firmware, a real serial device, USB, the Quanser stand-in, a table on another machine, bus servos
+(which take angles: what stands for volts is then far beyond their limit)."""
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,8 @@ from rig.hardware.quanser import quanser
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig
 from rig.simulation.simulator import SimulatedTable
+from tests.support.boards.bus_world import BusWorld, bus_of
+from tests.support.boards.bus_world import table_on as bus_table_on
 from tests.support.boards.chip import Chip
 from tests.support.boards.host import HostBoard
 from tests.support.boards.pty import PtyBoard, SteppedLink
@@ -30,6 +33,7 @@ from tests.support.hardware.remote_bench import Cable, realtime, served
 pytestmark = pytest.mark.realtime
 
 ODD = Wiring(swap=True, sign_volts=(-1, 1), sign_angle=(1, -1), zero_counts=(7, -4), crossed=True)
+BUS_ODD = Wiring(swap=True, sign_angle=(-1, 1), zero_counts=(2100, 1990))
 Pair = tuple[float, float]
 
 
@@ -126,6 +130,24 @@ def remote(rig: Rig, stack: Stack) -> Case:
     return Case(table, one.table, lambda: one.table.volts_V, clock, ways, later, 2e-4, 0.03)
 
 
+def bus(kind: str, rig: Rig) -> Case:
+    """Silent, these servos hold their goal (Feetech) or stop (Dynamixel); neither knows level."""
+    kept = {name: found for name, found in rig.effects.items() if name == "joint_backlash"}
+    world = BusWorld(bus_of(kind, BUS_ODD.zero_counts), replace(rig, effects=kept), wiring=BUS_ODD)
+    peer = PtyBoard(world, thread=False)
+    eye = WorldEye(world)
+    link = SteppedLink(peer, SerialLink(peer.port, 1_000_000, "servo bus"))
+    eye.table = bus_table_on(world, link, kind, eye=eye)
+    ways = {"unplugged": peer.unplug, "hung": lambda: setattr(peer, "hung", True)}
+
+    def told() -> Pair:
+        address, length = (42, 2) if kind == "feetech" else (116, 4)
+        a, b = (servo.get(address, length) for servo in world.board.servos.values())
+        return world.wiring.angles((a, b))
+
+    return Case(eye.table, world.plant, told, lambda: world.now_s, ways, world.run)
+
+
 TABLES: dict[str, Callable[[Rig, Stack], Case]] = {
     "simulated": simulated,
     "protocol.c": lambda rig, stack: lock_step(HostBoard(), rig),
@@ -135,7 +157,10 @@ TABLES: dict[str, Callable[[Rig, Stack], Case]] = {
     "usb": usb,
     "quanser stand-in": quanser_card,
     "remote": remote,
+    "feetech": lambda rig, stack: bus("feetech", rig),
+    "dynamixel": lambda rig, stack: bus("dynamixel", rig),
 }
+NO_LEVEL = ("quanser stand-in", "feetech", "dynamixel")  # what watches them alone knows no level
 EVERY = pytest.mark.parametrize("name", TABLES)
 
 
@@ -199,11 +224,11 @@ DEATHS = [
 def test_a_dead_link_raises_by_name_and_the_table_levels(make, name: str, how: str):
     case = make(name)
     contract.a_dead_link_raises_by_name(
-        case.table, case.kill[how], case.clock, LinkLost, "board on|board in|remote|Quanser",
-        slack_s=case.slack_s,
+        case.table, case.kill[how], case.clock, LinkLost,
+        "board on|board in|remote|Quanser|servo bus on", slack_s=case.slack_s,
     )  # fmt: skip
     case.table.close()
-    if name == "quanser stand-in":  # its watchdog gives 0 V and knows no level
+    if name in NO_LEVEL:
         return
     case.later(0.7)
     assert case.volts_V() == (0.0, 0.0)

@@ -4,6 +4,7 @@ import sys
 from collections.abc import Callable
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -52,7 +53,7 @@ class LoopHere:
 class WorldsEye:
     """Stands for the camera's process: the plant's statistical camera on the table's clock."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: Any) -> None:
         self._world, self._zero_s = world, 0.0
 
     def begin(self, zero_s: float) -> None:
@@ -79,7 +80,8 @@ class Lab:
         self, board, cable: str, folder: Path, patch: pytest.MonkeyPatch, capsys, *,
         wiring: Wiring | None = None, markers: bool = True,
     ) -> None:  # fmt: skip
-        self.world = World(board, load_rig(None), start_m=AWAY_M, wiring=wiring)
+        self.known = load_rig(None)
+        self.world = World(board, self.known, start_m=AWAY_M, wiring=wiring)
         self.folder, self.rig_file, self._capsys = folder, folder / "lab.toml", capsys
         self._patch, self.markers, self._next_s = patch, markers, 0.0
         self.most_V, self.then = 0.0, lambda run_s: None
@@ -135,7 +137,7 @@ class Lab:
             return None
         self._next_s = self.world.now_s + PICTURE_S
         x, y = self.world.plant.truth()["plate_rad"]
-        return tilt_sines((float(x), float(y)), load_rig(None).linkage.ratio)
+        return tilt_sines((float(x), float(y)), self.known.linkage.ratio)
 
     def _watch(self) -> None:
         self.most_V = max(self.most_V, *map(abs, self.world.volts))

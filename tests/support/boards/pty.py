@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from contextlib import contextmanager, suppress
+from typing import Any
 
 from rig.parameters import Rig
 from tests.support.boards.host import HostBoard
@@ -17,9 +18,10 @@ from tests.support.boards.world import STEP_S, World
 
 
 class PtyBoard:
-    """Serves a World on a pty, one step a millisecond of the wall clock, until `close`."""
+    """Serves a World, or what steps like one, on a pty, one step a millisecond of the wall clock,
+    until `close`."""
 
-    def __init__(self, world: World, *, thread: bool = True) -> None:
+    def __init__(self, world: Any, *, thread: bool = True) -> None:
         self.world, self.hung = world, False
         self._master, self._slave = os.openpty()
         self.port = os.ttyname(self._slave)

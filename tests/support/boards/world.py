@@ -7,6 +7,7 @@ whose waiting makes time pass. A board is anything with receive, run_ms, take, v
 import random
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -120,9 +121,9 @@ class WorldLink:
 class WorldEye:
     """The plant's statistical camera: its stamps on the clock of the table's readings."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: Any) -> None:
         self._world = world
-        self.table: BoardTable | None = None
+        self.table: Any = None
 
     def latest(self, after_s: float) -> Observation | None:
         if not self._world.balls or self.table is None:

@@ -1,0 +1,361 @@
+"""A table on bus servos: how it starts and ends, what it survives, what ends its run by name."""
+
+from itertools import pairwise
+from math import pi
+
+import pytest
+
+from rig.hardware.board.link import LinkLost
+from rig.hardware.board.serial_link import SerialLink
+from rig.hardware.bus.bus import START_RAD_S, BusTable, ServoAlarm, check_period
+from rig.hardware.bus.dynamixel import Dynamixel
+from rig.hardware.bus.feetech import Feetech
+from rig.hardware.wiring import Wiring
+from rig.parameters import Rig
+from tests.support.boards.bus_servos import Bus
+from tests.support.boards.bus_world import VENDORS, BusWorld, bus_of, table_on
+from tests.support.boards.pty import PtyBoard, SteppedLink
+
+EVERY = pytest.mark.parametrize("kind", VENDORS)
+COUNT_RAD = 2 * pi / 4096
+GOAL = {"feetech": 42, "dynamixel": 116}
+SPEED = {"feetech": 46, "dynamixel": 112}
+AWAY = (2048 + 300.0, 2048 - 200.0)
+
+
+class Bench:
+    """A bus on a pty with a plant; opens tables in its time."""
+
+    def __init__(self, kind: str, counts=AWAY) -> None:
+        self.kind, self.board = kind, bus_of(kind, counts)
+        self.world = BusWorld(self.board, Rig(), start_m=(1.0, 1.0))
+        self.pty = PtyBoard(self.world, thread=False)
+
+    def open(self, **settings) -> BusTable:
+        link = SteppedLink(self.pty, SerialLink(self.pty.port, 1_000_000, "servo bus"))
+        return table_on(self.world, link, self.kind, **settings)
+
+    def run(self, seconds: float) -> None:
+        """The bus goes on alone; what is on its way arrives."""
+        for _ in range(round(1e3 * seconds)):
+            self.pty.step()
+
+    def goals(self) -> list[tuple[int, int]]:
+        """Every goal told so far: (id, counts)."""
+        return [
+            (servo_id, int.from_bytes(data, "little"))
+            for servo_id, address, data in self.board.told
+            if address == GOAL[self.kind]
+        ]
+
+
+@pytest.fixture
+def bench():
+    made: list[Bench] = []
+
+    def one(kind: str, counts=AWAY) -> Bench:
+        made.append(Bench(kind, counts))
+        return made[-1]
+
+    yield one
+    for each in made:
+        each.pty.close()
+
+
+def ticks(table: BusTable, n: int, angles=(0.0, 0.0)) -> tuple[float, float]:
+    seen = (0.0, 0.0)
+    for _ in range(n):
+        seen = table.read().theta_rad
+        table.drive(angles)
+    return seen
+
+
+@EVERY
+def test_nothing_moves_before_it_is_armed(bench, kind: str):
+    one = bench(kind)
+    table = one.open()
+    assert table.read().theta_rad == pytest.approx((300 * COUNT_RAD, -200 * COUNT_RAD))
+    assert table.read().t_s == pytest.approx(0.004)
+    table.drive((0.0, 0.0))
+    with pytest.raises(ValueError, match="not armed"):
+        table.drive((0.1, 0.0))
+    table.close()
+    assert one.board.told == []
+
+
+@EVERY
+def test_it_starts_where_the_servos_are_and_goes_to_level_slowly(bench, kind: str):
+    one = bench(kind)
+    shafts: list[tuple[float, float]] = []
+    one.world.watch = lambda: shafts.append(one.world.shafts_rad)
+    with one.open(rate_limit_rad_s=(2.0, 3.0)) as table:
+        assert one.goals()[:2] == [(1, 2348), (2, 1848)]
+        assert table.read().theta_rad == pytest.approx((0.0, 0.0), abs=0.04)
+        speeds = [d for _, address, d in one.board.told if address == SPEED[kind]]
+        unit = COUNT_RAD if kind == "feetech" else 0.229 * 2 * pi / 60
+        told = [unit * int.from_bytes(d, "little") for d in speeds]
+        assert told == pytest.approx([2.0, 3.0], rel=0.01)
+    steps = [abs(b[k] - a[k]) for a, b in pairwise(shafts) for k in (0, 1)]
+    assert max(steps) < 1.3e-3 * START_RAD_S
+
+
+@EVERY
+def test_signs_swap_and_level_are_the_wirings(bench, kind: str):
+    wiring = Wiring(swap=True, sign_angle=(-1, 1), zero_counts=(2100, 1990))
+    one = bench(kind, (2100, 1990))
+    with one.open(wiring=wiring) as table:
+        seen = ticks(table, 60, (0.2, -0.1))
+        assert seen == pytest.approx((0.2, -0.1), abs=0.004)
+        counts = [servo.counts for servo in one.board.servos.values()]
+        assert counts == pytest.approx([2100 + 0.1 / COUNT_RAD, 1990 + 0.2 / COUNT_RAD], abs=3)
+
+
+@EVERY
+def test_angles_beyond_the_limit_are_not_told(bench, kind: str):
+    one = bench(kind, (2048, 2048))
+    with one.open(angle_limit_rad=0.3) as table:
+        ticks(table, 5, (9.0, -9.0))
+        with pytest.raises(ValueError, match="finite"):
+            table.drive((float("nan"), 0.0))
+    most = max(abs(counts - 2048) for _, counts in one.goals())
+    assert most == round(0.3 / COUNT_RAD)
+
+
+@EVERY
+@pytest.mark.parametrize("fails", [False, True])
+def test_leaving_levels_and_holds(bench, kind: str, fails: bool):
+    one = bench(kind)
+    try:
+        with one.open() as table:
+            ticks(table, 30, (0.3, 0.3))
+            if fails:
+                raise KeyboardInterrupt
+    except KeyboardInterrupt:
+        assert fails
+    one.run(1.0)
+    assert one.world.shafts_rad == pytest.approx((0.0, 0.0), abs=1e-3)
+    assert [servo.memory[40 if kind == "feetech" else 64] for servo in servos(one)] == [1, 1]
+    if kind == "dynamixel":
+        assert not any(one.board.frozen.values())
+
+
+def servos(one: Bench):
+    return one.board.servos.values()
+
+
+ERRORS = [
+    ("feetech", 32, "overload"), ("feetech", 1, "voltage"), ("feetech", 4, "temperature"),
+    ("dynamixel", 32, "overload"), ("dynamixel", 1, "voltage"), ("dynamixel", 4, "temperature"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "bit", "name"), ERRORS)
+def test_a_servo_that_reports_an_error_ends_the_run_by_name(bench, kind, bit: int, name: str):
+    one = bench(kind)
+
+    def work() -> None:
+        with one.open() as table:
+            ticks(table, 20, (0.2, 0.2))
+            servo = one.board.servos[2]
+            servo.alarm = bit
+            if kind == "dynamixel":
+                servo.alarm, servo.memory[70] = 0x80, bit
+            ticks(table, 20, (0.2, 0.2))
+
+    with pytest.raises(ServoAlarm, match=rf"servo 2 \(y\) reports: .*{name}") as caught:
+        work()
+    assert caught.value.outcome == "servo alarm"
+    assert "\n" not in str(caught.value)
+    one.run(1.0)
+    assert one.world.shafts_rad == pytest.approx((0.0, 0.0), abs=1e-3)  # the others are levelled
+
+
+@EVERY
+def test_a_servo_in_alarm_is_not_even_opened(bench, kind: str):
+    one = bench(kind)
+    one.board.servos[1].alarm = 32 if kind == "feetech" else 0x80
+    with pytest.raises(ServoAlarm, match=r"servo 1 \(x\) reports"):
+        one.open()
+    assert one.board.told == []
+
+
+@EVERY
+def test_a_servo_whose_supply_was_cut_is_named(bench, kind: str):
+    """It answers again at once, but its torque is off."""
+    one = bench(kind)
+    with one.open() as table:
+        ticks(table, 10)
+        one.board.servos[1].memory[40 if kind == "feetech" else 64] = 0
+        with pytest.raises(ServoAlarm, match="torque off"):
+            ticks(table, 50)
+
+
+def test_a_halted_program_finds_its_servos_stopped_by_their_watchdog(bench):
+    one = bench("dynamixel")
+    with one.open() as table:
+        ticks(table, 50, (0.3, 0.3))
+        table.drive((-0.3, -0.3))
+        one.run(0.3)
+        assert all(one.board.frozen.values())
+        assert min(one.world.shafts_rad) < -0.05  # it was on its way, and stands
+        stands = one.world.shafts_rad
+        one.run(0.5)
+        assert one.world.shafts_rad == pytest.approx(stands, abs=0.05)
+        with pytest.raises(ServoAlarm, match="no word for 100 ms"):
+            ticks(table, 50)
+    one.run(2.0)
+    assert one.world.shafts_rad == pytest.approx((0.0, 0.0), abs=1e-3)
+
+
+@EVERY
+def test_a_servo_that_is_missing_is_named_with_the_cure(bench, kind: str):
+    one = bench(kind)
+    with pytest.raises(LinkLost, match=r"servo 7 \(y\) is lost.*table\.ids and table\.baud"):
+        one.open(ids=(1, 7))
+
+
+@EVERY
+def test_a_servo_that_falls_silent_ends_the_run_within_100_ms(bench, kind: str):
+    one = bench(kind)
+    with one.open() as table:
+        ticks(table, 10)
+        one.board.servos[2].gone = True
+        begin = one.world.now_s
+        with pytest.raises(LinkLost, match=r"servo 2 \(y\) is lost: silent"):
+            ticks(table, 50)
+        assert one.world.now_s - begin < 0.1
+
+
+def spoilers(bus: Bus) -> dict:
+    """What may happen to answers, every fifth of them."""
+    other = bus.frame(9, 0, b"\0" * 8)
+    return {
+        "damaged": lambda answer: answer[:6] + bytes((answer[6] ^ 4,)) + answer[7:],
+        "cut": lambda answer: answer[:-3],
+        "none": lambda answer: b"",
+        "foreign": lambda answer: other + answer,
+        "doubled": lambda answer: answer + answer,
+        "noise before": lambda answer: b"\xff\xff\x01\x3f\xff\xfd\x00" + answer,
+        "of another length": lambda answer: bus.frame(1, 0, b"\0\0") + answer,
+    }
+
+
+@EVERY
+@pytest.mark.parametrize("how", spoilers(bus_of("feetech")))
+def test_spoilt_answers_cost_a_tick_and_no_wrong_angle(bench, kind: str, how: str):
+    one = bench(kind, (2048, 2048))
+    with one.open() as table:
+        count = 0
+
+        def spoil(answer: bytes) -> bytes:
+            nonlocal count
+            count += 1
+            return spoilers(one.board)[how](answer) if count % 5 == 0 else answer
+
+        one.board.spoil = spoil
+        times = []
+        for _ in range(100):
+            reading = table.read()
+            times.append(reading.t_s)
+            assert reading.theta_rad == pytest.approx((0.0, 0.0), abs=2 * COUNT_RAD)
+            table.drive((0.0, 0.0))
+        one.board.spoil = lambda answer: answer
+    assert all(b > a for a, b in pairwise(times))
+    notes = table.notes()
+    if how in ("damaged", "cut", "none"):
+        assert notes["asked_again"] > 10
+        assert notes["ticks_missed"] > 10
+    assert notes["lowest_voltage_V"] == pytest.approx(12.1)
+
+
+@EVERY
+@pytest.mark.parametrize("late_ms", [3, 8, 15])
+def test_late_answers_make_ticks_late_and_no_more(bench, kind: str, late_ms: int):
+    """Up to what an FTDI adapter holds back without low latency: 16 ms."""
+    one = bench(kind)
+    one.board.late_ms = late_ms
+    with one.open() as table:
+        seen = ticks(table, 30, (0.2, 0.2))
+        assert seen == pytest.approx((0.2, 0.2), abs=0.05)
+        assert table.asked_again == 0
+
+
+WRONG = {
+    "feetech": [(33, 1, 1, "operating mode 1"), (11, 2300, 2, "goes from count 0 to 2300")],
+    "dynamixel": [
+        (11, 4, 1, "operating mode 4"),
+        (10, 4, 1, "time-based"),
+        (48, 2300, 4, "goes from count 0 to 2300"),
+    ],
+}
+
+
+@pytest.mark.parametrize(
+    ("kind", "address", "value", "length", "words"),
+    [(kind, *row) for kind, rows in WRONG.items() for row in rows],
+)
+def test_a_servo_that_is_set_otherwise_is_refused_in_one_line(
+    bench, kind, address: int, value: int, length: int, words: str
+):
+    one = bench(kind)
+    one.board.servos[2].put(address, value, length)
+    with pytest.raises(ValueError, match=rf"servo 2 \(y\) .*{words}") as caught:
+        one.open()
+    assert "\n" not in str(caught.value)
+    assert one.board.told == []
+
+
+@EVERY
+def test_a_level_near_the_end_of_the_servos_turn_is_refused(bench, kind: str):
+    one = bench(kind)
+    with pytest.raises(ValueError, match=r"needs -42 to 642.*trim_rad"):
+        one.open(wiring=Wiring(zero_counts=(2048, 300)))
+
+
+@EVERY
+def test_an_arm_that_is_held_does_not_come_to_level_and_is_named(bench, kind: str):
+    one = bench(kind)
+    one.board.servos[1].held = True
+    with pytest.raises(ServoAlarm, match=r"servo x stays 0\.46 rad from level"):
+        one.open().__enter__()
+
+
+@EVERY
+def test_before_homing_goals_go_slowly_and_nothing_is_levelled(bench, kind: str):
+    one = bench(kind)
+    table = one.open(homed=False)
+    table.level_s = 0.0
+    with table:
+        assert one.world.shafts_rad == pytest.approx((300 * COUNT_RAD, -200 * COUNT_RAD))
+        ticks(table, 50, (0.4, 0.0))
+    steps = [b[1] - a[1] for a, b in zip(one.goals()[::2], one.goals()[2::2], strict=False)]
+    assert max(map(abs, steps)) <= 2  # 0.5 rad/s in 4 ms: 1.3 counts
+    assert abs(one.world.shafts_rad[0] - 300 * COUNT_RAD) < 0.12
+
+
+def test_the_speed_of_servos_that_count_in_fifties_is_told_in_fifties(bench):
+    one = bench("feetech")
+    for servo in servos(one):
+        servo.put(18, 8, 1)
+    with one.open(rate_limit_rad_s=(4.7, 4.7)):
+        speeds = [d for _, address, d in one.board.told if address == 46]
+        assert speeds[0] == (61).to_bytes(2, "little")
+
+
+@pytest.mark.parametrize(
+    ("vendor", "baud", "rate_hz", "fits"),
+    [
+        (Feetech(), 1_000_000, 250, True),
+        (Feetech(), 1_000_000, 500, False),
+        (Feetech(), 115_200, 100, True),
+        (Feetech(), 115_200, 125, False),
+        (Dynamixel(), 1_000_000, 250, True),
+        (Dynamixel(), 57_600, 100, False),
+        (Dynamixel(), 57_600, 30, True),
+    ],
+)
+def test_a_tick_that_is_too_short_for_the_bus_is_refused(vendor, baud, rate_hz, fits: bool):
+    if fits:
+        return check_period(vendor, 2, baud, 1 / rate_hz)
+    with pytest.raises(ValueError, match=rf"table.baud = {baud}: 2 {vendor.name} servos need"):
+        check_period(vendor, 2, baud, 1 / rate_hz)

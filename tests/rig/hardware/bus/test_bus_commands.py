@@ -1,0 +1,126 @@
+"""From servos in a box to a balanced ball by the commands of the README, on a serial device."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.records.recording import Run, read_run
+from rig.hardware.wiring import Wiring
+from tests.support.boards.bus_lab import BusLab
+from tests.support.boards.bus_world import VENDORS
+
+ODD = Wiring(swap=True, sign_angle=(-1, 1), zero_counts=(2048 + 60, 2048 - 45))
+SERVO = """title = "squares"
+duration_s = 2.0
+servo_only = true
+[reference]
+shape = "squares"
+amplitude = 0.1
+period_s = 1.0
+[start]
+hold_s = 0.0
+"""
+BALL = """title = "short"
+duration_s = 4.0
+[start]
+x_m = -0.05
+y_m = 0.05
+hold_s = 0.5
+"""
+MARK = [
+    kind if kind == "feetech" else pytest.param(kind, marks=pytest.mark.slow) for kind in VENDORS
+]
+
+
+@pytest.fixture
+def make_lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys):
+    labs: list[BusLab] = []
+
+    def make(kind: str, **settings) -> BusLab:
+        labs.append(BusLab(kind, tmp_path, monkeypatch, capsys, **settings))
+        return labs[-1]
+
+    yield make
+    for lab in labs:
+        lab.close()
+
+
+def run(lab: BusLab, text: str) -> tuple[int, str, Run]:
+    """`rig run` of a protocol: exit code, what was said, the recording."""
+    protocol = lab.folder / "mine.toml"
+    protocol.write_text(text)
+    out = lab.folder / f"out{len(list(lab.folder.iterdir()))}"
+    code, said, error = lab.call("run", str(protocol), "--out", str(out), "--arm", "with")
+    (folder,) = (out / "runs").iterdir()
+    return code, said + error, read_run(folder)
+
+
+@pytest.mark.parametrize("kind", MARK)
+def test_home_then_squares_then_a_ball(kind: str, make_lab):
+    lab = make_lab(kind, wiring=ODD, counts=(2300, 1900))
+    (lab.folder / "mine.toml").write_text(SERVO)
+    code, _, error = lab.call("run", str(lab.folder / "mine.toml"))
+    assert (code, error.count("\n")) == (2, 1)
+    assert "has not been homed" in error
+
+    code, said, error = lab.call("home")
+    assert code == 0, error
+    assert "channels: swapped" in said
+    assert "the markers see the plate level" in said
+    kept = json.loads(lab.rig_file.with_suffix(".home.json").read_text())
+    wiring = kept["wiring"]
+    assert (wiring["swap"], wiring["sign_angle"]) == (True, [-1, 1])
+    # The plate has 1 degree of play at the arm (11 counts), of which homing sees either end.
+    assert np.abs(np.subtract(wiring["zero_counts"], ODD.zero_counts)).max() <= 8
+    assert kept["where"] == f"{lab.pty.port} [1, 2]"
+
+    code, said, found = run(lab, SERVO)
+    assert (code, found.meta["outcome"]) == (0, "completed"), said
+    told, seen = found.log["command_x_rad"], found.log["theta_x_rad"]
+    assert np.abs(told[-100:]).max() == pytest.approx(0.1, abs=1e-6)
+    assert np.abs(seen[-100:]).max() == pytest.approx(0.1, abs=0.005)
+    assert found.meta["table"] == kind
+    notes = found.meta["link"]
+    assert (notes["ticks_missed"], notes["bad_packets"], notes["asked_again"]) == (0, 0, 0)
+    assert notes["lowest_voltage_V"] == pytest.approx(12.1)
+
+    lab.lay_the_ball()
+    code, said, found = run(lab, BALL)
+    assert (code, found.meta["outcome"]) == (0, "completed"), said
+    x, y, t_s = (found.log[name] for name in ("ball_x_m", "ball_y_m", "t_s"))
+    last = np.isfinite(x) & (t_s > t_s[-1] - 1.0)
+    assert np.hypot(x[last], y[last]).max() < 0.04
+    lab.run_on(1.0)
+    assert np.abs(lab.world.shafts_rad).max() < 0.02
+
+
+def test_a_servo_that_gives_up_in_a_run_ends_it_by_name(make_lab):
+    lab = make_lab("feetech", markers=False)
+    assert lab.call("home")[0] == 0
+
+    def overload(run_s: float) -> None:
+        if run_s > 1.0:
+            lab.world.board.servos[2].alarm = 32
+
+    lab.lay_the_ball(overload)
+    code, said, found = run(lab, SERVO)
+    assert (code, found.meta["outcome"]) == (1, "servo alarm")
+    assert "servo 2 (y) reports: overload" in said
+
+
+def test_a_bus_that_is_not_there_or_has_other_servos_is_one_line(make_lab):
+    lab = make_lab("feetech", keys="ids = [1, 5]")
+    code, _, error = lab.call("home")
+    assert (code, error.count("\n")) == (1, 1)
+    assert "servo 5 (y) is lost: silent" in error
+    text = lab.rig_file.read_text()
+    lab.rig_file.write_text(text.replace(lab.pty.port, "/dev/ttyUSB77"))
+    code, _, error = lab.call("home")
+    assert (code, error.count("\n")) == (2, 1)
+    assert "plug the adapter in" in error
+    lab.rig_file.write_text(text.replace("ids = [1, 5]", "ids = [1, 1]"))
+    code, _, error = lab.call("home")
+    assert (code, error.count("\n")) == (2, 1)
+    assert "two different numbers" in error
