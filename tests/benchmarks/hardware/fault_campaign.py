@@ -22,8 +22,8 @@ from experiments.runs.assemble import known, load_rig
 from rig.control.controllers import COMPENSATORS
 from rig.course import Course
 from rig.hardware.board import board as driver
-from rig.hardware.board.board import BoardStopped
 from rig.hardware.board.link import LinkLost
+from rig.hardware.board.session import BoardStopped
 from rig.loop.loop import Loop
 from tests.support.boards.chip import NEEDED, Chip
 from tests.support.boards.chip_faults import (

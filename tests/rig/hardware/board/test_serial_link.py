@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from rig.hardware.board import board as board_module
-from rig.hardware.board.board import BoardStopped, BoardTable
+from rig.hardware.board.board import BoardTable
 from rig.hardware.board.link import LinkLost
 from rig.hardware.board.serial_link import SerialLink
+from rig.hardware.board.session import BoardStopped
 from rig.parameters import Rig
 from tests.support.boards.host import HostBoard
 from tests.support.boards.pty import PtyBoard, SteppedLink
