@@ -1,6 +1,7 @@
 """From a rig and its hobby servos to an open table on a pulse board."""
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from rig.hardware.board.link import Link
 from rig.hardware.board.pulse_servo import PulseServo
@@ -31,33 +32,38 @@ def open_pulse_board(
     `BoardSession`. ValueError: as `PulseTable`, or servos that take no angle, or are not as many as
     the linkage has. LinkLost: as `PulseTable`.
     """
+    try:
+        settings = _settings(rig, len(servos), swap)
+    except BaseException:
+        link.close()
+        raise
+    return PulseTable(
+        link, servos, period_s=1 / rig.control_rate_hz, eye=eye, **settings, **session
+    )
+
+
+def _settings(rig: Rig, servos: int, swap: bool) -> dict[str, Any]:
+    """What a PulseTable takes of a rig."""
     needed = ARMS if rig.linkage.kind == THREE_ARMS else 2
     if not rig.servo.takes_angle:
         raise ValueError("servo.kind = 'voltage': servos on pulses take an angle: 'position'")
-    if len(servos) != needed:
-        raise ValueError(f"{len(servos)} servos on pulses, the linkage has {needed}")
-    frames = rig.servo.pair("period_s")
+    if servos != needed:
+        raise ValueError(f"{servos} servos on pulses, the linkage has {needed}")
+    frames, rates = rig.servo.pair("period_s"), rig.servo.pair("rate_limit_rad_s")
     if frames[0] != frames[1]:
         raise ValueError("servo.x.period_s and servo.y.period_s differ: pulses have one frame")
-    rates = rig.servo.pair("rate_limit_rad_s")
     limit = rig.servo.angle_limit_rad
+    common = {"angle_limit_rad": limit, "frame_s": frames[0] or FRAME_S}
     if needed == ARMS:
-        to_servos, limits, by_servo = _arms(rig), _arm_limits(rig), [min(rates)] * ARMS
-    else:
-        way = -1 if swap else 1
-        to_servos, limits, by_servo = (lambda angles: angles[::way]), [limit] * 2, rates[::way]
-    return PulseTable(
-        link,
-        servos,
-        to_servos,
-        angle_limit_rad=limit,
-        limits_rad=limits,
-        rates_rad_s=by_servo,
-        frame_s=frames[0] or FRAME_S,
-        period_s=1 / rig.control_rate_hz,
-        eye=eye,
-        **session,
-    )
+        slowest = [min(rates)] * ARMS
+        return common | {
+            "to_servos": _arms(rig), "limits_rad": _arm_limits(rig), "rates_rad_s": slowest
+        }  # fmt: skip
+    way = -1 if swap else 1
+    return common | {
+        "to_servos": lambda angles: angles[::way], "limits_rad": [limit] * 2,
+        "rates_rad_s": rates[::way],
+    }  # fmt: skip
 
 
 def _arms(rig: Rig) -> Callable[[Pair], Sequence[float]]:

@@ -126,3 +126,11 @@ class PulseChip(_Simulated):
     def is_high(self) -> bool:
         """Whether a pulse is on now."""
         return bool(self._began_us)
+
+    def pulses_us(self) -> tuple[float, ...]:
+        """The newest pulse of each servo [us]; 0 where none came within the longest two frames."""
+        newest = dict.fromkeys(range(3), 0.0)
+        for pulse in self.pulses[-12:]:
+            if self.cycles / 16 - pulse.begin_us < 43_000:
+                newest[pulse.servo] = pulse.us
+        return tuple(newest.values())
