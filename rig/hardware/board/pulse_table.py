@@ -105,16 +105,17 @@ class PulseTable(BoardSession):
         _, t_s = self._tick()
         return Reading(t_s, (nan, nan), ball=self._feed.take(t_s))
 
-    def drive(self, angles: tuple[float, float]) -> None:
-        """Tell the servos angles (x, y) [rad], cut at the angle limit, to hold until newer ones.
+    def drive(self, volts: tuple[float, float]) -> None:
+        """Tell the servos angles (x, y) [rad] in place of volts, cut at the angle limit, to hold
+        until newer ones.
 
         ValueError: angles that are not finite, out of the linkage's reach, or other than 0 on a
         board that is not armed. LinkLost, BoardStopped: the board is lost or has stopped.
         """
-        if not all(map(isfinite, angles)):
-            raise ValueError(f"angles must be finite, got {angles}; use rig.safety.limits")
-        if not self._may_command(angles):
+        if not all(map(isfinite, volts)):
+            raise ValueError(f"angles must be finite, got {volts}; use rig.safety.limits")
+        if not self._may_command(volts):
             return
-        x, y = (min(max(angle, -self._limit_rad), self._limit_rad) for angle in angles)
+        x, y = (min(max(angle, -self._limit_rad), self._limit_rad) for angle in volts)
         told = [round(STEPS_RAD * one) for one in self._to_servos((x, y))]
         self._command(lambda sequence: PulseCommand(sequence, *told))
