@@ -1,4 +1,4 @@
-"""What goes over the cable: frames and packets to bytes and back. Pure; twin of protocol.c.
+"""What goes over the cable: frames and packets to bytes and back. Pure; twin of the firmware.
 
 Frame: COBS(payload + CRC-16/CCITT-FALSE little-endian) + 0x00, 64 bytes at most. Payload: one
 byte of kind, then the fields of the packet, little-endian, in the order of its dataclass.
@@ -7,12 +7,12 @@ byte of kind, then the fields of the packet, little-endian, in the order of its 
 import binascii
 import struct
 from dataclasses import astuple, dataclass
-from typing import ClassVar
+from typing import ClassVar, get_args
 
 VERSION = 2
 LONGEST_FRAME = 64  # the closing zero included
 LONGEST_PAYLOAD = LONGEST_FRAME - 4  # COBS byte, CRC and the closing zero
-HAS_TACHOMETER, IS_FRESH = 1, 2  # features of a board
+HAS_TACHOMETER, IS_FRESH, TAKES_ANGLE, HAS_THREE, REFUSED = 1, 2, 4, 8, 16  # features of a board
 # Flags of a telemetry packet.
 ARMED, LEVELLING, LATCHED, CONFIGURED = 0x01, 0x02, 0x04, 0x08
 BY_WATCHDOG, BY_ANGLE, BY_STALL, HOMED = 0x10, 0x20, 0x40, 0x80
@@ -78,12 +78,61 @@ class Command:
 
 
 @dataclass(frozen=True)
+class PulseConfigRequest:
+    """Host to a board with hobby servos: who asks, and which pulses they take. Never arms.
+
+    version, nonce, period_ms: as in ConfigRequest; servos: how many (1 to 3); frame_us: from pulse
+    to pulse. By servo: level, lowest, highest: pulses [half us]; slope [0.1 us/rad], signed; limit:
+    of the angle to each side [0.1 mrad]; rate: of the angle [mrad/s].
+    """
+
+    KIND: ClassVar[int] = 0x05
+    LAYOUT: ClassVar[str] = "<BHBBH" + 3 * "HhHHHH"
+    version: int
+    nonce: int
+    period_ms: int
+    servos: int
+    frame_us: int
+    level_0: int
+    slope_0: int
+    lowest_0: int
+    highest_0: int
+    limit_0: int
+    rate_0: int
+    level_1: int = 0
+    slope_1: int = 0
+    lowest_1: int = 0
+    highest_1: int = 0
+    limit_1: int = 0
+    rate_1: int = 0
+    level_2: int = 0
+    slope_2: int = 0
+    lowest_2: int = 0
+    highest_2: int = 0
+    limit_2: int = 0
+    rate_2: int = 0
+
+
+@dataclass(frozen=True)
+class PulseCommand:
+    """Host to a board with hobby servos: their angles [0.1 mrad], held until a newer command."""
+
+    KIND: ClassVar[int] = 0x06
+    LAYOUT: ClassVar[str] = "<Hhhh"
+    sequence: int
+    angle_0: int
+    angle_1: int
+    angle_2: int = 0
+
+
+@dataclass(frozen=True)
 class ConfigAnswer:
     """Board to host: answer to the request with this nonce, accepted where its version is ours.
 
     token: arms once; clock_us: the board's clock; period_ms: of its telemetry; supply_mV: motors'
-    supply; limit_mV: of the volts; features: bit 0 it has tachometer inputs, bit 1 this is the
-    first request since it was reset.
+    supply; limit_mV: of the volts (both 0: it takes angles); features: bit 0 it has tachometer
+    inputs, bit 1 this is the first request since it was reset, bit 2 it takes angles, bit 3 of
+    three servos, bit 4 it refused what was asked, which was another kind's or out of its bounds.
     """
 
     KIND: ClassVar[int] = 0x11
@@ -99,20 +148,25 @@ class ConfigAnswer:
 
 
 @dataclass(frozen=True)
-class Telemetry:
-    """Board to host, every period.
+class Status:
+    """How every telemetry begins.
 
     clock_us: the board's clock; sequence: of the last command that it took; flags: bits above;
-    bad_frames: frames refused so far, modulo 256; count_0, count_1: of the encoders; mV_0, mV_1:
-    volts applied [mV].
+    bad_frames: frames refused so far, modulo 256.
     """
 
-    KIND: ClassVar[int] = 0x12
-    LAYOUT: ClassVar[str] = "<IHHBiihh"
     clock_us: int
     sequence: int
     flags: int
-    bad_frames: int  # refused so far, modulo 256
+    bad_frames: int
+
+
+@dataclass(frozen=True)
+class Telemetry(Status):
+    """Board to host, every period: counts of the encoders, volts applied [mV]."""
+
+    KIND: ClassVar[int] = 0x12
+    LAYOUT: ClassVar[str] = "<IHHBiihh"
     count_0: int
     count_1: int
     mV_0: int
@@ -129,19 +183,23 @@ class TelemetryWithTachometer(Telemetry):
     tachometer_1_mV: int
 
 
-Packet = ConfigRequest | Arm | Disarm | Command | ConfigAnswer | Telemetry | TelemetryWithTachometer
-KINDS: dict[int, type[Packet]] = {
-    kind.KIND: kind
-    for kind in (
-        ConfigRequest,
-        Arm,
-        Disarm,
-        Command,
-        ConfigAnswer,
-        Telemetry,
-        TelemetryWithTachometer,
-    )
-}
+@dataclass(frozen=True)
+class PulseTelemetry(Status):
+    """Board to host, every period: the servos' pulses as put out [half us]; 0: none."""
+
+    KIND: ClassVar[int] = 0x14
+    LAYOUT: ClassVar[str] = "<IHHBHHH"
+    pulse_0: int
+    pulse_1: int
+    pulse_2: int
+
+
+Request = ConfigRequest | PulseConfigRequest
+Packet = (
+    Request | Arm | Disarm | Command | PulseCommand
+    | ConfigAnswer | Telemetry | TelemetryWithTachometer | PulseTelemetry
+)  # fmt: skip
+KINDS: dict[int, type[Packet]] = {kind.KIND: kind for kind in get_args(Packet)}
 
 
 def cobs(data: bytes) -> bytes:

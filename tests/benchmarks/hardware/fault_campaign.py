@@ -1,9 +1,9 @@
 """Faults on purpose in the chain of loop, driver, packets and real firmware, all from one seed.
 
-    python tests/benchmarks/hardware/fault_campaign.py --faults 1000 --seed 1
+    python tests/benchmarks/hardware/fault_campaign.py --faults 1000 --seed 1 [--board pulses]
 
 Prints a table: per kind of fault its runs, how they ended, and what was unsafe (plate beyond its
-limit, volts without a fresh command, a recorded row lost). Exit code 1 where anything was.
+limit, volts or pulses without a fresh command, a recorded row lost). Exit code 1 where any was.
 """
 
 import argparse
@@ -12,7 +12,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,11 +21,16 @@ from experiments.records.recording import Recorder, read_run
 from experiments.runs.assemble import known, load_rig
 from rig.control.controllers import COMPENSATORS
 from rig.course import Course
-from rig.hardware.board import board as driver
-from rig.hardware.board.board import BoardStopped
+from rig.hardware.board import session as driver
+from rig.hardware.board.board import BoardTable
 from rig.hardware.board.link import LinkLost
+from rig.hardware.board.pulse_servo import PulseServo
+from rig.hardware.board.pulse_table import PulseTable
+from rig.hardware.board.session import BoardStopped
 from rig.loop.loop import Loop
-from tests.support.boards.chip import NEEDED, Chip
+from rig.parameters import Rig
+from tests.support import ROOT
+from tests.support.boards.chip import NEEDED, Chip, PulseChip
 from tests.support.boards.chip_faults import (
     KINDS,
     Fault,
@@ -34,12 +39,72 @@ from tests.support.boards.chip_faults import (
     draw,
 )
 from tests.support.boards.chip_oracle import Oracle
-from tests.support.boards.world import World, table_on
+from tests.support.boards.pulse_oracle import PulseOracle
+from tests.support.boards.world import PulseWorld, World, WorldLink, pulse_table_on, table_on
 from tests.support.parts import missing
 
 RUN_S = 0.6
 LEVEL_RAD = 0.06  # friction and offset leave 0.026 (0.36 V); at 0 V the arm sinks in its play
-AFTER_S = 0.75  # watchdog, levelling and some more
+AFTER_S = 0.85  # watchdog, levelling (with servos the way to level, too) and some more
+HOBBY = ROOT / "experiments/rigs/hobby-two-servos.toml"
+SERVOS = (PulseServo(1520.0), PulseServo(1475.0, -620.0))
+
+
+class Volts:
+    """A board with H-bridges, its plant and its host."""
+
+    def __init__(self) -> None:
+        self.rig: Rig = load_rig(None)
+
+    def world(self, board, seed: int, start_m: tuple[float, float]) -> World:
+        return World(board, self.rig, seed=seed, start_m=start_m)
+
+    def judge(self, world) -> Oracle:
+        return Oracle(world, self.rig)
+
+    def table(self, world, link: WorldLink | None = None) -> BoardTable | PulseTable:
+        """As a run opens it, after homing."""
+        return table_on(world, link)
+
+    def home(self, world) -> BoardTable | PulseTable:
+        """As rig home leaves it."""
+        return table_on(world, homed=False)
+
+    def is_fresh(self, table) -> bool:
+        """Its zero is lost: only to be homed."""
+        return table.is_fresh
+
+    def is_on(self, world) -> bool:
+        return world.volts != (0.0, 0.0)
+
+
+class Pulses(Volts):
+    """A board with hobby servos, which have no zero to lose."""
+
+    def __init__(self) -> None:
+        self.rig = load_rig(HOBBY)
+
+    def world(self, board, seed: int, start_m: tuple[float, float]) -> World:
+        bare = replace(self.rig.servo, period_s=0.0, quantum_rad=0.0)  # the pulses' own here
+        return PulseWorld(board, replace(self.rig, servo=bare), SERVOS, seed=seed, start_m=start_m)
+
+    def judge(self, world) -> Oracle:
+        return PulseOracle(world, self.rig)
+
+    def table(self, world, link: WorldLink | None = None) -> BoardTable | PulseTable:
+        return pulse_table_on(world, self.rig, link)
+
+    def home(self, world) -> BoardTable | PulseTable:
+        return self.table(world)
+
+    def is_fresh(self, table) -> bool:
+        return False
+
+    def is_on(self, world) -> bool:
+        return any(world.board.pulses_us())
+
+
+BOARDS = {"volts": (Volts, Chip), "pulses": (Pulses, PulseChip)}
 
 
 @dataclass(frozen=True)
@@ -53,12 +118,15 @@ class Result:
     worst_rad: float
 
 
-def one(kind: str, seed: int, make: Callable[[], object] = Chip) -> Result:
+def one(
+    kind: str, seed: int, make: Callable[[], object] | None = None, board: str = "volts"
+) -> Result:
     """One run with one fault; the same answer for the same arguments."""
-    fault, rig = draw(kind, seed), load_rig(None)
-    start = tuple(map(float, fault.rng.uniform(-0.1, 0.1, 2)))
-    world = World(make(), rig, seed=seed, start_m=start)
-    oracle, rows = Oracle(world, rig), []
+    of, usual = BOARDS[board]
+    fault, subject = draw(kind, seed), of()
+    start = fault.rng.uniform(-0.1, 0.1, 2)
+    world = subject.world((make or usual)(), seed, (float(start[0]), float(start[1])))
+    oracle, rows = subject.judge(world), []
     with tempfile.TemporaryDirectory() as folder:
         recorder = Recorder(Path(folder) / "run", {"source": "simulated", "seed": seed})
 
@@ -66,30 +134,31 @@ def one(kind: str, seed: int, make: Callable[[], object] = Chip) -> Result:
             recorder.append(row)
             rows.append(row.copy())
 
-        outcome = _run(world, fault, rig, keep)
+        outcome = _run(subject, world, fault, keep)
         if outcome != "host killed":  # else nobody is left to finish it
             recorder.finish(outcome)
         world.run(AFTER_S)
         oracle.look()
         unsafe = [*oracle.unsafe, *_lost(Path(folder) / "run", rows)]
-    if world.volts != (0.0, 0.0):
+    if subject.is_on(world):
         unsafe.append("volts at the end")
     if kind != "board reset" and max(map(abs, world.arms_rad)) > LEVEL_RAD:
         unsafe.append("not level at the end")
     if kind != "baud mismatch":
-        outcome += _again(world)
+        outcome += _again(subject, world)
     world.board.close()
     return Result(kind, outcome, tuple(unsafe), len(rows), oracle.worst_rad)
 
 
-def _run(world: World, fault: Fault, rig, keep) -> str:
+def _run(subject: Volts, world: World, fault: Fault, keep) -> str:
     """The run itself; its named outcome."""
+    rig = subject.rig
     n = round(RUN_S * rig.control_rate_hz)
     way = Course(np.zeros((n, 2)), np.zeros((n, 2)))
     table = None
-    table_on(world, homed=False).close()  # as rig home leaves it
+    subject.home(world).close()
     try:
-        table = table_on(world, FaultyLink(world, fault))
+        table = subject.table(world, FaultyLink(world, fault))
         with table:
             table.level_s = 0.4
             ending = Loop(table, known(rig), COMPENSATORS["with"], way, keep=keep).run()
@@ -116,14 +185,14 @@ def _lost(folder: Path, rows: list[np.ndarray]) -> list[str]:
     return [] if same else ["recorded rows lost"]
 
 
-def _again(world: World) -> str:
+def _again(subject: Volts, world: World) -> str:
     """Can a host connect and arm again afterwards, the cable being whole?"""
     world.watch = lambda: None
     try:
-        table = table_on(world)
-        fresh, homed = table.is_fresh, table
-        if fresh:  # its zero is lost: only to home it
-            homed = table_on(world, homed=False)
+        table = subject.table(world)
+        fresh, homed = subject.is_fresh(table), table
+        if fresh:
+            homed = subject.home(world)
         homed.arm()
         for _ in range(20):
             homed.read()
@@ -134,12 +203,14 @@ def _again(world: World) -> str:
     return " (to be homed)" if fresh else ""
 
 
-def campaign(faults: int, seed: int, progress=lambda result: None) -> list[Result]:
+def campaign(
+    faults: int, seed: int, progress=lambda result: None, board: str = "volts"
+) -> list[Result]:
     """`faults` runs, the kinds in turn."""
     driver.ANSWER_S = 0.5  # a simulated board needs no boot loader's time
     results = []
     for i in range(faults):
-        results.append(one(KINDS[i % len(KINDS)], seed + i))
+        results.append(one(KINDS[i % len(KINDS)], seed + i, board=board))
         progress(results[-1])
     return results
 
@@ -166,6 +237,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--faults", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--board", choices=BOARDS, default="volts")
     arguments = parser.parse_args()
     if lack := missing(*NEEDED):
         print(lack)
@@ -177,7 +249,7 @@ def main() -> int:
         if result.unsafe:
             print(f"seed {arguments.seed + n}: {result}", flush=True)
 
-    results = campaign(arguments.faults, arguments.seed, progress)
+    results = campaign(arguments.faults, arguments.seed, progress, arguments.board)
     print(table(results))
     rows = sum(r.rows for r in results)
     print(f"{rows} rows recorded and read back; {time.monotonic() - begin:.0f} s")

@@ -1,11 +1,11 @@
-"""Does a test notice when the firmware's safety is changed? Mutants of protocol.c, one by one.
+"""Does a test notice when the firmware's safety is changed? Mutants of its files, one by one.
 
     python tests/benchmarks/hardware/firmware_mutants.py [FIRST [LAST]]
 
 FIRST and LAST (numbers from 0, LAST not included) choose a piece of the whole. Each mutant changes
-one operator or number in the functions that decide about volts; it dies when a test of
-`test_board.py` fails, or when it hangs or crashes. Prints those that live; exit code 1 where there
-are any that are not known to change nothing.
+one operator or number in the functions that decide about volts or pulses; it dies when a test of
+`test_board.py` or `test_pulse_board.py` fails, or when it hangs or crashes. Prints those that live;
+exit code 1 where there are any that are not known to change nothing.
 """
 
 import argparse
@@ -19,17 +19,28 @@ import time
 from collections.abc import Iterator
 from functools import partial
 from itertools import product
+from math import inf
 from pathlib import Path
+from types import ModuleType
 
-from tests.rig.hardware.board import test_board as tests
+from tests.rig.hardware.board import test_board, test_pulse_board
 from tests.support import ROOT
 from tests.support.boards import host as board_host
 
-SOURCE = ROOT / "rig/firmware/protocol.c"
-FUNCTIONS = (
-    "take_config", "take_arm", "take_command", "measure_speed", "most_mV", "guarded_mV", "stalled",
-    "watch", "apply",
-)  # fmt: skip
+FIRMWARE = ROOT / "rig/firmware"
+# By file: the functions that decide, the tests that should notice.
+FILES = {
+    "protocol.c": (("take_config", "take_arm", "take_command", "watch"), test_board),
+    "volts.c": (
+        ("kind_config", "kind_command", "measure_speed", "most_mV", "guarded_mV", "stalled",
+         "guard", "apply"),
+        test_board,
+    ),
+    "pulses.c": (
+        ("pulse_of", "in_range", "take_servo", "kind_config", "kind_tick"),
+        test_pulse_board,
+    ),
+}  # fmt: skip
 SWAPS = {
     "<=": "<", ">=": ">", "==": "!=", "!=": "==", "&&": "||", "||": "&&", " < ": " <= ",
     " > ": " >= ", " + ": " - ", " - ": " + ", " & ": " | ", " ? ": " ? !!", "++": "--", "|=": "&=",
@@ -47,8 +58,8 @@ EQUIVALENT = {
     "if (room [<= -> <] -b->taper) return -(int32_t)b->limit_mV;",
     "return wish[> -> >=]-most ? wish : -most;",  # the same
     # The shift of a number that only has to be hard to guess.
-    "b->token = next_token(b->token ^ b->clock_us ^ ((uint32_t)b->nonce << [16 -> 17]));",
-    "b->since_telemetry_ms = [0 -> 1];",  # the first telemetry a millisecond sooner
+    "s->token = next_token(s->token ^ s->clock_us ^ ((uint32_t)s->nonce << [16 -> 17]));",
+    "s->since_telemetry_ms = [0 -> 1];",  # the first telemetry a millisecond sooner
     # A sign only has to differ from the other's, and from zero.
     "int8_t sign = (int8_t)(v >= STALL_MV[? -> ? !!]1 : v <= -STALL_MV ? -1 : 0);",
     "int8_t sign = (int8_t)(v >= STALL_MV ? [1 -> 2] : v <= -STALL_MV ? -1 : 0);",
@@ -58,17 +69,17 @@ EQUIVALENT = {
 }
 
 
-def bodies(text: str) -> Iterator[tuple[int, int]]:
+def bodies(file: str, text: str) -> Iterator[tuple[int, int]]:
     """Where the functions that decide begin and end."""
-    for name in FUNCTIONS:
-        found = re.search(rf"^static \w+ {name}\(", text, re.M)
+    for name in FILES[file][0]:
+        found = re.search(rf"^(?:static )?\w+ {name}\(", text, re.M)
         assert found, name
         yield text.index("{", found.start()), text.index("\n}", found.start())
 
 
-def mutants(text: str) -> Iterator[tuple[int, str, str]]:
-    """(line, what it was, the whole mutated text)."""
-    for begin, end in bodies(text):
+def mutants(file: str, text: str) -> Iterator[tuple[str, int, str, str]]:
+    """(file, line, what it was, the whole mutated text)."""
+    for begin, end in bodies(file, text):
         for token in TOKENS.finditer(text, begin, end):
             line_begin = text.rfind("\n", 0, token.start()) + 1
             line = text[line_begin : text.index("\n", token.start())]
@@ -84,7 +95,7 @@ def mutants(text: str) -> Iterator[tuple[int, str, str]]:
             changed = text[: token.start()] + now + text[token.end() :]
             at = token.start() - line_begin
             shown = f"{line[:at]}[{was.strip()} -> {now.strip()}]{line[at + len(was) :]}".strip()
-            yield text.count("\n", 0, token.start()) + 1, shown, changed
+            yield file, text.count("\n", 0, token.start()) + 1, shown, changed
 
 
 def is_idle(line: str, at: int) -> bool:
@@ -98,15 +109,17 @@ def is_idle(line: str, at: int) -> bool:
     )
 
 
-def cases() -> Iterator:
-    """The tests of the board, as calls: those before the wiring's."""
-    last = tests.test_wiring_goes_there_and_back.hypothesis.inner_test.__code__.co_firstlineno
+def cases(tests: ModuleType) -> Iterator:
+    """The tests of a board, as calls: of test_board those before the wiring's."""
+    last = inf
+    if tests is test_board:
+        last = tests.test_wiring_goes_there_and_back.hypothesis.inner_test.__code__.co_firstlineno
     for name, function in vars(tests).items():
         if not name.startswith("test_") or function.__code__.co_filename != tests.__file__:
             continue
-        marks = [m for m in getattr(function, "pytestmark", []) if m.name == "parametrize"]
         if function.__code__.co_firstlineno > last:
             continue
+        marks = [m for m in getattr(function, "pytestmark", []) if m.name == "parametrize"]
         ways = [
             [(value,) if isinstance(mark.args[0], str) else value for value in mark.args[1]]
             for mark in marks
@@ -120,7 +133,7 @@ def _names(given) -> list[str]:
     return [given] if isinstance(given, str) else list(given)
 
 
-def dies(text: str) -> bool:
+def dies(source: str, text: str) -> bool:
     """Runs the tests on a mutant in a process of its own."""
     child = os.fork()
     if child == 0:
@@ -128,14 +141,15 @@ def dies(text: str) -> bool:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
         try:
             with tempfile.TemporaryDirectory() as folder:
-                for file in SOURCE.parent.glob("protocol.*"):
+                for file in FIRMWARE.glob("*.[ch]"):
                     (Path(folder) / file.name).write_bytes(file.read_bytes())
-                (Path(folder) / SOURCE.name).write_text(text)
+                (Path(folder) / source).write_text(text)
                 board_host.FIRMWARE = Path(folder)
                 board_host.library.cache_clear()
                 board_host._BUILT = tempfile.TemporaryDirectory()
-                board_host.library()
-            for case in cases():
+                for kind in ("volts", "pulses"):
+                    board_host.library(kind)
+            for case in cases(FILES[source][1]):
                 case()
         except subprocess.CalledProcessError:
             os._exit(2)  # does not compile: no mutant
@@ -154,19 +168,21 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
     parser.add_argument("piece", type=int, nargs="*", help="FIRST [LAST]")
     asked = parser.parse_args().piece
-    begin, text = time.monotonic(), SOURCE.read_text()
-    for case in cases():  # here, so that every child finds the plant compiled
-        case()
-    assert not dies(text), "the unchanged firmware must pass"
-    every = list(mutants(text))
-    known = {shown for _, shown, _ in every}
+    begin, texts = time.monotonic(), {file: (FIRMWARE / file).read_text() for file in FILES}
+    for tests in (test_board, test_pulse_board):
+        for case in cases(tests):  # here, so that every child finds the plant compiled
+            case()
+    for file, text in texts.items():
+        assert not dies(file, text), "the unchanged firmware must pass"
+    every = [mutant for file, text in texts.items() for mutant in mutants(file, text)]
+    known = {shown for _, _, shown, _ in every}
     assert known >= EQUIVALENT, f"no mutants any more: {EQUIVALENT - known}"
     piece, alive = every[slice(*piece_of(asked, len(every)))], []
-    for line, shown, changed in piece:
-        if not dies(changed) and shown not in EQUIVALENT:
-            alive.append((line, shown))
-            print(f"alive: line {line}: {shown}", flush=True)
-    idle = sum(shown in EQUIVALENT for _, shown, _ in piece)
+    for file, line, shown, changed in piece:
+        if not dies(file, changed) and shown not in EQUIVALENT:
+            alive.append((file, line, shown))
+            print(f"alive: {file}, line {line}: {shown}", flush=True)
+    idle = sum(shown in EQUIVALENT for _, _, shown, _ in piece)
     print(f"{len(piece)} of {len(every)} mutants, {idle} known to change nothing, ", end="")
     print(f"{len(alive)} alive; ", end="")
     print(f"{time.monotonic() - begin:.0f} s")

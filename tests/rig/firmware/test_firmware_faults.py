@@ -3,20 +3,25 @@
 import numpy as np
 import pytest
 
-from tests.benchmarks.hardware.fault_campaign import campaign, one, table
+from tests.benchmarks.hardware.fault_campaign import BOARDS, campaign, one, table
 from tests.support.boards.chip import firmware
 from tests.support.boards.chip_faults import KINDS, resampled
-from tests.support.boards.host import HostBoard
+from tests.support.boards.host import HostBoard, HostPulseBoard
 
 OUTCOMES = (
     "completed", "host killed", "no link", "ball lost", "link lost", "board stopped", "late loop",
 )  # fmt: skip
 
 
+@pytest.fixture(scope="module", params=BOARDS)
+def board(request) -> str:
+    return request.param
+
+
 @pytest.fixture(scope="module")
-def results():
+def results(board: str):
     firmware()
-    return campaign(22, 1)
+    return campaign(22, 1, board=board)
 
 
 @pytest.mark.slow
@@ -29,15 +34,22 @@ def test_nothing_unsafe_happens_and_every_run_ends_with_a_name(results):
 
 
 @pytest.mark.slow
-def test_the_campaign_repeats(results):
-    assert one(KINDS[3], 1 + 3) == results[3]
+def test_the_campaign_repeats(results, board: str):
+    assert one(KINDS[3], 1 + 3, board=board) == results[3]
 
 
 @pytest.mark.parametrize("change", ["-DWATCHDOG_MS=60000", "-DLEVEL_MS=60000"])
-def test_the_judge_notices_a_spoilt_board(change: str):
+@pytest.mark.parametrize(("board", "make"), [("volts", HostBoard), ("pulses", HostPulseBoard)])
+def test_the_judge_notices_a_spoilt_board(board: str, make, change: str):
     """Without the watchdog, or without an end of levelling, something unsafe must be found."""
-    assert not any(one("host killed", seed, HostBoard).unsafe for seed in range(4))
-    assert any(one("host killed", seed, lambda: HostBoard(change)).unsafe for seed in range(4))
+
+    def is_unsafe(*changes: str) -> bool:
+        return any(
+            one("host killed", seed, lambda: make(*changes), board).unsafe for seed in range(4)
+        )
+
+    assert not is_unsafe()
+    assert is_unsafe(change)
 
 
 class Stuck(HostBoard):

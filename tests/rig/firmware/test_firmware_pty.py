@@ -15,9 +15,10 @@ import pytest
 
 from rig.control.controllers import COMPENSATORS
 from rig.course import Course
-from rig.hardware.board.board import BoardStopped, BoardTable
+from rig.hardware.board.board import BoardTable
 from rig.hardware.board.link import LinkLost
 from rig.hardware.board.serial_link import SerialLink
+from rig.hardware.board.session import BoardStopped
 from rig.loop.loop import Loop
 from rig.parameters import Rig
 from rig.simulation.simulator import SimulatedTable

@@ -1,6 +1,6 @@
 """One contract for every table, each by its name: simulated, protocol.c without a chip, the real
-firmware, a real serial device, USB, the Quanser stand-in, a table on another machine, bus servos
-(which take angles: what stands for volts is then far beyond their limit)."""
+firmware, a real serial device, USB, the Quanser stand-in, a table on another machine; and those
+whose servos take an angle, on pulses and on buses."""
 
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -13,19 +13,28 @@ import pytest
 from experiments.runs.assemble import load_rig
 from rig.hardware.board.board import BoardTable
 from rig.hardware.board.link import LinkLost
+from rig.hardware.board.pulse_servo import PulseServo
 from rig.hardware.board.serial_link import SerialLink
+from rig.hardware.board.session import BoardSession
 from rig.hardware.board.usb_link import UsbLink
 from rig.hardware.quanser import quanser
 from rig.hardware.wiring import Wiring
-from rig.parameters import Rig
+from rig.parameters import Rig, Servo
 from rig.simulation.simulator import SimulatedTable
 from tests.support.boards.bus_world import BusWorld, bus_of
 from tests.support.boards.bus_world import table_on as bus_table_on
-from tests.support.boards.chip import Chip
-from tests.support.boards.host import HostBoard
+from tests.support.boards.chip import Chip, PulseChip
+from tests.support.boards.host import HostBoard, HostPulseBoard
 from tests.support.boards.pty import PtyBoard, SteppedLink
 from tests.support.boards.usb_fake import FakeUsb
-from tests.support.boards.world import World, WorldEye, WorldLink, table_on
+from tests.support.boards.world import (
+    PulseWorld,
+    World,
+    WorldEye,
+    WorldLink,
+    pulse_table_on,
+    table_on,
+)
 from tests.support.hardware import contract
 from tests.support.hardware.quanser_card import Bench, install
 from tests.support.hardware.remote_bench import Cable, realtime, served
@@ -64,7 +73,7 @@ def simulated(rig: Rig, stack: Stack) -> Case:
     return Case(table, table, lambda: table.volts_V)
 
 
-def on_world(world: World, table: BoardTable, kill: dict[str, Callable[[], None]]) -> Case:
+def on_world(world: World, table: BoardSession, kill: dict[str, Callable[[], None]]) -> Case:
     """`hung`: the board's bytes do not arrive any more, nor do ours."""
 
     def hang() -> None:
@@ -130,6 +139,13 @@ def remote(rig: Rig, stack: Stack) -> Case:
     return Case(table, one.table, lambda: one.table.volts_V, clock, ways, later, 2e-4, 0.03)
 
 
+def pulses(board, rig: Rig) -> Case:
+    world = PulseWorld(board, rig, (PulseServo(), PulseServo(1440.0, -500.0)))
+    link = WorldLink(world)
+    table = pulse_table_on(world, rig, link)
+    return on_world(world, table, {"unplugged": lambda: setattr(link, "cut", True)})
+
+
 def bus(kind: str, rig: Rig) -> Case:
     """Silent, these servos hold their goal (Feetech) or stop (Dynamixel); neither knows level."""
     kept = {name: found for name, found in rig.effects.items() if name == "joint_backlash"}
@@ -148,6 +164,13 @@ def bus(kind: str, rig: Rig) -> Case:
     return Case(eye.table, world.plant, told, lambda: world.now_s, ways, world.run)
 
 
+ANGLE_TABLES: dict[str, Callable[[Rig, Stack], Case]] = {
+    "simulated angles": simulated,
+    "pulses.c": lambda rig, stack: pulses(HostPulseBoard(), rig),
+    "pulse firmware": lambda rig, stack: pulses(PulseChip(), rig),
+    "feetech": lambda rig, stack: bus("feetech", rig),
+    "dynamixel": lambda rig, stack: bus("dynamixel", rig),
+}
 TABLES: dict[str, Callable[[Rig, Stack], Case]] = {
     "simulated": simulated,
     "protocol.c": lambda rig, stack: lock_step(HostBoard(), rig),
@@ -157,11 +180,12 @@ TABLES: dict[str, Callable[[Rig, Stack], Case]] = {
     "usb": usb,
     "quanser stand-in": quanser_card,
     "remote": remote,
-    "feetech": lambda rig, stack: bus("feetech", rig),
-    "dynamixel": lambda rig, stack: bus("dynamixel", rig),
 }
 NO_LEVEL = ("quanser stand-in", "feetech", "dynamixel")  # what watches them alone knows no level
-EVERY = pytest.mark.parametrize("name", TABLES)
+VOLTS = pytest.mark.parametrize("name", TABLES)
+ANGLES = pytest.mark.parametrize("name", ANGLE_TABLES)
+EVERY = pytest.mark.parametrize("name", [*TABLES, *ANGLE_TABLES])
+ANGLE_RIG = Rig(servo=Servo(kind="position"))
 
 
 @pytest.fixture
@@ -170,8 +194,9 @@ def make(monkeypatch: pytest.MonkeyPatch):
     with ExitStack() as stack:
 
         def one(name: str, rig: Rig | None = None, *, armed: bool = True) -> Case:
-            case = TABLES[name](rig or Rig(), (stack, monkeypatch))
-            if name not in ("quanser stand-in", "simulated"):
+            usual = ANGLE_RIG if name in ANGLE_TABLES else Rig()
+            case = (TABLES | ANGLE_TABLES)[name](rig or usual, (stack, monkeypatch))
+            if name not in ("quanser stand-in", "simulated", "simulated angles"):
                 stack.callback(case.table.close)
             if armed and hasattr(case.table, "arm"):
                 case.table.arm()
@@ -192,14 +217,31 @@ def test_observations_follow_their_light(make, name: str):
     contract.observations_follow_their_light(make(name).table)
 
 
-@EVERY
+@VOLTS
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_positive_volts_raise_the_angle(make, name: str, axis: int, sign: int):
     contract.positive_volts_raise_the_angle(make(name).table, axis, sign)
 
 
-@EVERY
+@ANGLES
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_positive_angle_turns_its_arm(make, name: str, axis: int, sign: int):
+    case = make(name)
+    contract.a_positive_angle_turns_its_arm(case.table, axis, sign, case.arms_rad)
+
+
+@ANGLES
+@pytest.mark.parametrize("fails", [False, True])
+def test_leaving_levels_servos_that_take_an_angle(make, name: str, fails: bool):
+    case = make(name, armed=False)
+    contract.leaving_levels_servos_that_take_an_angle(
+        case.table, case.volts_V, case.arms_rad, fails=fails
+    )
+
+
+@VOLTS
 @pytest.mark.parametrize("fails", [False, True])
 def test_leaving_gives_level_and_no_volts(make, name: str, fails: bool):
     case = make(name, load_rig(None), armed=False)
@@ -214,9 +256,9 @@ def test_leaving_gives_level_and_no_volts(make, name: str, fails: bool):
 # A call into the card that hangs is given up by the wall clock: test_quanser.py.
 DEATHS = [
     (name, how)
-    for name in TABLES
+    for name in (*TABLES, *ANGLE_TABLES)
     for how in ("unplugged", "hung")
-    if name != "simulated" and (name, how) != ("quanser stand-in", "hung")
+    if not name.startswith("simulated") and (name, how) != ("quanser stand-in", "hung")
 ]
 
 
@@ -231,5 +273,5 @@ def test_a_dead_link_raises_by_name_and_the_table_levels(make, name: str, how: s
     if name in NO_LEVEL:
         return
     case.later(0.7)
-    assert case.volts_V() == (0.0, 0.0)
+    assert case.volts_V() == pytest.approx((0.0, 0.0), abs=0.001 * (name in ANGLE_TABLES))
     assert np.all(np.abs(case.arms_rad()) < 0.03)

@@ -7,7 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "protocol.h"
+#include "volts.h"
 
 static uint32_t seed = 1;
 static uint32_t draw(void) { return seed = seed * 1664525u + 1013904223u; }
@@ -21,7 +21,7 @@ static void send(board_t *b, uint8_t *payload, uint8_t length) {
 
 static void meddle(board_t *b) {
     uint8_t p[LONGEST_PAYLOAD], i;
-    uint16_t next = (uint16_t)(b->sequence + 1);
+    uint16_t next = (uint16_t)(b->session.sequence + 1);
     for (i = 0; i < sizeof p; i++) p[i] = byte();
     switch (byte() % 8) {
     case 0: /* any wiring */
@@ -30,7 +30,7 @@ static void meddle(board_t *b) {
         break;
     case 1: case 2:
         p[0] = ARM;
-        for (i = 0; i < 4; i++) p[1 + i] = (uint8_t)(b->token >> (8 * i));
+        for (i = 0; i < 4; i++) p[1 + i] = (uint8_t)(b->session.token >> (8 * i));
         send(b, p, 7);
         break;
     case 3:
@@ -44,16 +44,16 @@ static void meddle(board_t *b) {
 
 static void check(const board_t *b) {
     int i;
-    int32_t most = b->state == IS_ARMED ? b->limit_mV : b->state == IS_LEVELLING ? 3000 : 0;
-    if (b->state == IS_ARMED && !(b->wired & WIRED_HOMED) && most > 1500) most = 1500;
+    int32_t most = b->session.state == IS_ARMED ? b->limit_mV : b->session.state == IS_LEVELLING ? 3000 : 0;
+    if (b->session.state == IS_ARMED && !(b->wired & WIRED_HOMED) && most > 1500) most = 1500;
     if (most > LIMIT_MV) most = LIMIT_MV;
     for (i = 0; i < 2; i++)
         if (b->applied_mV[i] > most || b->applied_mV[i] < -most) {
-            fprintf(stderr, "%d mV in state %d, at most %d\n", b->applied_mV[i], b->state, most);
+            fprintf(stderr, "%d mV in state %d, at most %d\n", b->applied_mV[i], b->session.state, most);
             exit(3);
         }
-    if (b->age_ms > WATCHDOG_MS && b->commanded && b->state == IS_ARMED) {
-        fprintf(stderr, "armed without a fresh command for %d ms\n", b->age_ms);
+    if (b->session.age_ms > WATCHDOG_MS && b->session.commanded && b->session.state == IS_ARMED) {
+        fprintf(stderr, "armed without a fresh command for %d ms\n", b->session.age_ms);
         exit(4);
     }
 }
@@ -73,7 +73,6 @@ int main(void) {
             if (byte() % 2) meddle(&b);
             b.counts[0] += (int32_t)(draw() >> 28) - 8;
             b.counts[1] = byte() % 64 ? b.counts[1] : (int32_t)draw();
-            b.clock_us += 1000;
             board_tick(&b);
             check(&b);
             while (board_frame(&b, frame)) {}

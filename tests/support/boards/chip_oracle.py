@@ -13,6 +13,8 @@ TOKENS = 8
 class Oracle:
     """Watches a World every millisecond; `unsafe` lists what must never be."""
 
+    KEPT = 6  # commands that may still be seen in the volts
+
     def __init__(self, world: World, rig: Rig) -> None:
         self.world, self.unsafe = world, []
         self.worst_rad = 0.0
@@ -20,7 +22,7 @@ class Oracle:
         self._to_board, self._from_board = Parser(), Parser()
         self._tokens: list[int] = []
         self._sequence: int | None = None  # None: not armed
-        self._fresh_s, self._commands = -1e9, []
+        self._fresh_s, self._commands, self._reset_s = -1e9, [], -1e9
         self._wires(world)
         world.watch = self.look
 
@@ -42,6 +44,7 @@ class Oracle:
 
         def forget() -> None:
             self._sequence, self._tokens, self._commands = None, [], []
+            self._reset_s = self.world.now_s
             reset()
 
         board.receive, board.take, board.reset = hear, say, forget
@@ -50,12 +53,18 @@ class Oracle:
         if isinstance(packet, Arm) and packet.token in self._tokens:
             self._sequence, self._commands = packet.sequence, []
             self._tokens.clear()
-        if not isinstance(packet, Command) or self._sequence is None:
+        asked = self.asked(packet)
+        if asked is None or self._sequence is None:
             return
         if 0 < (packet.sequence - self._sequence) % 65536 < 32768:
             self._sequence, self._fresh_s = packet.sequence, self.world.now_s
-            volts = self.world.wiring.from_board((packet.mV_0 / 1000, packet.mV_1 / 1000))
-            self._commands = [*self._commands, volts][-6:]
+            self._commands = [*self._commands, asked][-self.KEPT :]
+
+    def asked(self, packet) -> tuple[float, float] | None:
+        """The volts (x, y) that a packet commands; None: it is no command for such a board."""
+        if not isinstance(packet, Command):
+            return None
+        return self.world.wiring.from_board((packet.mV_0 / 1000, packet.mV_1 / 1000))
 
     def look(self) -> None:
         """Judge the present millisecond."""

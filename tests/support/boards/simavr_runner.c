@@ -1,9 +1,11 @@
 /* The real firmware in libsimavr, a millisecond at a time, for Python's ctypes.
  *
  * Encoder lines move edge by edge in the course of the millisecond; the motors' volts are read off
- * the timer's registers and the port pins, as the H-bridges would see them.
+ * the timer's registers and the port pins, as the H-bridges would see them; of watched pins every
+ * edge is kept with its cycle.
  */
 #include <simavr/avr_ioport.h>
+#include <simavr/avr_timer.h>
 #include <simavr/avr_uart.h>
 #include <simavr/sim_avr.h>
 #include <simavr/sim_elf.h>
@@ -12,8 +14,16 @@
 
 #define OUT_SIZE 65536
 #define IN_SIZE 65536
+#define MOST_WATCHED 4
+#define MOST_EDGES 4096
 
+struct runner;
 typedef struct {
+    struct runner *runner;
+    int channel, level;
+} watched_t;
+
+typedef struct runner {
     avr_t *avr;
     avr_irq_t *pins[4], *uart_in;
     double due; /* cycles to have run */
@@ -21,6 +31,9 @@ typedef struct {
     int xoff;
     unsigned char out[OUT_SIZE], in[IN_SIZE];
     unsigned out_n, in_first, in_n, late;
+    watched_t watched[MOST_WATCHED];
+    unsigned long long edges[MOST_EDGES][3]; /* cycle, channel, level */
+    unsigned edges_n;
 } runner_t;
 
 static const unsigned char GRAY[4] = {0, 1, 3, 2};
@@ -43,6 +56,25 @@ static void on_xoff(struct avr_irq_t *irq, uint32_t value, void *param) {
     ((runner_t *)param)->xoff = 1;
 }
 
+static void on_edge(struct avr_irq_t *irq, uint32_t value, void *param) {
+    watched_t *w = param;
+    runner_t *r = w->runner;
+    (void)irq;
+    if ((int)(value & 1) == w->level || r->edges_n == MOST_EDGES) return;
+    w->level = value & 1;
+    r->edges[r->edges_n][0] = r->avr->cycle;
+    r->edges[r->edges_n][1] = (unsigned)w->channel;
+    r->edges[r->edges_n++][2] = (unsigned)w->level;
+}
+
+/* libsimavr reads the compare registers of an ATmega328P's timer 1 only when the timer is set up;
+ * the chip takes them at the timer's next bottom. Setting its clock, as it was, reads them. */
+static void on_compare(struct avr_irq_t *irq, uint32_t value, void *param) {
+    uint8_t is_virtual = 0;
+    (void)irq, (void)value;
+    avr_ioctl(((runner_t *)param)->avr, AVR_IOCTL_TIMER_SET_VIRTCLK('1'), &is_virtual);
+}
+
 static void lines(runner_t *r) {
     int e;
     for (e = 0; e < 2; e++) {
@@ -52,7 +84,7 @@ static void lines(runner_t *r) {
     }
 }
 
-runner_t *runner_new(const char *elf) {
+runner_t *runner_new(const char *elf, const char *mcu) {
     elf_firmware_t firmware;
     uint32_t flags = 0;
     int i;
@@ -60,7 +92,7 @@ runner_t *runner_new(const char *elf) {
     memset(&firmware, 0, sizeof firmware);
     avr_global_logger_set(no_log);
     if (!r || elf_read_firmware(elf, &firmware)) return NULL;
-    r->avr = avr_make_mcu_by_name("atmega328p");
+    r->avr = avr_make_mcu_by_name(mcu);
     if (!r->avr) return NULL;
     avr_init(r->avr);
     r->avr->frequency = 16000000;
@@ -76,6 +108,9 @@ runner_t *runner_new(const char *elf) {
     avr_irq_register_notify(
         avr_io_getirq(r->avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUT_XOFF), on_xoff, r);
     avr_ioctl(r->avr, AVR_IOCTL_UART_SET_FLAGS('0'), &flags); /* no printing, no sleeping */
+    for (i = TIMER_IRQ_OUT_PWM0; i <= TIMER_IRQ_OUT_PWM1; i++)
+        avr_irq_register_notify(
+            avr_io_getirq(r->avr, AVR_IOCTL_TIMER_GETIRQ('1'), i), on_compare, r);
     lines(r);
     return r;
 }
@@ -128,6 +163,22 @@ int runner_run(runner_t *r, double cycles, int count_0, int count_1) {
             if (avr_run(r->avr) >= cpu_Done) return r->avr->state;
     }
     return r->avr->state;
+}
+
+/* Keep the edges of a port's pin from now on, as this channel's. */
+void runner_watch(runner_t *r, char port, int pin, int channel) {
+    r->watched[channel].runner = r;
+    r->watched[channel].channel = channel;
+    avr_irq_register_notify(
+        avr_io_getirq(r->avr, AVR_IOCTL_IOPORT_GETIRQ(port), pin), on_edge, &r->watched[channel]);
+}
+
+/* The edges since the last call, by threes; returns how many. */
+unsigned runner_edges(runner_t *r, unsigned long long *edges) {
+    unsigned n = r->edges_n;
+    memcpy(edges, r->edges, n * sizeof r->edges[0]);
+    r->edges_n = 0;
+    return n;
 }
 
 /* Duty of a motor's H-bridge, -1 to 1, off the registers of an ATmega328P. */

@@ -13,6 +13,9 @@ import numpy as np
 
 from rig.hardware.board.board import BoardTable
 from rig.hardware.board.link import LinkLost
+from rig.hardware.board.open_pulses import open_pulse_board
+from rig.hardware.board.pulse_servo import PulseServo
+from rig.hardware.board.pulse_table import PulseTable
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig
 from rig.simulation.simulator import SimulatedTable
@@ -62,11 +65,8 @@ class World:
         return float(x), float(y)
 
     def step(self) -> None:
-        """One millisecond: encoders to the board, its volts to the plant."""
-        tachometer_V = self.wiring.to_board(self._speeds) if self._tachometer else (0.0, 0.0)
-        self.board.run_ms(self.wiring.counts(self.arms_rad), tachometer_V, pace=self.pace)
-        volts = self.wiring.from_board(self.board.volts())
-        self.volts = volts if self.powered else (0.0, 0.0)
+        """One millisecond of board and plant."""
+        self._drive()
         self.plant.drive(self.volts)
         reading = self.plant.read()
         self._ms += 1
@@ -75,9 +75,34 @@ class World:
             self.balls.append(reading.ball)
         self.watch()
 
+    def _drive(self) -> None:
+        """Encoders to the board, its volts to the motors."""
+        tachometer_V = self.wiring.to_board(self._speeds) if self._tachometer else (0.0, 0.0)
+        self.board.run_ms(self.wiring.counts(self.arms_rad), tachometer_V, pace=self.pace)
+        volts = self.wiring.from_board(self.board.volts())
+        self.volts = volts if self.powered else (0.0, 0.0)
+
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds / STEP_S)):
             self.step()
+
+
+class PulseWorld(World):
+    """The plant of `rig` under a pulse board: its two servos hold what the last pulse told."""
+
+    def __init__(self, board, rig: Rig, servos: tuple[PulseServo, PulseServo], **named) -> None:
+        super().__init__(board, rig, **named)
+        self.servos = servos
+
+    def _drive(self) -> None:
+        """Pulses to the servos; without one, a servo stays where it is."""
+        self.board.run_ms(pace=self.pace)
+        pulses = self.board.pulses_us()
+        x, y = (
+            servo.angle_rad(pulse) if pulse else held
+            for servo, pulse, held in zip(self.servos, pulses, self.volts, strict=False)
+        )
+        self.volts = x, y  # of such a servo: angles
 
 
 class WorldLink:
@@ -142,5 +167,15 @@ def table_on(world: World, link: WorldLink | None = None, **settings) -> BoardTa
         "random_below": world.random.randrange,
     } | settings
     table = BoardTable(link, eye=eye, **settings)
+    eye.table = table
+    return table
+
+
+def pulse_table_on(world: PulseWorld, rig: Rig, link: WorldLink | None = None) -> PulseTable:
+    """A pulse table over a lock-step link, its eye the plant's camera."""
+    eye, link = WorldEye(world), link or WorldLink(world)
+    table = open_pulse_board(
+        link, rig, world.servos, eye, clock=link.clock, random_below=world.random.randrange
+    )
     eye.table = table
     return table

@@ -75,6 +75,44 @@ def positive_volts_raise_the_angle(
         assert abs(ball[1 - axis]) < 0.002
 
 
+def a_positive_angle_turns_its_arm(
+    table: Table, axis: int, sign: int, arms_rad: Callable[[], Pair]
+) -> None:
+    """A servo that takes an angle goes there, alone, and +theta sends the ball towards +."""
+    wish, ball = [0.0, 0.0], (0.0, 0.0)
+    wish[axis] = 0.2 * sign
+    for _ in range(round(0.7 / table.period_s)):
+        reading = table.read()
+        table.drive((wish[0], wish[1]))
+        ball = reading.ball.xy_m if reading.ball else ball
+    assert arms_rad() == pytest.approx(wish, abs=0.005)
+    assert sign * ball[axis] > 0.005
+    assert abs(ball[1 - axis]) < 0.002
+
+
+def leaving_levels_servos_that_take_an_angle(
+    table, told_rad: Callable[[], Pair], arms_rad: Callable[[], Pair], *, fails: bool
+) -> None:
+    """The context ends with the angle 0 told and followed, after an exception as well."""
+
+    def work() -> None:
+        with table:
+            for _ in range(round(0.4 / table.period_s)):
+                table.read()
+                table.drive((0.3, -0.3))
+            assert min(map(abs, arms_rad())) > 0.25
+            if fails:
+                raise SabotageError
+
+    if fails:
+        with pytest.raises(SabotageError):
+            work()
+    else:
+        work()
+    assert told_rad() == pytest.approx((0.0, 0.0), abs=0.001)  # half a us of pulse
+    assert np.all(np.abs(arms_rad()) < 0.03), arms_rad()
+
+
 def leaving_gives_level_and_no_volts(
     table, volts_V: Callable[[], Pair], arms_rad: Callable[[], Pair], *, fails: bool
 ) -> None:

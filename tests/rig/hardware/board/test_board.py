@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rig.hardware.board import wire
-from rig.hardware.board.board import TACHOMETER_RAD_S_V, BoardStopped, BoardTable
+from rig.hardware.board.board import TACHOMETER_RAD_S_V, BoardTable
 from rig.hardware.board.link import LinkLost
+from rig.hardware.board.session import BoardStopped
 from rig.hardware.board.wire import (
     VERSION,
     Arm,
@@ -176,8 +177,8 @@ def test_it_is_fresh_until_it_is_opened_to_be_homed():
         return answer.features
 
     assert features(1) == features(0b1111) == wire.IS_FRESH
-    assert features(0, version=9) == wire.IS_FRESH  # what is refused homes nothing
-    assert features(0, counts_per_rev=63) == wire.IS_FRESH
+    assert features(0, version=9) == wire.IS_FRESH | wire.REFUSED  # what is refused homes nothing
+    assert features(0, counts_per_rev=63) == wire.IS_FRESH | wire.REFUSED
     assert features(0b1110) == 0
     assert features(1) == 0
 
@@ -419,7 +420,9 @@ def test_no_angle_beyond_the_boards_own_limit_is_taken(counts_per_rev: int):
 def test_a_full_ring_never_says_that_it_has_room():
     for size in (16, 128):
         for into in range(size):
-            kept = {library().ring_room(into, (into - n) % size, size) + n for n in range(size)}
+            kept = {
+                library("volts").ring_room(into, (into - n) % size, size) + n for n in range(size)
+            }
             assert kept == {size - 1}
 
 

@@ -59,17 +59,31 @@ def test_both_parsers_agree_on_rough_streams(seed: int):
     assert parse(data) == found
 
 
-def test_a_million_bytes_under_the_sanitizers(tmp_path: Path):
-    """No undefined step, no broken promise of the state machine, the same packets as in Python."""
+def fuzzed(folder: Path, program: str, kind: str, data: bytes) -> list[str]:
+    """What a program of tests/support/boards prints that feeds bytes to a kind of board."""
     need("cc")
-    binary, source = tmp_path / "fuzz", ROOT / "tests/support/boards/board_fuzz.c"
+    binary, source = folder / "fuzz", ROOT / f"tests/support/boards/{program}.c"
     flags = [SANITIZERS, "-fno-sanitize-recover=all", "-O1", "-g", f"-I{FIRMWARE}"]
-    subprocess.run(["cc", *flags, source, FIRMWARE / "protocol.c", "-o", binary], check=True)
-    data = rough_stream(1_000_000, 1)
+    sources = [source, FIRMWARE / "protocol.c", FIRMWARE / f"{kind}.c"]
+    subprocess.run(["cc", *flags, *sources, "-o", binary], check=True)
     done = subprocess.run([binary], input=data, capture_output=True, check=False)
     assert done.returncode == 0, done.stderr.decode()[:500]
-    *lines, bad = done.stdout.decode().splitlines()
+    return done.stdout.decode().splitlines()
+
+
+def test_a_million_bytes_under_the_sanitizers(tmp_path: Path):
+    """No undefined step, no broken promise of the state machine, the same packets as in Python."""
+    data = rough_stream(1_000_000, 1)
+    *lines, bad = fuzzed(tmp_path, "board_fuzz", "volts", data)
     payloads, bad_frames = in_python(data)
     assert len(payloads) > 10_000
     assert [bytes.fromhex(line) for line in lines] == payloads
     assert bad == f"bad {bad_frames}"
+
+
+def test_a_million_bytes_never_give_a_pulse_that_no_servo_should_get(tmp_path: Path):
+    """Whatever is configured and asked: in the servo's range, at its rate, none unless armed."""
+    (line,) = fuzzed(tmp_path, "pulse_fuzz", "pulses", rough_stream(1_000_000, 1))
+    _, armed, _, pulses = line.split()
+    assert int(armed) > 5_000
+    assert int(pulses) > int(armed)

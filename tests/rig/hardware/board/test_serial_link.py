@@ -9,10 +9,11 @@ import time
 import numpy as np
 import pytest
 
-from rig.hardware.board import board as board_module
-from rig.hardware.board.board import BoardStopped, BoardTable
+from rig.hardware.board import session
+from rig.hardware.board.board import BoardTable
 from rig.hardware.board.link import LinkLost
 from rig.hardware.board.serial_link import SerialLink
+from rig.hardware.board.session import BoardStopped
 from rig.parameters import Rig
 from tests.support.boards.host import HostBoard
 from tests.support.boards.pty import PtyBoard, SteppedLink
@@ -71,7 +72,7 @@ def test_a_port_that_is_not_there_is_named():
 
 
 def test_a_board_without_our_firmware_is_named(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(board_module, "ANSWER_S", 0.3)
+    monkeypatch.setattr(session, "ANSWER_S", 0.3)
     master, slave = os.openpty()
     with pytest.raises(LinkLost, match="does not answer: is our firmware on it"):
         BoardTable(SerialLink(os.ttyname(slave)))

@@ -1,0 +1,187 @@
+#include "volts.h"
+
+#include <string.h>
+
+/* --- the host's packets --- */
+
+uint8_t kind_config(board_t *b, const uint8_t *p) {
+    uint16_t per_rev = get16(p + 14), most;
+    if (p[0] != CONFIG_REQUEST || per_rev < FEWEST_COUNTS || get16(p + 22) == 0) return 0;
+    b->wired = p[5];
+    if (!(p[5] & WIRED_HOMED)) b->fresh = 0; /* it is about to be homed */
+    b->zero[0] = (int32_t)get32(p + 6);
+    b->zero[1] = (int32_t)get32(p + 10);
+    most = (uint16_t)((uint32_t)per_rev * ANGLE_LIMIT_MRAD / 6283);
+    b->angle_limit = get16(p + 16);
+    if (b->angle_limit > most) b->angle_limit = most;
+    b->limit_mV = get16(p + 18);
+    if (b->limit_mV > LIMIT_MV) b->limit_mV = LIMIT_MV;
+    b->gain = (uint16_t)(1407434UL / per_rev); /* 14 V/rad = 2 pi 14000/per_rev mV a count */
+    b->time_constant_ms = get16(p + 20);
+    /* A tick and a half; and more for a slow servo, which else swings across its limit: near it the
+     * law is a spring of k = W/taper with damping (1 + k delay)/(2 sqrt(k tau)). */
+    b->delay_half_ms = (uint16_t)(2 * FILTER_MS + 3 + b->time_constant_ms / 20);
+    b->top_speed = (int32_t)((uint32_t)per_rev * get16(p + 22) / 24544) + 1; /* of mrad/s */
+    b->taper = per_rev / 157 + 1;
+    return 1;
+}
+
+uint8_t kind_command(board_t *b, const uint8_t *p) {
+    if (p[0] != COMMAND) return 0;
+    b->ttl_ms = p[3];
+    b->wish_mV[0] = (int16_t)get16(p + 4);
+    b->wish_mV[1] = (int16_t)get16(p + 6);
+    return 1;
+}
+
+/* --- volts: all below is by encoder channel `e`; volts are raised where they raise counts --- */
+
+static uint8_t motor_of(const board_t *b, uint8_t e) {
+    return (uint8_t)((b->wired & WIRED_CROSSED) ? 1 - e : e);
+}
+
+static int32_t clamp(int32_t v, int32_t most) { return v > most ? most : v < -most ? -most : v; }
+
+static int32_t least(int32_t a, int32_t b) { return a < b ? a : b; }
+
+/* Position from level and speed (counts in RATE_MS), without overflow whatever was counted. */
+static int32_t place(const board_t *b, uint8_t e) {
+    return clamp((int32_t)((uint32_t)b->counts[e] - (uint32_t)b->zero[e]), 100000);
+}
+static int32_t rate(const board_t *b, uint8_t e) {
+    return clamp((int32_t)((uint32_t)b->counts[e] - (uint32_t)b->past[e][b->past_at]), 10000);
+}
+
+static int32_t level_mV(const board_t *b, uint8_t e) {
+    int32_t most = least(LEVEL_LIMIT_MV, b->limit_mV);
+    if (!(b->wired & WIRED_HOMED)) return 0; /* it does not know where level is */
+    return clamp(-((int32_t)b->gain * clamp(place(b, e) + rate(b, e), 32000)) / 16, most);
+}
+
+/* Filtered speed in counts/256 a ms. */
+static int32_t speed(const board_t *b, uint8_t e) { return b->speed_sum[e] / FILTER_MS; }
+
+static void measure_speed(board_t *b, uint8_t e) {
+    uint8_t last = (uint8_t)((b->past_at + RATE_MS - 1) % RATE_MS);
+    int32_t moved = clamp((int32_t)((uint32_t)b->counts[e] - (uint32_t)b->past[e][last]), 100);
+    b->speed_sum[e] += 256 * moved - speed(b, e);
+}
+
+/* Volts that bring the arm on towards +, at most: the law of rig/safety/limits.py, in counts.
+ *
+ * A servo with the time constant tau that goes at w and is braked stops after
+ * w delay + tau w^2 / (2 W + w), W its top speed. What is left of the way to the limit is the room;
+ * with less than the taper of it the bound falls in proportion, through 0 V at no room, to full
+ * volts back. */
+static int32_t most_mV(const board_t *b, int32_t at, int32_t w) {
+    int32_t room = (int32_t)b->angle_limit - at;
+    if (w > 0) {
+        int32_t stop = (int32_t)((uint32_t)w * (uint32_t)w / (uint32_t)(2 * b->top_speed + w));
+        room -= w * b->delay_half_ms / 512 + 1; /* rounded up */
+        room -= (int32_t)((uint32_t)stop * b->time_constant_ms / 256) + 1;
+    }
+    if (room >= b->taper) return b->limit_mV;
+    if (room <= -b->taper) return -(int32_t)b->limit_mV;
+    return room * b->limit_mV / b->taper;
+}
+
+/* The wish within the board's own limits. */
+static int32_t guarded_mV(const board_t *b, uint8_t e, int32_t wish) {
+    int32_t at = place(b, e), w = speed(b, e), most;
+    if (!(b->wired & WIRED_HOMED)) return clamp(wish, least(HOMING_LIMIT_MV, b->limit_mV));
+    wish = least(clamp(wish, b->limit_mV), most_mV(b, at, w));
+    most = most_mV(b, -at, -w);
+    return wish > -most ? wish : -most;
+}
+
+static uint8_t stalled(board_t *b, uint8_t e) {
+    int16_t v = b->applied_mV[motor_of(b, e)];
+    int8_t sign = (int8_t)(v >= STALL_MV ? 1 : v <= -STALL_MV ? -1 : 0);
+    int32_t moved = clamp((int32_t)((uint32_t)b->counts[e] - (uint32_t)b->stall_from[e]), 100);
+    if (sign == 0 || sign != b->stall_sign[e] || moved > STALL_COUNTS || moved < -STALL_COUNTS) {
+        b->stall_ms[e] = 0;
+        b->stall_from[e] = b->counts[e];
+        b->stall_sign[e] = sign;
+        return 0;
+    }
+    return ++b->stall_ms[e] >= STALL_MS;
+}
+
+static void guard(board_t *b) {
+    session_t *s = &b->session;
+    uint8_t e;
+    int32_t runaway = (int32_t)b->angle_limit + b->angle_limit / 6;
+    for (e = 0; e < 2; e++) {
+        uint8_t stall = stalled(b, e);
+        if (s->state != IS_ARMED && s->state != IS_LEVELLING) continue;
+        if (stall) session_stop(s, BY_STALL, IS_LATCHED);
+        if (s->state != IS_ARMED || !(b->wired & WIRED_HOMED)) continue;
+        if (place(b, e) > runaway || place(b, e) < -runaway)
+            session_stop(s, BY_ANGLE, IS_LEVELLING);
+    }
+}
+
+static void apply(board_t *b) {
+    const session_t *s = &b->session;
+    uint8_t e;
+    b->expired = s->state == IS_ARMED && s->commanded && s->age_ms > b->ttl_ms;
+    b->limited = 0;
+    for (e = 0; e < 2; e++) {
+        uint8_t m = motor_of(b, e);
+        uint8_t negative = b->wired & (e ? WIRED_NEGATIVE_1 : WIRED_NEGATIVE_0);
+        int32_t wish = s->commanded && !b->expired ? b->wish_mV[m] : 0, v = 0;
+        if (negative) wish = -wish;
+        if (s->state == IS_ARMED) {
+            v = guarded_mV(b, e, wish);
+            b->limited |= v != wish;
+        } else if (s->state == IS_LEVELLING) {
+            v = level_mV(b, e);
+        }
+        b->applied_mV[m] = (int16_t)(negative ? -v : v);
+    }
+}
+
+/* --- the session's calls --- */
+
+void board_init(board_t *b, uint16_t supply_mV, uint8_t has_tachometer) {
+    memset(b, 0, sizeof *b);
+    session_init(&b->session);
+    b->supply_mV = supply_mV;
+    b->has_tachometer = has_tachometer;
+    b->fresh = 1;
+}
+
+void kind_tick(board_t *b) {
+    uint8_t e;
+    for (e = 0; e < 2; e++) measure_speed(b, e);
+    guard(b);
+    apply(b);
+    for (e = 0; e < 2; e++) b->past[e][b->past_at] = b->counts[e];
+    b->past_at = (uint8_t)((b->past_at + 1) % RATE_MS);
+}
+
+uint8_t *kind_answer(const board_t *b, uint8_t *p) {
+    p = put16(p, b->supply_mV);
+    p = put16(p, b->limit_mV);
+    *p++ = (uint8_t)((b->has_tachometer ? HAS_TACHOMETER : 0) | (b->fresh ? IS_FRESH : 0));
+    return p;
+}
+
+uint8_t kind_telemetry(const board_t *b, uint16_t *flags) {
+    if (b->wired & WIRED_HOMED) *flags |= HOMED;
+    if (b->limited) *flags |= LIMITED;
+    if (b->expired) *flags |= EXPIRED;
+    return b->has_tachometer ? TELEMETRY_WITH_TACHOMETER : TELEMETRY;
+}
+
+uint8_t *kind_outputs(const board_t *b, uint8_t *p) {
+    p = put32(p, (uint32_t)b->counts[0]);
+    p = put32(p, (uint32_t)b->counts[1]);
+    p = put16(p, (uint16_t)b->applied_mV[0]);
+    p = put16(p, (uint16_t)b->applied_mV[1]);
+    if (b->has_tachometer) {
+        p = put16(p, (uint16_t)b->tachometer_mV[0]);
+        p = put16(p, (uint16_t)b->tachometer_mV[1]);
+    }
+    return p;
+}

@@ -1,0 +1,61 @@
+/* A board with two H-bridges and two quadrature encoders: when volts may flow, and how many. */
+#ifndef VOLTS_H
+#define VOLTS_H
+
+#include "protocol.h"
+
+enum { WIRED_HOMED = 1, WIRED_NEGATIVE_0 = 2, WIRED_NEGATIVE_1 = 4, WIRED_CROSSED = 8 };
+
+/* The board's own bounds; the host may ask for less, never for more. */
+#ifndef LIMIT_MV
+#define LIMIT_MV 6000 /* nominal voltage of the motors */
+#endif
+#ifndef ANGLE_LIMIT_MRAD
+#define ANGLE_LIMIT_MRAD 600 /* from level; the stops of the reference table are at 610 */
+#endif
+#define HOMING_LIMIT_MV 1500 /* while the zeros are unknown: what a stop can take */
+#define LEVEL_LIMIT_MV 3000
+#define STALL_MV 2000
+#define STALL_MS 300
+#define STALL_COUNTS 3
+#define FEWEST_COUNTS 64 /* of an encoder in a revolution */
+#define RATE_MS 8 /* span over which levelling measures speed */
+#define FILTER_MS 16 /* time constant of the speed by which arms are braked */
+
+struct board {
+    session_t session;
+    /* what the chip's part sets before board_tick */
+    int32_t counts[2];
+    int16_t tachometer_mV[2];
+    /* constant after board_init */
+    uint16_t supply_mV;
+    uint8_t has_tachometer;
+    /* what the chip's part puts out after board_tick, by motor channel */
+    int16_t applied_mV[2];
+
+    /* configuration */
+    uint8_t fresh; /* reset, and not homed since: the counts mean nothing */
+    uint8_t wired;
+    int32_t zero[2];
+    uint16_t angle_limit, limit_mV;
+    uint16_t gain; /* of the level loop, 1/16 mV a count */
+    uint16_t time_constant_ms; /* of the servo */
+    uint16_t delay_half_ms; /* age of the speed when volts act */
+    int32_t top_speed; /* at limit_mV, in counts/256 a ms */
+    int32_t taper; /* room in which volts are bounded: 0.04 rad, in counts */
+    /* commands */
+    int16_t wish_mV[2];
+    uint8_t ttl_ms;
+    uint8_t limited, expired;
+    /* by encoder channel */
+    int32_t speed_sum[2]; /* FILTER_MS times the filtered speed in counts/256 a ms */
+    int32_t past[2][RATE_MS];
+    uint8_t past_at;
+    int32_t stall_from[2];
+    uint16_t stall_ms[2];
+    int8_t stall_sign[2];
+};
+
+void board_init(board_t *b, uint16_t supply_mV, uint8_t has_tachometer);
+
+#endif

@@ -1,0 +1,121 @@
+"""A table on a board with hobby (RC) servos: angles become pulses, and nobody reads them back."""
+
+import secrets
+import time
+from collections.abc import Callable, Sequence
+from math import isfinite, nan
+
+from rig.hardware.board import wire
+from rig.hardware.board.link import Link
+from rig.hardware.board.pulse_servo import STEPS_RAD, STEPS_US, PulseServo
+from rig.hardware.board.session import BoardSession
+from rig.hardware.board.wire import ConfigAnswer, PulseCommand, PulseConfigRequest, PulseTelemetry
+from rig.hardware.observations import ObservationFeed, ObservationSource
+from rig.table import Reading
+
+FRAME_S = 0.02  # the longest, which every RC servo takes
+SHORTEST_FRAME_S = 0.004
+SETTLING_S = (
+    0.5  # chosen: some lags of a slow servo (66 ms) and of its plate after the last command
+)
+
+
+class PulseTable(BoardSession):
+    """A table whose hobby servos a board drives by pulses: configured and disarmed when opened.
+
+    Arming begins the pulses at level; a servo goes there from wherever it is as fast as it can.
+    `drive` takes angles, which the board reaches at rates_rad_s [rad/s] at most; leaving the
+    context levels the plate and ends the pulses. servos, limits_rad, rates_rad_s: by channel of the
+    board, 1 to 3; to_servos: angles (x, y) to those of the channels; angle_limit_rad: of x and y;
+    frame_s: from pulse to pulse, 4 to 20 ms; eye: where observations of the ball come from; clock,
+    random_below: as of `BoardSession`. ValueError: what no board or servo can take. LinkLost: the
+    board does not answer, speaks another version, drives H-bridges, or refuses.
+    """
+
+    takes_angle = True
+    telemetry = PulseTelemetry
+    voltage_limit_V = 0.0
+
+    def __init__(
+        self,
+        link: Link,
+        servos: Sequence[PulseServo],
+        to_servos: Callable[[tuple[float, float]], Sequence[float]] = tuple,
+        *,
+        angle_limit_rad: float,
+        limits_rad: Sequence[float],
+        rates_rad_s: Sequence[float],
+        frame_s: float = FRAME_S,
+        period_s: float = 0.002,
+        eye: ObservationSource | None = None,
+        clock: Callable[[], float] = time.monotonic,
+        random_below: Callable[[int], int] = secrets.randbelow,
+    ) -> None:
+        super().__init__(link, period_s, clock=clock, random_below=random_below)
+        self._servos, self._to_servos, self._feed = servos, to_servos, ObservationFeed(eye)
+        self._limit_rad = angle_limit_rad
+        self.level_s = SETTLING_S + max(
+            limit / rate for limit, rate in zip(limits_rad, rates_rad_s, strict=True)
+        )
+        self._open(lambda: self._request(limits_rad, rates_rad_s, frame_s))
+
+    def _request(
+        self, limits_rad: Sequence[float], rates_rad_s: Sequence[float], frame_s: float
+    ) -> PulseConfigRequest:
+        if not SHORTEST_FRAME_S <= frame_s <= FRAME_S:
+            raise ValueError(
+                f"servo.period_s = {frame_s:g}: pulses come every {SHORTEST_FRAME_S:g} to "
+                f"{FRAME_S:g} s"
+            )
+        fields = [
+            field
+            for servo, limit, rate in zip(self._servos, limits_rad, rates_rad_s, strict=True)
+            for field in servo.fields(limit, rate)
+        ]
+        return PulseConfigRequest(
+            wire.VERSION,
+            self._random_below(65536),
+            self._period_ms(),
+            len(self._servos),
+            round(1e6 * frame_s),
+            *fields,
+        )
+
+    def _why_refused(self, answer: ConfigAnswer) -> str:
+        if len(self._servos) > 2 and not answer.features & wire.HAS_THREE:
+            return "its timer has two servo pins; three arms take an Arduino Mega"
+        return super()._why_refused(answer)
+
+    @property
+    def pulses_us(self) -> tuple[float, ...]:
+        """The pulses that the board puts out, by channel, as it last told [us]; 0: none."""
+        newest = self.newest
+        if not isinstance(newest, PulseTelemetry):
+            return (0.0,) * len(self._servos)
+        pulses = (newest.pulse_0, newest.pulse_1, newest.pulse_2)
+        return tuple(pulse / STEPS_US for pulse in pulses[: len(self._servos)])
+
+    # --- the contract ---
+    def read(self) -> Reading:
+        """Wait for the board's next telemetry and return its reading: the angles are NaN.
+
+        LinkLost: the board vanished, is silent or deaf (raised within 100 ms). BoardStopped: it
+        levels the plate and ends the pulses by itself. CameraStopped: the camera of `eye` failed.
+        """
+        _, t_s = self._tick()
+        return Reading(t_s, (nan, nan), ball=self._feed.take(t_s))
+
+    def drive(self, volts: tuple[float, float]) -> None:
+        """Tell the servos angles (x, y) [rad] in place of volts, cut at the angle limit, to hold
+        until newer ones.
+
+        ValueError: angles that are not finite, out of the linkage's reach, or other than 0 on a
+        board that is not armed. LinkLost, BoardStopped: the board is lost or has stopped.
+        """
+        if not all(map(isfinite, volts)):
+            raise ValueError(f"angles must be finite, got {volts}; use rig.safety.limits")
+        if not self._may_command(volts):
+            return
+        x, y = (min(max(angle, -self._limit_rad), self._limit_rad) for angle in volts)
+        told = [round(STEPS_RAD * one) for one in self._to_servos((x, y))]
+        self._command(lambda sequence: PulseCommand(sequence, *told))
