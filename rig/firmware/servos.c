@@ -51,7 +51,8 @@ void outputs_start(void) {
 void inputs_read(void) {}
 
 static void frame_set(uint16_t top) {
-    CONTROL_B = FAST_PWM_B; /* the clock stands */
+    CONTROL_A = FAST_PWM_A; /* no pin connected, */
+    CONTROL_B = FAST_PWM_B; /* and the clock stands */
     TOP = top;
     COUNTER = 0;
     CONTROL_B = FAST_PWM_B | EIGHTH;

@@ -20,6 +20,7 @@ from rig.hardware.board.wire import (
     ConfigRequest,
     Disarm,
     Parser,
+    PulseCommand,
     Telemetry,
 )
 from rig.hardware.camera.eye import CameraStopped
@@ -137,6 +138,17 @@ def test_old_and_doubled_commands_move_nothing_and_feed_no_watchdog():
     for _ in range(200):
         for step in (0, -1, -300):
             bench.send(Command((bench.sequence + step) % 65536, 100, 5000, 5000))
+        bench.run(1)
+        assert abs(bench.board.volts()[0]) <= 1.0
+    assert bench.has(wire.BY_WATCHDOG)
+
+
+def test_angles_for_servos_move_no_motor_and_feed_no_watchdog():
+    bench = Bench()
+    bench.command(1.0)
+    bench.run(5)
+    for k in range(120):
+        bench.send(PulseCommand((bench.sequence + 1 + k) % 65536, 9000, 9000))
         bench.run(1)
         assert abs(bench.board.volts()[0]) <= 1.0
     assert bench.has(wire.BY_WATCHDOG)
