@@ -11,7 +11,7 @@ within their tolerance boxes, the score is
 and 0 gain where the term's RMS along the recorded motion is below what counts (`_least_felt`).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from itertools import accumulate
 
@@ -24,10 +24,11 @@ from calibration.gap.model.fit import (
     ParameterFit,
     bounded_step,
     differences,
+    evaluate,
     normal_equations,
     weights,
 )
-from calibration.gap.model.parameters import BALL, SERVO
+from calibration.gap.model.parameters import BALL, SERVO, NominalModel
 from calibration.gap.model.state import State
 from rig.discrepancy import Discrepancy, discrepancy_acceleration, pack, servo_discrepancy
 
@@ -41,8 +42,8 @@ UNIT_BALL, UNIT_VOLTS, UNIT_ANGLE = 0.02, 0.02, 0.002
 @dataclass(frozen=True, eq=False)
 class UnnamedTerm:
     """An unnamed term: its output, its kind (map, speed, rhythm, segment or turning), score,
-    coefficients (`unknown`), and the state fitted with it. The model cannot hold a turning one: its
-    `unknown` and state are those without the term."""
+    coefficients (`unknown`), and the state with it, whose names keep the sizes that they have
+    without. The model cannot hold a turning one: its `unknown` and state are those without it."""
 
     output: str
     kind: str
@@ -131,7 +132,8 @@ def _fitted(
     fixed: dict,
     searched: float = 0.0,
 ) -> UnnamedTerm:
-    """Fit a family linearly beside the free parameters; its gain is what it adds to theirs."""
+    """Fit a family linearly beside the free parameters; its gain is what it adds to theirs. A map
+    holds much of what its name gives, so that the term is what the names leave: they are held."""
     unit = _unit(state, output)
     base, nominal = state.fit.rolls[output], state.nominal
     have = nominal.rig.unknown
@@ -150,12 +152,31 @@ def _fitted(
     gain = -float(0.5 * step @ a @ step + b @ step)
     alone = bounded_step(a[:-k, :-k], b[:-k], nuisance[1], nuisance[2], nuisance[3])
     gain += float(0.5 * alone @ a[:-k, :-k] @ alone + b[:-k] @ alone)
-    unknown = _term(units, step[-k:], fixed, have)
-    felt = float(np.sqrt(np.mean(np.square(_felt(state, output, unknown)))))
-    if felt < _least_felt(state, output):
+    felt = _felt(state, output, _term(units, step[-k:], fixed, have))
+    if float(np.sqrt(np.mean(np.square(felt)))) < _least_felt(state, output):
         gain = 0.0
-    new = replace(state, nominal=nominal.with_unknown(unknown))
+    free = [nominal.parameters[name] for name in state.bounds((output,))]
+    held = [(k.effect, k.axis) in state.named for k in free]
+    low[:-k][held] = high[:-k][held] = 0.0
+    step = bounded_step(a, b, low, high, np.append(nuisance[3], np.full(k, unit)))
+    unknown = _term(units, step[-k:], fixed, have)
+    moved = {k.name: d for k, d in zip(free, step, strict=False)}
+    new = _moved(state, nominal.with_unknown(unknown), moved)
     return UnnamedTerm(output, kind, gain - PENALTY_PER_PARAMETER * k - searched, unknown, new)
+
+
+def _moved(state: State, nominal: NominalModel, by: Mapping[str, float]) -> State:
+    """The state under another nominal model and with its parameters moved `by` (name -> change)."""
+    known = nominal.parameters
+    setting = state.fit.setting | {
+        name: state.fit.setting.get(name, known[name].nominal) + float(more)
+        for name, more in by.items()
+    }
+    return replace(
+        state,
+        nominal=nominal,
+        fit=evaluate(state.evidence, nominal, setting, state.evidence.outputs),
+    )
 
 
 def _unit(state: State, output: str) -> float:
