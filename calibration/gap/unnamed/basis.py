@@ -11,7 +11,7 @@ within their tolerance boxes, the score is
 and 0 gain where the term's RMS along the recorded motion is below what counts (`_least_felt`).
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from itertools import accumulate
 
@@ -24,11 +24,10 @@ from calibration.gap.model.fit import (
     ParameterFit,
     bounded_step,
     differences,
-    evaluate,
     normal_equations,
     weights,
 )
-from calibration.gap.model.parameters import BALL, SERVO, NominalModel
+from calibration.gap.model.parameters import BALL, SERVO
 from calibration.gap.model.state import State
 from rig.discrepancy import Discrepancy, discrepancy_acceleration, pack, servo_discrepancy
 
@@ -42,8 +41,8 @@ UNIT_BALL, UNIT_VOLTS, UNIT_ANGLE = 0.02, 0.02, 0.002
 @dataclass(frozen=True, eq=False)
 class UnnamedTerm:
     """An unnamed term: its output, its kind (map, speed, rhythm, segment or turning), score,
-    coefficients (`unknown`), and the state with it, whose names keep the sizes that they have
-    without. The model cannot hold a turning one: its `unknown` and state are those without it."""
+    coefficients (`unknown`), and the state with it in its model, not yet predicted with it (`plain`
+    is without). The model cannot hold a turning one: its `unknown` and state are those without."""
 
     output: str
     kind: str
@@ -160,23 +159,8 @@ def _fitted(
     low[:-k][held] = high[:-k][held] = 0.0
     step = bounded_step(a, b, low, high, np.append(nuisance[3], np.full(k, unit)))
     unknown = _term(units, step[-k:], fixed, have)
-    moved = {k.name: d for k, d in zip(free, step, strict=False)}
-    new = _moved(state, nominal.with_unknown(unknown), moved)
+    new = replace(state, nominal=nominal.with_unknown(unknown))
     return UnnamedTerm(output, kind, gain - PENALTY_PER_PARAMETER * k - searched, unknown, new)
-
-
-def _moved(state: State, nominal: NominalModel, by: Mapping[str, float]) -> State:
-    """The state under another nominal model and with its parameters moved `by` (name -> change)."""
-    known = nominal.parameters
-    setting = state.fit.setting | {
-        name: state.fit.setting.get(name, known[name].nominal) + float(more)
-        for name, more in by.items()
-    }
-    return replace(
-        state,
-        nominal=nominal,
-        fit=evaluate(state.evidence, nominal, setting, state.evidence.outputs),
-    )
 
 
 def _unit(state: State, output: str) -> float:
