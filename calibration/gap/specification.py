@@ -130,7 +130,7 @@ def _interaction(
     evidence = state.evidence
     bounds = state.bounds((output,))
     parameters = [state.nominal.parameters[name] for name in bounds]
-    only = ParameterFit(state.fit.setting, {output: state.fit.rolls[output]}, {}, state.fit.columns)
+    only = ParameterFit(state.fit.setting, {output: state.fit.rolls[output]}, {})
     j = differences(evidence, state.nominal, only, parameters, bounds)[output]
     scale = np.array([k.step for k in parameters])
     places = [list(bounds).index(name) for name in own]

@@ -194,18 +194,13 @@ def fit(
     until C with the prior falls by less than CONVERGED_GAIN; all other parameters stay as in
     `start`.
 
-    Secants are taken once, where `start` has none, and at every step for the effects `bent`
-    (backlash, delays, periods). All are taken anew where a step gains less than POOR_SHARE of what
-    they promise, over a smaller width, and where C stalls after it fell by STALE_SECANT_GAIN. Where
-    no step along all lowers C, the parameters of backlash are moved one by one, once. `KeyError`:
-    no such parameter.
+    Secants are taken once, and at every step for the effects `bent` (backlash, delays, periods).
+    All are taken anew where a step gains less than POOR_SHARE of what they promise, over a smaller
+    width, and where C stalls after it fell by STALE_SECANT_GAIN. Where no step along all lowers C,
+    the parameters of backlash are moved one by one, once. `KeyError`: no such parameter.
     """
     parameters = [nominal.parameters[name] for name in bounds]
     best = _inside(evidence, nominal, start, bounds)
-    near = {
-        key: c for key, c in best.columns.items() if nominal.parameters[key[1]].effect not in bent
-    }
-    best = replace(best, columns=near)
     scale = np.array([parameter.step for parameter in parameters])
     prior = np.array([inverse_variance(k, bounds[k.name]) for k in parameters])
     nominals = np.array([k.nominal for k in parameters])

@@ -68,18 +68,6 @@ def test_gain_time_constant_and_offset_come_back():
     np.testing.assert_allclose(rms, 1.0, atol=ROBUST)
 
 
-def test_secants_of_bent_effects_are_not_those_of_another_place():
-    state = servos()
-    bounds, name = wide(state, "voltage_offset"), "voltage_offset.offset_V.x"
-    wrong = {("servo_x", name): np.full_like(state.fit.z("servo_x"), 1e3)}
-    old = replace(state.fit, columns=wrong)
-    known, anew = (
-        fit(state.evidence, state.nominal, start, bounds, bent=["voltage_offset"])
-        for start in (old, state.fit)
-    )
-    assert known.setting == anew.setting
-
-
 def test_far_nominal_values_are_found_too():
     """K and tau unknown: half and three times the true ones."""
     state = servos()
