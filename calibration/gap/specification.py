@@ -13,16 +13,20 @@ fitted to four of five seconds predicts of the fifth,
 G_flexible counts where it is above 0 for certain, by blocks (`decision_rule.is_certain`).
 
 **Constancy.** A physical size is the same in every part of the motion (Hansen, J. Policy Modeling
-14, 1992; Andrews, Econometrica 61, 1993). The motion is cut at the median of time, place, speed,
-tilt and its rate (a servo: time, angle, speed, volts), g = -+1/2 by half, and the size gets a
-second parameter that is added times g:
+14, 1992; Lin and Terasvirta, J. Econometrics 62, 1994). By time, place, speed, tilt and its rate (a
+servo: time, angle, speed, volts), g rises from -1/2 where they are least to 1/2 at their quantile
+of FULL, and the size gets a second parameter that is added times g:
 
-    z = -(J d + J_size g delta) + e,   F = delta' cov^-1 delta/k,  cov clustered by seconds
+    z = -(J d + J_size g delta) + e,   F = delta' cov^-1 delta/k
 
-A size is no constant where F is beyond its quantile and |delta| > MAX_INCONSTANCY |size|. A size
-that is a rate in time (TRENDS) cannot be shown to be one in a single run: whatever changes slowly,
-1/f noise or a slipping encoder, has a trend over one run (spurious regression: Granger and Newbold,
-J. Econometrics 2, 1974).
+with cov by leaving out one second after the other (jackknife: MacKinnon and White, J. Econometrics
+29, 1985), and as many of them as tell delta (Carter, Schnepel and Steigerwald, Rev. Econ. Stat. 99,
+2017): a few seconds hold most of what is fast or far. A size is no constant where F is beyond its
+quantile and |delta| > MAX_INCONSTANCY |size|. (Cut in two at the median instead, a spring that is
+spent at large angles is the scale of an angle: most of the motion is small.) A size that is a rate
+in time (TRENDS) cannot be shown to be one in a single run: whatever changes slowly, 1/f noise or a
+slipping encoder, has a trend over one run (spurious regression: Granger and Newbold, J.
+Econometrics 2, 1974).
 
 **Order in time.** A cause does not come after what it causes (Sims, Am. Econ. Rev. 62, 1972). In
 closed loop a gust is answered by the controller, and a function of the angles of this answer looks
@@ -53,6 +57,7 @@ from rig.prediction.innovations import Signals
 
 TRENDS = ("level_drift",)  # effects whose size is a rate in time
 LEADS_S = (0.1, 0.2, 0.4)  # from a controller's first answer to most of it; chosen
+FULL = 0.99  # of the motion: beyond are its outliers; chosen
 FOLD_S = 1.0  # of folds in turn: longer than a filter remembers, shorter than a hat; chosen
 FOLDS = 5  # four fifths of the seconds tell a fifth: the usual number of a cross-validation
 
@@ -109,8 +114,8 @@ def inconstancy(state: State, one: Accepted, output: str) -> str:
         size -= [0.0 if one.name in PERIODIC else k.nominal for k in parameters[: len(own)]]
         if not own or not np.all(np.isfinite(size)):
             continue
-        for word, upper in _halves(state, output):
-            delta, p = _interaction(state, output, own, upper)
+        for word, along in _ramps(state, output):
+            delta, p = _interaction(state, output, own, along)
             share = float(np.linalg.norm(delta) / max(np.linalg.norm(size), 1e-30))
             if p < FAMILY_P and share > MAX_INCONSTANCY:
                 return f"its size on {axis} differs by {100 * share:.0f} % with the {word}"
@@ -118,30 +123,35 @@ def inconstancy(state: State, one: Accepted, output: str) -> str:
 
 
 def _interaction(
-    state: State, output: str, own: list[str], upper: np.ndarray
+    state: State, output: str, own: list[str], along: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """delta (k,) of the module's regression for the parameters `own`, and the tail of F; `upper`
-    (n,): true in the upper half."""
+    """delta (k,) of the module's regression for the parameters `own`, and the tail of F; `along`
+    (n,): g."""
     evidence = state.evidence
     bounds = state.bounds((output,))
     parameters = [state.nominal.parameters[name] for name in bounds]
-    only = ParameterFit(state.fit.setting, {output: state.fit.rolls[output]}, {}, state.fit.columns)
+    only = ParameterFit(state.fit.setting, {output: state.fit.rolls[output]}, {})
     j = differences(evidence, state.nominal, only, parameters, bounds)[output]
     scale = np.array([k.step for k in parameters])
     places = [list(bounds).index(name) for name in own]
-    j = np.hstack([j * scale, j[:, places] * scale[places] * (upper[:, None] - 0.5)])
+    j = np.hstack([j * scale, j[:, places] * scale[places] * along[:, None]])
     z = state.fit.z(output)
     w = weights(z, evidence.masks[output])
     prior = np.append([inverse_prior(state, k) for k in parameters], np.zeros(len(own)))
-    inverse = np.linalg.inv((j * w[:, None]).T @ j + np.diag(prior + 1e-6))
-    d = -inverse @ (j.T @ (w * z))
-    block = _blocks(state, output)
-    sums = np.zeros((block.max() + 1, j.shape[1]))
-    np.add.at(sums, block, j * (w * (z + j @ d))[:, None])
-    cov = inverse @ (sums.T @ sums) @ inverse
-    k = len(own)
-    wald = d[-k:] @ np.linalg.pinv(cov[-k:, -k:]) @ d[-k:] / k
-    return d[-k:] * scale[places], float(f_distribution.sf(wald, k, max(len(sums) - 1, 2)))
+    block, m = _blocks(state, output), len(prior)
+    k, n = len(own), int(block.max()) + 1
+    a, b = np.zeros((n, m, m)), np.zeros((n, m))
+    np.add.at(a, block, (j * w[:, None])[:, :, None] * j[:, None, :])
+    np.add.at(b, block, j * (w * z)[:, None])
+    inverse = np.linalg.inv(a.sum(axis=0) + np.diag(prior + 1e-6))
+    d = -inverse @ b.sum(axis=0)
+    without = -np.linalg.solve(np.linalg.inv(inverse) - a, (b.sum(axis=0) - b)[:, :, None])
+    spread = without[:, -k:, 0] - d[-k:]
+    cov = (n - 1) / n * spread.T @ spread
+    wald = d[-k:] @ np.linalg.pinv(cov) @ d[-k:] / k
+    told = np.einsum("ki,bij,kj->b", inverse[-k:], a, inverse[-k:])  # by each block
+    blocks = told.sum() ** 2 / max(float(told @ told), 1e-300)
+    return d[-k:] * scale[places], float(f_distribution.sf(wald, k, max(blocks - 1.0, 2.0)))
 
 
 def _blocks(state: State, output: str) -> np.ndarray:
@@ -186,11 +196,12 @@ def _advanced(state: State, output: str, response: np.ndarray, lead_s: float) ->
     return moved
 
 
-def _halves(state: State, output: str) -> Iterator[tuple[str, np.ndarray]]:
-    """What the motion is cut by, in words, and true (n,) for the residuals in its upper half."""
+def _ramps(state: State, output: str) -> Iterator[tuple[str, np.ndarray]]:
+    """What the motion is ordered by, in words, and the module's g (n,) of the residuals."""
     used = state.evidence.masks[output] > 0
     for word, value in _covariates(state, output).items():
-        yield word, value > np.median(value[used])
+        least, most = float(value[used].min()), float(np.quantile(value[used], FULL))
+        yield word, np.clip((value - least) / max(most - least, 1e-30), 0.0, 1.0) - 0.5
 
 
 def _covariates(state: State, output: str) -> Mapping[str, np.ndarray]:

@@ -55,10 +55,9 @@ from calibration.gap.decision_rule import (
     is_certain,
 )
 from calibration.gap.held_out import Prediction, gained, held_out
-from calibration.gap.model.fit import evaluate
 from calibration.gap.model.intervals import deviations, interval
 from calibration.gap.model.parameters import BALL, PERIODIC
-from calibration.gap.model.state import Key, State, outputs_of, refit
+from calibration.gap.model.state import Key, State, outputs_of, plain
 from calibration.gap.name.decide import Decision, decide, significant, verdict_of
 from calibration.gap.name.stepwise import Accepted, drop_effects
 from calibration.gap.specification import (
@@ -70,7 +69,6 @@ from calibration.gap.specification import (
 )
 from calibration.gap.unnamed.basis import unnamed_terms
 from calibration.statistics import student_quantile
-from rig.discrepancy import Discrepancy
 from rig.effects import Effect
 
 
@@ -124,11 +122,12 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
     outputs = [o for o in state.evidence.outputs if o in acting]
     bare = drop_effects(state, [key for one in accepted for key in _keys(one)])
     before, after = held_out(bare, outputs), held_out(state, outputs)
-    complete = {output: completeness(_plain(bare), _plain(state), output) for output in outputs}
+    alone = plain(state)
+    complete = {output: completeness(plain(bare), alone, output) for output in outputs}
     lost: list[Accepted] = []
-    spread = deviations(state)
+    spread = deviations(alone)
     for one in accepted:
-        if reason := _not_a_size(state, one, spread):
+        if reason := _not_a_size(alone, one, spread):
             lost.append(one)
             reasons.append(f"not named: {one.name}: {reason}")
     for output in outputs:
@@ -151,11 +150,11 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
             outdone.append(one)
             reasons.append(f"not named: {one.name}: {reason}")
     lost += outdone
-    sure, doubts = _doubted(state, [one for one in accepted if one not in lost], complete)
+    sure, doubts = _doubted(alone, [one for one in accepted if one not in lost], complete)
     kept = [_capped(one, sure, known) for one in accepted if one not in lost]
     reasons += doubts
     for i, one in enumerate(kept):
-        weak = _unproven(one, before, after, known) or _faint(state, one, spread)
+        weak = _unproven(one, before, after, known) or _faint(alone, one, spread)
         if reason := weak or trend_of_one_run(state, one):
             kept[i] = replace(one, explained=min(one.explained, DOUBTED_PROBABILITY))
             reasons.append(f"not certain: {one.name}: {reason}")
@@ -226,19 +225,6 @@ def _faint(state: State, one: Accepted, spread: Mapping[str, tuple[float, int]])
         if not size <= student_quantile(max(deviation[1] - 1, 2), FAMILY_P) * deviation[0]:
             return ""
     return "its size is not beyond what so many tests reach by chance"
-
-
-def _plain(state: State) -> State:
-    """The state without its unnamed term."""
-    if state.nominal.rig.unknown == Discrepancy():
-        return state
-    nominal, outputs = state.nominal.with_unknown(Discrepancy()), state.evidence.outputs
-    moved = replace(
-        state,
-        nominal=nominal,
-        fit=evaluate(state.evidence, nominal, state.fit.setting, outputs),
-    )
-    return refit(moved, moved.bounds(outputs), iterations=3)
 
 
 def _doubted(

@@ -15,7 +15,7 @@ and with --yes refused in one line that names the option. Examples:
 --set ball.unit=mm (both axes), --set ball_x_m.column="Pos X", --set time.rate_hz=50,
 --set command.offset=90, --set voltage.scale=12 (volts of the supply, for a share of it),
 --set theta.unit=turn/4096 (counts a turn), --set ball_y_m.sign=-1, --set target.column=none.
-Then: rig gap LOG --rig my.toml
+Then: rig gap LOG --rig my.toml (the last line says it)
 """
 
 
@@ -47,7 +47,7 @@ def import_(
     from experiments.importing.conversion import convert
     from experiments.importing.formats.choose import read_recording
     from experiments.importing.import_map import merged, read_map, stated, write_map
-    from experiments.importing.words import log_line
+    from experiments.importing.words import log_line, next_line
     from experiments.records.exporting import export_log, writer_of
 
     said = stated(settings or [])
@@ -74,6 +74,7 @@ def import_(
         say(log_line(str(name), log))
     write_map(out.with_name("import.toml"), made)
     say(f"map: {out.with_name('import.toml')}")
+    say(next_line(names, made))
 
 
 def somebody_is_there() -> bool:

@@ -100,10 +100,21 @@ def _words(name: str) -> list[str]:
     name = re.sub(r"([a-zà-ÿ])([A-Z])", r"\1 \2", name)
     name = re.sub(r"(?<=[A-Za-zà-ÿ])(?=\d)|(?<=\d)(?=[A-Za-zà-ÿ])", " ", name)
     words = [word.lower() for word in re.split(r"[^A-Za-zà-ÿ0-9°%µμ]+", name) if word]
-    split = (
-        [w[:-1], w[-1]] if w[-1] in "xy" and len(w) > 2 and w[:-1] in _ROLES else [w] for w in words
-    )
-    return [word for parts in split for word in parts]
+    return [word for one in words for word in _parts(one)]
+
+
+def _parts(word: str) -> list[str]:
+    """A word's parts where it is made of two that say something, or ends in an axis: `sollwinkel`,
+    `posx`."""
+    for i in range(len(word) - 1, 1, -1):
+        first, last = word[:i], word[i:]
+        if (
+            word not in _ROLES
+            and first in _ROLES
+            and ((last in _ROLES and i > 2) or last in ("x", "y"))
+        ):
+            return [first, last]
+    return [word]
 
 
 def _unit_at_end(name: str, words: list[str]) -> str | None:

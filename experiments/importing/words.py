@@ -1,11 +1,14 @@
 """What an import would do, in five lines."""
 
+import shlex
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from experiments.importing.draft import Proposal
+from experiments.importing.import_map import ImportMap
 from experiments.importing.recording import Recording
 from experiments.importing.units import family
 from rig.log import Log
@@ -63,3 +66,14 @@ def log_line(path: str, log: Log) -> str:
         f"{path}: {len(log)} rows, {t_s[-1]:.1f} s, {1 / np.median(np.diff(t_s)):.4g} Hz, "
         f"ball in {seen:.0f} % of them{notes}"
     )
+
+
+def next_line(names: Sequence[Path], made: ImportMap) -> str:
+    """What to do with the logs: where the angles were commanded and nobody measured them, how late
+    the servos are comes before what else is missing."""
+    logs, families = shlex.join(map(str, names)), {family(name) for name in made.signals}
+    if "command" not in families or "theta" in families:
+        return f"next: rig gap {logs} --rig my.toml"
+    out = names[0].with_name("calibration")
+    first = f"rig calibrate servo {logs} --rig my.toml --out {shlex.quote(str(out))}"
+    return f"next: {first} && rig gap {logs} --rig {shlex.quote(str(out / 'rig.toml'))}"

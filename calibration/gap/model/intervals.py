@@ -25,11 +25,12 @@ from calibration.statistics import student_quantile
 from rig.effects import BY_NAME
 
 SANDWICH_BLOCK_S = 1.0  # chosen
-# Floors m_i, chosen on simulated tables: how friction sets in [V], a tenth of a tick, what a limit
+# Floors m_i, chosen on simulated tables: how friction sets in [V], a tenth of a tick (a lag looks
+# like a delay), what a limit
 # or a sagging supply leaves and, in encoder counts, where gear teeth meet as their shafts wind up.
 MIN_DEVIATION = {
     "extra_V": 0.004, "friction_V": 0.004, "half_width_V": 0.002, "delay_s": 2e-4, "limit_V": 0.006,
-    "drop_1_V": 5e-4,
+    "drop_1_V": 5e-4, "lag_s": 2e-4,
 }  # fmt: skip
 INTERVAL_FACTOR = 1.45  # with it 95 % of intervals held the truth in simulated tuning trials
 MIN_DEVIATION_COUNTS = {"play_rad": 0.5}

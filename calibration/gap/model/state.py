@@ -22,6 +22,7 @@ from calibration.gap.model.parameters import (
     released,
 )
 from calibration.gap.model.seen_effects import IN_BOTH, in_ball
+from rig.discrepancy import Discrepancy
 from rig.effects import Effect
 
 RESTART_RATIO = 1.7  # of K or tau to its nominal: beyond, other starts are tried, too; chosen
@@ -143,6 +144,17 @@ def with_levels(state: State, levels: np.record, outputs: Collection[str]) -> St
     columns = {key: column for key, column in old.columns.items() if key[0] not in outputs}
     fit = ParameterFit(old.setting, old.rolls | new.rolls, old.costs | new.costs, columns)
     return replace(state, evidence=evidence, fit=fit)
+
+
+def plain(state: State) -> State:
+    """The state without the unnamed term in its model: predicted anew, and what is free fitted from
+    its setting. What an unnamed term takes up is not told of a name beside it."""
+    if state.nominal.rig.unknown == Discrepancy():
+        return state
+    nominal, outputs = state.nominal.with_unknown(Discrepancy()), state.evidence.outputs
+    fit = evaluate(state.evidence, nominal, state.fit.setting, outputs)
+    moved = replace(state, nominal=nominal, fit=fit)
+    return refit(moved, moved.bounds(outputs), iterations=3)
 
 
 def settle(state: State, outputs: Iterable[str]) -> State:

@@ -41,8 +41,8 @@ UNIT_BALL, UNIT_VOLTS, UNIT_ANGLE = 0.02, 0.02, 0.002
 @dataclass(frozen=True, eq=False)
 class UnnamedTerm:
     """An unnamed term: its output, its kind (map, speed, rhythm, segment or turning), score,
-    coefficients (`unknown`), and the state fitted with it. The model cannot hold a turning one: its
-    `unknown` and state are those without the term."""
+    coefficients (`unknown`), and the state with it in its model, not yet predicted with it (`plain`
+    is without). The model cannot hold a turning one: its `unknown` and state are those without."""
 
     output: str
     kind: str
@@ -131,7 +131,8 @@ def _fitted(
     fixed: dict,
     searched: float = 0.0,
 ) -> UnnamedTerm:
-    """Fit a family linearly beside the free parameters; its gain is what it adds to theirs."""
+    """Fit a family linearly beside the free parameters; its gain is what it adds to theirs. A map
+    holds much of what its name gives, so that the term is what the names leave: they are held."""
     unit = _unit(state, output)
     base, nominal = state.fit.rolls[output], state.nominal
     have = nominal.rig.unknown
@@ -150,10 +151,14 @@ def _fitted(
     gain = -float(0.5 * step @ a @ step + b @ step)
     alone = bounded_step(a[:-k, :-k], b[:-k], nuisance[1], nuisance[2], nuisance[3])
     gain += float(0.5 * alone @ a[:-k, :-k] @ alone + b[:-k] @ alone)
-    unknown = _term(units, step[-k:], fixed, have)
-    felt = float(np.sqrt(np.mean(np.square(_felt(state, output, unknown)))))
-    if felt < _least_felt(state, output):
+    felt = _felt(state, output, _term(units, step[-k:], fixed, have))
+    if float(np.sqrt(np.mean(np.square(felt)))) < _least_felt(state, output):
         gain = 0.0
+    free = [nominal.parameters[name] for name in state.bounds((output,))]
+    held = [(k.effect, k.axis) in state.named for k in free]
+    low[:-k][held] = high[:-k][held] = 0.0
+    step = bounded_step(a, b, low, high, np.append(nuisance[3], np.full(k, unit)))
+    unknown = _term(units, step[-k:], fixed, have)
     new = replace(state, nominal=nominal.with_unknown(unknown))
     return UnnamedTerm(output, kind, gain - PENALTY_PER_PARAMETER * k - searched, unknown, new)
 

@@ -114,6 +114,14 @@ def test_a_cable_on_one_side_of_a_servo_is_no_scale_of_its_angle(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed", [7000, 7001])
+def test_a_spring_that_is_spent_at_large_angles_is_no_certain_scale(seed, tmp_path):
+    found = said_of("sprung_bus_servo", seed, tmp_path)
+    assert found.verdict == "undecided"
+    assert any("differs" in note and "servo's angle" in note for note in found.notes)
+
+
+@pytest.mark.slow
 def test_servos_that_read_their_angle_back_and_lack_nothing(tmp_path):
     assert said_of("healthy_bus_servos", 4100, tmp_path).verdict == "nothing-missing"
 

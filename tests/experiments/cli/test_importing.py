@@ -53,7 +53,7 @@ def test_yes_writes_the_log_and_the_map_and_the_map_is_used_again(rig, tmp_path:
     first, again = tmp_path / "out/a.csv", tmp_path / "out/b.mat"
     done = rig("import", path, "--out", first, "--yes")
     assert done.returncode == 0, done.stderr
-    assert len(done.stdout.splitlines()) == 7  # five of the proposal, the log, the map
+    assert len(done.stdout.splitlines()) == 8  # five of the proposal, the log, the map, what next
     assert truth.faults(read_log(first)) == []
     made = read_map(tmp_path / "out/import.toml")
     assert made.sources == ("messung.csv",)
