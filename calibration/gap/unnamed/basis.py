@@ -8,8 +8,8 @@ within their tolerance boxes, the score is
 
     S = G - PENALTY_PER_PARAMETER k - (SEARCH_PENALTY where a frequency or a window was searched)
 
-with G what the secants promise, or by how much the cost falls where that is more,
-and 0 gain where the term's RMS along the recorded motion is below what counts (`_least_felt`).
+with G what the secants promise or, of all but a segment, by how much the cost falls where that is
+more, and 0 gain where the term's RMS along the recorded motion is below what counts (`_least_felt`).
 """
 
 from collections.abc import Iterator
@@ -152,7 +152,9 @@ def _fitted(
     alone = bounded_step(a[:-k, :-k], b[:-k], nuisance[1], nuisance[2], nuisance[3])
     unknown = _term(units, step[-k:], fixed, have)
     new = replace(state, nominal=nominal.with_unknown(unknown))
-    gain = max(-float(0.5 * step @ a @ step + b @ step), _fall(new, output, step[:-k]))
+    gain = -float(0.5 * step @ a @ step + b @ step)
+    if kind != "segment":  # a push lies beyond Huber's bound: that it counts for little is meant
+        gain = max(gain, _fall(new, output, step[:-k]))
     gain += float(0.5 * alone @ a[:-k, :-k] @ alone + b[:-k] @ alone)
     felt = float(np.sqrt(np.mean(np.square(_felt(state, output, unknown)))))
     if felt < _least_felt(state, output):
