@@ -24,10 +24,8 @@ from calibration.gap.name.bootstrap import ChanceScores, chance_scores
 from calibration.gap.name.stepwise import Accepted, Naming, drop_effects, name_effects
 from calibration.gap.unnamed.basis import UnnamedTerm, unnamed_terms
 
-HOLDS_NAMES = (
-    "map",
-    "speed",
-)  # families of terms that hold effects with a name, as a level or drag
+# Families of terms that act throughout and hold no effect with a name, as a map holds a level.
+HOLDS_NO_NAMES = ("rhythm", "turning")
 
 
 @dataclass(frozen=True, eq=False)
