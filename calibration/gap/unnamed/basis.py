@@ -9,7 +9,7 @@ within their tolerance boxes, the score is
     S = G - PENALTY_PER_PARAMETER k - (SEARCH_PENALTY where a frequency or a window was searched)
 
 with G what the secants promise or, of all but a segment, by how much the cost falls where that
-is more, and 0 gain where the term's RMS along the recorded motion is below what counts (`_least_felt`).
+is more; 0 where the term's RMS along the recorded motion is below what counts (`_least_felt`).
 """
 
 from collections.abc import Iterator
