@@ -43,9 +43,10 @@ def servo_step(p, a, motor, speed, variance, volts, gain, decay, share, free_gap
     p: record PLANT; variance: of the speed, as the filter knows it [rad2/s2]; gain: K [rad/s/V];
     decay, share: what is left of a speed after dt and of its mean over dt [1] (`_decays`);
     free_gap: the motor turns alone inside the gear's gap, without the arm's friction. First order
-    exactly, then dry friction; soft friction is viscous friction that depends on the speed in the
-    step's middle. A speed known to +-s feels the mean of the Stribeck excess over N(omega, s^2):
-    the bell of width v becomes sqrt(v^2 + 2 s^2) wide and lower by the ratio of both.
+    exactly, then dry friction; soft friction is viscous friction. Both it and the Stribeck excess
+    are those of the speed in the step's middle. A speed known to +-s feels the mean of the Stribeck
+    excess over N(omega, s^2): the bell of width v becomes sqrt(v^2 + 2 s^2) wide and lower by the
+    ratio of both.
     """
     bell = p.stribeck_friction_speed_rad_s[a]
     extra = p.stribeck_friction_extra_V[a]
@@ -69,6 +70,10 @@ def servo_step(p, a, motor, speed, variance, volts, gain, decay, share, free_gap
     free = target + (speed - target) * decay
     held = held_share(p.coulomb_friction_settling_s[a], dt)
     after = equations.dry_friction(free, speed, gain * dry * (1.0 - decay), held, 0.0)
+    if extra != 0.0 and soft == 0.0:
+        dry -= equations.friction_volts(speed, 0.0, extra, bell)
+        dry += equations.friction_volts(0.5 * (speed + after), 0.0, extra, bell)
+        after = equations.dry_friction(free, speed, gain * dry * (1.0 - decay), held, 0.0)
     # The mean speed over the tick: exact for the first-order motor, dry friction on both ends.
     mean = target + (speed - target) * share
     return motor + dt * (mean + 0.5 * (after - free)), after

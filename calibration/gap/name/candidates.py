@@ -109,19 +109,20 @@ def own_starts(effect: Effect, axis: str, nominal: NominalModel) -> list[list[St
     ]
 
 
-def free_coasting_backlash_starts(
+def light_arm_backlash_starts(
     axis: str, nominal: NominalModel, plays: Iterable[float]
 ) -> list[Start]:
-    """Starts with gear backlash of each width of `plays` [rad], through whose gap the arm coasts:
-    braked by some friction and, in a model of arms that coast, by none. K, tau and delay are
-    nominal, because those fitted beside a model without backlash are biased."""
+    """Starts with gear backlash of each width of `plays` [rad], in whose gap the arm stays where
+    the teeth leave it, coasts braked by some friction or, in a model of arms that coast, by none.
+    From one of these the fit does not come to another. K, tau and delay are nominal, because those
+    fitted beside a model without backlash are biased."""
     servo = {f".{key}.{axis}": getattr(nominal.rig.servo, key) for key in CALIBRATED}
     delay = nominal.of("input_delay", axis)[0]
-    braked = {f"gear_backlash.{COAST_KEY}.{axis}": START_COAST_S2_RAD}
+    held, braked = ({f"gear_backlash.{COAST_KEY}.{axis}": x} for x in (0.0, START_COAST_S2_RAD))
     return [
         {f"gear_backlash.play_rad.{axis}": play, delay.name: delay.nominal} | servo | shape
         for play in plays
-        for shape in ([braked, {}] if nominal.coasts else [braked])
+        for shape in ([held, braked, {}] if nominal.coasts else [held, braked])
     ]
 
 
@@ -150,7 +151,7 @@ def low_saturation_starts(axis: str, nominal: NominalModel, most_V: float) -> li
 
 
 def resets_servo(start: Iterable[str]) -> bool:
-    """Whether a start sets K and tau anew, as those of free coasting backlash, of a wide dead zone
+    """Whether a start sets K and tau anew, as those of a light arm's backlash, of a wide dead zone
     and of low saturation do; `start` holds its parameter names."""
     return any(name.startswith(".") for name in start)
 

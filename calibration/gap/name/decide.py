@@ -24,6 +24,9 @@ from calibration.gap.name.bootstrap import ChanceScores, chance_scores
 from calibration.gap.name.stepwise import Accepted, Naming, drop_effects, name_effects
 from calibration.gap.unnamed.basis import UnnamedTerm, unnamed_terms
 
+# Families of terms that act throughout and hold no effect with a name, as a map holds a level.
+HOLDS_NO_NAMES = ("rhythm", "turning")
+
 
 @dataclass(frozen=True, eq=False)
 class Decision:
@@ -98,7 +101,8 @@ def _names_beside(
 
     An effect's score beside the term is S + S_term - S_term without the effect: what both explain
     together less what the term explains alone. An effect stays as well if it scores
-    MIN_COMPLETENESS of what the term scores in its place: the term is the effect and a remainder.
+    MIN_COMPLETENESS of what the term scores in its place, which is the effect and a remainder then,
+    or all that a term of HOLDS_NO_NAMES does.
     """
     kept: list[Accepted] = []
     for one in accepted:
@@ -107,7 +111,8 @@ def _names_beside(
         rival = significant(unnamed_terms(bare))
         in_its_place = rival.score if rival is not None else 0.0
         need = max(NAME_THRESHOLD, UNNAMED_SHARE * left.score)
-        is_it = one.score >= MIN_COMPLETENESS * in_its_place
+        other = rival is not None and rival.kind in HOLDS_NO_NAMES
+        is_it = one.score >= (1.0 if other else MIN_COMPLETENESS) * in_its_place
         if is_it or one.score + left.score - in_its_place >= need:
             kept.append(one)
         else:

@@ -20,7 +20,7 @@ from calibration.gap.decision_rule import (
 )
 from calibration.gap.model.data import Evidence
 from calibration.gap.model.fit import evaluate
-from calibration.gap.model.parameters import SERVO, NominalModel
+from calibration.gap.model.parameters import COAST_KEY, SERVO, NominalModel
 from calibration.gap.model.state import State, baseline, refit
 from calibration.gap.name.candidates import fastest
 from rig.parameters import Rig
@@ -69,11 +69,12 @@ def better_friction_model(state: State) -> NominalModel | None:
 
 def _cost_with_same(state: State, other: NominalModel, outputs: tuple[str, ...]) -> float:
     """The cost of the servos with another nominal model and the effects of the state, beside the
-    Coulomb friction of the motors, which is paid for."""
+    Coulomb friction of the motors, which is paid for; how far arms coast is that model's own."""
     axes = {output[-1] for output in outputs}
     more = other.assumed_friction_V - state.nominal.assumed_friction_V
     friction = {f"{FRICTION}.friction_V.{axis}": 0.0 for axis in sorted(axes)}
-    setting = friction | state.fit.setting
+    of_state = {k: v for k, v in state.fit.setting.items() if f".{COAST_KEY}." not in k}
+    setting = friction | of_state
     setting |= {name: max(setting[name] - more, 0.0) for name in friction}
     released = dict.fromkeys((*state.named, *((FRICTION, axis) for axis in sorted(axes))))
     moved = State(

@@ -137,14 +137,15 @@ def release_one(state: State, one: Screened) -> State:
 
 
 def _axes(found: list[Screened], screened: list[Screened]) -> list[Screened]:
-    """The axes on which to release an effect: it gains enough there, and no other far more."""
-    best = {one.axis: one.gain for one in reversed(screened)}  # best first
-    worth = [
+    """The axes on which to release an effect: that of its largest gain, and those on which it gains
+    enough and no other far more. `found`, `screened`: of the effect and of all, best first."""
+    best = {one.axis: one.gain for one in reversed(screened)}
+    return [
         one
         for one in found
-        if one.gain > max(MIN_AXIS_GAIN, MIN_SHARE_OF_BEST_ON_AXIS * best[one.axis])
+        if one is found[0]
+        or one.gain > max(MIN_AXIS_GAIN, MIN_SHARE_OF_BEST_ON_AXIS * best[one.axis])
     ]
-    return worth or found[:1]
 
 
 def _release(state: State, name: str, chosen: list[Screened]) -> CandidateFit:

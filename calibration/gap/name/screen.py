@@ -31,9 +31,9 @@ from calibration.gap.model.parameters import CALIBRATED, SERVO, NominalModel, Pa
 from calibration.gap.model.state import Key, State, outputs_of, refit, settle
 from calibration.gap.name.candidates import (
     Start,
-    free_coasting_backlash_starts,
     is_wide_dead_zone,
     largest_volts,
+    light_arm_backlash_starts,
     low_saturation_starts,
     starts,
     wide_dead_zone_starts,
@@ -42,7 +42,7 @@ from rig.prediction.innovations import noise
 
 # Plays that are tried from here to the end of the range, a quarter apart: the valley of C about the
 # right one is as wide; chosen.
-SMALLEST_COASTING_PLAY_RAD, COASTING_PLAYS = 0.005, 14
+SMALLEST_PLAY_RAD, PLAYS = 0.005, 14
 # Times the tried size to which a screen extrapolates: sizes of a ladder stand 2 to 5 apart, an
 # effect with one size is nearly linear; chosen.
 LADDER_REACH, LINEAR_REACH = 2.0, 6.0
@@ -174,7 +174,7 @@ def _screen_output(state: State, output: str, skip: set[Key]) -> list[Screened]:
     most = max((one.gain for one in best.values()), default=0.0)
     certain = most > CERTAIN_GAIN
     for anew in (
-        _free_coasting_backlash(state, output, skip) if certain else None,
+        _light_arm_backlash(state, output, skip) if certain else None,
         _low_saturation(state, output, skip) if certain else None,
         _wide_dead_zone(state, output, skip),
     ):
@@ -196,10 +196,10 @@ def at_start_noise(state: State, outputs: Collection[str]) -> Evidence:
     return state.evidence.with_levels(levels)
 
 
-def _free_coasting_backlash(state: State, output: str, skip: set[Key]) -> Screened | None:
-    """Gear backlash through whose gap the arm coasts freely, fitted from its best start.
+def _light_arm_backlash(state: State, output: str, skip: set[Key]) -> Screened | None:
+    """Gear backlash with an arm that no friction loads, fitted from its best start.
 
-    None: the plate's friction holds the arm in the gap, or there is no gain.
+    None: friction of arm or joints does load it, or there is no gain.
     """
     axis = output[-1]
     first = next(iter(state.nominal.of("gear_backlash", axis)), None) if output in SERVO else None
@@ -209,14 +209,12 @@ def _free_coasting_backlash(state: State, output: str, skip: set[Key]) -> Screen
     evidence = at_start_noise(state, (output,))
 
     def best(plays: list[float]) -> tuple[Start, ParameterFit]:
-        tried = free_coasting_backlash_starts(axis, state.nominal, plays)
+        tried = light_arm_backlash_starts(axis, state.nominal, plays)
         fits = [evaluate(evidence, state.nominal, bare | start, (output,)) for start in tried]
         return min(zip(tried, fits, strict=True), key=lambda pair: pair[1].cost)
 
     bare = state.fit.setting
-    ladder, _ = best(
-        np.geomspace(SMALLEST_COASTING_PLAY_RAD, first.range[1], COASTING_PLAYS).tolist()
-    )
+    ladder, _ = best(np.geomspace(SMALLEST_PLAY_RAD, first.range[1], PLAYS).tolist())
     play = ladder[first.name]
     keys, start = best([play * ratio for ratio in (0.9, 0.95, 1.0, 1.06, 1.12)])
     return _fitted_from_reset(state, evidence, "gear_backlash", output, start, keys)

@@ -164,7 +164,9 @@ def _selected(state: State, skip: Sequence[Key]) -> _Selection:
         best = worth[0]
         outputs = outputs_of(state.nominal.catalogue[best.name], best.axes)
         total += best.score
-        explained |= {output: explained.get(output, 0.0) + best.score for output in outputs}
+        for o in set(outputs) & set(state.fit.costs):
+            fall = state.fit.costs[o] - best.state.fit.costs[o]
+            explained[o] = explained.get(o, 0.0) + max(fall, 0.0)
         state = settle(best.state, outputs)
         path.append((best.name, state))
     return _Selection(tuple(path), tuple(last), screened)
@@ -194,11 +196,11 @@ def _eliminated(state: State, skip: Sequence[Key]) -> tuple[State, tuple[Accepte
 
 
 def entry_threshold(state: State, candidate: CandidateFit, explained: Mapping[str, float]) -> float:
-    """The score that a candidate needs to enter; `explained`: output -> score that is named there
+    """The score that a candidate needs to enter; `explained`: output -> gain that is named there
     so far.
 
     NAME_THRESHOLD; RELATED_FRICTION_THRESHOLD for a dry friction beside another one on the same
-    axis, the assumed one of arm and joints included; and at least MIN_SHARE_ON_OUTPUT of the score
+    axis, the assumed one of arm and joints included; and at least MIN_SHARE_ON_OUTPUT of the gain
     that is already named on its outputs, since the model is not exact.
     """
     related = {axis for name, axis in state.named if name in DRY_FRICTIONS}

@@ -8,7 +8,8 @@ within their tolerance boxes, the score is
 
     S = G - PENALTY_PER_PARAMETER k - (SEARCH_PENALTY where a frequency or a window was searched)
 
-and 0 gain where the term's RMS along the recorded motion is below what counts (`_least_felt`).
+with G what the secants promise or, of all but a segment, by how much the cost falls where that
+is more; 0 where the term's RMS along the recorded motion is below what counts (`_least_felt`).
 """
 
 from collections.abc import Iterator
@@ -24,6 +25,7 @@ from calibration.gap.model.fit import (
     ParameterFit,
     bounded_step,
     differences,
+    evaluate,
     normal_equations,
     weights,
 )
@@ -148,11 +150,15 @@ def _fitted(
     low = np.append(nuisance[1], np.full(k, -np.inf))
     high = np.append(nuisance[2], np.full(k, np.inf))
     step = bounded_step(a, b, low, high, np.append(nuisance[3], np.full(k, unit)))
-    gain = -float(0.5 * step @ a @ step + b @ step)
     alone = bounded_step(a[:-k, :-k], b[:-k], nuisance[1], nuisance[2], nuisance[3])
+    unknown = _term(units, step[-k:], fixed, have)
+    gain = -float(0.5 * step @ a @ step + b @ step)
+    if kind != "segment":  # a push lies beyond Huber's bound: that it counts for little is meant
+        joint = replace(state, nominal=nominal.with_unknown(unknown))
+        gain = max(gain, _fall(joint, output, step[:-k]))
     gain += float(0.5 * alone @ a[:-k, :-k] @ alone + b[:-k] @ alone)
-    felt = _felt(state, output, _term(units, step[-k:], fixed, have))
-    if float(np.sqrt(np.mean(np.square(felt)))) < _least_felt(state, output):
+    felt = float(np.sqrt(np.mean(np.square(_felt(state, output, unknown)))))
+    if felt < _least_felt(state, output):
         gain = 0.0
     free = [nominal.parameters[name] for name in state.bounds((output,))]
     held = [(k.effect, k.axis) in state.named for k in free]
@@ -161,6 +167,18 @@ def _fitted(
     unknown = _term(units, step[-k:], fixed, have)
     new = replace(state, nominal=nominal.with_unknown(unknown))
     return UnnamedTerm(output, kind, gain - PENALTY_PER_PARAMETER * k - searched, unknown, new)
+
+
+def _fall(new: State, output: str, step: np.ndarray) -> float:
+    """By how much the cost of an output falls with a term in the model and its free parameters
+    moved by `step`. Secants promise less where residuals lie beyond Huber's bound, whose weights
+    make their square an upper bound of the cost: a rhythm promised 2463 of 3134, and a delay that
+    gained 2498 stood in its place. Of parameters that are not linear they may promise more."""
+    setting = dict(new.fit.setting)
+    for name, change in zip(new.bounds((output,)), step, strict=True):
+        setting[name] = setting.get(name, new.nominal.parameters[name].nominal) + float(change)
+    moved = evaluate(new.evidence, new.nominal, setting, (output,))
+    return new.fit.costs[output] - moved.costs[output]
 
 
 def _unit(state: State, output: str) -> float:

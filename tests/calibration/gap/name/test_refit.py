@@ -7,7 +7,8 @@ from calibration.gap.model.data import Evidence
 from calibration.gap.model.fit import ParameterFit, evaluate
 from calibration.gap.model.parameters import NominalModel
 from calibration.gap.model.state import State
-from calibration.gap.name.refit import CandidateFit
+from calibration.gap.name.refit import CandidateFit, _axes
+from calibration.gap.name.screen import Screened
 from tests.support.gap.tables import RIG, evidence_of, foreign
 
 NOMINAL = NominalModel(RIG, load_friction=False)
@@ -44,3 +45,19 @@ def test_it_is_called_friction_only_where_it_stops_the_motor_sooner(
     candidate = CandidateFit("coulomb_friction", ("x",), state, 1e3)
     assert candidate.is_identified("x") == is_friction
     assert (candidate.score > 0.0) == is_friction
+
+
+def test_an_effect_is_tried_where_it_gains_most_though_another_gains_more_there():
+    """Friction with play in the gears beside it: that which falls with speed gained more on x in
+    the screen, so friction was tried on y alone."""
+    gains = {"stribeck_friction": (203.0, 14.0), "coulomb_friction": (122.0, 18.0)}
+    known = [
+        Screened(name, axis, gain, {}, 0.0, {})
+        for name, pair in gains.items()
+        for axis, gain in zip("xy", pair, strict=True)
+    ]
+    known.sort(key=lambda one: -one.gain)
+    friction = [one for one in known if one.name == "coulomb_friction"]
+    assert [one.axis for one in _axes(friction, known)] == ["x", "y"]
+    far = [one for one in known if one.name == "stribeck_friction"]
+    assert [one.axis for one in _axes(far[:1], known)] == ["x"]
