@@ -22,7 +22,8 @@ GRAVITY_M_S2 = 9.81
 SHAFT_MODELS = ("exact", "dead_zone", "none")
 VOLTAGE, POSITION = "voltage", "position"
 BUS_KINDS = ("feetech", "dynamixel")
-ANGLE_KINDS = BUS_KINDS  # of tables whose servos are told an angle
+PULSES = "pulses"
+ANGLE_KINDS = (*BUS_KINDS, PULSES)  # of tables whose servos are told an angle
 TABLE_KINDS = ("simulated", "serial", "usb", "quanser", "remote", *ANGLE_KINDS)
 HIGHEST_ID = 252  # of a servo on either bus
 ANGLE_MARGIN_RAD = 0.08  # further beyond the angle limit is a runaway (the stop is at 0.086)
@@ -258,6 +259,8 @@ class TableChoice:
     its driver. ids: of the servos on a bus, channel 0 and 1; trim_rad: by channel, where a servo
     that takes an angle holds the plate level, from its own middle. swap, crossed and the signs by
     channel: the wiring (`rig.hardware.wiring`); what homing finds overrides these and trim_rad.
+    pulse_us_per_rad, pulse_range_us: of servos on pulses, by channel; the range that neither
+    leaves, whose middle is that of their turn [us].
     """
 
     kind: str = "simulated"
@@ -271,6 +274,8 @@ class TableChoice:
     card_options: str = ""
     ids: tuple[int, int] = (1, 2)
     trim_rad: tuple[float, float] = (0.0, 0.0)
+    pulse_us_per_rad: tuple[float, float] = (2000 / pi, 2000 / pi)  # 90 degrees for 1 ms
+    pulse_range_us: tuple[float, float] = (1000.0, 2000.0)
     swap: bool = False
     crossed: bool = False
     sign_volts: tuple[int, int] = (1, 1)
@@ -281,7 +286,7 @@ class TableChoice:
         if self.kind not in TABLE_KINDS:
             raise ValueError(f"table.kind = '{self.kind}'; known: {', '.join(TABLE_KINDS)}")
         needed = {"remote": ("address", "token_file")}
-        needed |= dict.fromkeys(("serial", *BUS_KINDS), ("port",))
+        needed |= dict.fromkeys(("serial", *ANGLE_KINDS), ("port",))
         for key in needed.get(self.kind, ()):
             if not getattr(self, key):
                 raise ValueError(f"table.kind = '{self.kind}' needs table.{key}: add it to [table]")

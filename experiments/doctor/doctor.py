@@ -5,7 +5,7 @@
 
 from dataclasses import dataclass, field
 
-from rig.parameters import ANGLE_KINDS, BUS_KINDS, Rig
+from rig.parameters import ANGLE_KINDS, BUS_KINDS, PULSES, Rig
 
 OK, NOTE, BAD = "ok", "note", "bad"
 BOARD_VENDORS = {
@@ -100,6 +100,7 @@ def examine(facts: Facts, rig: Rig) -> list[Finding]:
         "usb": _usb,
         "quanser": _quanser,
         "remote": _remote,
+        PULSES: _serial,
     } | dict.fromkeys(BUS_KINDS, _bus)
     found = [*_packages(facts), *of_kind[rig.table.kind](facts, rig), *_camera(facts, rig)]
     found += [Finding(name, BAD, "no such file", "correct [table]") for name in facts.missing_files]

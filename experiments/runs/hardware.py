@@ -15,7 +15,7 @@ from rig.hardware.homing.home import Homing, home
 from rig.hardware.homing.home_angles import home_angles
 from rig.hardware.homing.homed import CURE, Homed, NotHomed, home_file, load, power_up
 from rig.loop.realtime import go_realtime
-from rig.parameters import BUS_KINDS, Rig
+from rig.parameters import ANGLE_KINDS, BUS_KINDS, Rig
 from rig.safety.levelling import LevelOnExit
 from rig.table import Reading, Table, takes_angle
 
@@ -35,7 +35,7 @@ def check_there(rig: Rig) -> None:
     """
     port, what = rig.table.port, "adapter" if rig.table.kind in BUS_KINDS else "board"
     if (
-        rig.table.kind in ("serial", *BUS_KINDS)
+        rig.table.kind in ("serial", *ANGLE_KINDS)
         and port.startswith("/")
         and not Path(port).exists()
     ):
@@ -146,7 +146,7 @@ class Checked(LevelOnExit):
         notes_file: Path | None = None,
     ) -> None:
         self._table, self._rig, self._homed = table, rig, homed
-        self._eye, self._notes_file = eye, notes_file
+        self._eye, self._notes_file, self._told = eye, notes_file, (0.0, 0.0)
         self.period_s, self.voltage_limit_V = table.period_s, table.voltage_limit_V
         self.takes_angle = takes_angle(table)
 
@@ -165,7 +165,8 @@ class Checked(LevelOnExit):
             if getattr(self._table, "is_fresh", False):
                 raise NotHomed(f"the board was reset since its homing: {CURE}")
             self._homed.check(self._rig, power_up(self._table))  # before anything is armed
-            self._homed.check_angles(first.theta_rad)
+            if self._rig.servo.has_angle:
+                self._homed.check_angles(first.theta_rad)
             if self._eye is not None:
                 self._eye.begin(self._table.zero_s)  # pyright: ignore[reportAttributeAccessIssue]
             self._table.__enter__()
@@ -183,16 +184,18 @@ class Checked(LevelOnExit):
                 self._notes_file.write_text(json.dumps(notes()), encoding="utf-8")
 
     def read(self) -> Reading:
-        """Wait for the table's next reading; its angles [rad] are passed on to the eye. OSError:
-        the table or its camera is lost.
+        """Wait for the table's next reading; its angles [rad], or those that the servos were told
+        where nobody measures them, are passed on to the eye. OSError: the table or its camera is
+        lost.
         """
         reading = self._table.read()
         if self._eye is not None:
-            self._eye.tell(reading.theta_rad)
+            self._eye.tell(reading.theta_rad if self._rig.servo.has_angle else self._told)
         return reading
 
     def drive(self, volts: tuple[float, float]) -> None:
         """Apply the volts (x, y) [V]. ValueError, OSError: as the table's driver raises them."""
+        self._told = volts
         self._table.drive(volts)
 
     def close(self) -> None:
@@ -215,16 +218,13 @@ def open_homed(
 def rehearse_home(rig: Rig) -> Homing:
     """Home the virtual table, with the tilt of its plate as markers would show it.
 
-    HomingRefused: homing stopped, with its reason. ValueError: its servos take an angle and do not
-    tell theirs.
+    HomingRefused: homing stopped, with its reason.
     """
     import numpy as np
 
     from rig.plant.ball import tilt_sines
     from rig.simulation.simulator import SimulatedTable
 
-    if not rig.servo.has_angle:
-        raise ValueError("servo.angle_measured = false: homing needs to see where the servos are")
     table = SimulatedTable(rig, np.random.default_rng(1), start_m=(1.0, 1.0))
     table.level_s = 0.0
 

@@ -11,7 +11,7 @@ import numpy as np
 from rig.hardware.observations import ObservationSource
 from rig.hardware.wiring import Wiring
 from rig.linkage import THREE_ARMS
-from rig.parameters import ANGLE_KINDS, BUS_KINDS, Rig
+from rig.parameters import ANGLE_KINDS, BUS_KINDS, PULSES, Rig
 from rig.table import Table
 
 if TYPE_CHECKING:
@@ -29,12 +29,14 @@ def raw_wiring(rig: Rig) -> Wiring:
 
 def level_counts(rig: Rig) -> tuple[int, int]:
     """Return the counts, by channel, at which the rig file says that the plate is level: the middle
-    of a bus servo's turn and its trim; 0 where encoders count from where they wake up.
+    of a bus servo's turn, or 0 of one on pulses, and its trim; 0 where encoders count from where
+    they wake up.
     """
-    if rig.table.kind not in BUS_KINDS:
+    if rig.table.kind not in ANGLE_KINDS:
         return 0, 0
     turn = rig.servo.encoder_counts_per_rev
-    a, b = (turn // 2 + round(trim * turn / (2 * pi)) for trim in rig.table.trim_rad)
+    middle = turn // 2 if rig.table.kind in BUS_KINDS else 0
+    a, b = (middle + round(trim * turn / (2 * pi)) for trim in rig.table.trim_rad)
     return a, b
 
 
@@ -79,6 +81,8 @@ def check_drive(rig: Rig) -> None:
         return
     if not servo.takes_angle:
         raise ValueError(f"table.kind = '{kind}' is told angles: set servo.kind = 'position'")
+    if kind == PULSES and servo.has_angle:
+        raise ValueError("servo.angle_measured = true: servos on pulses tell nobody their angle")
     if rig.linkage.kind == THREE_ARMS:
         raise ValueError(
             f"linkage.kind = '{THREE_ARMS}': no driver here moves three servos yet, two rods only"
@@ -106,6 +110,8 @@ def open_table(
     check_drive(rig)
     if kind in BUS_KINDS:
         return _bus(rig, eye, wired, homed)
+    if kind == PULSES:
+        return _pulses(rig, eye, wired)
     if kind in ("serial", "usb"):
         return _board(rig, eye, wired, homed)
     if kind == "quanser":
@@ -185,6 +191,25 @@ def _bus(rig: Rig, eye: ObservationSource | None, wiring: Wiring, homed: bool) -
     if not homed:
         opened.level_s = 0.0
     return opened
+
+
+def _pulses(rig: Rig, eye: ObservationSource | None, wiring: Wiring) -> OpenTable:
+    """Their level is a pulse, known before homing: such a table is always levelled."""
+    from rig.hardware.board.open_pulses import open_pulse_board
+    from rig.hardware.board.pulse_servo import PulseServo
+    from rig.hardware.board.serial_link import SerialLink
+
+    table, (lowest, highest) = rig.table, rig.table.pulse_range_us
+    servos = [
+        PulseServo(
+            0.5 * (lowest + highest) + slope * zero * wiring.step_rad, sign * slope, lowest, highest
+        )
+        for slope, sign, zero in zip(
+            table.pulse_us_per_rad, wiring.sign_angle, wiring.zero_counts, strict=True
+        )
+    ]
+    link = SerialLink(table.port, table.baud, "servo board")
+    return open_pulse_board(link, rig, servos, eye, swap=wiring.swap)
 
 
 def bus_vendor(rig: Rig) -> "Vendor":

@@ -15,9 +15,7 @@ from rig.table import Reading
 
 FRAME_S = 0.02  # the longest, which every RC servo takes
 SHORTEST_FRAME_S = 0.004
-SETTLING_S = (
-    0.5  # chosen: some lags of a slow servo (66 ms) and of its plate after the last command
-)
+SETTLING_S = 0.5  # chosen: some lags of a slow servo (66 ms) and of its plate
 
 
 class PulseTable(BoardSession):
@@ -33,6 +31,7 @@ class PulseTable(BoardSession):
     """
 
     takes_angle = True
+    boot_id = "absolute"  # a pulse means the same angle after a power-up
     telemetry = PulseTelemetry
     voltage_limit_V = 0.0
 
@@ -94,6 +93,16 @@ class PulseTable(BoardSession):
             return (0.0,) * len(self._servos)
         pulses = (newest.pulse_0, newest.pulse_1, newest.pulse_2)
         return tuple(pulse / STEPS_US for pulse in pulses[: len(self._servos)])
+
+    @property
+    def travel_rad(self) -> tuple[float, ...]:
+        """By channel, twice the way from level to the nearer end of its pulses [rad]."""
+        return tuple(
+            2
+            * min(one.level_us - one.lowest_us, one.highest_us - one.level_us)
+            / abs(one.us_per_rad)
+            for one in self._servos
+        )
 
     # --- the contract ---
     def read(self) -> Reading:

@@ -1,9 +1,10 @@
-"""Homing of servos that take an angle and tell theirs: no stop is sought, only level.
+"""Homing of servos that take an angle: no stop is sought, only level.
 
 They know where they are, so the rig file's trim says roughly where level is. Both servos are
 brought there slowly and swung a little, one after the other; where the plate's markers are seen,
 they say which servo tilts which axis, in which direction, and by how much the trim is off. Else
-these are the rig file's word, and homing only sees that each servo follows.
+these are the rig file's word, and homing only sees that each servo follows; one that does not tell
+its angle (on pulses) is taken to be on its way to what it was told.
 """
 
 from collections.abc import Callable, Generator
@@ -20,7 +21,7 @@ from rig.hardware.homing.homing_moves import (
     look,
 )
 from rig.parameters import Rig
-from rig.table import Table
+from rig.table import Reading, Table
 
 SWING_SHARE = 0.8  # of the angle limit at most, so that no swing is cut off
 FARTHEST_TRIM_RAD = 0.26  # chosen: 15 degrees; beyond it the horn sits a tooth off (25 teeth: 14.4)
@@ -87,6 +88,41 @@ def _trims(columns: list[Pair], level: Pair) -> Pair:
     return (b * level[1] - d * level[0]) / scale, (c * level[0] - a * level[1]) / scale
 
 
+class AsTold:
+    """A table whose servos do not tell their angles, read as if they went where they are told.
+
+    rate_rad_s: at which they are taken to go there, from 0 on.
+    """
+
+    takes_angle = True
+
+    def __init__(self, table: Table, rate_rad_s: float) -> None:
+        self.period_s, self.voltage_limit_V = table.period_s, table.voltage_limit_V
+        self._table, self._step_rad = table, rate_rad_s * table.period_s
+        self._told = self._theta = (0.0, 0.0)
+
+    def read(self) -> Reading:
+        """Wait for the next tick; its angles [rad] are where the servos ought to be. OSError: the
+        table is lost.
+        """
+        reading, most = self._table.read(), self._step_rad
+        x, y = (
+            now + min(max(told - now, -most), most)
+            for now, told in zip(self._theta, self._told, strict=True)
+        )
+        self._theta = x, y
+        return replace(reading, theta_rad=self._theta)
+
+    def drive(self, volts: Pair) -> None:
+        """Tell the servos angles [rad] in place of volts. ValueError, OSError: as the table."""
+        self._told = volts
+        self._table.drive(volts)
+
+    def close(self) -> None:
+        """Close the table."""
+        self._table.close()
+
+
 def home_angles(
     table: Table, rig: Rig, zero_counts: tuple[int, int], tilt: Callable[[float], Pair | None]
 ) -> Homing:
@@ -97,6 +133,8 @@ def home_angles(
     """
     stop = rig.servo.stop_rad
     travel = getattr(table, "travel_rad", (2 * stop, 2 * stop))
+    if not rig.servo.has_angle:
+        table = AsTold(table, min(rig.servo.pair("rate_limit_rad_s")))
     found = home(table, rig, tilt, plan_angles(rig, travel))
     a, b = (old + new for old, new in zip(zero_counts, found.wiring.zero_counts, strict=True))
     return replace(found, wiring=replace(found.wiring, zero_counts=(a, b)))

@@ -88,16 +88,25 @@ class World:
 
 
 class PulseWorld(World):
-    """The plant of `rig` under a pulse board: its two servos hold what the last pulse told."""
+    """The plant of `rig` under a pulse board: its two servos (x, y) hold what the last pulse told;
+    swap: channel 0 is y."""
 
-    def __init__(self, board, rig: Rig, servos: tuple[PulseServo, PulseServo], **named) -> None:
+    def __init__(
+        self,
+        board,
+        rig: Rig,
+        servos: tuple[PulseServo, PulseServo],
+        *,
+        swap: bool = False,
+        **named,
+    ) -> None:
         super().__init__(board, rig, **named)
-        self.servos = servos
+        self.servos, self._way = servos, -1 if swap else 1
 
     def _drive(self) -> None:
         """Pulses to the servos; without one, a servo stays where it is."""
         self.board.run_ms(pace=self.pace)
-        pulses = self.board.pulses_us()
+        pulses = self.board.pulses_us()[:2][:: self._way]
         x, y = (
             servo.angle_rad(pulse) if pulse else held
             for servo, pulse, held in zip(self.servos, pulses, self.volts, strict=False)

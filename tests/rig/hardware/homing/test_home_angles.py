@@ -153,9 +153,9 @@ def test_a_small_angle_limit_makes_small_swings():
     assert table.farthest == pytest.approx(0.12, abs=0.01)
 
 
-def test_the_virtual_table_is_homed_where_its_servos_tell_their_angle():
-    result = rehearse_home(replace(RIG, servo=replace(RIG.servo, quantum_rad=0.0015)))
+@pytest.mark.parametrize("told", [True, False])
+def test_the_virtual_table_is_homed_whether_its_servos_tell_their_angle_or_not(told: bool):
+    servo = replace(RIG.servo, quantum_rad=0.0015, angle_measured=told)
+    result = rehearse_home(replace(RIG, servo=servo))
     assert result.confirmed
     assert np.abs(np.subtract(result.wiring.zero_counts, 0)).max() <= 2
-    with pytest.raises(ValueError, match="angle_measured"):
-        rehearse_home(replace(RIG, servo=replace(RIG.servo, angle_measured=False)))
