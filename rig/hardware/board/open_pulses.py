@@ -30,7 +30,7 @@ def open_pulse_board(
     arms at 0, 120 and 240 degrees from +x. Of the rig: angle and rate limit, the servos' period as
     the frame of the pulses (0: 20 ms), control rate and linkage. session: clock and random_below of
     `BoardSession`. ValueError: as `PulseTable`, or servos that take no angle, or are not as many as
-    the linkage has. LinkLost: as `PulseTable`.
+    the linkage has, or swap with three arms. LinkLost: as `PulseTable`.
     """
     try:
         settings = _settings(rig, len(servos), swap)
@@ -49,6 +49,8 @@ def _settings(rig: Rig, servos: int, swap: bool) -> dict[str, Any]:
         raise ValueError("servo.kind = 'voltage': servos on pulses take an angle: 'position'")
     if servos != needed:
         raise ValueError(f"{servos} servos on pulses, the linkage has {needed}")
+    if swap and needed == ARMS:
+        raise ValueError("swap: three arms have no x and y to swap; put their servos in order")
     frames, rates = rig.servo.pair("period_s"), rig.servo.pair("rate_limit_rad_s")
     if frames[0] != frames[1]:
         raise ValueError("servo.x.period_s and servo.y.period_s differ: pulses have one frame")
@@ -81,7 +83,8 @@ def _arms(rig: Rig) -> Callable[[Pair], Sequence[float]]:
 def _arm_limits(rig: Rig) -> list[float]:
     """How far each arm turns at most [rad] while both tilts stay within their limit.
 
-    An arm's angle is monotonic in the height of its joint, which is extreme on the tilts' edge.
+    An arm's angle is monotonic in the height of its joint, which is extreme on the tilts' edge; a
+    mrad is left for what lies between the poses looked at.
     """
     limit, steps = rig.servo.angle_limit_rad, 16
     side = [limit * (2 * k / steps - 1) for k in range(steps + 1)]

@@ -1,8 +1,6 @@
 """The hobby table under the ordinary loop: the real servo firmware, pulses at simulated pins."""
 
 from dataclasses import replace
-from importlib.resources import files
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,7 +26,7 @@ def balance(board, *, seed: int, seconds: float) -> tuple[Log, PulseWorld, str]:
 
     Period and quantum of the command are the pulses' own here, not the plant's.
     """
-    protocol = read_protocol(Path(str(files("experiments") / "protocols/free-release.toml")))
+    protocol = read_protocol("free-release")
     way = course(protocol.model_copy(update={"duration_s": seconds}), RIG, seed)
     bare = replace(RIG, servo=replace(RIG.servo, period_s=0.0, quantum_rad=0.0))
     world = PulseWorld(board, bare, SERVOS, seed=seed, start_m=way.start_m, held=True)

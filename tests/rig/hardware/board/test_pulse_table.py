@@ -231,6 +231,8 @@ def test_three_arms_need_a_board_with_three_pins():
         opened(ARM, ARM, rig=ARMS_RIG)
     with pytest.raises(ValueError, match="3 servos on pulses, the linkage has 2"):
         opened(ARM, ARM, ARM)
+    with pytest.raises(ValueError, match="three arms have no x and y to swap"):
+        opened(ARM, ARM, ARM, rig=ARMS_RIG, swap=True)
 
 
 def test_a_link_over_which_everything_is_lost_does_not_answer():
