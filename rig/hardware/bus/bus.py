@@ -175,6 +175,7 @@ class BusTable(LevelOnExit):
         self._told = self._wiring.angles(counts)
         rates = self._rates[::-1] if self._wiring.swap else self._rates
         units = [round(r / s.speed_rad_s) for r, s in zip(rates, self._setups, strict=True)]
+        self._next(0, 0.0)  # loads the compiled limiter: longer than a watchdog waits
         self._tell_watchdog(on=False)
         self._tell(vendor.speed, [vendor.speed_data(unit) for unit in units])
         self._tell(vendor.goal, [vendor.goal_data(count) for count in counts])
