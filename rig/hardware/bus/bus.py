@@ -10,6 +10,7 @@ import math
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from math import inf, pi
 from types import TracebackType
 
@@ -105,7 +106,7 @@ class BusTable(LevelOnExit):
         self._told: Pair = (0.0, 0.0)
         self._step_rad = START_RAD_S * period_s
         self._armed, self._ended, self._closed = False, None, False
-        self._asked_s, self._health_s = 0.0, -inf
+        self._asked_s, self._seen_s, self._health_s, self._extra = 0.0, 0.0, -inf, 0
         self._extremes = {"lowest_voltage_V": inf, "highest_temperature_C": -inf, "most_load": 0.0}
         try:
             self._setups = self._checked_setups()
@@ -174,6 +175,7 @@ class BusTable(LevelOnExit):
         self._told = self._wiring.angles(counts)
         rates = self._rates[::-1] if self._wiring.swap else self._rates
         units = [round(r / s.speed_rad_s) for r, s in zip(rates, self._setups, strict=True)]
+        self._next(0, 0.0)  # loads the compiled limiter: longer than a watchdog waits
         self._tell_watchdog(on=False)
         self._tell(vendor.speed, [vendor.speed_data(unit) for unit in units])
         self._tell(vendor.goal, [vendor.goal_data(count) for count in counts])
@@ -219,7 +221,7 @@ class BusTable(LevelOnExit):
         servo reports an error. CameraStopped: the camera of `eye` failed.
         """
         angles = self._look()
-        t_s = self._times.seconds(self._asked_s, 1e-4)
+        t_s = self._times.seconds(self._seen_s, 1e-4)
         return Reading(t_s, angles, None, self._feed.take(t_s))
 
     def drive(self, volts: Pair) -> None:
@@ -304,6 +306,7 @@ class BusTable(LevelOnExit):
     def _counts(self) -> tuple[int, int]:
         """The servos' positions by channel."""
         found = self._ask(self._vendor.present, self._patience_s)
+        self._seen_s = self._asked_s  # a servo measures when it is asked
         a, b = (self._vendor.read_present(found[servo_id].data) for servo_id in self._ids)
         self._note(a, b)
         return a.counts, b.counts
@@ -336,6 +339,7 @@ class BusTable(LevelOnExit):
                 if self._clock() >= until:
                     break
                 self.asked_again += 1
+                self._extra = 1 - self._extra
         except LinkLost as error:
             raise self._end(error) from None
         cure = ": is its power on, are table.ids and table.baud right?"
@@ -343,8 +347,14 @@ class BusTable(LevelOnExit):
         raise self._end(LinkLost(errno.ETIMEDOUT, why + ("" if self._armed else cure)))
 
     def _ask_once(self, block: Block) -> dict[int, Status]:
-        """The answers that come within `ASK_AGAIN_S`. ServoAlarm: one of them is an alarm."""
-        self._link.receive()  # late answers to an earlier question are none to this one
+        """The answers that come within `ASK_AGAIN_S`. ServoAlarm: one of them is an alarm.
+
+        No answer names its question. Where one was not answered in time, the next are for one
+        register more before the block, and a late answer shows by its length.
+        """
+        extra, is_health = self._extra, block == self._vendor.health
+        block = Block(block.address - extra, block.length + extra)
+        self._link.receive()
         self._parser.clear()
         self._asked_s = self._clock()
         self._link.send(self._vendor.ask(block, self._ids))
@@ -353,10 +363,10 @@ class BusTable(LevelOnExit):
             for status in self._parser.feed(self._link.receive()):
                 if status.servo_id not in self._ids:
                     continue
-                if block != self._vendor.health and (why := self._vendor.alarm(status.error)):
+                if not is_health and (why := self._vendor.alarm(status.error)):
                     raise self._alarm(status.servo_id, self._cause(status.servo_id, why))
                 if len(status.data) == block.length:
-                    answers[status.servo_id] = status
+                    answers[status.servo_id] = replace(status, data=status.data[extra:])
             left_s = self._asked_s + ASK_AGAIN_S - self._clock()
             if len(answers) == len(self._ids) or left_s <= 0.0:
                 return answers

@@ -6,9 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments.calibrate.motion import calibrate_servo
 from experiments.records.recording import Run, read_run
 from rig.hardware.wiring import Wiring
 from tests.support.boards.bus_lab import BusLab
+from tests.support.boards.bus_servos import DEAD_TIME_S, LAG_S
 from tests.support.boards.bus_world import VENDORS
 
 ODD = Wiring(swap=True, sign_angle=(-1, 1), zero_counts=(2048 + 60, 2048 - 45))
@@ -124,3 +126,20 @@ def test_a_bus_that_is_not_there_or_has_other_servos_is_one_line(make_lab):
     code, _, error = lab.call("home")
     assert (code, error.count("\n")) == (2, 1)
     assert "two different numbers" in error
+
+
+@pytest.mark.slow
+def test_the_servos_are_measured_from_a_run(make_lab):
+    """`rig calibrate servo` on a recording of theirs, by the angle that they read back."""
+    lab = make_lab("feetech", markers=False)
+    assert lab.call("home")[0] == 0
+    code, said, found = run(lab, SERVO.replace("2.0", "12.0"))
+    assert code == 0, said
+    calibrate_servo([found.folder], lab.rig_file, lab.folder / "cal", seed=1)
+    record = json.loads((lab.folder / "cal/calibration.json").read_text())["position_servo"]
+    assert record["source"] == "angle"
+    for axis in "xy":
+        lag, late = record[axis]["lag_s"], record[axis]["dead_time_s"]
+        assert lag["low"] < LAG_S < lag["high"]
+        assert late["low"] < DEAD_TIME_S + 1e-3 < late["high"]  # the answer comes 1 ms after asking
+        assert lag["high"] - lag["low"] < 0.01
