@@ -28,6 +28,7 @@ MAX_PAUSE_S = 60.0  # chosen: time is filled with ticks, of which a day would fi
 MAX_EXPOSURE_LAG_S = 2.0  # an exposure is at most so long before its row
 TIMES = ("t_s", "ball_exposed_s")  # may count from 1970
 MIN_LEVELS = 12  # different encoder readings from which their step is found
+DECIMAL = 1e-6  # chosen: of the decade, so far is the step of written decimals from a power of ten
 
 
 class TooShortError(ValueError):
@@ -285,6 +286,6 @@ def step_of(theta_rad: np.ndarray) -> float | None:
     count = np.round(gaps / gaps.min())
     step = float(gaps.sum() / count.sum())
     whole = np.abs(gaps / step - np.round(gaps / step)) < 0.15
-    if whole.mean() < 0.98 or abs(log10(step) - round(log10(step))) < 1e-3:
+    if whole.mean() < 0.98 or abs(log10(step) - round(log10(step))) < DECIMAL:
         return None
     return step

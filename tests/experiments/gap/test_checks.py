@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from experiments.gap.checks import check, step_of
@@ -166,6 +166,8 @@ def test_exposures_of_another_clock_are_refused():
 
 @settings(max_examples=30)
 @given(counts=st.integers(200, 20000), seed=st.integers(0, 999))
+@example(counts=628, seed=0)  # 0.010005 rad, and 0.00100003: all but a power of ten
+@example(counts=6283, seed=0)
 def test_the_encoders_step_is_told(counts, seed):
     step = 2 * np.pi / counts
     theta = np.cumsum(np.random.default_rng(seed).normal(0, step / 2, 4000))
@@ -179,3 +181,10 @@ def test_no_step_is_told_where_there_is_none():
     assert step_of(np.round(theta, 3)) is None  # rounded in writing
     assert step_of(np.zeros(3000)) is None
     assert step_of(np.full(3000, np.nan)) is None
+
+
+@pytest.mark.parametrize("decimals", [2, 3, 4])
+def test_the_rounding_of_written_angles_is_no_encoders_step(decimals):
+    theta = np.cumsum(np.random.default_rng(1).normal(0, 10.0**-decimals, 4000))
+    assert step_of(np.round(theta, decimals)) is None
+    assert step_of(np.round(theta, decimals).astype(np.float32).astype(float)) is None
