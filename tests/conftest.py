@@ -17,7 +17,9 @@ from rig.hardware.board.link import LinkLost
 from tests.support import parts
 from tests.support.standstill import RERUNS, Watch
 
-settings.register_profile("untimed", deadline=None)  # a machine may be busy, or have to compile
+# A machine may be busy, or have to compile. CI draws the same examples each time, so that what it
+# says is of the change alone; whoever runs the tests by hand draws new ones.
+settings.register_profile("untimed", deadline=None, derandomize="CI" in os.environ)
 settings.load_profile("untimed")
 if parts.PARTS["EGL"].find():
     os.environ.setdefault("MUJOCO_GL", "egl")  # read when MuJoCo is imported: it draws no window
