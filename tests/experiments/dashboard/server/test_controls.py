@@ -338,6 +338,28 @@ def test_a_value_is_checked_by_who_sent_it_kept_and_forgotten_with_its_input():
         c.cleaned(1, gain, 1.0)
 
 
+def test_a_value_of_every_pages_own_is_taken_at_once_from_who_watches_too():
+    c, told, _ = controls()
+    c.lock = ControlLock().joined(1).joined(2)
+    scrub, gain, taken, busy = FakeHandle(0.0), FakeHandle(3.0), [], threading.Event()
+
+    def take(page: int, value: float) -> None:
+        if value > 2.0:
+            raise ValueError("there is no film")
+        taken.append((page, value))
+
+    c.value(gain, "gain", KP.clamp)
+    c.own_value(scrub, "time", KP.clamp, take)
+    assert [c.is_own(one) for one in (scrub, gain, FakeHandle(None))] == [True, False, False]
+    c.queue.put("busy", lambda: busy.wait(30.0) and None)  # the queue has no part in it
+    for page, value in ((2, -1.0), (1, 1.0), (2, 99.0)):
+        c.use(page, scrub, c.cleaned(page, scrub, value))
+    assert taken == [(2, KP.low), (1, 1.0)]
+    assert told == [(2, "time", "there is no film")]
+    busy.set()
+    c.queue.close()
+
+
 def test_a_value_that_finds_the_queue_full_goes_back_and_is_told():
     c, told, _ = controls()
     c.lock = ControlLock().joined(1)
