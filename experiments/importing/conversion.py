@@ -22,9 +22,10 @@ def convert(stream: Stream, made: ImportMap) -> list[Log]:
     BadFileError: a column is missing, no session has 20 rows, or no value is left.
     """
     for name, signal in made.signals.items():
-        if signal.column not in stream.columns:
-            there = ", ".join(list(stream.columns)[:12])
-            raise BadFileError(f"no column {signal.column!r} for {name}; there are {there}")
+        for column in (signal.column, *signal.seen):
+            if column not in stream.columns:
+                there = ", ".join(list(stream.columns)[:12])
+                raise BadFileError(f"no column {column!r} for {name}; there are {there}")
     stream = numbers_only(stream)
     clock = read_clock(stream, made.time)
     whole = _columns(stream, made)
@@ -63,7 +64,7 @@ def _columns(stream: Stream, made: ImportMap) -> dict[str, np.ndarray]:
     The ball is blank in every coordinate where it is blank in one.
     """
     raw = {name: stream.columns[one.column] for name, one in made.signals.items()}
-    gone = _absent(raw, made)
+    gone = _absent(raw, stream, made)
     if made.calibration is not None and "ball_x_m" in raw:
         balls = _by_camera(raw, made, gone)
     else:
@@ -75,8 +76,9 @@ def _columns(stream: Stream, made: ImportMap) -> dict[str, np.ndarray]:
     return out
 
 
-def _absent(raw: Mapping[str, np.ndarray], made: ImportMap) -> np.ndarray:
-    """Rows (n,) without a ball: a coordinate is blank, or each has one of its codes."""
+def _absent(raw: Mapping[str, np.ndarray], stream: Stream, made: ImportMap) -> np.ndarray:
+    """Rows (n,) without a ball: a coordinate is blank, each has one of its codes, or a column says
+    so."""
     balls = [name for name in raw if family(name) == "ball"]
     gone = np.zeros(len(next(iter(raw.values()))), bool)
     coded = [np.isin(raw[name], made.signals[name].absent) for name in balls]
@@ -84,6 +86,8 @@ def _absent(raw: Mapping[str, np.ndarray], made: ImportMap) -> np.ndarray:
         gone |= np.all(coded, axis=0)
     for name in balls:
         gone |= ~np.isfinite(raw[name])
+        for flag in made.signals[name].seen:
+            gone |= ~(stream.columns[flag] > 0)
     return gone
 
 

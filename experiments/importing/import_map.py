@@ -45,7 +45,8 @@ class TimeMap(StrictModel):
 class SignalMap(StrictModel):
     """How one column becomes one of the log.
 
-    absent: values that mean `no ball` (where both coordinates have one of theirs);
+    absent: values that mean `no ball` (where both coordinates have one of theirs); seen: columns
+    that are 0 or blank where there was no ball;
     resistance_ohm, back_emf_V_s_rad: of a motor whose current was recorded,
     V = R i + k_e theta'.
     """
@@ -56,6 +57,7 @@ class SignalMap(StrictModel):
     scale: Positive | None = None
     offset: float = 0.0
     absent: tuple[float, ...] = ()
+    seen: tuple[str, ...] = ()
     resistance_ohm: Positive | None = None
     back_emf_V_s_rad: Annotated[float, Field(ge=0)] | None = None
 
@@ -114,8 +116,9 @@ def write_map(path: Path, made: ImportMap) -> None:
 
     kept = made.model_dump(mode="json", exclude_none=True, exclude={"sources"})
     for signal in kept["signals"].values():
-        if not signal["absent"]:
-            del signal["absent"]
+        for key in ("absent", "seen"):
+            if not signal[key]:
+                del signal[key]
     text = tomli_w.dumps({"sources": list(made.sources), **kept})
     path.write_text(text, encoding="utf-8")
 
@@ -165,6 +168,8 @@ def _value(key: str, text: str, whole: str) -> Any:
     """A value of the type that its key has. ValueError: it is no number where one is needed."""
     if key in ("column", "unit", "clock", "session"):
         return (canonical(text) or text) if key == "unit" and text != "1" else text
+    if key == "seen":
+        return tuple(part.strip() for part in text.split(",") if part.strip() not in ("", "none"))
     try:
         if key == "absent":
             return tuple(float(part) for part in text.split(",") if part.strip())

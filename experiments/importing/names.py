@@ -1,6 +1,7 @@
 """What a column's name says: its role, its axis, its unit. A name may say nothing, or lie."""
 
 import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from experiments.importing.units import canonical, quantity
@@ -15,9 +16,10 @@ WORDS = {
     "objetivo consigna consigne alvo",
     "angle": "angle theta servo tilt winkel alpha beta roll pitch arm joint phi angolo platte "
     "plate plat actuator stepper angulo ángulo ângulo brazo placa plateau servomotor",
-    "command": "set cmd command commanded action out output ctrl control stellgroesse comando "
-    "commande mando orden",
-    "measured": "meas measured actual act ist enc encoder feedback present state real fb joint",
+    "command": "set cmd command commanded action out output ctrl control actuate actuated applied "
+    "stellgroesse comando commande mando orden",
+    "measured": "meas measured actual act ist enc encoder feedback present state real fb joint "
+    "imu mpu inclinometer",
     "voltage": "volt volts voltage vm spannung tension tensión tensione voltaje tensao tensão",
     "share": "pwm duty dutycycle",
     "current": "current amp amps strom im corrente",
@@ -28,8 +30,10 @@ WORDS = {
     "smoothed hat lpf model sim",
     "other": "error err fehler errore integral gain kp ki kd temperature temp battery loop fps "
     "count counter index frame id seq sequence nr covariance cov radius area conf confidence "
-    "score reward done torque effort force moment load current_draw",
+    "score reward done torque effort force moment load current_draw trim bias",
     "motor": "motor",
+    "seen": "detected found visible seen valid tracked erkannt gefunden sichtbar gueltig "
+    "gültig detecte detecté détecté trouve trouvé trovato visto valido detectado encontrado",
 }
 _ROLES = {word: role for role, words in WORDS.items() for word in words.split()}
 _AXES = {
@@ -61,9 +65,9 @@ _BRACKETS = re.compile(r"[\[({<]\s*([^\])}>]{1,12})\s*[\])}>]")
 @dataclass(frozen=True)
 class Hint:
     """What a name says. role: time, ball, target, theta, command, angle (commanded or measured is
-    open), speed, voltage, share, current, or other; axis: x, y or none; clear: the word for an
-    angle is one that nobody gives to a share or a count; derived: filtered or estimated by
-    somebody's program; explicit: a word for the ball stands in it.
+    open), speed, voltage, share, current, seen (was there a ball?), or other; axis: x, y or none;
+    clear: the word for an angle is one that nobody gives to a share or a count; derived: filtered
+    or estimated by somebody's program; explicit: a word for the ball stands in it.
     """
 
     role: str | None
@@ -72,6 +76,27 @@ class Hint:
     clear: bool = False
     derived: bool = False
     explicit: bool = False
+
+
+def hints(names: Iterable[str], units: Mapping[str, str]) -> dict[str, Hint]:
+    """What each of a file's names says, of which some tell what others mean: `roll_d` is the
+    desired roll, but beside `roll_p` the derivative's share, and beside `roll_c` the fourth."""
+    split = {name: _words(name) for name in names}
+    others = {tuple(w[:i]) for w in split.values() for i in _letters(w) if w[i] != "d"}
+    read = {}
+    for name, words in split.items():
+        at = [i for i in _letters(words) if words[i] == "d" and tuple(words[:i]) not in others]
+        read[name] = hint(f"desired {name}" if at else name, units.get(name))
+    return read
+
+
+def _letters(words: list[str]) -> list[int]:
+    """Where a single letter, no axis and no unit, stands behind other words."""
+    return [
+        i
+        for i, word in enumerate(words)
+        if i and len(word) == 1 and word.isalpha() and word not in _AXES and not canonical(word)
+    ]
 
 
 def hint(name: str, stated_unit: str | None = None) -> Hint:
@@ -143,6 +168,8 @@ def _role(words: list[str], roles: list[str], unit: str | None) -> str | None:
     """The role of a column by the words of its name, then by its unit."""
     kind = quantity(unit) if unit else None
     has = set(roles)
+    if "seen" in has and has <= {"seen", "ball"}:
+        return "seen"
     if words and words[-1] in ("stamp", "timestamp"):
         return "time"
     if (

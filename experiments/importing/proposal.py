@@ -1,6 +1,6 @@
 """Propose a map for a recording: a pure function of its columns and of what was stated."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from experiments.importing.absent_ball import absent_codes, without
 from experiments.importing.draft import Doubt, Draft, Proposal
 from experiments.importing.drive import find_volts, settle_speeds, settle_targets, settle_volts
 from experiments.importing.import_map import KINDS, SIGNALS, Stated
-from experiments.importing.names import hint
+from experiments.importing.names import hints
 from experiments.importing.recording import Stream, numbers_only
 from experiments.importing.roles import (
     NAMES,
@@ -19,7 +19,7 @@ from experiments.importing.roles import (
     find_time,
 )
 from experiments.importing.scales import settle_angle_zero, settle_ball_zero, settle_units
-from experiments.importing.signs import answers, pair
+from experiments.importing.signs import answers, followed, pair
 
 JUMP_RAD_S = 25.0  # no servo turns faster: what jumps like that was commanded
 LEAD_S = 0.02  # by which the ball must answer a command later than the angle itself
@@ -32,8 +32,7 @@ def propose(stream: Stream, said: Stated | None = None) -> Proposal:
     not fit the file.
     """
     said, stream = said or {}, numbers_only(stream)
-    hints = {name: hint(name, stream.units.get(name)) for name in stream.columns}
-    draft = Draft(stream, hints, said)
+    draft = Draft(stream, hints(stream.columns, stream.units), said)
     find_time(draft)
     if len(draft.seconds) == 0:
         return _proposal(draft)
@@ -45,9 +44,10 @@ def propose(stream: Stream, said: Stated | None = None) -> Proposal:
     seen = _ball(draft, ball)
     for kind, columns in kinds.items():
         found = answers(draft, seen, columns)
-        answered = pair(draft, kind, columns, found)
+        angles = followed(draft, kinds["theta"], columns) if kind != "theta" in kinds else {}
+        answered = pair(draft, kind, columns, found, angles)
         paired = {axis: draft.signals[NAMES[kind].format(axis)]["column"] for axis in answered}
-        settle_units(draft, ball, kind, paired, answered)
+        settle_units(draft, ball, kind, paired, answered, angles)
         settle_angle_zero(draft, kind, answered)
         kinds[kind] = paired
     settle_ball_zero(draft, ball, seen)
@@ -71,6 +71,7 @@ def _proposal(draft: Draft) -> Proposal:
             draft.values(keys["column"])
             draft.signals[name] = {"unit": "1" if name == "push" else "s", **keys}
     used = {keys["column"] for keys in draft.signals.values()}
+    used |= {flag for keys in draft.signals.values() for flag in keys.get("seen", ())}
     used |= {draft.time.get("column"), draft.time.get("session")}
     data = {
         "time": {key: value for key, value in draft.time.items() if value is not None},
@@ -88,7 +89,7 @@ def _proposal(draft: Draft) -> Proposal:
 def _ball(draft: Draft, ball: Mapping[str, str]) -> dict[str, np.ndarray]:
     """The ball's coordinates (n,) by axis with NaN where there was none; settles their columns."""
     names = {axis: NAMES["ball"].format(axis) for axis in ball}
-    columns = [draft.values(column) for column in ball.values()]
+    columns, flags = _seen(draft, ball, list(names.values()))
     if not columns:
         return {}
     if any(draft.is_said(name, "absent") for name in names.values()):
@@ -113,9 +114,35 @@ def _ball(draft: Draft, ball: Mapping[str, str]) -> dict[str, np.ndarray]:
         sign = -1 if axis == "y" and draft.hints[column].unit == "px" else 1
         if "calibration" in draft.said.get("", {}):
             sign = 1
-        draft.settle(names[axis], column=column, absent=absent, sign=sign)
+        draft.settle(names[axis], column=column, absent=absent, seen=flags, sign=sign)
     seen = dict(zip(ball, without(columns, codes), strict=True))
     return {axis: draft.signals[names[axis]]["sign"] * values for axis, values in seen.items()}
+
+
+def _seen(
+    draft: Draft, ball: Mapping[str, str], names: Sequence[str]
+) -> tuple[list[np.ndarray], tuple[str, ...]]:
+    """The ball's columns, NaN where another column says that there was none; those columns, which
+    are 0 or 1 and bear a name for it, or were stated."""
+    stated = [draft.said[name]["seen"] for name in names if draft.is_said(name, "seen")]
+    flags = (
+        stated[0]
+        if stated
+        else tuple(
+            flag
+            for flag in columns_of(draft, "seen")
+            if set(draft.values(flag)[np.isfinite(draft.values(flag))]) <= {0.0, 1.0}
+        )
+    )
+    gone = np.zeros(len(draft.stream), bool)
+    for flag in flags:
+        gone |= ~(draft.values(flag) > 0)
+    if flags and ball:
+        share = 100 * float(np.mean(gone))
+        draft.because(
+            "ball", f"no ball where {' or '.join(flags)} is 0 ({share:.1f} % of the rows)"
+        )
+    return [np.where(gone, np.nan, draft.values(column)) for column in ball.values()], flags
 
 
 def _angles(draft: Draft, driven: bool, ball: Mapping[str, str]) -> dict[str, dict[str, str]]:

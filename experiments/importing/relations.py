@@ -22,7 +22,8 @@ from scipy.special import stdtrit
 STEP_S = 0.01  # grid; control and cameras of such tables are slower or little faster
 HALF_WINDOWS_S = (0.15, 0.3, 0.6)  # chosen: from a few frames to a third of a table's period
 DELAYS_S = np.arange(0.0, 0.31, 0.02)  # chosen: camera, link and servo together stay below 0.3 s
-MAX_HOLE_S = 0.15  # between two samples; across a longer hole nothing is known
+MAX_HOLE_S = 0.15  # between two samples; across a longer hole nothing is known, but
+MAX_HOLE_STEPS = 1.5  # chosen: so many of the usual steps are none, however slow the rows
 MAX_LENGTH_S = 1200.0  # more adds nothing to a sign
 CONFIDENCE = 0.999
 MIN_SHARE = 0.1  # of the result's variance that a cause explains, below which nothing is said
@@ -113,8 +114,9 @@ def _on_grid(
     if there.sum() < 3:
         return np.zeros_like(grid), np.zeros(len(grid), bool)
     t_s, values = t_s[there], values[there]
+    longest_s = max(MAX_HOLE_S, MAX_HOLE_STEPS * float(np.median(np.diff(t_s))))
     after = np.clip(np.searchsorted(t_s, grid, side="left"), 1, len(t_s) - 1)
-    hole = t_s[after] - t_s[after - 1] > MAX_HOLE_S
+    hole = t_s[after] - t_s[after - 1] > longest_s
     known = ~hole & (grid >= t_s[0]) & (grid <= t_s[-1])
     return np.interp(grid, t_s, values), known
 

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from experiments.importing.draft import Draft
+from experiments.importing.relations import Response
 from experiments.importing.roles import NAMES
 from experiments.importing.signs import Answer
 from experiments.importing.units import factor, quantity
@@ -32,12 +33,16 @@ def settle_units(
     kind: str,
     angles: Mapping[str, str],
     answers: Mapping[str, Answer | None],
+    followed: Mapping[str, Mapping[str, Response]],
 ) -> None:
-    """Settle the units of the ball (axis -> column) and of one kind of angle, or doubt them."""
+    """Settle the units of the ball (axis -> column) and of one kind of angle, or doubt them.
+
+    followed: how measured angles follow these (of `signs.followed`).
+    """
     ball_names = {axis: NAMES["ball"].format(axis) for axis in ball}
     angle_names = {axis: NAMES[kind].format(axis) for axis in angles}
     b_said = _named(draft, ball_names, ball)
-    a_said = _named(draft, angle_names, angles)
+    a_said = _named(draft, angle_names, angles) or _followers_unit(draft, angles, followed)
     fitting = [
         (b, a)
         for b in ([b_said] if b_said else LENGTHS)
@@ -83,6 +88,20 @@ def settle_units(
             for r in _gains(draft, answers, (pick_b, ball_names), (pick_a, angle_names))
         ):
             draft.because("angle", f"so this is the plate's own tilt: {PLATE_TILT}")
+
+
+def _followers_unit(
+    draft: Draft, commands: Mapping[str, str], followed: Mapping[str, Mapping[str, Response]]
+) -> str | None:
+    """Unit of the measured angles where it must be the commands', too: names without a unit that
+    only angles have, and gains nearer to 1 than to the degrees of a radian."""
+    gains = [abs(followed[a][c].gain) for a, c in commands.items() if c in followed.get(a, {})]
+    clear = all(draft.hints[c].clear and draft.hints[c].unit is None for c in commands.values())
+    if not gains or not clear or any(abs(np.log(gain)) > np.log(180 / np.pi) / 2 for gain in gains):
+        return None
+    axis = next(a for a, c in commands.items() if c in followed.get(a, {}))
+    unit = draft.signals[NAMES["theta"].format(axis)]["unit"]
+    return unit if unit in ("deg", "rad") else None
 
 
 def _doubt_named(

@@ -53,17 +53,39 @@ def answers(
     return found
 
 
+def followed(
+    draft: Draft, theta: Mapping[str, str], columns: Mapping[str, str]
+) -> dict[str, dict[str, Response]]:
+    """Response of every measured angle (axis -> column, settled, with its sign) to every command:
+    axis -> column -> response, where it is sure."""
+    good = np.isfinite(draft.seconds)
+    causes = [motion(draft, column)[good] for column in columns.values()]
+    found: dict[str, dict[str, Response]] = {}
+    for axis, measured in theta.items():
+        turned = draft.signals[NAMES["theta"].format(axis)]["sign"] * motion(draft, measured)[good]
+        each = responses(draft.seconds[good], turned, causes, order=0)
+        named = zip(columns.values(), each, strict=True)
+        found[axis] = {column: one for column, one in named if one is not None and one.sure}
+    return found
+
+
 def pair(
-    draft: Draft, kind: str, columns: Mapping[str, str], found: Mapping[str, Mapping[str, Response]]
+    draft: Draft,
+    kind: str,
+    columns: Mapping[str, str],
+    found: Mapping[str, Mapping[str, Response]],
+    angles: Mapping[str, Mapping[str, Response]],
 ) -> dict[str, Answer | None]:
     """Settle which of `columns` (axis by name -> column) is which axis of `kind`, and its sign.
 
-    kind: theta or command. The ball decides where it is sure; names decide the pairing where the
-    ball does not contradict them, and then the sign is in doubt. Returns axis -> answer, None
-    where the ball says nothing.
+    kind: theta or command; found: how the ball answers; angles: how measured angles follow
+    commands (of `followed`). The angle that follows a command decides, then the ball, where they
+    are sure; names decide the pairing where neither contradicts them, and then the sign is in
+    doubt. Returns axis -> the ball's answer, None where it says nothing.
     """
     pattern = NAMES[kind]
     sure = {axis: _clear(each) for axis, each in found.items()}
+    sure |= {axis: column for axis, each in angles.items() if (column := _clear(each))}
     chosen: dict[str, str] = dict(columns)
     for axis, column in sure.items():
         if column is None or draft.is_said(pattern.format(axis), "column"):
@@ -74,26 +96,41 @@ def pair(
             rest = [name for name in columns.values() if name != column]
             if rest:
                 chosen[other] = rest[0]
-            draft.because("angle", f"{column} tilts {axis}, whatever its name: the ball follows it")
+            what = "measured angle" if angles.get(axis) else "ball"
+            draft.because(
+                "angle", f"{column} tilts {axis}, whatever its name: the {what} follows it"
+            )
     out: dict[str, Answer | None] = {}
     for axis, column in chosen.items():
         name = pattern.format(axis)
         draft.settle(name, column=column)
-        one = found.get(axis, {}).get(column)
-        if one is None or not one.sure or (sure.get(axis) not in (None, column)):
-            out[axis] = None
-            if axis in found and not draft.is_said(name, "sign"):
-                why = f"the ball does not tell the sign of {column} on axis {axis}{_weak(one)}"
-                draft.doubt([name], "sign", why, "1", "-1")
-            draft.settle(name, sign=1)
+        one, told = found.get(axis, {}).get(column), angles.get(axis, {}).get(column)
+        seen = one is not None and one.sure and sure.get(axis) in (None, column)
+        out[axis] = Answer(axis, column, one) if one is not None and seen else None
+        decides = told or (one if seen else None)
+        if decides is None:
+            _open_sign(draft, name, axis, column, found)
             continue
-        out[axis] = Answer(axis, column, one)
-        sign = 1 if one.gain > 0 else -1
+        sign = 1 if decides.gain > 0 else -1
         draft.settle(name, sign=sign)
         if draft.signals[name]["sign"] != sign:
-            draft.because("angle", f"sign of {column} as stated, against what the ball does")
-    _without_ball(draft, pattern, chosen, found)
+            draft.because("angle", f"sign of {column} as stated, against what follows it")
     return out
+
+
+def _open_sign(
+    draft: Draft, name: str, axis: str, column: str, found: Mapping[str, Mapping[str, Response]]
+) -> None:
+    """Nothing tells the sign of a column. Without a ball on its axis it can only be agreed; as long
+    as some axis has a ball, it is asked for."""
+    draft.settle(name, sign=1)
+    if axis in found:
+        one = found[axis].get(column)
+        why = f"the ball does not tell the sign of {column} on axis {axis}{_weak(one)}"
+        draft.doubt([name], "sign", why, "1", "-1")
+    elif found:
+        why = f"there is no ball on axis {axis} to tell the sign of {column}"
+        draft.doubt([name], "sign", why, "1", "-1")
 
 
 def _clear(each: Mapping[str, Response]) -> str | None:
@@ -109,13 +146,3 @@ def _weak(one: Response | None) -> str:
     if one is None:
         return " (too little motion)"
     return f" (explains {100 * one.share:.0f} %, {one.windows:.0f} independent windows)"
-
-
-def _without_ball(
-    draft: Draft, pattern: str, chosen: Mapping[str, str], found: Mapping[str, object]
-) -> None:
-    """An axis without a ball: its sign can only be agreed, as long as some axis has a ball."""
-    for axis, column in chosen.items():
-        if axis not in found and found:
-            why = f"there is no ball on axis {axis} to tell the sign of {column}"
-            draft.doubt([pattern.format(axis)], "sign", why, "1", "-1")

@@ -1,0 +1,98 @@
+"""A robot's telemetry: an inertial sensor, desired angles, a flag for the ball, a slow radio."""
+
+import numpy as np
+import pytest
+
+from experiments.importing.conversion import convert
+from experiments.importing.import_map import stated
+from experiments.importing.names import hints
+from experiments.importing.proposal import propose
+from experiments.importing.recording import Stream
+from tests.support.other_labs.bench import run
+
+LOST = slice(300, 420)
+
+
+def telemetry(every: int = 4, sign: int = 1) -> Stream:
+    """Rows each `every` hundredths of a second of a robot that rolls about x to move its ball along
+    y, and whose inertial sensor is mounted with `sign`."""
+    x, y = (run(axis, seed=11, course_kind="squares", seconds=60.0) for axis in (0, 1))
+    last = [
+        np.maximum.accumulate(np.where(np.isfinite(a.seen), np.arange(len(a.t)), 0)) for a in (x, y)
+    ]
+    balls = [1000 * a.seen[at] for a, at in zip((x, y), last, strict=True)]
+    seen = np.ones(len(x.t))
+    seen[LOST] = 0
+    for ball in balls:
+        ball[LOST] = ball[LOST.start]  # the tracker keeps the last place
+    columns = {
+        "timestamp_ms": 1000 * x.t,
+        "roll_imu": sign * np.degrees(y.angle),
+        "pitch_imu": np.degrees(x.angle),
+        "roll_d": np.degrees(y.command),
+        "pitch_d": np.degrees(x.command),
+        "Ballx": np.round(balls[0]),
+        "Bally": np.round(balls[1]),
+        "detected": seen,
+    }
+    return Stream({name: values[::every] for name, values in columns.items()})
+
+
+@pytest.mark.parametrize(("every", "sign"), [(4, 1), (4, -1), (20, 1), (20, -1)])
+def test_the_ball_pairs_the_sensor_and_the_sensor_pairs_what_was_asked(every: int, sign: int):
+    found = propose(telemetry(every, sign), stated(["ball.unit=mm"]))
+    assert not found.doubts, [doubt.why for doubt in found.doubts]
+    of = {name: (keys["column"], keys["sign"]) for name, keys in found.draft["signals"].items()}
+    assert of["theta_x_rad"] == ("pitch_imu", 1)
+    assert of["theta_y_rad"] == ("roll_imu", sign)
+    assert of["command_x_rad"] == ("pitch_d", 1)
+    assert of["command_y_rad"] == ("roll_d", 1)
+    assert {found.draft["signals"][name]["unit"] for name in of if "rad" in name} == {"deg"}
+
+
+def test_a_flag_tells_where_there_was_no_ball():
+    stream = telemetry()
+    found = propose(stream, stated(["ball.unit=mm"]))
+    assert "no ball where detected is 0 (2.0 % of the rows)" in found.reasons["ball"]
+    log = convert(stream, found.map())[0]
+    assert np.array_equal(np.isfinite(log["ball_x_m"]), stream.columns["detected"] > 0)
+    kept = propose(stream, stated(["ball.unit=mm", "ball.seen=none"]))
+    assert kept.draft["signals"]["ball_x_m"]["seen"] == ()
+
+
+def test_a_flag_of_another_thing_is_none():
+    stream = telemetry()
+    columns = {**stream.columns, "control_valid": 1 - stream.columns["detected"]}
+    columns["ball_visible"] = 3 * columns.pop("detected")
+    signals = propose(Stream(columns), stated(["ball.unit=mm"])).draft["signals"]
+    assert signals["ball_x_m"]["seen"] == ()
+
+
+@pytest.mark.parametrize(
+    ("names", "role"),
+    [
+        (["roll_d", "roll_imu"], "command"),
+        (["roll_d_deg", "roll_deg"], "command"),
+        (["ball_x_d", "ball_x_m"], "target"),
+        (["roll_d", "roll_p", "roll_i"], "angle"),
+        (["servo_d", "servo_a", "servo_c"], "angle"),
+        (["d", "dt"], None),
+    ],
+)
+def test_a_letter_means_what_its_neighbours_let_it(names: list[str], role: str | None):
+    assert hints(names, {})[names[0]].role == role
+
+
+@pytest.mark.parametrize(
+    ("name", "role"),
+    [
+        ("Present Position [deg]", "theta"),
+        ("theta_x_actuate_deg", "command"),
+        ("trim_x_deg", "other"),
+        ("Kugel gefunden", "seen"),
+        ("ball_detected", "seen"),
+        ("confidence", "other"),
+    ],
+)
+def test_words_of_telemetry(name: str, role: str | None):
+    assert hints([name], {})[name].role == role
