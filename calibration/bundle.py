@@ -133,6 +133,11 @@ class Bundle(_Common):
         """Side of the square plate [m]."""
         return self.plate.side_m
 
+    @property
+    def stamped_late_s(self) -> float:
+        """How long after its light the camera's frames are stamped [s], as measured; else 0."""
+        return max(self.timing.delay_s.value, 0.0) if self.timing is not None else 0.0
+
     def check_size(self, width_px: int, height_px: int) -> None:
         """Raise `BundleError` where pictures of `width_px` x `height_px` are not of the size that
         the lens was calibrated with.

@@ -30,7 +30,8 @@ class BallCamera:
 
     `view` is the calibrated camera with the plate level, `layout` the plate's markers, `radius_m`
     the ball's radius. With `plate_side_m`, a ball whose centre lies more than 4 mm off the plate is
-    not reported. `pose` is the last frame's fit to the markers (`pose.accepted`: whether it held).
+    not reported. `late_s`: how long after its light a frame is stamped [s]. `pose` is the last
+    frame's fit to the markers (`pose.accepted`: whether it held).
     """
 
     def __init__(
@@ -41,8 +42,10 @@ class BallCamera:
         radius_m: float,
         *,
         plate_side_m: float | None = None,
+        late_s: float = 0.0,
     ) -> None:
         self._level, self._layout, self._tracker, self._radius_m = view, layout, tracker, radius_m
+        self._late_s = late_s
         self._reach_m = np.inf if plate_side_m is None else plate_side_m / 2 + _OVERHANG_M
         self._last = view
         self._misses = 0
@@ -58,11 +61,12 @@ class BallCamera:
         max_tilt_rad: float,
         *,
         appearance: Appearance | None = None,
+        late_s: float = 0.0,
     ) -> "BallCamera":
         """A ball camera whose tracker searches only where, and for sizes that, the geometry allows.
 
-        `view`, `layout`, `radius_m`, `plate_side_m`: as of the class; `max_tilt_rad`: the plate's
-        largest tilt about either axis; `appearance`: as of `Tracker`.
+        `view`, `layout`, `radius_m`, `plate_side_m`, `late_s`: as of the class; `max_tilt_rad`: the
+        plate's largest tilt about either axis; `appearance`: as of `Tracker`.
 
         `ValueError`: the plate does not lie in front of the camera.
         """
@@ -71,7 +75,7 @@ class BallCamera:
             radius_px=radius_range(view, radius_m, plate_side_m, max_tilt_rad),
             mask=ball_mask(view, radius_m, plate_side_m, max_tilt_rad),
         )
-        return cls(view, layout, tracker, radius_m, plate_side_m=plate_side_m)
+        return cls(view, layout, tracker, radius_m, plate_side_m=plate_side_m, late_s=late_s)
 
     def step(
         self, frame: Frame, rotation_hint: np.ndarray
@@ -129,7 +133,8 @@ class BallCamera:
         if np.abs(xy).max() > self._reach_m:
             return None
         where = float(xy[0]), float(xy[1])
-        return Observation(where, (float(cov[0, 0]), float(cov[0, 1]), float(cov[1, 1])), frame.t_s)
+        spread = float(cov[0, 0]), float(cov[0, 1]), float(cov[1, 1])
+        return Observation(where, spread, frame.t_s - self._late_s)
 
 
 def _extremes(view: View, plate_side_m: float, max_tilt_rad: float):

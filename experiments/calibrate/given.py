@@ -23,7 +23,7 @@ STEP_S, STEP_M = (0.4, 1.6), (0.01, 0.05)  # chosen: quicker than the ball can f
 
 @dataclass(frozen=True, eq=False)
 class Given:
-    """A log from a file or run folder; `delay_s` is what its time stamps took the camera's for."""
+    """A log from a file or run folder; `delay_s`: of the camera, as far as its times know it."""
 
     log: Log
     source: Source
@@ -36,9 +36,10 @@ def read_given(path: Path) -> Given:
     if not path.is_dir():
         return Given(read_log(path), "measured", None)
     whole = read_run(path)
+    if whole.meta.get("source") != "simulated":
+        return Given(whole.log, "measured", float(whole.meta.get("camera_late_s", 0.0)))
     delay = ((whole.meta.get("rig") or {}).get("camera") or {}).get("delay_s")
-    source: Source = "simulated" if whole.meta.get("source") == "simulated" else "measured"
-    return Given(whole.log, source, None if delay is None else float(delay))
+    return Given(whole.log, "simulated", None if delay is None else float(delay))
 
 
 def source_of(given: Sequence[Given]) -> Source:

@@ -163,10 +163,11 @@ def rendered_eye(rig: Rig, bundle_path: Path, seed: int):
     return RenderedCamera(renderer, camera, rig.linkage.ratio)
 
 
-def ball_camera(rig: Rig, bundle):
+def ball_camera(rig: Rig, bundle, late_s: float = 0.0):
     """The `BallCamera` for the rig's ball and plate, through the view of `bundle`, a
-    `calibration.bundle.Bundle`. ValueError: the rig names an unknown colour, or the plate is not in
-    view.
+    `calibration.bundle.Bundle`; late_s: how long after its light a frame is stamped.
+
+    ValueError: the rig names an unknown colour, or the plate is not in view.
     """
     from vision.ball_camera import BallCamera
     from vision.detection.appearance import Appearance
@@ -178,6 +179,7 @@ def ball_camera(rig: Rig, bundle):
         rig.linkage.plate_side_m,
         MAX_TILT_RAD,
         appearance=Appearance.of_colour(rig.ball.colour),
+        late_s=late_s,
     )
 
 

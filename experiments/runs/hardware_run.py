@@ -70,8 +70,9 @@ def ready(request: RunRequest, rig_file: Path) -> Iterator[Ready]:
     check(request.rig, rig_file, request.protocol)
     request = replace(request, protocol=_asked(request.protocol))
     way = course(request.protocol, request.rig, request.seed, place_std_m=0.0)
-    folder = new_run_folder(request.parent, request.protocol.name, request.arm)
     start = start_record(request) | measured(request.rig)
+    start["camera_late_s"] = camera_late_s(request.rig)
+    folder = new_run_folder(request.parent, request.protocol.name, request.arm)
     try:
         with watching(request.rig, open_ball) if request.rig.table.camera else nullcontext() as eye:
             table = partial(open_homed, request.rig, rig_file, eye, folder / NOTES)
@@ -129,6 +130,16 @@ def measured(rig: Rig) -> dict:
         "camera": "served" if table.kind == "remote" and not table.camera else seen,
         "calibration": Path(table.calibration).name if table.calibration else None,
     }
+
+
+def camera_late_s(rig: Rig) -> float:
+    """What is subtracted from the stamps of the camera's frames [s]: 0 where nothing is measured.
+
+    ValueError (also BundleError), OSError: the calibration cannot be used.
+    """
+    from calibration.bundle import load as load_bundle
+
+    return load_bundle(rig.table.calibration).stamped_late_s if rig.table.camera else 0.0
 
 
 def _keep_notes(folder: Path) -> None:

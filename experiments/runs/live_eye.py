@@ -34,7 +34,8 @@ def watching(rig: Rig, recipe: Recipe, *, stall_s: float = STALL_S) -> Iterator[
 
 
 def open_ball(rig: Rig) -> tuple[Source, Sees]:
-    """Open the camera on the monotonic clock, with the calibrated ball detector (a `Recipe`).
+    """Open the camera on the monotonic clock, with the calibrated ball detector (a `Recipe`), which
+    dates what it sees by `Bundle.stamped_late_s`.
 
     Runs in the process that evaluates the frames. ValueError (also BundleError), OSError: the
     camera or its calibration cannot be used, or the frames have another size than the
@@ -44,7 +45,7 @@ def open_ball(rig: Rig) -> tuple[Source, Sees]:
 
     source, bundle = _open(rig)
     _warm_up(rig, bundle)
-    return source, ball_camera(rig, bundle)
+    return source, ball_camera(rig, bundle, bundle.stamped_late_s)
 
 
 def _warm_up(rig: Rig, bundle: Bundle) -> None:

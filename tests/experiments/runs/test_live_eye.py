@@ -1,0 +1,80 @@
+"""A camera whose frames are stamped late: what is seen through it is dated by its calibration."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.calibrate.given import read_given
+from experiments.records.recording import write_run
+from experiments.runs.assemble import virtual_scene
+from experiments.runs.hardware_run import camera_late_s
+from experiments.runs.live_eye import open_ball
+from rig.log import Log
+from rig.parameters import Rig
+from rig.rigfile import to_record
+from tests.support.exact_bundle import exact_bundle
+from vision.frames import Frame
+from vision.synthetic.synthetic import Renderer, virtual_view
+
+LATE_S = 0.041
+CAMERA = """
+import time
+
+import numpy as np
+
+
+class Late:
+    def read(self):
+        time.sleep(0.02)
+        return np.zeros((480, 640, 3), np.uint8), time.monotonic()
+"""
+
+
+def table(folder: Path, **timing_s: float) -> Rig:
+    rig = Rig()
+    (folder / "own.py").write_text(CAMERA)
+    path = folder / "calibration.json"
+    exact_bundle(virtual_view(), virtual_scene(rig), **timing_s).save(path)
+    camera = {"camera": f"{folder / 'own.py'}:Late", "calibration": str(path)}
+    return replace(rig, table=replace(rig.table, kind="serial", port="nowhere", **camera))
+
+
+@pytest.mark.parametrize(
+    ("timing_s", "late_s"), [({"delay_s": LATE_S}, LATE_S), ({"delay_s": -0.003}, 0.0), ({}, 0.0)]
+)
+def test_a_ball_is_dated_by_the_measured_delay_of_its_frames(
+    tmp_path: Path, timing_s: dict[str, float], late_s: float
+):
+    rig = table(tmp_path, **timing_s)
+    source, camera = open_ball(rig)
+    with source:
+        pass
+    made = Renderer(virtual_scene(rig), virtual_view(), np.random.default_rng(3))
+    late = []
+    for k in range(40):
+        image = made.render(np.eye(3), (0.003 * k - 0.05, -0.03))
+        seen, _, _ = camera.step(Frame(image, 7.0 + k / 30, k), np.eye(3))
+        late += [7.0 + k / 30 - seen.exposed_s] if seen else []
+    assert len(late) > 20
+    assert late == pytest.approx([late_s] * len(late), abs=1e-9)
+    assert camera_late_s(rig) == late_s
+
+
+@pytest.mark.parametrize(
+    ("source", "more", "known_s"),
+    [
+        ("measured", {"camera_late_s": LATE_S}, LATE_S),
+        ("measured", {}, 0.0),
+        ("simulated", {}, Rig().camera.delay_s),
+    ],
+)
+def test_a_calibration_takes_a_run_as_it_was_dated(
+    tmp_path: Path, source: str, more: dict[str, float], known_s: float
+):
+    log = Log.from_columns({"t_s": np.arange(50) / 500})
+    start = {"source": source, "protocol": {"name": "steps"}, "arm": "without", "seed": 1}
+    start |= {"rig": to_record(Rig()), "created": "2026-01-01T00:00:00+00:00", **more}
+    write_run(tmp_path / "run", start, log, outcome="completed")
+    assert read_given(tmp_path / "run").delay_s == known_s
