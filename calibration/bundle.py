@@ -5,6 +5,7 @@ needs to see the ball. Sections are those of `calibration.records`.
 """
 
 import json
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
@@ -72,6 +73,11 @@ def _camera(lens: LensRecord) -> Camera:
     return Camera(matrix, distortion, lens.width_px, lens.height_px)
 
 
+def _readout_s(timing: TimingRecord | None) -> float:
+    found = timing.readout_s if timing is not None else None
+    return found.value if found is not None and found.low * found.high > 0 else 0.0
+
+
 class Draft(_Common):
     """A calibration that is being made: sections are added one after the other, in any order.
 
@@ -118,8 +124,9 @@ class Bundle(_Common):
 
     @cached_property
     def view(self) -> View:
-        """The camera over the level plate, with the pose's covariance."""
-        camera = _camera(self.lens)
+        """The camera over the level plate, with the pose's covariance, and its readout where it
+        surely has one."""
+        camera = replace(_camera(self.lens), readout_s=_readout_s(self.timing))
         return View(camera, np.array(self.plate.camera_from_plate), np.array(self.plate.covariance))
 
     @cached_property

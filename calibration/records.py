@@ -102,10 +102,12 @@ class TimingRecord(Strict):
     encoders' clock.
 
     `play_rad`: full width of each axis's backlash, fitted with the delay; `frames`: number of
-    frames used; `source`: what the delay was measured from.
+    frames used; `source`: what the delay was measured from; `readout_s`: from the exposure of the
+    first row to the last's, None where nothing told it.
     """
 
     delay_s: Value
+    readout_s: Value | None = None
     play_rad: dict[Literal["x", "y"], float]
     frames: int = Field(ge=0)
     source: Literal["markers", "ball"]

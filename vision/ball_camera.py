@@ -134,7 +134,8 @@ class BallCamera:
             return None
         where = float(xy[0]), float(xy[1])
         spread = float(cov[0, 0]), float(cov[0, 1]), float(cov[1, 1])
-        return Observation(where, spread, frame.t_s - self._late_s)
+        exposed_s = frame.t_s - self._late_s + view.camera.row_s(track.v_px)
+        return Observation(where, spread, exposed_s)
 
 
 def _extremes(view: View, plate_side_m: float, max_tilt_rad: float):

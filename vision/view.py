@@ -26,7 +26,8 @@ _CIRCLE = np.linspace(0.0, 2.0 * pi, 16, endpoint=False)
 @dataclass(frozen=True, eq=False)
 class Camera:
     """A pinhole camera with OpenCV's lens; `matrix` (3, 3) [px] without skew, `distortion` (5,) =
-    (k1, k2, p1, p2, k3), see `lens`; `width_px`, `height_px`: of its images.
+    (k1, k2, p1, p2, k3), see `lens`; `width_px`, `height_px`: of its images; `readout_s`: time
+    from the first row's exposure to the last's (rolling shutter), whose middle is the frame's.
 
     `ValueError`: focal lengths that are not positive, or a skew.
     """
@@ -35,6 +36,7 @@ class Camera:
     distortion: np.ndarray
     width_px: int
     height_px: int
+    readout_s: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "matrix", np.asarray(self.matrix, float).reshape(3, 3))
@@ -53,6 +55,10 @@ class Camera:
         """Distortion coefficients (k1, k2, p1, p2, k3) as floats."""
         k1, k2, p1, p2, k3 = (float(k) for k in self.distortion)
         return k1, k2, p1, p2, k3
+
+    def row_s(self, v: float) -> float:
+        """How much later than its frame's time the row `v` [px] of an image is exposed [s]."""
+        return ((v + 0.5) / self.height_px - 0.5) * self.readout_s
 
     def pixel_from_ray(self, xy: np.ndarray) -> np.ndarray:
         """Raw pixels (n, 2) of normalised ideal coordinates `xy` (n, 2) = (X/Z, Y/Z)."""

@@ -9,12 +9,13 @@ time. A wiggle of several frequencies tells them apart, so both are fitted by le
 theta_p the angle behind the backlash. Offset and scale (a cross-talk of the mounting) are linear.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from calibration.camera.sheet import CalibrationError
+from calibration.motion.readout import ReadoutRecorder
 from calibration.motion.rolling import behind_backlash
 from calibration.records import TimingRecord, Value
 from calibration.statistics import jackknife_std, student_quantile
@@ -35,13 +36,14 @@ _MODEL_S = 0.0002
 @dataclass(frozen=True, eq=False)
 class Wiggle:
     """Recording of a wiggle: encoder times `t_s` (n,) and servo angles `theta_rad` (n, 2); the
-    frames' time stamps `stamp_s` (m,) and the sines of the plate's tilt about x and y seen in them,
-    `sines` (m, 2)."""
+    frames' time stamps `stamp_s` (m,), of the rows that show the plate, and the sines of its tilt
+    about x and y seen in them, `sines` (m, 2); `readout_s` of the camera, if the frames tell it."""
 
     t_s: np.ndarray
     theta_rad: np.ndarray
     stamp_s: np.ndarray
     sines: np.ndarray
+    readout_s: Value | None = None
 
 
 def camera_delay(wiggle: Wiggle, rig: Rig) -> TimingRecord:
@@ -95,6 +97,7 @@ def camera_delay(wiggle: Wiggle, rig: Rig) -> TimingRecord:
         play_rad={"x": float(best[1]), "y": float(best[2])},
         frames=len(stamp),
         source="markers",
+        readout_s=wiggle.readout_s,
     )
 
 
@@ -118,20 +121,32 @@ def expected_sines(wiggle: Wiggle, record: TimingRecord, rig: Rig) -> np.ndarray
 
 class TiltRecorder:
     """Collects the plate's tilt relative to `level`, the view of the level plate, from the frames
-    in which its markers are seen (`rig.hardware.camera.plate_tilt.MarkerTilt`)."""
+    in which its markers are seen (`rig.hardware.camera.plate_tilt.MarkerTilt`), and how long the
+    camera takes from row to row."""
 
     def __init__(self, level: View, layout: MarkerLayout) -> None:
-        self._markers = MarkerTilt(level, layout)
+        global_shutter = replace(level, camera=replace(level.camera, readout_s=0.0))
+        self._markers = MarkerTilt(global_shutter, layout)
+        self._readout = ReadoutRecorder(layout)
+        self._row = float(level.pixel_from_plate(np.zeros(3))[0, 1])
+        self._height_px = level.camera.height_px
         self._rows: list[tuple[float, float, float]] = []
 
     def add(self, frame: Frame) -> None:
         """Measure the tilt in one frame; a frame with too few markers is skipped."""
-        tilt, _, _ = self._markers.step(frame, np.eye(3))
+        tilt, _, view = self._markers.step(frame, np.eye(3))
+        self._readout.add(frame.t_s, view if tilt is not None else None, frame.image)
         if tilt is not None:
             self._rows.append((tilt.exposed_s, *tilt.xy_m))
 
-    def sines(self) -> tuple[np.ndarray, np.ndarray]:
-        """Time stamps (m,) [s] and sines (m, 2) of the tilt in the frames that showed the
-        markers."""
+    def wiggle(self, t_s: np.ndarray, theta_rad: np.ndarray) -> Wiggle:
+        """What the frames showed of the plate up to the last of the encoders' times `t_s` (n,),
+        with their angles (n, 2).
+
+        The plate is seen where its centre is in the picture, whose row is late or early.
+        """
         rows = np.array(self._rows).reshape(-1, 3)
-        return rows[:, 0], rows[:, 1:]
+        rows = rows[rows[:, 0] <= t_s[-1]]
+        readout = self._readout.readout_s()
+        late = ((self._row + 0.5) / self._height_px - 0.5) * (readout.value if readout else 0.0)
+        return Wiggle(t_s, theta_rad, rows[:, 0] + late, rows[:, 1:], readout)

@@ -61,6 +61,8 @@ def found_table(draft: Draft) -> list[list[str]]:
         add("plate: markers off their places", "mm", f"{draft.plate.residual_mm:.3f}")
     if draft.timing is not None:
         add("camera delay", _MS[1], value_words(draft.timing.delay_s, _MS[0]))
+        if draft.timing.readout_s is not None:
+            add("camera readout", _MS[1], value_words(draft.timing.readout_s, _MS[0]))
     if draft.level is not None:
         slope, gain = draft.level.slope_rad, draft.level.gain_m_s2
         add("plate's slope at zero", _DEG[1], *(value_words(slope.get(a), _DEG[0]) for a in AXES))

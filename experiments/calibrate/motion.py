@@ -164,6 +164,12 @@ def calibrate_time(
         f"{1e3 * delay.low:.2f} to {1e3 * delay.high:.2f} ms), from {record.frames} frames by the "
         f"{record.source}"
     )
+    if record.readout_s is not None:
+        rows = record.readout_s
+        typer.echo(
+            f"readout: {1e3 * rows.value:.2f} ms from the first row to the last (95 % "
+            f"{1e3 * rows.low:.2f} to {1e3 * rows.high:.2f} ms)"
+        )
     folder.believe(with_timing(believed, record))
 
 
@@ -189,9 +195,7 @@ def _virtual_wiggle(rig: Rig, folder: CalibrationFolder, seconds: float, seed: i
             axis = [wiggle(table.period_s, seconds, WIGGLE_HZ) for _ in range(2)]
             trace = perform(table, (axis[0], axis[1]))
             t_s, theta = trace.t_s, trace.theta_rad
-    stamp, sines = tilt.sines()
-    during = stamp <= t_s[-1]
-    return Wiggle(t_s, theta, stamp[during], sines[during])
+    return tilt.wiggle(t_s, theta)
 
 
 def _filmed(log: Log, video: str, folder: CalibrationFolder) -> Wiggle:
@@ -203,7 +207,7 @@ def _filmed(log: Log, video: str, folder: CalibrationFolder) -> Wiggle:
         for frame in frames:
             tilt.add(frame)
     theta = np.column_stack((log["theta_x_rad"], log["theta_y_rad"]))
-    return Wiggle(log["t_s"], theta, *tilt.sines())
+    return tilt.wiggle(log["t_s"], theta)
 
 
 def _plate_of(folder: CalibrationFolder):

@@ -208,6 +208,21 @@ def edge_offsets(image: np.ndarray, layout: MarkerLayout, view: View) -> np.ndar
     return np.where(contrast > 0, offset, np.nan).reshape(-1, 4, _CUTS)
 
 
+def residual_edges(
+    image: np.ndarray, layout: MarkerLayout, view: View
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """How the print's edges lie off a pose that was fitted to them, in an image (h, w, 3) uint8.
+
+    Returns, of each cut, how far it lies off [px] and its weight in the fit, 0 for an outlier
+    (m,); its Jacobian (m, 6) by the pose, ordered as `View.pose_cov`; its row in the image (m,).
+    """
+    cut = _cut(image, layout, view, None, coarse=False)
+    _, weight, _ = fit_motion(*cut, _FLOOR_PX)
+    points, _ = layout.edge_points
+    rows = view.pixel_from_plate(np.column_stack((points, np.zeros(len(points)))))[:, 1]
+    return cut[0], weight, cut[2], rows
+
+
 def _cut(image, layout: MarkerLayout, view: View, ball, *, coarse: bool):
     points, along = layout.edge_points
     hidden = np.array(ball if ball is not None else (-1e6, -1e6, 0.0))

@@ -34,7 +34,7 @@ def test_the_delay_comes_back_within_half_a_millisecond_through_rendered_frames(
     with table:
         one, two = (wiggle(table.period_s, 3.5, HERTZ) for _ in range(2))
         trace = perform(table, (one, two))
-    found = camera_delay(Wiggle(trace.t_s, trace.theta_rad, *tilt.sines()), KIND)
+    found = camera_delay(tilt.wiggle(trace.t_s, trace.theta_rad), KIND)
     delay = found.delay_s
     assert delay.value == pytest.approx(late_s, abs=0.0005)
     assert delay.low <= late_s <= delay.high
