@@ -65,20 +65,12 @@ def settle_units(
         told_units = (b_said, ball_names, ball), (a_said, angle_names, angles)
         _doubt_named(draft, gain, *told_units, answers)
     if ball and not b_said and not _sure_ball(draft, fitting, answers, ball_names, angle_names):
-        draft.doubt(
-            list(ball_names.values()),
-            "unit",
-            f"the unit of {', '.join(ball.values())} is not in the name",
-            *dict.fromkeys([*(b for b, _ in fitting), "m", "cm", "mm", "px"]),
-        )
+        usual = ("m", "cm", "mm", "px")
+        _doubt_unnamed(draft, ball_names, ball, *(b for b, _ in fitting), *usual)
     clear = all(draft.hints[column].clear for column in angles.values())
     if angles and not a_said and not (told and clear and len({a for _, a in fitting}) == 1):
-        draft.doubt(
-            list(angle_names.values()),
-            "unit",
-            f"the unit of {', '.join(angles.values())} is not in the name",
-            *dict.fromkeys([*(a for _, a in fitting), "rad", "deg", "turn/4096", "us", "counts"]),
-        )
+        usual = ("rad", "deg", "turn/4096", "us", "counts")
+        _doubt_unnamed(draft, angle_names, angles, *(a for _, a in fitting), *usual)
     for names, unit in ((ball_names, pick_b), (angle_names, pick_a)):
         settle_scale(draft, list(names.values()), unit)
     if told and gain:
@@ -88,6 +80,14 @@ def settle_units(
             for r in _gains(draft, answers, (pick_b, ball_names), (pick_a, angle_names))
         ):
             draft.because("angle", f"so this is the plate's own tilt: {PLATE_TILT}")
+
+
+def _doubt_unnamed(
+    draft: Draft, names: Mapping[str, str], columns: Mapping[str, str], *options: str
+) -> None:
+    """Ask for a unit that no name says; options: the likeliest first."""
+    why = f"the unit of {', '.join(columns.values())} is not in the name"
+    draft.doubt(list(names.values()), "unit", why, *dict.fromkeys(options))
 
 
 def _followers_unit(
