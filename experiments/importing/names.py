@@ -11,26 +11,26 @@ WORDS = {
     "millis micros",
     "ball": "xb yb obj object ball kugel palla bille balle bola bal kula marble sphere blob "
     "centroid pelota esfera balón bolita",
-    "place": "pos position posizione posicion posición posicao posição lage ort p point xy",
+    "place": "pos position posizione posicion posición posicao posição lage ort p point xy pv",
     "target": "target setpoint sp ref reference desired des soll goal want wanted sollwert rif "
     "objetivo consigna consigne alvo",
     "angle": "angle theta servo tilt winkel alpha beta roll pitch arm joint phi angolo platte "
     "plate plat actuator stepper angulo ángulo ângulo brazo placa plateau servomotor",
-    "command": "set cmd command commanded action out output ctrl control actuate actuated applied "
-    "stellgroesse comando commande mando orden",
+    "command": "set cmd mv command commanded action out output ctrl control actuate actuated "
+    "applied stellgroesse comando commande mando orden",
     "measured": "meas measured actual act ist enc encoder feedback present state real fb joint "
     "imu mpu inclinometer",
     "voltage": "volt volts voltage vm spannung tension tensión tensione voltaje tensao tensão",
     "share": "pwm duty dutycycle",
     "current": "current amp amps strom im corrente",
     "speed": "speed vel velocity omega gyro dot rpm geschwindigkeit velocita velocidad vitesse "
-    "velocidade tacho tach rate "
-    "vx vy xdot ydot",
+    "velocidade tacho tach rate",
     "derived": "filtered filt est estimated estimate estimator kalman kf pred predicted smooth "
     "smoothed hat lpf model sim",
     "other": "error err fehler errore integral gain kp ki kd temperature temp battery loop fps "
     "count counter index frame id seq sequence nr covariance cov radius area conf confidence "
-    "score reward done torque effort force moment load current_draw trim bias",
+    "score reward done torque effort force moment load current_draw trim bias "
+    "vx vy xdot ydot mps mmps cmps",
     "motor": "motor",
     "seen": "detected found visible seen valid tracked erkannt gefunden sichtbar gueltig "
     "gültig detecte detecté détecté trouve trouvé trovato visto valido detectado encontrado",

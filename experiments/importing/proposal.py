@@ -125,15 +125,7 @@ def _seen(
     """The ball's columns, NaN where another column says that there was none; those columns, which
     are 0 or 1 and bear a name for it, or were stated."""
     stated = [draft.said[name]["seen"] for name in names if draft.is_said(name, "seen")]
-    flags = (
-        stated[0]
-        if stated
-        else tuple(
-            flag
-            for flag in columns_of(draft, "seen")
-            if set(draft.values(flag)[np.isfinite(draft.values(flag))]) <= {0.0, 1.0}
-        )
-    )
+    flags = stated[0] if stated else tuple(columns_of(draft, "seen"))
     gone = np.zeros(len(draft.stream), bool)
     for flag in flags:
         gone |= ~(draft.values(flag) > 0)
@@ -147,12 +139,14 @@ def _seen(
 
 def _angles(draft: Draft, driven: bool, ball: Mapping[str, str]) -> dict[str, dict[str, str]]:
     """Columns of the angles by kind (theta, command) and axis; doubts where the kind is open."""
-    theta = assign(draft, "theta", columns_of(draft, "theta"))
-    command = assign(draft, "command", columns_of(draft, "command"))
-    free = [c for c in columns_of(draft, "angle") if c not in (*theta.values(), *command.values())]
-    if free and theta and command:
-        draft.because("rest", f"{', '.join(free)}: an angle beside the measured one, left out")
-    elif free and driven and not theta:
+    named = {role: columns_of(draft, role) for role in ("theta", "command", "angle")}
+    theta, command = (assign(draft, role, named[role]) for role in ("theta", "command"))
+    has_theta, has_command = bool(theta or named["theta"]), bool(command or named["command"])
+    free = [c for c in named["angle"] if c not in (*theta.values(), *command.values())]
+    beside = has_theta + has_command
+    if free and (beside == 2 or (beside == 1 and len(free) > 2)):
+        draft.because("rest", f"{', '.join(free)}: an angle beside the named ones, left out")
+    elif free and driven and not has_theta:
         theta = assign(draft, "theta", free)  # what a motor's volts turn was measured
     elif free and (theta or command):
         # beside a command stands what was reached, which the ball answers sooner; and vice versa
@@ -167,22 +161,25 @@ def _angles(draft: Draft, driven: bool, ball: Mapping[str, str]) -> dict[str, di
             theta = assign(draft, "theta", free)
         elif not driven:
             command = assign(draft, "command", free)
-    elif free:
-        kind = draft.said.get("angle", {}).get("kind") or _lone_kind(draft, free)
-        if kind is None:
-            why = f"the names do not say if {' and '.join(free)} were commanded or measured"
-            draft.doubts.append(Doubt("angle", "kind", why, KINDS))
-        if kind == "measured":
-            theta = assign(draft, "theta", free)
-        else:
-            command = assign(draft, "command", free)
-    if not theta and not command:
-        speeds = assign(draft, "theta", columns_of(draft, "speed"))
-        theta = speeds
+    elif free and not beside:
+        theta, command = _of_open_kind(draft, free)
+    if not free and not beside:
+        theta = assign(draft, "theta", columns_of(draft, "speed"))
     if driven and command and theta:
         draft.because("rest", f"{', '.join(command.values())}: asked of an inner loop, left out")
         command = {}
     return {kind: c for kind, c in (("theta", theta), ("command", command)) if c}
+
+
+def _of_open_kind(draft: Draft, free: list[str]) -> tuple[dict[str, str], dict[str, str]]:
+    """Measured and commanded angles (axis -> column) of columns that are all there is."""
+    kind = draft.said.get("angle", {}).get("kind") or _lone_kind(draft, free)
+    if kind is None:
+        why = f"the names do not say if {' and '.join(free)} were commanded or measured"
+        draft.doubts.append(Doubt("angle", "kind", why, KINDS))
+    if kind == "measured":
+        return assign(draft, "theta", free), {}
+    return {}, assign(draft, "command", free)
 
 
 def _earlier(draft: Draft, ball: Mapping[str, str], sooner: str, later: str) -> bool:

@@ -86,9 +86,10 @@ def _counts(values: np.ndarray) -> bool:
 def _time_unit(draft: Draft, column: str) -> None:
     """The unit by name where the steps allow it, else the one that the steps allow."""
     steps = np.diff(draft.values(column))
-    steps = steps[steps > 0]
-    usual = float(np.mean(steps)) if len(steps) else 0.0
-    usual = min(usual, float(np.median(steps))) if len(steps) else 0.0
+    steps = steps[steps >= 0]  # stamps coarser than the rows stand several times
+    usual = (
+        min(float(np.mean(steps)), float(np.median(steps[steps > 0]))) if any(steps > 0) else 0.0
+    )
     units = {u: f for u, f in FACTORS["time"].items() if f is not None and u != "min"}
     fitting = [u for u, f in units.items() if STEPS_S[0] <= usual * f <= STEPS_S[1]]
     named = draft.hints[column].unit
@@ -114,14 +115,23 @@ def _time_unit(draft: Draft, column: str) -> None:
 def columns_of(draft: Draft, role: str) -> list[str]:
     """Columns that names and units give a role, in the order of the file.
 
-    Constants are none, nor is what was stated to be something.
+    Constants are none, nor is what was stated to be something, nor a flag of 0 and 1 unless it is
+    asked for.
     """
     taken = {keys.get("column") for keys in draft.said.values()} | {draft.time.get("column")}
     return [
         name
         for name, one in draft.hints.items()
-        if one.role == role and name not in taken and _changes(draft, name)
+        if one.role == role
+        and name not in taken
+        and _changes(draft, name)
+        and is_flag(draft.values(name)) == (role == "seen")
     ]
+
+
+def is_flag(values: np.ndarray) -> bool:
+    """Whether a column (n,) says yes or no: 0 and 1, nothing else."""
+    return set(values[np.isfinite(values)]) <= {0.0, 1.0}
 
 
 def _changes(draft: Draft, name: str) -> bool:
@@ -194,7 +204,11 @@ def doubt_what_is_missing(
     """
     taken = {draft.time.get("column"), draft.time.get("session"), *volts.values()}
     taken |= {*ball.values(), *angles.values()}
-    free = [name for name in draft.stream.columns if name not in taken and _changes(draft, name)]
+    free = [
+        name
+        for name, values in draft.stream.columns.items()
+        if name not in taken and _changes(draft, name) and not is_flag(values)
+    ]
     unknown = [name for name in free if draft.hints[name].role is None]
     said = any(draft.is_said(f"ball_{axis}_m", "column") for axis in "xy")
     if not ball and not said and (unknown or not (angles and volts)):
@@ -206,7 +220,8 @@ def doubt_what_is_missing(
     elif len(ball) == 1 and unknown:
         other = "ball_y_m" if "x" in ball else "ball_x_m"
         draft.doubt([other], "column", "the ball's other coordinate is open", *unknown[:8], "none")
-    if not angles:
+    asked = any(doubt.place.startswith(("theta", "command")) for doubt in draft.doubts)
+    if not angles and not asked:
         if not free:
             raise BadFileError("no column can be an angle: none is left that changes")
         why = "no column is an angle by its name (commanded: command_x_rad, measured: theta_x_rad)"

@@ -40,7 +40,10 @@ def read_text(path: Path) -> list[Stream]:
     if lost > max(1, 0.01 * len(cells)):  # a last line that was cut off is normal
         raise BadFileError(f"{lost} of {len(cells)} lines have not {width} cells")
     comma = separator != "," and _has_decimal_comma(rows)
-    table = [_numbers(column, comma) for column in zip(*rows, strict=True)]
+    columns = list(zip(*rows, strict=True))
+    table = [_numbers(column, comma) for column in columns]
+    clocks = [name for name, one in zip(names, columns, strict=True) if _is_clock(one)]
+    units |= dict.fromkeys(clocks, "s")
     return [Stream(dict(zip(names, table, strict=True)), units)]
 
 
@@ -146,13 +149,18 @@ def _header(before: Sequence[Sequence[str]], width: int) -> tuple[list[str], dic
     return names, units
 
 
+def _is_clock(cells: Sequence[str]) -> bool:
+    """Whether a column holds times of day, which are read as seconds."""
+    return any(_CLOCK.fullmatch(cell) for cell in cells[:100])
+
+
 def _numbers(cells: Sequence[str], comma: bool) -> np.ndarray:
     """The cells (n,) as float64: NaN where blank or a word, seconds where a time of day."""
     try:
         return np.array(cells, dtype=np.float64)
     except ValueError:
         pass
-    if any(_CLOCK.fullmatch(cell) for cell in cells[:100]):
+    if _is_clock(cells):
         return np.array([_seconds(cell) for cell in cells])
     return np.array([_number(cell.replace(",", ".") if comma else cell) for cell in cells])
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from experiments.importing.conversion import convert
+from experiments.importing.formats.choose import read_recording
 from experiments.importing.import_map import stated
 from experiments.importing.names import hints
 from experiments.importing.proposal import propose
@@ -92,7 +93,41 @@ def test_a_letter_means_what_its_neighbours_let_it(names: list[str], role: str |
         ("Kugel gefunden", "seen"),
         ("ball_detected", "seen"),
         ("confidence", "other"),
+        ("x_dot_mps", "other"),
+        ("vx", "other"),
+        ("MV_x", "command"),
+        ("PV_y", "ball"),
     ],
 )
 def test_words_of_telemetry(name: str, role: str | None):
     assert hints([name], {})[name].role == role
+
+
+def test_a_flag_is_no_command_and_arms_beside_one_are_left_out():
+    stream = telemetry()
+    columns = {**stream.columns, "control_valid": stream.columns["detected"]}
+    columns |= {f"servo{k}": 400 + 20 * np.sin(k + stream.columns["roll_d"]) for k in (1, 2, 3)}
+    columns |= {f"sent_{name}": columns[name] for name in ("roll_d", "pitch_d")}
+    found = propose(Stream(columns), stated(["ball.unit=mm"]))
+    assert {doubt.key for doubt in found.doubts} == {"column"}, found.doubts
+    for axis, angle in (("x", "roll_d"), ("y", "pitch_d")):
+        (one,) = (d for d in found.doubts if d.place == f"command_{axis}_rad")
+        assert one.options == (angle, f"sent_{angle}", "none")
+
+
+def test_stamps_of_whole_seconds_are_seconds(tmp_path):
+    stream = telemetry()
+    rows = zip(*stream.columns.values(), strict=True)
+    lines = [",".join(stream.columns)]
+    for t_ms, *cells in rows:
+        clock = f"15:{int(t_ms / 6e4):02d}:{int(t_ms / 1e3) % 60:02d}"
+        lines.append(",".join([clock, *(f"{cell:.4f}" for cell in cells)]))
+    path = tmp_path / "clock.csv"
+    path.write_text("\n".join(lines).replace("timestamp_ms", "time"))
+    found = propose(read_recording(path).stream, stated(["ball.unit=mm"]))
+    assert found.draft["time"] | {"session": None} == {
+        "column": "time",
+        "unit": "s",
+        "clock": "even",
+        "session": None,
+    }
