@@ -89,6 +89,6 @@ class Proposal:
         """The map. ValueError (one line): something is in doubt; names the option to state it."""
         if self.doubts:
             first, *rest = self.doubts
-            more = f" ({len(rest)} more: {'; '.join(d.option for d in rest[:4])})" if rest else ""
+            more = f" ({len(rest)} more: {'; '.join(d.option for d in rest)})" if rest else ""
             raise ValueError(f"{first.why}: state it with {first.option}{more}")
         return validated({**self.draft, "sources": sources})

@@ -172,7 +172,9 @@ def _value(key: str, text: str, whole: str) -> Any:
         return tuple(part.strip() for part in text.split(",") if part.strip() not in ("", "none"))
     try:
         if key == "absent":
-            return tuple(float(part) for part in text.split(",") if part.strip())
+            return tuple(
+                float(part) for part in text.split(",") if part.strip() not in ("", "none")
+            )
         return int(float(text)) if key == "sign" else float(text)
     except ValueError:
         raise ValueError(f"--set {whole}: {text!r} is no number") from None

@@ -11,7 +11,7 @@ WORDS = {
     "millis micros",
     "ball": "xb yb obj object ball kugel palla bille balle bola bal kula marble sphere blob "
     "centroid pelota esfera balón bolita",
-    "place": "pos position posizione posicion posición posicao posição lage ort p point xy pv",
+    "place": "pos position posizione posicion posición posicao posição lage ort point xy pv",
     "target": "target setpoint sp ref reference desired des soll goal want wanted sollwert rif "
     "objetivo consigna consigne alvo",
     "angle": "angle theta servo tilt winkel alpha beta roll pitch arm joint phi angolo platte "
@@ -42,6 +42,7 @@ _AXES = {
     **dict.fromkeys(("roll", "alpha"), "x"),
     **dict.fromkeys(("pitch", "beta"), "y"),
 }
+TURNS = {"roll", "pitch", "alpha", "beta"}
 PLAIN = {"x", "y", "cx", "cy", "bx", "by", "px", "py"}
 PLAIN_UNITS = {"deg", "degrees", "rad", "radians", "mm", "cm", "ms", "us", "volts"}
 CLEAR_ANGLE = {
@@ -67,7 +68,8 @@ class Hint:
     """What a name says. role: time, ball, target, theta, command, angle (commanded or measured is
     open), speed, voltage, share, current, seen (was there a ball?), or other; axis: x, y or none;
     clear: the word for an angle is one that nobody gives to a share or a count; derived: filtered
-    or estimated by somebody's program; explicit: a word for the ball stands in it.
+    or estimated by somebody's program; explicit: a word for the ball stands in it; turns: the axis
+    is that of a rotation, and a roll about x may as well be meant to move the ball along y.
     """
 
     role: str | None
@@ -76,6 +78,7 @@ class Hint:
     clear: bool = False
     derived: bool = False
     explicit: bool = False
+    turns: bool = False
 
 
 def hints(names: Iterable[str], units: Mapping[str, str]) -> dict[str, Hint]:
@@ -112,12 +115,15 @@ def hint(name: str, stated_unit: str | None = None) -> Hint:
     unit = unit or _unit_at_end(bare, words) or _unit_within(words)
     roles = [_ROLES[word] for word in words if word in _ROLES]
     sayings = words[:-1] if unit and len(words) > 1 and canonical(words[-1]) == unit else words
-    axis = next((_AXES[word] for word in reversed(sayings) if word in _AXES), None)
+    said = [word for word in reversed(sayings) if word in _AXES]
+    said.sort(key=lambda word: word not in ("x", "y"))  # the pixel's u is a control's, too
+    axis = _AXES[said[0]] if said else None
     role = _role(words, roles, unit)
     if role is None and set(_words(re.split(r"[./]", bare)[-1])) <= PLAIN:
         role = "ball"  # x and y alone
     clear = any(word in CLEAR_ANGLE for word in words)
-    return Hint(role, axis, unit, clear, "derived" in roles, "ball" in roles)
+    turns = bool(said) and set(said) <= TURNS
+    return Hint(role, axis, unit, clear, "derived" in roles, "ball" in roles, turns)
 
 
 def _words(name: str) -> list[str]:

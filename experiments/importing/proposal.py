@@ -96,13 +96,15 @@ def _ball(draft: Draft, ball: Mapping[str, str]) -> dict[str, np.ndarray]:
         each = [draft.said.get(name, {}).get("absent", ()) for name in names.values()]
         codes = tuple(one[0] for one in each if one)
         codes = codes if len(codes) == len(columns) else ()
+        pairs = zip(columns, codes, strict=True)
+        if codes and not np.all([column == code for column, code in pairs], axis=0).any():
+            raise ValueError(f"absent = {codes}: no row of {', '.join(ball.values())} has it")
     else:
         codes, sure = absent_codes(columns)
         if codes and not sure:
             said = ", ".join(f"{code:g}" for code in codes)
-            draft.doubt(
-                list(names.values()), "absent", f"does {said} mean `no ball`", f"{codes[0]:g}", "''"
-            )
+            for name, code in zip(names.values(), codes, strict=True):
+                draft.doubt([name], "absent", f"does ({said}) mean `no ball`", repr(code), "none")
         elif codes:
             gone = float(
                 np.mean(np.all([c == k for c, k in zip(columns, codes, strict=True)], axis=0))

@@ -12,6 +12,7 @@ from experiments.importing.recording import BadFileError
 from experiments.importing.units import FACTORS
 
 STEPS_S = (2e-4, 0.25)  # between rows: faster than any such table is read, slower than one can be
+MAX_STRAY = 0.2  # chosen: of the usual step, the median stray of a nameless clock's steps
 MIN_GROWING = 0.95  # share of steps forwards from which a column may be a clock
 NAMES = {
     "ball": "ball_{}_m",
@@ -66,7 +67,11 @@ def _time_column(draft: Draft) -> str | None:
     if named:
         return named[0]
     nameless = [name for name in growing if draft.hints[name].role is None]
-    nameless = [name for name in nameless if not _counts(draft.stream.columns[name])]
+    nameless = [
+        name
+        for name in nameless
+        if not _counts(draft.stream.columns[name]) and _even(draft.stream.columns[name])
+    ]
     return nameless[0] if nameless else None
 
 
@@ -76,6 +81,13 @@ def _grows(values: np.ndarray) -> bool:
         return False
     steps = np.diff(values)
     return bool(np.mean(steps >= 0) >= MIN_GROWING and np.mean(steps > 0) > 0.02)
+
+
+def _even(values: np.ndarray) -> bool:
+    """Whether it grows by steps as even as a clock's: a ball is quicker and slower by turns."""
+    steps = np.diff(values[np.isfinite(values)])
+    usual = float(np.median(steps))
+    return usual > 0 and float(np.median(np.abs(steps - usual))) <= MAX_STRAY * usual
 
 
 def _counts(values: np.ndarray) -> bool:

@@ -22,7 +22,7 @@ LENGTHS = ("m", "cm", "mm")
 ANGLE_SPAN_RAD = 0.004  # at least
 USUAL_GAIN = (0.4, 8.5)
 USUAL_SPAN_RAD = 3.2  # a servo turns half a turn
-PLATE_TILT = "in rig.toml, linkage.arm_radius_m is then half of plate_side_m"
+PLATE_TILT = "on two rods, linkage.arm_radius_m of rig.toml is then half of plate_side_m"
 LEVEL_RAD = 0.12  # a zero nearer to 0 than this is a level error, which is for `rig gap` to find
 ROUND = (90.0, 180.0, 1500.0, 2048.0, 512.0, 127.5, 128.0, 135.0, 2047.0, 0.5, 307.0, 375.0)
 

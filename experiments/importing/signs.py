@@ -110,12 +110,28 @@ def pair(
         decides = told or (one if seen else None)
         if decides is None:
             _open_sign(draft, name, axis, column, found)
+            if draft.hints[column].turns and len(columns) == 2:
+                _open_pairing(draft, name, axis, chosen, found)
             continue
         sign = 1 if decides.gain > 0 else -1
         draft.settle(name, sign=sign)
         if draft.signals[name]["sign"] != sign:
             draft.because("angle", f"sign of {column} as stated, against what follows it")
     return out
+
+
+def _open_pairing(
+    draft: Draft,
+    name: str,
+    axis: str,
+    chosen: Mapping[str, str],
+    found: Mapping[str, Mapping[str, Response]],
+) -> None:
+    """Neither the ball nor the name tells which rotation moves the ball along an axis."""
+    share = {c: each.share for c, each in found.get(axis, {}).items()}
+    both = sorted(chosen.values(), key=lambda column: -share.get(column, 0.0))
+    told = " and ".join(f"{c} explains {100 * share.get(c, 0.0):.0f} %" for c in both)
+    draft.doubt([name], "column", f"which rotation moves the ball along {axis} ({told})", *both)
 
 
 def _open_sign(

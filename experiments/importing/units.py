@@ -33,7 +33,7 @@ _SPELLED = {
     "mm": "mm millimeter millimeters millimetre millimetres",
     "um": "um µm μm micrometer",
     "in": "in inch inches",
-    "px": "px pix pixel pixels",
+    "px": "px pix pxl pixel pixels",
     "rad": "rad rads radian radians",
     "mrad": "mrad milliradians",
     "deg": "deg degs degree degrees ° grad. gradi grados degrés graus",

@@ -131,3 +131,44 @@ def test_stamps_of_whole_seconds_are_seconds(tmp_path):
         "clock": "even",
         "session": None,
     }
+
+
+def test_a_rotation_that_the_ball_does_not_tell_apart_is_asked_for():
+    stream = telemetry()
+    columns = {name: values[:100] for name, values in stream.columns.items()}
+    for name in ("roll_imu", "pitch_imu", "detected"):
+        del columns[name]
+    known = ["ball.unit=mm", "ball.offset=0", "command.unit=deg"]
+    found = propose(Stream(columns), stated(known))
+    asked = {(doubt.place, doubt.key) for doubt in found.doubts}
+    assert {(f"command_{axis}_rad", key) for axis in "xy" for key in ("column", "sign")} <= asked
+    said = ["command_x_rad.column=pitch_d", "command_y_rad.column=roll_d", "command.sign=1"]
+    found = propose(Stream(columns), stated([*known, *said]))
+    assert not found.doubts, found.doubts
+    assert found.draft["signals"]["command_x_rad"]["column"] == "pitch_d"
+
+
+def test_a_ball_that_rolls_one_way_is_no_clock():
+    t = np.arange(60) / 30
+    columns = {"column 1": 0.3 - 0.1 * t**2, "column 2": 0.05 + 0.04 * t**2}
+    found = propose(Stream(columns))
+    assert [(doubt.place, doubt.key) for doubt in found.doubts] == [("time", "rate_hz")]
+    named = propose(Stream({"column 0": 7.0 + t, **columns}))
+    assert named.draft["time"]["column"] == "column 0"
+
+
+@pytest.mark.parametrize(
+    ("name", "axis"), [("Y_u_PWM", "y"), ("X_meas_2", "x"), ("theta_2", "y"), ("u_px", "x")]
+)
+def test_an_axis_named_by_its_letter_goes_before_one_by_its_number(name: str, axis: str):
+    assert hints([name], {})[name].axis == axis
+
+
+def test_a_code_is_asked_for_axis_by_axis_and_must_be_there():
+    stream = telemetry()
+    columns = dict(stream.columns)
+    del columns["detected"]
+    with pytest.raises(ValueError, match="no row of Ballx, Bally has it"):
+        propose(Stream(columns), stated(["ball.unit=mm", "ball.absent=-77.5"]))
+    known = stated(["ball.unit=mm", "ball_x_m.absent=none", "ball_y_m.absent=none"])
+    assert propose(Stream(columns), known).draft["signals"]["ball_x_m"]["absent"] == ()
