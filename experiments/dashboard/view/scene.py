@@ -26,8 +26,8 @@ are apart: what the model does not know.
 moves between two jaws: a **grey** jaw is free, a **red** one is touched.
 """
 LEGEND_VIRTUAL = """
-"gear x: 1.0°, found 0.9°": the virtual table has 1.0 degrees of play; 0.9 is what the controller's
-observer has found of it while it moves ("-": nothing yet).
+"gear x: true 1.0°, found 0.9°": the virtual table has 1.0 degrees of play; 0.9 is what the
+controller's observer has found of it while it moves ("-": nothing yet).
 """
 LEGEND_REAL = """
 "gear x: 1.0°, found 0.9°": the rig file says 1.0 degrees of play; 0.9 is what the controller's
