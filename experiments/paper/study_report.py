@@ -237,8 +237,8 @@ def _grid_section(results: dict, shown: dict[str, Path]) -> Section:
     lines = [
         f"Play compensation on {results['grid_pairs']} paired seeds a cell, free release. Judged "
         "by the RMS distance from the centre after settling; cells as gear/joint play in degrees. "
-        "The table keeps its dry friction everywhere, so a part of the effect is not play: with none at all "
-        f"(0/0) the distances are {_means(cells, 0, 0)}, with 3 degrees {both} "
+        "The table keeps its dry friction everywhere, so a part of the effect is not play: with "
+        f"none at all (0/0) the distances are {_means(cells, 0, 0)}, with 3 degrees {both} "
         f"{_means(cells, most, 3)}."
     ]
     said = {"neutral": "is neutral", "unclear": "has no clear effect"}
@@ -261,8 +261,8 @@ def _play_section(study: Study, rig: Rig, shown: dict[str, Path]) -> Section:
         "The estimators start every run at zero play and see readings and applied volts alone; the "
         "dotted line is the table's true play, opened here for scoring. The shafts' wind-up "
         "against friction that the rig file's (assumed) values explain is taken off (0.08 deg "
-        "here): on a table with softer shafts it would count as play. An asymmetric play shows its width; its "
-        "middle is a twin of the level error."
+        "here): on a table with softer shafts it would count as play. An asymmetric play shows its "
+        "width; its middle is a twin of the level error."
     )
     caption = "Estimated play in the run of Fig. 13, two sigma bands."
     estimates = Pictures([Picture(shown["play_estimates"], caption)])

@@ -6,7 +6,7 @@ import numpy as np
 
 from experiments.dashboard.view.grid import draw_grid
 from experiments.dashboard.view.pose import DROP_M, linkage, plate_wxyz
-from experiments.dashboard.view.view_points import VIEW_POINTS
+from experiments.dashboard.view.view_points import view_point
 from rig.parameters import Rig
 
 if TYPE_CHECKING:
@@ -54,10 +54,10 @@ def legend_words(real: bool) -> str:
     return "\n\n&nbsp;\n\n".join(paragraphs.strip().split("\n\n"))
 
 
-def light(server: "ViserServer") -> None:
-    """Set the scene's first view point and its lamps."""
+def light(server: "ViserServer", side_m: float) -> None:
+    """Set the scene's first view point, for a plate of this side, and its lamps."""
     camera = server.initial_camera
-    camera.position, camera.look_at = VIEW_POINTS["Whole table"]
+    camera.position, camera.look_at = view_point("Whole table", side_m)
     camera.fov = 0.82
     server.scene.configure_default_lights(True, cast_shadow=False)
     server.scene.configure_environment_map(None)  # the default one bleaches every colour
