@@ -163,7 +163,7 @@ class ReplayTab:
 
         viewer.name = name + (" and its pair" if beside else "")
         item = WorkItem(f"replay {page}", partial(replay_run, folder, beside), on_message)
-        viewer.item, viewer.about = item, f"*{plain(name)} is read.*"
+        viewer.item, viewer.about = item, f"*{plain(name)} is being read ...*"
         self._worker.put(item, instead=True)
 
     def _on_message(self, page: int, item: WorkItem, kind: str, what: Any) -> None:
