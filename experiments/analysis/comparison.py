@@ -28,8 +28,8 @@ class Measure:
 MEASURES = (
     Measure("distance from the target, RMS, settled", "cm", "settled_error", "ball not seen"),
     Measure("spread about its own mean, settled", "cm", "settled_spread", "ball not seen"),
-    Measure("limit cycle, amplitude", "cm", "cycle_amplitude", "none seen"),
-    Measure("settling time", "s", "settling", "never"),
+    Measure("limit cycle, amplitude", "cm", "cycle_amplitude", "fewer than 2 cycles"),
+    Measure("settling time, to its last swing", "s", "settling", "never"),
     Measure("servo activity, settled", "deg", "servo_activity", "not measured", degrees(1)),
 )
 

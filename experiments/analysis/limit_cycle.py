@@ -48,7 +48,12 @@ def _cycle(t: np.ndarray, x: np.ndarray) -> Cycle:
     use = ups if len(ups) > len(downs) else downs
     cycles = max(len(use) - 1, 0)
     if cycles < FEWEST_CYCLES:
-        return Cycle(nan, nan, cycles, f"{cycles} whole cycles above the noise, 2 are needed")
+        return Cycle(
+            nan,
+            nan,
+            cycles,
+            f"{cycles} whole {'cycle' if cycles == 1 else 'cycles'} seen, 2 are needed",
+        )
     period = float(np.median(np.concatenate([np.diff(ups), np.diff(downs)])))
     parts = [((t >= a) & (t < b), b - a) for a, b in pairwise(use)]
     each = [_fundamental(t[i], x[i], seconds) for i, seconds in parts if i.sum() >= 8]

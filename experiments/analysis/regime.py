@@ -8,8 +8,8 @@ plate models is right (see `tests/benchmarks/control/regime.py`).
 from rig.parameters import GRAVITY_M_S2, Rig
 from rig.rigfile import from_dict
 
-KEEPS = "the plate keeps its place inside the play"
-DROPS = "the plate drops to the ball's side"
+KEEPS = "friction in the joints holds the loose plate in its place inside the play"
+DROPS = "the plate drops inside the play to the ball's side"
 BETWEEN = (
     "between the two regimes: the ball moves the plate at times, and the play that the observer "
     "finds is too low"
@@ -35,12 +35,12 @@ def regime(rig: Rig) -> str:
     return BETWEEN if share > 0.5 else DROPS
 
 
-def regime_sentence(rig: Rig, what: str = "Regime") -> str:
+def regime_sentence(rig: Rig, what: str = "On this table") -> str:
     """One sentence: the regime after the label `what`, and the two torques that decide it."""
     return (
-        f"{what}: joint friction {rig.drive.joint_friction_nm:.3g} N m (assumed) against "
-        f"{ball_torque_nm(rig):.2g} N m of a ball {100 * FAR_OUT_M:.0f} cm out, both at the servo: "
-        f"{regime(rig)}."
+        f"{what}: {regime(rig)} (friction in the joints {rig.drive.joint_friction_nm:.3g} N m, "
+        f"assumed; weight of a ball {100 * FAR_OUT_M:.0f} cm out {ball_torque_nm(rig):.2g} N m, "
+        "both at the servo)."
     )
 
 
@@ -51,7 +51,7 @@ def regime_of_record(rig: dict | None) -> str:
     know are ignored. Without one the sentence says that the regime is not known.
     """
     if not rig:
-        return "Regime: not known, the run folder holds no rig."
+        return "Whether friction holds the loose plate is not known: the run folder holds no rig."
     return regime_sentence(rig_of_record(rig))
 
 

@@ -74,10 +74,14 @@ def reproduce(
 
 def _claim_line(claim: dict) -> str:
     word = {True: "holds", False: "fails", None: "undecided"}[claim["holds"]]
+    from experiments.reports.figures import shown_unit
+
     if not claim["runs"]:
         told = "no completed pair of runs gives this measure on this table"
         return f"{word:9s} Fig. {claim['figure']:>2s}  {claim['claim']}: {told}"
-    numbers = f"{claim['effect']:+.4f} [{claim['low']:+.4f}, {claim['high']:+.4f}] {claim['unit']}"
+    factor, unit = shown_unit(claim["unit"])
+    effect, low, high = (f"{factor * claim[key]:+.3f}" for key in ("effect", "low", "high"))
+    numbers = f"{effect} [{low}, {high}] {unit}"
     return f"{word:9s} Fig. {claim['figure']:>2s}  {claim['claim']}: {numbers}, n = {claim['runs']}"
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from experiments.compare.case import Case
 from experiments.compare.statistics import HARMS, HELPS
 from experiments.compare.words import conditions as conditions_of
-from experiments.reports.figures import ball_cm, plt, save, servo_word
+from experiments.reports.figures import HELPS_HURTS, ball_cm, plt, save, servo_word
 from rig.log import Log, shown_angles
 
 COLOURS = {"without": "#1f4fd8", "with": "#d62728", "adaptive": "#9467bd", "neural": "#2ca02c",
@@ -38,7 +38,7 @@ def map_figure(results: Mapping, out: Path) -> Path:
     names = [c["key"].replace(" | ", " · ") for c in cells]
     wide = 1.4 + 0.06 * max(map(len, names)) + 0.95 * len(conditions)
     figure, ax = plt.subplots(figsize=(wide, 1.4 + 0.24 * len(cells)))
-    image = ax.imshow(gain, cmap="RdBu", vmin=-1.0, vmax=1.0, aspect="auto")
+    image = ax.imshow(gain, cmap=HELPS_HURTS, vmin=-1.0, vmax=1.0, aspect="auto")
     for i, cell in enumerate(cells):
         for j, condition in enumerate(conditions):
             verdict = cell["arms"][condition]["against_without"]["verdict"]
@@ -64,7 +64,7 @@ def map_figure(results: Mapping, out: Path) -> Path:
     ax.set_yticks(range(len(cells)), names, fontsize=7)
     ax.grid(False)
     bar = figure.colorbar(image, shrink=0.5)
-    bar.set_label("gain over none [cm RMS]\nblue helps, red harms", fontsize=8)
+    bar.set_label("gain over none [cm RMS]\ngreen-blue helps, brown harms", fontsize=8)
     return save(figure, out, "compare_map", "simulated")
 
 

@@ -211,7 +211,11 @@ def rig_differences(a: Rig, b: Rig) -> Iterator[str]:
         one, other = asdict(getattr(a, section)), asdict(getattr(b, section))
         for key, value in one.items():
             if key != "colour" and other[key] != value:
-                yield f"{section}.{key} = {value} and {other[key]}"
+                yield f"{section}.{key} = {_short(value)} and {_short(other[key])}"
+
+
+def _short(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def _of_run(rig: Rig, run: Rig | None) -> Rig:

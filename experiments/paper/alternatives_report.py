@@ -1,7 +1,8 @@
 """The part of the study's page on alternative explanations of the effect."""
 
+from experiments.analysis.numbers import MEASURES
 from experiments.paper.alternative_explanations import JUDGED
-from experiments.reports.figures import verdict_word
+from experiments.reports.figures import shown_unit, verdict_word
 from experiments.reports.report import Section, Table
 
 
@@ -11,27 +12,30 @@ def alternatives_section(results: dict) -> Section:
     results: as of `experiments.paper.reproduce.reproduce`.
     """
     lines = [
-        "An inverse also raises the gain at reversals and shakes what dry friction holds. The ball "
-        "is held at the centre for 24 s on paired other units; the sham is the same inverse "
-        "backwards, the misplaced one undoes gear play on the reference, retuned is the PID alone "
-        "tuned on other seeds to the best ball at the servo activity of the arm with the model.",
+        "Compensation also raises the gain at reversals and shakes what dry friction holds: is "
+        "that all that it does? Rivals hold the ball at the centre for 24 s on paired other units: "
+        "sham is the same inverse of the play, backwards; misplaced undoes the gear's play on the "
+        "reference; retuned is the PID alone, tuned on other seeds to the best ball at the servo "
+        'activity of the controller "with".',
     ]
     rows = []
     for friction, found in results["rivals"].items():
         gains = found["retuned_gains"]
         lines.append(
             f"With {friction}: {_verdict_on_alternatives(found['arms'])} Retuned gains: "
-            f"K_p = {gains['proportional_rad_m']:g} rad/m, K_d = {gains['derivative_rad_s_m']:g} "
+            f"P {gains['proportional_rad_m']:g} rad/m, D {gains['derivative_rad_s_m']:g} "
             "rad s/m."
         )
         for arm, table in found["arms"].items():
-            rows.append([f"{friction}: {arm}", *(_with_interval(table[m]) for m in JUDGED)])
-    head = ["table: arm", "RMS distance [cm]", "servo activity [rad]", "limit cycle [cm]"]
-    return Section("Is it the model? Sham, misplaced, retuned", [*lines, Table(head, rows)])
+            rows.append([f"{friction}: {arm}", *(_with_interval(table[m], m) for m in JUDGED)])
+    head = ["table: controller", "RMS distance [cm]", "servo activity [deg]", "limit cycle [cm]"]
+    return Section("Is it the compensation? Sham, misplaced, retuned", [*lines, Table(head, rows)])
 
 
-def _with_interval(value: dict) -> str:
-    numbers = f"{value['value']:.3g} [{value['low']:.3g}, {value['high']:.3g}]"
+def _with_interval(value: dict, measure: str) -> str:
+    factor, _ = shown_unit(MEASURES[measure][0])
+    mean, low, high = (f"{factor * value[key]:.3f}" for key in ("value", "low", "high"))
+    numbers = f"{mean} [{low}, {high}]"
     return f"{numbers}, n = {value['n']}"
 
 
@@ -44,7 +48,7 @@ def _verdict_on_alternatives(arms: dict) -> str:
         against = table["settled_error"]["against_with"]
         words.setdefault(verdict_word(against), []).append(arm)
     said = {
-        "helps": "the model keeps the ball nearer than",
+        "helps": "compensation keeps the ball nearer than",
         "hurts": "it keeps it less near than",
         "neutral": "it is as good as",
         "unclear": "it cannot be told from",

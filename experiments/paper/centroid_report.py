@@ -56,10 +56,11 @@ def centroid_section(facts: dict, rig: Rig) -> Section:
     lines = [
         f"The centroid hardly measures play. Over T = {t:.1f} s with PD alone it would lie "
         f"at ({pd_only}) cm with no play at all; with the integral "
-        f"(K_i = {rig.gains.integral_rad_m_s:g} rad/(m s)) the mean error is (change of the "
-        "integral)/(K_i T) where it was not clipped. Both sides of that identity, for Fig. 10:",
-        f"k-means with two clusters on the pooled samples separates the arms with an adjusted Rand "
-        f"index of {two['adjusted_rand_index']:.3f} (0 = chance, 1 = fully; n = {two['samples']}).",
+        f"(I {rig.gains.integral_rad_m_s:g} rad/(m s)) the mean error is (change of the "
+        "integral)/(I T) where it was not clipped. Both sides of that identity, for Fig. 10:",
+        "k-means with two clusters on the pooled samples separates the controllers with an "
+        f"adjusted Rand index of {round(two['adjusted_rand_index'], 3) + 0.0:.3f} "
+        f"(0 = chance, 1 = fully; n = {two['samples']}).",
     ]
     rows = [
         [
@@ -70,5 +71,10 @@ def centroid_section(facts: dict, rig: Rig) -> Section:
         ]
         for arm in ("without", "with")
     ]
-    head = ["arm", "mean error x, y [cm]", "from the integral x, y [cm]", "ticks clipped x, y"]
+    head = [
+        "controller",
+        "mean error x, y [cm]",
+        "from the integral x, y [cm]",
+        "ticks clipped x, y",
+    ]
     return Section("What the centroid can and cannot show", [*lines, Table(head, rows)])

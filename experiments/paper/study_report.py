@@ -4,13 +4,14 @@ from collections.abc import Mapping, Sequence
 from math import degrees
 from pathlib import Path
 
+from experiments.analysis.comparison import comparison_sentence
 from experiments.analysis.numbers import Recorded, arm_numbers, centroid_cm
 from experiments.analysis.regime import regime_sentence
 from experiments.paper.alternative_explanations import little_friction
 from experiments.paper.alternatives_report import alternatives_section
 from experiments.paper.centroid_report import centroid_facts, centroid_section
 from experiments.reports import figures
-from experiments.reports.figures import save, verdict_word
+from experiments.reports.figures import save, shown_unit, verdict_word
 from experiments.reports.report import (
     RUN_HEAD,
     Picture,
@@ -64,6 +65,7 @@ def write_study(study: Study, results: dict, rig: Rig, out: Path) -> dict:
         out / "report.html",
         title="Backlash on a 2-DOF balancing table: the paper's study, reproduced",
         source="virtual rig",
+        answer=comparison_sentence(study["14"]["without"], study["14"]["with"]),
         summary=[*_summary(results, rig), *unfinished(study)],
         sections=sections,
     )
@@ -124,28 +126,27 @@ def plant_play_deg(rig: Rig) -> dict[str, float]:
 
 
 def _summary(results: dict, rig: Rig) -> list[str]:
-    words = {True: "hold", False: "fail", None: "stay undecided"}
-    tally = [f"{sum(c['holds'] is v for c in results['claims'])} {w}" for v, w in words.items()]
+    words = {True: "hold", False: "fail", None: "undecided"}
+    tally = [f"{w}: {sum(c['holds'] is v for c in results['claims'])}" for v, w in words.items()]
     plays = plant_play_deg(rig)
     camera = results["camera"]
     seen = (
-        f"The runs of Figs. 10 to 14 went through rendered camera frames; the statistical camera "
-        f"of all others has the noise fitted to them: {1000 * camera['noise_m']:.3f} mm RMS a "
-        f"coordinate, {100 * camera['dropout']:.2f} % of the frames without a ball "
-        f"(n = {camera['samples']} frames). That is far quieter than the rig file's "
-        f"{1000 * rig.camera.noise_m:.1f} mm, and noise acts as dither."
+        f"The runs of Figs. 10 to 14 went through rendered camera frames. All others used a "
+        f"statistical camera with the noise fitted to those frames: "
+        f"{1000 * camera['noise_m']:.3f} mm RMS a coordinate, {100 * camera['dropout']:.2f} % of "
+        f"the frames without a ball (n = {camera['samples']} frames); the rig file has "
+        f"{1000 * rig.camera.noise_m:.1f} mm. Noise acts as dither, so that matters."
     )
     return [
-        f"Of {len(results['claims'])} tests of the paper's claims {', '.join(tally)} on this table "
-        f"(x axis: gear play {plays['gear']:.1f} deg, joint play {plays['joint']:.1f} deg, full "
-        f"width at the servo).",
+        f"{len(results['claims'])} tests of the paper's claims on this table: {', '.join(tally)}. "
+        f"Its x axis has {plays['gear']:.1f} deg of play in the gear and {plays['joint']:.1f} deg "
+        'in the joint (full width at the servo). "With" is the controller with play compensation, '
+        'the paper\'s "backlash model"; "without" the same controller without it.',
         seen
         if camera["frames"]
         else "No frames were rendered: all runs used a statistical camera.",
         regime_sentence(rig),
-        regime_sentence(
-            little_friction(rig), "With little friction (one of the tables of the alternatives)"
-        ),
+        regime_sentence(little_friction(rig), "On the table with little friction, further below"),
     ]
 
 
@@ -156,49 +157,60 @@ def claims_section(claims: Sequence[Mapping]) -> Section:
     """
     text = (
         "Each claim is tested on paired seeds, every seed another unit of the same kind (gain, "
-        "lag, friction, offset, level and tachometer within the spread of real units). Effect = "
-        "without - with. It holds only if the whole 95 % interval lies beyond the relevant size, "
-        "fails if it lies below it; sizes were fixed beforehand: a pixel of the paper's camera "
-        "(0.0625 cm), an encoder count (0.0015 rad). The interval decides; p is shown, corrected "
+        "lag, friction, offset, level and tachometer within the spread of real units). The "
+        "improvement is without - with. A claim holds only if its whole 95 % interval lies above "
+        "the smallest that matters, and fails if it lies below; that was fixed beforehand: a "
+        "pixel of the paper's camera (0.0625 cm), an encoder count (0.09 deg). The interval "
+        "decides; p is shown, corrected "
         "for all tests, and decides nothing. A pair in which a run did not complete is left out. "
         "Before its release the ball is held while the controller already tilts the plate."
     )
     verdicts = [{True: "holds", False: "fails", None: "undecided"}[c["holds"]] for c in claims]
-    rows = [
-        [
-            c["figure"],
-            c["claim"],
-            verdict,
-            f"{c['mean_without']:.3g} {c['unit']}",
-            f"{c['mean_with']:.3g} {c['unit']}",
-            f"{c['effect']:+.3g} [{c['low']:+.3g}, {c['high']:+.3g}]",
-            f"{c['relevant']:.2g}",
-            f"{c['runs']}" + (f" ({c['left_out']} left out)" if c["left_out"] else ""),
-            f"{c['p_holm']:.2g}",
-        ]
-        for c, verdict in zip(claims, verdicts, strict=True)
-    ]
-    head = ["Fig.", "claim", "verdict", "without", "with", "effect [95 %]"]
-    head += ["relevant", "pairs", "p (Holm)"]
+    rows = [_claim_row(c, verdict) for c, verdict in zip(claims, verdicts, strict=True)]
+    head = ["Fig.", "claim", "verdict", "without", "with", "improvement [95 %]"]
+    head += ["smallest that matters", "pairs", "p (Holm)"]
     table = Table(head, rows, words=3, marks=dict(enumerate(verdicts)))
     return Section("What the paper claims, and what this rig says", [text, table])
+
+
+def _claim_row(c: Mapping, verdict: str) -> list[str]:
+    """Cells of one claim: angles in degrees, as everywhere on the page and in its figures."""
+    factor, unit = shown_unit(c["unit"])
+
+    def cells(*keys: str) -> list[str]:
+        return [f"{factor * c[key]:+.3f}" for key in keys]
+
+    effect, low, high = cells("effect", "low", "high")
+    return [
+        c["figure"],
+        c["claim"],
+        verdict,
+        f"{factor * c['mean_without']:.3f} {unit}",
+        f"{factor * c['mean_with']:.3f} {unit}",
+        f"{effect} [{low}, {high}] {unit}",
+        f"{factor * c['relevant']:.2g} {unit}",
+        f"{c['runs']}" + (f" ({c['left_out']} left out)" if c["left_out"] else ""),
+        f"{c['p_holm']:.2g}",
+    ]
 
 
 def _figure_sections(shown: dict[str, Path]) -> list[Section]:
     captions = {
         "fig07": "Fig. 7. Ball position over time, free release from a corner.",
-        "fig08": "Fig. 8. Servo angles: desired, without and with backlash model.",
+        "fig08": "Fig. 8. Servo angles: without and with play compensation, and desired.",
         "fig10": "Fig. 10. Ball positions with centroids; the inset magnifies.",
         "fig11": "Fig. 11. Servo angles of the same runs, (a) x and (b) y.",
-        "fig12": "Fig. 12. Without backlash model.",
-        "fig13": "Fig. 13. With backlash model.",
+        "fig12": "Fig. 12. Without play compensation.",
+        "fig13": "Fig. 13. With play compensation.",
         "fig14": "Fig. 14. a: without, b: with; the middle of the plate.",
     }
 
     def pictures(*names: str) -> Pictures:
         return Pictures([Picture(shown[name], captions[name]) for name in names])
 
-    pushes = "Push times and directions are drawn from the seed and are the same for both arms."
+    pushes = (
+        "Push times and directions are drawn from the seed and are the same for both controllers."
+    )
     return [
         Section("Simulation: Figs. 7 and 8", [pictures("fig07", "fig08")]),
         Section("Free release: Figs. 10 and 11", [pictures("fig10", "fig11")]),
@@ -212,7 +224,7 @@ def _figure_sections(shown: dict[str, Path]) -> list[Section]:
 def _means(cells: list[dict], gear: float, joint: float) -> str:
     cell = next(c for c in cells if (c["gear_deg"], c["joint_deg"]) == (gear, joint))
     found = cell["settled_error"]
-    return f"{found['mean_without']:.2f} cm without and {found['mean_with']:.2f} cm with the model"
+    return f"{found['mean_without']:.2f} cm without and {found['mean_with']:.2f} cm with it"
 
 
 def _grid_section(results: dict, shown: dict[str, Path]) -> Section:
@@ -223,32 +235,34 @@ def _grid_section(results: dict, shown: dict[str, Path]) -> Section:
         word = verdict_word(cell["settled_error"])
         tally.setdefault(word, []).append(f"{cell['gear_deg']:g}/{cell['joint_deg']:g}")
     lines = [
-        f"{results['grid_pairs']} paired seeds a cell, free release. Judged by the RMS distance "
-        "from the centre after settling; cells as gear/joint play in degrees. The table keeps its "
-        "dry friction everywhere, so a part of the effect is not play: with none at all "
-        f"(0/0) the distances are {_means(cells, 0, 0)}, with 3 degrees {both} "
+        f"Play compensation on {results['grid_pairs']} paired seeds a cell, free release. Judged "
+        "by the RMS distance from the centre after settling; cells as gear/joint play in degrees. "
+        "The table keeps its dry friction everywhere, so a part of the effect is not play: with "
+        f"none at all (0/0) the distances are {_means(cells, 0, 0)}, with 3 degrees {both} "
         f"{_means(cells, most, 3)}."
     ]
     said = {"neutral": "is neutral", "unclear": "has no clear effect"}
     lines += [
-        f"The model {said.get(word, word)} in {len(c)} of {len(cells)} cells: {', '.join(c)}."
+        f"It {said.get(word, word)} in {len(c)} of {len(cells)} cells: {', '.join(c)}."
         for word, c in tally.items()
     ]
     maps = [
-        Picture(shown["grid_error"], "Effect on the distance kept (blue: the model helps)."),
-        Picture(shown["grid_servo"], "Effect on the servos' activity (blue: calmer with it)."),
+        Picture(shown["grid_error"], "Effect on the distance kept (green-blue: it helps)."),
+        Picture(
+            shown["grid_servo"], "Effect on the servos' activity (green-blue: calmer with it)."
+        ),
         Picture(shown["grid_centroid"], "Effect on the centroid's distance (whole run)."),
     ]
-    return Section("Where the backlash model helps, is neutral, or hurts", [*lines, Pictures(maps)])
+    return Section("Where play compensation helps, is neutral, or hurts", [*lines, Pictures(maps)])
 
 
 def _play_section(study: Study, rig: Rig, shown: dict[str, Path]) -> Section:
     text = (
         "The estimators start every run at zero play and see readings and applied volts alone; the "
-        "dotted line is the plant's truth, opened here for scoring. The shafts' wind-up against "
-        "friction that the rig file's (assumed) values explain is taken off (0.08 deg here): on a "
-        "table with softer shafts it would count as play. An asymmetric play shows its width; its "
-        "middle is a twin of the level error."
+        "dotted line is the table's true play, opened here for scoring. The shafts' wind-up "
+        "against friction that the rig file's (assumed) values explain is taken off (0.08 deg "
+        "here): on a table with softer shafts it would count as play. An asymmetric play shows its "
+        "width; its middle is a twin of the level error."
     )
     caption = "Estimated play in the run of Fig. 13, two sigma bands."
     estimates = Pictures([Picture(shown["play_estimates"], caption)])

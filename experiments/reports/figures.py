@@ -5,6 +5,7 @@ centroids black crosses where the paper has them. Figures show centimetres and s
 """
 
 from collections.abc import Mapping, Sequence
+from math import ceil, degrees, log10
 from pathlib import Path
 
 import matplotlib
@@ -21,11 +22,15 @@ from rig.log import Log, shown_angles
 
 # With, without, and what is wanted, in every figure; told apart by the colour-blind, too (a test).
 WITH, WITHOUT, CENTRE = "#d62728", "#1f4fd8", "#00b39b"
+ARMS = {"without": "without play compensation", "with": "with play compensation"}
+HELPS_HURTS = (
+    "BrBG"  # green-blue helps, brown hurts: neither is the colour of an arm, or of red-green
+)
 SOURCES = {"simulated": "virtual rig", "measured": "measured"}
 _CM = 100.0
 plt.rcParams.update(
     {
-        "font.size": 9,
+        "font.size": 10,
         "axes.grid": True,
         "grid.alpha": 0.25,
         "savefig.dpi": 150,
@@ -35,6 +40,11 @@ plt.rcParams.update(
         "text.parse_math": False,  # names of runs and files are shown as they are
     }
 )
+
+
+def shown_unit(unit: str) -> tuple[float, str]:
+    """Factor to the unit in which a person is shown numbers in `unit`, and it: angles in deg."""
+    return (degrees(1), "deg") if unit == "rad" else (1.0, unit)
 
 
 def colour_of(arm: str) -> str:
@@ -73,8 +83,8 @@ def servo_word(log: Log) -> str:
 
 
 def _angle_label(log: Log, a: int) -> str:
-    what = "" if servo_word(log) == "servo" else "commanded "
-    return f"{what}θ {'xy'[a]} [deg]"
+    what = "servo" if servo_word(log) == "servo" else "commanded"
+    return f"{what} angle {'xy'[a]} [deg]"
 
 
 def save(figure: Figure, folder: Path, name: str, source: str) -> Path:
@@ -141,24 +151,25 @@ def _legend_above(axis: Axes) -> None:
 
 def _arms(without: Log, with_: Log) -> list[tuple[Log, str, str]]:
     return [
-        (without, WITHOUT, "without backlash model"),
-        (with_, WITH, "with backlash model"),
+        (without, WITHOUT, ARMS["without"]),
+        (with_, WITH, ARMS["with"]),
     ]
 
 
 def servo_over_time(without: Log, with_: Log, *, panels: Sequence[str] = ("", "")) -> Figure:
-    """Figs. 8 and 11: servo angles (or commands); desired green dashed, without blue, with red.
+    """Figs. 8 and 11: servo angles (or commands); without blue, with red, desired green and
+    alone dashed.
 
-    The desired angle drawn is that of the arm with the model (each arm has its own and is judged by
-    it). panels: letters of the two axes.
+    The desired angle drawn is that of the arm with play compensation (each arm has its own and is
+    judged by it). panels: letters of the two axes.
     """
     figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.8), sharex=True)
     for a, axis in enumerate(axes):
         t, _, desired = _servo(with_)
         t0, theta0, _ = _servo(without)
         _, theta1, _ = _servo(with_)
-        axis.plot(t0, theta0[:, a], "--", color=WITHOUT, lw=0.9, label="without backlash model")
-        axis.plot(t, theta1[:, a], "-", color=WITH, lw=1.0, label="with backlash model")
+        axis.plot(t0, theta0[:, a], color=WITHOUT, lw=1.0, label=ARMS["without"])
+        axis.plot(t, theta1[:, a], color=WITH, lw=1.0, label=ARMS["with"])
         axis.plot(t, desired[:, a], "--", color=CENTRE, lw=0.9, label="desired (with)")
         axis.set_ylabel(_angle_label(with_, a))
         if panels[a]:
@@ -179,7 +190,7 @@ def _inset(axis: Axes, size_cm: float, bounds: tuple[float, float, float, float]
     """A magnified view of the centre."""
     inset = axis.inset_axes(bounds)
     inset.set(xlim=(-size_cm, size_cm), ylim=(-size_cm, size_cm), aspect="equal")
-    inset.tick_params(labelsize=6)
+    inset.tick_params(labelsize=7)
     axis.indicate_inset_zoom(inset, edgecolor="0.5")
     return inset
 
@@ -196,9 +207,9 @@ def release_scatter(
     inset = _inset(axis, 2.5, (0.56, 0.56, 0.42, 0.42))
     for where, size in ((axis, 1.0), (inset, 1.4)):
         xy = ball_cm(without)[1]
-        where.plot(*xy.T, ".", color=WITHOUT, ms=2.2 * size, label="without backlash model")
+        where.plot(*xy.T, ".", color=WITHOUT, ms=2.2 * size, label=ARMS["without"])
         xy = ball_cm(with_)[1]
-        where.plot(*xy.T, "x", color=WITH, ms=3 * size, mew=0.6, label="with backlash model")
+        where.plot(*xy.T, "x", color=WITH, ms=3 * size, mew=0.6, label=ARMS["with"])
         where.plot(0, 0, "o", color=CENTRE, ms=6 * size, label="centre (desired)", zorder=4)
         both = np.array([centroids_cm["without"], centroids_cm["with"]])
         where.plot(*both.T, "x", color="k", ms=8, mew=1.6, ls="", label="centroids", zorder=5)
@@ -225,7 +236,7 @@ def pushed_scatter(log: Log, centroid_cm: np.ndarray, arm: str, side_cm: float =
     figure, axis = plt.subplots(figsize=(5.4, 5.2))
     _plate(axis, side_cm)
     xy = ball_cm(log)[1]
-    axis.plot(*xy.T, ".", color=colour_of(arm), ms=2.6, label=f"ball, {arm}")
+    axis.plot(*xy.T, ".", color=colour_of(arm), ms=2.6, label=f"ball, {ARMS.get(arm, arm)}")
     axis.plot(0, 0, "o", color=CENTRE, ms=8, label="centre (desired)")
     axis.plot(*centroid_cm, "x", color="k", ms=10, mew=2.2, ls="", label="centroid")
     axis.legend(loc="lower left", fontsize=8)
@@ -239,14 +250,18 @@ def eight_runs(without: Sequence[Log], with_: Sequence[Log], size_cm: float = 3.
     """
     n = len(without)
     figure, axes = plt.subplots(2, n, figsize=(2.0 * n + 0.6, 4.6), sharex=True, sharey=True)
-    for row, (logs, colour, letter) in enumerate(((without, WITHOUT, "a"), (with_, WITH, "b"))):
+    arms = ((without, "without", "a"), (with_, "with", "b"))
+    for row, (logs, arm, letter) in enumerate(arms):
+        colour = colour_of(arm)
         for i, log in enumerate(logs):
             axis = axes[row, i]
             axis.plot(*ball_cm(log)[1].T, ".", color=colour, ms=2)
             axis.plot(0, 0, "o", color=CENTRE, ms=5)
-            axis.set_title(f"${letter}_{i + 1}$", fontsize=10)
+            axis.set_title(f"{letter}{chr(0x2081 + i)}", fontsize=11)  # a₁: not mathematics
             axis.set(xlim=(-size_cm, size_cm), ylim=(-size_cm, size_cm), aspect="equal")
         axes[row, 0].set_ylabel("y [cm]")
+        axes[row, -1].yaxis.set_label_position("right")
+        axes[row, -1].set_ylabel(ARMS[arm], color=colour)
     for axis in axes[1]:
         axis.set_xlabel("x [cm]")
     return figure
@@ -256,32 +271,36 @@ def play_map(cells: Sequence[dict], measure: str, title: str, unit: str) -> Figu
     """Map of the effect (without - with) over gear and joint play, with verdicts.
 
     cells: {"gear_deg", "joint_deg", measure: dict with effect, low, high, relevant}; unit: of the
-    measure.
+    measure, of which angles are shown in degrees.
     """
     gears = sorted({cell["gear_deg"] for cell in cells})
     joints = sorted({cell["joint_deg"] for cell in cells})
     value = np.full((len(joints), len(gears)), np.nan)
     # Colour tells sizes that matter: the scale never ends below twice the relevant size.
-    largest = max(abs(cell[measure]["effect"]) for cell in cells)
-    top = max(largest, 2 * max(cell[measure]["relevant"] for cell in cells))
+    factor, shown = shown_unit(unit)
+    matters = factor * max(cell[measure]["relevant"] for cell in cells)
+    digits = max(0, ceil(-log10(matters / 10)))  # down to a tenth of what decides the verdict
+    largest = factor * max(abs(cell[measure]["effect"]) for cell in cells)
+    top = max(largest, 2 * matters)
     figure, axis = plt.subplots(
-        figsize=(max(1.3 * len(gears), 2.6) + 1.8, 0.85 * len(joints) + 1.3)
+        figsize=(max(1.55 * len(gears), 2.6) + 1.8, 0.85 * len(joints) + 1.3)
     )
     for cell in cells:
         i, j = joints.index(cell["joint_deg"]), gears.index(cell["gear_deg"])
         result = cell[measure]
-        value[i, j] = result["effect"]
+        value[i, j] = factor * result["effect"]
         word = verdict_word(result)
-        text = f"{result['effect']:+.2g}\n[{result['low']:+.2g}, {result['high']:+.2g}]\n{word}"
+        numbers = (f"{factor * result[key]:+.{digits}f}" for key in ("effect", "low", "high"))
+        text = "{}\n[{}, {}]\n".format(*numbers) + word
         dark = abs(value[i, j]) > 0.6 * top
-        axis.text(j, i, text, ha="center", va="center", fontsize=7, color="w" if dark else "k")
-    image = axis.imshow(value, cmap="RdBu", vmin=-top, vmax=top, origin="lower", aspect="auto")
+        axis.text(j, i, text, ha="center", va="center", fontsize=8, color="w" if dark else "k")
+    image = axis.imshow(value, cmap=HELPS_HURTS, vmin=-top, vmax=top, origin="lower", aspect="auto")
     axis.set_xticks(range(len(gears)), [f"{g:g}" for g in gears])
     axis.set_yticks(range(len(joints)), [f"{g:g}" for g in joints])
     axis.grid(False)
     axis.set(xlabel="gear play [deg at the servo]", ylabel="joint play [deg at the servo]")
     axis.set_title(title, fontsize=9)
-    figure.colorbar(image, ax=axis, label=f"without - with [{unit}]")
+    figure.colorbar(image, ax=axis, label=f"without - with [{shown}]; above 0: better with")
     return figure
 
 
@@ -305,7 +324,7 @@ def verdict_word(result: dict) -> str:
 def play_estimates(logs: Sequence[Log], truth_deg: Mapping[str, float]) -> Figure:
     """Estimated gear and joint play of both axes [deg, full width] over time, with 2 sigma bands.
 
-    truth_deg: play of the plant for "gear" and "joint".
+    truth_deg: true play of the table for "gear" and "joint".
     """
     figure, axes = plt.subplots(1, 2, figsize=(6.8, 2.8), sharex=True)
     for axis, place in zip(axes, ("gear", "joint"), strict=True):
@@ -315,11 +334,11 @@ def play_estimates(logs: Sequence[Log], truth_deg: Mapping[str, float]) -> Figur
             for a, colour in zip("xy", ("#7b3294", "#e08214"), strict=True):
                 width = np.degrees(run[f"estimated_{place}_play_{a}_rad"])
                 std = np.degrees(run[f"estimated_{place}_play_std_{a}_rad"])
-                axis.plot(t, width, color=colour, lw=1, label=f"estimate {a}")
+                axis.plot(t, width, color=colour, lw=1, label=f"estimate {a}, ± 2 std")
                 axis.fill_between(t, width - 2 * std, width + 2 * std, color=colour, alpha=0.15)
-        axis.axhline(truth_deg[place], color="k", ls=":", lw=1, label="plant")
-        axis.set(xlabel="time from release [s]", ylim=(-0.5, 2 * truth_deg[place] + 1))
+        axis.axhline(truth_deg[place], color="k", ls=":", lw=1, label="true")
+        axis.set(xlabel="time from release [s]", ylim=(0.0, 2 * truth_deg[place] + 1))
         axis.set_title(f"{place} play", fontsize=9)
     axes[0].set_ylabel("full width [deg at the servo]")
-    axes[0].legend(fontsize=7, loc="upper right")
+    axes[0].legend(fontsize=8, loc="upper right")
     return figure

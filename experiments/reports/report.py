@@ -165,7 +165,7 @@ def run_row(name: str, numbers: dict) -> list[str]:
         number(numbers["settling_s"], 1) if settled["has_settled"] else "never (last half used)",
         number(settled["distance_cm"]),
         number(settled["spread_cm"]) + interval,
-        ", ".join(_amplitude(cycle[a]) for a in "xy"),
+        _amplitudes(cycle),
         ", ".join(number(cycle[a]["period_s"], 2) for a in "xy"),
         ", ".join(number(_degrees(v), 2) for v in settled["servo_rms_rad"]),
         ", ".join(number(_degrees(v), 2) for v in settled["servo_tracking_rad"]),
@@ -177,10 +177,12 @@ def _degrees(value: float | None) -> float:
     return nan if value is None else degrees(value)
 
 
-def _amplitude(cycle: dict) -> str:
-    """Amplitude [cm] of a limit cycle, or why there is none."""
-    found = number(cycle["amplitude_cm"], 2)
-    return found if found != "-" else f"none ({cycle['reason'] or 'not seen'})"
+def _amplitudes(cycle: dict) -> str:
+    """Amplitudes [cm] of both axes' limit cycles; where neither is known, why once."""
+    found = [number(cycle[a]["amplitude_cm"], 2) for a in "xy"]
+    if any(words != "-" for words in found):
+        return ", ".join(found)
+    return f"not known: {max(cycle.values(), key=lambda one: one['cycles'])['reason']}"
 
 
 def number(value: float, digits: int = 3) -> str:

@@ -153,7 +153,7 @@ def _not_compared(run: RunFolder, accepted: RunFolder, rig: Rig, *, before: bool
     if run.kind != accepted.kind:
         return (
             f"is of {' '.join(run.kind)}, the accepted run of {' '.join(accepted.kind)}: runs of "
-            "one protocol and arm are compared"
+            "one protocol and controller are compared"
         )
     other = other_table(run, rig)
     return f"was recorded with another rig file ({other})" if other else ""

@@ -68,7 +68,7 @@ addEventListener("DOMContentLoaded", () => {
     if (t.length < 2) return;
     const span = Math.max(t[t.length - 1] - t[0], 1e-3);
     const px = (s) => left + (width - left - 4) * (s - t[0]) / span;
-    for (const [values, colour, name, row] of [[x, X, "x [cm]", 0], [y, Y, "y [cm]", 1]]) {
+    for (const [values, colour, name, row] of [[x, X, "x [cm]", 0], [y, Y, "y [cm], last 20 s", 1]]) {
       line(pen, t.map((s, i) => [s, values[i]]).filter(([, v]) => v !== null)
         .map(([s, v]) => [px(s), py(v)]), colour, 3.5);
       pen.fillStyle = colour;

@@ -16,6 +16,7 @@ TRAIL = 180  # observations in the ball's trail: 3 s at 60 Hz
 _T, _X, _Y = INDEX["t_s"], INDEX["ball_x_m"], INDEX["ball_y_m"]
 _COV = INDEX["ball_cov_xx_m2"]
 _PHASE = INDEX["phase"]
+_TARGETS = [INDEX["target_x_m"], INDEX["target_y_m"]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,11 +71,14 @@ class LiveBuffer:
         self._row: np.ndarray | None = None
         self._ball, self._cov = np.full(2, np.nan), (np.nan, np.nan, np.nan)
         self._seen_s, self._count, self._last_s, self._run = np.nan, 0, time.monotonic(), 0
-        self.centroid = RunningCentroid()
+        self.centroid, self._has_ball = RunningCentroid(), True
 
-    def begin(self) -> None:
-        """Forget all rows, as another run begins whose time starts at zero."""
+    def begin(self, *, has_ball: bool = True) -> None:
+        """Forget all rows, as another run begins whose time starts at zero; has_ball False: of the
+        servos alone, whose log has angles for targets: they are no places on the plate.
+        """
         with self._lock:
+            self._has_ball = has_ball
             self._curve.clear()
             self._unread.clear()
             self._trail.clear()
@@ -88,6 +92,8 @@ class LiveBuffer:
         """Add a row of the loop (len(COLUMNS),); it is copied."""
         row = row.copy()
         with self._lock:
+            if not self._has_ball:
+                row[_TARGETS] = np.nan
             if row[_X] == row[_X]:  # a new observation
                 self._ball, self._seen_s = row[_X : _Y + 1].copy(), float(row[_T])
                 self._cov = tuple(row[_COV : _COV + 3])

@@ -11,7 +11,7 @@ from experiments.dashboard.session.live import CURVE_S, POINTS
 from experiments.dashboard.session.video import Video
 from experiments.gap.closed_loop_replay import TableMotion, table_motion
 from experiments.records.recording import Run
-from rig.log import INDEX
+from rig.log import INDEX, Log
 
 
 class PlaybackClock:
@@ -114,6 +114,15 @@ class Playback:
             self.video.close()
 
 
+def without_targets(log: Log) -> Log:
+    """A copy of the log of a run of the servos alone, whose targets are angles and no places on the
+    plate: it has none.
+    """
+    rows = log.rows.copy()
+    rows[:, [INDEX["target_x_m"], INDEX["target_y_m"]]] = np.nan
+    return Log.from_rows(rows)
+
+
 def run_film(name: str, run: Run, other: Run | None = None) -> RunFilm:
     """The film of a recorded run; other: the same run with the other controller.
 
@@ -121,6 +130,8 @@ def run_film(name: str, run: Run, other: Run | None = None) -> RunFilm:
     """
     both = other is not None
     log = run_part(run.log) if both else run.log
+    if (run.meta.get("protocol") or {}).get("servo_only"):
+        log = without_targets(log)
     motion = table_motion(log)
     begin_s = float(log["t_s"][0])
     step = max(1, round(len(log) / max(motion.end_s, 1e-3) * CURVE_S / POINTS))

@@ -293,7 +293,7 @@ class Session:
         self._status = SessionStatus("running", f"{planned.words}: starting", planned)
         self._last, self._failed, self._asked, self._begun_s = "", planned, False, 0.0
         self._notes.clear()
-        self.live.begin()
+        self.live.begin(has_ball=not plan.protocol.servo_only)
         with self.table.ready(planned, self._plan_rig) as run:
             recorder = AnnouncingRecorder(run.folder, run.start)
             watch = Watch(run.request, recorder, None)

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -43,6 +44,25 @@ class RunSummary:
     outcome: str
     centroid_cm: tuple[float, float] | None = None
     by_hand: tuple[str, ...] = ()
+
+    @property
+    def when(self) -> str:
+        """The clock when the run began, as on the wall here; with the day unless it is today's. Of
+        a folder whose name tells no time, that name.
+        """
+        stamp, _, rest = self.folder.name.partition("-")
+        try:
+            begun = datetime.strptime(stamp, "%Y%m%dT%H%M%S").replace(tzinfo=UTC).astimezone()
+        except ValueError:
+            return self.folder.name
+        day = "" if begun.date() == datetime.now().date() else f"{begun:%Y-%m-%d} "
+        again = rest.rpartition("-")[2]  # of the runs that began in one second
+        return f"{day}{begun:%H:%M:%S}" + (f" ({again})" if again.isdigit() else "")
+
+    @property
+    def label(self) -> str:
+        """Name of the run for a person: protocol, controller, when."""
+        return f"{self.protocol}, {self.method}, {self.when}"
 
     @property
     def how(self) -> str:

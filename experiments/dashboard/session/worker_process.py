@@ -42,7 +42,7 @@ class WorkItem:
 
     `on_message(kind, what)` is called from the worker's thread with the kinds "progress" (stage,
     done, total), "shown" (intermediate result), "line" (printed text), and at last "done" (what the
-    task returned) or "failed" (a sentence).
+    task returned) or "failed" (a sentence); with none after other work was put instead of it.
     """
 
     name: str
@@ -93,18 +93,20 @@ class WorkerProcess:
         self._process: Any = None
         self._pipe: Any = None
         self._killed = False  # the process, or it is about to die
+        self._replaced = False  # the work that is being done: nobody waits for its messages
         self._now, self._closed = "", False
         self._thread = threading.Thread(target=self._serve, daemon=True, name="worker")
         self._thread.start()
 
     def put(self, item: WorkItem, *, instead: bool = False) -> None:
-        """Enqueue work; instead: end the work of this name first.
+        """Enqueue work; instead: end the work of this name first, of which no more is heard.
 
         ValueError: work of this name waits or is being done.
         """
         with self._wake:
             if instead:
                 self.cancel(item.name)
+                self._replaced = self._now == item.name
             elif self._now == item.name or any(other.name == item.name for other in self._waiting):
                 raise ValueError(f"{item.name} is on already: wait, or cancel it")
             self._waiting.append(item)
@@ -142,7 +144,7 @@ class WorkerProcess:
                 if self._closed:
                     return
                 item = self._waiting.popleft()
-                self._now = item.name
+                self._now, self._replaced = item.name, False
             with suppress(Exception):  # of a receiver that failed: the next item is served
                 self._do(item)
 
@@ -154,10 +156,14 @@ class WorkerProcess:
             while not ended:
                 kind, what = pipe.recv()
                 ended = kind in ("done", "failed")
-                item.on_message(kind, what)
+                self._tell(item, kind, what)
         if not ended:
             self._killed = True
-            item.on_message("failed", "ended before it was done")
+            self._tell(item, "failed", "ended before it was done")
+
+    def _tell(self, item: WorkItem, kind: str, what: Any) -> None:
+        if not self._replaced:
+            item.on_message(kind, what)
 
     def _worker(self) -> Connection:
         """The pipe to the process, started where there is none."""

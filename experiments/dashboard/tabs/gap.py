@@ -53,12 +53,6 @@ GOOD = (
 )
 
 
-def run_label(row: RunSummary) -> str:
-    """Name of a run beside its box: protocol, method, time of day."""
-    stamp = row.folder.name.split("-")[0][9:15]
-    return f"{row.protocol}, {row.method}, {stamp[:2]}:{stamp[2:4]}:{stamp[4:]}"
-
-
 def stage_lines(on: int, done: bool) -> str:
     """The five stages as Markdown lines with a mark each: on: number of the stage that is being
     done, -1: none yet; done: all are.
@@ -146,7 +140,7 @@ class GapTab:
         with self._folder:
             for number, row in enumerate(rows):
                 new = number < TICKED and not row.by_hand
-                handle = self._gui.add_checkbox(run_label(row), ticked.get(row.folder, new))
+                handle = self._gui.add_checkbox(row.label, ticked.get(row.folder, new))
                 kept = self._controls.value(handle, "run", flag, self._advise)
                 self._boxes[row.folder] = handle, kept
         self._folder.visible = bool(rows)

@@ -65,11 +65,12 @@ def event_lines(events: list[tuple[float, str]], t_s: float) -> str:
 class Viewer:
     """What one page has set and is shown in the tab.
 
-    picked: name of a run, "" for the first of the list; item: what reads the run that it asked for;
-    about: of the video, which the panel Camera shows.
+    picked: label of a run, "" for the first of the list; name: of what was asked for last; item:
+    what reads the run that it asked for; about: of the video, which the panel Camera shows.
     """
 
     picked: str = ""
+    name: str = ""
     both: bool = False
     playback: Playback | None = None
     item: WorkItem | None = None
@@ -131,7 +132,7 @@ class ReplayTab:
 
     def refresh(self) -> None:
         """List the recorded runs anew."""
-        names = tuple(row.folder.name for row in self._rows()) or (NONE,)
+        names = tuple(row.label for row in self._rows()) or (NONE,)
         if names != self._picked.options:
             self._picked.options = names
 
@@ -149,7 +150,7 @@ class ReplayTab:
         """
         viewer = self._of(page)
         name = viewer.picked or self._picked.value
-        found = [row for row in self._rows() if row.folder.name == name]
+        found = [row for row in self._rows() if row.label == name]
         if not found:
             raise ValueError("no such run: make one in the tab Run")
         folder = found[0].folder
@@ -160,8 +161,9 @@ class ReplayTab:
         def on_message(kind: str, what: Any) -> None:
             self._controls.queue.put("replay", partial(self._on_message, page, item, kind, what))
 
+        viewer.name = name + (" and its pair" if beside else "")
         item = WorkItem(f"replay {page}", partial(replay_run, folder, beside), on_message)
-        viewer.item, viewer.about = item, f"*{plain(folder.name)} is read.*"
+        viewer.item, viewer.about = item, f"*{plain(name)} is being read ...*"
         self._worker.put(item, instead=True)
 
     def _on_message(self, page: int, item: WorkItem, kind: str, what: Any) -> None:
@@ -227,7 +229,8 @@ class ReplayTab:
             words, label, lines = LIVE, PLAY, ""
             if playback is not None:
                 t_s, end_s = playback.clock.t_s, playback.clock.end_s
-                words = f"**Replay** of {plain(playback.name)}: {t_s:.1f} of {end_s:.1f} s"
+                words = f"**Replay** of {plain(viewer.name or playback.name)}"
+                words += f": {t_s:.1f} of {end_s:.1f} s"
                 label = PAUSE if playback.clock.playing else PLAY
                 lines = event_lines(playback.film.events, t_s) if playback.film else ""
                 tell(self._scrub, value=min(round(t_s, 1), round(end_s, 1)))

@@ -43,11 +43,9 @@ def table(rows: list[RunSummary], centroids: dict[str, tuple[float, float]]) -> 
         return "No runs yet: make some in the tab **Run**."
     lines = ["| run | controller | outcome | centroid [cm] |", "|---|---|---|---|"]
     for row in rows[:LISTED]:
-        stamp = row.folder.name.split("-")[0][9:15]
         where = centroids.get(row.folder.name)
         words = "" if where is None else f"({where[0]:+.2f}, {where[1]:+.2f})"
-        time = f"{stamp[:2]}:{stamp[2:4]}:{stamp[4:]}"
-        cells = (f"{row.protocol} {time}", row.method, row.how)
+        cells = (f"{row.protocol} {row.when}", row.method, row.how)
         lines.append(f"| {' | '.join(map(plain, cells))} | {words} |")
     more = len(rows) - LISTED
     lines += ["", MEANS]
@@ -64,7 +62,7 @@ def card(figures: DrawnFigures) -> str:
         lines += ["| " + " | ".join(map(plain, row)) + " |" for row in figures.table]
     for row in figures.rows:
         for what in row.by_hand:
-            lines += ["", f"By hand in {plain(row.folder.name)}: {plain(what)}"]
+            lines += ["", f"By hand in {plain(row.label)}: {plain(what)}"]
     return "\n".join(lines)
 
 

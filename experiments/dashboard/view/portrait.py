@@ -1,4 +1,4 @@
-"""How the ball swings: speed over place, angle over torque, and how far from its target.
+"""How the ball swings: speed over position, angle over torque, and how far from its target.
 
 Drawn as small pictures (SVG) of the last 20 s, twice a second: a ring is a limit cycle, a loop of
 the servo what play and friction leave of a straight line.
@@ -121,9 +121,11 @@ def pictures(rows: np.ndarray, servo: Servo) -> str:
         return WAIT
     t_s, away = rows[:, 0], distance_cm(rows)
     driven, unit, factor = ("estimated_torque_{}_Nm", "torque in the shaft, estimated [mN m]", 1e3)
+    name = "torque"
     angle = "theta_{}_rad"
     if servo.takes_angle:
         driven, unit, factor = "command_{}_rad", "command [deg]", np.degrees(1)
+        name = "command"
         angle = angle if servo.has_angle else "desired_theta_{}_rad"
     swing, loop = [], []
     for axis, colour in (("x", X), ("y", Y)):
@@ -135,9 +137,9 @@ def pictures(rows: np.ndarray, servo: Servo) -> str:
     rms = f"{np.sqrt(np.mean(last**2)):.2f} cm" if len(last) else "not seen"
     return (
         f"<p>From the target, RMS of the last {RMS_S:.0f} s: <b>{rms}</b></p>"
-        + phase_picture("ball: speed over place", "place [cm]", "speed [cm/s]", swing)
-        + phase_picture("servo: angle over what drives it", unit, "angle [deg]", loop)
-        + histogram_picture("how often how far from the target", "distance [cm]", away)
+        + phase_picture("ball: speed over position", "position [cm]", "speed [cm/s]", swing)
+        + phase_picture(f"servo: angle over {name}", unit, "angle [deg]", loop)
+        + histogram_picture("share of time at each distance from the target", "distance [cm]", away)
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from experiments.dashboard.view.grid import draw_grid
 from experiments.dashboard.view.pose import DROP_M, linkage, plate_wxyz
-from experiments.dashboard.view.view_points import VIEW_POINTS
+from experiments.dashboard.view.view_points import view_point
 from rig.parameters import Rig
 
 if TYPE_CHECKING:
@@ -26,8 +26,8 @@ are apart: what the model does not know.
 moves between two jaws: a **grey** jaw is free, a **red** one is touched.
 """
 LEGEND_VIRTUAL = """
-"gear x: 1.0°, found 0.9°": the virtual table has 1.0 degrees of play; 0.9 is what the controller's
-observer has found of it while it moves ("-": nothing yet).
+"gear x: true 1.0°, found 0.9°": the virtual table has 1.0 degrees of play; 0.9 is what the
+controller's observer has found of it while it moves ("-": nothing yet).
 """
 LEGEND_REAL = """
 "gear x: 1.0°, found 0.9°": the rig file says 1.0 degrees of play; 0.9 is what the controller's
@@ -54,10 +54,10 @@ def legend_words(real: bool) -> str:
     return "\n\n&nbsp;\n\n".join(paragraphs.strip().split("\n\n"))
 
 
-def light(server: "ViserServer") -> None:
-    """Set the scene's first view point and its lamps."""
+def light(server: "ViserServer", side_m: float) -> None:
+    """Set the scene's first view point, for a plate of this side, and its lamps."""
     camera = server.initial_camera
-    camera.position, camera.look_at = VIEW_POINTS["Whole table"]
+    camera.position, camera.look_at = view_point("Whole table", side_m)
     camera.fov = 0.82
     server.scene.configure_default_lights(True, cast_shadow=False)
     server.scene.configure_environment_map(None)  # the default one bleaches every colour

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from viser import ClientHandle, ViserServer
 
 Point = tuple[float, float, float]
+SIDE_M = 0.275  # of the plate that the places below are for
 # Camera and what it looks at, in the table's frame [m]; chosen: the table fills the view.
 VIEW_POINTS: dict[str, tuple[Point, Point]] = {
     "Whole table": ((0.24, -0.62, 0.52), (0.03, 0.03, -0.03)),
@@ -19,29 +20,41 @@ VIEW_POINTS: dict[str, tuple[Point, Point]] = {
 }
 
 
-def look_from(client: "ClientHandle", name: str) -> None:
-    """Move the view of one page to one of VIEW_POINTS."""
+def view_point(name: str, side_m: float) -> tuple[Point, Point]:
+    """One of VIEW_POINTS, from so much farther as a plate of this side is larger than SIDE_M."""
     position, at = VIEW_POINTS[name]
+    farther = max(1.0, side_m / SIDE_M)
+    x, y, z = (a + farther * (p - a) for p, a in zip(position, at, strict=True))
+    return (x, y, z), at
+
+
+def look_from(client: "ClientHandle", name: str, side_m: float) -> None:
+    """Move the view of one page to one of VIEW_POINTS, for a plate of this side."""
+    position, at = view_point(name, side_m)
     with client.atomic():
         client.camera.position, client.camera.look_at = position, at
 
 
 def add_view_points(
-    server: "ViserServer", controls: Controls, clients: Mapping[int, "ClientHandle"]
+    server: "ViserServer",
+    controls: Controls,
+    clients: Mapping[int, "ClientHandle"],
+    side_m: float,
 ) -> None:
     """A button for each of VIEW_POINTS in the GUI container of viser that is open, and an entry of
-    the command palette; every page may press them and moves its own view alone.
+    the command palette; every page may press them and moves its own view alone. side_m: of the
+    plate.
     """
     gui = server.gui
     with gui.add_folder("Look at", expand_by_default=True):
         for name in VIEW_POINTS:
             for handle in (gui.add_button(name, color="gray"), gui.add_command(name)):
-                controls.button(handle, name, _act(clients, name), everybody=True)
+                controls.button(handle, name, _act(clients, name, side_m), everybody=True)
 
 
-def _act(clients: Mapping[int, Any], name: str) -> Callable[[int | None], None]:
+def _act(clients: Mapping[int, Any], name: str, side_m: float) -> Callable[[int | None], None]:
     def act(page: int | None) -> None:
         if page is not None and page in clients:
-            look_from(clients[page], name)
+            look_from(clients[page], name, side_m)
 
     return act

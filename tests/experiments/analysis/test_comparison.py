@@ -52,7 +52,7 @@ def test_every_row_has_units_and_says_what_is_missing(two):
     assert rows["servo activity, settled"][0].endswith(" deg")
     assert all("-" not in cell for row in rows.values() for cell in row)
     alone = {row[0]: row[1:] for row in comparison_rows([run(0.0)], [])}
-    assert alone["limit cycle, amplitude"] == ["none seen", "", ""]
+    assert alone["limit cycle, amplitude"] == ["fewer than 2 cycles", "", ""]
 
 
 def test_repeats_tell_a_clear_difference_from_their_own_scatter():

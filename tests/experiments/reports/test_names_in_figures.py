@@ -3,9 +3,11 @@
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pytest
 
-from experiments.reports.figures import save
+from experiments.reports.figures import ARMS, eight_runs, play_map, save
+from rig.log import Log
 
 
 @pytest.mark.parametrize("name", ["$\\frac{$", "5 $ or $x^$", "a_b^{c"])
@@ -15,3 +17,39 @@ def test_no_name_breaks_a_figure(tmp_path: Path, name: str):
     axes.plot([0, 1], label=name)
     axes.legend()
     assert name in Path(save(figure, tmp_path, "x", "simulated")).with_suffix(".svg").read_text()
+
+
+def words_of(figure) -> list[str]:
+    found = [one.get_text() for one in figure.findobj(lambda one: hasattr(one, "get_text"))]
+    plt.close(figure)
+    return found
+
+
+def test_the_eight_runs_are_named_as_the_paper_does_and_say_which_controller():
+    t = np.arange(60) / 60
+    log = Log.from_columns({"t_s": t, "ball_x_m": 0 * t, "ball_y_m": 0 * t, "phase": 2 + 0 * t})
+    words = words_of(eight_runs([log] * 4, [log] * 4))
+    assert [w for w in words if w[:1] in ("a", "b")] == [
+        "a₁",
+        "a₂",
+        "a₃",
+        "a₄",
+        "b₁",
+        "b₂",
+        "b₃",
+        "b₄",
+    ]
+    assert set(ARMS.values()) <= set(words)
+    assert not any("$" in word for word in words)
+
+
+def test_a_map_of_angles_is_in_degrees_with_as_many_digits_as_the_verdict_needs():
+    found = {"effect": 0.031, "low": 0.0302, "high": 0.0308, "relevant": 0.0015}  # rad
+    none = {"effect": 6.6e-5, "low": 1e-5, "high": 1.7e-4, "relevant": 0.0015}
+    cells = [
+        {"gear_deg": g, "joint_deg": 0.0, "activity": one} for g, one in ((0.0, none), (1.0, found))
+    ]
+    words = words_of(play_map(cells, "activity", "servo activity", "rad"))
+    assert "+1.776\n[+1.730, +1.765]\nhelps" in words
+    assert "+0.004\n[+0.001, +0.010]\nneutral" in words
+    assert "without - with [deg]; above 0: better with" in words

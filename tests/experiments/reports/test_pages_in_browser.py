@@ -26,9 +26,12 @@ def every_kind_of_page(folder: Path) -> Path:
 
     picture = folder / "picture.png"
     cv2.imwrite(str(picture), np.full((660, 960, 3), 255, np.uint8))
-    wide = [[f"run {i}", *(f"{i}.{j} [{j}, {j + 1}]" for j in range(13))] for i in range(8)]
-    head = ("cell", "arm", "gain [cm]", "p (Holm)", "verdict", "at equal activity")
     logs = [f"20261122T15010{i}-sine-sweep-without" for i in range(3)]
+    wide = [
+        [f"run {i}", logs[i % 3], "completed", *(f"{i}.{j} [{j}, {j + 1}]" for j in range(11))]
+        for i in range(8)
+    ]
+    head = ("cell", "arm", "gain [cm]", "p (Holm)", "verdict", "at equal activity")
     agree = [["joint_backlash", *("1.99 [1.89, 2.09] deg" for _ in logs), "yes"]]
     rest = ("-", "helps", "+0.1 vs retuned 4.5, 5: ha")
     cells = [[f"{LONG} kind{i % 7}", "with", f"{(i * 37) % 101:+d}", *rest] for i in range(120)]
@@ -39,7 +42,10 @@ def every_kind_of_page(folder: Path) -> Path:
         answer="The ball stays 3.2 times nearer to its target.",
         summary=["a note"],
         sections=[
-            Section("Figures", [Pictures([Picture(picture, "a"), Picture(picture, "b")])]),
+            Section(
+                "Figures",
+                ["Pushes are drawn.", Pictures([Picture(picture, "a"), Picture(picture, "b")])],
+            ),
             Section("Sizes", [Table(("effect", *logs, "agree"), agree)]),
             Section("Seven", [Table([f"column {j}" for j in range(7)], [["1.5 mm"] * 7])]),
             Section("Every run", [Table(RUN_HEAD, wide)]),
@@ -85,6 +91,15 @@ def test_words_are_whole_on_paper_and_borders_lie_inside(chromium, page_file):
         assert paper.get_by_text(word, exact=True).evaluate(LINES) == 1
     right = "one => one.getBoundingClientRect().right"
     assert max(paper.locator("table").evaluate_all(f"all => all.map({right})")) <= PRINTED_PX - 0.5
+
+
+def test_a_head_and_its_sentence_stay_with_what_they_are_of_on_paper(chromium, page_file):
+    paper = opened(chromium, page_file, PRINTED_PX)
+    paper.emulate_media(media="print")
+    after = "one => getComputedStyle(one).breakAfter"
+    assert paper.get_by_role("heading", name="Figures", exact=True).evaluate(after) == "avoid"
+    assert paper.get_by_text("Pushes are drawn.").evaluate(after) == "avoid"
+    assert paper.get_by_text("completed", exact=True).first.evaluate(LINES) == 1
 
 
 def test_dark_by_preference_with_the_same_hues(chromium, page_file):

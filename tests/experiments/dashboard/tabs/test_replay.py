@@ -1,5 +1,8 @@
 """The tab Replay before a worker that never ends: nothing is read in the thread of the queue."""
 
+import time
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +11,7 @@ import pytest
 from experiments.dashboard.server.controls import ControlLock, Controls
 from experiments.dashboard.server.pages import Pages
 from experiments.dashboard.server.server import open_server
+from experiments.dashboard.session.live import LiveBuffer
 from experiments.dashboard.session.playback import Playback, run_film
 from experiments.dashboard.session.tasks import RunSummary
 from experiments.dashboard.session.worker_process import WorkItem
@@ -65,7 +69,7 @@ def film(name):
 def test_of_two_runs_that_were_asked_for_the_newest_is_shown(replay):
     tab, controls, worker, shown = replay
     tab.show(1)
-    tab._pick(1, "run-2")
+    tab._pick(1, "hold, with, run-2")
     tab.show(1)
     first, second = worker.items
     first.on_message("shown", film("run-1"))  # it was on its way as the second was asked for
@@ -75,6 +79,41 @@ def test_of_two_runs_that_were_asked_for_the_newest_is_shown(replay):
     controls.queue.close()
     assert shown == [(1, "run-2")]
     assert tab._of(1).about == "*rendering the video: 25 %*"
+
+
+def test_a_run_is_called_by_protocol_controller_and_the_clock_on_the_wall(monkeypatch):
+    monkeypatch.setenv("TZ", "Asia/Tokyo")
+    time.tzset()
+    try:
+        now = datetime.now(UTC)
+        today = RunSummary(Path(f"{now:%Y%m%dT%H%M%S}-hold-with-2"), "hold", "with", 1, "completed")
+        there = now + timedelta(hours=9)
+        assert today.label == f"hold, with, {there:%H:%M:%S} (2)"
+        old = RunSummary(Path("20200131T230000-hold-with"), "hold", "with", 1, "completed")
+        assert old.label == "hold, with, 2020-02-01 08:00:00"
+    finally:
+        monkeypatch.undo()
+        time.tzset()
+
+
+def test_a_run_of_the_servos_alone_has_no_target_on_the_plate():
+    run = recorded(2.0)
+    aims = run.log.rows.copy()
+    aims[:, [INDEX["target_x_m"], INDEX["target_y_m"]]] = 0.1  # rad
+    protocol = {"protocol": {"servo_only": True}}
+    film = run_film("run", replace(run, log=Log.from_rows(aims), meta=run.meta | protocol))
+    assert np.isnan(film.motion.target_m).all()
+    assert np.isnan(film.rows[:, INDEX["target_x_m"]]).all()
+    film = run_film("run", replace(run, log=Log.from_rows(aims)))
+    assert (film.rows[:, INDEX["target_x_m"]] == 0.1).all()
+
+    live = LiveBuffer(500.0)
+    for has_ball in (False, True):
+        live.begin(has_ball=has_ball)
+        live.add(aims[0])
+        row = live.now().row
+        assert row is not None
+        assert np.isnan(row[INDEX["target_x_m"]]) != has_ball
 
 
 def test_a_run_that_is_still_read_does_not_replace_what_was_chosen_since(replay):
@@ -89,7 +128,7 @@ def test_a_run_that_is_still_read_does_not_replace_what_was_chosen_since(replay)
 def test_every_page_has_a_film_of_its_own_and_one_that_is_gone_none(replay):
     tab, controls, worker, shown = replay
     tab.show(1)
-    tab._pick(2, "run-2")  # a page that watches
+    tab._pick(2, "hold, with, run-2")  # a page that watches
     tab.show(2)
     first, second = worker.items
     assert first.name != second.name  # so that neither ends the other

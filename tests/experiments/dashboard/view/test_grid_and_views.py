@@ -8,7 +8,7 @@ import pytest
 
 from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.view.grid import COARSE_M, FINE_M, grid_lines, grid_numbers
-from experiments.dashboard.view.view_points import VIEW_POINTS, add_view_points
+from experiments.dashboard.view.view_points import VIEW_POINTS, add_view_points, view_point
 
 SIDE_M = 0.275
 
@@ -46,14 +46,22 @@ def test_a_page_moves_its_own_view_alone_and_may_without_the_controls():
         add_folder=lambda *a, **k: nullcontext(), add_button=handle, add_command=handle
     )
     controls, pages = Controls(lambda *what: None, print), {1: page(), 2: page()}
-    add_view_points(SimpleNamespace(gui=gui), controls, pages)  # pyright: ignore
+    add_view_points(SimpleNamespace(gui=gui), controls, pages, SIDE_M)  # pyright: ignore
     assert set(pressed) == set(VIEW_POINTS)
     pressed["From above"](SimpleNamespace(client_id=2))
     pressed["From above"](SimpleNamespace(client_id=3))  # has gone
     controls.queue.close()
-    assert pages[2].camera.position == VIEW_POINTS["From above"][0]
+    assert pages[2].camera.position == pytest.approx(VIEW_POINTS["From above"][0])
     assert pages[2].camera.look_at == VIEW_POINTS["From above"][1]
     assert not vars(pages[1].camera)
     for position, at in VIEW_POINTS.values():
         assert np.linalg.norm(np.subtract(position, at)) > 0.2
         assert position[2] > at[2]  # never from below
+
+
+def test_a_larger_plate_is_seen_at_the_same_size_and_a_smaller_one_is_not_come_nearer():
+    for name, (position, at) in VIEW_POINTS.items():
+        there, same = view_point(name, 1.5 * SIDE_M)
+        assert same == at
+        assert np.subtract(there, at) == pytest.approx(1.5 * np.subtract(position, at))
+        assert view_point(name, 0.5 * SIDE_M)[0] == pytest.approx(position)
