@@ -31,7 +31,7 @@ from calibration.gap.model.parameters import COAST_KEY, NominalModel, Parameter
 HUBER_Z = 3.0  # 0.27 % of Gaussian samples lie beyond
 ITERATIONS = 40  # at most: a fit that is cut off loses to a worse model that is not; chosen
 CONVERGED_GAIN = 0.05  # a gain in C below this ends the fit
-STALE_SECANT_GAIN = 5.0  # a gain in C beyond which secants are stale, and a fit begins again
+STALE_SECANT_GAIN = 5.0  # a gain in C since the secants were taken beyond which they are renewed
 # Where secants promise more than STALE_SECANT_GAIN and the step gains less than POOR_SHARE of that,
 # they are too wide for a narrow valley and are taken NARROWER, to NARROWEST of a step; chosen.
 POOR_SHARE, NARROWER, NARROWEST = 0.1, 0.3, 0.05
@@ -196,17 +196,15 @@ def fit(
 
     Secants are taken once, and at every step for the effects `bent` (backlash, delays, periods).
     All are taken anew where a step gains less than POOR_SHARE of what they promise, over a smaller
-    width. Where no step along all lowers C, the parameters of backlash are moved one by one, once.
-    Where C stalls after it fell by STALE_SECANT_GAIN, all begins again there, over the whole width:
-    C is rough where teeth meet, and narrow secants see the roughness alone. `KeyError`: no such
-    parameter.
+    width, and where C stalls after it fell by STALE_SECANT_GAIN. Where no step along all lowers C,
+    the parameters of backlash are moved one by one, once. `KeyError`: no such parameter.
     """
     parameters = [nominal.parameters[name] for name in bounds]
-    best = _inside(evidence, nominal, _without_columns(start, nominal, bent), bounds)
+    best = _inside(evidence, nominal, start, bounds)
     scale = np.array([parameter.step for parameter in parameters])
     prior = np.array([inverse_variance(k, bounds[k.name]) for k in parameters])
     nominals = np.array([k.nominal for k in parameters])
-    begun_at, width, done, searched = start.cost, 1.0, 0, False
+    taken_at, width, done, searched = start.cost, 1.0, 0, False
     while done < iterations:
         columns = differences(evidence, nominal, best, parameters, bounds, width)
         best = replace(best, columns={**best.columns, **kept_columns(columns, parameters, bent)})
@@ -223,27 +221,16 @@ def fit(
         if gain < CONVERGED_GAIN and not searched:
             best, gain = _one_by_one(evidence, nominal, best, bounds)
             searched = True
+        stale = gain < CONVERGED_GAIN and taken_at - best.cost >= STALE_SECANT_GAIN
         poor = promised > STALE_SECANT_GAIN and gain < POOR_SHARE * promised
-        if poor and width > NARROWEST:
-            best, width = replace(best, columns={}), NARROWER * width
-            continue
-        done += 1
-        if gain < CONVERGED_GAIN:
-            if begun_at - best.cost < STALE_SECANT_GAIN:
-                break
-            best, begun_at, width, searched = replace(best, columns={}), best.cost, 1.0, False
+        narrow = poor and width > NARROWEST
+        width *= NARROWER if narrow else 1.0
+        done += not narrow
+        if narrow or stale:
+            best, taken_at = replace(best, columns={}), best.cost
+        elif gain < CONVERGED_GAIN:
+            break
     return best
-
-
-def _without_columns(
-    at: ParameterFit, nominal: NominalModel, effects: Collection[str]
-) -> ParameterFit:
-    """The fit without the secants of `effects`, which are taken at every step."""
-    known = nominal.parameters
-    kept = {
-        key: column for key, column in at.columns.items() if known[key[1]].effect not in effects
-    }
-    return replace(at, columns=kept)
 
 
 def _one_by_one(

@@ -14,7 +14,6 @@ from calibration.gap.model import noise
 from calibration.gap.model.data import Roll
 from calibration.gap.model.fit import (
     HUBER_Z,
-    STALE_SECANT_GAIN,
     bounded_step,
     differences,
     evaluate,
@@ -25,7 +24,7 @@ from calibration.gap.model.fit import (
     weights,
 )
 from calibration.gap.model.parameters import BALL, SERVO, NominalModel
-from calibration.gap.model.state import State, baseline, refit
+from calibration.gap.model.state import State, baseline
 from rig.log import Log
 from tests.support.gap.tables import RIG, evidence_of, foreign, released, without_columns
 from tests.support.worlds import WORLDS
@@ -228,31 +227,6 @@ def test_in_a_narrow_valley_the_fit_ends_as_low_as_powells_method():
     other = minimize(cost, first, method="Powell", bounds=list(zip(low, high, strict=True)))
     assert cost(first) - other.fun > 300.0
     assert cost(first) - state.fit.cost > 0.97 * (cost(first) - other.fun)
-
-
-def test_a_fit_that_narrowed_its_secants_begins_again_over_their_whole_width():
-    """From a play that is not there narrow secants end 8600 above what wide ones find."""
-    columns, _, _ = WORLDS["healthy_axis"](2000)
-    evidence = evidence_of(Log.from_columns(columns))
-    nominal, output = NominalModel(RIG, load_friction=False, coasts=True), ["servo_x"]
-    start = evaluate(evidence, nominal, {"gear_backlash.play_rad.x": 0.01}, output)
-    state = State(evidence, nominal, start, named=(("gear_backlash", "x"),))
-    done = refit(state, state.bounds(output))
-    again = refit(replace(done, fit=replace(done.fit, columns={})), done.bounds(output))
-    assert done.fit.setting["gear_backlash.play_rad.x"] < 1e-3
-    assert done.fit.cost - again.fit.cost < STALE_SECANT_GAIN
-
-
-def test_a_bent_effect_is_fitted_by_no_secants_that_were_taken_elsewhere():
-    state, name = servos(), "voltage_offset.offset_V.x"
-    bounds = {name: state.nominal.parameters[name].range}
-    wrong = {("servo_x", name): np.ones_like(state.fit.z("servo_x"))}
-    marked = replace(state.fit, columns=wrong)
-    bent = ["voltage_offset"]
-    done = fit(state.evidence, state.nominal, marked, bounds, bent=bent, iterations=1)
-    clean = fit(state.evidence, state.nominal, state.fit, bounds, bent=bent, iterations=1)
-    assert done.setting == clean.setting
-    assert clean.cost < state.fit.cost
 
 
 def test_at_the_upper_bound_the_difference_goes_down():
