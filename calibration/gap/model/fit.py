@@ -194,10 +194,11 @@ def fit(
     until C with the prior falls by less than CONVERGED_GAIN; all other parameters stay as in
     `start`.
 
-    Secants are taken once, and at every step for the effects `bent` (backlash, delays, periods).
-    All are taken anew where a step gains less than POOR_SHARE of what they promise, over a smaller
-    width, and where C stalls after it fell by STALE_SECANT_GAIN. Where no step along all lowers C,
-    the parameters of backlash are moved one by one, once. `KeyError`: no such parameter.
+    Secants are taken once, and at every step for the effects `bent` (backlash, delays, periods);
+    those that `start` has are kept instead, also of `bent`, until all are taken anew: where a step
+    gains less than POOR_SHARE of what they promise, over a smaller width, and where C stalls after
+    it fell by STALE_SECANT_GAIN. Where no step along all lowers C, the parameters of backlash are
+    moved one by one, once. `KeyError`: no such parameter.
     """
     parameters = [nominal.parameters[name] for name in bounds]
     best = _inside(evidence, nominal, start, bounds)

@@ -161,7 +161,7 @@ def _fitted(
     if felt < _least_felt(state, output):
         gain = 0.0
     free = [nominal.parameters[name] for name in state.bounds((output,))]
-    held = [(k.effect, k.axis) in state.named for k in free]
+    held = [(parameter.effect, parameter.axis) in state.named for parameter in free]
     low[:-k][held] = high[:-k][held] = 0.0
     step = bounded_step(a, b, low, high, np.append(nuisance[3], np.full(k, unit)))
     unknown = _term(units, step[-k:], fixed, have)
