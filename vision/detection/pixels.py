@@ -63,6 +63,43 @@ def fisher(image, u, v, r_ball, r_in, r_out, floor):
 
 
 @kernel
+def turn_steps(image, u, v, radius, floor):
+    """Steps (8,) between just inside and just outside a disc (px), by eighths of its turn, sorted,
+    in standard deviations of the colour channel that steps most; 0 where there are no pixels.
+
+    The scatter is that within the eighths, and at least `floor` grey levels: a ball that is lit
+    above and shaded below its plate's brightness differs from it all round, not in the mean.
+    """
+    h, wd, _ = image.shape
+    gap, step = 0.5 + 0.04 * radius, max(1, int(radius / 12.0))
+    count, mean = np.zeros((2, 8)), np.zeros((2, 8, 3))
+    square, reach = np.zeros(3), 1.35 * radius + 1.0
+    for i in range(max(0, int(v - reach)), min(h, int(v + reach) + 2), step):
+        for j in range(max(0, int(u - reach)), min(wd, int(u + reach) + 2), step):
+            d = math.sqrt((i - v) ** 2 + (j - u) ** 2)
+            if d < 0.6 * radius or d >= reach or abs(d - radius) < gap:
+                continue
+            side = 1 if d > radius else 0
+            part = int((math.atan2(i - v, j - u) / (2.0 * math.pi) + 1.0) * 8.0) % 8
+            count[side, part] += 1.0
+            for c in range(3):
+                mean[side, part, c] += image[i, j, c]
+                square[c] += float(image[i, j, c]) ** 2
+    steps, total = np.zeros(8), max(count.sum(), 1.0)
+    for c in range(3):
+        within = square[c]
+        for part in range(8):
+            for side in range(2):
+                within -= mean[side, part, c] ** 2 / max(count[side, part], 1.0)
+        sigma = math.sqrt(max(within, 0.0) / total + floor * floor)
+        for part in range(8):
+            if count[0, part] > 0.0 and count[1, part] > 0.0:
+                a, b = mean[0, part, c] / count[0, part], mean[1, part, c] / count[1, part]
+                steps[part] = max(steps[part], abs(a - b) / sigma)
+    return np.sort(steps)
+
+
+@kernel
 def relief(image, u, v, radius):
     """How much the brightness in a disc (px) varies as that of a solid does, share of its mean.
 

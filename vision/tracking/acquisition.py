@@ -1,8 +1,9 @@
 """Which thing is the ball, if nobody has said? Watched live, a few looks a second.
 
 Round things are sought in the whole image a dozen times a second, at any frame rate, and followed
-(`things`): the ball is the one that travels, or after half a second at rest the one that stands
-out. The windows are times, so that a film at 250 frames a second is judged as one at 30.
+(`things`): the ball is the one that travels or, at rest, stands out. Between these looks they are
+glanced at in their places, which tells them from grain, not from each other. The windows are
+times, so that a film at 250 frames a second is judged as one at 30.
 """
 
 from __future__ import annotations
@@ -14,15 +15,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from vision.detection.appearance import Appearance
-from vision.detection.detector import Detection
+from vision.detection.detector import REACH, Detection
 from vision.detection.pixels import mean_probability
 from vision.frames import Frame
-from vision.tracking.gate import TELLING_FILL
+from vision.tracking.gate import TELLING_FILL, is_inside
+from vision.tracking.kinematics import START_SPEED_RADII_S
 from vision.tracking.sightings import Sighting, bounds_of, round_things, same_place, sight
 from vision.tracking.stir import Stir
 from vision.tracking.things import TRAVEL, UNLIKE_COLOUR, UNLIKE_SIZE, Thing, Things
 
 LOOK_S = 0.08  # between two looks at the image, so that finding costs little beside tracking
+# Between two glances at known things in their places: a ball just met is within its rays then.
+GLANCE_S = REACH / START_SPEED_RADII_S
 WINDOW_S = 2.0
 LOOKED_AT_EACH = 1e5  # pixels of the largest image that every look searches; larger ones less often
 AT_MOST = 6  # circles of an octave that are looked at more closely
@@ -103,7 +107,7 @@ class Acquisition:
         self.things = Things(window_s=WINDOW_S)
         self._stir = Stir()
         self._stirred_s = self._calm_s = -math.inf
-        self._looked_s = -math.inf
+        self._looked_s = self._glanced_s = -math.inf
         self._looks = 0
 
     def locked(self, ball: Sighting, t_s: float) -> None:
@@ -137,24 +141,31 @@ class Acquisition:
 
     def step(self, frame: Frame, *, every_s: float = LOOK_S) -> Acquired | None:
         """The ball in this frame, once it has been recognised, else None; frames come in order of
-        time. The image is looked at `every_s`."""
-        if 0.0 <= frame.t_s - self._looked_s < every_s:
+        time. The image is looked at `every_s`, in search known things in between."""
+        searching = every_s == LOOK_S  # what is locked is doubted by `doubts`
+        if not 0.0 <= frame.t_s - self._looked_s < every_s:
+            self._looked_s = self._glanced_s = frame.t_s
+            self._look(frame)
+            if searching:
+                self._stir.add(frame.t_s, frame.image)
+                self._blame(frame.t_s, _reach(frame.image))
+        elif searching and not 0.0 <= frame.t_s - self._glanced_s < GLANCE_S:
+            self._glanced_s = frame.t_s
+            self.things.glance(frame.t_s, self._again(frame.image, []))
+        else:
             return None
-        self._looked_s = frame.t_s
-        self._looks += 1
-        image = frame.image
-        bounds = bounds_of(image, self._bounds)
-        due = _cadence(self._looks - 1)
-        seen = round_things(image, bounds, at_most=AT_MOST, due=due)
-        self.things.add(frame.t_s, self._allowed(self._again(image, bounds, seen)))
-        if every_s == LOOK_S:  # what is locked is doubted by `doubts`
-            self._stir.add(frame.t_s, image)
-            self._blame(frame.t_s, _reach(image))
-        thing = self._choose(image)
+        thing = self._choose(frame)
         if thing is None:
             return None
-        moves, clear = thing.travel(_reach(image)) > 1.0, thing.evidence > CLEAR_EVIDENCE
+        moves, clear = thing.travel(_reach(frame.image)) > 1.0, thing.evidence > CLEAR_EVIDENCE
         return Acquired(thing.last.seen, thing.last.appearance, moves, clear)
+
+    def _look(self, frame: Frame) -> None:
+        """Search the whole image for round things."""
+        self._looks += 1
+        bounds, due = bounds_of(frame.image, self._bounds), _cadence(self._looks - 1)
+        seen = round_things(frame.image, bounds, at_most=AT_MOST, due=due)
+        self.things.add(frame.t_s, self._again(frame.image, seen))
 
     def _blame(self, t_s: float, reach: float) -> None:
         """Things that stayed while others stirred for `STIRRED_S` are not the ball."""
@@ -164,11 +175,9 @@ class Acquisition:
             thing.calm_s = min(thing.calm_s, t_s) if stays else t_s
             thing.other |= t_s - thing.calm_s > STIRRED_S
 
-    def _again(
-        self, image: np.ndarray, bounds: tuple[float, float], seen: list[Sighting]
-    ) -> list[Sighting]:
-        """`seen`, and the known things that are in their place still."""
-        found = list(seen)
+    def _again(self, image: np.ndarray, seen: list[Sighting]) -> list[Sighting]:
+        """`seen`, and the known things that are in their place still, where the ball can be."""
+        found, bounds = list(seen), bounds_of(image, self._bounds)
         for thing in self.things.ranked(_reach(image))[:AGAIN]:
             last = thing.last
             if not any(same_place(last, s) for s in found):
@@ -176,19 +185,15 @@ class Acquisition:
                 # It may have been another thing's outline that the rays met.
                 if s is not None and not any(same_place(s, f) for f in found):
                     found.append(s)
-        return found
-
-    def _allowed(self, seen: list[Sighting]) -> list[Sighting]:
-        mask, known = self._mask, self._known
+        known = self._known
         return [
             s
-            for s in seen
-            if (mask is None or _inside(mask, *s.place))
-            and (known is None or not known.is_still(s.seen))
+            for s in found
+            if is_inside(s.seen, self._mask) and (known is None or not known.is_still(s.seen))
         ]
 
-    def _choose(self, image: np.ndarray) -> Thing | None:
-        reach = _reach(image)
+    def _choose(self, frame: Frame) -> Thing | None:
+        image, reach = frame.image, _reach(frame.image)
         scores = {id(thing): self._score(thing, image) for thing in self.things.all}
         ranked = sorted(self.things.all, key=lambda thing: -scores[id(thing)])[:AGAIN]
         ranked = [
@@ -196,19 +201,23 @@ class Acquisition:
             for thing in ranked
             if thing.evidence >= LEAST_EVIDENCE and not self.things.is_part(thing, reach)
         ]
-        if not ranked or ranked[0].missed:
+        if not ranked or ranked[0].last_s != frame.t_s:
             return None
         best = ranked[0]
-        n, lasted = len(best.times), best.times[-1] - best.times[0]
+        n, lasted = len(best.times), best.last_s - best.times[0]
+        met = n + best.glances
         ahead = scores[id(best)] / max((scores[id(x)] for x in ranked[1:2]), default=1e-9)
-        lead = min(ahead, best.moved_proof(reach) / (LEAST_EVIDENCE * math.sqrt(n)))  # over grain
+        over_grain = best.moved_proof(reach) / (LEAST_EVIDENCE * math.sqrt(n))
+        lead = min(ahead, over_grain)
         moves = best.travel(reach) > 1.0
-        if n < 0.6 * best.looks or (best.other and not moves):
+        if n < 0.6 * best.looks or (best.other and not moves) or not best.is_usual:
             return None
         like = self._known is not None and self._known.like(image, best.last)
         if like:
             return best if n >= 2 and lasted >= KNOWN_S and ahead > STANDS_OUT else None
-        sure = lead > (STANDS_OUT if moves else STANDS_OUT_AT_REST) and n * math.log(lead) > SURE
+        # Grain differs at every glance; whether one thing outdoes another, looks alone tell.
+        sure = lead > (STANDS_OUT if moves else STANDS_OUT_AT_REST)
+        sure = sure and min(met * math.log(over_grain), n * math.log(ahead)) > SURE
         known = self._known
         # What was lost and was not clear may have been a finger.
         surer = known is not None and not known.clear and best.evidence > CLEAR_EVIDENCE
@@ -220,9 +229,10 @@ class Acquisition:
         others = [thing for thing in ranked if thing is not best]
         if any(thing.drifts(reach) and thing.evidence > 0.5 * best.evidence for thing in others):
             return None  # that one will be seen to travel, or not
-        if best.last.flat and self._stir.elsewhere(best.last.place, best.radius_px):
+        stirs = lasted < LOOK_S or self._stir.elsewhere(best.last.place, best.radius_px)
+        if best.last.flat and stirs:
             return None
-        return best if sure and n >= 2 and lasted >= waits_s else None
+        return best if sure and met >= 2 and lasted >= waits_s else None
 
     def _score(self, thing: Thing, image: np.ndarray) -> float:
         score = thing.score(_reach(image))
@@ -241,11 +251,6 @@ def _reach(image: np.ndarray) -> float:
 def _cadence(look: int) -> Callable[[int], bool]:
     """Which images a look searches, by their number of pixels: the larger, the less often."""
     return lambda pixels: look % max(1, round(pixels / LOOKED_AT_EACH)) == 0
-
-
-def _inside(mask: np.ndarray, u_px: float, v_px: float) -> bool:
-    i, j = round(v_px), round(u_px)
-    return 0 <= i < mask.shape[0] and 0 <= j < mask.shape[1] and bool(mask[i, j])
 
 
 def fits(colour: Appearance, s: Sighting) -> bool:

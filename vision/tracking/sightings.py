@@ -11,7 +11,7 @@ import numpy as np
 from vision.detection.appearance import NOISE_FLOOR, Appearance
 from vision.detection.detector import Detection
 from vision.detection.hough_circles import Circle, circles_of_any_size
-from vision.detection.pixels import fisher, relief
+from vision.detection.pixels import relief, turn_steps
 from vision.detection.streaks_and_mirrors import locate_shrunk, mirror_silhouette
 from vision.tracking.gate import is_plausible, outline_significance
 
@@ -23,9 +23,10 @@ ROUGH_SIZE = 0.45  # logarithm of radii: what a circle of the transform may be o
 # Below this an outline is as likely chance: grain and noise give it up to 6, a ball of 5 px with
 # twice the contrast of a plate's grain 7 and more.
 LEAST_SIGNIFICANCE = 7.0
-# Standard deviations between a disc and what lies beside it; a polished ball, which mirrors the
-# plate, shows 1.8, the inside of a printed circle less than 1.
+# Standard deviations between just inside and just outside a disc over three quarters of its turn;
+# 95 % of the balls show 3, the inside of a printed circle less than 1.
 LEAST_STEP = 1.2
+FAINT = 0.1  # weight, while it stays, of what differs from its surround along its turn alone
 # Share of a disc's mean brightness by which a ball's shading varies at least: a ball under lamps
 # has 0.07 and more, flat things 0.05 and less; under a wide even light a ball comes near them
 # too, hence a weight and no condition.
@@ -118,7 +119,10 @@ def sight(
     appearance, found = _outermost(image, appearance, found, bounds_px[1])
     appearance = Appearance.sketch(image, found.u_px, found.v_px, found.radius_px)
     significance = outline_significance(appearance.separation, found.radius_px)
-    if significance < LEAST_SIGNIFICANCE or _is_ring(image, found):
+    step = _step(image, found)
+    faint = significance < LEAST_SIGNIFICANCE
+    significance = outline_significance(step, found.radius_px) if faint else significance
+    if significance < LEAST_SIGNIFICANCE or step < LEAST_STEP:
         return None
     silhouette = mirror_silhouette(image, appearance, found)
     found = silhouette if silhouette is not None else found
@@ -128,15 +132,15 @@ def sight(
     off = math.hypot(found.u_px - 0.5 * w, found.v_px - 0.5 * h) / math.hypot(0.5 * w, 0.5 * h)
     evidence *= max(0.2, 1.0 - 0.5 * rough)
     solid = relief(image, found.u_px, found.v_px, found.radius_px) / RELIEF
-    likely = (1.0 - 0.5 * off**2) * min(max(solid, FLAT), 1.0)
+    likely = (1.0 - 0.5 * off**2) * min(max(solid, FLAT), 1.0) * (FAINT if faint else 1.0)
     return Sighting(found, appearance, evidence, likely, solid <= FLAT)
 
 
-def _is_ring(image: np.ndarray, found: Detection) -> bool:
-    """Whether it is a line about something like what lies outside, such as a printed circle."""
-    u, v, r = found.u_px, found.v_px, found.radius_px
-    beside = fisher(image, u, v, 0.85 * r, 1.1 * r + 0.5, 1.35 * r + 1.5, NOISE_FLOOR)
-    return beside[3] < LEAST_STEP
+def _step(image: np.ndarray, found: Detection) -> float:
+    """Step over three quarters of the outline [standard deviations]; small for a line about
+    something like what lies outside, such as a printed circle."""
+    place = found.u_px, found.v_px, found.radius_px
+    return float(turn_steps(image, *place, NOISE_FLOOR)[2])
 
 
 def surest_disc(
@@ -173,6 +177,7 @@ def _outermost(
         bounds = (max(1.1 * found.radius_px, 0.85 * radius), 1.15 * radius)
         if disc is None or not is_plausible(disc, wider, bounds, strict=True):
             continue
-        if math.hypot(disc.u_px - inner.u_px, disc.v_px - inner.v_px) < 0.2 * inner.radius_px:
+        off = math.hypot(disc.u_px - inner.u_px, disc.v_px - inner.v_px)
+        if off < 0.2 * inner.radius_px and _step(image, disc) >= LEAST_STEP:
             appearance, found = wider, disc
     return appearance, found

@@ -37,27 +37,40 @@ HIDDEN = 3  # looks in a row that miss a thing; from then on it is hidden, not s
 
 @dataclass(eq=False)
 class Thing:
-    """A round thing and where it was seen: `times` [s] and `sightings` of equal length; `looks`
-    counts the images since its first in which it was not hidden, `missed` those since its last;
-    `other` says that the ball was known to be elsewhere while it was there, `calm_s` when nothing
-    stirred beside it or it moved itself [s]."""
+    """A round thing and where looks saw it: `times` [s] and `sightings` of equal length; `looks`
+    counts the images since its first in which it was not hidden, `missed` those since its last,
+    `glances` how often it was met between looks, at last as `glance` (time, sighting); `other` says
+    that the ball was known to be elsewhere while it was there, `calm_s` when nothing stirred beside
+    it or it moved itself [s]."""
 
     times: list[float] = field(default_factory=list)
     sightings: list[Sighting] = field(default_factory=list)
     looks: int = 0
     missed: int = 0
+    glances: int = 0
+    glance: tuple[float, Sighting] | None = None
     other: bool = False
     calm_s: float = math.inf
 
     @property
     def last(self) -> Sighting:
-        """The latest sighting."""
-        return self.sightings[-1]
+        """The latest sighting, by a look or a glance."""
+        return self.sightings[-1] if self.glance is None else self.glance[1]
+
+    @property
+    def last_s(self) -> float:
+        """When that was [s]."""
+        return self.times[-1] if self.glance is None else self.glance[0]
 
     @property
     def radius_px(self) -> float:
         """Median radius (px)."""
         return float(np.median([s.seen.radius_px for s in self.sightings]))
+
+    @property
+    def is_usual(self) -> bool:
+        """Whether its latest sighting has its usual size: a lock teaches size and colours."""
+        return abs(math.log(self.last.seen.radius_px / self.radius_px)) < UNLIKE_SIZE
 
     @property
     def shadowy(self) -> bool:
@@ -104,7 +117,7 @@ class Thing:
     def score(self, reach_px: float) -> float:
         """How much speaks for it as the ball among other things: one that stays counts by how
         likely it is a ball's (`Sighting.likely`)."""
-        likely = self.last.likely * (OTHER if self.other else 1.0)
+        likely = self.sightings[-1].likely * (OTHER if self.other else 1.0)
         stays = 1.0 - min(self.travel(reach_px), 1.0)
         return self.moved_proof(reach_px) * likely**stays
 
@@ -118,6 +131,27 @@ class Things:
 
     def add(self, t_s: float, sightings: list[Sighting]) -> None:
         """Add what was seen in one image: every sighting goes to the thing it is most like."""
+        taken = self._matched(t_s, sightings)
+        for i, thing in enumerate(self.all):
+            thing.looks += thing.missed < HIDDEN
+            thing.missed += 1
+            if i in taken:
+                thing.missed, thing.glance = 0, None
+                thing.times.append(t_s)
+                thing.sightings.append(sightings[taken[i]])
+        free = set(range(len(sightings))) - set(taken.values())
+        self.all += [Thing([t_s], [sightings[k]], looks=1) for k in sorted(free)]
+        self._forget(t_s)
+
+    def glance(self, t_s: float, sightings: list[Sighting]) -> None:
+        """Add what was seen where known things are expected: they are there now, and more than
+        grain; what they are beside others, looks at the whole image alone tell."""
+        for i, k in self._matched(t_s, sightings).items():
+            self.all[i].glance = t_s, sightings[k]
+            self.all[i].glances += 1
+
+    def _matched(self, t_s: float, sightings: list[Sighting]) -> dict[int, int]:
+        """Number of the sighting by that of the thing that it is most like."""
         pairs = sorted(
             (unlike, i, k)
             for i, thing in enumerate(self.all)
@@ -127,16 +161,7 @@ class Things:
         for unlike, i, k in pairs:
             if math.isfinite(unlike) and i not in taken and k not in taken.values():
                 taken[i] = k
-        for i, thing in enumerate(self.all):
-            thing.looks += thing.missed < HIDDEN
-            thing.missed += 1
-            if i in taken:
-                thing.missed = 0
-                thing.times.append(t_s)
-                thing.sightings.append(sightings[taken[i]])
-        free = set(range(len(sightings))) - set(taken.values())
-        self.all += [Thing([t_s], [sightings[k]], looks=1) for k in sorted(free)]
-        self._forget(t_s)
+        return taken
 
     def _forget(self, t_s: float) -> None:
         for thing in self.all:
@@ -145,6 +170,7 @@ class Things:
             if old:
                 # As if it had been looked for since its first sighting that is kept.
                 thing.looks = max(len(thing.times) - old, thing.looks - old)
+                thing.glances = 0
                 del thing.times[:old], thing.sightings[:old]
         self.all = [thing for thing in self.all if thing.times]
 
@@ -153,8 +179,8 @@ class Things:
         for thing in self.all:
             apart = thing.last.far(ball) > max(thing.radius_px, ball.seen.radius_px)
             thing.other = apart and (thing.other or len(thing.times) > 1)
-            thing.times, thing.sightings = thing.times[-1:], thing.sightings[-1:]
-            thing.looks, thing.missed = 1, 0
+            thing.times, thing.sightings = [thing.last_s], [thing.last]
+            thing.looks, thing.missed, thing.glances, thing.glance = 1, 0, 0, None
         self.all = [thing for thing in self.all if thing.other]
 
     def ball_is_not(self, t_s: float, still: Sighting) -> None:
@@ -213,9 +239,8 @@ def _unlike(thing: Thing, new: list[Sighting], t_s: float) -> list[float]:
         (last.seen.radius_px, last.appearance.ball_bgr),
         (thing.radius_px, np.median([s.appearance.ball_bgr for s in thing.sightings], 0)),
     ]
-    gap_s = abs(t_s - thing.times[-1])
-    farthest = NEAR_RADII + SPEED_RADII_S * gap_s
-    ahead, sway = _ahead(thing, gap_s)
+    farthest = NEAR_RADII + SPEED_RADII_S * abs(t_s - thing.last_s)
+    ahead, sway = _ahead(thing, abs(t_s - thing.times[-1]))
     return [
         math.inf
         if last.far(s) > farthest * max(last.seen.radius_px, s.seen.radius_px)
@@ -229,7 +254,7 @@ def _unlike(thing: Thing, new: list[Sighting], t_s: float) -> list[float]:
 def _ahead(thing: Thing, gap_s: float) -> tuple[tuple[float, float], float]:
     """Where a thing is `gap_s` after its last sighting if it keeps its speed, (u, v) px, and how
     many radii from there, or from its last place, it may be; infinite before its speed is known."""
-    (u, v), n = thing.last.place, len(thing.times)
+    (u, v), n = thing.sightings[-1].place, len(thing.times)
     if n < 3:
         return (u, v), math.inf
     (u0, v0), dt = thing.sightings[-2].place, abs(thing.times[-1] - thing.times[-2])

@@ -17,6 +17,7 @@ import numpy as np
 from vision.detection.appearance import Appearance
 from vision.frames import Frame, Track
 from vision.tracking.acquisition import LEAST_EVIDENCE, NAMED, STANDS_OUT, fits
+from vision.tracking.gate import is_inside
 from vision.tracking.sightings import Sighting, bounds_of, round_things
 from vision.tracking.things import TRAVEL, UNLIKE_COLOUR, UNLIKE_SIZE, Thing, Things
 from vision.tracking.tracker import SAME_SIZE_SHARE, Tracker
@@ -71,7 +72,7 @@ def _looks(
         image, last_s = frame.image, frame.t_s
         looks.longer = max(looks.longer, *image.shape[:2])
         seen = round_things(image, bounds_of(image, radius_px), at_most=AT_MOST)
-        looks.seen.append((frame.index, [s for s in seen if mask is None or _on(mask, s)]))
+        looks.seen.append((frame.index, [s for s in seen if is_inside(s.seen, mask)]))
         if len(looks.seen) > LOOKS:
             looks.seen, looks.every_s = looks.seen[::2], 2.0 * looks.every_s
     return looks
@@ -119,11 +120,6 @@ def _usual(best: Thing) -> list[tuple[float, Sighting]]:
 def _sure(best: Thing, looks: int) -> bool:
     """Whether it was seen often and well enough to be more than grain."""
     return best.evidence > LEAST_EVIDENCE and len(best.times) >= min(3, looks)
-
-
-def _on(mask: np.ndarray, s: Sighting) -> bool:
-    i, j = (round(x) for x in reversed(s.place))
-    return 0 <= i < mask.shape[0] and 0 <= j < mask.shape[1] and bool(mask[i, j])
 
 
 class WholeFilm:

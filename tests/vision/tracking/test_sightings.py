@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 
 from tests.support.footage import disc, exposed
+from vision.detection.appearance import NOISE_FLOOR, Appearance
 from vision.detection.hough_circles import circles_of_any_size
-from vision.tracking.sightings import bounds_of, round_things
+from vision.detection.pixels import turn_steps
+from vision.tracking.sightings import LEAST_STEP, bounds_of, round_things
 
 
 def seen(image):
@@ -46,3 +48,22 @@ def test_a_shaded_ball_is_likelier_than_a_flat_mark_of_its_contrast():
     image = exposed(image, 2.0, np.random.default_rng(1))
     ball, mark = sorted(round_things(image, bounds_of(image, None)), key=lambda s: s.place)
     assert ball.likely > 1.5 * mark.likely
+
+
+def test_a_ball_as_bright_as_its_plate_steps_along_its_turn_a_printed_ring_does_not():
+    image = np.full((240, 320, 3), 200.0, np.float32)
+    disc(image, (90.0, 120.0), 30.0, np.full(3, 200.0), shade=0.5)
+    cv2.circle(image, (230, 120), 30, (60.0, 60.0, 60.0), 2, cv2.LINE_AA)
+    image = exposed(image, 2.0, np.random.default_rng(1))
+    ball, ring = (turn_steps(image, u, 120.0, 30.0, NOISE_FLOOR) for u in (90.0, 230.0))
+    assert Appearance.sketch(image, 90.0, 120.0, 30.0).separation < LEAST_STEP
+    assert ball[2] > LEAST_STEP > 3.0 * ring[2]
+
+
+def test_a_ball_within_a_printed_ring_is_seen_and_not_the_ring():
+    image = np.full((240, 320, 3), 180.0, np.float32)
+    cv2.circle(image, (160, 120), 50, (60.0, 60.0, 60.0), 2, cv2.LINE_AA)
+    disc(image, (156.0, 117.0), 36.0, np.array((70.0, 100.0, 130.0)), shade=0.3)
+    places, radii = seen(exposed(image, 2.0, np.random.default_rng(1)))
+    near = np.hypot(*(places - (156.0, 117.0)).T) < 10.0
+    assert radii[near] == pytest.approx([36.0], abs=1.0)

@@ -160,6 +160,16 @@ def test_old_sightings_are_forgotten_but_other_things_are_not():
     assert [t.last.place for t in things.all] == [(100, 100)]
 
 
+def test_a_glance_tells_where_a_thing_is_but_neither_proves_it_nor_lets_it_travel():
+    things = watched(lambda k: sighting(100, 100, evidence=1.0), looks=2)
+    (thing,) = things.all
+    before = thing.proof, thing.travel(REACH), thing.evidence
+    things.glance(1.5, [sighting(110, 100, evidence=2.0), sighting(400, 300)])
+    assert (thing.last.place, thing.last_s, thing.glances) == ((110, 100), 1.5, 1)
+    assert (thing.proof, thing.travel(REACH), thing.evidence) == before
+    assert things.all == [thing]
+
+
 @pytest.mark.parametrize("change", [{"radius": 30.0}, {"bgr": (230.0, 30.0, 30.0)}])
 def test_unlike_things_far_apart_are_two(change):
     things = watched(lambda k: sighting(100, 100) if k < 5 else sighting(400, 300, **change))

@@ -142,6 +142,14 @@ def test_a_wrong_colour_keeps_no_ball_from_being_found(colour):
     assert np.nanmax(errors) < 1.0
 
 
+def test_a_ball_alone_is_known_before_a_second_look_at_the_image():
+    film = rolling("orange", on="wood", radius=20.0, seconds=0.1, fps=100, rest_s=9.0)
+    tracks, errors = follow(film, Tracker())
+    first = next(k for k, t in enumerate(tracks) if t.state == "track")
+    assert 0.0 < film.frames[first].t_s - film.frames[0].t_s < LOOK_S
+    assert np.nanmax(errors) < 1.0
+
+
 def test_a_ball_that_was_lost_is_not_replaced_at_once_by_a_mover_of_another_size():
     """A screw on a tilting plate, a fingertip: found again is the ball, or for 1.8 s nothing."""
     gone = rolling("orange", on="wood", leaves_s=-99.0, seconds=0.1)
