@@ -14,7 +14,9 @@ from tests.support.boards.chip import Chip
 from tests.support.boards.commands import Lab
 from tests.support.boards.host import HostBoard
 
-ODD = Wiring(swap=True, sign_volts=(-1, 1), sign_angle=(1, -1), zero_counts=(20, -12), crossed=True)
+ODD = Wiring(
+    order=(1, 0), sign_volts=(-1, 1), sign_angle=(1, -1), zero_counts=(20, -12), crossed=True
+)
 BALL = """title = "short"
 duration_s = {seconds}
 [start]
@@ -88,7 +90,7 @@ def test_home_then_squares_then_a_ball_then_a_reset(cable: str, make_lab):
     assert "swapped, motors crossed" in said
     assert "the markers see the plate level" in said
     kept = json.loads(lab.rig_file.with_suffix(".home.json").read_text())["wiring"]
-    assert (kept["swap"], kept["crossed"]) == (True, True)
+    assert (kept["order"], kept["crossed"]) == ([1, 0], True)
     assert (kept["sign_volts"], kept["sign_angle"]) == ([-1, 1], [1, -1])
     assert np.abs(np.subtract(kept["zero_counts"], ODD.zero_counts)).max() <= 8
 

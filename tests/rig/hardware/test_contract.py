@@ -41,8 +41,10 @@ from tests.support.hardware.remote_bench import Cable, realtime, served
 
 pytestmark = pytest.mark.realtime
 
-ODD = Wiring(swap=True, sign_volts=(-1, 1), sign_angle=(1, -1), zero_counts=(7, -4), crossed=True)
-BUS_ODD = Wiring(swap=True, sign_angle=(-1, 1), zero_counts=(2100, 1990))
+ODD = Wiring(
+    order=(1, 0), sign_volts=(-1, 1), sign_angle=(1, -1), zero_counts=(7, -4), crossed=True
+)
+BUS_ODD = Wiring(order=(1, 0), sign_angle=(-1, 1), zero_counts=(2100, 1990))
 Pair = tuple[float, float]
 
 

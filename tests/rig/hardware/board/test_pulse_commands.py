@@ -40,13 +40,13 @@ def make_lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys):
 
 
 def test_home_then_a_ball(make_lab):
-    lab = make_lab(swap=True)
+    lab = make_lab(order=(1, 0))
     code, said, error = lab.call("home")
     assert code == 0, error
     assert "channels: swapped" in said
     assert "the markers see the plate level" in said
     wiring = json.loads(lab.rig_file.with_suffix(".home.json").read_text())["wiring"]
-    assert (wiring["swap"], wiring["sign_angle"]) == (True, [-1, 1])
+    assert (wiring["order"], wiring["sign_angle"]) == ([1, 0], [-1, 1])
     off_rad = np.array(wiring["zero_counts"]) * 2 * np.pi / wiring["counts_per_rev"]
     # By channel; the dead bands of both servos and the play of the joints are in it.
     assert off_rad == pytest.approx([-0.05, 0.07], abs=0.02)
@@ -73,7 +73,7 @@ def test_without_markers_homing_keeps_the_files_word(make_lab):
     assert code == 0, error
     assert "no markers were seen" in said
     wiring = json.loads(lab.rig_file.with_suffix(".home.json").read_text())["wiring"]
-    assert (wiring["swap"], wiring["sign_angle"]) == (False, [1, -1])
+    assert (wiring["order"], wiring["sign_angle"]) == ([0, 1], [1, -1])
     assert wiring["zero_counts"] == [46, -33]
 
 

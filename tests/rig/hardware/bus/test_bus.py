@@ -101,7 +101,7 @@ def test_it_starts_where_the_servos_are_and_goes_to_level_slowly(bench, kind: st
 
 @EVERY
 def test_signs_swap_and_level_are_the_wirings(bench, kind: str):
-    wiring = Wiring(swap=True, sign_angle=(-1, 1), zero_counts=(2100, 1990))
+    wiring = Wiring(order=(1, 0), sign_angle=(-1, 1), zero_counts=(2100, 1990))
     one = bench(kind, (2100, 1990))
     with one.open(wiring=wiring) as table:
         seen = ticks(table, 60, (0.2, -0.1))

@@ -13,7 +13,7 @@ from tests.support.boards.bus_lab import BusLab
 from tests.support.boards.bus_servos import DEAD_TIME_S, LAG_S
 from tests.support.boards.bus_world import VENDORS
 
-ODD = Wiring(swap=True, sign_angle=(-1, 1), zero_counts=(2048 + 60, 2048 - 45))
+ODD = Wiring(order=(1, 0), sign_angle=(-1, 1), zero_counts=(2048 + 60, 2048 - 45))
 SERVO = """title = "squares"
 duration_s = 2.0
 servo_only = true
@@ -73,7 +73,7 @@ def test_home_then_squares_then_a_ball(kind: str, make_lab):
     assert "the markers see the plate level" in said
     kept = json.loads(lab.rig_file.with_suffix(".home.json").read_text())
     wiring = kept["wiring"]
-    assert (wiring["swap"], wiring["sign_angle"]) == (True, [-1, 1])
+    assert (wiring["order"], wiring["sign_angle"]) == ([1, 0], [-1, 1])
     # The plate has 1 degree of play at the arm (11 counts), of which homing sees either end.
     assert np.abs(np.subtract(wiring["zero_counts"], ODD.zero_counts)).max() <= 8
     assert kept["where"] == f"{lab.pty.port} [1, 2]"
@@ -125,7 +125,7 @@ def test_a_bus_that_is_not_there_or_has_other_servos_is_one_line(make_lab):
     lab.rig_file.write_text(text.replace("ids = [1, 5]", "ids = [1, 1]"))
     code, _, error = lab.call("home")
     assert (code, error.count("\n")) == (2, 1)
-    assert "two different numbers" in error
+    assert "2 different numbers" in error
 
 
 @pytest.mark.slow

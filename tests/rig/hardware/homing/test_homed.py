@@ -14,7 +14,7 @@ from rig.hardware.wiring import Wiring
 from rig.parameters import Rig, TableChoice
 
 RIG = Rig(table=TableChoice(kind="serial", port="/dev/ttyACM0"))
-FOUND = Homing(Wiring(True, (1, -1), (-1, 1), (300, -20), crossed=True), (1.2, 1.1), (0.4, 0.5))
+FOUND = Homing(Wiring((1, 0), (1, -1), (-1, 1), (300, -20), crossed=True), (1.2, 1.1), (0.4, 0.5))
 
 
 def homed(boot_id: str | None) -> Homed:
