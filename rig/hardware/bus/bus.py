@@ -27,6 +27,7 @@ ANSWER_S = 0.5  # chosen: an adapter that was just plugged in is slow at first
 ASK_AGAIN_S = 0.02  # chosen: above the 16 ms for which an FTDI adapter may keep an answer back
 HEALTH_S = 0.1  # torque, watchdog and hardware errors are looked at so often
 START_RAD_S = 0.5  # chosen: a plate that is brought level by itself does so in a second, slowly
+MARGIN_RAD = 0.1  # as homing has it, of stops
 ARRIVED_RAD, ARRIVE_S = 0.04, 4.0  # as homing has it
 BUSY = 0.8  # of a tick at most: the adapter and the servos need time of their own
 ANSWERS_AFTER_S = 0.5e-3  # of a servo as it is delivered (return delay: 250 x 2 us)
@@ -202,7 +203,7 @@ class BusTable(ServoTable, LevelOnExit):
         """ValueError: from where an arm is, its level may lie on the other way round."""
         ways = zip(self._linkage.servo_names, self._told, self.travel_rad, strict=True)
         for name, angle, travel in ways:
-            if abs(angle) > 0.5 * travel:
+            if abs(angle) > 0.5 * travel + MARGIN_RAD:
                 raise ValueError(
                     f"{self._link.name}: servo {name} stands {abs(angle):.2f} rad from level, it "
                     f"may turn {0.5 * travel:.2f} to each side: with its supply off, turn its arm "

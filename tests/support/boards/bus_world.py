@@ -38,7 +38,8 @@ class BusWorld:
         start_m: tuple[float, float] = (0.0, 0.0),
         held: bool = False,
     ) -> None:
-        fine = replace(rig, servo=AT_ONCE, control_rate_hz=1 / STEP_S)
+        reach = {key: getattr(rig.servo, key) for key in ("angle_limit_rad", "stop_rad")}
+        fine = replace(rig, servo=replace(AT_ONCE, **reach), control_rate_hz=1 / STEP_S)
         self.board, self.wiring, self.linkage = board, wiring, rig.linkage
         self.plant = SimulatedTable(fine, np.random.default_rng(1), start_m=start_m, held=held)
         self.balls: list[Observation] = []
@@ -66,7 +67,9 @@ class BusWorld:
 
     def step(self) -> None:
         self.board.step()
-        self.plant.drive(self.shafts_rad)
+        held = self.shafts_rad
+        if np.isfinite(held).all():  # else three arms hold the plate nowhere: it stays
+            self.plant.drive(held)
         reading = self.plant.read()
         self._ms += 1
         if reading.ball is not None:
