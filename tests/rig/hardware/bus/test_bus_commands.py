@@ -81,14 +81,19 @@ def test_home_then_squares_then_a_ball(kind: str, make_lab):
 ARMS_ODD = Wiring((1, 2, 0), (1, 1, 1), (-1, 1, -1), (2048 + 40, 2048 + 30, 2048 - 20))
 
 
-@pytest.mark.parametrize("kind", MARK)
-def test_three_arms_are_homed_and_balance_a_ball(kind: str, make_lab):
+def three_arms(make_lab, kind: str) -> BusLab:
     lab = make_lab(
         kind, wiring=ARMS_ODD, counts=(2100, 2000, 2060), shipped="three-arms.toml", rate_hz=200.0
     )
     text = lab.rig_file.read_text()
     told = text.replace('kind = "position"', 'kind = "position"\nangle_measured = true')
     lab.rig_file.write_text(told)
+    return lab
+
+
+@pytest.mark.parametrize("kind", MARK)
+def test_three_arms_are_homed_and_balance_a_ball(kind: str, make_lab):
+    lab = three_arms(make_lab, kind)
     code, said, error = lab.call("home")
     assert code == 0, error
     assert "channels: arm at 120 degrees, arm at 240 degrees, arm at 0 degrees" in said
@@ -141,9 +146,10 @@ def test_a_bus_that_is_not_there_or_has_other_servos_is_one_line(make_lab):
 
 
 @pytest.mark.slow
-def test_the_servos_are_measured_from_a_run(make_lab):
+@pytest.mark.parametrize("arms", [False, True])
+def test_the_servos_are_measured_from_a_run(arms: bool, make_lab):
     """`rig calibrate servo` on a recording of theirs, by the angle that they read back."""
-    lab = make_lab("feetech", markers=False)
+    lab = three_arms(make_lab, "feetech") if arms else make_lab("feetech", markers=False)
     assert lab.call("home")[0] == 0
     code, said, found = lab.run(SQUARES.replace("2.0", "12.0"))
     assert code == 0, said
