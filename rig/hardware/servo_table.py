@@ -19,6 +19,8 @@ class ServoTable:
     def __init__(self, linkage: Linkage, angle_limit_rad: float) -> None:
         self._linkage, self._limit_rad = linkage, angle_limit_rad
         self._limits_rad = linkage.servo_limits_rad(angle_limit_rad)
+        # Loads what is compiled of the linkage: that takes longer than a watchdog waits.
+        linkage.table_angles(linkage.servo_angles((0.0, 0.0)))
 
     def drive(self, volts: tuple[float, float]) -> None:
         """Tell the servos what brings the table to angles (x, y) [rad] in place of volts, cut at

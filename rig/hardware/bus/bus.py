@@ -182,8 +182,6 @@ class BusTable(ServoTable, LevelOnExit):
         self._told = self._wiring.angles(counts)
         self._check_near()
         units = [round(r / s.speed_rad_s) for r, s in zip(self._rates, self._setups, strict=True)]
-        # Loads what is compiled of them: that takes longer than a watchdog waits.
-        self._linkage.table_angles(self._linkage.servo_angles((0.0, 0.0)))
         self._tell_watchdog(on=False)
         self._write(vendor.speed, [vendor.speed_data(unit) for unit in units])
         self._write(vendor.goal, [vendor.goal_data(count) for count in counts])
