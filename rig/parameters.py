@@ -5,7 +5,6 @@ D = measured on real units, as published by their owners; "assumed" = nobody pub
 Angles, speeds, torques and inertias of the drive are those at the servo's load shaft.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import pi
 from typing import Annotated, Any, ClassVar, Literal
@@ -27,19 +26,18 @@ PULSES = "pulses"
 ANGLE_KINDS = (*BUS_KINDS, PULSES)  # of tables whose servos are told an angle
 TABLE_KINDS = ("simulated", "serial", "usb", "quanser", "remote", *ANGLE_KINDS)
 HIGHEST_ID = 252  # of a servo on either bus
-USUAL: dict[str, Callable[[int], tuple]] = {  # of so many servos, by channel
-    "ids": lambda servos: tuple(range(1, servos + 1)),
-    "trim_rad": lambda servos: (0.0,) * servos,
-    "pulse_us_per_rad": lambda servos: (2000 / pi,) * servos,  # 90 degrees for 1 ms
-    "sign_volts": lambda servos: (1,) * servos,
-    "sign_angle": lambda servos: (1,) * servos,
+USUAL = {  # by channel, as far as there are servos
+    "ids": (1, 2, 3),
+    "trim_rad": (0.0,) * 3,
+    "pulse_us_per_rad": (2000 / pi,) * 3,  # 90 degrees for 1 ms
+    "sign_volts": (1,) * 3,
+    "sign_angle": (1,) * 3,
 }
 ANGLE_MARGIN_RAD = 0.08  # further beyond the angle limit is a runaway (the stop is at 0.086)
 
 # SRV02 in high gear (A).
 MOTOR_RESISTANCE_OHM = 2.6
 MOTOR_TORQUE_CONSTANT_NM_A = 7.68e-3
-MOTOR_BACK_EMF_V_S = 7.68e-3
 MOTOR_EFFICIENCY = 0.69
 GEARBOX_EFFICIENCY = 0.90
 GEAR_RATIO_HIGH = 70.0
@@ -57,24 +55,6 @@ def torque_per_volt() -> float:
         * MOTOR_TORQUE_CONSTANT_NM_A
         / MOTOR_RESISTANCE_OHM
     )
-
-
-def nominal_servo(
-    *, rotor_kg_m2: float = 3.90e-7, tachometer_kg_m2: float = 7.06e-8, viscous_nm_s: float = 0.015
-) -> tuple[float, float]:
-    """Gain K [rad/s/V] and time constant tau [s] of the SRV02 in high gear, from its manual (A).
-
-    J_eq = eta_g K_g^2 J_m + J_gears; B = B_eq + (eta_g eta_m K_g^2 k_t k_m)/R_m; K = A/B and tau =
-    J_eq/B with A = `torque_per_volt()`. rotor_kg_m2 + tachometer_kg_m2 = J_m at the motor's shaft;
-    viscous_nm_s = B_eq at the load shaft.
-    """
-    per_volt = torque_per_volt()
-    inertia = (
-        GEARBOX_EFFICIENCY * GEAR_RATIO_HIGH**2 * (rotor_kg_m2 + tachometer_kg_m2)
-        + GEARS_INERTIA_HIGH_KG_M2
-    )
-    damping = viscous_nm_s + per_volt * GEAR_RATIO_HIGH * MOTOR_BACK_EMF_V_S
-    return per_volt / damping, inertia / damping
 
 
 @dataclass(frozen=True)
@@ -291,7 +271,7 @@ class TableChoice:
 
     def by_channel(self, key: str, servos: int) -> tuple[Any, ...]:
         """Return what `key` lists for so many servos; a list that the file leaves out is usual."""
-        return getattr(self, key) or USUAL[key](servos)
+        return getattr(self, key) or USUAL[key][:servos]
 
     def check(self, servos: int) -> None:
         """Raise ValueError (one line) where a key has no valid value or a needed key is missing.
@@ -315,13 +295,9 @@ class TableChoice:
                     "list one value for each"
                 )
         if self.swap and servos != 2:
-            raise ValueError(
-                f"table.swap: {servos} servos have no x and y to swap; put their plugs or "
-                "table.ids in order"
-            )
-        if not all(0 <= one <= HIGHEST_ID for one in self.ids) or (
-            len({*self.ids}) < len(self.ids)
-        ):
+            raise ValueError("table.swap: 3 servos have no x and y to swap: order their plugs")
+        differ = len({*self.ids}) == len(self.ids)
+        if not (differ and all(0 <= one <= HIGHEST_ID for one in self.ids)):
             raise ValueError(
                 f"table.ids = {list(self.ids)}: must be {servos} different numbers from 0 to "
                 f"{HIGHEST_ID}; give each servo its own with its maker's tool"
