@@ -1,7 +1,8 @@
 """What lies between the servos and the plate: two rods, or three arms (`rig.three_arms`)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import acos, atan2, cos, hypot, nan, pi, sin, sqrt
+from math import acos, asin, atan2, cos, degrees, hypot, nan, pi, sin, sqrt
 from typing import ClassVar, Literal
 
 from rig import three_arms
@@ -9,6 +10,8 @@ from rig.compiled import compiled
 from rig.section import NotNegative, Positive, Section
 
 RODS, THREE_ARMS = "two-rods", "three-arms"
+Pair = tuple[float, float]
+_STEP_RAD = 1e-3  # chosen: the tilt per angle at level changes by a millionth over it
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,66 @@ class Linkage(Section):
     def size(self) -> tuple[float, float, float, float]:
         """Base radius, plate radius, arm and rod [m] as `rig.three_arms` takes them."""
         return self.base_radius_m, self.plate_radius_m, self.arm_radius_m, self.rod_length_m
+
+    # --- its servos: those of x and y, or of the arms in the order of their azimuths ---
+    @property
+    def servos(self) -> int:
+        """How many servos move the plate."""
+        return three_arms.ARMS if self.kind == THREE_ARMS else 2
+
+    @property
+    def servo_names(self) -> tuple[str, ...]:
+        """What the servos are called in messages."""
+        if self.kind != THREE_ARMS:
+            return "x", "y"
+        return tuple(f"arm at {degrees(azimuth):.0f} degrees" for azimuth in three_arms.AZIMUTHS)
+
+    def servo_angles(self, angles: Pair) -> tuple[float, ...]:
+        """Angles of the servos from level [rad] at the table's angles (x, y) [rad]; NaN where three
+        arms do not reach them.
+        """
+        if self.kind != THREE_ARMS:
+            return angles
+        return three_arms.turned(sin(angles[0]), sin(angles[1]), self.height_m, self.size)
+
+    def table_angles(self, turned: Sequence[float]) -> Pair:
+        """The table's angles (x, y) [rad] at the servos' from level [rad]; NaN where three arms
+        hold no plate. The inverse of `servo_angles`; three arms may hold the plate higher or lower.
+        """
+        if self.kind != THREE_ARMS:
+            return turned[0], turned[1]
+        s_x, s_y = three_arms.sines(turned, self.height_m, self.size)
+        return asin(s_x), asin(s_y)
+
+    def servo_limits_rad(self, angle_limit_rad: float) -> tuple[float, ...]:
+        """How far each servo turns from level at most [rad] while the table's angles stay within
+        their limit.
+        """
+        if self.kind != THREE_ARMS:
+            return angle_limit_rad, angle_limit_rad
+        return three_arms.most_turned(angle_limit_rad, self.height_m, self.size)
+
+    def servo_rates(self, rates: Pair) -> tuple[float, ...]:
+        """Rate limits of the servos of those by axis: arms, which move both, keep to the lower."""
+        return rates if self.kind != THREE_ARMS else (min(rates),) * self.servos
+
+    @property
+    def tilt_per_servo(self) -> tuple[Pair, ...]:
+        """By servo, what (sin phi_x, sin phi_y) change per radian of it at level [1]."""
+        if self.kind != THREE_ARMS:
+            return (self.ratios[0], 0.0), (0.0, self.ratios[1])
+        found = []
+        for i in range(self.servos):
+            high, low = (
+                three_arms.sines(
+                    [way * _STEP_RAD * (k == i) for k in range(self.servos)],
+                    self.height_m,
+                    self.size,
+                )
+                for way in (1, -1)
+            )
+            found.append(tuple((a - b) / (2 * _STEP_RAD) for a, b in zip(high, low, strict=True)))
+        return tuple(found)
 
     def check(self, angle_limit_rad: float, travel_rad: float, radius_m: float) -> None:
         """Raise ValueError (one line) where the plate cannot reach every angle up to the limit.

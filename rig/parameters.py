@@ -7,7 +7,7 @@ Angles, speeds, torques and inertias of the drive are those at the servo's load 
 
 from dataclasses import dataclass, field, replace
 from math import pi
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from annotated_types import Gt
 
@@ -26,12 +26,18 @@ PULSES = "pulses"
 ANGLE_KINDS = (*BUS_KINDS, PULSES)  # of tables whose servos are told an angle
 TABLE_KINDS = ("simulated", "serial", "usb", "quanser", "remote", *ANGLE_KINDS)
 HIGHEST_ID = 252  # of a servo on either bus
+USUAL = {  # by channel, as far as there are servos
+    "ids": (1, 2, 3),
+    "trim_rad": (0.0,) * 3,
+    "pulse_us_per_rad": (2000 / pi,) * 3,  # 90 degrees for 1 ms
+    "sign_volts": (1,) * 3,
+    "sign_angle": (1,) * 3,
+}
 ANGLE_MARGIN_RAD = 0.08  # further beyond the angle limit is a runaway (the stop is at 0.086)
 
 # SRV02 in high gear (A).
 MOTOR_RESISTANCE_OHM = 2.6
 MOTOR_TORQUE_CONSTANT_NM_A = 7.68e-3
-MOTOR_BACK_EMF_V_S = 7.68e-3
 MOTOR_EFFICIENCY = 0.69
 GEARBOX_EFFICIENCY = 0.90
 GEAR_RATIO_HIGH = 70.0
@@ -49,24 +55,6 @@ def torque_per_volt() -> float:
         * MOTOR_TORQUE_CONSTANT_NM_A
         / MOTOR_RESISTANCE_OHM
     )
-
-
-def nominal_servo(
-    *, rotor_kg_m2: float = 3.90e-7, tachometer_kg_m2: float = 7.06e-8, viscous_nm_s: float = 0.015
-) -> tuple[float, float]:
-    """Gain K [rad/s/V] and time constant tau [s] of the SRV02 in high gear, from its manual (A).
-
-    J_eq = eta_g K_g^2 J_m + J_gears; B = B_eq + (eta_g eta_m K_g^2 k_t k_m)/R_m; K = A/B and tau =
-    J_eq/B with A = `torque_per_volt()`. rotor_kg_m2 + tachometer_kg_m2 = J_m at the motor's shaft;
-    viscous_nm_s = B_eq at the load shaft.
-    """
-    per_volt = torque_per_volt()
-    inertia = (
-        GEARBOX_EFFICIENCY * GEAR_RATIO_HIGH**2 * (rotor_kg_m2 + tachometer_kg_m2)
-        + GEARS_INERTIA_HIGH_KG_M2
-    )
-    damping = viscous_nm_s + per_volt * GEAR_RATIO_HIGH * MOTOR_BACK_EMF_V_S
-    return per_volt / damping, inertia / damping
 
 
 @dataclass(frozen=True)
@@ -256,11 +244,11 @@ class TableChoice:
     remote table, number of a Quanser card or "vendor:product" of a USB board; token_file: the
     remote table's secret; camera: an address for `vision.open_source`; calibration: the camera's
     bundle. amplifier_gain: motor volts per output volt of the Quanser card; card_options: handed to
-    its driver. ids: of the servos on a bus, channel 0 and 1; trim_rad: by channel, where a servo
-    that takes an angle holds the plate level, from its own middle. swap, crossed and the signs by
-    channel: the wiring (`rig.hardware.wiring`); what homing finds overrides these and trim_rad.
-    pulse_us_per_rad, pulse_range_us: of servos on pulses, by channel; the range that neither
-    leaves, whose middle is that of their turn [us].
+    its driver. swap, crossed and the signs by channel: the wiring (`rig.hardware.wiring`); what
+    homing finds overrides these and trim_rad. Of servos that take an angle, by channel: ids on a
+    bus; trim_rad, where one holds the plate level, from its own middle; pulse_us_per_rad of those
+    on pulses. A list that is left out is that of `by_channel`. pulse_range_us: the range that no
+    servo on pulses leaves, whose middle is that of its turn [us].
     """
 
     kind: str = "simulated"
@@ -272,17 +260,24 @@ class TableChoice:
     calibration: str = ""
     amplifier_gain: float = 1.0
     card_options: str = ""
-    ids: tuple[int, int] = (1, 2)
-    trim_rad: tuple[float, float] = (0.0, 0.0)
-    pulse_us_per_rad: tuple[float, float] = (2000 / pi, 2000 / pi)  # 90 degrees for 1 ms
+    ids: tuple[int, ...] = ()
+    trim_rad: tuple[float, ...] = ()
+    pulse_us_per_rad: tuple[float, ...] = ()
     pulse_range_us: tuple[float, float] = (1000.0, 2000.0)
     swap: bool = False
     crossed: bool = False
-    sign_volts: tuple[int, int] = (1, 1)
-    sign_angle: tuple[int, int] = (1, 1)
+    sign_volts: tuple[int, ...] = ()
+    sign_angle: tuple[int, ...] = ()
 
-    def check(self) -> None:
-        """Raise ValueError (one line) where a key has no valid value or a needed key is missing."""
+    def by_channel(self, key: str, servos: int) -> tuple[Any, ...]:
+        """Return what `key` lists for so many servos; a list that the file leaves out is usual."""
+        return getattr(self, key) or USUAL[key][:servos]
+
+    def check(self, servos: int) -> None:
+        """Raise ValueError (one line) where a key has no valid value or a needed key is missing.
+
+        servos: how many the linkage has.
+        """
         if self.kind not in TABLE_KINDS:
             raise ValueError(f"table.kind = '{self.kind}'; known: {', '.join(TABLE_KINDS)}")
         needed = {"remote": ("address", "token_file")}
@@ -293,10 +288,19 @@ class TableChoice:
         for key in ("sign_volts", "sign_angle"):
             if any(sign not in (-1, 1) for sign in getattr(self, key)):
                 raise ValueError(f"table.{key} = {list(getattr(self, key))}: each must be 1 or -1")
-        if not all(0 <= one <= HIGHEST_ID for one in self.ids) or self.ids[0] == self.ids[1]:
+        for key in USUAL:
+            if len(self.by_channel(key, servos)) != servos:
+                raise ValueError(
+                    f"table.{key} = {list(getattr(self, key))}: the linkage has {servos} servos, "
+                    "list one value for each"
+                )
+        if self.swap and servos != 2:
+            raise ValueError("table.swap: 3 servos have no x and y to swap: order their plugs")
+        differ = len({*self.ids}) == len(self.ids)
+        if not (differ and all(0 <= one <= HIGHEST_ID for one in self.ids)):
             raise ValueError(
-                f"table.ids = {list(self.ids)}: must be two different numbers from 0 to "
-                f"{HIGHEST_ID}; give the second servo its own with its maker's tool"
+                f"table.ids = {list(self.ids)}: must be {servos} different numbers from 0 to "
+                f"{HIGHEST_ID}; give each servo its own with its maker's tool"
             )
         if not all(abs(trim) <= pi for trim in self.trim_rad):
             raise ValueError(f"table.trim_rad = {list(self.trim_rad)}: each must be -3.14 to 3.14")
@@ -385,7 +389,7 @@ class Rig:
                 f"camera.rate_hz = {self.camera.rate_hz:g} is above control_rate_hz = "
                 f"{self.control_rate_hz:g}: the loop takes one frame a tick; lower the camera's"
             )
-        self.table.check()
+        self.table.check(linkage.servos)
         load = GEARS_INERTIA_HIGH_KG_M2 + self.drive.plate_inertia_kg_m2
         if not servo.takes_angle and servo.inertia_kg_m2 <= load:
             raise ValueError(

@@ -13,6 +13,7 @@ torsion, by the shortest turn of `rig.plant.ball.plate_rotation`, and its centre
 chapter 4). Angles of arms are measured from the horizontal, s_x, s_y are the sines of the tilt.
 """
 
+from collections.abc import Sequence
 from math import acos, atan2, cos, nan, pi, sin, sqrt
 
 import numpy as np
@@ -156,13 +157,46 @@ def transmission(s_x, s_y, height, size):
     return min(least, abs(det) / (1.5 * sqrt(3.0) * plate * plate))
 
 
+def turned(s_x: float, s_y: float, height: float, size: tuple[float, ...]) -> tuple[float, ...]:
+    """What the arms turn from level [rad] to hold the plate at a tilt of these sines; NaN where
+    it is out of reach.
+    """
+    return tuple(
+        arm_angle(i, s_x, s_y, height, size) - arm_angle(i, 0.0, 0.0, height, size)
+        for i in range(ARMS)
+    )
+
+
+def sines(angles: Sequence[float], height: float, size: tuple[float, ...]) -> tuple[float, float]:
+    """Sines (s_x, s_y) of the tilt at which arms hold the plate that are turned by `angles` (3,)
+    from level [rad], wherever its centre then is; NaN where they hold none. The inverse of
+    `turned`.
+    """
+    pose = np.array((0.0, 0.0, height))
+    level = arm_angle(0, 0.0, 0.0, height, size)
+    found = solve_pose(np.array(angles, float) + level, size, pose)
+    return (float(pose[0]), float(pose[1])) if found else (nan, nan)
+
+
+def most_turned(tilt_rad: float, height: float, size: tuple[float, ...]) -> tuple[float, ...]:
+    """How far each arm turns at most [rad] while both tilts stay within tilt_rad.
+
+    An arm's angle is monotonic in the height of its joint, which is extreme on the tilts' edge; a
+    mrad is left for what lies between the poses looked at.
+    """
+    steps, end = 16, sin(tilt_rad)
+    side = [sin(tilt_rad * (2 * k / steps - 1)) for k in range(steps + 1)]
+    edge = [pose for s in side for pose in ((s, end), (s, -end), (end, s), (-end, s))]
+    poses = [turned(s_x, s_y, height, size) for s_x, s_y in edge]
+    return tuple(max(abs(pose[i]) for pose in poses) + 1e-3 for i in range(ARMS))
+
+
 def reach_rad(height: float, size: tuple[float, ...], travel_rad: float, most_rad: float) -> float:
     """Largest angle [rad], at most `most_rad`, up to which both tilts can be asked for at once.
 
     Up to it every pose is within reach, not singular (`LEAST_TRANSMISSION`), and no arm turns by
     more than `travel_rad` from where it holds the plate level. -1: not even the level pose.
     """
-    level = arm_angle(0, 0.0, 0.0, height, size)
     good, steps = -1.0, 20
     for k in range(steps + 1):
         tilt = most_rad * k / steps
@@ -172,8 +206,7 @@ def reach_rad(height: float, size: tuple[float, ...], travel_rad: float, most_ra
                     s_x, s_y = sin(a), sin(b)
                     if not transmission(s_x, s_y, height, size) >= LEAST_TRANSMISSION:
                         return good
-                    turned = [arm_angle(i, s_x, s_y, height, size) - level for i in range(ARMS)]
-                    if max(map(abs, turned)) > travel_rad:
+                    if max(map(abs, turned(s_x, s_y, height, size))) > travel_rad:
                         return good
         good = tilt
     return good

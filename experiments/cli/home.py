@@ -9,7 +9,7 @@ import typer
 from experiments.cli.say import say
 
 ANGLES = (
-    "Both arms will move slowly to level, then a little to both sides. Take the ball off, keep "
+    "The arms will move slowly to level, then a little to both sides. Take the ball off, keep "
     "hands away, one hand at the switch that cuts the servos' power."
 )
 WARNING = (
@@ -38,14 +38,16 @@ def home(
         consent(ANGLES if known.servo.takes_angle else WARNING, yes)
         found, kept = home_table(known, rig)
     wiring = found.wiring
-    for axis, travel, volts in zip("xy", found.travel_rad, found.moving_V, strict=True):
+    names = known.linkage.servo_names
+    for name, travel, volts in zip(names, found.travel_rad, found.moving_V, strict=True):
         moves = f", moves at {volts:.2f} V" if volts else ""
-        say(f"{axis}: {degrees(travel):.1f} degrees between the stops{moves}")
-    orders = {"swapped": wiring.swap, "motors crossed": wiring.crossed}
-    said = [word for word, so in orders.items() if so] or ["as named"]
+        say(f"{name}: {degrees(travel):.1f} degrees between the stops{moves}")
+    named = wiring.order == tuple(range(len(wiring.order)))
+    order = "swapped" if wiring.swap else ", ".join(names[servo] for servo in wiring.order)
+    said = [word for word, so in {order: not named, "motors crossed": wiring.crossed}.items() if so]
     say(
-        f"channels: {', '.join(said)}; signs of volts {list(wiring.sign_volts)}, of angles "
-        f"{list(wiring.sign_angle)}; level at counts {list(wiring.zero_counts)}"
+        f"channels: {', '.join(said) or 'as named'}; signs of volts {list(wiring.sign_volts)}, "
+        f"of angles {list(wiring.sign_angle)}; level at counts {list(wiring.zero_counts)}"
     )
     if found.level is not None:
         x, y = (degrees(s) for s in found.level)

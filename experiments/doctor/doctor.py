@@ -15,6 +15,7 @@ BOARD_VENDORS = {
 USB_VENDOR, USB_PRODUCT = 0x1209, 0x0001
 REALTIME_PRIORITY = 50
 MEMORY_BYTES = 512 * 2**20
+CURE_RATE = "two bus servos: control_rate_hz = 250, three: 200"
 PACKAGES = ("numpy", "numba", "scipy", "opencv-python-headless", "mcap", "pyserial", "pyusb")
 
 
@@ -142,12 +143,12 @@ def _group_cure(facts: Facts, group: str) -> str:
     return f"sudo usermod -aG {group} {facts.user}, then log in anew"
 
 
-def _serial(facts: Facts, rig: Rig) -> list[Finding]:
+def _serial(facts: Facts, rig: Rig, what: str = "board") -> list[Finding]:
     port = rig.table.port
     found = next((d for d in facts.serial if d.path == port), None)
     if found is None:
         others = ", ".join(d.path for d in facts.serial) or "none"
-        cure = f"plug the board in; ports here: {others}; set table.port"
+        cure = f"plug the {what} in; ports here: {others}; set table.port"
         return [Finding(f"serial port {port}", BAD, "is not there", cure)]
     if not found.usable:
         cure = _group_cure(facts, found.group or "dialout")
@@ -160,12 +161,13 @@ def _bus(facts: Facts, rig: Rig) -> list[Finding]:
     from rig.hardware.bus.bus import check_period
     from rig.hardware.choose import bus_vendor
 
-    found, table = _serial(facts, rig), rig.table
-    name = f"servo bus, ids {table.ids[0]} and {table.ids[1]}"
+    found, table = _serial(facts, rig, "adapter"), rig.table
+    ids = table.by_channel("ids", rig.linkage.servos)
+    name = f"servo bus, ids {', '.join(map(str, ids))}"
     try:
-        check_period(bus_vendor(rig), len(table.ids), table.baud, 1 / rig.control_rate_hz)
+        check_period(bus_vendor(rig), len(ids), table.baud, 1 / rig.control_rate_hz)
     except ValueError as error:
-        return [*found, Finding(name, BAD, str(error), "bus servos: control_rate_hz = 250")]
+        return [*found, Finding(name, BAD, str(error), CURE_RATE)]
     text = f"{table.baud} baud is fast enough for {rig.control_rate_hz:g} Hz; rig home asks them"
     return [*found, Finding(name, OK, text)]
 

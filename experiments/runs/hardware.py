@@ -10,10 +10,11 @@ from typing import Self
 
 from experiments.runs.live_eye import open_markers, watching
 from rig.hardware.camera.eye import CameraEye
-from rig.hardware.choose import OpenTable, check_drive, open_table, raw_wiring
+from rig.hardware.choose import OpenTable, check_drive, open_table
 from rig.hardware.homing.home import Homing, home
-from rig.hardware.homing.home_angles import home_angles
+from rig.hardware.homing.home_angles import ByServo, home_angles
 from rig.hardware.homing.homed import CURE, Homed, NotHomed, home_file, load, power_up
+from rig.hardware.wiring import raw_wiring
 from rig.loop.realtime import go_realtime
 from rig.parameters import ANGLE_KINDS, BUS_KINDS, Rig
 from rig.safety.levelling import LevelOnExit
@@ -97,18 +98,15 @@ def home_table(rig: Rig, rig_file: Path) -> tuple[Homing, Path]:
         go_realtime()  # where it is allowed: a late tick costs the board's trust
         table = open_table(rig, homed=False)
         with table:
-            found = _homed(table, rig, tilt)
+            if takes_angle(table):
+                servos = ByServo(table)  # pyright: ignore[reportArgumentType] - such a table can
+                found = home_angles(servos, rig, raw_wiring(rig).zero_counts, tilt)
+            else:
+                found = home(table, rig, tilt)
             found = _marked(table, found)
             homed = Homed.of(found, rig, power_up(table))
     homed.save(path)
     return found, path
-
-
-def _homed(table: Table, rig: Rig, tilt: Callable[[float], tuple[float, float] | None]) -> Homing:
-    """Home a table by what its servos take."""
-    if takes_angle(table):
-        return home_angles(table, rig, raw_wiring(rig).zero_counts, tilt)
-    return home(table, rig, tilt)
 
 
 def _marked(table: Table, found: Homing) -> Homing:
@@ -165,7 +163,7 @@ class Checked(LevelOnExit):
             if getattr(self._table, "is_fresh", False):
                 raise NotHomed(f"the board was reset since its homing: {CURE}")
             self._homed.check(self._rig, power_up(self._table))  # before anything is armed
-            if self._rig.servo.has_angle:
+            if not takes_angle(self._table):  # one that does cannot lose its place
                 self._homed.check_angles(first.theta_rad)
             if self._eye is not None:
                 self._eye.begin(self._table.zero_s)  # pyright: ignore[reportAttributeAccessIssue]
@@ -215,6 +213,34 @@ def open_homed(
     return Checked(open_table(rig, eye, wiring=homed.wiring), rig, homed, eye, notes_file)
 
 
+class VirtualServos:
+    """The virtual table's servos, told one by one and read as if they went where they are told; it
+    keeps three arms' height, whatever they do.
+    """
+
+    def __init__(self, table: Table, rig: Rig) -> None:
+        self.period_s, self.voltage_limit_V = table.period_s, table.voltage_limit_V
+        self.turned_rad = self._told = (0.0,) * rig.linkage.servos
+        self.travel_rad = (2 * rig.servo.stop_rad,) * rig.linkage.servos
+        self._table, self._linkage = table, rig.linkage
+        self._step_rad = min(rig.servo.pair("rate_limit_rad_s")) * table.period_s
+
+    def read(self) -> Reading:
+        """Wait for the next tick. OSError: never."""
+        ways, most = zip(self.turned_rad, self._told, strict=True), self._step_rad
+        self.turned_rad = tuple(now + min(max(told - now, -most), most) for now, told in ways)
+        return self._table.read()
+
+    def turn(self, angles: tuple[float, ...]) -> None:
+        """Tell the servos angles from level [rad]. ValueError: they are not finite."""
+        self._told = tuple(angles)
+        self._table.drive(self._linkage.table_angles(self._told))
+
+    def close(self) -> None:
+        """Close the table."""
+        self._table.close()
+
+
 def rehearse_home(rig: Rig) -> Homing:
     """Home the virtual table, with the tilt of its plate as markers would show it.
 
@@ -233,4 +259,7 @@ def rehearse_home(rig: Rig) -> Homing:
         return tilt_sines((float(x), float(y)), rig.linkage.ratio)
 
     with table:
-        return _homed(table, rig, tilt)
+        if rig.servo.takes_angle:
+            servos = ByServo(VirtualServos(table, rig))
+            return home_angles(servos, rig, raw_wiring(rig).zero_counts, tilt)
+        return home(table, rig, tilt)

@@ -2,15 +2,13 @@
 
 import re
 from contextlib import AbstractContextManager
-from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from rig.hardware.observations import ObservationSource
-from rig.hardware.wiring import Wiring
-from rig.linkage import THREE_ARMS
+from rig.hardware.wiring import Wiring, file_wiring, raw_wiring
 from rig.parameters import ANGLE_KINDS, BUS_KINDS, PULSES, Rig
 from rig.table import Table
 
@@ -20,40 +18,6 @@ if TYPE_CHECKING:
 
 class OpenTable(Table, AbstractContextManager, Protocol):
     """A table whose context arms it; leaving the context levels it and gives 0 V."""
-
-
-def raw_wiring(rig: Rig) -> Wiring:
-    """Return the wiring of channels as they are, for homing, which finds out what they mean."""
-    return Wiring(zero_counts=level_counts(rig), counts_per_rev=rig.servo.encoder_counts_per_rev)
-
-
-def level_counts(rig: Rig) -> tuple[int, int]:
-    """Return the counts, by channel, at which the rig file says that the plate is level: the middle
-    of a bus servo's turn, or 0 of one on pulses, and its trim; 0 where encoders count from where
-    they wake up.
-    """
-    if rig.table.kind not in ANGLE_KINDS:
-        return 0, 0
-    turn = rig.servo.encoder_counts_per_rev
-    middle = turn // 2 if rig.table.kind in BUS_KINDS else 0
-    a, b = (middle + round(trim * turn / (2 * pi)) for trim in rig.table.trim_rad)
-    return a, b
-
-
-def file_wiring(rig: Rig) -> Wiring:
-    """Return the wiring that the rig file tells, level at `level_counts`.
-
-    ValueError: as `Wiring` raises it.
-    """
-    table = rig.table
-    return Wiring(
-        swap=table.swap,
-        crossed=table.crossed,
-        sign_volts=table.sign_volts,
-        sign_angle=table.sign_angle,
-        zero_counts=level_counts(rig),
-        counts_per_rev=rig.servo.encoder_counts_per_rev,
-    )
 
 
 def host_and_port(address: str) -> tuple[str, int]:
@@ -83,10 +47,6 @@ def check_drive(rig: Rig) -> None:
         raise ValueError(f"table.kind = '{kind}' is told angles: set servo.kind = 'position'")
     if kind == PULSES and servo.has_angle:
         raise ValueError("servo.angle_measured = true: servos on pulses tell nobody their angle")
-    if rig.linkage.kind == THREE_ARMS:
-        raise ValueError(
-            f"linkage.kind = '{THREE_ARMS}': no driver here moves three servos yet, two rods only"
-        )
 
 
 def open_table(
@@ -170,7 +130,8 @@ def _bus(rig: Rig, eye: ObservationSource | None, wiring: Wiring, homed: bool) -
 
     table, servo, period_s = rig.table, rig.servo, 1 / rig.control_rate_hz
     vendor = bus_vendor(rig)
-    check_period(vendor, len(table.ids), table.baud, period_s)
+    ids = table.by_channel("ids", rig.linkage.servos)
+    check_period(vendor, len(ids), table.baud, period_s)
     if servo.encoder_counts_per_rev != vendor.counts_per_rev:
         raise ValueError(
             f"servo.encoder_counts_per_rev = {servo.encoder_counts_per_rev}: {vendor.name} servos "
@@ -180,7 +141,8 @@ def _bus(rig: Rig, eye: ObservationSource | None, wiring: Wiring, homed: bool) -
         SerialLink(table.port, table.baud, "servo bus"),
         vendor,
         wiring,
-        ids=table.ids,
+        rig.linkage,
+        ids=ids,
         period_s=period_s,
         angle_limit_rad=servo.angle_limit_rad,
         rate_limit_rad_s=servo.pair("rate_limit_rad_s"),
@@ -205,11 +167,14 @@ def _pulses(rig: Rig, eye: ObservationSource | None, wiring: Wiring) -> OpenTabl
             0.5 * (lowest + highest) + slope * zero * wiring.step_rad, sign * slope, lowest, highest
         )
         for slope, sign, zero in zip(
-            table.pulse_us_per_rad, wiring.sign_angle, wiring.zero_counts, strict=True
+            table.by_channel("pulse_us_per_rad", rig.linkage.servos),
+            wiring.sign_angle,
+            wiring.zero_counts,
+            strict=True,
         )
     ]
     link = SerialLink(table.port, table.baud, "servo board")
-    return open_pulse_board(link, rig, servos, eye, swap=wiring.swap)
+    return open_pulse_board(link, rig, servos, eye, order=wiring.order)
 
 
 def bus_vendor(rig: Rig) -> "Vendor":

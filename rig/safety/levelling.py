@@ -43,9 +43,12 @@ class Levelling:
 class LevelOnExit:
     """Mixin of a table: leaving the context levels the plate for `level_s`, gives 0 V and closes
     it.
+
+    A table that has ended (`_end`) is closed only: it levels by itself, or cannot be told to.
     """
 
     level_s: float = 0.6
+    _ended: OSError | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -57,9 +60,15 @@ class LevelOnExit:
         trace: TracebackType | None,
     ) -> None:
         try:
-            bring_level(self, self.level_s)  # pyright: ignore[reportArgumentType]
+            if self._ended is None:
+                bring_level(self, self.level_s)  # pyright: ignore[reportArgumentType]
         finally:
             self.close()  # pyright: ignore[reportAttributeAccessIssue]
+
+    def _end(self, error: OSError) -> OSError:
+        """Remember how it ended: every later call says the same."""
+        self._ended = error
+        return error
 
 
 def bring_level(table: Table, seconds: float) -> None:

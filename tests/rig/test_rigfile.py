@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 
 from experiments.runs.assemble import load_rig
 from rig.effects import effects_of
-from rig.parameters import Rig, nominal_servo
+from rig.parameters import Rig
 from rig.rigfile import from_dict, read_rig, to_dict, write_rig
+from tests.support.srv02 import nominal_servo
 
 
 def test_an_empty_file_is_the_default_rig(tmp_path: Path):

@@ -65,6 +65,7 @@ class BoardTable(BoardSession):
         self, angle_limit_rad: float, servo: tuple[float, float], homed: bool
     ) -> ConfigRequest:
         wiring, period_ms = self._wiring, self._period_ms()
+        zero_0, zero_1 = wiring.zero_counts
         negative = [polarity < 0 for polarity in wiring.polarities()]
         bits = homed | negative[0] << 1 | negative[1] << 2 | wiring.crossed << 3
         return ConfigRequest(
@@ -72,7 +73,8 @@ class BoardTable(BoardSession):
             self._random_below(65536),
             period_ms,
             bits,
-            *wiring.zero_counts,
+            zero_0,
+            zero_1,
             wiring.counts_per_rev,
             round(angle_limit_rad / wiring.step_rad),
             round(1000 * self.voltage_limit_V),
@@ -94,9 +96,8 @@ class BoardTable(BoardSession):
                 (packet.tachometer_0_mV / 1000, packet.tachometer_1_mV / 1000)
             )
             speeds = (self._tachometer * x, self._tachometer * y)
-        return Reading(
-            t_s, self._wiring.angles((packet.count_0, packet.count_1)), speeds, self._feed.take(t_s)
-        )
+        x, y = self._wiring.angles((packet.count_0, packet.count_1))
+        return Reading(t_s, (x, y), speeds, self._feed.take(t_s))
 
     def drive(self, volts: tuple[float, float]) -> None:
         """Command volts (x, y), which the board applies for 20 ms at most without a newer command.

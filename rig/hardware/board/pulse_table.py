@@ -3,7 +3,7 @@
 import secrets
 import time
 from collections.abc import Callable, Sequence
-from math import isfinite, nan
+from math import nan
 
 from rig.hardware.board import wire
 from rig.hardware.board.link import Link
@@ -11,6 +11,8 @@ from rig.hardware.board.pulse_servo import STEPS_RAD, STEPS_US, PulseServo
 from rig.hardware.board.session import BoardSession
 from rig.hardware.board.wire import ConfigAnswer, PulseCommand, PulseConfigRequest, PulseTelemetry
 from rig.hardware.observations import ObservationFeed, ObservationSource
+from rig.hardware.servo_table import ServoTable
+from rig.linkage import Linkage
 from rig.table import Reading
 
 FRAME_S = 0.02  # the longest, which every RC servo takes
@@ -18,20 +20,19 @@ SHORTEST_FRAME_S = 0.004
 SETTLING_S = 0.5  # chosen: some lags of a slow servo (66 ms) and of its plate
 
 
-class PulseTable(BoardSession):
+class PulseTable(ServoTable, BoardSession):
     """A table whose hobby servos a board drives by pulses: configured and disarmed when opened.
 
     Arming begins the pulses at level; a servo goes there from wherever it is as fast as it can.
-    `drive` takes angles, which the board reaches at rates_rad_s [rad/s] at most; leaving the
-    context levels the plate and ends the pulses. servos, limits_rad, rates_rad_s: by channel of the
-    board, 1 to 3; to_servos: angles (x, y) to those of the channels; angle_limit_rad: of x and y;
-    frame_s: from pulse to pulse, 4 to 20 ms; eye: where observations of the ball come from; clock,
-    random_below: as of `BoardSession`. ValueError: what no board or servo can take. LinkLost: the
-    board does not answer, speaks another version, drives H-bridges, or refuses.
+    `drive` takes angles, which the board reaches at rate_limit_rad_s [rad/s] at most; leaving the
+    context levels the plate and ends the pulses. servos: by channel of the board, 1 to 3; linkage:
+    what they do to the plate; order: by channel, the linkage's servo on it; angle_limit_rad,
+    rate_limit_rad_s: of x and y; frame_s: from pulse to pulse, 4 to 20 ms; eye: where observations
+    of the ball come from; clock, random_below: as of `BoardSession`. ValueError: what no board or
+    servo can take. LinkLost: the board does not answer, speaks another version, drives H-bridges,
+    or refuses.
     """
 
-    takes_angle = True
-    boot_id = "absolute"  # a pulse means the same angle after a power-up
     telemetry = PulseTelemetry
     voltage_limit_V = 0.0
 
@@ -39,24 +40,28 @@ class PulseTable(BoardSession):
         self,
         link: Link,
         servos: Sequence[PulseServo],
-        to_servos: Callable[[tuple[float, float]], Sequence[float]] = tuple,
+        linkage: Linkage,
+        order: Sequence[int],
         *,
         angle_limit_rad: float,
-        limits_rad: Sequence[float],
-        rates_rad_s: Sequence[float],
+        rate_limit_rad_s: tuple[float, float],
         frame_s: float = FRAME_S,
         period_s: float = 0.002,
         eye: ObservationSource | None = None,
         clock: Callable[[], float] = time.monotonic,
         random_below: Callable[[int], int] = secrets.randbelow,
     ) -> None:
-        super().__init__(link, period_s, clock=clock, random_below=random_below)
-        self._servos, self._to_servos, self._feed = servos, to_servos, ObservationFeed(eye)
-        self._limit_rad = angle_limit_rad
-        self.level_s = SETTLING_S + max(
-            limit / rate for limit, rate in zip(limits_rad, rates_rad_s, strict=True)
-        )
-        self._open(lambda: self._request(limits_rad, rates_rad_s, frame_s))
+        ServoTable.__init__(self, linkage, angle_limit_rad)
+        BoardSession.__init__(self, link, period_s, clock=clock, random_below=random_below)
+        self._servos, self._order, self._feed = servos, order, ObservationFeed(eye)
+        rates = linkage.servo_rates(rate_limit_rad_s)
+        ways = zip(self._limits_rad, rates, strict=True)
+        self.level_s = SETTLING_S + max(limit / rate for limit, rate in ways)
+        limits, rates = (self._by_channel(one) for one in (self._limits_rad, rates))
+        self._open(lambda: self._request(limits, rates, frame_s))
+
+    def _by_channel(self, by_servo: Sequence[float]) -> list[float]:
+        return [by_servo[servo] for servo in self._order]
 
     def _request(
         self, limits_rad: Sequence[float], rates_rad_s: Sequence[float], frame_s: float
@@ -96,13 +101,24 @@ class PulseTable(BoardSession):
 
     @property
     def travel_rad(self) -> tuple[float, ...]:
-        """By channel, twice the way from level to the nearer end of its pulses [rad]."""
-        return tuple(
-            2
-            * min(one.level_us - one.lowest_us, one.highest_us - one.level_us)
-            / abs(one.us_per_rad)
-            for one in self._servos
+        """By servo, twice the way from level to the nearer end of its pulses [rad]."""
+        return self._by_servo(
+            [
+                2
+                * min(one.level_us - one.lowest_us, one.highest_us - one.level_us)
+                / abs(one.us_per_rad)
+                for one in self._servos
+            ]
         )
+
+    @property
+    def turned_rad(self) -> tuple[float, ...]:
+        """By servo, the angle that its pulse tells it [rad]; 0 without a pulse."""
+        pulses = zip(self._servos, self.pulses_us, strict=True)
+        return self._by_servo([one.angle_rad(pulse) if pulse else 0.0 for one, pulse in pulses])
+
+    def _by_servo(self, by_channel: Sequence[float]) -> tuple[float, ...]:
+        return tuple(by_channel[self._order.index(servo)] for servo in range(len(self._order)))
 
     # --- the contract ---
     def read(self) -> Reading:
@@ -114,17 +130,10 @@ class PulseTable(BoardSession):
         _, t_s = self._tick()
         return Reading(t_s, (nan, nan), ball=self._feed.take(t_s))
 
-    def drive(self, volts: tuple[float, float]) -> None:
-        """Tell the servos angles (x, y) [rad] in place of volts, cut at the angle limit, to hold
-        until newer ones.
-
-        ValueError: angles that are not finite, out of the linkage's reach, or other than 0 on a
-        board that is not armed. LinkLost, BoardStopped: the board is lost or has stopped.
+    def _tell(self, angles: Sequence[float]) -> None:
+        """Tell the servos angles from level [rad]. LinkLost, BoardStopped: the board is lost or has
+        stopped.
         """
-        if not all(map(isfinite, volts)):
-            raise ValueError(f"angles must be finite, got {volts}; use rig.safety.limits")
-        if not self._may_command(volts):
-            return
-        x, y = (min(max(angle, -self._limit_rad), self._limit_rad) for angle in volts)
-        told = [round(STEPS_RAD * one) for one in self._to_servos((x, y))]
-        self._command(lambda sequence: PulseCommand(sequence, *told))
+        if self._may_command(angles):
+            told = [round(STEPS_RAD * one) for one in self._by_channel(angles)]
+            self._command(lambda sequence: PulseCommand(sequence, *told))

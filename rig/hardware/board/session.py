@@ -4,9 +4,8 @@ import errno
 import secrets
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from types import TracebackType
 from typing import ClassVar, Self
 
 from rig.hardware.board import wire
@@ -61,7 +60,7 @@ class BoardSession(LevelOnExit):
         self._parser, self._times = wire.Parser(), BoardClock(clock)
         self._unheard: deque[tuple[int, float]] = deque()
         self._random_below, self._sequence = random_below, random_below(65536)
-        self._armed, self._ended, self._closed = False, None, False
+        self._armed, self._closed = False, False
         self._read_us: int | None = None
 
     @property
@@ -164,7 +163,7 @@ class BoardSession(LevelOnExit):
             self.ticks_missed += max(round(passed_s / self.period_s) - 1, 0)
         return packet, t_s
 
-    def _may_command(self, wishes: tuple[float, ...]) -> bool:
+    def _may_command(self, wishes: Sequence[float]) -> bool:
         """Whether the board is armed. ValueError: it is not, and should do something."""
         if self._ended is not None:
             raise self._ended
@@ -193,17 +192,6 @@ class BoardSession(LevelOnExit):
             pass  # it is gone: its watchdog does the rest
         finally:
             self._link.close()
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if self._ended is not None:
-            self.close()
-        else:
-            super().__exit__(kind, error, trace)
 
     # --- the cable ---
     def _disarm(self) -> None:
@@ -257,8 +245,3 @@ class BoardSession(LevelOnExit):
         if self._unheard and self._clock() - self._unheard[0][1] > LINK_DEAD_S:
             why = f"{self._link.name} is lost: deaf for {1000 * LINK_DEAD_S:.0f} ms"
             raise self._end(LinkLost(errno.ETIMEDOUT, why))
-
-    def _end(self, error: OSError) -> OSError:
-        """Remember how it ended: every later call says the same."""
-        self._ended = error
-        return error

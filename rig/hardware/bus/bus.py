@@ -8,25 +8,26 @@ what is recorded is what was told.
 import errno
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from math import inf, pi
-from types import TracebackType
 
 from rig.hardware.board.link import LINK_DEAD_S, Link, LinkLost
 from rig.hardware.bus.vendor import Block, Present, Setup, Status, Vendor
 from rig.hardware.observations import FromFirst, ObservationFeed, ObservationSource
+from rig.hardware.servo_table import ServoTable
 from rig.hardware.wiring import Pair, Wiring
+from rig.linkage import Linkage
 from rig.loop.ticker import Ticker, sleep_until
 from rig.safety.levelling import LevelOnExit
-from rig.safety.limits import limit_angle
 from rig.table import Reading
 
 ANSWER_S = 0.5  # chosen: an adapter that was just plugged in is slow at first
 ASK_AGAIN_S = 0.02  # chosen: above the 16 ms for which an FTDI adapter may keep an answer back
 HEALTH_S = 0.1  # torque, watchdog and hardware errors are looked at so often
 START_RAD_S = 0.5  # chosen: a plate that is brought level by itself does so in a second, slowly
+MARGIN_RAD = 0.1  # as homing has it, of stops
 ARRIVED_RAD, ARRIVE_S = 0.04, 4.0  # as homing has it
 BUSY = 0.8  # of a tick at most: the adapter and the servos need time of their own
 ANSWERS_AFTER_S = 0.5e-3  # of a servo as it is delivered (return delay: 250 x 2 us)
@@ -63,29 +64,28 @@ def check_period(vendor: Vendor, servos: int, baud: int, period_s: float) -> Non
         )
 
 
-class BusTable(LevelOnExit):
+class BusTable(ServoTable, LevelOnExit):
     """A table on bus servos: looked at when opened, its torque untouched; `with` arms it.
 
     Arming tells every servo the angle where it is, switches torque on and brings the plate level
     slowly; leaving brings it level and leaves torque on, as limp arms would let the plate fall to a
-    side. ids: of the servos of channel 0 and 1; wiring: zero_counts is where the plate is level;
-    rate_limit_rad_s: by axis (x, y), for the servos' own speed registers; homed False: level is
-    not known yet, so goals go slowly and nothing is levelled. eye: where observations of the ball
-    come from; clock: monotonic [s]; sleep_until: until a time of it. boot_id: position survives a
-    power-up. ValueError: a servo is set so that it cannot be driven, in one line with the cure.
-    LinkLost: a servo does not answer; ServoAlarm: one reports an error.
+    side. linkage: what the servos do to the plate; ids: of the servos, by channel; wiring:
+    zero_counts is where the plate is level; rate_limit_rad_s: by axis (x, y), for the servos' own
+    speed registers; homed False: level is not known yet, so goals go slowly and nothing is
+    levelled. eye: where observations of the ball come from; clock: monotonic [s]; sleep_until:
+    until a time of it. turned_rad: the servos' angles from level as last read, by servo.
+    ValueError: a servo is set so that it cannot be driven, in one line with the cure. LinkLost: a
+    servo does not answer; ServoAlarm: one reports an error.
     """
-
-    takes_angle = True
-    boot_id = "absolute"
 
     def __init__(
         self,
         link: Link,
         vendor: Vendor,
         wiring: Wiring,
+        linkage: Linkage = Linkage(),  # noqa: B008 - it is frozen
         *,
-        ids: tuple[int, int] = (1, 2),
+        ids: tuple[int, ...] = (1, 2),
         period_s: float = 0.004,
         angle_limit_rad: float = pi / 6,
         rate_limit_rad_s: Pair = (4.7, 4.7),
@@ -98,14 +98,16 @@ class BusTable(LevelOnExit):
         self.period_s, self.voltage_limit_V = period_s, voltage_limit_V
         self.asked_again = 0
         self._link, self._vendor, self._wiring, self._ids = link, vendor, wiring, ids
-        self._limit_rad, self._rates, self._homed = angle_limit_rad, rate_limit_rad_s, homed
+        super().__init__(linkage, angle_limit_rad)
+        self._homed = homed
+        self._rates = wiring.by_channel(linkage.servo_rates(rate_limit_rad_s))
         self._feed, self._times, self._clock = ObservationFeed(eye), FromFirst(), clock
         self._ticker = Ticker(period_s, clock=clock, sleep_until=sleep_until)
         self._parser = vendor.parser()
         self._patience_s = max(LINK_DEAD_S - period_s, 2 * ASK_AGAIN_S)  # a tick may pass before
-        self._told: Pair = (0.0, 0.0)
+        self.turned_rad = self._told = (0.0,) * len(ids)  # by servo
         self._step_rad = START_RAD_S * period_s
-        self._armed, self._ended, self._closed = False, None, False
+        self._armed, self._closed = False, False
         self._asked_s, self._seen_s, self._health_s, self._extra = 0.0, 0.0, -inf, 0
         self._extremes = {"lowest_voltage_V": inf, "highest_temperature_C": -inf, "most_load": 0.0}
         try:
@@ -125,13 +127,14 @@ class BusTable(LevelOnExit):
         return self._times.zero_s
 
     @property
-    def travel_rad(self) -> Pair:
-        """By axis (x, y): twice the way from level to the nearer of the servo's own limits."""
-        ways = [
-            2 * min(zero - setup.low, setup.high - zero) * self._wiring.step_rad
-            for zero, setup in zip(self._wiring.zero_counts, self._setups, strict=True)
-        ]
-        return (ways[1], ways[0]) if self._wiring.swap else (ways[0], ways[1])
+    def travel_rad(self) -> tuple[float, ...]:
+        """By servo: twice the way from level to the nearer of its own limits."""
+        return self._wiring.by_servo(
+            [
+                2 * min(zero - setup.low, setup.high - zero) * self._wiring.step_rad
+                for zero, setup in zip(self._wiring.zero_counts, self._setups, strict=True)
+            ]
+        )
 
     def notes(self) -> dict[str, float]:
         """Return what a recording keeps of the bus: ticks_missed, asked_again, bad_packets, and the
@@ -147,15 +150,18 @@ class BusTable(LevelOnExit):
     # --- before the run ---
     def _name(self, servo_id: int) -> str:
         """What the servo is called in messages."""
-        axis = "xy"[self._ids.index(servo_id) != self._wiring.swap]
-        return f"{self._link.name}: servo {servo_id} ({axis})"
+        name = self._linkage.servo_names[self._wiring.order[self._ids.index(servo_id)]]
+        return f"{self._link.name}: servo {servo_id} ({name})"
 
     def _checked_setups(self) -> list[Setup]:
         """What the servos are set to. ValueError: it does not allow what the rig file asks."""
         found = self._ask(self._vendor.setup, ANSWER_S)
         setups = [self._vendor.read_setup(found[servo_id].data) for servo_id in self._ids]
-        reach = math.ceil(self._limit_rad / self._wiring.step_rad)
-        for servo_id, setup, zero in zip(self._ids, setups, self._wiring.zero_counts, strict=True):
+        limits = self._wiring.by_channel(self._limits_rad)
+        for servo_id, setup, zero, limit in zip(
+            self._ids, setups, self._wiring.zero_counts, limits, strict=True
+        ):
+            reach = math.ceil(limit / self._wiring.step_rad)
             if setup.wrong:
                 raise ValueError(f"{self._name(servo_id)} {setup.wrong}, with its maker's tool")
             if not setup.low <= zero - reach <= zero + reach <= setup.high:
@@ -169,17 +175,17 @@ class BusTable(LevelOnExit):
     def arm(self) -> None:
         """Switch torque on where the servos are; then, homed, bring the plate level slowly.
 
-        LinkLost: the bus is lost; ServoAlarm: a servo does not arm, or does not come to level.
+        ValueError: an arm is turned away from its level; LinkLost: the bus is lost; ServoAlarm: a
+        servo does not arm, or does not come to level.
         """
         vendor, counts = self._vendor, self._counts()
         self._told = self._wiring.angles(counts)
-        rates = self._rates[::-1] if self._wiring.swap else self._rates
-        units = [round(r / s.speed_rad_s) for r, s in zip(rates, self._setups, strict=True)]
-        self._next(0, 0.0)  # loads the compiled limiter: longer than a watchdog waits
+        self._check_near()
+        units = [round(r / s.speed_rad_s) for r, s in zip(self._rates, self._setups, strict=True)]
         self._tell_watchdog(on=False)
-        self._tell(vendor.speed, [vendor.speed_data(unit) for unit in units])
-        self._tell(vendor.goal, [vendor.goal_data(count) for count in counts])
-        self._tell(vendor.torque, [b"\x01"] * len(counts))
+        self._write(vendor.speed, [vendor.speed_data(unit) for unit in units])
+        self._write(vendor.goal, [vendor.goal_data(count) for count in counts])
+        self._write(vendor.torque, [b"\x01"] * len(counts))
         self._tell_watchdog(on=True)
         try:
             self._armed = True
@@ -191,21 +197,32 @@ class BusTable(LevelOnExit):
             self.close()
             raise
 
+    def _check_near(self) -> None:
+        """ValueError: from where an arm is, its level may lie on the other way round."""
+        ways = zip(self._linkage.servo_names, self._told, self.travel_rad, strict=True)
+        for name, angle, travel in ways:
+            if abs(angle) > 0.5 * travel + MARGIN_RAD:
+                raise ValueError(
+                    f"{self._link.name}: servo {name} stands {abs(angle):.2f} rad from level, it "
+                    f"may turn {0.5 * travel:.2f} to each side: with its supply off, turn its arm "
+                    "towards level"
+                )
+
     def _go_level(self) -> None:
         """Slowly, tick by tick. ServoAlarm: a servo stays behind."""
         until = inf
         while True:
-            angles = self._look()
+            self._look()
             self.drive((0.0, 0.0))
-            if self._told != (0.0, 0.0):
+            if any(self._told):
                 continue
-            off = [abs(angle) for angle in angles]
+            off = [abs(angle) for angle in self.turned_rad]
             if max(off) < ARRIVED_RAD:
                 return
             until = min(until, self._clock() + ARRIVE_S)
             if self._clock() > until:
-                axis = "xy"[off.index(max(off))]
-                why = f"{self._link.name}: servo {axis} stays {max(off):.2f} rad from level: is it "
+                name = self._linkage.servo_names[off.index(max(off))]
+                why = f"{self._link.name}: servo {name} stays {max(off):.2f} rad from level: is it "
                 raise self._end(ServoAlarm(errno.EIO, why + "blocked, its horn or trim wrong?"))
 
     def __enter__(self) -> "BusTable":
@@ -215,36 +232,28 @@ class BusTable(LevelOnExit):
 
     # --- the contract ---
     def read(self) -> Reading:
-        """Wait for the next tick, ask the servos and return their reading.
+        """Wait for the next tick, ask the servos and return their reading; its angles are NaN where
+        three arms stand as no plate has them.
 
         LinkLost: the adapter vanished or a servo is silent (raised within 100 ms). ServoAlarm: a
         servo reports an error. CameraStopped: the camera of `eye` failed.
         """
-        angles = self._look()
+        self._look()
         t_s = self._times.seconds(self._seen_s, 1e-4)
+        angles = self._linkage.table_angles(self.turned_rad)
         return Reading(t_s, angles, None, self._feed.take(t_s))
 
-    def drive(self, volts: Pair) -> None:
-        """Tell the servos the angles `volts` (x, y) [rad], within the angle limit.
-
-        ValueError: angles that are not finite, or other than 0 on a table that is not armed.
-        LinkLost, ServoAlarm: the bus is lost or a servo has given up.
-        """
-        if not all(map(math.isfinite, volts)):
-            raise ValueError(f"angles must be finite, got {volts}; use rig.safety.limits")
+    def _tell(self, angles: Sequence[float]) -> None:
+        """Tell the servos their next goals on the way to angles from level [rad]."""
         if self._ended is not None:
             raise self._ended
         if not self._armed:
-            if any(volts):
+            if any(angles):
                 raise ValueError("the servos are not armed: call arm(), or use `with table:`")
             return
-        self._tell_goals((self._next(0, volts[0]), self._next(1, volts[1])))
-
-    def _next(self, axis: int, wanted_rad: float) -> float:
-        """The angle that an axis is told next."""
-        last = self._told[axis]
-        wanted = float(limit_angle(wanted_rad, last, self._limit_rad))
-        return min(max(wanted, last - self._step_rad), last + self._step_rad)
+        step = self._step_rad
+        ways = zip(angles, self._told, strict=True)
+        self._tell_goals([min(max(angle, told - step), told + step) for angle, told in ways])
 
     def close(self) -> None:
         """Leave the servos holding level, to which they go slowly, and let the bus go."""
@@ -255,35 +264,24 @@ class BusTable(LevelOnExit):
             if self._armed:
                 self._tell_watchdog(on=False)
                 units = [round(START_RAD_S / setup.speed_rad_s) for setup in self._setups]
-                self._tell(self._vendor.speed, [self._vendor.speed_data(unit) for unit in units])
+                self._write(self._vendor.speed, [self._vendor.speed_data(unit) for unit in units])
                 if self._homed:
-                    self._tell_goals((0.0, 0.0))
+                    self._tell_goals((0.0,) * len(self._ids))
         self._armed = False
         self._link.close()
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if self._ended is not None:
-            self.close()
-        else:
-            super().__exit__(kind, error, trace)
-
     # --- the bus ---
-    def _tell_goals(self, angles: Pair) -> None:
-        """Tell both goals [rad]."""
+    def _tell_goals(self, angles: Sequence[float]) -> None:
+        """Tell all goals, by servo [rad]."""
         goals = [self._vendor.goal_data(count) for count in self._wiring.counts(angles)]
-        self._tell(self._vendor.goal, goals)
-        self._told = angles
+        self._write(self._vendor.goal, goals)
+        self._told = tuple(angles)
 
     def _tell_watchdog(self, *, on: bool) -> None:
         if (word := self._vendor.watchdog(on)) is not None:
-            self._tell(word[0], [word[1]] * len(self._ids))
+            self._write(word[0], [word[1]] * len(self._ids))
 
-    def _tell(self, address: int, data: list[bytes]) -> None:
+    def _write(self, address: int, data: list[bytes]) -> None:
         """Write to all servos at once; `data` by channel."""
         self._send(self._vendor.tell(address, dict(zip(self._ids, data, strict=True))))
 
@@ -293,25 +291,24 @@ class BusTable(LevelOnExit):
         except LinkLost as error:
             raise self._end(error) from None
 
-    def _look(self) -> Pair:
-        """Wait for the next tick and return the servos' angles (x, y) [rad]."""
+    def _look(self) -> None:
+        """Wait for the next tick and read the servos' angles."""
         if self._ended is not None:
             raise self._ended
         self._ticker.wait()
-        angles = self._wiring.angles(self._counts())
+        self.turned_rad = self._wiring.angles(self._counts())
         if self._armed and self._clock() - self._health_s >= HEALTH_S:
             self._check_health()
-        return angles
 
-    def _counts(self) -> tuple[int, int]:
+    def _counts(self) -> list[int]:
         """The servos' positions by channel."""
         found = self._ask(self._vendor.present, self._patience_s)
         self._seen_s = self._asked_s  # a servo measures when it is asked
-        a, b = (self._vendor.read_present(found[servo_id].data) for servo_id in self._ids)
-        self._note(a, b)
-        return a.counts, b.counts
+        seen = [self._vendor.read_present(found[servo_id].data) for servo_id in self._ids]
+        self._note(seen)
+        return [one.counts for one in seen]
 
-    def _note(self, *seen: Present) -> None:
+    def _note(self, seen: list[Present]) -> None:
         keep = self._extremes
         for one in seen:
             keep["lowest_voltage_V"] = min(keep["lowest_voltage_V"], one.voltage_V)
@@ -380,8 +377,3 @@ class BusTable(LevelOnExit):
 
     def _alarm(self, servo_id: int, why: str) -> OSError:
         return self._end(ServoAlarm(errno.EIO, f"{self._name(servo_id)} reports: {why}"))
-
-    def _end(self, error: OSError) -> OSError:
-        """Remember how it ended: every later call says the same."""
-        self._ended = error
-        return error

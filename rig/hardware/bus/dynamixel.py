@@ -13,6 +13,7 @@ from rig.hardware.bus.vendor import (
     READ_ALL,
     WRITE_ALL,
     Block,
+    Parser,
     Present,
     Setup,
     Status,
@@ -61,29 +62,14 @@ def packet(servo_id: int, instruction: int, data: bytes) -> bytes:
     return whole + crc16(whole).to_bytes(2, "little")
 
 
-class DynamixelParser:
-    """Bytes of the bus to answers; bad_packets: how many were damaged."""
+class DynamixelParser(Parser):
+    """Packets of Protocol 2.0."""
 
-    def __init__(self) -> None:
-        self.bad_packets = 0
-        self._heard = bytearray()
-
-    def feed(self, data: bytes) -> list[Status]:
-        """Return the answers that `data` completes; what is no answer is passed over."""
-        self._heard += data
-        found = []
-        while (whole := self._next()) is not None:
-            body = whole[7:-2].replace(STUFFING, STUFFED)
-            if body[0] == STATUS and len(body) > 1:  # else the echo of an instruction
-                found.append(Status(whole[4], body[1], body[2:]))
-        return found
-
-    def clear(self) -> None:
-        """Forget the begun packet."""
-        self._heard.clear()
+    def _answer(self, whole: bytes) -> Status | None:
+        body = whole[7:-2].replace(STUFFING, STUFFED)
+        return Status(whole[4], body[1], body[2:]) if body[0] == STATUS and len(body) > 1 else None
 
     def _next(self) -> bytes | None:
-        """The next whole packet, taken off the bytes heard."""
         heard = self._heard
         while (begin := heard.find(HEADER)) >= 0:
             del heard[:begin]

@@ -13,6 +13,7 @@ from rig.hardware.bus.vendor import (
     READ_ALL,
     WRITE_ALL,
     Block,
+    Parser,
     Present,
     Setup,
     Status,
@@ -42,28 +43,18 @@ def magnitude(value: int, sign: int) -> int:
     return -(value & (sign - 1)) if value & sign else value & (sign - 1)
 
 
-class FeetechParser:
-    """Bytes of the bus to answers; bad_packets: how many were damaged."""
+def signed(number: int, sign: int) -> int:
+    """Such a register's value of a number: the inverse of `magnitude`."""
+    return abs(number) | (sign if number < 0 else 0)
 
-    def __init__(self) -> None:
-        self.bad_packets = 0
-        self._heard = bytearray()
 
-    def feed(self, data: bytes) -> list[Status]:
-        """Return the answers that `data` completes; what is no answer is passed over."""
-        self._heard += data
-        found = []
-        while (status := self._next()) is not None:
-            if status.servo_id != BROADCAST:  # else the echo of an instruction
-                found.append(status)
-        return found
+class FeetechParser(Parser):
+    """Packets of the STS protocol."""
 
-    def clear(self) -> None:
-        """Forget the begun packet."""
-        self._heard.clear()
+    def _answer(self, whole: bytes) -> Status | None:
+        return Status(whole[2], whole[4], whole[5:-1]) if whole[2] != BROADCAST else None
 
-    def _next(self) -> Status | None:
-        """The next whole packet, taken off the bytes heard."""
+    def _next(self) -> bytes | None:
         heard = self._heard
         while (begin := heard.find(b"\xff\xff")) >= 0:
             del heard[:begin]
@@ -75,10 +66,10 @@ class FeetechParser:
             if 2 <= heard[3] <= LONGEST_DATA + 2:
                 if len(heard) < end:
                     return None
-                whole = bytes(heard[2:end])
-                if check_sum(whole[:-1]) == whole[-1]:
+                whole = bytes(heard[:end])
+                if check_sum(whole[2:-1]) == whole[-1]:
                     del heard[:end]
-                    return Status(whole[0], whole[2], whole[3:-1])
+                    return whole
             self.bad_packets += 1
             del heard[0]  # what looked like a header was none
         del heard[: len(heard) - heard.endswith(b"\xff")]
@@ -123,8 +114,8 @@ class Feetech:
         return Present(magnitude(position, SIGN), share, 0.1 * data[6], float(data[7]))
 
     def goal_data(self, counts: int) -> bytes:
-        """Goal position (42): 2 bytes."""
-        return counts.to_bytes(2, "little")
+        """Goal position (42): 2 bytes, sign and magnitude."""
+        return signed(counts, SIGN).to_bytes(2, "little")
 
     def speed_data(self, units: int) -> bytes:
         """Goal speed (46): 2 bytes; 0 would be as fast as it can."""

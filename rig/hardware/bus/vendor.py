@@ -46,21 +46,36 @@ class Present:
     temperature_C: float
 
 
-class Parser(Protocol):
+class Parser:
     """Bytes from the bus, in pieces of any size, to the answers in them.
 
-    bad_packets: how many packets were damaged.
+    bad_packets: how many packets were damaged. A maker's own has `_next` and `_answer`.
     """
 
-    bad_packets: int
+    def __init__(self) -> None:
+        self.bad_packets = 0
+        self._heard = bytearray()
 
     def feed(self, data: bytes) -> list[Status]:
         """Return the answers that `data` completes; what is no answer is passed over."""
-        ...
+        self._heard += data
+        found = []
+        while (whole := self._next()) is not None:
+            if (status := self._answer(whole)) is not None:
+                found.append(status)
+        return found
 
     def clear(self) -> None:
         """Forget the begun packet."""
-        ...
+        self._heard.clear()
+
+    def _next(self) -> bytes | None:
+        """The next whole packet, taken off the bytes heard; None: there is none yet."""
+        raise NotImplementedError
+
+    def _answer(self, whole: bytes) -> Status | None:
+        """The answer that a whole packet is; None: the echo of an instruction."""
+        raise NotImplementedError
 
 
 class Vendor(Protocol):

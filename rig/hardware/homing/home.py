@@ -8,12 +8,14 @@ which arm tilts which axis, in which direction, and whether the middle is level.
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
+from math import hypot
 
 from rig.hardware.homing.homing_moves import (
     FARTHEST_RAD,
     LEVEL_SINE,
     SWING_RAD,
     Arm,
+    Channels,
     HomingRefused,
     Pair,
     Sight,
@@ -23,14 +25,15 @@ from rig.hardware.homing.homing_moves import (
     nudge,
     rest,
 )
-from rig.hardware.wiring import Wiring
+from rig.hardware.wiring import Wiring, file_wiring
+from rig.linkage import Linkage
 from rig.parameters import Rig
 from rig.table import Table
 
 
 @dataclass(frozen=True)
 class Homing:
-    """What homing found; pairs by axis (x, y).
+    """What homing found, by servo of the linkage (x, y, or the arms).
 
     travel_rad: between the stops; moving_V: volts that moved the arm, 0 where angles did; level:
     (sin phi_x, sin phi_y) in the middle between the stops as the markers see them, None where they
@@ -38,8 +41,8 @@ class Homing:
     """
 
     wiring: Wiring
-    travel_rad: Pair
-    moving_V: Pair
+    travel_rad: Channels
+    moving_V: Channels
     level: Pair | None = None
 
     @property
@@ -48,7 +51,7 @@ class Homing:
         return self.level is not None
 
 
-Plan = Generator[Pair, Sight, Homing]
+Plan = Generator[Channels, Sight, Homing]
 
 
 def plan(rig: Rig) -> Plan:
@@ -107,7 +110,7 @@ Swung = tuple[list[Pair], Pair | None, Sight]
 
 def swing(
     arms: list[Arm], sight: Sight, swing_rad: float = SWING_RAD
-) -> Generator[Pair, Sight, Swung]:
+) -> Generator[Channels, Sight, Swung]:
     """Each arm by swing_rad to both sides of its middle: sines per radian of each, and the sines in
     the middle.
 
@@ -116,7 +119,7 @@ def swing(
     middles = [arm.middle for arm in arms]
     level, _, sight = yield from look(arms, middles, sight)
     columns: list[Pair] = []
-    for i in (0, 1) if level is not None else ():
+    for i in range(len(arms)) if level is not None else ():
         ends = []
         for way in (1, -1):
             targets = [m + way * swing_rad * (k == i) for k, m in enumerate(middles)]
@@ -132,26 +135,12 @@ def swing(
 
 def confirmed(arms: list[Arm], columns: list[Pair], level: Pair, rig: Rig) -> Homing:
     """The wiring as the markers saw it. HomingRefused: they saw what cannot be."""
-    ratio = rig.linkage.ratio
-    axes, signs = [], []
-    for arm, column in zip(arms, columns, strict=True):
-        axis = max((0, 1), key=lambda k: abs(column[k]))
-        if abs(column[axis]) < 0.4 * ratio:
-            raise HomingRefused(
-                "plate does not follow",
-                f"the arm of motor channel {arm.motor} tilts the plate by {abs(column[axis]):.3f} "
-                f"rad a rad, {ratio:.3f} are expected: is the linkage on, [linkage] right?",
-            )
-        if abs(column[1 - axis]) > 0.5 * abs(column[axis]):
-            raise HomingRefused(
-                "camera turned",
-                f"motor channel {arm.motor} tilts the plate across its axes: markers and "
-                "calibration do not belong together; run rig calibrate table again",
-            )
-        axes.append(axis)
-        signs.append(1 if column[axis] > 0 else -1)
-    if axes[0] == axes[1]:
-        raise HomingRefused("plate does not follow", "both arms tilt the plate about one axis")
+    found = [
+        _recognised(arm, column, rig.linkage) for arm, column in zip(arms, columns, strict=True)
+    ]
+    servos, signs = [servo for servo, _ in found], [sign for _, sign in found]
+    if len({*servos}) < len(servos):
+        raise HomingRefused("plate does not follow", "two arms tilt the plate about one axis")
     if max(map(abs, level)) > LEVEL_SINE:
         worst = max(level, key=abs)
         raise HomingRefused(
@@ -159,37 +148,65 @@ def confirmed(arms: list[Arm], columns: list[Pair], level: Pair, rig: Rig) -> Ho
             f"in the middle between the stops the plate leans by {57.3 * abs(worst):.1f} degrees: "
             "set the arms on their shafts anew, or run rig calibrate table with a level plate",
         )
-    return _homing(arms, axes, signs, rig, level)
+    return _homing(arms, servos, signs, rig, level)
+
+
+def _recognised(arm: Arm, column: Pair, linkage: Linkage) -> tuple[int, int]:
+    """The servo of the linkage that an arm is, and 1 where its counts rise with its angle, else -1;
+    column: what the plate's sines changed per radian of it."""
+    found = []
+    for servo, expected in enumerate(linkage.tilt_per_servo):
+        most = hypot(*expected)
+        along = (column[0] * expected[0] + column[1] * expected[1]) / most
+        across = abs(column[0] * expected[1] - column[1] * expected[0]) / most
+        found.append((abs(along), servo, 1 if along > 0 else -1, across, most))
+    seen, servo, sign, across, most = max(found)
+    if seen < 0.4 * most:
+        raise HomingRefused(
+            "plate does not follow",
+            f"the arm of motor channel {arm.motor} tilts the plate by {seen:.3f} rad a rad, "
+            f"{most:.3f} are expected: is the linkage on, [linkage] right?",
+        )
+    if across > 0.5 * seen:
+        raise HomingRefused(
+            "camera turned",
+            f"motor channel {arm.motor} tilts the plate across its axes: markers and "
+            "calibration do not belong together; run rig calibrate table again",
+        )
+    return servo, sign
 
 
 def unconfirmed(arms: list[Arm], rig: Rig) -> Homing:
-    """The wiring as far as the encoders tell; axes and directions are the rig file's."""
-    axes = [1 - arm.encoder if rig.table.swap else arm.encoder for arm in arms]
-    signs = [rig.table.sign_angle[arm.encoder] for arm in arms]
-    return _homing(arms, axes, signs, rig, None)
+    """The wiring as far as the encoders tell; order and directions are the rig file's."""
+    signs = rig.table.by_channel("sign_angle", rig.linkage.servos)
+    order = file_wiring(rig).order
+    servos = [order[arm.encoder] for arm in arms]
+    return _homing(arms, servos, [signs[arm.encoder] for arm in arms], rig, None)
 
 
 def _homing(
-    arms: list[Arm], axes: list[int], signs: list[int], rig: Rig, level: Pair | None
+    arms: list[Arm], servos: list[int], signs: list[int], rig: Rig, level: Pair | None
 ) -> Homing:
-    """The wiring and the numbers by axis; `axes`, `signs`: of each arm, 1 where its counts rise
+    """The wiring and the numbers by servo; `servos`, `signs`: of each arm, 1 where its counts rise
     with the angle."""
-    x, y = (arms[axes.index(axis)] for axis in (0, 1))
     raw = Wiring(counts_per_rev=rig.servo.encoder_counts_per_rev)
-    volts, angle, zeros = [1, 1], [1, 1], [0, 0]  # by channel
-    for arm, sign in zip(arms, signs, strict=True):
+    order, volts, angle, zeros = ([0] * len(arms) for _ in range(4))  # by channel
+    for arm, servo, sign in zip(arms, servos, signs, strict=True):
+        order[arm.encoder] = servo
         volts[arm.motor] = sign * arm.sign
         angle[arm.encoder] = sign
         zeros[arm.encoder] = round(arm.middle / raw.step_rad)
     wiring = Wiring(
-        swap=x.encoder == 1,
-        crossed=x.encoder != x.motor,
-        sign_volts=(volts[0], volts[1]),
-        sign_angle=(angle[0], angle[1]),
-        zero_counts=(zeros[0], zeros[1]),
-        counts_per_rev=raw.counts_per_rev,
+        tuple(order),
+        tuple(volts),
+        tuple(angle),
+        tuple(zeros),
+        raw.counts_per_rev,
+        crossed=any(arm.encoder != arm.motor for arm in arms),
     )
-    return Homing(wiring, (x.high - x.low, y.high - y.low), (x.moving_V, y.moving_V), level)
+    own = [arms[servos.index(servo)] for servo in range(len(arms))]
+    travel = tuple(arm.high - arm.low for arm in own)
+    return Homing(wiring, travel, tuple(arm.moving_V for arm in own), level)
 
 
 def home(
@@ -208,7 +225,7 @@ def home(
     volts = next(steps)
     try:
         while True:
-            table.drive(volts)
+            table.drive(volts)  # pyright: ignore[reportArgumentType] - by channel
             reading = table.read()
             sight = Sight(
                 reading.t_s, reading.theta_rad, reading.motor_speed_rad_s, tilt(reading.t_s)
@@ -218,4 +235,4 @@ def home(
             except StopIteration as done:
                 return done.value
     finally:
-        table.drive((0.0, 0.0))
+        table.drive(tuple(0.0 for _ in volts))  # pyright: ignore[reportArgumentType]

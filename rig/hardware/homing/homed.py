@@ -12,6 +12,7 @@ from pydantic import TypeAdapter
 
 from rig.hardware.homing.home import Homing
 from rig.hardware.wiring import Wiring
+from rig.linkage import Linkage
 from rig.parameters import BUS_KINDS, Rig, Servo
 from rig.table import Table
 from rig.validation import file_bytes
@@ -38,7 +39,7 @@ class Homed:
 
     kind, where: of the table's [table] (kind; port or address); boot_id: name of the table's
     power-up (None where it has none); at: ISO time, UTC; confirmed: the markers saw the plate move;
-    travel_rad: between the stops, by axis (x, y); wiring: what the homing found; voltage_limit_V:
+    travel_rad: between the stops, by servo; wiring: what the homing found; voltage_limit_V:
     with which it was done (inf: a file of an earlier version does not tell).
     """
 
@@ -47,7 +48,7 @@ class Homed:
     boot_id: str | None
     at: str
     confirmed: bool
-    travel_rad: tuple[float, float]
+    travel_rad: tuple[float, ...]
     wiring: Wiring
     voltage_limit_V: float = inf
 
@@ -73,7 +74,7 @@ class Homed:
             raise NotHomed(f"the homing is of another table ({self.kind} {self.where}): {CURE}")
         if self.wiring.counts_per_rev != rig.servo.encoder_counts_per_rev:
             raise NotHomed(f"servo.encoder_counts_per_rev has changed since the homing: {CURE}")
-        self._check_limits(rig.servo)
+        self._check_limits(rig.servo, rig.linkage)
         age = (now or datetime.now(UTC)) - datetime.fromisoformat(self.at)
         if boot_id is not None or self.boot_id is not None:
             if not _same(self.boot_id, boot_id):
@@ -83,9 +84,16 @@ class Homed:
             hours = LONGEST.total_seconds() / 3600
             raise NotHomed(f"the homing of {self.at} is older than {hours:g} hours: {CURE}")
 
-    def _check_limits(self, servo: Servo) -> None:
-        reach = 0.5 * min(self.travel_rad)
-        if servo.angle_limit_rad > reach:
+    def _check_limits(self, servo: Servo, linkage: Linkage) -> None:
+        if len(self.travel_rad) != linkage.servos:
+            raise NotHomed(f"linkage.kind has changed since the homing: {CURE}")
+        needed = linkage.servo_limits_rad(servo.angle_limit_rad)
+        ways = [
+            (0.5 * travel - limit, 0.5 * travel)
+            for travel, limit in zip(self.travel_rad, needed, strict=True)
+        ]
+        room, reach = min(ways)
+        if room < 0:
             raise NotHomed(
                 f"servo.angle_limit_rad = {servo.angle_limit_rad:g} is beyond the stops that "
                 f"homing found, {reach:.2f} rad from the middle: lower it, or {CURE}"
@@ -111,7 +119,8 @@ class Homed:
 def _where(rig: Rig) -> str:
     table = rig.table
     where = table.port or table.address
-    return f"{where} {list(table.ids)}" if table.kind in BUS_KINDS else where
+    ids = list(table.by_channel("ids", rig.linkage.servos))
+    return f"{where} {ids}" if table.kind in BUS_KINDS else where
 
 
 def power_up(table: Table, now_s: float | None = None) -> str | None:

@@ -1,11 +1,12 @@
 """What homing does with the motors: nudge, seek a stop, hold, look. Each is a generator that is
-sent what is seen in a tick and answers with the volts of the two motor channels."""
+sent what is seen in a tick and answers with the volts of the motor channels."""
 
 from collections.abc import Generator
 from dataclasses import dataclass, replace
 from math import radians, sin
 
 Pair = tuple[float, float]
+Channels = tuple[float, ...]  # a number for each channel of the board
 
 MOST_V = 1.5  # what a stop can take, and below what a board allows before homing
 RAMP_V_S = 1.5
@@ -38,14 +39,14 @@ class HomingRefused(ValueError):  # noqa: N818 - the state, not the slip
 
 @dataclass(frozen=True)
 class Sight:
-    """One tick as a homing plan is sent it, by channel (0, 1).
+    """One tick as a homing plan is sent it, by channel.
 
     t_s: the reading's time; theta_rad: encoder angles; speed_rad_s: motor speeds, None without
     tachometers; tilt: (sin phi_x, sin phi_y) of a new picture of the plate, else None.
     """
 
     t_s: float
-    theta_rad: Pair
+    theta_rad: Channels
     speed_rad_s: Pair | None = None
     tilt: Pair | None = None
 
@@ -76,7 +77,7 @@ class Arm:
         return max(-MOST_V, min(MOST_V, commanded))
 
 
-Steps = Generator[Pair, Sight, Sight]
+Steps = Generator[Channels, Sight, Sight]
 
 
 def _volts(motor: int, volts: float) -> Pair:
@@ -91,7 +92,7 @@ def rest(sight: Sight) -> Steps:
     return sight
 
 
-def nudge(motor: int, sight: Sight) -> Generator[Pair, Sight, tuple[Arm, Sight]]:
+def nudge(motor: int, sight: Sight) -> Generator[Channels, Sight, tuple[Arm, Sight]]:
     """Raise the volts of a motor until an arm moves; return that arm and the last sight.
 
     First one way, then the other, as the arm may lie at a stop. HomingRefused: "coupled", both
@@ -139,7 +140,7 @@ def _turns(motor: int, first: Pair | None, sight: Sight) -> bool:
 
 def find_stops(
     arm: Arm, held: list[Arm], sight: Sight
-) -> Generator[Pair, Sight, tuple[Arm, Sight]]:
+) -> Generator[Channels, Sight, tuple[Arm, Sight]]:
     """Drive an arm to both of its stops; return it with low and high, and the last sight.
 
     held: arms that are held in their middle meanwhile. HomingRefused: "no stop" within FARTHEST_RAD
@@ -189,10 +190,10 @@ def hold(arms: list[Arm], targets: list[float], sight: Sight) -> Steps:
     """
     begin_s, there_s = sight.t_s, sight.t_s
     while sight.t_s - there_s < SETTLE_S:
-        out = [0.0, 0.0]
+        out = [0.0] * len(sight.theta_rad)
         for arm, target in zip(arms, targets, strict=True):
             out[arm.motor] = arm.towards(target, sight)
-        sight = yield out[0], out[1]
+        sight = yield tuple(out)
         off = [abs(sight.theta_rad[a.encoder] - t) for a, t in zip(arms, targets, strict=True)]
         if max(off) > ARRIVED_RAD:
             there_s = sight.t_s
@@ -206,7 +207,7 @@ def hold(arms: list[Arm], targets: list[float], sight: Sight) -> Steps:
 Looked = tuple[Pair | None, list[float], Sight]
 
 
-def look(arms: list[Arm], targets: list[float], sight: Sight) -> Generator[Pair, Sight, Looked]:
+def look(arms: list[Arm], targets: list[float], sight: Sight) -> Generator[Channels, Sight, Looked]:
     """Return the plate's mean sines and the arms' mean angles at `targets`, and the last sight.
 
     The sines are (sin phi_x, sin phi_y), None where too few pictures show the markers; angles [rad]
@@ -214,17 +215,17 @@ def look(arms: list[Arm], targets: list[float], sight: Sight) -> Generator[Pair,
     """
     sight = yield from hold(arms, targets, sight)
     begin_s, seen = sight.t_s, []
-    angles = [0.0, 0.0]
+    angles = [0.0] * len(arms)
     count = 0
     while (passed_s := sight.t_s - begin_s) < LOOK_S or (
         0 < len(seen) < FEWEST_LOOKS and passed_s < LOOK_LONGEST_S
     ):
-        out = [0.0, 0.0]
+        out = [0.0] * len(sight.theta_rad)
         for i, (arm, target) in enumerate(zip(arms, targets, strict=True)):
             out[arm.motor] = arm.towards(target, sight)
             angles[i] += sight.theta_rad[arm.encoder]
         count += 1
-        sight = yield out[0], out[1]
+        sight = yield tuple(out)
         if sight.tilt is not None:
             seen.append(sight.tilt)
     angles = [a / count for a in angles]

@@ -101,13 +101,14 @@ class Configure(_Packed):
     @classmethod
     def of(cls, w: Wiring, homed: bool) -> "Configure":
         """Return the message of a wiring."""
-        signs = (*w.sign_volts, *w.sign_angle, *w.zero_counts)
-        return cls(int(w.swap), int(w.crossed), *signs, w.counts_per_rev, int(homed))
+        (v_0, v_1), (a_0, a_1), (z_0, z_1) = w.sign_volts, w.sign_angle, w.zero_counts
+        turns = (int(w.swap), int(w.crossed), v_0, v_1, a_0, a_1, z_0, z_1)
+        return cls(*turns, w.counts_per_rev, int(homed))
 
     def wiring(self) -> Wiring:
         """Return the wiring of the message. ValueError: its numbers make none."""
         return Wiring(
-            bool(self.swap),
+            (1, 0) if self.swap else (0, 1),
             (self.volts_0, self.volts_1),
             (self.angle_0, self.angle_1),
             (self.zero_0, self.zero_1),

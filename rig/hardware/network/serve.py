@@ -120,7 +120,8 @@ class Server:
     def _angles(self, reading: Reading) -> tuple[float, float]:
         """The angles that the user's wiring makes of the encoders."""
         counts = [round(a / self._raw.step_rad) for a in reading.theta_rad]
-        return self.watchdog.wiring.angles((counts[0], counts[1]))
+        x, y = self.watchdog.wiring.angles(counts)
+        return x, y
 
     def _drive(self, theta: tuple[float, float]) -> None:
         volts = self.watchdog.volts(theta, time.monotonic())

@@ -122,8 +122,8 @@ class QuanserTable(LevelOnExit):
         counts = self._next_counts()
         t_s = self._time.time(self._ticks * self.period_s, self._arrived_s, self.period_s)
         speed = self._speeds() if self._tachometer else None
-        angles = self._wiring.angles((int(counts[0]), int(counts[1])))
-        return Reading(t_s, angles, speed, self._feed.take(t_s))
+        x, y = self._wiring.angles((int(counts[0]), int(counts[1])))
+        return Reading(t_s, (x, y), speed, self._feed.take(t_s))
 
     def _next_counts(self) -> np.ndarray:
         """The newest sample; after a late tick the ones that were missed are read over at once."""

@@ -53,9 +53,9 @@ def bus(**keys) -> Rig:
 def test_a_bus_of_servos_is_looked_at_without_asking_them():
     found = {f.what: f for f in examine(WELL, bus())}
     assert usable(list(found.values()))
-    assert "1000000 baud is fast enough for 250 Hz" in found["servo bus, ids 1 and 2"].text
+    assert "1000000 baud is fast enough for 250 Hz" in found["servo bus, ids 1, 2"].text
     slow = {f.what: f for f in examine(WELL, bus(control_rate_hz=500.0)) if f.state == BAD}
-    assert "control_rate_hz has 2.0 ms" in slow["servo bus, ids 1 and 2"].text
+    assert "control_rate_hz has 2.0 ms" in slow["servo bus, ids 1, 2"].text
     volts = {f.what: f for f in examine(WELL, bus(servo=Servo())) if f.state == BAD}
     assert "set servo.kind = 'position'" in volts["servos"].text
     gone = {f.what: f for f in examine(replace(WELL, serial=()), bus()) if f.state == BAD}

@@ -7,30 +7,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.records.recording import Run, read_run
 from rig.hardware.homing.homing_moves import MOST_V
 from rig.hardware.wiring import Wiring
 from tests.support.boards.chip import Chip
-from tests.support.boards.commands import Lab
+from tests.support.boards.commands import SQUARES, Lab
 from tests.support.boards.host import HostBoard
 
-ODD = Wiring(swap=True, sign_volts=(-1, 1), sign_angle=(1, -1), zero_counts=(20, -12), crossed=True)
+ODD = Wiring(
+    order=(1, 0), sign_volts=(-1, 1), sign_angle=(1, -1), zero_counts=(20, -12), crossed=True
+)
 BALL = """title = "short"
 duration_s = {seconds}
 [start]
 x_m = -0.1
 y_m = 0.1
 hold_s = 0.5
-"""
-SERVO = """title = "squares"
-duration_s = 2.0
-servo_only = true
-[reference]
-shape = "squares"
-amplitude = 0.1
-period_s = 1.0
-[start]
-hold_s = 0.0
 """
 MAKES = {"serial": Chip, "usb": HostBoard}
 CABLES = ["serial", pytest.param("usb", marks=pytest.mark.slow)]
@@ -49,16 +40,6 @@ def make_lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys):
     yield make
     for lab in labs:
         lab.close()
-
-
-def run(lab: Lab, text: str, *words: str) -> tuple[int, str, Run]:
-    """`rig run` of a protocol: exit code, what was said, the recording."""
-    protocol = lab.folder / "mine.toml"
-    protocol.write_text(text)
-    out = lab.folder / f"out{len(list(lab.folder.iterdir()))}"
-    code, said, error = lab.call("run", str(protocol), "--out", str(out), "--arm", "with", *words)
-    (folder,) = (out / "runs").iterdir()
-    return code, said + error, read_run(folder)
 
 
 def homed(lab: Lab) -> str:
@@ -88,18 +69,18 @@ def test_home_then_squares_then_a_ball_then_a_reset(cable: str, make_lab):
     assert "swapped, motors crossed" in said
     assert "the markers see the plate level" in said
     kept = json.loads(lab.rig_file.with_suffix(".home.json").read_text())["wiring"]
-    assert (kept["swap"], kept["crossed"]) == (True, True)
+    assert (kept["order"], kept["crossed"]) == ([1, 0], True)
     assert (kept["sign_volts"], kept["sign_angle"]) == ([-1, 1], [1, -1])
     assert np.abs(np.subtract(kept["zero_counts"], ODD.zero_counts)).max() <= 8
 
-    code, said, found = run(lab, SERVO)
+    code, said, found = lab.run(SQUARES)
     assert (code, found.meta["outcome"]) == (0, "completed"), said
     theta = found.log["theta_x_rad"]
     assert np.abs(theta[-100:]).max() == pytest.approx(0.1, abs=0.03)
     check_rest(lab)
 
     lab.lay_the_ball()
-    code, said, found = run(lab, BALL.format(seconds=6.0))
+    code, said, found = lab.run(BALL.format(seconds=6.0))
     assert (code, found.meta["outcome"]) == (0, "completed"), said
     assert "let it go" in said
     assert found.meta["table"] in MAKES
@@ -111,7 +92,7 @@ def test_home_then_squares_then_a_ball_then_a_reset(cable: str, make_lab):
 
     lab.world.board.reset()
     for _ in range(2):  # asking does not make it homed
-        code, said, found = run(lab, SERVO)
+        code, said, found = lab.run(SQUARES)
         assert (code, found.meta["outcome"]) == (1, "not homed")
         assert "the board was reset since its homing: run rig home" in said
         assert lab.world.volts == (0.0, 0.0)
@@ -135,7 +116,7 @@ def test_a_lost_cable_is_the_runs_outcome_and_a_refused_homing_leaves_none(how: 
             lab.usb.hung = True
 
     lab.lay_the_ball(strike)
-    code, _, found = run(lab, BALL.format(seconds=6.0))
+    code, _, found = lab.run(BALL.format(seconds=6.0))
     assert (code, found.meta["outcome"]) == (1, "link lost")
     assert "board on" in found.meta["reason"]
     assert 1.0 < found.log["t_s"][-1] < 2.7

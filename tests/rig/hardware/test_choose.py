@@ -7,19 +7,12 @@ import pytest
 
 from rig.hardware.board.link import LinkLost
 from rig.hardware.camera.plate_tilt import MarkerTilt
-from rig.hardware.choose import (
-    file_wiring,
-    host_and_port,
-    level_counts,
-    open_table,
-    raw_wiring,
-    usb_numbers,
-)
-from rig.hardware.wiring import Wiring
+from rig.hardware.choose import host_and_port, open_table, usb_numbers
+from rig.hardware.wiring import Wiring, file_wiring, level_counts, raw_wiring
 from rig.loop.paced import Paced
 from rig.parameters import Rig, Servo, TableChoice
 from rig.plant.ball import plate_rotation
-from rig.rigfile import from_dict, read_rig
+from rig.rigfile import from_dict, read_rig, to_dict
 from tests.support import ROOT
 from vision.frames import Frame
 from vision.plate.markers import default_layout
@@ -32,7 +25,7 @@ def test_wirings_of_a_rig_file():
     table = TableChoice(swap=True, crossed=True, sign_volts=(1, -1), sign_angle=(-1, 1))
     servo = replace(Rig().servo, encoder_counts_per_rev=2048)
     rig = Rig(table=table, servo=servo)
-    assert file_wiring(rig) == Wiring(True, (1, -1), (-1, 1), (0, 0), 2048, True)
+    assert file_wiring(rig) == Wiring((1, 0), (1, -1), (-1, 1), (0, 0), 2048, True)
     assert raw_wiring(rig) == Wiring(counts_per_rev=2048)
 
 
@@ -99,9 +92,48 @@ def test_a_bus_is_opened_for_servos_that_take_an_angle_alone():
     for words, rig in wrong.items():
         with pytest.raises(ValueError, match=words):
             open_table(rig)
-    arms = read_rig(RIGS / "three-arms.toml")
-    with pytest.raises(ValueError, match="no driver here moves three servos"):
-        open_table(replace(arms, table=BUS))
+
+
+ARMS = read_rig(RIGS / "three-arms.toml")
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        (replace(BUS, port="/dev/no-such-bus"), "servo bus on /dev/no-such-bus"),
+        (TableChoice(kind="pulses", port="/dev/no-such-pulses"), "servo board on /dev/no-such"),
+    ],
+)
+@pytest.mark.parametrize("homed", [True, False])
+def test_three_arms_are_opened_by_each_table_that_is_told_angles(table, words: str, homed: bool):
+    slower = replace(ARMS, table=table, control_rate_hz=200.0)
+    with pytest.raises(LinkLost, match=words):
+        open_table(slower, homed=homed)
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"ids": [1, 2]}, r"table.ids = \[1, 2\]: the linkage has 3 servos"),
+        ({"ids": [1, 2, 1]}, "must be 3 different numbers"),
+        ({"trim_rad": [0.0, 0.1]}, r"table.trim_rad = \[0.0, 0.1\]: the linkage has 3 servos"),
+        ({"pulse_us_per_rad": [600, 600]}, "table.pulse_us_per_rad = .* the linkage has 3 servos"),
+        ({"sign_angle": [1, 1]}, "table.sign_angle = .* the linkage has 3 servos"),
+        ({"sign_angle": [1, 1, 2]}, "each must be 1 or -1"),
+        ({"swap": True}, "3 servos have no x and y to swap"),
+    ],
+)
+def test_lists_of_three_arms_that_cannot_be_are_one_line(keys: dict, words: str):
+    table = {"kind": "feetech", "port": "/dev/ttyUSB0"} | keys
+    with pytest.raises(ValueError, match=words) as caught:
+        from_dict(to_dict(ARMS) | {"table": table})
+    assert "\n" not in str(caught.value)
+
+
+def test_what_a_file_does_not_list_is_usual():
+    assert file_wiring(replace(ARMS, table=BUS)).zero_counts == (2048, 2048, 2048)
+    assert file_wiring(ARMS).order == (0, 1, 2)
+    assert file_wiring(Rig()) == Wiring()
 
 
 def test_level_of_a_bus_is_the_middle_and_its_trim():
@@ -114,7 +146,7 @@ def test_level_of_a_bus_is_the_middle_and_its_trim():
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
-        ({"ids": [3, 3]}, r"table.ids = \[3, 3\]: must be two different numbers"),
+        ({"ids": [3, 3]}, r"table.ids = \[3, 3\]: must be 2 different numbers"),
         ({"ids": [1, 254]}, "from 0 to 252"),
         ({"ids": [1, 2, 3]}, "table.ids"),
         ({"trim_rad": [0.0, 4.0]}, r"table.trim_rad = \[0.0, 4.0\]"),

@@ -21,9 +21,10 @@ from rig.hardware.quanser import quanser
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig, Servo
 from rig.simulation.simulator import SimulatedTable
+from tests.support import ROOT
 from tests.support.boards.bus_world import BusWorld, bus_of
 from tests.support.boards.bus_world import table_on as bus_table_on
-from tests.support.boards.chip import Chip, PulseChip
+from tests.support.boards.chip import MEGA, Chip, PulseChip
 from tests.support.boards.host import HostBoard, HostPulseBoard
 from tests.support.boards.pty import PtyBoard, SteppedLink
 from tests.support.boards.usb_fake import FakeUsb
@@ -41,15 +42,28 @@ from tests.support.hardware.remote_bench import Cable, realtime, served
 
 pytestmark = pytest.mark.realtime
 
-ODD = Wiring(swap=True, sign_volts=(-1, 1), sign_angle=(1, -1), zero_counts=(7, -4), crossed=True)
-BUS_ODD = Wiring(swap=True, sign_angle=(-1, 1), zero_counts=(2100, 1990))
+ODD = Wiring(
+    order=(1, 0), sign_volts=(-1, 1), sign_angle=(1, -1), zero_counts=(7, -4), crossed=True
+)
+BUS_ODD = Wiring(order=(1, 0), sign_angle=(-1, 1), zero_counts=(2100, 1990))
+ARMS_ODD = Wiring((2, 0, 1), (1, 1, 1), (-1, 1, -1), (2100, 1990, 2060))
+# Plate and ball of two rods on three arms: a tilt of 0.1 rad leaves the ball on it for a second.
+ARMS_MOST_RAD = 0.1
 Pair = tuple[float, float]
+ANGLE_RIG = Rig(servo=Servo(kind="position"))
+ARMS_RIG = replace(
+    load_rig(ROOT / "experiments/rigs/three-arms.toml"),
+    servo=Servo(kind="position", angle_limit_rad=0.2, stop_rad=1.2),
+    camera=Rig().camera,
+    effects={},
+)
 
 
 @dataclass
 class Case:
     """A table under test and what only its plant knows; `kill`: the ways in which its link dies;
-    `later`: its plant goes on alone; jitter_s, slack_s: of a table in real time."""
+    `later`: its plant goes on alone; jitter_s, slack_s: of a table in real time; most_rad: angle
+    that its plate and its ball can stand."""
 
     table: Any
     plant: SimulatedTable
@@ -59,6 +73,7 @@ class Case:
     later: Callable[[float], None] = lambda seconds: None
     jitter_s: float = 0.0
     slack_s: float = 0.0
+    most_rad: float = 0.5
 
     def arms_rad(self) -> Pair:
         x, y = self.plant.truth()["arm_rad"]
@@ -139,27 +154,36 @@ def remote(rig: Rig, stack: Stack) -> Case:
     return Case(table, one.table, lambda: one.table.volts_V, clock, ways, later, 2e-4, 0.03)
 
 
-def pulses(board, rig: Rig) -> Case:
-    world = PulseWorld(board, rig, (PulseServo(), PulseServo(1440.0, -500.0)))
+def pulses(board, rig: Rig, *third: PulseServo) -> Case:
+    world = PulseWorld(board, rig, (PulseServo(), PulseServo(1440.0, -500.0), *third))
     link = WorldLink(world)
     table = pulse_table_on(world, rig, link)
     return on_world(world, table, {"unplugged": lambda: setattr(link, "cut", True)})
 
 
-def bus(kind: str, rig: Rig) -> Case:
+def pulses_of_arms(board) -> Case:
+    return replace(pulses(board, ARMS_RIG, PulseServo(1530.0, -600.0)), most_rad=ARMS_MOST_RAD)
+
+
+def bus_of_arms(kind: str) -> Case:
+    return replace(bus(kind, ARMS_RIG, ARMS_ODD), most_rad=ARMS_MOST_RAD)
+
+
+def bus(kind: str, rig: Rig, wiring: Wiring = BUS_ODD) -> Case:
     """Silent, these servos hold their goal (Feetech) or stop (Dynamixel); neither knows level."""
     kept = {name: found for name, found in rig.effects.items() if name == "joint_backlash"}
-    world = BusWorld(bus_of(kind, BUS_ODD.zero_counts), replace(rig, effects=kept), wiring=BUS_ODD)
+    world = BusWorld(bus_of(kind, wiring.zero_counts), replace(rig, effects=kept), wiring=wiring)
     peer = PtyBoard(world, thread=False)
     eye = WorldEye(world)
     link = SteppedLink(peer, SerialLink(peer.port, 1_000_000, "servo bus"))
-    eye.table = bus_table_on(world, link, kind, eye=eye)
+    limit = rig.servo.angle_limit_rad
+    eye.table = bus_table_on(world, link, kind, eye=eye, angle_limit_rad=limit)
     ways = {"unplugged": peer.unplug, "hung": lambda: setattr(peer, "hung", True)}
 
     def told() -> Pair:
         address, length = (42, 2) if kind == "feetech" else (116, 4)
-        a, b = (servo.get(address, length) for servo in world.board.servos.values())
-        return world.wiring.angles((a, b))
+        counts = [servo.get(address, length) for servo in world.board.servos.values()]
+        return world.linkage.table_angles(world.wiring.angles(counts))
 
     return Case(eye.table, world.plant, told, lambda: world.now_s, ways, world.run)
 
@@ -170,6 +194,10 @@ ANGLE_TABLES: dict[str, Callable[[Rig, Stack], Case]] = {
     "pulse firmware": lambda rig, stack: pulses(PulseChip(), rig),
     "feetech": lambda rig, stack: bus("feetech", rig),
     "dynamixel": lambda rig, stack: bus("dynamixel", rig),
+    "three arms, pulses.c": lambda rig, stack: pulses_of_arms(HostPulseBoard(servos=3)),
+    "three arms, pulse firmware": lambda rig, stack: pulses_of_arms(PulseChip(MEGA)),
+    "three arms, feetech": lambda rig, stack: bus_of_arms("feetech"),
+    "three arms, dynamixel": lambda rig, stack: bus_of_arms("dynamixel"),
 }
 TABLES: dict[str, Callable[[Rig, Stack], Case]] = {
     "simulated": simulated,
@@ -181,11 +209,13 @@ TABLES: dict[str, Callable[[Rig, Stack], Case]] = {
     "quanser stand-in": quanser_card,
     "remote": remote,
 }
-NO_LEVEL = ("quanser stand-in", "feetech", "dynamixel")  # what watches them alone knows no level
+# What watches them alone knows no level.
+NO_LEVEL = (
+    "quanser stand-in", "feetech", "dynamixel", "three arms, feetech", "three arms, dynamixel",
+)  # fmt: skip
 VOLTS = pytest.mark.parametrize("name", TABLES)
 ANGLES = pytest.mark.parametrize("name", ANGLE_TABLES)
 EVERY = pytest.mark.parametrize("name", [*TABLES, *ANGLE_TABLES])
-ANGLE_RIG = Rig(servo=Servo(kind="position"))
 
 
 @pytest.fixture
@@ -229,7 +259,7 @@ def test_positive_volts_raise_the_angle(make, name: str, axis: int, sign: int):
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_a_positive_angle_turns_its_arm(make, name: str, axis: int, sign: int):
     case = make(name)
-    contract.a_positive_angle_turns_its_arm(case.table, axis, sign, case.arms_rad)
+    contract.a_positive_angle_turns_its_arm(case.table, axis, sign, case.arms_rad, case.most_rad)
 
 
 @ANGLES
@@ -237,7 +267,7 @@ def test_a_positive_angle_turns_its_arm(make, name: str, axis: int, sign: int):
 def test_leaving_levels_servos_that_take_an_angle(make, name: str, fails: bool):
     case = make(name, armed=False)
     contract.leaving_levels_servos_that_take_an_angle(
-        case.table, case.volts_V, case.arms_rad, fails=fails
+        case.table, case.volts_V, case.arms_rad, case.most_rad, fails=fails
     )
 
 

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from scipy.optimize import curve_fit
 
-from rig.parameters import Drive, Rig, Servo, nominal_servo, torque_per_volt
+from rig.parameters import Drive, Rig, Servo, torque_per_volt
 from rig.plant.plant import ARM, ARM_RATE, MOTOR, MOTOR_RATE, PLATE, PLATE_RATE
 from tests.support.simulated import SMOOTH, TICK_S, constant_volts, moved, smooth_rig
+from tests.support.srv02 import nominal_servo
 
 MEASURED = Servo(gain_rad_s_V=1.735, time_constant_s=0.046)
 SERVOS = [Servo(), MEASURED]

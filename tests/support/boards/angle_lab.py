@@ -14,7 +14,7 @@ from tests.support.boards.pty import PtyBoard
 
 
 class AngleLab(Lab):
-    """A plate on two servos, plugged in, in their own time, and its rig file.
+    """A plate on two or three servos, plugged in, in their own time, and its rig file.
 
     shipped: the rig file that it extends; table: lines of [table] but for the port; first: lines
     before the first section.

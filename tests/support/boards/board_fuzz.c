@@ -4,20 +4,9 @@
  * bytes it configures, arms and commands a board as a host would, moves its counters anyhow, and
  * stops with an error where volts break a promise.
  */
-#include <stdio.h>
-#include <stdlib.h>
-
 #include "volts.h"
 
-static uint32_t seed = 1;
-static uint32_t draw(void) { return seed = seed * 1664525u + 1013904223u; }
-static uint8_t byte(void) { return (uint8_t)(draw() >> 24); }
-
-static void send(board_t *b, uint8_t *payload, uint8_t length) {
-    uint8_t frame[LONGEST_FRAME], i, n = frame_encode(payload, length, frame);
-    board_byte(b, 0);
-    for (i = 0; i < n; i++) board_byte(b, frame[i]);
-}
+#include "fuzz.h"
 
 static void meddle(board_t *b) {
     uint8_t p[LONGEST_PAYLOAD], i;
@@ -29,12 +18,10 @@ static void meddle(board_t *b) {
         send(b, p, 20);
         break;
     case 1: case 2:
-        p[0] = ARM;
-        for (i = 0; i < 4; i++) p[1 + i] = (uint8_t)(b->session.token >> (8 * i));
-        send(b, p, 7);
+        send_arm(b, p);
         break;
     case 3:
-        if (byte() % 16 == 0) p[0] = DISARM, send(b, p, 1);
+        if (byte() % 16 == 0) send_disarm(b, p);
         break;
     default: /* any volts */
         p[0] = COMMAND, p[1] = (uint8_t)next, p[2] = (uint8_t)(next >> 8);

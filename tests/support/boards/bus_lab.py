@@ -19,7 +19,7 @@ SHIPPED = "bus-servos.toml"
 
 
 class BusLab(AngleLab):
-    """A plate on two bus servos, plugged in by their adapter, and its rig file.
+    """A plate on bus servos, plugged in by their adapter, and its rig file.
 
     counts: where the shafts are at first; wiring: how they really stand to the axes; keys: more of
     [table].
@@ -28,11 +28,12 @@ class BusLab(AngleLab):
     def __init__(
         self, kind: str, folder: Path, patch: pytest.MonkeyPatch, capsys, *,
         wiring: Wiring = LEVEL, counts=(2048, 2048), markers: bool = True, keys: str = "",
+        shipped: str = SHIPPED, rate_hz: float = 250.0,
     ) -> None:  # fmt: skip
-        self.known = read_rig(ROOT / "experiments/rigs" / SHIPPED)
+        self.known = read_rig(ROOT / "experiments/rigs" / shipped)
         world = BusWorld(bus_of(kind, counts), self.known, start_m=AWAY_M, wiring=wiring)
-        table, rate = f'kind = "{kind}"\nbaud = 1000000\n{keys}', "control_rate_hz = 250.0"
-        super().__init__(world, SHIPPED, table, folder, patch, capsys, first=rate, markers=markers)
+        table, rate = f'kind = "{kind}"\nbaud = 1000000\n{keys}', f"control_rate_hz = {rate_hz}"
+        super().__init__(world, shipped, table, folder, patch, capsys, first=rate, markers=markers)
 
     def _driver(self) -> dict[str, Callable]:
         def serial(port: str, baud: int, what: str) -> SteppedLink:

@@ -177,7 +177,9 @@ class FeetechBus(Bus):
     def step_one(self, servo: Servo) -> None:
         torque, speed = servo.memory[40] != 0, servo.get(46, 2)
         unit = 1.0 if servo.memory[18] & 4 else 50.0
-        servo.turn(torque, float(servo.get(42, 2)), unit * speed if speed else TOP_COUNTS_S)
+        goal = servo.get(42, 2)
+        goal = 0x8000 - goal if goal & 0x8000 else goal
+        servo.turn(torque, float(goal), unit * speed if speed else TOP_COUNTS_S)
         counts = round(servo.counts)
         servo.put(56, abs(counts) | (0x8000 if counts < 0 else 0), 2)
 
@@ -294,5 +296,6 @@ class DynamixelBus(Bus):
             servo.put(116, round(servo.counts), 4)  # it stops
             self.frozen[servo.servo_id] = True
         unit = 0.229 / 60 * 4096
-        servo.turn(torque, float(servo.get(116, 4)), unit * speed if speed else TOP_COUNTS_S)
+        goal = int.from_bytes(servo.memory[116:120], "little", signed=True)
+        servo.turn(torque, float(goal), unit * speed if speed else TOP_COUNTS_S)
         servo.put(132, round(servo.counts), 4)

@@ -25,8 +25,8 @@ AT_ONCE = replace(SERVO, lag_s=0.0, rate_limit_rad_s=1e4, acceleration_limit_rad
 class BusWorld:
     """Servos and plant, a millisecond at a time; `board` takes and gives the bus's bytes.
 
-    wiring: how the servos really stand to the axes, and where they hold the plate level; counts:
-    where their shafts are at first (channel 0, 1).
+    wiring: how the servos really stand to those of the linkage, and where they hold the plate
+    level.
     """
 
     def __init__(
@@ -38,8 +38,9 @@ class BusWorld:
         start_m: tuple[float, float] = (0.0, 0.0),
         held: bool = False,
     ) -> None:
-        fine = replace(rig, servo=AT_ONCE, control_rate_hz=1 / STEP_S)
-        self.board, self.wiring = board, wiring
+        reach = {key: getattr(rig.servo, key) for key in ("angle_limit_rad", "stop_rad")}
+        fine = replace(rig, servo=replace(AT_ONCE, **reach), control_rate_hz=1 / STEP_S)
+        self.board, self.wiring, self.linkage = board, wiring, rig.linkage
         self.plant = SimulatedTable(fine, np.random.default_rng(1), start_m=start_m, held=held)
         self.balls: list[Observation] = []
         self.watch = lambda: None
@@ -51,10 +52,14 @@ class BusWorld:
         return self._ms * STEP_S
 
     @property
+    def turned_rad(self) -> tuple[float, ...]:
+        """Where the servos are, by servo of the linkage."""
+        return self.wiring.angles([servo.counts for servo in self.board.servos.values()])
+
+    @property
     def shafts_rad(self) -> tuple[float, float]:
-        """Where the servos hold the arms (x, y)."""
-        a, b = (servo.counts for servo in self.board.servos.values())
-        return self.wiring.angles((a, b))  # pyright: ignore[reportArgumentType]
+        """Where the servos hold the table (x, y)."""
+        return self.linkage.table_angles(self.turned_rad)
 
     @property
     def volts(self) -> tuple[float, float]:
@@ -62,7 +67,9 @@ class BusWorld:
 
     def step(self) -> None:
         self.board.step()
-        self.plant.drive(self.shafts_rad)
+        held = self.shafts_rad
+        if np.isfinite(held).all():  # else three arms hold the plate nowhere: it stays
+            self.plant.drive(held)
         reading = self.plant.read()
         self._ms += 1
         if reading.ball is not None:
@@ -79,16 +86,15 @@ class BusWorld:
             self.step()
 
 
-def bus_of(kind: str, counts: tuple[float, float] = (2048.0, 2048.0)) -> Bus:
-    """Servos 1 and 2 of a maker."""
-    return VENDORS[kind][1]({1: counts[0], 2: counts[1]})
+def bus_of(kind: str, counts: tuple[float, ...] = (2048.0, 2048.0)) -> Bus:
+    """Servos 1, 2 (and 3) of a maker, their shafts at first at these counts."""
+    return VENDORS[kind][1](dict(enumerate(counts, start=1)))
 
 
 def table_on(
     world: BusWorld, link, kind: str, *, wiring: Wiring | None = None, **settings: Any
 ) -> BusTable:
     """The driver over a link whose time is the world's."""
-    return BusTable(
-        link, VENDORS[kind][0](), wiring or world.wiring,
-        clock=lambda: world.now_s, sleep_until=world.until, **settings,
-    )  # fmt: skip
+    servos = {"ids": tuple(world.board.servos), "clock": lambda: world.now_s}
+    settings = servos | {"sleep_until": world.until} | settings
+    return BusTable(link, VENDORS[kind][0](), wiring or world.wiring, world.linkage, **settings)

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from experiments.cli import application
+from experiments.records.recording import Run, read_run
 from experiments.runs.assemble import load_rig
 from rig.hardware.board.board import BoardTable
 from rig.hardware.board.serial_link import SerialLink
@@ -27,6 +28,16 @@ from vision.frames import Observation
 
 AWAY_M = (1.0, 1.0)  # of a ball that lies in a drawer
 PICTURE_S = 1 / 60
+SQUARES = """title = "squares"
+duration_s = 2.0
+servo_only = true
+[reference]
+shape = "squares"
+amplitude = 0.1
+period_s = 1.0
+[start]
+hold_s = 0.0
+"""
 KNOWN = "[servo]\ngain_rad_s_V = 1.735\ntime_constant_s = 0.046\n"
 
 
@@ -164,6 +175,17 @@ class Lab:
         self.world.plant.place(AWAY_M)
         said = self._capsys.readouterr()
         return code, said.out, said.err
+
+    def run(self, text: str, *words: str) -> tuple[int, str, Run]:
+        """`rig run` of a protocol: exit code, what was said, the recording."""
+        protocol = self.folder / "mine.toml"
+        protocol.write_text(text)
+        out = self.folder / f"out{len(list(self.folder.iterdir()))}"
+        code, said, error = self.call(
+            "run", str(protocol), "--out", str(out), "--arm", "with", *words
+        )
+        (folder,) = (out / "runs").iterdir()
+        return code, said + error, read_run(folder)
 
     def close(self) -> None:
         self.pty.close()

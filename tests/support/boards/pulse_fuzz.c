@@ -4,20 +4,9 @@
  * stops with an error where a pulse breaks a promise. Prints how often it was armed, and how many
  * pulses were put out.
  */
-#include <stdio.h>
-#include <stdlib.h>
-
 #include "pulses.h"
 
-static uint32_t seed = 1;
-static uint32_t draw(void) { return seed = seed * 1664525u + 1013904223u; }
-static uint8_t byte(void) { return (uint8_t)(draw() >> 24); }
-
-static void send(board_t *b, uint8_t *payload, uint8_t length) {
-    uint8_t frame[LONGEST_FRAME], i, n = frame_encode(payload, length, frame);
-    board_byte(b, 0);
-    for (i = 0; i < n; i++) board_byte(b, frame[i]);
-}
+#include "fuzz.h"
 
 /* A servo as one is made, in one of three any number instead of one of the good ones. */
 static void servo(uint8_t *p) {
@@ -38,12 +27,10 @@ static void meddle(board_t *b) {
         send(b, p, 44);
         break;
     case 1: case 2:
-        p[0] = ARM;
-        put32(p + 1, b->session.token);
-        send(b, p, 7);
+        send_arm(b, p);
         break;
     case 3:
-        if (byte() % 16 == 0) p[0] = DISARM, send(b, p, 1);
+        if (byte() % 16 == 0) send_disarm(b, p);
         break;
     default: /* any angles */
         p[0] = PULSE_COMMAND;

@@ -20,20 +20,23 @@ SHIPPED = "hobby-two-servos.toml"
 
 
 class PulseLab(AngleLab):
-    """A plate on two hobby servos (x, y), as they really are, and its rig file.
+    """A plate on hobby servos (x and y, or the arms), as they really are, and its rig file.
 
-    swap: channel 0 of the board drives y; keys: more of [table].
+    order: by channel of the board, the servo on it; keys: more of [table]; shipped: the rig file
+    that it extends.
     """
 
     def __init__(
-        self, servos: tuple[PulseServo, PulseServo], folder: Path, patch: pytest.MonkeyPatch,
-        capsys, *, swap: bool = False, markers: bool = True, keys: str = "",
+        self, servos: tuple[PulseServo, ...], folder: Path, patch: pytest.MonkeyPatch, capsys, *,
+        order: tuple[int, ...] | None = None, markers: bool = True, keys: str = "",
+        shipped: str = SHIPPED,
     ) -> None:  # fmt: skip
-        self.known = read_rig(ROOT / "experiments/rigs" / SHIPPED)
+        self.known = read_rig(ROOT / "experiments/rigs" / shipped)
         self._open = open_pulses.open_pulse_board
-        world = PulseWorld(HostPulseBoard(), self.known, servos, swap=swap, start_m=AWAY_M)
+        board = HostPulseBoard(servos=len(servos))
+        world = PulseWorld(board, self.known, servos, order=order, start_m=AWAY_M)
         super().__init__(
-            world, SHIPPED, f'kind = "pulses"\n{keys}', folder, patch, capsys, markers=markers
+            world, shipped, f'kind = "pulses"\n{keys}', folder, patch, capsys, markers=markers
         )
 
     def _driver(self) -> dict[str, Callable]:

@@ -88,30 +88,33 @@ class World:
 
 
 class PulseWorld(World):
-    """The plant of `rig` under a pulse board: its two servos (x, y) hold what the last pulse told;
-    swap: channel 0 is y."""
+    """The plant of `rig` under a pulse board: its servos (x and y, or the arms) hold what the last
+    pulse told; order: by channel of the board, the servo on it."""
 
     def __init__(
         self,
         board,
         rig: Rig,
-        servos: tuple[PulseServo, PulseServo],
+        servos: tuple[PulseServo, ...],
         *,
-        swap: bool = False,
+        order: tuple[int, ...] | None = None,
         **named,
     ) -> None:
         super().__init__(board, rig, **named)
-        self.servos, self._way = servos, -1 if swap else 1
+        self.servos, self.order = servos, order or tuple(range(len(servos)))
+        self.turned = (0.0,) * len(servos)
+        self._linkage = rig.linkage
 
     def _drive(self) -> None:
-        """Pulses to the servos; without one, a servo stays where it is."""
+        """Pulses to the servos; without one, a servo stays where it is. The plant is told the tilt
+        at which they hold its plate."""
         self.board.run_ms(pace=self.pace)
-        pulses = self.board.pulses_us()[:2][:: self._way]
-        x, y = (
-            servo.angle_rad(pulse) if pulse else held
-            for servo, pulse, held in zip(self.servos, pulses, self.volts, strict=False)
-        )
-        self.volts = x, y  # of such a servo: angles
+        pulses, turned = self.board.pulses_us(), list(self.turned)
+        for channel, servo in enumerate(self.order):
+            if pulses[channel]:
+                turned[servo] = self.servos[servo].angle_rad(pulses[channel])
+        self.turned = tuple(turned)
+        self.volts = self._linkage.table_angles(turned)  # of such servos: angles
 
 
 class WorldLink:

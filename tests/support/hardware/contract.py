@@ -76,11 +76,11 @@ def positive_volts_raise_the_angle(
 
 
 def a_positive_angle_turns_its_arm(
-    table: Table, axis: int, sign: int, arms_rad: Callable[[], Pair]
+    table: Table, axis: int, sign: int, arms_rad: Callable[[], Pair], most_rad: float
 ) -> None:
     """A servo that takes an angle goes there, alone, and +theta sends the ball towards +."""
     wish, ball = [0.0, 0.0], (0.0, 0.0)
-    wish[axis] = 0.2 * sign
+    wish[axis] = 0.4 * most_rad * sign
     for _ in range(round(0.7 / table.period_s)):
         reading = table.read()
         table.drive((wish[0], wish[1]))
@@ -91,7 +91,12 @@ def a_positive_angle_turns_its_arm(
 
 
 def leaving_levels_servos_that_take_an_angle(
-    table, told_rad: Callable[[], Pair], arms_rad: Callable[[], Pair], *, fails: bool
+    table,
+    told_rad: Callable[[], Pair],
+    arms_rad: Callable[[], Pair],
+    most_rad: float,
+    *,
+    fails: bool,
 ) -> None:
     """The context ends with the angle 0 told and followed, after an exception as well."""
 
@@ -99,8 +104,8 @@ def leaving_levels_servos_that_take_an_angle(
         with table:
             for _ in range(round(0.4 / table.period_s)):
                 table.read()
-                table.drive((0.3, -0.3))
-            assert min(map(abs, arms_rad())) > 0.25
+                table.drive((0.6 * most_rad, -0.6 * most_rad))
+            assert min(map(abs, arms_rad())) > 0.5 * most_rad
             if fails:
                 raise SabotageError
 

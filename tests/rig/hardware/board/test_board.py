@@ -35,8 +35,8 @@ STEP_RAD = 2 * pi / 4096
 SIGNS = st.tuples(st.sampled_from([-1, 1]), st.sampled_from([-1, 1]))
 COUNTS = st.tuples(st.integers(-1000, 1000), st.integers(-1000, 1000))
 WIRINGS = st.builds(
-    Wiring, swap=st.booleans(), sign_volts=SIGNS, sign_angle=SIGNS, zero_counts=COUNTS,
-    crossed=st.booleans(),
+    Wiring, order=st.sampled_from([(0, 1), (1, 0)]), sign_volts=SIGNS, sign_angle=SIGNS,
+    zero_counts=COUNTS, crossed=st.booleans(),
 )  # fmt: skip
 
 
@@ -330,7 +330,9 @@ def test_a_levelling_board_is_not_reconfigured():
 
 
 @pytest.mark.parametrize("volts", [6.0, -6.0])
-@pytest.mark.parametrize("wiring", [Wiring(), Wiring(swap=True, sign_volts=(-1, 1), crossed=True)])
+@pytest.mark.parametrize(
+    "wiring", [Wiring(), Wiring(order=(1, 0), sign_volts=(-1, 1), crossed=True)]
+)
 def test_a_mad_host_cannot_drive_the_plate_beyond_its_limit(volts: float, wiring: Wiring):
     world = World(HostBoard(), Rig(), wiring=wiring)
     table, worst = table_on(world), 0.0

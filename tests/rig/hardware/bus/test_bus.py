@@ -1,8 +1,10 @@
 """A table on bus servos: how it starts and ends, what it survives, what ends its run by name."""
 
+from dataclasses import replace
 from itertools import pairwise
 from math import pi
 
+import numpy as np
 import pytest
 
 from rig.hardware.board.link import LinkLost
@@ -12,12 +14,16 @@ from rig.hardware.bus.dynamixel import Dynamixel
 from rig.hardware.bus.feetech import Feetech
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig
+from rig.rigfile import read_rig
+from rig.three_arms import arm_angle
+from tests.support import ROOT
 from tests.support.boards.bus_servos import Bus
-from tests.support.boards.bus_world import VENDORS, BusWorld, bus_of, table_on
+from tests.support.boards.bus_world import LEVEL, VENDORS, BusWorld, bus_of, table_on
 from tests.support.boards.pty import PtyBoard, SteppedLink
 
 EVERY = pytest.mark.parametrize("kind", VENDORS)
 COUNT_RAD = 2 * pi / 4096
+ARMS = replace(read_rig(ROOT / "experiments/rigs/three-arms.toml"), effects={})
 GOAL = {"feetech": 42, "dynamixel": 116}
 SPEED = {"feetech": 46, "dynamixel": 112}
 AWAY = (2048 + 300.0, 2048 - 200.0)
@@ -26,9 +32,9 @@ AWAY = (2048 + 300.0, 2048 - 200.0)
 class Bench:
     """A bus on a pty with a plant; opens tables in its time."""
 
-    def __init__(self, kind: str, counts=AWAY) -> None:
+    def __init__(self, kind: str, counts=AWAY, rig: Rig | None = None, wiring=LEVEL) -> None:
         self.kind, self.board = kind, bus_of(kind, counts)
-        self.world = BusWorld(self.board, Rig(), start_m=(1.0, 1.0))
+        self.world = BusWorld(self.board, rig or Rig(), start_m=(1.0, 1.0), wiring=wiring)
         self.pty = PtyBoard(self.world, thread=False)
 
     def open(self, **settings) -> BusTable:
@@ -53,8 +59,8 @@ class Bench:
 def bench():
     made: list[Bench] = []
 
-    def one(kind: str, counts=AWAY) -> Bench:
-        made.append(Bench(kind, counts))
+    def one(*settings) -> Bench:
+        made.append(Bench(*settings))
         return made[-1]
 
     yield one
@@ -100,8 +106,56 @@ def test_it_starts_where_the_servos_are_and_goes_to_level_slowly(bench, kind: st
 
 
 @EVERY
+def test_a_servo_that_stands_a_little_below_zero_is_told_so_and_comes_to_level(bench, kind: str):
+    one = bench(kind, (-5, 2048))
+    with one.open(wiring=Wiring(zero_counts=(400, 2048))) as table:
+        first = next(data for _, address, data in one.board.told if address == GOAL[kind])
+        assert first == bytes.fromhex("0580" if kind == "feetech" else "fbffffff")
+        assert table.read().theta_rad == pytest.approx((0.0, 0.0), abs=0.04)
+
+
+@EVERY
+def test_an_arm_that_is_turned_away_from_level_is_refused_before_it_moves(bench, kind: str):
+    one = bench(kind, (2600, 2048))
+    with pytest.raises(ValueError, match=r"servo x stands 3\.37 rad from level, it may turn 0\.6"):
+        one.open(wiring=Wiring(zero_counts=(400, 2048))).arm()
+    assert one.board.told == []
+
+
+THREE = Wiring((2, 0, 1), (1, 1, 1), (-1, 1, -1), (2100, 1990, 2060))
+
+
+@EVERY
+def test_three_arms_stand_as_the_tilt_asks_and_tell_it(bench, kind: str):
+    one = bench(kind, (2100, 1990, 2060), ARMS, THREE)
+    linkage = ARMS.linkage
+    with one.open(wiring=THREE, angle_limit_rad=0.2) as table:
+        seen = ticks(table, 60, (0.15, -0.1))
+        assert seen == pytest.approx((0.15, -0.1), abs=0.004)
+        sines = np.sin((0.15, -0.1))
+        level = arm_angle(0, 0.0, 0.0, linkage.height_m, linkage.size)
+        arms = [arm_angle(i, *sines, linkage.height_m, linkage.size) - level for i in range(3)]
+        off = np.array([-arms[2], arms[0], -arms[1]]) / COUNT_RAD
+        counts = [servo.counts for servo in one.board.servos.values()]
+        assert counts == pytest.approx(off + np.array([2100, 1990, 2060]), abs=3)
+        one.board.servos[2].gone = True
+        with pytest.raises(LinkLost, match=r"servo 2 \(arm at 0 degrees\) is lost: silent"):
+            ticks(table, 50)
+
+
+@EVERY
+def test_arms_that_hold_the_plate_askew_are_brought_to_level_slowly(bench, kind: str):
+    one = bench(kind, (2100 + 700, 1990 - 600, 2060 + 500), ARMS, THREE)
+    turned: list[tuple[float, ...]] = []
+    one.world.watch = lambda: turned.append(one.world.turned_rad)
+    with one.open(wiring=THREE, angle_limit_rad=0.2) as table:
+        assert table.read().theta_rad == pytest.approx((0.0, 0.0), abs=0.02)
+    assert np.abs(np.diff(turned, axis=0)).max() < 1.3e-3 * START_RAD_S
+
+
+@EVERY
 def test_signs_swap_and_level_are_the_wirings(bench, kind: str):
-    wiring = Wiring(swap=True, sign_angle=(-1, 1), zero_counts=(2100, 1990))
+    wiring = Wiring(order=(1, 0), sign_angle=(-1, 1), zero_counts=(2100, 1990))
     one = bench(kind, (2100, 1990))
     with one.open(wiring=wiring) as table:
         seen = ticks(table, 60, (0.2, -0.1))

@@ -7,23 +7,13 @@ import numpy as np
 import pytest
 
 from experiments.calibrate.motion import calibrate_servo
-from experiments.records.recording import Run, read_run
 from rig.hardware.wiring import Wiring
 from tests.support.boards.bus_lab import BusLab
 from tests.support.boards.bus_servos import DEAD_TIME_S, LAG_S
 from tests.support.boards.bus_world import VENDORS
+from tests.support.boards.commands import SQUARES
 
-ODD = Wiring(swap=True, sign_angle=(-1, 1), zero_counts=(2048 + 60, 2048 - 45))
-SERVO = """title = "squares"
-duration_s = 2.0
-servo_only = true
-[reference]
-shape = "squares"
-amplitude = 0.1
-period_s = 1.0
-[start]
-hold_s = 0.0
-"""
+ODD = Wiring(order=(1, 0), sign_angle=(-1, 1), zero_counts=(2048 + 60, 2048 - 45))
 BALL = """title = "short"
 duration_s = 4.0
 [start]
@@ -49,20 +39,10 @@ def make_lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys):
         lab.close()
 
 
-def run(lab: BusLab, text: str) -> tuple[int, str, Run]:
-    """`rig run` of a protocol: exit code, what was said, the recording."""
-    protocol = lab.folder / "mine.toml"
-    protocol.write_text(text)
-    out = lab.folder / f"out{len(list(lab.folder.iterdir()))}"
-    code, said, error = lab.call("run", str(protocol), "--out", str(out), "--arm", "with")
-    (folder,) = (out / "runs").iterdir()
-    return code, said + error, read_run(folder)
-
-
 @pytest.mark.parametrize("kind", MARK)
 def test_home_then_squares_then_a_ball(kind: str, make_lab):
     lab = make_lab(kind, wiring=ODD, counts=(2300, 1900))
-    (lab.folder / "mine.toml").write_text(SERVO)
+    (lab.folder / "mine.toml").write_text(SQUARES)
     code, _, error = lab.call("run", str(lab.folder / "mine.toml"))
     assert (code, error.count("\n")) == (2, 1)
     assert "has not been homed" in error
@@ -73,12 +53,12 @@ def test_home_then_squares_then_a_ball(kind: str, make_lab):
     assert "the markers see the plate level" in said
     kept = json.loads(lab.rig_file.with_suffix(".home.json").read_text())
     wiring = kept["wiring"]
-    assert (wiring["swap"], wiring["sign_angle"]) == (True, [-1, 1])
+    assert (wiring["order"], wiring["sign_angle"]) == ([1, 0], [-1, 1])
     # The plate has 1 degree of play at the arm (11 counts), of which homing sees either end.
     assert np.abs(np.subtract(wiring["zero_counts"], ODD.zero_counts)).max() <= 8
     assert kept["where"] == f"{lab.pty.port} [1, 2]"
 
-    code, said, found = run(lab, SERVO)
+    code, said, found = lab.run(SQUARES)
     assert (code, found.meta["outcome"]) == (0, "completed"), said
     told, seen = found.log["command_x_rad"], found.log["theta_x_rad"]
     assert np.abs(told[-100:]).max() == pytest.approx(0.1, abs=1e-6)
@@ -89,13 +69,50 @@ def test_home_then_squares_then_a_ball(kind: str, make_lab):
     assert notes["lowest_voltage_V"] == pytest.approx(12.1)
 
     lab.lay_the_ball()
-    code, said, found = run(lab, BALL)
+    code, said, found = lab.run(BALL)
     assert (code, found.meta["outcome"]) == (0, "completed"), said
     x, y, t_s = (found.log[name] for name in ("ball_x_m", "ball_y_m", "t_s"))
     last = np.isfinite(x) & (t_s > t_s[-1] - 1.0)
     assert np.hypot(x[last], y[last]).max() < 0.04
     lab.run_on(1.0)
     assert np.abs(lab.world.shafts_rad).max() < 0.02
+
+
+ARMS_ODD = Wiring((1, 2, 0), (1, 1, 1), (-1, 1, -1), (2048 + 40, 2048 + 30, 2048 - 20))
+
+
+def three_arms(make_lab, kind: str) -> BusLab:
+    lab = make_lab(
+        kind, wiring=ARMS_ODD, counts=(2100, 2000, 2060), shipped="three-arms.toml", rate_hz=200.0
+    )
+    text = lab.rig_file.read_text()
+    told = text.replace('kind = "position"', 'kind = "position"\nangle_measured = true')
+    lab.rig_file.write_text(told)
+    return lab
+
+
+@pytest.mark.parametrize("kind", MARK)
+def test_three_arms_are_homed_and_balance_a_ball(kind: str, make_lab):
+    lab = three_arms(make_lab, kind)
+    code, said, error = lab.call("home")
+    assert code == 0, error
+    assert "channels: arm at 120 degrees, arm at 240 degrees, arm at 0 degrees" in said
+    wiring = json.loads(lab.rig_file.with_suffix(".home.json").read_text())["wiring"]
+    assert (wiring["order"], wiring["sign_angle"]) == ([1, 2, 0], [-1, 1, -1])
+    # By sign the arms lie -40, 30 and 20 counts off: 10 together, which is height, not tilt. Each
+    # keeps a third of it; the plate's play is 7 counts at an arm, columns are secants.
+    zeros = np.array([2048 + 40 + 3, 2048 + 30 - 3, 2048 - 20 + 3])
+    assert wiring["zero_counts"] == pytest.approx(zeros, abs=9)
+
+    lab.start_m = (-0.03, 0.03)
+    lab.lay_the_ball()
+    code, said, found = lab.run(BALL.replace("0.05", "0.03"))
+    assert (code, found.meta["outcome"]) == (0, "completed"), said
+    x, y, t_s = (found.log[name] for name in ("ball_x_m", "ball_y_m", "t_s"))
+    last = np.isfinite(x) & (t_s > t_s[-1] - 1.0)
+    assert np.hypot(x[last], y[last]).max() < 0.02
+    lab.run_on(1.0)
+    assert np.abs(lab.world.shafts_rad).max() < 0.01
 
 
 def test_a_servo_that_gives_up_in_a_run_ends_it_by_name(make_lab):
@@ -107,7 +124,7 @@ def test_a_servo_that_gives_up_in_a_run_ends_it_by_name(make_lab):
             lab.world.board.servos[2].alarm = 32
 
     lab.lay_the_ball(overload)
-    code, said, found = run(lab, SERVO)
+    code, said, found = lab.run(SQUARES)
     assert (code, found.meta["outcome"]) == (1, "servo alarm")
     assert "servo 2 (y) reports: overload" in said
 
@@ -125,15 +142,16 @@ def test_a_bus_that_is_not_there_or_has_other_servos_is_one_line(make_lab):
     lab.rig_file.write_text(text.replace("ids = [1, 5]", "ids = [1, 1]"))
     code, _, error = lab.call("home")
     assert (code, error.count("\n")) == (2, 1)
-    assert "two different numbers" in error
+    assert "2 different numbers" in error
 
 
 @pytest.mark.slow
-def test_the_servos_are_measured_from_a_run(make_lab):
+@pytest.mark.parametrize("arms", [False, True])
+def test_the_servos_are_measured_from_a_run(arms: bool, make_lab):
     """`rig calibrate servo` on a recording of theirs, by the angle that they read back."""
-    lab = make_lab("feetech", markers=False)
+    lab = three_arms(make_lab, "feetech") if arms else make_lab("feetech", markers=False)
     assert lab.call("home")[0] == 0
-    code, said, found = run(lab, SERVO.replace("2.0", "12.0"))
+    code, said, found = lab.run(SQUARES.replace("2.0", "12.0"))
     assert code == 0, said
     calibrate_servo([found.folder], lab.rig_file, lab.folder / "cal", seed=1)
     record = json.loads((lab.folder / "cal/calibration.json").read_text())["position_servo"]

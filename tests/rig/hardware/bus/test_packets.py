@@ -47,6 +47,19 @@ def test_feetech_numbers_have_a_sign_bit():
     assert seen.load == pytest.approx(-0.356)
 
 
+@given(st.integers(-32767, 32767))
+def test_a_goal_is_written_as_a_position_is_read(counts: int):
+    """Feetech's by sign and magnitude, Dynamixel's in two's complement."""
+    assert Feetech().read_present(Feetech().goal_data(counts) + bytes(6)).counts == counts
+    position = bytes(6) + Dynamixel().goal_data(counts) + bytes(11)
+    assert Dynamixel().read_present(position).counts == counts
+
+
+def test_goals_below_zero_are_the_documents():
+    assert Feetech().goal_data(-5) == bytes.fromhex("0580")
+    assert Dynamixel().goal_data(-5) == bytes.fromhex("fbffffff")
+
+
 def test_dynamixel_questions_are_the_published_ones():
     goals = {1: (150).to_bytes(4, "little"), 2: (170).to_bytes(4, "little")}
     assert Dynamixel().ask(Block(132, 4), (1, 2)) == bytes.fromhex(

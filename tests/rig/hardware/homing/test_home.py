@@ -29,7 +29,11 @@ def found(table: Miswired, rig: Rig = REAL, *, markers: bool = True) -> Homing:
 def truth(table: Miswired) -> Wiring:
     """The `Wiring` that undoes the table's cables."""
     return Wiring(
-        table.swap, table.volt_signs, table.count_signs, table.zeros, crossed=table.crossed
+        (1, 0) if table.swap else (0, 1),
+        table.volt_signs,
+        table.count_signs,
+        table.zeros,
+        crossed=table.crossed,
     )
 
 

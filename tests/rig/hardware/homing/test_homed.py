@@ -1,5 +1,6 @@
 """A homing is kept and believed for the same table and power-up only."""
 
+import json
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -14,7 +15,7 @@ from rig.hardware.wiring import Wiring
 from rig.parameters import Rig, TableChoice
 
 RIG = Rig(table=TableChoice(kind="serial", port="/dev/ttyACM0"))
-FOUND = Homing(Wiring(True, (1, -1), (-1, 1), (300, -20), crossed=True), (1.2, 1.1), (0.4, 0.5))
+FOUND = Homing(Wiring((1, 0), (1, -1), (-1, 1), (300, -20), crossed=True), (1.2, 1.1), (0.4, 0.5))
 
 
 def homed(boot_id: str | None) -> Homed:
@@ -35,6 +36,16 @@ def test_what_is_no_homing_is_refused_with_the_cure(tmp_path: Path, text: str):
     with pytest.raises(NotHomed, match=r"not been homed.*run rig home"):
         load(path)
     path.write_text(text)
+    with pytest.raises(NotHomed, match=r"is no homing.*run rig home"):
+        load(path)
+
+
+def test_a_file_that_tells_the_channels_in_other_words_is_refused(tmp_path: Path):
+    path = home_file(tmp_path / "lab.toml")
+    homed("id ab").save(path)
+    told = json.loads(path.read_text())
+    told["wiring"]["swap"] = told["wiring"].pop("order") == [1, 0]
+    path.write_text(json.dumps(told))
     with pytest.raises(NotHomed, match=r"is no homing.*run rig home"):
         load(path)
 

@@ -14,7 +14,7 @@ from rig.table import Reading
 
 T = 0.0  # the server's clock, so that differences are exact; the user's shows a second less
 SERVO = Servo(angle_limit_rad=0.5)
-ODD = Wiring(swap=True)
+ODD = Wiring(order=(1, 0))
 
 
 def watchdog(*, homed: bool = True, armed: bool = True, limit_V: float = 6.0) -> ClientWatchdog:

@@ -65,7 +65,7 @@ def test_time_increases_and_observations_follow_their_exposure():
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize(
     "wiring",
-    [Wiring(), Wiring(swap=True), Wiring(sign_volts=(-1, 1), sign_angle=(-1, 1))],
+    [Wiring(), Wiring(order=(1, 0)), Wiring(sign_volts=(-1, 1), sign_angle=(-1, 1))],
     ids=["straight", "swapped", "turned"],
 )
 def test_signs_by_effect_and_level_on_leaving(axis: int, wiring: Wiring):

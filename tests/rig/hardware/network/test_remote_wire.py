@@ -278,7 +278,7 @@ def test_what_is_packed_is_unpacked_and_has_one_size():
 
 def test_the_wiring_travels():
     for swap, crossed, homed in product((False, True), repeat=3):
-        wiring = Wiring(swap, (1, -1), (-1, 1), (5, -70000), 2048, crossed)
+        wiring = Wiring((1, 0) if swap else (0, 1), (1, -1), (-1, 1), (5, -70000), 2048, crossed)
         message = Configure.of(wiring, homed)
         assert message.wiring() == wiring
         assert (message.swap, message.crossed, message.homed) == (swap, crossed, homed)

@@ -88,7 +88,7 @@ def test_motor_volts_are_clamped_and_divided_by_the_amplifiers_gain(monkeypatch)
 def test_the_contract_holds_whatever_the_wiring(monkeypatch, swap, volts, counts, axis):
     one = install(monkeypatch, bench(swap=swap, volt_signs=volts, count_signs=counts))
     one.offset = np.array([500, -300])
-    wiring = Wiring(swap, volts, counts, (500, -300))
+    wiring = Wiring((1, 0) if swap else (0, 1), volts, counts, (500, -300))
     ball, times = (0.0, 0.0), []
     with opened(one, wiring=wiring) as table:
         reading = table.read()
