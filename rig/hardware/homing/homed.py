@@ -12,7 +12,7 @@ from pydantic import TypeAdapter
 
 from rig.hardware.homing.home import Homing
 from rig.hardware.wiring import Wiring
-from rig.parameters import BUS_KINDS, Rig, Servo
+from rig.parameters import BUS_KINDS, PULSES, Rig, Servo
 from rig.table import Table
 from rig.validation import file_bytes
 
@@ -36,7 +36,8 @@ class NotHomed(ValueError):  # noqa: N818 - it names a state used as a run endin
 class Homed:
     """A homing as kept in a file, and the table that it holds for.
 
-    kind, where: of the table's [table] (kind; port or address); boot_id: name of the table's
+    kind, where: of the table's [table] (kind; port or address, and what an angle of servos that
+    take one means there: ids on a bus, pulses); boot_id: name of the table's
     power-up (None where it has none); at: ISO time, UTC; confirmed: the markers saw the plate move;
     travel_rad: between the stops, by axis (x, y); wiring: what the homing found; voltage_limit_V:
     with which it was done (inf: a file of an earlier version does not tell).
@@ -111,6 +112,10 @@ class Homed:
 def _where(rig: Rig) -> str:
     table = rig.table
     where = table.port or table.address
+    if table.kind == PULSES:
+        lowest, highest = table.pulse_range_us
+        slopes = ", ".join(f"{slope:.6g}" for slope in table.pulse_us_per_rad)
+        return f"{where}, pulses of {slopes} us/rad from {lowest:g} to {highest:g} us"
     return f"{where} {list(table.ids)}" if table.kind in BUS_KINDS else where
 
 
