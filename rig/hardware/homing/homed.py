@@ -157,7 +157,10 @@ def load(path: Path) -> Homed:
     if not path.is_file():
         raise NotHomed(f"this table has not been homed ({path} is missing): {CURE}")
     try:
-        return TypeAdapter(Homed).validate_json(file_bytes(path))
+        found = TypeAdapter(Homed).validate_json(file_bytes(path))
+        if datetime.fromisoformat(found.at).tzinfo is None:
+            raise ValueError(f"at = {found.at} has no time zone")
+        return found
     except ValueError as error:
         first = str(error).splitlines()[0]
         raise NotHomed(f"{path} is no homing ({first}): {CURE}") from None

@@ -39,6 +39,14 @@ def test_what_is_no_homing_is_refused_with_the_cure(tmp_path: Path, text: str):
         load(path)
 
 
+@pytest.mark.parametrize("at", ["2026-11-22T10:00:00", "yesterday", ""])
+def test_a_homing_whose_time_is_none_is_refused(tmp_path: Path, at: str):
+    path = tmp_path / "rig.home.json"
+    replace(homed("id ab"), at=at).save(path)
+    with pytest.raises(NotHomed, match=r"is no homing.*run rig home"):
+        load(path)
+
+
 def test_limits_wider_than_at_the_homing_are_refused():
     """FOUND: 1.1 rad between the stops of one arm, at 6 V."""
     one = homed("id ab")
