@@ -2,7 +2,7 @@
  *
  * Above this text stand the rig's equations (rig_table_tick, rig_derive), made from their Python
  * source, and what belongs to this table: TICK_S, STEP_S, ROWS, STATE_ROWS, HEIGHT_AT, BALL_AT, TOKEN,
- * TAKES_VOLTS, START. Prototypes are those of the FMI 3.0 standard, declared here so that no file of
+ * TAKES_VOLTS, LATE_S, START. Prototypes are those of the FMI 3.0 standard, declared here so that no file of
  * others is needed.
  */
 
@@ -67,6 +67,8 @@ static const Variable VARIABLES[] = {
     VARIABLE_ROWS
 };
 
+#define MOST_TICKS 1e9 /* of a communication step; chosen: weeks, and counted down exactly */
+
 static fmi3Status tell(Table *table, const char *text) {
     if (table->log) table->log(table->environment, fmi3Error, "logStatusError", text);
     return fmi3Error;
@@ -124,6 +126,12 @@ EXPORT fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
     if (TAKES_VOLTS && !(m->plant.motor_inertia[0] > 0.0 && m->plant.motor_inertia[1] > 0.0))
         return tell(table, "servo.time_constant_s gives an inertia below that of gears and plate: raise it, "
                            "or lower drive.plate_inertia_kg_m2");
+    for (int a = 0; a < 2; a++) { /* the history's last row would stand for all that is older */
+        double late = LATE_S(m->plant, a);
+        if (!(late >= 0.0 && late <= (ROWS - 2) * TICK_S))
+            return tell(table, "delays of an axis: must be from 0 to what this model remembers; "
+                               "longer ones need a rig file that has them");
+    }
     memset(m->state, 0, sizeof m->state);
     m->state[HEIGHT_AT] = m->plant.height;
     m->state[BALL_AT] = m->start[0];
@@ -152,7 +160,7 @@ EXPORT fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 from, fmi3Float6
     *event = *terminate = *early = false;
     *reached = m->time;
     if (!m->initialized) return tell(table, "fmi3DoStep before the initialization's end");
-    if (ticks < 1.0 || fabs(ticks * TICK_S - step) > 1e-6 * TICK_S) {
+    if (!(ticks >= 1.0 && ticks <= MOST_TICKS) || fabs(ticks * TICK_S - step) > 1e-6 * TICK_S) {
         snprintf(text, sizeof text, "a communication step of %g s: must be a whole multiple of %g s", step, TICK_S);
         return tell(table, text);
     }

@@ -37,6 +37,7 @@ def source(rig: Rig, record: np.record, token: str, variables: list[tuple[int, V
         "HEIGHT_AT": 2 * (plant.SERVO_POSE + 1),
         "BALL_AT": 2 * plant.BALL,
         "TAKES_VOLTS": int(not rig.servo.takes_angle),
+        "LATE_S(p, a)": " + ".join(f"(p).{field}[a]" for field in _late_fields(rig)),
         "HELD": HELD,
         "FALLEN": FALLEN,
         "TOKEN": f'"{token}"',
@@ -54,6 +55,13 @@ def _rows(rig: Rig) -> int:
     if rig.servo.takes_angle:
         longest += max(rig.servo.pair("dead_time_s")) + max(rig.servo.pair("period_s"))
     return ceil(longest * rig.control_rate_hz) + 2
+
+
+def _late_fields(rig: Rig) -> tuple[str, ...]:
+    """The numbers of an axis that together say how old what acts on it may be."""
+    if rig.servo.takes_angle:
+        return "dead_time_s", "period_s", "servo_dead_time_delay_s"
+    return ("input_delay_delay_s",)
 
 
 def _offset(place: str) -> str:

@@ -77,11 +77,15 @@ class FeetechParser(Parser):
 
 
 class Feetech:
-    """The servos' registers (memory table). They have no watchdog: silent, they hold their goal."""
+    """The servos' registers (memory table). They have no watchdog: silent, they hold their goal.
+
+    A goal switches torque on by itself (the maker's examples, WritePosEx, rely on it): a servo
+    that starts anew between two goals turns on, and its speed register is 0, as fast as it can.
+    """
 
     name = "Feetech"
     counts_per_rev, middle, overhead = 4096, 2048, 6
-    setup, present, health = Block(9, 25), Block(56, 8), Block(40, 1)
+    setup, present, health = Block(9, 25), Block(56, 8), Block(40, 8)
     torque, goal, speed = 40, 42, 46
 
     def parser(self) -> FeetechParser:
@@ -130,5 +134,9 @@ class Feetech:
         return bits(error, ALARMS)
 
     def health_alarm(self, data: bytes) -> str:
-        """Torque switch (40) of an armed servo: off after a reset or where it protects itself."""
-        return "" if data[0] else "torque off (was its supply cut?)"
+        """Torque switch (40) and speed (46) of an armed servo: 0 after a reset, the former also
+        where it protects itself.
+        """
+        if not data[0]:
+            return "torque off (was its supply cut?)"
+        return "" if any(data[6:8]) else "speed limit lost (was its supply cut?)"

@@ -13,7 +13,7 @@ from pydantic import TypeAdapter
 from rig.hardware.homing.home import Homing
 from rig.hardware.wiring import Wiring
 from rig.linkage import Linkage
-from rig.parameters import BUS_KINDS, Rig, Servo
+from rig.parameters import BUS_KINDS, PULSES, Rig, Servo
 from rig.table import Table
 from rig.validation import file_bytes
 
@@ -37,7 +37,8 @@ class NotHomed(ValueError):  # noqa: N818 - it names a state used as a run endin
 class Homed:
     """A homing as kept in a file, and the table that it holds for.
 
-    kind, where: of the table's [table] (kind; port or address); boot_id: name of the table's
+    kind, where: of the table's [table] (kind; port or address, and what an angle of servos that
+    take one means there: ids on a bus, pulses); boot_id: name of the table's
     power-up (None where it has none); at: ISO time, UTC; confirmed: the markers saw the plate move;
     travel_rad: between the stops, by servo; wiring: what the homing found; voltage_limit_V:
     with which it was done (inf: a file of an earlier version does not tell).
@@ -119,8 +120,13 @@ class Homed:
 def _where(rig: Rig) -> str:
     table = rig.table
     where = table.port or table.address
-    ids = list(table.by_channel("ids", rig.linkage.servos))
-    return f"{where} {ids}" if table.kind in BUS_KINDS else where
+    servos = rig.linkage.servos
+    if table.kind == PULSES:
+        lowest, highest = table.pulse_range_us
+        told = table.by_channel("pulse_us_per_rad", servos)
+        slopes = ", ".join(f"{slope:.6g}" for slope in told)
+        return f"{where}, pulses of {slopes} us/rad from {lowest:g} to {highest:g} us"
+    return f"{where} {list(table.by_channel('ids', servos))}" if table.kind in BUS_KINDS else where
 
 
 def power_up(table: Table, now_s: float | None = None) -> str | None:
@@ -161,7 +167,10 @@ def load(path: Path) -> Homed:
     if not path.is_file():
         raise NotHomed(f"this table has not been homed ({path} is missing): {CURE}")
     try:
-        return TypeAdapter(Homed).validate_json(file_bytes(path))
+        found = TypeAdapter(Homed).validate_json(file_bytes(path))
+        if datetime.fromisoformat(found.at).tzinfo is None:
+            raise ValueError(f"at = {found.at} has no time zone")
+        return found
     except ValueError as error:
         first = str(error).splitlines()[0]
         raise NotHomed(f"{path} is no homing ({first}): {CURE}") from None

@@ -96,7 +96,8 @@ def test_its_c_agrees_with_the_standards_own_headers(made: Path, tmp_path: Path)
     assert done.returncode == 0, done.stderr[:500]
 
 
-def test_a_state_that_is_kept_is_returned_to(made: Path, tmp_path: Path):
+def opened(made: Path, tmp_path: Path) -> tuple[Any, dict[str, int]]:
+    """An initialized instance, and its value references by name."""
     fmi3: Any = importlib.import_module("fmpy.fmi3")
     described = fmpy.read_model_description(str(made))
     folder = fmpy.extract(str(made), str(tmp_path))
@@ -107,6 +108,11 @@ def test_a_state_that_is_kept_is_returned_to(made: Path, tmp_path: Path):
     table.instantiate()
     table.enterInitializationMode()
     table.exitInitializationMode()
+    return table, places
+
+
+def test_a_state_that_is_kept_is_returned_to(made: Path, tmp_path: Path):
+    table, places = opened(made, tmp_path)
     table.setFloat64([places["voltage_x_V"]], [3.0])
     table.doStep(0.0, 0.02)
     kept = table.getFMUState()
@@ -120,6 +126,24 @@ def test_a_state_that_is_kept_is_returned_to(made: Path, tmp_path: Path):
         table.doStep(0.04, 0.0033)  # no multiple of the tick
     with pytest.raises(Exception, match="SetFloat64"):
         table.setFloat64([places["servo.gain_rad_s_V"]], [1.0])  # too late
+    table.terminate()
+    table.freeInstance()
+
+
+@pytest.mark.parametrize("delay_s", [0.5, -0.01, float("inf")])
+def test_a_delay_that_the_model_does_not_remember_is_refused(made: Path, delay_s: float):
+    with pytest.raises(Exception, match="ExitInitializationMode"):
+        fmpy.simulate_fmu(
+            str(made), stop_time=0.01, step_size=0.002, output_interval=0.002,
+            start_values={"effects.input_delay.x.delay_s": delay_s},
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize("step_s", [1e18, 1e300, float("inf"), -0.002])
+def test_a_step_without_an_end_is_refused(made: Path, tmp_path: Path, step_s: float):
+    table, _ = opened(made, tmp_path)
+    with pytest.raises(Exception, match="DoStep"):
+        table.doStep(0.0, step_s)
     table.terminate()
     table.freeInstance()
 

@@ -161,6 +161,11 @@ class FeetechBus(Bus):
     def split(self, parameters: bytes) -> tuple[int, int, bytes]:
         return parameters[0], parameters[1], parameters[2:]
 
+    def write(self, servo: Servo, address: int, data: bytes) -> None:
+        super().write(servo, address, data)
+        if address <= 42 < address + len(data):
+            servo.memory[40] = 1  # as the maker's example WritePosEx has it
+
     def obey_one(self, servo_id: int, instruction: int, parameters: bytes) -> None:
         for servo in self.present():
             if servo_id not in (servo.servo_id, 254):

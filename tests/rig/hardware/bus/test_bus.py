@@ -235,12 +235,14 @@ def test_a_servo_in_alarm_is_not_even_opened(bench, kind: str):
 
 @EVERY
 def test_a_servo_whose_supply_was_cut_is_named(bench, kind: str):
-    """It answers again at once, but its torque is off."""
+    """It answers again at once, but its torque is off and its speed limit gone."""
     one = bench(kind)
     with one.open() as table:
         ticks(table, 10)
-        one.board.servos[1].memory[40 if kind == "feetech" else 64] = 0
-        with pytest.raises(ServoAlarm, match="torque off"):
+        servo = one.board.servos[1]
+        servo.memory[40 if kind == "feetech" else 64] = 0
+        servo.put(SPEED[kind], 0, 2)
+        with pytest.raises(ServoAlarm, match="was its supply cut"):
             ticks(table, 50)
 
 

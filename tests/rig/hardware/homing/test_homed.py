@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from rig.hardware.homing.home import Homing
 from rig.hardware.homing.homed import CLOCK_TURN_S, Homed, NotHomed, home_file, load, power_up
 from rig.hardware.wiring import Wiring
-from rig.parameters import Rig, TableChoice
+from rig.parameters import Rig, Servo, TableChoice
 
 RIG = Rig(table=TableChoice(kind="serial", port="/dev/ttyACM0"))
 FOUND = Homing(Wiring((1, 0), (1, -1), (-1, 1), (300, -20), crossed=True), (1.2, 1.1), (0.4, 0.5))
@@ -50,6 +50,14 @@ def test_a_file_that_tells_the_channels_in_other_words_is_refused(tmp_path: Path
         load(path)
 
 
+@pytest.mark.parametrize("at", ["2026-11-22T10:00:00", "yesterday", ""])
+def test_a_homing_whose_time_is_none_is_refused(tmp_path: Path, at: str):
+    path = tmp_path / "rig.home.json"
+    replace(homed("id ab"), at=at).save(path)
+    with pytest.raises(NotHomed, match=r"is no homing.*run rig home"):
+        load(path)
+
+
 def test_limits_wider_than_at_the_homing_are_refused():
     """FOUND: 1.1 rad between the stops of one arm, at 6 V."""
     one = homed("id ab")
@@ -76,6 +84,21 @@ def test_another_table_another_power_up_another_encoder_are_refused():
     coarse = replace(RIG, servo=replace(RIG.servo, encoder_counts_per_rev=1024))
     with pytest.raises(NotHomed, match="counts_per_rev"):
         one.check(coarse, "id ab")
+
+
+def test_other_pulses_than_at_the_homing_are_refused():
+    """Level and direction would be others: 100 us are 0.16 rad."""
+    rig = replace(RIG, table=replace(RIG.table, kind="pulses"), servo=Servo(kind="position"))
+    one = Homed.of(FOUND, rig, "id absolute")
+    one.check(rig, "id absolute")
+    for changed in (
+        {"pulse_range_us": (1000.0, 2200.0)},
+        {"pulse_us_per_rad": (-637.0, 637.0)},
+        {"pulse_us_per_rad": (637.0, 500.0)},
+    ):
+        other = replace(rig, table=replace(rig.table, **changed))
+        with pytest.raises(NotHomed, match=r"another table .*run rig home"):
+            one.check(other, "id absolute")
 
 
 def test_a_table_that_cannot_tell_is_believed_for_twelve_hours_and_inside_its_stops():
