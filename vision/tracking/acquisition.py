@@ -35,7 +35,7 @@ KNOWN_S = 0.05  # how long the ball that was lost has to be seen
 BRIEF_S = 0.4  # a ball that was held for less may have been a mistake
 PATIENT_S = 1.2  # from which a mover is believed without a lead
 # Where another ball was known before: a thing at rest that is unlike it, and a mover of another
-# size (other light changes a ball's colours but not its size).
+# size (other light changes a ball's colours but not its size) or one with hardly a colour at all.
 UNLIKE_S = 1.8
 # How much better than the next the ball has to be: two equal things cannot be told apart.
 STANDS_OUT, STANDS_OUT_AT_REST = 1.2, 1.5
@@ -223,7 +223,7 @@ class Acquisition:
         surer = known is not None and not known.clear and best.evidence > CLEAR_EVIDENCE
         waits_s = 0.0 if known is None or surer else UNLIKE_S
         if moves:
-            if known is not None and known.of_size(best.radius_px):
+            if known is not None and known.of_size(best.radius_px) and not best.last.faint:
                 waits_s = 0.0
             return best if (sure or lasted > PATIENT_S) and lasted >= waits_s else None
         others = [thing for thing in ranked if thing is not best]

@@ -9,7 +9,7 @@ import pytest
 
 from rig.parameters import Rig
 from tests.support import ROOT
-from tests.support.boards.commands import Lab, LoopHere, WorldsEye
+from tests.support.boards.commands import Lab, LoopHere, WorldsEye, worlds_eye
 from tests.support.boards.pty import PtyBoard
 
 
@@ -30,8 +30,7 @@ class AngleLab(Lab):
         self._begun_s, self.start_m = None, (-0.05, 0.05)
         self.world.watch = self._watch
         self.pty = PtyBoard(self.world, thread=False)
-        eye = 'camera = "the world\'s"\ncalibration = "none.json"\n'
-        port = f'[table]\nport = "{self.pty.port}"\n{table}\n{eye}'
+        port = f'[table]\nport = "{self.pty.port}"\n{table}\n{worlds_eye(folder)}'
         text = (ROOT / "experiments/rigs" / shipped).read_text(encoding="utf-8")
         self.rig_file.write_text(f"{first}\n{text}\n{port}")
         self._stand_in()

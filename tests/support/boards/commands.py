@@ -24,7 +24,9 @@ from rig.plant.ball import tilt_sines
 from tests.support.boards.pty import PtyBoard, SteppedLink
 from tests.support.boards.usb_fake import FakeUsb
 from tests.support.boards.world import World
+from tests.support.exact_bundle import exact_bundle
 from vision.frames import Observation
+from vision.synthetic.synthetic import Scene, virtual_view
 
 AWAY_M = (1.0, 1.0)  # of a ball that lies in a drawer
 PICTURE_S = 1 / 60
@@ -81,6 +83,12 @@ class WorldsEye:
         return Observation(ball.xy_m, ball.cov_m2, exposed_s) if exposed_s > after_s else None
 
 
+def worlds_eye(folder: Path) -> str:
+    """Lines of [table] for a camera that the world stands in for, and its calibration on disk."""
+    exact_bundle(virtual_view(), Scene()).save(folder / "calibration.json")
+    return 'camera = "the world\'s"\ncalibration = "calibration.json"\n'
+
+
 class Lab:
     """A board with its plant, plugged in by `cable` ("serial" or "usb"), and its rig file.
 
@@ -101,7 +109,7 @@ class Lab:
         self.world.watch = self._watch
         self.pty, self.usb = PtyBoard(self.world, thread=False), FakeUsb(self.world)
         named = f'port = "{self.pty.port}"' if cable == "serial" else 'address = "1209:0001"'
-        eye = 'camera = "the world\'s"\ncalibration = "none.json"\n'
+        eye = worlds_eye(folder)
         self.rig_file.write_text(f'{KNOWN}[table]\nkind = "{cable}"\n{named}\n{eye}')
         self._stand_in()
 
