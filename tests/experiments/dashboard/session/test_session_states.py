@@ -103,7 +103,7 @@ class Desk:
         table = SimpleNamespace(
             real=real, check=self._check, confirm=self.confirmed.append, ready=self._ready
         )
-        live = SimpleNamespace(begin=lambda: None, add=lambda row: self.rows.append(row[0]))
+        live = SimpleNamespace(begin=lambda **how: None, add=lambda row: self.rows.append(row[0]))
         self.session = Session(
             Rig(),
             table,  # pyright: ignore[reportArgumentType]
