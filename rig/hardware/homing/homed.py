@@ -170,6 +170,8 @@ def load(path: Path) -> Homed:
         found = TypeAdapter(Homed).validate_json(file_bytes(path))
         if datetime.fromisoformat(found.at).tzinfo is None:
             raise ValueError(f"at = {found.at} has no time zone")
+        if not all(0.0 < travel < inf for travel in found.travel_rad):
+            raise ValueError(f"travel_rad = {found.travel_rad} is no way between stops")
         return found
     except ValueError as error:
         first = str(error).splitlines()[0]

@@ -3,6 +3,7 @@
 import json
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
+from math import inf, nan
 from pathlib import Path
 
 import pytest
@@ -54,6 +55,14 @@ def test_a_file_that_tells_the_channels_in_other_words_is_refused(tmp_path: Path
 def test_a_homing_whose_time_is_none_is_refused(tmp_path: Path, at: str):
     path = tmp_path / "rig.home.json"
     replace(homed("id ab"), at=at).save(path)
+    with pytest.raises(NotHomed, match=r"is no homing.*run rig home"):
+        load(path)
+
+
+@pytest.mark.parametrize("travel", [nan, inf, -1.0, 0.0])
+def test_a_way_between_stops_that_is_none_is_refused(tmp_path: Path, travel: float):
+    path = tmp_path / "rig.home.json"
+    replace(homed("id ab"), travel_rad=(1.1, travel)).save(path)
     with pytest.raises(NotHomed, match=r"is no homing.*run rig home"):
         load(path)
 
