@@ -110,6 +110,15 @@ def test_whatever_happens_ends_at_0_volts_and_closed():
     assert table.closed
 
 
+def test_a_table_that_has_ended_is_closed_only_and_keeps_why():
+    table, why = arms(), OSError("the board has stopped")
+    with table:
+        assert table._end(why) is why
+        assert table._ended is why
+    assert not table.driven
+    assert table.closed
+
+
 def test_no_time_no_levelling():
     table = arms()
     bring_level(table, 0.0)

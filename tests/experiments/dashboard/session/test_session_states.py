@@ -29,6 +29,17 @@ PROTOCOL = parse({"title": "short", "duration_s": 10.0}, label="short", name="sh
 HELD = parse(
     {"title": "held", "duration_s": 10.0, "start": {"hold_s": 2.0}}, label="held", name="held"
 )
+SERVOS_ALONE = parse(
+    {
+        "title": "servos",
+        "duration_s": 10.0,
+        "servo_only": True,
+        "reference": {"shape": "squares", "amplitude": 0.1, "period_s": 1.0},
+        "start": {"hold_s": 0.0},
+    },
+    label="servos",
+    name="servos",
+)
 DONE = Ending("completed")
 
 
@@ -96,6 +107,7 @@ class Desk:
         self.recorded: list[tuple] = []
         self.events: list[tuple[float, str]] = []
         self.rows: list[float] = []
+        self.balls: list[bool] = []  # by live run: has it a ball?
         self.confirmed: list[str] = []
         self.refuse: Exception | None = None  # of `check`
         self.fails: Exception | None = None  # of `ready`
@@ -103,7 +115,7 @@ class Desk:
         table = SimpleNamespace(
             real=real, check=self._check, confirm=self.confirmed.append, ready=self._ready
         )
-        live = SimpleNamespace(begin=lambda **how: None, add=lambda row: self.rows.append(row[0]))
+        live = SimpleNamespace(begin=self._begin, add=lambda row: self.rows.append(row[0]))
         self.session = Session(
             Rig(),
             table,  # pyright: ignore[reportArgumentType]
@@ -112,6 +124,9 @@ class Desk:
             on_event=lambda *what: self.events.append(what),
             **({} if balance is None else {"balance": balance}),
         )
+
+    def _begin(self, *, has_ball: bool = True) -> None:
+        self.balls.append(has_ball)
 
     def _check(self, plan: RunPlan, rig: Rig) -> None:
         self.checked = plan, rig
@@ -243,6 +258,17 @@ def test_the_runs_of_a_plan_follow_each_other_and_then_the_virtual_table_balance
         assert desk.session.status.last == ""
         assert not desk.session.may_repeat
         assert desk.events == []
+
+
+def test_the_live_view_has_a_ball_unless_the_protocol_is_of_the_servos_alone():
+    with opened() as desk:
+        for protocol, has_ball in ((PROTOCOL, True), (SERVOS_ALONE, False)):
+            desk.session.start(desk.plan(("with",), protocol=protocol))
+            desk.loop(len(desk.loops) + 1).end(DONE)
+            desk.loop(len(desk.loops) + 1)
+            assert desk.balls[-2:] == [has_ball, True]  # the virtual table balances its ball then
+            desk.session.stop("tests")
+            desk.state("stopped")
 
 
 def test_a_plan_with_pauses_goes_on_when_told():
