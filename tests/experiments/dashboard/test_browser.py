@@ -192,7 +192,7 @@ def gap_named(page: Hand) -> None:
 def film(page: Hand, out: Path) -> None:
     """A recorded run with its video, at four times its speed, to its end."""
     page.tab("Replay")
-    page.choose("Run", re.compile("free-release-with$"))
+    page.choose("Run", re.compile("^free-release, with,"))
     page.press("Show")
     page.see("What the camera saw")
     page.see("the run's video")  # below the newest frame
