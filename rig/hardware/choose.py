@@ -137,6 +137,11 @@ def _bus(rig: Rig, eye: ObservationSource | None, wiring: Wiring, homed: bool) -
             f"servo.encoder_counts_per_rev = {servo.encoder_counts_per_rev}: {vendor.name} servos "
             f"have {vendor.counts_per_rev}"
         )
+    if servo.period_s > period_s:
+        raise ValueError(
+            f"servo.period_s = {servo.period_s:g} is longer than a tick of control_rate_hz "
+            f"({period_s:g} s): {vendor.name} servos take every goal as it comes; set 0"
+        )
     opened = BusTable(
         SerialLink(table.port, table.baud, "servo bus"),
         vendor,

@@ -87,7 +87,7 @@ def three_arms(make_lab, kind: str) -> BusLab:
     )
     text = lab.rig_file.read_text()
     told = text.replace('kind = "position"', 'kind = "position"\nangle_measured = true')
-    lab.rig_file.write_text(told)
+    lab.rig_file.write_text(told.replace("period_s = 0.02 ", "period_s = 0.0 "))
     return lab
 
 
