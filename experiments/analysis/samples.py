@@ -103,8 +103,9 @@ def pair(log: Log, name: str) -> np.ndarray:
     return np.column_stack([log[name.format(axis)] for axis in "xy"])
 
 
-def held(values: np.ndarray) -> np.ndarray:
-    """`values` (n,) with each NaN or infinity replaced by the value before it, 0 at the start."""
+def held(values: np.ndarray, first: float = 0.0) -> np.ndarray:
+    """`values` (n,) with each NaN or infinity replaced by the value before it, `first` at the
+    start."""
     known = np.where(np.isfinite(values), np.arange(len(values)), -1)
     last = np.maximum.accumulate(known)
-    return np.where(last >= 0, values[np.maximum(last, 0)], 0.0)
+    return np.where(last >= 0, values[np.maximum(last, 0)], first)

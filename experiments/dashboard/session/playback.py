@@ -137,7 +137,7 @@ def run_film(name: str, run: Run, other: Run | None = None) -> RunFilm:
     step = max(1, round(len(log) / max(motion.end_s, 1e-3) * CURVE_S / POINTS))
     rows = log.rows.copy()
     for axis in "xy":  # between two observations the last one stands
-        rows[:, INDEX[f"ball_{axis}_m"]] = held(log[f"ball_{axis}_m"])
+        rows[:, INDEX[f"ball_{axis}_m"]] = held(log[f"ball_{axis}_m"], np.nan)
     rows = rows[::step]
     rows[:, 0] -= begin_s
     events = [(float(e["t_s"]) - begin_s, str(e["text"])) for e in run.events]

@@ -78,7 +78,8 @@ def charts_of(servo: Servo) -> tuple[Chart, ...]:
 
 def chart_data(chart: Chart, rows: np.ndarray) -> tuple[np.ndarray, ...]:
     """What a chart shows of log rows (n, len(COLUMNS)): the times [s], then each curve in its unit,
-    (n,) each; a blank is the value before it. Fewer than two rows give two points of zeros.
+    (n,) each; a blank is the value before it, 0 where there was none (one NaN empties a chart of
+    viser). Fewer than two rows give two points of zeros.
     """
     if len(rows) < 2:
         return tuple(

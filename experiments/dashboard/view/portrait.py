@@ -101,8 +101,7 @@ def _picture(title: str, inside: str) -> str:
 
 def _place_m(rows: np.ndarray, axis: str) -> np.ndarray:
     """The ball's coordinate (n,) [m] as it was last seen; NaN before that."""
-    seen_m = rows[:, INDEX[f"ball_{axis}_m"]]
-    return np.where(np.logical_or.accumulate(np.isfinite(seen_m)), held(seen_m), np.nan)
+    return held(rows[:, INDEX[f"ball_{axis}_m"]], np.nan)
 
 
 def distance_cm(rows: np.ndarray) -> np.ndarray:
