@@ -57,9 +57,9 @@ from calibration.gap.decision_rule import (
 from calibration.gap.held_out import Prediction, gained, held_out
 from calibration.gap.model.intervals import deviations, interval
 from calibration.gap.model.parameters import BALL, PERIODIC
-from calibration.gap.model.state import Key, State, outputs_of, plain
+from calibration.gap.model.state import Key, State, drop_effects, outputs_of, plain
 from calibration.gap.name.decide import Decision, decide, significant, verdict_of
-from calibration.gap.name.stepwise import Accepted, drop_effects
+from calibration.gap.name.stepwise import Accepted
 from calibration.gap.specification import (
     completeness,
     inconstancy,

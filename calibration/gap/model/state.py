@@ -157,6 +157,29 @@ def plain(state: State) -> State:
     return refit(moved, moved.bounds(outputs), iterations=3)
 
 
+def drop_effects(state: State, keys: Iterable[Key]) -> State:
+    """The state with the effects `keys` (effect, axis) back inside their tolerance boxes,
+    refitted."""
+    keys = set(keys)
+    known = state.nominal.catalogue
+    outputs = {p for name, axis in keys for p in outputs_of(known[name], (axis,))}
+    parameters = state.nominal.parameters
+    setting = {
+        name: value
+        for name, value in state.fit.setting.items()
+        if (parameters[name].effect, parameters[name].axis) not in keys
+    }
+    moved = evaluate(state.evidence, state.nominal, setting, outputs)
+    fit = replace(
+        state.fit,
+        setting=setting,
+        rolls=state.fit.rolls | moved.rolls,
+        costs=state.fit.costs | moved.costs,
+    )
+    bare = replace(state, fit=fit, named=tuple(k for k in state.named if k not in keys))
+    return refit(bare, bare.bounds(outputs))
+
+
 def settle(state: State, outputs: Iterable[str]) -> State:
     """Estimate the noise levels of some outputs anew, then fit everything that is free on them;
     outputs without evidence are passed over."""

@@ -38,6 +38,9 @@ SIZES: Mapping[str, tuple[float, ...]] = {
     "half_width_rad": (0.003, 0.01, 0.03),
 }  # fmt: skip
 START_COAST_S2_RAD = 0.06
+# Plays that are tried from here to the end of the range, a quarter apart: the valley of C about the
+# right one is as wide; chosen.
+SMALLEST_PLAY_RAD, PLAYS = 0.005, 14
 SETTLING_S = (0.003, 0.01)  # dry friction is tried hard and with these
 WIDE_DEAD_ZONE_SHARES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7)  # of the largest volts
 LOW_LIMIT_SHARES = (0.6, 0.4, 0.25, 0.16, 0.1, 0.06, 0.04, 0.025)  # likewise
@@ -124,6 +127,12 @@ def light_arm_backlash_starts(
         for play in plays
         for shape in ([held, braked, {}] if nominal.coasts else [held, braked])
     ]
+
+
+def play_ladder(nominal: NominalModel, axis: str) -> list[float]:
+    """Plays of the gears of an axis that are tried [rad]."""
+    most = nominal.of("gear_backlash", axis)[0].range[1]
+    return np.geomspace(SMALLEST_PLAY_RAD, most, PLAYS).tolist()
 
 
 def wide_dead_zone_starts(axis: str, nominal: NominalModel, most_V: float) -> list[Start]:

@@ -19,9 +19,9 @@ from calibration.gap.decision_rule import (
     UNNAMED_SHARE,
     UNNAMED_THRESHOLD,
 )
-from calibration.gap.model.state import State
+from calibration.gap.model.state import State, drop_effects
 from calibration.gap.name.bootstrap import ChanceScores, chance_scores
-from calibration.gap.name.stepwise import Accepted, Naming, drop_effects, name_effects
+from calibration.gap.name.stepwise import Accepted, Naming, name_effects
 from calibration.gap.unnamed.basis import UnnamedTerm, unnamed_terms
 
 # Families of terms that act throughout and hold no effect with a name, as a map holds a level.

@@ -35,14 +35,12 @@ from calibration.gap.name.candidates import (
     largest_volts,
     light_arm_backlash_starts,
     low_saturation_starts,
+    play_ladder,
     starts,
     wide_dead_zone_starts,
 )
 from rig.prediction.innovations import noise
 
-# Plays that are tried from here to the end of the range, a quarter apart: the valley of C about the
-# right one is as wide; chosen.
-SMALLEST_PLAY_RAD, PLAYS = 0.005, 14
 # Times the tried size to which a screen extrapolates: sizes of a ladder stand 2 to 5 apart, an
 # effect with one size is nearly linear; chosen.
 LADDER_REACH, LINEAR_REACH = 2.0, 6.0
@@ -214,7 +212,7 @@ def _light_arm_backlash(state: State, output: str, skip: set[Key]) -> Screened |
         return min(zip(tried, fits, strict=True), key=lambda pair: pair[1].cost)
 
     bare = state.fit.setting
-    ladder, _ = best(np.geomspace(SMALLEST_PLAY_RAD, first.range[1], PLAYS).tolist())
+    ladder, _ = best(play_ladder(state.nominal, axis))
     play = ladder[first.name]
     keys, start = best([play * ratio for ratio in (0.9, 0.95, 1.0, 1.06, 1.12)])
     return _fitted_from_reset(state, evidence, "gear_backlash", output, start, keys)

@@ -7,9 +7,9 @@ import pytest
 from calibration.gap.decision_rule import FAMILY_P, MAX_INCONSTANCY, MIN_COMPLETENESS
 from calibration.gap.model.flexible import Regressors, observer, with_hats
 from calibration.gap.model.parameters import BALL, NominalModel
-from calibration.gap.model.state import refit, settle
+from calibration.gap.model.state import drop_effects, refit, settle
 from calibration.gap.name.decide import Decision, decide
-from calibration.gap.name.stepwise import Accepted, drop_effects, settled_baseline
+from calibration.gap.name.stepwise import Accepted, settled_baseline
 from calibration.gap.specification import (
     FOLDS,
     LEADS_S,
