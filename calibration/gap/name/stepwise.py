@@ -6,15 +6,17 @@ and the noise levels are estimated anew before another may enter.
 
 Where the servos then cost less with the other model of the load's friction
 (`calibration.gap.name.load_friction`), effects are selected beside that one, too, and those are
-kept that cost less at the same noise.
+kept that cost less at the same noise. The same goes for what is selected from the law of a drive
+(`calibration.gap.name.drive_law`) where a servo got two names.
 
 Backward: each accepted effect is removed and its RIVALS_REFITTED strongest alternatives are
 refitted at the final noise levels. It is dropped if its score falls below NAME_THRESHOLD, replaced
 if an alternative scores more, and reported as "A or B" if the difference is below RIVAL_MARGIN.
 """
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from math import exp
 
 import numpy as np
@@ -31,22 +33,24 @@ from calibration.gap.decision_rule import (
     RIVALS_REFITTED,
 )
 from calibration.gap.model.data import Evidence
-from calibration.gap.model.fit import evaluate
 from calibration.gap.model.noise import least_noise
 from calibration.gap.model.parameters import NominalModel, released
 from calibration.gap.model.state import (
     Key,
     State,
     baseline,
+    drop_effects,
     outputs_of,
-    refit,
     settle,
     with_levels,
 )
+from calibration.gap.name.drive_law import begun_with_law
 from calibration.gap.name.load_friction import better_friction_model
 from calibration.gap.name.refit import CandidateFit, rank
 from calibration.gap.name.screen import Screened, Screens, screen
 from calibration.gap.unnamed.basis import unnamed_terms
+
+Path = tuple[tuple[str, State], ...]  # additions: the name, and the state with it
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +107,7 @@ class Naming:
     after: State
     accepted: tuple[Accepted, ...]
     last: tuple[CandidateFit, ...]
-    path: tuple[tuple[str, State], ...]
+    path: Path
     screened: list[Screened]
 
 
@@ -118,11 +122,11 @@ def name_effects(state: State, barred: Collection[str] = ()) -> Naming:
     elimination; the effects `barred` are not tried."""
     skip = [(name, axis) for name in barred for axis in state.nominal.catalogue[name].axes]
     chosen = _selected(state, skip)
-    other = better_friction_model(chosen.state)
+    other = None if chosen.has_law else better_friction_model(chosen.state)
     if other is not None:
-        again = _selected(settled_baseline(state.evidence, other), skip)
-        levels = least_noise(chosen.state.evidence.levels, again.state.evidence.levels)
-        chosen = min((chosen, again), key=lambda one: _price(one.state, levels))
+        begun = settled_baseline(state.evidence, other)
+        again = _selected(begun, skip)
+        chosen = chosen if _cheaper(chosen.state, again.state) is chosen.state else again
     after, accepted = _eliminated(chosen.state, skip)
     return Naming(chosen.path[0][1], after, accepted, chosen.last, chosen.path, chosen.screened)
 
@@ -130,11 +134,12 @@ def name_effects(state: State, barred: Collection[str] = ()) -> Naming:
 @dataclass(frozen=True, eq=False)
 class _Selection:
     """Forward selection: the path of additions (name, state), beginning with ("", baseline), the
-    last ranking and the last screen."""
+    last ranking, the last screen, and whether it began again with the law of a drive."""
 
-    path: tuple[tuple[str, State], ...]
+    path: Path
     last: tuple[CandidateFit, ...]
     screened: list[Screened]
+    has_law: bool
 
     @property
     def state(self) -> State:
@@ -144,11 +149,11 @@ class _Selection:
 
 def _selected(state: State, skip: Sequence[Key]) -> _Selection:
     """Forward selection from the settled baseline `state`; `skip` is not tried."""
-    path = [("", state)]
+    path: Path = (("", state),)
     last: list[CandidateFit] = []
     screened: list[Screened] = []
     screens: Screens = {}
-    total, explained = 0.0, {}
+    total, explained, tried, has_law = 0.0, {}, False, False
     while len({effect for effect, _ in state.named}) < MAX_EFFECTS:
         screened = screen(state, state.evidence.outputs, skip=skip, known=screens)
         last = rank(state, screened)
@@ -168,8 +173,37 @@ def _selected(state: State, skip: Sequence[Key]) -> _Selection:
             fall = state.fit.costs[o] - best.state.fit.costs[o]
             explained[o] = explained.get(o, 0.0) + max(fall, 0.0)
         state = settle(best.state, outputs)
-        path.append((best.name, state))
-    return _Selection(tuple(path), tuple(last), screened)
+        path = (*path, (best.name, state))
+        if not tried and (starts := begun_with_law(state, skip)):
+            tried, chosen = True, reduce(_cheaper, starts, state)
+            if chosen is not state:
+                has_law, state, path = True, chosen, _path_to(chosen, path[0][1])
+                explained = _explained(path[0][1], state)
+                total = sum(explained.values())
+    return _Selection(path, tuple(last), screened, has_law)
+
+
+def _path_to(state: State, before: State) -> Path:
+    """The path from the baseline to a state: its names, in their order, one after the other."""
+    if before.nominal is not state.nominal:
+        before = settled_baseline(before.evidence, state.nominal)
+    path: Path = ()
+    for name in reversed(dict.fromkeys(effect for effect, _ in state.named)):
+        path = ((name, state), *path)
+        state = drop_effects(state, [key for key in state.named if key[0] == name])
+    return (("", before), *path)
+
+
+def _explained(before: State, state: State) -> dict[str, float]:
+    """By how much the cost of each output fell from the baseline to a state, at its noise."""
+    after = with_levels(state, before.evidence.levels, state.evidence.outputs).fit.costs
+    return {o: max(before.fit.costs[o] - cost, 0.0) for o, cost in after.items()}
+
+
+def _cheaper(one: State, other: State) -> State:
+    """The one that costs less at the smaller noise of both, its effects paid for."""
+    levels = least_noise(one.evidence.levels, other.evidence.levels)
+    return min((one, other), key=lambda state: _price(state, levels))
 
 
 def _price(state: State, levels: np.record) -> float:
@@ -219,29 +253,6 @@ def _stands_in_for_unnamed(state: State, best: CandidateFit) -> bool:
     outputs = {output for name, axis in best.keys for output in outputs_of(known[name], (axis,))}
     rivals = [term.score for term in unnamed_terms(state) if term.output in outputs]
     return max(rivals, default=0.0) > 2.0 * best.score
-
-
-def drop_effects(state: State, keys: Iterable[Key]) -> State:
-    """The state with the effects `keys` (effect, axis) back inside their tolerance boxes,
-    refitted."""
-    keys = set(keys)
-    known = state.nominal.catalogue
-    outputs = {p for name, axis in keys for p in outputs_of(known[name], (axis,))}
-    parameters = state.nominal.parameters
-    setting = {
-        name: value
-        for name, value in state.fit.setting.items()
-        if (parameters[name].effect, parameters[name].axis) not in keys
-    }
-    moved = evaluate(state.evidence, state.nominal, setting, outputs)
-    fit = replace(
-        state.fit,
-        setting=setting,
-        rolls=state.fit.rolls | moved.rolls,
-        costs=state.fit.costs | moved.costs,
-    )
-    bare = replace(state, fit=fit, named=tuple(k for k in state.named if k not in keys))
-    return refit(bare, bare.bounds(outputs))
 
 
 def _same_data(own: CandidateFit, other: CandidateFit) -> bool:
