@@ -219,6 +219,8 @@ def _eliminated(state: State, skip: Sequence[Key]) -> tuple[State, tuple[Accepte
     stands on a second one already is judged once, on both."""
     accepted: dict[str, Accepted] = {}
     for name in dict.fromkeys(effect for effect, _ in state.named):
+        if name not in {effect for effect, _ in state.named}:
+            continue  # it went with one that took it for another's place
         state, found = backward_step(state, name, skip)
         if found and {axis for effect, axis in state.named if effect == found.name} != set(
             found.axes

@@ -42,3 +42,20 @@ def test_a_name_that_takes_anothers_place_stands_once(monkeypatch, named):
     ]
     assert state.named == BOTH
     assert asked[-1] == "dead_zone"
+
+
+def test_a_name_that_went_with_another_is_not_asked_for_again(monkeypatch):
+    """The asymmetry becomes a dead zone, and both go: that on y is no more when its turn comes."""
+    evidence = evidence_of(foreign("steps", seed=1, effects={}, duration_s=2.0))
+    nominal, named = NominalModel(RIG, load_friction=False), (("gain_asymmetry", "x"), BOTH[1])
+    begun = State(evidence, nominal, evaluate(evidence, nominal, {}, evidence.outputs), named)
+
+    def step(state: State, name: str, skip=()) -> tuple[State, Accepted | None]:
+        assert name in {effect for effect, _ in state.named}
+        if name == "gain_asymmetry":
+            return replace(state, named=BOTH), Accepted("dead_zone", ("x",), 40.0, ())
+        return replace(state, named=()), None
+
+    monkeypatch.setattr(stepwise, "backward_step", step)
+    state, accepted = _eliminated(begun, ())
+    assert (state.named, accepted) == ((), ())
