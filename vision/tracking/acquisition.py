@@ -35,7 +35,8 @@ KNOWN_S = 0.05  # how long the ball that was lost has to be seen
 BRIEF_S = 0.4  # a ball that was held for less may have been a mistake
 PATIENT_S = 1.2  # from which a mover is believed without a lead
 # Where another ball was known before: a thing at rest that is unlike it, and a mover of another
-# size (other light changes a ball's colours but not its size) or one with hardly a colour at all.
+# size (other light changes a ball's colours but not its size); where one was tracked before, a
+# mover that is not clear, as a finger or an outline that leaps from mark to mark.
 UNLIKE_S = 1.8
 # How much better than the next the ball has to be: two equal things cannot be told apart.
 STANDS_OUT, STANDS_OUT_AT_REST = 1.2, 1.5
@@ -104,6 +105,7 @@ class Acquisition:
         self._colour = colour
         self._mask = mask
         self._known: Known | None = None
+        self._held = False  # whether a ball was tracked and lost before
         self.things = Things(window_s=WINDOW_S)
         self._stir = Stir()
         self._stirred_s = self._calm_s = -math.inf
@@ -134,6 +136,7 @@ class Acquisition:
     def lost(self, known: Known, *, held_s: float) -> None:
         """A ball that is known was lost: it is believed sooner than another. One that was held for
         a shorter time than a lock takes may have been a mistake, and says nothing."""
+        self._held = True
         if held_s < BRIEF_S:
             self.things.ball_was_not()
         else:
@@ -218,13 +221,12 @@ class Acquisition:
         # Grain differs at every glance; whether one thing outdoes another, looks alone tell.
         sure = lead > (STANDS_OUT if moves else STANDS_OUT_AT_REST)
         sure = sure and min(met * math.log(over_grain), n * math.log(ahead)) > SURE
-        known = self._known
-        # What was lost and was not clear may have been a finger.
-        surer = known is not None and not known.clear and best.evidence > CLEAR_EVIDENCE
-        waits_s = 0.0 if known is None or surer else UNLIKE_S
+        known, clear = self._known, best.evidence > CLEAR_EVIDENCE
+        # What was lost and was not clear may have been a finger, as what moves now may be.
+        fitting = known is None or not known.clear or (moves and known.of_size(best.radius_px))
+        doubted = self._held if moves else known is not None
+        waits_s = UNLIKE_S if doubted and not (clear and fitting) else 0.0
         if moves:
-            if known is not None and known.of_size(best.radius_px) and not best.last.faint:
-                waits_s = 0.0
             return best if (sure or lasted > PATIENT_S) and lasted >= waits_s else None
         others = [thing for thing in ranked if thing is not best]
         if any(thing.drifts(reach) and thing.evidence > 0.5 * best.evidence for thing in others):

@@ -40,8 +40,7 @@ class Sighting:
     `evidence` is the logarithm of its outline's significance, times the share of the outline that
     was seen; 0 and less is none. `likely` is what speaks for a ball at rest before anything moved:
     a camera is aimed at its plate (1 in the image's middle, 0.5 in its corners), and light shades a
-    ball but not a flat mark or coin (down to `FLAT`, which is `flat`). `faint`: it differs from its
-    surround along its turn alone.
+    ball but not a flat mark or coin (down to `FLAT`, which is `flat`).
     """
 
     seen: Detection
@@ -49,7 +48,6 @@ class Sighting:
     evidence: float
     likely: float = 1.0
     flat: bool = False
-    faint: bool = False
 
     @property
     def place(self) -> tuple[float, float]:
@@ -135,7 +133,7 @@ def sight(
     evidence *= max(0.2, 1.0 - 0.5 * rough)
     solid = relief(image, found.u_px, found.v_px, found.radius_px) / RELIEF
     likely = (1.0 - 0.5 * off**2) * min(max(solid, FLAT), 1.0) * (FAINT if faint else 1.0)
-    return Sighting(found, appearance, evidence, likely, solid <= FLAT, faint)
+    return Sighting(found, appearance, evidence, likely, solid <= FLAT)
 
 
 def _step(image: np.ndarray, found: Detection) -> float:

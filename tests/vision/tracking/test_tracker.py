@@ -5,7 +5,7 @@ from itertools import groupby, pairwise
 import numpy as np
 import pytest
 
-from tests.support.footage import Film, disc, rolling
+from tests.support.footage import Film, disc, exposed, plate, rolling
 from vision.detection.appearance import Appearance
 from vision.frames import Frame
 from vision.tracking.acquisition import LOOK_S, Acquisition
@@ -163,6 +163,20 @@ def test_a_ball_that_was_lost_is_not_replaced_at_once_by_a_mover_of_another_size
         disc(image, (150.0 + 4.0 * k, 200.0), 8.0, np.array((20.0, 20.0, 20.0)))
         frame = Frame(np.clip(image, 0, 255).astype(np.uint8), 1.0 + k / 30.0, 30 + k)
         states.append(tracker.step(frame).state)
+    assert "track" not in states
+
+
+def test_a_ball_that_was_lost_is_not_replaced_at_once_by_a_mover_that_is_hardly_seen():
+    """Of its very size, as a fingertip may be, but in another colour and not clearly round."""
+    rng, tracker = np.random.default_rng(1), Tracker()
+    ground = plate("grey", (640, 480), rng)
+    ball = rolling("orange", on="grey", radius=10.0, rest_s=9.0, seconds=1.0)
+    assert [tracker.step(frame).state for frame in ball.frames][-1] == "track"
+    states = []
+    for k in range(45):
+        image = ground.copy()
+        disc(image, (150.0 + 5.0 * k, 200.0), 10.0, np.full(3, 100.0), shade=0.1)
+        states.append(tracker.step(Frame(exposed(image, 4.0, rng), 1.0 + k / 30.0, 30 + k)).state)
     assert "track" not in states
 
 
