@@ -9,6 +9,7 @@ import threading
 import time
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 try:
     import resource
@@ -29,7 +30,8 @@ class ForeignCall:
     code itself. The time is bounded in a main thread on Linux and macOS, the memory on Linux.
 
     Afterwards relative paths mean what they did before. A process that the code has forked ends
-    where it would go on as a second rig, with the same recording and the same table.
+    where it would go on as a second rig, with the same recording and the same table. Threads that
+    it starts do not keep the program from its end, unless they ask for it (`daemon=False`).
     """
 
     def __init__(self, seconds: float) -> None:
@@ -44,6 +46,8 @@ class ForeignCall:
     def __enter__(self) -> None:
         self._process, self._folder = os.getpid(), _working_folder()
         self._stdout, sys.stdout = sys.stdout, sys.stderr
+        self._thread: Any = threading.current_thread()  # new threads take after it
+        self._daemonic, self._thread._daemonic = self._thread.daemon, True
         if resource is not None and self._data_bytes:
             self._limits = resource.getrlimit(resource.RLIMIT_DATA)
             resource.setrlimit(resource.RLIMIT_DATA, (self._data_bytes, self._limits[1]))
@@ -62,6 +66,7 @@ class ForeignCall:
     ) -> None:
         if os.getpid() != self._process:
             os._exit(1)
+        self._thread._daemonic = self._daemonic
         if self._bounds_time:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             signal.signal(signal.SIGALRM, self._handler)

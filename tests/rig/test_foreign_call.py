@@ -4,6 +4,7 @@ import contextlib
 import os
 import signal
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -84,3 +85,10 @@ def test_a_process_that_it_forked_does_not_go_on_as_a_second_rig(tmp_path):
         os._exit(0)
     os.waitpid(child, 0)
     assert (tmp_path / "rows").read_text() == "row\n"
+
+
+def test_a_thread_that_it_left_does_not_keep_the_program_from_its_end():
+    with ForeignCall(5.0):
+        left = threading.Thread(target=print)
+    assert left.daemon
+    assert not threading.Thread(target=print).daemon
