@@ -218,6 +218,8 @@ def _check_meta(meta: dict) -> None:
         value = meta.get(key)
         if value is not None and (not isinstance(value, kinds) or isinstance(value, bool)):
             raise ValueError(f"run.json: {key} = {value!r} is no {kinds[0].__name__}")
+    if (meta.get("rows") or 0) < 0:
+        raise ValueError(f"run.json: rows = {meta['rows']} must be 0 or more")
     for key in (*START_KEYS, "outcome"):
         meta.setdefault(key, None)
     try:

@@ -1,9 +1,12 @@
 """A bounded call: what is too long or too much is raised inside it, and nothing is left behind."""
 
 import contextlib
+import os
 import signal
 import sys
+import threading
 import time
+from pathlib import Path
 
 import pytest
 
@@ -62,3 +65,30 @@ def test_what_is_printed_goes_to_standard_error(capsys):
     print("the program's")
     told = capsys.readouterr()
     assert (told.out, told.err) == ("the program's\n", "a lab's words\n")
+
+
+def test_relative_paths_mean_what_they_did_before(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "elsewhere").mkdir()
+    with ForeignCall(5.0):
+        os.chdir("elsewhere")
+    assert Path.cwd() == tmp_path
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="fork of POSIX")
+def test_a_process_that_it_forked_does_not_go_on_as_a_second_rig(tmp_path):
+    with ForeignCall(5.0):
+        child = os.fork()
+    with (tmp_path / "rows").open("a") as rows:  # what follows the call
+        rows.write("row\n")
+    if child == 0:
+        os._exit(0)
+    os.waitpid(child, 0)
+    assert (tmp_path / "rows").read_text() == "row\n"
+
+
+def test_a_thread_that_it_left_does_not_keep_the_program_from_its_end():
+    with ForeignCall(5.0):
+        left = threading.Thread(target=print)
+    assert left.daemon
+    assert not threading.Thread(target=print).daemon
