@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calibration.gap.decision_rule import PENALTY_PER_PARAMETER
 from calibration.gap.model.data import Evidence
 from calibration.gap.model.fit import ITERATIONS, ParameterFit, evaluate, fit
-from calibration.gap.model.noise import estimate
+from calibration.gap.model.noise import estimate, least_noise
 from calibration.gap.model.parameters import (
     BALL,
     CALIBRATED,
@@ -178,6 +179,20 @@ def drop_effects(state: State, keys: Iterable[Key]) -> State:
     )
     bare = replace(state, fit=fit, named=tuple(k for k in state.named if k not in keys))
     return refit(bare, bare.bounds(outputs))
+
+
+def cheaper(one: State, other: State) -> State:
+    """The one that costs less at the smaller noise of both, its effects paid for."""
+    levels = least_noise(one.evidence.levels, other.evidence.levels)
+    return min((one, other), key=lambda state: price(state, levels))
+
+
+def price(state: State, levels: np.record) -> float:
+    """The cost of a state at these noise levels, and what its effects' parameters are paid for."""
+    state = with_levels(state, levels, state.evidence.outputs)
+    nominal, setting = state.nominal, state.fit.setting
+    free = [released(nominal.catalogue[n], axis, nominal, setting) for n, axis in state.named]
+    return state.fit.cost + PENALTY_PER_PARAMETER * sum(map(len, free))
 
 
 def settle(state: State, outputs: Iterable[str]) -> State:

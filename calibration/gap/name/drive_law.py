@@ -18,6 +18,7 @@ model (`screen.at_start_noise`).
 
 from collections.abc import Collection, Iterable
 from dataclasses import replace
+from functools import reduce
 from itertools import product
 
 import numpy as np
@@ -25,7 +26,7 @@ import numpy as np
 from calibration.gap.decision_rule import NAME_THRESHOLD, penalised_gain
 from calibration.gap.model.fit import evaluate
 from calibration.gap.model.parameters import COAST_KEY, SERVO, NominalModel, released
-from calibration.gap.model.state import Key, State, drop_effects, refit, settle
+from calibration.gap.model.state import Key, State, cheaper, drop_effects, refit, settle
 from calibration.gap.name.candidates import SIZES, Start, light_arm_backlash_starts, play_ladder
 from calibration.gap.name.load_friction import friction_models
 from calibration.gap.name.screen import at_start_noise
@@ -83,18 +84,26 @@ def _begun(state: State, nominal: NominalModel, axes: Iterable[str]) -> State:
 
 
 def _with_law(state: State, axis: str) -> State:
-    """The state with the law on one axis: the best of a grid, fitted; then without what earns
-    nothing."""
-    output, law = f"servo_{axis}", LOADED_LAW if state.nominal.load_friction else LAW
+    """The state with the law on one axis, the best of the fits from each start of the grid; then
+    without what earns nothing."""
+    law = LOADED_LAW if state.nominal.load_friction else LAW
     named = tuple((name, axis) for name in law if (name, axis) not in state.named)
-    start = _best_of_grid(state, axis)
-    outputs = {p for key in start for p in state.nominal.parameters[key].outputs}
-    found = evaluate(
-        state.evidence,
-        state.nominal,
-        state.fit.setting | start,
-        outputs & set(state.evidence.outputs),
-    )
+    fits = [_fitted(state, start, named) for start in _best_of_grid(state, axis)]
+    state = reduce(cheaper, fits)
+    for key in named:
+        bare = drop_effects(state, [key])
+        free = released(state.nominal.catalogue[key[0]], axis, state.nominal, state.fit.setting)
+        gain = bare.fit.cost - state.fit.cost
+        if penalised_gain(gain, len(free)) < NAME_THRESHOLD:
+            state = bare
+    return state
+
+
+def _fitted(state: State, start: Start, named: tuple[Key, ...]) -> State:
+    """The state with these names from a start, fitted, and the noise estimated beside them."""
+    output, parameters = f"servo_{named[0][1]}", state.nominal.parameters
+    outputs = {p for key in start for p in parameters[key].outputs} & set(state.evidence.outputs)
+    found = evaluate(state.evidence, state.nominal, state.fit.setting | start, outputs)
     fit = replace(
         state.fit,
         setting=found.setting,
@@ -105,17 +114,12 @@ def _with_law(state: State, axis: str) -> State:
     state = refit(state, state.bounds((output,)))
     for _ in range(SETTLINGS):
         state = settle(state, (output,))
-    for key in named:
-        bare = drop_effects(state, [key])
-        free = released(state.nominal.catalogue[key[0]], axis, state.nominal, state.fit.setting)
-        gain = bare.fit.cost - state.fit.cost
-        if penalised_gain(gain, len(free)) < NAME_THRESHOLD:
-            state = bare
     return state
 
 
-def _best_of_grid(state: State, axis: str) -> Start:
-    """Play and offset from a grid with the smallest friction, then the friction."""
+def _best_of_grid(state: State, axis: str) -> list[Start]:
+    """The best of play and offset from a grid with the smallest friction; then, for every play of
+    the joint that is tried, the best friction."""
     nominal, output = state.nominal, f"servo_{axis}"
     friction, offset, joint = (nominal.of(name, axis)[0] for name in LOADED_LAW[1:])
     sizes = [friction.nominal + size for size in (0.0, *SIZES["friction_V"])]
@@ -136,6 +140,6 @@ def _best_of_grid(state: State, axis: str) -> Start:
             for play, volts in product(plays, OFFSETS_V)
         ]
     )
-    return best(
-        [found | {friction.name: f, joint.name: play} for f, play in product(sizes, joints)]
-    )
+    return [
+        best([found | {friction.name: size, joint.name: play} for size in sizes]) for play in joints
+    ]

@@ -27,18 +27,17 @@ from calibration.gap.decision_rule import (
     MIN_SHARE_OF_TOTAL,
     MIN_SHARE_ON_OUTPUT,
     NAME_THRESHOLD,
-    PENALTY_PER_PARAMETER,
     PROBABILITY_TEMPERATURE,
     RELATED_FRICTION_THRESHOLD,
     RIVALS_REFITTED,
 )
 from calibration.gap.model.data import Evidence
-from calibration.gap.model.noise import least_noise
-from calibration.gap.model.parameters import NominalModel, released
+from calibration.gap.model.parameters import NominalModel
 from calibration.gap.model.state import (
     Key,
     State,
     baseline,
+    cheaper,
     drop_effects,
     outputs_of,
     settle,
@@ -126,7 +125,7 @@ def name_effects(state: State, barred: Collection[str] = ()) -> Naming:
     if other is not None:
         begun = settled_baseline(state.evidence, other)
         again = _selected(begun, skip)
-        chosen = chosen if _cheaper(chosen.state, again.state) is chosen.state else again
+        chosen = chosen if cheaper(chosen.state, again.state) is chosen.state else again
     after, accepted = _eliminated(chosen.state, skip)
     return Naming(chosen.path[0][1], after, accepted, chosen.last, chosen.path, chosen.screened)
 
@@ -175,7 +174,7 @@ def _selected(state: State, skip: Sequence[Key]) -> _Selection:
         state = settle(best.state, outputs)
         path = (*path, (best.name, state))
         if not tried and (starts := begun_with_law(state, skip)):
-            tried, chosen = True, reduce(_cheaper, starts, state)
+            tried, chosen = True, reduce(cheaper, starts, state)
             if chosen is not state:
                 has_law, state, path = True, chosen, _path_to(chosen, path[0][1])
                 explained = _explained(path[0][1], state)
@@ -195,23 +194,10 @@ def _path_to(state: State, before: State) -> Path:
 
 
 def _explained(before: State, state: State) -> dict[str, float]:
-    """By how much the cost of each output fell from the baseline to a state, at its noise."""
-    after = with_levels(state, before.evidence.levels, state.evidence.outputs).fit.costs
-    return {o: max(before.fit.costs[o] - cost, 0.0) for o, cost in after.items()}
-
-
-def _cheaper(one: State, other: State) -> State:
-    """The one that costs less at the smaller noise of both, its effects paid for."""
-    levels = least_noise(one.evidence.levels, other.evidence.levels)
-    return min((one, other), key=lambda state: _price(state, levels))
-
-
-def _price(state: State, levels: np.record) -> float:
-    """The cost of a state at these noise levels, and what its effects' parameters are paid for."""
-    state = with_levels(state, levels, state.evidence.outputs)
-    nominal, setting = state.nominal, state.fit.setting
-    free = [released(nominal.catalogue[n], axis, nominal, setting) for n, axis in state.named]
-    return state.fit.cost + PENALTY_PER_PARAMETER * sum(map(len, free))
+    """By how much the cost of each output fell from the baseline to a state, at the state's noise,
+    at which what comes next gains, too."""
+    costs = with_levels(before, state.evidence.levels, before.evidence.outputs).fit.costs
+    return {o: max(costs[o] - cost, 0.0) for o, cost in state.fit.costs.items()}
 
 
 def _eliminated(state: State, skip: Sequence[Key]) -> tuple[State, tuple[Accepted, ...]]:

@@ -15,10 +15,20 @@ BELIEVED = replace(TABLE, effects={})
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("protocol", ["steps", "free-release"])
-def test_what_acts_at_once_is_named_and_nothing_else(protocol: str):
-    request = RunRequest(TABLE, read_protocol(protocol), "without", 5, Path(), kind=BELIEVED)
-    found = investigate([simulate_run(request).log], BELIEVED, quick=True, until="name").findings
+@pytest.mark.parametrize(
+    ("protocol", "arms"),
+    [
+        ("steps", ("without",)),
+        ("free-release", ("without",)),
+        ("free-release", ("with",)),
+        ("free-release", ("without", "with")),
+    ],
+)
+def test_what_acts_at_once_is_named_and_nothing_else(protocol: str, arms: tuple[str, ...]):
+    course = read_protocol(protocol)
+    runs = [RunRequest(TABLE, course, arm, 5, Path(), kind=BELIEVED) for arm in arms]
+    logs = [simulate_run(run).log for run in runs]
+    found = investigate(logs, BELIEVED, quick=True, until="name").findings
     assert {one.name for one in found.effects} == set(TABLE.effects), found.sentence
     for one in found.effects:
         for axis, pairs in one.parameters.items():
