@@ -49,7 +49,7 @@ from calibration.gap.name.refit import CandidateFit, rank
 from calibration.gap.name.screen import Screened, Screens, screen
 from calibration.gap.unnamed.basis import unnamed_terms
 
-Path = tuple[tuple[str, State], ...]  # additions: the name, and the state with it
+Additions = tuple[tuple[str, State], ...]  # additions: the name, and the state with it
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,7 @@ class Naming:
     after: State
     accepted: tuple[Accepted, ...]
     last: tuple[CandidateFit, ...]
-    path: Path
+    path: Additions
     screened: list[Screened]
 
 
@@ -135,7 +135,7 @@ class _Selection:
     """Forward selection: the path of additions (name, state), beginning with ("", baseline), the
     last ranking, the last screen, and whether it began again with the law of a drive."""
 
-    path: Path
+    path: Additions
     last: tuple[CandidateFit, ...]
     screened: list[Screened]
     has_law: bool
@@ -148,7 +148,7 @@ class _Selection:
 
 def _selected(state: State, skip: Sequence[Key]) -> _Selection:
     """Forward selection from the settled baseline `state`; `skip` is not tried."""
-    path: Path = (("", state),)
+    path: Additions = (("", state),)
     last: list[CandidateFit] = []
     screened: list[Screened] = []
     screens: Screens = {}
@@ -182,11 +182,11 @@ def _selected(state: State, skip: Sequence[Key]) -> _Selection:
     return _Selection(path, tuple(last), screened, has_law)
 
 
-def _path_to(state: State, before: State) -> Path:
+def _path_to(state: State, before: State) -> Additions:
     """The path from the baseline to a state: its names, in their order, one after the other."""
     if before.nominal is not state.nominal:
         before = settled_baseline(before.evidence, state.nominal)
-    path: Path = ()
+    path: Additions = ()
     for name in reversed(dict.fromkeys(effect for effect, _ in state.named)):
         path = ((name, state), *path)
         state = drop_effects(state, [key for key in state.named if key[0] == name])
