@@ -49,10 +49,9 @@ def begun_with_law(state: State, skip: Collection[Key] = ()) -> list[State]:
         return []
     axes = [output[-1] for output, found in zip(SERVO, names, strict=True) if found]
     nominal = state.nominal
-    return [
-        _begun(state, other, axes)
-        for other in friction_models(nominal.rig, nominal.given_tolerances)
-    ]
+    others = friction_models(nominal.rig, nominal.given_tolerances)
+    begun = [_begun(state, other, axes) for other in others]
+    return [one for one in begun if np.isfinite(one.fit.cost)]  # a log may be so spoiled
 
 
 def _servo_names(state: State, output: str) -> list[Key]:
@@ -94,7 +93,7 @@ def _with_law(state: State, axis: str) -> State:
         bare = drop_effects(state, [key])
         free = released(state.nominal.catalogue[key[0]], axis, state.nominal, state.fit.setting)
         gain = bare.fit.cost - state.fit.cost
-        if penalised_gain(gain, len(free)) < NAME_THRESHOLD:
+        if np.isfinite(gain) and penalised_gain(gain, len(free)) < NAME_THRESHOLD:
             state = bare
     return state
 

@@ -197,7 +197,8 @@ def _explained(before: State, state: State) -> dict[str, float]:
     """By how much the cost of each output fell from the baseline to a state, at the state's noise,
     at which what comes next gains, too."""
     costs = with_levels(before, state.evidence.levels, before.evidence.outputs).fit.costs
-    return {o: max(costs[o] - cost, 0.0) for o, cost in state.fit.costs.items()}
+    falls = {o: costs[o] - cost for o, cost in state.fit.costs.items()}
+    return {o: fall if 0.0 < fall < np.inf else 0.0 for o, fall in falls.items()}
 
 
 def _eliminated(state: State, skip: Sequence[Key]) -> tuple[State, tuple[Accepted, ...]]:
