@@ -102,4 +102,5 @@ def is_certain(falls: np.ndarray) -> bool:
 def penalised_gain(gain, parameters: int):
     """Score S = G - (PENALTY_PER_PARAMETER + MISFIT_SHARE max(G, 0)) k of gains G in log-likelihood
     (scalar or array) for which k = `parameters` were released; of the shape of `gain`."""
-    return gain - (PENALTY_PER_PARAMETER + MISFIT_SHARE * np.maximum(gain, 0.0)) * parameters
+    kept = np.minimum(gain, 0.0) + (1.0 - MISFIT_SHARE * parameters) * np.maximum(gain, 0.0)
+    return kept - PENALTY_PER_PARAMETER * parameters  # of an infinite gain, infinite

@@ -93,7 +93,7 @@ def _with_law(state: State, axis: str) -> State:
         bare = drop_effects(state, [key])
         free = released(state.nominal.catalogue[key[0]], axis, state.nominal, state.fit.setting)
         gain = bare.fit.cost - state.fit.cost
-        if np.isfinite(gain) and penalised_gain(gain, len(free)) < NAME_THRESHOLD:
+        if penalised_gain(gain, len(free)) < NAME_THRESHOLD:
             state = bare
     return state
 
