@@ -9,7 +9,7 @@ from pathlib import Path
 
 from calibration.bundle import load_draft
 from calibration.gap.findings import Findings, Interval
-from experiments.gap.words import interval_words, key_words, parameter_unit, sig
+from calibration.gap.report.units import interval_words, key_words, parameter_unit, sig
 from rig.effects import BY_NAME, Effect
 from rig.rigfile import own_names
 from rig.validation import json_of

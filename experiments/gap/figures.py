@@ -13,7 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
 from calibration.gap.findings import PlateMap, Profile, ProofRow, RankedEffect, Step
-from experiments.gap.words import channel_words, percent, shown_unit, sig
+from calibration.gap.report.units import shown_unit, sig
+from experiments.gap.words import channel_words, percent
 from experiments.reports.figures import CENTRE, WITH, WITHOUT, plt
 from rig.parameters import CHANNELS
 

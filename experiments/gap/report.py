@@ -5,6 +5,7 @@ from math import degrees
 from pathlib import Path
 
 from calibration.gap.findings import Findings
+from calibration.gap.report.units import interval_words, key_words, parameter_unit, shown_unit, sig
 from experiments.gap.stages import locate_stage, name_stage, next_stage, prove_stage, stage
 from experiments.gap.words import (
     VERDICT_WORDS,
@@ -12,14 +13,9 @@ from experiments.gap.words import (
     are_rivals,
     channel_words,
     floors,
-    interval_words,
-    key_words,
     nominal_of,
-    parameter_unit,
     recalibration,
     sentence_of,
-    shown_unit,
-    sig,
 )
 from experiments.records.run_folder import write_results
 from experiments.reports.report import Block, Code, Section, Table, write_page

@@ -4,8 +4,9 @@ from collections.abc import Collection, Sequence
 
 from calibration.gap.decision_rule import DOUBTED_PROBABILITY
 from calibration.gap.findings import Findings
+from calibration.gap.report.units import sig
 from experiments.gap.summary import effect_words
-from experiments.gap.words import are_rivals, channel_words, percent, sig
+from experiments.gap.words import are_rivals, channel_words, percent
 from experiments.runs.protocol import read_protocol
 
 # Chosen: steps of the ball tell most effects of plate and ball apart, squares on the servos alone

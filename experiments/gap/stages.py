@@ -5,6 +5,7 @@ from math import isfinite, nan
 from pathlib import Path
 
 from calibration.gap.findings import UNITS, Findings
+from calibration.gap.report.units import shown_unit, sig
 from experiments.gap import figures
 from experiments.gap.words import (
     are_rivals,
@@ -12,8 +13,6 @@ from experiments.gap.words import (
     closed_share,
     floors,
     percent,
-    shown_unit,
-    sig,
     smallest_words,
 )
 from experiments.reports.report import Block, Code, Picture, Pictures, Section, Table

@@ -6,16 +6,13 @@ What the logs cannot show stands with the smallest amplitude that they would hav
 from collections.abc import Mapping
 
 from calibration.gap.findings import Findings, Named
+from calibration.gap.report.units import interval_words, key_words, parameter_unit, sig
 from experiments.gap.words import (
     are_rivals,
     channel_words,
     floors,
-    interval_words,
-    key_words,
-    parameter_unit,
     percent,
     recalibration,
-    sig,
     smallest_words,
 )
 from rig.effects import BY_NAME, Effect

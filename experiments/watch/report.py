@@ -6,8 +6,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
+from calibration.gap.report.units import shown_unit, sig
 from calibration.watch.run_estimates import unit_of
-from experiments.gap.words import shown_unit, sig
 from experiments.records.run_folder import write_results
 from experiments.reports.figures import CENTRE, WITH, WITHOUT, save
 from experiments.reports.report import (

@@ -4,9 +4,9 @@ from typing import Any
 
 from calibration.gap.findings import Interval
 from calibration.gap.model.parameters import Parameter
+from calibration.gap.report.units import interval_words, key_words, shown_unit, sig
 from calibration.watch.change_detection import ONE_IN, Change
 from calibration.watch.run_estimates import effect_of, unit_of
-from experiments.gap.words import interval_words, key_words, shown_unit, sig
 from experiments.watch.watch import ACCEPTED, CHANGED, SKIPPED, UNCHANGED, JudgedRun, Watch
 
 

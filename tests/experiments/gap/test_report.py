@@ -22,20 +22,11 @@ from calibration.gap.findings import (
     ProofRow,
     Step,
 )
+from calibration.gap.report.units import interval_words, key_words, parameter_unit, sig
 from experiments.gap import figures
 from experiments.gap.report import NOISES, write_gap_report
 from experiments.gap.summary import summary_lines
-from experiments.gap.words import (
-    added_toml,
-    closed_share,
-    floors,
-    interval_words,
-    key_words,
-    parameter_unit,
-    percent,
-    sig,
-    smallest_words,
-)
+from experiments.gap.words import added_toml, closed_share, floors, percent, smallest_words
 from rig.effects import CATALOGUE
 from rig.parameters import CHANNELS, Rig
 from rig.prediction.innovations import NOISE

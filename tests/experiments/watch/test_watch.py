@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from experiments.gap.words import sig
+from calibration.gap.report.units import sig
 from experiments.watch.runs import accepted_of, runs_of
 from rig import Rig, write_rig
 from tests.support.command import told
