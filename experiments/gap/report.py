@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from math import degrees
 from pathlib import Path
 
-from calibration.gap.findings import Findings
+from calibration.gap.findings import Findings, Named
 from calibration.gap.report.units import interval_words, key_words, parameter_unit, shown_unit, sig
 from experiments.gap.stages import locate_stage, name_stage, next_stage, prove_stage, stage
 from experiments.gap.words import (
@@ -14,6 +14,7 @@ from experiments.gap.words import (
     channel_words,
     floors,
     nominal_of,
+    percent,
     recalibration,
     sentence_of,
 )
@@ -66,10 +67,37 @@ def write_gap_report(
         verdict=found.verdict,
         verdict_words=VERDICT_WORDS.get(found.verdict, found.verdict),
         sentence=found.sentence,
+        answer_table=answer_table(found),
         names=list(names),
         rig_words=str(rig_file) if rig_file is not None else RIG_NOT_GIVEN,
         notes=found.notes,
     )
+
+
+def answer_table(found: Findings) -> Table | None:
+    """What is missing, in words, how large on each axis, and how sure; None where nothing has a
+    name."""
+    rows = [
+        [
+            effect.name,
+            sentence_of(effect.name, found.known),
+            *(_size_on(effect, axis, found) for axis in "xy"),
+            percent(effect.probability),
+        ]
+        for effect in found.effects
+    ]
+    head = ("missing", "what it is", "x [95 %]", "y [95 %]", "sure")
+    if are_rivals(found):
+        head = ("one of these", *head[1:])
+    return Table(head, rows, words=2) if rows else None
+
+
+def _size_on(effect: Named, axis: str, found: Findings) -> str:
+    """The size of an effect on an axis, which may be that of both; "" where it is not named."""
+    pairs = effect.parameters.get(axis) or effect.parameters.get("xy") or {}
+    for key, interval in list(pairs.items())[:1]:
+        return interval_words(interval, *parameter_unit(effect.name, key, found.known))
+    return ""
 
 
 def next_command(protocol: str) -> str:

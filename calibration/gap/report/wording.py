@@ -1,7 +1,7 @@
 """The findings in plain words: the sentence that sums them up, and notes."""
 
-from collections.abc import Mapping
-from math import degrees, hypot
+from collections.abc import Mapping, Sequence
+from math import hypot
 
 from calibration.gap.decision_rule import (
     CHANCE_ONE_IN,
@@ -15,11 +15,11 @@ from calibration.gap.model.parameters import CALIBRATED, PERIODIC, SERVO
 from calibration.gap.model.state import State
 from calibration.gap.name.decide import Decision
 from calibration.gap.report.findings_of_decision import ball_height_m
+from calibration.gap.report.units import parameter_unit, sig
 from calibration.gap.unnamed.wording import describe
 from rig.effects import Effect
 
 VAGUE_WIDTH = 0.5  # width of an interval over its value beyond which it is not known
-ANGLES = ("play_rad", "offset_rad", "amplitude_rad", "slope_rad", "angle_rad")
 
 
 def notes(decision: Decision, servo: Mapping[str, Interval]) -> tuple[str, ...]:
@@ -130,7 +130,7 @@ def _chance_note(decision: Decision) -> tuple[str, ...]:
 def sentence(decision: Decision, names: tuple[Named, ...]) -> str:
     """The verdict as one or two sentences in plain words, for the user."""
     known = decision.state.nominal.catalogue
-    told = [_effect_words(name, known[name.name]) for name in names]
+    told = [_effect_words(name, known) for name in names]
     left = decision.unnamed and describe(decision.unnamed)
     if decision.verdict == "nothing-missing":
         return "Nothing is missing: the model explains the log within the declared tolerances."
@@ -147,23 +147,29 @@ def sentence(decision: Decision, names: tuple[Named, ...]) -> str:
         return f"{'; '.join(told)}, or {' or '.join(rivals)}: this log cannot tell them apart."
     sure = [words for words, name in zip(told, names, strict=True) if not _doubted(name)]
     perhaps = [words for words, name in zip(told, names, strict=True) if _doubted(name)]
-    text = "The model lacks " + " and ".join(sure) + "." if sure else ""
+    text = f"The model lacks {_listed(sure)}." if sure else ""
     if perhaps:
         text += " It may lack" if sure else "The model may lack"
-        text += f" {' and '.join(perhaps)}: this is not certain, the notes say why."
+        text += f" {_listed(perhaps)}: this is not certain, the notes say why."
     return text + (f" Something without a name is left: {left}." if left else "")
+
+
+def _listed(words: Sequence[str]) -> str:
+    """`a, b and c`."""
+    *most, last = words
+    return f"{', '.join(most)} and {last}" if most else last
 
 
 def _doubted(name: Named) -> bool:
     return name.probability <= DOUBTED_PROBABILITY
 
 
-def _effect_words(name: Named, effect: Effect) -> str:
-    words = effect.sentence.rstrip(".").lower()
+def _effect_words(name: Named, known: Mapping[str, Effect]) -> str:
+    """The name with its first size on each axis: `gear_backlash (x 0.97 deg, y 0.95 deg)`."""
     sizes = []
     for axis, pairs in name.parameters.items():
         for key, value in list(pairs.items())[:1]:
-            size = f"{axis} {key} = {value.value:.4g} [{value.low:.4g}, {value.high:.4g}]"
-            in_degrees = f", {degrees(value.value):.2f} degrees" if key in ANGLES else ""
-            sizes.append(size + in_degrees)
-    return f"{name.name} ({words}): {', '.join(sizes)}"
+            unit, factor = parameter_unit(name.name, key, known)
+            where = "" if axis == "xy" else f"{axis} "
+            sizes.append(f"{where}{sig(factor * value.value)} {unit}".strip())
+    return f"{name.name} ({', '.join(sizes)})" if sizes else name.name

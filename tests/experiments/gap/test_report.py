@@ -107,6 +107,16 @@ def test_a_named_effect_is_told_in_degrees_and_millimetres(pages):
     assert "predicted to within 2.4 mm instead of 6.1 mm" in text
 
 
+def test_the_answer_stands_in_one_table_below_its_sentence(pages):
+    head = words(pages["named"][0]).split("Looked at")[0]
+    assert (
+        "missing what it is x [95 %] y [95 %] sure joint_backlash Free play in the joints" in head
+    )
+    assert head.endswith("2.01 [1.93, 2.09] deg 1.15 [1.10, 1.19] deg 98 % ")
+    assert "one of these what it is" in words(pages["rivals"][0])
+    assert "what it is" not in words(pages["unknown"][0]) + words(pages["nothing"][0])
+
+
 def test_stages_that_did_not_run_say_so(pages):
     assert words(pages["no_motion"][0]).count("This stage did not run") == 4
     assert pages["no_motion"][0].count('<h2 class="off">') == 4

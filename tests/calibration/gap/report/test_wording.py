@@ -42,7 +42,8 @@ def test_a_name_that_is_not_certain_is_told_as_one():
     accepted = (Accepted("joint_backlash", ("x",), 30.0, ()),)
     one = replace(decision(load_friction=False), verdict="named", accepted=accepted)
     both = sentence(one, (sure, doubted))
-    assert both.startswith("The model lacks joint_backlash (")
-    assert "It may lack gear_backlash (" in both
+    played = "joint_backlash (x 1.72 deg)"
+    assert both.startswith(f"The model lacks {played}. It may lack gear_backlash (x 1.72 deg):")
+    assert sentence(one, (sure,) * 3) == f"The model lacks {played}, {played} and {played}."
     assert sentence(one, (doubted,)).startswith("The model may lack gear_backlash (")
     assert "not certain" not in sentence(one, (sure,))
