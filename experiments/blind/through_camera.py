@@ -22,7 +22,7 @@ from experiments.runs.assemble import (
     load_rig,
     simulated_operator,
     simulated_table,
-    virtual_scene,
+    virtual_renderer,
 )
 from experiments.runs.protocol import course, read_protocol
 from experiments.runs.runs import calibrate_camera
@@ -116,7 +116,6 @@ def _mounted_camera(trial: BlindTrial, seed: int):
     from rig.simulation.rendered_camera import RenderedCamera
     from vision.ball_camera import BallCamera, ball_mask, radius_range
     from vision.detection.appearance import Appearance
-    from vision.synthetic.synthetic import Renderer, virtual_view
     from vision.tracking.tracker import Tracker
 
     rig, bundle, how = trial.nominal_rig, _bundle(), trial.camera or {}
@@ -128,7 +127,7 @@ def _mounted_camera(trial: BlindTrial, seed: int):
         mask=ball_mask(bundle.view, bundle.ball_radius_m, side, MAX_TILT_RAD),
     )
     camera = BallCamera(view, layout, tracker, how["radius_m"], plate_side_m=side)
-    renderer = Renderer(virtual_scene(rig), virtual_view(), np.random.default_rng([seed, 5]))
+    renderer = virtual_renderer(rig, np.random.default_rng([seed, 5]))
     return RenderedCamera(renderer, camera, rig.linkage.ratio)
 
 

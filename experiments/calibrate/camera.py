@@ -28,13 +28,12 @@ from experiments.calibrate.pictures import camera_figure, coverage_picture, plat
 from experiments.calibrate.views import ViewPicker, pick
 from experiments.calibrate.watch import Growing
 from experiments.records.run_folder import writable
-from experiments.runs.assemble import load_rig, virtual_scene
+from experiments.runs.assemble import load_rig, virtual_renderer
 from rig.parameters import Rig
 from rig.validation import first_error_line, json_of
 from vision.frames import Frame
 from vision.plate.markers import MarkerLayout, default_layout
 from vision.sources.sources import open_source
-from vision.synthetic.synthetic import Renderer, virtual_view
 from vision.view import View
 
 VIRTUAL_PICTURES = 24
@@ -152,7 +151,7 @@ def _data(source: str | None) -> list[Path]:
 
 
 def _virtual_shots(rig: Rig, sheet: Sheet, seed: int) -> Iterator[np.ndarray]:
-    made = Renderer(virtual_scene(rig), virtual_view(), np.random.default_rng([seed, 6]))
+    made = virtual_renderer(rig, np.random.default_rng([seed, 6]))
     yield from sheet_pictures(made, sheet, VIRTUAL_PICTURES, np.random.default_rng([seed, 7]))
 
 
@@ -268,7 +267,7 @@ def _layout(path: Path | None) -> MarkerLayout | None:
 
 def _level_frames(source: str | None, rig: Rig, frames: int, seed: int) -> Sequence[np.ndarray]:
     if source is None:
-        made = Renderer(virtual_scene(rig), virtual_view(), np.random.default_rng([seed, 8]))
+        made = virtual_renderer(rig, np.random.default_rng([seed, 8]))
         return [made.render(np.eye(3), None) for _ in range(frames)]
     with open_source(source) as shots:
         return [frame.image for frame in islice(shots, frames)]

@@ -21,13 +21,12 @@ from experiments.calibrate.folder import (
 from experiments.calibrate.given import led_about, led_in_steps, read_given, source_of, write_csv
 from experiments.calibrate.pictures import level_figure, servo_figure, time_figure
 from experiments.calibrate.position import calibrate_position_servo
-from experiments.runs.assemble import load_rig, virtual_scene
+from experiments.runs.assemble import load_rig, virtual_renderer
 from rig.log import Log
 from rig.parameters import Rig
 from rig.simulation.rendered_camera import RenderedPlateCamera
 from rig.simulation.simulator import SimulatedTable
 from vision.sources.sources import open_source
-from vision.synthetic.synthetic import Renderer, virtual_view
 
 WIGGLE_HZ = (0.7, 2.3)
 WIGGLE_SHARE = 0.6  # of the angle limit; chosen
@@ -182,7 +181,7 @@ def _virtual_wiggle(rig: Rig, folder: CalibrationFolder, seconds: float, seed: i
     late_s = rig.camera.delay_s + rig.effects.get("camera_delay", {}).get("xy", {}).get(
         "extra_s", 0
     )
-    made = Renderer(virtual_scene(rig), virtual_view(), np.random.default_rng([seed, 5]))
+    made = virtual_renderer(rig, np.random.default_rng([seed, 5]))
     tilt = TiltRecorder(*_plate_of(folder))
     eye = RenderedPlateCamera(made, late_s, tilt.add)
     with SimulatedTable(rig, np.random.default_rng([seed, 11]), held=True, eye=eye) as table:

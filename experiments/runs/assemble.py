@@ -154,11 +154,9 @@ def rendered_eye(rig: Rig, bundle_path: Path, seed: int):
     """
     from calibration.bundle import load
     from rig.simulation.rendered_camera import RenderedCamera
-    from vision.synthetic.synthetic import Renderer, virtual_view
 
     bundle = load(bundle_path)
-    scene = virtual_scene(rig)
-    renderer = Renderer(scene, virtual_view(), np.random.default_rng([seed, 5]))
+    renderer = virtual_renderer(rig, np.random.default_rng([seed, 5]))
     camera = ball_camera(rig, bundle)
     return RenderedCamera(renderer, camera, rig.linkage.ratio)
 
@@ -214,3 +212,13 @@ def virtual_scene(rig: Rig):
 
     side = rig.linkage.plate_side_m
     return Scene(plate_side_m=side, layout=default_layout(side), ball_radius_m=rig.ball.radius_m)
+
+
+def virtual_renderer(rig: Rig, rng: np.random.Generator):
+    """The `Renderer` of the virtual camera, which sees the whole plate of the rig; rng: of its
+    textures and noise. ValueError: as of `virtual_scene`.
+    """
+    from vision.synthetic.synthetic import Renderer, virtual_view
+
+    view = virtual_view(plate_side_m=rig.linkage.plate_side_m)
+    return Renderer(virtual_scene(rig), view, rng)

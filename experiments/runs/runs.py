@@ -7,7 +7,7 @@ import numpy as np
 
 from experiments.progress import ProgressCall, silent
 from experiments.records.run_folder import read_meta, replace_json, write_results
-from experiments.runs.assemble import virtual_scene
+from experiments.runs.assemble import virtual_renderer
 from experiments.runs.protocol import Protocol
 from experiments.runs.runner import FinishedRun, RunRequest, run
 from rig.parameters import Rig
@@ -20,9 +20,8 @@ def calibrate_camera(rig: Rig, out: Path, seed: int) -> Path:
     CalibrationError: the pictures are refused; OSError: `out` cannot be written.
     """
     from calibration.bundle import calibrate_virtual
-    from vision.synthetic.synthetic import Renderer, virtual_view
 
-    renderer = Renderer(virtual_scene(rig), virtual_view(), np.random.default_rng([seed, 6]))
+    renderer = virtual_renderer(rig, np.random.default_rng([seed, 6]))
     bundle = calibrate_virtual(renderer, np.random.default_rng([seed, 7]))
     path = out / "calibration.json"
     bundle.save(path)

@@ -63,13 +63,13 @@ def virtual_camera(*, distorted: bool = True) -> Camera:
     return Camera(matrix, np.array(lens), 640, 480)
 
 
-def virtual_view(camera: Camera | None = None) -> View:
-    """The level plate under a camera (default: `virtual_camera()`) 0.75 m above it that hangs about
-    one degree askew."""
+def virtual_view(camera: Camera | None = None, plate_side_m: float = Scene.plate_side_m) -> View:
+    """The level plate under a camera (default: `virtual_camera()`) that hangs about one degree
+    askew, 0.75 m above a plate of 0.275 m and as much higher as the plate is larger."""
     turn, _ = cv2.Rodrigues(np.radians([0.9, -1.3, 1.1]))
     pose = np.eye(4)
     pose[:3, :3] = np.asarray(turn) @ np.diag([1.0, -1.0, -1.0])
-    pose[:3, 3] = -0.0032, 0.0021, 0.75
+    pose[:3, 3] = -0.0032, 0.0021, 0.75 * (plate_side_m / Scene.plate_side_m)
     return View(camera or virtual_camera(), pose)
 
 

@@ -23,18 +23,17 @@ class VirtualCameraRenderer:
     """Renders poses as the virtual camera sees them, and tracks the ball in the rendered images."""
 
     def __init__(self, rig: Rig) -> None:
-        from experiments.runs.assemble import MAX_TILT_RAD, virtual_scene
+        from experiments.runs.assemble import MAX_TILT_RAD, virtual_renderer
         from vision.ball_camera import BallCamera
         from vision.detection.appearance import Appearance
-        from vision.synthetic.synthetic import Renderer, virtual_view
 
-        scene, view = virtual_scene(rig), virtual_view()
+        self._renderer = virtual_renderer(rig, np.random.default_rng(1))
+        view = self._renderer.view
         self.size = view.camera.width_px, view.camera.height_px
         self._ratio, self._count = rig.linkage.ratio, 0
-        self._renderer = Renderer(scene, view, np.random.default_rng(1))
         self._camera = BallCamera.over_plate(
             view,
-            scene.layout,
+            self._renderer.scene.layout,
             rig.ball.radius_m,
             rig.linkage.plate_side_m,
             MAX_TILT_RAD,
