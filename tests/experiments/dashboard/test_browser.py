@@ -56,6 +56,8 @@ def test_the_whole_study_in_a_browser(chromium, artefacts: Path, tmp_path: Path)
         done("killed and restarted")
     finally:
         program.kill()
+        for context in chromium.contexts:  # pages that draw on would slow the next try
+            context.close()
 
 
 def ball_and_plate(page: Hand) -> None:
