@@ -10,6 +10,7 @@ from vision.synthetic.synthetic import Renderer
 
 # Where the sheet's centre is aimed, in half images from the middle: corners, sides, middle.
 _AIMS = ((-1, -1), (0, -1), (1, -1), (-1, 1), (0, 1), (1, 1), (0, 0), (0.5, 0))
+LEAST_WIDTH = 0.59  # of the image; chosen: in smaller pictures blur makes the markers too small
 
 
 def sheet_poses(
@@ -49,11 +50,12 @@ def sheet_pictures(
     tilted in all directions.
 
     The renderer's view only serves to place the sheet where a person would hold it, between plate
-    and lens.
+    and lens, and no farther than that it fills LEAST_WIDTH of the image.
     """
     camera = renderer.view.camera
-    distance_m = float(renderer.view.camera_from_plate[2, 3])
     field = camera.width_px / camera.pinhole[0], camera.height_px / camera.pinhole[1]
+    plate_m = float(renderer.view.camera_from_plate[2, 3])
+    distance_m = min(plate_m, sheet.size_m[0] / (LEAST_WIDTH * field[0]))
     px_per_square, margin_px = 140, 140
     paper = np.pad(sheet.image(px_per_square), margin_px, constant_values=255)
     margin_m = sheet.square_m * margin_px / px_per_square

@@ -11,7 +11,8 @@ from calibration.motion.level import level_record, timing_from_ball
 from calibration.motion.manoeuvres import Trace, perform, wiggle
 from calibration.motion.rolling import Rolling, rolling
 from calibration.motion.servo import calibrate_servos
-from calibration.motion.timing import TiltRecorder, Wiggle, camera_delay
+from calibration.motion.timing import Wiggle, camera_delay
+from experiments.calibrate.filmed import tilt_in_film, virtual_film
 from experiments.calibrate.folder import (
     CalibrationFolder,
     with_level,
@@ -21,31 +22,35 @@ from experiments.calibrate.folder import (
 from experiments.calibrate.given import led_about, led_in_steps, read_given, source_of, write_csv
 from experiments.calibrate.pictures import level_figure, servo_figure, time_figure
 from experiments.calibrate.position import calibrate_position_servo
-from experiments.runs.assemble import load_rig, virtual_renderer
+from experiments.runs.assemble import load_rig
 from rig.log import Log
 from rig.parameters import Rig
-from rig.simulation.rendered_camera import RenderedPlateCamera
 from rig.simulation.simulator import SimulatedTable
-from vision.sources.sources import open_source
 
 WIGGLE_HZ = (0.7, 2.3)
 WIGGLE_SHARE = 0.6  # of the angle limit; chosen
 
 
-def calibrate_servo(runs: Sequence[Path], rig_file: Path | None, out: Path, *, seed: int) -> None:
+def calibrate_servo(
+    runs: Sequence[Path],
+    rig_file: Path | None,
+    out: Path,
+    *,
+    seed: int,
+    video: str | None = None,
+) -> None:
     """Measure both servos, of the virtual table where there are no `runs`; keep them in `out`, with
     their traces as CSV.
 
-    runs: run folders or logs of servos that take an angle. seed: of the sensors' noise.
-    CalibrationError: the motion is refused. ValueError, OSError: rig file, run or folder cannot be
-    used.
+    runs: run folders or logs of servos that take an angle; video: the frames of one, which show the
+    plate's markers. seed: of the sensors' noise. CalibrationError: the motion is refused.
+    ValueError, OSError: rig file, run, video or folder cannot be used.
     """
     rig = load_rig(rig_file)
     if rig.servo.takes_angle:
-        return calibrate_position_servo(
-            [read_given(path) for path in runs], runs, rig_file, out, seed=seed
-        )
-    if runs:
+        given = [read_given(path) for path in runs]
+        return calibrate_position_servo(given, runs, rig_file, out, seed=seed, video=video)
+    if runs or video is not None:
         raise ValueError(
             "servos that take volts are measured by ramps and pulses, not from runs: leave the "
             "runs out; rig gap finds gain and time constant in recorded runs"
@@ -173,55 +178,24 @@ def calibrate_time(
 
 
 def _virtual_wiggle(rig: Rig, folder: CalibrationFolder, seconds: float, seed: int) -> Wiggle:
-    """Wiggle the virtual table before the virtual camera, calibrated as the folder says.
-
-    A frame is stamped when it is usable: the rig's delay, and what its effects add, after its
-    light.
-    """
-    late_s = rig.camera.delay_s + rig.effects.get("camera_delay", {}).get("xy", {}).get(
-        "extra_s", 0
-    )
-    made = virtual_renderer(rig, np.random.default_rng([seed, 5]))
-    tilt = TiltRecorder(*_plate_of(folder))
-    eye = RenderedPlateCamera(made, late_s, tilt.add)
-    with SimulatedTable(rig, np.random.default_rng([seed, 11]), held=True, eye=eye) as table:
+    """Wiggle the virtual table before the virtual camera, calibrated as the folder says."""
+    with virtual_film(rig, folder, seed=seed) as (table, tilt):
         if table.takes_angle:
             limit = rig.servo.angle_limit_rad
             rows = waves(table.period_s, seconds, WIGGLE_HZ, WIGGLE_SHARE * limit)
             trace = tell(table, rows, limit)
-            t_s, theta = trace.t_s, trace.seen_rad
-        else:
-            axis = [wiggle(table.period_s, seconds, WIGGLE_HZ) for _ in range(2)]
-            trace = perform(table, (axis[0], axis[1]))
-            t_s, theta = trace.t_s, trace.theta_rad
-    return tilt.wiggle(t_s, theta)
+            return tilt.wiggle(trace.t_s, trace.seen_rad)
+        axis = [wiggle(table.period_s, seconds, WIGGLE_HZ) for _ in range(2)]
+        trace = perform(table, (axis[0], axis[1]))
+        return tilt.wiggle(trace.t_s, trace.theta_rad)
 
 
 def _filmed(log: Log, video: str, folder: CalibrationFolder) -> Wiggle:
     """A recorded run's encoders and its frames, stamped on the run's clock."""
     if not log.has("theta_x_rad", "theta_y_rad"):
         raise ValueError("the run lacks servo angles: both are needed for the camera's delay")
-    tilt = TiltRecorder(*_plate_of(folder))
-    with open_source(video) as frames:
-        for frame in frames:
-            tilt.add(frame)
     theta = np.column_stack((log["theta_x_rad"], log["theta_y_rad"]))
-    return tilt.wiggle(log["t_s"], theta)
-
-
-def _plate_of(folder: CalibrationFolder):
-    """The level view and the markers of the folder's calibration."""
-    from calibration.bundle import load
-    from experiments.calibrate.folder import FILE
-
-    path = folder.path / FILE
-    if not path.is_file():
-        raise ValueError(
-            f"{folder.path} has no lens and plate yet: run rig calibrate camera and table with the "
-            "same --out first"
-        )
-    bundle = load(path)
-    return bundle.view, bundle.layout
+    return tilt_in_film(video, folder).wiggle(log["t_s"], theta)
 
 
 def _write_wiggle(wiggled: Wiggle, folder: Path) -> Path:

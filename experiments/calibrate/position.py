@@ -1,7 +1,10 @@
-"""`rig calibrate servo` of servos that take an angle: by the angle read back, else by the ball."""
+"""`rig calibrate servo` of servos that take an angle.
+
+By the angle read back; else by the plate's markers in frames; else by the ball.
+"""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import degrees
 from pathlib import Path
 
@@ -12,8 +15,11 @@ from calibration.camera.sheet import CalibrationError
 from calibration.motion.commanded_moves import Followed, check_directions, moves_in_turn, tell
 from calibration.motion.position_servo import expected_angles, position_servo_record
 from calibration.motion.position_servo_by_ball import record_by_ball
+from calibration.motion.position_servo_by_plate import followed_by_plate, seen_by_plate
 from calibration.motion.rolling import rolling
+from calibration.motion.timing import Wiggle
 from calibration.records import PositionServoAxis, PositionServoRecord, Value
+from experiments.calibrate.filmed import has_plate, tilt_in_film, virtual_film
 from experiments.calibrate.folder import CalibrationFolder, with_position_servo
 from experiments.calibrate.given import Given, led_in_steps, source_of, write_csv
 from experiments.calibrate.pictures import angle_figure, level_figure_of_servo
@@ -23,6 +29,7 @@ from rig.parameters import Rig
 from rig.simulation.simulator import SimulatedTable
 
 LED_S = 60.0
+FILMED_CYCLES = 1  # of `moves_in_turn`: half a minute, of which every frame is rendered; chosen
 ANGLES = ("theta_x_rad", "theta_y_rad")
 
 
@@ -36,14 +43,21 @@ class _Measured:
 
 
 def calibrate_position_servo(
-    given: Sequence[Given], runs: Sequence[Path], rig_file: Path | None, out: Path, *, seed: int
+    given: Sequence[Given],
+    runs: Sequence[Path],
+    rig_file: Path | None,
+    out: Path,
+    *,
+    seed: int,
+    video: str | None = None,
 ) -> None:
     """Measure both servos from `given`, the contents of `runs`, else on the virtual table; keep
     them in `out`.
 
-    Angles that were read back are used, else the ball. seed: of the virtual table.
-    CalibrationError: the motion is refused. ValueError, OSError: rig file, run or folder cannot be
-    used.
+    The frames `video` of a run are used where they are given, else angles that were read back,
+    else the ball; on the virtual table, before the ball, frames of it where `out` holds lens and
+    plate. seed: of the virtual table. CalibrationError: the motion is refused. ValueError, OSError:
+    rig file, run, video or folder cannot be used.
     """
     rig = load_rig(rig_file)
     folder = CalibrationFolder(out, source_of(given))
@@ -53,8 +67,15 @@ def calibrate_position_servo(
         if not log.has(*COMMANDS):
             raise ValueError(f"{path}: holds no command_x_rad, command_y_rad: nobody was told")
     by_angle = any(log.has(*ANGLES) for log in logs) if logs else rig.servo.has_angle
-    if by_angle:
+    if video is not None:
+        if len(logs) != 1:
+            raise ValueError(f"--video: name the one run whose frames these are, not {len(logs)}")
+        shown = tilt_in_film(video, folder).wiggle(logs[0]["t_s"], _told(logs[0]))
+        found = _by_plate(shown, believed, [*runs, Path(video)], folder)
+    elif by_angle:
         found = _by_angle(rig, believed, logs, runs, folder, seed)
+    elif not logs and has_plate(folder):
+        found = _by_plate(_virtual_moves(rig, folder, seed), believed, [], folder)
     else:
         if not logs:
             logs = [led_in_steps(rig, LED_S, np.random.default_rng([seed, 16]))]
@@ -91,6 +112,49 @@ def _by_angle(
         data = [folder.path / "servo_commands.csv"]
         columns = np.column_stack((followed.t_s, followed.told_rad, followed.seen_rad))
         write_csv(data[0], ",".join(("t_s", *COMMANDS, *ANGLES)), columns)
+    return _from_angles(followed, believed, data, folder)
+
+
+def _followed(log: Log) -> Followed:
+    """Commands and measured angles of a log. CalibrationError: a command is missing."""
+    seen = np.column_stack([log[name] for name in ANGLES])
+    return Followed(np.array(log["t_s"]), _told(log), np.array(log["t_s"]), seen)
+
+
+def _told(log: Log) -> np.ndarray:
+    """Angles told (n, 2) [rad]. CalibrationError: a row has none."""
+    told = np.column_stack([log[name] for name in COMMANDS])
+    if not np.isfinite(told).all():
+        raise CalibrationError("some rows lack a command: export the run with all its rows")
+    return told
+
+
+def _virtual_moves(rig: Rig, folder: CalibrationFolder, seed: int) -> Wiggle:
+    """What the virtual table was told, and its plate before the virtual camera."""
+    limit = rig.servo.angle_limit_rad
+    with virtual_film(rig, folder, seed=seed) as (table, tilt):
+        told = tell(table, moves_in_turn(table.period_s, limit, FILMED_CYCLES), limit)
+        return tilt.wiggle(told.t_s, told.told_rad)
+
+
+def _by_plate(
+    filmed: Wiggle, believed: Rig, data: Sequence[Path], folder: CalibrationFolder
+) -> _Measured:
+    """From the plate in frames; the angles of `filmed` are those that the servos were told."""
+    followed = followed_by_plate(filmed, believed)
+    if not data:
+        told = np.column_stack((followed.t_s, followed.told_rad))
+        seen = np.column_stack((followed.seen_s, followed.seen_rad))
+        data = [folder.path / "servo_commands.csv", folder.path / "servo_angles.csv"]
+        write_csv(data[0], ",".join(("t_s", *COMMANDS)), told)
+        write_csv(data[1], ",".join(("t_s", *ANGLES)), seen)
+    found = _from_angles(followed, believed, data, folder)
+    return replace(found, record=seen_by_plate(found.record))
+
+
+def _from_angles(
+    followed: Followed, believed: Rig, data: Sequence[Path], folder: CalibrationFolder
+) -> _Measured:
     check_directions(followed)
     record = position_servo_record(followed, believed)
     shown = angle_figure(
@@ -100,15 +164,6 @@ def _by_angle(
         folder.draft.source,
     )
     return _Measured(record, data, shown)
-
-
-def _followed(log: Log) -> Followed:
-    """Commands and measured angles of a log. CalibrationError: a command is missing."""
-    told = np.column_stack([log[name] for name in COMMANDS])
-    if not np.isfinite(told).all():
-        raise CalibrationError("some rows lack a command: export the run with all its rows")
-    seen = np.column_stack([log[name] for name in ANGLES])
-    return Followed(np.array(log["t_s"]), told, np.array(log["t_s"]), seen)
 
 
 def _by_ball(

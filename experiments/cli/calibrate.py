@@ -157,6 +157,9 @@ def servo(
         list[Path] | None,
         typer.Argument(help="Runs of servos that take an angle; none: virtual table."),
     ] = None,
+    video: Annotated[
+        str | None, typer.Option(help="A run's frames (its clock): the plate's markers tell.")
+    ] = None,
     rig: RigOption = None,
     out: OutOption = OUT,
     seed: SeedOption = 1,
@@ -164,11 +167,12 @@ def servo(
     """Breakaway volts in both directions, gain, time constant and direction signs; no ball.
 
     Of servos that take an angle: lag, dead time, limits and dead band from the angle that they read
-    back, else lag and dead time from a ball that is led about.
+    back, or from the plate's markers in frames; else lag and dead time from a ball that is led
+    about.
     """
     from experiments.calibrate import motion as work
 
-    work.calibrate_servo(runs or [], rig, out, seed=seed)
+    work.calibrate_servo(runs or [], rig, out, seed=seed, video=video)
 
 
 @calibrate.command()

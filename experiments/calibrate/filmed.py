@@ -1,0 +1,60 @@
+"""The plate's tilt in frames, of a film or of the virtual camera, by a folder's lens and plate."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+from calibration.bundle import load
+from calibration.motion.timing import TiltRecorder
+from experiments.calibrate.folder import FILE, CalibrationFolder
+from experiments.runs.assemble import virtual_renderer
+from rig.parameters import Rig
+from rig.simulation.rendered_camera import RenderedPlateCamera
+from rig.simulation.simulator import SimulatedTable
+from vision.sources.sources import open_source
+
+
+def has_plate(folder: CalibrationFolder) -> bool:
+    """Whether lens, plate and markers were measured, so that tilts can be seen."""
+    draft = folder.draft
+    return None not in (draft.lens, draft.plate, draft.markers)
+
+
+def tilt_recorder(folder: CalibrationFolder) -> TiltRecorder:
+    """A recorder for frames of the folder's camera. ValueError: it has no lens and plate yet."""
+    path = folder.path / FILE
+    if not path.is_file():
+        raise ValueError(
+            f"{folder.path} has no lens and plate yet: run rig calibrate camera and table with the "
+            "same --out first"
+        )
+    bundle = load(path)
+    return TiltRecorder(bundle.view, bundle.layout)
+
+
+def tilt_in_film(video: str, folder: CalibrationFolder) -> TiltRecorder:
+    """The tilts in all frames of a video. ValueError, OSError: as of `tilt_recorder`, or the video
+    cannot be read."""
+    tilt = tilt_recorder(folder)
+    with open_source(video) as frames:
+        for frame in frames:
+            tilt.add(frame)
+    return tilt
+
+
+@contextmanager
+def virtual_film(
+    rig: Rig, folder: CalibrationFolder, *, seed: int
+) -> Iterator[tuple[SimulatedTable, TiltRecorder]]:
+    """The virtual table before the virtual camera, and the tilts in its frames.
+
+    A frame is stamped when it is usable: the rig's delay, and what its effects add, after its
+    light. seed: of the noise. ValueError: as of `tilt_recorder`.
+    """
+    added = rig.effects.get("camera_delay", {}).get("xy", {}).get("extra_s", 0.0)
+    made = virtual_renderer(rig, np.random.default_rng([seed, 5]))
+    tilt = tilt_recorder(folder)
+    eye = RenderedPlateCamera(made, rig.camera.delay_s + added, tilt.add)
+    with SimulatedTable(rig, np.random.default_rng([seed, 11]), held=True, eye=eye) as table:
+        yield table, tilt
