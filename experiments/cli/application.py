@@ -5,6 +5,7 @@ signal n. Heavy imports happen inside the commands, so that `--help` answers at 
 """
 
 import errno
+import os
 import sys
 from functools import partial
 from pathlib import Path
@@ -262,6 +263,9 @@ def main() -> None:
 
     if len(sys.argv) == 1:
         sys.argv.append("--help")
+    threads = os.environ.get("NUMBA_NUM_THREADS")
+    if threads is not None and not (threads.isdecimal() and int(threads) > 0):
+        _fail(f"NUMBA_NUM_THREADS = {threads!r}: must be a whole number above 0", 2)
     try:
         with leave_on_signals(_say):
             code = app(standalone_mode=False)  # the parser makes an interruption a returned 130
