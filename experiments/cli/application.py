@@ -22,7 +22,7 @@ from experiments.cli.export_model import export_model
 from experiments.cli.gap import gap
 from experiments.cli.home import home
 from experiments.cli.importing import EPILOG, import_
-from experiments.cli.say import say
+from experiments.cli.say import say, saying_aside
 from experiments.cli.serve import serve
 from experiments.cli.sheets import check, sheet
 from experiments.cli.watch import watch
@@ -126,7 +126,8 @@ def run(
         from experiments.runs.runs import measure_protocol
 
         ask = partial(consent, yes=yes)
-        done = measure_protocol(table, rig, plan, **how, arm_table=ask, say=say)
+        with saying_aside() as aside:
+            done = measure_protocol(table, rig, plan, **how, arm_table=ask, say=aside)
     else:
         with bars() as progress:
             done = run_protocol(table, plan, **how, frames=camera == "frames", progress=progress)
