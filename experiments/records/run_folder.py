@@ -5,6 +5,7 @@ run.json is a start record (all known before) that the end completes with a stop
 reason, rows, duration); outcome null: the run is on, or was killed.
 """
 
+import errno
 import json
 import math
 import os
@@ -15,6 +16,7 @@ from dataclasses import asdict, is_dataclass
 from datetime import UTC, datetime, timedelta
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 import numpy as np
@@ -231,16 +233,18 @@ def _check_meta(meta: dict) -> None:
 def writable(folder: Path) -> Path:
     """Make `folder` where missing, check that it can be written, and return it.
 
-    NotADirectoryError: it is a file; PermissionError: it cannot be written (one line each).
+    NotADirectoryError: it is a file; PermissionError: it cannot be written (one line each);
+    OSError: there is no room.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / ".probe"
-        probe.write_bytes(b"x")
-        probe.unlink()
+        with TemporaryFile(dir=folder) as probe:  # a fixed name may be somebody's link elsewhere
+            probe.write(b"x")
     except FileExistsError:
         raise NotADirectoryError(f"--out {folder}: is a file; name a folder") from None
     except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise
         raise PermissionError(
             f"--out {folder}: cannot be written ({error.strerror}); choose another folder"
         ) from None

@@ -1,5 +1,6 @@
 """A run folder of somebody else: nothing outside it is written, and odd ones are one line."""
 
+import errno
 import json
 import os
 from pathlib import Path
@@ -10,8 +11,9 @@ from mcap.records import Message
 
 from experiments.analysis.regime import rig_of_record
 from experiments.dashboard.session.tasks import list_runs
+from experiments.records import run_folder
 from experiments.records.recording import Recorder, read_run, recover
-from experiments.records.run_folder import read_meta
+from experiments.records.run_folder import read_meta, writable
 from experiments.records.samples_file import CHANNEL_ID, EVENTS, RECORD, _bytes, opening
 from experiments.runs.runs import reject
 from rig.log import COLUMNS
@@ -109,6 +111,27 @@ def test_a_pipe_in_the_place_of_what_is_about_to_be_written_is_removed(tmp_path:
     os.mkfifo(folder / "run.json.part")
     reject(folder, "why")
     assert read_meta(folder)["rejected"] == "why"
+
+
+def test_a_folder_is_tried_by_no_name_that_somebody_may_have_taken(tmp_path: Path):
+    """`--out` in a folder of a stranger: what ".probe" led to was overwritten and shortened to x."""
+    outside, folder = tmp_path / "outside", tmp_path / "folder"
+    outside.write_text("mine")
+    folder.mkdir()
+    (folder / ".probe").symlink_to(outside)
+    assert writable(folder) == folder
+    assert outside.read_text() == "mine"
+    assert [one.name for one in folder.iterdir()] == [".probe"]
+
+
+def test_a_disk_without_room_is_no_mistake_in_the_input(tmp_path: Path, monkeypatch):
+    def full(**_: object):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(run_folder, "TemporaryFile", full)
+    with pytest.raises(OSError, match="No space left") as caught:
+        writable(tmp_path)
+    assert not isinstance(caught.value, PermissionError)
 
 
 def test_a_folder_whose_name_no_page_could_be_told_is_not_listed(tmp_path: Path):
