@@ -153,7 +153,7 @@ def replace(path: Path, content: bytes, *, sync: bool = False) -> None:
 
     sync: wait until the disk has it. OSError: the old file stays.
     """
-    part = _part(path)
+    part = part_of(path)
     try:
         with part.open("r+b" if part.exists() else "wb") as file:  # r+b: keep what is reserved
             file.write(content)
@@ -173,10 +173,10 @@ def reserve(path: Path) -> None:
 
     OSError: there is no room.
     """
-    _part(path).write_bytes(b" " * RESERVE_BYTES)
+    part_of(path).write_bytes(b" " * RESERVE_BYTES)
 
 
-def _part(path: Path) -> Path:
+def part_of(path: Path) -> Path:
     """Return where a file is written before it takes the place of `path`.
 
     In somebody else's folder a link may lie there, which leads to any file, a second name of one,

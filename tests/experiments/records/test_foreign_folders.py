@@ -10,8 +10,11 @@ import pytest
 from mcap.records import Message
 
 from experiments.analysis.regime import rig_of_record
+from experiments.blind.analysis_jobs import run_analyses
+from experiments.blind.seal import seal
 from experiments.dashboard.session.tasks import list_runs
 from experiments.records import run_folder
+from experiments.records.exporting import export_run
 from experiments.records.recording import Recorder, read_run, recover
 from experiments.records.run_folder import read_meta, writable
 from experiments.records.samples_file import CHANNEL_ID, EVENTS, RECORD, _bytes, opening
@@ -42,18 +45,39 @@ def cut_off(folder: Path) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("act", [lambda run: reject(run, "why"), recover])
-def test_no_link_in_a_folder_leads_a_write_out_of_it(tmp_path: Path, act):
+ACTS = {
+    "reject": lambda run: reject(run, "why"),
+    "recover": recover,
+    "export": lambda run: export_run(run, run / "log.csv"),
+    "seal": lambda run: seal([], run),
+    "analyses": lambda run: run_analyses(["a"], pack, run / "work", answer=verdict, jobs=1),
+}
+
+
+def verdict(folder: Path) -> dict:
+    return {"verdict": "undecided"}
+
+
+def pack(_: str) -> dict:
+    return {"log-1.csv": b"t_s"}
+
+
+@pytest.mark.parametrize("name", ACTS)
+def test_no_link_in_a_folder_leads_a_write_out_of_it(tmp_path: Path, name: str):
     run, mine = cut_off(tmp_path / "run"), tmp_path / "mine"
     mine.write_text("precious")
-    for name in ("run.json.part", "samples.mcap.part", "samples.damaged.mcap.part"):
-        (run / name).unlink(missing_ok=True)
-        (run / name).symlink_to(mine)
+    for inside in ("sealed", "work"):
+        (run / inside).mkdir()
+    parts = ["run.json.part", "samples.mcap.part", "samples.damaged.mcap.part", "log.csv.part"]
+    parts += ["sealed/truth.part", "sealed/truth.json.part", "work/a.part", "work/a.json.part"]
+    for part in parts:
+        (run / part).unlink(missing_ok=True)
+        (run / part).symlink_to(mine)
     (run / "samples.damaged.mcap").symlink_to(tmp_path / "new")
-    act(run)
+    ACTS[name](run)
     assert mine.read_text() == "precious"
     assert not (tmp_path / "new").exists()
-    assert not read_run(run).meta["truncated"] or act is not recover
+    assert not read_run(run).meta["truncated"] or name != "recover"
 
 
 def rewritten(folder: Path, **changes: object) -> Path:
