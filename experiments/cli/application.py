@@ -288,6 +288,8 @@ def main() -> None:
         full = error.errno in (errno.ENOSPC, errno.EDQUOT) and "free" not in str(error)
         cure = "; free some space: what was recorded so far is kept" if full else ""
         _fail(f"{_words(error)}{cure}", 1)
+    except MemoryError:
+        _fail("there is not enough memory for this: end other programs, or cut the input", 1)
     except Exception as error:
         if hasattr(error, "format_message"):  # the parser's own usage errors
             _fail(error.format_message(), 2)  # pyright: ignore[reportAttributeAccessIssue]
