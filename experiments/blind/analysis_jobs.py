@@ -13,9 +13,9 @@ from time import perf_counter
 from typing import Any
 
 from experiments.progress import ProgressCall, silent
-from experiments.records.run_folder import replace
 from experiments.workers import results_of
 from rig.validation import file_bytes, json_of
+from rig.whole_file import replace
 
 Analysis = Callable[[Path], dict[str, Any]]
 Packed = dict[str, bytes]

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.records.run_folder import part_of
 from rig.log import COLUMNS, INDEX, NAMES, Log
+from rig.whole_file import part_of
 
 ALWAYS = NAMES[: INDEX["ball_y_m"] + 1]
 

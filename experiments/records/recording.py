@@ -22,7 +22,6 @@ from experiments.records.run_folder import (
     plain,
     read_meta,
     refuse_second_run,
-    replace,
     replace_json,
     reserve,
     start_record,
@@ -45,6 +44,7 @@ from experiments.records.samples_file import (
 from rig.log import COLUMNS, Log
 from rig.loop.loop import ending_of
 from rig.validation import file_bytes
+from rig.whole_file import replace
 
 __all__ = ["Recorder", "Run", "new_run_folder", "read_run", "recover", "write_run", "write_truth"]
 

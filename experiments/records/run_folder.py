@@ -8,9 +8,7 @@ reason, rows, duration); outcome null: the run is on, or was killed.
 import errno
 import json
 import math
-import os
 import re
-import stat
 from contextlib import suppress
 from dataclasses import asdict, is_dataclass
 from datetime import UTC, datetime, timedelta
@@ -22,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from rig.validation import json_of
+from rig.whole_file import part_of, replace
 
 SCHEMA = 1
 SOURCES = ("simulated", "measured")
@@ -148,46 +147,12 @@ def replace_json(path: Path, content: dict) -> None:
     replace(path, json.dumps(content, indent=2, allow_nan=False).encode() + b"\n")
 
 
-def replace(path: Path, content: bytes, *, sync: bool = False) -> None:
-    """Write a new file beside `path` and put it in its place.
-
-    sync: wait until the disk has it. OSError: the old file stays.
-    """
-    part = part_of(path)
-    try:
-        with part.open("r+b" if part.exists() else "wb") as file:  # r+b: keep what is reserved
-            file.write(content)
-            file.truncate()
-            if sync:
-                file.flush()
-                os.fsync(file.fileno())
-        part.replace(path)
-    except BaseException:
-        with suppress(OSError):
-            part.unlink()
-        raise
-
-
 def reserve(path: Path) -> None:
     """Reserve RESERVE_BYTES on the disk for the next `replace` of the small file `path`.
 
     OSError: there is no room.
     """
     part_of(path).write_bytes(b" " * RESERVE_BYTES)
-
-
-def part_of(path: Path) -> Path:
-    """Return where a file is written before it takes the place of `path`.
-
-    In somebody else's folder a link may lie there, which leads to any file, a second name of one,
-    or a pipe: it is removed.
-    """
-    part = path.with_name(path.name + ".part")
-    with suppress(FileNotFoundError):
-        about = part.lstat()
-        if not (stat.S_ISREG(about.st_mode) and about.st_nlink == 1):
-            part.unlink()
-    return part
 
 
 def read_meta(folder: Path) -> dict:

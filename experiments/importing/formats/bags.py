@@ -216,7 +216,10 @@ def _matches(joints: Any, values: Any) -> bool:
 
 
 def _stream(name: str, topic: Topic, notes: Sequence[str]) -> Stream:
-    """One topic's messages as columns `TOPIC.PATH`, in the order of log_time; NaN where a message lacks the field."""
+    """One topic's messages as columns `TOPIC.PATH`, in the order of log_time.
+
+    NaN where a message lacks the field.
+    """
     check_size(len(topic), len(topic.columns))
     order = np.argsort(np.array(topic.log_time_ns), kind="stable")
     name = name.lstrip("/")

@@ -3,6 +3,7 @@
 import os
 import sys
 import time
+from contextlib import suppress
 
 import pytest
 
@@ -22,9 +23,9 @@ def test_nobody_waits_for_a_pipe_that_nobody_reads(monkeypatch):
     there, here = os.pipe()
     with open(there, "rb") as unread, open(here, "w") as full:  # noqa: PTH123
         os.set_blocking(here, False)
-        with pytest.raises(BlockingIOError):
-            while True:
-                os.write(here, bytes(4096))
+        with suppress(BlockingIOError):
+            while os.write(here, bytes(4096)):
+                pass
         os.set_blocking(here, True)
         monkeypatch.setattr(sys, "stdout", full)
         begin_s = time.monotonic()

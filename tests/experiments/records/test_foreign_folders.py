@@ -138,7 +138,7 @@ def test_a_pipe_in_the_place_of_what_is_about_to_be_written_is_removed(tmp_path:
 
 
 def test_a_folder_is_tried_by_no_name_that_somebody_may_have_taken(tmp_path: Path):
-    """`--out` in a folder of a stranger: what ".probe" led to was overwritten and shortened to x."""
+    """`--out` in a folder of a stranger: what ".probe" led to was overwritten."""
     outside, folder = tmp_path / "outside", tmp_path / "folder"
     outside.write_text("mine")
     folder.mkdir()

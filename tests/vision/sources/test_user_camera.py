@@ -160,7 +160,9 @@ def test_a_process_that_it_forked_does_not_go_on_reading_the_camera(tmp_path):
     path.write_text("import os\n" + GOOD.replace("self.k += 1", f"self.k += 1\n        {fork}"))
     read = "import sys; from vision.sources.sources import open_source\n"
     read += f"with open_source({f'{path}:MyCamera'!r}, start_s=0.0) as s: print(len(list(s)))"
-    done = subprocess.run([sys.executable, "-c", read], stdout=subprocess.PIPE, timeout=60, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", read], stdout=subprocess.PIPE, timeout=60, text=True
+    )
     assert done.returncode == 0
     assert 0 < int(done.stdout) <= 20  # the child printed nothing, and let go of the pipe
     assert {int(one) > 0 for one in children.read_text().split()} == {True, False}
