@@ -31,6 +31,7 @@ KINDS = {
     "outcome": (str,),
     "reason": (str,),
     "rows": (int,),
+    "seed": (int,),
     "duration_s": (float, int),
     "rig": (dict,),
     "arm": (str,),
