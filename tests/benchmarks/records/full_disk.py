@@ -17,6 +17,7 @@ from pathlib import Path
 
 from experiments.records.recording import Recorder, read_run
 from tests.support.command import told
+from tests.support.other_labs.labs import LABS
 
 LEFT = (0, 4096, 30_000, 100_000, 400_000)  # bytes; chosen: before, within and behind first files
 LARGEST = 1 << 26  # bytes of a disk that is small
@@ -29,8 +30,7 @@ COMMANDS = {
     "export csv": "export {run} --out {disk}/older.csv",
     "export parquet": "export {run} --out {disk}/older.parquet",
     "export mat": "export {run} --out {disk}/older.mat",
-    "import": "import {log} --out {disk}/older.csv --yes --set angle.kind=measured "
-    "--set voltage.unit=V --set target.column=none",
+    "import": "import {log} --yes --out {disk}/older.csv",
     "gap": "gap {run} --out {disk}/out",
     "watch": "watch {runs} --out {disk}/out",
     "sheet": "sheet play --student Ada --out {disk}/out",
@@ -42,7 +42,7 @@ OLDER = ("older.csv", "older.parquet", "older.mat", "older.xml")
 
 
 def prepared(folder: Path) -> dict[str, Path]:
-    """A recorded run, one that was cut off, and a log, in `folder`."""
+    """A recorded run, one that was cut off, and another lab's log, in `folder`."""
     code, _, said = told(*COMMANDS["run"].format(disk=folder).split())
     assert code == 0, said
     run = next((folder / "out" / "runs").iterdir())
@@ -52,8 +52,7 @@ def prepared(folder: Path) -> dict[str, Path]:
     for row in recorded.log.rows[:3000]:
         cut.append(row)
     os.close(cut._file)
-    log = folder / "log.csv"
-    assert told("export", run, "--out", log)[0] == 0
+    log, _ = LABS["german_hobby"](folder, seed=1)
     return {"run": run, "runs": run.parent, "cut": folder / "cut", "log": log}
 
 
