@@ -170,7 +170,7 @@ def test_a_folder_whose_name_no_page_could_be_told_is_not_listed(tmp_path: Path)
 def test_values_that_others_compute_with_are_checked(tmp_path: Path):
     with pytest.raises(ValueError, match="by_hand = 5 is no list"):
         read_meta(rewritten(tmp_path / "a", by_hand=5))
-    with pytest.raises(ValueError, match="seed = .* is no int"):  # `rig check` counts with it
+    with pytest.raises(ValueError, match=r"seed = .* is no int"):  # `rig check` counts with it
         read_meta(rewritten(tmp_path / "c", seed=[7]))
     with pytest.raises(ValueError, match="rows = -5 must be 0 or more"):
         read_meta(rewritten(tmp_path / "b", rows=-5))
