@@ -31,7 +31,7 @@ COMMANDS = {
     "export parquet": "export {run} --out {disk}/older.parquet",
     "export mat": "export {run} --out {disk}/older.mat",
     "import": "import {log} --yes --out {disk}/older.csv",
-    "gap": "gap {run} --out {disk}/out",
+    "gap": "gap {run} --until locate --out {disk}/out",
     "watch": "watch {runs} --out {disk}/out",
     "sheet": "sheet play --student Ada --out {disk}/out",
     "calibration sheet": "calibrate sheet --out {disk}/out",
