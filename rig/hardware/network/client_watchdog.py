@@ -41,7 +41,8 @@ class ClientWatchdog:
         self.homed = False
         self.wiring = Wiring()
         self._volts = self._given = (0.0, 0.0)
-        self._fresh_s = self._stopped_s = self._rested_s = -inf
+        self._fresh_s = self._stopped_s = -inf
+        self._rested_s = -inf
         self._levelling = Levelling(voltage_limit_V)
         self.stale = 0
         self.meet()

@@ -89,6 +89,8 @@ def main() -> None:
                 before = filled(asked.disk, made, left)
                 words = COMMANDS[command].format(disk=asked.disk, **made).split()
                 code, _, error = told(*words)
+                if code > 128:  # a signal, which was meant for this program
+                    sys.exit(code)
                 said = [line for line in error.splitlines() if line.startswith("rig: ")]
                 changed = [
                     p for p, data in before.items() if not p.exists() or p.read_bytes() != data

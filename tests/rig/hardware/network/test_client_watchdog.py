@@ -217,6 +217,19 @@ def test_a_user_who_arms_again_and_again_takes_nothing_from_the_monitor(every: i
     assert np.count_nonzero(given) <= 50  # 100 ms of a second
 
 
+def test_a_table_that_showed_a_fault_rests_for_a_second():
+    one, now_s, fault = watchdog(), T, None
+    while fault is None:
+        now_s += 0.002
+        fault = one.watch(Reading(now_s, (0.1, 0.0)), now_s)
+        told(one, 6.0, at_s=now_s)
+        one.volts((0.1, 0.0), now_s)
+    one.arm(now_s + 0.999)
+    assert not one.armed
+    one.arm(now_s + 1.0)
+    assert one.armed
+
+
 def test_a_jump_of_the_encoder_takes_the_volts_at_once():
     one = watchdog()
     assert watched(one, [0.0, 0.01, 0.35], 1.0) == [(1.0, 0.0)] * 2 + [(0.0, 0.0)]
