@@ -5,12 +5,12 @@ that a kill -9 takes none of the rows before it.
 """
 
 import errno
-import itertools
 import math
 import os
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -256,7 +256,7 @@ def recover(folder: Path | str) -> Run:
     """Complete a run that was killed: whole records compressed and indexed, outcome "killed".
 
     A run that had ended but lost rows gets the outcome "damaged"; a complete run is only read. What
-    could not be read stays in samples.damaged.mcap, or -2, -3... where an earlier one lies there.
+    could not be read stays in samples.damaged.mcap, with its hash where an earlier one lies there.
     Errors as of `read_run`; ValueError: it is still being recorded; OSError: no room for the new
     file (the old one stays).
     """
@@ -288,14 +288,10 @@ def _keep_damaged(path: Path) -> None:
     content = file_bytes(path, LONGEST_SAMPLES)
     if read_samples(content).unread < RECORD.itemsize:
         return
-    for count in itertools.count(1):
-        number = "" if count == 1 else f"-{count}"
-        kept = path.with_suffix(f".damaged{number}{path.suffix}")
-        if not kept.exists():
-            replace(kept, content)
-            return
-        if kept.is_file() and kept.stat().st_size == len(content) and kept.read_bytes() == content:
-            return  # kept by a repair that was cut off
+    kept = path.with_suffix(f".damaged{path.suffix}")
+    if kept.exists():  # of an earlier damage
+        kept = path.with_suffix(f".damaged-{sha256(content).hexdigest()}{path.suffix}")
+    replace(kept, content)
 
 
 def _rewrite(path: Path, samples: SamplesFile, start_ns: int) -> None:
