@@ -31,7 +31,7 @@ from calibration.records import (
     Strict,
     TimingRecord,
 )
-from rig import whole_file
+from rig import validation
 from rig.validation import first_error_line, json_of
 from vision.plate.markers import MarkerLayout
 from vision.synthetic.synthetic import Renderer
@@ -68,7 +68,7 @@ class _Common(Strict):
         older one stays.
         """
         text = json.dumps(self.model_dump(mode="json", exclude_none=True), indent=1)
-        whole_file.replace(Path(path), text.encode() + b"\n")
+        validation.replace(Path(path), text.encode() + b"\n")
 
 
 def _camera(lens: LensRecord) -> Camera:

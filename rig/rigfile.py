@@ -17,8 +17,7 @@ from rig import effects
 from rig.effects import Effect
 from rig.own_effects import OwnEffect, catalogue_of, read_effect
 from rig.parameters import CHANNELS, Rig
-from rig.validation import first_error_line, read_toml, toml_of
-from rig.whole_file import replace
+from rig.validation import first_error_line, read_toml, replace, toml_of
 from vision.sources.addresses import without_password
 
 SECTIONS = (

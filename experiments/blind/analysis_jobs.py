@@ -14,8 +14,7 @@ from typing import Any
 
 from experiments.progress import ProgressCall, silent
 from experiments.workers import results_of
-from rig.validation import file_bytes, json_of
-from rig.whole_file import replace
+from rig.validation import file_bytes, json_of, replace
 
 Analysis = Callable[[Path], dict[str, Any]]
 Packed = dict[str, bytes]

@@ -4,8 +4,7 @@ from pathlib import Path
 
 from experiments.export.intervals import read_intervals
 from rig.parameters import Rig
-from rig.validation import printable
-from rig.whole_file import replace
+from rig.validation import printable, replace
 
 MJCF, FMU = "mjcf", "fmu"
 KINDS = {MJCF: ".xml", FMU: ".fmu"}

@@ -14,8 +14,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from experiments.importing.units import canonical, factor, family, quantity
 from rig.log import CONTRACT
-from rig.validation import StrictModel, first_error_line, toml_of
-from rig.whole_file import replace
+from rig.validation import StrictModel, first_error_line, replace, toml_of
 
 SIGNALS = tuple(name for name in CONTRACT if name != "t_s")
 PER_AXIS = ("ball", "theta", "command", "voltage", "motor_speed", "target")

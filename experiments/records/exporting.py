@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from rig.log import COLUMNS, INDEX, NAMES, Log
-from rig.whole_file import part_of
+from rig.validation import part_of
 
 ALWAYS = NAMES[: INDEX["ball_y_m"] + 1]
 

@@ -43,8 +43,7 @@ from experiments.records.samples_file import (
 )
 from rig.log import COLUMNS, Log
 from rig.loop.loop import ending_of
-from rig.validation import file_bytes
-from rig.whole_file import replace
+from rig.validation import file_bytes, replace
 
 __all__ = ["Recorder", "Run", "new_run_folder", "read_run", "recover", "write_run", "write_truth"]
 

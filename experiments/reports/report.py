@@ -13,7 +13,7 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader
 
-from rig.whole_file import replace
+from rig.validation import replace
 
 
 @dataclass(frozen=True)

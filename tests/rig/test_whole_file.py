@@ -16,7 +16,7 @@ from rig.hardware.homing.homed import Homed
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig
 from rig.rigfile import write_rig
-from rig.whole_file import replace
+from rig.validation import replace
 
 DRAFT = Draft(made=datetime(2026, 1, 1, tzinfo=UTC), source="measured")
 HOMED = Homed.of(Homing(Wiring(), (1.2, 1.2), (0.4, 0.4)), Rig(), None)

@@ -15,8 +15,7 @@ from rig.hardware.wiring import Wiring
 from rig.linkage import Linkage
 from rig.parameters import BUS_KINDS, PULSES, Rig, Servo
 from rig.table import Table
-from rig.validation import file_bytes
-from rig.whole_file import replace
+from rig.validation import file_bytes, replace
 
 LONGEST = timedelta(hours=12)  # for a table that does not tell when it was switched off
 MARGIN_RAD = 0.1
