@@ -31,6 +31,7 @@ from calibration.records import (
     Strict,
     TimingRecord,
 )
+from rig import validation
 from rig.validation import first_error_line, json_of
 from vision.plate.markers import MarkerLayout
 from vision.synthetic.synthetic import Renderer
@@ -63,9 +64,11 @@ class _Common(Strict):
     sections: dict[str, SectionRecord] = Field(default_factory=dict)
 
     def save(self, path: str | Path) -> None:
-        """Write the file as JSON. `OSError`: there is no such folder, or it cannot be written."""
+        """Write the file as JSON. `OSError`: there is no such folder, or it cannot be written; an
+        older one stays.
+        """
         text = json.dumps(self.model_dump(mode="json", exclude_none=True), indent=1)
-        Path(path).write_text(text + "\n", encoding="utf-8")
+        validation.replace(Path(path), text.encode() + b"\n")
 
 
 def _camera(lens: LensRecord) -> Camera:

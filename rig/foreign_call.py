@@ -16,6 +16,8 @@ try:
 except ImportError:  # Windows
     resource = None
 
+_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
+ENDING = tuple(getattr(signal, name) for name in _NAMES if hasattr(signal, name))
 MEMORY_SHARE = 0.5  # of what is free when the run begins; chosen: the rest is the recording's
 
 
@@ -29,15 +31,16 @@ class ForeignCall:
     OvertimeError: it took longer; MemoryError: it asked for more. Both are raised in the called
     code itself. The time is bounded in a main thread on Linux and macOS, the memory on Linux.
 
-    Afterwards relative paths mean what they did before. A process that the code has forked ends
+    Afterwards relative paths mean what they did before, and signals that end the program do so
+    still. A process that the code has forked ends
     where it would go on as a second rig, with the same recording and the same table. Threads that
     it starts do not keep the program from its end, unless they ask for it (`daemon=False`).
     """
 
     def __init__(self, seconds: float) -> None:
         self.seconds = seconds
-        in_time = hasattr(signal, "setitimer")
-        self._bounds_time = in_time and threading.current_thread() is threading.main_thread()
+        self._in_main = threading.current_thread() is threading.main_thread()
+        self._bounds_time = self._in_main and hasattr(signal, "setitimer")
         self._data_bytes = _most_data_bytes()
 
     def _alarm(self, *_: object) -> None:
@@ -48,6 +51,7 @@ class ForeignCall:
         self._stdout, sys.stdout = sys.stdout, sys.stderr
         self._thread: Any = threading.current_thread()  # new threads take after it
         self._daemonic, self._thread._daemonic = self._thread.daemon, True
+        self._endings = [(one, signal.getsignal(one)) for one in ENDING] if self._in_main else []
         if resource is not None and self._data_bytes:
             self._limits = resource.getrlimit(resource.RLIMIT_DATA)
             resource.setrlimit(resource.RLIMIT_DATA, (self._data_bytes, self._limits[1]))
@@ -67,6 +71,9 @@ class ForeignCall:
         if os.getpid() != self._process:
             os._exit(1)
         self._thread._daemonic = self._daemonic
+        for one, handler in self._endings:
+            if signal.getsignal(one) is not handler and handler is not None:
+                signal.signal(one, handler)
         if self._bounds_time:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             signal.signal(signal.SIGALRM, self._handler)

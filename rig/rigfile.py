@@ -17,7 +17,7 @@ from rig import effects
 from rig.effects import Effect
 from rig.own_effects import OwnEffect, catalogue_of, read_effect
 from rig.parameters import CHANNELS, Rig
-from rig.validation import first_error_line, read_toml, toml_of
+from rig.validation import first_error_line, read_toml, replace, toml_of
 from vision.sources.addresses import without_password
 
 SECTIONS = (
@@ -219,9 +219,9 @@ def to_record(rig: Rig) -> dict[str, Any]:
 
 def write_rig(rig: Rig, path: Path) -> None:
     """Write the rig, with every key, to a TOML file that `read_rig` reads, as long as the effect
-    files of its own lie where they lay. OSError: it cannot be written.
+    files of its own lie where they lay. OSError: it cannot be written; an older one stays.
     """
     data = to_dict(rig)
     if data.pop(OWN_EFFECTS, []):
         data["effects"] = {"own": [one.file for one in rig.own]} | data["effects"]
-    path.write_text(tomli_w.dumps(data), encoding="utf-8")
+    replace(path, tomli_w.dumps(data).encode())

@@ -14,7 +14,7 @@ from typing import Any
 
 from experiments.progress import ProgressCall, silent
 from experiments.workers import results_of
-from rig.validation import file_bytes, json_of
+from rig.validation import file_bytes, json_of, replace
 
 Analysis = Callable[[Path], dict[str, Any]]
 Packed = dict[str, bytes]
@@ -115,9 +115,7 @@ def run_analyses(
     progress("analyses", done, len(names))
     tasks = (((name, make(name)), answer) for name in left)
     for name, result in results_of(analyse_packed, tasks, jobs=jobs, cluster=cluster):
-        part = folder / f"{name}.part"
-        part.write_text(json.dumps(result), encoding="utf-8")
-        part.replace(folder / f"{name}.json")
+        replace(folder / f"{name}.json", json.dumps(result).encode())
         done += 1
         progress("analyses", done, len(names))
     found = answers_of(folder)

@@ -9,7 +9,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from experiments.blind.trial import BlindTrial, to_plain
 from experiments.records.run_folder import replace_json
-from rig.validation import file_bytes, first_error_line, json_of
+from rig.validation import file_bytes, first_error_line, json_of, replace
 
 TRUTH, SEAL = "sealed/truth.json", "seal.json"
 LONGEST_TRUTH = 1 << 27  # bytes; 9999 trials of 6 kB take half of it
@@ -35,9 +35,7 @@ def seal(trials: Sequence[BlindTrial], out: Path) -> str:
     digest = hash_of(trials)
     path = out / TRUTH
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_suffix(".part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(path)
+    replace(path, text.encode())
     replace_json(out / SEAL, {"sha256": digest, "trials": len(trials)})
     return digest
 

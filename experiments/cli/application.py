@@ -5,6 +5,7 @@ signal n. Heavy imports happen inside the commands, so that `--help` answers at 
 """
 
 import errno
+import os
 import sys
 from functools import partial
 from pathlib import Path
@@ -21,7 +22,7 @@ from experiments.cli.export_model import export_model
 from experiments.cli.gap import gap
 from experiments.cli.home import home
 from experiments.cli.importing import EPILOG, import_
-from experiments.cli.say import say
+from experiments.cli.say import say, saying_aside
 from experiments.cli.serve import serve
 from experiments.cli.sheets import check, sheet
 from experiments.cli.watch import watch
@@ -125,7 +126,8 @@ def run(
         from experiments.runs.runs import measure_protocol
 
         ask = partial(consent, yes=yes)
-        done = measure_protocol(table, rig, plan, **how, arm_table=ask, say=say)
+        with saying_aside() as aside:
+            done = measure_protocol(table, rig, plan, **how, arm_table=ask, say=aside)
     else:
         with bars() as progress:
             done = run_protocol(table, plan, **how, frames=camera == "frames", progress=progress)
@@ -262,6 +264,9 @@ def main() -> None:
 
     if len(sys.argv) == 1:
         sys.argv.append("--help")
+    threads = os.environ.get("NUMBA_NUM_THREADS")
+    if threads is not None and not (threads.isdecimal() and int(threads) > 0):
+        _fail(f"NUMBA_NUM_THREADS = {threads!r}: must be a whole number above 0", 2)
     try:
         with leave_on_signals(_say):
             code = app(standalone_mode=False)  # the parser makes an interruption a returned 130
@@ -283,6 +288,8 @@ def main() -> None:
         full = error.errno in (errno.ENOSPC, errno.EDQUOT) and "free" not in str(error)
         cure = "; free some space: what was recorded so far is kept" if full else ""
         _fail(f"{_words(error)}{cure}", 1)
+    except MemoryError:
+        _fail("there is not enough memory for this: end other programs, or cut the input", 1)
     except Exception as error:
         if hasattr(error, "format_message"):  # the parser's own usage errors
             _fail(error.format_message(), 2)  # pyright: ignore[reportAttributeAccessIssue]

@@ -69,6 +69,9 @@ def import_(
     names = [out]
     if len(logs) > 1:
         names = [out.with_name(f"{out.stem}-{i + 1}{out.suffix}") for i in range(len(logs))]
+    for name in names:
+        if name.exists() and any(map(name.samefile, files)):
+            raise ValueError(f"--out {name}: is the recording itself; name another file")
     for name, log in zip(names, logs, strict=True):
         export_log(log, name)
         say(log_line(str(name), log))

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from experiments.cli.say import say
+from experiments.cli.say import say, saying_aside
 
 WARM_TICKS = 20  # whatever is compiled is there before a user is
 
@@ -47,18 +47,11 @@ def serve(
         say(f"made {token_file}: copy it to the machine that shall drive the table")
     token = read_token(token_file)
     table = open_table(known, homed=False)
-    with table:
-        server = Server(
-            table,
-            token,
-            servo=known.servo,
-            host=host,
-            port=port,
-            say=say,
-        )
+    with table, saying_aside() as aside:
+        server = Server(table, token, servo=known.servo, host=host, port=port, say=aside)
         with server:
             go_realtime()  # where it is allowed
             for _ in range(WARM_TICKS):
                 server.tick()
-            say(f"serving the {known.table.kind} table at {host}:{server.port}")
+            aside(f"serving the {known.table.kind} table at {host}:{server.port}")
             server.run()

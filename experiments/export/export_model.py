@@ -4,7 +4,7 @@ from pathlib import Path
 
 from experiments.export.intervals import read_intervals
 from rig.parameters import Rig
-from rig.validation import printable
+from rig.validation import printable, replace
 
 MJCF, FMU = "mjcf", "fmu"
 KINDS = {MJCF: ".xml", FMU: ".fmu"}
@@ -34,7 +34,7 @@ def export_model(
         from experiments.export.mjcf.model import mjcf
 
         text, told = mjcf(rig, name)
-        out.write_text(text, encoding="utf-8")
+        replace(out, text.encode())
         return told
     from experiments.export.fmu.archive import write_fmu
 

@@ -14,7 +14,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 
 from experiments.importing.units import canonical, factor, family, quantity
 from rig.log import CONTRACT
-from rig.validation import StrictModel, first_error_line, toml_of
+from rig.validation import StrictModel, first_error_line, replace, toml_of
 
 SIGNALS = tuple(name for name in CONTRACT if name != "t_s")
 PER_AXIS = ("ball", "theta", "command", "voltage", "motor_speed", "target")
@@ -120,7 +120,7 @@ def write_map(path: Path, made: ImportMap) -> None:
             if not signal[key]:
                 del signal[key]
     text = tomli_w.dumps({"sources": list(made.sources), **kept})
-    path.write_text(text, encoding="utf-8")
+    replace(path, text.encode())
 
 
 KINDS = ("commanded", "measured")

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from rig.log import COLUMNS, INDEX, NAMES, Log
+from rig.validation import part_of
 
 ALWAYS = NAMES[: INDEX["ball_y_m"] + 1]
 
@@ -41,7 +42,7 @@ def export_log(log: Log, out_path: Path | str) -> Path:
     write = writer_of(out_path)
     columns = {name: log[name] for name in NAMES if name in ALWAYS or log.has(name)}
     out_path.parent.mkdir(parents=True, exist_ok=True)
-    part = out_path.with_name(out_path.name + ".part")
+    part = part_of(out_path)
     try:
         write(part, columns)
         part.replace(out_path)

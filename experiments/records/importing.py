@@ -73,6 +73,9 @@ def _read(path: Path) -> tuple[dict[str, np.ndarray], list[str]]:
         columns = READERS[path.suffix.lower()](path)
     except (ValueError, csv.Error) as error:
         raise ValueError(f"{path}: {' '.join(str(error).split())}") from error
+    rows = max((np.size(columns[name]) for name in columns if name in INDEX), default=0)
+    if rows > MOST_ROWS:
+        raise ValueError(f"{path}: it has {rows} rows (limit: {MOST_ROWS}): cut the log in parts")
     unknown = [name for name in columns if name not in INDEX]
     return columns, [f"unknown columns left out: {', '.join(unknown)}"] if unknown else []
 

@@ -3,6 +3,8 @@
 Columns may be variables of their own, or the fields of one struct that has `t_s`.
 """
 
+import struct
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,15 +14,19 @@ import numpy as np
 from experiments.records.unpacking import LEAST_BYTES, MOST_RATIO
 from rig.log import INDEX
 
+MOST_BYTES = 800_000_000  # of a file's unpacked variables; chosen: a day of ten signals at 100 Hz
+
 
 def read_mat(path: Path) -> dict[str, Any]:
     """Variables of a MAT file (version 5 or 7.3), or fields of its one struct with `t_s`, by name.
 
-    ValueError: damaged, no MAT file, or it holds a MATLAB table or object.
+    ValueError: damaged, no MAT file, it unpacks to more than `MOST_BYTES`, or it holds a MATLAB
+    table or object.
     """
     from scipy.io import loadmat
 
     try:
+        check_inflated(path, MOST_BYTES)
         found = loadmat(path, appendmat=False)
     except NotImplementedError:  # what scipy raises for version 7.3
         return _read_hdf5(path)
@@ -34,6 +40,25 @@ def read_mat(path: Path) -> dict[str, Any]:
                 return {name: value[name].item() for name in fields}
             _refuse_object({"s0", "arr"} <= set(fields))
     return found
+
+
+def check_inflated(path: Path, most: int) -> None:
+    """Check what the compressed variables of a file of version 5 unpack to, before they are read.
+
+    ValueError: more than `most` bytes. zlib.error: they are damaged.
+    """
+    data, room, at = path.read_bytes(), most, 128
+    order = ">" if data[126:128] == b"MI" else "<"
+    while at + 8 <= len(data):
+        kind, size = struct.unpack_from(order + "II", data, at)
+        if kind == 15:  # miCOMPRESSED
+            unpack, rest = zlib.decompressobj(), data[at + 8 : at + 8 + size]
+            while rest and room >= 0:
+                room -= len(unpack.decompress(rest, 1 << 24))
+                rest = unpack.unconsumed_tail
+            if room < 0:
+                raise ValueError(f"it unpacks to more than {most} bytes: save less")
+        at += 8 + size
 
 
 def _refuse_object(is_object: bool) -> None:

@@ -10,6 +10,7 @@ import os
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,6 @@ from experiments.records.run_folder import (
     plain,
     read_meta,
     refuse_second_run,
-    replace,
     replace_json,
     reserve,
     start_record,
@@ -43,7 +43,7 @@ from experiments.records.samples_file import (
 )
 from rig.log import COLUMNS, Log
 from rig.loop.loop import ending_of
-from rig.validation import file_bytes
+from rig.validation import file_bytes, replace
 
 __all__ = ["Recorder", "Run", "new_run_folder", "read_run", "recover", "write_run", "write_truth"]
 
@@ -255,7 +255,7 @@ def recover(folder: Path | str) -> Run:
     """Complete a run that was killed: whole records compressed and indexed, outcome "killed".
 
     A run that had ended but lost rows gets the outcome "damaged"; a complete run is only read. What
-    could not be read stays in samples.damaged.mcap.
+    could not be read stays in samples.damaged.mcap, with its hash where an earlier one lies there.
     Errors as of `read_run`; ValueError: it is still being recorded; OSError: no room for the new
     file (the old one stays).
     """
@@ -288,8 +288,9 @@ def _keep_damaged(path: Path) -> None:
     if read_samples(content).unread < RECORD.itemsize:
         return
     kept = path.with_suffix(f".damaged{path.suffix}")
-    if not kept.exists():
-        replace(kept, content)
+    if kept.exists():  # of an earlier damage
+        kept = path.with_suffix(f".damaged-{sha256(content).hexdigest()}{path.suffix}")
+    replace(kept, content)
 
 
 def _rewrite(path: Path, samples: SamplesFile, start_ns: int) -> None:

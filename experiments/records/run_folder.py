@@ -5,21 +5,21 @@ run.json is a start record (all known before) that the end completes with a stop
 reason, rows, duration); outcome null: the run is on, or was killed.
 """
 
+import errno
 import json
 import math
-import os
 import re
-import stat
 from contextlib import suppress
 from dataclasses import asdict, is_dataclass
 from datetime import UTC, datetime, timedelta
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 import numpy as np
 
-from rig.validation import json_of
+from rig.validation import json_of, part_of, replace
 
 SCHEMA = 1
 SOURCES = ("simulated", "measured")
@@ -30,6 +30,7 @@ KINDS = {
     "outcome": (str,),
     "reason": (str,),
     "rows": (int,),
+    "seed": (int,),
     "duration_s": (float, int),
     "rig": (dict,),
     "arm": (str,),
@@ -146,46 +147,12 @@ def replace_json(path: Path, content: dict) -> None:
     replace(path, json.dumps(content, indent=2, allow_nan=False).encode() + b"\n")
 
 
-def replace(path: Path, content: bytes, *, sync: bool = False) -> None:
-    """Write a new file beside `path` and put it in its place.
-
-    sync: wait until the disk has it. OSError: the old file stays.
-    """
-    part = _part(path)
-    try:
-        with part.open("r+b" if part.exists() else "wb") as file:  # r+b: keep what is reserved
-            file.write(content)
-            file.truncate()
-            if sync:
-                file.flush()
-                os.fsync(file.fileno())
-        part.replace(path)
-    except BaseException:
-        with suppress(OSError):
-            part.unlink()
-        raise
-
-
 def reserve(path: Path) -> None:
     """Reserve RESERVE_BYTES on the disk for the next `replace` of the small file `path`.
 
     OSError: there is no room.
     """
-    _part(path).write_bytes(b" " * RESERVE_BYTES)
-
-
-def _part(path: Path) -> Path:
-    """Return where a file is written before it takes the place of `path`.
-
-    In somebody else's folder a link may lie there, which leads to any file, a second name of one,
-    or a pipe: it is removed.
-    """
-    part = path.with_name(path.name + ".part")
-    with suppress(FileNotFoundError):
-        about = part.lstat()
-        if not (stat.S_ISREG(about.st_mode) and about.st_nlink == 1):
-            part.unlink()
-    return part
+    part_of(path).write_bytes(b" " * RESERVE_BYTES)
 
 
 def read_meta(folder: Path) -> dict:
@@ -231,16 +198,18 @@ def _check_meta(meta: dict) -> None:
 def writable(folder: Path) -> Path:
     """Make `folder` where missing, check that it can be written, and return it.
 
-    NotADirectoryError: it is a file; PermissionError: it cannot be written (one line each).
+    NotADirectoryError: it is a file; PermissionError: it cannot be written (one line each);
+    OSError: there is no room.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / ".probe"
-        probe.write_bytes(b"x")
-        probe.unlink()
+        with TemporaryFile(dir=folder) as probe:  # a fixed name may be somebody's link elsewhere
+            probe.write(b"x")
     except FileExistsError:
         raise NotADirectoryError(f"--out {folder}: is a file; name a folder") from None
     except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise
         raise PermissionError(
             f"--out {folder}: cannot be written ({error.strerror}); choose another folder"
         ) from None

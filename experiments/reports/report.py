@@ -13,6 +13,8 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader
 
+from rig.validation import replace
+
 
 @dataclass(frozen=True)
 class Picture:
@@ -106,7 +108,7 @@ def write_page(
     text = pages.get_template(template).render(
         title=title, summary=summary, sections=sections, sorts=sorts, **content
     )
-    path.write_text(text, encoding="utf-8")
+    replace(path, text.encode())
     return path
 
 

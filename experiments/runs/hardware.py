@@ -1,13 +1,13 @@
 """A real table put together: driver, homing, camera. What stands between a rig file and a run."""
 
-import json
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from math import inf
 from pathlib import Path
 from typing import Self
 
+from experiments.records.run_folder import plain, replace_json
 from experiments.runs.live_eye import open_markers, watching
 from rig.hardware.camera.eye import CameraEye
 from rig.hardware.choose import OpenTable, check_drive, open_table
@@ -130,7 +130,8 @@ class Checked(LevelOnExit):
     """A hardware table whose first reading is checked against its homing before it is armed.
 
     Reads and drives the table, and tells `eye` (if any) the servo angles. The driver's `notes`
-    (clocks, lost ticks) are written to `notes_file` as JSON when the context ends. Entering raises
+    (clocks, lost ticks) are written to `notes_file` as JSON when the context ends, where there is
+    room. Entering raises
     NotHomed (a ValueError) where the homing does not hold, and OSError where the table cannot be
     read.
     """
@@ -179,7 +180,8 @@ class Checked(LevelOnExit):
         finally:
             notes = getattr(self._table, "notes", None)
             if notes is not None and self._notes_file is not None:
-                self._notes_file.write_text(json.dumps(notes()), encoding="utf-8")
+                with suppress(OSError):  # a full disk makes no other run of one that was completed
+                    replace_json(self._notes_file, plain(notes()))
 
     def read(self) -> Reading:
         """Wait for the table's next reading; its angles [rad], or those that the servos were told

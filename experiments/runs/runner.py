@@ -26,6 +26,7 @@ from rig.control.user_controller import load_controller
 from rig.log import CONTRACT, INDEX, Log
 from rig.loop.commands import CommandSlot, Stop
 from rig.loop.loop import Ending, Loop, run_controlled
+from rig.loop.process import warm_up
 from rig.loop.signals import StopSlot, stop_on_signals
 from rig.parameters import Rig
 from rig.plant.constants import LANES
@@ -181,6 +182,7 @@ def run(
     eye = rendered_eye(request.rig, request.bundle, request.seed) if request.bundle else None
     table = simulated_table(request.rig, way, request.seed, eye)
     slot = commands or CommandSlot()
+    warm_up(request.believed, compensator_index(request.arm), way)
     folder = new_run_folder(request.parent, request.protocol.name, request.arm)
     write_truth(folder, truth_record(request))
     with stop_on_signals(slot), Recorder(folder, start_record(request)) as recorder:

@@ -120,19 +120,20 @@ class _Inbox:
         self.signals.put(command)
 
 
-def warm_up(job: Job) -> None:
-    """Run every compiled function once, on a simulated table: loading them takes half a second."""
+def warm_up(known: Rig, compensator: int, course: Course) -> None:
+    """Run every compiled function once, on a simulated table, as the beginning of a `Loop` of these
+    would: loading them takes half a second, compiling them a minute, in which no stop is seen.
+    """
     course = replace(
-        job.course,
-        targets_m=job.course.targets_m[:WARM_TICKS],
-        pushes_m_s2=job.course.pushes_m_s2[:WARM_TICKS],
+        course,
+        targets_m=course.targets_m[:WARM_TICKS],
+        pushes_m_s2=course.pushes_m_s2[:WARM_TICKS],
         hold_s=0.0,
         operator=(),
     )
-    known = job.known
     table = SimulatedTable(known, np.random.default_rng(0), start_m=course.start_m)
     with table:
-        Loop(table, known, job.compensator, course, operator=Operator()).run()
+        Loop(table, known, compensator, course, operator=Operator()).run()
 
 
 def _work(job: Job, box: SharedChannel, parent: int, result: Connection) -> None:
@@ -141,7 +142,7 @@ def _work(job: Job, box: SharedChannel, parent: int, result: Connection) -> None
     inbox, jitter, report = _Inbox(box, parent), Jitter(job.trace), {}
 
     def run() -> Ending:
-        warm_up(job)
+        warm_up(job.known, job.compensator, job.course)
         report.update(go_realtime() if job.realtime else {})
         stop = _wait_for_word(box, inbox)
         if stop is not None:
@@ -295,8 +296,9 @@ class LoopProcess:
                 self._box.allow_to_open()
 
     def _beat(self) -> None:
-        while not self._over.wait(BEAT_S):
+        while not self._over.is_set():
             self._box.beat("parent_s")
+            time.sleep(BEAT_S)  # waits of `threading` may go by the wall clock, which may be set
 
     def run(
         self,

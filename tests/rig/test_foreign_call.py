@@ -50,6 +50,19 @@ def test_a_timer_that_was_set_before_goes_on():
         signal.setitimer(signal.ITIMER_REAL, *timer)
 
 
+@pytest.mark.parametrize("number", foreign_call.ENDING)
+def test_signals_that_end_the_program_do_so_still(number):
+    came: list[int] = []
+    before = signal.signal(number, lambda *_: came.append(number))
+    try:
+        with ForeignCall(5.0):
+            signal.signal(number, signal.SIG_IGN)
+        signal.raise_signal(number)
+        assert came == [number]
+    finally:
+        signal.signal(number, before)
+
+
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="RLIMIT_DATA of Linux")
 def test_memory_is_bounded_in_the_call_alone(monkeypatch):
     monkeypatch.setattr(foreign_call, "MEMORY_SHARE", 1e-9)

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
+import os
 import sys
 import time
 import traceback
@@ -29,10 +30,10 @@ from typing import Any
 import cv2
 import numpy as np
 
+from vision.sources.clock import AHEAD_S
 from vision.sources.source_errors import UserCameraError
 
 NEAR_S = 10.0  # between a stamp and its arrival; beyond, it is of another clock
-AHEAD_S = 0.1
 
 
 def split_address(address: str) -> tuple[Path, str] | None:
@@ -113,10 +114,14 @@ class UserFeed:
             raise UserCameraError(f"{self._address}: the class needs a method read()")
 
     def _call(self, what: str, method: Callable[..., Any], *args: Any) -> Any:
+        here = os.getpid()
         try:
             return method(*args)
         except (Exception, SystemExit) as error:
             raise _named(self._address, what, error, self._file) from error
+        finally:
+            if os.getpid() != here:  # forked: a second rig would read the same camera, for ever
+                os._exit(1)
 
     def read(self) -> tuple[np.ndarray, float] | None:
         """The next image, copied, (h, w, 3) or (h, w) uint8, and its time [s, `time.monotonic`];
@@ -148,10 +153,12 @@ class UserFeed:
             taken_s = float(t_s)
         except (TypeError, ValueError):
             raise self._breach(f"t_s is {t_s!r}, not a number of seconds") from None
+        # What is said to be seen later than it arrived would be left out as of the future.
         if not -AHEAD_S <= now_s - taken_s <= NEAR_S:
             raise self._breach(
                 f"t_s is {taken_s:g} s where time.monotonic() is {now_s:g}; use that clock"
             )
+        taken_s = min(taken_s, now_s)
         if taken_s <= self._last_s:
             raise self._breach(f"t_s does not increase ({self._last_s:.6f}, then {taken_s:.6f})")
         self._last_s = taken_s

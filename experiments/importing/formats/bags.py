@@ -5,19 +5,62 @@ on one clock for all topics. A message's own stamp is a column of its own, `TOPI
 """
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+import os
+from array import array
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from io import BytesIO
+from math import nan
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
 from experiments.importing.formats.extra import library
-from experiments.importing.recording import MAX_CELLS, BadFileError, Stream, check_size
+from experiments.importing.recording import (
+    MAX_CELLS,
+    MAX_COLUMNS,
+    BadFileError,
+    Stream,
+    check_size,
+)
+from experiments.records.unpacking import unpacked
 
 MAX_WIDTH = 64  # chosen: a longer array in a message is a picture or a point cloud
 MAX_DEPTH = 8
-Topics = dict[str, list[dict[str, float]]]  # topic -> one dictionary a message
+MAGIC = b"\x89MCAP0\r\n"  # a file that was not cut off ends with it, too
 OF_JOINTS = ("position", "velocity", "effort")  # of JointState: one number a name
+
+
+class Topic:
+    """The numbers of a topic's messages, a column a path, eight bytes each; `len`: messages."""
+
+    def __init__(self) -> None:
+        self.columns: dict[str, array[float]] = {}
+        self.log_time_ns = array("Q")
+
+    def __len__(self) -> int:
+        """Return the number of messages."""
+        return len(self.log_time_ns)
+
+    def append(self, log_time_ns: int, row: Mapping[str, float]) -> None:
+        """Append a message. BadFileError: its fields make too many columns."""
+        before = len(self)
+        self.log_time_ns.append(log_time_ns)
+        for name, value in {"time": log_time_ns / 1e9, **row}.items():
+            column = self.columns.setdefault(name, array("d"))
+            column.extend([nan] * (before - len(column)))
+            column.append(value)
+        if len(self.columns) > MAX_COLUMNS:
+            check_size(1, len(self.columns))
+
+    def column(self, name: str) -> np.ndarray:
+        """Return a column (n,), NaN where a message lacks the field."""
+        found = np.frombuffer(self.columns[name])
+        return np.concatenate([found, np.full(len(self) - len(found), nan)])
+
+
+Topics = dict[str, Topic]
 
 
 def read_bag(path: Path) -> list[Stream]:
@@ -38,7 +81,7 @@ def read_bag(path: Path) -> list[Stream]:
             raise
         except Exception as error:  # of damaged bytes the decoders raise whatever they meet
             raise BadFileError(f"{file.name} is not readable as MCAP ({error})") from error
-    streams = [_stream(name, rows, notes) for name, rows in topics.items() if len(rows[0]) > 1]
+    streams = [_stream(name, one, notes) for name, one in topics.items() if len(one.columns) > 1]
     if not streams:
         raise BadFileError("it is no MCAP file of ROS 2, JSON or protobuf messages with numbers")
     return streams
@@ -47,29 +90,55 @@ def read_bag(path: Path) -> list[Stream]:
 def _read(path: Path, topics: Topics) -> list[str]:
     """Append the messages of one file to `topics`; returns notes."""
     from mcap.exceptions import McapError
-    from mcap.reader import NonSeekingReader, make_reader
 
-    notes = []
     with path.open("rb") as file:
-        try:
-            summary = make_reader(file).get_summary()
-        except McapError:
-            summary = None
+        file.seek(-min(len(MAGIC), path.stat().st_size), os.SEEK_END)
+        cut = file.read() != MAGIC
         file.seek(0)
-        if summary is None:
-            notes.append(f"{path.name} was cut off: read as far as it goes")
-            messages = NonSeekingReader(file).iter_messages(log_time_order=False)
-        else:
-            unpacked = sum(chunk.uncompressed_size for chunk in summary.chunk_indexes)
-            if unpacked > 8 * MAX_CELLS:
-                raise BadFileError(f"it unpacks to {unpacked} bytes (limit: {8 * MAX_CELLS})")
-            messages = make_reader(file).iter_messages()
         try:
-            _decode(messages, topics)
+            _decode(_messages(file), topics)
         except McapError:
-            if summary is not None:
+            if not cut:
                 raise
-    return notes
+    return [f"{path.name} was cut off: read as far as it goes"] if cut else []
+
+
+def _messages(file: IO[bytes]) -> Iterator[tuple[Any, Any, Any]]:
+    """Yield schema, channel and message in the file's order; one chunk is in memory at a time.
+
+    ValueError: the chunks unpack to more than a table records, whatever the file's summary says.
+    """
+    from mcap.records import Channel, Message, Schema
+
+    schemas: dict[int, Any] = {}
+    channels: dict[int, Any] = {}
+    for record in _records(file):
+        if isinstance(record, Schema):
+            schemas[record.id] = record
+        elif isinstance(record, Channel):
+            channels[record.id] = record
+        elif isinstance(record, Message):
+            channel = channels[record.channel_id]
+            yield schemas.get(channel.schema_id), channel, record
+
+
+def _records(file: IO[bytes]) -> Iterator[Any]:
+    """Yield the records of a file and, in place of its chunks, theirs."""
+    from mcap.exceptions import EndOfFile
+    from mcap.records import Chunk
+    from mcap.stream_reader import StreamReader
+
+    room = 8 * MAX_CELLS
+    for record in StreamReader(file, emit_chunks=True).records:
+        if not isinstance(record, Chunk):
+            yield record
+            continue
+        data = unpacked(record, room)
+        if len(data) < record.uncompressed_size:
+            raise BadFileError("a chunk is not whole")
+        room -= len(data)
+        with suppress(EndOfFile):  # a chunk has no footer
+            yield from StreamReader(BytesIO(data), skip_magic=True, emit_chunks=True).records
 
 
 def _decode(messages: Iterable[Any], topics: Topics) -> None:
@@ -86,7 +155,7 @@ def _decode(messages: Iterable[Any], topics: Topics) -> None:
         cells += len(row)
         if cells > MAX_CELLS:
             check_size(cells, 1)
-        topics.setdefault(channel.topic, []).append({"time": message.log_time / 1e9, **row})
+        topics.setdefault(channel.topic, Topic()).append(message.log_time, row)
 
 
 def _decoder(channel: Any, schema: Any) -> Any:
@@ -146,12 +215,13 @@ def _matches(joints: Any, values: Any) -> bool:
     )
 
 
-def _stream(topic: str, rows: list[dict[str, float]], notes: Sequence[str]) -> Stream:
-    """One topic's messages as columns `TOPIC.PATH`; NaN where a message lacks the field."""
-    names = list(dict.fromkeys(name for row in rows for name in row))
-    check_size(len(rows), len(names))
-    topic = topic.lstrip("/")
-    columns = {
-        f"{topic}.{name}": np.array([row.get(name, np.nan) for row in rows]) for name in names
-    }
-    return Stream(columns, {f"{topic}.time": "s"}, f"{topic}.time", notes=tuple(notes))
+def _stream(name: str, topic: Topic, notes: Sequence[str]) -> Stream:
+    """One topic's messages as columns `TOPIC.PATH`, in the order of log_time.
+
+    NaN where a message lacks the field.
+    """
+    check_size(len(topic), len(topic.columns))
+    order = np.argsort(np.array(topic.log_time_ns), kind="stable")
+    name = name.lstrip("/")
+    columns = {f"{name}.{key}": topic.column(key)[order] for key in topic.columns}
+    return Stream(columns, {f"{name}.time": "s"}, f"{name}.time", notes=tuple(notes))

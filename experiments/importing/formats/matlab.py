@@ -4,8 +4,6 @@ MATLAB's own objects (table, timeseries, Simulink's Dataset) are stored in a for
 reads; the line that refuses them says what to save instead.
 """
 
-import struct
-import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -13,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from experiments.importing.recording import MAX_CELLS, BadFileError, Stream, check_size
-from experiments.records.mat_files import in_file, members
+from experiments.records.mat_files import check_inflated, in_file, members
 
 MIN_ROWS = 20  # a shorter array is a gain or a setting, no signal: `rig gap` needs so many rows
 MAX_WIDTH = 64  # chosen: a wider matrix is a picture
@@ -47,8 +45,8 @@ def _version_5(path: Path) -> tuple[dict[str, Any], list[str]]:
     """Variables of a file of version 5 or older as nested dictionaries, and objects left out."""
     from scipy.io import loadmat
 
-    _check_inflated(path)
     try:
+        check_inflated(path, 8 * MAX_CELLS)
         found = loadmat(path, appendmat=False, simplify_cells=True)
     except Exception as error:  # of damaged bytes scipy raises whatever it meets
         raise BadFileError(f"not readable as a MAT file ({error})") from error
@@ -58,25 +56,6 @@ def _version_5(path: Path) -> tuple[dict[str, Any], list[str]]:
         objects = [n for n, v in tree.items() if isinstance(v, dict) and {"s0", "arr"} <= set(v)]
         objects = objects or ["an object"]
     return {name: value for name, value in tree.items() if name not in objects}, objects
-
-
-def _check_inflated(path: Path) -> None:
-    """BadFileError: what the file's compressed variables unpack to is more than a table records."""
-    data, room, at = path.read_bytes(), 8 * MAX_CELLS, 128
-    order = ">" if data[126:128] == b"MI" else "<"
-    while at + 8 <= len(data):
-        kind, size = struct.unpack_from(order + "II", data, at)
-        if kind == 15:  # miCOMPRESSED
-            unpack, rest = zlib.decompressobj(), data[at + 8 : at + 8 + size]
-            while rest and room >= 0:
-                try:
-                    room -= len(unpack.decompress(rest, 1 << 24))
-                except zlib.error as error:
-                    raise BadFileError(f"not readable as a MAT file ({error})") from error
-                rest = unpack.unconsumed_tail
-            if room < 0:
-                raise BadFileError(f"it unpacks to more than {8 * MAX_CELLS} bytes: save less")
-        at += 8 + size
 
 
 def _hdf5(path: Path) -> tuple[dict[str, Any], list[str]]:

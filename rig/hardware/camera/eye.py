@@ -198,7 +198,9 @@ class Watcher:
             while not self.eye.sights.news:
                 if self.eye.trouble.array["said"][0]:
                     raise CameraStopped(self.eye.trouble.array["text"][0].decode())
-                if not self._worker.is_alive() or time.monotonic() > until_s:
+                if not self._worker.is_alive():
+                    raise CameraStopped("no first frame: the program that reads it has ended")
+                if time.monotonic() > until_s:
                     raise CameraStopped(f"no first frame within {self._patience_s:g} s")
                 time.sleep(0.005)
         except BaseException:

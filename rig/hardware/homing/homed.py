@@ -15,7 +15,7 @@ from rig.hardware.wiring import Wiring
 from rig.linkage import Linkage
 from rig.parameters import BUS_KINDS, PULSES, Rig, Servo
 from rig.table import Table
-from rig.validation import file_bytes
+from rig.validation import file_bytes, replace
 
 LONGEST = timedelta(hours=12)  # for a table that does not tell when it was switched off
 MARGIN_RAD = 0.1
@@ -63,7 +63,7 @@ class Homed:
 
     def save(self, path: Path) -> None:
         """Write the homing to a JSON file that `load` reads. OSError: it cannot be written."""
-        path.write_text(json.dumps(asdict(self), indent=1) + "\n", encoding="utf-8")
+        replace(path, json.dumps(asdict(self), indent=1).encode() + b"\n")
 
     def check(self, rig: Rig, boot_id: str | None, now: datetime | None = None) -> None:
         """Raise NotHomed where the homing is of another table, another power-up, too long ago, or

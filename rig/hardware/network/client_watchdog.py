@@ -18,6 +18,7 @@ from vision.sources.clock import ForeignClock
 LEVEL_S = 0.5
 HOLD_S = 0.05  # so long a command's volts last without a newer one
 RATE_FILTER_S = 0.02  # as in the loop (`Gains.torque_filter_s`)
+REST_S = 1.0  # after a fault; chosen: ten times what a stall may last, so that motors stay cool
 HOMING_LIMIT_V = 3.0  # while nobody knows where the stops are
 
 
@@ -41,6 +42,7 @@ class ClientWatchdog:
         self.wiring = Wiring()
         self._volts = self._given = (0.0, 0.0)
         self._fresh_s = self._stopped_s = -inf
+        self._rested_s = -inf
         self._levelling = Levelling(voltage_limit_V)
         self.stale = 0
         self.meet()
@@ -67,10 +69,17 @@ class ClientWatchdog:
         self.wiring, self.homed = wiring, homed
 
     def arm(self, now_s: float) -> None:
-        """Arm at 0 V and end a latch; now_s: on our clock."""
+        """Arm at 0 V and end a latch; now_s: on our clock.
+
+        Neither takes anything from the monitor: an armed table is watched on, and one that showed a
+        fault is not armed before it has rested.
+        """
+        if now_s < self._rested_s:
+            return
+        if not self.armed:
+            self._seen = MonitorState()
         self.armed, self.latched = True, False
         self._volts, self._fresh_s = (0.0, 0.0), now_s
-        self._seen = MonitorState()
 
     def disarm(self) -> None:
         """Give 0 V from now on, without levelling; for a user who says goodbye."""
@@ -108,6 +117,7 @@ class ClientWatchdog:
         self._seen, fault = check(self._seen, limits, reading, self._given, balancing=False)
         if fault is not None:
             self.stop(now_s if fault.level else -inf)
+            self._rested_s = now_s + REST_S
         return fault
 
     def volts(self, theta_rad: tuple[float, float], now_s: float) -> tuple[float, float]:

@@ -205,6 +205,8 @@ class Server:
             user.tell(wire.PONG, Ping(sent_s, now_s).pack())
         elif kind == wire.CONFIGURE:
             said = wire.Configure.unpack(payload)
+            if said.counts_per_rev != self._raw.counts_per_rev:  # no angle would be what it is
+                raise ProtocolError(f"{said.counts_per_rev} counts a turn")
             self.watchdog.configure(said.wiring(), bool(said.homed))
         elif kind == wire.ARM:
             self.watchdog.arm(now_s)

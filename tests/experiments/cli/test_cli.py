@@ -18,6 +18,7 @@ from rig.hardware.network.remote import RemoteTable
 from rig.hardware.network.token_file import read_token
 from rig.hardware.wiring import Wiring
 from tests.support.command import call
+from tests.support.waiting import wait_for
 
 QUICK = 'title = "quick"\nduration_s = 1.0\n[start]\nhold_s = 0.0\n'
 
@@ -91,6 +92,14 @@ def test_bad_input_is_exit_2_and_one_line(
         assert word in lines[0]
 
 
+@pytest.mark.parametrize("threads", ["abc", "0", "-1", "", "1.5"])
+def test_a_bad_number_of_threads_is_exit_2_and_one_line(monkeypatch, capsys, threads: str):
+    monkeypatch.setenv("NUMBA_NUM_THREADS", threads)
+    assert call("effects") == 2
+    said = f"rig: NUMBA_NUM_THREADS = {threads!r}: must be a whole number above 0\n"
+    assert capsys.readouterr().err == said
+
+
 def test_a_bad_rig_file_is_exit_2(capsys, tmp_path: Path):
     rig = tmp_path / "rig.toml"
     rig.write_text("[ball]\nradius_m = 0.2\n")
@@ -135,6 +144,22 @@ def test_ctrl_c_is_exit_130_and_keeps_what_was_recorded(tmp_path: Path):
     run = read_run(next((out / "runs").iterdir()))
     assert run.meta["outcome"] == "interrupted"
     assert len(run.log) >= 1000
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="signals of POSIX")
+def test_sigterm_is_obeyed_while_a_run_compiles_for_the_first_time(tmp_path: Path):
+    cache, out = tmp_path / "cache", tmp_path / "out"
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache)}
+    child = _start(["run", "hold", "--arm", "with", "--out", str(out)], env=environment)
+    wait_for("something compiled", lambda: any(cache.rglob("*.nbi")), 240)
+    assert child.poll() is None
+    time.sleep(2.0)
+    child.send_signal(signal.SIGTERM)
+    _, error = child.communicate(timeout=20)
+    assert child.returncode == 128 + signal.SIGTERM
+    assert error == "rig: ended by SIGTERM; what was recorded so far is kept\n"
+    assert not list(out.glob("runs/*"))
 
 
 @pytest.mark.slow

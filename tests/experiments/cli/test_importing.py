@@ -84,6 +84,18 @@ def test_sessions_and_several_files_are_numbered(rig, tmp_path: Path):
     assert names == [f"a-{i}.csv" for i in range(1, 7)]
 
 
+def test_a_recording_is_never_written_over(fails, tmp_path: Path):
+    path, _ = LABS["german_hobby"](tmp_path, seed=1)
+    before = path.read_bytes()
+    assert "is the recording itself" in fails("import", path, "--out", path, "--yes")
+    assert path.read_bytes() == before
+    numbered = path.rename(tmp_path / "a-2.csv")
+    out = tmp_path / "a.csv"
+    assert "a-2.csv: is the" in fails("import", numbered, numbered, "--out", out, "--yes")
+    assert numbered.read_bytes() == before
+    assert [one.name for one in tmp_path.iterdir()] == ["a-2.csv"]
+
+
 def test_questions_are_asked_where_somebody_is_there(tmp_path: Path, monkeypatch):
     path, truth = LABS["pixels"](tmp_path, seed=1)
     monkeypatch.setattr("experiments.cli.importing.somebody_is_there", lambda: True)

@@ -1,6 +1,7 @@
 """Files of every format, written by the formats' own libraries."""
 
 import json
+import subprocess
 import sys
 from pathlib import Path
 
@@ -158,6 +159,49 @@ def test_an_mcap_file_that_was_cut_off_is_read_as_far_as_it_goes(tmp_path: Path)
     recording = read_recording(path)
     assert 10 < len(recording.stream) < 50
     assert "cut off" in recording.notes[0]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows does not tell the most memory used")
+def test_an_mcap_file_without_its_end_that_unpacks_to_gigabytes_is_refused(tmp_path: Path):
+    from mcap.writer import CompressionType, Writer
+
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=1 << 27, compression=CompressionType.ZSTD)
+        writer.start()
+        channel = writer.register_channel("/b", "json", writer.register_schema("b", "", b""))
+        for t in range(900):
+            writer.add_message(channel, t, b'{"x": 1, "pad": "' + b"a" * 10**6 + b'"}', 0)
+        writer.finish()
+    path.write_bytes(path.read_bytes()[:-8])
+    assert path.stat().st_size < 200_000
+    read = "from pathlib import Path; import resource, sys\n"
+    read += "from experiments.importing.formats.choose import read_recording\n"
+    read += f"try: read_recording(Path({str(path)!r}))\n"
+    read += "except ValueError as error: print(error)\n"
+    read += "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+    done = subprocess.run([sys.executable, "-c", read], capture_output=True, text=True, check=True)
+    said, most_kB = done.stdout.splitlines()
+    assert "chunks hold more than" in said
+    assert int(most_kB) < 700_000
+
+
+def test_messages_are_sorted_by_their_time_and_lack_what_they_lack(tmp_path: Path):
+    from mcap.writer import Writer
+
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channel = writer.register_channel("/b", "json", writer.register_schema("b", "", b""))
+        for t in (3, 1, 2):
+            row = {"x": t} if t < 3 else {"x": t, "y": 7}
+            writer.add_message(channel, t * 10**9, json.dumps(row).encode(), 0)
+        writer.finish()
+    found = columns(path)
+    assert found["b.time"].tolist() == [1, 2, 3]
+    assert found["b.x"].tolist() == [1, 2, 3]
+    np.testing.assert_array_equal(found["b.y"], [np.nan, np.nan, 7])
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """A run folder of somebody else: nothing outside it is written, and odd ones are one line."""
 
+import errno
 import json
 import os
 from pathlib import Path
@@ -9,9 +10,13 @@ import pytest
 from mcap.records import Message
 
 from experiments.analysis.regime import rig_of_record
+from experiments.blind.analysis_jobs import run_analyses
+from experiments.blind.seal import seal
 from experiments.dashboard.session.tasks import list_runs
+from experiments.records import run_folder
+from experiments.records.exporting import export_run
 from experiments.records.recording import Recorder, read_run, recover
-from experiments.records.run_folder import read_meta
+from experiments.records.run_folder import read_meta, writable
 from experiments.records.samples_file import CHANNEL_ID, EVENTS, RECORD, _bytes, opening
 from experiments.runs.runs import reject
 from rig.log import COLUMNS
@@ -40,18 +45,39 @@ def cut_off(folder: Path) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("act", [lambda run: reject(run, "why"), recover])
-def test_no_link_in_a_folder_leads_a_write_out_of_it(tmp_path: Path, act):
+ACTS = {
+    "reject": lambda run: reject(run, "why"),
+    "recover": recover,
+    "export": lambda run: export_run(run, run / "log.csv"),
+    "seal": lambda run: seal([], run),
+    "analyses": lambda run: run_analyses(["a"], pack, run / "work", answer=verdict, jobs=1),
+}
+
+
+def verdict(folder: Path) -> dict:
+    return {"verdict": "undecided"}
+
+
+def pack(_: str) -> dict:
+    return {"log-1.csv": b"t_s"}
+
+
+@pytest.mark.parametrize("name", ACTS)
+def test_no_link_in_a_folder_leads_a_write_out_of_it(tmp_path: Path, name: str):
     run, mine = cut_off(tmp_path / "run"), tmp_path / "mine"
     mine.write_text("precious")
-    for name in ("run.json.part", "samples.mcap.part", "samples.damaged.mcap.part"):
-        (run / name).unlink(missing_ok=True)
-        (run / name).symlink_to(mine)
+    for inside in ("sealed", "work"):
+        (run / inside).mkdir()
+    parts = ["run.json.part", "samples.mcap.part", "samples.damaged.mcap.part", "log.csv.part"]
+    parts += ["sealed/truth.part", "sealed/truth.json.part", "work/a.part", "work/a.json.part"]
+    for part in parts:
+        (run / part).unlink(missing_ok=True)
+        (run / part).symlink_to(mine)
     (run / "samples.damaged.mcap").symlink_to(tmp_path / "new")
-    act(run)
+    ACTS[name](run)
     assert mine.read_text() == "precious"
     assert not (tmp_path / "new").exists()
-    assert not read_run(run).meta["truncated"] or act is not recover
+    assert not read_run(run).meta["truncated"] or name != "recover"
 
 
 def rewritten(folder: Path, **changes: object) -> Path:
@@ -111,6 +137,27 @@ def test_a_pipe_in_the_place_of_what_is_about_to_be_written_is_removed(tmp_path:
     assert read_meta(folder)["rejected"] == "why"
 
 
+def test_a_folder_is_tried_by_no_name_that_somebody_may_have_taken(tmp_path: Path):
+    """`--out` in a folder of a stranger: what ".probe" led to was overwritten."""
+    outside, folder = tmp_path / "outside", tmp_path / "folder"
+    outside.write_text("mine")
+    folder.mkdir()
+    (folder / ".probe").symlink_to(outside)
+    assert writable(folder) == folder
+    assert outside.read_text() == "mine"
+    assert [one.name for one in folder.iterdir()] == [".probe"]
+
+
+def test_a_disk_without_room_is_no_mistake_in_the_input(tmp_path: Path, monkeypatch):
+    def full(**_: object):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(run_folder, "TemporaryFile", full)
+    with pytest.raises(OSError, match="No space left") as caught:
+        writable(tmp_path)
+    assert not isinstance(caught.value, PermissionError)
+
+
 def test_a_folder_whose_name_no_page_could_be_told_is_not_listed(tmp_path: Path):
     recorded(tmp_path / "run")
     try:
@@ -123,6 +170,8 @@ def test_a_folder_whose_name_no_page_could_be_told_is_not_listed(tmp_path: Path)
 def test_values_that_others_compute_with_are_checked(tmp_path: Path):
     with pytest.raises(ValueError, match="by_hand = 5 is no list"):
         read_meta(rewritten(tmp_path / "a", by_hand=5))
+    with pytest.raises(ValueError, match=r"seed = .* is no int"):  # `rig check` counts with it
+        read_meta(rewritten(tmp_path / "c", seed=[7]))
     with pytest.raises(ValueError, match="rows = -5 must be 0 or more"):
         read_meta(rewritten(tmp_path / "b", rows=-5))
     assert rig_of_record({"linkage": {"unknown": 1}}).linkage.plate_side_m == 0.275

@@ -12,6 +12,7 @@ from scipy.io import savemat
 
 from experiments.records.exporting import export_log, export_run
 from experiments.records.importing import GAPLESS, MOST_ROWS, ONE_OF, read_log
+from experiments.records.mat_files import MOST_BYTES
 from experiments.records.recording import Recorder, write_run
 from experiments.records.samples_file import LONGEST_S, SHORTEST_S
 from rig.log import COLUMNS, INDEX, NAMES, Log
@@ -183,6 +184,21 @@ def test_a_parquet_file_of_some_kB_that_holds_more_rows_than_memory_is_refused(t
     pq.write_table(pa.table({"t_s": column, "theta_x_rad": column}), path, compression="zstd")
     assert path.stat().st_size < 100_000
     with pytest.raises(ValueError, match=f"it has {MOST_ROWS + 1} rows"):
+        read_log(path)
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [(MOST_ROWS + 1, "rows"), (MOST_BYTES // 8, "unpacks to more than")],
+)
+def test_a_mat_file_of_some_kB_that_holds_more_rows_than_memory_is_refused(tmp_path, rows, words):
+    path = tmp_path / "bomb.mat"
+    savemat(path, {"t_s": np.zeros(rows, np.int8)}, do_compression=True)
+    if rows * 8 >= MOST_BYTES:  # the same variable again and again: what is tested is their sum
+        packed = path.read_bytes()
+        path.write_bytes(packed + 8 * packed[128:])
+    assert path.stat().st_size < 1_000_000
+    with pytest.raises(ValueError, match=words):
         read_log(path)
 
 

@@ -399,12 +399,17 @@ def test_recover_of_a_run_that_had_ended_names_what_it_lost(tmp_path):
     recorder.finish("completed")
     path, older = tmp_path / "samples.mcap", tmp_path / "samples.damaged.mcap"
     content = path.read_bytes()
-    path.write_bytes(content[: len(opening()) + 40 * RECORD.itemsize] + bytes(2000))
+    damaged = content[: len(opening()) + 40 * RECORD.itemsize] + bytes(2000)
+    path.write_bytes(damaged)
     older.write_bytes(b"of an earlier time")
     meta = recover(tmp_path).meta
     assert (meta["outcome"], meta["rows"], meta["duration_s"]) == ("damaged", 40, 39 * 0.002)
     assert meta["reason"] == "40 of 100 rows left of a run that had ended"
     assert older.read_bytes() == b"of an earlier time"
+    assert [one.read_bytes() for one in tmp_path.glob("samples.damaged-*.mcap")] == [damaged]
+    path.write_bytes(damaged)
+    recover(tmp_path)  # kept already
+    assert len(list(tmp_path.glob("samples.damaged*"))) == 2
 
 
 def test_recover_of_a_run_without_rows(tmp_path):

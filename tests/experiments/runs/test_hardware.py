@@ -1,9 +1,12 @@
 """A table's first reading is held against its homing before anything is armed."""
 
+import errno
 import json
+from pathlib import Path
 
 import pytest
 
+from experiments.records import run_folder
 from experiments.runs import hardware
 from experiments.runs.hardware import Checked, home_table
 from experiments.runs.hardware_run import measured
@@ -61,6 +64,27 @@ def test_a_board_that_was_reset_is_refused_before_arming():
     with pytest.raises(NotHomed, match="was reset since"), Checked(board, RIG, homed):  # pyright: ignore[reportArgumentType]
         pass
     assert board.done == ["read", "closed"]
+
+
+@pytest.mark.parametrize("room", [True, False])
+def test_a_run_is_what_it_was_where_there_is_no_room_for_its_notes(tmp_path, monkeypatch, room):
+    """Half a file would make the run's end unreadable; no file is no notes."""
+    homed = Homed.of(Homing(Wiring(), (1.2, 1.2), (0.4, 0.4)), RIG, None)
+    table, path = Card((0.1, 0.0)), tmp_path / "table.json"
+    table.notes = lambda: {"ticks_missed": 3}  # pyright: ignore[reportAttributeAccessIssue]
+
+    def full(path: Path, content: bytes, **_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    if not room:
+        monkeypatch.setattr(run_folder, "replace", full)
+    with Checked(table, RIG, homed, notes_file=path):  # pyright: ignore[reportArgumentType]
+        pass
+    assert table.done == ["read", "armed", "left"]
+    assert path.exists() == room
+    if room:
+        assert json.loads(path.read_text()) == {"ticks_missed": 3}
+    assert [one.name for one in tmp_path.iterdir()] == ["table.json"] * room
 
 
 def test_an_earlier_homing_is_gone_before_anything_moves(tmp_path, monkeypatch):

@@ -1,5 +1,8 @@
 """A camera class from a user's file: what it must do, and its errors by file and class."""
 
+import os
+import subprocess
+import sys
 import time
 
 import numpy as np
@@ -137,6 +140,32 @@ def test_errors_name_file_and_class_in_one_line(tmp_path, text, words):
         list(source)
     assert str(caught.value).startswith(address)
     assert "\n" not in str(caught.value)
+
+
+def test_a_stamp_of_the_future_is_refused_and_one_that_was_rounded_up_is_now(tmp_path):
+    """Exposed after it arrived: the loop would leave every frame out, and lose the ball."""
+    text = GOOD.replace("time.monotonic()", "time.monotonic() + AHEAD")
+    (tmp_path / "good.py").write_text(text.replace("AHEAD", "0.001"))
+    with open_source(f"{tmp_path / 'good.py'}:MyCamera", start_s=0.0) as source:
+        assert next(source).t_s <= time.monotonic()
+    (tmp_path / "ahead.py").write_text(text.replace("AHEAD", "0.05"))
+    with pytest.raises(UserCameraError, match="use that clock"):
+        open_source(f"{tmp_path / 'ahead.py'}:MyCamera", start_s=0.0)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="forks of POSIX")
+def test_a_process_that_it_forked_does_not_go_on_reading_the_camera(tmp_path):
+    path, children = tmp_path / "mine.py", tmp_path / "children"
+    fork = f"if self.k == 3: open({str(children)!r}, 'a').write(f'{{os.fork()}}\\n')\n        "
+    path.write_text("import os\n" + GOOD.replace("self.k += 1", f"self.k += 1\n        {fork}"))
+    read = "import sys; from vision.sources.sources import open_source\n"
+    read += f"with open_source({f'{path}:MyCamera'!r}, start_s=0.0) as s: print(len(list(s)))"
+    done = subprocess.run(
+        [sys.executable, "-c", read], stdout=subprocess.PIPE, timeout=60, text=True
+    )
+    assert done.returncode == 0
+    assert 0 < int(done.stdout) <= 20  # the child printed nothing, and let go of the pipe
+    assert {int(one) > 0 for one in children.read_text().split()} == {True, False}
 
 
 def test_an_error_in_close_is_named_at_the_end(tmp_path):

@@ -196,7 +196,37 @@ def test_a_frozen_encoder_or_a_blocked_arm_takes_the_volts_within_100_ms(homed: 
     assert (one.armed, one.latched) == (False, True)
     assert one.watch(Reading(T + 0.2, (0.1, 0.0)), T + 0.2) is None  # said once
     one.arm(T + 0.3)
-    assert one.watch(Reading(T + 0.3, (0.1, 0.0)), T + 0.3) is None  # the watch begins anew
+    assert not one.armed  # it rests
+    one.arm(T + 1.3)
+    assert one.watch(Reading(T + 1.3, (0.1, 0.0)), T + 1.3) is None  # the watch begins anew
+    assert one.armed
+
+
+@pytest.mark.parametrize("every", [1, 10, 49])
+def test_a_user_who_arms_again_and_again_takes_nothing_from_the_monitor(every: int):
+    """A blocked arm got full volts for ever: every arming began the watch anew."""
+    one, given = watchdog(), []
+    for k in range(500):
+        now_s = T + 0.002 * k
+        if k % every == 0:
+            one.arm(now_s)
+        one.watch(Reading(now_s, (0.1, 0.0)), now_s)
+        told(one, 6.0, at_s=now_s)
+        given.append(one.volts((0.1, 0.0), now_s)[0])
+    assert given[10] == 6.0
+    assert np.count_nonzero(given) <= 50  # 100 ms of a second
+
+
+def test_a_table_that_showed_a_fault_rests_for_a_second():
+    one, now_s, fault = watchdog(), T, None
+    while fault is None:
+        now_s += 0.002
+        fault = one.watch(Reading(now_s, (0.1, 0.0)), now_s)
+        told(one, 6.0, at_s=now_s)
+        one.volts((0.1, 0.0), now_s)
+    one.arm(now_s + 0.999)
+    assert not one.armed
+    one.arm(now_s + 1.0)
     assert one.armed
 
 

@@ -324,6 +324,18 @@ def drive(one: Served, user: Stranger, volts: tuple[float, float], *, tick: int 
     one.ticks()
 
 
+def test_a_user_whose_encoders_are_others_is_sent_away_before_any_volt():
+    """By other counts a turn every angle, and so the angle limit, would be another one."""
+    with served() as one:
+        user = one.user()
+        odd = Wiring(counts_per_rev=Wiring().counts_per_rev * 8)
+        user.wire.send(wire.CONFIGURE, wire.Configure.of(odd, True).pack())
+        user.wire.send(wire.ARM)
+        one.ticks()
+        assert not one.server.watchdog.armed
+        assert user.is_hung_up_on
+
+
 def test_the_first_user_gets_the_seat_and_is_told_what_the_table_is():
     with served() as one:
         user = one.user()

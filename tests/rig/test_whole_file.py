@@ -1,0 +1,50 @@
+"""A file that grows or is kept is never lost to a disk without room."""
+
+import errno
+import signal
+import sys
+from collections.abc import Callable
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from calibration.bundle import Draft
+from experiments.export.export_model import export_model
+from rig.hardware.homing.home import Homing
+from rig.hardware.homing.homed import Homed
+from rig.hardware.wiring import Wiring
+from rig.parameters import Rig
+from rig.rigfile import write_rig
+from rig.validation import replace
+
+DRAFT = Draft(made=datetime(2026, 1, 1, tzinfo=UTC), source="measured")
+HOMED = Homed.of(Homing(Wiring(), (1.2, 1.2), (0.4, 0.4)), Rig(), None)
+WRITERS: dict[str, Callable[[Path], object]] = {
+    "bytes": lambda path: replace(path, bytes(100)),
+    "calibration": DRAFT.save,
+    "rig": lambda path: write_rig(Rig(), path),
+    "homing": HOMED.save,
+    "model": lambda path: export_model(Rig(), "table", "mjcf", path),
+}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="file size limits are POSIX")
+@pytest.mark.parametrize("kind", WRITERS)
+def test_without_room_the_older_file_stays(tmp_path: Path, kind: str):
+    import resource
+
+    path, write = tmp_path / "kept.xml", WRITERS[kind]
+    path.write_text("what took an hour to measure")
+    before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (50, hard))
+    try:
+        with pytest.raises(OSError) as caught:  # noqa: PT011
+            write(path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        signal.signal(signal.SIGXFSZ, before)
+    assert caught.value.errno == errno.EFBIG
+    assert path.read_text() == "what took an hour to measure"
+    assert [one.name for one in tmp_path.iterdir()] == ["kept.xml"]
