@@ -93,10 +93,10 @@ def test_plate_without_a_ball_stays_in_search():
 
 def test_still_thing_taken_for_the_ball_is_given_up_when_the_ball_moves_in():
     film = rolling("orange", decoys=True, seconds=3.0, rest_s=0.0, radius=18.0)
-    away = rolling("orange", decoys=True, seconds=0.5, leaves_s=-99.0, radius=18.0)
+    away = rolling("orange", decoys=True, seconds=1.6, leaves_s=-99.0, radius=18.0)
     tracker = Tracker(appearance=Appearance.of_colour("orange"))
-    for frame in away.frames:  # the decoy alone: it may be believed for now
-        tracker.step(Frame(frame.image, frame.t_s - 1.0, frame.index))
+    for frame in away.frames[33:]:  # the decoy alone: it may be believed for now
+        tracker.step(Frame(frame.image, frame.t_s - 1.6, frame.index))
     _, errors = follow(film, tracker)
     assert np.nanmax(errors[20:]) < 1.0
     assert np.isfinite(errors[20:]).mean() > 0.9
@@ -152,7 +152,7 @@ def test_a_ball_alone_is_known_before_a_second_look_at_the_image():
 
 def test_a_ball_that_was_lost_is_not_replaced_at_once_by_a_mover_of_another_size():
     """A screw on a tilting plate, a fingertip: found again is the ball, or for 1.8 s nothing."""
-    gone = rolling("orange", on="wood", leaves_s=-99.0, seconds=0.1)
+    gone = rolling("orange", on="wood", leaves_s=-99.0, seconds=1.2)
     ball = rolling("orange", on="wood", radius=26.0, rest_s=9.0, seconds=1.0)
     tracker = Tracker()
     assert [tracker.step(frame).state for frame in ball.frames][-1] == "track"
