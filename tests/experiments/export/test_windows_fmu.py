@@ -1,6 +1,7 @@
 """The FMU's Windows binary, cross-compiled: a 64-bit DLL with the functions of the Linux one."""
 
 import re
+import shutil
 import subprocess
 import zipfile
 from pathlib import Path
@@ -8,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from experiments.export.export_model import export_model
+from experiments.export.fmu.compiler import WINDOWS, compile_library
 from experiments.runs.assemble import load_rig
 from tests.support.parts import need
 
@@ -43,3 +45,13 @@ def test_the_dll_needs_nothing_that_windows_lacks(binaries: Path):
     read = _read("x86_64-w64-mingw32-objdump", "-p", library)
     wanted = {name.lower() for name in re.findall(r"DLL Name: (\S+)", read)}
     assert wanted <= {"kernel32.dll", "msvcrt.dll"}
+
+
+def test_the_same_table_gives_the_same_bytes(binaries: Path, tmp_path: Path):
+    source = binaries.parent / "sources/balancing_table.c"
+    again = tmp_path / "elsewhere/balancing_table.dll"
+    found = shutil.which(WINDOWS)
+    assert found is not None
+    compile_library(found, source, again)
+    own = binaries / "x86_64-windows/balancing_table.dll"
+    assert again.read_bytes() == own.read_bytes()
