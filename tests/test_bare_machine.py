@@ -22,6 +22,7 @@ NEEDY = (
     "tests/experiments/export/test_fmu.py",
     "tests/experiments/export/test_mjcf.py",
     "tests/experiments/export/test_translation.py",
+    "tests/experiments/export/test_windows_fmu.py",
     "tests/experiments/gap/test_recordings.py",
     "tests/experiments/importing/test_extra_formats.py",
     "tests/rig/firmware",

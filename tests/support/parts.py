@@ -53,6 +53,11 @@ PARTS = {
         programs=("cc",),
         debian=("gcc", "libc6-dev"),
     ),
+    "mingw": Part(
+        "exported tables built for Windows",
+        programs=("x86_64-w64-mingw32-gcc",),
+        by_hand="Debian's gcc-mingw-w64-x86-64-posix (too large to ask for in general)",
+    ),
     "make": Part("the firmware's Makefile", programs=("make",), debian=("make",)),
     "avr-gcc": Part("the firmware's binary", programs=("avr-gcc",), debian=("gcc-avr", "avr-libc")),
     "simavr": Part(

@@ -9,6 +9,8 @@ from pathlib import Path
 WINDOWS = "x86_64-w64-mingw32-gcc"
 # products and sums are not contracted: the equations keep the bits that they have in Python
 _OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-fvisibility=hidden", "-shared")
+# the same source gives the same bytes: no date, no base address made from the file's path
+_SAME_BYTES = "-Wl,--no-insert-timestamp,--disable-auto-image-base"
 _SYSTEMS = {
     "Linux": ("linux", ".so"),
     "Darwin": ("darwin", ".dylib"),
@@ -38,8 +40,10 @@ def compile_library(compiler: str, source: Path, library: Path) -> None:
     """Compile one C file to a shared library. RuntimeError: the compiler refused it."""
     position = () if library.suffix == ".dll" else ("-fPIC",)
     static = ("-static-libgcc",) if library.suffix == ".dll" else ()
+    dateless = (_SAME_BYTES,) if Path(compiler).name == WINDOWS else ()
     library.parent.mkdir(parents=True, exist_ok=True)
-    command = [compiler, *_OPTIONS, *position, *static, "-o", str(library), str(source), "-lm"]
+    options = [*_OPTIONS, *position, *static, *dateless]
+    command = [compiler, *options, "-o", str(library), str(source), "-lm"]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:
         first = (done.stderr.strip().splitlines() or ["no reason given"])[0]
