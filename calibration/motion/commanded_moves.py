@@ -8,7 +8,7 @@ One axis after the other is told
 * a staircase of steps about as small as a servo's dead band.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,13 +32,15 @@ class Followed:
     """What the servos were told and where they were seen.
 
     t_s (n,), told_rad (n, 2): angles told from each tick to the next; seen_s (m,), seen_rad (m, 2):
-    angles seen and when, NaN where an axis was not.
+    angles seen and when, NaN where an axis was not; in_phase: servos that take a command once a
+    period take it at multiples of that, as simulated ones do, else nobody knows when.
     """
 
     t_s: np.ndarray
     told_rad: np.ndarray
     seen_s: np.ndarray
     seen_rad: np.ndarray
+    in_phase: bool = True
 
     def while_told(self, axes: tuple[int, ...]) -> "Followed":
         """The part from the first to the last change of what `axes` are told, and a second more."""
@@ -48,7 +50,13 @@ class Followed:
         begin, end = self.t_s[changed[0]] - 0.1, self.t_s[changed[-1]] + 1.0
         rows = (self.t_s >= begin) & (self.t_s <= end)
         seen = (self.seen_s >= begin) & (self.seen_s <= end)
-        return Followed(self.t_s[rows], self.told_rad[rows], self.seen_s[seen], self.seen_rad[seen])
+        return replace(
+            self,
+            t_s=self.t_s[rows],
+            told_rad=self.told_rad[rows],
+            seen_s=self.seen_s[seen],
+            seen_rad=self.seen_rad[seen],
+        )
 
 
 def moves(period_s: float, reach_rad: float, cycles: int = CYCLES) -> np.ndarray:

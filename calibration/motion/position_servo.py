@@ -8,7 +8,9 @@ The angle seen is the servo's answer to its commands by the simulator's own equa
 fitted by nonlinear least squares. Standard deviations come from clusters of a second
 (`calibration.statistics`), as neighbouring residuals are correlated. A limit counts as seen where
 the answer without it is worse by more than chance brings. Three arms have three servos for two
-tilts: they are taken as alike, and fitted to both.
+tilts: they are taken as alike, and fitted to both. Of servos that take a command once a period
+longer than a tick (hobby servos on pulses) a real log does not tell when a period begins: that is
+fitted, too (`Followed.in_phase`).
 """
 
 from dataclasses import dataclass
@@ -70,10 +72,23 @@ NUMBERS = {
     "scale": _Number("angle_scale_fraction", (0.0,), -0.8, 4.0, 0.05),
     "zero_rad": _Number("angle_zero_offset_rad", (0.0,), -0.5, 0.5, 0.01),
 }
+PERIOD_BEGIN = "period_begin_s"  # in the log's time, less a whole number of periods
+BEGIN_STARTS = tuple(k / 8 for k in range(8))  # of a period; chosen
+VALLEYS = ("acceleration_limit_rad_s2", PERIOD_BEGIN)
 LIMITS = {
     "acceleration_limit_rad_s2": FREE_ACCELERATION_RAD_S2,
     "rate_limit_rad_s": FREE_RATE_RAD_S,
 }
+
+
+def _kinds(followed: Followed, rig: Rig, axes: tuple[int, ...]) -> dict[str, _Number]:
+    """NUMBERS, and when a period begins where that is not known and it is longer than a tick."""
+    period_s = max(rig.servo.pair("period_s")[a] for a in axes)
+    if followed.in_phase or period_s <= 1.5 * float(np.median(np.diff(followed.t_s))):
+        return NUMBERS
+    starts = tuple(share * period_s for share in BEGIN_STARTS)
+    begin = _Number("", starts, -period_s, 2.0 * period_s, 0.25 * period_s)
+    return {**NUMBERS, PERIOD_BEGIN: begin}
 
 
 class _Fit:
@@ -84,7 +99,7 @@ class _Fit:
         self, followed: Followed, rig: Rig, axes: tuple[int, ...], names: list[str]
     ) -> None:
         self._followed, self._axes, self.names = followed, axes, names
-        self._p = pack(rig)
+        self._p, self._kinds = pack(rig), _kinds(followed, rig, axes)
         for name, free in LIMITS.items():
             for a in axes:
                 self._p[NUMBERS[name].field][a] = free
@@ -99,18 +114,20 @@ class _Fit:
     def numbers(self, x: np.ndarray) -> dict[str, float]:
         """The fit's variables as what they stand for."""
         return {
-            name: exp(value) if NUMBERS[name].logarithm else float(value)
+            name: exp(value) if self._kinds[name].logarithm else float(value)
             for name, value in zip(self.names, x, strict=True)
         }
 
     def answer(self, x: np.ndarray) -> np.ndarray:
         """Angles (m, axes) [rad] at the times seen."""
-        for name, value in self.numbers(x).items():
+        numbers = self.numbers(x)
+        begin = numbers.pop(PERIOD_BEGIN, 0.0)
+        for name, value in numbers.items():
             for a in self._axes:
-                self._p[NUMBERS[name].field][a] = value
-        times, angles = answers(self._p, self._followed.t_s, self._followed.told_rad)
+                self._p[self._kinds[name].field][a] = value
+        times, angles = answers(self._p, self._followed.t_s - begin, self._followed.told_rad)
         return np.column_stack(
-            [np.interp(self._followed.seen_s, times, angles[:, a]) for a in self._axes]
+            [np.interp(self._followed.seen_s - begin, times, angles[:, a]) for a in self._axes]
         )
 
     def residual(self, x: np.ndarray) -> np.ndarray:
@@ -121,23 +138,31 @@ class _Fit:
         """Derivatives (k, n) of the residual, by forward differences of 2 % of a typical size."""
         r, columns = self.residual(x), []
         for k, name in enumerate(self.names):
-            step = 0.02 * NUMBERS[name].size
+            step = 0.02 * self._kinds[name].size
             more = x.copy()
             more[k] += step
             columns.append((self.residual(more) - r) / step)
         return np.column_stack(columns)
 
+    def starts(self) -> list[dict[str, float]]:
+        """Every combination of the numbers' starts."""
+        kinds = self._kinds
+        return [
+            dict(zip(kinds, values, strict=True))
+            for values in product(*(kind.starts for kind in kinds.values()))
+        ]
+
     def run(self, starts: list[dict[str, float]]) -> "_Fit":
-        """Fit from the best of the starts, and from the best of those with another acceleration
-        limit: a lag and an acceleration limit are two valleys of the sum of squares. Keep the
-        better."""
-        kinds = [NUMBERS[name] for name in self.names]
+        """Fit from the best start of each valley of the sum of squares, and keep the best: a lag
+        and an acceleration limit are two, and so is every beginning of a period."""
+        kinds = [self._kinds[name] for name in self.names]
         low = np.array([log(k.low) if k.logarithm else k.low for k in kinds])
         high = np.array([log(k.high) if k.logarithm else k.high for k in kinds])
-        firsts: dict[float, tuple[float, np.ndarray]] = {}
+        firsts: dict[tuple[float, ...], tuple[float, np.ndarray]] = {}
         for start in starts:
-            x = np.array([log(start[n]) if NUMBERS[n].logarithm else start[n] for n in self.names])
-            valley, cost = start.get("acceleration_limit_rad_s2", 0.0), self._squares(x)
+            numbers = zip(kinds, (start[name] for name in self.names), strict=True)
+            x = np.array([log(value) if kind.logarithm else value for kind, value in numbers])
+            valley, cost = tuple(start.get(name, 0.0) for name in VALLEYS), self._squares(x)
             if valley not in firsts or cost < firsts[valley][0]:
                 firsts[valley] = cost, x
         for _, x in firsts.values():
@@ -181,18 +206,14 @@ def position_servo_record(followed: Followed, rig: Rig) -> PositionServoRecord:
 
 
 def _fitted(followed: Followed, rig: Rig, axes: tuple[int, ...], who: str) -> PositionServoAxis:
-    names, followed = list(NUMBERS), followed.while_told(axes)
-    first = _Fit(followed, rig, axes, names)
+    followed = followed.while_told(axes)
+    first = _Fit(followed, rig, axes, list(_kinds(followed, rig, axes)))
     count = len(np.unique(first.clusters))
     if count < MIN_CLUSTERS:
         raise CalibrationError(
             f"{who}: its angle was seen in {count} seconds, {MIN_CLUSTERS} are needed"
         )
-    starts = [
-        dict(zip(NUMBERS, values, strict=True))
-        for values in product(*(number.starts for number in NUMBERS.values()))
-    ]
-    best, gone = first.run(starts), {}
+    best, gone = first.run(first.starts()), {}
     for limit in LIMITS:
         fewer = _Fit(followed, rig, axes, [n for n in best.names if n != limit])
         fewer.run([best.numbers(best.x)])
@@ -212,6 +233,8 @@ def _record(fit: _Fit, gone: dict[str, str], left: float, count: int) -> Positio
     quantile = student_quantile(count - len(fit.names))
     values: dict[str, Value] = {}
     for name, x, std in zip(fit.names, fit.x, fit.deviations(), strict=True):
+        if name == PERIOD_BEGIN:
+            continue
         half = quantile * float(std) + _MODEL[name]
         if NUMBERS[name].logarithm:
             values[name] = Value(value=exp(x), low=exp(x - half), high=exp(x + half))

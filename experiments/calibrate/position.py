@@ -71,11 +71,13 @@ def calibrate_position_servo(
         if len(logs) != 1:
             raise ValueError(f"--video: name the one run whose frames these are, not {len(logs)}")
         shown = tilt_in_film(video, folder).wiggle(logs[0]["t_s"], _told(logs[0]))
-        found = _by_plate(shown, believed, [*runs, Path(video)], folder)
+        followed = replace(followed_by_plate(shown, believed), in_phase=_in_phase(given))
+        found = _by_plate(followed, believed, [*runs, Path(video)], folder)
     elif by_angle:
-        found = _by_angle(rig, believed, logs, runs, folder, seed)
+        found = _by_angle(rig, believed, given, runs, folder, seed)
     elif not logs and has_plate(folder):
-        found = _by_plate(_virtual_moves(rig, folder, seed), believed, [], folder)
+        shown = _virtual_moves(rig, folder, seed)
+        found = _by_plate(followed_by_plate(shown, believed), believed, [], folder)
     else:
         if not logs:
             logs = [led_in_steps(rig, LED_S, np.random.default_rng([seed, 16]))]
@@ -95,16 +97,16 @@ def calibrate_position_servo(
 def _by_angle(
     rig: Rig,
     believed: Rig,
-    logs: Sequence[Log],
+    given: Sequence[Given],
     runs: Sequence[Path],
     folder: CalibrationFolder,
     seed: int,
 ) -> _Measured:
-    if len(logs) > 1:
-        raise ValueError(f"{len(logs)} runs: servos are measured by their angles from one run")
+    if len(given) > 1:
+        raise ValueError(f"{len(given)} runs: servos are measured by their angles from one run")
     data: Sequence[Path] = runs
-    if logs:
-        followed = _followed(logs[0])
+    if given:
+        followed = replace(_followed(given[0].log), in_phase=_in_phase(given))
     else:
         limit = rig.servo.angle_limit_rad
         with SimulatedTable(rig, np.random.default_rng([seed, 9]), held=True) as table:
@@ -113,6 +115,10 @@ def _by_angle(
         columns = np.column_stack((followed.t_s, followed.told_rad, followed.seen_rad))
         write_csv(data[0], ",".join(("t_s", *COMMANDS, *ANGLES)), columns)
     return _from_angles(followed, believed, data, folder)
+
+
+def _in_phase(given: Sequence[Given]) -> bool:
+    return all(one.source == "simulated" for one in given)
 
 
 def _followed(log: Log) -> Followed:
@@ -138,10 +144,8 @@ def _virtual_moves(rig: Rig, folder: CalibrationFolder, seed: int) -> Wiggle:
 
 
 def _by_plate(
-    filmed: Wiggle, believed: Rig, data: Sequence[Path], folder: CalibrationFolder
+    followed: Followed, believed: Rig, data: Sequence[Path], folder: CalibrationFolder
 ) -> _Measured:
-    """From the plate in frames; the angles of `filmed` are those that the servos were told."""
-    followed = followed_by_plate(filmed, believed)
     if not data:
         told = np.column_stack((followed.t_s, followed.told_rad))
         seen = np.column_stack((followed.seen_s, followed.seen_rad))

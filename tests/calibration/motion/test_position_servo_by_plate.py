@@ -94,6 +94,21 @@ def test_an_error_of_the_cameras_delay_is_one_of_the_dead_time():
     )
 
 
+@pytest.mark.parametrize("begin_s", [0.004, 1.013])
+def test_nobody_needs_to_know_when_the_servos_periods_begin(begin_s: float):
+    """HIDDEN servos take a command every 20 ms, ten ticks, counted from the log's zero."""
+    other = replace(filmed(), t_s=filmed().t_s + begin_s, stamp_s=filmed().stamp_s + begin_s)
+    followed = replace(followed_by_plate(other, believed()), in_phase=False)
+    found = position_servo_record(followed, believed())
+    for axis, name in ((found.x, "x"), (found.y, "y")):
+        lag, dead = (HIDDEN.pair(key)["xy".index(name)] for key in ("lag_s", "dead_time_s"))
+        assert axis.lag_s is not None
+        assert axis.rms_rad is not None
+        assert axis.lag_s.low <= lag <= axis.lag_s.high
+        assert axis.dead_time_s.low <= dead <= axis.dead_time_s.high
+        assert axis.rms_rad < 0.002
+
+
 def test_too_few_frames_are_refused():
     sparse = replace(filmed(), stamp_s=filmed().stamp_s[::4], sines=filmed().sines[::4])
     with pytest.raises(CalibrationError, match=r"seen 15\.0 times a second .* 20 are needed"):
@@ -108,6 +123,7 @@ def test_a_film_that_leaves_repeats_of_a_still_plate_out_tells_the_same():
     moving = replace(filmed(), stamp_s=filmed().stamp_s[~still], sines=filmed().sines[~still])
     assert still.mean() > 0.3
     found = position_servo_record(followed_by_plate(moving, believed()), believed())
+    assert found.x.lag_s is not None
     assert found.x.lag_s.low <= HIDDEN.pair("lag_s")[0] <= found.x.lag_s.high
 
 

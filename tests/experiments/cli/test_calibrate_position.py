@@ -1,5 +1,7 @@
 """`rig calibrate` on tables whose servos take an angle, as a user types it."""
 
+import re
+from math import degrees
 from pathlib import Path
 
 import cv2
@@ -60,24 +62,25 @@ def lens_and_plate(tmp_path_factory) -> Path:
     return out
 
 
-def are_the_hobby_tables(servos) -> None:
-    """Lags hold their truth; the dead band, 0.0079 rad, and half the play, 0.0087/2 rad: 0.70
-    degrees."""
+def are_the_hobby_tables(servos, lag_width_s: float) -> None:
+    """Lags, scales, and the dead band, 0.0079 rad, with half the play, 0.0087/2 rad, lie in their
+    intervals."""
+    both = degrees(0.0079 + 0.0087 / 2)
     assert servos.source == "plate"
     for axis, lag in ((servos.x, 0.066), (servos.y, 0.046)):
         assert axis.lag_s.low <= lag <= axis.lag_s.high
-        assert axis.lag_s.high - axis.lag_s.low < 0.012
+        assert axis.lag_s.high - axis.lag_s.low < lag_width_s
         assert axis.scale.low <= 0.0 <= axis.scale.high
-        assert float(axis.not_seen["dead_band_rad"].split("together ")[1].split()[0]) == (
-            pytest.approx(0.70, abs=0.05)
-        )
+        numbers = re.findall(r"\d\.\d+", axis.not_seen["dead_band_rad"])
+        assert float(numbers[1]) <= both <= float(numbers[2])
 
 
 @pytest.mark.slow
 def test_once_the_plate_is_seen_its_markers_tell_what_its_servos_do(lens_and_plate: Path, capsys):
     assert call("calibrate", "servo", "--rig", HOBBY, "--out", lens_and_plate) == 0
     assert "servo x, by its plate: lag 6" in capsys.readouterr().out
-    are_the_hobby_tables(load_draft(lens_and_plate / "calibration.json").position_servo)
+    servos = load_draft(lens_and_plate / "calibration.json").position_servo
+    are_the_hobby_tables(servos, lag_width_s=0.012)
     assert cv2.imread(str(lens_and_plate / "servo.png")) is not None
     believed = read_rig(lens_and_plate / "rig.toml")
     assert believed.servo.pair("dead_band_rad") == (0.0079, 0.0079)  # kept
@@ -109,7 +112,10 @@ def test_a_film_of_a_run_tells_them_too(lens_and_plate: Path, tmp_path: Path):
     (mine / "calibration.json").write_text(text.replace('"simulated"', '"measured"'), "utf-8")
     args = ("calibrate", "servo", log, "--video", film, "--rig", HOBBY, "--out", mine)
     assert call(*args) == 0
-    are_the_hobby_tables(load_draft(mine / "calibration.json").position_servo)
+    servos = load_draft(mine / "calibration.json").position_servo
+    are_the_hobby_tables(
+        servos, lag_width_s=0.02
+    )  # the codec and the film's reader keep one in ten
 
 
 def test_a_film_needs_its_run_and_a_plate_that_was_calibrated(tmp_path: Path, capsys):
