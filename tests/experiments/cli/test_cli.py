@@ -156,10 +156,10 @@ def test_sigterm_is_obeyed_while_a_run_compiles_for_the_first_time(tmp_path: Pat
     assert child.poll() is None
     time.sleep(2.0)
     child.send_signal(signal.SIGTERM)
-    _, error = child.communicate(timeout=20)
+    _, error = child.communicate(timeout=120)  # one function's machine code is not interrupted
     assert child.returncode == 128 + signal.SIGTERM
     assert error == "rig: ended by SIGTERM; what was recorded so far is kept\n"
-    assert not list(out.glob("runs/*"))
+    assert not list(out.glob("runs/*"))  # it did not wait for the others, or a run would have begun
 
 
 @pytest.mark.slow
