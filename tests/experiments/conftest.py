@@ -13,11 +13,8 @@ from tests.support.rig_lab import Lab
 @pytest.fixture(scope="module")
 def lab() -> Iterator[Lab]:
     """A table served by a process of its own, not homed yet."""
-    one = Lab()
-    try:
+    with Lab() as one:
         yield one
-    finally:
-        one.end()
 
 
 @pytest.fixture(scope="module")

@@ -35,8 +35,7 @@ def told(run, folder: Path) -> str:
 
 
 def main(runs: int) -> int:
-    lab = Lab(film=True)
-    try:
+    with Lab(film=True) as lab:
         code, out, error = lab.call("home", "--yes")
         print(out + error, end="", flush=True)
         for _ in range(runs if code == 0 else 0):
@@ -46,8 +45,6 @@ def main(runs: int) -> int:
         done = lab.runs() if (lab.out / "runs").exists() else []
         for run in done:
             print(told(run, lab.folder), flush=True)
-    finally:
-        lab.end()
     return int(not any(run.meta["outcome"] == "completed" for run in done))
 
 

@@ -201,16 +201,12 @@ def served(tries: int, rng: random.Random) -> None:
     from tests.support.patient_rig import patiently
     from tests.support.rig_lab import Lab
 
-    lab = Lab()
-    try:
+    with Lab() as lab:
         told("served, homing", homing(lab, tries, rng))
-        code, _, error = lab.call("home", "--yes")
-        assert code == 0, error
+        lab.home()
         with patiently(), dashboard(lab.out, lab.rig, lab.volts) as desk:
             state(desk.app, "stopped")
             measure("served", desk, (starting, recording), tries, rng)
-    finally:
-        lab.end()
 
 
 if __name__ == "__main__":

@@ -19,6 +19,13 @@ pytestmark = pytest.mark.realtime
 
 
 @pytest.fixture
+def lab() -> Iterator[Lab]:
+    """For each try a table of its own, not homed yet."""
+    with Lab() as one:
+        yield one
+
+
+@pytest.fixture
 def app(lab: Lab) -> Iterator[App]:
     server, _ = open_server("127.0.0.1", 0, "a-token-of-some-length-for-tests")
     one = App(server, load_rig(lab.rig), lab.out, rig_file=lab.rig)
@@ -42,7 +49,7 @@ def test_a_real_table_is_homed_and_armed_for_every_run_and_stopped_by_everybody(
     with pytest.raises(ValueError, match="has not been homed"):
         session.start(RunPlan(read_protocol("servo-squares"), ("with",), 1, 1))
     assert not (lab.folder / "volts").read_text()
-    assert lab.call("home", "--yes")[0] == 0
+    lab.home()
     tab._armed.now, tab._protocol.now = True, "servo-squares"
     tab.start(None)
     wait_for("motion", lambda: session.status.t_s > 1.0, 120.0)
@@ -60,10 +67,9 @@ def test_a_real_table_is_homed_and_armed_for_every_run_and_stopped_by_everybody(
 
 @pytest.mark.slow
 def test_a_person_is_told_on_the_page_and_the_table_sees_what_they_did(lab, app):
-    assert lab.call("home", "--yes")[0] == 0  # the only test of this file that "-m slow" runs
+    lab.home()
     asked = set()
     plan = RunPlan(read_protocol(lab.protocol(3.0)), ("without", "with"), 1, 1, pause=True)
-    before = set(lab.out.glob("runs/*"))  # none where this test runs alone
     app.session.start(plan)
 
     def paused() -> bool:
@@ -73,7 +79,7 @@ def test_a_person_is_told_on_the_page_and_the_table_sees_what_they_did(lab, app)
     wait_for("the pause", paused, 120.0)
     assert {"place", "let i"} <= asked
     app.session.stop("page 7")  # the second run is never begun
-    (folder,) = set(lab.out.glob("runs/*")) - before
+    (folder,) = lab.out.glob("runs/*")
     run = read_run(folder)
     assert (run.meta["outcome"], run.meta["arm"]) == ("completed", "without")
     assert "link" in run.meta
