@@ -189,23 +189,34 @@ class _Fit:
         return np.sqrt(np.maximum(np.diag(covariance), 0.0))
 
 
-def position_servo_record(followed: Followed, rig: Rig) -> PositionServoRecord:
+@dataclass(frozen=True)
+class PositionServoFit:
+    """The record of both servos, and when a period of each begins in the log's time [s]: a moment
+    of the log, 0 where that is known.
+    """
+
+    record: PositionServoRecord
+    begins_s: tuple[float, float]
+
+
+def fit_position_servos(followed: Followed, rig: Rig) -> PositionServoFit:
     """Fit the servos of both axes to what followed their commands, with 95 % intervals.
 
     rig: period and quantum of the servos, the linkage, and where the numbers may lie.
     `CalibrationError`: an axis has too little to go by, or does not follow as a servo does.
     """
     if rig.linkage.kind == THREE_ARMS:
-        both = _fitted(followed, rig, (0, 1), "the arms' servos")
-        return PositionServoRecord(x=both, y=both, source="angle")
-    return PositionServoRecord(
-        x=_fitted(followed, rig, (0,), "servo x"),
-        y=_fitted(followed, rig, (1,), "servo y"),
-        source="angle",
-    )
+        x, begin_x_s = y, begin_y_s = _fitted(followed, rig, (0, 1), "the arms' servos")
+    else:
+        x, begin_x_s = _fitted(followed, rig, (0,), "servo x")
+        y, begin_y_s = _fitted(followed, rig, (1,), "servo y")
+    record = PositionServoRecord(x=x, y=y, source="angle")
+    return PositionServoFit(record, (begin_x_s, begin_y_s))
 
 
-def _fitted(followed: Followed, rig: Rig, axes: tuple[int, ...], who: str) -> PositionServoAxis:
+def _fitted(
+    followed: Followed, rig: Rig, axes: tuple[int, ...], who: str
+) -> tuple[PositionServoAxis, float]:
     followed = followed.while_told(axes)
     first = _Fit(followed, rig, axes, list(_kinds(followed, rig, axes)))
     count = len(np.unique(first.clusters))
@@ -226,7 +237,8 @@ def _fitted(followed: Followed, rig: Rig, axes: tuple[int, ...], who: str) -> Po
             f"{who}: {left:.4f} rad of its angle is left of {moved:.4f}: it does not follow its "
             "commands as a servo does; are the axes swapped, is something in its way?"
         )
-    return _record(best, gone, left, count)
+    begin_s = best.numbers(best.x).get(PERIOD_BEGIN, 0.0)
+    return _record(best, gone, left, count), begin_s
 
 
 def _record(fit: _Fit, gone: dict[str, str], left: float, count: int) -> PositionServoAxis:
@@ -244,12 +256,15 @@ def _record(fit: _Fit, gone: dict[str, str], left: float, count: int) -> Positio
     return PositionServoAxis(**values, not_seen=gone, rms_rad=left)
 
 
-def expected_angles(followed: Followed, record: PositionServoRecord, rig: Rig) -> np.ndarray:
-    """Angles (m, 2) [rad] that the record's servos give at the times seen."""
+def expected_angles(followed: Followed, fit: PositionServoFit, rig: Rig) -> np.ndarray:
+    """Angles (m, 2) [rad] that the fitted servos give at the times seen."""
     p = pack(rig)
-    for a, axis in enumerate((record.x, record.y)):
+    for a, axis in enumerate((fit.record.x, fit.record.y)):
         for name, number in NUMBERS.items():
             value = getattr(axis, name)
             p[number.field][a] = value.value if value is not None else LIMITS.get(name, 0.0)
-    times, angles = answers(p, followed.t_s, followed.told_rad)
-    return np.column_stack([np.interp(followed.seen_s, times, angles[:, a]) for a in range(2)])
+    columns = []
+    for a, begin_s in enumerate(fit.begins_s):
+        times, angles = answers(p, followed.t_s - begin_s, followed.told_rad)
+        columns.append(np.interp(followed.seen_s - begin_s, times, angles[:, a]))
+    return np.column_stack(columns)

@@ -13,7 +13,7 @@ import typer
 
 from calibration.camera.sheet import CalibrationError
 from calibration.motion.commanded_moves import Followed, check_directions, moves_in_turn, tell
-from calibration.motion.position_servo import expected_angles, position_servo_record
+from calibration.motion.position_servo import expected_angles, fit_position_servos
 from calibration.motion.position_servo_by_ball import record_by_ball
 from calibration.motion.position_servo_by_plate import followed_by_plate, seen_by_plate
 from calibration.motion.rolling import rolling
@@ -160,14 +160,14 @@ def _from_angles(
     followed: Followed, believed: Rig, data: Sequence[Path], folder: CalibrationFolder
 ) -> _Measured:
     check_directions(followed)
-    record = position_servo_record(followed, believed)
+    fit = fit_position_servos(followed, believed)
     shown = angle_figure(
         followed,
-        expected_angles(followed, record, believed),
+        expected_angles(followed, fit, believed),
         folder.path / "servo.png",
         folder.draft.source,
     )
-    return _Measured(record, data, shown)
+    return _Measured(fit.record, data, shown)
 
 
 def _by_ball(

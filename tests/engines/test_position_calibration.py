@@ -5,7 +5,7 @@ from functools import cache
 import pytest
 
 from calibration.motion.commanded_moves import check_directions, moves_in_turn, tell
-from calibration.motion.position_servo import position_servo_record
+from calibration.motion.position_servo import fit_position_servos
 from rig.parameters import Rig, Servo
 from tests.support.mujoco_engine.motor_servos import Motor, MotorServos
 
@@ -24,7 +24,7 @@ def measured(cycles: int):
     followed = tell(table, rows, LIMIT_RAD)
     check_directions(followed)
     believed = Rig(servo=Servo(kind="position", period_s=0.02, angle_measured=True, stop_rad=1.5))
-    return position_servo_record(followed, believed)
+    return fit_position_servos(followed, believed).record
 
 
 @pytest.mark.parametrize("cycles", [1, pytest.param(3, marks=pytest.mark.slow)])

@@ -10,7 +10,7 @@ import pytest
 from calibration.camera.sheet import CalibrationError
 from calibration.motion.commanded_moves import Followed, check_directions, moves_in_turn, tell
 from calibration.motion.manoeuvres import perform, rest
-from calibration.motion.position_servo import expected_angles, position_servo_record
+from calibration.motion.position_servo import expected_angles, fit_position_servos
 from calibration.motion.position_servo_by_ball import record_by_ball
 from calibration.motion.rolling import fit_rolling, rolling
 from experiments.calibrate.given import led_in_steps
@@ -38,13 +38,13 @@ def followed(rate_hz: float = 250.0, cycles: int = 1) -> Followed:
 
 
 @cache
-def record():
-    return position_servo_record(followed(), Rig(servo=BELIEVED))
+def fit():
+    return fit_position_servos(followed(), Rig(servo=BELIEVED))
 
 
 @pytest.mark.parametrize("axis", ["x", "y"])
 def test_lag_dead_time_rate_and_dead_band_come_back_from_the_angle(axis):
-    found = getattr(record(), axis)
+    found = getattr(fit().record, axis)
     for key, near in (
         ("lag_s", 0.001), ("dead_time_s", 0.0015), ("rate_limit_rad_s", 0.1),
         ("dead_band_rad", 0.0005),
@@ -59,7 +59,7 @@ def test_lag_dead_time_rate_and_dead_band_come_back_from_the_angle(axis):
 
 
 def test_the_fits_angles_are_those_seen():
-    left = expected_angles(followed(), record(), Rig(servo=BELIEVED)) - followed().seen_rad
+    left = expected_angles(followed(), fit(), Rig(servo=BELIEVED)) - followed().seen_rad
     assert np.sqrt(np.mean(left**2)) < 0.0006
 
 
@@ -86,10 +86,10 @@ def test_wrong_plugs_are_said(mix, message):
 def test_a_servo_that_does_something_else_is_refused():
     wild = np.cumsum(np.random.default_rng(1).normal(0, 0.01, (len(followed().t_s), 2)), axis=0)
     with pytest.raises(CalibrationError, match="does not follow its commands as a servo does"):
-        position_servo_record(replace(followed(), seen_rad=wild), Rig(servo=BELIEVED))
+        fit_position_servos(replace(followed(), seen_rad=wild), Rig(servo=BELIEVED))
     few = replace(followed(), seen_rad=np.where(followed().t_s[:, None] < 3, 0.0, np.nan))
     with pytest.raises(CalibrationError, match="seconds, 12 are needed"):
-        position_servo_record(few, Rig(servo=BELIEVED))
+        fit_position_servos(few, Rig(servo=BELIEVED))
 
 
 def test_volts_are_not_sent_to_servos_that_take_angles():

@@ -9,7 +9,7 @@ import pytest
 
 from calibration.camera.sheet import CalibrationError
 from calibration.motion.commanded_moves import moves_in_turn, tell
-from calibration.motion.position_servo import position_servo_record
+from calibration.motion.position_servo import expected_angles, fit_position_servos
 from calibration.motion.position_servo_by_plate import (
     followed_by_plate,
     seen_by_plate,
@@ -62,7 +62,8 @@ def believed() -> Rig:
 
 @cache
 def record():
-    return seen_by_plate(position_servo_record(followed_by_plate(filmed(), believed()), believed()))
+    fit = fit_position_servos(followed_by_plate(filmed(), believed()), believed())
+    return seen_by_plate(fit.record)
 
 
 @pytest.mark.parametrize("axis", ["x", "y"])
@@ -88,7 +89,7 @@ def test_dead_band_and_play_are_told_as_one_and_kept_as_neither():
 
 def test_an_error_of_the_cameras_delay_is_one_of_the_dead_time():
     later = replace(believed(), camera=CameraTiming(rate_hz=RATE_HZ, delay_s=LATE_S - 0.005))
-    found = position_servo_record(followed_by_plate(filmed(), later), later)
+    found = fit_position_servos(followed_by_plate(filmed(), later), later).record
     assert found.x.dead_time_s.value - record().x.dead_time_s.value == pytest.approx(
         0.005, abs=1e-3
     )
@@ -99,8 +100,10 @@ def test_nobody_needs_to_know_when_the_servos_periods_begin(begin_s: float):
     """HIDDEN servos take a command every 20 ms, ten ticks, counted from the log's zero."""
     other = replace(filmed(), t_s=filmed().t_s + begin_s, stamp_s=filmed().stamp_s + begin_s)
     followed = replace(followed_by_plate(other, believed()), in_phase=False)
-    found = position_servo_record(followed, believed())
-    for axis, name in ((found.x, "x"), (found.y, "y")):
+    fit = fit_position_servos(followed, believed())
+    left = expected_angles(followed, fit, believed()) - followed.seen_rad
+    assert np.sqrt(np.nanmean(left**2, axis=0)).max() < 0.002
+    for axis, name in ((fit.record.x, "x"), (fit.record.y, "y")):
         lag, dead = (HIDDEN.pair(key)["xy".index(name)] for key in ("lag_s", "dead_time_s"))
         assert axis.lag_s is not None
         assert axis.rms_rad is not None
@@ -122,7 +125,7 @@ def test_a_film_that_leaves_repeats_of_a_still_plate_out_tells_the_same():
     still = np.linalg.norm(np.diff(filmed().sines, axis=0, prepend=0.0), axis=1) < 3 * NOISE
     moving = replace(filmed(), stamp_s=filmed().stamp_s[~still], sines=filmed().sines[~still])
     assert still.mean() > 0.3
-    found = position_servo_record(followed_by_plate(moving, believed()), believed())
+    found = fit_position_servos(followed_by_plate(moving, believed()), believed()).record
     assert found.x.lag_s is not None
     assert found.x.lag_s.low <= HIDDEN.pair("lag_s")[0] <= found.x.lag_s.high
 
