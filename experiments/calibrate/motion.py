@@ -48,8 +48,7 @@ def calibrate_servo(
     """
     rig = load_rig(rig_file)
     if rig.servo.takes_angle:
-        given = [read_given(path) for path in runs]
-        return calibrate_position_servo(given, runs, rig_file, out, seed=seed, video=video)
+        return calibrate_position_servo(runs, rig_file, out, seed=seed, video=video)
     if runs or video is not None:
         raise ValueError(
             "servos that take volts are measured by ramps and pulses, not from runs: leave the "

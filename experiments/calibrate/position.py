@@ -21,7 +21,7 @@ from calibration.motion.timing import Wiggle
 from calibration.records import PositionServoAxis, PositionServoRecord, Value
 from experiments.calibrate.filmed import has_plate, tilt_in_film, virtual_film
 from experiments.calibrate.folder import CalibrationFolder, with_position_servo
-from experiments.calibrate.given import Given, led_in_steps, source_of, write_csv
+from experiments.calibrate.given import Given, led_in_steps, read_given, source_of, write_csv
 from experiments.calibrate.pictures import angle_figure, level_figure_of_servo
 from experiments.runs.assemble import load_rig
 from rig.log import COMMANDS, Log
@@ -43,23 +43,17 @@ class _Measured:
 
 
 def calibrate_position_servo(
-    given: Sequence[Given],
-    runs: Sequence[Path],
-    rig_file: Path | None,
-    out: Path,
-    *,
-    seed: int,
-    video: str | None = None,
+    runs: Sequence[Path], rig_file: Path | None, out: Path, *, seed: int, video: str | None = None
 ) -> None:
-    """Measure both servos from `given`, the contents of `runs`, else on the virtual table; keep
-    them in `out`.
+    """Measure both servos from `runs`, run folders or logs, else on the virtual table; keep them in
+    `out`.
 
     The frames `video` of a run are used where they are given, else angles that were read back,
     else the ball; on the virtual table, before the ball, frames of it where `out` holds lens and
     plate. seed: of the virtual table. CalibrationError: the motion is refused. ValueError, OSError:
     rig file, run, video or folder cannot be used.
     """
-    rig = load_rig(rig_file)
+    rig, given = load_rig(rig_file), [read_given(path) for path in runs]
     folder = CalibrationFolder(out, source_of(given))
     believed = folder.believed(rig_file)
     logs = [one.log for one in given]
