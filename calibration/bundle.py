@@ -31,8 +31,8 @@ from calibration.records import (
     Strict,
     TimingRecord,
 )
-from rig import validation
-from rig.validation import first_error_line, json_of
+from rig import files
+from rig.files import first_error_line, json_of
 from vision.plate.markers import MarkerLayout
 from vision.synthetic.synthetic import Renderer
 from vision.view import Camera, View
@@ -68,7 +68,7 @@ class _Common(Strict):
         older one stays.
         """
         text = json.dumps(self.model_dump(mode="json", exclude_none=True), indent=1)
-        validation.replace(Path(path), text.encode() + b"\n")
+        files.replace(Path(path), text.encode() + b"\n")
 
 
 def _camera(lens: LensRecord) -> Camera:

@@ -8,7 +8,7 @@ from typing import Literal
 
 from pydantic import ConfigDict, Field
 
-from rig.validation import StrictModel
+from rig.files import StrictModel
 
 Map = list[list[float]]
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from rig import effects
+from rig.files import json_of, printable
 from rig.parameters import Rig
-from rig.validation import json_of, printable
 
 Intervals = dict[str, tuple[float, float]]
 _SERVO = {

@@ -15,9 +15,9 @@ from pydantic import TypeAdapter, ValidationError
 
 from rig import effects
 from rig.effects import Effect
+from rig.files import first_error_line, read_toml, replace, toml_of
 from rig.own_effects import OwnEffect, catalogue_of, read_effect
 from rig.parameters import CHANNELS, Rig
-from rig.validation import first_error_line, read_toml, replace, toml_of
 from vision.sources.addresses import without_password
 
 SECTIONS = (

@@ -19,8 +19,8 @@ from experiments.blind.analysis_jobs import (
 from experiments.blind.seal import SEAL, sealed_hash
 from experiments.progress import ProgressCall, silent
 from experiments.records.run_folder import write_json
+from rig.files import first_error_line, json_of
 from rig.rigfile import effect_files
-from rig.validation import first_error_line, json_of
 
 WORK = "work"  # answers with their seconds, by which an interrupted run goes on
 NO_ANSWER: dict[str, Any] = {"verdict": FAILED, "sentence": "no answer", "effects": []}

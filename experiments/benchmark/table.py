@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.blind.results_table import share_text
-from rig.validation import printable
+from rig.files import printable
 
 COUNTS = ("named", "nothing", "unknown", "undecided", "no answer")
 HEAD = ("logs", "n", "right", *COUNTS, "wrong and sure")

@@ -14,7 +14,7 @@ from typing import Any
 
 from experiments.progress import ProgressCall, silent
 from experiments.workers import results_of
-from rig.validation import file_bytes, json_of, replace
+from rig.files import file_bytes, json_of, replace
 
 Analysis = Callable[[Path], dict[str, Any]]
 Packed = dict[str, bytes]

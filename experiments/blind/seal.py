@@ -9,7 +9,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from experiments.blind.trial import BlindTrial, to_plain
 from experiments.records.run_folder import replace_json
-from rig.validation import file_bytes, first_error_line, json_of, replace
+from rig.files import file_bytes, first_error_line, json_of, replace
 
 TRUTH, SEAL = "sealed/truth.json", "seal.json"
 LONGEST_TRUTH = 1 << 27  # bytes; 9999 trials of 6 kB take half of it

@@ -29,8 +29,8 @@ from experiments.calibrate.views import ViewPicker, pick
 from experiments.calibrate.watch import Growing
 from experiments.records.run_folder import writable
 from experiments.runs.assemble import load_rig, virtual_renderer
+from rig.files import first_error_line, json_of
 from rig.parameters import Rig
-from rig.validation import first_error_line, json_of
 from vision.frames import Frame
 from vision.plate.markers import MarkerLayout, default_layout
 from vision.sources.sources import open_source

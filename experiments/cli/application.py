@@ -304,7 +304,7 @@ def _words(error: Exception) -> str:
 
 
 def _say(message: str) -> None:
-    from rig.validation import printable
+    from rig.files import printable
 
     line = printable(message)
     if len(line) > LONGEST_LINE:

@@ -81,7 +81,7 @@ def score(
     from experiments.benchmark.score import score_set
     from experiments.benchmark.table import entry_names, page_of, show
     from experiments.records.run_folder import writable, write_results
-    from rig.validation import printable
+    from rig.files import printable
 
     named = zip(entry_names(answers), answers, strict=True)
     results = {name: score_set(folder, one, first=first) for name, one in named}

@@ -13,9 +13,9 @@ from experiments.runs.assemble import another_unit, play_rad
 from experiments.runs.protocol import read_protocol
 from experiments.runs.runner import RunRequest
 from rig.control.controllers import COMPENSATORS
+from rig.files import StrictModel, first_error_line, toml_of
 from rig.parameters import Gains, Rig
 from rig.rigfile import from_dict, to_dict
-from rig.validation import StrictModel, first_error_line, toml_of
 
 NO_FAULT = ""
 

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from experiments.export.intervals import read_intervals
+from rig.files import printable, replace
 from rig.parameters import Rig
-from rig.validation import printable, replace
 
 MJCF, FMU = "mjcf", "fmu"
 KINDS = {MJCF: ".xml", FMU: ".fmu"}

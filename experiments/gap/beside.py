@@ -11,8 +11,8 @@ from calibration.bundle import load_draft
 from calibration.gap.findings import Findings, Interval
 from calibration.gap.report.units import interval_words, key_words, parameter_unit, sig
 from rig.effects import BY_NAME, Effect
+from rig.files import json_of
 from rig.rigfile import own_names
-from rig.validation import json_of
 
 Place = tuple[str, str, str]  # effect, axis, key of the parameter
 HEAD = ("effect", "axis", "found", "Calibrate found", "truth", "")

@@ -13,8 +13,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from experiments.importing.units import canonical, factor, family, quantity
+from rig.files import StrictModel, first_error_line, replace, toml_of
 from rig.log import CONTRACT
-from rig.validation import StrictModel, first_error_line, replace, toml_of
 
 SIGNALS = tuple(name for name in CONTRACT if name != "t_s")
 PER_AXIS = ("ball", "theta", "command", "voltage", "motor_speed", "target")

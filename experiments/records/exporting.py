@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from rig.files import part_of
 from rig.log import COLUMNS, INDEX, NAMES, Log
-from rig.validation import part_of
 
 ALWAYS = NAMES[: INDEX["ball_y_m"] + 1]
 

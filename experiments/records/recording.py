@@ -41,9 +41,9 @@ from experiments.records.samples_file import (
     plain_ending,
     read_samples,
 )
+from rig.files import file_bytes, replace
 from rig.log import COLUMNS, Log
 from rig.loop.loop import ending_of
-from rig.validation import file_bytes, replace
 
 __all__ = ["Recorder", "Run", "new_run_folder", "read_run", "recover", "write_run", "write_truth"]
 

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from rig.validation import json_of, part_of, replace
+from rig.files import json_of, part_of, replace
 
 SCHEMA = 1
 SOURCES = ("simulated", "measured")

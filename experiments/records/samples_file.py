@@ -25,8 +25,8 @@ from typing import Any
 import numpy as np
 
 from experiments.records.unpacking import LEAST_BYTES, MOST_RATIO, unpacked
+from rig.files import read_json
 from rig.log import COLUMNS, INDEX, NAMES
-from rig.validation import read_json
 
 MAGIC = b"\x89MCAP0\r\n"
 LIBRARY = "balancing-table-rig"

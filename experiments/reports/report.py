@@ -13,7 +13,7 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader
 
-from rig.validation import replace
+from rig.files import replace
 
 
 @dataclass(frozen=True)

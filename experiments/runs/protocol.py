@@ -9,9 +9,9 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from rig.course import Course
+from rig.files import StrictModel, first_error_line, toml_of
 from rig.parameters import Rig
 from rig.reference import SHAPES
-from rig.validation import StrictModel, first_error_line, toml_of
 
 OWN = "own"  # the arm of a lab's own controller
 STEPS = ("place", "hold", "release", "push")

@@ -11,7 +11,7 @@ from experiments.records.run_folder import read_meta
 from experiments.sheets.catalogue import LabSheet, Question
 from experiments.sheets.handout import BLANK
 from experiments.sheets.swing import swing
-from rig.validation import StrictModel, first_error_line, toml_of
+from rig.files import StrictModel, first_error_line, toml_of
 
 RIGHT, WRONG, OPEN = "right", "wrong", "not answered"
 BLANKS = ("", BLANK)

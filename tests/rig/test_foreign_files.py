@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from rig.validation import file_bytes, file_text, json_of, toml_of
+from rig.files import file_bytes, file_text, json_of, toml_of
 
 PIPES = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no pipes with a name")
 

@@ -11,12 +11,12 @@ import pytest
 
 from calibration.bundle import Draft
 from experiments.export.export_model import export_model
+from rig.files import replace
 from rig.hardware.homing.home import Homing
 from rig.hardware.homing.homed import Homed
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig
 from rig.rigfile import write_rig
-from rig.validation import replace
 
 DRAFT = Draft(made=datetime(2026, 1, 1, tzinfo=UTC), source="measured")
 HOMED = Homed.of(Homing(Wiring(), (1.2, 1.2), (0.4, 0.4)), Rig(), None)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.dashboard.server.messages import tell_page
 from experiments.dashboard.server.untrusted_text import as_unicode
-from rig.validation import file_bytes
+from rig.files import file_bytes
 
 if TYPE_CHECKING:
     from viser import ClientHandle

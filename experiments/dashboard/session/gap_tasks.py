@@ -11,7 +11,7 @@ import numpy as np
 
 from experiments.dashboard.session.tasks import CaptionedPicture
 from experiments.dashboard.session.worker_process import ProgressSender
-from rig.validation import json_of
+from rig.files import json_of
 
 if TYPE_CHECKING:
     from experiments.gap.closed_loop_replay import ModelComparison

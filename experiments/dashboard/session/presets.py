@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from experiments.records.run_folder import replace_json
-from rig.validation import json_of
+from rig.files import json_of
 
 LONGEST_NAME = 40  # characters; chosen: what a list shows
 MOST_KEPT = 100  # chosen

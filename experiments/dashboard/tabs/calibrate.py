@@ -30,7 +30,7 @@ from experiments.dashboard.session.session import Session
 from experiments.dashboard.session.tasks import RunSummary
 from experiments.dashboard.session.worker_process import WorkerProcess, WorkItem
 from experiments.dashboard.tabs.gallery import Gallery
-from rig.validation import json_of
+from rig.files import json_of
 
 if TYPE_CHECKING:
     from viser import ViserServer

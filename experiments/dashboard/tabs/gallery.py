@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.dashboard.session.tasks import CaptionedPicture
-from rig.validation import file_bytes
+from rig.files import file_bytes
 
 if TYPE_CHECKING:
     from viser import ViserServer

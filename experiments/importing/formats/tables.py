@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from experiments.importing.recording import BadFileError, Stream, check_size
-from rig.validation import json_of
+from rig.files import json_of
 
 MAX_WIDTH = 64  # chosen: a longer list in a cell is a picture, no set of signals
 

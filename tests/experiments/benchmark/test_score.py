@@ -17,7 +17,7 @@ from experiments.benchmark.table import lines_of, numbers_of, side_by_side
 from experiments.blind.seal import seal
 from experiments.blind.trial import BlindTrial, to_plain
 from experiments.cli.application import app
-from rig.validation import LONGEST
+from rig.files import LONGEST
 
 PLANT = {"servo": {"kind": "voltage"}}
 PLAY = {"joint_backlash": {"x": {"play_rad": 0.04}}}

@@ -19,8 +19,8 @@ from experiments.records.recording import Recorder, read_run, recover
 from experiments.records.run_folder import read_meta, writable
 from experiments.records.samples_file import CHANNEL_ID, EVENTS, RECORD, _bytes, opening
 from experiments.runs.runs import reject
+from rig.files import LONGEST
 from rig.log import COLUMNS
-from rig.validation import LONGEST
 
 START = {"source": "simulated", "protocol": "hold", "arm": "with", "seed": 7}
 

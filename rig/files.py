@@ -1,5 +1,5 @@
-"""What files are checked with: how a file of anybody is read, a strict pydantic model, and one line
-about what is wrong in one; and how a file is written, whole or not at all.
+"""Files of anybody: read within bounds, checked by a strict pydantic model, with one line about
+what is wrong in one; and written whole or not at all.
 """
 
 import json

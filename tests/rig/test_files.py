@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import Field, ValidationError
 
-from rig.validation import StrictModel, first_error_line, printable, read_json, read_toml
+from rig.files import StrictModel, first_error_line, printable, read_json, read_toml
 
 
 class Inner(StrictModel):
