@@ -31,8 +31,7 @@ from calibration.records import (
     Strict,
     TimingRecord,
 )
-from rig import files
-from rig.files import first_error_line, json_of
+from rig.files import first_error_line, json_of, write_whole
 from vision.plate.markers import MarkerLayout
 from vision.synthetic.synthetic import Renderer
 from vision.view import Camera, View
@@ -68,7 +67,7 @@ class _Common(Strict):
         older one stays.
         """
         text = json.dumps(self.model_dump(mode="json", exclude_none=True), indent=1)
-        files.replace(Path(path), text.encode() + b"\n")
+        write_whole(Path(path), text.encode() + b"\n")
 
 
 def _camera(lens: LensRecord) -> Camera:

@@ -174,7 +174,7 @@ def json_of(path: Path, longest: int = LONGEST) -> Any:
     return read_json(file_text(path, longest))
 
 
-def replace(path: Path, content: bytes, *, sync: bool = False) -> None:
+def write_whole(path: Path, content: bytes, *, sync: bool = False) -> None:
     """Write a new file beside `path` and put it in its place.
 
     sync: wait until the disk has it. OSError: the old file stays.

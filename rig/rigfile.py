@@ -15,7 +15,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from rig import effects
 from rig.effects import Effect
-from rig.files import first_error_line, read_toml, replace, toml_of
+from rig.files import first_error_line, read_toml, toml_of, write_whole
 from rig.own_effects import OwnEffect, catalogue_of, read_effect
 from rig.parameters import CHANNELS, Rig
 from vision.sources.addresses import without_password
@@ -224,4 +224,4 @@ def write_rig(rig: Rig, path: Path) -> None:
     data = to_dict(rig)
     if data.pop(OWN_EFFECTS, []):
         data["effects"] = {"own": [one.file for one in rig.own]} | data["effects"]
-    replace(path, tomli_w.dumps(data).encode())
+    write_whole(path, tomli_w.dumps(data).encode())

@@ -14,7 +14,7 @@ from typing import Any
 
 from experiments.progress import ProgressCall, silent
 from experiments.workers import results_of
-from rig.files import file_bytes, json_of, replace
+from rig.files import file_bytes, json_of, write_whole
 
 Analysis = Callable[[Path], dict[str, Any]]
 Packed = dict[str, bytes]
@@ -115,7 +115,7 @@ def run_analyses(
     progress("analyses", done, len(names))
     tasks = (((name, make(name)), answer) for name in left)
     for name, result in results_of(analyse_packed, tasks, jobs=jobs, cluster=cluster):
-        replace(folder / f"{name}.json", json.dumps(result).encode())
+        write_whole(folder / f"{name}.json", json.dumps(result).encode())
         done += 1
         progress("analyses", done, len(names))
     found = answers_of(folder)

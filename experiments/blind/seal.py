@@ -9,7 +9,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from experiments.blind.trial import BlindTrial, to_plain
 from experiments.records.run_folder import replace_json
-from rig.files import file_bytes, first_error_line, json_of, replace
+from rig.files import file_bytes, first_error_line, json_of, write_whole
 
 TRUTH, SEAL = "sealed/truth.json", "seal.json"
 LONGEST_TRUTH = 1 << 27  # bytes; 9999 trials of 6 kB take half of it
@@ -35,7 +35,7 @@ def seal(trials: Sequence[BlindTrial], out: Path) -> str:
     digest = hash_of(trials)
     path = out / TRUTH
     path.parent.mkdir(parents=True, exist_ok=True)
-    replace(path, text.encode())
+    write_whole(path, text.encode())
     replace_json(out / SEAL, {"sha256": digest, "trials": len(trials)})
     return digest
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from experiments.export.intervals import read_intervals
-from rig.files import printable, replace
+from rig.files import printable, write_whole
 from rig.parameters import Rig
 
 MJCF, FMU = "mjcf", "fmu"
@@ -34,7 +34,7 @@ def export_model(
         from experiments.export.mjcf.model import mjcf
 
         text, told = mjcf(rig, name)
-        replace(out, text.encode())
+        write_whole(out, text.encode())
         return told
     from experiments.export.fmu.archive import write_fmu
 

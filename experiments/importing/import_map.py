@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from experiments.importing.units import canonical, factor, family, quantity
-from rig.files import StrictModel, first_error_line, replace, toml_of
+from rig.files import StrictModel, first_error_line, toml_of, write_whole
 from rig.log import CONTRACT
 
 SIGNALS = tuple(name for name in CONTRACT if name != "t_s")
@@ -120,7 +120,7 @@ def write_map(path: Path, made: ImportMap) -> None:
             if not signal[key]:
                 del signal[key]
     text = tomli_w.dumps({"sources": list(made.sources), **kept})
-    replace(path, text.encode())
+    write_whole(path, text.encode())
 
 
 KINDS = ("commanded", "measured")

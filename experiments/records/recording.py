@@ -41,7 +41,7 @@ from experiments.records.samples_file import (
     plain_ending,
     read_samples,
 )
-from rig.files import file_bytes, replace
+from rig.files import file_bytes, write_whole
 from rig.log import COLUMNS, Log
 from rig.loop.loop import ending_of
 
@@ -219,7 +219,7 @@ def write_run(
     start_ns = nanoseconds(record["created"])
     content = finished_file(log.rows, plain(list(events)), start_ns)  # before anything is made
     folder.mkdir(parents=True, exist_ok=True)
-    replace(folder / "samples.mcap", content)
+    write_whole(folder / "samples.mcap", content)
     duration_s = float(log["t_s"][-1]) if len(log) else None
     stop = stop_record(record, outcome, reason, len(log), duration_s)
     replace_json(folder / "run.json", stop)
@@ -290,12 +290,12 @@ def _keep_damaged(path: Path) -> None:
     kept = path.with_suffix(f".damaged{path.suffix}")
     if kept.exists():  # of an earlier damage
         kept = path.with_suffix(f".damaged-{sha256(content).hexdigest()}{path.suffix}")
-    replace(kept, content)
+    write_whole(kept, content)
 
 
 def _rewrite(path: Path, samples: SamplesFile, start_ns: int) -> None:
     """Replace a file by its compressed and indexed form; it is whole at every moment."""
-    replace(path, finished_file(samples.rows, samples.events, start_ns), sync=True)
+    write_whole(path, finished_file(samples.rows, samples.events, start_ns), sync=True)
 
 
 def _lock(file: int) -> bool:

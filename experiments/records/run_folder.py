@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from rig.files import json_of, part_of, replace
+from rig.files import json_of, part_of, write_whole
 
 SCHEMA = 1
 SOURCES = ("simulated", "measured")
@@ -144,7 +144,7 @@ def replace_json(path: Path, content: dict) -> None:
 
     ValueError: `content` holds a number that is not finite. OSError: the old file stays.
     """
-    replace(path, json.dumps(content, indent=2, allow_nan=False).encode() + b"\n")
+    write_whole(path, json.dumps(content, indent=2, allow_nan=False).encode() + b"\n")
 
 
 def reserve(path: Path) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader
 
-from rig.files import replace
+from rig.files import write_whole
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def write_page(
     text = pages.get_template(template).render(
         title=title, summary=summary, sections=sections, sorts=sorts, **content
     )
-    replace(path, text.encode())
+    write_whole(path, text.encode())
     return path
 
 

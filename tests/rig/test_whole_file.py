@@ -11,7 +11,7 @@ import pytest
 
 from calibration.bundle import Draft
 from experiments.export.export_model import export_model
-from rig.files import replace
+from rig.files import write_whole
 from rig.hardware.homing.home import Homing
 from rig.hardware.homing.homed import Homed
 from rig.hardware.wiring import Wiring
@@ -21,7 +21,7 @@ from rig.rigfile import write_rig
 DRAFT = Draft(made=datetime(2026, 1, 1, tzinfo=UTC), source="measured")
 HOMED = Homed.of(Homing(Wiring(), (1.2, 1.2), (0.4, 0.4)), Rig(), None)
 WRITERS: dict[str, Callable[[Path], object]] = {
-    "bytes": lambda path: replace(path, bytes(100)),
+    "bytes": lambda path: write_whole(path, bytes(100)),
     "calibration": DRAFT.save,
     "rig": lambda path: write_rig(Rig(), path),
     "homing": HOMED.save,

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from pydantic import TypeAdapter
 
-from rig.files import file_bytes, replace
+from rig.files import file_bytes, write_whole
 from rig.hardware.homing.home import Homing
 from rig.hardware.wiring import Wiring
 from rig.linkage import Linkage
@@ -63,7 +63,7 @@ class Homed:
 
     def save(self, path: Path) -> None:
         """Write the homing to a JSON file that `load` reads. OSError: it cannot be written."""
-        replace(path, json.dumps(asdict(self), indent=1).encode() + b"\n")
+        write_whole(path, json.dumps(asdict(self), indent=1).encode() + b"\n")
 
     def check(self, rig: Rig, boot_id: str | None, now: datetime | None = None) -> None:
         """Raise NotHomed where the homing is of another table, another power-up, too long ago, or

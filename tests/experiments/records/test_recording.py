@@ -347,7 +347,7 @@ def test_no_room_to_compress_leaves_the_plain_file(tmp_path, monkeypatch):
     def refuse(*_, **__):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(recording, "replace", refuse)
+    monkeypatch.setattr(recording, "write_whole", refuse)
     record(tmp_path, example()).finish("done")
     run = read_run(tmp_path)
     assert_rows(run.log, example())

@@ -77,7 +77,7 @@ def test_a_run_is_what_it_was_where_there_is_no_room_for_its_notes(tmp_path, mon
         raise OSError(errno.ENOSPC, "No space left on device")
 
     if not room:
-        monkeypatch.setattr(run_folder, "replace", full)
+        monkeypatch.setattr(run_folder, "write_whole", full)
     with Checked(table, RIG, homed, notes_file=path):  # pyright: ignore[reportArgumentType]
         pass
     assert table.done == ["read", "armed", "left"]
