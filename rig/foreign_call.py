@@ -32,9 +32,9 @@ class ForeignCall:
     code itself. The time is bounded in a main thread on Linux and macOS, the memory on Linux.
 
     Afterwards relative paths mean what they did before, and signals that end the program do so
-    still. A process that the code has forked ends
-    where it would go on as a second rig, with the same recording and the same table. Threads that
-    it starts do not keep the program from its end, unless they ask for it (`daemon=False`).
+    still. A process that the code has forked ends where it would go on as a second rig, with the
+    same recording and the same table. Threads that it starts do not keep the program from its end,
+    unless they ask for it (`daemon=False`).
     """
 
     def __init__(self, seconds: float) -> None:

@@ -118,7 +118,7 @@ class App:
         self.scene = TableScene(server, self.rig)
         self.gauges = BacklashGauges(server, self.rig)
         self.plate_map = PlateMap(server)
-        self.camera = CameraView(server, self.rig if self.session.table.real else None)
+        self.camera = CameraView(server, self.rig, real=self.session.table.real)
         shell_of(server).camera = lambda: self.camera.jpeg
         self.header = Header(
             server, self.controls, self.session, table, lambda page: self.run_tab.balance(page)
@@ -216,7 +216,7 @@ class App:
             return
         self._replayed = self._replayed or playback.film is not None
         live = [*self.curves.handles, *self.portrait.handles, *self.camera.handles]
-        real = self.rig if self.session.table.real else None
+        real = self.session.table.real
         self.films[page] = FilmView(client, self.rig, playback, self._places, live, real=real)
 
     def _on_recorded(self, planned: PlannedRun, folder: Path, ending: Ending) -> None:

@@ -27,28 +27,28 @@ NO_CAMERA_WORDS = (
 )
 
 
-def view_of(real: Rig | None) -> "View":
-    """View of the camera that is drawn: as calibrated, where the rig `real` of a real table names a
-    readable calibration, else that of the virtual camera.
+def view_of(rig: Rig, *, real: bool) -> "View":
+    """View of the camera that is drawn: as calibrated, where a real table's rig names a readable
+    calibration, else that of the virtual camera over the rig's plate.
     """
     from calibration.bundle import load
     from vision.synthetic.synthetic import virtual_view
 
-    if real is not None and real.table.calibration:
+    if real and rig.table.calibration:
         with suppress(OSError, ValueError):
-            return load(real.table.calibration).view
-    return virtual_view()
+            return load(rig.table.calibration).view
+    return virtual_view(plate_side_m=rig.linkage.plate_side_m)
 
 
 class CameraPicture:
     """A camera in the 3-D view and its newest image, hidden until one is shown; for all pages
     (`server`), or one of them.
 
-    real: the rig of a real table, whose camera it is; None: the virtual one.
+    real: the camera is that of the real table `rig`, else the virtual one over such a plate.
     """
 
-    def __init__(self, server: "ViserServer | ClientHandle", real: Rig | None = None) -> None:
-        self._server, view = server, view_of(real)
+    def __init__(self, server: "ViserServer | ClientHandle", rig: Rig, *, real: bool) -> None:
+        self._server, view = server, view_of(rig, real=real)
         world_from_camera = np.linalg.inv(view.camera_from_plate)
         height, f = view.camera.height_px, float(view.camera.matrix[1, 1])
         self._frustum: Any = server.scene.add_camera_frustum(
@@ -110,21 +110,20 @@ class CameraView(CameraPicture):
     the camera*; arguments as of `CameraPicture`.
     """
 
-    def __init__(self, server: "ViserServer", real: Rig | None = None) -> None:
-        super().__init__(server, real)
-        self._real = real
+    def __init__(self, server: "ViserServer", rig: Rig, *, real: bool) -> None:
+        super().__init__(server, rig, real=real)
+        self._real, self._own = real, real and bool(rig.table.camera)
         self._box: Any = None
 
     def add_widgets(self, controls: Controls) -> None:
         """Build the box, the image and its words in the GUI container of viser that is open."""
         gui = self._server.gui
-        own = self._real is not None and bool(self._real.table.camera)
-        kind = "table's" if own else "virtual"
+        kind = "table's" if self._own else "virtual"
         gui.add_markdown(
             "What the camera sees at the measured pose, and what the tracker makes of it."
-            if self._real is None
+            if not self._real
             else CAMERA_WORDS
-            if own
+            if self._own
             else NO_CAMERA_WORDS
         )
         self._box = gui.add_checkbox(f"Look through the {kind} camera", False)

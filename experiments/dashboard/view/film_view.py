@@ -42,7 +42,7 @@ class FilmView:
         places: Sequence[Any],
         live: Sequence[Any],
         *,
-        real: Rig | None = None,
+        real: bool,
     ) -> None:
         self.playback, self._client, self._live = playback, client, live
         self._lock, self._open = threading.Lock(), True
@@ -58,7 +58,7 @@ class FilmView:
             self._plates = None if playback.models is None else SidePlates(client, rig)
             if self._plates is not None:
                 self._roots += self._plates.names
-            self._camera = CameraPicture(client, real)
+            self._camera = CameraPicture(client, rig, real=real)
             curves, swing, camera = places
             with curves:
                 self._curves = Curves(client, rig.servo)

@@ -2,6 +2,7 @@
 
 import os
 import sys
+import threading
 import time
 from contextlib import suppress
 
@@ -43,3 +44,4 @@ def test_a_full_disk_does_not_end_who_says_something(monkeypatch):
         monkeypatch.setattr(sys, "stdout", full)
         with saying_aside() as aside:
             aside("somebody knocks")
+        assert "say" not in [thread.name for thread in threading.enumerate()]

@@ -21,6 +21,7 @@ from experiments.dashboard.session.real_camera import RealCamera
 from experiments.dashboard.session.worker_process import ProgressSender
 from experiments.dashboard.view.camera_view import view_of
 from experiments.runs.live_eye import open_ball, watching
+from rig.linkage import Linkage
 from rig.parameters import Rig
 from rig.rigfile import write_rig
 from tests.support.waiting import wait_for
@@ -37,6 +38,7 @@ import numpy as np
 from calibration.camera.sheet import Sheet
 from calibration.camera.virtual import sheet_pictures
 from experiments.runs.assemble import virtual_scene
+from rig.linkage import Linkage
 from rig.parameters import Rig
 from vision.synthetic.synthetic import Renderer, virtual_view
 
@@ -209,14 +211,23 @@ def test_what_a_real_table_cannot_be_asked_is_refused_with_the_way_out(lab: Path
         )
 
 
+def test_the_virtual_camera_hangs_as_high_as_its_plate_is_large():
+    small, large = (
+        view_of(Rig(linkage=Linkage(plate_side_m=side)), real=False) for side in (0.275, 0.55)
+    )
+    heights = [view.camera_from_plate[2, 3] for view in (small, large)]
+    assert heights[1] == pytest.approx(2 * heights[0])
+
+
 @pytest.mark.slow
 def test_the_frustum_hangs_where_the_calibration_says(lab: Path, bundle: Path):
     rig = rig_of(lab, "Ball", str(bundle))
-    assert np.array_equal(view_of(rig).camera_from_plate, load(bundle).view.camera_from_plate)
-    unknown = view_of(rig_of(lab, "Ball", str(lab / "missing.json")))
-    assert np.array_equal(unknown.camera_from_plate, view_of(None).camera_from_plate)
+    calibrated = view_of(rig, real=True)
+    assert np.array_equal(calibrated.camera_from_plate, load(bundle).view.camera_from_plate)
+    unknown = view_of(rig_of(lab, "Ball", str(lab / "missing.json")), real=True)
+    assert np.array_equal(unknown.camera_from_plate, view_of(rig, real=False).camera_from_plate)
     with open_source(rig.table.camera) as frames:
-        assert next(iter(frames)).image.shape[1] == view_of(rig).camera.width_px
+        assert next(iter(frames)).image.shape[1] == calibrated.camera.width_px
 
 
 @pytest.mark.slow
