@@ -57,6 +57,11 @@ class Linkage(Section):
         return x / 2, y / 2
 
     @property
+    def side_m(self) -> float:
+        """Side of the square that holds the plate [m]: the longer one where the axes differ."""
+        return 2 * max(self.half_sides_m)
+
+    @property
     def size(self) -> tuple[float, float, float, float]:
         """Base radius, plate radius, arm and rod [m] as `rig.three_arms` takes them."""
         return self.base_radius_m, self.plate_radius_m, self.arm_radius_m, self.rod_length_m

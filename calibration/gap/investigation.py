@@ -106,7 +106,7 @@ def investigate(
 def usable_runs(logs: Sequence[Log], rig: Rig) -> list[Signals]:
     """The signals of each log as the workflow uses them (`usable`), with the camera's delay and the
     walls of `rig`."""
-    half = rig.linkage.plate_side_m / 2
+    half = rig.linkage.side_m / 2
     reach = half - rig.ball.radius_m if rig.walls.present else inf
     told, delay_s = rig.servo.takes_angle, rig.camera.delay_s
     runs = [usable(x, camera_delay_s=delay_s, reach_m=reach, commanded=told) for x in logs]

@@ -119,7 +119,7 @@ def _mounted_camera(trial: BlindTrial, seed: int):
     from vision.tracking.tracker import Tracker
 
     rig, bundle, how = trial.nominal_rig, _bundle(), trial.camera or {}
-    side = rig.linkage.plate_side_m
+    side = rig.linkage.side_m
     view, layout = mounted(bundle.view, bundle.layout, how["yaw_rad"], how["shift_m"])
     tracker = Tracker(
         appearance=Appearance.of_colour(rig.ball.colour),

@@ -61,7 +61,7 @@ def make_sheets(
     ValueError: the paper is unknown or too small, or the rig file is wrong; OSError: `out` cannot
     be written.
     """
-    side_m = load_rig(rig_file).linkage.plate_side_m
+    side_m = load_rig(rig_file).linkage.side_m
     layout = default_layout(side_m, plate_marker_mm / 1e3)
     pages = sheet_files(sheet, layout, side_m, paper, FIXED_IDS)
     folder = writable(out)
@@ -100,7 +100,7 @@ def calibrate_camera(
     """
     rig = load_rig(rig_file)
     folder = CalibrationFolder(out, _kind(source))
-    layout = default_layout(rig.linkage.plate_side_m)
+    layout = default_layout(rig.linkage.side_m)
     growing = Growing(folder.path, sheet, shown) if shown else None
     if source is None or Path(source).is_dir():
         shots = []
@@ -215,7 +215,7 @@ def calibrate_table(
     if folder.draft.lens is None:
         raise ValueError(f"{folder.path} has no lens yet: run rig calibrate camera --out first")
     camera_ = folder.draft.camera
-    side_m = rig.linkage.plate_side_m
+    side_m = rig.linkage.side_m
     layout = _layout(layout_file) or default_layout(side_m, plate_marker_mm / 1e3)
     images = _level_frames(source, rig, frames, seed)
     pose = level_pose(images, camera_, layout, sheet)

@@ -114,7 +114,7 @@ class App:
         gui.set_panel_label("Balancing table")
         gui.main_panel.dock_right()
         gui.main_panel.set_width(390)
-        light(server, self.rig.linkage.plate_side_m)
+        light(server, self.rig.linkage.side_m)
         self.scene = TableScene(server, self.rig)
         self.gauges = BacklashGauges(server, self.rig)
         self.plate_map = PlateMap(server)
@@ -133,7 +133,7 @@ class App:
         with camera:
             self.camera.add_widgets(self.controls)
         with panel.add_tab("Legend"):
-            side_m = self.rig.linkage.plate_side_m
+            side_m = self.rig.linkage.side_m
             add_view_points(server, self.controls, self.pages.clients, side_m)
             gui.add_markdown(legend_words(self.session.table.real))
         panel.dock_left()

@@ -187,7 +187,7 @@ def _units(
 
 
 def _position_unit(log: Log, rig: Rig, axis: str, ball: Response | None) -> list[str]:
-    name, half = f"ball_{axis}_m", rig.linkage.plate_side_m / 2
+    name, half = f"ball_{axis}_m", rig.linkage.side_m / 2
     most = _most(log[name])
     if most <= BEYOND_RATIO * half:
         return []

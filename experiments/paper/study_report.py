@@ -76,7 +76,7 @@ def _draw(study: Study, grid: list[dict], rig: Rig, out: Path) -> dict[str, Path
     def log(figure: str, arm: str):
         return study[figure][arm][0].log
 
-    side = 100 * rig.linkage.plate_side_m
+    side = 100 * rig.linkage.side_m
     centres = {arm: centroid_cm(study["10"][arm][0]) for arm in ("without", "with")}
     pushed = {f: centroid_cm(study[f][arm][0]) for f, arm in (("12", "without"), ("13", "with"))}
     eight = {arm: [run.log for run in runs] for arm, runs in study["14"].items()}

@@ -185,7 +185,7 @@ def _run_section(run: Recorded, meta: dict, out: Path) -> Section:
     colour = figures.colour_of(str(meta["arm"]))
     drawn = {"servo": figures.servo_of_run(run.log, colour)}
     if np.isfinite(run.metrics.distance_m):
-        side = 100 * rig_of_record(meta.get("rig") or {}).linkage.plate_side_m
+        side = 100 * rig_of_record(meta.get("rig") or {}).linkage.side_m
         drawn = {
             "ball": figures.ball_of_run(run.log, colour),
             "plate": figures.pushed_scatter(run.log, centroid_cm(run), f"{meta['arm']}", side),

@@ -174,7 +174,7 @@ def ball_camera(rig: Rig, bundle, late_s: float = 0.0):
         bundle.view,
         bundle.layout,
         bundle.ball_radius_m,
-        rig.linkage.plate_side_m,
+        rig.linkage.side_m,
         MAX_TILT_RAD,
         appearance=Appearance.of_colour(rig.ball.colour),
         late_s=late_s,
@@ -210,7 +210,7 @@ def virtual_scene(rig: Rig):
     from vision.plate.markers import default_layout
     from vision.synthetic.synthetic import Scene
 
-    side = rig.linkage.plate_side_m
+    side = rig.linkage.side_m
     return Scene(plate_side_m=side, layout=default_layout(side), ball_radius_m=rig.ball.radius_m)
 
 
@@ -220,5 +220,5 @@ def virtual_renderer(rig: Rig, rng: np.random.Generator):
     """
     from vision.synthetic.synthetic import Renderer, virtual_view
 
-    view = virtual_view(plate_side_m=rig.linkage.plate_side_m)
+    view = virtual_view(plate_side_m=rig.linkage.side_m)
     return Renderer(virtual_scene(rig), view, rng)

@@ -125,7 +125,7 @@ class Loop:
         self._controller, self._bounds = controller, ForeignCall(control_s)
         self._q = tick.settings(known, compensator, servo_only=course.servo_only)
         self.state = tick.start(self._q, held=course.hold_s > 0)
-        self._reach_m = 0.5 * known.linkage.plate_side_m
+        self._reach_m = 0.5 * known.linkage.side_m
         self._commanded, self._applied = np.zeros(2), np.zeros(2)
         self._row = np.full(len(COLUMNS), np.nan)
         self._target: tuple[float, float] | None = None

@@ -204,6 +204,7 @@ def test_values_by_axis_and_a_table_with_three_arms_come_back(tmp_path: Path):
     assert rig.servo.pair("lag_s") == (0.066, 0.05)
     assert rig.servo.on("x").lag_s == 0.066
     assert rig.linkage.half_sides_m == (0.1375, 0.15)
+    assert rig.linkage.side_m == 0.3
     assert rig.linkage.ratios == (2 * 0.0254 / 0.275, 2 * 0.0254 / 0.3)
     write_rig(rig, again)
     assert read_rig(again) == rig

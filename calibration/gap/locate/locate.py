@@ -84,7 +84,7 @@ def locate(
         if name in floors and present(evidence, name)
     ]
     found = [c for c in found if np.isfinite(c.gap).sum() >= MIN_BIN_SAMPLES]
-    half_side_m = 0.5 * state_before.nominal.rig.linkage.plate_side_m
+    half_side_m = 0.5 * state_before.nominal.rig.linkage.side_m
     where = sorted((w for c in found for w in regions_of(c, half_side_m)), key=lambda w: -w.gap)
     profiles = tuple(p for c in found for p in profiles_of(c))
     return Located(tuple(where), profiles, maps_of(found, half_side_m), sentence(where))

@@ -202,7 +202,7 @@ def _least_felt(state: State, output: str) -> float:
 def _felt(state: State, output: str, unknown: Discrepancy) -> np.ndarray:
     """The unnamed term along the recorded motion [m/s2, V or rad], (n,)."""
     rig = state.nominal.rig
-    u, half = pack(unknown, rig.servo.angle_limit_rad), rig.linkage.plate_side_m / 2
+    u, half = pack(unknown, rig.servo.angle_limit_rad), rig.linkage.side_m / 2
     values: list[float] = []
     for run in state.evidence.runs:
         if output == BALL and len(run.exposed_s) > 2:

@@ -35,7 +35,7 @@ class VirtualCameraRenderer:
             view,
             self._renderer.scene.layout,
             rig.ball.radius_m,
-            rig.linkage.plate_side_m,
+            rig.linkage.side_m,
             MAX_TILT_RAD,
             appearance=Appearance.of_colour(rig.ball.colour),
         )

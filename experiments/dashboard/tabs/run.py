@@ -316,7 +316,7 @@ class RunTab:
         """Send the ball to `xy_m` on the plate, clamped to where the ball fits. ValueError: nothing
         moves, or a coordinate is not finite.
         """
-        side = self._session.rig.linkage.plate_side_m
+        side = self._session.rig.linkage.side_m
         self._send(Target(on_plate(xy_m, side, self._session.rig.ball.radius_m)))
 
     def _add_backlash(self) -> SliderGroup:

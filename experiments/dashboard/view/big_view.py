@@ -27,7 +27,7 @@ def big_view(rig: Rig, now: LiveState, status: SessionStatus, curve: np.ndarray)
     thin = curve[:: max(1, -(-len(curve) // POINTS))] if len(curve) else np.empty((0, len(INDEX)))
     words = f"run {run.number} of {run.of}, {METHOD_WORDS[run.method]}" if run else ""
     return {
-        "side_m": rig.linkage.plate_side_m,
+        "side_m": rig.linkage.side_m,
         "radius_m": rig.ball.radius_m,
         "ball_m": _place(row[_BALL : _BALL + 2]) if row is not None and seen else None,
         "target_m": target or [0.0, 0.0],

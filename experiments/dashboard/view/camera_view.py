@@ -37,7 +37,7 @@ def view_of(rig: Rig, *, real: bool) -> "View":
     if real and rig.table.calibration:
         with suppress(OSError, ValueError):
             return load(rig.table.calibration).view
-    return virtual_view(plate_side_m=rig.linkage.plate_side_m)
+    return virtual_view(plate_side_m=rig.linkage.side_m)
 
 
 class CameraPicture:

@@ -212,11 +212,14 @@ def test_what_a_real_table_cannot_be_asked_is_refused_with_the_way_out(lab: Path
 
 
 def test_the_virtual_camera_hangs_as_high_as_its_plate_is_large():
-    small, large = (
-        view_of(Rig(linkage=Linkage(plate_side_m=side)), real=False) for side in (0.275, 0.55)
+    linkages = (
+        Linkage(plate_side_m=0.275),
+        Linkage(plate_side_m=0.55),
+        Linkage(x={"plate_side_m": 0.55}),
     )
-    heights = [view.camera_from_plate[2, 3] for view in (small, large)]
-    assert heights[1] == pytest.approx(2 * heights[0])
+    views = [view_of(Rig(linkage=linkage), real=False) for linkage in linkages]
+    small, *large = [view.camera_from_plate[2, 3] for view in views]
+    assert large == pytest.approx([2 * small, 2 * small])
 
 
 @pytest.mark.slow
