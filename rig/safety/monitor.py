@@ -6,7 +6,7 @@ second accident: such a fault asks for 0 V at once (`level` False).
 """
 
 from dataclasses import dataclass, replace
-from math import copysign, inf, isfinite
+from math import copysign, inf, isfinite, log1p, sqrt
 
 from rig.parameters import ANGLE_MARGIN_RAD, Rig, Servo
 from rig.table import Reading
@@ -52,16 +52,22 @@ class MonitorLimits:
         Its servos turn at most at twice their no-load speed at the voltage limit, or at twice the
         rate limit of servos that take an angle, which no volts can stall; its angles lie within the
         angle limit plus ANGLE_MARGIN_RAD, beyond which the simulated loop ends a run as well.
+        Under stall_V such a servo, tau w' = K V - w, has turned round from its top speed K V_max
+        after tau ln(1 + V_max / stall_V), and gone stall_rad sqrt(2 tau stall_rad / (K stall_V))
+        later at most: stall_s is as long, and 80 ms for servos that are faster (tau below 50 ms).
         """
         fastest = servo.gain_rad_s_V * servo.voltage_limit_V
         if servo.takes_angle:
             fastest = max(servo.pair("rate_limit_rad_s"))
+        tau_s, weak_rad_s = servo.time_constant_s, servo.gain_rad_s_V * cls.stall_V
+        round_s = tau_s * log1p(servo.voltage_limit_V / cls.stall_V)
         return cls(
             period_s=period_s,
             rate_rad_s=2 * fastest,
             noise_rad=4 * servo.encoder_step_rad,
             angle_rad=servo.angle_limit_rad + ANGLE_MARGIN_RAD,
             stall_V=inf if servo.takes_angle else cls.stall_V,
+            stall_s=max(cls.stall_s, round_s + sqrt(2 * tau_s * cls.stall_rad / weak_rad_s)),
             measured=servo.has_angle,
         )
 

@@ -1,7 +1,7 @@
 """The guard: silent on every healthy run that ships, and each fault named in time."""
 
 from dataclasses import FrozenInstanceError, astuple, replace
-from math import inf, nan
+from math import inf, nan, sqrt
 from pathlib import Path
 
 import numpy as np
@@ -215,15 +215,31 @@ def test_weak_volts_and_slow_motion_are_no_stall():
     assert watch(ticks(500), short)[1] is None
 
 
-def test_an_arm_turned_round_at_full_speed_is_no_stall():
-    """The slowest motor on record, 6 V against its full speed: it still falls back for a while."""
-    speed, theta, tau = -10.0, 0.0, 0.048
-    angles = []
-    for _ in range(60):
+@pytest.mark.parametrize("tau_s", [0.01, 0.048, 0.1, 0.5])
+@pytest.mark.parametrize("volts", [2.0, 6.0])
+def test_an_arm_turned_round_at_full_speed_is_no_stall(tau_s: float, volts: float):
+    """Volts against its full speed: it still falls back for a while. 0.048 s is the slowest motor
+    on record."""
+    limits = MonitorLimits.of_servo(Servo(time_constant_s=tau_s), TICK)
+    top, speed, theta, angles = 1.53 * volts, -1.53 * 6.0, 0.0, []
+    for _ in range(round(3 * tau_s / TICK) + 60):
         angles.append(theta)
-        speed += (10.0 - speed) * TICK / tau
+        speed += (top - speed) * TICK / tau_s
         theta += speed * TICK
-    assert watch(ticks(60, lambda k: angles[k]), lambda k: (6.0, 0.0))[1] is None
+    seen = StallWatch()
+    for k, angle in enumerate(angles):
+        seen = watch_stall(seen, limits, volts, angle, k * TICK)
+        assert k * TICK - seen.since_s <= limits.stall_s
+
+
+def test_a_stall_is_called_so_as_soon_as_the_servo_allows():
+    """Closed form: tau ln(1 + 6 V / 2 V) to stand, 0.004 rad at K 2 V / tau; 80 ms at least."""
+    known = {
+        tau: MonitorLimits.of_servo(Servo(time_constant_s=tau), TICK).stall_s
+        for tau in (0.025, 0.5)
+    }
+    assert known[0.025] == 0.08
+    assert known[0.5] == pytest.approx(0.5 * 1.386294 + sqrt(2 * 0.004 * 0.5 / 3.06))
 
 
 def test_one_push_is_followed_step_by_step():
