@@ -8,7 +8,7 @@ from math import exp, inf, isfinite
 
 from rig.hardware.network.remote_wire import SILENT_S, DriveRequest
 from rig.hardware.wiring import Wiring
-from rig.parameters import ANGLE_MARGIN_RAD, Servo
+from rig.parameters import Servo
 from rig.safety.levelling import Levelling
 from rig.safety.limits import braking, limit
 from rig.safety.monitor import Fault, MonitorLimits, MonitorState, check
@@ -16,6 +16,7 @@ from rig.table import Reading
 from vision.sources.clock import ForeignClock
 
 LEVEL_S = 0.5
+CATCH_TAUS = 5  # so long after it an arm that would pass its limit is braked; e^-5 is left at 0 V
 HOLD_S = 0.05  # so long a command's volts last without a newer one
 RATE_FILTER_S = 0.02  # as in the loop (`Gains.torque_filter_s`)
 REST_S = 1.0  # after a fault; chosen: ten times what a stall may last, so that motors stay cool
@@ -27,13 +28,16 @@ class ClientWatchdog:
 
     While armed, the volts of the newest fresh command hold for 50 ms; after 100 ms without one the
     plate is levelled for 0.5 s, then 0 V, latched. What the loop's monitor calls a fault of the
-    table ends it as well. servo: of the table; period_s: of its tick.
+    table ends it as well. Whatever is asked for, and 0 V too, passes the limiter, which brakes an
+    arm that would pass its angle limit, until the arms have come to rest. servo: of the table;
+    period_s: of its tick.
     armed, latched, homed, wiring: the present state; stale: commands that were not obeyed.
     """
 
     def __init__(self, voltage_limit_V: float, servo: Servo, period_s: float) -> None:
         self._limit_V, self._angle_limit_rad = voltage_limit_V, servo.angle_limit_rad
         self._braking = braking(servo, period_s, RATE_FILTER_S)
+        self._caught_s = LEVEL_S + CATCH_TAUS * servo.time_constant_s
         self._limits, self._seen = MonitorLimits.of_servo(servo, period_s), MonitorState()
         self._last: tuple[tuple[float, float], float] | None = None  # angles, and when
         self._rate_rad_s = (0.0, 0.0)
@@ -41,9 +45,8 @@ class ClientWatchdog:
         self.homed = False
         self.wiring = Wiring()
         self._volts = self._given = (0.0, 0.0)
-        self._fresh_s = self._stopped_s = -inf
-        self._rested_s = -inf
-        self._levelling = Levelling(voltage_limit_V)
+        self._now_s = self._fresh_s = self._ended_s = self._rested_s = -inf
+        self._levelling: Levelling | None = None
         self.stale = 0
         self.meet()
         self._clamped(self._volts, self._volts, self._volts)  # compiles now, not while a user waits
@@ -64,8 +67,12 @@ class ClientWatchdog:
         return now_s - self._clock.to_rig(sent_s, now_s)
 
     def configure(self, wiring: Wiring, homed: bool) -> None:
-        """Disarm and take the wiring; homed False: channels as they are, at HOMING_LIMIT_V."""
-        self.disarm()
+        """Take the wiring; homed False: channels as they are, at HOMING_LIMIT_V.
+
+        ValueError: the table does not rest; its arms would be braked by angles of other channels.
+        """
+        if not self.rests(self._now_s):
+            raise ValueError("channels were named while the table moved")
         self.wiring, self.homed = wiring, homed
 
     def arm(self, now_s: float) -> None:
@@ -78,24 +85,28 @@ class ClientWatchdog:
             return
         if not self.armed:
             self._seen = MonitorState()
-        self.armed, self.latched = True, False
+        self.armed, self.latched, self._levelling = True, False, None
         self._volts, self._fresh_s = (0.0, 0.0), now_s
 
     def disarm(self) -> None:
-        """Give 0 V from now on, without levelling; for a user who says goodbye."""
-        self.armed, self._stopped_s = False, -inf
+        """Ask for 0 V from now on, without levelling; for a user who says goodbye."""
+        if self.armed:
+            self._ended_s = self._now_s
+        self.armed, self._levelling = False, None
 
     def stop(self, now_s: float) -> None:
         """Level the plate, then 0 V, latched until armed anew; nothing where the table is not
         armed.
         """
         if self.armed:
-            self.armed, self.latched, self._stopped_s = False, True, now_s
+            self.armed, self.latched, self._ended_s = False, True, now_s
             self._levelling = Levelling(self._limit_V)
 
-    def levels(self, now_s: float) -> bool:
-        """Whether a stopped table is being levelled; now_s: on our clock."""
-        return self.homed and now_s - self._stopped_s < LEVEL_S
+    def rests(self, now_s: float) -> bool:
+        """Whether nobody holds the table and its arms have been levelled or caught; now_s: on our
+        clock.
+        """
+        return not self.armed and not now_s - self._ended_s < self._caught_s
 
     def obey(self, request: DriveRequest, now_s: float) -> bool:
         """Take a command; False where it was too long on its way or its volts are not finite."""
@@ -107,32 +118,40 @@ class ClientWatchdog:
         return True
 
     def watch(self, reading: Reading, now_s: float) -> Fault | None:
-        """Return the fault that an armed table shows in a reading, and stop it; None: it has none.
+        """Return the fault that a table shows in a reading before it rests, and stop it; None: it
+        has none.
 
         now_s: on our clock. The table is levelled where its encoders may still be trusted.
         """
-        if not self.armed:
+        if self.rests(now_s):
             return None
         limits = self._limits if self.homed else replace(self._limits, angle_rad=inf)
         self._seen, fault = check(self._seen, limits, reading, self._given, balancing=False)
-        if fault is not None:
-            self.stop(now_s if fault.level else -inf)
-            self._rested_s = now_s + REST_S
+        if fault is not None and fault.level and not self.armed:  # it is being levelled
+            self._seen, fault = MonitorState(), None
+        if fault is None:
+            return None
+        self.stop(now_s)
+        self._rested_s = now_s + REST_S
+        if not fault.level:
+            self._ended_s = -inf
         return fault
 
     def volts(self, theta_rad: tuple[float, float], now_s: float) -> tuple[float, float]:
         """Return the volts (x, y) for this tick; theta_rad: encoder angles, now_s: on our clock."""
-        self._given = self._volts_now(theta_rad, now_s)
-        return self._given
-
-    def _volts_now(self, theta_rad: tuple[float, float], now_s: float) -> tuple[float, float]:
-        rate_rad_s = self._rates(theta_rad, now_s)
+        rate_rad_s, self._now_s = self._rates(theta_rad, now_s), now_s
         if self.armed and now_s - self._fresh_s > SILENT_S:
             self.stop(now_s)
-        if self.armed:
-            is_held = now_s - self._fresh_s > HOLD_S
-            return (0.0, 0.0) if is_held else self._clamped(self._volts, theta_rad, rate_rad_s)
-        if self.levels(now_s):
+        self._given = (0.0, 0.0)
+        if not self.rests(now_s):
+            self._given = self._clamped(self._wanted(theta_rad, now_s), theta_rad, rate_rad_s)
+        return self._given
+
+    def _wanted(self, theta_rad: tuple[float, float], now_s: float) -> tuple[float, float]:
+        """The volts of who holds the table: its user, or the levelling after a stop."""
+        if self.armed and now_s - self._fresh_s <= HOLD_S:
+            return self._volts
+        if self.homed and self._levelling is not None and now_s - self._ended_s < LEVEL_S:
             return self._levelling.volts(theta_rad, now_s)
         return 0.0, 0.0
 
@@ -150,13 +169,11 @@ class ClientWatchdog:
         return self._rate_rad_s
 
     def _clamped(self, volts, theta_rad, rate_rad_s) -> tuple[float, float]:
-        """The table's own bounds, whatever the user's program allows itself.
-
-        They are met half a margin beyond the angle limit: the user's limiter comes first, and the
-        stop is not reached.
+        """The table's own bounds, whatever the user's program allows itself. What an honest user's
+        limiter let through passes as it is: limiting twice changes nothing.
         """
         most = self._limit_V if self.homed else min(HOMING_LIMIT_V, self._limit_V)
-        reach = self._angle_limit_rad + ANGLE_MARGIN_RAD / 2 if self.homed else inf
+        reach = self._angle_limit_rad if self.homed else inf
         x, y = (
             limit(commanded, a, w, 0.0, most, reach, inf, self._braking)
             for commanded, a, w in zip(volts, theta_rad, rate_rad_s, strict=True)

@@ -62,6 +62,7 @@ class Server:
         self._door.setblocking(False)
         self.port = int(self._door.getsockname()[1])
         self._user: Peer | None = None
+        self._next: Peer | None = None  # waits until the arms have come to rest
         self._greetings = Greetings(token, say)
         self._tick = 0
         self._reading: Reading | None = None
@@ -75,6 +76,8 @@ class Server:
         if self._user is not None:
             self._user.tell(wire.FAULT, b"rig serve was ended there")
             self._user.wire.close()
+        if self._next is not None:
+            self._next.wire.close()
         self._greetings.close()
         self._door.close()
         try:
@@ -85,9 +88,8 @@ class Server:
 
     def _level(self) -> None:
         """What the user's silence would bring: level, where homing has told where that is."""
-        now_s = time.monotonic()
-        self.watchdog.stop(now_s)
-        while self.watchdog.levels(time.monotonic()):
+        self.watchdog.stop(time.monotonic())
+        while not self.watchdog.rests(time.monotonic()):
             self._drive(self._angles(self._table.read()))
 
     def run(self, until: Callable[[], bool] = lambda: False) -> None:
@@ -151,11 +153,15 @@ class Server:
         with suppress(OSError):
             self._greetings.welcome(*self._door.accept(), now_s)
         for peer in self._greetings.proven(now_s):
-            if self._user is not None:
-                peer.tell(wire.REFUSE, f"is used by {self._user.name} already".encode())
-                peer.wire.close()
+            first = self._user or self._next
+            if first is None:
+                self._next = peer
                 continue
-            self._seat(peer, now_s)
+            peer.tell(wire.REFUSE, f"is used by {first.name} already".encode())
+            peer.wire.close()
+        if self._next is not None and self.watchdog.rests(now_s):
+            self._seat(self._next, now_s)
+            self._next = None
 
     def _seat(self, user: Peer, now_s: float) -> None:
         """The user's seat for one who has proven to know the token."""

@@ -3,6 +3,7 @@
 import socket
 import threading
 import time
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -476,6 +477,7 @@ steps = st.tuples(
 def test_the_guard_lets_nothing_unfresh_through(todo):
     watchdog, now, fresh = ClientWatchdog(6.0, Servo(angle_limit_rad=0.52), 0.002), 10.0, -1.0
     watchdog.hear(now, now)  # the greeting's clock questions
+    before_s = now
     for what, x, y, theta in todo:
         now += 0.002
         if what == "drive" and watchdog.obey(wire.DriveRequest(0, now, 50, x, y), now):
@@ -484,7 +486,6 @@ def test_the_guard_lets_nothing_unfresh_through(todo):
             watchdog.obey(wire.DriveRequest(0, now - 0.2, 50, x, y), now)
         elif what == "arm":
             watchdog.arm(now)
-            fresh = now  # 0 V until a command comes, unless an arm has to be braked
         elif what == "disarm":
             watchdog.disarm()
         elif what == "stop":
@@ -492,16 +493,17 @@ def test_the_guard_lets_nothing_unfresh_through(todo):
         elif what == "wait":
             now += 0.15
         elif what in ("home", "raw"):
-            watchdog.configure(Wiring(), what == "home")
+            moves = not watchdog.rests(before_s)
+            with pytest.raises(ValueError, match="moved") if moves else nullcontext():
+                watchdog.configure(Wiring(), what == "home")
         out = watchdog.volts((theta, -theta), now)
         assert all(np.isfinite(v) and abs(v) <= 6.0 for v in out)
-        if watchdog.armed and any(out):
-            assert now - fresh <= HOLD_S + 1e-9
-            if watchdog.homed and abs(theta) > 0.62:
-                assert out[0] * theta <= 0
-                assert -out[1] * theta <= 0
-        elif not watchdog.homed:
-            assert out == (0.0, 0.0)
-        elif any(out):  # levelling: back to zero, at most 3 V
-            assert abs(out[0]) <= 3.0
+        is_told = watchdog.armed and now - fresh <= HOLD_S + 1e-9
+        rate, before_s = watchdog._rate_rad_s[0], now
+        if any(out) and not is_told:  # levelled or braked
+            assert watchdog.homed
+            assert not watchdog.rests(now)
+            assert min(out[0] * theta, out[0] * rate) <= 0
+        if watchdog.homed and abs(theta) > 0.62 and rate * theta >= 0.0:
             assert out[0] * theta <= 0
+            assert -out[1] * theta <= 0

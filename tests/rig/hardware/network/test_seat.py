@@ -15,6 +15,7 @@ from types import SimpleNamespace
 import pytest
 
 from rig.hardware.network import remote_wire as wire
+from rig.hardware.network.client_watchdog import CATCH_TAUS, LEVEL_S
 from rig.hardware.network.greetings import GREETING_S, MOST, Greetings
 from rig.hardware.network.remote_wire import Wire
 from rig.hardware.network.serve import GONE_S, IDLE_S, Server
@@ -25,6 +26,7 @@ from rig.table import Observation, Reading
 
 TOKEN = b"0123456789abcdef"
 NONCE = b"c" * wire.NONCE_BYTES
+WAIT_S = LEVEL_S + CATCH_TAUS * Servo().time_constant_s  # until arms that nobody holds have rested
 
 
 class Stranger:
@@ -305,6 +307,8 @@ def served() -> Iterator[Served]:
     finally:
         if one.server._user is not None:
             one.server._user.wire.close()
+        if one.server._next is not None:
+            one.server._next.wire.close()
         one.server._greetings.close()
         one.server._door.close()
         for stranger in one.strangers:
@@ -382,8 +386,25 @@ def test_volts_pass_while_armed_and_goodbye_ends_them_and_frees_the_seat():
         assert not one.server.watchdog.armed
         assert not one.server.watchdog.latched
         assert one.said[-1] == f"{user.name} said goodbye"
-        again = one.user()
+        goodbye_s = one.now_s
+        again, third = one.user(), one.user()
+        assert third.hears(wire.REFUSE) == f"is used by {again.name} already".encode()
+        while one.server._user is None:  # the arms are being caught
+            one.ticks()
+        assert one.now_s - goodbye_s == pytest.approx(WAIT_S, abs=0.01)
         again.hears(wire.WELCOME)
+
+
+def test_who_waits_for_the_seat_when_the_server_ends_is_hung_up_on():
+    with served() as one:
+        user = one.user()
+        arm(one, user)
+        user.wire.send(wire.BYE)
+        one.ticks()
+        again = one.user()
+        one.bench.drive = lambda volts: setattr(one, "now_s", one.now_s + 0.01)
+        one.server.__exit__(None, None, None)
+        assert again.is_hung_up_on
 
 
 def test_echoes_give_the_clocks_and_flags_tell_the_state():
@@ -552,7 +573,7 @@ def test_leaving_levels_tells_the_user_and_leaves_0_V():
         assert len(given) >= 50
         assert given[0][0] < 0.0
         assert given[-1] == (0.0, 0.0)
-        assert one.now_s - begin_s == pytest.approx(0.5, abs=0.05)
+        assert one.now_s - begin_s == pytest.approx(WAIT_S, abs=0.05)
         user.hears(wire.WELCOME)
         user.hears(wire.READING)
         assert user.hears(wire.FAULT) == b"rig serve was ended there"
