@@ -24,6 +24,8 @@ from calibration.gap.model.fit import evaluate
 from calibration.gap.model.intervals import covariance
 from calibration.gap.model.parameters import CALIBRATED, NominalModel, Parameter
 from calibration.gap.model.state import Key, State, refit, settle
+from calibration.gap.name.candidates import Start
+from calibration.gap.name.drive_law import best_of_grid
 from calibration.gap.name.load_friction import choose_friction_model, friction_models
 from calibration.gap.report.findings_of_decision import enough_motion
 from rig.effects import BY_NAME
@@ -81,8 +83,10 @@ def accept(logs: Sequence[Log], rig: Rig) -> Accepted:
         lacking = enough_motion(begun)
         if lacking:
             raise ValueError(f"the accepted runs have too little motion: {lacking}")
-        state = State(evidence, nominal, begun.fit, _named(nominal))
-        states.append(settle(settle(state, evidence.outputs), evidence.outputs))
+        for law in ({}, _drive_law(begun)):
+            fit = evaluate(evidence, nominal, start | law, evidence.outputs)
+            state = State(evidence, nominal, fit, _named(nominal))
+            states.append(settle(settle(state, evidence.outputs), evidence.outputs))
     best = min(states, key=_cost_at_one_level(states[0]))
     return Accepted(best, _watched(best), rig)
 
@@ -131,6 +135,13 @@ def _starts(evidence: Evidence, rig: Rig) -> list[tuple[NominalModel, dict[str, 
         return [(known, {})]
     starts = product(friction_models(rig), START_PLAYS_RAD)
     return [(model, dict.fromkeys(_play_names(model), play)) for model, play in starts]
+
+
+def _drive_law(begun: State) -> Start:
+    """Friction, offset and play of both servos from a grid: from none of them the fit ends in other
+    minima, where the play stands for the offset and no change of K is seen."""
+    x, y = (best_of_grid(begun, axis)[0] for axis in "xy")
+    return x | y
 
 
 def _play_names(nominal: NominalModel) -> list[str]:

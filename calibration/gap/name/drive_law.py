@@ -87,7 +87,7 @@ def _with_law(state: State, axis: str) -> State:
     without what earns nothing."""
     law = LOADED_LAW if state.nominal.load_friction else LAW
     named = tuple((name, axis) for name in law if (name, axis) not in state.named)
-    fits = [_fitted(state, start, named) for start in _best_of_grid(state, axis)]
+    fits = [_fitted(state, start, named) for start in best_of_grid(state, axis)]
     state = reduce(cheaper, fits)
     for key in named:
         bare = drop_effects(state, [key])
@@ -116,9 +116,11 @@ def _fitted(state: State, start: Start, named: tuple[Key, ...]) -> State:
     return state
 
 
-def _best_of_grid(state: State, axis: str) -> list[Start]:
-    """The best of play and offset from a grid with the smallest friction; then, for every play of
-    the joint that is tried, the best friction."""
+def best_of_grid(state: State, axis: str) -> list[Start]:
+    """Settings of the law's parameters on an axis to fit from, a start each: the best of play and
+    offset from a grid with the smallest friction; then, for every play of the joint that is tried,
+    the best friction. state: K, tau and noise to try them with.
+    """
     nominal, output = state.nominal, f"servo_{axis}"
     friction, offset, joint = (nominal.of(name, axis)[0] for name in LOADED_LAW[1:])
     sizes = [friction.nominal + size for size in (0.0, *SIZES["friction_V"])]
