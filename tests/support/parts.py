@@ -58,6 +58,12 @@ PARTS = {
         programs=("x86_64-w64-mingw32-gcc",),
         by_hand="Debian's gcc-mingw-w64-x86-64-posix (too large to ask for in general)",
     ),
+    "wine": Part(
+        "exported tables for Windows, run",
+        programs=("wine64", "wine"),
+        file=Path("/usr/lib/wine/wine64"),
+        by_hand="Debian's wine64 (too large to ask for in general)",
+    ),
     "make": Part("the firmware's Makefile", programs=("make",), debian=("make",)),
     "avr-gcc": Part("the firmware's binary", programs=("avr-gcc",), debian=("gcc-avr", "avr-libc")),
     "simavr": Part(
