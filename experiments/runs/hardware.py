@@ -131,9 +131,8 @@ class Checked(LevelOnExit):
 
     Reads and drives the table, and tells `eye` (if any) the servo angles. The driver's `notes`
     (clocks, lost ticks) are written to `notes_file` as JSON when the context ends, where there is
-    room. Entering raises
-    NotHomed (a ValueError) where the homing does not hold, and OSError where the table cannot be
-    read.
+    room. Entering raises NotHomed (a ValueError) where the homing does not hold, and OSError where
+    the table cannot be read.
     """
 
     def __init__(
