@@ -15,6 +15,7 @@ from experiments.dashboard.server.door import crowd_limit
 from experiments.dashboard.server.messages import LONGEST
 from experiments.dashboard.server.security import Gate, PageRequest, gate_of, in_address
 from experiments.dashboard.server.shell import PARTS, Shell, dressed
+from experiments.dashboard.server.wake import wake_from_any_thread
 from rig.hardware.network.token_file import check_host
 
 if TYPE_CHECKING:
@@ -144,6 +145,7 @@ def open_server(host: str, port: int, token: str) -> "tuple[ViserServer, Gate]":
     # A connection without a handshake (a port scan, a closed tab) is no fault here: no traceback.
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
 
+    wake_from_any_thread()
     port = free_port(host, port)
     gate = gate_of(host, port, token)
     shell = Shell()
