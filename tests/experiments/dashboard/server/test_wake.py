@@ -1,4 +1,4 @@
-"""viser's sending task is told of a message by the thread that draws, while others begin to wait."""
+"""viser's sending task is told of a message by a thread that draws, while others begin to wait."""
 
 import asyncio
 import threading
