@@ -27,7 +27,7 @@ from experiments.dashboard.tabs.header import live
 from experiments.dashboard.tabs.sliders import SliderGroup
 from experiments.dashboard.view.pose import backlash_widths
 from experiments.runs.assemble import with_play
-from experiments.runs.protocol import read_protocol, shipped
+from experiments.runs.protocol import Protocol, read_protocol, shipped
 from rig.loop.commands import Push, SetGains, Target
 
 if TYPE_CHECKING:
@@ -38,6 +38,7 @@ METHODS = {
     "with play compensation": ("with",),
     "without": ("without",),
 }
+BOTH = next(iter(METHODS))
 WHAT = "Choose a protocol and press **Start**; or play with the balancing table."
 WHAT_REAL = (
     "**A real table.** Homed with `rig home`? Choose a protocol, clear the plate, a hand at the "
@@ -94,6 +95,13 @@ def progress_words(status: SessionStatus) -> str:
         clock = f"{minutes(status.waited_s)} of {minutes(status.patience_s)}"
         return f"{of}: {plain(status.words)}, **waiting for you** ({clock})"
     return f"{of}: {plain(status.words)}, {status.t_s:.1f} of {status.duration_s:.1f} s, {left}"
+
+
+def chosen_methods(choice: str, protocol: Protocol) -> tuple[str, ...]:
+    """The methods to run a protocol with; choice: a key of METHODS. Both are run where the protocol
+    asks for both: on the servos alone they record the same.
+    """
+    return tuple(m for m in METHODS[choice] if choice != BOTH or m in protocol.arms)
 
 
 class ProgressLine:
@@ -213,7 +221,7 @@ class RunTab:
         self._session.start(
             RunPlan(
                 protocol,
-                METHODS[self._methods.now],
+                chosen_methods(self._methods.now, protocol),
                 self._repetitions.now,
                 protocol.seed,
                 pause=self._pause.now or real,  # who armed it for a run armed it for that one

@@ -27,7 +27,14 @@ from experiments.dashboard.session.worker_process import ProgressSender
 from experiments.dashboard.tabs.gap import BEGINS, STAGES, stage_lines
 from experiments.dashboard.tabs.header import link_words
 from experiments.dashboard.tabs.results import ResultsTab, card, table
-from experiments.dashboard.tabs.run import ProgressLine, minutes, progress_words
+from experiments.dashboard.tabs.run import (
+    BOTH,
+    METHODS,
+    ProgressLine,
+    chosen_methods,
+    minutes,
+    progress_words,
+)
 from experiments.dashboard.view.side_plates import CELL_PX, map_image, off_words
 from experiments.gap.closed_loop_replay import table_motion
 from experiments.records.recording import Recorder, write_run
@@ -218,3 +225,10 @@ def test_what_was_cut_off_is_said_with_its_cure(tmp_path: Path):
     assert [row.how for row in list_runs(tmp_path)] == ["cut off: Recover"]
     assert recover_runs([folder], ProgressSender(lambda message: None)) == 1
     assert [row.outcome for row in list_runs(tmp_path)] == ["killed"]
+
+
+def test_both_controllers_are_run_where_the_protocol_asks_for_both():
+    squares, release = read_protocol("servo-squares"), read_protocol("free-release")
+    assert chosen_methods(BOTH, release) == ("without", "with")
+    assert chosen_methods(BOTH, squares) == ("without",)
+    assert [chosen_methods(one, squares) for one in METHODS][1:] == [("with",), ("without",)]
