@@ -45,7 +45,7 @@ def link_words(now: LiveState, status: SessionStatus, rate_hz: float) -> str:
     if status.state not in ("balancing", "running", "starting"):
         return "loop and camera are off"
     if now.row is None or status.state == "starting":
-        return "loop and camera start"
+        return "loop and camera start (the first time a minute or two)"
     if now.silent_s > SILENT_S:
         return f"**the loop is silent for {now.silent_s:.0f} s**"
     speed = status.run.plan.speed if status.run else 1.0

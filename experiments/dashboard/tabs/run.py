@@ -69,6 +69,7 @@ KEYS = (
     "**Ctrl + K** all of them."
 )
 IDLE = "Choose a protocol and press **Start**."
+BALANCES = " Until then the virtual table balances its ball, without play compensation."
 MARKED = (
     "pushes, targets and gains during a recorded run: they are marked in it, and it is not counted"
 )
@@ -86,7 +87,7 @@ def progress_words(status: SessionStatus) -> str:
     planned = status.run
     last = f"**{plain(status.last)}** " if status.last else ""
     if planned is None:
-        return last + IDLE
+        return last + IDLE + (BALANCES if status.state == "balancing" else "")
     of = f"run {planned.number} of {planned.of}"
     left = f"{minutes(status.remaining_s)} left"
     if status.state == "pause":

@@ -67,6 +67,8 @@ def test_progress_says_what_is_on_and_how_long_it_takes():
     assert "run 1 of 2" in words
     assert "8.2 of 16.5 s" in words
     assert "0:25 left" in words
+    idle = [progress_words(SessionStatus(state)) for state in ("balancing", "stopped")]
+    assert ["without play compensation" in words for words in idle] == [True, False]
     assert "Next run" in progress_words(SessionStatus("pause", "run 2 of 2 is next", planned))
     assert minutes(61.4) == "1:01"
 
