@@ -25,7 +25,7 @@ from calibration.gap.model.intervals import covariance
 from calibration.gap.model.parameters import CALIBRATED, NominalModel, Parameter
 from calibration.gap.model.state import Key, State, refit, settle
 from calibration.gap.name.candidates import Start
-from calibration.gap.name.drive_law import best_of_grid
+from calibration.gap.name.drive_law import best_of_grid, has_law
 from calibration.gap.name.load_friction import choose_friction_model, friction_models
 from calibration.gap.report.findings_of_decision import enough_motion
 from rig.effects import BY_NAME
@@ -83,7 +83,7 @@ def accept(logs: Sequence[Log], rig: Rig) -> Accepted:
         lacking = enough_motion(begun)
         if lacking:
             raise ValueError(f"the accepted runs have too little motion: {lacking}")
-        for law in ({}, _drive_law(begun)):
+        for law in ({}, _drive_law(begun)) if has_law(nominal) else ({},):
             fit = evaluate(evidence, nominal, start | law, evidence.outputs)
             state = State(evidence, nominal, fit, _named(nominal))
             states.append(settle(settle(state, evidence.outputs), evidence.outputs))

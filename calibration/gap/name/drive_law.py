@@ -39,13 +39,18 @@ OFFSETS_V = (0.0, 0.05, -0.05, 0.1, -0.1, 0.2, -0.2)
 SETTLINGS = 2  # noise and fit each follow the other; chosen
 
 
+def has_law(nominal: NominalModel) -> bool:
+    """Whether the law is of the rig's servos: they take volts."""
+    return all(nominal.of(name, axis) for name in LOADED_LAW for axis in "xy")
+
+
 def begun_with_law(state: State, skip: Collection[Key] = ()) -> list[State]:
     """What selection may go on from in place of `state`: with each model of the load's friction,
     the law on the servos that have a name, fitted, and all other names as they are; none where no
     servo has two names, or the law is not of the rig's, or part of it is in `skip`.
     """
-    known, names = state.nominal.catalogue, [_servo_names(state, output) for output in SERVO]
-    if max(map(len, names)) < 2 or {n for n, _ in skip} & set(LAW) or not set(LAW) <= set(known):
+    names = [_servo_names(state, output) for output in SERVO]
+    if max(map(len, names)) < 2 or {n for n, _ in skip} & set(LAW) or not has_law(state.nominal):
         return []
     axes = [output[-1] for output, found in zip(SERVO, names, strict=True) if found]
     nominal = state.nominal

@@ -1,12 +1,19 @@
-"""What is accepted and estimated on a table that shares no code with the product."""
+"""What is accepted and estimated on a table that shares no code with the product, and on tables
+whose servos take an angle.
+"""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from calibration.watch.run_estimates import accept, estimate
 from experiments.benchmark.engines.foreign.table import make_log
+from experiments.runs.assemble import load_rig
+from rig.course import Course
 from rig.log import Log
 from rig.parameters import Drive, Rig
+from tests.support.simulated import run
 
 GAIN = 1.53  # of both servos, as the rig file has it
 PLAYS = {"x": 0.022, "y": 0.0205}
@@ -43,3 +50,15 @@ def test_a_drive_with_play_friction_and_offset_is_accepted_as_what_it_is():
     gains = [model.names.index(f".gain_rad_s_V.{axis}") for axis in "xy"]
     before, after = estimate(model, log(2)), estimate(model, log(3, 0.93))
     assert after.values[gains] / before.values[gains] == pytest.approx(np.full(2, 0.93), abs=0.02)
+
+
+@pytest.mark.parametrize("name", ["hobby-two-servos", "bus-servos", "three-arms"])
+def test_servos_that_take_an_angle_have_no_law_of_volts(name: str):
+    rig = load_rig(Path(name))
+    n = round(2 * rig.control_rate_hz)
+    points = np.random.default_rng(1).uniform(-0.045, 0.045, (6, 2))
+    driven = run(rig, 0, Course(np.repeat(points, n, axis=0), np.zeros((6 * n, 2))), 1)
+    model = accept([driven.log], rig)
+    assert any(one.startswith("servo_dead_time.delay_s") for one in model.names)
+    before = estimate(model, driven.log)
+    assert np.isfinite(before.values).all()
