@@ -1,6 +1,7 @@
 /* A program that runs a table's FMU on Linux or Windows: two inputs to and fro, outputs as bits.
 
    fmu_host LIBRARY TOKEN STEPS INPUT INPUT OUTPUT...   (value references; a step is 2 ms) */
+#include <stdbool.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,20 +16,21 @@ static void *found(const char *library, const char *name) {
 static void *found(const char *library, const char *name) { return dlsym(dlopen(library, RTLD_NOW), name); }
 #endif
 
-typedef void *(*Instantiate)(const char *, const char *, const char *, int, int, int, int, const unsigned *, size_t, void *,
-                             void *, void *);
-typedef int (*Enter)(void *, int, double, double, int, double);
+typedef void *(*Instantiate)(const char *, const char *, const char *, bool, bool, bool, bool, const unsigned *, size_t,
+                             void *, void *, void *);
+typedef int (*Enter)(void *, bool, double, double, bool, double);
 typedef int (*Plain)(void *);
 typedef int (*Get)(void *, const unsigned *, size_t, double *, size_t);
 typedef int (*Set)(void *, const unsigned *, size_t, const double *, size_t);
-typedef int (*Step)(void *, double, double, int, int *, int *, int *, double *);
+typedef int (*Step)(void *, double, double, bool, bool *, bool *, bool *, double *);
 
 #define MOST 16
 
 int main(int count, char **words) {
     const char *library = words[1];
     unsigned places[MOST];
-    int n = count - 4, event, over, early;
+    bool event, over, early;
+    int n = count - 4;
     if (n < 3 || n > MOST) return 2;
     for (int i = 0; i < n; i++) places[i] = (unsigned)strtoul(words[4 + i], NULL, 10);
     void *table = ((Instantiate)found(library, "fmi3InstantiateCoSimulation"))("t", words[2], "", 0, 0, 0, 0, NULL, 0, NULL,

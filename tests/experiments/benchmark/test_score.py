@@ -191,7 +191,7 @@ def test_a_damaged_seal_is_one_line(folder: Path, text: str):
 @pytest.mark.parametrize("text", ["[1]", "{}", '{"answer": {}, "seconds": "long"}', "["])
 def test_answers_without_their_seconds_are_one_line(folder: Path, text: str):
     (folder / "answers/work").mkdir(exist_ok=True)
-    (folder / "answers/work/case-0001.json").write_text(text)
+    (folder / "answers" / "work" / "case-0001.json").write_text(text)
     with pytest.raises(ValueError, match=r"work/case-0001.json: (no answer with|not a JSON file)"):
         score_set(folder / "set", folder / "answers")
 
