@@ -15,9 +15,9 @@ from experiments.export.export_model import export_model
 from experiments.export.fmu.compiler import WINDOWS, compile_library
 from experiments.runs.assemble import load_rig
 from tests.support import ROOT
-from tests.support.parts import PARTS, need, needs
+from tests.support.parts import PARTS, needs
 
-need("cc", "mingw")
+pytestmark = needs("cc", "mingw")
 COMMANDED = ("voltage_x_V", "voltage_y_V")
 SEEN = ("theta_x_rad", "theta_y_rad", "ball_x_m", "ball_y_m")
 
@@ -77,7 +77,7 @@ def _ran(host: list[str | Path], library: Path, tmp_path: Path) -> np.ndarray:
     return np.array(bits, dtype=np.uint64).view(np.float64)
 
 
-@needs("wine")
+@needs("cc", "mingw", "wine")
 def test_the_dll_computes_what_the_linux_library_computes(binaries: Path, tmp_path: Path):
     """In wine, whose C library is not that of Linux: a sine may differ in its last bits."""
     source, hosts = ROOT / "tests/support/fmu_host.c", [tmp_path / "host", tmp_path / "host.exe"]
