@@ -16,33 +16,39 @@ HEAD = ("", "without", "with", "with, against without")
 @dataclass(frozen=True)
 class Measure:
     """A number that people compare: what it is, its unit, its name in `numbers.MEASURES`, what its
-    unit there is multiplied by, and what stands where a run has none."""
+    unit there is multiplied by, what stands where a run has none, and whether it is of a target at
+    rest alone."""
 
     label: str
     unit: str
     name: str
     missing: str
     factor: float = 1.0
+    at_rest: bool = False
 
 
 MEASURES = (
-    Measure("distance from the target, RMS, settled", "cm", "settled_error", "ball not seen"),
-    Measure("spread about its own mean, settled", "cm", "settled_spread", "ball not seen"),
-    Measure("limit cycle, amplitude", "cm", "cycle_amplitude", "fewer than 2 cycles"),
-    Measure("settling time, to its last swing", "s", "settling", "never"),
-    Measure("servo activity, settled", "deg", "servo_activity", "not measured", degrees(1)),
+    Measure("distance from the target, RMS", "cm", "settled_error", "ball not seen"),
+    Measure("spread about its own mean", "cm", "settled_spread", "ball not seen", at_rest=True),
+    Measure("limit cycle, amplitude", "cm", "cycle_amplitude", "fewer than 2 cycles", at_rest=True),
+    Measure("settling time, to its last swing", "s", "settling", "never", at_rest=True),
+    Measure("servo activity", "deg", "servo_activity", "not measured", degrees(1)),
 )
 
 
 def _values(runs: Sequence[Recorded], one: Measure) -> np.ndarray:
-    return one.factor * np.array([measures(run.metrics)[one.name] for run in runs])
+    known = [not (one.at_rest and run.metrics.target_moves) for run in runs]
+    found = [measures(run.metrics)[one.name] for run in runs]
+    return one.factor * np.where(known, found, nan)
 
 
-def _cell(values: np.ndarray, one: Measure) -> str:
+def _cell(runs: Sequence[Recorded], one: Measure) -> str:
     """Mean, and its 95 % interval over runs where there are two or more with a value."""
+    values = _values(runs, one)
     found = mean_interval(values)
     if not found.n:
-        return one.missing
+        moves = one.at_rest and any(run.metrics.target_moves for run in runs)
+        return "the target moves" if moves else one.missing
     text = f"{found.value:.2f} {one.unit}"
     if found.n > 1:
         text += f" ({max(found.low, 0.0):.2f} to {found.high:.2f}, {found.n} runs)"
@@ -68,9 +74,18 @@ def comparison_rows(without: Sequence[Recorded], with_: Sequence[Recorded]) -> l
     """Rows under HEAD, one a measure; an arm without runs is blank."""
     rows = []
     for one in MEASURES:
-        cells = [_cell(_values(runs, one), one) if runs else "" for runs in (without, with_)]
+        cells = [_cell(runs, one) if runs else "" for runs in (without, with_)]
         rows.append([one.label, *cells, ratio_words(_mean(without, one), _mean(with_, one))])
     return rows
+
+
+def part_words(runs: Sequence[Recorded]) -> str:
+    """Which part of the runs the numbers are of."""
+    settled = [run.metrics.has_settled for run in runs]
+    if all(settled):
+        return "after settling"
+    last = "in the last half of each run" if len(runs) > 1 else "in the last half of the run"
+    return f"after settling, else {last}" if any(settled) else last
 
 
 def comparison_sentence(without: Sequence[Recorded], with_: Sequence[Recorded]) -> str:
@@ -88,12 +103,12 @@ def comparison_sentence(without: Sequence[Recorded], with_: Sequence[Recorded]) 
     if words != "about the same":
         times, _, way = words.rpartition(" ")
         said = f"{times} {nearer[way]}"
-    n = min(len(without), len(with_))
+    sure = _sure(_values(without, one), _values(with_, one), min(len(without), len(with_)))
     many = "one run of each" if len(without) == len(with_) == 1 else "mean of the runs"
     return (
         f"With play compensation the ball stays {said} its target"
         f"{' as without' if said == 'as near to' else ''}: {b:.2f} cm instead of {a:.2f} cm "
-        f"(RMS after settling, {many}{_sure(_values(without, one), _values(with_, one), n)})."
+        f"(RMS {part_words([*without, *with_])}, {many}{sure})."
     )
 
 

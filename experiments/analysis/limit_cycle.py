@@ -32,7 +32,7 @@ def limit_cycle(ball: Samples) -> tuple[Cycle, Cycle]:
     Amplitude: median over the cycles of the first harmonic, fitted by least squares beside a
     constant and a drift. Where the target moves both results are NaN with that reason.
     """
-    if len(ball.t_s) and np.ptp(ball.target_m, axis=0).any():
+    if ball.target_moves:
         moves = Cycle(nan, nan, 0, "the target moves")
         return moves, moves
     return _cycle(ball.t_s, ball.xy_m[:, 0]), _cycle(ball.t_s, ball.xy_m[:, 1])

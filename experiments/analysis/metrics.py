@@ -31,20 +31,22 @@ GAP_S = 0.25  # a ball unseen for longer was not there
 class RunMetrics:
     """Metrics of one run in SI units; pairs (2,) are x, y, and NaN is what the log lacks.
 
-    duration_s: of the run phase; samples: observations of the ball; centroid_m to error_rms_m: over
-    the whole run, as in `Place`. settling_s: NaN where the ball never settled (`has_settled`
-    False). The settled part begins at settling_s, or at half the run where the ball never settled;
-    of that part are settled (`Place`), cycle (x and y), servo_rms_rad (RMS about zero),
-    servo_activity_rad (standard deviation; of the commands where no angle is measured) and
-    servo_tracking_rad (RMS of theta - desired_theta).
-    Over the whole run are servo_tracking_whole_rad and voltage_rms_V. pushes: their number, None
-    where the log does not say. unseen_at_end_s: how long the ball had not been seen at the end;
-    where that is above GAP_S, this time is not part of the settled part. gear_play_rad,
-    joint_play_rad and their standard deviations: the last estimates, full widths.
+    duration_s: of the run phase; samples: observations of the ball; target_moves: whether the
+    ball's target does: centroid, spread and settling then say nothing of the controller; centroid_m
+    to error_rms_m: over the whole run, as in `Place`. settling_s: NaN where the ball never settled
+    (`has_settled` False). The settled part begins at settling_s, or at half the run where the ball
+    never settled; of that part are settled (`Place`), cycle (x and y), servo_rms_rad (RMS about
+    zero), servo_activity_rad (standard deviation; of the commands where no angle is measured) and
+    servo_tracking_rad (RMS of theta - desired_theta). Over the whole run are
+    servo_tracking_whole_rad and voltage_rms_V. pushes: their number, None where the log does not
+    say. unseen_at_end_s: how long the ball had not been seen at the end; where that is above GAP_S,
+    this time is not part of the settled part. gear_play_rad, joint_play_rad and their standard
+    deviations: the last estimates, full widths.
     """
 
     duration_s: float
     samples: int
+    target_moves: bool
     centroid_m: np.ndarray
     distance_m: float
     spread_m: float
@@ -91,6 +93,7 @@ def run_metrics(
     after = ball.where(ball.t_s >= begin)
     return RunMetrics(
         duration_s=duration,
+        target_moves=ball.target_moves,
         **vars(place(ball)),
         settling_s=settling,
         has_settled=not np.isnan(settling),

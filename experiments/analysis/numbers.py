@@ -47,6 +47,12 @@ def centroid_cm(run: Recorded) -> np.ndarray:
     return CM * centroid(xy_m) if np.isfinite(xy_m).all(axis=1).any() else np.full(2, np.nan)
 
 
+def resting_centroid_cm(run: Recorded) -> np.ndarray | None:
+    """`centroid_cm` where the ball is to rest; None without samples, or where the target moves."""
+    xy = centroid_cm(run)
+    return None if run.metrics.target_moves or not np.isfinite(xy).all() else xy
+
+
 def _place_cm(where: Place) -> dict:
     return {
         "centroid_cm": (CM * where.centroid_m).tolist(),
@@ -68,6 +74,7 @@ def run_numbers(run: Recorded) -> dict:
     return {
         **_place_cm(whole),
         "settled": _place_cm(m.settled) | _within(run) | _settled_servos(m),
+        "target_moves": m.target_moves,
         "settling_s": m.settling_s,
         "duration_s": m.duration_s,
         "limit_cycle": {

@@ -50,6 +50,11 @@ class Samples:
         return Samples(**{name: values[chosen] for name, values in vars(self).items()})
 
     @property
+    def target_moves(self) -> bool:
+        """Whether the target of any two samples differs."""
+        return bool(len(self.t_s)) and bool(np.ptp(self.target_m, axis=0).any())
+
+    @property
     def off_m(self) -> np.ndarray:
         """Distance (k,) [m] of each sample from its target, over the axes that the log has."""
         return np.sqrt(np.nansum((self.xy_m - self.target_m) ** 2, axis=1))

@@ -14,6 +14,7 @@ from experiments.reports import figures
 from experiments.reports.figures import save, shown_unit, verdict_word
 from experiments.reports.report import (
     RUN_HEAD,
+    SETTLED,
     Picture,
     Pictures,
     Section,
@@ -275,4 +276,4 @@ def _runs_section(study: Study, numbers: dict) -> Section:
         for arm in study[figure]:
             for found in numbers[figure][arm]["runs_list"]:
                 rows.append(run_row(f"Fig. {figure} {arm}", found))
-    return Section("Every run of the figures", [Table(RUN_HEAD, rows)])
+    return Section("Every run of the figures", [Table(RUN_HEAD, rows, SETTLED)])

@@ -195,27 +195,40 @@ def _inset(axis: Axes, size_cm: float, bounds: tuple[float, float, float, float]
     return inset
 
 
+def _wanted(axis: Axes, log: Log, size: float) -> None:
+    """The centre, where the ball is wanted, or the way of a target that moves."""
+    ball = ball_samples(log)
+    if ball.target_moves:
+        axis.plot(*(_CM * ball.target_m).T, "--", color=CENTRE, lw=1.4, label="target", zorder=4)
+    else:
+        axis.plot(0, 0, "o", color=CENTRE, ms=size, label="centre (desired)", zorder=4)
+
+
 def release_scatter(
     without: Log, with_: Log, centroids_cm: Mapping[str, np.ndarray], side_cm: float = 27.5
 ) -> Figure:
     """Fig. 10: with = red crosses, without = blue dots, centroids black crosses, centre green.
 
-    centroids_cm: arm -> (2,); side_cm: side of the plate.
+    centroids_cm: arm -> (2,), empty where the target moves: then without the view of the centre;
+    side_cm: side of the plate.
     """
     figure, axis = plt.subplots(figsize=(5.6, 5.4))
     _plate(axis, side_cm)
-    inset = _inset(axis, 2.5, (0.56, 0.56, 0.42, 0.42))
-    for where, size in ((axis, 1.0), (inset, 1.4)):
+    views = [(axis, 1.0)]
+    if centroids_cm:
+        views.append((_inset(axis, 2.5, (0.56, 0.56, 0.42, 0.42)), 1.4))
+    for where, size in views:
         xy = ball_cm(without)[1]
         where.plot(*xy.T, ".", color=WITHOUT, ms=2.2 * size, label=ARMS["without"])
         xy = ball_cm(with_)[1]
         where.plot(*xy.T, "x", color=WITH, ms=3 * size, mew=0.6, label=ARMS["with"])
-        where.plot(0, 0, "o", color=CENTRE, ms=6 * size, label="centre (desired)", zorder=4)
-        both = np.array([centroids_cm["without"], centroids_cm["with"]])
-        where.plot(*both.T, "x", color="k", ms=8, mew=1.6, ls="", label="centroids", zorder=5)
+        _wanted(where, with_, 6 * size)
+        both = np.reshape(list(centroids_cm.values()), (-1, 2))
+        if len(both):
+            where.plot(*both.T, "x", color="k", ms=8, mew=1.6, ls="", label="centroids", zorder=5)
     arrow = {"arrowstyle": "-", "lw": 0.6}
     for (arm, xy), away in zip(centroids_cm.items(), ((28, 26), (-44, -34)), strict=True):
-        inset.annotate(
+        views[-1][0].annotate(
             arm,
             (xy[0], xy[1]),
             xytext=away,
@@ -227,18 +240,21 @@ def release_scatter(
     return figure
 
 
-def pushed_scatter(log: Log, centroid_cm: np.ndarray, arm: str, side_cm: float = 27.5) -> Figure:
+def pushed_scatter(
+    log: Log, centroid_cm: np.ndarray | None, arm: str, side_cm: float = 27.5
+) -> Figure:
     """Figs. 12 and 13: positions of the pushed ball in the arm's colour; centroid black cross,
     centre green dot.
 
-    centroid_cm (2,); arm: for the legend; side_cm: side of the plate.
+    centroid_cm (2,), None where the target moves; arm: for the legend; side_cm: side of the plate.
     """
     figure, axis = plt.subplots(figsize=(5.4, 5.2))
     _plate(axis, side_cm)
     xy = ball_cm(log)[1]
     axis.plot(*xy.T, ".", color=colour_of(arm), ms=2.6, label=f"ball, {ARMS.get(arm, arm)}")
-    axis.plot(0, 0, "o", color=CENTRE, ms=8, label="centre (desired)")
-    axis.plot(*centroid_cm, "x", color="k", ms=10, mew=2.2, ls="", label="centroid")
+    _wanted(axis, log, 8)
+    if centroid_cm is not None:
+        axis.plot(*centroid_cm, "x", color="k", ms=10, mew=2.2, ls="", label="centroid")
     axis.legend(loc="lower left", fontsize=8)
     return figure
 

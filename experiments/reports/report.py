@@ -131,15 +131,19 @@ def recompute_section(how: str, command: str = "") -> Section:
     )
 
 
+SETTLED = (
+    "Settled: after settling; of a run that never settled, or whose target moves to its end, in "
+    "its last half."
+)
 RUN_HEAD = (
     "run",
     "run folder",
     "outcome",
     "T [s]",
     "centroid (x, y) [cm]",
-    "distance [cm]",
+    "centroid's distance [cm]",
     "settling [s]",
-    "settled distance [cm]",
+    "settled distance, RMS [cm]",
     "settled spread [cm] [95 %]",
     "limit cycle x, y [cm]",
     "period x, y [s]",
@@ -155,18 +159,19 @@ def run_row(name: str, numbers: dict) -> list[str]:
     numbers: as of `experiments.analysis.numbers.run_numbers`.
     """
     settled, cycle = numbers["settled"], numbers["limit_cycle"]
-    spread = numbers["settled"].get("spread_interval_cm")
-    interval = f" [{number(spread[0], 2)}, {number(spread[1], 2)}]" if spread else ""
+    moves = numbers["target_moves"]
+    centroid = ", ".join(f"{v:+.3f}" for v in numbers["centroid_cm"])
+    never = "the target moves" if moves else "never"
+    settling = number(numbers["settling_s"], 1) if settled["has_settled"] else never
     return [
         name,
         numbers["folder"],
         numbers["outcome"],
         f"{numbers['duration_s']:.1f}",
-        ", ".join(f"{v:+.3f}" for v in numbers["centroid_cm"]),
-        number(numbers["distance_cm"]),
-        number(numbers["settling_s"], 1) if settled["has_settled"] else "never (last half used)",
-        number(settled["distance_cm"]),
-        number(settled["spread_cm"]) + interval,
+        *(("-", "-") if moves else (centroid, number(numbers["distance_cm"]))),
+        settling,
+        number(settled["error_rms_cm"]),
+        "-" if moves else _spread(settled),
         _amplitudes(cycle),
         ", ".join(number(cycle[a]["period_s"], 2) for a in "xy"),
         ", ".join(number(_degrees(v), 2) for v in settled["servo_rms_rad"]),
@@ -177,6 +182,13 @@ def run_row(name: str, numbers: dict) -> list[str]:
 
 def _degrees(value: float | None) -> float:
     return nan if value is None else degrees(value)
+
+
+def _spread(settled: dict) -> str:
+    """Spread [cm] of the settled part, and its interval where there is one."""
+    ends = settled.get("spread_interval_cm")
+    interval = f" [{number(ends[0], 2)}, {number(ends[1], 2)}]" if ends else ""
+    return number(settled["spread_cm"]) + interval
 
 
 def _amplitudes(cycle: dict) -> str:

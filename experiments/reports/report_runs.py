@@ -5,8 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.analysis.comparison import HEAD, comparison_rows, comparison_sentence
-from experiments.analysis.numbers import Recorded, centroid_cm, recorded, run_numbers
+from experiments.analysis.comparison import (
+    HEAD,
+    comparison_rows,
+    comparison_sentence,
+    part_words,
+)
+from experiments.analysis.numbers import Recorded, recorded, resting_centroid_cm, run_numbers
 from experiments.analysis.regime import regime_of_record, rig_of_record
 from experiments.analysis.samples import run_part
 from experiments.records.recording import read_run
@@ -15,6 +20,7 @@ from experiments.reports import figures
 from experiments.reports.figures import SOURCES, save
 from experiments.reports.report import (
     RUN_HEAD,
+    SETTLED,
     Block,
     Picture,
     Pictures,
@@ -119,7 +125,8 @@ def _numbers(rows: list[list[str]]) -> list[Block]:
     for first in range(0, len(rows), RUNS_A_TABLE):
         some = rows[first : first + RUNS_A_TABLE]
         turned = [[RUN_HEAD[i], *(row[i] for row in some)] for i in range(1, len(RUN_HEAD))]
-        tables.append(Table(("", *(row[0] for row in some)), turned, words=len(some) + 1))
+        head = ("", *(row[0] for row in some))
+        tables.append(Table(head, turned, SETTLED, words=len(some) + 1))
     return tables
 
 
@@ -154,7 +161,9 @@ def _comparison(
         )
         for name, figure in drawn.items()
     ]
-    table = Table(HEAD, comparison_rows(*both), "Mean, and its 95 % interval over runs.", words=4)
+    many = "; mean, and its 95 % interval over runs" if max(map(len, both)) > 1 else ""
+    part = part_words([*both[0], *both[1]])
+    table = Table(HEAD, comparison_rows(*both), f"The ball {part}{many}.", words=4)
     return [Section("With and without play compensation", [Pictures(shown), table])]
 
 
@@ -188,7 +197,9 @@ def _run_section(run: Recorded, meta: dict, out: Path) -> Section:
         side = 100 * rig_of_record(meta.get("rig") or {}).linkage.side_m
         drawn = {
             "ball": figures.ball_of_run(run.log, colour),
-            "plate": figures.pushed_scatter(run.log, centroid_cm(run), f"{meta['arm']}", side),
+            "plate": figures.pushed_scatter(
+                run.log, resting_centroid_cm(run), f"{meta['arm']}", side
+            ),
         } | drawn
     captions = {"ball": "Ball over time.", "plate": "Ball on the plate."}
     told = figures.servo_word(run.log) == "command"

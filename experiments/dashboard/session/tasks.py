@@ -4,20 +4,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from experiments.dashboard.server.untrusted_text import as_unicode
 from experiments.dashboard.session.worker_process import ProgressSender
 
 if TYPE_CHECKING:
-    from experiments.analysis.numbers import Recorded
     from experiments.records.recording import Run
 
 MOST_LISTED = 40  # runs; chosen: a list on the page is no longer
 UNFINISHED = "unfinished"
-RUNS_OF_FIG14 = 4  # of either method: the paper's figure shows eight
 
 
 @dataclass(frozen=True)
@@ -127,11 +123,14 @@ def draw_figures(
     be read, or `out` cannot be written.
     """
     from experiments.analysis.comparison import comparison_rows, comparison_sentence
-    from experiments.analysis.numbers import recorded
+    from experiments.analysis.numbers import recorded, resting_centroid_cm
+    from experiments.analysis.regime import rig_of_record
+    from experiments.dashboard.session.figures_of_runs import Completed
     from experiments.records.recording import read_run
+    from experiments.reports.figures import save
 
     completed: dict[str, list] = {"without": [], "with": []}
-    counted, sources, marks = [], set(), {}
+    counted, sources, marks, side_cm = [], set(), {}, {}
     for i, row in enumerate(rows):
         progress("reading runs", i, len(rows))
         stored = read_run(row.folder)
@@ -139,8 +138,10 @@ def draw_figures(
         run = recorded(row.folder, stored.log, row.outcome, servo_only=servo_only)
         marks[run.folder] = by_hand_s(stored)
         sources.add(str(stored.meta.get("source")))
-        xy = None if servo_only else resting_centroid(run)
-        counted.append(replace(row, centroid_cm=xy))
+        side_cm[run.folder] = 100 * rig_of_record(stored.meta.get("rig") or {}).linkage.side_m
+        xy = resting_centroid_cm(run)
+        where = None if xy is None else (float(xy[0]), float(xy[1]))
+        counted.append(replace(row, centroid_cm=where))
         counts = disturbed or not row.by_hand
         seen = not servo_only and run.metrics.samples > 0
         if seen and counts and row.method in completed and row.outcome == "completed":
@@ -148,9 +149,10 @@ def draw_figures(
     out.mkdir(parents=True, exist_ok=True)
     source = sources.pop() if len(sources) == 1 else "simulated"
     progress("drawing", 0, 1)
-    pictures = _figures_of(completed, rows[0].protocol == "pushed", out, source, marks)
-    progress("drawing", 1, 1)
     both = completed["without"], completed["with"]
+    drawn = Completed(rows[0].protocol, *both, marks, side_cm).figures()
+    pictures = [CaptionedPicture(save(one, out, name, source), text) for one, name, text in drawn]
+    progress("drawing", 1, 1)
     table = comparison_rows(*both) if any(both) else []
     return DrawnFigures(pictures, counted, comparison_sentence(*both), table)
 
@@ -162,76 +164,6 @@ def by_hand_s(stored: "Run") -> list[float]:
 
     begin_s = float(run_part(stored.log)["t_s"][:1].sum())
     return [e["t_s"] - begin_s for e in stored.events if e["text"].startswith(BY_HAND)]
-
-
-def resting_centroid(run: "Recorded") -> tuple[float, float] | None:
-    """Centroid (x, y) [cm] of a run; None without samples, or where the target moves."""
-    from experiments.analysis.numbers import centroid_cm
-    from experiments.analysis.samples import ball_samples
-
-    targets = ball_samples(run.log).target_m
-    xy = centroid_cm(run)
-    if not np.isfinite(xy).all() or np.ptp(targets, axis=0).any():
-        return None
-    return float(xy[0]), float(xy[1])
-
-
-def _figures_of(
-    completed: dict[str, list], pushed: bool, out: Path, source: str, marks: dict[Path, list[float]]
-) -> list[CaptionedPicture]:
-    """The figures that the completed runs of both methods allow, as files in `out`; marks: by
-    folder, when a run was disturbed by hand.
-    """
-    from experiments.analysis.numbers import centroid_cm
-    from experiments.reports import figures
-
-    a, b = completed["without"], completed["with"]
-    drawn: list[tuple[Any, str, str]] = []
-    if a and b and pushed:
-        drawn = [
-            (
-                figures.pushed_scatter(a[0].log, centroid_cm(a[0]), "without"),
-                "fig12",
-                "Fig. 12: the pushed ball, without play compensation",
-            ),
-            (
-                figures.pushed_scatter(b[0].log, centroid_cm(b[0]), "with"),
-                "fig13",
-                "Fig. 13: the pushed ball, with play compensation",
-            ),
-        ]
-    elif a and b:
-        centres = {"without": centroid_cm(a[0]), "with": centroid_cm(b[0])}
-        over_time = figures.ball_over_time(a[0].log, b[0].log)
-        servo = figures.servo_over_time(a[0].log, b[0].log)
-        for figure in (over_time, servo):
-            figures.mark_times(figure, [*marks[a[0].folder], *marks[b[0].folder]], "by hand")
-        drawn = [
-            (
-                figures.release_scatter(a[0].log, b[0].log, centres),
-                "fig10",
-                "Fig. 10: where the ball was, with (red) and without (blue) play compensation",
-            ),
-            (over_time, "ball-time", "Ball over time (as Fig. 7)"),
-            (servo, "fig11", "Fig. 11: servo angles"),
-        ]
-        n = RUNS_OF_FIG14
-        if min(len(a), len(b)) >= n:
-            eight = figures.eight_runs([run.log for run in a[:n]], [run.log for run in b[:n]])
-            drawn.append((eight, "fig14", "Fig. 14: eight runs"))
-    elif a or b:
-        method, run = ("without", a[0]) if a else ("with", b[0])
-        caption = f"The ball, {method} play compensation; the other run is still to come"
-        over_time = figures.ball_of_run(run.log, figures.colour_of(method))
-        figures.mark_times(over_time, marks[run.folder], "by hand")
-        drawn = [
-            (figures.pushed_scatter(run.log, centroid_cm(run), method), "ball", caption),
-            (over_time, "ball-time", "Ball over time"),
-        ]
-    return [
-        CaptionedPicture(figures.save(figure, out, name, source), caption)
-        for figure, name, caption in drawn
-    ]
 
 
 def recover_runs(folders: Sequence[Path], progress: ProgressSender) -> int:

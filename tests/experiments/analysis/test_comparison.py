@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 
 from experiments.analysis.comparison import comparison_rows, comparison_sentence, ratio_words
-from experiments.analysis.numbers import recorded
+from experiments.analysis.numbers import recorded, run_numbers
+from experiments.reports.report import RUN_HEAD, run_row
 from rig.log import Log
 
 SECONDS, RATE = 20, 200
 
 
-def run(amplitude_cm: float, seed: int = 1):
-    """A settled ball that swings about the centre on both axes, a quarter period apart."""
+def run(amplitude_cm: float, seed: int = 1, target_cm: float = 0.0):
+    """A settled ball that swings about the centre on both axes, a quarter period apart, while the
+    target goes to and fro by `target_cm` in x."""
     t = np.arange(SECONDS * RATE) / RATE
     rng = np.random.default_rng(seed)
     swing = 1e-2 * amplitude_cm * np.exp(2j * np.pi * t / 2.5)
@@ -23,7 +25,7 @@ def run(amplitude_cm: float, seed: int = 1):
         "ball_x_m": swing.real + noise[0],
         "ball_y_m": swing.imag + noise[1],
         "ball_exposed_s": t,
-        "target_x_m": 0 * t,
+        "target_x_m": 1e-2 * target_cm * np.sin(t),
         "target_y_m": 0 * t,
         "phase": 2 + 0 * t,
         "theta_x_rad": 0.1 * swing.real,
@@ -49,10 +51,29 @@ def test_the_sentence_says_what_the_logs_were_made_with(two):
 def test_every_row_has_units_and_says_what_is_missing(two):
     rows = {row[0]: row[1:] for row in comparison_rows(*two)}
     assert rows["limit cycle, amplitude"] == ["0.90 cm", "0.30 cm", "3.0 times smaller"]
-    assert rows["servo activity, settled"][0].endswith(" deg")
+    assert rows["servo activity"][0].endswith(" deg")
     assert all("-" not in cell for row in rows.values() for cell in row)
     alone = {row[0]: row[1:] for row in comparison_rows([run(0.0)], [])}
     assert alone["limit cycle, amplitude"] == ["fewer than 2 cycles", "", ""]
+
+
+def test_of_a_target_that_moves_nothing_is_said_that_has_no_meaning():
+    """5 cm to and fro (RMS 3.5 cm) about a ball that swings by 0.3 cm: it never comes nearer."""
+    moving = [run(0.3, target_cm=5.0)]
+    rows = {row[0]: row[1] for row in comparison_rows(moving, [])}
+    for name in ("spread about its own mean", "limit cycle, amplitude"):
+        assert rows.pop(name) == "the target moves"
+    assert rows.pop("settling time, to its last swing") == "the target moves"
+    assert float(rows.pop("distance from the target, RMS").split()[0]) == pytest.approx(
+        3.5, rel=0.1
+    )
+    assert rows.pop("servo activity").endswith(" deg")
+    assert not rows
+    assert "RMS in the last half of each run" in comparison_sentence(moving, moving)
+    page_row = dict(zip(RUN_HEAD, run_row("a", run_numbers(moving[0])), strict=True))
+    assert page_row["settling [s]"] == "the target moves"
+    assert page_row["centroid (x, y) [cm]"] == page_row["centroid's distance [cm]"] == "-"
+    assert float(page_row["settled distance, RMS [cm]"]) == pytest.approx(3.5, rel=0.1)
 
 
 def test_repeats_tell_a_clear_difference_from_their_own_scatter():
