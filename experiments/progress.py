@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-# progress(stage, done, total)
+# progress(stage, done, total); "stage: words" says what a stage is doing
 ProgressCall = Callable[[str, int, int], None]
 
 

@@ -20,6 +20,7 @@ from calibration.gap.model.intervals import deviations
 from calibration.gap.model.state import State, plain
 from calibration.gap.name.decide import Decision, verdict_of
 from calibration.gap.name.load_friction import choose_friction_model, creeping_servos
+from calibration.gap.name.naming_steps import NamingStep
 from calibration.gap.name.stepwise import Accepted, Rival, settled_baseline
 from calibration.gap.prove import floors, model_of, prove, rms, steps
 from calibration.gap.report import findings_of_decision, wording
@@ -71,7 +72,8 @@ def investigate(
     the logs in words, one each. `until`: the last stage to run, of STAGES. `tolerances`: effect ->
     half width of its first parameter [its unit], in place of those of rig and catalogue. `quick`:
     leaves out the regions, the sizes by log, and the rivals in the proof. `threads`: predictions
-    that run at a time. `progress`: called with (stage, done, total).
+    that run at a time. `progress`: called with (stage, done, total); the stage "name" tells what
+    it does as "name: words".
     The answer depends on the logs, the rig and the options alone.
 
     `ValueError`: unknown stage.
@@ -79,7 +81,7 @@ def investigate(
     if until not in STAGES:
         raise ValueError(f"stage '{until}'; known: {', '.join(STAGES)}")
     report = progress or (lambda stage, done, total: None)
-    report("baseline", 0, 4)
+    report("baseline", 0, 1)
     evidence = gather(usable_runs(logs, rig), levels_of(rig), threads=threads)
     tolerances = {**rig.tolerances, **(tolerances or {})}
     nominal = choose_friction_model(evidence, rig, tolerances)
@@ -91,15 +93,18 @@ def investigate(
     if lacking:
         return Investigation(_too_little_motion(still, lacking, notes))
     before = settled_baseline(evidence, nominal)
-    report("name", 1, 4)
-    decision, refuted = decide_by_proof(before)
+    report("baseline", 1, 1)
+    steps = len(NamingStep)
+    decision, refuted = decide_by_proof(before, lambda k, what: report(f"name: {what}", k, steps))
     notes += refuted
-    report("add and prove", 3, 4)
+    report("name", steps, steps)
+    report("add and prove", 0, 1)
     found = _findings(decision, until, notes, quick=quick)
     if not quick and until != "locate":
         by_log = sizes_by_log(decision.state, found.effects)
         told = found.notes + sentences(by_log, log_names)
         found = replace(found, by_log=by_log, notes=told)
+    report("add and prove", 1, 1)
     return Investigation(found, decision)
 
 

@@ -59,6 +59,7 @@ from calibration.gap.model.intervals import deviations, interval
 from calibration.gap.model.parameters import BALL, PERIODIC
 from calibration.gap.model.state import Key, State, drop_effects, outputs_of, plain
 from calibration.gap.name.decide import Decision, decide, significant, verdict_of
+from calibration.gap.name.naming_steps import NamingStep, Tell, untold
 from calibration.gap.name.stepwise import Accepted
 from calibration.gap.specification import (
     completeness,
@@ -72,14 +73,15 @@ from calibration.statistics import student_quantile
 from rig.effects import Effect
 
 
-def decide_by_proof(before: State) -> tuple[Decision, tuple[str, ...]]:
+def decide_by_proof(before: State, tell: Tell = untold) -> tuple[Decision, tuple[str, ...]]:
     """The decision on a settled baseline whose names the held-out data do not refute, and in words
     the reasons of those that they did."""
     barred: list[str] = []
     reasons: tuple[str, ...] = ()
-    decision = tried = first = decide(before)
+    decision = tried = first = decide(before, tell=tell)
     for i in range(MAX_ROUNDS):
-        tried = decide(tried.naming.before, barred) if i else tried
+        tried = decide(tried.naming.before, barred, tell) if i else tried
+        tell(NamingStep.PROOF, "does it predict what the fit has not seen?")
         judged, outdone, more = judge(tried)
         if i:
             judged, doubts = _beside_refuted(judged, first)

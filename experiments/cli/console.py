@@ -33,9 +33,10 @@ def bars() -> Iterator[ProgressCall]:
     def show(stage: str, done: int, total: int) -> None:
         if not tasks:  # bad input stays one line: nothing is drawn before there is something to see
             progress.start()
-        if stage not in tasks:
-            tasks[stage] = progress.add_task(stage, total=total)
-        progress.update(tasks[stage], completed=done, total=total)  # pyright: ignore
+        name = stage.partition(": ")[0]
+        if name not in tasks:
+            tasks[name] = progress.add_task(stage, total=total)
+        progress.update(tasks[name], description=stage, completed=done, total=total)  # pyright: ignore
 
     try:
         yield show

@@ -52,11 +52,11 @@ def investigate(
             return replace(found.findings, next_experiment=_next(found, inputs))
         if quick or stage not in ("prove", "next"):
             return found.findings
-        progress("closed loop and next experiment", 3, 4)
+        progress("closed loop and next experiment", 0, 1)
         answer = replace(found.findings, closed_loop=_closed_loop(inputs, found.findings))
         if stage == "next" and found.rivals is not None:
             answer = replace(answer, next_experiment=_next(found, inputs))
-        progress("closed loop and next experiment", 4, 4)
+        progress("closed loop and next experiment", 1, 1)
         return answer
 
 

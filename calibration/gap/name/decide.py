@@ -21,6 +21,7 @@ from calibration.gap.decision_rule import (
 )
 from calibration.gap.model.state import State, drop_effects
 from calibration.gap.name.bootstrap import ChanceScores, chance_scores
+from calibration.gap.name.naming_steps import NamingStep, Tell, untold
 from calibration.gap.name.stepwise import Accepted, Naming, name_effects
 from calibration.gap.unnamed.basis import UnnamedTerm, unnamed_terms
 
@@ -42,11 +43,13 @@ class Decision:
     chance: ChanceScores | None = None
 
 
-def decide(before: State, barred: Collection[str] = ()) -> Decision:
+def decide(before: State, barred: Collection[str] = (), tell: Tell = untold) -> Decision:
     """The decision on a settled baseline, by the module's four steps; `barred`: effects that are
     not tried."""
-    naming = name_effects(before, barred)
+    naming = name_effects(before, barred, tell)
+    tell(NamingStep.CHANCE, "what would chance alone give?")
     chance, accepted, state = _beyond_chance(naming)
+    tell(NamingStep.UNNAMED, "what is left without a name?")
     left = significant(unnamed_terms(state))
     if left is None:
         verdict = verdict_of(accepted, None, none="nothing-missing")

@@ -45,6 +45,7 @@ from calibration.gap.model.state import (
 )
 from calibration.gap.name.drive_law import begun_with_law
 from calibration.gap.name.load_friction import better_friction_model
+from calibration.gap.name.naming_steps import NamingStep, Tell, untold
 from calibration.gap.name.refit import CandidateFit, rank
 from calibration.gap.name.screen import Screened, Screens, screen
 from calibration.gap.unnamed.basis import unnamed_terms
@@ -116,17 +117,17 @@ def settled_baseline(evidence: Evidence, nominal: NominalModel) -> State:
     return settle(state, state.evidence.outputs)
 
 
-def name_effects(state: State, barred: Collection[str] = ()) -> Naming:
+def name_effects(state: State, barred: Collection[str] = (), tell: Tell = untold) -> Naming:
     """Stepwise naming from the settled baseline `state`: forward selection, then backward
     elimination; the effects `barred` are not tried."""
     skip = [(name, axis) for name in barred for axis in state.nominal.catalogue[name].axes]
-    chosen = _selected(state, skip)
+    chosen = _selected(state, skip, tell)
     other = None if chosen.has_law else better_friction_model(chosen.state)
     if other is not None:
         begun = settled_baseline(state.evidence, other)
-        again = _selected(begun, skip)
+        again = _selected(begun, skip, tell)
         chosen = chosen if cheaper(chosen.state, again.state) is chosen.state else again
-    after, accepted = _eliminated(chosen.state, skip)
+    after, accepted = _eliminated(chosen.state, skip, tell)
     return Naming(chosen.path[0][1], after, accepted, chosen.last, chosen.path, chosen.screened)
 
 
@@ -146,7 +147,7 @@ class _Selection:
         return self.path[-1][1]
 
 
-def _selected(state: State, skip: Sequence[Key]) -> _Selection:
+def _selected(state: State, skip: Sequence[Key], tell: Tell) -> _Selection:
     """Forward selection from the settled baseline `state`; `skip` is not tried."""
     path: Additions = (("", state),)
     last: list[CandidateFit] = []
@@ -154,6 +155,7 @@ def _selected(state: State, skip: Sequence[Key]) -> _Selection:
     screens: Screens = {}
     total, explained, tried, has_law = 0.0, {}, False, False
     while len({effect for effect, _ in state.named}) < MAX_EFFECTS:
+        tell(NamingStep.SEARCH, f"looking for an effect{_beside(state)}")
         screened = screen(state, state.evidence.outputs, skip=skip, known=screens)
         last = rank(state, screened)
         worth = [
@@ -182,6 +184,12 @@ def _selected(state: State, skip: Sequence[Key]) -> _Selection:
     return _Selection(path, tuple(last), screened, has_law)
 
 
+def _beside(state: State) -> str:
+    """ " beside a, b" of the effects of a state; "" without any."""
+    found = ", ".join(dict.fromkeys(effect for effect, _ in state.named))
+    return f" beside {found}" if found else ""
+
+
 def _path_to(state: State, before: State) -> Additions:
     """The path from the baseline to a state: its names, in their order, one after the other."""
     if before.nominal is not state.nominal:
@@ -201,13 +209,16 @@ def _explained(before: State, state: State) -> dict[str, float]:
     return {o: fall if 0.0 < fall < np.inf else 0.0 for o, fall in falls.items()}
 
 
-def _eliminated(state: State, skip: Sequence[Key]) -> tuple[State, tuple[Accepted, ...]]:
+def _eliminated(
+    state: State, skip: Sequence[Key], tell: Tell
+) -> tuple[State, tuple[Accepted, ...]]:
     """Backward elimination of each name in turn. One that takes another's place on an axis and
     stands on a second one already is judged once, on both."""
     accepted: dict[str, Accepted] = {}
     for name in dict.fromkeys(effect for effect, _ in state.named):
         if name not in {effect for effect, _ in state.named}:
             continue  # it went with one that took it for another's place
+        tell(NamingStep.RIVALS, f"what else could {name} be?")
         state, found = backward_step(state, name, skip)
         if found and {axis for effect, axis in state.named if effect == found.name} != set(
             found.axes

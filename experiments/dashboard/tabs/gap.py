@@ -28,15 +28,16 @@ STAGES = {
     "prove": "does the gap close on other data?",
     "next": "what to measure next",
 }
-# The workflow's own words for what it begins -> the stage that is then on.
+# The workflow's own words for what it begins -> the stage that is then on, and the part of the bar
+# [%] that it takes: about its part of the time.
 BEGINS = {
-    "recording the demo's runs": 0,
-    "baseline": 0,
-    "name": 1,
-    "add and prove": 2,
-    "closed loop and next experiment": 4,
-    "report": 4,
-    "both models, side by side": 4,
+    "recording the demo's runs": (0, 0, 10),
+    "baseline": (0, 10, 15),
+    "name": (1, 15, 75),
+    "add and prove": (2, 75, 85),
+    "closed loop and next experiment": (4, 85, 90),
+    "report": (4, 90, 95),
+    "both models, side by side": (4, 95, 99),
 }
 # ... and in words for whoever watches.
 DOES = {
@@ -192,11 +193,12 @@ class GapTab:
 
     def _on_message(self, kind: str, what: Any) -> None:
         if kind == "progress":
-            stage, k, n = what
-            self._on = BEGINS.get(stage, self._on)
+            said, k, n = what
+            stage, _, words = said.partition(": ")
+            self._on, begin, end = BEGINS.get(stage, (self._on, self._bar.value, self._bar.value))
             self._stages.content = stage_lines(self._on, False)
-            self._bar.value = 100.0 * min((self._on + 0.3) / 5 + 0.1 * k / max(n, 1), 0.97)
-            self._does = DOES.get(stage, plain(stage))
+            self._bar.value = begin + (end - begin) * k / max(n, 1)
+            self._does = ": ".join(filter(None, (DOES.get(stage, plain(stage)), plain(words))))
         elif kind == "failed":
             self._does = ""
             self._words.content = f"**stopped**: {plain(what)}"
