@@ -15,7 +15,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from rig import effects
 from rig.effects import Effect
-from rig.files import first_error_line, read_toml, toml_of, write_whole
+from rig.files import file_bytes, first_error_line, read_toml, toml_of, write_whole
 from rig.own_effects import OwnEffect, catalogue_of, read_effect
 from rig.parameters import CHANNELS, Rig
 from vision.sources.addresses import without_password
@@ -217,11 +217,24 @@ def to_record(rig: Rig) -> dict[str, Any]:
     return record
 
 
+MADE = "# Made by balancing-table-rig, which may write it anew.\n"
+
+
+def refuse_own(path: Path) -> None:
+    """ValueError (one line) where a file lies that `write_rig` did not make: somebody's own rig
+    file, which the one that a command makes would replace."""
+    if path.is_file() and not file_bytes(path, None).startswith(MADE.encode()):
+        raise ValueError(
+            f"{path}: a rig file of yours lies where one is to be written; name another --out"
+        )
+
+
 def write_rig(rig: Rig, path: Path) -> None:
     """Write the rig, with every key, to a TOML file that `read_rig` reads, as long as the effect
-    files of its own lie where they lay. OSError: it cannot be written; an older one stays.
+    files of its own lie where they lay; `refuse_own` knows it again. OSError: it cannot be written;
+    an older one stays.
     """
     data = to_dict(rig)
     if data.pop(OWN_EFFECTS, []):
         data["effects"] = {"own": [one.file for one in rig.own]} | data["effects"]
-    write_whole(path, tomli_w.dumps(data).encode())
+    write_whole(path, (MADE + tomli_w.dumps(data)).encode())

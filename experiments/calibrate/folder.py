@@ -21,7 +21,7 @@ from calibration.records import (
 from experiments.records.run_folder import writable
 from experiments.runs.assemble import known, load_rig
 from rig.parameters import Rig, Servo, torque_per_volt
-from rig.rigfile import read_rig, write_rig
+from rig.rigfile import read_rig, refuse_own, write_rig
 
 FILE, RIG_FILE = "calibration.json", "rig.toml"
 Source = Literal["measured", "simulated"]
@@ -31,12 +31,13 @@ class CalibrationFolder:
     """One calibration that is being made in a folder.
 
     source: "measured" or "simulated". ValueError: calibration.json in it cannot be read or is of
-    the other source (numbers of a simulated and a measured table are never mixed). OSError: the
-    folder cannot be written.
+    the other source (numbers of a simulated and a measured table are never mixed), or rig.toml in
+    it is somebody's own. OSError: the folder cannot be written.
     """
 
     def __init__(self, folder: Path, source: Source) -> None:
         self.path = writable(folder)
+        refuse_own(self.path / RIG_FILE)
         file = self.path / FILE
         if file.is_file():
             self.draft = load_draft(file)

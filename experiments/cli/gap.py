@@ -78,9 +78,23 @@ def gap(
         _investigate_and_report(given, rig_file=rig, out=out, json_file=json_file, until=until)
 
 
-def _check_request(json_file: Path | None, until: str, out: Path) -> None:
-    """ValueError for what would be found out after all the work; `out` is made by the command."""
+def _check_request(
+    json_file: Path | None,
+    until: str,
+    out: Path,
+    logs: Sequence[Path] = (),
+    rig_file: Path | None = None,
+) -> None:
+    """ValueError for what would be found out after all the work, or would be lost by it; `out` is
+    made by the command."""
     from calibration.gap.investigation import STAGES
+    from experiments.records.run_folder import refuse_input
+    from rig.rigfile import refuse_own
+
+    refuse_own(out / "rig.toml")
+    if json_file is not None:
+        refuse_input("--json", json_file, logs)
+        refuse_input("--json", json_file, [rig_file] if rig_file else [], "rig file")
 
     if until not in STAGES:
         raise ValueError(f"--until {until}: known stages: {', '.join(STAGES)}")
@@ -102,7 +116,7 @@ def _investigate_and_report(
     from experiments.gap.summary import summary_lines
     from experiments.records.run_folder import writable, write_json
 
-    _check_request(json_file, until, out)
+    _check_request(json_file, until, out, logs, rig_file)
     folder = writable(out)
     with bars() as progress:
         found = investigate(logs, rig_file, until=until, threads=2, progress=progress)
@@ -120,8 +134,9 @@ def _tolerances(logs: Sequence[Path], *, rig_file: Path | None, out: Path) -> No
     from calibration.gap.tolerances import learn
     from experiments.gap.input import read_evidence
     from experiments.records.run_folder import writable
-    from rig.rigfile import write_rig
+    from rig.rigfile import refuse_own, write_rig
 
+    refuse_own(out / "rig.toml")
     inputs, folder = read_evidence(list(logs), rig_file), writable(out)
     learned = learn(inputs.logs, inputs.rig)
     write_rig(learned, folder / "rig.toml")

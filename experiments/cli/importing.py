@@ -49,6 +49,7 @@ def import_(
     from experiments.importing.import_map import merged, read_map, stated, write_map
     from experiments.importing.words import log_line, next_line
     from experiments.records.exporting import export_log, writer_of
+    from experiments.records.run_folder import refuse_input
 
     said = stated(settings or [])
     if calibration is not None:
@@ -70,8 +71,7 @@ def import_(
     if len(logs) > 1:
         names = [out.with_name(f"{out.stem}-{i + 1}{out.suffix}") for i in range(len(logs))]
     for name in names:
-        if name.exists() and any(map(name.samefile, files)):
-            raise ValueError(f"--out {name}: is the recording itself; name another file")
+        refuse_input("--out", name, files)
     for name, log in zip(names, logs, strict=True):
         export_log(log, name)
         say(log_line(str(name), log))

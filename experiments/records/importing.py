@@ -207,12 +207,18 @@ def _read_parquet(path: Path) -> dict[str, np.ndarray]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    from experiments.records.parquet_files import numbers_of
+
     try:
         with pq.ParquetFile(path) as file:  # one file, whatever the folders around it are called
             names, rows = file.schema_arrow.names, file.metadata.num_rows
             if rows > MOST_ROWS:  # which a file of some kB can hold: equal values take no room
                 raise ValueError(f"it has {rows} rows (limit: {MOST_ROWS}): cut the log in parts")
-            table = file.read(columns=[name for name in names if name in INDEX])
+            known = [name for name in names if name in INDEX]
+            numbers = numbers_of(file, MOST_ROWS * len(INDEX))
+            if others := sorted(set(known) - set(numbers)):
+                raise ValueError(f"column '{others[0]}' holds no numbers")
+            table = file.read(columns=known)
         return {
             name: table[name].cast(pa.float64()).to_numpy() if name in INDEX else np.empty(0)
             for name in names

@@ -9,6 +9,7 @@ import errno
 import json
 import math
 import re
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, is_dataclass
 from datetime import UTC, datetime, timedelta
@@ -214,6 +215,16 @@ def writable(folder: Path) -> Path:
             f"--out {folder}: cannot be written ({error.strerror}); choose another folder"
         ) from None
     return folder
+
+
+def refuse_input(option: str, file: Path, inputs: Sequence[Path], what: str = "recording") -> None:
+    """ValueError (one line) where the file that an option names to be written is, or lies in, one
+    of the files and folders that the command reads; what: these are."""
+    for one in filter(Path.exists, inputs):
+        if file.exists() and one.samefile(file):
+            raise ValueError(f"{option} {file}: is the {what} itself; name another file")
+        if one.resolve() in file.resolve().parents:
+            raise ValueError(f"{option} {file}: lies in the {what} {one}; name another file")
 
 
 def write_results(folder: Path, results: dict) -> Path:

@@ -36,6 +36,9 @@ SCHEMA_NAME = {SAMPLES: "rig.Sample", EVENTS: "rig.Event"}
 FIRST_FIELD = 16  # the first number whose tag has two bytes
 SHORTEST_S, LONGEST_S = -1e9, 4e9  # plus today they fit 63 bits of nanoseconds since 1970
 BLOCK_ROWS = 1024  # rows read at once
+# Bytes of one message, and of all events: brackets in JSON, or empty messages in protobuf, take a
+# hundred times their bytes once they are decoded. Chosen: far beyond any that is written.
+LONGEST_MESSAGE, MOST_EVENT_BYTES = 1 << 16, 1 << 24
 
 _FIXED64 = 1  # protobuf's wire type of a double
 _tag = (np.arange(len(COLUMNS)) + FIRST_FIELD) << 3 | _FIXED64
@@ -242,6 +245,7 @@ class _Reading:
     complete: bool = False
     unread: int = 0  # bytes that were not understood
     room: int = 0  # bytes that chunks may still hold, unpacked
+    event_room: int = MOST_EVENT_BYTES  # bytes that events may still have
     inside: bool = False  # a chunk
 
 
@@ -374,7 +378,12 @@ def _take_message(content: bytes, reading: _Reading) -> None:
     """Take one event, or one row that is not in our own layout."""
     payload = content[MESSAGE_HEAD:]
     topic = reading.topics.get(struct.unpack_from("<H", content)[0])
+    if len(payload) > LONGEST_MESSAGE:
+        raise ValueError("a message beyond all measure")
     if topic == EVENTS:
+        reading.event_room -= len(payload)
+        if reading.event_room < 0:
+            raise ValueError("events beyond all measure")
         event = read_json(bytes(payload).decode())
         if not isinstance(event, dict) or not isinstance(event.get("text"), str):
             raise ValueError("an event without a text")

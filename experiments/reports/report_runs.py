@@ -82,7 +82,10 @@ def report_runs(folders: Sequence[Path], out: Path) -> Path:
     runs, metas, notes = _readable(folders)
     sources = sorted({SOURCES[meta["source"]] for meta in metas})
     numbers = [run_numbers(run) for run in runs]
-    sections = [_run_section(run, meta, out) for run, meta in zip(runs, metas, strict=True)]
+    sections = [
+        _run_section(i, run, meta, out)
+        for i, (run, meta) in enumerate(zip(runs, metas, strict=True), 1)
+    ]
     rows = [
         run_row(f"{_name(meta)} {meta['arm']}", found)
         for meta, found in zip(metas, numbers, strict=True)
@@ -189,8 +192,9 @@ def _name(meta: dict) -> str:
     return str(protocol.get("name")) if isinstance(protocol, dict) else str(protocol)
 
 
-def _run_section(run: Recorded, meta: dict, out: Path) -> Section:
-    """Ball over time and on the plate, servos over time of one run."""
+def _run_section(i: int, run: Recorded, meta: dict, out: Path) -> Section:
+    """Ball over time and on the plate, servos over time of one run; i: its number in the report,
+    since folders in two places may have one name."""
     colour = figures.colour_of(str(meta["arm"]))
     drawn = {"servo": figures.servo_of_run(run.log, colour)}
     if np.isfinite(run.metrics.distance_m):
@@ -205,7 +209,7 @@ def _run_section(run: Recorded, meta: dict, out: Path) -> Section:
     told = figures.servo_word(run.log) == "command"
     captions["servo"] = "Angles that the servos were told." if told else "Servo angles."
     shown = [
-        Picture(save(figure, out, f"{run.folder.name}-{name}", meta["source"]), captions[name])
+        Picture(save(figure, out, f"{i}-{run.folder.name}-{name}", meta["source"]), captions[name])
         for name, figure in drawn.items()
     ]
     title = f"{_name(meta)}, {meta['arm']}, seed {meta['seed']}"

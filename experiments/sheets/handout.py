@@ -7,7 +7,7 @@ from experiments.progress import ProgressCall, silent
 from experiments.runs.protocol import read_protocol
 from experiments.runs.runner import RunRequest, keep_simulated, simulate_run
 from experiments.sheets.catalogue import LabSheet, Question
-from rig.rigfile import write_rig
+from rig.rigfile import refuse_own, write_rig
 
 RESULTS, BLANK = "results.toml", "?"
 
@@ -18,11 +18,12 @@ def hand_out(
     """Write rig.toml, the runs in out/runs and a blank results.toml; return the run folders.
 
     A results file that is there is kept. FileExistsError: out/runs holds runs already. ValueError:
-    as of `seed_of`. OSError: `out` cannot be written.
+    as of `seed_of`, or out/rig.toml is somebody's own. OSError: `out` cannot be written.
     """
     table = sheet.table_of(student)
     if any((out / "runs").glob("*/run.json")):
         raise FileExistsError(f"{out}/runs holds runs already: give each sheet an --out of its own")
+    refuse_own(out / "rig.toml")
     write_rig(table.known, out / "rig.toml")
     made = []
     for i, (protocol, arm) in enumerate(sheet.runs):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from experiments.runs.assemble import load_rig
 from rig.effects import effects_of
 from rig.parameters import Rig
-from rig.rigfile import from_dict, read_rig, to_dict, write_rig
+from rig.rigfile import from_dict, read_rig, refuse_own, to_dict, write_rig
 from tests.support.srv02 import nominal_servo
 
 
@@ -212,3 +212,13 @@ def test_values_by_axis_and_a_table_with_three_arms_come_back(tmp_path: Path):
     write_rig(read_rig(path), again)
     assert read_rig(again) == read_rig(path)
     assert read_rig(path).linkage.ratio == 1.0
+
+
+def test_a_rig_file_of_ones_own_is_told_from_one_that_was_made(tmp_path: Path):
+    own = tmp_path / "rig.toml"
+    refuse_own(own)  # none is there
+    write_rig(Rig(), own)
+    refuse_own(own)
+    own.write_text('# measured by hand in March\n[servo]\nkind = "voltage"\n')
+    with pytest.raises(ValueError, match=r"rig\.toml: a rig file of yours"):
+        refuse_own(own)

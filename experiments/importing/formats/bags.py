@@ -28,6 +28,9 @@ from experiments.records.unpacking import unpacked
 
 MAX_WIDTH = 64  # chosen: a longer array in a message is a picture or a point cloud
 MAX_DEPTH = 8
+# Bytes of a message that is decoded, which may take a hundred times as many; chosen: a longer one
+# is a picture or a point cloud.
+LONGEST_MESSAGE = 1 << 18
 MAGIC = b"\x89MCAP0\r\n"  # a file that was not cut off ends with it, too
 OF_JOINTS = ("position", "velocity", "effort")  # of JointState: one number a name
 
@@ -149,7 +152,7 @@ def _decode(messages: Iterable[Any], topics: Topics) -> None:
         if channel.id not in decoders:
             decoders[channel.id] = _decoder(channel, schema)
         decode = decoders[channel.id]
-        if decode is None:
+        if decode is None or len(message.data) > LONGEST_MESSAGE:
             continue
         row = dict(_numbers("", decode(message.data), 0))
         cells += len(row)

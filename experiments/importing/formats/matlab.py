@@ -15,6 +15,9 @@ from experiments.records.mat_files import check_inflated, in_file, members
 
 MIN_ROWS = 20  # a shorter array is a gain or a setting, no signal: `rig gap` needs so many rows
 MAX_WIDTH = 64  # chosen: a wider matrix is a picture
+# What an item takes of the room, however often a file links to it; chosen: 50 000 of them, some
+# seconds' work.
+CELLS_AN_ITEM = MAX_CELLS // 50_000
 TIME_NAMES = ("time", "t", "t_s", "tout", "timestamp", "zeit")
 _CURE = (
     "save a struct instead, as of table2struct(T, 'ToScalar', true), struct('time', ts.Time, "
@@ -86,14 +89,15 @@ def _item(name: str, value: Any, objects: list[str], room: list[int], depth: int
     """
     if depth > 20:
         raise BadFileError(f"{name} is nested more than 20 deep")
+    room[0] -= CELLS_AN_ITEM
     if not hasattr(value, "dtype"):
+        _check_room(room)
         return _group(value, objects, room, depth + 1)
     if "MATLAB_object_decode" in value.attrs and value.dtype.kind != "O":
         objects.append(name)
         return None
     room[0] -= value.size
-    if room[0] < 0:
-        check_size(MAX_CELLS + 1, 1)
+    _check_room(room)
     if value.dtype.kind == "O":  # cells and arrays of structs: references
         parts = [in_file(value.file, name, value.file[ref]) for ref in np.ravel(value[()])]
         return [_item(name, part, objects, room, depth + 1) for part in parts]
@@ -102,6 +106,12 @@ def _item(name: str, value: Any, objects: list[str], room: list[int], depth: int
     if value.attrs.get("MATLAB_empty", 0) or value.dtype.kind not in "fiub":
         return None
     return np.transpose(value[()])
+
+
+def _check_room(room: list[int]) -> None:
+    """BadFileError: more was to be read than there was room for."""
+    if room[0] < 0:
+        check_size(MAX_CELLS + 1, 1)
 
 
 def streams_of(tree: Mapping[str, Any]) -> Iterator[Stream]:

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments.importing.recording import BadFileError, Stream, check_size
+from experiments.importing.recording import MAX_CELLS, BadFileError, Stream, check_size
+from experiments.records.parquet_files import numbers_of
 from rig.files import json_of
 
 MAX_WIDTH = 64  # chosen: a longer list in a cell is a picture, no set of signals
@@ -76,7 +77,7 @@ def _table(path: Path) -> Any:
     try:
         with pq.ParquetFile(path) as file:
             check_size(file.metadata.num_rows, file.metadata.num_columns)
-            return file.read().flatten()
+            return file.read(columns=numbers_of(file, MAX_CELLS)).flatten()
     except BadFileError:
         raise
     except Exception as error:  # of damaged bytes pyarrow raises its own, OSError and others

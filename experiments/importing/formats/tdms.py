@@ -8,6 +8,8 @@ import numpy as np
 from experiments.importing.formats.extra import library
 from experiments.importing.recording import BadFileError, Stream, check_size
 
+MOST_SCALES = 100  # of a channel, in a row; chosen: ten times what LabVIEW's own programs make
+
 
 def read_tdms(path: Path) -> list[Stream]:
     """Read every channel of numbers. BadFileError: damaged, too large, or npTDMS is missing."""
@@ -17,7 +19,7 @@ def read_tdms(path: Path) -> list[Stream]:
         with nptdms.TdmsFile.open(path) as file:
             cut = file.file_status.incomplete_final_segment
             notes = ("the file was cut off: read as far as it goes",) if cut else ()
-            return [stream for group in file.groups() for stream in _streams(group, notes)]
+            return [stream for group in file.groups() for stream in _streams(file, group, notes)]
     except BadFileError:
         raise
     except Exception as error:  # of damaged bytes npTDMS raises whatever it meets
@@ -26,12 +28,15 @@ def read_tdms(path: Path) -> list[Stream]:
         logging.disable(logging.NOTSET)
 
 
-def _streams(group, notes: tuple[str, ...]) -> list[Stream]:
+def _streams(file, group, notes: tuple[str, ...]) -> list[Stream]:
     """Streams of a group: channels of one length and one waveform clock share one."""
     found: dict[tuple[int, float], dict[str, np.ndarray]] = {}
     units: dict[str, str] = {}
     for channel in group.channels():
         check_size(len(channel), len(group.channels()))
+        for known in (channel.properties, group.properties, file.properties):
+            if (scales := known.get("NI_Number_Of_Scales", 0)) > MOST_SCALES:
+                raise BadFileError(f"{channel.name} has {scales} scales (limit: {MOST_SCALES})")
         if len(channel) == 0 or channel.dtype.kind not in "fiubM":
             continue
         name = f"{group.name}/{channel.name}"

@@ -42,7 +42,7 @@ class Peer:
         The proof is compared in constant time. Who says anything else is gone, and is told so.
         """
         try:
-            said = self.wire.receive()
+            said = self.wire.receive(wire.PROOF_BYTES)
         except ProtocolError:
             self.gone = "said what no honest user says"
             return False
@@ -79,7 +79,9 @@ class Greetings:
         new.tell(wire.HELLO, bytes([wire.VERSION]) + new.nonce)
 
     def proven(self, now_s: float) -> list[Peer]:
-        """Listen to all who wait; return those who have proven themselves since the last call."""
+        """Listen to all who wait, to as many bytes of each as a proof has: the table does not wait
+        for strangers. Return those who have proven themselves since the last call.
+        """
         if not self._waiting:
             return []
         said = select.select([peer.wire.sock for peer in self._waiting], [], [], 0.0)[0]

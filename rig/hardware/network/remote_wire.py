@@ -22,6 +22,7 @@ SILENT_S = 0.1  # without a fresh command for so long the table stops by itself
 # Kinds of messages: the first three are not sealed.
 HELLO, PROOF, REFUSE, WELCOME, PING, PONG, CONFIGURE, ARM, DRIVE, READING, FAULT, BYE = range(1, 13)
 UNSEALED = (HELLO, PROOF, REFUSE)
+PROOF_BYTES = 2 + 1 + NONCE_BYTES + 32  # of the whole frame: length, kind, random number, HMAC
 ARMED, LATCHED, WITH_BALL, WITH_SPEED = 1, 2, 4, 8  # flags of a reading
 
 
@@ -203,15 +204,15 @@ class Wire:
         if self.sock.send(frame) != len(frame):
             raise BlockingIOError("the other end does not read")
 
-    def receive(self) -> list[tuple[int, bytes]]:
-        """Return all whole messages (kind, payload) that are there.
+    def receive(self, most: int = 65536) -> list[tuple[int, bytes]]:
+        """Return all whole messages (kind, payload) that are there, of at most so many bytes more.
 
         Waits for the first bytes as long as the socket's time limit says. ProtocolError: not of
         this protocol, or a wrong seal; ConnectionResetError, another OSError: the connection is
         gone.
         """
         with suppress(BlockingIOError):
-            data = self.sock.recv(65536)
+            data = self.sock.recv(most)
             if not data:
                 raise ConnectionResetError("the other end closed the connection")
             self._buffer += data

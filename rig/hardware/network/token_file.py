@@ -7,6 +7,7 @@ import secrets
 import socket
 import stat
 import sys
+from itertools import count
 from pathlib import Path
 
 EVERY_ADDRESS = ("0.0.0.0", "::")
@@ -63,13 +64,15 @@ def keep_token(path: Path) -> str:
     """Return the token of a file; a new one where `read_token` refuses the file or there is none.
 
     A server that is started again keeps its token, so that an open page finds it again. Delete the
-    file for a new token. OSError: it cannot be written.
+    file for a new token. What was refused may be somebody's file of that name: it is kept beside
+    the new one as NAME.1, NAME.2 ... OSError: it cannot be written.
     """
     try:
         return read_token(path).decode("ascii")
     except FileNotFoundError:
         pass
     except ValueError:  # too short, read by others, or no text
-        path.unlink()
+        numbered = (path.with_name(f"{path.name}.{i}") for i in count(1))
+        path.rename(next(one for one in numbered if not one.exists()))
     make_token(path)
     return read_token(path).decode("ascii")

@@ -71,6 +71,22 @@ def test_what_gap_can_know_before_it_works(tmp_path: Path):
         assert say in refused("gap", *words, "--out", tmp_path / "o")
 
 
+def test_gap_writes_over_nothing_that_is_the_users_own(tmp_path: Path):
+    log, rig_file, run = (tmp_path / name for name in ("log.csv", "rig.toml", "run"))
+    log.write_text("t_s\n0\n")
+    rig_file.write_text("# measured in March\n")
+    run.mkdir()
+    given = ("gap", log, run, "--rig", rig_file, "--out", tmp_path / "o", "--json")
+    assert "is the recording itself" in refused(*given, log)
+    assert "is the rig file itself" in refused(*given, rig_file)
+    assert "lies in the recording" in refused(*given, run / "run.json")
+    for more in ((), ("--tolerances-from",)):
+        assert "a rig file of yours" in refused("gap", log, "--out", tmp_path, *more)
+    assert "a rig file of yours" in refused("sheet", "play", "--student", "a", "--out", tmp_path)
+    assert rig_file.read_text() == "# measured in March\n"
+    assert log.read_text() == "t_s\n0\n"
+
+
 def test_odd_words(tmp_path: Path):
     run = tmp_path / "run"
     with Recorder(run, {"source": "simulated", "arm": "with"}):

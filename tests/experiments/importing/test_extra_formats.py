@@ -81,3 +81,15 @@ def test_ros_messages_with_stamps_arrays_and_names(tmp_path: Path):
     np.testing.assert_allclose(stream.columns["state.position.b"], -X)
     late = stream.columns["state.time"] - stream.columns["state.stamp"]
     np.testing.assert_allclose(late, 1.0, atol=1e-6)
+
+
+@needs("nptdms")
+def test_scales_without_end_are_refused_before_there_is_room_for_them(tmp_path: Path):
+    from nptdms import ChannelObject, RootObject, TdmsWriter
+
+    path = tmp_path / "a.tdms"
+    with TdmsWriter(path) as writer:
+        root = RootObject({"NI_Number_Of_Scales": 2**31})
+        writer.write_segment([root, ChannelObject("g", "u", X)])
+    with pytest.raises(BadFileError, match=r"u has 2147483648 scales \(limit: 100\)"):
+        read_recording(path)

@@ -5,9 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
+from experiments.importing.formats.bags import LONGEST_MESSAGE
 from experiments.importing.formats.choose import read_recording
 from experiments.importing.recording import BadFileError
 
@@ -329,3 +331,36 @@ def test_an_older_bag_says_how_to_convert_it(tmp_path: Path):
     (tmp_path / "metadata.yaml").write_text("a: 1", encoding="utf-8")
     with pytest.raises(BadFileError, match="ros2 bag convert"):
         read_recording(tmp_path)
+
+
+def test_groups_that_link_to_one_another_are_not_walked_for_ever(tmp_path: Path):
+    """Each of 18 levels holds 8 links to the one below: 8^18 ways through a file of some kB."""
+    path = tmp_path / "dag.mat"
+    with h5py.File(path, "w") as file:
+        below = file.create_group("g0")
+        for i in range(18):
+            group = file.create_group(f"g{i + 1}")
+            for k in range(8):
+                group[f"l{k}"] = below
+            below = group
+        for i in range(18):
+            del file[f"g{i}"]
+    assert path.stat().st_size < 100_000
+    with pytest.raises(BadFileError, match="limit"):
+        read_recording(path)
+
+
+def test_a_message_beyond_all_measure_is_left_out(tmp_path: Path):
+    from mcap.writer import Writer
+
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channel = writer.register_channel("/b", "json", writer.register_schema("b", "", b""))
+        for t in range(30):
+            row = {"x": t, "more": [[]] * (LONGEST_MESSAGE if t == 7 else 1)}
+            writer.add_message(channel, t * 10**9, json.dumps(row).encode(), 0)
+        writer.finish()
+    stream = read_recording(path).stream
+    assert stream.columns["b.x"].tolist() == [t for t in range(30) if t != 7]

@@ -174,7 +174,7 @@ def test_parquet_of_other_programs(tmp_path):
     np.testing.assert_array_equal(log["ball_x_m"], [np.nan, 0.5, np.nan])
     np.testing.assert_array_equal(log["push"], [1, 0, np.nan])
     pq.write_table(pa.table({"t_s": ["zero"], "ball_x_m": [1.0]}), path)
-    with pytest.raises(ValueError, match="zero"):
+    with pytest.raises(ValueError, match="column 't_s' holds no numbers"):
         read_log(path)
 
 

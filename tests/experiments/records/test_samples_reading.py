@@ -319,3 +319,17 @@ def test_a_small_chunk_of_a_large_file_takes_little_memory(compression):
         tracemalloc.stop()
     with pytest.raises(ValueError, match="hold more than 99 bytes"):
         unpacked(replace(chunk, uncompressed_size=99), 1 << 33)
+
+
+def test_brackets_beyond_all_measure_are_no_event():
+    """What a few bytes unpack to is a hundred times as large again once JSON has made lists of it:
+    such messages are left out, one by one or taken together."""
+    long = {"t_s": 1.0, "text": "x", "more": [[]] * samples_file.LONGEST_MESSAGE}
+    some = {"t_s": 1.0, "text": "x", "more": [[]] * (samples_file.LONGEST_MESSAGE // 5)}
+    room = samples_file.MOST_EVENT_BYTES
+    many = -(-room // len(json.dumps(some))) + 5
+    records = [event_record(one, START_NS, i) for i, one in enumerate([long] + [some] * many)]
+    samples = read_samples(opening() + b"".join(records) + plain_ending())
+    assert 0 < len(samples.events) <= room // len(json.dumps(some)) + 1
+    assert samples.unread > len(json.dumps(long))
+    assert not samples.complete

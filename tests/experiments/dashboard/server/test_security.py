@@ -132,6 +132,9 @@ def test_a_token_is_kept_for_its_owner_alone(tmp_path: Path):
     assert stat.S_IMODE(file.stat().st_mode) == 0o600
     file.write_text("short\n")
     assert keep_token(file) != token
+    assert (tmp_path / "token.1").read_text() == "short\n"  # it may have been somebody's own
+    file.chmod(0o644)
+    assert keep_token(file) != keep_token(tmp_path / "token.2") != token
 
 
 def test_the_page_runs_the_scripts_of_visers_page_and_of_its_bar_and_no_others():

@@ -1,0 +1,31 @@
+"""Runs of two tables may lie in folders of one name: each keeps its own pictures."""
+
+from pathlib import Path
+
+import numpy as np
+
+from experiments.records.recording import write_run
+from experiments.reports.report_runs import report_runs
+from rig.log import Log
+
+NAME = "20260101T000000-hold-with"
+
+
+def recorded(folder: Path, amplitude_m: float) -> Path:
+    t = np.arange(800) / 200
+    columns = {name: amplitude_m * np.cos(t) for name in ("ball_x_m", "ball_y_m")}
+    columns |= {"theta_x_rad": 0 * t, "theta_y_rad": 0 * t, "ball_exposed_s": t}
+    log = Log.from_columns({"t_s": t, "phase": 2 + 0 * t, **columns})
+    start = {"source": "simulated", "arm": "with", "seed": 1, "protocol": {"name": "hold"}}
+    write_run(folder / NAME, start, log, [], outcome="completed")
+    return folder / NAME
+
+
+def test_each_section_shows_the_pictures_of_its_own_run(tmp_path: Path):
+    runs = [recorded(tmp_path / "a", 0.01), recorded(tmp_path / "b", 0.05)]
+    out = tmp_path / "out"
+    out.mkdir()
+    report_runs(runs, out)
+    balls = sorted(out.glob(f"*{NAME}-ball.png"))
+    assert len(balls) == 2
+    assert balls[0].read_bytes() != balls[1].read_bytes()
