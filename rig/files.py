@@ -4,6 +4,7 @@ what is wrong in one; and written whole or not at all.
 
 import json
 import os
+import secrets
 import stat
 import tomllib
 from contextlib import suppress
@@ -175,13 +176,18 @@ def json_of(path: Path, longest: int = LONGEST) -> Any:
 
 
 def write_whole(path: Path, content: bytes, *, sync: bool = False) -> None:
-    """Write a new file beside `path` and put it in its place.
+    """Write a new file beside `path` and put it in its place. Of two programs that do so at once
+    the later one's stands, whole.
 
-    sync: wait until the disk has it. OSError: the old file stays.
+    Where `part_of` lies there, its room was reserved, and is used up. sync: wait until the disk has
+    it. OSError: the old file stays.
     """
     part = part_of(path)
+    mode = "r+b"
+    if not part.exists():
+        part, mode = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part"), "xb"
     try:
-        with part.open("r+b" if part.exists() else "wb") as file:  # r+b: keep what is reserved
+        with part.open(mode) as file:
             file.write(content)
             file.truncate()
             if sync:

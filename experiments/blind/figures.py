@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from experiments.picture_files import write_figure
+
 VERDICTS = ("several", "undecided", "unknown-effect", "nothing-missing", "failed")
 COLOURS = {"steps": "tab:blue", "battery": "tab:orange"}
 
@@ -39,8 +41,7 @@ def confusion_figure(table: Mapping[str, Mapping[str, int]], path: Path) -> Path
     axes.set_xlabel("answered")
     axes.set_ylabel("hidden")
     axes.set_title(f"One hidden effect, {int(counts.sum())} trials")
-    figure.savefig(path, dpi=130)
-    return path
+    return write_figure(figure, path, dpi=130)
 
 
 def power_figure(cells: Sequence[Mapping[str, Any]], path: Path) -> Path:
@@ -75,8 +76,7 @@ def power_figure(cells: Sequence[Mapping[str, Any]], path: Path) -> Path:
     figure.legend(handles.values(), handles.keys(), loc="outside upper center", ncols=4, fontsize=9)
     figure.supxlabel("amplitude over the smallest that counts", fontsize=9)
     figure.supylabel("share of trials", fontsize=9)
-    figure.savefig(path, dpi=130)
-    return path
+    return write_figure(figure, path, dpi=130)
 
 
 def _curve(axes: Any, cells: Sequence[Mapping[str, Any]], protocol: str) -> None:

@@ -14,23 +14,12 @@ from calibration.motion.rolling import Rolling
 from calibration.motion.servo import moves, pulse_angle
 from calibration.motion.timing import Wiggle, expected_sines
 from calibration.records import LevelRecord, ServoRecord, TimingRecord
+from experiments.picture_files import write_figure, write_image
 from rig.parameters import Rig
 from vision.plate.markers import MarkerLayout
 from vision.view import View
 
 _GREEN, _RED, _DOT = (60, 150, 60), (60, 60, 170), (235, 235, 235)
-
-
-def put(image: np.ndarray, path: Path) -> Path:
-    """Write an image as PNG, replacing the old file at once, and return its path.
-
-    image: (h, w, 3) uint8 BGR. OSError: it cannot be written.
-    """
-    part = path.with_suffix(".part.png")
-    if not cv2.imwrite(str(part), image):
-        raise OSError(f"{path}: cannot be written")
-    part.replace(path)
-    return path
 
 
 def coverage_picture(
@@ -61,7 +50,7 @@ def coverage_picture(
             cv2.circle(image, (int(u), int(v)), max(1, width // 400), _DOT, -1)
     text = f"{len(views)} pictures, {len(seen)} of {GRID[0] * GRID[1]} cells"
     cv2.putText(image, text, (8, height - 10), cv2.FONT_HERSHEY_SIMPLEX, width / 1200, _DOT, 1)
-    return put(image, path)
+    return write_image(image, path)
 
 
 def plate_picture(image: np.ndarray, view: View, layout: MarkerLayout, path: Path) -> Path:
@@ -78,7 +67,7 @@ def plate_picture(image: np.ndarray, view: View, layout: MarkerLayout, path: Pat
     middle, x, y = (tuple(np.rint(end).astype(int).tolist()) for end in ends)
     cv2.arrowedLine(drawn, middle, x, (40, 40, 220), 2, cv2.LINE_AA)
     cv2.arrowedLine(drawn, middle, y, (40, 160, 40), 2, cv2.LINE_AA)
-    return put(drawn, path)
+    return write_image(drawn, path)
 
 
 def camera_figure(lens: CameraCalibration, path: Path, source: str) -> Path:
@@ -230,6 +219,6 @@ def _save(figure, path: Path, source: str) -> Path:
     from experiments.reports.figures import SOURCES, plt
 
     figure.text(0.995, 0.005, SOURCES[source], ha="right", va="bottom", fontsize=7, color="0.4")
-    figure.savefig(path)
+    write_figure(figure, path)
     plt.close(figure)
     return path

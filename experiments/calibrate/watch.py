@@ -9,7 +9,8 @@ import numpy as np
 
 from calibration.camera.lens_fit import solve
 from calibration.camera.sheet import CalibrationError, Sheet, SheetView, sheet_view
-from experiments.calibrate.pictures import coverage_picture, put
+from experiments.calibrate.pictures import coverage_picture
+from experiments.picture_files import write_image
 
 FIT_FROM = 6  # pictures
 EVERY_S = 0.4
@@ -86,7 +87,7 @@ def residual_picture(rms_px: np.ndarray, words: str, path: Path) -> Path:
         _write(image, f"{share * top:.2f}", (6, at + 4))
     _write(image, words, (left, 22))
     _write(image, "rms of each picture [px]", (left, HIGH - 10))
-    return put(image, path)
+    return write_image(image, path)
 
 
 def _write(image: np.ndarray, text: str, at: tuple[int, int]) -> None:

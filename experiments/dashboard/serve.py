@@ -2,9 +2,9 @@
 
 import io
 import signal
-import threading
-from collections.abc import Callable
-from contextlib import redirect_stdout
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 
 from experiments.dashboard.app import App
@@ -26,7 +26,8 @@ def serve_dashboard(
     foxglove_port: int | None = None,
     say: Callable[[str], None],
 ) -> None:
-    """Serve the dashboard until Ctrl-C, SIGTERM or SIGHUP, then level the table and end in order.
+    """Serve the dashboard until Ctrl-C, SIGTERM or SIGHUP, then level the table and end in order,
+    whatever signals come meanwhile. After Ctrl-C it raises KeyboardInterrupt.
 
     rig_file: of `rig`, None for the virtual table; out: folder of everything that is made; host,
     port: where to listen (port 0: any free one); foxglove_port: serves the live table to Foxglove,
@@ -37,18 +38,30 @@ def serve_dashboard(
     stream = None if foxglove_port is None else FoxgloveStream(foxglove_port)
     server, gate = open_server(host, port, keep_token(out / "token"))
     app = App(server, rig, out, rig_file=rig_file, stream=stream)
-    over = threading.Event()
-    numbers = [getattr(signal, name) for name in NAMES if hasattr(signal, name)]
-    before = {number: signal.signal(number, lambda *_: over.set()) for number in numbers}
+    with _signals() as came:
+        try:
+            say(link_of(gate, host))
+            if stream is not None:
+                say(f"Foxglove, Open connection: {stream.link}")
+            while not came:
+                time.sleep(0.1)
+        finally:
+            app.close()
+            with redirect_stdout(io.StringIO()):
+                server.stop()
+    if signal.SIGINT in came[:1]:
+        raise KeyboardInterrupt
+
+
+@contextmanager
+def _signals() -> Iterator[list[int]]:
+    """The signals that ask the program to end, in the order in which they come."""
+    came: list[int] = []
+    names = ("SIGINT", *NAMES)
+    numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
+    before = {number: signal.signal(number, lambda n, _: came.append(n)) for number in numbers}
     try:
-        say(link_of(gate, host))
-        if stream is not None:
-            say(f"Foxglove, Open connection: {stream.link}")
-        while not over.wait(1.0):
-            pass
+        yield came
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-        app.close()
-        with redirect_stdout(io.StringIO()):
-            server.stop()

@@ -15,6 +15,7 @@ from matplotlib.ticker import FuncFormatter, NullLocator
 from calibration.gap.findings import PlateMap, Profile, ProofRow, RankedEffect, Step
 from calibration.gap.report.units import shown_unit, sig
 from experiments.gap.words import channel_words, percent
+from experiments.picture_files import write_figure
 from experiments.reports.figures import CENTRE, WITH, WITHOUT, plt
 from rig.parameters import CHANNELS
 
@@ -32,8 +33,7 @@ def save(figure: Figure, folder: Path, name: str) -> Path:
 
     OSError: the file cannot be written.
     """
-    path = folder / f"{name}.png"
-    figure.savefig(path, bbox_inches="tight", pad_inches=0.08)
+    path = write_figure(figure, folder / f"{name}.png", bbox_inches="tight", pad_inches=0.08)
     plt.close(figure)
     return path
 

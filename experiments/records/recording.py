@@ -264,7 +264,7 @@ def recover(folder: Path | str) -> Run:
         raise ValueError(f"{folder} is still being recorded: stop that run first")
     run = read_run(folder)
     if run.meta["truncated"]:
-        _keep_damaged(path)
+        _keep_damaged(path, ended=run.meta["outcome"] is not None)
         start_ns = nanoseconds(run.meta["created"])
         _rewrite(path, SamplesFile(run.log.rows, run.events), start_ns)
     if run.meta["outcome"] is None or run.meta["truncated"]:
@@ -279,13 +279,14 @@ def recover(folder: Path | str) -> Run:
     return read_run(folder)
 
 
-def _keep_damaged(path: Path) -> None:
-    """Keep a file that holds more than could be read, beside the one that replaces it.
+def _keep_damaged(path: Path, *, ended: bool) -> None:
+    """Keep a file that may hold more than could be read, beside the one that replaces it.
 
-    Half a record is what a kill leaves: of that there is nothing to be had.
+    Half a record is what a kill leaves: of that there is nothing to be had. A run that had `ended`
+    lost rows otherwise.
     """
     content = file_bytes(path, LONGEST_SAMPLES)
-    if read_samples(content).unread < RECORD.itemsize:
+    if not ended and read_samples(content).unread < RECORD.itemsize:
         return
     kept = path.with_suffix(f".damaged{path.suffix}")
     if kept.exists():  # of an earlier damage

@@ -41,6 +41,11 @@ KINDS = {
 }
 
 
+def file_name(words: str) -> str:
+    """Return `words` as the name of a file or folder on any system, which leads nowhere else."""
+    return re.sub(r"[^A-Za-z0-9_.-]+", "_", words).lstrip(".") or "_"
+
+
 def new_run_folder(parent: Path, protocol: str, arm: str, now: datetime | None = None) -> Path:
     """Make and return `<UTC time>-<protocol>-<arm>` in `parent`, with -2, -3... if it exists.
 
@@ -48,7 +53,7 @@ def new_run_folder(parent: Path, protocol: str, arm: str, now: datetime | None =
     time. OSError: the folder cannot be made.
     """
     stamp = (now or datetime.now(UTC)).astimezone(UTC).strftime("%Y%m%dT%H%M%S")
-    name = re.sub(r"[^A-Za-z0-9_.-]+", "_", f"{stamp}-{protocol}-{arm}")
+    name = file_name(f"{stamp}-{protocol}-{arm}")
     count = 1
     while True:
         folder = Path(parent) / (name if count == 1 else f"{name}-{count}")

@@ -17,6 +17,7 @@ by its own schema.
 import json
 import struct
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
 from io import BytesIO
@@ -58,6 +59,10 @@ HEAD = 9  # bytes of opcode and length, which `length` does not count
 MESSAGE_HEAD = 22  # bytes of channel, sequence and two times, before a message's own data
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK = 0x02, 0x03, 0x04, 0x05, 0x06  # opcodes of MCAP
 OWN_ROWS = -1  # not an opcode: a block of rows in our own layout
+ENDS = (0x01, FOOTER, 0x0F)  # header, footer, end of data
+HOLDS_ROWS = (OWN_ROWS, MESSAGE, CHUNK)
+INDEXES = range(0x07, 0x0F)  # indexes, statistics, attachments, metadata: of finished files
+FOOTER_BYTES = 20
 
 
 # --- writing ---
@@ -247,6 +252,7 @@ class _Reading:
     room: int = 0  # bytes that chunks may still hold, unpacked
     event_room: int = MOST_EVENT_BYTES  # bytes that events may still have
     inside: bool = False  # a chunk
+    has_chunks: bool = False
 
 
 def read_samples(data: bytes) -> SamplesFile:
@@ -258,30 +264,34 @@ def read_samples(data: bytes) -> SamplesFile:
     if not data.startswith(MAGIC[: len(data)]):
         raise ValueError("it does not start like an MCAP file")
     reading = _Reading(room=max(MOST_RATIO * len(data), LEAST_BYTES))
-    _read(data, len(MAGIC), reading)
+    records = data[len(MAGIC) :]
+    _read(records.removesuffix(MAGIC), reading)
     rows = np.concatenate([np.empty((0, len(COLUMNS))), *reading.blocks])
     ended = reading.complete and data.endswith(MAGIC)  # other readers begin at the end
     whole = ended and not reading.unread
     return SamplesFile(rows, reading.events, whole, reading.unread)
 
 
-def _read(buffer: bytes, position: int, reading: _Reading) -> None:
-    """Take every whole record of `buffer` from `position` into `reading`."""
-    for opcode, content in _records(buffer, position, reading):
-        if opcode == FOOTER:
-            reading.complete = True
-            return
-        try:
-            _take(opcode, content, reading)
-        except Exception:  # of damaged bytes each parser has errors of its own: leave them out
-            reading.unread += len(content)
+def _read(buffer: bytes, reading: _Reading) -> None:
+    """Take every whole record of `buffer` into `reading`."""
+    for opcode, content in _records(buffer, reading):
+        # Of damaged bytes each parser has errors of its own: they are left out.
+        if opcode not in HOLDS_ROWS:  # but for a chunk, of which a flipped bit made another record
+            with suppress(Exception):
+                _take_chunk(content, reading, sure=True)
+                continue
+        with suppress(Exception):
+            if _take(opcode, content, reading):
+                continue
+        reading.unread += HEAD + len(content)
 
 
-def _records(buffer: bytes, position: int, reading: _Reading) -> Iterator[tuple[int, Any]]:
+def _records(buffer: bytes, reading: _Reading) -> Iterator[tuple[int, Any]]:
     """Yield (opcode, content) of whole records, runs of own rows as (OWN_ROWS, records (k,)).
 
     No record but a chunk holds rows: one that seems to reach beyond the next row is damaged.
     """
+    position = 0
     while position + HEAD <= len(buffer):
         block = _own_rows(buffer, position, reading.own_layout)
         if len(block):
@@ -329,33 +339,58 @@ def _own_rows(buffer: bytes, position: int, channel: int | None) -> np.ndarray:
     return records if own.all() else records[: np.argmin(own)]
 
 
-def _take(opcode: int, content: Any, reading: _Reading) -> None:
-    """Take what one record holds (`content`: bytes, or the records of a block).
+def _take(opcode: int, content: Any, reading: _Reading) -> bool:
+    """Take what one record holds (`content`: bytes, or the records of a block); whether it was
+    understood.
 
     Damaged content raises whatever its parser raises, ValueError for a wrong checksum.
     """
     from mcap.data_stream import ReadDataStream
-    from mcap.records import Chunk, Schema
+    from mcap.records import Schema
 
     if opcode == OWN_ROWS:
         reading.blocks.append(content["cells"]["value"])
     elif opcode == MESSAGE:
         _take_message(content, reading)
     elif opcode == CHUNK:
-        if reading.inside:
-            raise ValueError("a chunk inside a chunk")
-        chunk = Chunk.read(ReadDataStream(BytesIO(content)))
-        rows, reading.inside = unpacked(chunk, reading.room), True
-        reading.room -= len(rows)
-        try:
-            _read(rows, 0, reading)
-        finally:
-            reading.inside = False
+        _take_chunk(content, reading)
     elif opcode == SCHEMA:
         schema = Schema.read(ReadDataStream(BytesIO(content)))
         reading.schemas[schema.id] = schema
     elif opcode == CHANNEL:
         _take_channel(content, reading)
+    else:
+        return _passed_over(opcode, content, reading)
+    return True
+
+
+def _passed_over(opcode: int, content: bytes, reading: _Reading) -> bool:
+    """Whether a record holds no rows: an index, say. One flipped bit makes such a one of a row,
+    which has its length, or of a chunk, before which there was none.
+    """
+    if len(content) == RECORD.itemsize - HEAD:
+        return False
+    reading.complete = reading.complete or (opcode == FOOTER and len(content) == FOOTER_BYTES)
+    return opcode in ENDS or (opcode in INDEXES and reading.has_chunks)
+
+
+def _take_chunk(content: bytes, reading: _Reading, *, sure: bool = False) -> None:
+    """Take the records of a chunk; sure: it has a checksum."""
+    from mcap.data_stream import ReadDataStream
+    from mcap.records import Chunk
+
+    if reading.inside:
+        raise ValueError("a chunk inside a chunk")
+    chunk = Chunk.read(ReadDataStream(BytesIO(content)))
+    if sure and not chunk.uncompressed_crc:
+        raise ValueError("a chunk without a checksum")
+    rows, reading.inside = unpacked(chunk, reading.room), True
+    reading.room -= len(rows)
+    reading.has_chunks = True
+    try:
+        _read(rows, reading)
+    finally:
+        reading.inside = False
 
 
 def _take_channel(content: bytes, reading: _Reading) -> None:

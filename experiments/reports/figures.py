@@ -10,6 +10,8 @@ from pathlib import Path
 
 import matplotlib
 
+from experiments.picture_files import write_figure
+
 matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
@@ -96,11 +98,11 @@ def save(figure: Figure, folder: Path, name: str, source: str) -> Path:
     if engine is not None:  # room for the mark above everything else
         engine.set(rect=(0, 0, 1, 1 - 0.14 / figure.get_figheight()))  # pyright: ignore
     figure.text(0.995, 0.995, SOURCES[source], ha="right", va="top", fontsize=7, color="0.4")
-    path = folder / f"{name}.png"
-    figure.savefig(path)  # first: letters are widest here, and the places are found for them
+    # First: letters are widest here, and the places are found for them.
+    path = write_figure(figure, folder / f"{name}.png")
     if engine is not None:
         figure.set_layout_engine("none")  # everything has its place: not sought again for the SVG
-    figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
+    write_figure(figure, folder / f"{name}.svg", metadata={"Date": None})
     plt.close(figure)
     return path
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from experiments.progress import ProgressCall, silent
+from experiments.records.recording import being_recorded
 from experiments.records.run_folder import read_meta, replace_json, write_results
 from experiments.runs.assemble import virtual_renderer
 from experiments.runs.protocol import Protocol
@@ -114,10 +115,13 @@ def measure_protocol(
 def reject(folder: Path, reason: str) -> None:
     """Mark a run as rejected, with the reason, in its run.json.
 
-    FileNotFoundError: the folder has no run.json; ValueError: that of another version.
+    FileNotFoundError: the folder has no run.json; ValueError: that of another version, or the run
+    is still being recorded, whose end would forget it.
     """
     if not (folder / "run.json").is_file():
         raise FileNotFoundError(f"{folder} is no run folder: it has no run.json")
+    if being_recorded(folder):
+        raise ValueError(f"{folder} is still being recorded: reject it when it has ended")
     if not reason.isprintable():
         raise ValueError("the reason holds control characters: write it as plain text")
     replace_json(folder / "run.json", read_meta(folder) | {"rejected": reason})

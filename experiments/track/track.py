@@ -14,6 +14,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+from experiments.picture_files import write_image
+
 if TYPE_CHECKING:
     import numpy as np
 
@@ -312,7 +314,6 @@ class ContactSheet:
         """Write the sheet as PNG below its title and what the colours mean; nothing without images.
         OSError: it cannot be written.
         """
-        import cv2
         import numpy as np
 
         from vision.overlay import contact_sheet, legend
@@ -326,5 +327,4 @@ class ContactSheet:
         sheet = contact_sheet(chosen, min(SHEET_COLUMNS, keep))
         name = Path(without_password(self._address)).name
         named = f"{name}: {keep} of {self._seen} frames"
-        if not cv2.imwrite(str(path), np.vstack([legend(named, sheet.shape[1]), sheet])):
-            raise OSError(f"{path}: could not be written; is there space and permission?")
+        write_image(np.vstack([legend(named, sheet.shape[1]), sheet]), path)

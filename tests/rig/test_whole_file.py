@@ -3,7 +3,9 @@
 import errno
 import signal
 import sys
+import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -48,3 +50,29 @@ def test_without_room_the_older_file_stays(tmp_path: Path, kind: str):
     assert caught.value.errno == errno.EFBIG
     assert path.read_text() == "what took an hour to measure"
     assert [one.name for one in tmp_path.iterdir()] == ["kept.xml"]
+
+
+def test_of_two_who_write_at_once_each_file_is_whole(tmp_path: Path):
+    """Two programs on one folder: what is read is one's or the other's, never a part of both."""
+    path = tmp_path / "results.json"
+    contents = {bytes([n]) * 100_000 for n in (1, 2)}
+    torn, over = [], threading.Event()
+    write_whole(path, min(contents))
+
+    def write(content: bytes) -> None:
+        for _ in range(150):
+            write_whole(path, content)
+
+    def read() -> None:
+        while not over.is_set():
+            torn.append(path.read_bytes() not in contents)
+
+    reader = threading.Thread(target=read)
+    reader.start()
+    with ThreadPoolExecutor(2) as writers:
+        list(writers.map(write, contents))
+    over.set()
+    reader.join()
+    assert torn
+    assert not any(torn)
+    assert list(tmp_path.iterdir()) == [path]

@@ -1,5 +1,6 @@
 """Work of the page for a worker process: figures, report. Everything here can be pickled."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -30,7 +31,8 @@ class RunSummary:
 
     method: the compensator; centroid_cm: mean position (x, y) of the ball, None where not computed
     or where the target moves; by_hand: what somebody did to it ("12.3 s: push to the left, 0.15
-    m/s").
+    m/s"); named: whether its label tells its folder's name, since another run has the same
+    protocol, controller and time.
     """
 
     folder: Path
@@ -40,6 +42,7 @@ class RunSummary:
     outcome: str
     centroid_cm: tuple[float, float] | None = None
     by_hand: tuple[str, ...] = ()
+    named: bool = False
 
     @property
     def when(self) -> str:
@@ -58,7 +61,8 @@ class RunSummary:
     @property
     def label(self) -> str:
         """Name of the run for a person: protocol, controller, when."""
-        return f"{self.protocol}, {self.method}, {self.when}"
+        which = f" [{self.folder.name}]" if self.named else ""
+        return f"{self.protocol}, {self.method}, {self.when}{which}"
 
     @property
     def how(self) -> str:
@@ -97,7 +101,8 @@ def list_runs(parent: Path, most: int = MOST_LISTED) -> list[RunSummary]:
         rows.append(RunSummary(folder, str(name), method, seed, outcome, by_hand=by_hand))
         if len(rows) == most:
             break
-    return rows
+    labels = Counter(row.label for row in rows)
+    return [replace(row, named=labels[row.label] > 1) for row in rows]
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,9 @@ from experiments.dashboard.session.worker_process import ProgressSender
 if TYPE_CHECKING:
     from experiments.gap.closed_loop_replay import TableMotion
 
-VIDEO = "video.mkv"
+# A run's video, and its format: left to guess it, the decoder takes a stranger's list of files, of
+# pipes and of itself, for a video.
+VIDEO, FORMAT = "video.mkv", "matroska"
 STEP_S = 1 / 30  # between frames of a rendered video
 SEEK_AHEAD_S = 2.0  # further ahead it seeks, nearer it decodes frame by frame; chosen
 WIDEST_PX = 480  # of a shown frame; chosen: a panel is narrower
@@ -32,7 +34,7 @@ class Video:
         import av
 
         self._lock = threading.Lock()
-        self._file: Any = av.open(str(path))
+        self._file: Any = av.open(str(path), format=FORMAT)
         self._stream: Any = self._file.streams.video[0]
         if self._stream.width * self._stream.height > MOST_PX:
             raise OSError(f"{path}: frames of more than {MOST_PX} pixels")
@@ -101,7 +103,7 @@ def replay_run(folder: Path, beside: Path | None, progress: ProgressSender) -> P
 
     beside: the same run with the other controller, shown on the same plate; then there is no video.
     progress: shown the `RunFilm` as soon as it is read. OSError, ValueError: a run cannot be read,
-    or it was measured and nobody filmed it.
+    or it was measured and nobody filmed it; `av.FFmpegError`: its video is none.
     """
     from experiments.dashboard.session.playback import run_film
     from experiments.gap.closed_loop_replay import table_motion
@@ -113,6 +115,7 @@ def replay_run(folder: Path, beside: Path | None, progress: ProgressSender) -> P
         raise ValueError("two runs on one plate: with red, without blue; no video of both")
     video = folder / VIDEO
     if video.is_file():
+        Video(video).close()  # what is wrong with it is found out here, not where the pages wait
         return video
     return render_video(video, run.meta, table_motion(run.log), progress)
 

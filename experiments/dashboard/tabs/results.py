@@ -22,6 +22,7 @@ from experiments.dashboard.session.tasks import (
 )
 from experiments.dashboard.session.worker_process import WorkerProcess, WorkItem
 from experiments.dashboard.tabs.gallery import Gallery
+from experiments.records.run_folder import file_name
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -162,7 +163,7 @@ class ResultsTab:
         if not rows:
             raise ValueError("no runs yet: make some in the tab Run")
         count = self._disturbed.now if disturbed is None else disturbed
-        task = partial(draw_figures, rows, self._out / "figures" / name, count)
+        task = partial(draw_figures, rows, self._out / "figures" / file_name(name), count)
         self._put("figures", task, self._drawn, instead=True)  # of fewer runs
 
     def report(self, page: int | None) -> None:

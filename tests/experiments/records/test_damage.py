@@ -1,7 +1,11 @@
 """A part of the campaign of damages; the whole is tests/benchmarks/records/damage_campaign.py."""
 
-import numpy as np
+from pathlib import Path
 
+import numpy as np
+import pytest
+
+from experiments.records.recording import recover
 from experiments.records.samples_file import RECORD, read_samples
 from tests.benchmarks.records.damage_campaign import DAMAGES, campaign, recording
 
@@ -30,3 +34,21 @@ def test_rows_are_known_without_their_declaration(tmp_path):
     bad = bytearray(original.content)
     bad[name + 4 : name + 10] = b"Damage"
     assert read_samples(bytes(bad)).rows.tobytes() == original.rows.tobytes()
+
+
+@pytest.mark.parametrize("finished", [True, False])
+def test_one_flipped_bit_of_an_opcode_loses_no_row(tmp_path: Path, finished: bool):
+    """Of a chunk, whose rows are found by its checksum, or of a row, which the kept file holds."""
+    original = recording(tmp_path / "run", finished=finished, seed=3)
+    begin = int(original.places[100][0])
+    for bit in range(8):
+        folder = tmp_path / f"bit{bit}"
+        folder.mkdir()
+        bad = bytearray(original.content)
+        bad[begin] ^= 1 << bit
+        (folder / "samples.mcap").write_bytes(bad)
+        (folder / "run.json").write_text(original.meta)
+        found = recover(folder)
+        kept = folder / "samples.damaged.mcap"
+        assert len(found.log) == len(original.rows) or kept.read_bytes() == bad
+        assert len(found.log) >= len(original.rows) - 1

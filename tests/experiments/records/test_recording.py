@@ -31,6 +31,7 @@ from experiments.records.recording import (
     write_truth,
 )
 from experiments.records.samples_file import RECORD, opening, plain_ending
+from experiments.runs.runs import reject
 from rig.log import COLUMNS, Log
 from tests.support import ROOT
 from tests.support.waiting import wait_for
@@ -513,3 +514,12 @@ def test_kill_9_takes_nothing_that_is_older_than_a_fifth_of_a_second(tmp_path, r
         ticks = np.arange(len(run.log))[:, None] + np.arange(len(COLUMNS)) / 64
         np.testing.assert_array_equal(run.log.rows[:, 1:], ticks[:, 1:])
         assert (np.diff(run.log["t_s"]) > 0).all()
+
+
+def test_a_run_that_is_being_recorded_is_not_rejected_to_be_forgotten(tmp_path: Path):
+    with Recorder(tmp_path / "run", START) as recorder:
+        with pytest.raises(ValueError, match="still being recorded: reject it when it has ended"):
+            reject(tmp_path / "run", "hand on the plate")
+        recorder.finish("completed")
+    reject(tmp_path / "run", "hand on the plate")
+    assert read_run(tmp_path / "run").meta["rejected"] == "hand on the plate"

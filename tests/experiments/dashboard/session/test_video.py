@@ -109,3 +109,11 @@ def test_a_link_in_the_place_of_the_unfinished_video_leads_nowhere(
     assert mine.read_text() == "mine"
     assert made.read_bytes()[:4] == b"\x1aE\xdf\xa3"  # as a Matroska file begins
     assert not made.is_symlink()
+
+
+def test_a_list_of_files_is_no_video(tmp_path: Path):
+    """A decoder that guesses takes it for one, and opens a pipe that nobody writes to."""
+    path = tmp_path / "video.mkv"
+    path.write_text("ffconcat version 1.0\nfile 'video.mkv'\n")
+    with pytest.raises(av.FFmpegError):
+        video.Video(path)

@@ -38,6 +38,7 @@ from experiments.dashboard.tabs.run import (
 from experiments.dashboard.view.side_plates import CELL_PX, map_image, off_words
 from experiments.gap.closed_loop_replay import table_motion
 from experiments.records.recording import Recorder, write_run
+from experiments.records.run_folder import file_name
 from experiments.runs.assemble import load_rig
 from experiments.runs.protocol import read_protocol
 from rig.log import Log
@@ -58,7 +59,11 @@ def test_five_stages_are_marked_in_turn():
     assert stage_lines(-1, False).count("·") == 5
     assert stage_lines(1, False).startswith("✓ **1 locate**")
     assert stage_lines(4, True).count("✓") == 5
-    assert set(BEGINS.values()) <= set(range(5))
+    stages, begins, ends = zip(*BEGINS.values(), strict=True)
+    assert list(stages) == sorted(stages)
+    assert set(stages) <= set(range(5))
+    assert list(begins) == [0, *ends[:-1]]  # the bar never goes back from stage to stage
+    assert ends[-1] < 100
 
 
 def test_progress_says_what_is_on_and_how_long_it_takes():
@@ -234,3 +239,22 @@ def test_both_controllers_are_run_where_the_protocol_asks_for_both():
     assert chosen_methods(BOTH, release) == ("without", "with")
     assert chosen_methods(BOTH, squares) == ("without",)
     assert [chosen_methods(one, squares) for one in METHODS][1:] == [("with",), ("without",)]
+
+
+def test_runs_of_one_name_have_labels_of_their_own(tmp_path: Path):
+    """A dropdown with two equal lines takes the whole page down."""
+    start = {"source": "simulated", "arm": "with", "seed": 1, "protocol": {"name": "hold"}}
+    log = Log.from_columns({"t_s": np.arange(5) / 200})
+    for name in ("20260101T000000-hold-with", "20260101T000000-hold-with-copy"):
+        write_run(tmp_path / name, start, log, [], outcome="completed")
+    labels = [row.label for row in list_runs(tmp_path)]
+    assert len(set(labels)) == 2
+    assert all("[20260101T000000-hold-with" in label for label in labels)
+
+
+def test_a_protocols_name_leads_out_of_no_folder():
+    for name in ("../runs/R", "/home/me/x", "..", ".", "", ".hidden", "a/b\\c"):
+        made = Path("figures") / file_name(name)
+        assert made.parent == Path("figures")
+        assert made.name == file_name(name) not in ("", ".", "..")
+    assert file_name("free-release") == "free-release"
