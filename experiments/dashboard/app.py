@@ -124,7 +124,7 @@ class App:
             server, self.controls, self.session, table, lambda page: self.run_tab.balance(page)
         )
         panel = gui.add_panel()
-        self._places = [panel.add_tab(name) for name in ("Live curves", "Swing", "Camera")]
+        self._places = [panel.add_tab(name) for name in ("Curves", "Swing", "Camera")]
         curves, swing, camera = self._places
         with curves:
             self.curves = Curves(server, self.rig.servo)

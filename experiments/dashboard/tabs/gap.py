@@ -99,20 +99,23 @@ class GapTab:
         self._controls, self._worker, self._out, self._rows = controls, worker, out, rows
         self._show_map, self._show_playback, self._send = show_map, show_playback, send
         gui = server.gui
-        gui.add_markdown("Find out which effect the model lacks: start with the demo.")
+        intro = gui.add_markdown("Find out which effect the model lacks: start with the demo.")
         demo = gui.add_button("Demo: find a hidden play", color="green")
         controls.button(demo, "gap", lambda page: self.begin(None, page))
-        gui.add_markdown(GOOD)
+        good = gui.add_markdown(GOOD)
         self._folder: Any = gui.add_folder("Recorded runs", visible=False)
         self._boxes: dict[Path, tuple[Any, CheckedValue[bool]]] = {}
         self._advice: Any = gui.add_markdown("")
         own = gui.add_button("Analyse the ticked runs")
         controls.button(own, "gap", lambda page: self.begin(self._chosen(), page))
-        cancel = gui.add_button("Cancel", color="gray")
-        controls.button(cancel, "cancel", lambda page: self._cancel())
-        self._stages: Any = gui.add_markdown(stage_lines(-1, False))
+        self._asks: list[Any] = [intro, demo, good, self._advice, own]
+        self._again: Any = gui.add_button("Another analysis")
+        controls.button(self._again, "gap", lambda page: self._ask(True))
+        self._cancel_button: Any = gui.add_button("Cancel", color="gray")
+        controls.button(self._cancel_button, "cancel", lambda page: self._cancel())
         self._bar: Any = gui.add_progress_bar(0.0)
         self._words: Any = gui.add_markdown("")
+        self._stages: Any = gui.add_markdown(stage_lines(-1, False))
         self._film: Any = gui.add_button("Before and after, side by side", visible=False)
         controls.button(self._film, "film", self._start_film, everybody=True)
         self._report: Any = gui.add_button("Download the gap report", visible=False)
@@ -124,9 +127,27 @@ class GapTab:
         self._advised: list[str] | None = None
         self._on = -1
         self._does, self._since_s, self._shown_s = "", 0.0, -1
+        self._shows = False  # the answer
         self.answer: GapAnswer | None = newest_answer(out)
+        self._ask(self.answer is None)
         if self.answer is not None:
+            self._stages.content = stage_lines(4, True)
             self._show(self.answer, earlier=True)
+
+    def _ask(self, asks: bool) -> None:
+        """Show what can be analysed or, in its place, so that it is seen without scrolling, what is
+        being found."""
+        self._asking = asks
+        for handle in self._asks:
+            handle.visible = asks
+        self._folder.visible = asks and bool(self._boxes)
+        busy = bool(self._does)
+        self._stages.visible = self._words.visible = not asks
+        self._bar.visible = self._cancel_button.visible = not asks and busy
+        self._again.visible = not asks and not busy
+        found = self.answer if self._shows and not asks else None
+        self._report.visible = found is not None
+        self._film.visible = found is not None and found.models is not None
 
     def refresh(self) -> None:
         """List the recorded runs anew, each with a box; what was ticked stays so."""
@@ -144,7 +165,7 @@ class GapTab:
                 handle = self._gui.add_checkbox(row.label, ticked.get(row.folder, new))
                 kept = self._controls.value(handle, "run", flag, self._advise)
                 self._boxes[row.folder] = handle, kept
-        self._folder.visible = bool(rows)
+        self._folder.visible = self._asking and bool(rows)
         self._advise()
 
     def _ticked(self) -> list[RunSummary]:
@@ -177,14 +198,14 @@ class GapTab:
         if page is not None:
             self._show_playback(page, None)  # it would be taken for this analysis's
         self._gallery.show([])
-        self._on = -1
-        self._film.visible = self._report.visible = False
+        self._on, self._shows = -1, False
         self._bar.value = 0.0
         self._stages.content = stage_lines(-1, False)
         self._does, self._since_s = (
             "begins; a minute or so in all, more on a busy machine",
             time.monotonic(),
         )
+        self._ask(False)
         self._lay(None)
 
     def _cancel(self) -> None:
@@ -202,6 +223,7 @@ class GapTab:
         elif kind == "failed":
             self._does = ""
             self._words.content = f"**stopped**: {plain(what)}"
+            self._ask(False)
         elif kind == "done":
             self._end(what)
 
@@ -234,8 +256,8 @@ class GapTab:
             lines.insert(0, f"*Of an earlier analysis ({plain(answer.report.parent.name)}):*")
         self._words.content = "\n\n".join(lines) + beside_table(answer.short.table)
         self._gallery.show(answer.pictures)
-        self._film.visible = answer.models is not None
-        self._report.visible = True
+        self._shows = True
+        self._ask(False)
 
     def _lay(self, plate_map: Any) -> None:
         """The map of disagreement on the live table's plate, or (None) the bare plate."""

@@ -1,4 +1,4 @@
-"""Live curves: five small charts over the last 20 s."""
+"""Curves of the live table or of a film: five small charts over 20 s."""
 
 from dataclasses import dataclass
 from math import degrees
@@ -14,11 +14,18 @@ if TYPE_CHECKING:
     from viser import ClientHandle, ViserServer
 
 X, Y = "#7048e8", "#e8590c"
-LEGEND = (
-    '<div style="padding: 0 0.6em; font-size: 0.85em">The last 20 s: '
-    f'<b style="color: {X}">x</b>, <b style="color: {Y}">y</b>; - - what is wanted (play: - - of '
-    "the joint, full of the gear)</div>"
-)
+LIVE, REPLAYED = "The last 20 s", "Replay: 20 s up to the film's time, at the right end"
+
+
+def legend(what: str) -> str:
+    """What is drawn (LIVE or REPLAYED), and in which colours, as HTML."""
+    return (
+        f'<div style="padding: 0 0.6em; font-size: 0.85em">{what}: '
+        f'<b style="color: {X}">x</b>, <b style="color: {Y}">y</b>; - - what is wanted (play: - - '
+        "of the joint, full of the gear)</div>"
+    )
+
+
 WAIT = "*Waiting for the first data.*"
 FILM = "*This film has no curves.*"
 _CM, _DEG = 100.0, degrees(1)
@@ -26,7 +33,7 @@ _CM, _DEG = 100.0, degrees(1)
 
 @dataclass(frozen=True)
 class Chart:
-    """A chart of the live curves: its title, and for each curve (column of the log, label, colour,
+    """A chart: its title, and for each curve (column of the log, label, colour,
     factor from the column's unit to the chart's, dashed).
     """
 
@@ -91,16 +98,21 @@ def chart_data(chart: Chart, rows: np.ndarray) -> tuple[np.ndarray, ...]:
 
 
 class Curves:
-    """Builds the five charts in the GUI container of viser that is open; height: of one chart [px].
+    """Builds the five charts in the GUI container of viser that is open; what: LIVE or REPLAYED;
+    height: of one chart [px].
 
     Only the last one has numbers on its time axis, which all share.
     """
 
     def __init__(
-        self, server: "ViserServer | ClientHandle", servo: Servo, height: int = 84
+        self,
+        server: "ViserServer | ClientHandle",
+        servo: Servo,
+        what: str = LIVE,
+        height: int = 84,
     ) -> None:
         self._charts = charts_of(servo)
-        self._legend: Any = server.gui.add_html(LEGEND)
+        self._legend: Any = server.gui.add_html(legend(what))
         self._words: Any = server.gui.add_markdown(WAIT)
         self._said, self._plots = WAIT, list[Any]()
         for chart in self._charts:

@@ -14,7 +14,7 @@ from experiments.dashboard.server.messages import tell_page
 from experiments.dashboard.session.playback import Playback
 from experiments.dashboard.view.backlash_gauges import TEETH
 from experiments.dashboard.view.camera_view import NO_FILM, CameraPicture
-from experiments.dashboard.view.curves import FILM, Curves
+from experiments.dashboard.view.curves import FILM, REPLAYED, Curves
 from experiments.dashboard.view.portrait import Portrait
 from experiments.dashboard.view.scene import TableScene
 from experiments.dashboard.view.side_plates import MAP, MAP_LEGEND, PlateMap, SidePlates
@@ -61,7 +61,7 @@ class FilmView:
             self._camera = CameraPicture(client, rig, real=real)
             curves, swing, camera = places
             with curves:
-                self._curves = Curves(client, rig.servo)
+                self._curves = Curves(client, rig.servo, REPLAYED)
             with swing:
                 self._portrait = Portrait(client, rig.servo)
             with camera:

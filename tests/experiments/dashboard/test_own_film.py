@@ -80,7 +80,7 @@ def test_a_watchers_film_leaves_the_live_table_to_the_others(
         watcher.see("The live table is shown")
         expect(watcher.page.get_by_text(FILM)).to_be_hidden()
         wait_for("the live table", lambda: not ball_in_corner(watcher), PATIENCE_S)
-        watcher.tab("Live curves")
+        watcher.tab("Curves")
         watcher.see("volts applied")
         watcher.shot("own-film-back")
         assert (tmp_path / "program.log").read_text().count("Traceback") == 0

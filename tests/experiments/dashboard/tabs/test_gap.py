@@ -101,3 +101,33 @@ def test_columns_without_a_word_are_left_out_of_the_table():
     table = beside_table([["play", "x", "1.0", "", "1.1", "agrees"]])
     assert "Calibrate" not in table
     assert table.count("\n") == 4
+
+
+def test_what_is_found_stands_in_place_of_what_can_be_asked(gap):
+    make, worker, _, _ = gap
+    tab = make()
+    tab.refresh()
+
+    def seen(*handles) -> set[bool]:
+        return {handle.visible for handle in handles}
+
+    asks = (tab._folder, tab._advice)
+    answers = (tab._words, tab._stages)
+    assert seen(*asks) == {True}
+    assert seen(*answers, tab._bar, tab._cancel_button, tab._again, tab._report) == {False}
+    tab.begin(None, None)
+    assert seen(*asks, tab._again, tab._report) == {False}
+    assert seen(*answers, tab._bar, tab._cancel_button) == {True}
+    tab.refresh()  # a run was recorded meanwhile
+    assert not tab._folder.visible
+    tab._on_message("progress", ("name: what else could <b> be?", 1, 5))
+    assert "what else" in tab._does
+    assert "<" not in tab._does
+    assert 15 < tab._bar.value < 75
+    tab._on_message("failed", "the logs say nothing")
+    assert seen(*answers, tab._again) == {True}
+    assert seen(tab._bar, tab._cancel_button, tab._report, *asks) == {False}
+    tab._ask(True)
+    assert seen(*asks) == {True}
+    assert seen(*answers, tab._again) == {False}
+    assert len(worker.items) == 1
