@@ -56,6 +56,14 @@ def tour_words(done: Sequence[bool]) -> str:
     return "\n\n".join(lines)
 
 
+def tour_label(done: Sequence[bool]) -> str:
+    """Title of the folded steps: which is next."""
+    for number, ((tab, _), is_done) in enumerate(zip(STEPS, done, strict=True), 1):
+        if not is_done:
+            return f"The study in five steps: next {number} {tab}"
+    return "The study in five steps: done"
+
+
 class Tour:
     """Builds the steps as a folding group in the GUI container of viser that is open; done: tells
     which of them are done; visible: whether it is shown.
@@ -65,8 +73,10 @@ class Tour:
         self, server: "ViserServer", done: Callable[[], Sequence[bool]], *, visible: bool = True
     ) -> None:
         self._done, self._said = done, ""
-        name = "The study in five steps"
-        with server.gui.add_folder(name, expand_by_default=False, visible=visible):
+        self._folder: Any = server.gui.add_folder(
+            tour_label([False] * len(STEPS)), expand_by_default=False, visible=visible
+        )
+        with self._folder:
             self._words: Any = server.gui.add_markdown("")
 
     def draw(self) -> None:
@@ -74,3 +84,4 @@ class Tour:
         words = tour_words(self._done())
         if words != self._said:
             self._said = self._words.content = words
+            self._folder.label = tour_label(self._done())

@@ -48,13 +48,23 @@ def test_only_a_change_is_sent_to_the_pages():
         def __setattr__(self, name: str, value: str) -> None:
             sent.append(value)
 
+    class Folder(nullcontext):
+        def __init__(self, label: str) -> None:
+            super().__init__()
+            self.label = label
+
     gui = SimpleNamespace(
-        add_folder=lambda *a, **k: nullcontext(), add_markdown=lambda text: Words()
+        add_folder=lambda label, **k: Folder(label), add_markdown=lambda text: Words()
     )
     tour = Tour(SimpleNamespace(gui=gui), lambda: done)  # pyright: ignore[reportArgumentType]
     tour.draw()
     tour.draw()
     assert sent == [tour_words(done)]
+    assert tour._folder.label.endswith("next 1 Run")
     done[0] = True
     tour.draw()
     assert len(sent) == 2
+    assert tour._folder.label.endswith("next 2 Results")
+    done[1:] = [True] * 4
+    tour.draw()
+    assert tour._folder.label.endswith("done")
