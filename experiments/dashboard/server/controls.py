@@ -139,13 +139,15 @@ class Controls:
 
     `notify(page, title, text)` shows a message on a page (None: on all pages); `note(text)` adds a
     line to the run's events. reserved: the elements that only the page that holds the controls may
-    use.
+    use; withdraw: functions that take back what the page that holds the controls said of the table,
+    called after STOP and when the controls change hands.
     """
 
     def __init__(
         self, notify: Callable[[int | None, str, str], None], note: Callable[[str], None]
     ) -> None:
-        self.lock = ControlLock()
+        self.withdraw: list[Callable[[], None]] = []
+        self._lock = ControlLock()
         self._stops = 0  # presses of STOP so far
         self._rules: dict[int, InputRules] = {}  # by id of the handle: handles have no hash
         self.reserved: list[Any] = []
@@ -153,6 +155,21 @@ class Controls:
         self._last_notice: tuple[int | None, str, str] | None = None
         self._last_notice_s = -REPEAT_S
         self.queue = ControlPanelQueue(self._failed)
+
+    @property
+    def lock(self) -> ControlLock:
+        """Who is connected, and who holds the controls."""
+        return self._lock
+
+    @lock.setter
+    def lock(self, lock: ControlLock) -> None:
+        before, self._lock = self._lock, lock
+        if lock.holder != before.holder:
+            self._withdraw()
+
+    def _withdraw(self) -> None:
+        for take_back in self.withdraw:
+            take_back()
 
     def _failed(self, action: QueuedAction, error: Exception) -> None:
         """Show an error to its page; note it in the run's events, unless it is a refusal."""
@@ -244,10 +261,11 @@ class Controls:
         after a stop. `act` has to be short and safe in any thread.
         """
         self._stops += 1
-        try:
-            act(who)
-        except Exception as error:
-            self._failed(QueuedAction("stop", lambda: None, page), error)
+        for do in (partial(act, who), self._withdraw):
+            try:
+                do()
+            except Exception as error:
+                self._failed(QueuedAction("stop", lambda: None, page), error)
 
     def stop_button(self, handle: Any, what: str, act: Callable[[str], None]) -> None:
         """Have a button or command of viser stop for any page (`stop`); what: its name."""

@@ -1,5 +1,6 @@
 """The tab Run: protocol, start and pause; gains, the table's backlash, target and pushes."""
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -44,6 +45,7 @@ WHAT_REAL = (
     "**A real table.** Homed with `rig home`? Choose a protocol, clear the plate, a hand at the "
     "switch, tick **Arm**, press **Start**; every run is armed anew."
 )
+ARMED_S = 60.0  # so long an arming waits for Start; chosen: what one has just seen is still so
 SPEEDS = ("1 x", "2 x", "4 x")
 # Gains as multiples of the rig file's P, I, D: what each is good for shows at once.
 PRESETS = {
@@ -193,6 +195,8 @@ class RunTab:
             "Arm: the plate is clear, a hand is at the switch", False, visible=not virtual
         )
         self._armed = value(self._arm_box, "arm the table", flag)
+        self._armed_since_s: float | None = None
+        self._controls.withdraw.append(self._disarm)
 
     def _describe(self, name: str) -> None:
         """Write below the list what the chosen protocol is, and how long a run of it takes."""
@@ -262,7 +266,24 @@ class RunTab:
             return
         if not self._armed.now:
             raise ValueError("nothing moves yet: clear the plate, hand at the switch, tick Arm")
-        self._armed.now = self._arm_box.value = False
+        self._disarm()
+
+    def _disarm(self) -> None:
+        """Take the arming back: it was used, or whoever ticked it no longer answers for it."""
+        self._armed.now = False
+        if self._arm_box.value:
+            self._arm_box.value = False
+
+    def _age_arming(self) -> None:
+        """Take back an arming that nobody has used for ARMED_S."""
+        now_s = time.monotonic()
+        if not self._armed.now:
+            self._armed_since_s = None
+        elif self._armed_since_s is None:
+            self._armed_since_s = now_s
+        elif now_s - self._armed_since_s > ARMED_S:
+            self._armed_since_s = None
+            self._disarm()
 
     def _add_gains(self) -> SliderGroup:
         gains = self._session.rig.gains
@@ -358,6 +379,7 @@ class RunTab:
         operator_step = (
             f"**Please {plain(status.operator_step)}**, {then}." if status.operator_step else ""
         )
+        self._age_arming()
         self._set(self._start, "visible", not on)
         self._set(self._next, "visible", status.state == "pause")
         self._set(self._repeat, "visible", self._session.may_repeat)

@@ -50,7 +50,12 @@ def test_a_real_table_is_homed_and_armed_for_every_run_and_stopped_by_everybody(
         session.start(RunPlan(read_protocol("servo-squares"), ("with",), 1, 1))
     assert not (lab.folder / "volts").read_text()
     lab.home()
-    tab._armed.now, tab._protocol.now = True, "servo-squares"
+    tab._protocol.now = "servo-squares"
+    tab._armed.now = True
+    app.controls.stop("page 7", session.stop)  # takes the arming back
+    with pytest.raises(ValueError, match="tick Arm"):
+        tab.start(None)
+    tab._armed.now = True
     tab.start(None)
     wait_for("motion", lambda: session.status.t_s > 1.0, 120.0)
     assert not tab._armed.now  # used up

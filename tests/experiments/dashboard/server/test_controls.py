@@ -204,6 +204,27 @@ def test_stop_waits_for_nothing_and_nothing_begins_after_it():
     assert noted == []
 
 
+def test_what_was_said_of_the_table_is_taken_back_by_stop_and_by_another_holder():
+    """A tick that the plate is clear counts for who gave it, and not beyond a STOP."""
+    controls, taken_back = Controls(lambda *what: None, print), []
+    controls.withdraw.append(lambda: taken_back.append(controls.lock.holder))
+    controls.lock = controls.lock.joined(1)
+    controls.lock = controls.lock.joined(2)
+    assert taken_back == [1]
+    controls.stop("page 2", lambda who: None)
+    assert taken_back == [1, 1]
+    controls.lock = controls.lock.taken(2)
+    controls.lock = controls.lock.left(1)
+    assert taken_back == [1, 1, 2]
+    controls.lock = controls.lock.left(2)
+    assert taken_back == [1, 1, 2, None]
+    with patch.object(controls, "_failed") as failed:
+        controls.stop("page 2", lambda who: 1 / 0)
+    assert failed.call_count == 1
+    assert len(taken_back) == 5  # a stop that fails takes it back, too
+    controls.queue.close()
+
+
 def test_a_stop_that_fails_is_told():
     c, told, noted = controls()
     stop = FakeHandle(False)

@@ -1,0 +1,46 @@
+"""The tick before a real table: it ages, and is taken back."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from experiments.dashboard.tabs import run
+from experiments.dashboard.tabs.run import ARMED_S, RunTab
+
+
+def tab(monkeypatch, now: list[float]) -> Any:
+    """A tab Run of a real table of which only the arming is there."""
+    monkeypatch.setattr(run.time, "monotonic", lambda: now[0])
+    made: Any = RunTab.__new__(RunTab)
+    made._session = SimpleNamespace(table=SimpleNamespace(real=True))
+    made._armed = SimpleNamespace(now=True)
+    made._arm_box = SimpleNamespace(value=True)
+    made._armed_since_s = None
+    return made
+
+
+def test_an_arming_is_used_up_by_one_run(monkeypatch):
+    made = tab(monkeypatch, [0.0])
+    made._take_arming()
+    assert not made._arm_box.value
+    with pytest.raises(ValueError, match="tick Arm"):
+        made._take_arming()
+
+
+def test_an_arming_waits_for_a_minute(monkeypatch):
+    now = [5.0]
+    made = tab(monkeypatch, now)
+    made._age_arming()
+    now[0] += ARMED_S - 1.0
+    made._age_arming()
+    assert made._armed.now
+    now[0] += 2.0
+    made._age_arming()
+    assert not made._armed.now
+    assert not made._arm_box.value
+    made._armed.now = True  # ticked anew: it waits a minute again
+    made._age_arming()
+    now[0] += ARMED_S - 1.0
+    made._age_arming()
+    assert made._armed.now
