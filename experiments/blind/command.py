@@ -25,6 +25,7 @@ from experiments.blind.trial import BlindTrial
 from experiments.blind.trial_score import TrialScore, score_trial
 from experiments.progress import ProgressCall, silent
 from experiments.records.run_folder import write_results
+from rig.files import write_whole
 
 INJECTED_EACH = 2  # of every effect that can be hidden in a user's logs
 Say = Callable[[str], None]
@@ -190,8 +191,8 @@ def publish(
     results |= {"source": "simulated", "title": title, "seal": sealed_hash(out)}
     lines = rows(results, right_goal=right_goal)
     text = f"# {title}\n\n{markdown(lines)}\n{effects_markdown(results)}"
-    (out / "table.md").write_text(text, encoding="utf-8")
-    (out / "failures.md").write_text(failures_markdown(scores), encoding="utf-8")
+    write_whole(out / "table.md", text.encode())
+    write_whole(out / "failures.md", failures_markdown(scores).encode())
     if results["confusion"]:
         confusion_figure(results["confusion"], out / "confusion.png")
         power_figure(results["power"], out / "power.png")
@@ -223,6 +224,6 @@ def _injected_trials(
     answers = {name: one["answer"] for name, one in answers_of(out / "answers").items()}
     results = injection_report(scores, answers)
     results |= {"source": "measured", "seal": sealed_hash(out), "logs": [str(p) for p in logs]}
-    (out / "table.md").write_text(injection_markdown(results), encoding="utf-8")
+    write_whole(out / "table.md", injection_markdown(results).encode())
     write_results(out, results)
     return results

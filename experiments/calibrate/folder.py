@@ -78,12 +78,17 @@ class CalibrationFolder:
         typer.echo(f"written: {self.path / FILE}" + (f"   pictures: {shown}" if shown else ""))
 
     def believed(self, rig_file: Path | None) -> Rig:
-        """The rig with what was measured in this folder, else what is known of `rig_file`.
+        """The rig with what was measured in this folder, which is said where a `rig_file` is given,
+        too; else what is known of that.
 
         ValueError, FileNotFoundError: a rig file is missing or wrong.
         """
         own = self.path / RIG_FILE
-        return read_rig(own) if own.is_file() else known(load_rig(rig_file))
+        if not own.is_file():
+            return known(load_rig(rig_file))
+        if rig_file is not None:
+            typer.echo(f"note: continues with {own}, made before, not with {rig_file}", err=True)
+        return read_rig(own)
 
     def believe(self, rig: Rig) -> None:
         """Write the rig as rig.toml of the folder. OSError: it cannot be written."""

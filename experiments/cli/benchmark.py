@@ -81,12 +81,12 @@ def score(
     from experiments.benchmark.score import score_set
     from experiments.benchmark.table import entry_names, page_of, show
     from experiments.records.run_folder import writable, write_results
-    from rig.files import printable
+    from rig.files import printable, write_whole
 
     named = zip(entry_names(answers), answers, strict=True)
     results = {name: score_set(folder, one, first=first) for name, one in named}
     for name, found in results.items():
         show(f"{name} to {printable(folder.resolve().name)}", found)
     if out is not None:
-        (writable(out) / "table.md").write_text(page_of(results), encoding="utf-8")
+        write_whole(writable(out) / "table.md", page_of(results).encode())
         write_results(out, results)

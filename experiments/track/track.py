@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from experiments.picture_files import write_image
+from experiments.records.run_folder import refuse_input
+from rig.files import write_whole
 
 if TYPE_CHECKING:
     import numpy as np
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
 
 PIXEL_COLUMNS = ("frame", "t_s", "state", "u_px", "v_px", "sigma_px")
 METRIC_COLUMNS = ("x_m", "y_m", "cov_xx_m2", "cov_xy_m2", "cov_yy_m2")
+MADE = ("track.csv", "overlay.mp4", "contact_sheet.png", "results.json")
 SHEET_IMAGES = 48
 SHEET_COLUMNS = 6
 SHEET_WIDTH_PX = 320
@@ -75,10 +78,12 @@ def track_video(
     progress(done, total): called with frames of the
     file, total None for a stream. Returns the content of results.json. OSError, ValueError: the
     address has no frames, the colour is unknown, or the frames have another size than the
-    calibration's.
+    calibration's, or `out_dir` would take a file of the address's place.
     """
     from vision.detection.appearance import Appearance
     from vision.sources.sources import open_source
+
+    _clear(Path(out_dir), address)
 
     appearance = Appearance.of_colour(ball_colour) if ball_colour else None
     radius = _radius_bounds(calibration)
@@ -95,8 +100,17 @@ def track_video(
         summary = _summary(source, tracker, states, times, ball_colour, metric=metric)
         summary["notes"] += troubles
     text = json.dumps(summary, indent=1, allow_nan=False)
-    (out / "results.json").write_text(text + "\n", encoding="utf-8")
+    write_whole(out / "results.json", (text + "\n").encode())
     return summary
+
+
+def _clear(out: Path, address: str | Path | int) -> None:
+    """Take links away that lie where files are made. ValueError: such a file is the recording."""
+    film = [] if isinstance(address, int) or not Path(address).is_file() else [Path(address)]
+    for name in MADE:
+        refuse_input("--out", out / name, film)
+        if (out / name).is_symlink():
+            (out / name).unlink()
 
 
 def place_of(text: str) -> tuple[float, ...]:
@@ -276,7 +290,7 @@ def _summary(
             else [round(float(c), 1) for c in appearance.ball_bgr],
             "radius_px": _finite(tracker.radius_px),
         },
-        "files": ["track.csv", "overlay.mp4", "contact_sheet.png", "results.json"],
+        "files": list(MADE),
         "notes": notes,
     }
 

@@ -186,3 +186,17 @@ def test_real_footage_without_being_told_the_colour(tmp_path):
     assert 23.5 < summary["end_s"] - summary["start_s"] < 24.1
     blue, green, red = summary["ball"]["bgr"]
     assert green > 2 * max(blue, red)
+
+
+def test_the_film_itself_and_what_a_link_leads_to_are_not_written_over(tmp_path):
+    film, notes = tmp_path / "overlay.mp4", tmp_path / "notes.txt"
+    film.write_bytes(b"a film")
+    notes.write_text("my notes")
+    with pytest.raises(ValueError, match="is the recording itself"):
+        track_video(film, tmp_path)
+    assert film.read_bytes() == b"a film"
+    other = film.rename(tmp_path / "film.mp4")
+    (tmp_path / "track.csv").symlink_to(notes)
+    with pytest.raises((OSError, ValueError)):
+        track_video(other, tmp_path)  # no film
+    assert notes.read_text() == "my notes"
