@@ -5,6 +5,7 @@ what else is missing, or unknown and left out, stands in the log's `notes`.
 """
 
 import csv
+from array import array
 from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from experiments.records.csv_files import blocks_of, lines_of
 from experiments.records.exporting import ALWAYS
 from experiments.records.mat_files import read_mat
 from experiments.records.recording import read_run
@@ -163,31 +165,46 @@ def _where(rows: np.ndarray) -> str:
 
 
 def _read_csv(path: Path) -> dict[str, np.ndarray]:
-    """Read columns of a CSV file with a header; separators: comma, semicolon, tab."""
+    """Read columns of a CSV file with a header; separators: comma, semicolon, tab.
+
+    A block of rows at a time: cells of text take many times what their numbers do.
+    """
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            header = next(lines_of(file), "")
+            file.seek(0)
+            lines = csv.reader(lines_of(file), delimiter=max(",;\t", key=header.count))
+            names = [name.strip() for name in next(lines, [])]
+            if len(set(names)) != len(names):
+                raise ValueError(f"a column's name stands twice in {', '.join(names)}")
+            known = {name: array("d") for name in names if name in INDEX}
+            count = 0
+            for block in blocks_of(lines, len(names)):
+                rows = _whole_rows(block, len(names), lines.line_num)
+                count += len(rows)
+                if count > MOST_ROWS:
+                    raise ValueError(f"it has more than {MOST_ROWS} rows: cut the log in parts")
+                for name, cells in zip(names, zip(*rows, strict=True), strict=True) if rows else ():
+                    if name in known:
+                        known[name].extend(_parsed(name, cells, count - len(rows)))
     except UnicodeDecodeError as error:
         raise ValueError("it is no text in UTF-8: save it as CSV UTF-8") from error
-    header = text.split("\n", 1)[0]
-    lines = csv.reader(text.splitlines(), delimiter=max(",;\t", key=header.count))
-    names = [name.strip() for name in next(lines, [])]
-    if len(set(names)) != len(names):
-        raise ValueError(f"a column's name stands twice in {', '.join(names)}")
-    rows = []
-    for cells in lines:
-        if len(cells) not in (0, len(names)):
-            raise ValueError(f"line {lines.line_num} has {len(cells)} cells, not {len(names)}")
-        if cells:
-            rows.append(cells)
-    columns = zip(*rows, strict=True) if rows else [()] * len(names)
-    return {
-        name: _parsed(name, cells) if name in INDEX else np.empty(0)
-        for name, cells in zip(names, columns, strict=True)
-    }
+    except csv.Error as error:  # in the header
+        raise ValueError(f"not readable as a table ({error})") from error
+    return {name: np.array(known.get(name, ())) for name in names}
 
 
-def _parsed(name: str, cells: tuple[str, ...]) -> np.ndarray:
-    """Return the numbers (n,) of a column's cells, NaN where blank."""
+def _whole_rows(block: list[list[str]], width: int, last_line: int) -> list[list[str]]:
+    """The rows of a block that are not blank. ValueError: one has not `width` cells."""
+    for i, cells in enumerate(block):
+        if len(cells) not in (0, width):
+            line = last_line - len(block) + i + 1
+            raise ValueError(f"line {line} has {len(cells)} cells, not {width}")
+    return [cells for cells in block if cells]
+
+
+def _parsed(name: str, cells: tuple[str, ...], before: int) -> np.ndarray:
+    """Return the numbers (n,) of a column's cells, NaN where blank; before: rows before them."""
     numbers = np.full(len(cells), np.nan)
     for i, cell in enumerate(cells):
         if cell and not cell.isspace():
@@ -197,7 +214,7 @@ def _parsed(name: str, cells: tuple[str, ...]) -> np.ndarray:
                 numbers[i] = float(cell)
             except ValueError as error:
                 raise ValueError(
-                    f"row {i + 1}: {name} is {cell!r}, no number (decimal point, no unit)"
+                    f"row {before + i + 1}: {name} is {cell!r}, no number (decimal point, no unit)"
                 ) from error
     return numbers
 

@@ -349,7 +349,7 @@ def _take(opcode: int, content: Any, reading: _Reading) -> bool:
     from mcap.records import Schema
 
     if opcode == OWN_ROWS:
-        reading.blocks.append(content["cells"]["value"])
+        _take_rows(content["cells"]["value"], reading)
     elif opcode == MESSAGE:
         _take_message(content, reading)
     elif opcode == CHUNK:
@@ -427,7 +427,20 @@ def _take_message(content: bytes, reading: _Reading) -> None:
         raise ValueError("a message of a channel that was not declared")
     elif topic == SAMPLES and reading.decode is not None:
         row = np.full((1, len(COLUMNS)), np.nan)
-        for described, value in reading.decode(payload).ListFields():
-            if described.name in INDEX:
-                row[0, INDEX[described.name]] = value
-        reading.blocks.append(row)
+        own = struct.unpack_from("<H", content)[0] == reading.own_layout
+        if (
+            own and len(content) == RECORD.itemsize - HEAD
+        ):  # a damaged tag: each value has its place
+            row[0] = np.frombuffer(payload, RECORD["cells"])["value"]
+        else:
+            for described, value in reading.decode(payload).ListFields():
+                if described.name in INDEX:
+                    row[0, INDEX[described.name]] = value
+        _take_rows(row, reading)
+
+
+def _take_rows(rows: np.ndarray, reading: _Reading) -> None:
+    """Take rows (k, len(COLUMNS)) but those whose time is damaged: no file could be made of them."""
+    sound = (rows[:, 0] >= SHORTEST_S) & (rows[:, 0] <= LONGEST_S)
+    reading.unread += RECORD.itemsize * int(np.sum(~sound))
+    reading.blocks.append(rows if sound.all() else rows[sound])

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from experiments.records.recording import Run
 
 MOST_LISTED = 40  # runs; chosen: a list on the page is no longer
+LONGEST_WORDS = 80  # characters of a run.json's word; chosen: every page is sent each of them
 UNFINISHED = "unfinished"
 
 
@@ -96,9 +97,11 @@ def list_runs(parent: Path, most: int = MOST_LISTED) -> list[RunSummary]:
         if "rejected" in meta:
             outcome = "rejected"
         by_hand = meta.get("by_hand")
-        by_hand = tuple(map(str, by_hand)) if isinstance(by_hand, list) else ()
-        method, seed = str(meta.get("arm")), meta.get("seed")
-        rows.append(RunSummary(folder, str(name), method, seed, outcome, by_hand=by_hand))
+        by_hand = tuple(map(str, by_hand[:MOST_LISTED])) if isinstance(by_hand, list) else ()
+        name, method, outcome = (
+            str(words)[:LONGEST_WORDS] for words in (name, meta.get("arm"), outcome)
+        )
+        rows.append(RunSummary(folder, name, method, meta.get("seed"), outcome, by_hand=by_hand))
         if len(rows) == most:
             break
     labels = Counter(row.label for row in rows)

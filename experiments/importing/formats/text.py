@@ -1,14 +1,18 @@
 """Read tables of text: any separator, decimal comma, preamble, row of units, names or none."""
 
+import codecs
 import csv
 import re
+from array import array
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
 
 from experiments.importing.recording import MAX_COLUMNS, BadFileError, Stream, check_size
+from experiments.records.csv_files import blocks_of, lines_of
 
 SEPARATORS = (" ", ",", "|", "\t", ";")  # the later, the less likely to mean anything else
 PREAMBLE_LINES = 200  # chosen: LabVIEW's longest headers have some thirty lines
@@ -27,55 +31,83 @@ def read_text(path: Path) -> list[Stream]:
     size = path.stat().st_size
     if size > MAX_BYTES:
         raise BadFileError(f"it has {size} bytes (limit: {MAX_BYTES}): cut it into parts")
-    lines = [line for line in _decoded(path.read_bytes()).splitlines() if line.strip()]
-    if not lines:
-        raise BadFileError("it is empty")
-    separator, first = _layout(lines)
-    cells = _split(lines[first:], separator)
-    width = Counter(map(len, cells)).most_common(1)[0][0]
-    check_size(len(cells), width)
-    names, units = _header(_split(lines[:first], separator), width)
-    rows = [row for row in cells if len(row) == width]
-    lost = len(cells) - len(rows)
-    if lost > max(1, 0.01 * len(cells)):  # a last line that was cut off is normal
-        raise BadFileError(f"{lost} of {len(cells)} lines have not {width} cells")
-    comma = separator != "," and _has_decimal_comma(rows)
-    columns = list(zip(*rows, strict=True))
-    table = [_numbers(column, comma) for column in columns]
-    clocks = [name for name, one in zip(names, columns, strict=True) if _is_clock(one)]
-    units |= dict.fromkeys(clocks, "s")
-    return [Stream(dict(zip(names, table, strict=True)), units)]
-
-
-def _decoded(data: bytes) -> str:
-    """Text of `data` by its byte order mark, else as UTF-8, else as Latin-1 (old Windows)."""
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return data.decode("utf-16", errors="replace")
-    if b"\0" in data[:4096]:
-        raise BadFileError("it is no text (it has zero bytes)")
     try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return data.decode("latin-1")
+        with path.open(encoding=_encoding(path), errors="replace", newline="") as file:
+            return [_table(line for line in lines_of(file) if line.strip())]
+    except BadFileError:
+        raise
+    except ValueError as error:
+        raise BadFileError(str(error)) from error
+
+
+def _table(lines: Iterator[str]) -> Stream:
+    """The table of these lines, none of which is blank."""
+    head = list(islice(lines, PREAMBLE_LINES))
+    if not head:
+        raise BadFileError("it is empty")
+    separator, first = _layout(head)
+    cells = _cells(chain(head[first:], lines), separator)
+    begin = list(islice(cells, PREAMBLE_LINES))
+    width = Counter(map(len, begin)).most_common(1)[0][0]
+    names, units = _header(_split(head[:first], separator), width)
+    comma = separator != "," and _has_decimal_comma(begin)
+    found = [array("d") for _ in range(width)]
+    clocks, count = set[str](), 0
+    for block in blocks_of(chain(begin, cells), width):
+        count += len(block)
+        check_size(count, width)
+        rows = [row for row in block if len(row) == width]
+        for name, numbers, column in zip(names, found, zip(*rows, strict=True), strict=bool(rows)):
+            numbers.extend(_numbers(column, comma))
+            if _is_clock(column):
+                clocks.add(name)
+    lost = count - len(found[0])
+    if lost > max(1, 0.01 * count):  # a last line that was cut off is normal
+        raise BadFileError(f"{lost} of {count} lines have not {width} cells")
+    units |= dict.fromkeys(sorted(clocks), "s")
+    return Stream({name: np.array(one) for name, one in zip(names, found, strict=True)}, units)
+
+
+def _encoding(path: Path) -> str:
+    """By the byte order mark, else UTF-8, else Latin-1 (old Windows). BadFileError: no text."""
+    with path.open("rb") as file:
+        begin = file.read(4096)
+        if begin.startswith((b"\xff\xfe", b"\xfe\xff")):
+            return "utf-16"
+        if b"\0" in begin:
+            raise BadFileError("it is no text (it has zero bytes)")
+        decoder = codecs.getincrementaldecoder("utf-8")()
+        try:
+            while begin:
+                decoder.decode(begin)
+                begin = file.read(1 << 20)
+            decoder.decode(b"", final=True)
+        except UnicodeDecodeError:
+            return "latin-1"
+    return "utf-8-sig"
+
+
+def _cells(lines: Iterable[str], separator: str) -> Iterator[list[str]]:
+    """Cells of every line. `csv.Error`: quotes that do not close, or a cell of absurd length."""
+    if separator == " ":
+        return (line.split() for line in lines)
+    return csv.reader(lines, delimiter=separator)
 
 
 def _split(lines: Sequence[str], separator: str) -> list[list[str]]:
-    """Cells of every line. BadFileError: quotes that do not close, or a cell of absurd length."""
-    if separator == " ":
-        return [line.split() for line in lines]
+    """Cells of some lines. BadFileError: quotes that do not close, or a cell of absurd length."""
     try:
-        return list(csv.reader(lines, delimiter=separator))
+        return list(_cells(lines, separator))
     except csv.Error as error:
         raise BadFileError(f"not readable as a table ({error})") from error
 
 
-def _layout(lines: Sequence[str]) -> tuple[str, int]:
-    """The separator, and the first line of the block of numbers.
+def _layout(head: Sequence[str]) -> tuple[str, int]:
+    """The separator, and the first line of the block of numbers, of the first lines of a file.
 
     The separator is the one with which the most lines behind the first numeric one look alike.
     BadFileError: no line begins a block of numbers.
     """
-    head = lines[:PREAMBLE_LINES]
     best: tuple[tuple[float, int], str, int] | None = None
     for rank, separator in enumerate(SEPARATORS):
         if separator != " " and not any(separator in line for line in head):

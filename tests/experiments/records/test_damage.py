@@ -52,3 +52,28 @@ def test_one_flipped_bit_of_an_opcode_loses_no_row(tmp_path: Path, finished: boo
         kept = folder / "samples.damaged.mcap"
         assert len(found.log) == len(original.rows) or kept.read_bytes() == bad
         assert len(found.log) >= len(original.rows) - 1
+
+
+def test_one_row_without_its_time_costs_itself_alone(tmp_path: Path):
+    original = recording(tmp_path / "run", finished=False, seed=4)
+    begin = int(original.places[100][0])
+    record = np.frombuffer(original.content, RECORD, 1, begin).copy()
+    record["cells"]["value"][0, 0] = np.inf
+    folder = tmp_path / "bad"
+    folder.mkdir()
+    bad = original.content[:begin] + record.tobytes() + original.content[begin + RECORD.itemsize :]
+    (folder / "samples.mcap").write_bytes(bad)
+    (folder / "run.json").write_text(original.meta)
+    found = recover(folder)
+    assert found.log.rows.tobytes() == np.delete(original.rows, 100, axis=0).tobytes()
+    assert (folder / "samples.damaged.mcap").read_bytes() == bad
+
+
+@pytest.mark.parametrize("column", [0, 5])
+def test_a_damaged_tag_takes_no_value_with_it(tmp_path: Path, column: int):
+    original = recording(tmp_path / "run", finished=False, seed=5)
+    begin = int(original.places[100][0])
+    record = np.frombuffer(original.content, RECORD, 1, begin).copy()
+    record["cells"]["tag"][0, column] ^= 8
+    bad = original.content[:begin] + record.tobytes() + original.content[begin + RECORD.itemsize :]
+    assert read_samples(bad).rows.tobytes() == original.rows.tobytes()

@@ -258,3 +258,16 @@ def test_a_protocols_name_leads_out_of_no_folder():
         assert made.parent == Path("figures")
         assert made.name == file_name(name) not in ("", ".", "..")
     assert file_name("free-release") == "free-release"
+
+
+def test_a_word_beyond_all_measure_is_sent_to_no_page(tmp_path: Path):
+    start = {
+        "source": "simulated",
+        "arm": "w" * 10**6,
+        "seed": 1,
+        "protocol": {"name": "h" * 10**6},
+    }
+    log = Log.from_columns({"t_s": np.arange(5) / 200})
+    write_run(tmp_path / "20260101T000000-a", start, log, [], outcome="completed")
+    (row,) = list_runs(tmp_path)
+    assert len(row.label) < 300
