@@ -428,9 +428,8 @@ def _take_message(content: bytes, reading: _Reading) -> None:
     elif topic == SAMPLES and reading.decode is not None:
         row = np.full((1, len(COLUMNS)), np.nan)
         own = struct.unpack_from("<H", content)[0] == reading.own_layout
-        if (
-            own and len(content) == RECORD.itemsize - HEAD
-        ):  # a damaged tag: each value has its place
+        if own and len(content) == RECORD.itemsize - HEAD:
+            # A tag is damaged, but each value has its place.
             row[0] = np.frombuffer(payload, RECORD["cells"])["value"]
         else:
             for described, value in reading.decode(payload).ListFields():
@@ -440,7 +439,7 @@ def _take_message(content: bytes, reading: _Reading) -> None:
 
 
 def _take_rows(rows: np.ndarray, reading: _Reading) -> None:
-    """Take rows (k, len(COLUMNS)) but those whose time is damaged: no file could be made of them."""
+    """Take rows (k, len(COLUMNS)) but those whose time is damaged: no file could hold them."""
     sound = (rows[:, 0] >= SHORTEST_S) & (rows[:, 0] <= LONGEST_S)
     reading.unread += RECORD.itemsize * int(np.sum(~sound))
     reading.blocks.append(rows if sound.all() else rows[sound])
