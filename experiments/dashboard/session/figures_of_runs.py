@@ -59,8 +59,9 @@ class Completed:
         ]
         n = RUNS_OF_FIG14
         if min(len(self.without), len(self.with_)) >= n and centres:
-            logs = [[run.log for run in runs[:n]] for runs in (self.without, self.with_)]
-            drawn.append((figures.eight_runs(*logs), "fig14", self._caption(14, "eight runs")))
+            without, with_ = ([one.log for one in runs[:n]] for runs in (self.without, self.with_))
+            eight = figures.eight_runs(without, with_)
+            drawn.append((eight, "fig14", self._caption(14, "eight runs")))
         return drawn
 
     def _of_one(self) -> list[Drawn]:
