@@ -28,6 +28,7 @@ from rig.hardware.network.remote_wire import (
     PONG,
     PORT,
     PROOF,
+    PROOF_BYTES,
     READING,
     REFUSE,
     SILENT_S,
@@ -214,6 +215,8 @@ def test_numbers_of_the_protocol():
     assert kinds == tuple(range(1, 13))
     assert (ARMED, LATCHED, WITH_BALL, WITH_SPEED) == (1, 2, 4, 8)
     assert (VERSION, NONCE_BYTES, LONGEST, PORT, SILENT_S) == (1, 32, 400, 7643, 0.1)
+    said = CLIENT + proof(TOKEN, SERVER, CLIENT)
+    assert len(struct.pack("<HB", 1 + len(said), PROOF) + said) == PROOF_BYTES
 
 
 def test_lengths_beyond_the_longest_and_of_nothing_are_refused():
