@@ -32,15 +32,14 @@ from experiments.records.samples_file import (
     LONGEST_S,
     RECORD,
     SHORTEST_S,
-    SamplesFile,
     check_times,
     event_record,
     finished_file,
     message_records,
     opening,
     plain_ending,
-    read_samples,
 )
+from experiments.records.samples_reading import SamplesFile, read_samples
 from rig.files import file_bytes, write_whole
 from rig.log import COLUMNS, Log
 from rig.loop.loop import ending_of

@@ -1,4 +1,4 @@
-"""The file samples.mcap: rows and events of a run as bytes, and bytes as rows and events.
+"""The file samples.mcap: rows and events of a run as bytes.
 
 A row is one protobuf message of `optional double` fields, all of them always written (a blank is
 NaN). Field numbers start at 16: every tag then has two bytes, so that a row is one numpy record
@@ -7,27 +7,18 @@ second channel. Formats: https://mcap.dev/spec and
 https://protobuf.dev/programming-guides/encoding.
 
 While a run is recorded the file holds plain messages and can be cut anywhere; the finished file is
-written by the `mcap` package: the same messages in compressed chunks with an index. Reading goes
-record by record here and not by that package's `StreamReader`, for two reasons: rows in our own
-layout are read in blocks (15 000 rows in 0.02 s instead of 0.11 s), and rows after damaged bytes
-are still found: every row begins with the same eleven bytes. What another tool rewrote is decoded
-by its own schema.
+written by the `mcap` package: the same messages in compressed chunks with an index.
 """
 
 import json
-import struct
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from functools import cache
 from io import BytesIO
 from typing import Any
 
 import numpy as np
 
-from experiments.records.unpacking import LEAST_BYTES, MOST_RATIO, unpacked
-from rig.files import read_json
-from rig.log import COLUMNS, INDEX, NAMES
+from rig.log import COLUMNS, NAMES
 
 MAGIC = b"\x89MCAP0\r\n"
 LIBRARY = "balancing-table-rig"
@@ -36,10 +27,6 @@ CHANNEL_ID = {SAMPLES: 1, EVENTS: 2}  # in the order in which `mcap.writer` coun
 SCHEMA_NAME = {SAMPLES: "rig.Sample", EVENTS: "rig.Event"}
 FIRST_FIELD = 16  # the first number whose tag has two bytes
 SHORTEST_S, LONGEST_S = -1e9, 4e9  # plus today they fit 63 bits of nanoseconds since 1970
-BLOCK_ROWS = 1024  # rows read at once
-# Bytes of one message, and of all events: brackets in JSON, or empty messages in protobuf, take a
-# hundred times their bytes once they are decoded. Chosen: far beyond any that is written.
-LONGEST_MESSAGE, MOST_EVENT_BYTES = 1 << 16, 1 << 24
 
 _FIXED64 = 1  # protobuf's wire type of a double
 _tag = (np.arange(len(COLUMNS)) + FIRST_FIELD) << 3 | _FIXED64
@@ -58,14 +45,8 @@ RECORD = np.dtype(
 HEAD = 9  # bytes of opcode and length, which `length` does not count
 MESSAGE_HEAD = 22  # bytes of channel, sequence and two times, before a message's own data
 FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK = 0x02, 0x03, 0x04, 0x05, 0x06  # opcodes of MCAP
-OWN_ROWS = -1  # not an opcode: a block of rows in our own layout
-ENDS = (0x01, FOOTER, 0x0F)  # header, footer, end of data
-HOLDS_ROWS = (OWN_ROWS, MESSAGE, CHUNK)
-INDEXES = range(0x07, 0x0F)  # indexes, statistics, attachments, metadata: of finished files
-FOOTER_BYTES = 20
 
 
-# --- writing ---
 def message_records(rows: np.ndarray, start_ns: int, first: int = 0) -> np.ndarray:
     """MCAP message records (n,) of dtype RECORD for rows (n, len(COLUMNS)).
 
@@ -219,227 +200,3 @@ def finished_file(rows: np.ndarray, events: Sequence[dict], start_ns: int) -> by
         writer.add_message(CHANNEL_ID[EVENTS], time_ns, data, time_ns, i)
     writer.finish()
     return out.getvalue()
-
-
-# --- reading ---
-@dataclass
-class SamplesFile:
-    """Content of a samples file: rows (n, len(COLUMNS)), events, and whether it is complete.
-
-    complete: it ends as a finished file does and every byte was understood; unread: how many bytes
-    were not (of a recording that was killed: half a record at most).
-    """
-
-    rows: np.ndarray
-    events: list[dict] = field(default_factory=list)
-    complete: bool = False
-    unread: int = 0
-
-
-@dataclass
-class _Reading:
-    """What is known while a file is read: declarations so far, and what they led to."""
-
-    schemas: dict[int, Any] = field(default_factory=dict)
-    topics: dict[int, str] = field(default_factory=dict)
-    # The channel whose rows have our own layout: the usual one, should its declaration be damaged.
-    own_layout: int | None = CHANNEL_ID[SAMPLES]
-    decode: Callable[[bytes], Any] | None = None  # a row that has another layout
-    blocks: list[np.ndarray] = field(default_factory=list)
-    events: list[dict] = field(default_factory=list)
-    complete: bool = False
-    unread: int = 0  # bytes that were not understood
-    room: int = 0  # bytes that chunks may still hold, unpacked
-    event_room: int = MOST_EVENT_BYTES  # bytes that events may still have
-    inside: bool = False  # a chunk
-    has_chunks: bool = False
-
-
-def read_samples(data: bytes) -> SamplesFile:
-    """Read the bytes of samples.mcap, whole or cut off, also rewritten by another tool.
-
-    Damaged records are left out; rows in our own layout are found again behind them. ValueError:
-    the data is no MCAP file.
-    """
-    if not data.startswith(MAGIC[: len(data)]):
-        raise ValueError("it does not start like an MCAP file")
-    reading = _Reading(room=max(MOST_RATIO * len(data), LEAST_BYTES))
-    records = data[len(MAGIC) :]
-    _read(records.removesuffix(MAGIC), reading)
-    rows = np.concatenate([np.empty((0, len(COLUMNS))), *reading.blocks])
-    ended = reading.complete and data.endswith(MAGIC)  # other readers begin at the end
-    whole = ended and not reading.unread
-    return SamplesFile(rows, reading.events, whole, reading.unread)
-
-
-def _read(buffer: bytes, reading: _Reading) -> None:
-    """Take every whole record of `buffer` into `reading`."""
-    for opcode, content in _records(buffer, reading):
-        # Of damaged bytes each parser has errors of its own: they are left out.
-        if opcode not in HOLDS_ROWS:  # but for a chunk, of which a flipped bit made another record
-            with suppress(Exception):
-                _take_chunk(content, reading, sure=True)
-                continue
-        with suppress(Exception):
-            if _take(opcode, content, reading):
-                continue
-        reading.unread += HEAD + len(content)
-
-
-def _records(buffer: bytes, reading: _Reading) -> Iterator[tuple[int, Any]]:
-    """Yield (opcode, content) of whole records, runs of own rows as (OWN_ROWS, records (k,)).
-
-    No record but a chunk holds rows: one that seems to reach beyond the next row is damaged.
-    """
-    position = 0
-    while position + HEAD <= len(buffer):
-        block = _own_rows(buffer, position, reading.own_layout)
-        if len(block):
-            last = position + block.nbytes - RECORD.itemsize
-            begin = _next_row(buffer, last + 1, last + RECORD.itemsize, reading.own_layout)
-            if len(_own_rows(buffer, begin, reading.own_layout)) and begin - last < RECORD.itemsize:
-                block = block[:-1]  # its end is missing: those bytes are the next row's
-            yield OWN_ROWS, block
-            position += block.nbytes
-            if position == last:
-                reading.unread += begin - last
-                position = begin
-            continue
-        opcode, length = struct.unpack_from("<BQ", buffer, position)
-        end = position + HEAD + length
-        whole = opcode != 0 and end <= len(buffer)  # not half a record, nor zeros of a power cut
-        stop = end if whole else len(buffer)
-        begin = _next_row(buffer, position + 1, stop, reading.own_layout)
-        if whole and (opcode == CHUNK or begin == end):
-            yield opcode, buffer[position + HEAD : end]
-            position = end
-            continue
-        reading.unread += begin - position
-        position = begin
-    reading.unread += len(buffer) - position
-
-
-def _next_row(buffer: bytes, position: int, stop: int, channel: int | None) -> int:
-    """Return where the first row in our own layout begins from `position`, or `stop` without."""
-    if channel is None:
-        return stop
-    begins = struct.pack("<BQH", MESSAGE, RECORD.itemsize - HEAD, channel)
-    found = buffer.find(begins, position, stop + len(begins) - 1)
-    return stop if found < 0 else found
-
-
-def _own_rows(buffer: bytes, position: int, channel: int | None) -> np.ndarray:
-    """Return the records (k,) of our own layout that follow each other from `position`."""
-    count = min(BLOCK_ROWS, (len(buffer) - position) // RECORD.itemsize)
-    if channel is None or count <= 0 or buffer[position] != MESSAGE:
-        return np.empty(0, RECORD)
-    records = np.frombuffer(buffer, RECORD, count, position)
-    own = (records["opcode"] == MESSAGE) & (records["length"] == RECORD.itemsize - HEAD)
-    own &= (records["channel"] == channel) & (records["cells"]["tag"] == TAGS).all(axis=1)
-    return records if own.all() else records[: np.argmin(own)]
-
-
-def _take(opcode: int, content: Any, reading: _Reading) -> bool:
-    """Take what one record holds (`content`: bytes, or the records of a block); whether it was
-    understood.
-
-    Damaged content raises whatever its parser raises, ValueError for a wrong checksum.
-    """
-    from mcap.data_stream import ReadDataStream
-    from mcap.records import Schema
-
-    if opcode == OWN_ROWS:
-        _take_rows(content["cells"]["value"], reading)
-    elif opcode == MESSAGE:
-        _take_message(content, reading)
-    elif opcode == CHUNK:
-        _take_chunk(content, reading)
-    elif opcode == SCHEMA:
-        schema = Schema.read(ReadDataStream(BytesIO(content)))
-        reading.schemas[schema.id] = schema
-    elif opcode == CHANNEL:
-        _take_channel(content, reading)
-    else:
-        return _passed_over(opcode, content, reading)
-    return True
-
-
-def _passed_over(opcode: int, content: bytes, reading: _Reading) -> bool:
-    """Whether a record holds no rows: an index, say. One flipped bit makes such a one of a row,
-    which has its length, or of a chunk, before which there was none.
-    """
-    if len(content) == RECORD.itemsize - HEAD:
-        return False
-    reading.complete = reading.complete or (opcode == FOOTER and len(content) == FOOTER_BYTES)
-    return opcode in ENDS or (opcode in INDEXES and reading.has_chunks)
-
-
-def _take_chunk(content: bytes, reading: _Reading, *, sure: bool = False) -> None:
-    """Take the records of a chunk; sure: it has a checksum."""
-    from mcap.data_stream import ReadDataStream
-    from mcap.records import Chunk
-
-    if reading.inside:
-        raise ValueError("a chunk inside a chunk")
-    chunk = Chunk.read(ReadDataStream(BytesIO(content)))
-    if sure and not chunk.uncompressed_crc:
-        raise ValueError("a chunk without a checksum")
-    rows, reading.inside = unpacked(chunk, reading.room), True
-    reading.room -= len(rows)
-    reading.has_chunks = True
-    try:
-        _read(rows, reading)
-    finally:
-        reading.inside = False
-
-
-def _take_channel(content: bytes, reading: _Reading) -> None:
-    """Keep what a channel is for, and how the samples' channel is decoded."""
-    from mcap.data_stream import ReadDataStream
-    from mcap.records import Channel
-    from mcap_protobuf.decoder import DecoderFactory
-
-    channel = Channel.read(ReadDataStream(BytesIO(content)))
-    schema = reading.schemas.get(channel.schema_id)
-    reading.topics[channel.id] = channel.topic
-    if channel.topic != SAMPLES or schema is None:
-        return
-    if schema.data == sample_schema():
-        reading.own_layout = channel.id
-    reading.decode = DecoderFactory().decoder_for("protobuf", schema)
-
-
-def _take_message(content: bytes, reading: _Reading) -> None:
-    """Take one event, or one row that is not in our own layout."""
-    payload = content[MESSAGE_HEAD:]
-    topic = reading.topics.get(struct.unpack_from("<H", content)[0])
-    if len(payload) > LONGEST_MESSAGE:
-        raise ValueError("a message beyond all measure")
-    if topic == EVENTS:
-        reading.event_room -= len(payload)
-        if reading.event_room < 0:
-            raise ValueError("events beyond all measure")
-        event = read_json(bytes(payload).decode())
-        if not isinstance(event, dict) or not isinstance(event.get("text"), str):
-            raise ValueError("an event without a text")
-        reading.events.append({**event, "t_s": float(event["t_s"])})
-    elif topic is None:
-        raise ValueError("a message of a channel that was not declared")
-    elif topic == SAMPLES and reading.decode is not None:
-        row = np.full((1, len(COLUMNS)), np.nan)
-        own = struct.unpack_from("<H", content)[0] == reading.own_layout
-        if own and len(content) == RECORD.itemsize - HEAD:
-            # A tag is damaged, but each value has its place.
-            row[0] = np.frombuffer(payload, RECORD["cells"])["value"]
-        else:
-            for described, value in reading.decode(payload).ListFields():
-                if described.name in INDEX:
-                    row[0, INDEX[described.name]] = value
-        _take_rows(row, reading)
-
-
-def _take_rows(rows: np.ndarray, reading: _Reading) -> None:
-    """Take rows (k, len(COLUMNS)) but those whose time is damaged: no file could hold them."""
-    sound = (rows[:, 0] >= SHORTEST_S) & (rows[:, 0] <= LONGEST_S)
-    reading.unread += RECORD.itemsize * int(np.sum(~sound))
-    reading.blocks.append(rows if sound.all() else rows[sound])

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from experiments.records.recording import recover
-from experiments.records.samples_file import RECORD, read_samples
+from experiments.records.samples_file import RECORD
+from experiments.records.samples_reading import read_samples
 from tests.benchmarks.records.damage_campaign import DAMAGES, campaign, recording
 
 

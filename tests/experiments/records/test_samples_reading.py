@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from mcap.decoder import DecoderFactory as McapDecoderFactory
 from mcap.records import Chunk
 
-from experiments.records import samples_file
+from experiments.records import samples_reading
 from experiments.records.samples_file import (
     HEAD,
     MAGIC,
@@ -26,9 +26,9 @@ from experiments.records.samples_file import (
     message_records,
     opening,
     plain_ending,
-    read_samples,
     sample_schema,
 )
+from experiments.records.samples_reading import read_samples
 from experiments.records.unpacking import unpacked
 from rig.log import COLUMNS, INDEX, NAMES
 
@@ -279,16 +279,16 @@ def test_our_schema_rewritten_by_another_tool_is_read_too():
 @pytest.mark.parametrize("compression", ["zstd", "lz4"])
 def test_chunks_that_hold_more_than_a_recording_are_left_out(monkeypatch, compression):
     """A file of 70 kB may claim gigabytes: nothing of that is unpacked."""
-    monkeypatch.setattr(samples_file, "LEAST_BYTES", 1 << 20)
+    monkeypatch.setattr(samples_reading, "LEAST_BYTES", 1 << 20)
     packed = {"zstd": zstandard.compress, "lz4": lz4.frame.compress}[compression](bytes(1 << 26))
     assert len(packed) < 1 << 19
     name = compression.encode()
     head = struct.pack("<QQQII", 0, 0, 1 << 26, 0, len(name)) + name
     content = head + struct.pack("<Q", len(packed)) + packed
     chunk = struct.pack("<BQ", 6, len(content)) + content
-    reading = samples_file._Reading(room=1 << 20)
+    reading = samples_reading._Reading(room=1 << 20)
     with pytest.raises(ValueError, match="hold more than 1048576 bytes"):
-        samples_file._take(6, content, reading)
+        samples_reading._take(6, content, reading)
     tracemalloc.start()
     try:
         found = read_samples(MAGIC + chunk * 3)
@@ -301,7 +301,7 @@ def test_chunks_that_hold_more_than_a_recording_are_left_out(monkeypatch, compre
     assert found.unread >= 3 * len(content)
     inner = struct.pack("<QQQII", 0, 0, len(chunk), 0, 0) + struct.pack("<Q", len(chunk)) + chunk
     with pytest.raises(ValueError, match="a chunk inside a chunk"):
-        samples_file._take(6, content, samples_file._Reading(room=1 << 30, inside=True))
+        samples_reading._take(6, content, samples_reading._Reading(room=1 << 30, inside=True))
     assert read_samples(MAGIC + struct.pack("<BQ", 6, len(inner)) + inner).unread > 0
 
 
@@ -324,9 +324,9 @@ def test_a_small_chunk_of_a_large_file_takes_little_memory(compression):
 def test_brackets_beyond_all_measure_are_no_event():
     """What a few bytes unpack to is a hundred times as large again once JSON has made lists of it:
     such messages are left out, one by one or taken together."""
-    long = {"t_s": 1.0, "text": "x", "more": [[]] * samples_file.LONGEST_MESSAGE}
-    some = {"t_s": 1.0, "text": "x", "more": [[]] * (samples_file.LONGEST_MESSAGE // 5)}
-    room = samples_file.MOST_EVENT_BYTES
+    long = {"t_s": 1.0, "text": "x", "more": [[]] * samples_reading.LONGEST_MESSAGE}
+    some = {"t_s": 1.0, "text": "x", "more": [[]] * (samples_reading.LONGEST_MESSAGE // 5)}
+    room = samples_reading.MOST_EVENT_BYTES
     many = -(-room // len(json.dumps(some))) + 5
     records = [event_record(one, START_NS, i) for i, one in enumerate([long] + [some] * many)]
     samples = read_samples(opening() + b"".join(records) + plain_ending())
