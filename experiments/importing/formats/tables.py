@@ -56,8 +56,9 @@ def read_lerobot(folder: Path) -> list[Stream]:
     columns = {name: np.concatenate(numbers) for name, numbers in parts.items()}
     columns = {name: values for name, values in columns.items() if len(values) == rows}
     given = "timestamp" in columns
-    if not given and isinstance(info.get("fps"), int | float) and "frame_index" in columns:
-        columns["timestamp"] = columns["frame_index"] / info["fps"]
+    rate_hz = info.get("fps")
+    if not given and isinstance(rate_hz, int | float) and rate_hz > 0 and "frame_index" in columns:
+        columns["timestamp"] = columns["frame_index"] / rate_hz
     for name in ("index", "frame_index", "task_index"):
         columns.pop(name, None)
     return [
