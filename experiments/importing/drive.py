@@ -14,6 +14,7 @@ from experiments.importing.units import FACTORS, quantity
 MAX_VOLTS = 60.0  # extra-low voltage; no motor of such a table takes more
 FULL_SCALES = (1.0, 100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0)
 NEAR_FULL = 0.02
+_VOLTAGES = {axis: NAMES["voltage"].format(axis) for axis in "xy"}
 SPEED_TOLERANCE = 0.15  # of a slope that must be 1
 
 
@@ -42,13 +43,20 @@ def settle_volts(draft: Draft, volts: Mapping[str, str], theta: Mapping[str, str
         angle = NAMES["theta"].format(axis)
         turned = draft.signals[angle]["sign"] * filled(draft.values(theta[axis]))[good]
         each = responses(draft.seconds[good], turned, causes, order=1)
-        known = {c: r for c, r in zip(columns, each, strict=True) if r is not None and r.sure}
+        others = _said_columns(draft, axis)
+        known = {
+            column: response
+            for column, response in zip(columns, each, strict=True)
+            if response is not None and response.sure and column not in others
+        }
+        own = next((one for one in (own, *columns) if one not in others), own)
         column = max(known, key=lambda c: known[c].share) if known else own
         if draft.is_said(name, "column") or len(volts) > len(theta):
             column = own
         if column != own:
             draft.because("drive", f"{column} drives {axis}, whatever its name: the angle follows")
         draft.settle(name, column=column, unit=unit, offset=0.0)
+        column = str(draft.signals[name]["column"])  # what was said wins
         response = known.get(column)
         if response is None:
             why = f"{theta[axis]} does not tell the sign of {column}"
@@ -58,13 +66,21 @@ def settle_volts(draft: Draft, volts: Mapping[str, str], theta: Mapping[str, str
             draft.settle(name, sign=1 if response.gain > 0 else -1)
     names = [NAMES["voltage"].format(axis) for axis in volts if axis in theta]
     columns = [draft.signals[name]["column"] for name in names]
-    if len(set(columns)) < len(columns):
-        draft.doubt(names, "column", "one column of volts would drive both axes", *volts.values())
+    if len(set(columns)) < len(columns):  # asked of one axis: the other's is then the other one
+        why = "one column of volts would drive both axes"
+        unsaid = [name for name in names if not draft.is_said(name, "column")]
+        draft.doubt(unsaid[:1], "column", why, *volts.values())
     settle_scale(draft, names, unit)
     if quantity(unit) == "current":
         for key in ("resistance_ohm", "back_emf_V_s_rad"):
             why = f"volts follow from {' and '.join(columns)} only by the motor's {key}"
             draft.doubt(names, key, why)
+
+
+def _said_columns(draft: Draft, axis: str) -> set[str]:
+    """Columns of volts that somebody said to be of another axis."""
+    names = [name for key, name in _VOLTAGES.items() if key != axis]
+    return {str(draft.said[n]["column"]) for n in names if draft.is_said(n, "column")}
 
 
 def _unit(draft: Draft, volts: Mapping[str, str]) -> str:
