@@ -13,7 +13,14 @@ from experiments.compare.figures import (
 from experiments.compare.glossary import glossary
 from experiments.compare.grid import Grid
 from experiments.compare.statistics import EVEN, HARMS, HELPS, OPEN
-from experiments.compare.words import conditions, count, fault_words, paper_words, plain_cells
+from experiments.compare.words import (
+    conditions,
+    count,
+    fault_words,
+    paper_words,
+    plain_cells,
+    too_few_words,
+)
 from experiments.reports.report import (
     Picture,
     Pictures,
@@ -50,7 +57,7 @@ def write_report(results: dict, rig: Rig, grid: Grid, out: Path, command: str) -
         title=results["title"],
         source="simulated",
         answer=results["words"][0],
-        summary=paper_words(results),
+        summary=[*too_few_words(results), *paper_words(results)],
         sections=[
             Section(
                 "Which compensator helps, and when",

@@ -2,10 +2,11 @@
 
 from collections import Counter
 from collections.abc import Mapping
+from math import ceil, log2
 
 import numpy as np
 
-from experiments.compare.statistics import HARMS, HELPS, OPEN
+from experiments.compare.statistics import HARMS, HELPS, OPEN, SURE
 
 
 def words(results: Mapping) -> list[str]:
@@ -13,10 +14,29 @@ def words(results: Mapping) -> list[str]:
     plain = plain_cells(results)
     return [
         *_winners(plain, results["measure"]),
+        *too_few_words(results),
         *_by_place(plain),
         *[_of_condition(condition, plain) for condition in conditions(plain)],
         *paper_words(results),
         *fault_words(results),
+    ]
+
+
+def too_few_words(results: Mapping) -> list[str]:
+    """Where the seeds are so few that no test can be certain: that, and how many it takes.
+
+    The smallest exact p of n pairs is 2/2^n (both signs); Holm multiplies it by the number m of
+    tests. So m 2/2^n <= SURE needs n >= log2(2 m/SURE).
+    """
+    kinds = ("against_without", "at_equal_activity")
+    arms = [arm for cell in results["cells"] for arm in cell["arms"].values()]
+    m = sum(kind in arm for arm in arms for kind in kinds)
+    n = results["seeds"]
+    if m * 2.0 ** (1 - n) <= SURE:
+        return []
+    return [
+        f"With {n} seeds a cell no difference can be certain among {m} tests: p is "
+        f"{2.0 ** (1 - n):.2g} at least. It takes {ceil(log2(2 * m / SURE))} seeds: --seeds."
     ]
 
 

@@ -5,7 +5,7 @@ import numpy as np
 
 from experiments.compare import figures, report
 from experiments.compare.statistics import EVEN, HARMS, HELPS, OPEN
-from experiments.compare.words import paper_words, words
+from experiments.compare.words import paper_words, too_few_words, words
 from experiments.reports.figures import plt
 
 
@@ -32,6 +32,7 @@ RESULTS = {
         "robustness": {"faults": {"late": {}}},
     },
     "measure": "settled_error",
+    "seeds": 14,
 }
 
 
@@ -68,6 +69,15 @@ def test_cells_that_agree_with_the_paper_are_counted_by_their_play():
 def linear(colour: np.ndarray) -> np.ndarray:
     """sRGB to light, as WCAG has it."""
     return np.where(colour <= 0.03928, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
+
+
+def test_too_few_seeds_for_any_certainty_are_told():
+    """16 tests: 2/2^n 16 <= 0.05 first at n = 10."""
+    assert too_few_words({**RESULTS, "seeds": 10}) == []
+    (said,) = too_few_words({**RESULTS, "seeds": 9})
+    assert "With 9 seeds a cell no difference can be certain among 16 tests" in said
+    assert "p is 0.0039 at least" in said
+    assert "It takes 10 seeds" in said
 
 
 def test_the_map_tells_help_from_harm_without_red_and_green_and_can_be_read(tmp_path, monkeypatch):
