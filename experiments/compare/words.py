@@ -26,13 +26,13 @@ def too_few_words(results: Mapping) -> list[str]:
     """Where the seeds are so few that no test can be certain: that, and how many it takes.
 
     The smallest exact p of n pairs is 2/2^n (both signs); Holm multiplies it by the number m of
-    tests. So m 2/2^n <= SURE needs n >= log2(2 m/SURE).
+    tests. So m 2/2^n <= SURE needs n >= log2(2 m/SURE). Nothing of results without their seeds.
     """
     kinds = ("against_without", "at_equal_activity")
     arms = [arm for cell in results["cells"] for arm in cell["arms"].values()]
     m = sum(kind in arm for arm in arms for kind in kinds)
-    n = results["seeds"]
-    if m * 2.0 ** (1 - n) <= SURE:
+    n = results.get("seeds")
+    if n is None or m * 2.0 ** (1 - n) <= SURE:
         return []
     return [
         f"With {n} seeds a cell no difference can be certain among {m} tests: p is "
