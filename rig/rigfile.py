@@ -6,6 +6,7 @@ recording says of them is text.
 """
 
 import dataclasses
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Any
@@ -223,10 +224,20 @@ MADE = "# Made by balancing-table-rig, which may write it anew.\n"
 def refuse_own(path: Path) -> None:
     """ValueError (one line) where a file lies that `write_rig` did not make: somebody's own rig
     file, which the one that a command makes would replace."""
-    if path.is_file() and not file_bytes(path, None).startswith(MADE.encode()):
+    if path.is_file() and not _is_made(file_bytes(path, None)):
         raise ValueError(
             f"{path}: a rig file of yours lies where one is to be written; name another --out"
         )
+
+
+def _is_made(content: bytes) -> bool:
+    """Whether `write_rig` made this: it says so or, of an earlier version, has every section and no
+    comment."""
+    if content.startswith(MADE.encode()):
+        return True
+    sections = {key for key, value in to_dict(Rig()).items() if isinstance(value, dict)}
+    there = {name.decode() for name in re.findall(rb"^\[(\w+)", content, re.MULTILINE)}
+    return b"#" not in content and sections <= there
 
 
 def write_rig(rig: Rig, path: Path) -> None:
