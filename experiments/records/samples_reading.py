@@ -197,7 +197,8 @@ def _passed_over(opcode: int, content: bytes, reading: _Reading) -> bool:
     if len(content) == RECORD.itemsize - HEAD:
         return False
     reading.complete = reading.complete or (opcode == FOOTER and len(content) == FOOTER_BYTES)
-    return opcode in ENDS or (opcode in INDEXES and reading.has_chunks)
+    is_finished = reading.has_chunks or not (reading.blocks or reading.events)  # or empty
+    return opcode in ENDS or (opcode in INDEXES and is_finished)
 
 
 def _take_chunk(content: bytes, reading: _Reading, *, sure: bool = False) -> None:

@@ -333,3 +333,11 @@ def test_brackets_beyond_all_measure_are_no_event():
     assert 0 < len(samples.events) <= room // len(json.dumps(some)) + 1
     assert samples.unread > len(json.dumps(long))
     assert not samples.complete
+
+
+def test_a_finished_file_without_a_row_is_complete():
+    for events in ([], EVENTS):
+        samples = read_samples(finished_file(np.empty((0, len(COLUMNS))), events, START_NS))
+        assert samples.complete
+        assert samples.unread == 0
+        assert len(samples.events) == len(events)
