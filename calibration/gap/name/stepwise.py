@@ -147,7 +147,7 @@ class _Selection:
         return self.path[-1][1]
 
 
-def _selected(state: State, skip: Sequence[Key], tell: Tell) -> _Selection:
+def _selected(state: State, skip: Sequence[Key], tell: Tell = untold) -> _Selection:
     """Forward selection from the settled baseline `state`; `skip` is not tried."""
     path: Additions = (("", state),)
     last: list[CandidateFit] = []
@@ -210,7 +210,7 @@ def _explained(before: State, state: State) -> dict[str, float]:
 
 
 def _eliminated(
-    state: State, skip: Sequence[Key], tell: Tell
+    state: State, skip: Sequence[Key], tell: Tell = untold
 ) -> tuple[State, tuple[Accepted, ...]]:
     """Backward elimination of each name in turn. One that takes another's place on an axis and
     stands on a second one already is judged once, on both."""
