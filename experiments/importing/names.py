@@ -42,7 +42,6 @@ _AXES = {
     **dict.fromkeys(("roll", "alpha"), "x"),
     **dict.fromkeys(("pitch", "beta"), "y"),
 }
-TURNS = {"roll", "pitch", "alpha", "beta"}
 PLAIN = {"x", "y", "cx", "cy", "bx", "by", "px", "py"}
 PLAIN_UNITS = {"deg", "degrees", "rad", "radians", "mm", "cm", "ms", "us", "volts"}
 CLEAR_ANGLE = {
@@ -68,8 +67,7 @@ class Hint:
     """What a name says. role: time, ball, target, theta, command, angle (commanded or measured is
     open), speed, voltage, share, current, seen (was there a ball?), or other; axis: x, y or none;
     clear: the word for an angle is one that nobody gives to a share or a count; derived: filtered
-    or estimated by somebody's program; explicit: a word for the ball stands in it; turns: the axis
-    is that of a rotation, and a roll about x may as well be meant to move the ball along y.
+    or estimated by somebody's program; explicit: a word for the ball stands in it.
     """
 
     role: str | None
@@ -78,7 +76,6 @@ class Hint:
     clear: bool = False
     derived: bool = False
     explicit: bool = False
-    turns: bool = False
 
 
 def hints(names: Iterable[str], units: Mapping[str, str]) -> dict[str, Hint]:
@@ -122,8 +119,7 @@ def hint(name: str, stated_unit: str | None = None) -> Hint:
     if role is None and set(_words(re.split(r"[./]", bare)[-1])) <= PLAIN:
         role = "ball"  # x and y alone
     clear = any(word in CLEAR_ANGLE for word in words)
-    turns = bool(said) and set(said) <= TURNS
-    return Hint(role, axis, unit, clear, "derived" in roles, "ball" in roles, turns)
+    return Hint(role, axis, unit, clear, "derived" in roles, "ball" in roles)
 
 
 def _words(name: str) -> list[str]:

@@ -142,7 +142,7 @@ def _seen(
 def _angles(draft: Draft, driven: bool, ball: Mapping[str, str]) -> dict[str, dict[str, str]]:
     """Columns of the angles by kind (theta, command) and axis; doubts where the kind is open."""
     named = {role: columns_of(draft, role) for role in ("theta", "command", "angle")}
-    theta, command = (assign(draft, role, named[role]) for role in ("theta", "command"))
+    theta, command = (_with_partner(draft, role, named) for role in ("theta", "command"))
     has_theta, has_command = bool(theta or named["theta"]), bool(command or named["command"])
     free = [c for c in named["angle"] if c not in (*theta.values(), *command.values())]
     beside = has_theta + has_command
@@ -171,6 +171,16 @@ def _angles(draft: Draft, driven: bool, ball: Mapping[str, str]) -> dict[str, di
         draft.because("rest", f"{', '.join(command.values())}: asked of an inner loop, left out")
         command = {}
     return {kind: c for kind, c in (("theta", theta), ("command", command)) if c}
+
+
+def _with_partner(draft: Draft, role: str, named: Mapping[str, list[str]]) -> dict[str, str]:
+    """Axis -> column of a role; one stated column of open kind takes the other axis' with it."""
+    found = assign(draft, role, named[role])
+    if [draft.hints[column].role for column in found.values()] != ["angle"]:
+        return found
+    axis = draft.hints[next(iter(found.values()))].axis
+    others = [c for c in named["angle"] if axis is None or draft.hints[c].axis != axis]
+    return assign(draft, role, others)
 
 
 def _of_open_kind(draft: Draft, free: list[str]) -> tuple[dict[str, str], dict[str, str]]:

@@ -80,8 +80,8 @@ def pair(
 
     kind: theta or command; found: how the ball answers; angles: how measured angles follow
     commands (of `followed`). The angle that follows a command decides, then the ball, where they
-    are sure; names decide the pairing where neither contradicts them, and then the sign is in
-    doubt. Returns axis -> the ball's answer, None where it says nothing.
+    are sure; where neither is, pairing and signs are in doubt. Returns axis -> the ball's answer,
+    None where it says nothing.
     """
     pattern = NAMES[kind]
     sure = {axis: _clear(each) for axis, each in found.items()}
@@ -100,6 +100,9 @@ def pair(
             draft.because(
                 "angle", f"{column} tilts {axis}, whatever its name: the {what} follows it"
             )
+    said = any(draft.is_said(pattern.format(axis), "column") for axis in chosen)
+    if len(chosen) == 2 and found and not said and not any(sure.values()):
+        _open_pairing(draft, kind, chosen, found)
     out: dict[str, Answer | None] = {}
     for axis, column in chosen.items():
         name = pattern.format(axis)
@@ -110,8 +113,6 @@ def pair(
         decides = told or (one if seen else None)
         if decides is None:
             _open_sign(draft, name, axis, column, found)
-            if draft.hints[column].turns and len(columns) == 2:
-                _open_pairing(draft, name, axis, chosen, found)
             continue
         sign = 1 if decides.gain > 0 else -1
         draft.settle(name, sign=sign)
@@ -122,16 +123,18 @@ def pair(
 
 def _open_pairing(
     draft: Draft,
-    name: str,
-    axis: str,
+    kind: str,
     chosen: Mapping[str, str],
     found: Mapping[str, Mapping[str, Response]],
 ) -> None:
-    """Neither the ball nor the name tells which rotation moves the ball along an axis."""
-    share = {c: each.share for c, each in found.get(axis, {}).items()}
-    both = sorted(chosen.values(), key=lambda column: -share.get(column, 0.0))
-    told = " and ".join(f"{c} explains {100 * share.get(c, 0.0):.0f} %" for c in both)
-    draft.doubt([name], "column", f"which rotation moves the ball along {axis} ({told})", *both)
+    """Nothing follows either angle clearly: which of them tilts an axis is asked of one axis with a
+    ball. Names do not tell: a servo's, a motor's and an axis of rotation's may be either."""
+    axis = next(iter(found))
+    share = {c: each.share for c, each in found[axis].items()}
+    told = " and ".join(f"{c} explains {100 * share.get(c, 0.0):.0f} %" for c in chosen.values())
+    both = (chosen[axis], *(c for other, c in chosen.items() if other != axis))
+    why = f"which angle moves the ball along {axis} ({told})"
+    draft.doubt([NAMES[kind].format(axis)], "column", why, *both)
 
 
 def _open_sign(

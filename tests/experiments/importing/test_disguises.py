@@ -66,6 +66,17 @@ def test_named_units_and_kinds_leave_nothing_to_ask():
         assert lab.truth.faults(convert(Stream(columns), found.map())[0]) == []
 
 
+def test_whose_angle_is_whose_is_asked_where_nothing_follows_either():
+    """A short run that lost its ball; what is called X tilts y. The names decided once."""
+    lab = disguised(np.random.default_rng(82146854), habits=True, named=0.6)
+    said = {"angle": {"kind": "measured"}}
+    asked = [d for d in propose(Stream(lab.columns), said).doubts if d.key == "column"]
+    assert [d.place for d in asked] == ["theta_x_rad"]
+    assert set(asked[0].options) == {"Winkel X_us", "Winkel Y_us"}
+    found, _ = imported(lab)
+    assert lab.truth.faults(convert(Stream(lab.columns), found.map())[0]) == []
+
+
 def test_a_level_is_where_the_ball_rests_while_the_other_axis_is_level():
     """An offset of the other axis, in counts, once moved the level of this one."""
     lab = disguised(np.random.default_rng(32), habits=True, named=1.0)

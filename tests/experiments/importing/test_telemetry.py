@@ -141,11 +141,14 @@ def test_a_rotation_that_the_ball_does_not_tell_apart_is_asked_for():
     known = ["ball.unit=mm", "ball.offset=0", "command.unit=deg"]
     found = propose(Stream(columns), stated(known))
     asked = {(doubt.place, doubt.key) for doubt in found.doubts}
-    assert {(f"command_{axis}_rad", key) for axis in "xy" for key in ("column", "sign")} <= asked
-    said = ["command_x_rad.column=pitch_d", "command_y_rad.column=roll_d", "command.sign=1"]
+    assert {(f"command_{axis}_rad", "sign") for axis in "xy"} <= asked
+    assert ("command_x_rad", "column") in asked, "of one axis: the other angle is the other's"
+    said = ["command_x_rad.column=pitch_d", "command.sign=1"]
     found = propose(Stream(columns), stated([*known, *said]))
     assert not found.doubts, found.doubts
-    assert found.draft["signals"]["command_x_rad"]["column"] == "pitch_d"
+    signals = found.draft["signals"]
+    assert signals["command_x_rad"]["column"] == "pitch_d"
+    assert signals["command_y_rad"]["column"] == "roll_d"
 
 
 def test_a_ball_that_rolls_one_way_is_no_clock():
