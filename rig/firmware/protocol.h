@@ -87,6 +87,7 @@ typedef struct {
     uint16_t noticed; /* LATE_TICK, BYTES_LOST: told in the next telemetry, then cleared */
     parser_t parser;
     state_t state;
+    uint8_t busy; /* what it drives is brought to rest: no host configures it meanwhile */
     uint16_t reason; /* BY_... of the last stop */
     uint8_t configured, period_ms;
     uint32_t token;

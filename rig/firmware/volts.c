@@ -23,6 +23,7 @@ uint8_t kind_config(board_t *b, const uint8_t *p) {
     b->delay_half_ms = (uint16_t)(2 * FILTER_MS + 3 + b->time_constant_ms / 20);
     b->top_speed = (int32_t)((uint32_t)per_rev * get16(p + 22) / 24544) + 1; /* of mrad/s */
     b->taper = per_rev / 157 + 1;
+    b->catch_ms = 0;
     return 1;
 }
 
@@ -38,6 +39,10 @@ uint8_t kind_command(board_t *b, const uint8_t *p) {
 
 static uint8_t motor_of(const board_t *b, uint8_t e) {
     return (uint8_t)((b->wired & WIRED_CROSSED) ? 1 - e : e);
+}
+
+static uint8_t is_negative(const board_t *b, uint8_t e) {
+    return b->wired & (e ? WIRED_NEGATIVE_1 : WIRED_NEGATIVE_0);
 }
 
 static int32_t clamp(int32_t v, int32_t most) { return v > most ? most : v < -most ? -most : v; }
@@ -112,32 +117,47 @@ static void guard(board_t *b) {
     uint8_t e;
     int32_t runaway = (int32_t)b->angle_limit + b->angle_limit / 6;
     for (e = 0; e < 2; e++) {
-        uint8_t stall = stalled(b, e);
-        if (s->state != IS_ARMED && s->state != IS_LEVELLING) continue;
-        if (stall) session_stop(s, BY_STALL, IS_LATCHED);
+        if (stalled(b, e)) {
+            b->catch_ms = 0;
+            if (s->state == IS_ARMED || s->state == IS_LEVELLING)
+                session_stop(s, BY_STALL, IS_LATCHED);
+        }
         if (s->state != IS_ARMED || !(b->wired & WIRED_HOMED)) continue;
-        if (place(b, e) > runaway || place(b, e) < -runaway)
+        if (place(b, e) > runaway || place(b, e) < -runaway) {
+            b->catch_ms = 0; /* its braking failed, or the encoder jumps: gently then */
             session_stop(s, BY_ANGLE, IS_LEVELLING);
+        }
     }
 }
 
-static void apply(board_t *b) {
+/* Until an arm has had the time to coast to rest it is braked before its limit, whoever holds the
+ * table: an arm in flight at 0 V flies on. */
+static void keep_catching(board_t *b) {
+    state_t state = b->session.state;
+    if (state == IS_ARMED)
+        b->catch_ms = LEVEL_MS + CATCH_TAUS * (uint32_t)b->time_constant_ms;
+    else if (b->catch_ms)
+        b->catch_ms--;
+}
+
+/* Volts that the session asks of the motor on encoder channel `e`. */
+static int32_t wish_mV(const board_t *b, uint8_t e) {
     const session_t *s = &b->session;
+    if (s->state == IS_LEVELLING) return level_mV(b, e);
+    if (s->state != IS_ARMED || !s->commanded || b->expired) return 0;
+    return is_negative(b, e) ? -b->wish_mV[motor_of(b, e)] : b->wish_mV[motor_of(b, e)];
+}
+
+static void apply(board_t *b) {
+    session_t *s = &b->session;
     uint8_t e;
     b->expired = s->state == IS_ARMED && s->commanded && s->age_ms > b->ttl_ms;
-    b->limited = 0;
+    b->limited = s->busy = 0;
     for (e = 0; e < 2; e++) {
-        uint8_t m = motor_of(b, e);
-        uint8_t negative = b->wired & (e ? WIRED_NEGATIVE_1 : WIRED_NEGATIVE_0);
-        int32_t wish = s->commanded && !b->expired ? b->wish_mV[m] : 0, v = 0;
-        if (negative) wish = -wish;
-        if (s->state == IS_ARMED) {
-            v = guarded_mV(b, e, wish);
-            b->limited |= v != wish;
-        } else if (s->state == IS_LEVELLING) {
-            v = level_mV(b, e);
-        }
-        b->applied_mV[m] = (int16_t)(negative ? -v : v);
+        int32_t wish = wish_mV(b, e), v = b->catch_ms ? guarded_mV(b, e, wish) : wish;
+        if (s->state == IS_ARMED) b->limited |= v != wish;
+        else s->busy |= v != 0;
+        b->applied_mV[motor_of(b, e)] = (int16_t)(is_negative(b, e) ? -v : v);
     }
 }
 
@@ -154,6 +174,7 @@ void board_init(board_t *b, uint16_t supply_mV, uint8_t has_tachometer) {
 void kind_tick(board_t *b) {
     uint8_t e;
     for (e = 0; e < 2; e++) measure_speed(b, e);
+    keep_catching(b);
     guard(b);
     apply(b);
     for (e = 0; e < 2; e++) b->past[e][b->past_at] = b->counts[e];

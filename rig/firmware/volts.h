@@ -21,6 +21,7 @@ enum { WIRED_HOMED = 1, WIRED_NEGATIVE_0 = 2, WIRED_NEGATIVE_1 = 4, WIRED_CROSSE
 #define FEWEST_COUNTS 64 /* of an encoder in a revolution */
 #define RATE_MS 8 /* span over which levelling measures speed */
 #define FILTER_MS 16 /* time constant of the speed by which arms are braked */
+#define CATCH_TAUS 5 /* so long after the session arms are still braked; e^-5 is left at 0 V */
 
 struct board {
     session_t session;
@@ -47,6 +48,7 @@ struct board {
     int16_t wish_mV[2];
     uint8_t ttl_ms;
     uint8_t limited, expired;
+    uint32_t catch_ms; /* how long arms in flight are still braked */
     /* by encoder channel */
     int32_t speed_sum[2]; /* FILTER_MS times the filtered speed in counts/256 a ms */
     int32_t past[2][RATE_MS];

@@ -74,6 +74,7 @@ class ClientWatchdog:
         if not self.rests(self._now_s):
             raise ValueError("channels were named while the table moved")
         self.wiring, self.homed = wiring, homed
+        self._last, self._rate_rad_s = None, (0.0, 0.0)  # another zero is no motion
 
     def arm(self, now_s: float) -> None:
         """Arm at 0 V and end a latch; now_s: on our clock.

@@ -33,7 +33,7 @@ FILES = {
     "protocol.c": (("take_config", "take_arm", "take_command", "watch"), test_board),
     "volts.c": (
         ("kind_config", "kind_command", "measure_speed", "most_mV", "guarded_mV", "stalled",
-         "guard", "apply"),
+         "guard", "keep_catching", "wish_mV", "apply"),
         test_board,
     ),
     "pulses.c": (

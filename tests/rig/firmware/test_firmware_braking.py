@@ -1,6 +1,6 @@
 """The real firmware under a program that asks for whatever drives the arms furthest."""
 
-from math import ceil, degrees, pi, sin
+from math import ceil, degrees, inf, pi, sin
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ from rig.hardware.board.wire import (
     Command,
     ConfigAnswer,
     ConfigRequest,
+    Disarm,
     Parser,
     Telemetry,
     encode,
@@ -28,8 +29,17 @@ COUNT_RAD = 2 * pi / 4096
 WORST = {0.01: 1.0, 0.025: 0.7, 0.06: 0.3, 0.1: 0.5, 0.2: 0.5, 0.5: 1.0}
 
 
-def beyond_deg(board, tau_s: float, asked, seconds: float) -> float:
-    """How far arm x passes its limit [degrees] while a program asks for asked(t) volts."""
+LEAVES = {
+    "falls silent": lambda board: None,
+    "disarms": lambda board: board.receive(encode(Disarm())),
+}
+
+
+def beyond_deg(
+    board, tau_s: float, asked, seconds: float, leaves: str = "falls silent", at_s: float = inf
+) -> float:
+    """How far arm x passes its limit [degrees] while a program asks for asked(t) volts and leaves
+    at `at_s` [s]."""
     rig = Rig(servo=Servo(time_constant_s=tau_s))
     parser, found = Parser(), []
     request = ConfigRequest(VERSION, 7, 2, 1, 0, 0, 4096, LIMIT, 6000, ceil(1000 * tau_s), 9180)
@@ -44,7 +54,9 @@ def beyond_deg(board, tau_s: float, asked, seconds: float) -> float:
     p, s, history = plant_record.pack(rig), plant.rest(), plant_record.no_volts(rig)
     widest, nothing = 0.0, np.full(7, np.nan)
     for k in range(round(1000 * seconds)):
-        if k % 2 == 0:
+        if 1e-3 * k >= at_s:
+            LEAVES[leaves](board)
+        elif k % 2 == 0:
             mV = round(1000 * asked(1e-3 * k))
             board.receive(encode(Command(k // 2 + 1, 20, mV, -mV)))
         count = round(s[plant.ARM, 0] / COUNT_RAD)
@@ -81,6 +93,22 @@ def test_at_no_frequency_does_an_arm_pass_its_limit_by_more(tau_s: float):
         found[hertz] = beyond_deg(HostBoard(), tau_s, sine(hertz), max(2.0, 2.5 / hertz))
     assert max(found.values()) < 0.5
     assert found[WORST[tau_s]] > max(found.values()) - 0.25
+
+
+@pytest.mark.parametrize("leaves", LEAVES)
+@pytest.mark.parametrize("tau_s", [0.025, 0.1, 0.5])
+def test_an_arm_in_flight_is_braked_when_its_program_leaves(tau_s: float, leaves: str):
+    """Else it flies to its stop 5 degrees beyond; without one 4, 22 and 87 degrees, disarmed."""
+    rests_s = 0.3 + 3 * tau_s
+
+    def to_and_fro(t_s: float) -> float:
+        return -6.0 if t_s < rests_s else 6.0
+
+    found = [
+        beyond_deg(HostBoard(), tau_s, to_and_fro, at_s + 1.0 + 6 * tau_s, leaves, at_s)
+        for at_s in rests_s + np.linspace(0.4, 3.0, 16) * (0.1 + tau_s) / 2
+    ]
+    assert max(found) < 0.5
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ static void meddle(board_t *b) {
     switch (byte() % 8) {
     case 0: /* any wiring */
         p[0] = CONFIG_REQUEST, p[1] = byte() % 8 ? PROTOCOL_VERSION : p[1];
-        send(b, p, 20);
+        send(b, p, 24);
         break;
     case 1: case 2:
         send_arm(b, p);
@@ -31,8 +31,9 @@ static void meddle(board_t *b) {
 
 static void check(const board_t *b) {
     int i;
-    int32_t most = b->session.state == IS_ARMED ? b->limit_mV : b->session.state == IS_LEVELLING ? 3000 : 0;
-    if (b->session.state == IS_ARMED && !(b->wired & WIRED_HOMED) && most > 1500) most = 1500;
+    int32_t most = b->catch_ms ? b->limit_mV : b->session.state == IS_LEVELLING ? 3000 : 0;
+    if (!(b->wired & WIRED_HOMED) && b->session.state != IS_ARMED) most = 0; /* level is unknown */
+    if (!(b->wired & WIRED_HOMED) && most > 1500) most = 1500;
     if (most > LIMIT_MV) most = LIMIT_MV;
     for (i = 0; i < 2; i++)
         if (b->applied_mV[i] > most || b->applied_mV[i] < -most) {

@@ -264,6 +264,58 @@ def test_far_beyond_the_limit_it_levels_and_latches():
     assert bench.board.volts() == (0.0, 0.0)
 
 
+def test_an_arm_that_flies_on_after_disarming_is_braked_until_it_rests():
+    bench = Bench()
+    for count in range(0, LIMIT + 10, 10):
+        if count == 250:
+            bench.send(Disarm())
+        bench.counts = (count, 0)
+        bench.run(1)
+    assert bench.board.volts() == (-6.0, 0.0)
+    bench.send(replace(bench.request, nonce=8, zero_0=500))
+    assert not [p for p in bench.run(20) if isinstance(p, ConfigAnswer)], "not while it brakes"
+    bench.counts = (LIMIT // 2, 0)
+    bench.run(150)  # until its speed is that of an arm at rest
+    assert bench.board.volts() == (0.0, 0.0)
+    bench.send(replace(bench.request, nonce=9, zero_0=500))
+    assert [p.nonce for p in bench.run(2) if isinstance(p, ConfigAnswer)] == [9]
+
+
+@pytest.mark.parametrize("tau_ms", [25, 200])
+def test_it_is_braked_for_half_a_second_and_five_time_constants(tau_ms: int):
+    bench = Bench(armed=False)
+    bench.request = replace(bench.request, nonce=8, time_constant_ms=tau_ms)
+    bench.configure()
+    bench.send(Arm(bench.token, bench.sequence))
+    bench.run(1)
+    bench.send(Disarm())
+    for k in range(499 + 5 * tau_ms):
+        bench.counts = (LIMIT + 20 + 10 * (k % 2), 0)  # it moves: a stalled one is let go
+        bench.run(1)
+        assert bench.board.volts()[0] < 0.0 or k < 30
+    bench.run(1)
+    assert bench.board.volts() == (0.0, 0.0)
+
+
+def test_an_arm_that_is_held_beyond_its_limit_is_let_go_after_disarming():
+    bench = Bench()
+    bench.counts = (LIMIT + 20, 0)
+    bench.run(200)
+    bench.send(Disarm())
+    bench.run(150)
+    assert bench.board.volts() == (0.0, 0.0)
+    assert not bench.has(wire.LATCHED)
+
+
+def test_before_homing_nobody_knows_what_to_brake_for():
+    bench = Bench(homed=False)
+    bench.send(Disarm())
+    for k in range(40):
+        bench.counts = (50 * k, 0)
+        bench.run(1)
+        assert bench.board.volts() == (0.0, 0.0)
+
+
 def test_a_stalled_motor_is_let_go():
     bench = Bench()
     for k in range(400):

@@ -82,6 +82,19 @@ def test_channels_are_named_while_the_table_rests():
     assert not one.homed
 
 
+@pytest.mark.parametrize("zero_rad", [0.46, -25.0])
+def test_another_zero_is_no_motion(zero_rad: float):
+    """Else the first armed ticks brake an arm that stands still, with 6 V."""
+    one = ClientWatchdog(6.0, Rig().servo, 0.002)
+    for k in range(5):
+        one.volts((zero_rad, 0.0), T + 0.002 * k)
+    one.configure(Wiring(), True)
+    one.arm(T + 0.01)
+    for k in range(5, 60):
+        assert told(one, 0.0, at_s=T + 0.002 * k)
+        assert one.volts((0.0, 0.0), T + 0.002 * k) == (0.0, 0.0)
+
+
 @pytest.mark.parametrize("homed", [True, False])
 def test_silence_of_100_ms_levels_for_half_a_second_and_latches(homed: bool):
     one = watchdog(homed=homed)
