@@ -197,7 +197,7 @@ def _corrected(miss, depth, r, states, cov):
     p11 -= g1 * c * p01
     p01 -= c * p00 / total * c * p01
     p00 -= c * p00 / total * c * p00
-    s11 = c * p11 + (1.0 - c) * (s11 - s01 * s01 / total)
+    s11 = c * p11 + (1.0 - c) * max(s11 - s01 * s01 / total, 0.0)
     s01 = c * p01 + (1.0 - c) * s01 * r / total
     return sqrt(total), (motor, speed, arm, arm_speed, anchor), (p00, p01, p11, still, s01, s11)
 
@@ -242,7 +242,7 @@ def predict_axis(p, levels, a, t, volts, theta, corrected, gain, tau, out, std):
                 torque, arm, arm_speed = light_arm(
                     p, a, arm, arm_speed, motor, speed, beta_1, beta_2, h
                 )
-                still += 2.0 * h * s01 + h * h * s11 + q * h * h / 3.0
+                still += max(2.0 * h * s01 + h * h * s11, -0.5 * still) + q * h * h / 3.0
                 s01, s11 = s01 + h * s11 + 0.5 * q * h, s11 + MEETING_UNSURE * q
             else:
                 torque, anchor = plate_torque(winding, motor, anchor)

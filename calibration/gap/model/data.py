@@ -50,6 +50,11 @@ class Roll:
     z: np.ndarray
     log_std: np.ndarray
 
+    def change(self, base: "Roll") -> np.ndarray:
+        """How the residuals (n,) differ from those of `base`, both in the deviations that `base`
+        expects: a prediction that merely expects larger ones explains nothing."""
+        return self.z * np.exp(self.log_std - base.log_std) - base.z
+
     def slope(self, base: "Roll", step: float) -> np.ndarray:
         """The secant (z - base.z)/step (n,); all 0 where this prediction diverged."""
         if np.max(np.abs(self.z), initial=0.0) >= DIVERGED_Z:
@@ -172,8 +177,8 @@ class Evidence:
         """Residuals of an output under a model, all runs one after the other; 0 where a signal is
         missing.
 
-        Where one residual exceeds DIVERGED_Z, or none is a number, all are set to DIVERGED_Z, so
-        that the cost is higher than that of any other prediction.
+        Where one residual exceeds DIVERGED_Z, or its deviation is no number, or none is one, all
+        are set to DIVERGED_Z, so that the cost is higher than that of any other prediction.
         """
         with np.errstate(over="ignore", invalid="ignore"):
             found = [self._run(*part, model, output) for part in self._parts[output]]
@@ -215,8 +220,10 @@ class Evidence:
             servo = model.gain_rad_s_V, model.time_constant_s
             out, std = servo_innovations(model.record, run, self.levels, *servo, (a,))
             out, std = out[:, a], std[:, a]
+        failed = np.isnan(out) != np.isnan(std)  # a variance below 0, or what came of one
+        z = np.where(failed, np.inf, out / std)
         blind = np.full(left, np.nan)
-        return np.concatenate([out / std, blind]), np.concatenate([np.log(std), blind])
+        return np.concatenate([z, blind]), np.concatenate([np.log(std), blind])
 
     def rolls(self, wanted: Iterable[tuple[Model, str]]) -> list[Roll]:
         """Predictions for (model, output) pairs, in their order, on `threads` threads."""

@@ -151,7 +151,7 @@ def candidates(state: State, output: str, skip: set[Key]) -> Candidates:
                 tried += [(effect.name, axis, group, reach) for group in groups]
     models = [state.nominal.model(base.setting | s) for _, _, group, _ in tried for s in group]
     rolls = state.evidence.rolls([(model, output) for model in models])
-    changes = [roll.z - base.rolls[output].z for roll in rolls]
+    changes = [roll.change(base.rolls[output]) for roll in rolls]
     places = iter(range(len(parameters), len(parameters) + len(rolls)))
     found = [
         Candidate(name, axis, group, np.array([next(places) for _ in group]), reach)
