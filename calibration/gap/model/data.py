@@ -189,7 +189,7 @@ class Evidence:
             z[~blind] = DIVERGED_Z
         if blind.all():
             z[:] = DIVERGED_Z
-        log_std[blind] = 0.0
+        log_std[blind | np.isnan(log_std)] = 0.0
         return Roll(z, log_std)
 
     @cached_property
