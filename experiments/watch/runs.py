@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import Any
 
 from experiments.gap.checks import check
 from experiments.gap.input import released, rig_differences
 from experiments.records.recording import being_recorded, read_run
-from experiments.records.run_folder import read_meta
+from experiments.records.run_folder import nanoseconds, read_meta
 from rig.log import Log
 from rig.parameters import Rig
 from rig.rigfile import from_dict
@@ -40,7 +41,8 @@ class RunFolder:
 
 
 def runs_of(folder: Path) -> list[RunFolder]:
-    """The run folders in `folder`, by the time of their recording, then by name.
+    """The run folders in `folder`, by the time of their recording, then by name; last those of
+    which no such time is known.
 
     FileNotFoundError: no such folder, or it holds no run folder.
     """
@@ -53,7 +55,7 @@ def runs_of(folder: Path) -> list[RunFolder]:
         inside = " (name the folder that holds it)" if _is_run(folder) else ""
         raise FileNotFoundError(f"{folder} holds no run folder{inside}")
     runs = [_as_recorded(path) for path in found]
-    return sorted(runs, key=lambda one: ((one.meta or {}).get("created") or one.name, one.name))
+    return sorted(runs, key=lambda one: (_recorded_ns(one), one.name))
 
 
 def accepted_of(runs: Sequence[RunFolder], names: Sequence[str], folder: Path) -> list[RunFolder]:
@@ -108,6 +110,13 @@ def other_table(run: RunFolder, rig: Rig) -> str:
     except ValueError:
         return ""
     return next(iter(rig_differences(rig, known)), "")
+
+
+def _recorded_ns(run: RunFolder) -> float:
+    try:
+        return nanoseconds((run.meta or {})["created"])
+    except (KeyError, TypeError, ValueError):
+        return inf
 
 
 def _is_run(path: Path) -> bool:

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -96,6 +97,22 @@ def test_runs_are_in_order_and_the_first_whole_one_is_accepted(runs: Path):
     found = runs_of(runs)
     assert [one.name for one in found] == sorted(one.name for one in found)
     assert accepted_of(found, [], runs)[0].name.startswith("20260301")
+
+
+def test_the_order_is_that_of_the_times_not_of_their_words(runs: Path, tmp_path: Path):
+    """23:30 in New York is after 2 o'clock of the next day in Greenwich; what has no time is last."""
+    dates = {
+        "a": "2026-03-01T23:30:00-05:00",
+        "b": "2026-03-02T02:00:00Z",
+        "c": "yesterday",
+        "d": "2026-03-02T04:29:59.5+00:00",
+    }
+    first = min(path for path in runs.iterdir() if path.is_dir())
+    for name, created in dates.items():
+        folder = shutil.copytree(first, tmp_path / name)
+        meta = json.loads((folder / "run.json").read_text()) | {"created": created}
+        (folder / "run.json").write_text(json.dumps(meta))
+    assert [one.name for one in runs_of(tmp_path)] == ["b", "d", "a", "c"]
 
 
 @pytest.mark.parametrize(
