@@ -21,6 +21,14 @@ ENDING = tuple(getattr(signal, name) for name in _NAMES if hasattr(signal, name)
 MEMORY_SHARE = 0.5  # of what is free when the run begins; chosen: the rest is the recording's
 
 
+def in_words(error: BaseException) -> str:
+    """Kind and words of an error that code of a lab's own raised, which may have no words."""
+    try:
+        return f"{type(error).__name__}: {error}"
+    except Exception:
+        return f"{type(error).__name__}, whose words cannot be read"
+
+
 class OvertimeError(BaseException):
     """Raised inside a call that takes too long; no `except Exception` in it helps."""
 

@@ -11,6 +11,8 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from typing import NoReturn
 
+from rig.foreign_call import in_words
+
 Begins = Callable[[str, float], None]  # what begins, in words, and how long it may take [s]
 
 START_S = 30.0  # until a copy of this process does anything; chosen: a busy machine's seconds
@@ -63,7 +65,7 @@ def _copy(there: Connection, work: Callable[[Begins], None]) -> NoReturn:
     except ValueError as error:
         there.send(("wrong", str(error)))
     except BaseException as error:
-        there.send(("wrong", f"{type(error).__name__}: {error}"))
+        there.send(("wrong", in_words(error)))
     finally:
         os._exit(0)
 

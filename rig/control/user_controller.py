@@ -28,7 +28,7 @@ import numpy as np
 
 from rig import foreign_call
 from rig.control.seen import PAIRS, SEEN_SIZE, fill_seen
-from rig.foreign_call import ForeignCall, OvertimeError
+from rig.foreign_call import ForeignCall, OvertimeError, in_words
 from rig.parameters import Rig
 
 METHODS = ("start", "control", "end")
@@ -142,7 +142,7 @@ def _failed(controller: Any, method: str, error: BaseException) -> ControllerErr
         trace = trace.tb_next
     if isinstance(error, OvertimeError):
         return ControllerError(f"{name} {error}{where}")
-    return ControllerError(f"{name} failed{where}: {type(error).__name__}: {error}")
+    return ControllerError(f"{name} failed{where}: {in_words(error)}")
 
 
 def start_controller(controller: UserController, rig: Rig, period_s: float) -> None:
@@ -201,7 +201,7 @@ def load_controller(name: str) -> UserController:
             spec.loader.exec_module(module)
             controller = getattr(module, made)()
     except FAILURES as error:  # whatever is wrong in a lab's file is bad input
-        raise ValueError(f"controller {path}:{made}: {type(error).__name__}: {error}") from error
+        raise ValueError(f"controller {path}:{made}: {in_words(error)}") from error
     missing = [method for method in METHODS if not callable(getattr(controller, method, None))]
     if missing:
         raise ValueError(

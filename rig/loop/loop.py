@@ -12,7 +12,7 @@ import numpy as np
 from rig.control import tick, user_controller
 from rig.control.tick import BLIND, HOLD, PLACE, RUN, control_tick, fill_row
 from rig.course import BLIND_LIMIT_S, Course
-from rig.foreign_call import ForeignCall
+from rig.foreign_call import ForeignCall, in_words
 from rig.log import COLUMNS
 from rig.loop.commands import BY_HAND, CommandSlot, Inbox, Push, SetGains, Stop, Target, said
 from rig.operator import SAY, Operator
@@ -49,7 +49,7 @@ def ending_of(error: BaseException) -> Ending:
     if isinstance(error, KeyboardInterrupt):
         return Ending("interrupted", "by the operator")
     outcome = getattr(error, "outcome", "aborted")
-    return Ending(outcome, f"{type(error).__name__}: {error}")
+    return Ending(outcome, in_words(error))
 
 
 DONE = Ending("completed")

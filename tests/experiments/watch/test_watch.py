@@ -100,7 +100,7 @@ def test_runs_are_in_order_and_the_first_whole_one_is_accepted(runs: Path):
 
 
 def test_the_order_is_that_of_the_times_not_of_their_words(runs: Path, tmp_path: Path):
-    """23:30 in New York is after 2 o'clock of the next day in Greenwich; what has no time is last."""
+    """23:30 in New York is after 2 o'clock of the next day in London; what has no time is last."""
     dates = {
         "a": "2026-03-01T23:30:00-05:00",
         "b": "2026-03-02T02:00:00Z",

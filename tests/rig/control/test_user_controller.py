@@ -102,6 +102,20 @@ def test_the_reason_names_the_labs_own_line():
     assert ", line " in ending.reason
 
 
+def test_an_error_whose_words_raise_one_themselves_is_named():
+    class MuteError(Exception):
+        def __str__(self) -> str:
+            raise RuntimeError("no words")
+
+    def fail(now):
+        raise MuteError
+
+    ending, rows = run(FailsAt(10, fail))
+    assert ending.outcome == "aborted"
+    assert "MuteError, whose words cannot be read" in ending.reason
+    assert len(rows) > 5
+
+
 def test_a_fault_at_the_start_never_moves_the_table():
     class Broken(Steering):
         def start(self, rig, period_s):
