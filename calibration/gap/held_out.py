@@ -21,7 +21,6 @@ from calibration.gap.model.parameters import Model
 from calibration.gap.model.state import State
 from calibration.gap.prove import ahead, model_of, on, split
 
-FARTHEST = 1e6  # error [m or rad] of a prediction that has run away: its square is still a number
 OVERLAPPING = 4  # errors of the ball in a second: two windows of two axes
 COST_BLOCK_S = 1.0  # longer than innovations are correlated; chosen
 
@@ -57,8 +56,7 @@ def held_out(state: State, outputs: Iterable[str]) -> dict[str, Prediction]:
         model = model_of(fitted)
         for output in outputs:
             costs = _costs(judged, model, output)
-            errors = np.clip(ahead(judged, model, output), -FARTHEST, FARTHEST)
-            found.setdefault(output, []).append((errors, costs))
+            found.setdefault(output, []).append((ahead(judged, model, output), costs))
     return {
         output: Prediction(*(np.concatenate(part) for part in zip(*parts, strict=True)))
         for output, parts in found.items()

@@ -29,6 +29,7 @@ from rig.prediction.innovations import Signals, ball_ahead, servo_ahead
 
 # Residuals beyond it are left out of every RMS (a disturbance that was not masked); chosen.
 OUTLIER_Z = 6.0
+FARTHEST = 1e6  # error [m or rad] of a prediction that has run away: its square is still a number
 
 
 def split(evidence: Evidence) -> tuple[Evidence, Evidence]:
@@ -87,10 +88,11 @@ def _squares(evidence: Evidence, model: Model) -> dict[str, np.ndarray]:
 
 
 def ahead(evidence: Evidence, model: Model, output: str) -> np.ndarray:
-    """Errors (m,) of an output predicted 1 s ahead [m or rad], where its mask leaves them; those of
-    the ball's axes one after the other."""
+    """Errors (m,) of an output predicted 1 s ahead [m or rad], where its mask leaves them, at most
+    FARTHEST; those of the ball's axes one after the other."""
     errors = np.concatenate([_ahead_of_run(run, evidence, model, output) for run in evidence.runs])
-    return errors[(evidence.masks[output] > 0) & np.isfinite(errors)]
+    errors = errors[(evidence.masks[output] > 0) & np.isfinite(errors)]
+    return np.clip(errors, -FARTHEST, FARTHEST)
 
 
 def _ahead_of_run(run: Signals, evidence: Evidence, model: Model, output: str) -> np.ndarray:

@@ -52,14 +52,20 @@ class Roll:
 
     def change(self, base: "Roll") -> np.ndarray:
         """How the residuals (n,) differ from those of `base`, both in the deviations that `base`
-        expects: a prediction that merely expects larger ones explains nothing."""
-        return self.z * np.exp(self.log_std - base.log_std) - base.z
+        expects: a prediction that merely expects larger ones explains nothing. All 0 where this one
+        diverged."""
+        if self._diverged:
+            return np.zeros(len(self.z))
+        larger = np.exp(np.minimum(self.log_std - base.log_std, np.log(DIVERGED_Z)))
+        return self.z * larger - base.z
 
     def slope(self, base: "Roll", step: float) -> np.ndarray:
         """The secant (z - base.z)/step (n,); all 0 where this prediction diverged."""
-        if np.max(np.abs(self.z), initial=0.0) >= DIVERGED_Z:
-            return np.zeros(len(self.z))
-        return (self.z - base.z) / step
+        return np.zeros(len(self.z)) if self._diverged else (self.z - base.z) / step
+
+    @property
+    def _diverged(self) -> bool:
+        return bool(np.max(np.abs(self.z), initial=0.0) >= DIVERGED_Z)
 
 
 def usable(

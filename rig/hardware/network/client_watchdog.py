@@ -39,8 +39,7 @@ class ClientWatchdog:
         self._braking = braking(servo, period_s, RATE_FILTER_S)
         self._caught_s = LEVEL_S + CATCH_TAUS * servo.time_constant_s
         self._limits, self._seen = MonitorLimits.of_servo(servo, period_s), MonitorState()
-        self._last: tuple[tuple[float, float], float] | None = None  # angles, and when
-        self._rate_rad_s = (0.0, 0.0)
+        self._forget_motion()
         self.armed = self.latched = False
         self.homed = False
         self.wiring = Wiring()
@@ -74,7 +73,7 @@ class ClientWatchdog:
         if not self.rests(self._now_s):
             raise ValueError("channels were named while the table moved")
         self.wiring, self.homed = wiring, homed
-        self._last, self._rate_rad_s = None, (0.0, 0.0)  # another zero is no motion
+        self._forget_motion()  # another zero is none
 
     def arm(self, now_s: float) -> None:
         """Arm at 0 V and end a latch; now_s: on our clock.
@@ -155,6 +154,10 @@ class ClientWatchdog:
         if self.homed and self._levelling is not None and now_s - self._ended_s < LEVEL_S:
             return self._levelling.volts(theta_rad, now_s)
         return 0.0, 0.0
+
+    def _forget_motion(self) -> None:
+        self._last: tuple[tuple[float, float], float] | None = None  # angles, and when
+        self._rate_rad_s = (0.0, 0.0)
 
     def _rates(self, theta_rad: tuple[float, float], now_s: float) -> tuple[float, float]:
         """Filtered rates of the arms [rad/s]; 0 before there are two ticks."""

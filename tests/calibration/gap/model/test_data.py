@@ -21,6 +21,7 @@ def test_a_prediction_that_only_expects_larger_deviations_explains_nothing():
     assert Roll(base.z / 3.0, base.log_std + np.log(3.0)).change(base) == pytest.approx(0.0)
     moved = Roll(base.z + 1.0, base.log_std)
     assert moved.change(base) == pytest.approx(1.0)
+    assert np.isfinite(Roll(base.z, base.log_std + 1e3).change(base)).all()
 
 
 @pytest.mark.parametrize("lost", ["deviation", "angle"])
@@ -42,3 +43,4 @@ def test_a_prediction_that_failed_anywhere_costs_more_than_any_other(
     mask = evidence.masks["servo_x"]
     assert loss(bad, mask) > 1e3 * abs(loss(good, mask))
     assert not bad.slope(good, 1.0).any()
+    assert not bad.change(good).any()
