@@ -1,5 +1,6 @@
 """The one seam between a loop and a table, real or simulated: read, drive, close."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import nan
 from typing import Protocol
@@ -29,13 +30,15 @@ class Reading:
     t_s: time of the tick from the run's start; theta_rad: encoder angles (NaN where nobody measures
     them: servos that take an angle); motor_speed_rad_s:
     tachometers at the load shaft's scale (None without any); ball: the observation that became
-    usable since the last tick, else None.
+    usable since the last tick, else None; lost: why the table is about to be lost, "" where it is
+    not: until then its arms can be brought to rest.
     """
 
     t_s: float
     theta_rad: tuple[float, float]
     motor_speed_rad_s: tuple[float, float] | None = None
     ball: Observation | None = None
+    lost: str = ""
 
     def row(self) -> np.ndarray:
         """Return the reading as the compiled functions take it: (READING_SIZE,), columns R_*.
@@ -91,3 +94,15 @@ class Table(Protocol):
 def takes_angle(table: Table) -> bool:
     """Whether the table's servos take an angle: its attribute of this name, where it has one."""
     return bool(getattr(table, "takes_angle", False))
+
+
+class ArmingStoppedError(Exception):
+    """A stop was asked for while a table was armed; its arms stay where they were then."""
+
+
+def watch_arming(table: Table, stopped: Callable[[], bool]) -> None:
+    """Have a table that moves while it is armed ask at every tick whether it is to stop: one that
+    has the attribute `stop_asked`; it then raises `ArmingStoppedError`.
+    """
+    if hasattr(table, "stop_asked"):
+        table.stop_asked = stopped  # pyright: ignore[reportAttributeAccessIssue]

@@ -3,7 +3,7 @@
 No sleep, no clock, no `if simulated`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -19,7 +19,7 @@ from rig.operator import SAY, Operator
 from rig.parameters import Rig
 from rig.safety import monitor
 from rig.safety.levelling import LevelOnExit
-from rig.safety.limits import Braking, limit, limit_angle
+from rig.safety.limits import CATCH_TAUS, Braking, limit, limit_angle
 from rig.safety.monitor import Fault, MonitorLimits
 from rig.table import Reading, Table, takes_angle
 
@@ -163,9 +163,10 @@ class Loop:
 
     def _until_done(self) -> Ending:
         while True:
-            ending = self._tick(self._table.read())
+            reading = self._table.read()
+            ending = self._tick(reading)
             if ending is not None:
-                return ending
+                return self._caught(reading, ending) if ending.level else ending
 
     def _tick(self, reading: Reading) -> Ending | None:
         fault = self._watch(reading)
@@ -186,6 +187,17 @@ class Loop:
         x, y = float(self._commanded[0]), float(self._commanded[1])
         fault = fault or monitor.check_command(x, y, "rad" if self._q["takes_angle"] else "V")
         push = self._operator.act(reading, self._push_now(reading.t_s))
+        self._limit(reading)
+        if failed:
+            self._applied[:] = 0.0
+        self._table.drive((float(self._applied[0]), float(self._applied[1])))
+        self._note(reading, row, target, push)
+        if failed:
+            raise failed
+        return Ending(fault.name, fault.reason) if fault is not None else self._ended(reading)
+
+    def _limit(self, reading: Reading) -> None:
+        """What is applied of what is commanded."""
         age_s, q = self._monitor_state.late_s, self._q
         for a, theta in enumerate(reading.theta_rad):
             rate = self.state["estimate"]["rate"][a]
@@ -195,12 +207,7 @@ class Loop:
                 now = limit_angle(self._commanded[a], last, q["angle_limit"], age_s)
             else:
                 now = limit(self._commanded[a], theta, rate, last, *bounds, stops, age_s)
-            self._applied[a] = 0.0 if failed else now
-        self._table.drive((float(self._applied[0]), float(self._applied[1])))
-        self._note(reading, row, target, push)
-        if failed:
-            raise failed
-        return Ending(fault.name, fault.reason) if fault is not None else self._ended(reading)
+            self._applied[a] = now
 
     def _note(
         self, reading: Reading, row: np.ndarray, target: np.ndarray, push: tuple[float, float]
@@ -229,12 +236,79 @@ class Loop:
         return fault
 
     def _cut(self, reading: Reading, fault: Fault) -> Ending:
-        """0 V at once; the reading that gave the reason is kept where it has a time of its own."""
+        """0 V at once to the axis that shows the fault; the other arm is braked before its limit,
+        and gets 0 V as soon as it stays within that without, its time constant twice the known.
+
+        The readings until then are kept where they have a time of their own.
+        """
+        ending = Ending(fault.name, fault.reason, level=False)
+        if fault.axis is None or self._q["takes_angle"]:
+            return self._all_off(reading, ending)
+        reading, _ = self._brake_arms(reading, fault.axis)
+        return self._all_off(reading, ending)
+
+    def _caught(self, reading: Reading, ending: Ending) -> Ending:
+        """The ending, once no arm flies beyond its limit: levelling is too weak to brake it.
+
+        Where an encoder is lost meanwhile the plate is not levelled any more.
+        """
+        if self._q["takes_angle"] or not self._fly((0, 1), reading):
+            return ending
+        with suppress(OSError):  # levelling will tell it
+            _, trusted = self._brake_arms(self._table.read(), None)
+            return replace(ending, level=trusted)
+        return ending
+
+    def _brake_arms(self, reading: Reading, lost: int | None) -> tuple[Reading, bool]:
+        """Brake the arms that fly, from this reading on, that of the axis `lost` at 0 V.
+
+        Returns the last reading, and whether the encoders of the others may still be trusted.
+        """
+        until_s = reading.t_s + CATCH_TAUS * self._q["time_constant"]
+        arms = [axis for axis in (0, 1) if axis != lost]
+        with suppress(OSError):  # what ended the run is told already
+            while reading.t_s < until_s:
+                seen = reading if lost is None else self._without(reading, lost)
+                fault = self._watch(seen) if seen.t_s != self._monitor_state.t_s else None
+                if fault is not None and not fault.level:
+                    return reading, False
+                self._brake(seen, arms)
+                if not self._fly(arms, seen):
+                    break
+                self._table.drive((float(self._applied[0]), float(self._applied[1])))
+                if lost is not None:
+                    self._note(reading, reading.row(), np.full(2, np.nan), (0.0, 0.0))
+                reading = self._table.read()
+        return reading, True
+
+    def _without(self, reading: Reading, lost: int) -> Reading:
+        self._applied[lost] = 0.0
+        seen, self._monitor_state = monitor.without(reading, lost, self._monitor_state)
+        return seen
+
+    def _brake(self, seen: Reading, arms: Sequence[int]) -> None:
+        """The limiter's volts, to these arms alone, in a tick in which nobody commands any."""
+        level = np.zeros(2)
+        control_tick(self.state, self._q, seen.row(), level, self._applied, self._commanded)
+        self._commanded[:] = 0.0
+        self._limit(seen)
+        self._applied[[axis for axis in (0, 1) if axis not in arms]] = 0.0
+
+    def _fly(self, arms: Sequence[int], seen: Reading) -> bool:
+        """Whether one of the arms might pass its angle limit at 0 V: it coasts by tau w from the
+        speed w. One that is beyond what the monitor allows is at its stop.
+        """
+        far_s = self._q["delay"] + 2.0 * self._q["time_constant"]
+        theta = np.abs([seen.theta_rad[a] for a in arms])
+        ways = theta + far_s * np.abs([self.state["estimate"]["rate"][a] for a in arms])
+        return bool(np.any((ways > self._q["angle_limit"]) & (theta <= self._limits.angle_rad)))
+
+    def _all_off(self, reading: Reading, ending: Ending) -> Ending:
         self._table.drive((0.0, 0.0))
         self._applied[:] = self._commanded[:] = 0.0
         if np.isfinite(reading.t_s) and not reading.t_s <= self._row[0]:
             self._note(reading, reading.row(), np.full(2, np.nan), (0.0, 0.0))
-        return Ending(fault.name, fault.reason, level=False)
+        return ending
 
     def _ask_controller(
         self, row: np.ndarray, target: np.ndarray

@@ -1,6 +1,6 @@
 """Bringing the plate level by its encoders, as long as they show that the arms follow."""
 
-from math import inf
+from math import ceil, inf
 from types import TracebackType
 from typing import Self
 
@@ -10,6 +10,7 @@ from rig.table import Table, takes_angle
 
 LEVEL_GAIN_V_RAD = 14.0
 LEVEL_LIMIT_V = 3.0  # at most, and never above the table's own limit
+MOST_TICKS = 1.1  # chosen: of those that levelling takes, where the table's time hardly passes
 _AT_REST = Braking(delay_s=0.0, time_constant_s=0.0, top_speed_rad_s=1.0)  # no angle limit
 _FOLLOWS = MonitorLimits(0.0, inf, inf, inf)  # of these only what a stall is
 
@@ -72,7 +73,8 @@ class LevelOnExit:
 
 
 def bring_level(table: Table, seconds: float) -> None:
-    """Drive both servos to zero for `seconds` of the table's time, then 0 V whatever happened.
+    """Drive both servos to zero for `seconds` of the table's time, or as many ticks where that
+    stands still, then 0 V whatever happened.
 
     Servos that take an angle are told 0 and stay told so.
 
@@ -82,7 +84,9 @@ def bring_level(table: Table, seconds: float) -> None:
     try:
         first = table.read()
         now = first
-        while now.t_s - first.t_s < seconds:
+        for _ in range(ceil(MOST_TICKS * seconds / table.period_s)):
+            if now.t_s - first.t_s >= seconds:
+                break
             level = (0.0, 0.0)
             if not takes_angle(table):
                 level = levelling.volts(now.theta_rad, now.t_s)

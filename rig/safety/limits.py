@@ -13,6 +13,7 @@ from rig.parameters import Servo
 SLEW_V_S = 1500.0  # 0 to 3 V within a tick of 2 ms: faster than any loop here means to be
 STALE_S = 0.05  # an estimate that was not brought up to date for so long is worth nothing
 TAPER_RAD = 0.04  # chosen, because a steeper law swings about the limit: see test_limits
+CATCH_TAUS = 5  # so long an arm that would pass its limit is braked; e^-5 of its speed is left
 LATE_TICKS = 1.5  # a rate is half a tick old, and volts act from this tick to the next
 
 

@@ -9,9 +9,21 @@ from dataclasses import dataclass, replace
 from math import copysign, inf, isfinite, log1p, sqrt
 
 from rig.parameters import ANGLE_MARGIN_RAD, Rig, Servo
+from rig.safety.motion_watch import (
+    PLAY_RAD,
+    UNKNOWN,
+    Both,
+    MotionLimits,
+    MotionWatch,
+    is_overdue,
+    sure_volts,
+    watch_motion,
+    way_of,
+)
 from rig.table import Reading
 
 MISSED = 0.9  # of a period late: a tick was missed
+BLOCKED = "is it blocked, unplugged, reversed?"
 
 
 @dataclass(frozen=True)
@@ -23,7 +35,7 @@ class MonitorLimits:
     way by stall_rad within stall_s. unseen_s: longest time without a newer exposure while the ball
     is balanced; old_s: largest age of an observation; late_s: latest tick; late_ticks: number of
     missed ticks that is a fault, of which each tick in time makes good late_share; measured: the
-    angles are, else they are no numbers.
+    angles are, else they are no numbers; motion: which weaker volts move an arm, None: not known.
     """
 
     period_s: float
@@ -39,36 +51,48 @@ class MonitorLimits:
     late_share: float = 0.05
     late_ticks: float = 25.0
     measured: bool = True
+    motion: MotionLimits | None = None
 
     @classmethod
-    def of_rig(cls, rig: Rig) -> "MonitorLimits":
-        """Return the limits of a rig's table."""
-        return cls.of_servo(rig.servo, 1 / rig.control_rate_hz)
+    def of_rig(cls, rig: Rig, breakaway_V: tuple[Both, ...] = ()) -> "MonitorLimits":
+        """Return the limits of a rig's table; breakaway_V: of its homing, () where unknown."""
+        return cls.of_servo(rig.servo, 1 / rig.control_rate_hz, sure_volts(rig, breakaway_V))
 
     @classmethod
-    def of_servo(cls, servo: Servo, period_s: float) -> "MonitorLimits":
-        """Return the limits of a table with these servos, period_s: of its tick.
+    def of_servo(
+        cls, servo: Servo, period_s: float, sure_V: tuple[Both, Both] = UNKNOWN
+    ) -> "MonitorLimits":
+        """Return the limits of a table with these servos, period_s: of its tick; sure_V: as of
+        `sure_volts`.
 
         Its servos turn at most at twice their no-load speed at the voltage limit, or at twice the
         rate limit of servos that take an angle, which no volts can stall; its angles lie within the
         angle limit plus ANGLE_MARGIN_RAD, beyond which the simulated loop ends a run as well.
         Under stall_V such a servo, tau w' = K V - w, has turned round from its top speed K V_max
-        after tau ln(1 + V_max / stall_V), and gone stall_rad sqrt(2 tau stall_rad / (K stall_V))
-        later at most: stall_s is as long, and 80 ms for servos that are faster (tau below 50 ms).
+        after tau ln(1 + V_max / stall_V). From then on it goes K V (t - tau (1 - e^(-t/tau))),
+        at least K V t^2 / (2 tau + t): a way s within tau (q + sqrt(q^2 + 8 q)) / 2 with
+        q = s / (K V tau). stall_s is as long for the play of the gear and the least motion that
+        its encoder tells from a step, and 80 ms for servos that are faster (tau below 27 ms).
         """
         fastest = servo.gain_rad_s_V * servo.voltage_limit_V
         if servo.takes_angle:
             fastest = max(servo.pair("rate_limit_rad_s"))
-        tau_s, weak_rad_s = servo.time_constant_s, servo.gain_rad_s_V * cls.stall_V
-        round_s = tau_s * log1p(servo.voltage_limit_V / cls.stall_V)
+        moved_rad, _ = way_of(servo.encoder_step_rad)
+        tau_s, way_rad = servo.time_constant_s, PLAY_RAD + moved_rad + servo.encoder_step_rad
+        q = way_rad / (servo.gain_rad_s_V * cls.stall_V * tau_s)
+        late_s = tau_s * (
+            log1p(servo.voltage_limit_V / cls.stall_V) + (q + sqrt(q * q + 8 * q)) / 2
+        )
         return cls(
             period_s=period_s,
             rate_rad_s=2 * fastest,
             noise_rad=4 * servo.encoder_step_rad,
             angle_rad=servo.angle_limit_rad + ANGLE_MARGIN_RAD,
             stall_V=inf if servo.takes_angle else cls.stall_V,
-            stall_s=max(cls.stall_s, round_s + sqrt(2 * tau_s * cls.stall_rad / weak_rad_s)),
+            stall_s=max(cls.stall_s, late_s + period_s),
+            stall_rad=moved_rad,
             measured=servo.has_angle,
+            motion=None if servo.takes_angle else MotionLimits.of_servo(servo, sure_V),
         )
 
 
@@ -76,12 +100,14 @@ class MonitorLimits:
 class Fault:
     """Why a run must end: its outcome `name` and a `reason` for a person.
 
-    level: whether the plate may be levelled by its encoders; where not, 0 V at once.
+    level: whether the plate may be levelled by its encoders; where not, 0 V at once. axis: the one
+    whose encoder is no longer to be trusted, the other's may be; None: both.
     """
 
     name: str
     reason: str
     level: bool = True
+    axis: int | None = None
 
 
 @dataclass(frozen=True)
@@ -101,14 +127,15 @@ class StallWatch:
 class MonitorState:
     """What the monitor keeps from tick to tick.
 
-    t_s, theta_rad: of the last reading (-inf before the first); pushes: by axis; exposed_s: newest
-    exposure; seen_s: time of the reading that brought it; missed: missed ticks, less late_share for
-    each tick in time; late_s: lateness of the last tick.
+    t_s, theta_rad: of the last reading (-inf before the first); pushes, motions: by axis;
+    exposed_s: newest exposure; seen_s: time of the reading that brought it; missed: missed ticks,
+    less late_share for each tick in time; late_s: lateness of the last tick.
     """
 
     t_s: float = -inf
     theta_rad: tuple[float, float] = (0.0, 0.0)
     pushes: tuple[StallWatch, StallWatch] = (StallWatch(), StallWatch())
+    motions: tuple[MotionWatch, MotionWatch] = (MotionWatch(), MotionWatch())
     exposed_s: float = -inf
     seen_s: float = -inf
     missed: float = 0.0
@@ -137,6 +164,8 @@ def check(
         reading.theta_rad if first else state.theta_rad, limits, reading, step_s
     )
     if fault is not None:
+        if fault.level:  # the reading is one to go on from
+            state = replace(state, t_s=reading.t_s, theta_rad=reading.theta_rad)
         return replace(state, late_s=late_s), fault
     missed = late_s > MISSED * limits.period_s
     pushes = [
@@ -148,10 +177,22 @@ def check(
         t_s=reading.t_s,
         theta_rad=reading.theta_rad,
         pushes=(pushes[0], pushes[1]),
+        motions=_motions(state, limits, reading, volts, step_s),
         missed=state.missed + 1.0 if missed else max(0.0, state.missed - limits.late_share),
         late_s=late_s,
     )
-    return after, _stall(after, limits, volts) or _camera(after, limits, reading, balancing)
+    fault = _stall(after, limits, volts) or _still(after, limits) or _lost(reading)
+    return after, fault or _camera(after, limits, reading, balancing)
+
+
+def without(reading: Reading, axis: int, state: MonitorState) -> tuple[Reading, MonitorState]:
+    """The reading as if the arm of `axis`, whose encoder is lost and which gets 0 V, stood still,
+    and the state in which nothing is held against it.
+    """
+    pushes, motions, theta = list(state.pushes), list(state.motions), list(reading.theta_rad)
+    pushes[axis], motions[axis], theta[axis] = StallWatch(), MotionWatch(), state.theta_rad[axis]
+    watched = replace(state, pushes=(pushes[0], pushes[1]), motions=(motions[0], motions[1]))
+    return replace(reading, theta_rad=(theta[0], theta[1])), watched
 
 
 def check_command(x: float, y: float, unit: str = "V") -> Fault | None:
@@ -167,8 +208,10 @@ def check_command(x: float, y: float, unit: str = "V") -> Fault | None:
 def _no_number(reading: Reading, limits: MonitorLimits) -> Fault | None:
     if not isfinite(reading.t_s):
         return Fault("no number", f"the table's time is {reading.t_s}", level=False)
-    if limits.measured and not all(map(isfinite, reading.theta_rad)):
-        return Fault("no number", f"the encoders gave {reading.theta_rad}", level=False)
+    lost = [a for a in (0, 1) if not isfinite(reading.theta_rad[a])] if limits.measured else []
+    if lost:
+        axis = lost[0] if len(lost) == 1 else None
+        return Fault("no number", f"the encoders gave {reading.theta_rad}", False, axis)
     ball = reading.ball
     if ball is not None and not all(map(isfinite, (*ball.xy_m, *ball.cov_m2, ball.exposed_s))):
         return Fault("no number", f"the camera gave {ball.xy_m} m at {ball.exposed_s} s")
@@ -193,10 +236,10 @@ def _angles(
     before: tuple[float, float], limits: MonitorLimits, reading: Reading, step_s: float
 ) -> Fault | None:
     most = limits.rate_rad_s * step_s + limits.noise_rad
-    for axis, old, new in zip("xy", before, reading.theta_rad, strict=True):
+    for a, (old, new) in enumerate(zip(before, reading.theta_rad, strict=True)):
         if abs(new - old) > most:
-            moved = f"servo {axis} from {old:.3f} to {new:.3f} rad in {1e3 * step_s:.1f} ms"
-            return Fault("encoder jump", f"{moved}: home again, check the cable", level=False)
+            moved = f"servo {'xy'[a]} from {old:.3f} to {new:.3f} rad in {1e3 * step_s:.1f} ms"
+            return Fault("encoder jump", f"{moved}: home again, check the cable", False, a)
     worst = max(map(abs, reading.theta_rad))
     if worst > limits.angle_rad:
         return Fault("limit", f"servo angle {worst:.2f} rad is beyond the limit")
@@ -219,13 +262,45 @@ def watch_stall(
 
 
 def _stall(after: MonitorState, limits: MonitorLimits, volts: tuple[float, float]) -> Fault | None:
-    for axis, one, volt in zip("xy", after.pushes, volts, strict=True):
+    for a, (one, volt) in enumerate(zip(after.pushes, volts, strict=True)):
         if one.sign != 0.0 and after.t_s - one.since_s > limits.stall_s:
-            words = (
-                f"servo {axis} does not follow {volt:.1f} V: is it blocked, unplugged, reversed?"
-            )
-            return Fault("stall", words, level=False)
+            words = f"servo {'xy'[a]} does not follow {volt:.1f} V: {BLOCKED}"
+            return Fault("stall", words, False, a)
     return None
+
+
+def _motions(
+    state: MonitorState,
+    limits: MonitorLimits,
+    reading: Reading,
+    volts: tuple[float, float],
+    step_s: float,
+) -> tuple[MotionWatch, MotionWatch]:
+    motion = limits.motion
+    if motion is None:
+        return state.motions
+    x, y = (
+        watch_motion(
+            state.motions[a], motion, motion.sure_V[a], volts[a], reading.theta_rad[a], step_s
+        )
+        for a in (0, 1)
+    )
+    return x, y
+
+
+def _still(after: MonitorState, limits: MonitorLimits) -> Fault | None:
+    """An arm that stands still under volts that move it."""
+    for a, one in enumerate(after.motions):
+        if limits.motion is not None and is_overdue(one, limits.motion):
+            up, down = limits.motion.sure_V[a]
+            volt = up if one.up_rad > one.down_rad else -down
+            words = f"servo {'xy'[a]} stands still under more than {volt:.1f} V: {BLOCKED}"
+            return Fault("stall", words, False, a)
+    return None
+
+
+def _lost(reading: Reading) -> Fault | None:
+    return Fault("link lost", reading.lost) if reading.lost else None
 
 
 def _seen(state: MonitorState, reading: Reading, balancing: bool) -> MonitorState:

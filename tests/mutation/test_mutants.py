@@ -20,7 +20,7 @@ from tests.mutation import suites
 from tests.mutation.mutate import survivors
 from tests.rig.hardware.network import test_client_watchdog as test_served
 from tests.rig.hardware.network import test_remote_wire, test_seat
-from tests.rig.safety import test_levelling
+from tests.rig.safety import test_levelling, test_motion_watch
 from tests.rig.safety import test_monitor as test_guard
 from tests.support import ROOT, limiter_laws
 
@@ -52,6 +52,7 @@ def test_every_mutant_of_the_limiter_dies():
         limiter_laws.laws(module.limit, module.Braking(*limiter_laws.STOPS))
         limiter_laws.angle_laws(module.limit_angle)
         assert (module.SLEW_V_S, module.STALE_S, module.TAPER_RAD) == (1500.0, 0.05, 0.04)
+        assert module.CATCH_TAUS == 5
         stops = module.braking(Servo(gain_rad_s_V=1.5, time_constant_s=0.1), 0.002, 0.017)
         assert stops == pytest.approx(limiter_laws.STOPS)
         assert module.braking(Servo(), 0.002) == pytest.approx((0.003, 0.025, 9.18))
@@ -79,6 +80,7 @@ class Guarded:
 # Tests of the gate that ask for patches, pages of viser's or thousands of examples.
 NOT_OF_THE_GATE = (
     "test_a_token_is_kept_for_its_owner_alone",
+    "test_a_token_that_is_no_file_is_refused_in_a_line_with_its_cure",
     "test_no_text_opens_the_gate_and_none_breaks_it",
     "test_nobody_listens_to_the_whole_network_unasked",
     "test_the_page_runs_the_scripts_of_visers_page_and_of_its_bar_and_no_others",
@@ -92,6 +94,12 @@ FILES = {
         lambda name: "healthy" not in name and "never_raises" not in name,
     ),
     "levelling": Guarded("rig/safety/levelling.py", test_levelling, 30),
+    "motion": Guarded(
+        "rig/safety/motion_watch.py",
+        test_motion_watch,
+        40,
+        lambda name: "healthy" not in name,  # a search
+    ),
     "watchdog": Guarded(
         f"{NETWORK}/client_watchdog.py",
         test_served,

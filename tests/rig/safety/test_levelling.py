@@ -33,6 +33,27 @@ def test_an_arm_that_stands_still_gets_no_volts_after_80_ms_and_the_other_levels
     assert np.all(given[:, 1 - axis] == pytest.approx(-0.7))
 
 
+def test_levelling_ends_though_the_tables_time_stands_still():
+    class Stopped:
+        period_s, voltage_limit_V = 0.002, 6.0
+
+        def __init__(self) -> None:
+            self.reads, self.volts = 0, (9.0, 9.0)
+
+        def read(self) -> Reading:
+            self.reads += 1
+            assert self.reads < 1000, "it levels for ever"
+            return Reading(0.1, (0.1, 0.0), None, None)
+
+        def drive(self, volts: tuple[float, float]) -> None:
+            self.volts = volts
+
+    table = Stopped()
+    bring_level(table, 0.6)  # pyright: ignore[reportArgumentType]
+    assert 300 < table.reads < 340
+    assert table.volts == (0.0, 0.0)
+
+
 def test_an_arm_that_goes_the_wrong_way_gets_no_volts_after_80_ms():
     given = np.array(ticks(Levelling(6.0), [(0.2 + 0.003 * k, 0.0) for k in range(100)]))
     assert np.all(given[:41, 0] < -2.0)

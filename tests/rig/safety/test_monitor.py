@@ -22,7 +22,9 @@ from rig.safety.monitor import (
     check,
     check_command,
     watch_stall,
+    without,
 )
+from rig.safety.motion_watch import MotionLimits, MotionWatch, is_overdue, watch_motion
 from rig.table import Reading
 from tests.support import ROOT
 from vision.frames import Observation
@@ -110,7 +112,7 @@ def test_limits_are_the_tables_own():
     assert LIMITS.angle_rad == servo.angle_limit_rad + ANGLE_MARGIN_RAD
     defaults = MonitorLimits(1.0, 2.0, 3.0, 4.0)
     healthy_table = (2.0, 0.08, 0.004, 1.25, 0.5, 0.1, 0.05, 25.0)
-    assert astuple(defaults) == (1.0, 2.0, 3.0, 4.0, *healthy_table, True)
+    assert astuple(defaults) == (1.0, 2.0, 3.0, 4.0, *healthy_table, True, None)
 
 
 def test_servos_that_take_an_angle_have_their_own_rate_no_stall_and_perhaps_no_angle():
@@ -233,13 +235,34 @@ def test_an_arm_turned_round_at_full_speed_is_no_stall(tau_s: float, volts: floa
 
 
 def test_a_stall_is_called_so_as_soon_as_the_servo_allows():
-    """Closed form: tau ln(1 + 6 V / 2 V) to stand, 0.004 rad at K 2 V / tau; 80 ms at least."""
+    """Closed form: tau ln(1 + 6 V / 2 V) to stand, 3 degrees of play and 0.004 rad behind K 2 V;
+    80 ms at least."""
     known = {
         tau: MonitorLimits.of_servo(Servo(time_constant_s=tau), TICK).stall_s
         for tau in (0.025, 0.5)
     }
     assert known[0.025] == 0.08
-    assert known[0.5] == pytest.approx(0.5 * 1.386294 + sqrt(2 * 0.004 * 0.5 / 3.06))
+    q = 0.0578939 / (3.06 * 0.5)
+    way = 0.5 * (q + sqrt(q * q + 8 * q)) / 2
+    assert known[0.5] == pytest.approx(0.5 * 1.386294 + way + TICK)
+
+
+@pytest.mark.parametrize("tau_s", [0.025, 0.046, 0.1, 0.5])
+@pytest.mark.parametrize("play_rad", [0.0175, 0.0524])
+@pytest.mark.parametrize("counts", [64, 400, 4096])
+def test_a_motor_that_crosses_its_gears_play_is_no_stall(tau_s: float, play_rad: float, counts):
+    """The arm stays, held by friction, until the motor that was turned round at full speed has
+    crossed the gap: told by an encoder of so many counts."""
+    servo = Servo(time_constant_s=tau_s, encoder_counts_per_rev=counts)
+    limits, top = MonitorLimits.of_servo(servo, TICK), servo.gain_rad_s_V
+    motor, arm, speed, seen = 0.0, 0.0, -6.0 * top, StallWatch()
+    for k in range(round((4 * tau_s + 0.6) / TICK)):
+        speed += (2.05 * top - speed) * TICK / tau_s
+        motor += speed * TICK
+        arm = min(max(arm, motor - play_rad), motor)
+        angle = servo.encoder_step_rad * np.floor(arm / servo.encoder_step_rad)
+        seen = watch_stall(seen, limits, 2.05, angle, k * TICK)
+        assert k * TICK - seen.since_s <= limits.stall_s
 
 
 def test_one_push_is_followed_step_by_step():
@@ -260,6 +283,84 @@ def test_one_push_is_followed_step_by_step():
     assert watch_stall(StallWatch(1.0, 0.0, 1.0), exact, 3.0, 0.25, 1.1) == StallWatch(
         1.0, 0.25, 1.1
     )
+
+
+# --- arms that stand still under weak volts ---
+KNOWN = MonitorLimits.of_rig(Rig(), ((0.5, 0.5), (0.1, 0.3)))
+
+
+@pytest.mark.parametrize(
+    ("volts", "axis", "said"),
+    [
+        (1.5, 0, "x stands still under more than 1.0 V"),
+        (-0.9, 1, "y stands still under more than -0.5 V"),
+    ],
+)
+def test_a_still_arm_under_weak_volts_is_a_stall_of_its_axis(volts: float, axis: int, said: str):
+    """Their law: test_motion_watch.py; here, that each axis's own volts and angle go into it."""
+    pair = (volts, 0.0) if axis == 0 else (0.0, volts)
+    state, seen, found, at = MonitorState(), MotionWatch(), None, None
+    assert KNOWN.motion is not None
+    for k in range(500):
+        reading = Reading(1.0 + k * TICK, (0.2, -0.3))
+        state, found = check(state, KNOWN, reading, pair, balancing=False)
+        seen = watch_motion(seen, KNOWN.motion, KNOWN.motion.sure_V[axis], volts, 0.1, TICK)
+        assert (found is not None) == is_overdue(seen, KNOWN.motion)
+        if found is not None:
+            at = k
+            break
+    assert at is not None
+    assert found is not None
+    assert (found.name, found.level, found.axis) == ("stall", False, axis)
+    assert said in found.reason
+    moves = ticks(500, lambda k: np.sign(volts) * 0.0005 * k, axis)
+    state = MonitorState()
+    for reading in moves:
+        state, found = check(state, KNOWN, reading, pair, balancing=False)
+        assert found is None
+
+
+def test_no_weak_volts_are_known_without_a_homing_nor_of_servos_that_take_an_angle():
+    assert LIMITS.motion == MotionLimits.of_servo(Rig().servo)
+    assert MonitorLimits.of_rig(Rig(servo=Servo(kind="position"))).motion is None
+    bare = MonitorLimits(TICK, 100.0, 1.0, 1.0)
+    state = MonitorState(motions=(MotionWatch(1.0), MotionWatch(2.0)))
+    after, fault = check(state, bare, Reading(0.0, (0.0, 0.0)), (1.0, 1.0), balancing=False)
+    assert (after.motions, fault) == (state.motions, None)
+
+
+def test_a_fault_names_the_axis_whose_encoder_is_lost():
+    state, _ = check(MonitorState(), LIMITS, Reading(0.0, (0.0, 0.0)), (0, 0), balancing=False)
+    for theta, axis in (((nan, 0.0), 0), ((0.0, inf), 1), ((nan, nan), None), ((1.0, 0.0), 0)):
+        for turned in (False, True):
+            seen = theta[::-1] if turned else theta
+            lost = 1 - axis if turned and axis is not None else axis
+            _, fault = check(state, LIMITS, Reading(TICK, seen), (0, 0), balancing=False)
+            assert fault is not None
+            assert (fault.level, fault.axis) == (False, lost)
+    pushed = replace(state, pushes=(StallWatch(1.0, 0.0, -9.0), StallWatch(1.0, 0.0, 0.0)))
+    for a, pushes in enumerate((pushed.pushes, pushed.pushes[::-1])):
+        held = replace(state, pushes=pushes)
+        _, fault = check(held, LIMITS, Reading(TICK, (0.0, 0.0)), (3.0, 3.0), balancing=False)
+        assert fault is not None
+        assert fault.axis == a
+    assert Fault("a", "b").axis is None
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_without_an_axis_the_other_is_watched_on(axis: int):
+    watches = (StallWatch(1.0, 0.1, 2.0), StallWatch(-1.0, 0.2, 3.0))
+    motions = (MotionWatch(1.0, 0.1, 0.2, 0.3), MotionWatch(2.0, 0.4, 0.5, 0.6))
+    state = MonitorState(5.0, (0.1, 0.2), watches, motions)
+    reading, after = without(Reading(6.0, (nan, nan)), axis, state)
+    assert reading.theta_rad[axis] == state.theta_rad[axis]
+    assert np.isnan(reading.theta_rad[1 - axis])
+    assert after.pushes[axis] == StallWatch()
+    assert np.isnan(after.motions[axis].theta_rad)
+    assert (after.motions[axis].up_rad, after.motions[axis].down_rad) == (0.0, 0.0)
+    assert after.pushes[1 - axis] == watches[1 - axis]
+    assert after.motions[1 - axis] == motions[1 - axis]
+    assert (after.t_s, after.theta_rad, reading.t_s) == (5.0, (0.1, 0.2), 6.0)
 
 
 # --- time ---
@@ -434,3 +535,31 @@ def test_it_never_raises_and_remembers_only_numbers(given_):
         if fault is None:
             assert np.isfinite([state.t_s, *state.theta_rad, state.missed]).all()
             assert state.t_s == reading.t_s
+
+
+def test_a_table_about_to_be_lost_ends_the_run_level():
+    reading = Reading(0.0, (0.1, 0.0), lost="the card: expired")
+    state, fault = check(MonitorState(), LIMITS, reading, (0.0, 0.0), balancing=False)
+    assert fault == Fault("link lost", "the card: expired", level=True)
+    assert state.theta_rad == (0.1, 0.0)
+
+
+def test_after_a_late_tick_the_next_one_is_in_time():
+    state, _ = check(MonitorState(), LIMITS, Reading(0.0, (0.0, 0.0)), (0, 0), balancing=False)
+    late = Reading(0.2, (0.1, 0.0))
+    state, fault = check(state, LIMITS, late, (0, 0), balancing=False)
+    assert fault is not None
+    assert fault.name == "late loop"
+    after = Reading(0.2 + TICK, (0.1, 0.0))
+    state, fault = check(state, LIMITS, after, (0, 0), balancing=False)
+    assert (fault, state.late_s) == (None, pytest.approx(0.0))
+
+
+@pytest.mark.parametrize("theta", [(nan, 0.2), (1.5, 0.2), (0.1, 1.6)])
+def test_angles_of_a_lost_encoder_are_not_gone_on_from(theta: tuple[float, float]):
+    """`without` puts the last good angle in the place of the lost one."""
+    state, _ = check(MonitorState(), LIMITS, Reading(0.0, (0.1, 0.2)), (0, 0), balancing=False)
+    after, fault = check(state, LIMITS, Reading(TICK, theta), (0, 0), balancing=False)
+    assert fault is not None
+    assert not fault.level
+    assert (after.t_s, after.theta_rad) == (0.0, (0.1, 0.2))
