@@ -7,7 +7,7 @@ which arm tilts which axis, in which direction, and whether the middle is level.
 """
 
 from collections.abc import Callable, Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import hypot
 
 from rig.hardware.homing.homing_moves import (
@@ -19,6 +19,7 @@ from rig.hardware.homing.homing_moves import (
     HomingRefused,
     Pair,
     Sight,
+    breakaway,
     find_stops,
     hold,
     look,
@@ -35,7 +36,8 @@ from rig.table import Table
 class Homing:
     """What homing found, by servo of the linkage (x, y, or the arms).
 
-    travel_rad: between the stops; moving_V: volts that moved the arm, 0 where angles did; level:
+    travel_rad: between the stops; moving_V: volts that moved the arm, 0 where angles did;
+    breakaway_V: at which it begins to move up and down, none where angles move it; level:
     (sin phi_x, sin phi_y) in the middle between the stops as the markers see them, None where they
     were not seen. Which axis is which, and which way is down, is then what the rig file says.
     """
@@ -44,6 +46,7 @@ class Homing:
     travel_rad: Channels
     moving_V: Channels
     level: Pair | None = None
+    breakaway_V: tuple[Pair, ...] = ()
 
     @property
     def confirmed(self) -> bool:
@@ -73,10 +76,23 @@ def plan(rig: Rig) -> Plan:
         _check_travel(found, rig)
         done.append(found)
         sight = yield from hold(done, [a.middle for a in done], sight)
+    ways: list[Pair] = []
+    for arm in done:
+        way, sight = yield from breakaway(arm, rig.servo, sight)
+        ways.append(way)
+        sight = yield from hold(done, [a.middle for a in done], sight)
     columns, level, sight = yield from swing(done, sight)
-    if level is None:
-        return unconfirmed(done, rig)
-    return confirmed(done, columns, level, rig)
+    found = unconfirmed(done, rig) if level is None else confirmed(done, columns, level, rig)
+    return replace(found, breakaway_V=_by_servo(done, ways, found.wiring))
+
+
+def _by_servo(arms: list[Arm], ways: list[Pair], wiring: Wiring) -> tuple[Pair, ...]:
+    """Volts up and down of counts, by arm, as up and down of the servos' angles, by servo."""
+    found = {}
+    for arm, (rise, fall) in zip(arms, ways, strict=True):
+        rises = wiring.sign_angle[arm.encoder] > 0
+        found[wiring.order[arm.encoder]] = (rise, fall) if rises else (fall, rise)
+    return tuple(found[servo] for servo in sorted(found))
 
 
 def _check_pairs(arms: list[Arm]) -> None:

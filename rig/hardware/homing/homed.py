@@ -41,7 +41,8 @@ class Homed:
     take one means there: ids on a bus, pulses); boot_id: name of the table's
     power-up (None where it has none); at: ISO time, UTC; confirmed: the markers saw the plate move;
     travel_rad: between the stops, by servo; wiring: what the homing found; voltage_limit_V:
-    with which it was done (inf: a file of an earlier version does not tell).
+    with which it was done (inf: a file of an earlier version does not tell); breakaway_V: at which
+    each arm begins to move, up and down (none: as that, or the servos take angles).
     """
 
     kind: str
@@ -52,6 +53,7 @@ class Homed:
     travel_rad: tuple[float, ...]
     wiring: Wiring
     voltage_limit_V: float = inf
+    breakaway_V: tuple[tuple[float, float], ...] = ()
 
     @classmethod
     def of(cls, found: Homing, rig: Rig, boot_id: str | None) -> "Homed":
@@ -59,7 +61,7 @@ class Homed:
         now = datetime.now(UTC).isoformat(timespec="seconds")
         where = (rig.table.kind, _where(rig))
         kept = (found.confirmed, found.travel_rad, found.wiring, rig.servo.voltage_limit_V)
-        return cls(*where, boot_id, now, *kept)
+        return cls(*where, boot_id, now, *kept, found.breakaway_V)
 
     def save(self, path: Path) -> None:
         """Write the homing to a JSON file that `load` reads. OSError: it cannot be written."""
@@ -172,6 +174,8 @@ def load(path: Path) -> Homed:
             raise ValueError(f"at = {found.at} has no time zone")
         if not all(0.0 < travel < inf for travel in found.travel_rad):
             raise ValueError(f"travel_rad = {found.travel_rad} is no way between stops")
+        if not all(0.0 <= volts < inf for pair in found.breakaway_V for volts in pair):
+            raise ValueError(f"breakaway_V = {found.breakaway_V} moves no arm")
         return found
     except ValueError as error:
         first = str(error).splitlines()[0]

@@ -3,7 +3,9 @@ sent what is seen in a tick and answers with the volts of the motor channels."""
 
 from collections.abc import Generator
 from dataclasses import dataclass, replace
-from math import radians, sin
+from math import expm1, radians, sin, sqrt
+
+from rig.parameters import Servo
 
 Pair = tuple[float, float]
 Channels = tuple[float, ...]  # a number for each channel of the board
@@ -24,6 +26,7 @@ SWING_RAD = 0.2
 FEWEST_LOOKS = 5
 LEVEL_SINE = sin(radians(1.0))
 SPEED_RAD_S = 0.3  # a tachometer that shows this: the motor turns
+SLOW_RAMP_V_S = 0.5  # chosen: of MOVED_RAD it needs 0.2 V, which a tenth of the gain makes 0.01
 
 
 class HomingRefused(ValueError):  # noqa: N818 - the state, not the slip
@@ -150,6 +153,48 @@ def find_stops(
     high = sight.theta_rad[arm.encoder]
     sight = yield from _seek(arm, -1, held, sight)
     return replace(arm, low=sight.theta_rad[arm.encoder], high=high), sight
+
+
+def ramp_volts(servo: Servo) -> float:
+    """Volts [V] by which SLOW_RAMP_V_S has risen while an arm without friction goes MOVED_RAD.
+
+    tau w' = K r t - w from rest: its angle is K r (t^2/2 - tau t + tau^2 (1 - e^(-t/tau))), between
+    that of a servo without tau, sqrt(2 MOVED_RAD/(K r)) before it has gone the way, and tau later.
+    """
+    tau, rate = servo.time_constant_s, servo.gain_rad_s_V * SLOW_RAMP_V_S
+    low_s = sqrt(2 * MOVED_RAD / rate)
+    high_s = low_s + tau
+    for _ in range(40):
+        t = 0.5 * (low_s + high_s)
+        gone = rate * (0.5 * t * t - tau * t - tau * tau * expm1(-t / tau))
+        low_s, high_s = (t, high_s) if gone < MOVED_RAD else (low_s, t)
+    return SLOW_RAMP_V_S * low_s
+
+
+def breakaway(
+    arm: Arm, servo: Servo, sight: Sight
+) -> Generator[Channels, Sight, tuple[Pair, Sight]]:
+    """Volts at which an arm begins to move so that its counts rise, and fall; and the last sight.
+
+    Each way a slow ramp moves it by MOVED_RAD, which takes up the play of its joint, then another
+    one, whose volts count, less those of that way. HomingRefused: "stuck".
+    """
+    found: list[float] = []
+    for way in (1, 1, -1, -1):
+        sight = yield from rest(sight)
+        begin, volts = sight, 0.0
+        while way * (sight.theta_rad[arm.encoder] - begin.theta_rad[arm.encoder]) <= MOVED_RAD:
+            passed_s = sight.t_s - begin.t_s
+            if passed_s > MOST_V / SLOW_RAMP_V_S + STEADY_S:
+                raise HomingRefused(
+                    "stuck",
+                    f"the arm of motor channel {arm.motor} does not move from its middle at "
+                    f"{MOST_V:g} V: is it stiff?",
+                )
+            volts = min(SLOW_RAMP_V_S * passed_s, MOST_V)
+            sight = yield _volts(arm.motor, way * arm.sign * volts)
+        found.append(max(volts - ramp_volts(servo), 0.0))
+    return (found[1], found[3]), sight
 
 
 def _seek(arm: Arm, way: int, held: list[Arm], sight: Sight) -> Steps:

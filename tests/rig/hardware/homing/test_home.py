@@ -199,3 +199,25 @@ def test_zero_is_where_the_arms_are_level():
     result = found(table)
     for arm, zero, right in zip((0, 1), result.wiring.zero_counts, (500, -900), strict=True):
         assert abs(zero - right) * STEP_RAD < 0.012, arm
+
+
+@pytest.mark.parametrize("friction_V", [0.0, 0.3, 0.5])
+@pytest.mark.parametrize("play_rad", [0.0, 0.052])
+def test_it_measures_what_moves_each_arm_each_way(friction_V, play_rad):
+    """Friction of motor, arm and joint, less or more the offset, as the rig's own numbers say; arms
+    that are knocked by their motor through its play move a little early."""
+    effects = dict(REAL.effects)
+    effects["gear_backlash"] = {axis: {"play_rad": play_rad} for axis in ("x", "y")}
+    effects["coulomb_friction"] = {axis: {"friction_V": friction_V} for axis in ("x", "y")}
+    rig = replace(REAL, effects=effects)
+    table = Miswired(rig, swap=True, volt_signs=(-1, 1), count_signs=(1, -1))
+    result = found(table, rig)
+    drive = rig.drive.arm_friction_nm + rig.drive.joint_friction_nm
+    dry = friction_V + drive / rig.servo.torque_per_volt_nm
+    for (up, down), axis in zip(result.breakaway_V, ("x", "y"), strict=True):
+        offset = effects["voltage_offset"][axis]["offset_V"]
+        assert up == pytest.approx(max(dry - offset, 0.0), abs=0.12)
+        assert down == pytest.approx(max(dry + offset, 0.0), abs=0.12)
+        # What surely moves it counts friction twice.
+        assert up + 0.5 * (up + down) > dry - offset
+        assert down + 0.5 * (up + down) > dry + offset

@@ -67,6 +67,17 @@ def test_a_way_between_stops_that_is_none_is_refused(tmp_path: Path, travel: flo
         load(path)
 
 
+@pytest.mark.parametrize("volts", [nan, inf, -0.1])
+def test_volts_that_move_no_arm_are_refused(tmp_path: Path, volts: float):
+    path, moves = tmp_path / "rig.home.json", ((0.3, 0.1), (0.2, 0.0))
+    replace(homed("id ab"), breakaway_V=moves).save(path)
+    assert load(path).breakaway_V == moves
+    assert Homed.of(replace(FOUND, breakaway_V=moves), RIG, "id ab").breakaway_V == moves
+    replace(homed("id ab"), breakaway_V=((0.3, 0.1), (volts, 0.2))).save(path)
+    with pytest.raises(NotHomed, match=r"is no homing.*run rig home"):
+        load(path)
+
+
 def test_limits_wider_than_at_the_homing_are_refused():
     """FOUND: 1.1 rad between the stops of one arm, at 6 V."""
     one = homed("id ab")
