@@ -61,8 +61,9 @@ static void uart_start(void) {
     UCSR0B = _BV(RXEN0) | _BV(TXEN0) | _BV(RXCIE0);
 }
 
+/* What has come, until the next tick is due: a host that never pauses delays none. */
 static void uart_receive(void) {
-    while (rx_out != rx_in) {
+    while (rx_out != rx_in && !ticks) {
         board_byte(&board, rx[rx_out]);
         rx_out = (uint8_t)((rx_out + 1) % RX_SIZE);
     }

@@ -20,7 +20,7 @@ static uint16_t crc_of(const uint8_t *data, uint8_t length) {
 
 static uint8_t expected_length(uint8_t kind) {
     switch (kind) {
-    case CONFIG_REQUEST: return 24;
+    case CONFIG_REQUEST: return 34;
     case ARM: return 7;
     case DISARM: return 1;
     case COMMAND: return 8;

@@ -11,7 +11,7 @@
 
 #include <stdint.h>
 
-#define PROTOCOL_VERSION 2
+#define PROTOCOL_VERSION 3
 #define LONGEST_FRAME 64 /* the closing zero included */
 #define LONGEST_PAYLOAD (LONGEST_FRAME - 4)
 

@@ -6,6 +6,7 @@
 
 uint8_t kind_config(board_t *b, const uint8_t *p) {
     uint16_t per_rev = get16(p + 14), most;
+    uint8_t e;
     if (p[0] != CONFIG_REQUEST || per_rev < FEWEST_COUNTS || get16(p + 22) == 0) return 0;
     b->wired = p[5];
     if (!(p[5] & WIRED_HOMED)) b->fresh = 0; /* it is about to be homed */
@@ -17,12 +18,24 @@ uint8_t kind_config(board_t *b, const uint8_t *p) {
     b->limit_mV = get16(p + 18);
     if (b->limit_mV > LIMIT_MV) b->limit_mV = LIMIT_MV;
     b->gain = (uint16_t)(1407434UL / per_rev); /* 14 V/rad = 2 pi 14000/per_rev mV a count */
-    b->time_constant_ms = get16(p + 20);
+    b->time_constant_ms = get16(p + 20) ? get16(p + 20) : 1;
     /* A tick and a half; and more for a slow servo, which else swings across its limit: near it the
      * law is a spring of k = W/taper with damping (1 + k delay)/(2 sqrt(k tau)). */
     b->delay_half_ms = (uint16_t)(2 * FILTER_MS + 3 + b->time_constant_ms / 20);
     b->top_speed = (int32_t)((uint32_t)per_rev * get16(p + 22) / 24544) + 1; /* of mrad/s */
     b->taper = per_rev / 157 + 1;
+    b->lag_share = (int16_t)(8192 / b->time_constant_ms);
+    if (b->lag_share > 2048) b->lag_share = 2048;
+    if (b->lag_share < 1) b->lag_share = 1;
+    b->moved = per_rev / 1571; /* 0.004 rad */
+    if (b->moved < MOVED_COUNTS) b->moved = MOVED_COUNTS;
+    for (e = 0; e < 2; e++) {
+        b->sure_mV[e][0] = get16(p + 24 + 4 * e);
+        b->sure_mV[e][1] = get16(p + 26 + 4 * e);
+    }
+    b->push_limit = 500 * (int32_t)get16(p + 32);
+    memset(b->push, 0, sizeof b->push);
+    b->lost = 0;
     b->catch_ms = 0;
     return 1;
 }
@@ -112,13 +125,34 @@ static uint8_t stalled(board_t *b, uint8_t e) {
     return ++b->stall_ms[e] >= STALL_MS;
 }
 
+/* Volts that must have moved an arm whose encoder shows no motion: the law of
+ * rig/safety/motion_watch.py, in mV times 2 ms, as each arm is looked at in every second tick. */
+static uint8_t still(board_t *b, uint8_t e) {
+    int32_t v = b->applied_mV[motor_of(b, e)], lagged, *push = b->push[e];
+    int32_t moved = clamp((int32_t)((uint32_t)b->counts[e] - (uint32_t)b->still_from[e]), 100000);
+    if (is_negative(b, e)) v = -v;
+    b->lagged[e] += ((LAG_PARTS * v - b->lagged[e]) * b->lag_share) >> 12; /* no slow division */
+    lagged = b->lagged[e] / LAG_PARTS;
+    if (moved > b->moved || moved < -b->moved) {
+        b->still_from[e] = b->counts[e];
+        push[0] = push[1] = 0;
+        return 0;
+    }
+    push[0] += least(v, lagged) - b->sure_mV[e][0];
+    push[1] += least(-v, -lagged) - b->sure_mV[e][1];
+    if (push[0] < 0) push[0] = 0;
+    if (push[1] < 0) push[1] = 0;
+    return (b->wired & WIRED_HOMED) && (push[0] > b->push_limit || push[1] > b->push_limit);
+}
+
 static void guard(board_t *b) {
     session_t *s = &b->session;
     uint8_t e;
     int32_t runaway = (int32_t)b->angle_limit + b->angle_limit / 6;
     for (e = 0; e < 2; e++) {
-        if (stalled(b, e)) {
-            b->catch_ms = 0;
+        uint8_t is_still = (b->past_at & 1) == e && still(b, e); /* in turn: a tick is short */
+        if (stalled(b, e) || is_still) {
+            b->lost |= (uint8_t)(1 << e);
             if (s->state == IS_ARMED || s->state == IS_LEVELLING)
                 session_stop(s, BY_STALL, IS_LATCHED);
         }
@@ -155,6 +189,7 @@ static void apply(board_t *b) {
     b->limited = s->busy = 0;
     for (e = 0; e < 2; e++) {
         int32_t wish = wish_mV(b, e), v = b->catch_ms ? guarded_mV(b, e, wish) : wish;
+        if (b->lost & (1 << e)) v = 0;
         if (s->state == IS_ARMED) b->limited |= v != wish;
         else s->busy |= v != 0;
         b->applied_mV[motor_of(b, e)] = (int16_t)(is_negative(b, e) ? -v : v);

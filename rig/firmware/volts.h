@@ -10,6 +10,10 @@ enum { WIRED_HOMED = 1, WIRED_NEGATIVE_0 = 2, WIRED_NEGATIVE_1 = 4, WIRED_CROSSE
 #ifndef LIMIT_MV
 #define LIMIT_MV 6000 /* nominal voltage of the motors */
 #endif
+#if LIMIT_MV > 16000
+#error "LIMIT_MV: 16000 at most, or the volts that a servo's speed follows overflow 32 bits"
+#endif
+#define LAG_PARTS 32 /* of a mV: twice LIMIT_MV in them, times the largest lag_share, is below 2^31 */
 #ifndef ANGLE_LIMIT_MRAD
 #define ANGLE_LIMIT_MRAD 600 /* from level; the stops of the reference table are at 610 */
 #endif
@@ -21,6 +25,7 @@ enum { WIRED_HOMED = 1, WIRED_NEGATIVE_0 = 2, WIRED_NEGATIVE_1 = 4, WIRED_CROSSE
 #define FEWEST_COUNTS 64 /* of an encoder in a revolution */
 #define RATE_MS 8 /* span over which levelling measures speed */
 #define FILTER_MS 16 /* time constant of the speed by which arms are braked */
+#define MOVED_COUNTS 2 /* more is a motion: an arm at the edge of a count shows one */
 #define CATCH_TAUS 5 /* so long after the session arms are still braked; e^-5 is left at 0 V */
 
 struct board {
@@ -44,6 +49,10 @@ struct board {
     uint16_t delay_half_ms; /* age of the speed when volts act */
     int32_t top_speed; /* at limit_mV, in counts/256 a ms */
     int32_t taper; /* room in which volts are bounded: 0.04 rad, in counts */
+    uint16_t sure_mV[2][2]; /* that surely move the arm of an encoder channel, up and down */
+    int32_t push_limit; /* of volts beyond these without motion, in mV times 2 ms */
+    int32_t moved; /* a motion, in counts */
+    int16_t lag_share; /* of the way to the volts that lagged goes in 2 ms, 1/4096 */
     /* commands */
     int16_t wish_mV[2];
     uint8_t ttl_ms;
@@ -56,6 +65,9 @@ struct board {
     int32_t stall_from[2];
     uint16_t stall_ms[2];
     int8_t stall_sign[2];
+    int32_t still_from[2], lagged[2]; /* volts as speed follows them, mV/LAG_PARTS */
+    int32_t push[2][2]; /* up and down */
+    uint8_t lost; /* bit 0, 1: of what showed a stall: it gets no volts until configured anew */
 };
 
 void board_init(board_t *b, uint16_t supply_mV, uint8_t has_tachometer);

@@ -10,10 +10,17 @@ import numpy as np
 from rig.hardware.observations import ObservationSource
 from rig.hardware.wiring import Wiring, file_wiring, raw_wiring
 from rig.parameters import ANGLE_KINDS, BUS_KINDS, PULSES, Rig
+from rig.safety.motion_watch import Both, sure_volts
 from rig.table import Table
 
 if TYPE_CHECKING:
     from rig.hardware.bus.vendor import Vendor
+
+
+# What the loop's limiter alone is proven for (tests/rig/safety/test_limits.py): boards and served
+# tables brake their arms themselves. At 12 V of the default servo it is passed by 3 degrees, at 100
+# ticks a second by 2, with 64 counts a turn by 3.
+FASTEST_RAD_S, SLOWEST_HZ, FEWEST_COUNTS = 12.0, 200.0, 400
 
 
 class OpenTable(Table, AbstractContextManager, Protocol):
@@ -41,6 +48,8 @@ def check_drive(rig: Rig) -> None:
             f"servo.kind = 'position': table.kind = '{kind}' drives volts, which would be wrong; "
             f"tables that are told an angle: {', '.join(ANGLE_KINDS)}"
         )
+    if kind == "quanser":
+        _check_limiter(rig)
     if kind not in ANGLE_KINDS:
         return
     if not servo.takes_angle:
@@ -49,17 +58,39 @@ def check_drive(rig: Rig) -> None:
         raise ValueError("servo.angle_measured = true: servos on pulses tell nobody their angle")
 
 
+def _check_limiter(rig: Rig) -> None:
+    """Raise ValueError where the loop's limiter, which alone guards this table, may be too slow."""
+    servo, rate_hz = rig.servo, rig.control_rate_hz
+    fastest = servo.gain_rad_s_V * servo.voltage_limit_V
+    why = "or an arm passes its angle limit"
+    if fastest > FASTEST_RAD_S:
+        raise ValueError(
+            f"servo.voltage_limit_V = {servo.voltage_limit_V:g}: at most "
+            f"{FASTEST_RAD_S / servo.gain_rad_s_V:.2g} with gain_rad_s_V = {servo.gain_rad_s_V:g} "
+            f"({FASTEST_RAD_S:g} rad/s), {why}"
+        )
+    if rate_hz < SLOWEST_HZ:
+        raise ValueError(f"control_rate_hz = {rate_hz:g}: at least {SLOWEST_HZ:g} here, {why}")
+    if servo.encoder_counts_per_rev < FEWEST_COUNTS:
+        raise ValueError(
+            f"servo.encoder_counts_per_rev = {servo.encoder_counts_per_rev}: at least "
+            f"{FEWEST_COUNTS} here, {why}"
+        )
+
+
 def open_table(
     rig: Rig,
     eye: ObservationSource | None = None,
     *,
     wiring: Wiring | None = None,
     homed: bool = True,
+    breakaway_V: tuple[Both, ...] = (),
 ) -> OpenTable:
     """Return the table that `rig.table` names, open and disarmed or at 0 V; `with` arms it.
 
     eye: where observations of the ball come from (None: without a camera); wiring: what homing
-    found (default: the rig file's); homed False: channels as they are, for homing itself; such a
+    found (default: the rig file's), breakaway_V: too, for what
+    watches the arms there; homed False: channels as they are, for homing itself; such a
     table is never levelled. ValueError: the rig file or its token file is wrong, or its servos take
     what the table does not give. OSError: the table is not there, in one line with the cure.
     """
@@ -73,7 +104,7 @@ def open_table(
     if kind == PULSES:
         return _pulses(rig, eye, wired)
     if kind in ("serial", "usb"):
-        return _board(rig, eye, wired, homed)
+        return _board(rig, eye, wired, homed, sure_volts(rig, breakaway_V))
     if kind == "quanser":
         from rig.hardware.quanser.quanser import QuanserTable
 
@@ -83,7 +114,8 @@ def open_table(
 
     token = read_token(Path(rig.table.token_file))
     host, port = host_and_port(rig.table.address)
-    return RemoteTable(host, port, token, wired, eye=eye, homed=homed)
+    sure_V = sure_volts(rig, breakaway_V)
+    return RemoteTable(host, port, token, wired, eye=eye, homed=homed, sure_V=sure_V)
 
 
 def _simulated(rig: Rig, homed: bool) -> OpenTable:
@@ -97,7 +129,13 @@ def _simulated(rig: Rig, homed: bool) -> OpenTable:
     return table
 
 
-def _board(rig: Rig, eye: ObservationSource | None, wiring: Wiring, homed: bool) -> OpenTable:
+def _board(
+    rig: Rig,
+    eye: ObservationSource | None,
+    wiring: Wiring,
+    homed: bool,
+    sure_V: tuple[Both, Both],
+) -> OpenTable:
     from rig.hardware.board.board import BoardTable
 
     if rig.table.kind == "serial":
@@ -116,6 +154,7 @@ def _board(rig: Rig, eye: ObservationSource | None, wiring: Wiring, homed: bool)
         angle_limit_rad=rig.servo.angle_limit_rad,
         time_constant_s=rig.servo.time_constant_s,
         top_speed_rad_s=rig.servo.gain_rad_s_V * rig.servo.voltage_limit_V,
+        sure_V=sure_V,
         homed=homed,
         eye=eye,
     )

@@ -12,6 +12,7 @@ from rig.hardware.board.session import BoardSession
 from rig.hardware.board.wire import Command, ConfigRequest, Telemetry
 from rig.hardware.observations import ObservationFeed, ObservationSource
 from rig.hardware.wiring import Wiring
+from rig.safety.motion_watch import UNKNOWN, Both, way_of
 from rig.table import Reading
 
 COMMAND_TTL_S = 0.02
@@ -23,7 +24,8 @@ class BoardTable(BoardSession):
     """A table on a serial or USB board with H-bridges: configured and disarmed when opened.
 
     The board's tick is the loop's: `read` waits for its next telemetry, of several the newest.
-    time_constant_s, top_speed_rad_s: of the servo at voltage_limit_V, by which the board brakes.
+    time_constant_s, top_speed_rad_s: of the servo at voltage_limit_V, by which the board brakes;
+    sure_V: volts that surely move each arm, by axis.
     homed False: the zeros are not known yet, so the board keeps to 1.5 V and does not level. eye:
     where observations of the ball come from; tachometer_rad_s_V: speed at the load shaft per volt
     of the tachometer; clock, random_below: as of `BoardSession`. ValueError: a period or a field
@@ -43,6 +45,7 @@ class BoardTable(BoardSession):
         angle_limit_rad: float = pi / 6,
         time_constant_s: float = 0.025,
         top_speed_rad_s: float = 9.18,
+        sure_V: tuple[Both, Both] = UNKNOWN,
         homed: bool = True,
         eye: ObservationSource | None = None,
         tachometer_rad_s_V: float = TACHOMETER_RAD_S_V,
@@ -54,15 +57,29 @@ class BoardTable(BoardSession):
         self._wiring, self._feed = wiring or Wiring(), ObservationFeed(eye)
         self._tachometer = tachometer_rad_s_V
         servo = (time_constant_s, top_speed_rad_s)
-        self._open(lambda: self._request(angle_limit_rad, servo, homed))
+        watched = self._watched(sure_V, top_speed_rad_s / voltage_limit_V)
+        self._open(lambda: self._request(angle_limit_rad, servo, watched, homed))
 
     @property
     def is_fresh(self) -> bool:
         """Whether the board was reset and not opened since: its counts mean nothing then."""
         return bool(self._answer.features & wire.IS_FRESH)
 
+    def _watched(self, sure_V: tuple[Both, Both], gain_rad_s_V: float) -> list[int]:
+        """What the board needs to see an arm that stands still: mV by channel, and V ms."""
+        found: list[float] = []
+        for axis, sign in zip(self._wiring.order, self._wiring.sign_angle, strict=True):
+            up, down = sure_V[axis]
+            found += [1000 * up, 1000 * down] if sign > 0 else [1000 * down, 1000 * up]
+        way_rad = way_of(self._wiring.step_rad)[1]
+        return [math.ceil(min(v, wire.NEVER)) for v in (*found, 1000 * way_rad / gain_rad_s_V)]
+
     def _request(
-        self, angle_limit_rad: float, servo: tuple[float, float], homed: bool
+        self,
+        angle_limit_rad: float,
+        servo: tuple[float, float],
+        watched: list[int],
+        homed: bool,
     ) -> ConfigRequest:
         wiring, period_ms = self._wiring, self._period_ms()
         zero_0, zero_1 = wiring.zero_counts
@@ -79,6 +96,7 @@ class BoardTable(BoardSession):
             round(angle_limit_rad / wiring.step_rad),
             round(1000 * self.voltage_limit_V),
             *(min(max(math.ceil(1000 * number), 1), 65535) for number in servo),
+            *watched,
         )
 
     # --- the contract ---

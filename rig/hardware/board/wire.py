@@ -9,9 +9,10 @@ import struct
 from dataclasses import astuple, dataclass
 from typing import ClassVar, get_args
 
-VERSION = 2
+VERSION = 3
 LONGEST_FRAME = 64  # the closing zero included
 LONGEST_PAYLOAD = LONGEST_FRAME - 4  # COBS byte, CRC and the closing zero
+NEVER = 65535
 HAS_TACHOMETER, IS_FRESH, TAKES_ANGLE, HAS_THREE, REFUSED = 1, 2, 4, 8, 16  # features of a board
 # Flags of a telemetry packet.
 ARMED, LEVELLING, LATCHED, CONFIGURED = 0x01, 0x02, 0x04, 0x08
@@ -27,11 +28,13 @@ class ConfigRequest:
     bits 1 and 2 channel 0, 1 has negative polarity, bit 3 motor plugs are crossed; zero_0, zero_1:
     zero counts of channels 0, 1; counts_per_rev: of an encoder at the load shaft; angle_limit
     [counts]; limit_mV: of the volts; time_constant_ms, top_speed_mrad_s: of the servo at limit_mV,
-    by which the board brakes.
+    by which the board brakes. sure_up_0 to sure_down_1: volts that surely move channel 0, 1 so that
+    its counts rise, and fall [mV], NEVER where nobody knows; push_V_ms: more than these without a
+    motion is a stall (`rig.safety.motion_watch`).
     """
 
     KIND: ClassVar[int] = 0x01
-    LAYOUT: ClassVar[str] = "<BHBBiiHHHHH"
+    LAYOUT: ClassVar[str] = "<BHBBiiHHHHHHHHHH"
     version: int
     nonce: int
     period_ms: int
@@ -43,6 +46,11 @@ class ConfigRequest:
     limit_mV: int
     time_constant_ms: int = 25
     top_speed_mrad_s: int = 9180
+    sure_up_0: int = NEVER
+    sure_down_0: int = NEVER
+    sure_up_1: int = NEVER
+    sure_down_1: int = NEVER
+    push_V_ms: int = NEVER
 
 
 @dataclass(frozen=True)

@@ -10,13 +10,13 @@ from rig.hardware.network.remote_wire import SILENT_S, DriveRequest
 from rig.hardware.wiring import Wiring
 from rig.parameters import Servo
 from rig.safety.levelling import Levelling
-from rig.safety.limits import braking, limit
-from rig.safety.monitor import Fault, MonitorLimits, MonitorState, check
+from rig.safety.limits import CATCH_TAUS, braking, limit
+from rig.safety.monitor import Fault, MonitorLimits, MonitorState, check, without
+from rig.safety.motion_watch import UNKNOWN, Both, MotionLimits
 from rig.table import Reading
 from vision.sources.clock import ForeignClock
 
 LEVEL_S = 0.5
-CATCH_TAUS = 5  # so long after it an arm that would pass its limit is braked; e^-5 is left at 0 V
 HOLD_S = 0.05  # so long a command's volts last without a newer one
 RATE_FILTER_S = 0.02  # as in the loop (`Gains.torque_filter_s`)
 REST_S = 1.0  # after a fault; chosen: ten times what a stall may last, so that motors stay cool
@@ -39,6 +39,8 @@ class ClientWatchdog:
         self._braking = braking(servo, period_s, RATE_FILTER_S)
         self._caught_s = LEVEL_S + CATCH_TAUS * servo.time_constant_s
         self._limits, self._seen = MonitorLimits.of_servo(servo, period_s), MonitorState()
+        self._servo = servo
+        self._lost: int | None = None  # the axis that showed a fault, whose encoder nobody trusts
         self._forget_motion()
         self.armed = self.latched = False
         self.homed = False
@@ -65,14 +67,17 @@ class ClientWatchdog:
         self._sent_s = sent_s
         return now_s - self._clock.to_rig(sent_s, now_s)
 
-    def configure(self, wiring: Wiring, homed: bool) -> None:
-        """Take the wiring; homed False: channels as they are, at HOMING_LIMIT_V.
+    def configure(self, wiring: Wiring, homed: bool, sure_V: tuple[Both, Both] = UNKNOWN) -> None:
+        """Take the wiring; homed False: channels as they are, at HOMING_LIMIT_V; sure_V: volts that
+        surely move each arm, where its user knows.
 
         ValueError: the table does not rest; its arms would be braked by angles of other channels.
         """
         if not self.rests(self._now_s):
             raise ValueError("channels were named while the table moved")
         self.wiring, self.homed = wiring, homed
+        motion = MotionLimits.of_servo(self._servo, sure_V if homed else UNKNOWN)
+        self._limits = replace(self._limits, motion=motion)
         self._forget_motion()  # another zero is none
 
     def arm(self, now_s: float) -> None:
@@ -84,7 +89,7 @@ class ClientWatchdog:
         if now_s < self._rested_s:
             return
         if not self.armed:
-            self._seen = MonitorState()
+            self._seen, self._lost = MonitorState(), None
         self.armed, self.latched, self._levelling = True, False, None
         self._volts, self._fresh_s = (0.0, 0.0), now_s
 
@@ -121,10 +126,13 @@ class ClientWatchdog:
         """Return the fault that a table shows in a reading before it rests, and stop it; None: it
         has none.
 
-        now_s: on our clock. The table is levelled where its encoders may still be trusted.
+        now_s: on our clock. The table is levelled where its encoders may still be trusted; else the
+        axis that showed the fault gets 0 V at once and the other arm is braked before its limit.
         """
         if self.rests(now_s):
             return None
+        if self._lost is not None:
+            reading, self._seen = without(reading, self._lost, self._seen)
         limits = self._limits if self.homed else replace(self._limits, angle_rad=inf)
         self._seen, fault = check(self._seen, limits, reading, self._given, balancing=False)
         if fault is not None and fault.level and not self.armed:  # it is being levelled
@@ -134,7 +142,10 @@ class ClientWatchdog:
         self.stop(now_s)
         self._rested_s = now_s + REST_S
         if not fault.level:
-            self._ended_s = -inf
+            self._levelling = None
+            if fault.axis is None or self._lost is not None:
+                self._ended_s = -inf
+            self._lost = fault.axis
         return fault
 
     def volts(self, theta_rad: tuple[float, float], now_s: float) -> tuple[float, float]:
@@ -144,7 +155,8 @@ class ClientWatchdog:
             self.stop(now_s)
         self._given = (0.0, 0.0)
         if not self.rests(now_s):
-            self._given = self._clamped(self._wanted(theta_rad, now_s), theta_rad, rate_rad_s)
+            x, y = self._clamped(self._wanted(theta_rad, now_s), theta_rad, rate_rad_s)
+            self._given = (0.0 if self._lost == 0 else x, 0.0 if self._lost == 1 else y)
         return self._given
 
     def _wanted(self, theta_rad: tuple[float, float], now_s: float) -> tuple[float, float]:
@@ -169,7 +181,7 @@ class ClientWatchdog:
             decay * rate + (1 - decay) * (angle - before) / (now_s - last[1])
             for rate, angle, before in zip(self._rate_rad_s, theta_rad, last[0], strict=True)
         )
-        self._rate_rad_s = x, y
+        self._rate_rad_s = x if isfinite(x) else 0.0, y if isfinite(y) else 0.0
         return self._rate_rad_s
 
     def _clamped(self, volts, theta_rad, rate_rad_s) -> tuple[float, float]:

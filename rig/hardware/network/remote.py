@@ -16,6 +16,7 @@ from rig.hardware.network.remote_wire import RemoteReading, Wire
 from rig.hardware.observations import ObservationFeed, ObservationSource, TickClock
 from rig.hardware.wiring import Wiring
 from rig.safety.levelling import LevelOnExit
+from rig.safety.motion_watch import UNKNOWN, Both
 from rig.table import Reading
 from vision.frames import Observation
 
@@ -33,7 +34,8 @@ class RemoteTable(LevelOnExit):
     """A table that `rig serve` drives on another machine; of several ticks the newest counts.
 
     `with` arms it, for this connection and until a stop by silence: then the table stays at 0 V.
-    wiring: what homing found; homed False: the channels as they are, at low volts. The ball comes
+    wiring: what homing found; homed False: the channels as they are, at low volts;
+    sure_V: volts that surely move each arm, for the server's monitor. The ball comes
     from the server's camera, or from `eye` here. clock: how the server's clock stands to ours;
     late_ticks: readings that a newer one replaced. LinkLost: nobody answers there, or the token is
     refused; ValueError: the server's encoders have another number of counts than the wiring.
@@ -48,6 +50,7 @@ class RemoteTable(LevelOnExit):
         *,
         eye: ObservationSource | None = None,
         homed: bool = True,
+        sure_V: tuple[Both, Both] = UNKNOWN,
     ) -> None:
         self._name = f"remote table {host}:{port}"
         self._time, self._feed, self.clock = TickClock(), ObservationFeed(eye), LinkClock()
@@ -67,7 +70,7 @@ class RemoteTable(LevelOnExit):
                 )
             self._ask_clock()
             self._wire.sock.settimeout(DEAD_S)
-            self._send(wire.CONFIGURE, wire.Configure.of(wiring, homed).pack())
+            self._send(wire.CONFIGURE, wire.Configure.of(wiring, homed, sure_V).pack())
         except BaseException:
             self._wire.close()
             raise

@@ -10,11 +10,12 @@ import socket
 import struct
 from contextlib import suppress
 from dataclasses import astuple, dataclass
-from math import nan
+from math import inf, nan
 
 from rig.hardware.wiring import Wiring
+from rig.safety.motion_watch import UNKNOWN, Both
 
-VERSION = 1
+VERSION = 2
 NONCE_BYTES, SEAL_BYTES, LONGEST = 32, 8, 400
 PORT = 7643
 SILENT_S = 0.1  # without a fresh command for so long the table stops by itself
@@ -83,10 +84,13 @@ class Ping(_Packed):
     received_s: float = nan
 
 
-@_packs("BBbbbbiiHB")
+@_packs("BBbbbbiiHBffff")
 @dataclass(frozen=True)
 class Configure(_Packed):
-    """User to server: the wiring that homing found; homed 0: channels as they are, at low volts."""
+    """User to server: the wiring that homing found; homed 0: channels as they are, at low volts.
+
+    up_x_V, down_x_V, up_y_V, down_y_V: that surely move an arm, inf where nobody knows.
+    """
 
     swap: int
     crossed: int
@@ -98,13 +102,24 @@ class Configure(_Packed):
     zero_1: int
     counts_per_rev: int
     homed: int
+    up_x_V: float = inf
+    down_x_V: float = inf
+    up_y_V: float = inf
+    down_y_V: float = inf
 
     @classmethod
-    def of(cls, w: Wiring, homed: bool) -> "Configure":
-        """Return the message of a wiring."""
+    def of(cls, w: Wiring, homed: bool, sure_V: tuple[Both, Both] = UNKNOWN) -> "Configure":
+        """Return the message of a wiring; sure_V: by axis, volts up and down that surely move."""
         (v_0, v_1), (a_0, a_1), (z_0, z_1) = w.sign_volts, w.sign_angle, w.zero_counts
         turns = (int(w.swap), int(w.crossed), v_0, v_1, a_0, a_1, z_0, z_1)
-        return cls(*turns, w.counts_per_rev, int(homed))
+        return cls(*turns, w.counts_per_rev, int(homed), *sure_V[0], *sure_V[1])
+
+    def sure_V(self) -> tuple[Both, Both]:
+        """Return the volts that surely move each arm. ValueError: one is negative or NaN."""
+        found = (self.up_x_V, self.down_x_V), (self.up_y_V, self.down_y_V)
+        if not all(volts >= 0.0 for pair in found for volts in pair):
+            raise ValueError(f"volts that move the arms: {found}")
+        return found
 
     def wiring(self) -> Wiring:
         """Return the wiring of the message. ValueError: its numbers make none."""

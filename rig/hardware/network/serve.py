@@ -21,11 +21,13 @@ from rig.hardware.network.remote_wire import DriveRequest, Ping, ProtocolError, 
 from rig.hardware.network.token_file import check_host
 from rig.hardware.wiring import Wiring
 from rig.parameters import Servo
+from rig.shared_memory import encoded
 from rig.table import Reading, Table
 
 GONE_S = 1.0  # a user who was stopped for silence and says nothing more makes room for another
 IDLE_S = 30.0  # one who has not armed the table yet
 BACKLOG, LET_IN = 128, 4  # connections that wait, and that a tick takes; chosen: 2000/s at 500 Hz
+MOST_BYTES = 2048  # that are taken at once; chosen: 50 times what an honest user says in a tick
 ANSWER_SHARE = 0.4  # of a tick: so long is the answer to this very tick waited for
 
 
@@ -133,7 +135,7 @@ class Server:
     def _tell_fault(self, text: str) -> None:
         self._say(text)
         if self._user is not None:
-            self._user.tell(wire.FAULT, text.encode()[:300])
+            self._user.tell(wire.FAULT, encoded(text, 300))
 
     def _telemetry(self, reading: Reading, theta, now_s: float) -> RemoteReading:
         flags = wire.ARMED * self.watchdog.armed | wire.LATCHED * self.watchdog.latched
@@ -189,7 +191,7 @@ class Server:
             answered = False
             if ready:
                 try:
-                    for kind, payload in user.wire.receive():
+                    for kind, payload in user.wire.receive(MOST_BYTES):
                         user.heard_s = now_s
                         answered = self._obey(user, kind, payload, now_s) or answered
                 except (ProtocolError, ValueError) as error:
@@ -215,7 +217,7 @@ class Server:
             said = wire.Configure.unpack(payload)
             if said.counts_per_rev != self._raw.counts_per_rev:  # no angle would be what it is
                 raise ProtocolError(f"{said.counts_per_rev} counts a turn")
-            self.watchdog.configure(said.wiring(), bool(said.homed))
+            self.watchdog.configure(said.wiring(), bool(said.homed), said.sure_V())
         elif kind == wire.ARM:
             self.watchdog.arm(now_s)
         elif kind == wire.DRIVE:

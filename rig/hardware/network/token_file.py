@@ -3,6 +3,7 @@
 `rig serve` and `rig dashboard` let in only who knows the token of such a file.
 """
 
+import os
 import secrets
 import socket
 import stat
@@ -65,8 +66,11 @@ def keep_token(path: Path) -> str:
 
     A server that is started again keeps its token, so that an open page finds it again. Delete the
     file for a new token. What was refused may be somebody's file of that name: it is kept beside
-    the new one as NAME.1, NAME.2 ... OSError: it cannot be written.
+    the new one as NAME.1, NAME.2 ... ValueError: it is a folder, a pipe or a link to nothing.
+    OSError: it cannot be written.
     """
+    if os.path.lexists(path) and not path.is_file():
+        raise ValueError(f"{path} is there and is no file: remove it, or choose another folder")
     try:
         return read_token(path).decode("ascii")
     except FileNotFoundError:

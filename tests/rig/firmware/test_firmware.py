@@ -193,3 +193,22 @@ def test_a_reset_chip_is_disarmed_and_quiet():
 def test_the_mega_builds_too():
     assert firmware("atmega2560").stat().st_size > 1000
     assert Rig().servo.encoder_counts_per_rev == 4096
+
+
+@pytest.mark.parametrize("what", ["commands", "zeros"])
+def test_a_host_that_never_pauses_delays_no_tick_and_keeps_no_volts(what: str):
+    """A line at its full 500 kBaud; before, the chip saw to nothing else until it was reset."""
+    bench = Bench()
+    bench.send(Command(101, 20, 2000, 0))
+    bench.run(2)
+    assert any(bench.chip.volts())
+    old = encode(Command(50, 20, 3000, 3000))
+    flood = (bytes(50) if what == "zeros" else 4 * old)[:50]
+    seen_us, volts = [], []
+    for _ in range(300):
+        bench.chip.receive(flood)
+        seen_us += [one.clock_us for one in bench.run(1) if isinstance(one, Telemetry)]
+        volts.append(any(bench.chip.volts()))
+    assert not any(volts[25:])  # the command's 20 ms, and a tick
+    assert max(np.diff(seen_us)) <= 4000  # every telemetry comes, a tick late at most; no reset
+    assert min(np.diff(seen_us)) > 0

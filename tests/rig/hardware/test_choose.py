@@ -7,7 +7,7 @@ import pytest
 
 from rig.hardware.board.link import LinkLost
 from rig.hardware.camera.plate_tilt import MarkerTilt
-from rig.hardware.choose import host_and_port, open_table, usb_numbers
+from rig.hardware.choose import check_drive, host_and_port, open_table, usb_numbers
 from rig.hardware.wiring import Wiring, file_wiring, level_counts, raw_wiring
 from rig.loop.paced import Paced
 from rig.parameters import Rig, Servo, TableChoice
@@ -41,6 +41,23 @@ def test_addresses(address: str, pair: tuple[str, int]):
 def test_what_is_no_address_is_refused(address: str):
     with pytest.raises(ValueError, match="host:port"):
         host_and_port(address)
+
+
+@pytest.mark.parametrize(
+    ("servo", "rate_hz", "said"),
+    [
+        (Servo(voltage_limit_V=24.0), 500.0, "voltage_limit_V = 24: at most 7"),
+        (Servo(), 100.0, "control_rate_hz = 100: at least 200"),
+        (Servo(encoder_counts_per_rev=64), 500.0, "encoder_counts_per_rev = 64: at least 400"),
+    ],
+)
+def test_a_table_that_the_limiter_alone_cannot_guard_is_refused(servo, rate_hz: float, said: str):
+    rig = Rig(servo=servo, control_rate_hz=rate_hz, table=TableChoice(kind="quanser"))
+    with pytest.raises(ValueError, match=said):
+        open_table(rig)
+    check_drive(
+        replace(rig, table=TableChoice(kind="serial", port="p"))
+    )  # a board brakes by itself
 
 
 def test_usb_numbers():

@@ -17,8 +17,8 @@ from rig.hardware.board.usb_link import UsbLink
 from rig.hardware.homing import homed as homing
 from rig.hardware.wiring import Wiring
 from rig.loop.commands import CommandSlot
+from rig.loop.job import Job
 from rig.loop.loop import Ending, Loop, ending_of
-from rig.loop.process import Job
 from rig.parameters import Rig
 from rig.plant.ball import tilt_sines
 from tests.support.boards.pty import PtyBoard, SteppedLink

@@ -385,3 +385,85 @@ def test_a_new_user_has_a_clock_of_their_own():
     assert one.hear(T - 51.0, T) == 0.0
     assert one.hear(T - 51.0, T) == inf
     assert one.hear(T - 50.96, T + 0.06) == pytest.approx(0.02)
+
+
+MOVES = ((0.5, 0.25), (0.5, 0.25))
+
+
+@pytest.mark.parametrize("volts", [1.0, -0.6])
+def test_a_still_arm_under_weak_volts_that_surely_move_it_gets_no_more(volts: float):
+    """Frozen or blocked; below 2 V it was never seen. The user's next wiring knows other volts."""
+    one = ClientWatchdog(6.0, SERVO, 0.002)
+    one.configure(Wiring(), True, MOVES)
+    one.arm(T)
+    given = watched(one, [0.1] * 500, volts)
+    assert given[50] == (volts, 0.0)
+    assert given[-1] == (0.0, 0.0)
+    assert not one.armed
+    for sure_V, homed in ((((2.0, 2.0), (0.1, 0.1)), True), (MOVES, False)):
+        other = ClientWatchdog(6.0, SERVO, 0.002)
+        other.configure(Wiring(), True, MOVES)
+        other.configure(Wiring(), homed, sure_V)
+        other.arm(T)
+        assert watched(other, [0.1] * 500, volts)[-1] == (volts, 0.0)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("fault", [0.4, nan])
+def test_the_arm_whose_encoder_is_right_is_braked_when_the_other_ones_is_lost(axis, fault):
+    """Both at 0 V, it flew on up to its stop."""
+    one, given = watchdog(), []
+    lost_s = T + 0.002 * 25
+    for k in range(200):
+        now_s = T + 0.002 * k
+        flies = min(0.016 * k, 0.55)
+        angles = [fault if now_s >= lost_s else 0.0] * 2
+        angles[1 - axis] = flies
+        told(one, 6.0, 6.0, at_s=now_s)
+        one.watch(Reading(now_s, (angles[0], angles[1])), now_s)
+        given.append(one.volts((angles[0], angles[1]), now_s))
+    lost, right = [v[axis] for v in given], [v[1 - axis] for v in given]
+    assert lost[24] == 6.0
+    assert not np.any(lost[25:])
+    assert min(right[25:36]) < -3.0  # 0.4 rad and more, at 8 rad/s
+    assert right[-1] == 0.0
+    assert not one.armed
+    one.arm(T + 2.0)
+    told(one, 1.0, 1.0, at_s=T + 2.0)
+    assert one.volts((0.0, 0.0), T + 2.0) == (1.0, 1.0)
+
+
+def test_two_lost_encoders_brake_nothing():
+    one = watchdog()
+    watched(one, [0.016 * k for k in range(26)], 6.0)
+    now_s = T + 0.052
+    assert one.watch(Reading(now_s, (nan, nan)), now_s) is not None
+    assert one.volts((0.416, 0.0), now_s) == (0.0, 0.0)
+    other = watchdog()
+    watched(other, [0.016 * k for k in range(26)], 6.0)
+    assert other.watch(Reading(now_s, (0.416, nan)), now_s) is not None
+    assert other.volts((0.43, 0.0), now_s)[0] < -1.0
+    later_s = now_s + 0.002
+    fault = other.watch(Reading(later_s, (nan, 0.0)), later_s)
+    assert fault is not None
+    assert other.volts((0.43, 0.0), later_s) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_angles_that_were_no_numbers_are_no_motion_afterwards(side: int):
+    one = watchdog(armed=False)
+    for k, theta in enumerate((nan, side * 0.49, side * 0.49)):
+        if k == 2:
+            one.arm(T + 0.002)
+            told(one, side * 6.0, -side * 6.0, at_s=T + 0.002)
+        given = one.volts((theta, -theta), T + 0.002 * min(k, 1))
+    assert given == pytest.approx((side * 1.5, -side * 1.5))
+
+
+def test_an_arm_beside_a_lost_encoder_is_not_levelled():
+    one = watchdog()
+    assert one.watch(Reading(T, (0.0, 0.2)), T) is None
+    one.volts((0.0, 0.2), T)
+    assert one.watch(Reading(T + 0.002, (nan, 0.2)), T + 0.002) is not None
+    for k in range(1, 20):
+        assert one.volts((0.0, 0.2), T + 0.002 * k) == (0.0, 0.0)

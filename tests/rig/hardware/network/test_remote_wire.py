@@ -10,6 +10,7 @@ import struct
 from contextlib import contextmanager
 from dataclasses import FrozenInstanceError
 from itertools import product
+from math import inf, nan
 
 import pytest
 
@@ -214,7 +215,7 @@ def test_numbers_of_the_protocol():
     kinds = (HELLO, PROOF, REFUSE, WELCOME, PING, PONG, CONFIGURE, ARM, DRIVE, READING, FAULT, BYE)
     assert kinds == tuple(range(1, 13))
     assert (ARMED, LATCHED, WITH_BALL, WITH_SPEED) == (1, 2, 4, 8)
-    assert (VERSION, NONCE_BYTES, LONGEST, PORT, SILENT_S) == (1, 32, 400, 7643, 0.1)
+    assert (VERSION, NONCE_BYTES, LONGEST, PORT, SILENT_S) == (2, 32, 400, 7643, 0.1)
     said = CLIENT + proof(TOKEN, SERVER, CLIENT)
     assert len(struct.pack("<HB", 1 + len(said), PROOF) + said) == PROOF_BYTES
 
@@ -263,7 +264,7 @@ def test_what_is_packed_is_unpacked_and_has_one_size():
     messages = [
         (Welcome(1, b"i" * 16, 0.002, 6.0, 4096, 1), 2 + 16 + 8 + 8 + 2 + 1),
         (Ping(1.5, 2.5), 16),
-        (Configure(1, 0, -1, 1, 1, -1, -5, 70000, 4096, 1), 2 + 4 + 8 + 2 + 1),
+        (Configure(1, 0, -1, 1, 1, -1, -5, 70000, 4096, 1, 0.5, 0.25), 2 + 4 + 8 + 2 + 1 + 16),
         (DriveRequest(7, 1.5, 50, -2.0, 3.0), 4 + 8 + 2 + 16),
         (RemoteReading(9, 15, *numbers), 5 + 14 * 8),
     ]
@@ -282,7 +283,13 @@ def test_what_is_packed_is_unpacked_and_has_one_size():
 def test_the_wiring_travels():
     for swap, crossed, homed in product((False, True), repeat=3):
         wiring = Wiring((1, 0) if swap else (0, 1), (1, -1), (-1, 1), (5, -70000), 2048, crossed)
-        message = Configure.of(wiring, homed)
+        message = Configure.of(wiring, homed, ((0.5, 0.25), (0.0, inf)))
+        assert message.sure_V() == Configure.unpack(message.pack()).sure_V()
+        assert message.sure_V() == ((0.5, 0.25), (0.0, inf))
+        assert Configure.of(wiring, homed).sure_V() == ((inf, inf), (inf, inf))
+        for bad in (-0.1, nan):
+            with pytest.raises(ValueError, match="move the arms"):
+                Configure.of(wiring, homed, ((0.5, 0.25), (bad, 0.1))).sure_V()
         assert message.wiring() == wiring
         assert (message.swap, message.crossed, message.homed) == (swap, crossed, homed)
         assert message.volts_0 == 1

@@ -525,6 +525,25 @@ def test_who_says_anything_keeps_the_seat():
             assert one.server._user is not None
 
 
+def test_one_who_floods_makes_no_tick_long():
+    """Thousands of messages that wait are taken some at a time, each tick in turn."""
+    with served() as one:
+        user = one.user()
+        user.sock.settimeout(2.0)
+        ping = wire.Ping(7.0).pack()
+        for _ in range(2000):
+            user.wire.send(wire.PING, ping)
+        obeyed = []
+        obey = one.server._obey
+        one.server._obey = lambda *words: obeyed.append(words) or obey(*words)
+        one.slow_s = 4e-4  # a look at the clock
+        one.ticks()
+        assert 0 < len(obeyed) < 200
+        one.ticks(100)
+        assert len(obeyed) == 2000
+        assert one.server._user is not None
+
+
 def test_who_hangs_up_is_gone():
     with served() as one:
         user = one.user()
