@@ -21,7 +21,7 @@ from rig.hardware.wiring import Pair, Wiring
 from rig.linkage import Linkage
 from rig.loop.ticker import Ticker, sleep_until
 from rig.safety.levelling import LevelOnExit
-from rig.table import Reading
+from rig.table import ArmingStoppedError, Reading
 
 ANSWER_S = 0.5  # chosen: an adapter that was just plugged in is slow at first
 ASK_AGAIN_S = 0.02  # chosen: above the 16 ms for which an FTDI adapter may keep an answer back
@@ -29,6 +29,7 @@ HEALTH_S = 0.1  # torque, watchdog and hardware errors are looked at so often
 START_RAD_S = 0.5  # chosen: a plate that is brought level by itself does so in a second, slowly
 MARGIN_RAD = 0.1  # as homing has it, of stops
 ARRIVED_RAD, ARRIVE_S = 0.04, 4.0  # as homing has it
+SET_TRIES = 4  # chosen: a bus that loses one packet in ten loses four in a row once in 10 000
 BUSY = 0.8  # of a tick at most: the adapter and the servos need time of their own
 ANSWERS_AFTER_S = 0.5e-3  # of a servo as it is delivered (return delay: 250 x 2 us)
 USB_FRAME_S = 1e-3  # so long an answer may wait in the adapter for its next frame (full speed)
@@ -73,7 +74,8 @@ class BusTable(ServoTable, LevelOnExit):
     zero_counts is where the plate is level; rate_limit_rad_s: by axis (x, y), for the servos' own
     speed registers; homed False: level is not known yet, so goals go slowly and nothing is
     levelled. eye: where observations of the ball come from; clock: monotonic [s]; sleep_until:
-    until a time of it. turned_rad: the servos' angles from level as last read, by servo.
+    until a time of it. turned_rad: the servos' angles from level as last read, by servo;
+    stop_asked: looked at on the way to level (`rig.table.watch_arming`).
     ValueError: a servo is set so that it cannot be driven, in one line with the cure. LinkLost: a
     servo does not answer; ServoAlarm: one reports an error.
     """
@@ -108,6 +110,7 @@ class BusTable(ServoTable, LevelOnExit):
         self.turned_rad = self._told = (0.0,) * len(ids)  # by servo
         self._step_rad = START_RAD_S * period_s
         self._armed, self._closed = False, False
+        self.stop_asked: Callable[[], bool] = lambda: False
         self._asked_s, self._seen_s, self._health_s, self._extra = 0.0, 0.0, -inf, 0
         self._extremes = {"lowest_voltage_V": inf, "highest_temperature_C": -inf, "most_load": 0.0}
         try:
@@ -176,18 +179,20 @@ class BusTable(ServoTable, LevelOnExit):
         """Switch torque on where the servos are; then, homed, bring the plate level slowly.
 
         ValueError: an arm is turned away from its level; LinkLost: the bus is lost; ServoAlarm: a
-        servo does not arm, or does not come to level.
+        servo does not arm, or does not come to level; ArmingStoppedError: `stop_asked` on the way,
+        the arms are told to stay where they are.
         """
         vendor, counts = self._vendor, self._counts()
         self._told = self._wiring.angles(counts)
         self._check_near()
         units = [round(r / s.speed_rad_s) for r, s in zip(self._rates, self._setups, strict=True)]
         self._tell_watchdog(on=False)
-        self._write(vendor.speed, [vendor.speed_data(unit) for unit in units])
-        self._write(vendor.goal, [vendor.goal_data(count) for count in counts])
-        self._write(vendor.torque, [b"\x01"] * len(counts))
-        self._tell_watchdog(on=True)
+        self._set(vendor.speed, [vendor.speed_data(unit) for unit in units], "speed limit")
+        self._set(vendor.goal, [vendor.goal_data(count) for count in counts], "goal")
         try:
+            self._set(vendor.torque, [b"\x01"] * len(counts), "torque switch")
+            if (word := vendor.watchdog(on=True)) is not None:
+                self._set(word[0], [word[1]] * len(counts), "bus watchdog")
             self._armed = True
             self._check_health()
             if self._homed:
@@ -209,10 +214,14 @@ class BusTable(ServoTable, LevelOnExit):
                 )
 
     def _go_level(self) -> None:
-        """Slowly, tick by tick. ServoAlarm: a servo stays behind."""
+        """Slowly. ServoAlarm: a servo stays behind; ArmingStoppedError: `stop_asked`."""
         until = inf
         while True:
             self._look()
+            if self.stop_asked():
+                self._tell_goals(self.turned_rad)
+                self._homed = False  # nothing is levelled any more
+                raise ArmingStoppedError
             self.drive((0.0, 0.0))
             if any(self._told):
                 continue
@@ -284,6 +293,17 @@ class BusTable(ServoTable, LevelOnExit):
     def _write(self, address: int, data: list[bytes]) -> None:
         """Write to all servos at once; `data` by channel."""
         self._send(self._vendor.tell(address, dict(zip(self._ids, data, strict=True))))
+
+    def _set(self, address: int, data: list[bytes], what: str) -> None:
+        """`_write` and read back: no servo acknowledges that. ServoAlarm: one does not take it."""
+        wrong, wanted = list[int](), dict(zip(self._ids, data, strict=True))
+        for _ in range(SET_TRIES):
+            self._write(address, data)
+            found = self._ask(Block(address, len(data[0])), self._patience_s)
+            wrong = [one for one, value in wanted.items() if found[one].data != value]
+            if not wrong:
+                return
+        raise self._alarm(wrong[0], f"its {what} is not as it was told")
 
     def _send(self, packet: bytes) -> None:
         try:

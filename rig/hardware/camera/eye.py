@@ -18,7 +18,7 @@ import numpy as np
 
 from rig.hardware.camera.preview import Preview
 from rig.plant.ball import plate_rotation, tilt_sines
-from rig.shared_memory import SharedArray, SharedRing
+from rig.shared_memory import SharedArray, SharedRing, encoded
 from vision.frames import Frame, Observation, Track
 from vision.sources.source_errors import GarbageError
 
@@ -26,7 +26,8 @@ STALL_S = 0.3  # the controller has levelled the plate by then (rig.control.tick
 OPEN_S = 90.0  # a process has to import OpenCV, open a camera and, once, compile what sees
 SIGHTS = 16
 SIGHT = np.dtype([("frame_s", np.float64), ("seen", np.int64), ("numbers", np.float64, (5,))])
-TROUBLE = np.dtype([("text", "S240"), ("said", np.int64), ("over", np.int64)])
+TEXT = 240  # bytes of UTF-8
+TROUBLE = np.dtype([("text", f"S{TEXT}"), ("said", np.int64), ("over", np.int64)])
 
 
 class CameraStopped(OSError):  # noqa: N818 - it names a camera state used as a run ending
@@ -124,7 +125,7 @@ class CameraEye:
         if self.over:
             return
         text = f"{type(error).__name__}: {error}"
-        self.trouble.array["text"][0] = text.encode()[:240].decode(errors="ignore").encode()
+        self.trouble.array["text"][0] = encoded(text, TEXT)
         self.trouble.array["said"][0] = 1
 
     @property

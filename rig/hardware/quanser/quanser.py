@@ -19,17 +19,27 @@ from rig.hardware.quanser.daemon_executor import OneThread
 from rig.hardware.wiring import Wiring
 from rig.parameters import GEAR_RATIO_HIGH, Rig
 from rig.safety.levelling import LevelOnExit
+from rig.safety.limits import CATCH_TAUS
 from rig.table import Reading
 
 CARD = "q2_usb"
 OUTPUT_LIMIT_V = 10.0  # of the card's analog outputs
-WATCHDOG_S = 0.1
+# As the boards drop a command (COMMAND_TTL_S): full volts that stayed for 50 ms beyond their tick
+# throw an arm into its stop, after 20 ms it can still be braked. The card gives 0 V then, by which
+# an arm is not braked but coasts on: a program that was late and is there again brakes it.
+WATCHDOG_S = 0.02
+REST_S = 1.0  # chosen: so long after that, and the arms' own time, they have come to rest
+BUFFER_S = 1.0  # of samples; the card fails where more of them wait, as after a longer pause
 PATIENCE_S = 0.09  # a call that takes longer: the card is gone
 OPEN_PATIENCE_S = 15.0  # the driver may load firmware first
 # SRV02 manual: 1.50 V per 1000 rpm of the motor's shaft.
 TACHOMETER_RAD_S_V = 1000 / 60 * 2 * math.pi / 1.50
 _SHORT = ("set_analog_expiration_state", "start", "reload", "clear", "stop")
 WATCHDOG_CALLS = tuple(f"watchdog_{name}" for name in _SHORT)
+EXPIRED = (
+    f"its watchdog expired (the loop was silent for {1000 * WATCHDOG_S:.0f} ms): the motors are at "
+    "0 V; run again"
+)
 
 
 class _ExpiredError(Exception):
@@ -42,9 +52,10 @@ class QuanserTable(LevelOnExit):
 
     `read` waits for the card's hardware clock. Motor volts are clamped at the servo's limit and
     divided by the amplifier's gain. The card's own watchdog gives 0 V when the program hangs for
-    0.1 s. Every call is made from one thread and given up after 90 ms. homed False: it is never
-    levelled. LinkLost: the vendor's module is missing, or the card is not there, without a
-    watchdog, or gone.
+    20 ms. One that is there again has the card take volts once more, until its arms have had time
+    to come to rest; every reading tells meanwhile that the table is `lost`. Every call is made from
+    one thread and given up after 90 ms. homed False: it is never levelled. LinkLost: the vendor's
+    module is missing, or the card is not there, without a watchdog, or gone.
     """
 
     boot_id: str | None = None  # the card has none: `shift_counts` marks its counters instead
@@ -66,8 +77,10 @@ class QuanserTable(LevelOnExit):
         self._clock, self._time, self._feed = clock, TickClock(), ObservationFeed(eye)
         self._channels = np.array([0, 1], np.uint32)
         self._counts, self._inputs = np.zeros(2, np.int32), np.zeros(2)
-        self._ticks, self._arrived_s = 0, -math.inf
+        self._ticks, self._arrived_s, self._drives = 0, -math.inf, False
         self._dead = self._hung = ""
+        self._fed_s, self._expired_s = -math.inf, math.inf  # by `clock`
+        self._rest_s = REST_S + CATCH_TAUS * rig.servo.time_constant_s
         self._card: Any = None
         self._task: Any = None
         self._sdk = _sdk()
@@ -101,8 +114,7 @@ class QuanserTable(LevelOnExit):
         self._ask("watchdog_set_analog_expiration_state", channels, 2, zero)
         x4 = np.array([int(sdk.EncoderQuadratureMode.X4)] * 2, np.int32)
         self._ask("set_encoder_quadrature_mode", channels, 2, x4)
-        # The buffer holds as long a silence as the watchdog allows.
-        room = math.ceil(WATCHDOG_S / self.period_s)
+        room = math.ceil(BUFFER_S / self.period_s)
         self._task = self._ask("task_create_encoder_reader", room, channels, 2)
         clock, rate = sdk.Clock.HARDWARE_CLOCK_0, 1 / self.period_s
         self._ask("task_start", self._task, clock, rate, sdk.HIL.INFINITE)
@@ -116,14 +128,17 @@ class QuanserTable(LevelOnExit):
     def read(self) -> Reading:
         """Wait for the card's next tick and return its reading.
 
-        LinkLost: the card is gone, or its watchdog expired. CameraStopped: the camera of `eye`
-        failed.
+        LinkLost: the card is gone, or its watchdog expired and the arms had time to come to rest.
+        CameraStopped: the camera of `eye` failed.
         """
+        if self._clock() - self._expired_s > self._rest_s:
+            raise self._lost(EXPIRED)
         counts = self._next_counts()
         t_s = self._time.time(self._ticks * self.period_s, self._arrived_s, self.period_s)
         speed = self._speeds() if self._tachometer else None
         x, y = self._wiring.angles((int(counts[0]), int(counts[1])))
-        return Reading(t_s, (x, y), speed, self._feed.take(t_s))
+        lost = f"{self._name}: {EXPIRED}" if self._expired_s < math.inf else ""
+        return Reading(t_s, (x, y), speed, self._feed.take(t_s), lost)
 
     def _next_counts(self) -> np.ndarray:
         """The newest sample; after a late tick the ones that were missed are read over at once."""
@@ -163,9 +178,22 @@ class QuanserTable(LevelOnExit):
         self._thread.post(self._put, out)
 
     def _put(self, out: np.ndarray) -> None:
-        """In the driver's thread: feed the watchdog, then the amplifiers."""
+        """In the driver's thread: feed the watchdog, then the amplifiers.
+
+        One that expired while 0 V were told (before the first tick, say) has cut off nothing: it
+        begins anew. So does, once, one that expired because nobody fed it: the arms are to be
+        braked.
+        """
+        fed_s, self._fed_s = self._fed_s, self._clock()
         if self._card.watchdog_reload() is False:
-            raise _ExpiredError
+            now_s = self._clock()
+            if self._drives:
+                if now_s - fed_s <= WATCHDOG_S or self._expired_s < math.inf:
+                    raise _ExpiredError
+                self._expired_s = now_s
+            self._card.watchdog_clear()
+            self._card.watchdog_start(WATCHDOG_S)
+        self._drives = bool(out.any())
         self._card.write_analog(self._channels, 2, out)
 
     def shift_counts(self, by: tuple[int, int]) -> None:
@@ -218,10 +246,7 @@ class QuanserTable(LevelOnExit):
             self._hung = self._dead  # nothing more is asked of a driver that hangs
             raise lost from None
         except _ExpiredError:
-            raise self._lost(
-                f"its watchdog expired (the loop was silent for {1000 * WATCHDOG_S:.0f} ms): the "
-                "motors are at 0 V; run again"
-            ) from None
+            raise self._lost(EXPIRED) from None
         except self._sdk.HILError as error:
             said = " ".join(str(getattr(error, "get_error_message", error.__str__)()).split())
             cure = "" if self._task else "; is it plugged in, and no other program using it?"

@@ -42,6 +42,9 @@ class Bench:
         self.reloaded_s = 0.0
         self.expired = False
         self.motor_V = (0.0, 0.0)
+        self.widest_rad = 0.0  # that an arm went, either way
+        self.waiting: list[np.ndarray] = []  # samples that nobody read yet
+        self.room = 0
 
     def clock(self) -> float:
         return self.t_s
@@ -57,6 +60,21 @@ class Bench:
         self.table.drive(self.motor_V)
         self.reading = self.table.read()
         self.t_s = self.reading.t_s
+        self.widest_rad = max(self.widest_rad, *np.abs(self.table.truth()["arm_rad"]))
+
+    def hold_up(self, ticks: int) -> None:
+        """The program does nothing for so many ticks, while the card and the arms go on."""
+        for _ in range(ticks):
+            self.tick()
+            self.waiting.append(self.counts())
+
+    def sample(self) -> np.ndarray:
+        """Counts of the oldest tick that nobody read; of the next one where there is none."""
+        if len(self.waiting) > self.room:
+            raise HILError("The buffer has overflowed")
+        if not self.waiting:
+            self.hold_up(1)
+        return self.waiting.pop(0)
 
     def by_channel(self, xy) -> np.ndarray:
         return np.array(xy[::-1] if self.swap else xy)
@@ -149,6 +167,7 @@ class Card:
         _channels(channels, count)
         assert isinstance(room, int)
         assert room >= 1
+        self.bench.room = room
         assert self.quadrature
         return 7
 
@@ -164,8 +183,7 @@ class Card:
         assert counts.dtype == np.int32
         assert len(counts) == 2 * samples
         for i in range(samples):
-            self.bench.tick()
-            counts[2 * i : 2 * i + 2] = self.bench.counts()
+            counts[2 * i : 2 * i + 2] = self.bench.sample()
         return samples
 
     def task_stop(self, task) -> None:

@@ -1,7 +1,7 @@
 """A table on bus servos: how it starts and ends, what it survives, what ends its run by name."""
 
 from dataclasses import replace
-from itertools import pairwise
+from itertools import count, pairwise
 from math import pi
 
 import numpy as np
@@ -15,6 +15,7 @@ from rig.hardware.bus.feetech import Feetech
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig
 from rig.rigfile import read_rig
+from rig.table import ArmingStoppedError
 from rig.three_arms import arm_angle
 from tests.support import ROOT
 from tests.support.boards.bus_servos import Bus
@@ -403,6 +404,55 @@ def test_an_arm_that_is_held_does_not_come_to_level_and_is_named(bench, kind: st
     one.board.servos[1].held = True
     with pytest.raises(ServoAlarm, match=r"servo x stays 0\.46 rad from level"):
         one.open().__enter__()
+
+
+@EVERY
+def test_a_stop_on_the_way_to_level_is_heeded_at_the_next_tick(bench, kind: str):
+    """No arm is moved on, also one that is held, and nothing is levelled behind the stop."""
+    one = bench(kind)
+    one.board.servos[1].held = True
+    table, looks = one.open(), count(1)
+    table.stop_asked = lambda: next(looks) == 20
+    with pytest.raises(ArmingStoppedError), table:
+        pass
+    assert next(looks) == 21
+    one.run(1.0)
+    (_, held), (_, other) = one.goals()[-2:]
+    assert held == 2348
+    assert 1850 < other < 2040
+    assert one.world.shafts_rad[1] == pytest.approx((other - 2048) * COUNT_RAD, abs=2 * COUNT_RAD)
+
+
+@EVERY
+def test_what_a_lost_packet_left_out_at_arming_is_told_again_or_ends_it(bench, kind: str):
+    """No servo acknowledges what all are told: a lost speed limit made one as fast as it can."""
+    vendor = {"feetech": Feetech, "dynamixel": Dynamixel}[kind]()
+    noticed = (vendor.torque,) if kind == "dynamixel" else ()  # a Feetech's goal turns it on
+    for register in (vendor.speed, vendor.goal, *noticed):
+        one, lost = bench(kind), count(1)
+        written = one.board.write
+
+        def noisy(servo, address, data, register=register, lost=lost, written=written):
+            if address != register or next(lost) > 3:  # of two servos: one packet, half the next
+                written(servo, address, data)
+
+        one.board.write = noisy
+        with one.open() as table:
+            ticks(table, 5)
+        assert next(lost) > 6
+    for register in (vendor.speed, vendor.torque):
+        one = bench(kind)
+        written = one.board.write
+
+        def deaf(servo, address, data, register=register, written=written):
+            if address != register:
+                written(servo, address, data)
+                if address == 42:  # a Feetech's goal turns torque on by itself
+                    servo.memory[40] = 0
+
+        one.board.write = deaf
+        with pytest.raises(ServoAlarm, match="is not as it was told"):
+            one.open().__enter__()
 
 
 @EVERY

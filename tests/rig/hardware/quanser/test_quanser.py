@@ -3,6 +3,7 @@
 import sys
 import time
 from dataclasses import replace
+from math import degrees
 
 import numpy as np
 import pytest
@@ -14,8 +15,10 @@ from rig.hardware.board.link import LinkLost
 from rig.hardware.quanser import quanser
 from rig.hardware.quanser.quanser import QuanserTable
 from rig.hardware.wiring import Wiring
+from rig.loop.commands import CommandSlot, Stop
 from rig.loop.loop import Loop
-from rig.parameters import Rig, TableChoice
+from rig.parameters import Gains, Rig, Servo, TableChoice
+from rig.safety.limits import CATCH_TAUS
 from rig.simulation.operator import SimulatedOperator
 from rig.simulation.simulator import SimulatedTable
 from tests.support.hardware import contract
@@ -142,7 +145,22 @@ def test_a_whole_protocol_balances_the_ball_through_the_card(monkeypatch):
     assert len(rows) > n
 
 
-def test_a_hung_program_is_cut_off_by_the_watchdog_and_told(card: Bench):
+def test_a_program_that_is_slow_before_its_first_volts_is_not_cut_off(card: Bench):
+    with opened(card) as table:
+        for _ in range(30):  # its homing is checked, a camera waited for
+            table.read()
+        assert card.expired
+        table.drive((0.0, 0.0))
+        for _ in range(5):
+            table.read()
+            table.drive((2.0, 0.0))
+        assert card.motor_V == (2.0, 0.0)
+        assert not card.expired
+
+
+def test_a_program_that_hung_is_told_until_the_arms_rest_and_then_cut_off(card: Bench):
+    told: list[str] = []
+
     def hang() -> None:
         with opened(card) as table:
             table.read()
@@ -150,13 +168,115 @@ def test_a_hung_program_is_cut_off_by_the_watchdog_and_told(card: Bench):
             for _ in range(52):  # ticks without a command
                 table.read()
             assert card.motor_V == (0.0, 0.0)
-            table.drive((2.0, 0.0))
-            table.read()
+            while True:
+                table.drive((-1.0, 0.0))
+                told.append(table.read().lost)
+                assert card.motor_V == (-1.0, 0.0)
 
     with pytest.raises(LinkLost, match="watchdog expired"):
         hang()
+    assert all("Quanser card q2_usb 0: its watchdog expired" in one for one in told)
+    rest_s = quanser.REST_S + CATCH_TAUS * CLEAN.servo.time_constant_s
+    assert len(told) == pytest.approx(rest_s / 0.002, abs=2)
     assert not card.outputs.any()
     assert card.calls[-1] == "close"
+
+
+def test_a_second_expiry_ends_it_at_0_v(card: Bench):
+    table = opened(card)
+    table.read()
+    for _ in range(2):
+        table.drive((2.0, 0.0))
+        table.read()
+        card.hold_up(12)
+        table.read()
+    table.drive((2.0, 0.0))
+    with pytest.raises(LinkLost, match="watchdog expired"):
+        table.read()
+    assert not card.outputs.any()
+    assert card.calls.count("watchdog_clear") == 2  # with that of the start
+    with pytest.raises(LinkLost, match="watchdog expired"):
+        table.drive((2.0, 0.0))
+    table.close()
+
+
+def test_a_card_that_somebody_else_stopped_gets_no_volts_any_more(card: Bench):
+    table = opened(card)
+    table.read()
+    table.drive((2.0, 0.0))
+    table.read()
+    card.expired, card.outputs = True, np.zeros(2)  # this program was in time
+    table.drive((2.0, 0.0))
+    with pytest.raises(LinkLost, match="watchdog expired"):
+        table.read()
+    assert not card.outputs.any()
+    assert card.calls.count("watchdog_clear") == 1
+    table.close()
+
+
+def test_a_card_that_does_not_come_back_is_lost_at_once(card: Bench):
+    table = opened(card)
+    table.read()
+    table.drive((2.0, 0.0))
+    table.read()
+    card.hold_up(12)
+    card.fails["watchdog_clear"] = "The device was removed (-43)"
+    table.read()
+    table.drive((2.0, 0.0))
+    with pytest.raises(LinkLost, match="removed"):
+        table.read()
+    assert not card.outputs.any()
+    table.close()
+
+
+def thrown(monkeypatch, tau_s: float, pause: int, at_s: float, stop: bool = False):
+    """Full volts throw both arms from limit to limit from 0.4 s on; the program hangs at `at_s` for
+    so many ticks, and is stopped as it comes back. How far [degrees] beyond its limit an arm went,
+    and the ending."""
+    servo = Servo(time_constant_s=tau_s)
+    gains, choice = Gains(servo_proportional_V_rad=1e4), TableChoice("quanser", amplifier_gain=3.0)
+    rig = Rig(servo=servo, gains=gains, table=choice)
+    one = install(
+        monkeypatch, Bench(SimulatedTable(rig, np.random.default_rng(1), held=True), gain=3.0)
+    )
+    wild = np.where(np.arange(600)[:, None] < 200, -30.0, 30.0) * np.ones((600, 2))
+    slot, table = CommandSlot(), opened(one, rig)
+
+    def keep(row: np.ndarray) -> None:
+        if row[0] >= at_s > row[0] - 0.002:
+            table._thread.call(lambda: None, patience_s=5.0)  # the volts of this tick are out
+            one.hold_up(pause)
+            if stop:
+                slot.put(Stop("the operator's button"))
+
+    course = Course(wild, np.zeros((600, 2)), (0.0, 0.0), 0.0, True)
+    with table:
+        ending = Loop(table, rig, 0, course, keep=keep, commands=slot).run()
+    assert not one.outputs.any()
+    assert np.all(np.abs(one.table.truth()["arm_rad"]) < 0.03)  # level
+    return degrees(one.widest_rad - servo.angle_limit_rad), ending
+
+
+@pytest.mark.parametrize("stop", [False, True])
+@pytest.mark.parametrize("pause", [12, 20])
+@pytest.mark.parametrize("tau_s", [0.025, 0.046])
+def test_arms_in_flight_are_braked_after_a_pause(monkeypatch, tau_s: float, pause: int, stop: bool):
+    """They coasted on, to 1.6 degrees beyond their limit (0.025 s), and into the stop, 5 degrees
+    beyond, at 2 rad/s (0.046 s)."""
+    for k in range(6):
+        far, ending = thrown(monkeypatch, tau_s, pause, 0.444 + 0.018 * k, stop)
+        assert far < 0.5
+        assert ending.level
+        if stop:
+            assert ending.outcome == "aborted"
+        else:
+            assert ending.outcome == "link lost"
+            assert "its watchdog expired" in ending.reason
+
+
+def test_a_pause_of_a_tenth_of_a_second_ends_level_as_well(monkeypatch):
+    _, ending = thrown(monkeypatch, 0.046, 60, 0.5)
+    assert (ending.outcome, ending.level) == ("late loop", True)
 
 
 @pytest.mark.parametrize("call", ["task_read", "write_analog", "watchdog_reload", "read_analog"])
