@@ -10,11 +10,12 @@ import tomllib
 from contextlib import suppress
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any, Union, get_args, get_origin
+from typing import Any, BinaryIO, Union, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 LONGEST = 1 << 24  # bytes; chosen: a hundred times the longest answer or record of a run
+STEP = 1 << 16  # bytes by which a file that grows is read; chosen: 200 rows of a run
 LONGEST_TOML = 1 << 20  # bytes; chosen: a hundred times a long rig file
 # A pipe that nobody writes to would be waited for, before one could see that it is a pipe.
 _FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
@@ -149,12 +150,25 @@ def file_bytes(path: Path, longest: int | None = LONGEST) -> bytes:
         if longest is not None and about.st_size > longest:
             raise ValueError(f"longer than {longest} bytes")
         with os.fdopen(handle, "rb", closefd=False) as file:
-            data = file.read() if longest is None else file.read(longest + 1)
+            data = file.read() if longest is None else _read(file, about.st_size, longest + 1)
     finally:
         os.close(handle)
     if longest is not None and len(data) > longest:  # it grew, or is one of the system's own
         raise ValueError(f"longer than {longest} bytes")
     return data
+
+
+def _read(file: BinaryIO, size: int, most: int) -> bytes:
+    """Read a file of `size` bytes, or more where it grew, to `most` bytes.
+
+    Memory is taken for as many as are asked for, whether they are there or not.
+    """
+    parts, ask = [], size + 1
+    while most > 0 and (part := file.read(min(ask, most))):
+        parts.append(part)
+        most -= len(part)
+        ask = STEP
+    return b"".join(parts)
 
 
 def file_text(path: Path, longest: int = LONGEST) -> str:
@@ -201,14 +215,18 @@ def write_whole(path: Path, content: bytes, *, sync: bool = False) -> None:
 
 
 def part_of(path: Path) -> Path:
-    """Return where a file is written before it takes the place of `path`.
+    """Return where a file is written before it takes the place of `path`; it is `freed`."""
+    return freed(path.with_name(path.name + ".part"))
+
+
+def freed(path: Path) -> Path:
+    """Return `path`, where a file can then be written.
 
     In somebody else's folder a link may lie there, which leads to any file, a second name of one,
     or a pipe: it is removed.
     """
-    part = path.with_name(path.name + ".part")
     with suppress(FileNotFoundError):
-        about = part.lstat()
+        about = path.lstat()
         if not (stat.S_ISREG(about.st_mode) and about.st_nlink == 1):
-            part.unlink()
-    return part
+            path.unlink()
+    return path

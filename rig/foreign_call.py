@@ -18,14 +18,21 @@ except ImportError:  # Windows
 
 _NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 ENDING = tuple(getattr(signal, name) for name in _NAMES if hasattr(signal, name))
+LONGEST_WORDS = 500  # characters; chosen: a sentence with a path, no dump of an array
+WORDS_S = 1.0  # chosen: an error's words are made in microseconds
+_LIMITED = ("RLIMIT_DATA", "RLIMIT_NOFILE", "RLIMIT_FSIZE")  # what a recording needs
+LIMITED = tuple(getattr(resource, name) for name in _LIMITED if hasattr(resource, name))
 MEMORY_SHARE = 0.5  # of what is free when the run begins; chosen: the rest is the recording's
 
 
-def in_words(error: BaseException) -> str:
-    """Kind and words of an error that code of a lab's own raised, which may have no words."""
+def in_words(error: BaseException, seconds: float = WORDS_S) -> str:
+    """Kind and words of an error that code of a lab's own raised, which may have no words, more
+    than are read, or words that do not come within `seconds`.
+    """
     try:
-        return f"{type(error).__name__}: {error}"
-    except Exception:
+        with ForeignCall(seconds):
+            return f"{type(error).__name__}: {error}"[:LONGEST_WORDS]
+    except BaseException:
         return f"{type(error).__name__}, whose words cannot be read"
 
 
@@ -33,26 +40,36 @@ class OvertimeError(BaseException):
     """Raised inside a call that takes too long; no `except Exception` in it helps."""
 
 
+class FeignedInterruptError(Exception):
+    """What a call raises in place of a KeyboardInterrupt that no SIGINT caused."""
+
+
 class ForeignCall:
     """Context of a call that may take `seconds` and `MEMORY_SHARE` of free memory.
 
     OvertimeError: it took longer; MemoryError: it asked for more. Both are raised in the called
-    code itself. The time is bounded in a main thread on Linux and macOS, the memory on Linux.
+    code itself. The time is bounded in a main thread on Linux and macOS, the memory on Linux. A
+    KeyboardInterrupt that leaves it is the operator's, else it becomes a FeignedInterruptError.
 
-    Afterwards relative paths mean what they did before, and signals that end the program do so
-    still. A process that the code has forked ends where it would go on as a second rig, with the
-    same recording and the same table. Threads that it starts do not keep the program from its end,
-    unless they ask for it (`daemon=False`).
+    Afterwards relative paths mean what they did before, signals that end the program do so still,
+    and limits on memory and files are the former ones, as far as the system allows. A process that
+    the code has forked ends where it would go on as a second rig, with the same recording and the
+    same table. Threads that it starts do not keep the program from its end, unless they ask for it
+    (`daemon=False`).
     """
 
     def __init__(self, seconds: float) -> None:
         self.seconds = seconds
         self._in_main = threading.current_thread() is threading.main_thread()
         self._bounds_time = self._in_main and hasattr(signal, "setitimer")
-        self._data_bytes = _most_data_bytes()
+        self._data_bytes, self._limits = _most_data_bytes(), _limits()
 
     def _alarm(self, *_: object) -> None:
         raise OvertimeError(f"did not return within {self.seconds:g} s")
+
+    def _interrupt(self, number: int, frame: Any) -> None:
+        self._interrupted = True
+        self._on_interrupt(number, frame)
 
     def __enter__(self) -> None:
         self._process, self._folder = os.getpid(), _working_folder()
@@ -60,9 +77,13 @@ class ForeignCall:
         self._thread: Any = threading.current_thread()  # new threads take after it
         self._daemonic, self._thread._daemonic = self._thread.daemon, True
         self._endings = [(one, signal.getsignal(one)) for one in ENDING] if self._in_main else []
+        self._interrupted = False
+        self._on_interrupt: Any = signal.getsignal(signal.SIGINT)
+        if self._in_main and callable(self._on_interrupt):
+            signal.signal(signal.SIGINT, self._interrupt)
         if resource is not None and self._data_bytes:
-            self._limits = resource.getrlimit(resource.RLIMIT_DATA)
-            resource.setrlimit(resource.RLIMIT_DATA, (self._data_bytes, self._limits[1]))
+            hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
+            resource.setrlimit(resource.RLIMIT_DATA, (self._data_bytes, hard))
         if self._bounds_time:
             self._began_s, self._handler = (
                 time.monotonic(),
@@ -89,11 +110,32 @@ class ForeignCall:
             if left_s:
                 passed_s = time.monotonic() - self._began_s
                 signal.setitimer(signal.ITIMER_REAL, max(left_s - passed_s, 1e-3), again_s)
-        if resource is not None and self._data_bytes:
-            resource.setrlimit(resource.RLIMIT_DATA, self._limits)
+        _give_back(self._limits)
         sys.stdout = self._stdout
         if self._folder and self._folder != _working_folder():
             os.chdir(self._folder)
+        if isinstance(error, KeyboardInterrupt) and not self._interrupted:
+            feigned = FeignedInterruptError("KeyboardInterrupt, which nobody asked for")
+            raise feigned.with_traceback(trace) from error
+
+
+def _limits() -> dict[int, tuple[int, int]]:
+    """The process's limits, soft and hard, on what a recording needs."""
+    return {} if resource is None else {one: resource.getrlimit(one) for one in LIMITED}
+
+
+def _give_back(limits: dict[int, tuple[int, int]]) -> None:
+    """Set limits as they were, or as near to it as a hard one allows that was lowered."""
+    if resource is None:
+        return
+    for one, (soft, hard) in limits.items():
+        try:
+            resource.setrlimit(one, (soft, hard))
+        except (ValueError, OSError):
+            most = resource.getrlimit(one)[1]
+            within = most if soft == resource.RLIM_INFINITY else min(soft, most)
+            with contextlib.suppress(ValueError, OSError):
+                resource.setrlimit(one, (within, most))
 
 
 def _working_folder() -> str:

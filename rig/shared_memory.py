@@ -20,6 +20,13 @@ from multiprocessing.shared_memory import SharedMemory
 import numpy as np
 
 
+def encoded(text: str, size: int) -> bytes:
+    """The text as at most `size` bytes of UTF-8, never cut inside a character; "?" for what is
+    none, as in the name of a folder that is no UTF-8.
+    """
+    return text.encode(errors="replace")[:size].decode(errors="ignore").encode()
+
+
 class SharedArray:
     """A numpy array (`array`) in shared memory, of this shape and dtype, zeros at first; pickled by
     its name.
@@ -67,7 +74,7 @@ class SharedArray:
 
 
 def _free(memory: SharedMemory, own: bool) -> None:
-    with suppress(BufferError):  # somebody still looks at it: freed with the process
+    with suppress(BufferError, OSError):  # somebody still looks at it, or has closed its file
         memory.close()
     if own:
         with suppress(FileNotFoundError):

@@ -19,7 +19,7 @@ commands passes `limits.limit`, which turns what is no number into 0 V.
 import importlib.util
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -28,12 +28,10 @@ import numpy as np
 
 from rig import foreign_call
 from rig.control.seen import PAIRS, SEEN_SIZE, fill_seen
-from rig.foreign_call import ForeignCall, OvertimeError, in_words
+from rig.foreign_call import WORDS_S, ForeignCall, OvertimeError, in_words
 from rig.parameters import Rig
 
 METHODS = ("start", "control", "end")
-# `sys.exit` of a lab's code ends the run, not the program.
-FAILURES = (Exception, SystemExit, OvertimeError)
 START_S, END_S = 20.0, 10.0  # chosen: loading a network takes seconds, on a slow machine more
 CONTROL_S = 5.0  # where no real table waits; a tick of real time has its own bound
 
@@ -96,21 +94,22 @@ class WatchedController:
 
     def start(self, rig: Rig, period_s: float) -> None:
         """Call the controller's `start`."""
-        with self._told("start"):
+        with self.told("start"):
             self.controller.start(rig, period_s)
 
     def control(self, now: Now) -> tuple[float, float]:
         """Call the controller's `control`."""
-        with self._told("control"):
+        with self.told("control"):
             return self.controller.control(now)
 
     def end(self, outcome: str) -> None:
         """Call the controller's `end`."""
-        with self._told("end"):
+        with self.told("end"):
             self.controller.end(outcome)
 
     @contextmanager
-    def _told(self, method: str) -> Iterator[None]:
+    def told(self, method: str) -> Iterator[None]:
+        """While inside, code of the controller's runs that belongs to this method."""
         self._called(method)
         try:
             yield
@@ -131,9 +130,13 @@ def now(state, q, reading: np.ndarray, target: np.ndarray, applied: np.ndarray) 
     return Now(t_s, **dict(zip(PAIRS, pairs, strict=True)))
 
 
-def _failed(controller: Any, method: str, error: BaseException) -> ControllerError:
+def _failed(
+    controller: Any, method: str, error: BaseException, seconds: float = WORDS_S
+) -> ControllerError:
+    """The error as the loop tells it; the words of a lab's own come within `seconds` or not."""
+    told: Any = nullcontext()
     if isinstance(controller, WatchedController):
-        controller = controller.controller
+        controller, told = controller.controller, controller.told(method)
     name = f"controller {type(controller).__name__}.{method}"
     where, trace = "", error.__traceback__
     while trace is not None:  # the innermost line of the lab's own file
@@ -142,7 +145,9 @@ def _failed(controller: Any, method: str, error: BaseException) -> ControllerErr
         trace = trace.tb_next
     if isinstance(error, OvertimeError):
         return ControllerError(f"{name} {error}{where}")
-    return ControllerError(f"{name} failed{where}: {in_words(error)}")
+    with told:
+        words = in_words(error, seconds)
+    return ControllerError(f"{name} failed{where}: {words}")
 
 
 def start_controller(controller: UserController, rig: Rig, period_s: float) -> None:
@@ -150,7 +155,9 @@ def start_controller(controller: UserController, rig: Rig, period_s: float) -> N
     try:
         with ForeignCall(START_S):
             controller.start(rig, period_s)
-    except FAILURES as error:  # whatever a lab's code raises must stop the rig, not crash it
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # whatever else a lab's code raises ends the run, not the rig
         raise _failed(controller, "start", error) from error
 
 
@@ -166,9 +173,13 @@ def command_volts(
         with bounds:
             volts = controller.control(seen)
             out[0], out[1] = (float(v) for v in volts)
-    except FAILURES as error:  # as above
+    except KeyboardInterrupt:
         out[:] = 0.0
-        raise _failed(controller, "control", error) from error
+        raise
+    except BaseException as error:  # as above
+        out[:] = 0.0
+        words_s = min(bounds.seconds, WORDS_S)  # the table waits for its 0 V
+        raise _failed(controller, "control", error, words_s) from error
 
 
 def end_controller(controller: UserController, outcome: str) -> str:
@@ -176,7 +187,9 @@ def end_controller(controller: UserController, outcome: str) -> str:
     try:
         with ForeignCall(END_S):
             controller.end(outcome)
-    except FAILURES as error:  # the run is over: what it recorded must not be lost
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # the run is over: what it recorded must not be lost
         return str(_failed(controller, "end", error))
     return ""
 
@@ -200,7 +213,9 @@ def load_controller(name: str) -> UserController:
         with ForeignCall(START_S):
             spec.loader.exec_module(module)
             controller = getattr(module, made)()
-    except FAILURES as error:  # whatever is wrong in a lab's file is bad input
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # whatever is wrong in a lab's file is bad input
         raise ValueError(f"controller {path}:{made}: {in_words(error)}") from error
     missing = [method for method in METHODS if not callable(getattr(controller, method, None))]
     if missing:

@@ -12,15 +12,15 @@ import numpy as np
 from rig.log import COLUMNS
 from rig.loop.commands import LONGEST_QUEUE, Command, Push, SetGains, Stop, Target
 from rig.loop.silence import Silence
-from rig.shared_memory import SharedArray, SharedRing
+from rig.shared_memory import SharedArray, SharedRing, encoded
 
 ROWS = 8192  # 16 s of a reader that does not read
 EVENTS = 256
-TEXT = 240  # bytes of UTF-8
+TEXT, OUTCOME = 240, 40  # bytes of UTF-8
 
 EVENT = np.dtype([("t_s", np.float64), ("text", f"S{TEXT}")])
 COMMAND = np.dtype([("kind", np.int64), ("numbers", np.float64, (3,))])
-STOP = np.dtype([("reason", f"S{TEXT}"), ("outcome", "S40")])
+STOP = np.dtype([("reason", f"S{TEXT}"), ("outcome", f"S{OUTCOME}")])
 PULSE = np.dtype(
     [
         ("parent_s", np.float64),
@@ -33,11 +33,6 @@ PULSE = np.dtype(
 CALLED = ("", "start", "control", "end")  # method of a user's controller that the loop is in
 PUSH, TARGET, OWN_TARGET, GAINS = range(4)
 STARTING, READY, RUNNING, ENDING, AT_REST = range(5)  # READY: to open the table; AT_REST: at 0 V
-
-
-def encode(text: str, size: int = TEXT) -> bytes:
-    """Return the text as at most `size` bytes of UTF-8, never cut inside a character."""
-    return text.encode()[:size].decode(errors="ignore").encode()
 
 
 class SharedChannel:
@@ -65,7 +60,7 @@ class SharedChannel:
 
     def say(self, t_s: float, text: str) -> None:
         """Send an event of the run's time t_s [s] from the loop's process; a long text is cut."""
-        self.events.write((t_s, encode(text)))
+        self.events.write((t_s, encoded(text, TEXT)))
 
     def take_events(self) -> list[tuple[float, str]]:
         """Return the events (t_s, text) sent since the last call."""
@@ -121,8 +116,12 @@ class SharedCommandSlot:
         with self._lock:
             if isinstance(command, Stop):
                 if not self._said:  # the first one wins
+                    reason, outcome = (
+                        encoded(command.reason, TEXT),
+                        encoded(command.outcome, OUTCOME),
+                    )
+                    self._box.stops.write((reason, outcome))
                     self._said = True
-                    self._box.stops.write((encode(command.reason), encode(command.outcome, 40)))
             else:
                 self._box.commands.write(_packed(command))
 

@@ -6,13 +6,16 @@ KeyboardInterrupt, which leaves every context on its way out, unless asked for.
 
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Protocol
+from typing import NoReturn, Protocol
 
 from rig.loop.commands import Command, Stop
 
 NAMES = ("SIGTERM", "SIGHUP", "SIGBREAK")
+LEAVING_S = 5.0  # chosen: ten times what levelling takes, in which no further signal disturbs it
+_leaving: list[int] = []  # signals by which the program is to be left
 
 
 class StopSlot(Protocol):
@@ -29,25 +32,47 @@ def _numbers(*names: str) -> list[int]:
     return [number for number in numbers if signal.getsignal(number) != signal.SIG_IGN]
 
 
+def stop_of(number: int) -> Stop:
+    """The stop that a signal asks for."""
+    name = signal.Signals(number).name
+    reason = "by the operator" if name == "SIGINT" else f"{name} from the system"
+    return Stop(reason, outcome="interrupted")
+
+
+def end_by(number: int) -> NoReturn:
+    """End the program as a signal was meant to: KeyboardInterrupt, or SystemExit, 128 + number."""
+    if number == signal.SIGINT:
+        raise KeyboardInterrupt
+    raise SystemExit(128 + number)
+
+
 @contextmanager
 def leave_on_signals(say: Callable[[str], None]) -> Iterator[None]:
-    """While inside, the first signal of NAMES leaves every context and then the program.
+    """While inside, a signal of NAMES leaves every context and then the program.
 
     It raises SystemExit, 128 + its number, in the main thread, so that a table is left level at
-    0 V; further ones are ignored meanwhile. say: gets a line for a person.
+    0 V; further ones do the same, but for those within LEAVING_S. What lies between may have
+    swallowed that (an import, a destructor, a callback of compiled code do): no later run is begun
+    then (`stop_on_signals`), and it is raised again at the end. say: gets a line for a person.
     """
-    numbers = _numbers(*NAMES)
+    raised_s = -LEAVING_S
 
     def handle(number: int, _: object) -> None:
-        for other in numbers:
-            signal.signal(other, signal.SIG_IGN)
+        nonlocal raised_s
+        _leaving.append(number)
+        if time.monotonic() - raised_s < LEAVING_S:
+            return
+        raised_s = time.monotonic()
         say(f"ended by {signal.Signals(number).name}; what was recorded so far is kept")
         raise SystemExit(128 + number)
 
-    before = {number: signal.signal(number, handle) for number in numbers}
+    before = {number: signal.signal(number, handle) for number in _numbers(*NAMES)}
     try:
         yield
+        if _leaving:
+            raise SystemExit(128 + _leaving[0])
     finally:
+        _leaving.clear()
         for number, handler in before.items():
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
 
@@ -56,7 +81,8 @@ def leave_on_signals(say: Callable[[str], None]) -> Iterator[None]:
 def stop_on_signals(
     slot: StopSlot, *, also: tuple[str, ...] = (), leave: bool = True
 ) -> Iterator[None]:
-    """Put a `Stop` into the slot for every signal of NAMES and `also` that comes while inside.
+    """Put a `Stop` into the slot for every signal of NAMES and `also` that comes while inside, at
+    once for one that came before, by which the program is to be left.
 
     On the way out the former handlers are back; with `leave` a signal that came then ends the
     program as it was meant to (KeyboardInterrupt; SystemExit, 128 + its number). In a thread other
@@ -69,18 +95,16 @@ def stop_on_signals(
 
     def handle(number: int, _: object) -> None:
         came.append(number)
-        name = signal.Signals(number).name
-        reason = "by the operator" if name == "SIGINT" else f"{name} from the system"
-        slot.put(Stop(reason, outcome="interrupted"))
+        slot.put(stop_of(number))
 
     numbers = _numbers(*NAMES, *also)
     before = {number: signal.signal(number, handle) for number in numbers}
+    for number in tuple(_leaving):
+        handle(number, None)
     try:
         yield
     finally:
         for number, handler in before.items():
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
-    if came and leave and came[0] == signal.SIGINT:
-        raise KeyboardInterrupt
     if came and leave:
-        raise SystemExit(128 + came[0])
+        end_by(came[0])

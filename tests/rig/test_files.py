@@ -1,5 +1,9 @@
 """One line about the first fault in a file."""
 
+import io
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -7,7 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import Field, ValidationError
 
-from rig.files import StrictModel, first_error_line, printable, read_json, read_toml
+from rig import files
+from rig.files import (
+    StrictModel,
+    file_bytes,
+    first_error_line,
+    printable,
+    read_json,
+    read_toml,
+)
 
 
 class Inner(StrictModel):
@@ -95,3 +107,49 @@ def test_a_bad_toml_file_is_one_line(text: str, words: str):
 def test_long_lists_of_numbers_are_no_dotted_keys():
     line = "a = [" + ", ".join(["0.5"] * 1000) + "]\n"
     assert len(read_toml(line + "".join(f"b{i} = 1\n" for i in range(1000)))["a"]) == 1000
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is bounded for a process")
+def test_a_small_file_takes_little_memory_however_long_it_might_be(tmp_path):
+    """Of 1 MB, 4 GiB were asked for: a small machine could not read its own runs."""
+    (tmp_path / "file").write_bytes(bytes(1 << 20))
+    code = (
+        "import resource, sys; from pathlib import Path; from rig.files import file_bytes\n"
+        "resource.setrlimit(resource.RLIMIT_AS, (1 << 30, 1 << 30))\n"
+        "print(len(file_bytes(Path(sys.argv[1]), 1 << 32)))"
+    )
+    command = [sys.executable, "-c", code, str(tmp_path / "file")]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.stdout.strip() == str(1 << 20), done.stderr[-300:]
+
+
+class Growing(io.BytesIO):
+    """A file that says what it was asked for."""
+
+    def __init__(self, content: bytes) -> None:
+        super().__init__(content)
+        self.asked: list[int] = []
+
+    def read(self, size: int | None = -1) -> bytes:
+        self.asked.append(size or 0)
+        return super().read(size)
+
+
+@pytest.mark.parametrize("said", [0, 1, 99_999, 100_000])
+@pytest.mark.parametrize("most", [1, 99_999, 100_000, 100_001, 1 << 30])
+def test_a_file_that_grew_is_read_to_its_end_or_the_limit(said: int, most: int):
+    file = Growing(bytes(100_000))
+    assert len(files._read(file, said, most)) == min(most, 100_000)
+    assert max(file.asked) <= min(most, max(said + 1, files.STEP))
+    assert file.asked[0] == min(said + 1, most)
+
+
+def test_a_file_has_as_many_bytes_as_are_allowed_and_no_more(tmp_path: Path):
+    (tmp_path / "file").write_bytes(b"abc")
+    assert file_bytes(tmp_path / "file", 3) == file_bytes(tmp_path / "file", None) == b"abc"
+    with pytest.raises(ValueError, match="longer than 2 bytes"):
+        file_bytes(tmp_path / "file", 2)
+    if Path("/proc/self/status").exists():  # the system's own are 0 bytes long
+        assert b"Name" in file_bytes(Path("/proc/self/status"))
+        with pytest.raises(ValueError, match="longer than 9 bytes"):
+            file_bytes(Path("/proc/self/status"), 9)

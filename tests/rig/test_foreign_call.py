@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from rig import foreign_call
-from rig.foreign_call import ForeignCall, OvertimeError
+from rig.foreign_call import FeignedInterruptError, ForeignCall, OvertimeError, in_words
 
 POSIX = pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="timers of POSIX")
 
@@ -105,3 +105,60 @@ def test_a_thread_that_it_left_does_not_keep_the_program_from_its_end():
         left = threading.Thread(target=print)
     assert left.daemon
     assert not threading.Thread(target=print).daemon
+
+
+class EndlessError(Exception):
+    def __str__(self) -> str:
+        while True:
+            pass
+
+
+@POSIX
+def test_words_that_do_not_come_are_not_waited_for():
+    begin = time.monotonic()
+    assert in_words(EndlessError(), 0.1) == "EndlessError, whose words cannot be read"
+    assert time.monotonic() - begin < 5.0
+
+
+def test_an_interrupt_that_nobody_asked_for_is_an_error():
+    call = ForeignCall(5.0)
+    with pytest.raises(FeignedInterruptError), call:
+        raise KeyboardInterrupt
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt), call:
+            signal.raise_signal(signal.SIGINT)
+        with pytest.raises(FeignedInterruptError), call:  # another call, another interrupt
+            raise KeyboardInterrupt
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def lowered(name: str, *, hard: bool) -> tuple[tuple[int, int], tuple[int, int]]:
+    """A limit before and after a call that lowers it to 64."""
+    resource = pytest.importorskip("resource")
+    limit = getattr(resource, name)
+    before = resource.getrlimit(limit)
+    with ForeignCall(5.0):
+        resource.setrlimit(limit, (64, 64 if hard else before[1]))
+    return before, resource.getrlimit(limit)
+
+
+@pytest.mark.parametrize("name", ["RLIMIT_NOFILE", "RLIMIT_FSIZE"])
+def test_limits_on_files_are_those_of_before(name: str):
+    before, after = lowered(name, hard=False)
+    assert after == before
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="fork of POSIX")
+def test_a_limit_that_only_the_superuser_raises_again_is_no_fault():
+    child = os.fork()
+    if child == 0:
+        with contextlib.suppress(BaseException):
+            if os.getuid() == 0:
+                os.setuid(65534)
+            _, after = lowered("RLIMIT_NOFILE", hard=True)
+            os._exit(0 if after == (64, 64) else 2)
+        os._exit(1)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0

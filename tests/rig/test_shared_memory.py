@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rig.shared_memory import SharedArray, SharedRing
+from rig.shared_memory import SharedArray, SharedRing, encoded
 
 ROW = np.dtype((np.float64, (3,)))
 
@@ -159,3 +159,14 @@ def test_an_array_is_the_same_memory_where_it_is_unpickled():
     one.close()
     with pytest.raises(FileNotFoundError):
         SharedArray((2,), np.dtype(np.int64), name)
+
+
+@given(text=st.text(st.characters()), size=st.integers(0, 40))
+def test_any_text_becomes_as_much_utf_8_as_has_room(text: str, size: int):
+    """Also names of files that are no UTF-8, which Python holds as lone surrogates."""
+    readable = "".join("?" if "\ud800" <= one <= "\udfff" else one for one in text)
+    told = encoded(text, size).decode()
+    assert readable.startswith(told)
+    rest = readable[len(told) : len(told) + 1]
+    assert size - 4 < len(told.encode()) <= size or told == readable
+    assert not rest or len((told + rest).encode()) > size

@@ -21,8 +21,8 @@ from experiments.records.recording import Recorder, Run, read_run, recover
 from experiments.runs.assemble import known, load_rig
 from experiments.runs.live_run import record_live
 from rig.course import Course
+from rig.loop.job import Job
 from rig.loop.paced import Paced
-from rig.loop.process import Job
 from rig.safety.monitor import MonitorLimits
 from rig.simulation.simulator import SimulatedTable
 from tests.support import ROOT

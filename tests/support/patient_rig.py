@@ -12,13 +12,12 @@ from unittest.mock import patch
 
 from experiments.cli import main
 from experiments.runs import hardware_run
-from rig.loop.process import Job
-from rig.safety.monitor import MonitorLimits
+from rig.loop.job import Job
 
 
-def patient_job(table, known, *words, **named) -> Job:
+def patient_job(table, known, *words, limits, **named) -> Job:
     """A job as the program makes it, with a monitor that waits for 10 s before it stops a run."""
-    limits = replace(MonitorLimits.of_rig(known), late_s=10.0, late_ticks=1e9, stall_s=10.0)
+    limits = replace(limits, late_s=10.0, late_ticks=1e9, stall_s=10.0, motion=None)
     return Job(table, known, *words, limits=limits, **named)
 
 

@@ -34,6 +34,8 @@ from vision.sources.clock import AHEAD_S
 from vision.sources.source_errors import UserCameraError
 
 NEAR_S = 10.0  # between a stamp and its arrival; beyond, it is of another clock
+MOST_PIXELS = 1 << 26  # chosen: more than any camera over a plate has, 200 MB in colour
+LONGEST_WORDS = 500  # characters of an error's; chosen: a sentence with a path
 
 
 def split_address(address: str) -> tuple[Path, str] | None:
@@ -60,7 +62,9 @@ def load_class(file: Path, name: str) -> Callable[[], Any]:
     sys.modules[module_name] = module  # dataclasses and pickle look there
     try:
         spec.loader.exec_module(module)
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         raise _named(f"{file}:{name}", "loading the file", error, file) from error
     found = getattr(module, name, None)
     if not isinstance(found, type):
@@ -83,7 +87,10 @@ def _named(address: str, where: str, error: BaseException, file: Path) -> UserCa
         if Path(frame.filename).name == file.name
     ]
     place = f" (line {lines[-1]})" if lines else ""
-    text = " ".join(str(error).split())
+    try:
+        text = " ".join(str(error).split())[:LONGEST_WORDS]
+    except BaseException:
+        text = "its words cannot be read"
     return UserCameraError(f"{address}: {where}: {type(error).__name__}: {text}{place}")
 
 
@@ -117,7 +124,9 @@ class UserFeed:
         here = os.getpid()
         try:
             return method(*args)
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # CancelledError, say, is no Exception
             raise _named(self._address, what, error, self._file) from error
         finally:
             if os.getpid() != here:  # forked: a second rig would read the same camera, for ever
@@ -147,12 +156,16 @@ class UserFeed:
             raise self._breach(
                 f"the image is {image.dtype} of shape {shape}, not uint8 of (h, w, 3) or (h, w)"
             )
+        if shape[0] * shape[1] > MOST_PIXELS:
+            raise self._breach(f"the image has {shape[1]} x {shape[0]} pixels, over {MOST_PIXELS}")
 
     def _checked_time(self, t_s: Any, now_s: float) -> float:
         try:
             taken_s = float(t_s)
         except (TypeError, ValueError):
             raise self._breach(f"t_s is {t_s!r}, not a number of seconds") from None
+        except Exception:
+            raise self._breach(f"t_s is a {type(t_s).__name__} without a number") from None
         # What is said to be seen later than it arrived would be left out as of the future.
         if not -AHEAD_S <= now_s - taken_s <= NEAR_S:
             raise self._breach(

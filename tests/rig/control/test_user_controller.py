@@ -1,12 +1,20 @@
 """A lab's own controller: it steers, and whatever it does wrong stops the rig at 0 V."""
 
 import sys
+import time
 from math import nan
 
 import numpy as np
 import pytest
 
-from rig.control.user_controller import load_controller
+from rig.control.user_controller import (
+    ControllerError,
+    Now,
+    WatchedController,
+    command_volts,
+    load_controller,
+)
+from rig.foreign_call import ForeignCall
 from rig.loop.loop import Loop, run_controlled
 from rig.parameters import Rig
 from rig.simulation.simulator import SimulatedTable
@@ -168,3 +176,39 @@ def test_wishes_beyond_the_limits_are_clipped():
     controller = FailsAt(100, lambda v: (1e9, -1e9))
     _, rows = run(controller)
     assert np.abs(rows[:, 1:3]).max() <= Rig().servo.voltage_limit_V
+
+
+def test_words_that_never_come_are_made_within_what_a_tick_may_take():
+    called: list[str] = []
+
+    class EndlessError(Exception):
+        def __str__(self) -> str:
+            called.append("words")
+            while True:
+                pass
+
+    def fail(volts):
+        raise EndlessError
+
+    volts, watched = np.ones(2), WatchedController(FailsAt(-1, fail), called.append)
+    seen = Now(0.0, *[(0.0, 0.0)] * 10)
+    begin = time.monotonic()
+    with pytest.raises(ControllerError, match=r"control failed, line \d+: EndlessError, wh"):
+        command_volts(watched, seen, volts, ForeignCall(0.1))
+    assert time.monotonic() - begin < 0.9  # below the second that an error's words may take
+    assert called == ["control", "", "control", "words", ""]  # watched from outside, too
+    assert volts.tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("method", ["start", "control", "end"])
+def test_an_interrupt_of_its_own_is_an_error_like_any_other(method):
+    def fail(*given):
+        raise KeyboardInterrupt
+
+    controller = FailsAt(10, fail) if method == "control" else Steering()
+    if method != "control":
+        setattr(controller, method, fail)
+    ending, _ = run(controller)
+    assert ending.outcome == ("completed" if method == "end" else "aborted")
+    assert f".{method} failed, line " in ending.reason
+    assert "KeyboardInterrupt, which nobody asked for" in ending.reason

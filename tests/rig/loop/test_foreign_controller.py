@@ -14,9 +14,10 @@ from experiments.runs.protocol import read_protocol
 from experiments.runs.runner import RunRequest, run
 from rig.course import Course
 from rig.loop import process
+from rig.loop.job import Job
 from rig.loop.loop import Ending
 from rig.loop.paced import Paced
-from rig.loop.process import Job, LoopProcess
+from rig.loop.process import LoopProcess
 from rig.safety.monitor import MonitorLimits
 from rig.simulation.simulator import SimulatedTable
 
@@ -186,3 +187,18 @@ def test_on_the_virtual_table_too(tmp_path, monkeypatch, method: str):
     first = np.flatnonzero(np.isfinite(log["ball_x_m"]))[:1].tolist()  # it is asked from then on
     expected = {"start": 0, "control": sum(first) + 151, "end": 500}
     assert len(log) == expected[method]
+
+
+def test_files_that_it_closes_take_nothing_from_the_run(tmp_path, capfd):
+    ending, rows, _ = ran(tmp_path, end="import os; os.closerange(3, 4096)")
+    assert ending == Ending("completed")
+    assert len(rows) == 400
+    assert "Traceback" not in capfd.readouterr().err
+
+
+def test_words_that_never_come_end_the_run_by_name_at_level(tmp_path):
+    never = "raise type('EndlessError', (Exception,), {'__str__': lambda e: time.sleep(99)})"
+    ending, _, _ = ran(tmp_path, control=never)
+    assert ending.outcome == "aborted"
+    assert "controller Mine.control failed, line 10: EndlessError, whose words" in ending.reason
+    level(tmp_path)

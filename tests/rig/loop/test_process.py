@@ -17,16 +17,19 @@ from experiments.runs.assemble import known, load_rig
 from rig.control.controllers import COMPENSATORS
 from rig.course import Course
 from rig.hardware.board.link import LinkLost
+from rig.loop import process
 from rig.loop.commands import Push, SetGains, Stop, Target
+from rig.loop.job import PARENT_SILENT_S, Job, _Inbox, _wait_for_word
 from rig.loop.loop import Ending
 from rig.loop.paced import Paced
-from rig.loop.process import PARENT_SILENT_S, Job, LoopProcess, _Inbox, _wait_for_word
-from rig.loop.shared_channel import READY, SharedChannel, SharedCommandSlot, encode, take_commands
+from rig.loop.process import LoopProcess
+from rig.loop.shared_channel import READY, SharedChannel, SharedCommandSlot, take_commands
 from rig.operator import Operator
 from rig.safety.monitor import MonitorLimits
 from rig.simulation.operator import SimulatedOperator
 from rig.simulation.simulate import draw, simulate
 from rig.simulation.simulator import SimulatedTable
+from rig.table import ArmingStoppedError
 from tests.support import ROOT
 
 pytestmark = pytest.mark.realtime
@@ -137,6 +140,67 @@ def test_a_loop_that_is_ready_waits_for_the_word_and_a_stop_outdoes_it():
         box.close()
 
 
+class SlowToArm(Paced):
+    """Moves while it is armed, for as long as nobody asks it to stop."""
+
+    stop_asked = staticmethod(lambda: False)
+
+    def __enter__(self):
+        while not self.stop_asked():
+            time.sleep(0.004)
+        raise ArmingStoppedError
+
+
+class MovesAtOnce(Paced):
+    """Takes a second to open, and moves as soon as it is armed."""
+
+    def __init__(self, path: str) -> None:
+        super().__init__(paced_table(pace=False))
+        self._path = path
+        time.sleep(1.0)
+
+    def __enter__(self):
+        Path(self._path + ".moved").touch()
+        return super().__enter__()
+
+    def close(self) -> None:
+        Path(self._path + ".closed").touch()
+        super().close()
+
+
+def slow_to_arm(path: str) -> SlowToArm:
+    Path(path).touch()
+    return SlowToArm(paced_table(pace=False))
+
+
+def slow_to_open(path: str) -> MovesAtOnce:
+    Path(path).touch()
+    return MovesAtOnce(path)
+
+
+@pytest.mark.parametrize("table", [slow_to_arm, slow_to_open])
+def test_a_stop_while_the_table_is_opened_or_armed_ends_it_there(tmp_path: Path, table):
+    begun = tmp_path / "begun"
+    loop = LoopProcess(replace(job(5.0), table=partial(table, str(begun))))
+    asked_s: list[float] = []
+
+    def press() -> None:
+        while not begun.exists():
+            time.sleep(0.005)
+        time.sleep(0.2)
+        asked_s.append(time.monotonic())
+        loop.put(Stop("the operator's button"))
+
+    thread = threading.Thread(target=press)
+    thread.start()
+    assert loop.run() == Ending("aborted", "the operator's button")
+    thread.join()
+    assert time.monotonic() - asked_s[0] < 1.0 + PARENT_SILENT_S
+    assert loop.at_rest
+    assert not (tmp_path / "begun.moved").exists()
+    assert (table is slow_to_arm) or (tmp_path / "begun.closed").exists()
+
+
 class LostWhileLevelling(Paced):
     def __exit__(self, *error) -> None:
         super().__exit__(*error)
@@ -158,6 +222,50 @@ def test_the_first_thing_that_went_wrong_names_the_run():
     assert not loop.at_rest
     ending = LoopProcess(replace(job(0.2), table=lost_while_levelling)).run()
     assert ending == Ending("link lost", "LinkLost: cable out")
+
+
+def hangs_as_it_opens(path: str) -> Paced:
+    Path(path).touch()
+    time.sleep(600.0)
+    return paced_table()
+
+
+class HangsAsItCloses(Paced):
+    def __exit__(self, *error) -> None:
+        time.sleep(600.0)
+
+
+def hangs_as_it_closes() -> HangsAsItCloses:
+    return HangsAsItCloses(paced_table(pace=False))
+
+
+@pytest.mark.parametrize("stops", [True, False])
+def test_a_table_that_hangs_as_it_opens_is_given_up(monkeypatch, tmp_path: Path, stops: bool):
+    monkeypatch.setattr(process, "OPEN_S", 600.0 if stops else 0.5)
+    monkeypatch.setattr(process, "STOPPED_OPEN_S", 0.5)
+    begun = tmp_path / "begun"
+    loop = LoopProcess(replace(job(5.0), table=partial(hangs_as_it_opens, str(begun))))
+
+    def press() -> None:
+        while not begun.exists():
+            time.sleep(0.005)
+        loop.put(Stop("the operator's button"))
+
+    thread = threading.Thread(target=press if stops else lambda: None)
+    thread.start()
+    what = "the table was not open, nor armed, within 0.5 s"
+    assert loop.run() == Ending("loop died", f"the operator's button; {what}" if stops else what)
+    thread.join()
+    assert not loop.at_rest
+
+
+def test_a_table_that_hangs_as_it_closes_is_given_up(monkeypatch):
+    monkeypatch.setattr(process, "CLOSE_S", 0.5)
+    loop, rows = LoopProcess(replace(job(0.2), table=hangs_as_it_closes)), []
+    told = "the table was not level and closed within 0.5 s"
+    assert loop.run(rows.append) == Ending("loop died", told)
+    assert len(rows) >= 100
+    assert not loop.at_rest
 
 
 class BadHand(Operator):
@@ -327,6 +435,19 @@ def test_commands_pass_through_shared_memory_as_they_were():
         assert take_commands(box) == [Stop("ä" * 120, "interrupted")]
         with pytest.raises(TypeError, match="no command"):
             commands.put("left")  # type: ignore[arg-type]
-        assert encode("ä", 1) == b""
+    finally:
+        box.close()
+
+
+def test_a_stop_arrives_whatever_its_words_are():
+    """A failure names a file, and a folder's name need not be UTF-8: that stop was never sent, nor
+    any after it.
+    """
+    box = SharedChannel()
+    try:
+        SharedCommandSlot(box).put(Stop("Messung_f\udcfcr: no room", "recording failed"))
+        box.say(1.0, "f\udcfcr")
+        assert take_commands(box) == [Stop("Messung_f?r: no room", "recording failed")]
+        assert box.take_events() == [(1.0, "f?r")]
     finally:
         box.close()

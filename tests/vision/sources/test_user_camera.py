@@ -107,6 +107,11 @@ def test_a_context_manager_gives_grey_frames(tmp_path, capfd):
 
 
 IMAGE = "np.zeros((4, 4, 3), np.uint8)"
+WIDE = "np.broadcast_to(np.zeros((1, 1, 3), np.uint8), (9000, 9000, 3))"
+MUTE = """class Mute(Exception):
+  def __str__(self): raise RuntimeError
+  def __float__(self): raise RuntimeError
+"""
 
 
 @pytest.mark.parametrize(
@@ -127,6 +132,21 @@ IMAGE = "np.zeros((4, 4, 3), np.uint8)"
         (reading("return np.zeros((4, 4, 4), np.uint8), 1.0"), r"shape \(4, 4, 4\)"),
         (reading(f"return {IMAGE}, 'now'"), "t_s is 'now'"),
         (reading(f"return {IMAGE}, float('nan')"), "t_s is nan"),
+        (reading(f"return {IMAGE}, Mute()", before=MUTE), "t_s is a Mute without a number"),
+        (reading("raise Mute", before=MUTE), "read: Mute: its words cannot be read"),
+        (reading("raise ValueError('ab' * 10**6)"), "read: ValueError: (ab){250} "),
+        (
+            reading("raise asyncio.CancelledError", before="import asyncio"),
+            "read: CancelledError",
+        ),
+        (
+            reading("pass\n  def __init__(self): raise GeneratorExit"),
+            "__init__: GeneratorExit",
+        ),
+        (
+            reading(f"return {WIDE}, 1.0"),
+            "9000 x 9000 pixels, over 67108864",
+        ),
         (reading(f"return {IMAGE}, time.time()"), r"time.monotonic\(\) is .*use that clock"),
         (
             reading(f"return {IMAGE}, NOW", before="NOW = time.monotonic()"),

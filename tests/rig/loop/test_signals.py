@@ -1,0 +1,77 @@
+"""Signals that end a program: none is lost, whatever swallows what it raises."""
+
+import signal
+import time
+import weakref
+
+import pytest
+
+from rig.loop.commands import CommandSlot
+from rig.loop.signals import LEAVING_S, leave_on_signals, stop_on_signals
+
+
+class Thing:
+    pass
+
+
+def swallowed(number: int) -> None:
+    """Have the signal come in a weak reference's callback, which lets nothing out."""
+    thing = Thing()
+    watch = weakref.ref(thing, lambda _: signal.raise_signal(number))
+    del thing
+    assert watch() is None
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_swallowed_signal_begins_no_run_and_ends_the_program(number):
+    slot, said, begun, after = CommandSlot(), [], [], []
+
+    def program() -> None:
+        with leave_on_signals(said.append):
+            swallowed(number)
+            with stop_on_signals(slot):
+                begun.extend(slot.take())
+            after.append("another run")
+
+    with pytest.raises(SystemExit) as left:
+        program()
+    assert left.value.code == 128 + number
+    assert [stop.outcome for stop in begun] == ["interrupted"]
+    assert said == [f"ended by {number.name}; what was recorded so far is kept"]
+    assert not after
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_a_swallowed_signal_is_the_exit_code_though_all_went_well():
+    def program(*numbers: int) -> None:
+        with leave_on_signals(lambda text: None):
+            for number in numbers:
+                swallowed(number)
+
+    with pytest.raises(SystemExit) as left:
+        program(signal.SIGTERM)
+    assert left.value.code == 143
+    program()  # forgotten
+
+
+def test_further_signals_disturb_no_levelling_and_work_again_later(monkeypatch):
+    now_s, said, levelled = [100.0], [], []
+
+    def program() -> None:
+        with leave_on_signals(said.append):
+            try:
+                signal.raise_signal(signal.SIGHUP)
+            finally:
+                now_s[0] += LEAVING_S - 0.1
+                signal.raise_signal(signal.SIGTERM)
+                levelled.append(True)
+                now_s[0] += 0.2
+                signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr(time, "monotonic", lambda: now_s[0])
+    with pytest.raises(SystemExit) as left:
+        program()
+    assert left.value.code == 143
+    assert len(said) == 2
+    assert levelled
