@@ -8,12 +8,13 @@ where a person held or pushed the ball.
 
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import inf
 
 import numpy as np
 
+from calibration.gap.model.kept_fits import KeptFits
 from calibration.gap.model.parameters import BALL, SERVO, Model
 from rig.log import Log
 from rig.prediction.innovations import (
@@ -163,7 +164,7 @@ class Evidence:
     """Runs of one table with the noise levels (dtype NOISE) of the filters.
 
     `ball_axes`: whether x and y of the ball were seen; `masks`: output -> weights (n,) of its
-    residuals; `threads`: predictions that run at a time.
+    residuals; `threads`: predictions that run at a time; `fits`: kept by all that is made of it.
     """
 
     runs: tuple[Signals, ...]
@@ -171,6 +172,7 @@ class Evidence:
     ball_axes: tuple[bool, bool]
     masks: dict[str, np.ndarray]
     threads: int = 1
+    fits: KeptFits = field(default_factory=KeptFits)
 
     @cached_property
     def outputs(self) -> tuple[str, ...]:

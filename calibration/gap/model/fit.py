@@ -189,6 +189,7 @@ def fit(
     *,
     iterations: int = ITERATIONS,
     bent: Collection[str] = (),
+    thorough: bool = False,
 ) -> ParameterFit:
     """Fit the parameters of `bounds` (name -> (low, high)) from `start` by bounded Gauss-Newton
     until C with the prior falls by less than CONVERGED_GAIN; all other parameters stay as in
@@ -198,7 +199,8 @@ def fit(
     those that `start` has are kept instead, also of `bent`, until all are taken anew: where a step
     gains less than POOR_SHARE of what they promise, over a smaller width, and where C stalls after
     it fell by STALE_SECANT_GAIN. Where no step along all lowers C, the parameters of backlash are
-    moved one by one, once. `KeyError`: no such parameter.
+    moved one by one, once; `thorough`: all parameters are, as long as that gains
+    STALE_SECANT_GAIN. `KeyError`: no such parameter.
     """
     parameters = [nominal.parameters[name] for name in bounds]
     best = _inside(evidence, nominal, start, bounds)
@@ -220,8 +222,8 @@ def fit(
         dearer = [float(prior @ (d * step * (away + 0.5 * d * step))) for d in STEP_LENGTHS]
         best, gain = _along(evidence, nominal, best, parameters, value, step, dearer)
         if gain < CONVERGED_GAIN and not searched:
-            best, gain = _one_by_one(evidence, nominal, best, bounds)
-            searched = True
+            best, gain = _one_by_one(evidence, nominal, best, bounds, every=thorough)
+            searched = not thorough or gain < STALE_SECANT_GAIN
         stale = gain < CONVERGED_GAIN and taken_at - best.cost >= STALE_SECANT_GAIN
         poor = promised > STALE_SECANT_GAIN and gain < POOR_SHARE * promised
         narrow = poor and width > NARROWEST
@@ -239,14 +241,16 @@ def _one_by_one(
     nominal: NominalModel,
     at: ParameterFit,
     bounds: Bounds,
+    *,
+    every: bool,
 ) -> tuple[ParameterFit, float]:
-    """Compass search: each width of backlash, and how far its arm coasts, alone by plus and minus
-    STEP_LENGTHS of its step, and by how much C fell (Kolda, Lewis and Torczon, SIAM Review 45,
-    2003)."""
+    """Compass search: each width of backlash, and how far its arm coasts, or every parameter, alone
+    by plus and minus STEP_LENGTHS of its step, and by how much C fell (Kolda, Lewis and Torczon,
+    SIAM Review 45, 2003)."""
     first = at.cost
     for name, (low, high) in bounds.items():
         parameter = nominal.parameters[name]
-        if parameter.key not in KINKED:
+        if not every and parameter.key not in KINKED:
             continue
         known = {at.setting.get(name, parameter.nominal)}  # bounds make them repeat
         for length in STEP_LENGTHS:

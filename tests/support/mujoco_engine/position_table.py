@@ -3,7 +3,8 @@
 The servos are MuJoCo's own: a position actuator behind its first-order filter (`filterexact`). Two
 rods are bodies connected to a plate on a ball joint, whose flywheel keeps it from turning about its
 normal; three arms carry a free plate by rods that are hinged at their elbows and connected to it
-(3-RRS). No formula of a linkage stands here: constraints close the loops.
+(3-RRS). No formula of a linkage stands here: constraints close the loops. Play of two rods is a
+horn that turns on its arm between two stops; dry friction of the pivot holds the plate within it.
 """
 
 import importlib
@@ -13,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from experiments.benchmark.engines.mujoco_engine.table import FLYWHEEL_KG_M2
-from rig.linkage import THREE_ARMS
-from rig.parameters import GRAVITY_M_S2, Rig
+from rig.linkage import THREE_ARMS, Linkage
+from rig.parameters import GRAVITY_M_S2, Ball, Rig, Servo
 
 mujoco: Any = importlib.import_module("mujoco")  # its compiled part has no types
 STEP_S = 1e-4
@@ -22,6 +23,8 @@ STIFF_NM_RAD, ARMATURE_KG_M2 = 400.0, 4e-4  # chosen: 1000 rad/s, critically dam
 DAMPING_NM_S = 2 * (STIFF_NM_RAD * ARMATURE_KG_M2) ** 0.5
 LIGHT = '<inertial pos="0 0 0" mass="1e-4" diaginertia="1e-7 1e-7 1e-7"/>'
 HALF_THICKNESS_M = 0.004
+HORN_ARMATURE_KG_M2 = 2e-6  # assumed: rod and horn of a few grams
+HARD = f"{3 * STEP_S} 1", "0.9999 0.9999 1"  # solref, solimp
 
 
 def _hinged(name: str, at: str, axis: str, inside: str, armature: float) -> str:
@@ -31,7 +34,19 @@ def _hinged(name: str, at: str, axis: str, inside: str, armature: float) -> str:
     )
 
 
-def _two_rods(rig: Rig) -> tuple[str, str, str]:
+def _horn(n: str, axis: str, play_rad: float, inside: str) -> str:
+    """What turns on the arm between two stops `play_rad` apart."""
+    ref, imp = HARD
+    joint = (
+        f'<joint name="horn_{n}" axis="{axis}" armature="{HORN_ARMATURE_KG_M2}" limited="true" '
+        f'range="{-play_rad / 2} {play_rad / 2}" solreflimit="{ref}" solimplimit="{imp}"/>'
+    )
+    return f'<body name="horn_{n}">{LIGHT}{joint}{inside}</body>'
+
+
+def _two_rods(
+    rig: Rig, play_rad: tuple[float, float] | None, friction_nm: float
+) -> tuple[str, str, str]:
     """Bodies, the plate's joint, constraints. An arm that rises lifts the plate's other side, so
     the rods stand at -x and -y."""
     bodies, joined = "", ""
@@ -47,13 +62,17 @@ def _two_rods(rig: Rig) -> tuple[str, str, str]:
         )
         axis = "0 1 0" if a == 0 else "-1 0 0"
         at = f'pos="{axle[0]} {axle[1]} {axle[2]}"'
+        if play_rad is not None:
+            inside = _horn(n, axis, play_rad[a], inside)
         bodies += _hinged(f"arm_{n}", at, axis, inside, ARMATURE_KG_M2)
         joined += f'<connect site1="top_{n}" site2="edge_{n}"/>'
     edges = (
         f'<site name="edge_x" pos="{-rig.linkage.half_sides_m[0]} 0 0"/>'
         f'<site name="edge_y" pos="0 {-rig.linkage.half_sides_m[1]} 0"/>'
     )
-    return bodies, f'<joint name="tilt" type="ball"/>{edges}', joined
+    ref, imp = HARD
+    dry = f'frictionloss="{friction_nm}" solreffriction="{ref}" solimpfriction="{imp}"'
+    return bodies, f'<joint name="tilt" type="ball" {dry}/>{edges}', joined
 
 
 def _three_arms(rig: Rig, level_rad: float) -> tuple[str, str, str]:
@@ -84,14 +103,23 @@ class PositionTable:
     """The mechanism of a rig file, its arms told angles; truth for tests.
 
     level_rad: angle of three arms from the horizontal that holds the plate level; ball_m: where the
-    ball lies on the plate, None for no ball.
+    ball lies on the plate, None for no ball; play_rad: full width of the play of two rods, between
+    arm and horn, None for no horn; friction_nm: of the plate in its pivot.
     """
 
     def __init__(
-        self, rig: Rig, *, level_rad: float = 0.0, ball_m: tuple[float, float] | None = None
+        self,
+        rig: Rig,
+        *,
+        level_rad: float = 0.0,
+        ball_m: tuple[float, float] | None = None,
+        play_rad: tuple[float, float] | None = None,
+        friction_nm: float = 0.0,
     ) -> None:
         self._rig, arms = rig, rig.linkage.kind == THREE_ARMS
-        bodies, joint, joined = _three_arms(rig, level_rad) if arms else _two_rods(rig)
+        bodies, joint, joined = (
+            _three_arms(rig, level_rad) if arms else _two_rods(rig, play_rad, friction_nm)
+        )
         self.names = [f"arm_{n}" for n in ("012" if arms else "xy")]
         lags = rig.servo.pair("lag_s") if not arms else (rig.servo.lag_s,) * 3
         servos = "".join(
@@ -99,7 +127,8 @@ class PositionTable:
             f'biastype="affine" biasprm="0 {-STIFF_NM_RAD} {-DAMPING_NM_S}"/>'
             for n, lag in zip(self.names, lags, strict=True)
         )
-        hard = f'solref="{3 * STEP_S} 1" solimp="0.9999 0.9999 1"'
+        ref, imp = HARD
+        hard = f'solref="{ref}" solimp="{imp}"'
         (h_x, h_y), t = rig.linkage.half_sides_m, HALF_THICKNESS_M
         z = rig.linkage.height_m if arms else 0.0
         ball, pair = "", ""
@@ -156,3 +185,31 @@ class PositionTable:
     def ball_m(self) -> np.ndarray:
         """Ball's centre in the plate's frame (3,) [m]."""
         return self.frame().T @ (self.data.body("ball").xpos - self.centre_m())
+
+
+def table_of_lengths(
+    size_m: tuple[float, float, float, float, float],
+    side_m: float | np.ndarray,
+    ball: tuple[float, float],
+    *,
+    limit_rad: float,
+    **more: Any,
+) -> PositionTable:
+    """The mechanism of these lengths, for who knows no rig file, its servos as fast as they can.
+
+    size_m: arm, rod, and of three arms base, plate, height; side_m: of three arms' plate, or (2,)
+    of two rods'; ball: radius [m] and mass [kg], solid; limit_rad: of the angles; more: as of
+    `PositionTable`.
+    """
+    arm, rod, base, plate, height = size_m
+    if np.ndim(side_m) == 0:
+        link = Linkage(THREE_ARMS, arm, float(side_m), rod, base, plate, height)
+    else:
+        x, y = ({"plate_side_m": float(side)} for side in np.asarray(side_m))
+        link = Linkage(arm_radius_m=arm, rod_length_m=rod, x=x, y=y)
+    rig = Rig(
+        servo=Servo("position", lag_s=1e-6, angle_limit_rad=limit_rad, stop_rad=1.2),
+        linkage=link,
+        ball=Ball(hollow=False, radius_m=ball[0], mass_kg=ball[1]),
+    )
+    return PositionTable(rig, **more)

@@ -8,6 +8,7 @@ from tests.support.worlds import (
     commanded,
     default_mujoco,
     healthy,
+    position_mujoco,
     positions,
     strangers,
     tables,
@@ -55,4 +56,4 @@ WORLDS = {
         healthy.limit_cycle,
         healthy.double_noise,
     )
-}
+} | position_mujoco.WORLDS
