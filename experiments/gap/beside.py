@@ -18,6 +18,7 @@ Place = tuple[str, str, str]  # effect, axis, key of the parameter
 HEAD = ("effect", "axis", "found", "Calibrate found", "truth", "")
 AGREES, CONTRADICTS = "agrees", "contradicts"
 NOT_NAMED, NOT_THERE = "not named", "named, and is not there"
+TOO_SMALL = "within the tolerance of a well-kept rig"
 
 
 def found_values(found: Findings) -> dict[Place, Interval]:
@@ -95,10 +96,42 @@ def beside_rows(
         true = ""
         if truth is not None:
             true = f"{sig(factor * truth[place])} {unit}".strip() if place in truth else "none"
-        label = f"{name.replace('_', ' ')}, {key_words(key)}"
+        # "joint backlash" says already what its width is of
+        label = name.replace("_", " ") + ("" if key == "play_rad" else f", {key_words(key)}")
         verdict = _verdict(place, found, calibrated, truth)
+        if (
+            verdict == NOT_NAMED
+            and truth
+            and place in truth
+            and _is_small(truth[place], place, known)
+        ):
+            verdict = TOO_SMALL
         rows.append([label, "both" if axis == "xy" else axis, *cells, true, verdict])
     return rows
+
+
+def truth_lines(found: Findings, runs: Sequence[Path]) -> list[str]:
+    """Lines on what was found beside the truth of the virtual table that these runs were made on;
+    none where there is none.
+    """
+    truth = true_values(runs)
+    if truth is None:
+        return []
+    return [
+        f"{name} {axis}: found {one or 'nothing'}, truth {true}: {verdict}"
+        for name, axis, one, _, true, verdict in beside_rows(
+            found_values(found), {}, truth, found.known
+        )
+    ]
+
+
+def _is_small(value: float, place: Place, known: Mapping[str, Effect]) -> bool:
+    """Whether the true value of an effect's first parameter is within the declared tolerance, for
+    which no rig lacks anything."""
+    name, _, key = place
+    effect = known[name]
+    first = effect.parameters[0]
+    return key == first.key and abs(value - first.null) <= effect.tolerance
 
 
 def _verdict(

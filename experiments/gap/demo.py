@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from math import degrees
 from pathlib import Path
 
 from experiments.progress import ProgressCall, silent
@@ -10,6 +11,13 @@ from experiments.runs.runner import RunRequest, keep_simulated, simulate_run
 from rig.parameters import Rig
 
 DEMO_PLAY_RAD = {"x": 0.035, "y": 0.020}  # 2.0 and 1.1 degrees at the servo shaft
+
+
+def hidden_words(plays_rad: Mapping[str, float] = DEMO_PLAY_RAD) -> str:
+    """A sentence on the joint plays (axis -> full width) that a demo hid."""
+    sizes = ", ".join(f"{axis} {degrees(play):.2f}" for axis, play in plays_rad.items())
+    where = "Hidden in the demo's simulated table, unknown to the analysis"
+    return f"{where}: joint backlash {sizes} deg."
 
 
 def demo_plant(plays_rad: Mapping[str, float]) -> Rig:

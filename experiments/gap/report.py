@@ -1,6 +1,7 @@
 """`gap.html`: what is missing from the model, for someone who knows the lab but not the method."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from math import degrees
 from pathlib import Path
 
@@ -18,7 +19,8 @@ from experiments.gap.words import (
     recalibration,
     sentence_of,
 )
-from experiments.records.run_folder import write_results
+from experiments.records.run_folder import read_meta, write_results
+from experiments.reports.figures import SOURCES
 from experiments.reports.report import Block, Code, Section, Table, write_page
 from rig.rigfile import write_rig
 
@@ -26,28 +28,44 @@ SHORT_CHANNELS = 4
 RIG_NOT_GIVEN = "none was given, so the one in each run's run.json, else the default table's"
 
 
+def origin_words(logs: Sequence[Path], *, demo: bool = False) -> str:
+    """Where the runs of an analysis come from, for the tag of its page: "virtual rig", "measured",
+    both; "" where no run.json says it. demo: they are the demo's."""
+    sources = set()
+    for log in logs:
+        with suppress(OSError, ValueError):
+            sources.add(SOURCES[read_meta(log)["source"]])
+    return ", ".join((["demo"] if demo else []) + sorted(sources))
+
+
 def write_findings(
-    found: Findings, folder: Path, *, names: Sequence[str], rig_file: Path | None = None
+    found: Findings, folder: Path, *, names: Sequence[str], rig_file: Path | None = None, **of: str
 ) -> Path:
     """Write all files of an analysis in `folder`, and return the path of the page gap.html.
 
     These are results.json, the extended model as rig.toml (where something was added), and the page
-    with its figures. names: of the logs; rig_file: the one that was given. OSError: the folder
-    cannot be written.
+    with its figures. names: of the logs; rig_file: the one that was given; of: `origin` and `truth`
+    of `write_gap_report`. OSError: the folder cannot be written.
     """
     write_results(folder, found.to_json())
     if found.rig_after is not None and (found.effects or found.unknown):
         write_rig(found.rig_after, folder / "rig.toml")
-    return write_gap_report(found, folder, names=names, rig_file=rig_file)
+    return write_gap_report(found, folder, names=names, rig_file=rig_file, **of)
 
 
 def write_gap_report(
-    found: Findings, folder: Path, *, names: Sequence[str], rig_file: Path | None = None
+    found: Findings,
+    folder: Path,
+    *,
+    names: Sequence[str],
+    rig_file: Path | None = None,
+    origin: str = "",
+    truth: str = "",
 ) -> Path:
     """Write gap.html, self-contained, and its figures (PNG) in `folder`; return the page's path.
 
-    names: of the logs; rig_file: the one that was given, which the page names. OSError: the folder
-    cannot be written.
+    names: of the logs; rig_file: the one that was given, which the page names; origin: as of
+    `origin_words`; truth: a sentence on what was hidden. OSError: the folder cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     stages = [
@@ -60,7 +78,8 @@ def write_gap_report(
     return write_page(
         folder / "gap.html",
         title="Where model and table disagree",
-        summary=summary(found),
+        summary=[*filter(None, [truth]), *summary(found)],
+        origin=origin,
         sections=stages,
         template="gap.html",
         numbered=True,

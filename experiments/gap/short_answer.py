@@ -5,14 +5,13 @@ from collections.abc import Collection, Sequence
 from calibration.gap.decision_rule import DOUBTED_PROBABILITY
 from calibration.gap.findings import Findings
 from calibration.gap.report.units import sig
-from experiments.gap.summary import effect_words
-from experiments.gap.words import are_rivals, channel_words, percent
+from experiments.gap.words import NO_EXPERIMENT, are_rivals, channel_words, percent
 from experiments.runs.protocol import read_protocol
 
 # Chosen: steps of the ball tell most effects of plate and ball apart, squares on the servos alone
 # those of the drive (tests/benchmarks/README.md).
 WANTED = ("steps", "servo-squares")
-NAMES = {"joint_backlash": "play in the joints", "gear_backlash": "play in the gears"}
+NAMES = {"joint_backlash": "backlash in the joints", "gear_backlash": "backlash in the gears"}
 
 
 def missing_protocols(protocols: Collection[str]) -> list[str]:
@@ -35,8 +34,8 @@ def advice(protocols: Sequence[str]) -> str:
     )
 
 
-def short_answer(found: Findings, *, enough: bool, contradiction: str = "") -> list[str]:
-    """Sentences: what is missing, how sure, where it shows, what it changes, what to do next.
+def verdict(found: Findings, *, enough: bool, contradiction: str = "") -> list[str]:
+    """Sentences: what is missing, how sure, what speaks against it.
 
     enough: the runs can tell the usual causes apart, else nothing is called sure; contradiction:
     a sentence on what contradicts the names, "" for none.
@@ -44,12 +43,25 @@ def short_answer(found: Findings, *, enough: bool, contradiction: str = "") -> l
     lines = [_headline(found, sure=enough and not contradiction)]
     if contradiction:
         lines.append(contradiction)
+    for effect in found.effects:
+        if effect.twins:
+            twins = " or ".join(map(_label, effect.twins))
+            lines.append(
+                f"What is called {_label(effect.name)} may be {twins}: they move a table alike, "
+                "no run tells them apart."
+            )
+    return lines
+
+
+def details(found: Findings) -> list[str]:
+    """Sentences: where it shows, what it changes, what to do next."""
+    lines = []
     for where in found.where[:2]:
         times = f"errors {sig(where.gap, 2)} times what noise alone gives"
         lines.append(f"It shows in {channel_words(where.channel)}, {where.region}: {times}.")
     ahead = found.gap.ahead_1s_mm
     if "before" in ahead and "after" in ahead:
-        best = f" (best possible: {sig(ahead['floor'], 2)})" if "floor" in ahead else ""
+        best = f" (noise alone would leave {sig(ahead['floor'], 2)})" if "floor" in ahead else ""
         lines.append(
             f"The extended model predicts the ball 1 s ahead to {sig(ahead['after'], 2)} mm "
             f"instead of {sig(ahead['before'], 2)}{best}."
@@ -62,19 +74,26 @@ def short_answer(found: Findings, *, enough: bool, contradiction: str = "") -> l
     if found.next_experiment is not None:
         n = found.next_experiment
         lines.append(f"Next: run {n.protocol} ({sig(n.seconds)} s).")
+    else:
+        lines.append(f"Next: {NO_EXPERIMENT[found.verdict]}")
     return lines
+
+
+def _label(effect: str) -> str:
+    return NAMES.get(effect, effect.replace("_", " "))
 
 
 def _headline(found: Findings, *, sure: bool) -> str:
     if not found.effects or found.verdict not in ("named", "undecided"):
         return found.sentence
-    names = []
-    for effect in found.effects:
-        label = NAMES.get(effect.name, effect.name.replace("_", " "))
-        sizes = effect_words(effect, found.known).partition(": ")[2]
-        how = f", sure: {percent(effect.probability)}" if sure else ""
-        names.append(f"{label}{f' ({sizes})' if sizes else ''}{how}")
+    names = [_label(effect.name) for effect in found.effects]
     if are_rivals(found):
-        return f"Undecided between: {'; '.join(names)}."
-    sure = sure and any(one.probability > DOUBTED_PROBABILITY for one in found.effects)
-    return f"{'Missing' if sure else 'Suspected, not proven'}: {'; '.join(names)}."
+        return f"Undecided between: {', '.join(names)}."
+    if not (sure and any(one.probability > DOUBTED_PROBABILITY for one in found.effects)):
+        return f"Suspected, not proven: {', '.join(names)}."
+    how = [percent(effect.probability) for effect in found.effects]
+    if len(set(how)) == 1:
+        each = " each" if len(how) > 1 else ""
+        return f"Missing: {', '.join(names)} (sure: {how[0]}{each})."
+    parts = ", ".join(f"{name} ({one})" for name, one in zip(names, how, strict=True))
+    return f"Missing: {parts}."

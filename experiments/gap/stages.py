@@ -8,6 +8,7 @@ from calibration.gap.findings import UNITS, Findings
 from calibration.gap.report.units import shown_unit, sig
 from experiments.gap import figures
 from experiments.gap.words import (
+    NO_EXPERIMENT,
     are_rivals,
     channel_words,
     closed_share,
@@ -166,8 +167,8 @@ def prove_stage(found: Findings, folder: Path) -> Section:
         ]
         head = ("quantity", "unit", "recorded", "model before", "model after")
         caption = (
-            "The recorded protocol simulated in closed loop with the recorded controller settings: "
-            "does the model now behave like the table?"
+            "The recording simulated in closed loop, with the controller settings recorded with it "
+            "or, of a file, those that its commands tell: does the model now behave like the table?"
         )
         blocks.append(Table(head, rows, caption, words=2))
     question = (
@@ -224,14 +225,7 @@ def next_stage(found: Findings, command: Callable[[str], str]) -> Section:
     question = "Which experiment would tell more, for the least time on the rig?"
     plan = found.next_experiment
     if plan is None:
-        said = {
-            "named": "No experiment is needed: one name is left.",
-            "nothing-missing": "No experiment is needed: nothing is missing.",
-            "unknown-effect": "No experiment is proposed: no two names are left to tell apart.",
-            "undecided": "This stage did not run: there are no two names to tell apart yet. Record "
-            "a log with more motion, such as the one made by the command below.",
-        }
-        blocks: list[Block] = [said[found.verdict]]
+        blocks: list[Block] = [NO_EXPERIMENT[found.verdict]]
         if found.verdict == "undecided":
             blocks.append(Code(command("steps")))
         return Section("Next", blocks, question, ran=False)

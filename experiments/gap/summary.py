@@ -22,7 +22,7 @@ UNTESTABLE_SHOWN, NOTES_SHOWN, WHERE_SHOWN = 4, 3, 2
 
 def summary_lines(found: Findings) -> list[str]:
     """Lines for a terminal: verdict, where, effects, gap, servo, limits, next experiment, notes."""
-    lines = [f"{found.verdict}: {found.sentence}"]
+    lines = [f"{found.verdict}{_sure(found)}: {found.sentence}"]
     for w in found.where[:WHERE_SHOWN]:
         lines.append(_line("where", f"{channel_words(w.channel)}, {w.region}: gap {floors(w.gap)}"))
     label = "rival" if are_rivals(found) else "effect"
@@ -51,6 +51,18 @@ def summary_lines(found: Findings) -> list[str]:
     if len(found.notes) > NOTES_SHOWN:
         lines.append(_line("note", f"{len(found.notes) - NOTES_SHOWN} more in the report"))
     return lines
+
+
+def _sure(found: Findings) -> str:
+    """How sure the names of a verdict are, behind it; rivals' sentence tells it itself."""
+    if found.verdict != "named" or not found.effects:
+        return ""
+    how = dict.fromkeys(percent(one.probability) for one in sorted(found.effects, key=_probability))
+    return f" ({' to '.join([*how][:: max(1, len(how) - 1)])} sure)"
+
+
+def _probability(effect: Named) -> float:
+    return effect.probability
 
 
 def _line(label: str, text: str) -> str:

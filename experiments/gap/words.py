@@ -18,6 +18,15 @@ from rig.effects import BY_NAME, Effect
 from rig.parameters import Rig
 from rig.rigfile import SECTIONS
 
+# Why no experiment is proposed, by verdict.
+NO_EXPERIMENT = {
+    "named": "No experiment is needed: no two names are left that a run could tell apart.",
+    "nothing-missing": "No experiment is needed: nothing is missing.",
+    "unknown-effect": "No experiment is proposed: no two names are left to tell apart.",
+    "undecided": "This stage did not run: there are no two names to tell apart yet. Record a log "
+    "with more motion, such as the one made by the protocol steps.",
+}
+
 VERDICT_WORDS = {
     "named": "an effect is missing, and it has a name",
     "nothing-missing": "nothing is missing",

@@ -1,6 +1,7 @@
 """What was found beside what is known: names that contradict it are told, none above its proof."""
 
 import json
+from dataclasses import replace
 
 from calibration.gap.findings import Findings, Gap, Interval, Named, Where
 from experiments.gap.beside import (
@@ -8,12 +9,14 @@ from experiments.gap.beside import (
     CONTRADICTS,
     NOT_NAMED,
     NOT_THERE,
+    TOO_SMALL,
     beside_rows,
     contradictions,
     found_values,
     true_values,
+    truth_lines,
 )
-from experiments.gap.short_answer import WANTED, advice, missing_protocols, short_answer
+from experiments.gap.short_answer import WANTED, advice, details, missing_protocols, verdict
 
 GEAR, JOINT, COG = (
     ("gear_backlash", "x", "play_rad"),
@@ -37,8 +40,8 @@ def test_each_parameter_is_judged_by_the_truth_and_else_by_the_calibration():
     found = found_values(named(GEAR, COG))
     known = {GEAR: Interval(0.0175, 0.017, 0.018)}
     rows = {row[0]: row for row in beside_rows(found, known, {GEAR: 0.0195, JOINT: 0.026})}
-    assert rows["gear backlash, play"][-2:] == ["1.12 deg", AGREES]
-    assert rows["joint backlash, play"][-1] == NOT_NAMED
+    assert rows["gear backlash"][-2:] == ["1.12 deg", AGREES]
+    assert rows["joint backlash"][-1] == NOT_NAMED
     assert rows["cogging, amplitude"][-2:] == ["none", NOT_THERE]
     (gear, cog) = beside_rows(found, known, None)
     assert gear[-1] == CONTRADICTS
@@ -47,19 +50,52 @@ def test_each_parameter_is_judged_by_the_truth_and_else_by_the_calibration():
     assert contradictions([cog]) == ""
 
 
+def test_lines_beside_the_truth_are_in_one_unit_and_say_whether_they_agree(tmp_path):
+    truth = {"rig": {"effects": {"joint_backlash": {"x": {"play_rad": 0.0202}}}}}
+    (tmp_path / "truth.json").write_text(json.dumps(truth))
+    (line,) = truth_lines(named(JOINT), [tmp_path])
+    assert line.startswith("joint backlash x: found 1.15 [")
+    assert line.endswith(" deg, truth 1.16 deg: agrees")
+    assert truth_lines(named(JOINT), [tmp_path / "measured"]) == []
+
+
+def test_a_true_value_that_a_well_kept_rig_may_have_is_not_missed():
+    friction = ("coulomb_friction", "y", "friction_V")  # tolerance 0.015 V
+    for true, said in ((0.0092, TOO_SMALL), (-0.0092, TOO_SMALL), (0.05, NOT_NAMED)):
+        (row,) = beside_rows({}, {}, {friction: true})
+        assert row[-1] == said
+    settles = ("coulomb_friction", "y", "settling_s")  # of which no tolerance is declared
+    assert beside_rows({}, {}, {settles: 1e-6})[0][-1] == NOT_NAMED
+
+
 def test_nothing_is_called_sure_that_the_runs_cannot_show_or_that_contradicts():
     found = named(JOINT)
-    sure = short_answer(found, enough=True)
-    assert sure[0].startswith("Missing: play in the joints (x play 1.15 [1.09, 1.20] deg)")
-    assert "sure: > 99 %" in sure[0]
-    assert any("1 s ahead to 2 mm instead of 10 (best possible: 1.9)" in line for line in sure)
-    assert any("errors 4.6 times what noise alone gives" in line for line in sure)
+    assert verdict(found, enough=True) == ["Missing: backlash in the joints (sure: > 99 %)."]
+    more = details(found)
+    assert any(
+        "1 s ahead to 2 mm instead of 10 (noise alone would leave 1.9)" in line for line in more
+    )
+    assert any("errors 4.6 times what noise alone gives" in line for line in more)
     for doubtful in (
-        short_answer(found, enough=False),
-        short_answer(found, enough=True, contradiction="This contradicts"),
+        verdict(found, enough=False),
+        verdict(found, enough=True, contradiction="This contradicts"),
     ):
         assert doubtful[0].startswith("Suspected, not proven")
         assert not any("sure" in line for line in doubtful)
+
+
+def test_several_names_are_said_at_once_and_twins_by_themselves():
+    found = named(JOINT, GEAR)
+    (said,) = verdict(found, enough=True)
+    assert said == "Missing: backlash in the joints, backlash in the gears (sure: > 99 % each)."
+    joint, gear = found.effects
+    doubted = replace(gear, probability=0.97, twins=("encoder_zero",))
+    said = verdict(replace(found, effects=(joint, doubted)), enough=True)
+    assert said[0] == "Missing: backlash in the joints (> 99 %), backlash in the gears (97 %)."
+    assert said[1] == (
+        "What is called backlash in the gears may be encoder zero: they move a table alike, no run "
+        "tells them apart."
+    )
 
 
 def test_runs_that_are_missing_are_named_with_their_length():

@@ -61,6 +61,15 @@ def test_the_page_names_the_rig_file_or_says_that_none_was_given(tmp_path, pages
     assert all("Rig file: none was given" in page for page, _ in pages.values())
 
 
+def test_a_page_that_stands_alone_says_whose_table_it_is_of(tmp_path, pages):
+    assert all("results.json" not in words(page) for page, _ in pages.values())
+    told = {"origin": "demo, virtual rig", "truth": "Hidden: joint play x 2.01 deg."}
+    path = write_gap_report(named(), tmp_path, names=["log"], **told)
+    text = words(path.read_text(encoding="utf-8"))
+    assert "demo, virtual rig" in text
+    assert "Hidden: joint play x 2.01 deg." in text
+
+
 def test_every_noise_has_its_words_and_a_unit_that_people_read(pages):
     assert set(NOISES) == set(NOISE.names or ())
     page = next(page for page, _ in pages.values() if "noise, as estimated" in page)
@@ -103,7 +112,7 @@ def test_a_named_effect_is_told_in_degrees_and_millimetres(pages):
     assert "Recalibrate the servo: gain x is off by +5.2 %" in text
     assert "[effects.joint_backlash.x] play_rad = 0.035012" in text
     assert "saturation the volts stay below 3.1 V limit 3.1 V" in text
-    assert "No experiment is needed: one name is left." in text
+    assert "No experiment is needed: no two names are left that a run could tell apart." in text
     assert "predicted to within 2.4 mm instead of 6.1 mm" in text
 
 
@@ -167,9 +176,13 @@ def test_a_summary_is_short_and_says_the_same(pages):
     for make in ALL.values():
         lines = summary_lines(make())
         assert 2 <= len(lines) <= 15
-        assert lines[0] == f"{make().verdict}: {make().sentence}"
+        sure = r"( \([<> \d]+ %( to [<> \d]+ %)? sure\))?"
+        assert re.fullmatch(f"{make().verdict}{sure}: {re.escape(make().sentence)}", lines[0])
         assert all("\n" not in line for line in lines)
     lines = "\n".join(summary_lines(named()))
+    assert lines.startswith("named (98 % sure): ")
+    two = replace(named().effects[0], probability=0.86), *named().effects
+    assert summary_lines(replace(named(), effects=two))[0].startswith("named (86 % to 98 % sure): ")
     assert "joint_backlash (98 %): x play 2.01 [1.93, 2.09] deg, y play 1.15 [1.10, 1.19]" in lines
     assert "ball x 7.90 -> 1.04" in lines
     assert "6.1 -> 2.4 mm (floor 2.2)" in lines
