@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from experiments.picture_files import write_image
 from experiments.records.run_folder import refuse_input
-from rig.files import write_whole
+from rig.files import freed, write_whole
 
 if TYPE_CHECKING:
     import numpy as np
@@ -105,12 +105,15 @@ def track_video(
 
 
 def _clear(out: Path, address: str | Path | int) -> None:
-    """Take links away that lie where files are made. ValueError: such a file is the recording."""
-    film = [] if isinstance(address, int) or not Path(address).is_file() else [Path(address)]
+    """Take links and pipes away that lie where files are made. ValueError: such a file is the
+    recording, or would lie among its pictures.
+    """
+    place = None if isinstance(address, int) else Path(address)
+    # Pictures are read from the folder itself: in a folder beside them nothing of theirs lies.
+    is_read = place and (place.is_file() or (place.is_dir() and place.resolve() == out.resolve()))
     for name in MADE:
-        refuse_input("--out", out / name, film)
-        if (out / name).is_symlink():
-            (out / name).unlink()
+        refuse_input("--out", out / name, [place] if place and is_read else [])
+        freed(out / name)
 
 
 def place_of(text: str) -> tuple[float, ...]:

@@ -60,7 +60,7 @@ class Detection:
     plate differ as in the appearance, negative where the sign is wrong; `residual_px` rms of the
     inliers; `fill` and `spill` the mean P(ball) of the colours inside and just outside; `blur_px`
     the edge's standard deviation, NaN where the rim was not fitted; `inside_px` the radius of the
-    picture in a mirroring ball, 0 where there is none.
+    picture in a mirroring ball, 0 where there is none; `flattening` as of `Outline`.
     """
 
     u_px: float
@@ -76,6 +76,7 @@ class Detection:
     blur_px: float = math.nan
     inside_px: float = 0.0
     framed: float = 1.0
+    flattening: float = 0.0
 
 
 def locate_ball(
@@ -133,6 +134,7 @@ def locate_ball(
         spill=mean_probability(image, table, u, v, 1.2 * radius + 1.0, 1.6 * radius + 2.0),
         blur_px=math.nan if rim is None else float(rim[6]),
         framed=line.framed,
+        flattening=line.flattening,
     )
 
 

@@ -91,8 +91,8 @@ def fit_ellipse(points, weight, u, v, radius, scale, flat_std, rounds):
     are held near 0 with `flat_std` (share of R), which matters when an arc is hidden. `scale` (px)
     is how far off the guess (u, v, radius) may be: Tukey's weights start there and narrow over at
     most `rounds` rounds; `weight` (n,) multiplies them, 0 leaves a point out. Returns u, v, R (px),
-    variance of the centre per axis (px^2; infinite below six inliers), rms of the inliers (px) and
-    inlier flags (n,).
+    variance of the centre per axis (px^2; infinite below six inliers), rms of the inliers (px),
+    inlier flags (n,) and the flattening (share of R).
     """
     used = np.zeros(points.shape[0], np.bool_)
     for i in range(points.shape[0]):
@@ -124,7 +124,8 @@ def fit_ellipse(points, weight, u, v, radius, scale, flat_std, rounds):
         if good[i]:
             count += 1
             total += polar[i, 5] ** 2
+    flattening = np.sqrt(q[3] ** 2 + q[4] ** 2) / q[0]
     if count <= 5:
-        return u, v, q[0], np.inf, np.inf, good
+        return u, v, q[0], np.inf, np.inf, good, flattening
     variance = total / (count - 5) * 0.5 * (inverse[1, 1] + inverse[2, 2])
-    return u, v, q[0], variance, np.sqrt(total / count), good
+    return u, v, q[0], variance, np.sqrt(total / count), good, flattening

@@ -34,7 +34,7 @@ class Outline(NamedTuple):
     residuals alone; `residual_px` rms of the inliers; `good` rays on the ellipse and `inside` rays
     in the image (counts); `coverage` share of the turn that is covered: eighths with at least one
     in three rays on the ellipse; `framed` share of the turn that lies in the image: eighths with at
-    least half their rays.
+    least half their rays; `flattening` half the difference of the half axes, share of the radius.
     """
 
     u_px: float
@@ -46,6 +46,7 @@ class Outline(NamedTuple):
     inside: float
     coverage: float
     framed: float
+    flattening: float
 
     @property
     def share(self) -> float:
@@ -96,9 +97,9 @@ def trace_rays(image, u, v, radius, reach, w, n_rays, signed, flat_std, blurred_
     `image`, `u`, `v`, `radius`, `reach` and `signed` as in `trace_outline`; `w` (3,): colour
     direction; `n_rays`: a multiple of 8; `flat_std` and `rounds`: as in `fit_ellipse`;
     `blurred_std`: the `flat_std` with which a blurred ball is tried. Returns the fields of
-    `Outline` in their order, (9,), and whether an ellipse was found.
+    `Outline` in their order, (10,), and whether an ellipse was found.
     """
-    out = np.zeros(9)
+    out = np.zeros(10)
     points, outer, strength, inside = cast_rays(image, u, v, radius, reach, w, n_rays, signed)
     typical = np.median(strength)
     if not typical > 0.0:
@@ -106,7 +107,7 @@ def trace_rays(image, u, v, radius, reach, w, n_rays, signed, flat_std, blurred_
     weight = np.empty(n_rays)
     for i in range(n_rays):
         weight[i] = min(max((strength[i] / typical - 0.15) / 0.35, 0.0), 1.0)
-    u2, v2, radius2, variance, residual, good = _best_fit(
+    u2, v2, radius2, variance, residual, good, flat = _best_fit(
         points, outer, weight, u, v, radius, inside, flat_std, blurred_std, rounds
     )
     limit = (1.0 + reach) * radius
@@ -119,22 +120,22 @@ def trace_rays(image, u, v, radius, reach, w, n_rays, signed, flat_std, blurred_
         return out, False
     # Rays closer than a pixel's diagonal or so share their pixels, and so their noise.
     variance *= max(1.0, 2.2 * n_rays / (2.0 * np.pi * radius2))
-    return _described(image, u2, v2, radius2, variance, residual, good, inside), True
+    return _described(image, u2, v2, radius2, variance, residual, good, inside, flat), True
 
 
 @kernel
-def _described(image, u, v, radius, variance, residual, good, inside):
-    """The fields of `Outline` in their order, (9,), of an ellipse on the rays `good` (n,)."""
+def _described(image, u, v, radius, variance, residual, good, inside, flattening):
+    """The fields of `Outline` in their order, (10,), of an ellipse on the rays `good` (n,)."""
     per, covered = good.size // 8, 0
     for i in range(8):
         on = 0
         for k in range(i * per, (i + 1) * per):
             on += good[k]
         covered += on > 0.34 * per
-    out = np.empty(9)
+    out = np.empty(10)
     out[0], out[1], out[2], out[3], out[4] = u, v, radius, variance, residual
     out[5], out[6], out[7] = good.sum(), inside, covered / 8.0
-    out[8] = framed_share(image, u, v, radius, per)
+    out[8], out[9] = framed_share(image, u, v, radius, per), flattening
     return out
 
 
@@ -186,7 +187,7 @@ def trace_outer_ring(image, u, v, radius, w, n_rays, flat_std, rounds):
 
 
 @kernel
-def _rays(radius):
+def rays_of(radius):
     """Number of rays: one every two pixels of the outline [px], a multiple of 8 from 24 to 72."""
     return 8 * min(max(int(np.pi * radius / 8.0), 3), 9)
 
@@ -208,7 +209,7 @@ def trace_outline(
     """
     shape = FLAT_STD, BLURRED_STD, ROUNDS
     place = float(u), float(v), float(radius)
-    values, found = trace_rays(image, *place, reach, direction, _rays(radius), signed, *shape)
+    values, found = trace_rays(image, *place, reach, direction, rays_of(radius), signed, *shape)
     return Outline(*values.tolist()) if found else None
 
 
@@ -223,7 +224,7 @@ def retrace_on_consensus(
     on it, and under 70 % of the residual of `line`.
     """
     place = line.u_px, line.v_px, line.radius_px
-    first = cast_rays(image, *place, reach, direction, _rays(line.radius_px), signed)[0]
+    first = cast_rays(image, *place, reach, direction, rays_of(line.radius_px), signed)[0]
     for slack in SLACKS:
         slack_px = slack * line.radius_px
         values, found = _trace_shared(image, *place, first, direction, signed, slack_px)
@@ -235,12 +236,12 @@ def retrace_on_consensus(
 
 @kernel
 def _trace_shared(image, u, v, radius, first, w, signed, slack):
-    """The fields of `Outline`, (9,), through the edges within `slack` px of the circle that most
+    """The fields of `Outline`, (10,), through the edges within `slack` px of the circle that most
     of them share, and whether there is such an outline that differs from the circle (u, v, radius).
 
     `first` (n, 2) are the edges that long rays met; short rays from their shared circle follow.
     """
-    out = np.zeros(9)
+    out = np.zeros(10)
     shared = consensus_circle(first, radius, slack)
     if shared[3] == 0.0:
         return out, False
@@ -248,7 +249,7 @@ def _trace_shared(image, u, v, radius, first, w, signed, slack):
     outside, inside = _longest_arc(first, shared, slack)
     if not away and max(outside, inside) < max(first.shape[0] // 8, 3):  # mere noise
         return out, False
-    n_rays = _rays(shared[2])
+    n_rays = rays_of(shared[2])
     points, _, strength, seen = cast_rays(
         image, shared[0], shared[1], shared[2], SHORT_REACH, w, n_rays, signed
     )
@@ -258,10 +259,10 @@ def _trace_shared(image, u, v, radius, first, w, signed, slack):
     weight = np.empty(n_rays)
     for i in range(n_rays):
         weight[i] = 1.0 if strength[i] > 0.0 else 0.0
-    u, v, radius, variance, rms, good = fit_ellipse(
+    u, v, radius, variance, rms, good, flat = fit_ellipse(
         points, weight, shared[0], shared[1], shared[2], slack, ROUND_STD, ROUNDS
     )
-    return _described(image, u, v, radius, variance, rms, good, seen), True
+    return _described(image, u, v, radius, variance, rms, good, seen, flat), True
 
 
 @kernel

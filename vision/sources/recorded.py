@@ -4,19 +4,27 @@ from __future__ import annotations
 
 import math
 import re
+import warnings
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
+from io import BytesIO
 from pathlib import Path
 
 import cv2
 import numpy as np
+from PIL import Image
 
 from vision.sources.camera_device import capture
 from vision.sources.repeats import has_repeats
 
 IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp"})
 DEFAULT_FPS = 30.0
+# How files begin that the decoder follows to other files, pipes and addresses: lists of ffconcat
+# and of HLS, an index of VobSub; it looks for that behind a tag of ID3, too, which no film has.
+# Somewhere in what it looks at (PROBED bytes) a line of SDP is enough.
+LISTS, SDP_LINE, PROBED = (b"ffconcat", b"#EXTM3U", b"# VobSub", b"ID3"), b"c=IN IP", 1 << 20
 
 Reader = Callable[[], tuple[np.ndarray, float] | None]
 
@@ -38,7 +46,10 @@ class RecordedFrames:
 
 
 def open_file(path: str | Path) -> RecordedFrames:
-    """Open the video file `path`, or the address of one. `ValueError`: it cannot be decoded."""
+    """Open the video file `path`, or the address of one. `ValueError`: it cannot be decoded, or is
+    a list of others.
+    """
+    _refuse_list(Path(path))
     device = capture(str(path))
     if not device.isOpened():
         raise ValueError(f"{path}: not a video that can be decoded (truncated, or no video at all)")
@@ -52,6 +63,16 @@ def open_file(path: str | Path) -> RecordedFrames:
 
     total = int(count) if count > 0 else None
     return RecordedFrames(read, device.release, fps, total, _holds_repeats(path))
+
+
+def _refuse_list(path: Path) -> None:
+    """ValueError: the decoder would go on from this file to others. An address is not looked at."""
+    if not path.is_file():
+        return
+    with path.open("rb") as file:
+        begin = file.read(PROBED)
+    if begin.startswith(LISTS) or SDP_LINE in begin:
+        raise ValueError(f"{path}: a list of other files or addresses, no video: give the video")
 
 
 def _holds_repeats(path: str | Path) -> bool | None:
@@ -93,11 +114,35 @@ def open_folder(path: Path, fps: float) -> RecordedFrames:
 
     def read() -> tuple[np.ndarray, float] | None:
         for i, file in numbered:
-            image = cv2.imread(str(file), cv2.IMREAD_COLOR)
-            if image is None:
-                raise ValueError(f"{file}: not an image that can be decoded; remove or replace it")
-            return image, i / fps
+            return _picture(file), i / fps
         return None
 
-    pictures = (image for f in files if (image := cv2.imread(str(f))) is not None)
-    return RecordedFrames(read, lambda: None, fps, len(files), has_repeats(pictures))
+    def pictures() -> Iterator[np.ndarray]:
+        for file in files:
+            with suppress(ValueError):
+                yield _picture(file)
+
+    return RecordedFrames(read, lambda: None, fps, len(files), has_repeats(pictures()))
+
+
+def _picture(file: Path) -> np.ndarray:
+    """A picture (h, w, 3) uint8, BGR. ValueError (one line): no file, damaged, or of more pixels
+    than Pillow's own limit, which its head says before anything is unpacked.
+    """
+    if not file.is_file():
+        raise ValueError(f"{file}: no file, but a folder, a pipe or a device; remove it")
+    try:
+        data = file.read_bytes()
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            Image.open(BytesIO(data)).close()
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    except (Image.DecompressionBombWarning, Image.DecompressionBombError):
+        most = f"{Image.MAX_IMAGE_PIXELS or 0:,}"
+        raise ValueError(f"{file}: it has more than {most} pixels: make it smaller") from None
+    except (OSError, ValueError, SyntaxError, cv2.error) as error:
+        why = " ".join(str(error).split())
+        raise ValueError(f"{file}: not an image that can be read ({why})") from None
+    if image is None:
+        raise ValueError(f"{file}: not an image that can be decoded; remove or replace it")
+    return image

@@ -21,7 +21,7 @@ from vision.frames import Frame
 from vision.tracking.gate import TELLING_FILL, is_inside
 from vision.tracking.kinematics import START_SPEED_RADII_S
 from vision.tracking.sightings import Sighting, bounds_of, round_things, same_place, sight
-from vision.tracking.stir import Stir
+from vision.tracking.stir import SPAN_S, Stir
 from vision.tracking.things import TRAVEL, UNLIKE_COLOUR, UNLIKE_SIZE, Thing, Things
 
 LOOK_S = 0.08  # between two looks at the image, so that finding costs little beside tracking
@@ -120,10 +120,8 @@ class Acquisition:
     def doubts(self, frame: Frame, ball: Detection) -> bool:
         """Whether the `ball`, which has stayed where it was locked, is no ball: other things have
         stirred for so long that a ball on their plate would have rolled."""
-        if 0.0 <= frame.t_s - self._stirred_s < LOOK_S:
+        if self._stirred_s != frame.t_s:
             return False
-        self._stirred_s = frame.t_s
-        self._stir.add(frame.t_s, frame.image)
         place = ball.u_px, ball.v_px
         if not self._stir.elsewhere(place, ball.radius_px):
             self._calm_s = frame.t_s
@@ -146,11 +144,13 @@ class Acquisition:
         """The ball in this frame, once it has been recognised, else None; frames come in order of
         time. The image is looked at `every_s`, in search known things in between."""
         searching = every_s == LOOK_S  # what is locked is doubted by `doubts`
+        if not 0.0 <= frame.t_s - self._stirred_s < LOOK_S:
+            self._stirred_s = frame.t_s
+            self._stir.add(frame.t_s, frame.image)
         if not 0.0 <= frame.t_s - self._looked_s < every_s:
             self._looked_s = self._glanced_s = frame.t_s
             self._look(frame)
             if searching:
-                self._stir.add(frame.t_s, frame.image)
                 self._blame(frame.t_s, _reach(frame.image))
         elif searching and not 0.0 <= frame.t_s - self._glanced_s < GLANCE_S:
             self._glanced_s = frame.t_s
@@ -168,7 +168,7 @@ class Acquisition:
         self._looks += 1
         bounds, due = bounds_of(frame.image, self._bounds), _cadence(self._looks - 1)
         seen = round_things(frame.image, bounds, at_most=AT_MOST, due=due)
-        self.things.add(frame.t_s, self._again(frame.image, seen))
+        self.things.add(frame.t_s, self._again(frame.image, seen), self._arrived)
 
     def _blame(self, t_s: float, reach: float) -> None:
         """Things that stayed while others stirred for `STIRRED_S` are not the ball."""
@@ -202,7 +202,10 @@ class Acquisition:
         ranked = [
             thing
             for thing in ranked
-            if thing.evidence >= LEAST_EVIDENCE and not self.things.is_part(thing, reach)
+            if thing.evidence >= LEAST_EVIDENCE
+            and not thing.is_ring(reach)
+            and not self.things.is_part(thing, reach)
+            and not self._joined(thing, reach, frame.t_s)
         ]
         if not ranked or ranked[0].last_s != frame.t_s:
             return None
@@ -231,10 +234,29 @@ class Acquisition:
         others = [thing for thing in ranked if thing is not best]
         if any(thing.drifts(reach) and thing.evidence > 0.5 * best.evidence for thing in others):
             return None  # that one will be seen to travel, or not
-        stirs = lasted < LOOK_S or self._stir.elsewhere(best.last.place, best.radius_px)
-        if best.last.flat and stirs:
+        looked_s = SPAN_S if best.flattened else LOOK_S
+        stirs = lasted < looked_s or self._stir.elsewhere(best.last.place, best.radius_px)
+        if (best.last.flat or best.flattened) and stirs:
             return None
         return best if sure and met >= 2 and lasted >= waits_s else None
+
+    def _arrived(self, thing: Thing, s: Sighting) -> bool:
+        """Whether a thing can have come to where a sighting is: it stayed, or the image changed."""
+        if same_place(thing.last, s):
+            return True
+        look, radius = s.appearance, s.seen.radius_px
+        contrast = float(np.abs(look.ball_bgr - look.surround_bgr).max())
+        return not self._stir.is_calm(s.place, radius, contrast, thing.last_s)
+
+    def _joined(self, thing: Thing, reach: float, t_s: float) -> bool:
+        """Whether a thing that travels is part of something larger that moves; that this is the
+        camera is believed after a while only."""
+        if thing.travel(reach) <= 1.0:
+            return False
+        still = t_s - thing.times[0] < UNLIKE_S
+        before = sum(t_s - seen_s > SPAN_S for seen_s in thing.times)
+        recent = (*thing.sightings[max(before - 1, 0) :], thing.last)
+        return self._stir.joined([s.place for s in recent], thing.radius_px, still=still)
 
     def _score(self, thing: Thing, image: np.ndarray) -> float:
         score = thing.score(_reach(image))

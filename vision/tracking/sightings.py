@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from vision.detection.appearance import NOISE_FLOOR, Appearance
-from vision.detection.detector import Detection
+from vision.detection.detector import RAYS_SHARE, Detection
 from vision.detection.hough_circles import Circle, circles_of_any_size
+from vision.detection.outline import FLAT_STD, rays_of
 from vision.detection.pixels import relief, turn_steps
 from vision.detection.streaks_and_mirrors import locate_shrunk, mirror_silhouette
 from vision.tracking.gate import is_plausible, outline_significance
@@ -26,7 +27,9 @@ LEAST_SIGNIFICANCE = 7.0
 # Standard deviations between just inside and just outside a disc over three quarters of its turn;
 # 95 % of the balls show 3, the inside of a printed circle less than 1.
 LEAST_STEP = 1.2
-FAINT = 0.1  # weight, while it stays, of what differs from its surround along its turn alone
+# Weight, while it stays, of what differs from its surround along its turn alone; also the roundness
+# below which a disc is flattened. A shadow flattens one ball in six, hence a weight of `FLAT`.
+FAINT = 0.1
 # Share of a disc's mean brightness by which a ball's shading varies at least: a ball under lamps
 # has 0.07 and more, flat things 0.05 and less; under a wide even light a ball comes near them
 # too, hence a weight and no condition.
@@ -40,7 +43,8 @@ class Sighting:
     `evidence` is the logarithm of its outline's significance, times the share of the outline that
     was seen; 0 and less is none. `likely` is what speaks for a ball at rest before anything moved:
     a camera is aimed at its plate (1 in the image's middle, 0.5 in its corners), and light shades a
-    ball but not a flat mark or coin (down to `FLAT`, which is `flat`).
+    ball but not a flat mark or coin (down to `FLAT`, which is `flat`). `round` tells a ball at rest
+    from a disc that is seen aslant, which is flattened: 1 for a circle, towards 0.
     """
 
     seen: Detection
@@ -48,6 +52,7 @@ class Sighting:
     evidence: float
     likely: float = 1.0
     flat: bool = False
+    round: float = 1.0
 
     @property
     def place(self) -> tuple[float, float]:
@@ -133,7 +138,14 @@ def sight(
     evidence *= max(0.2, 1.0 - 0.5 * rough)
     solid = relief(image, found.u_px, found.v_px, found.radius_px) / RELIEF
     likely = (1.0 - 0.5 * off**2) * min(max(solid, FLAT), 1.0) * (FAINT if faint else 1.0)
-    return Sighting(found, appearance, evidence, likely, solid <= FLAT)
+    return Sighting(found, appearance, evidence, likely, solid <= FLAT, _roundness(found))
+
+
+def _roundness(found: Detection) -> float:
+    """Likelihood of a disc's flattening for a sphere at rest, over that of none: normal with
+    `FLAT_STD` and what the residuals of the outline leave uncertain."""
+    noise = RAYS_SHARE / rays_of(found.radius_px) * (found.residual_px / found.radius_px) ** 2
+    return math.exp(-0.5 * found.flattening**2 / (FLAT_STD**2 + 2.0 * noise))
 
 
 def _step(image: np.ndarray, found: Detection) -> float:

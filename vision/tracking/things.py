@@ -7,12 +7,13 @@ than the plate or, where nothing moves, the one that stands out.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from vision.tracking.kinematics import PUSH_RADII_S2, START_SPEED_RADII_S
-from vision.tracking.sightings import Sighting
+from vision.tracking.sightings import FAINT, FLAT, Sighting
 
 # Of the image's longer side: a mark at the edge of a plate tilted by 6 degrees shifts by 1 %.
 TRAVEL = 0.03
@@ -83,6 +84,22 @@ class Thing:
         return bool(share.max() < SHADED and np.ptp(share) < TINTED)
 
     @property
+    def round(self) -> float:
+        """How round it usually is, see `Sighting`."""
+        return float(np.median([s.round for s in self.sightings]))
+
+    @property
+    def flattened(self) -> bool:
+        """Whether it is seldom as round as a ball at rest, but as a disc that lies on a plate."""
+        return self.round < FAINT
+
+    def is_ring(self, reach_px: float) -> bool:
+        """Whether it stays and differs from what is about it along its turn alone, as a printed
+        ring does (`reach_px` as for `travel`)."""
+        faint = float(np.median([s.likely for s in self.sightings])) <= FAINT
+        return faint and self.travel(reach_px) <= 1.0
+
+    @property
     def evidence(self) -> float:
         """Mean evidence of its sightings."""
         return float(np.mean([s.evidence for s in self.sightings]))
@@ -117,7 +134,7 @@ class Thing:
     def score(self, reach_px: float) -> float:
         """How much speaks for it as the ball among other things: one that stays counts by how
         likely it is a ball's (`Sighting.likely`)."""
-        likely = self.sightings[-1].likely * (OTHER if self.other else 1.0)
+        likely = self.sightings[-1].likely * (OTHER if self.other else 1.0) * max(self.round, FLAT)
         stays = 1.0 - min(self.travel(reach_px), 1.0)
         return self.moved_proof(reach_px) * likely**stays
 
@@ -129,9 +146,17 @@ class Things:
         self._window_s = window_s
         self.all: list[Thing] = []
 
-    def add(self, t_s: float, sightings: list[Sighting]) -> None:
-        """Add what was seen in one image: every sighting goes to the thing it is most like."""
-        taken = self._matched(t_s, sightings)
+    def add(
+        self,
+        t_s: float,
+        sightings: list[Sighting],
+        arrived: Callable[[Thing, Sighting], bool] = lambda thing, s: True,
+    ) -> None:
+        """Add what was seen in one image: every sighting goes to the thing it is most like.
+
+        `arrived` says whether a thing can have come to where a sighting is since it was last seen.
+        """
+        taken = self._matched(t_s, sightings, arrived)
         for i, thing in enumerate(self.all):
             thing.looks += thing.missed < HIDDEN
             thing.missed += 1
@@ -150,8 +175,13 @@ class Things:
             self.all[i].glance = t_s, sightings[k]
             self.all[i].glances += 1
 
-    def _matched(self, t_s: float, sightings: list[Sighting]) -> dict[int, int]:
-        """Number of the sighting by that of the thing that it is most like."""
+    def _matched(
+        self,
+        t_s: float,
+        sightings: list[Sighting],
+        arrived: Callable[[Thing, Sighting], bool] = lambda thing, s: True,
+    ) -> dict[int, int]:
+        """Number of the sighting by that of the thing that it is most like; see `add`."""
         pairs = sorted(
             (unlike, i, k)
             for i, thing in enumerate(self.all)
@@ -159,7 +189,8 @@ class Things:
         )
         taken: dict[int, int] = {}
         for unlike, i, k in pairs:
-            if math.isfinite(unlike) and i not in taken and k not in taken.values():
+            free = math.isfinite(unlike) and i not in taken and k not in taken.values()
+            if free and arrived(self.all[i], sightings[k]):
                 taken[i] = k
         return taken
 

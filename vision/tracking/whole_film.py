@@ -16,9 +16,10 @@ import numpy as np
 
 from vision.detection.appearance import Appearance
 from vision.frames import Frame, Track
-from vision.tracking.acquisition import LEAST_EVIDENCE, NAMED, STANDS_OUT, fits
+from vision.tracking.acquisition import LEAST_EVIDENCE, NAMED, STANDS_OUT, STIRRED_S, fits
 from vision.tracking.gate import is_inside
 from vision.tracking.sightings import Sighting, bounds_of, round_things
+from vision.tracking.stir import Stir
 from vision.tracking.things import TRAVEL, UNLIKE_COLOUR, UNLIKE_SIZE, Thing, Things
 from vision.tracking.tracker import SAME_SIZE_SHARE, Tracker
 
@@ -55,24 +56,29 @@ def survey(
 @dataclass
 class _Looks:
     """What was seen of a film: (index of the frame, sightings) every `every_s`; `longer`: the
-    image's longer side (px)."""
+    image's longer side (px); `alone`: of the sightings (by `id`) those at which nothing stirred
+    while something did elsewhere."""
 
     seen: list[tuple[int, list[Sighting]]]
     every_s: float
     longer: int
+    alone: set[int]
 
 
 def _looks(
     frames: Frames, radius_px: tuple[float, float] | None, mask: np.ndarray | None
 ) -> _Looks:
-    looks, last_s = _Looks([], LOOK_S, 0), -np.inf
+    looks, stir, last_s = _Looks([], LOOK_S, 0, set()), Stir(), -np.inf
     for frame in frames():
         if 0.0 <= frame.t_s - last_s < looks.every_s:
             continue
         image, last_s = frame.image, frame.t_s
         looks.longer = max(looks.longer, *image.shape[:2])
         seen = round_things(image, bounds_of(image, radius_px), at_most=AT_MOST)
-        looks.seen.append((frame.index, [s for s in seen if is_inside(s.seen, mask)]))
+        seen = [s for s in seen if is_inside(s.seen, mask)]
+        looks.seen.append((frame.index, seen))
+        stir.add(frame.t_s * LOOK_S / looks.every_s, image)  # as many looks back in a long film
+        looks.alone |= {id(s) for s in seen if stir.elsewhere(s.place, s.seen.radius_px)}
         if len(looks.seen) > LOOKS:
             looks.seen, looks.every_s = looks.seen[::2], 2.0 * looks.every_s
     return looks
@@ -84,12 +90,21 @@ def _ball_in(looks: _Looks, colour: Appearance | None) -> Survey:
     for number, (_, seen) in enumerate(looks.seen):
         things.add(number * looks.every_s, seen)
     reach = TRAVEL * looks.longer
+    for thing in things.all:
+        alone = looks.every_s * sum(id(s) in looks.alone for s in thing.sightings)
+        thing.other = thing.travel(reach) <= 1.0 and alone > STIRRED_S
     ranked = sorted(things.all, key=lambda t: -_score(t, reach, colour))
-    ranked = [thing for thing in ranked[:RANKED] if not things.is_part(thing, reach)]
+    ranked = [
+        thing
+        for thing in ranked[:RANKED]
+        if not thing.is_ring(reach) and not things.is_part(thing, reach)
+    ]
     best = ranked[0] if ranked else None
     if best is None or not _sure(best, len(looks.seen)):
         return Survey({}, moves=False)
     moves = best.travel(reach) > 1.0
+    if best.other:  # something that no circle showed may have been the ball
+        return Survey({}, moves=False)
     if not moves and len(ranked) > 1:
         lead = _score(best, reach, colour) / _score(ranked[1], reach, colour)
         if lead < STANDS_OUT:

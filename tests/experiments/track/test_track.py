@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 from fractions import Fraction
 from types import SimpleNamespace
 
@@ -200,3 +201,40 @@ def test_the_film_itself_and_what_a_link_leads_to_are_not_written_over(tmp_path)
     with pytest.raises((OSError, ValueError)):
         track_video(other, tmp_path)  # no film
     assert notes.read_text() == "my notes"
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="the system has no pipes with a name")
+def test_what_lies_where_the_results_go_is_neither_written_through_nor_waited_for(tmp_path):
+    """A second name of the user's own file was written through; a pipe was waited for."""
+    film = write(tmp_path / "v.mp4", rolling("green", seconds=0.4, size=(320, 240)))
+    for name, other in (("track.csv", "overlay.mp4"), ("overlay.mp4", "track.csv")):
+        out, mine = tmp_path / f"out-{name}", tmp_path / f"mine-{name}"
+        out.mkdir()
+        mine.write_text("mine")
+        (out / name).hardlink_to(mine)
+        os.mkfifo(out / other)
+        summary = track_video(film, out)
+        assert mine.read_text() == "mine"
+        assert not [note for note in summary["notes"] if "no film" in note]
+        assert all((out / one).is_file() for one in summary["files"])
+
+
+def test_a_folder_of_pictures_is_not_written_into(tmp_path):
+    """Its own track.csv and a picture called contact_sheet.png were overwritten."""
+    pictures = tmp_path / "pictures"
+    pictures.mkdir()
+    mine = {"track.csv": b"my labels", "results.json": b"{}", "contact_sheet.png": b"a picture"}
+    for name, content in mine.items():
+        (pictures / name).write_bytes(content)
+    (tmp_path / "link").symlink_to(pictures)
+    for place in (pictures, tmp_path / "link", pictures / ".." / "pictures"):
+        with pytest.raises(ValueError, match="lies in the recording") as caught:
+            track_video(pictures, place)
+        assert "\n" not in str(caught.value)
+    assert {name: (pictures / name).read_bytes() for name in mine} == mine
+    for name in mine:  # nor are files of such names made there
+        (pictures / name).unlink()
+    with pytest.raises(ValueError, match="lies in the recording"):
+        track_video(pictures, pictures)
+    with pytest.raises(ValueError, match="no images in this folder"):
+        track_video(pictures, pictures / "tracked")

@@ -8,7 +8,7 @@ from tests.support.footage import disc, exposed
 from vision.detection.appearance import NOISE_FLOOR, Appearance
 from vision.detection.hough_circles import circles_of_any_size
 from vision.detection.pixels import turn_steps
-from vision.tracking.sightings import LEAST_STEP, bounds_of, round_things
+from vision.tracking.sightings import FAINT, LEAST_STEP, bounds_of, round_things
 
 
 def seen(image):
@@ -67,3 +67,14 @@ def test_a_ball_within_a_printed_ring_is_seen_and_not_the_ring():
     places, radii = seen(exposed(image, 2.0, np.random.default_rng(1)))
     near = np.hypot(*(places - (156.0, 117.0)).T) < 10.0
     assert radii[near] == pytest.approx([36.0], abs=1.0)
+
+
+def test_a_coin_seen_aslant_is_flattened_and_a_ball_is_not():
+    image = np.full((240, 320, 3), 60.0, np.float32)
+    disc(image, (90.0, 120.0), 14.0, np.array((40.0, 130.0, 220.0)), shade=0.4)
+    cv2.ellipse(image, (230, 120), (17, 12), 0, 0, 360, (150.0, 200.0, 200.0), -1, cv2.LINE_AA)
+    image = exposed(image, 2.0, np.random.default_rng(1))
+    ball, coin = sorted(round_things(image, bounds_of(image, None)), key=lambda s: s.place)
+    assert ball.round > 0.9
+    assert coin.seen.flattening == pytest.approx(0.17, abs=0.03)
+    assert coin.round < FAINT

@@ -1,4 +1,4 @@
-"""A flat round mark at rest is not held for the ball while other things stir."""
+"""What changes beside a thing at rest, and along with one that moves."""
 
 import numpy as np
 import pytest
@@ -56,3 +56,39 @@ def test_mark_is_left_once_something_rolls_that_no_circle_shows():
         states.append(tracker.step(Frame(table(u), k / FPS, k)).state)
     assert "track" in states[:20]
     assert "track" not in states[45:]
+
+
+def test_a_ball_rolls_alone_with_its_shadow_and_a_fingertip_does_not():
+    rolling, reaching = Stir(), Stir()
+    for k in range(8):
+        tip, ball = 60.0 + 8.0 * k, table(0.0).astype(float)
+        hand = ball.copy()
+        disc(ball, (tip + 10.0, 128.0), 12.0, np.array((60.0, 60.0, 60.0)))
+        for image in (ball, hand):
+            disc(image, (tip, 120.0), 12.0, np.array((90.0, 120.0, 190.0)))
+        hand[108:132, : round(tip)] = hand[90:160, : max(0, round(tip) - 30)] = (90, 120, 190)
+        rolling.add(k / FPS, ball.astype(np.uint8))
+        reaching.add(k / FPS, hand.astype(np.uint8))
+    way = [(60.0 + 8.0 * k, 120.0) for k in range(8)]
+    assert not rolling.joined(way, 12.0, still=True)
+    assert not rolling.joined([way[0], way[-1]], 12.0, still=True)  # seen at few looks
+    assert reaching.joined(way, 12.0, still=True)
+    assert reaching.joined(way, 12.0, still=False)
+
+
+def test_nothing_came_to_where_the_image_did_not_change():
+    stir = Stir()
+    for k in range(8):
+        stir.add(k / FPS, table(100.0 + 3 * k))
+    assert stir.is_calm(MARK[:2], MARK[2], 90.0, 0.0)
+    assert not stir.is_calm((120.0, 160.0), 15.0, 90.0, 0.0)  # here it did
+    assert not stir.is_calm(MARK[:2], MARK[2], 12.0, 0.0)  # too faint to be sure
+    assert not stir.is_calm(MARK[:2], MARK[2], 90.0, -1.0)  # not looked back to
+
+
+def test_what_changes_on_all_sides_may_be_the_light():
+    stir = Stir()
+    for k in range(8):
+        stir.add(k / FPS, np.clip(1.05**k * table(100.0).astype(float), 0, 255).astype(np.uint8))
+    assert stir.joined([MARK[:2]], MARK[2], still=True)
+    assert not stir.joined([MARK[:2]], MARK[2], still=False)

@@ -174,3 +174,12 @@ def test_a_glance_tells_where_a_thing_is_but_neither_proves_it_nor_lets_it_trave
 def test_unlike_things_far_apart_are_two(change):
     things = watched(lambda k: sighting(100, 100) if k < 5 else sighting(400, 300, **change))
     assert len(things.all) == 2
+
+
+def test_a_thing_comes_only_to_where_something_can_have_arrived():
+    things = Things()
+    for k in range(4):
+        place = sighting(100.0 + 30.0 * (k > 1), 60.0)
+        things.add(0.1 * k, [place], lambda thing, s: thing.last.place == s.place)
+    assert [len(thing.times) for thing in things.all] == [2, 2]
+    assert all(thing.travel(REACH) == 0.0 for thing in things.all)

@@ -1,13 +1,14 @@
 """A film that can be read again: its ball, from its first frame to its last."""
 
+import cv2
 import numpy as np
 import pytest
 
-from tests.support.footage import disc, rolling
+from tests.support.footage import Film, disc, exposed, rolling
 from vision.detection.appearance import Appearance
 from vision.frames import Frame
 from vision.tracking.tracker import Tracker
-from vision.tracking.whole_film import WholeFilm
+from vision.tracking.whole_film import WholeFilm, survey
 
 SMALL = {"size": (320, 240), "radius": 13.0, "seconds": 2.0}
 
@@ -88,3 +89,30 @@ def test_tracker_starts_where_it_is_told():
     assert np.hypot(track.u_px - place[0], track.v_px - place[1]) < 0.5
     assert tracker.start_at(film.frames[1], 5.0, 5.0) is None
     assert tracker.step(film.frames[1]).state == "track"
+
+
+def test_a_mark_is_not_the_ball_of_a_film_in_which_something_rolls_that_no_circle_shows():
+    film, rng = Film(), np.random.default_rng(1)
+    for k in range(45):
+        image = np.full((240, 320, 3), 150.0)
+        disc(image, (60.0, 60.0), 12.0, np.array((90.0, 30.0, 60.0)))
+        image[150:170, 100 + 3 * k : 120 + 3 * k] += 24.0
+        film.add(
+            np.clip(image + rng.normal(0.0, 1.0, image.shape), 0, 255).astype(np.uint8),
+            k / 30,
+            None,
+        )
+    assert not survey(lambda: film.frames).sightings
+    still = [Frame(film.frames[0].image, k / 30, k) for k in range(45)]
+    assert survey(lambda: still).sightings
+
+
+@pytest.mark.parametrize("flat", [1.0, 0.8])
+def test_a_printed_ring_is_no_ball_while_nothing_moves(flat):
+    film, rng, tracker = Film(), np.random.default_rng(1), Tracker()
+    image = np.full((240, 320, 3), 60.0, np.float32)
+    cv2.ellipse(image, (100, 120), (16, round(16 * flat)), 20, 0, 360, (90, 110, 140), 5)
+    for k in range(45):
+        film.add(exposed(image, 2.0, rng), k / 30, None)
+    assert not survey(lambda: film.frames).sightings
+    assert {tracker.step(frame).state for frame in film.frames} == {"search"}
