@@ -175,9 +175,12 @@ def _value(key: str, text: str, whole: str) -> Any:
             return tuple(
                 float(part) for part in text.split(",") if part.strip() not in ("", "none")
             )
-        return int(float(text)) if key == "sign" else float(text)
+        number = float(text)
     except ValueError:
         raise ValueError(f"--set {whole}: {text!r} is no number") from None
+    if key == "sign" and number not in (1, -1):
+        raise ValueError(f"--set {whole}: a sign is 1 or -1")
+    return int(number) if key == "sign" else number
 
 
 def merged(made: ImportMap, said: Mapping[str, Mapping[str, Any]]) -> ImportMap:
@@ -194,6 +197,14 @@ def merged(made: ImportMap, said: Mapping[str, Mapping[str, Any]]) -> ImportMap:
         elif "column" in keys:
             data["signals"][name] = dict(keys)
     return validated(data)
+
+
+def time_map(keys: Mapping[str, Any]) -> TimeMap:
+    """Where the time comes from, of plain `keys`. ValueError (one line): a key is wrong."""
+    try:
+        return TimeMap.model_validate(keys)
+    except ValidationError as error:
+        raise ValueError(f"the map: time: {first_error_line(error, TimeMap)}") from error
 
 
 def validated(data: Mapping[str, Any]) -> ImportMap:

@@ -6,7 +6,7 @@ import numpy as np
 
 from experiments.importing.clock import coarse, read_clock
 from experiments.importing.draft import Draft
-from experiments.importing.import_map import TimeMap
+from experiments.importing.import_map import time_map
 from experiments.importing.names import Hint
 from experiments.importing.recording import BadFileError
 from experiments.importing.units import FACTORS
@@ -47,14 +47,14 @@ def _clock(draft: Draft) -> None:
     """Read the seconds; find out whether the stamps are coarser than the rows."""
     draft.values(draft.time["column"]) if draft.time.get("column") else None
     if "clock" not in draft.time and draft.time.get("column"):
-        times = TimeMap(**{**draft.time, "clock": "even"})
+        times = time_map({**draft.time, "clock": "even"})
         raw = draft.values(draft.time["column"]) * (FACTORS["time"][times.unit] or 1.0)
         session = read_clock(draft.stream, times).session
         parts = [raw[(session == number) & np.isfinite(raw)] for number in np.unique(session)]
         if parts and all(coarse(part) for part in parts if len(part) > 20) and coarse(parts[0]):
             draft.time["clock"] = "even"
             draft.because("time", "stamps are coarser than the rows: spread evenly")
-    clock = read_clock(draft.stream, TimeMap(**draft.time))
+    clock = read_clock(draft.stream, time_map(draft.time))
     draft.seconds = clock.unrolled
     for note in clock.notes:
         draft.because("time", note)

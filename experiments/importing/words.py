@@ -29,7 +29,8 @@ def report_lines(recording: Recording, proposal: Proposal) -> list[str]:
     more = f" and {len(left) - 8} more" if len(left) > 8 else ""
     unused = f"; not used: {', '.join(left[:8])}{more}" if left else ""
     notes = (*recording.notes, *because.get("rest", ()))
-    return [*lines, f"rest    {rest}{unused}{_why(notes)}"]
+    lines.append(f"rest    {rest}{unused}{_why(notes)}")
+    return [line.replace("\n", "?") for line in lines]  # a name may hold a line of its own
 
 
 def _time(time: Mapping[str, Any]) -> str:

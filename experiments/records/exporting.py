@@ -26,11 +26,15 @@ def export_run(run_folder: Path | str, out_path: Path | str) -> Path:
     """
     from experiments.records.recording import read_run  # brings the loop and its compiler
 
-    out_path = Path(out_path)
-    writer_of(out_path)  # a wrong name is said before a long run is read
+    check_place(Path(out_path))  # a wrong name is said before a long run is read
+    return export_log(read_run(run_folder).log, out_path)
+
+
+def check_place(out_path: Path) -> None:
+    """ValueError: no log can be written there, by its suffix or as it is no place for a file."""
+    writer_of(out_path)
     if out_path.is_dir() or (out_path.parent.exists() and not out_path.parent.is_dir()):
         raise ValueError(f"{out_path}: not a place for a file; name another")
-    return export_log(read_run(run_folder).log, out_path)
 
 
 def export_log(log: Log, out_path: Path | str) -> Path:

@@ -59,7 +59,7 @@ def read_logs(path: Path | str) -> list[Log]:
     steps = np.diff(t_s) if t_s is not None and t_s.dtype.kind == "f" else np.zeros(0)
     usual = float(np.median(np.abs(steps))) if len(steps) and np.isfinite(steps).all() else np.inf
     cuts = np.flatnonzero(steps < -RESTART_STEPS * usual) + 1
-    edges = [0, *cuts, len(t_s) if t_s is not None else None]
+    edges = [0, *cuts, None]
     runs = [slice(a, b) for a, b in pairwise(edges)]
     return [
         _checked(path, {name: values[own] for name, values in columns.items()}, notes)
@@ -68,7 +68,9 @@ def read_logs(path: Path | str) -> list[Log]:
 
 
 def _read(path: Path) -> tuple[dict[str, np.ndarray], list[str]]:
-    """The columns of a file, and what to say of them. ValueError: it is not readable."""
+    """The columns of a file, known ones as (n,) float64, and what to say of them. ValueError: it is
+    not readable, or such a one holds something else.
+    """
     if not path.is_file():
         raise ValueError(f"{path} is no file but a pipe or a device, which may have no end")
     try:
@@ -79,6 +81,13 @@ def _read(path: Path) -> tuple[dict[str, np.ndarray], list[str]]:
     if rows > MOST_ROWS:
         raise ValueError(f"{path}: it has {rows} rows (limit: {MOST_ROWS}): cut the log in parts")
     unknown = [name for name in columns if name not in INDEX]
+    try:
+        columns = {
+            name: _numbers(name, values) if name in INDEX else np.empty(0)
+            for name, values in columns.items()
+        }
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
     return columns, [f"unknown columns left out: {', '.join(unknown)}"] if unknown else []
 
 
@@ -240,8 +249,10 @@ def _read_parquet(path: Path) -> dict[str, np.ndarray]:
             name: table[name].cast(pa.float64()).to_numpy() if name in INDEX else np.empty(0)
             for name in names
         }
-    except (pa.ArrowException, KeyError) as error:
-        raise ValueError(str(error)) from error
+    except (pa.ArrowException, OSError, KeyError) as error:
+        if getattr(error, "errno", None):  # of damaged bytes it is an OSError without
+            raise
+        raise ValueError(f"not readable as Parquet ({error})") from error
 
 
 READERS = {".csv": _read_csv, ".parquet": _read_parquet, ".mat": read_mat}

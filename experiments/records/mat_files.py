@@ -5,12 +5,14 @@ Columns may be variables of their own, or the fields of one struct that has `t_s
 
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from experiments.records.mat5_sizes import Matrix
 from experiments.records.unpacking import LEAST_BYTES, MOST_RATIO
 from rig.log import INDEX
 
@@ -43,22 +45,46 @@ def read_mat(path: Path) -> dict[str, Any]:
 
 
 def check_inflated(path: Path, most: int) -> None:
-    """Check what the compressed variables of a file of version 5 unpack to, before they are read.
+    """Check what the variables of a file of version 5 unpack to, and that they hold what they
+    claim, before they are read.
 
-    ValueError: more than `most` bytes. zlib.error: they are damaged.
+    ValueError: more than `most` bytes, or not. zlib.error: they are damaged.
     """
-    data, room, at = path.read_bytes(), most, 128
-    order = ">" if data[126:128] == b"MI" else "<"
+    data, at = path.read_bytes(), 128
+    order = "<" if data[126:128] == b"IM" else ">"
+    if 0 in data[:4] or data[124:126] not in (b"\0\1", b"\1\0"):  # version 4, or 7.3
+        return
+    room = [most]
     while at + 8 <= len(data):
         kind, size = struct.unpack_from(order + "II", data, at)
         if kind == 15:  # miCOMPRESSED
-            unpack, rest = zlib.decompressobj(), data[at + 8 : at + 8 + size]
-            while rest and room >= 0:
-                room -= len(unpack.decompress(rest, 1 << 24))
-                rest = unpack.unconsumed_tail
-            if room < 0:
-                raise ValueError(f"it unpacks to more than {most} bytes: save less")
+            read = _inflated(data[at + 8 : at + 8 + size], room, most)
+        else:
+            read = BytesIO(data[at : at + 8 + size]).read
+        Matrix(read, order).check()
+        while read(1 << 24):
+            pass
         at += 8 + size
+
+
+def _inflated(rest: bytes, room: list[int], most: int) -> Callable[[int], bytes]:
+    """What reads unpacked bytes. ValueError: more than `room` [bytes], of `most`."""
+    unpack, held = zlib.decompressobj(), bytearray()
+
+    def read(size: int) -> bytes:
+        nonlocal rest
+        while len(held) < size and rest:
+            part = unpack.decompress(rest, 1 << 20)
+            rest = unpack.unconsumed_tail
+            room[0] -= len(part)
+            if room[0] < 0:
+                raise ValueError(f"it unpacks to more than {most} bytes: save less")
+            held.extend(part)
+        data = bytes(held[:size])
+        del held[:size]
+        return data
+
+    return read
 
 
 def _refuse_object(is_object: bool) -> None:
@@ -102,6 +128,8 @@ def _columns(group: Any) -> dict[str, Any]:
             found[name] = np.empty(0)
         elif value.attrs.get("MATLAB_class") == b"char":
             found[name] = np.array("text")
+        elif value.dtype.kind not in "fiub":  # of texts, many may be one, which is not unpacked
+            raise ValueError(f"{name} is no column of numbers (it is {value.dtype})")
         else:
             found[name] = _numbers(value, name)
     return found

@@ -7,6 +7,7 @@ that a kill -9 takes none of the rows before it.
 import errno
 import math
 import os
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -29,7 +30,9 @@ from experiments.records.run_folder import (
     write_truth,
 )
 from experiments.records.samples_file import (
+    HEAD,
     LONGEST_S,
+    MESSAGE_HEAD,
     RECORD,
     SHORTEST_S,
     check_times,
@@ -39,7 +42,13 @@ from experiments.records.samples_file import (
     opening,
     plain_ending,
 )
-from experiments.records.samples_reading import SamplesFile, read_samples
+from experiments.records.samples_reading import (
+    LEFT_OUT,
+    LONGEST_MESSAGE,
+    MOST_EVENT_BYTES,
+    SamplesFile,
+    read_samples,
+)
 from rig.files import file_bytes, write_whole
 from rig.log import COLUMNS, Log
 from rig.loop.loop import ending_of
@@ -47,6 +56,7 @@ from rig.loop.loop import ending_of
 __all__ = ["Recorder", "Run", "new_run_folder", "read_run", "recover", "write_run", "write_truth"]
 
 LONGEST_SAMPLES = 1 << 32  # bytes; chosen: three hours at 1 kHz, uncompressed
+LOCK_S = 1.0  # chosen: who asks has the lock for a millisecond, on a busy machine for ten
 DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -79,6 +89,8 @@ class Recorder:
         self._start = start_record(start)
         self._start_ns = nanoseconds(self._start["created"])
         self._events = 0
+        self._event_room = MOST_EVENT_BYTES - LONGEST_MESSAGE  # bytes; what is left tells of more
+        self._left_out = False
         self._last_s = math.nan
         self._finished = False
         self._record = message_records(np.zeros((1, len(COLUMNS))), 0)
@@ -92,7 +104,7 @@ class Recorder:
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
         self._file = os.open(self.folder / "samples.mcap", flags, 0o644)
         try:
-            _lock(self._file)
+            _lock_soon(self._file, self.folder)
             self._write(opening())
         except OSError:
             os.close(self._file)
@@ -119,10 +131,21 @@ class Recorder:
     def event(self, t_s: float, text: str, **data: Any) -> None:
         """Record the event `text` at t_s [s], with further data that JSON can hold.
 
-        ValueError: the time cannot be recorded. OSError: it could not be written.
+        What no reader would take, because it is too long or comes after too many, is left out, and
+        the first time the event `LEFT_OUT` stands in its place. ValueError: the time cannot be
+        recorded. OSError: it could not be written.
         """
         event = plain({"t_s": float(t_s), "text": text, **data})
-        self._write(event_record(event, self._start_ns, self._events))
+        record = event_record(event, self._start_ns, self._events)
+        size = len(record) - HEAD - MESSAGE_HEAD
+        if size > min(self._event_room, LONGEST_MESSAGE):
+            if self._left_out:
+                return
+            self._left_out, size = True, 0  # room for this one is kept
+            event = {"t_s": float(t_s), "text": LEFT_OUT}
+            record = event_record(event, self._start_ns, self._events)
+        self._write(record)
+        self._event_room -= size
         self._events += 1
 
     def finish(self, outcome: str, reason: str = "", **notes: Any) -> None:
@@ -250,8 +273,9 @@ def being_recorded(folder: Path | str) -> bool:
     return path.is_file() and _is_locked(path)
 
 
-def recover(folder: Path | str) -> Run:
-    """Complete a run that was killed: whole records compressed and indexed, outcome "killed".
+def recover(folder: Path | str, outcome: str = "killed", reason: str = "recovered later") -> Run:
+    """Complete a run that was killed: whole records compressed and indexed, with this outcome and
+    reason.
 
     A run that had ended but lost rows gets the outcome "damaged"; a complete run is only read. What
     could not be read stays in samples.damaged.mcap, with its hash where an earlier one lies there.
@@ -269,7 +293,6 @@ def recover(folder: Path | str) -> Run:
     if run.meta["outcome"] is None or run.meta["truncated"]:
         meta = {key: value for key, value in run.meta.items() if key != "truncated"}
         last_s = float(run.log["t_s"][-1]) if len(run.log) else None
-        outcome, reason = "killed", "recovered later"
         if run.meta["outcome"] is not None:
             outcome = "damaged"
             reason = f"{len(run.log)} of {run.meta.get('rows')} rows left of a run that had ended"
@@ -298,8 +321,19 @@ def _rewrite(path: Path, samples: SamplesFile, start_ns: int) -> None:
     write_whole(path, finished_file(samples.rows, samples.events, start_ns), sync=True)
 
 
-def _lock(file: int) -> bool:
-    """Lock an open file for its process. False: another has it.
+def _lock_soon(file: int, folder: Path) -> None:
+    """Lock a recording that begins: who asks whether it is locked has it for a moment. OSError:
+    another program keeps it.
+    """
+    until_s = time.monotonic() + LOCK_S
+    while not _lock(file):
+        if time.monotonic() > until_s:
+            raise OSError(errno.EBUSY, f"{folder}: another program keeps samples.mcap locked")
+        time.sleep(LOCK_S / 100)
+
+
+def _lock(file: int, *, shared: bool = False) -> bool:
+    """Lock an open file for its process; shared: with others that ask so. False: another has it.
 
     On Windows the open file itself is the lock: it cannot be replaced.
     """
@@ -308,7 +342,7 @@ def _lock(file: int) -> bool:
     except ImportError:
         return True
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(file, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
     except OSError as error:
@@ -320,4 +354,4 @@ def _lock(file: int) -> bool:
 def _is_locked(path: Path) -> bool:
     """Whether a recorder has the file."""
     with path.open("rb") as file:
-        return not _lock(file.fileno())
+        return not _lock(file.fileno(), shared=True)

@@ -102,13 +102,18 @@ def stop_record(
     return plain({**start, **stop})
 
 
+FIRST_YEAR, LAST_YEAR = 1970, 2262  # in ns since 1970 the latter is the last of 63 bits
+
+
 def nanoseconds(created: str) -> int:
-    """Time of `created`, an ISO date, in ns since 1970 UTC. ValueError: no ISO date, or without
-    time zone.
+    """Time of `created`, an ISO date, in ns since 1970 UTC. ValueError: no ISO date, without time
+    zone, or one that a recording's 64 bits do not hold.
     """
     time = datetime.fromisoformat(created)
     if time.tzinfo is None:
         raise ValueError(f"created: {created} has no time zone; write it like 2026-11-20T10:15:02Z")
+    if not FIRST_YEAR < time.year < LAST_YEAR:
+        raise ValueError(f"created: {created} is not after {FIRST_YEAR} and before {LAST_YEAR}")
     return (time - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1) * 1000
 
 

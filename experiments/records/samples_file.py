@@ -31,6 +31,7 @@ SHORTEST_S, LONGEST_S = -1e9, 4e9  # plus today they fit 63 bits of nanoseconds 
 _FIXED64 = 1  # protobuf's wire type of a double
 _tag = (np.arange(len(COLUMNS)) + FIRST_FIELD) << 3 | _FIXED64
 TAGS = ((_tag & 0x7F | 0x80) | (_tag >> 7) << 8).astype("<u2")  # as a varint of two bytes
+CELL = np.dtype([("tag", "<u2"), ("value", "<f8")])
 RECORD = np.dtype(
     [
         ("opcode", "u1"),
@@ -39,7 +40,7 @@ RECORD = np.dtype(
         ("sequence", "<u4"),
         ("log_time", "<u8"),
         ("publish_time", "<u8"),
-        ("cells", [("tag", "<u2"), ("value", "<f8")], (len(COLUMNS),)),
+        ("cells", CELL, (len(COLUMNS),)),
     ]
 )
 HEAD = 9  # bytes of opcode and length, which `length` does not count

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from experiments.records.samples_file import (
+    CELL,
     CHANNEL,
     CHANNEL_ID,
     CHUNK,
@@ -38,9 +39,16 @@ from rig.files import read_json
 from rig.log import COLUMNS, INDEX
 
 BLOCK_ROWS = 1024  # rows read at once
+_TAGS = TAGS.tobytes()[::2], TAGS.tobytes()[1::2]  # low and high bytes
 # Bytes of one message, and of all events: brackets in JSON, or empty messages in protobuf, take a
-# hundred times their bytes once they are decoded. Chosen: far beyond any that is written.
+# hundred times their bytes once they are decoded. Chosen: far beyond what a run has to say; a
+# `Recorder` writes no more.
 LONGEST_MESSAGE, MOST_EVENT_BYTES = 1 << 16, 1 << 24
+LEFT_OUT = "events are left out from here on: they are too many, or too long"
+SHORTEST_ROW = 2  # bytes of a row's data: a tag and a time
+# Rows of another layout, which are decoded one by one; a longer file may hold what its size allows.
+# Chosen: three seconds' work, three minutes at 500 Hz.
+LEAST_ROWS = 100_000
 OWN_ROWS = -1  # not an opcode: a block of rows in our own layout
 ENDS = (0x01, FOOTER, 0x0F)  # header, footer, end of data
 HOLDS_ROWS = (OWN_ROWS, MESSAGE, CHUNK)
@@ -72,11 +80,13 @@ class _Reading:
     own_layout: int | None = CHANNEL_ID[SAMPLES]
     decode: Callable[[bytes], Any] | None = None  # a row that has another layout
     blocks: list[np.ndarray] = field(default_factory=list)
+    numbers: list[np.ndarray] = field(default_factory=list)  # of the blocks' rows, in sequence
     events: list[dict] = field(default_factory=list)
     complete: bool = False
     unread: int = 0  # bytes that were not understood
     room: int = 0  # bytes that chunks may still hold, unpacked
-    event_room: int = MOST_EVENT_BYTES  # bytes that events may still have
+    row_room: int = LEAST_ROWS  # messages but events that may still be taken one by one
+    event_room: int = MOST_EVENT_BYTES  # bytes that events may still have; below 0: some are out
     inside: bool = False  # a chunk
     has_chunks: bool = False
 
@@ -84,18 +94,45 @@ class _Reading:
 def read_samples(data: bytes) -> SamplesFile:
     """Read the bytes of samples.mcap, whole or cut off, also rewritten by another tool.
 
-    Damaged records are left out; rows in our own layout are found again behind them. ValueError:
-    the data is no MCAP file.
+    Damaged records are left out, as is a row that stands there twice; rows in our own layout are
+    found again behind them. ValueError: the data is no MCAP file.
     """
     if not data.startswith(MAGIC[: len(data)]):
         raise ValueError("it does not start like an MCAP file")
-    reading = _Reading(room=max(MOST_RATIO * len(data), LEAST_BYTES))
+    room = MOST_RATIO * len(data)
+    reading = _Reading(
+        room=max(room, LEAST_BYTES), row_room=max(room // RECORD.itemsize, LEAST_ROWS)
+    )
     records = data[len(MAGIC) :]
     _read(records.removesuffix(MAGIC), reading)
     rows = np.concatenate([np.empty((0, len(COLUMNS))), *reading.blocks])
+    again = _stand_again(rows, np.concatenate([np.empty(0, np.uint32), *reading.numbers]))
+    if again:
+        rows = np.delete(rows, again, axis=0)
+        reading.unread += RECORD.itemsize * len(again)
     ended = reading.complete and data.endswith(MAGIC)  # other readers begin at the end
     whole = ended and not reading.unread
     return SamplesFile(rows, reading.events, whole, reading.unread)
+
+
+def _stand_again(rows: np.ndarray, numbers: np.ndarray) -> list[int]:
+    """Indexes of the rows (n, len(COLUMNS)) that stood before under the same number in sequence.
+
+    They have every value of the other: what a second recorder wrote under that number is kept, and
+    so is what a tool wrote that counts nothing.
+    """
+    if (numbers[1:] > numbers[:-1]).all():
+        return []
+    order = np.lexsort((rows[:, 0], numbers))
+    alike = (np.diff(numbers[order]) == 0) & (np.diff(rows[order, 0]) == 0)
+    seen: set[tuple[int, bytes]] = set()
+    again = []
+    for i in np.unique(np.concatenate([order[1:][alike], order[:-1][alike]])).tolist():
+        row = int(numbers[i]), rows[i].tobytes()
+        if row in seen:
+            again.append(i)
+        seen.add(row)
+    return again
 
 
 def _read(buffer: bytes, reading: _Reading) -> None:
@@ -134,6 +171,8 @@ def _records(buffer: bytes, reading: _Reading) -> Iterator[tuple[int, Any]]:
         opcode, length = struct.unpack_from("<BQ", buffer, position)
         end = position + HEAD + length
         whole = opcode != 0 and end <= len(buffer)  # not half a record, nor zeros of a power cut
+        if opcode == MESSAGE and reading.row_room < 0:
+            whole = False  # it is no recording: the next row of our own is what counts
         stop = end if whole else len(buffer)
         begin = _next_row(buffer, position + 1, stop, reading.own_layout)
         if whole and (opcode == CHUNK or begin == end):
@@ -149,16 +188,29 @@ def _next_row(buffer: bytes, position: int, stop: int, channel: int | None) -> i
     """Return where the first row in our own layout begins from `position`, or `stop` without."""
     if channel is None:
         return stop
-    begins = struct.pack("<BQH", MESSAGE, RECORD.itemsize - HEAD, channel)
+    begins = _begin(channel)
     found = buffer.find(begins, position, stop + len(begins) - 1)
     return stop if found < 0 else found
+
+
+def _begin(channel: int) -> bytes:
+    """The first bytes of a row in our own layout."""
+    return struct.pack("<BQH", MESSAGE, RECORD.itemsize - HEAD, channel)
+
+
+def _begins_row(buffer: bytes, position: int, channel: int) -> bool:
+    """Whether a whole row in our own layout lies at `position`, by its head and its cells' tags."""
+    if not buffer.startswith(_begin(channel), position):
+        return False
+    cells = buffer[position + HEAD + MESSAGE_HEAD : position + RECORD.itemsize]
+    return (cells[:: CELL.itemsize], cells[1 :: CELL.itemsize]) == _TAGS
 
 
 def _own_rows(buffer: bytes, position: int, channel: int | None) -> np.ndarray:
     """Return the records (k,) of our own layout that follow each other from `position`."""
     count = min(BLOCK_ROWS, (len(buffer) - position) // RECORD.itemsize)
-    if channel is None or count <= 0 or buffer[position] != MESSAGE:
-        return np.empty(0, RECORD)
+    if channel is None or count <= 0 or not _begins_row(buffer, position, channel):
+        return np.empty(0, RECORD)  # before a block is looked at: what is no row may be much
     records = np.frombuffer(buffer, RECORD, count, position)
     own = (records["opcode"] == MESSAGE) & (records["length"] == RECORD.itemsize - HEAD)
     own &= (records["channel"] == channel) & (records["cells"]["tag"] == TAGS).all(axis=1)
@@ -175,7 +227,7 @@ def _take(opcode: int, content: Any, reading: _Reading) -> bool:
     from mcap.records import Schema
 
     if opcode == OWN_ROWS:
-        _take_rows(content["cells"]["value"], reading)
+        _take_rows(content["cells"]["value"], content["sequence"], reading)
     elif opcode == MESSAGE:
         _take_message(content, reading)
     elif opcode == CHUNK:
@@ -240,16 +292,13 @@ def _take_message(content: bytes, reading: _Reading) -> None:
     """Take one event, or one row that is not in our own layout."""
     payload = content[MESSAGE_HEAD:]
     topic = reading.topics.get(struct.unpack_from("<H", content)[0])
+    reading.row_room -= topic != EVENTS
+    if len(payload) < SHORTEST_ROW:
+        raise ValueError("a message without a time")
     if len(payload) > LONGEST_MESSAGE:
         raise ValueError("a message beyond all measure")
     if topic == EVENTS:
-        reading.event_room -= len(payload)
-        if reading.event_room < 0:
-            raise ValueError("events beyond all measure")
-        event = read_json(bytes(payload).decode())
-        if not isinstance(event, dict) or not isinstance(event.get("text"), str):
-            raise ValueError("an event without a text")
-        reading.events.append({**event, "t_s": float(event["t_s"])})
+        _take_event(payload, reading)
     elif topic is None:
         raise ValueError("a message of a channel that was not declared")
     elif topic == SAMPLES and reading.decode is not None:
@@ -262,11 +311,27 @@ def _take_message(content: bytes, reading: _Reading) -> None:
             for described, value in reading.decode(payload).ListFields():
                 if described.name in INDEX:
                     row[0, INDEX[described.name]] = value
-        _take_rows(row, reading)
+        _take_rows(row, np.frombuffer(content, "<u4", 1, 2), reading)
 
 
-def _take_rows(rows: np.ndarray, reading: _Reading) -> None:
-    """Take rows (k, len(COLUMNS)) but those whose time is damaged: no file could hold them."""
+def _take_event(payload: bytes, reading: _Reading) -> None:
+    """Take one event; the first for which there is no room is told by `LEFT_OUT`."""
+    if reading.event_room < 0:  # the rows are none the worse for it
+        return
+    reading.event_room -= len(payload)
+    event = read_json(bytes(payload).decode())
+    if not isinstance(event, dict) or not isinstance(event.get("text"), str):
+        raise ValueError("an event without a text")
+    if reading.event_room < 0:
+        event = {"text": LEFT_OUT, "t_s": event["t_s"]}
+    reading.events.append({**event, "t_s": float(event["t_s"])})
+
+
+def _take_rows(rows: np.ndarray, numbers: np.ndarray, reading: _Reading) -> None:
+    """Take rows (k, len(COLUMNS)), of these numbers in sequence (k,), but those whose time is
+    damaged: no file could hold them.
+    """
     sound = (rows[:, 0] >= SHORTEST_S) & (rows[:, 0] <= LONGEST_S)
     reading.unread += RECORD.itemsize * int(np.sum(~sound))
     reading.blocks.append(rows if sound.all() else rows[sound])
+    reading.numbers.append(numbers if sound.all() else numbers[sound])

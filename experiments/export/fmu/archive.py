@@ -5,6 +5,7 @@ import shutil
 import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
+from io import BytesIO
 from pathlib import Path
 
 from experiments.export import own_effects
@@ -13,6 +14,7 @@ from experiments.export.fmu.compiler import WINDOWS, compile_library, find_compi
 from experiments.export.fmu.description import IDENTIFIER, build_description, model_description
 from experiments.export.fmu.source import source
 from rig.effects import BY_NAME
+from rig.files import write_whole
 from rig.parameters import Rig
 from rig.plant.plant_record import pack
 
@@ -74,14 +76,16 @@ def write_fmu(
             told.append(f"No Windows binary: {WINDOWS} is not installed; the C is in sources/.")
         text = model_description(name, token, numbered, tick_s=1 / rig.control_rate_hz, told=told)
         (folder / "modelDescription.xml").write_text(text, encoding="utf-8")
-        _pack(folder, out)
+        write_whole(out, _packed(folder))
     return told
 
 
-def _pack(folder: Path, out: Path) -> None:
+def _packed(folder: Path) -> bytes:
     """The folder's files as a zip archive."""
+    out = BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
         for path in sorted(p for p in folder.rglob("*") if p.is_file()):
             info = zipfile.ZipInfo(path.relative_to(folder).as_posix(), _DATED)
             info.compress_type, info.external_attr = zipfile.ZIP_DEFLATED, 0o755 << 16
             archive.writestr(info, path.read_bytes())
+    return out.getvalue()

@@ -85,8 +85,10 @@ def _group(group: Any, objects: list[str], room: list[int], depth: int) -> dict[
 def _item(name: str, value: Any, objects: list[str], room: list[int], depth: int) -> Any:
     """A dataset or group of HDF5 as what MATLAB meant; arrays lie there transposed.
 
-    room: [cells that may still be read].
+    room: [cells that may still be read]. Of other types nothing is read: many texts may be one.
     """
+    import h5py
+
     if depth > 20:
         raise BadFileError(f"{name} is nested more than 20 deep")
     room[0] -= CELLS_AN_ITEM
@@ -98,13 +100,13 @@ def _item(name: str, value: Any, objects: list[str], room: list[int], depth: int
         return None
     room[0] -= value.size
     _check_room(room)
-    if value.dtype.kind == "O":  # cells and arrays of structs: references
+    if h5py.check_ref_dtype(value.dtype) is h5py.Reference:  # cells and arrays of structs
         parts = [in_file(value.file, name, value.file[ref]) for ref in np.ravel(value[()])]
         return [_item(name, part, objects, room, depth + 1) for part in parts]
-    if value.attrs.get("MATLAB_class") == b"char":
-        return "".join(map(chr, np.ravel(value[()])))
     if value.attrs.get("MATLAB_empty", 0) or value.dtype.kind not in "fiub":
         return None
+    if value.attrs.get("MATLAB_class") == b"char":
+        return "".join(map(chr, np.ravel(value[()])))
     return np.transpose(value[()])
 
 

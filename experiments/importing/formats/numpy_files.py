@@ -1,12 +1,13 @@
 """Read NumPy's files: arrays by name (.npz), or one array of rows (.npy)."""
 
 from pathlib import Path
-from zipfile import BadZipFile, ZipFile
+from zipfile import ZipFile
 
 import numpy as np
 
 from experiments.importing.formats.matlab import streams_of
 from experiments.importing.recording import MAX_CELLS, BadFileError, Stream, check_size
+from rig.foreign_call import in_words
 
 
 def read_npz(path: Path) -> list[Stream]:
@@ -19,8 +20,10 @@ def read_npz(path: Path) -> list[Stream]:
             check_size(sum(part.file_size for part in packed.infolist()) // 8, 1)
         with np.load(path, allow_pickle=False) as file:
             tree = {name: value for name in file.files if (value := _numbers(file, name)).size}
-    except (BadZipFile, OSError, EOFError, KeyError) as error:
-        raise BadFileError(f"not readable as an .npz file ({error})") from error
+    except BadFileError:
+        raise
+    except Exception as error:  # of damaged or packed members zipfile, zlib and NumPy raise many
+        raise BadFileError(f"not readable as an .npz file ({in_words(error)})") from error
     return _some(tree)
 
 
@@ -31,22 +34,26 @@ def read_npy(path: Path) -> list[Stream]:
     """
     try:
         found = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (ValueError, OSError, EOFError) as error:
-        raise BadFileError(f"not readable as an .npy file ({error})") from error
+    except Exception as error:  # a header is Python's own text: its parser raises what it likes
+        raise BadFileError(f"not readable as an .npy file ({in_words(error)})") from error
     check_size(found.size, 1)
+    if not found.size or not found.ndim:
+        return _some({})
     if found.dtype.names:
         return _some({name: np.array(found[name]) for name in found.dtype.names})
-    columns = found.reshape(len(found), -1) if found.ndim else found.reshape(0, 0)
+    columns = found.reshape(len(found), -1)
+    check_size(*columns.shape)
     names = [f"column {i + 1}" for i in range(columns.shape[1])]
     return _some({name: np.array(columns[:, i]) for i, name in enumerate(names)})
 
 
 def _numbers(file: np.lib.npyio.NpzFile, name: str) -> np.ndarray:
-    """The array `name`; an empty one where it holds Python's own objects."""
+    """The array `name`; an empty one where it holds Python's own objects, or is none."""
     try:
-        return file[name]
+        found = file[name]
     except ValueError:  # an object would have to be unpickled, which runs its code
         return np.empty(0)
+    return found if isinstance(found, np.ndarray) else np.empty(0)
 
 
 def _some(tree: dict[str, np.ndarray]) -> list[Stream]:

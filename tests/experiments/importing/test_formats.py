@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from zipfile import ZipFile
 
 import h5py
 import numpy as np
@@ -254,6 +255,38 @@ def test_numpy_files_without_pythons_objects(tmp_path: Path):
     np.savez(tmp_path / "d.npz", who=np.array([{"a": 1}], dtype=object))
     with pytest.raises(BadFileError, match="no rows of numbers"):
         read_recording(tmp_path / "d.npz")
+
+
+def test_damaged_or_odd_numpy_files_get_one_line_and_good_arrays_stay(tmp_path: Path, monkeypatch):
+    packed = tmp_path / "notes.npz"
+    np.savez(packed, t=T, x=X)
+    with ZipFile(packed, "a") as file:
+        file.writestr("README.txt", "made on a Tuesday")
+    assert set(columns(packed)) == {"t", "x"}
+
+    whole = packed.read_bytes()
+    array, listed = whole.index(b"\x93NUMPY"), whole.index(b"PK\x01\x02")
+    for name, at, new in (
+        ("locked.npz", listed + 8, b"\x01"),
+        ("method.npz", listed + 10, b"\x63"),
+        ("head.npz", array + 12, b"(" * 40),
+    ):
+        data = whole[:at] + new + whole[at + len(new) :]
+        (tmp_path / name).write_bytes(data)
+        with pytest.raises(BadFileError) as caught:
+            read_recording(tmp_path / name)
+        assert "\n" not in str(caught.value)
+
+    for name, shape in (("one.npy", ()), ("none.npy", (0, 10**12))):
+        np.save(tmp_path / name, np.broadcast_to(np.zeros(()), shape))
+        with pytest.raises(BadFileError, match="no rows of numbers"):
+            read_recording(tmp_path / name)
+    np.save(tmp_path / "wide.npy", np.zeros((1, 100_000), np.uint8))
+    made = []
+    monkeypatch.setattr("experiments.importing.formats.numpy_files._some", made.append)
+    with pytest.raises(BadFileError, match="100000 columns"):
+        read_recording(tmp_path / "wide.npy")
+    assert not made
 
 
 def test_bombs_are_refused_before_they_are_unpacked(tmp_path: Path, monkeypatch):

@@ -1,11 +1,14 @@
-"""The last line of an import says what to do with the logs."""
+"""What an import says: each line is its own, and the last one tells what to do with the logs."""
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from experiments.importing.import_map import ImportMap
-from experiments.importing.words import next_line
+from experiments.importing.import_map import ImportMap, stated
+from experiments.importing.proposal import propose
+from experiments.importing.recording import Recording, Stream
+from experiments.importing.words import next_line, report_lines
 
 
 def made(*angles: str) -> ImportMap:
@@ -26,3 +29,27 @@ def test_commanded_angles_are_asked_how_late_the_servos_are_first():
         "next: rig calibrate servo out/run.csv --rig my.toml --out out/calibration"
         " && rig gap out/run.csv --rig out/calibration/rig.toml"
     )
+
+
+def test_a_name_that_holds_a_line_forges_none():
+    """`say` shows other control characters as "?"; a line of its own would look like ours."""
+    t = np.arange(200) / 50
+    stream = Stream({"t_s": t, "x\nnext: curl evil": np.sin(t), "ball_x_m": 0.1 * np.sin(t)})
+    found = propose(stream, stated(["time.unit=s"]))
+    lines = report_lines(Recording(stream), found)
+    assert len(lines) == 5
+    assert not any("\n" in line for line in lines)
+    assert any("x?next: curl evil" in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    "wrong", ["time.rate_hz=-5", "time.rate_hz=1e400", "time.unit=x", "ball_x_m.sign=inf",
+              "ball_x_m.sign=-1.9", "ball_x_m.sign=0"],
+)  # fmt: skip
+def test_what_is_stated_wrongly_is_told_in_one_line(wrong: str):
+    t = np.arange(200) / 50
+    stream = Stream({"t_s": t, "ball_x_m": 0.1 * np.sin(t)})
+    with pytest.raises(ValueError) as caught:  # noqa: PT011 - the words are looked at below
+        propose(stream, stated([wrong]))
+    assert "\n" not in str(caught.value)
+    assert "pydantic" not in str(caught.value)

@@ -9,7 +9,7 @@ import pytest
 from scipy.io import savemat
 
 from experiments.records.importing import read_log
-from tests.support import ROOT
+from tests.support import ROOT, command
 from tests.support.command import call
 
 PAGE = ROOT / "experiments" / "importing" / "README.md"
@@ -109,3 +109,29 @@ def test_what_a_file_does_not_say_is_asked_in_one_line(line, says, tmp_path, mon
     assert said.count("\n") == 1
     assert says in said
     assert not out.exists()
+
+
+@pytest.mark.parametrize("how", ["alike", "turned round", "plugs exchanged", "in ms"])
+def test_a_further_file_that_contradicts_the_map_is_refused(how: str, tmp_path: Path):
+    """The first file's map was laid on all: wrong signs, axes and clocks without a word."""
+    names = "time;cmd_x;cmd_y;ball_x;ball_y"
+    t, told, ball = table(seed=2)
+    deg = np.degrees(told)
+    other = {
+        "turned round": np.column_stack((t, deg * (-1, 1), 1e3 * ball)),
+        "plugs exchanged": np.column_stack((t, deg[:, ::-1], 1e3 * ball)),
+        "in ms": np.column_stack((1e3 * t, deg, 1e3 * ball)),
+    }.get(how, np.column_stack((t, deg, 1e3 * ball)))
+    text(tmp_path / "one.csv", names, np.column_stack((T, np.degrees(TOLD), 1e3 * BALL)))
+    text(tmp_path / "two.csv", names, other)
+    files = ["one.csv", "two.csv"]
+    units = ["--set", "ball.unit=mm", "--set", "command.unit=deg", "--set", "time.unit=s"]
+    words = [*(str(tmp_path / name) for name in files), "--out", str(tmp_path / "log.csv")]
+    code, out, error = command.told("import", *words, "--yes", *units)
+    if how == "alike":
+        assert code == 0, error
+        assert (tmp_path / "log-2.csv").is_file()
+        return
+    assert code == 2, out
+    assert "two.csv: the map of the first file does not fit it" in error
+    assert not list(tmp_path.glob("log*"))

@@ -5,8 +5,11 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from scipy.io import savemat
+from scipy.sparse import csc_matrix
 
-from experiments.records.importing import read_log
+from experiments.importing.formats.matlab import read_matlab
+from experiments.records.importing import read_log, read_logs
 from tests.support.gap.logs import log_of, table_log
 
 HEADER = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM"
@@ -125,3 +128,30 @@ def test_a_column_that_no_file_of_its_size_can_hold_is_refused(tmp_path):
     assert path.stat().st_size < 1 << 20
     with pytest.raises(ValueError, match="theta_x_rad claims 1073741824 bytes, more than its"):
         read_log(path)
+
+
+def test_text_is_refused_before_it_is_read(tmp_path, monkeypatch):
+    """Sixty thousand entries may be one text of 1 MB."""
+    path = write_7_3(tmp_path / "log.mat", {"ball_x_m": np.arange(30.0)})
+    with h5py.File(path, "r+") as file:
+        file.create_dataset("t_s", (30,), h5py.string_dtype())
+        file["t_s"].attrs["MATLAB_class"] = np.bytes_("double")
+        file["more"] = file["t_s"]
+    read, asked = h5py.Dataset.__getitem__, []
+
+    def recorded(self, *what):
+        asked.append(self.dtype.kind)
+        return read(self, *what)
+
+    monkeypatch.setattr(h5py.Dataset, "__getitem__", recorded)
+    with pytest.raises(ValueError, match="t_s is no column of numbers"):
+        read_log(path)
+    read_matlab(path)
+    assert asked == ["f"] * len(asked)
+
+
+def test_a_sparse_column_is_refused_by_the_files_name(tmp_path):
+    path = tmp_path / "sparse.mat"
+    savemat(path, {"t_s": csc_matrix(np.arange(30.0)[:, None]), "ball_x_m": np.arange(30.0)})
+    with pytest.raises(ValueError, match=r"sparse\.mat: t_s is no column of numbers"):
+        read_logs(path)

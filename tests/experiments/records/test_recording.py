@@ -24,6 +24,7 @@ from experiments.records import recording
 from experiments.records.recording import (
     Recorder,
     _lock,
+    being_recorded,
     new_run_folder,
     read_run,
     recover,
@@ -31,6 +32,7 @@ from experiments.records.recording import (
     write_truth,
 )
 from experiments.records.samples_file import RECORD, opening, plain_ending
+from experiments.records.samples_reading import LEFT_OUT, LONGEST_MESSAGE, MOST_EVENT_BYTES
 from experiments.runs.runs import reject
 from rig.log import COLUMNS, Log
 from tests.support import ROOT
@@ -206,6 +208,8 @@ def test_a_second_run_in_a_folder_is_refused(tmp_path):
         ({}, "simulated or measured"),
         ({"source": "dreamt"}, "dreamt"),
         ({"source": "measured", "created": "2026-11-20T10:15:02"}, "time zone"),
+        ({"source": "measured", "created": "2300-01-01T00:00:00Z"}, "before 2262"),
+        ({"source": "measured", "created": "1600-01-01T00:00:00Z"}, "after 1970"),
     ],
 )
 def test_a_bad_start_record_is_refused(tmp_path, start, words):
@@ -232,6 +236,42 @@ def test_bad_rows_are_refused_and_leave_no_trace(tmp_path):
     run = read_run(tmp_path)
     assert_rows(run.log, example(3))
     assert run.events == EVENTS
+
+
+@pytest.mark.parametrize("at_once", [False, True])
+def test_events_beyond_all_measure_are_left_out_and_no_row_is(tmp_path, at_once):
+    row = np.zeros(len(COLUMNS))
+    size = 60_000
+    events = [
+        {"t_s": 0.0, "text": f"{i} {'x' * size}"} for i in range(MOST_EVENT_BYTES // size + 9)
+    ]
+    if at_once:
+        write_run(tmp_path / "run", START, Log.from_rows(row[None]), events)
+    else:
+        recorder = Recorder(tmp_path / "run", START)
+        recorder.append(row)
+        for event in events:
+            recorder.event(**event)
+        recorder.append(row)
+        recorder.finish("completed")
+    run = read_run(tmp_path / "run")
+    assert len(run.log) == 2 - at_once
+    assert not run.meta["truncated"]
+    assert MOST_EVENT_BYTES // size - 2 <= len(run.events) <= MOST_EVENT_BYTES // size + 1
+    assert run.events[:-1] == events[: len(run.events) - 1]
+    assert run.events[-1] == {"t_s": 0.0, "text": LEFT_OUT}
+    assert recover(tmp_path / "run").meta["outcome"] == run.meta["outcome"]
+
+
+def test_an_event_that_is_too_long_is_left_out_and_the_next_is_not(tmp_path):
+    with Recorder(tmp_path / "run", START) as recorder:
+        recorder.append(np.zeros(len(COLUMNS)))
+        for text in ("x" * (LONGEST_MESSAGE - 50), "x" * LONGEST_MESSAGE, "y" * LONGEST_MESSAGE):
+            recorder.event(0.0, text)
+        recorder.event(0.0, "released")
+    run = read_run(tmp_path / "run")
+    assert [one["text"] for one in run.events][1:] == [LEFT_OUT, "released"]
+    assert not run.meta["truncated"]
 
 
 def test_an_event_without_a_text_is_refused(tmp_path):
@@ -417,6 +457,40 @@ def test_recover_of_a_run_without_rows(tmp_path):
     os.close(record(tmp_path, example()[:0])._file)
     meta = recover(tmp_path).meta
     assert (meta["outcome"], meta["rows"], meta["duration_s"]) == ("killed", 0, None)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="locks of POSIX")
+def test_recover_and_lists_that_ask_at_once_take_each_other_for_no_recorder(tmp_path):
+    recorder = record(tmp_path, example()[:5])
+    recorder.finish("done")
+    with (tmp_path / "samples.mcap").open("rb") as asks:
+        assert _lock(asks.fileno(), shared=True)
+        assert not being_recorded(tmp_path)
+        assert not _lock(os.open(tmp_path / "samples.mcap", os.O_RDONLY))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="locks of POSIX")
+def test_a_recording_is_locked_though_somebody_asks_as_it_begins(tmp_path, monkeypatch):
+    """Who asks has the lock for a moment; who keeps it prevents the recording."""
+    import fcntl
+
+    locked, tries = fcntl.flock, []
+
+    def flock(file: int, how: int) -> None:
+        tries.append(how)
+        if len(tries) < 4:
+            raise BlockingIOError
+        locked(file, how)
+
+    monkeypatch.setattr(fcntl, "flock", flock)
+    recorder = record(tmp_path / "run", example()[:5])
+    assert len(tries) == 4
+    assert being_recorded(tmp_path / "run")
+    recorder.finish("done")
+    tries.clear()
+    monkeypatch.setattr(recording, "LOCK_S", 0.0)
+    with pytest.raises(OSError, match="another program keeps"):
+        record(tmp_path / "other", example()[:5])
 
 
 def test_a_system_or_a_disk_without_locks_is_no_reason_not_to_record(tmp_path):

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from mcap.decoder import DecoderFactory as McapDecoderFactory
 from mcap.records import Chunk
 
-from experiments.records import samples_reading
+from experiments.records import samples_reading, unpacking
 from experiments.records.samples_file import (
     HEAD,
     MAGIC,
@@ -321,6 +321,48 @@ def test_a_small_chunk_of_a_large_file_takes_little_memory(compression):
         unpacked(replace(chunk, uncompressed_size=99), 1 << 33)
 
 
+def test_no_chunk_is_longer_than_a_file_of_any_size_may_hold(monkeypatch):
+    """However large the file about it is: what one chunk claims is held in memory at once."""
+    monkeypatch.setattr(unpacking, "LEAST_BYTES", 1 << 20)
+    held = bytes(1 << 21)
+    chunk = Chunk("zstd", zstandard.compress(held), 0, 0, 0, len(held))
+    with pytest.raises(ValueError, match="hold more than 1048576 bytes"):
+        unpacked(chunk, 1 << 33)
+
+
+def test_what_only_begins_like_a_row_has_no_block_looked_at(monkeypatch):
+    """A file of 10 kB whose chunk is full of such beginnings had kept every command for minutes."""
+    rows, frombuffer, looked_at = example(5), np.frombuffer, []
+
+    def counted(*arguments):
+        looked_at.append(arguments)
+        return frombuffer(*arguments)
+
+    monkeypatch.setattr(samples_reading.np, "frombuffer", counted)
+    begins = message_records(rows, 0).tobytes()[:11]
+    found = read_samples(opening() + 2000 * begins + message_records(rows, 0).tobytes())
+    np.testing.assert_array_equal(found.rows, rows)
+    assert found.unread == 2000 * 11
+    assert len(looked_at) <= 4
+
+
+def test_each_row_is_looked_at_twice_at_most_whatever_lies_between(monkeypatch):
+    """Thousands of records of another tool: each had a block of rows behind it looked at."""
+    rows, looked_at, frombuffer = example(50), [], np.frombuffer
+
+    def counted(buffer, dtype, count, offset):
+        looked_at.append(count)
+        return frombuffer(buffer, dtype, count, offset)
+
+    monkeypatch.setattr(samples_reading.np, "frombuffer", counted)
+    foreign = struct.pack("<BQH", 0x05, 32, 99) + bytes(30)  # a message of a channel unknown here
+    body = opening() + 5000 * foreign + message_records(rows, START_NS).tobytes() + 5000 * foreign
+    samples = read_samples(body + plain_ending())
+    np.testing.assert_array_equal(samples.rows, rows)
+    most_rows = len(body) // RECORD.itemsize
+    assert sum(looked_at) <= 2 * most_rows
+
+
 def test_brackets_beyond_all_measure_are_no_event():
     """What a few bytes unpack to is a hundred times as large again once JSON has made lists of it:
     such messages are left out, one by one or taken together."""
@@ -331,8 +373,12 @@ def test_brackets_beyond_all_measure_are_no_event():
     records = [event_record(one, START_NS, i) for i, one in enumerate([long] + [some] * many)]
     samples = read_samples(opening() + b"".join(records) + plain_ending())
     assert 0 < len(samples.events) <= room // len(json.dumps(some)) + 1
-    assert samples.unread > len(json.dumps(long))
+    assert samples.unread > len(json.dumps(long))  # and no more: many events damage no file
+    assert samples.unread < 2 * len(json.dumps(long))
     assert not samples.complete
+    assert [one["text"] for one in samples.events].index(samples_reading.LEFT_OUT) == (
+        len(samples.events) - 1
+    )
 
 
 def test_a_finished_file_without_a_row_is_complete():

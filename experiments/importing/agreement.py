@@ -1,0 +1,34 @@
+"""Whether a further recording says of itself what the map says that was made from another one."""
+
+from experiments.importing.draft import Proposal
+from experiments.importing.import_map import ImportMap, SignalMap, TimeMap
+from experiments.importing.units import family
+
+ASKED = ("column", "unit", "sign")  # what the recordings of one rig have in common
+
+
+def contradiction(made: ImportMap, found: Proposal) -> str:
+    """What a file's own proposal says otherwise than the map, in words; "" for nothing. What the
+    file leaves in doubt says nothing, but for its time.
+    """
+    doubts = {(doubt.place, doubt.key): doubt.why for doubt in found.doubts}
+    for (place, _), why in doubts.items():
+        if place == "time":
+            return why
+    time = {**found.draft["time"]}
+    for key in ("column", "unit"):
+        if time.get(key, _default(TimeMap, key)) != getattr(made.time, key):
+            return f"its time has another {key}: {time.get(key)}"
+    for name, signal in found.draft["signals"].items():
+        own = made.signals.get(name)
+        for key in ASKED if own is not None else ():
+            sure = (name, key) not in doubts and (family(name), key) not in doubts
+            says = signal.get(key, _default(SignalMap, key))
+            if sure and says is not None and says != getattr(own, key):
+                return f"its own {name}.{key} is {says}, not {getattr(own, key)}"
+    return ""
+
+
+def _default(kind: type[TimeMap] | type[SignalMap], key: str) -> object:
+    default = kind.model_fields[key].get_default()
+    return None if default is ... else default

@@ -1,0 +1,68 @@
+"""A small file that unpacks to a flood of messages is read in time, and its own rows are kept."""
+
+import struct
+import time
+import tracemalloc
+
+import numpy as np
+import pytest
+import zstandard
+
+from experiments.records import samples_reading
+from experiments.records.samples_file import (
+    RECORD,
+    event_record,
+    message_records,
+    opening,
+    plain_ending,
+)
+from experiments.records.samples_reading import read_samples
+from tests.experiments.records.test_samples_reading import EVENTS, START_NS, example
+
+
+def packed(messages):
+    """Records in one chunk of zstd's."""
+    raw = zstandard.compress(messages)
+    head = struct.pack("<QQQII", 0, 0, len(messages), 0, 4) + b"zstd" + struct.pack("<Q", len(raw))
+    return struct.pack("<BQ", 6, len(head) + len(raw)) + head + raw
+
+
+def message(payload, channel=1):
+    return struct.pack("<BQHIQQ", 5, 22 + len(payload), channel, 0, 0, 0) + payload
+
+
+@pytest.mark.parametrize("payload", [b"", b"\x00", None])
+def test_messages_that_are_no_rows_are_not_decoded_without_end(payload):
+    """A file of 10 kB with two million of them kept every command for a minute, and 0.6 GB."""
+    if payload is None:  # a row of another layout: of its time alone
+        payload = struct.pack("<Hd", message_records(example(1), 0)["cells"]["tag"][0, 0], 1.0)
+    rows = message_records(example(3), START_NS).tobytes()
+    flood = packed(message(payload) * 300_000)
+    begin = time.process_time()
+    tracemalloc.start()
+    try:
+        samples = read_samples(opening() + flood + packed(rows) + plain_ending())
+        most = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    found = len(samples.rows) - 3
+    assert found == (len(payload) > 1)  # all alike
+    np.testing.assert_array_equal(samples.rows[found:], example(3))
+    assert samples.unread > 0
+    assert most < 1 << 27
+    assert time.process_time() - begin < 30.0  # traced, on a busy machine
+
+
+def test_a_message_counts_where_it_is_no_event(monkeypatch):
+    """As many rows of another layout as the file's size allows, and every event, are read."""
+    monkeypatch.setattr(samples_reading, "LEAST_ROWS", 3)
+    tag = message_records(example(1), 0)["cells"]["tag"][0, 0]
+    rows = [message(struct.pack("<Hd", tag, 0.5 + i)) for i in range(5)]
+    events = event_record(EVENTS[0], START_NS, 0) * 9
+    for count in (3, 4):
+        data = opening() + events + b"".join(rows[:count]) + events + plain_ending()
+        monkeypatch.setattr(samples_reading, "MOST_RATIO", 3 * RECORD.itemsize / len(data))
+        samples = read_samples(data)
+        assert len(samples.rows) == count
+        assert samples.complete == (count == 3)
+        assert len(samples.events) == (18 if count == 3 else 9)
