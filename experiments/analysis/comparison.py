@@ -6,6 +6,7 @@ from math import degrees, isfinite, nan
 
 import numpy as np
 
+from experiments.analysis.limit_cycle import FEW, TOLD
 from experiments.analysis.numbers import Recorded, measures
 from experiments.analysis.statistics import mean_interval
 
@@ -30,7 +31,13 @@ class Measure:
 MEASURES = (
     Measure("distance from the target, RMS", "cm", "settled_error", "ball not seen"),
     Measure("spread about its own mean", "cm", "settled_spread", "ball not seen", at_rest=True),
-    Measure("limit cycle, amplitude", "cm", "cycle_amplitude", "fewer than 2 cycles", at_rest=True),
+    Measure(
+        "limit cycle, amplitude",
+        "cm",
+        "cycle_amplitude",
+        FEW,
+        at_rest=True,
+    ),
     Measure("settling time, to its last swing", "s", "settling", "never", at_rest=True),
     Measure("servo activity", "deg", "servo_activity", "not measured", degrees(1)),
 )
@@ -77,6 +84,11 @@ def comparison_rows(without: Sequence[Recorded], with_: Sequence[Recorded]) -> l
         cells = [_cell(runs, one) if runs else "" for runs in (without, with_)]
         rows.append([one.label, *cells, ratio_words(_mean(without, one), _mean(with_, one))])
     return rows
+
+
+def told_words(rows: Sequence[Sequence[str]]) -> str:
+    """What a row says of a limit cycle that is not told, explained; "" where none says it."""
+    return TOLD if any(FEW in cell for row in rows for cell in row) else ""
 
 
 def part_words(runs: Sequence[Recorded]) -> str:

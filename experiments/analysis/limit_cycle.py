@@ -10,6 +10,11 @@ from experiments.analysis.samples import Samples
 
 SMOOTH_S = 0.1  # far below any period of the ball's loop (3 s)
 FEWEST_CYCLES = 2
+FEW = f"fewer than {FEWEST_CYCLES} whole swings"
+TOLD = (
+    f"A limit cycle is told from {FEWEST_CYCLES} whole swings after settling on; where there are "
+    "fewer, the run is too short to tell it (the protocol hold runs long enough) or the ball rests."
+)
 
 
 @dataclass(frozen=True)
@@ -48,12 +53,7 @@ def _cycle(t: np.ndarray, x: np.ndarray) -> Cycle:
     use = ups if len(ups) > len(downs) else downs
     cycles = max(len(use) - 1, 0)
     if cycles < FEWEST_CYCLES:
-        return Cycle(
-            nan,
-            nan,
-            cycles,
-            f"{cycles} whole {'cycle' if cycles == 1 else 'cycles'} seen, 2 are needed",
-        )
+        return Cycle(nan, nan, cycles, FEW)
     period = float(np.median(np.concatenate([np.diff(ups), np.diff(downs)])))
     parts = [((t >= a) & (t < b), b - a) for a, b in pairwise(use)]
     each = [_fundamental(t[i], x[i], seconds) for i, seconds in parts if i.sum() >= 8]

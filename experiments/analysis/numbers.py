@@ -53,6 +53,13 @@ def resting_centroid_cm(run: Recorded) -> np.ndarray | None:
     return None if run.metrics.target_moves or not np.isfinite(xy).all() else xy
 
 
+def resting_centroids_cm(without: Recorded, with_: Recorded) -> dict[str, np.ndarray]:
+    """`resting_centroid_cm` by controller, "without" and "with"; empty unless both have one."""
+    found = {"without": resting_centroid_cm(without), "with": resting_centroid_cm(with_)}
+    known = {arm: xy for arm, xy in found.items() if xy is not None}
+    return known if len(known) == len(found) else {}
+
+
 def _place_cm(where: Place) -> dict:
     return {
         "centroid_cm": (CM * where.centroid_m).tolist(),

@@ -22,12 +22,14 @@ from calibration.motion.rolling import fit_rolling, rolling
 from calibration.records import BacklashRecord
 from experiments.calibrate.folder import CalibrationFolder
 from experiments.calibrate.given import led_about, led_in_steps
+from experiments.progress import ProgressCall, silent
 from experiments.runs.assemble import load_rig
 from rig.log import Log
 from rig.parameters import KnownBacklash, Rig
 from rig.simulation.simulator import SimulatedTable
 
 SWEEPS, STRIKES, LED_S = 16, 28, 60.0  # chosen: half a minute to a minute of motion each
+STAGES, LEADS = 4, "leading the ball about, for the joints"  # of `measure`
 WORDS = {
     "gear": "gear (tachometer against encoder)",
     "gear without tachometer": "gear (encoder and volts)",
@@ -48,7 +50,14 @@ class MeasuredBacklash:
     not_seen: dict[str, str]
 
 
-def measure(rig: Rig, believed: Rig, seed: int, *, motor_only: bool = False) -> MeasuredBacklash:
+def measure(
+    rig: Rig,
+    believed: Rig,
+    seed: int,
+    *,
+    motor_only: bool = False,
+    progress: ProgressCall = silent,
+) -> MeasuredBacklash:
     """Measure the backlash of the virtual table `rig` with every combination of its sensors.
 
     believed: the rig as the laboratory knows it; seed: of the sensors' noise; motor_only: volts and
@@ -64,10 +73,12 @@ def measure(rig: Rig, believed: Rig, seed: int, *, motor_only: bool = False) -> 
             missing[what] = str(error)
 
     if rig.servo.takes_angle:
+        progress(LEADS, 0, 1)
         led = led_about if rig.servo.has_angle else led_in_steps
         log = led(rig, LED_S, np.random.default_rng([seed, 15]))
         each("joint", lambda a: _joint(log, a, believed))
         return MeasuredBacklash(plays, missing)
+    progress("sweeping the motors to and fro, without the encoder", 0, STAGES)
     if rig.servo.tachometer:
         blind = _swept(rig, seed, encoder=False)
         each("whole", lambda a: whole_by_motor(blind, a, believed))
@@ -75,12 +86,15 @@ def measure(rig: Rig, believed: Rig, seed: int, *, motor_only: bool = False) -> 
         missing["whole"] = "no tachometer: the motor side alone shows nothing"
     if motor_only:
         return MeasuredBacklash(plays, missing)
+    progress("sweeping them again, with the encoder", 1, STAGES)
     swept = _swept(rig, seed, encoder=True)
     if rig.servo.tachometer:
         each("gear", lambda a: gear_by_tachometer(swept, a, believed))
     bias = [offset_V(swept, a) for a in range(2)]
+    progress("striking the gears' teeth", 2, STAGES)
     struck = _struck(rig, seed, bias)
     each("gear without tachometer", lambda a: gear_by_strikes(struck, a, believed, bias[a]))
+    progress(LEADS, 3, STAGES)
     log = led_about(rig, LED_S, np.random.default_rng([seed, 15]))
     each("joint", lambda a: _joint(log, a, believed))
     return MeasuredBacklash(plays, missing)
@@ -105,7 +119,12 @@ def _struck(rig: Rig, seed: int, bias: list[float]) -> Trace:
 
 
 def calibrate_backlash(
-    rig_file: Path | None, out: Path, *, seed: int, motor_only: bool = False
+    rig_file: Path | None,
+    out: Path,
+    *,
+    seed: int,
+    motor_only: bool = False,
+    progress: ProgressCall = silent,
 ) -> None:
     """Measure the virtual table's backlash, print it, and keep it in `out`.
 
@@ -116,7 +135,7 @@ def calibrate_backlash(
     rig = load_rig(rig_file)
     folder = CalibrationFolder(out, "simulated")
     believed = folder.believed(rig_file)
-    measured = measure(rig, believed, seed, motor_only=motor_only)
+    measured = measure(rig, believed, seed, motor_only=motor_only, progress=progress)
     if not measured.plays:
         raise CalibrationError("; ".join(measured.not_seen.values()))
     plays = {

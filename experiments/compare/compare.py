@@ -34,6 +34,7 @@ from experiments.records.run_folder import write_results
 from experiments.runs.assemble import load_rig
 from experiments.runs.runner import simulate_in_blocks
 from experiments.workers import results_of
+from rig.files import file_bytes
 from rig.parameters import Rig
 from rig.rigfile import to_record
 
@@ -78,13 +79,23 @@ def _key(common: str, cell: Cell, condition: str) -> str:
 
 
 def _kept(path: Path) -> dict[str, list[dict[str, float]]]:
-    """What an earlier try finished; a line that was cut off counts for nothing."""
+    """What an earlier try finished; a line that was cut off, or is none of ours, counts for
+    nothing. ValueError: no file of our own.
+    """
+    if path.is_symlink():
+        raise ValueError(f"{path} is a link: remove it, or choose another --out")
     found = {}
-    for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else ():
+    try:
+        lines = file_bytes(path, None).splitlines() if path.exists() else []
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    for line in lines:
         try:
             one = json.loads(line)
-            found[one["key"]] = one["rows"]
-        except (ValueError, KeyError, TypeError):
+            if not all(set(row) == set(KEPT) for row in one["rows"]):
+                continue
+            found[one["key"]] = [{name: float(row[name]) for name in row} for row in one["rows"]]
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             continue
     return found
 

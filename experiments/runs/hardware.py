@@ -1,6 +1,7 @@
 """A real table put together: driver, homing, camera. What stands between a rig file and a run."""
 
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from math import inf
@@ -18,9 +19,10 @@ from rig.hardware.wiring import raw_wiring
 from rig.loop.realtime import go_realtime
 from rig.parameters import ANGLE_KINDS, BUS_KINDS, Rig
 from rig.safety.levelling import LevelOnExit
-from rig.table import Reading, Table, takes_angle
+from rig.table import ArmingStoppedError, Reading, Table, takes_angle, watch_arming
 
 TILT_STALL_S = 2.0  # homing is slow: markers that are late do no harm
+READ_S = 0.3  # chosen: nobody reads a question in less, a key that is held down answers sooner
 MARKS = (8192, 24576)  # where a card's counters are put by homing, far from where they wake up
 
 
@@ -55,10 +57,30 @@ def consent(text: str, yes: bool) -> None:
         return
     if not sys.stdin.isatty():
         raise ValueError("the table would move and nobody is there to be asked: add --yes")
+    while True:
+        print(f"{text}\nPress Enter to arm the table, Ctrl-C to leave it. ", end="", flush=True)
+        _forget_typed()
+        asked_s = time.monotonic()
+        try:
+            input()
+        except EOFError:
+            raise ValueError("not armed: nobody answered") from None
+        if time.monotonic() - asked_s >= READ_S:
+            return
+
+
+def _forget_typed() -> None:
+    """Forget what was typed ahead at the terminal: it was no answer to what is asked now."""
     try:
-        input(f"{text}\nPress Enter to arm the table, Ctrl-C to leave it. ")
-    except EOFError:
-        raise ValueError("not armed: nobody answered") from None
+        import termios
+    except ImportError:
+        import msvcrt  # Windows
+
+        while msvcrt.kbhit():  # pyright: ignore[reportAttributeAccessIssue]
+            msvcrt.getwch()  # pyright: ignore[reportAttributeAccessIssue]
+        return
+    with suppress(termios.error, OSError, ValueError):  # no terminal of the system's
+        termios.tcflush(sys.stdin, termios.TCIFLUSH)
 
 
 @contextmanager
@@ -131,8 +153,8 @@ class Checked(LevelOnExit):
 
     Reads and drives the table, and tells `eye` (if any) the servo angles. The driver's `notes`
     (clocks, lost ticks) are written to `notes_file` as JSON when the context ends, where there is
-    room. Entering raises NotHomed (a ValueError) where the homing does not hold, and OSError where
-    the table cannot be read.
+    room. Entering raises NotHomed (a ValueError) where the homing does not hold, OSError where the
+    table cannot be read, and ArmingStoppedError where a stop was asked for meanwhile.
     """
 
     def __init__(
@@ -145,6 +167,7 @@ class Checked(LevelOnExit):
     ) -> None:
         self._table, self._rig, self._homed = table, rig, homed
         self._eye, self._notes_file, self._told = eye, notes_file, (0.0, 0.0)
+        self._stop_asked: Callable[[], bool] = lambda: False
         self.period_s, self.voltage_limit_V = table.period_s, table.voltage_limit_V
         self.takes_angle = takes_angle(table)
 
@@ -157,6 +180,16 @@ class Checked(LevelOnExit):
     def level_s(self, seconds: float) -> None:  # pyright: ignore
         self._table.level_s = seconds  # pyright: ignore[reportAttributeAccessIssue]
 
+    @property
+    def stop_asked(self) -> Callable[[], bool]:
+        """Looked at before and while the table is armed (`rig.table.watch_arming`)."""
+        return self._stop_asked
+
+    @stop_asked.setter
+    def stop_asked(self, stopped: Callable[[], bool]) -> None:
+        self._stop_asked = stopped
+        watch_arming(self._table, stopped)  # pyright: ignore[reportArgumentType]
+
     def __enter__(self) -> Self:
         try:
             first = self._table.read()
@@ -167,6 +200,8 @@ class Checked(LevelOnExit):
                 self._homed.check_angles(first.theta_rad)
             if self._eye is not None:
                 self._eye.begin(self._table.zero_s)  # pyright: ignore[reportAttributeAccessIssue]
+            if self._stop_asked():  # opening and the first reading took seconds
+                raise ArmingStoppedError
             self._table.__enter__()
         except BaseException:
             self._table.close()
@@ -211,7 +246,8 @@ def open_homed(
     there is no homing beside the rig file; ValueError, OSError: the table cannot be opened.
     """
     homed = load(home_file(rig_file))
-    return Checked(open_table(rig, eye, wiring=homed.wiring), rig, homed, eye, notes_file)
+    table = open_table(rig, eye, wiring=homed.wiring, breakaway_V=homed.breakaway_V)
+    return Checked(table, rig, homed, eye, notes_file)
 
 
 class VirtualServos:

@@ -16,16 +16,18 @@ from experiments.runs.live_run import AnnouncingRecorder, record_live
 from experiments.runs.protocol import OWN, Protocol, course
 from experiments.runs.runner import FinishedRun, RunRequest, Watch, compensator_index, start_record
 from rig.hardware.camera.eye import CameraEye
-from rig.hardware.homing.homed import home_file, load
-from rig.loop.process import Job
+from rig.hardware.homing.homed import Homed, home_file, load
+from rig.loop.job import Job
 from rig.parameters import Rig
+from rig.safety.monitor import MonitorLimits
 from vision.sources.addresses import without_password
 
 NOTES = "table.json"  # what the table's driver has to say, until it is in run.json
 
 
-def check(rig: Rig, rig_file: Path, protocol: Protocol) -> None:
-    """Check, before anything is opened, that the rig file's table can run the protocol.
+def check(rig: Rig, rig_file: Path, protocol: Protocol) -> Homed:
+    """Check, before anything is opened, that the rig file's table can run the protocol; return its
+    homing.
 
     FileNotFoundError: the port is not there. ValueError: there is no valid homing (NotHomed), the
     protocol needs a camera that the rig file does not name, or its pushes are for the virtual
@@ -35,7 +37,7 @@ def check(rig: Rig, rig_file: Path, protocol: Protocol) -> None:
     homed = load(home_file(rig_file))
     homed.check(rig, homed.boot_id)
     if protocol.servo_only:
-        return
+        return homed
     if not rig.table.camera and rig.table.kind != "remote":
         raise ValueError(
             f"protocol '{protocol.name}' needs to see the ball: set table.camera and "
@@ -43,6 +45,7 @@ def check(rig: Rig, rig_file: Path, protocol: Protocol) -> None:
         )
     if protocol.pushes.kind == "at-centre":
         raise ValueError("pushes at-centre are for the virtual table: use pushes drawn")
+    return homed
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +70,7 @@ def ready(request: RunRequest, rig_file: Path) -> Iterator[Ready]:
     Nothing is armed before the job is run. When the context ends the driver's notes are moved into
     run.json. ValueError (also NotHomed), OSError: the table or its camera cannot be used.
     """
-    check(request.rig, rig_file, request.protocol)
+    breakaway_V = check(request.rig, rig_file, request.protocol).breakaway_V
     request = replace(request, protocol=_asked(request.protocol))
     way = course(request.protocol, request.rig, request.seed, place_std_m=0.0)
     start = start_record(request) | measured(request.rig)
@@ -81,6 +84,7 @@ def ready(request: RunRequest, rig_file: Path) -> Iterator[Ready]:
                 request.believed,
                 compensator_index(request.arm),
                 way,
+                limits=MonitorLimits.of_rig(request.believed, breakaway_V),
                 controller=request.protocol.controller if request.arm == OWN else "",
             )
             yield Ready(request, job, folder, start, eye)

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 from experiments.records.recording import Recorder
 from rig.loop.commands import BY_HAND
+from rig.loop.job import Job
 from rig.loop.loop import Ending
-from rig.loop.process import Job, LoopProcess
+from rig.loop.process import LoopProcess
 from rig.loop.signals import stop_on_signals
 
 if TYPE_CHECKING:

@@ -22,11 +22,11 @@ from experiments.runs.assemble import (
 )
 from experiments.runs.protocol import OWN, Protocol, course
 from rig.control.controllers import COMPENSATORS
-from rig.control.user_controller import load_controller
+from rig.control.user_controller import WatchedController, load_controller
 from rig.log import CONTRACT, INDEX, Log
 from rig.loop.commands import CommandSlot, Stop
+from rig.loop.job import warm_up
 from rig.loop.loop import Ending, Loop, run_controlled
-from rig.loop.process import warm_up
 from rig.loop.signals import StopSlot, stop_on_signals
 from rig.parameters import Rig
 from rig.plant.constants import LANES
@@ -169,16 +169,23 @@ def run(
     *,
     commands: CommandSlot | None = None,
     progress: Callable[[float], None] | None = None,
+    begun: Callable[[Path], None] = lambda folder: None,
+    called: Callable[[str], None] = lambda method: None,
 ) -> FinishedRun:
     """Run a request on its simulated table through the real loop, recorded tick by tick.
 
-    commands: slot that a stop can be put into; progress: called with the run's time [s].
-    ValueError: the protocol does not fit the rig (`course`), or a user's controller or the
-    calibration cannot be used; OSError: a row cannot be written. What was recorded so far stays
-    readable.
+    commands: slot that a stop can be put into; progress: called with the run's time [s]; begun:
+    with the run's folder; called: as of `WatchedController`, of a user's controller, which is
+    loaded in a call of "start". ValueError: the protocol does not fit the rig (`course`), or a
+    user's controller or the calibration cannot be used; OSError: a row cannot be written. What was
+    recorded so far stays readable.
     """
     way = course(request.protocol, request.rig, request.seed)
-    controller = load_controller(request.protocol.controller) if request.arm == OWN else None
+    controller = None
+    if request.arm == OWN:
+        called("start")
+        controller = WatchedController(load_controller(request.protocol.controller), called)
+        called("")
     eye = rendered_eye(request.rig, request.bundle, request.seed) if request.bundle else None
     table = simulated_table(request.rig, way, request.seed, eye)
     slot = commands or CommandSlot()
@@ -186,6 +193,7 @@ def run(
     folder = new_run_folder(request.parent, request.protocol.name, request.arm)
     write_truth(folder, truth_record(request))
     with stop_on_signals(slot), Recorder(folder, start_record(request)) as recorder:
+        begun(folder)
         watch = Watch(request, recorder, progress, eye)
         watch.stop_through(slot)
         loop = Loop(
@@ -279,13 +287,15 @@ def simulate_in_blocks(
     return found
 
 
-def keep_simulated(request: RunRequest, result: Simulated) -> Path:
-    """Record a run of `simulate_run` as a run folder, and return the folder.
+def keep_simulated(request: RunRequest, result: Simulated, *, truth: bool = True) -> Path:
+    """Record a run of `simulate_run` as a run folder, and return the folder; `truth`: with what the
+    table really was, for scorers.
 
     Its events are derived from the log's columns. OSError: the folder cannot be written.
     """
     folder = new_run_folder(request.parent, request.protocol.name, request.arm)
-    write_truth(folder, truth_record(request))
+    if truth:
+        write_truth(folder, truth_record(request))
     write_run(folder, start_record(request), result.log, events(result.log), result.outcome)
     return folder
 

@@ -9,7 +9,8 @@ from experiments.progress import ProgressCall, silent
 from experiments.records.recording import being_recorded
 from experiments.records.run_folder import read_meta, replace_json, write_results
 from experiments.runs.assemble import virtual_renderer
-from experiments.runs.protocol import Protocol
+from experiments.runs.own_run import run_own
+from experiments.runs.protocol import OWN, Protocol
 from experiments.runs.runner import FinishedRun, RunRequest, run
 from rig.parameters import Rig
 
@@ -56,7 +57,8 @@ def run_protocol(
     for i, request in enumerate(requests):
         label = f"{protocol.name} {request.arm} {request.seed}"
         total = round(protocol.duration_s)
-        done.append(run(request, progress=lambda t, s=label, n=total: progress(s, int(t), n)))
+        make = run_own if request.arm == OWN else run
+        done.append(make(request, progress=lambda t, s=label, n=total: progress(s, int(t), n)))
         progress(label, total, total)
         progress("runs", i + 1, len(requests))
     runs = [

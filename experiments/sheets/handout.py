@@ -31,9 +31,7 @@ def hand_out(
         seed = table.seed % 1_000_000 + i
         parts = read_protocol(protocol), arm, seed, out / "runs"
         request = RunRequest(table.plant, *parts, kind=table.known)
-        folder = keep_simulated(request, simulate_run(request))
-        (folder / "truth.json").unlink()  # the answers
-        made.append(folder)
+        made.append(keep_simulated(request, simulate_run(request), truth=False))
     progress("recording your table's runs", len(sheet.runs), len(sheet.runs))
     if not (out / RESULTS).exists():
         (out / RESULTS).write_text(blank_results(sheet, student), encoding="utf-8")

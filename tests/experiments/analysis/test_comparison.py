@@ -5,7 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.analysis.comparison import comparison_rows, comparison_sentence, ratio_words
+from experiments.analysis.comparison import (
+    comparison_rows,
+    comparison_sentence,
+    ratio_words,
+    told_words,
+)
+from experiments.analysis.limit_cycle import FEW
 from experiments.analysis.numbers import recorded, run_numbers
 from experiments.reports.report import RUN_HEAD, run_row
 from rig.log import Log
@@ -54,7 +60,16 @@ def test_every_row_has_units_and_says_what_is_missing(two):
     assert rows["servo activity"][0].endswith(" deg")
     assert all("-" not in cell for row in rows.values() for cell in row)
     alone = {row[0]: row[1:] for row in comparison_rows([run(0.0)], [])}
-    assert alone["limit cycle, amplitude"] == ["fewer than 2 cycles", "", ""]
+    assert alone["limit cycle, amplitude"] == [FEW, "", ""]
+
+
+def test_a_limit_cycle_that_is_not_told_has_one_wording_which_is_explained():
+    short = run(0.0)
+    row = dict(zip(RUN_HEAD, run_row("a", run_numbers(short)), strict=True))
+    assert row["limit cycle x, y [cm]"] == FEW
+    assert "the protocol hold runs long enough" in told_words(comparison_rows([short], []))
+    assert told_words([list(row.values())]) == told_words(comparison_rows([short], []))
+    assert told_words(comparison_rows([run(0.9)], [run(0.3)])) == ""
 
 
 def test_of_a_target_that_moves_nothing_is_said_that_has_no_meaning():

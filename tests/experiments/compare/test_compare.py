@@ -57,6 +57,26 @@ def test_what_was_kept_for_another_grid_or_rig_counts_for_nothing(tmp_path):
     assert len(table[cells(GRID)[0].key]["with"]) == 6
 
 
+def test_strangers_rows_count_for_nothing_and_a_link_is_not_written_through(tmp_path):
+    whole = rows(tmp_path)
+    path = tmp_path / bench.ROWS_FILE
+    kept = [json.loads(line) for line in path.read_text().splitlines()]
+    for one, bad in zip(kept, (3, {"a": 1}, [1], [{}], [{"a": "b"}], "x", [None]), strict=True):
+        one["rows"] = bad
+    path.write_bytes(b"\xff\xfe\n[[[\n" + "\n".join(map(json.dumps, kept)).encode())
+    done: list = []
+    assert json.dumps(rows(tmp_path, calls=done)) == json.dumps(whole)
+    assert done[0] == 0
+
+    mine = tmp_path / "mine.txt"
+    mine.write_text("mine\n")
+    path.unlink()
+    path.symlink_to(mine)
+    with pytest.raises(ValueError, match=r"rows.jsonl is a link: remove it"):
+        rows(tmp_path)
+    assert mine.read_text() == "mine\n"
+
+
 @pytest.mark.slow
 def test_two_processes_give_the_same_bits(tmp_path):
     (tmp_path / "a").mkdir()

@@ -2,6 +2,10 @@
 
 import errno
 import json
+import os
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -17,7 +21,8 @@ from rig.hardware.homing.homed import Homed, NotHomed
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig, TableChoice
 from rig.rigfile import from_dict
-from rig.table import Reading
+from rig.table import ArmingStoppedError, Reading, watch_arming
+from tests.support import ROOT
 
 RIG = Rig(table=TableChoice(kind="quanser"))  # its card cannot tell a power-up
 
@@ -64,6 +69,51 @@ def test_a_board_that_was_reset_is_refused_before_arming():
     with pytest.raises(NotHomed, match="was reset since"), Checked(board, RIG, homed):  # pyright: ignore[reportArgumentType]
         pass
     assert board.done == ["read", "closed"]
+
+
+CONSENT = """
+from experiments.runs.hardware import consent
+import time
+time.sleep(0.5)  # as the program's imports take
+consent("Run 1 of 2.", False)
+print("armed", flush=True)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a terminal of POSIX")
+def test_keys_typed_ahead_or_held_down_do_not_arm_the_table():
+    import pty
+
+    here, there = pty.openpty()
+    os.write(here, b"\n\n\n")
+    command = [sys.executable, "-c", CONSENT]
+    program = subprocess.Popen(command, cwd=ROOT, stdin=there, stdout=subprocess.PIPE, text=True)
+    try:
+        assert program.stdout is not None
+        first = program.stdout.readline()
+        assert first == "Run 1 of 2.\n"
+        os.write(here, b"\n")  # nobody reads so fast
+        time.sleep(1.0)
+        assert program.poll() is None
+        os.write(here, b"\n")
+        assert program.stdout.read().endswith("armed\n")
+        assert program.wait(10) == 0
+    finally:
+        program.kill()
+        program.wait()
+        program.stdout.close()
+        os.close(here)
+        os.close(there)
+
+
+def test_a_stop_while_the_table_is_opened_and_read_keeps_it_unarmed():
+    homed = Homed.of(Homing(Wiring(), (1.2, 1.2), (0.4, 0.4)), RIG, None)
+    card = Card((0.1, 0.0))
+    table = Checked(card, RIG, homed)  # pyright: ignore[reportArgumentType]
+    watch_arming(table, lambda: "read" in card.done)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(ArmingStoppedError), table:
+        pass
+    assert card.done == ["read", "closed"]
 
 
 @pytest.mark.parametrize("room", [True, False])
