@@ -33,7 +33,7 @@ from experiments.dashboard.tabs.tour import Tour, both_completed
 from experiments.dashboard.view.backlash_gauges import BacklashGauges
 from experiments.dashboard.view.big_view import big_view
 from experiments.dashboard.view.camera_view import RESTS, CameraView
-from experiments.dashboard.view.curves import Curves
+from experiments.dashboard.view.curves import LIVE, STOPPED, Curves
 from experiments.dashboard.view.film_view import FilmView
 from experiments.dashboard.view.ghost import Ghost
 from experiments.dashboard.view.portrait import Portrait
@@ -151,9 +151,10 @@ class App:
             self.figure_worker,
         )
         out, rows = self.out, lambda: self.results.rows
+        self.tour = Tour(server, controls, self._steps_done, visible=not self.session.table.real)
         tabs = server.gui.add_tab_group(order=0)
         with tabs.add_tab("Run"):
-            self.tour = Tour(server, self._steps_done, visible=not self.session.table.real)
+            self.tour.add_steps()
             self.run_tab = RunTab(
                 server, controls, self.session, out, lambda page: self.show_playback(page, None)
             )
@@ -167,6 +168,7 @@ class App:
                 self.pages.send,
                 real=self._real,
                 rows=rows,
+                show_live=lambda page: self.show_playback(page, None),
             )
         with tabs.add_tab("Results"):
             self.results = ResultsTab(
@@ -182,6 +184,7 @@ class App:
                 self.plate_map.show,
                 self.show_playback,
                 self.pages.send,
+                virtual=not self.session.table.real,
             )
         with tabs.add_tab("Replay"):
             self.replay = ReplayTab(
@@ -223,7 +226,9 @@ class App:
         """A run was recorded: draw its figures and list it, in the thread of the queue."""
 
         def do() -> None:
-            self.results.refresh(planned.plan.protocol.name)
+            if planned.number == 1 and not planned.plan.protocol.servo_only:
+                self.results.started = planned.plan.protocol.name
+            self.results.refresh()
             self.replay.refresh()
             self.gap.refresh()
 
@@ -313,9 +318,11 @@ class App:
         self.replay.draw()
         self.calibrate.draw()
         self.gap.draw()
+        self.gauges.show(not self.gap.hides_truth)
+        self.curves.head(STOPPED if status.state in ("stopped", "at rest") else LIVE)
         if fresh:
             self.curves.draw(curve := self.live.curve())
-            self.portrait.draw(curve)
+            self.portrait.draw(curve, status.of)
             self.scene.draw_trail(self.live.trail(), self.live.centroid.xy_m)
 
     def _draw_table(self, row: np.ndarray, seen_s: float) -> None:

@@ -3,8 +3,9 @@
 A callback of a page only enqueues an action, so nothing waits for a page. What a page sends for an
 input is checked (who sent it, its type, its limits) before anything stores it; that value, and none
 that is read later, goes into the queue, whose thread acts. What an action raises is shown to the
-page that asked and noted in the run's events. STOP alone waits for nothing: it acts in the
-callback, and refuses every action that was enqueued before it.
+page that asked; where that page holds the controls, or the program itself asked, it is noted in the
+run's events, too. STOP alone waits for nothing: it acts in the callback, and refuses every action
+that was enqueued before it.
 """
 
 import threading
@@ -172,10 +173,16 @@ class Controls:
             take_back()
 
     def _failed(self, action: QueuedAction, error: Exception) -> None:
-        """Show an error to its page; note it in the run's events, unless it is a refusal."""
-        if not isinstance(error, (WatchingError, StoppedError)):
-            self._note(f"{action.what}: {type(error).__name__}: {error}")
+        """Show an error to its page; note it in the run's events, unless it is a refusal or that
+        page watches: whose run it is not.
+        """
+        of_the_run = action.page is None or self.lock.may(action.page)
+        if of_the_run and not isinstance(error, (WatchingError, StoppedError)):
+            self._note_error(action.what, error)
         self._tell(action.page, action.what, error)
+
+    def _note_error(self, what: str, error: Exception) -> None:
+        self._note(f"{what}: {type(error).__name__}: {error}")
 
     def _tell(self, page: int | None, what: str, error: Exception) -> None:
         notice = page, what, str(error) or type(error).__name__
@@ -265,7 +272,8 @@ class Controls:
             try:
                 do()
             except Exception as error:
-                self._failed(QueuedAction("stop", lambda: None, page), error)
+                self._note_error("stop", error)  # whoever pressed it: the run goes on
+                self._tell(page, "stop", error)
 
     def stop_button(self, handle: Any, what: str, act: Callable[[str], None]) -> None:
         """Have a button or command of viser stop for any page (`stop`); what: its name."""

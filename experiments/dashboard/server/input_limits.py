@@ -7,6 +7,8 @@ from typing import Any
 
 from rig.loop.loop import HIGHEST_GAINS
 
+MOST_NAMED = 10  # options in a refusal; chosen: as many as a message shows
+
 
 @dataclass(frozen=True)
 class Range:
@@ -45,7 +47,8 @@ def flag(value: Any) -> bool:
 def choice(value: Any, options: Sequence[str]) -> str:
     """The value, if it is one of the options. ValueError: it is none of them."""
     if not isinstance(value, str) or value not in options:
-        raise ValueError(f"that is none of {', '.join(options)}")
+        more = ", ..." if len(options) > MOST_NAMED else ""
+        raise ValueError(f"that is none of {', '.join(options[:MOST_NAMED])}{more}")
     return value
 
 

@@ -49,20 +49,24 @@ class Pages:
             told.update({(id(handle), name): value for name, value in new.items()})
             tell_page(client, handle, **new)
 
-    def notify(self, page: int | None, title: str, text: str) -> None:
-        """Show a message with this title for SHOWN_S on a page; page None: on every page."""
+    def notify(self, page: int | None, title: str, text: str, *, good: bool = False) -> None:
+        """Show a message with this title for SHOWN_S on a page, red unless it is `good`; page None:
+        on every page.
+        """
         for client in self._of(page):
             with suppress(Exception):  # it may be gone by now
-                told = as_unicode(text)
-                client.add_notification(title, told, auto_close_seconds=SHOWN_S, color="red")
+                told, color = as_unicode(text), "green" if good else "red"
+                client.add_notification(title, told, auto_close_seconds=SHOWN_S, color=color)
 
-    def send(self, page: int | None, path: Path) -> None:
-        """Let a page download the file `path`; page None: every page. OSError,
-        ValueError: it cannot be read.
+    def send(self, page: int | None, path: Path, name: str = "") -> None:
+        """Let a page download the file `path` as `name` (default: its own), and say so; page None:
+        every page. OSError, ValueError: it cannot be read.
         """
-        content = file_bytes(path, None)
+        content, name = file_bytes(path, None), name or path.name
         for client in self._of(page):
-            client.send_file_download(path.name, content, save_immediately=True)
+            client.send_file_download(name, content, save_immediately=True)
+        kept = f"{name} is among your browser's downloads, and kept as {path}."
+        self.notify(page, "Downloaded", kept, good=True)
 
     def _of(self, page: int | None) -> list["ClientHandle"]:
         if page is None:

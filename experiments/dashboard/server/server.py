@@ -4,6 +4,7 @@ viser 1.1.1 (pinned) listens to the whole network by default, checks nobody, mov
 when one is busy and opens a tunnel to the internet when any page asks. None of that happens here.
 """
 
+import errno
 import io
 import socket
 from collections.abc import Callable, Iterator
@@ -34,15 +35,28 @@ def free_port(host: str, port: int) -> int:
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with socket.socket(family, socket.SOCK_STREAM) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        if family == socket.AF_INET6:  # as asyncio will; an IPv4 address in IPv6 is refused here
+            probe.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
         try:
             probe.bind((host, port))
             probe.listen(1)
-        except OSError as error:
-            raise PortBusyError(
-                f"port {port} of {host} cannot be used ({error.strerror}): stop what listens "
-                "there, or choose another --port"
-            ) from None
+        except (OSError, UnicodeError) as error:  # the latter: no name of a machine
+            raise PortBusyError(_cure(host, port, error)) from None
         return probe.getsockname()[1]
+
+
+def _cure(host: str, port: int, error: OSError | UnicodeError) -> str:
+    """What is wrong with a host and port that cannot be listened at, and what helps."""
+    if isinstance(error, OSError) and error.errno in (errno.EADDRINUSE, errno.EACCES):
+        return (
+            f"port {port} of {host} cannot be used ({error.strerror}): stop what listens "
+            "there, or choose another --port"
+        )
+    why = error.strerror if isinstance(error, OSError) else "no name of a machine"
+    return (
+        f"--host {host!r} cannot be used ({why}): name an address of this machine, such "
+        "as 127.0.0.1, or 0.0.0.0 for all"
+    )
 
 
 def page_request(request: Any) -> PageRequest:
@@ -67,7 +81,8 @@ def guarded(
     """A `process_request` for viser's websocket server that asks `gate` before `process_request`,
     viser's own (None: it has none).
 
-    Who may not pass is answered 403 and a sentence; who comes by the link with the token is led on
+    Who may not pass, or speaks as another version of viser's page does, is answered 403 and a
+    sentence; who comes by the link with the token is led on
     to the page's own address (303). passed: hears of the connections that may; shell: answers the
     bar around the page, and gives it to the page.
     """
@@ -78,7 +93,7 @@ def guarded(
 
     def guard(connection: Any, request: Any):
         asked = page_request(request)
-        why = gate.refusal(asked)
+        why = gate.refusal(asked) or (_other_version(request) if asked.websocket else None)
         if why is not None:
             body = f"{why}\n".encode()
             head = Headers({"Content-Type": "text/plain", "Content-Length": str(len(body))})
@@ -102,6 +117,16 @@ def guarded(
         return answer
 
     return guard
+
+
+def _other_version(request: Any) -> str | None:
+    """Why a websocket is refused that speaks another protocol than the page served here; None: it
+    does not. viser would print a line for each before it closes it.
+    """
+    import viser
+
+    spoken = request.headers.get_all("Sec-WebSocket-Protocol")
+    return None if spoken == [f"viser-v{viser.__version__}"] else "another version: load it again"
 
 
 def _caller(connection: Any) -> str:
@@ -138,12 +163,15 @@ def open_server(host: str, port: int, token: str) -> "tuple[ViserServer, Gate]":
     PortBusyError: the port is taken. RuntimeError: viser moved to another port all the same.
     """
     import logging
+    import warnings
 
     import viser
     from viser import _messages as messages
 
     # A connection without a handshake (a port scan, a closed tab) is no fault here: no traceback.
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
+    # viser warns of a message that it does not expect, in the sender's own words.
+    warnings.filterwarnings("ignore", message=r"\[viser\]")
 
     wake_from_any_thread()
     port = free_port(host, port)

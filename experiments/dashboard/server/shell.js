@@ -3,7 +3,7 @@
 (() => {
   "use strict";
   const EVERY_MS = 1000, SOON_MS = 150, PATIENCE_MS = 3000, LONG_MS = 5000,
-    GIVEN_UP_MS = 30000;
+    GIVEN_UP_MS = 30000, CONNECT_MS = 10000;
   const STATES = {
     starting: "Starting", balancing: "Balancing", running: "Run is on",
     pause: "Pause between runs", stopping: "Stopping: the plate is levelled",
@@ -41,10 +41,10 @@
   const words = make("span", "rig-state", "Connecting ...");
   words.setAttribute("role", "status");
   const again = make("button", "rig-again", "Reload");
-  const view = make("button", "rig-view", "Big view");
-  view.title = "Plate, numbers and curves for a projector or a phone, in a tab of its own.";
-  view.hidden = inView;
-  view.onclick = () => open(`${here}/view`, "_blank", "noopener");
+  const view = make("button", "rig-view", inView ? "All controls" : "Big view");
+  view.title = inView ? "The whole dashboard, in this tab."
+    : "Plate, numbers and curves for a projector or a phone, in a tab of its own.";
+  view.onclick = () => inView ? location.assign(`${here}/`) : open(`${here}/view`, "_blank", "noopener");
   const looks = make("button", "rig-looks", dark ? "Light" : "Dark");
   again.hidden = true;
   again.onclick = () => location.reload();
@@ -56,7 +56,8 @@
   show();
 
   // --- what the program says ---
-  let gone = false, lostAt = null, stoppingAt = null, began = "", timer = 0, asked = 0;
+  let gone = false, lostAt = null, stoppingAt = null, began = "", timer = 0, asked = 0,
+    halts = 0, unheard = false, heardAt = Date.now();  // unheard: STOP, which is asked again
   const ask = async (what) => {
     const patience = AbortSignal.timeout(PATIENCE_MS);
     const answer = await fetch(`${here}/${what}`, { cache: "no-store", signal: patience });
@@ -68,26 +69,31 @@
     bar.className = kind;
   };
   const told = (state) => {
+    const rests = state.state === "stopped" || state.state === "at rest";
+    if (rests) stoppingAt = null, unheard = false;
+    if (unheard) return;  // its warning stays
     const away = lostAt === null ? 0 : Date.now() - lostAt;
     // Another program, or a connection that viser has lost, too; one that was slow goes on.
     if (began && began !== state.began || away > (gone ? PATIENCE_MS : GIVEN_UP_MS))
       return location.reload();
     began = state.began;
     lostAt = null;
+    heardAt = Date.now();
     gone = false;
     again.hidden = true;
     document.documentElement.classList.remove("rig-lost");
-    if (state.state === "stopped" || state.state === "at rest") stoppingAt = null;
     if (stoppingAt === null) write(STATES[state.state] || state.state, state.state);
     else if (Date.now() - stoppingAt > LONG_MS) write("STOP takes long: use the switch.", "lost");
   };
   const lost = (error) => {
+    const silent = Date.now() - heardAt;
+    if (!began && silent < CONNECT_MS) return;  // a page that was just opened has lost nothing
     lostAt ??= Date.now();
     gone ||= error.name !== "TimeoutError";
-    const seconds = Math.round((Date.now() - lostAt) / 1000);
+    const seconds = Math.max(1, Math.round(silent / 1000));
     document.documentElement.classList.add("rig-lost");
     again.hidden = false;
-    write(`Connection lost ${seconds} s ago. ${SWITCH} Trying again ...`, "lost");
+    if (!unheard) write(`Connection lost ${seconds} s ago. ${SWITCH} Trying again ...`, "lost");
   };
   const poll = async () => {
     clearTimeout(timer);
@@ -101,14 +107,25 @@
     if (mine === asked) timer = setTimeout(poll, stoppingAt === null ? EVERY_MS : SOON_MS);
   };
   const halt = async () => {
+    const mine = ++halts;
     stoppingAt = Date.now();
-    write("Stopping ...", "stopping");
-    try {
-      await ask("stop");
-    } catch {
-      stoppingAt = null;
-      document.documentElement.classList.add("rig-lost");
-      return write(`STOP was not answered. ${SWITCH}`, "lost");
+    if (!unheard) write("Stopping ...", "stopping");
+    while (mine === halts && stoppingAt !== null) {
+      try {
+        const answer = ask("stop");
+        poll();  // no answer counts that was asked for before
+        await answer;
+        unheard = false;
+        if (stoppingAt !== null) write("Stopping ...", "stopping");
+        break;
+      } catch {
+        if (mine !== halts) return;  // pressed again meanwhile: that press asks on
+        if (stoppingAt === null) break;
+        unheard = true;
+        document.documentElement.classList.add("rig-lost");
+        write(`STOP was not answered. ${SWITCH}`, "lost");
+        await new Promise((done) => setTimeout(done, SOON_MS));
+      }
     }
     poll();
   };
@@ -116,11 +133,9 @@
   // At the press, not at the release; a key on the button clicks it.
   stop.addEventListener("pointerdown", (event) => { if (event.button === 0) halt(); });
   stop.addEventListener("click", (event) => { if (event.detail === 0) halt(); });
-  // An open list closes by Esc; whatever else has the focus, Esc stops.
+  // Esc stops whatever has the focus, a list that it closes, too: who is afraid presses it once.
   addEventListener("keydown", (event) => {
-    if (event.key !== "Escape" || event.repeat) return;
-    const open = document.activeElement?.getAttribute("aria-expanded") === "true";
-    if (!open) halt();
+    if (event.key === "Escape" && !event.repeat) halt();
   }, true);
   // On a phone the table stands above viser's sheet, which folds.
   const sheet = () => document.querySelector('.mantine-Paper-root[style*="position: fixed"]');

@@ -71,7 +71,7 @@ class Shell:
         if part == "view":
             return _with_bar(VIEW, f"<script>{VIEW_SCRIPT}</script>").encode()
         if part == "stop":
-            self.stop(f"a page at {who}")
+            self.stop(f"STOP on a page ({who})")
         return json.dumps({"state": self.state(), "began": self.began}).encode()
 
 

@@ -42,6 +42,18 @@ addEventListener("DOMContentLoaded", () => {
       line(pen, [px([cm / 100, -half]), px([cm / 100, half])], pale, 1.5);
       line(pen, [px([-half, cm / 100]), px([half, cm / 100])], pale, 1.5);
     }
+    pen.fillStyle = ink;
+    pen.font = "700 16px system-ui, sans-serif";
+    for (let cm = -5 * Math.floor(10 * now.side_m); cm <= 50 * now.side_m; cm += 5) {
+      const [x] = px([cm / 100, 0]), [, y] = px([0, cm / 100]), [left, bottom] = px([-half, -half]);
+      pen.fillText(`${cm}`, x + 4, bottom - 8);
+      if (cm > -50 * now.side_m + 3) pen.fillText(`${cm}`, left + 8, y - 5);
+    }
+    const [, top] = px([0, half]), [right, low] = px([half, -half]);
+    pen.textAlign = "right";
+    pen.fillText("x [cm], 5 cm a square", right - 8, low - 26);
+    pen.textAlign = "left";
+    pen.fillText("y [cm]", px([-half, 0])[0] + 8, top + 22);
     pen.strokeStyle = ink;
     pen.lineWidth = 6;
     pen.strokeRect(...px([-half, half]), size, size);
@@ -58,7 +70,7 @@ addEventListener("DOMContentLoaded", () => {
     const [pen, width, height] = clear(at("curve")), { t_s: t, x_m: x, y_m: y } = curve;
     const left = 56, seen = [...x, ...y].filter((v) => v !== null).map(Math.abs);
     const most = Math.min(side_m / 2, Math.max(0.02, 1.1 * Math.max(0, ...seen)));
-    const py = (v) => height / 2 - 0.44 * height * v / most;
+    const py = (v) => height / 2 - (height / 2 - 22) * v / most;  // the names above the lines
     pen.fillStyle = ink;
     pen.font = "700 16px system-ui, sans-serif";
     for (const v of [-most, 0, most]) {

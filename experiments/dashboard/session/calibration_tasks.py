@@ -18,7 +18,7 @@ CAPTIONS = {
 NOT_REAL = {
     "servo": "gain and time constant of a real table's motors come from its runs: record `steps`, "
     "then Gap",
-    "play": "a real table's play is found from its runs: record `steps`, then Gap",
+    "play": "a real table's backlash is found from its runs: record `steps`, then Gap",
 }
 
 
@@ -74,7 +74,7 @@ def calibration_step(
     if step in ("camera", "table"):
         _measure_optics(request, file, progress)
     else:
-        _measure_motion(request, file)
+        _measure_motion(request, file, progress)
     progress(step, 1, 1)
     names = {"camera": ("coverage.png", "residuals.png", "camera.png"), "table": ("plate.png",)}
     pictures = [out / name for name in names.get(step, (f"{step}.png",))]
@@ -137,7 +137,7 @@ def _measure_optics(request: CalibrationRequest, file: Path, progress: ProgressS
     )
 
 
-def _measure_motion(request: CalibrationRequest, file: Path) -> None:
+def _measure_motion(request: CalibrationRequest, file: Path, progress: ProgressSender) -> None:
     """The steps time, level, servo and play, from recorded runs or on the virtual table."""
     from experiments.calibrate import backlash, motion
 
@@ -151,7 +151,7 @@ def _measure_motion(request: CalibrationRequest, file: Path) -> None:
         newest = request.runs[:1] if request.rig.servo.has_angle else request.runs
         motion.calibrate_servo(newest, file, out, seed=seed)
     else:
-        backlash.calibrate_backlash(file, out, seed=seed)
+        backlash.calibrate_backlash(file, out, seed=seed, progress=progress)
 
 
 def print_sheets(rig: Rig, out: Path, progress: ProgressSender) -> Path:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from experiments.analysis.numbers import Recorded, resting_centroid_cm
+from experiments.analysis.numbers import Recorded, resting_centroid_cm, resting_centroids_cm
 from experiments.reports import figures
 
 PUSHED = "pushed"  # protocol of the paper's Figs. 12 and 13
@@ -43,15 +43,13 @@ class Completed:
 
     def _of_both(self) -> list[Drawn]:
         a, b = self.without[0], self.with_[0]
-        found = {"without": resting_centroid_cm(a), "with": resting_centroid_cm(b)}
-        known = {arm: xy for arm, xy in found.items() if xy is not None}
-        centres = known if len(known) == len(found) else {}
+        centres = resting_centroids_cm(a, b)
         place = figures.release_scatter(a.log, b.log, centres, self.side_cm[b.folder])
         over_time = figures.ball_over_time(a.log, b.log)
         servo = figures.servo_over_time(a.log, b.log)
         for figure in (over_time, servo):
             figures.mark_times(figure, [*self.marks[a.folder], *self.marks[b.folder]], "by hand")
-        where = "where the ball was, with (red) and without (blue) play compensation"
+        where = "where the ball was, without (blue) and with (red) play compensation"
         drawn = [
             (place, "fig10", self._caption(10, where)),
             (over_time, "ball-time", self._caption(7, "ball over time")),

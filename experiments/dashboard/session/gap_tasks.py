@@ -2,8 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from math import degrees
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,12 +20,14 @@ ANSWER = "answer.json"
 
 @dataclass(frozen=True)
 class ShortAnswer:
-    """What stays of an analysis when the program ends: plain sentences, and the table of
-    `experiments.gap.beside`.
+    """What stays of an analysis when the program ends: the verdict in plain sentences, the table of
+    `experiments.gap.beside`, more sentences, and one on what the demo hid, "" of recorded runs.
     """
 
     sentences: list[str]
     table: list[list[str]]
+    more: list[str] = field(default_factory=list)
+    truth: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,14 +54,6 @@ GAP_PICTURES = {
 }
 
 
-def hidden_words() -> str:
-    """A sentence on the backlash that the demo hid, for whoever wants to judge the answer."""
-    from experiments.gap.demo import DEMO_PLAY_RAD
-
-    sizes = ", ".join(f"{a} {degrees(play):.2f}" for a, play in DEMO_PLAY_RAD.items())
-    return f"What was hidden, which the analysis did not know: joint play of {sizes} degrees."
-
-
 def find_gap(
     logs: Sequence[Path] | None,
     out: Path,
@@ -69,23 +62,31 @@ def find_gap(
     progress: ProgressSender,
 ) -> GapAnswer:
     """Analyse recorded runs (logs None: those of the demo with a hidden backlash) as `rig gap`
-    does; the report is written in `out`. seed: of the demo's runs; calibration: a file that the
-    answer is compared with, where it exists.
+    does; the report is written in `out`, which is made. seed: of the demo's runs; calibration: a
+    file that the answer is compared with, where it exists.
 
-    OSError, ValueError: a run cannot be read, or `out` cannot be written.
+    FileExistsError: `out` is there already. OSError, ValueError: a run cannot be read, or `out`
+    cannot be written.
     """
     from experiments.gap.closed_loop_replay import compare_models
-    from experiments.gap.demo import demo_runs
+    from experiments.gap.demo import demo_runs, hidden_words
     from experiments.gap.gap import investigate
     from experiments.gap.input import read_evidence
-    from experiments.gap.report import write_findings
+    from experiments.gap.report import origin_words, write_findings
     from experiments.records.run_folder import writable
 
+    out.mkdir(parents=True)
     folder = writable(out)
     paths = list(logs) if logs is not None else demo_runs(folder, seed=seed, progress=progress)
     findings = investigate(paths, None, progress=progress)
     progress("report", 0, 1)
-    report = write_findings(findings, folder, names=[path.name for path in paths])
+    report = write_findings(
+        findings,
+        folder,
+        names=[path.name for path in paths],
+        origin=origin_words(paths, demo=logs is None),
+        truth=hidden_words() if logs is None else "",
+    )
     models = None
     if findings.rig_before and findings.rig_after and findings.effects:
         progress("both models, side by side", 0, 1)
@@ -98,7 +99,8 @@ def find_gap(
 def _short(findings: Any, paths: Sequence[Path], calibration: Path, *, demo: bool) -> ShortAnswer:
     """The answer in sentences, and beside what is known otherwise."""
     from experiments.gap import beside
-    from experiments.gap.short_answer import advice, short_answer
+    from experiments.gap.demo import hidden_words
+    from experiments.gap.short_answer import advice, details, verdict
     from experiments.records.run_folder import read_meta
 
     known = {} if demo else beside.calibrated_values(calibration)
@@ -106,9 +108,10 @@ def _short(findings: Any, paths: Sequence[Path], calibration: Path, *, demo: boo
     rows = beside.beside_rows(found, known, beside.true_values(paths), findings.known)
     protocols = [(read_meta(path).get("protocol") or {}).get("name", "?") for path in paths]
     first = "" if demo else advice(protocols)
-    said = short_answer(findings, enough=not first, contradiction=beside.contradictions(rows))
-    sentences = [*([hidden_words()] if demo else []), *([first] if first else []), *said]
-    return ShortAnswer(sentences, rows)
+    said = verdict(findings, enough=not first, contradiction=beside.contradictions(rows))
+    sentences = [*([first] if first else []), *said]
+    of = [] if demo else [f"Of the runs {', '.join(path.name for path in paths)}."]
+    return ShortAnswer(sentences, rows, details(findings) + of, hidden_words() if demo else "")
 
 
 def pictures_of(folder: Path) -> list[CaptionedPicture]:
@@ -120,16 +123,26 @@ def pictures_of(folder: Path) -> list[CaptionedPicture]:
     ]
 
 
+def _numbered(out: Path) -> list[tuple[int, Path]]:
+    """Number and path of what is called gap-N in `out`."""
+    return [(int(f.name[4:]), f) for f in out.glob("gap-*") if f.name[4:].isdecimal()]
+
+
+def next_number(out: Path) -> int:
+    """The number of an analysis to come: one above the highest in `out`."""
+    return 1 + max((number for number, _ in _numbered(out)), default=0)
+
+
 def newest_answer(out: Path) -> GapAnswer | None:
     """The newest analysis in the folders gap-N of `out`, without map and film; None: there is none
     that can be read.
     """
-    numbered = [f for f in out.glob("gap-*") if f.name[4:].isdecimal()]
-    for folder in sorted(numbered, key=lambda f: -int(f.name[4:])):
+    for _, folder in sorted(_numbered(out), reverse=True):
         try:
             kept = json_of(folder / ANSWER)
             table = [list(map(str, row)) for row in kept["table"]]
-            short = ShortAnswer(list(map(str, kept["sentences"])), table)
+            said, more = list(map(str, kept["sentences"])), list(map(str, kept.get("more", [])))
+            short = ShortAnswer(said, table, more, str(kept.get("truth", "")))
         except (OSError, ValueError, KeyError, TypeError):
             continue
         return GapAnswer(short, folder / "gap.html", pictures_of(folder), None, None)

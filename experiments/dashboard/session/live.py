@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rig.log import INDEX
+from rig.log import COLUMNS, INDEX
 
 POINTS = 250  # of a curve; chosen: a panel is about so many pixels wide
 CURVE_S = 20.0  # length of the curves; chosen
@@ -139,7 +139,7 @@ class LiveBuffer:
         between observations the ball's last position stands.
         """
         with self._lock:
-            return np.array(self._curve)
+            return np.array(self._curve).reshape(-1, len(COLUMNS))  # none, when a run begins
 
     def trail(self) -> np.ndarray:
         """The last observations of the ball (n, 2) [m], n <= TRAIL, oldest first."""

@@ -1,10 +1,21 @@
 """Plan of runs, its single runs in order, and the status of the session."""
 
 from dataclasses import dataclass
+from itertools import accumulate
 
-from experiments.runs.protocol import Protocol
+from experiments.runs.protocol import Protocol, read_protocol
 from rig.operator import Operator
 
+METHODS = {
+    "both, one after the other": ("without", "with"),
+    "with play compensation": ("with",),
+    "without": ("without",),
+}
+BOTH = next(iter(METHODS))
+# What the other tabs need of runs, one after the other: Figs. 10 and 11, 12 and 13, and what a gap
+# analysis asks for.
+STUDY = ("free-release", "pushed", "steps", "servo-squares")
+WHOLE = "the whole study"
 METHOD_WORDS = {"with": "with play compensation", "without": "without play compensation"}
 
 
@@ -24,16 +35,35 @@ class RunPlan:
     by_hand: bool = False
     speed: float = 1.0
 
+    @property
+    def run_s(self) -> float:
+        """Duration of one run in the table's time [s]."""
+        hold_s = 0.0 if self.protocol.servo_only else self.protocol.start.hold_s
+        return self.protocol.duration_s + hold_s
+
+
+def shipped_plan(name: str, choice: str, repetitions: int) -> RunPlan:
+    """The runs of a shipped protocol; choice: a key of METHODS. Both methods are run where the
+    protocol asks for both: on the servos alone they record the same.
+    """
+    protocol = read_protocol(name)
+    methods = tuple(m for m in METHODS[choice] if choice != BOTH or m in protocol.arms)
+    return RunPlan(protocol, methods, repetitions, protocol.seed)
+
 
 @dataclass(frozen=True)
 class PlannedRun:
-    """Run `number` (from 1) of the `of` runs of a plan."""
+    """Run `number` (from 1) of the `of` runs that were asked for; before_s, all_s: durations [s] of
+    those before it, and of all of them.
+    """
 
     plan: RunPlan
     method: str
     seed: int
     number: int
     of: int
+    before_s: float
+    all_s: float
 
     @property
     def words(self) -> str:
@@ -41,9 +71,12 @@ class PlannedRun:
         return f"{self.plan.protocol.name}, {METHOD_WORDS[self.method]}, seed {self.seed}"
 
     def ended(self, outcome: str, reason: str, t_s: float) -> str:
-        """A sentence on how this run ended after t_s [s], "" where it was completed."""
+        """A sentence on how this run ended after t_s [s]; where it was completed on the last one of
+        the plan, else "".
+        """
         if outcome == "completed":
-            return ""
+            many = f"All {self.of} runs are" if self.of > 1 else "The run is"
+            return f"{many} done: see the tab Results." if self.number == self.of else ""
         which = f"Run {self.number} of {self.of}"
         if not reason.startswith("stopped by"):
             return f"{which} failed after {t_s:.1f} s and does not count: {reason or outcome}."
@@ -55,11 +88,18 @@ class PlannedRun:
         return f"{which} was {reason} after {t_s:.1f} s and does not count{begun}."
 
 
-def planned_runs(plan: RunPlan) -> list[PlannedRun]:
-    """The runs of a plan: for each seed every method in turn, on the same course."""
-    pairs = [(plan.seed + i, method) for i in range(plan.repetitions) for method in plan.methods]
+def planned_runs(*plans: RunPlan) -> list[PlannedRun]:
+    """The runs of these plans in turn: for each seed every method, on the same course."""
+    runs = [
+        (plan, method, plan.seed + i)
+        for plan in plans
+        for i in range(plan.repetitions)
+        for method in plan.methods
+    ]
+    ends_s = list(accumulate((run[0].run_s for run in runs), initial=0.0))
     return [
-        PlannedRun(plan, method, seed, n, len(pairs)) for n, (seed, method) in enumerate(pairs, 1)
+        PlannedRun(*run, number, len(runs), before_s, ends_s[-1])
+        for number, (run, before_s) in enumerate(zip(runs, ends_s, strict=False), 1)
     ]
 
 
@@ -84,6 +124,13 @@ class SessionStatus:
     last: str = ""
 
     @property
+    def of(self) -> str:
+        """What the table does, for a line on the page: run or balancing; "" for neither."""
+        if self.run is not None and self.state == "running":
+            return f"{self.run.plan.protocol.name}, {METHOD_WORDS[self.run.method]}"
+        return f"balancing, {METHOD_WORDS['without']}" if self.state == "balancing" else ""
+
+    @property
     def patience_s(self) -> float:
         """For how long the operator is waited for [s]."""
         hold_s = self.run.plan.protocol.start.hold_s if self.run else 0.0
@@ -92,22 +139,18 @@ class SessionStatus:
     @property
     def duration_s(self) -> float:
         """Duration of the present run in the table's time [s]; 0 without one."""
-        if self.run is None:
-            return 0.0
-        protocol = self.run.plan.protocol
-        return protocol.duration_s + (0.0 if protocol.servo_only else protocol.start.hold_s)
+        return self.run.plan.run_s if self.run else 0.0
 
     @property
     def share(self) -> float:
         """Share of the plan that is done, 0 to 1; 0 without a plan."""
         if self.run is None:
             return 0.0
-        part = min(self.t_s / self.duration_s, 1.0) if self.duration_s else 0.0
-        return (self.run.number - 1 + part) / self.run.of
+        return (self.run.before_s + min(self.t_s, self.duration_s)) / max(self.run.all_s, 1e-9)
 
     @property
     def remaining_s(self) -> float:
         """Wall time to the end of the plan without pauses [s]."""
         if self.run is None:
             return 0.0
-        return self.run.of * self.duration_s * (1 - self.share) / self.run.plan.speed
+        return self.run.all_s * (1 - self.share) / self.run.plan.speed

@@ -8,6 +8,7 @@ import numpy as np
 
 from experiments.analysis.samples import held, run_part
 from experiments.dashboard.session.live import CURVE_S, POINTS
+from experiments.dashboard.session.plan import METHOD_WORDS
 from experiments.dashboard.session.video import Video
 from experiments.gap.closed_loop_replay import TableMotion, table_motion
 from experiments.records.recording import Run
@@ -61,17 +62,32 @@ class PlaybackClock:
 class RunFilm:
     """A recorded run as the page replays it.
 
-    rows (n, len(COLUMNS)): thinned, for the curves, t_s from 0; events: (time [s], text) in order;
-    beside: the same run with the other controller, None: there is none. Times are those of the
-    motion: from the release on where there is a run beside, else from the run's start.
+    rows (n, len(COLUMNS)): thinned, for the curves, t_s from 0; events: (time [s], text) in order
+    of time; method: the controller ("with" or "without" in a comparison); beside: the same run with
+    the other one, None: there is none. Times are those of the motion, as `since` says.
     """
 
     name: str
     motion: TableMotion
     rows: np.ndarray
     events: list[tuple[float, str]]
+    method: str = ""
     beside: TableMotion | None = None
     beside_method: str = ""
+
+    @property
+    def since(self) -> str:
+        """From when its times count, in words: two runs begin together with the release."""
+        return "from the release" if self.beside is not None else "from the run's start"
+
+    @property
+    def of(self) -> str:
+        """Which run the curves are of, in words: the name, or of two runs the controller."""
+        return (
+            f"the run {METHOD_WORDS.get(self.method, self.method)}"
+            if self.beside is not None
+            else self.name
+        )
 
 
 class Playback:
@@ -100,13 +116,23 @@ class Playback:
         self.video: Video | None = None
 
     def curve(self) -> np.ndarray | None:
-        """Rows (n, len(COLUMNS)) of the last CURVE_S seconds up to the film's time; None: the film
-        has no curves.
+        """Rows (n, len(COLUMNS)) of CURVE_S seconds with the film's time in the middle, or of the
+        film's ends; None: the film has no curves.
         """
+        last_s = max(self.clock.end_s - CURVE_S, 0.0)
+        return self._rows_from(min(max(self.clock.t_s - CURVE_S / 2, 0.0), last_s))
+
+    def past(self) -> np.ndarray | None:
+        """Rows (n, len(COLUMNS)) of the CURVE_S seconds up to the film's time; None: the film has
+        no curves.
+        """
+        return self._rows_from(self.clock.t_s - CURVE_S)
+
+    def _rows_from(self, begin_s: float) -> np.ndarray | None:
         if self.film is None:
             return None
-        t_s, rows = self.clock.t_s, self.film.rows
-        return rows[(rows[:, 0] <= t_s) & (rows[:, 0] > t_s - CURVE_S)]
+        rows = self.film.rows
+        return rows[(rows[:, 0] >= begin_s) & (rows[:, 0] <= begin_s + CURVE_S)]
 
     def close(self) -> None:
         """Close the video."""
@@ -140,7 +166,9 @@ def run_film(name: str, run: Run, other: Run | None = None) -> RunFilm:
         rows[:, INDEX[f"ball_{axis}_m"]] = held(log[f"ball_{axis}_m"], np.nan)
     rows = rows[::step]
     rows[:, 0] -= begin_s
-    events = [(float(e["t_s"]) - begin_s, str(e["text"])) for e in run.events]
+    # A recording holds them as they were written: pushes that were detected come at its end.
+    events = sorted((float(e["t_s"]) - begin_s, str(e["text"])) for e in run.events)
     beside = table_motion(other.log, run_only=True) if other is not None else None
     method = str(other.meta.get("arm")) if other is not None else ""
-    return RunFilm(name, motion, rows, events, beside, method)
+    own = str(run.meta.get("arm"))
+    return RunFilm(name, motion, rows, events, own, beside, method)

@@ -89,20 +89,21 @@ class Session:
         at_rest = loop is None or loop.at_rest  # no loop: no table was opened
         return replace(status, state="at rest" if at_rest else "stopping")
 
-    def start(self, plan: RunPlan) -> None:
-        """Begin a plan; balancing ends.
+    def start(self, *plans: RunPlan) -> None:
+        """Begin these plans, one after the other; balancing ends.
 
         ValueError: a run is on, or STOP was pressed meanwhile; ValueError, OSError: the table
-        cannot run the plan (`check` of the run's set-up).
+        cannot run a plan (`check` of the run's set-up).
         """
         stops = self._stops
-        self.table.check(plan, self.rig)
+        for plan in plans:
+            self.table.check(plan, self.rig)
         with self._wake:
             if stops != self._stops:
                 raise ValueError("STOP was pressed meanwhile: press Start again")
             if self._planned or self._status.state in ("running", "pause"):
                 raise ValueError("a run is on: stop it first")
-            self._planned.extend(planned_runs(plan))
+            self._planned.extend(planned_runs(*plans))
             self._plan_rig = self.rig  # of all its runs, whatever is set meanwhile
             self._balance = not self.table.real
             self._end_loop(Stop("a run begins", "ended"))

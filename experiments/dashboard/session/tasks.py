@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 MOST_LISTED = 40  # runs; chosen: a list on the page is no longer
 LONGEST_WORDS = 80  # characters of a run.json's word; chosen: every page is sent each of them
 UNFINISHED = "unfinished"
+SERVOS_ALONE = "the servos alone, without a ball: no figure; the tab Gap uses these runs."
 
 
 @dataclass(frozen=True)
@@ -32,8 +33,8 @@ class RunSummary:
 
     method: the compensator; centroid_cm: mean position (x, y) of the ball, None where not computed
     or where the target moves; by_hand: what somebody did to it ("12.3 s: push to the left, 0.15
-    m/s"); named: whether its label tells its folder's name, since another run has the same
-    protocol, controller and time.
+    m/s"); servo_only: there was no ball; named: whether its label tells its folder's name, since
+    another run has the same protocol, controller and time.
     """
 
     folder: Path
@@ -43,6 +44,7 @@ class RunSummary:
     outcome: str
     centroid_cm: tuple[float, float] | None = None
     by_hand: tuple[str, ...] = ()
+    servo_only: bool = False
     named: bool = False
 
     @property
@@ -101,7 +103,18 @@ def list_runs(parent: Path, most: int = MOST_LISTED) -> list[RunSummary]:
         name, method, outcome = (
             str(words)[:LONGEST_WORDS] for words in (name, meta.get("arm"), outcome)
         )
-        rows.append(RunSummary(folder, name, method, meta.get("seed"), outcome, by_hand=by_hand))
+        servo_only = isinstance(protocol, dict) and bool(protocol.get("servo_only"))
+        rows.append(
+            RunSummary(
+                folder,
+                name,
+                method,
+                meta.get("seed"),
+                outcome,
+                by_hand=by_hand,
+                servo_only=servo_only,
+            )
+        )
         if len(rows) == most:
             break
     labels = Counter(row.label for row in rows)
@@ -112,13 +125,15 @@ def list_runs(parent: Path, most: int = MOST_LISTED) -> list[RunSummary]:
 class DrawnFigures:
     """Figures of runs, the runs with their centroids, and both methods compared.
 
-    sentence, table: of `experiments.analysis.comparison`, of the runs that count.
+    sentence, table: of `experiments.analysis.comparison`, of the runs that count; repeats: a
+    sentence on runs that are there twice.
     """
 
     pictures: list[CaptionedPicture]
     rows: list[RunSummary]
     sentence: str = ""
     table: list[list[str]] = field(default_factory=list)
+    repeats: str = ""
 
 
 def draw_figures(
@@ -127,12 +142,13 @@ def draw_figures(
     """Draw the figures of the paper that these runs of one protocol (newest first) allow.
 
     Fig. 10 and 11, or 12 and 13, need a completed run of either method, Fig. 14 four of either.
-    disturbed: runs that somebody disturbed by hand count as well. OSError, ValueError: a run cannot
-    be read, or `out` cannot be written.
+    disturbed: runs that somebody disturbed by hand count as well; equal runs count once. OSError,
+    ValueError: a run cannot be read, or `out` cannot be written.
     """
     from experiments.analysis.comparison import comparison_rows, comparison_sentence
     from experiments.analysis.numbers import recorded, resting_centroid_cm
     from experiments.analysis.regime import rig_of_record
+    from experiments.analysis.repeats import distinct, repeats_words
     from experiments.dashboard.session.figures_of_runs import Completed
     from experiments.records.recording import read_run
     from experiments.reports.figures import save
@@ -142,8 +158,7 @@ def draw_figures(
     for i, row in enumerate(rows):
         progress("reading runs", i, len(rows))
         stored = read_run(row.folder)
-        servo_only = bool((stored.meta.get("protocol") or {}).get("servo_only"))
-        run = recorded(row.folder, stored.log, row.outcome, servo_only=servo_only)
+        run = recorded(row.folder, stored.log, row.outcome, servo_only=row.servo_only)
         marks[run.folder] = by_hand_s(stored)
         sources.add(str(stored.meta.get("source")))
         side_cm[run.folder] = 100 * rig_of_record(stored.meta.get("rig") or {}).linkage.side_m
@@ -151,18 +166,21 @@ def draw_figures(
         where = None if xy is None else (float(xy[0]), float(xy[1]))
         counted.append(replace(row, centroid_cm=where))
         counts = disturbed or not row.by_hand
-        seen = not servo_only and run.metrics.samples > 0
+        seen = not row.servo_only and run.metrics.samples > 0
         if seen and counts and row.method in completed and row.outcome == "completed":
             completed[row.method].append(run)
     out.mkdir(parents=True, exist_ok=True)
     source = sources.pop() if len(sources) == 1 else "simulated"
     progress("drawing", 0, 1)
-    both = completed["without"], completed["with"]
+    both = distinct(completed["without"]), distinct(completed["with"])
+    repeats = repeats_words(sum(map(len, completed.values())) - sum(map(len, both)))
     drawn = Completed(rows[0].protocol, *both, marks, side_cm).figures()
     pictures = [CaptionedPicture(save(one, out, name, source), text) for one, name, text in drawn]
     progress("drawing", 1, 1)
     table = comparison_rows(*both) if any(both) else []
-    return DrawnFigures(pictures, counted, comparison_sentence(*both), table)
+    alone = all(row.servo_only for row in rows)
+    sentence = SERVOS_ALONE if alone else comparison_sentence(*both)
+    return DrawnFigures(pictures, counted, sentence, table, repeats)
 
 
 def by_hand_s(stored: "Run") -> list[float]:

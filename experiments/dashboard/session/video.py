@@ -16,6 +16,10 @@ if TYPE_CHECKING:
 # A run's video, and its format: left to guess it, the decoder takes a stranger's list of files, of
 # pipes and of itself, for a video.
 VIDEO, FORMAT = "video.mkv", "matroska"
+NO_VIDEO_OF_BOTH = (
+    "Two runs on one plate, with red, without blue: there is no video of both. Show one run alone "
+    "for its video."
+)
 STEP_S = 1 / 30  # between frames of a rendered video
 SEEK_AHEAD_S = 2.0  # further ahead it seeks, nearer it decodes frame by frame; chosen
 WIDEST_PX = 480  # of a shown frame; chosen: a panel is narrower
@@ -112,7 +116,7 @@ def replay_run(folder: Path, beside: Path | None, progress: ProgressSender) -> P
     run = read_run(folder)
     progress.show(run_film(folder.name, run, read_run(beside) if beside else None))
     if beside:
-        raise ValueError("two runs on one plate: with red, without blue; no video of both")
+        raise ValueError(NO_VIDEO_OF_BOTH)
     video = folder / VIDEO
     if video.is_file():
         Video(video).close()  # what is wrong with it is found out here, not where the pages wait

@@ -5,7 +5,6 @@ Only the newest pose is rendered, and nothing waits for it.
 """
 
 import multiprocessing
-import os
 from contextlib import suppress
 from math import sqrt
 from multiprocessing.connection import Connection
@@ -13,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.dashboard.session.worker_process import NICE_INCREMENT
+from experiments.dashboard.session.worker_process import stand_back
 from rig.parameters import Rig
 
 IMAGE_SIZE_PX = (320, 240)  # width and height on the page; chosen: as wide as its panel
@@ -67,11 +66,10 @@ def _serve_images(rig: Rig, pipe: Connection) -> None:
     """The camera's process: pose in, image and words out, until the other end is closed."""
     import cv2
 
-    with suppress(OSError, AttributeError):
-        os.nice(NICE_INCREMENT)
+    stand_back()
     cv2.setNumThreads(1)
     renderer = VirtualCameraRenderer(rig)
-    with suppress(EOFError, OSError, KeyboardInterrupt):
+    with suppress(EOFError, OSError):
         while True:
             image, words = renderer.look(*pipe.recv())
             small = cv2.resize(image, IMAGE_SIZE_PX, interpolation=cv2.INTER_AREA)

@@ -14,8 +14,8 @@ from experiments.runs.assemble import known, simulated_operator, simulated_table
 from experiments.runs.protocol import Protocol
 from rig.control.controllers import COMPENSATORS
 from rig.course import Course
+from rig.loop.job import Job
 from rig.loop.paced import Paced
-from rig.loop.process import Job
 from rig.operator import Operator
 from rig.parameters import Rig
 from rig.safety.monitor import MonitorLimits

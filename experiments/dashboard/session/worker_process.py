@@ -3,6 +3,7 @@
 import io
 import multiprocessing
 import os
+import signal
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -65,10 +66,16 @@ class _Lines(io.TextIOBase):
         return len(text)
 
 
-def _serve_tasks(there: Connection) -> None:
-    """Main function of the process: task after task, since their imports take seconds."""
+def stand_back() -> None:
+    """Give way to the loop, and leave Ctrl-C to the program, which ends this process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(OSError, AttributeError):
         os.nice(NICE_INCREMENT)
+
+
+def _serve_tasks(there: Connection) -> None:
+    """Main function of the process: task after task, since their imports take seconds."""
+    stand_back()
     lines = _Lines(there)
     with suppress(BrokenPipeError, EOFError):  # the program has died: nobody wants to know
         while True:

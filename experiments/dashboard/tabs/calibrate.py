@@ -41,8 +41,9 @@ STEPS = {
     "time": "camera delay",
     "level": "how far the plate is from level",
     "servo": "breakaway volts, gain, time constant",
-    "play": "how much play, and where",
+    "play": "how much, and where",
 }
+NAMES = {"play": "backlash"}  # of a step on the page, where it is not the command's
 OF_POSITION_SERVO = "lag, dead time, limits, dead band"
 UNCLEAR = ", its middle cannot be told from a level error or a rest position"  # said in the report
 MARKS = {"": "", "on": "▶ ", "accepted": "✓ ", "refused": "✗ "}
@@ -63,7 +64,8 @@ class CalibrateTab:
 
     worker: does the steps; session: of the table; out: its folder `calibration` is filled; send:
     lets a page download a file; real: rig file and camera of a real table, None for the virtual
-    one; rows: lists the recorded runs, newest first.
+    one; rows: lists the recorded runs, newest first; show_live: called with the page that begins a
+    step, to end its film.
     """
 
     def __init__(
@@ -77,9 +79,10 @@ class CalibrateTab:
         *,
         real: tuple[Path, RealCamera | None] | None = None,
         rows: Callable[[], list[RunSummary]] = list,
+        show_live: Callable[[int | None], None] = lambda page: None,
     ) -> None:
         self._controls, self._worker, self._session, self._send = controls, worker, session, send
-        self._out, self._real, self._rows = out, real, rows
+        self._out, self._real, self._rows, self._show_live = out, real, rows, show_live
         self._borrowed = ExitStack()
         self._awaited: WorkItem | None = None
         gui = server.gui
@@ -93,15 +96,16 @@ class CalibrateTab:
             self._marker_mm = self._add_number(gui, "Plate marker [mm]")
         else:
             everything = gui.add_button("All steps", color="green")
-            controls.button(everything, "calibrate", lambda page: self.begin(self._steps))
+            controls.button(everything, "calibrate", lambda page: self.begin(self._steps, page))
         self._verdict: Any = gui.add_markdown("")
         self._gallery = Gallery(server, "Pictures of this step")
         self._buttons: dict[str, Any] = {}
         with gui.add_folder("One step at a time"):
             for step in self._steps:
-                label = f"{step}: {self._meanings[step]}"
-                one = self._buttons[step] = gui.add_button(label)
-                controls.button(one, f"calibrate {step}", lambda page, s=step: self.begin((s,)))
+                one = self._buttons[step] = gui.add_button(self._label(step))
+                controls.button(
+                    one, f"calibrate {step}", lambda page, s=step: self.begin((s,), page)
+                )
             cancel = gui.add_button("Cancel", color="gray")
             controls.button(cancel, "cancel", lambda page: self._cancel())
         self._found: Any = gui.add_markdown("")
@@ -130,6 +134,9 @@ class CalibrateTab:
                 self._kept[step] = lines
         self._write_found()
 
+    def _label(self, step: str) -> str:
+        return f"{NAMES.get(step, step)}: {self._meanings[step]}"
+
     def _add_number(self, gui: Any, label: str) -> CheckedValue[float]:
         low, high = PRINTED_MM.low, PRINTED_MM.high
         handle = gui.add_number(label, PRINTED_DEFAULT_MM, min=low, max=high)
@@ -140,8 +147,9 @@ class CalibrateTab:
         """The steps that were measured and accepted."""
         return {step for step, state in self._state.items() if state == "accepted"}
 
-    def begin(self, steps: tuple[str, ...]) -> None:
-        """Do calibration steps in turn in the worker, without waiting, until one is refused.
+    def begin(self, steps: tuple[str, ...], page: int | None = None) -> None:
+        """Do calibration steps in turn in the worker, without waiting, until one is refused; `page`
+        shows the live table again.
 
         ValueError, OSError: a step or a run is on, or the real table's camera cannot be borrowed.
         """
@@ -151,6 +159,7 @@ class CalibrateTab:
             raise ValueError("a run is on: calibrate when it has ended")
         self._left = tuple(steps)
         self._next()
+        self._show_live(page)
 
     def _measure(self, step: str) -> CalibrationRequest:
         """What is to be done for a step."""
@@ -219,7 +228,8 @@ class CalibrateTab:
             self._write(f", {seconds} s")
 
     def _write(self, more: str = "") -> None:
-        words = [f"**{self._on}: {plain(self._words)}**{more}", *map(plain, self._lines)]
+        on = NAMES.get(self._on, self._on)
+        words = [f"**{on}: {plain(self._words)}**{more}", *map(plain, self._lines)]
         self._verdict.content = "\n\n".join(words)
 
     def _on_message(self, step: str, kind: str, what: Any) -> None:
@@ -227,8 +237,10 @@ class CalibrateTab:
             counted = what.startswith("picture ") and self._lines
             if counted and self._lines[-1].startswith("picture "):
                 self._lines.pop()
-            self._lines.append(what.replace(UNCLEAR, ""))
+            self._lines.append(what.replace(UNCLEAR, "").replace("play ", "backlash ", 1))
             self._mark(step, "on", "measuring")
+        elif kind == "progress" and what[2] > 1:  # it has parts
+            self._mark(step, "on", f"{what[0]}, {100 * what[1] // what[2]} %")
         elif kind == "shown":
             self._mark(step, "on", "measuring")
             self._gallery.show(what)
@@ -249,7 +261,7 @@ class CalibrateTab:
             self._controls.queue.put("next step", self._next)
 
     def _mark(self, step: str, state: str, words: str) -> None:
-        self._buttons[step].label = f"{MARKS[state]}{step}: {self._meanings[step]}"
+        self._buttons[step].label = MARKS[state] + self._label(step)
         self._buttons[step].color = COLOURS[state]
         self._on, self._words = step, words
         self._write()

@@ -1,7 +1,7 @@
 """The tab Gap: choose runs, watch the five stages, see what is missing and both models at once."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,13 +10,18 @@ from experiments.calibrate.folder import FILE
 from experiments.dashboard.server.controls import CheckedValue, Controls
 from experiments.dashboard.server.input_limits import flag
 from experiments.dashboard.server.untrusted_text import plain
-from experiments.dashboard.session.gap_tasks import GapAnswer, find_gap, newest_answer
+from experiments.dashboard.session.gap_tasks import (
+    GapAnswer,
+    find_gap,
+    newest_answer,
+    next_number,
+)
 from experiments.dashboard.session.playback import Playback
 from experiments.dashboard.session.tasks import RunSummary
 from experiments.dashboard.session.worker_process import WorkerProcess, WorkItem
 from experiments.dashboard.tabs.gallery import Gallery
 from experiments.gap.beside import HEAD
-from experiments.gap.short_answer import advice
+from experiments.gap.short_answer import WANTED, advice, missing_protocols
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -39,6 +44,8 @@ BEGINS = {
     "report": (4, 90, 95),
     "both models, side by side": (4, 95, 99),
 }
+# Part of what is left of a stage that each thing told in it takes; chosen: how many come is open.
+CREEP = 0.12
 # ... and in words for whoever watches.
 DOES = {
     "baseline": "fitting the model as the rig file has it",
@@ -47,10 +54,15 @@ DOES = {
     "closed loop and next experiment": "running the new model in closed loop",
     "report": "writing the report",
 }
-TICKED, LISTED = 4, 12  # newest runs that are ticked, and that are listed
+TICKED, LISTED = 4, 12  # runs that are ticked, and that are listed; chosen: minutes, a screen
+OWN_TABLE = "*The demo has a table of its own: not the one that is drawn in the 3-D view.*"
+HIDDEN = "*What was hidden is shown as soon as 'Hide the truth' is unticked.*"
+GUESS = "I guess first: no true values here, nor in the 3-D view, until the tick is taken away"
 GOOD = (
     "Which runs are good for this? **steps** and **servo-squares** together (45 s): steps move "
-    "ball and plate through all their play, squares the servos alone."
+    "ball and plate through all their backlash, squares the servos alone; either controller will "
+    "do. "
+    "In the tab Run, *the whole study* makes both."
 )
 
 
@@ -66,6 +78,24 @@ def stage_lines(on: int, done: bool) -> str:
     return "  \n".join(lines)
 
 
+def good_runs(rows: Sequence[RunSummary]) -> list[Path]:
+    """Which of these runs, newest first, are ticked until somebody chooses: nobody disturbed them,
+    and they are of the protocols that tell the effects apart, where there is one of each.
+    """
+    calm = [row for row in rows if not row.by_hand]
+    if not missing_protocols({row.protocol for row in calm}):
+        calm = [row for row in calm if row.protocol in WANTED]
+    return [row.folder for row in calm[:TICKED]]
+
+
+def without_truth(rows: list[list[str]]) -> list[list[str]]:
+    """The rows of `experiments.gap.beside` that were found, for who wants to guess: without truth
+    and what follows from it.
+    """
+    found, truth = HEAD.index("found"), HEAD.index("truth")
+    return [[*row[:truth], *[""] * len(row[truth:])] for row in rows if row[found]]
+
+
 def beside_table(rows: list[list[str]]) -> str:
     """The rows of `experiments.gap.beside` as Markdown; columns that are blank are left out."""
     kept = [i for i in range(len(HEAD)) if any(row[i] for row in rows)]
@@ -73,7 +103,7 @@ def beside_table(rows: list[list[str]]) -> str:
         return ""
     table = [[HEAD[i] for i in kept], ["---"] * len(kept)]
     table += [[plain(row[i]) for i in kept] for row in rows]
-    return "\n\n" + "\n".join("| " + " | ".join(row) + " |" for row in table)
+    return "\n".join("| " + " | ".join(row) + " |" for row in table)
 
 
 class GapTab:
@@ -82,7 +112,7 @@ class GapTab:
     worker: does the analysis; out: parent of the folders `gap-N`; rows: lists the recorded runs,
     newest first; show_map: lays a map of `GapAnswer.plate_map` on the plate, None takes it away;
     show_playback: puts a film in place of the live table on a page, None ends it; send: lets a page
-    download a file.
+    download a file; virtual: there is a truth, which may be hidden.
     """
 
     def __init__(
@@ -95,16 +125,21 @@ class GapTab:
         show_map: Callable[[Any], None],
         show_playback: Callable[[int, Playback | None], None],
         send: Callable[[int | None, Path], None],
+        *,
+        virtual: bool = True,
     ) -> None:
         self._controls, self._worker, self._out, self._rows = controls, worker, out, rows
         self._show_map, self._show_playback, self._send = show_map, show_playback, send
         gui = server.gui
         intro = gui.add_markdown("Find out which effect the model lacks: start with the demo.")
-        demo = gui.add_button("Demo: find a hidden play", color="green")
+        hides: Any = gui.add_checkbox("Hide the truth", False, hint=GUESS, visible=virtual)
+        self._hidden = controls.value(hides, "hide the truth", flag, self._hide)
+        demo = gui.add_button("Demo: find a hidden backlash", color="green")
         controls.button(demo, "gap", lambda page: self.begin(None, page))
         good = gui.add_markdown(GOOD)
         self._folder: Any = gui.add_folder("Recorded runs", visible=False)
         self._boxes: dict[Path, tuple[Any, CheckedValue[bool]]] = {}
+        self._ticks: dict[Path, bool] = {}  # that somebody set
         self._advice: Any = gui.add_markdown("")
         own = gui.add_button("Analyse the ticked runs")
         controls.button(own, "gap", lambda page: self.begin(self._chosen(), page))
@@ -127,12 +162,22 @@ class GapTab:
         self._advised: list[str] | None = None
         self._on = -1
         self._does, self._since_s, self._shown_s = "", 0.0, -1
-        self._shows = False  # the answer
+        self._shows, self._earlier = False, False  # the answer; it is of an earlier program
         self.answer: GapAnswer | None = newest_answer(out)
         self._ask(self.answer is None)
         if self.answer is not None:
             self._stages.content = stage_lines(4, True)
             self._show(self.answer, earlier=True)
+
+    @property
+    def hides_truth(self) -> bool:
+        """Whether somebody wants to guess the virtual table's true values."""
+        return self._hidden.now
+
+    def _hide(self, hides: bool) -> None:
+        self._hidden.now = hides
+        if self.answer is not None and self._shows:
+            self._show(self.answer, earlier=self._earlier)
 
     def _ask(self, asks: bool) -> None:
         """Show what can be analysed or, in its place, so that it is seen without scrolling, what is
@@ -150,20 +195,20 @@ class GapTab:
         self._film.visible = found is not None and found.models is not None
 
     def refresh(self) -> None:
-        """List the recorded runs anew, each with a box; what was ticked stays so."""
+        """List the recorded runs anew, each with a box; what somebody ticked stays so."""
         rows = [row for row in self._rows() if row.outcome == "completed"][:LISTED]
         if [row.folder for row in rows] == list(self._boxes):
             return
-        ticked = {folder: kept.now for folder, (_, kept) in self._boxes.items()}
+        good = good_runs(rows)
         for handle, _ in self._boxes.values():
             self._controls.forget(handle)
             handle.remove()
         self._boxes = {}
         with self._folder:
-            for number, row in enumerate(rows):
-                new = number < TICKED and not row.by_hand
-                handle = self._gui.add_checkbox(row.label, ticked.get(row.folder, new))
-                kept = self._controls.value(handle, "run", flag, self._advise)
+            for row in rows:
+                ticked = self._ticks.get(row.folder, row.folder in good)
+                handle = self._gui.add_checkbox(row.label, ticked)
+                kept = self._controls.value(handle, "run", flag, partial(self._tick, row.folder))
                 self._boxes[row.folder] = handle, kept
         self._folder.visible = self._asking and bool(rows)
         self._advise()
@@ -172,7 +217,11 @@ class GapTab:
         rows = {row.folder: row for row in self._rows()}
         return [rows[f] for f, (_, kept) in self._boxes.items() if kept.now and f in rows]
 
-    def _advise(self, *_: Any) -> None:
+    def _tick(self, folder: Path, ticked: bool) -> None:
+        self._ticks[folder] = ticked
+        self._advise()
+
+    def _advise(self) -> None:
         """Say what the ticked runs lack; a box that was just set counts a moment later."""
         self._advised = None
 
@@ -186,7 +235,7 @@ class GapTab:
         """Have the worker analyse run folders (None: the demo), without waiting; what was shown
         before is cleared, and the film of the page that asked. ValueError: an analysis is on.
         """
-        number = 1 + sum(1 for _ in self._out.glob("gap-*"))
+        number = next_number(self._out)
         calibration = self._out / "calibration" / FILE
         task = partial(find_gap, logs, self._out / f"gap-{number}", number, calibration)
 
@@ -202,7 +251,7 @@ class GapTab:
         self._bar.value = 0.0
         self._stages.content = stage_lines(-1, False)
         self._does, self._since_s = (
-            "begins; a minute or so in all, more on a busy machine",
+            "begins; a minute or two for every run, more on a busy machine",
             time.monotonic(),
         )
         self._ask(False)
@@ -218,8 +267,10 @@ class GapTab:
             stage, _, words = said.partition(": ")
             self._on, begin, end = BEGINS.get(stage, (self._on, self._bar.value, self._bar.value))
             self._stages.content = stage_lines(self._on, False)
-            self._bar.value = begin + (end - begin) * k / max(n, 1)
-            self._does = ": ".join(filter(None, (DOES.get(stage, plain(stage)), plain(words))))
+            told, creeps = begin + (end - begin) * k / max(n, 1), CREEP * (end - self._bar.value)
+            self._bar.value = max(told, self._bar.value + max(creeps, 0.0))
+            words = plain(words.replace("_", " "))
+            self._does = ": ".join(filter(None, (DOES.get(stage, plain(stage)), words)))
         elif kind == "failed":
             self._does = ""
             self._words.content = f"**stopped**: {plain(what)}"
@@ -238,7 +289,8 @@ class GapTab:
         seconds = int(time.monotonic() - self._since_s)
         if self._does and seconds != self._shown_s:
             self._shown_s = seconds
-            self._words.content = f"*{self._does}* ({seconds} s)"
+            table = f"\n\n{OWN_TABLE}" if self._demo else ""
+            self._words.content = f"*{self._does}* ({seconds} s){table}"
 
     def _end(self, answer: GapAnswer) -> None:
         self.answer, self._does = answer, ""
@@ -249,12 +301,18 @@ class GapTab:
             self._lay(answer.plate_map)
 
     def _show(self, answer: GapAnswer, *, earlier: bool = False) -> None:
-        """The answer: the first sentence in bold, the others, what is known otherwise."""
-        said = [plain(sentence) for sentence in answer.short.sentences]
+        """The answer: the first sentence in bold, what is known otherwise, the others."""
+        self._earlier = earlier
+        short, hides = answer.short, self.hides_truth
+        said = [plain(sentence) for sentence in short.sentences]
         lines = [f"**{sentence}**" for sentence in said[:1]] + said[1:]
+        if short.truth:
+            lines[:0] = [OWN_TABLE, HIDDEN if hides else plain(short.truth)]
         if earlier:
             lines.insert(0, f"*Of an earlier analysis ({plain(answer.report.parent.name)}):*")
-        self._words.content = "\n\n".join(lines) + beside_table(answer.short.table)
+        lines.append(beside_table(without_truth(short.table) if hides else short.table))
+        lines += map(plain, short.more)
+        self._words.content = "\n\n".join(filter(None, lines))
         self._gallery.show(answer.pictures)
         self._shows = True
         self._ask(False)

@@ -23,7 +23,10 @@ NONE = "(no runs yet)"
 STEP_S = 0.1  # of the slider; the keys step a frame of FRAME_S
 FRAME_S = 1 / 60
 FILM_S = Range(0.0, 1e6, STEP_S)  # the clock keeps within its own film
-WHAT = "Choose a run and press **Show**: this page alone leaves the live table for it."
+WHAT = (
+    "Choose a run and press **Show**: this page alone leaves the live table for it. Keys: "
+    "**Space** plays, **left** and **right** go a frame (0.02 s)."
+)
 BOTH = "the run of the same protocol and seed with the other controller beside it"
 EVENTS_SHOWN = 6
 PLAY, PAUSE = "▶ Play", "❚❚ Pause"
@@ -186,6 +189,8 @@ class ReplayTab:
         that is still being read for it will not be shown.
         """
         viewer = self._of(page)
+        if playback is None and viewer.item is not None:
+            self._worker.cancel(viewer.item.name)  # its video, which nobody waits for
         viewer.item, viewer.playback, viewer.about = None, playback, ""
         end_s = playback.clock.end_s if playback is not None else 1.0
         self._pages.tell(page, self._scrub, max=round(end_s, 1))
@@ -230,7 +235,8 @@ class ReplayTab:
             if playback is not None:
                 t_s, end_s = playback.clock.t_s, playback.clock.end_s
                 words = f"**Replay** of {plain(viewer.name or playback.name)}"
-                words += f": {t_s:.1f} of {end_s:.1f} s"
+                words += f": {t_s:.2f} of {end_s:.2f} s"
+                words += f" {playback.film.since}" if playback.film else ""
                 label = PAUSE if playback.clock.playing else PLAY
                 lines = event_lines(playback.film.events, t_s) if playback.film else ""
                 at_s = min(round(t_s, 1), round(end_s, 1))

@@ -6,7 +6,7 @@ from math import hypot
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments.analysis.comparison import HEAD
+from experiments.analysis.comparison import HEAD, told_words
 from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.server.input_limits import choice, flag
 from experiments.dashboard.server.untrusted_text import plain
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 TOGETHER = 8  # newest runs of a protocol that figures are made of
 LISTED = 12
-NONE = "(no runs yet)"
+NEWEST = "what was started last"
 MEANS = (
     "Centroid: where the ball was on average, in cm from the centre (the paper's measure); it says "
     "nothing of the swing about it. Blank where the target moves, and until it is computed."
@@ -45,7 +45,7 @@ def table(rows: list[RunSummary], centroids: dict[str, tuple[float, float]]) -> 
     lines = ["| run | controller | outcome | centroid [cm] |", "|---|---|---|---|"]
     for row in rows[:LISTED]:
         where = centroids.get(row.folder.name)
-        words = "" if where is None else f"({where[0]:+.2f}, {where[1]:+.2f})"
+        words = "" if where is None else f"({where[0]:+.2f},\u00a0{where[1]:+.2f})"
         cells = (f"{row.protocol} {row.when}", row.method, row.how)
         lines.append(f"| {' | '.join(map(plain, cells))} | {words} |")
     more = len(rows) - LISTED
@@ -57,10 +57,18 @@ def card(figures: DrawnFigures) -> str:
     """What both methods did, as Markdown: the answer first, then the numbers; what does not count
     is named.
     """
-    lines = [f"**{plain(figures.sentence)}**"] if figures.sentence else []
-    if figures.table:
+    said = figures.sentence or "to compare, run it with and without play compensation."
+    of = "".join(f"{plain(row.protocol)}: " for row in figures.rows[:1])
+    lines = [f"{of}**{plain(said)}**"]
+    says = [row for row in figures.table if row[1] != row[2] or row[3]]
+    if says:
         lines += ["", *("| " + " | ".join(row) + " |" for row in (HEAD, ("---",) * len(HEAD)))]
-        lines += ["| " + " | ".join(map(plain, row)) + " |" for row in figures.table]
+        lines += ["| " + " | ".join(map(plain, row)) + " |" for row in says]
+    for why in dict.fromkeys(row[1] for row in figures.table if row not in says):
+        names = ", ".join(row[0] for row in figures.table if row not in says and row[1] == why)
+        lines += ["", f"{plain(names)}: {plain(why)}."]
+    for words in filter(None, (told_words(figures.table), figures.repeats)):
+        lines += ["", plain(words)]
     for row in figures.rows:
         for what in row.by_hand:
             lines += ["", f"By hand in {plain(row.label)}: {plain(what)}"]
@@ -72,7 +80,8 @@ class ResultsTab:
 
     worker: draws and writes; out: folder of runs, figures and report; live: gives the present run's
     centroid; send: lets a page download a file. To be told by `refresh` that a run was recorded.
-    compared: whether a sentence on both methods was shown.
+    compared: whether a sentence on both methods was shown; started: protocol that the last Start
+    began with, "" for none: of several in turn its figures are shown.
     """
 
     def __init__(
@@ -82,7 +91,7 @@ class ResultsTab:
         worker: WorkerProcess,
         out: Path,
         live: LiveBuffer,
-        send: Callable[[int | None, Path], None],
+        send: Callable[[int | None, Path, str], None],
     ) -> None:
         self._controls, self._worker, self._out, self._live, self._send = (
             controls,
@@ -94,7 +103,7 @@ class ResultsTab:
         gui = server.gui
         gui.add_markdown("Every finished run appears here; figures come as runs complete.")
         self._centroid: Any = gui.add_markdown("")
-        self._picked: Any = gui.add_dropdown("Figures of", (NONE,))
+        self._picked: Any = gui.add_dropdown("Figures of", (NEWEST,))
         self._protocol = controls.value(self._picked, "protocol", self._clean, self._chosen)
         disturbed = gui.add_checkbox("Count runs disturbed by hand", False)
         self._disturbed = controls.value(
@@ -110,10 +119,8 @@ class ResultsTab:
         controls.button(self._recover, "recover", lambda page: self.recover())
         self._rows: list[RunSummary] = []
         self._centroids: dict[str, tuple[float, float]] = {}
-        self._live_words, self.compared = "", False
-        self.refresh()
-        if self._rows:  # of an earlier program: shown again
-            self.refresh(self._rows[0].protocol)
+        self._live_words, self.compared, self.started = "", False, ""
+        self.refresh()  # runs of an earlier program are shown again
 
     def _clean(self, value: Any) -> str:
         return choice(value, self._picked.options)
@@ -126,22 +133,27 @@ class ResultsTab:
         """The recorded runs, newest first."""
         return self._rows
 
-    def refresh(self, protocol: str | None = None) -> None:
-        """Read the folder of runs anew; where `protocol` is given, choose it and draw its
-        figures.
+    def refresh(self) -> None:
+        """Read the folder of runs anew, and draw the figures of what is chosen if it has a new run.
+        A protocol that somebody chose stays; else that which was started last is shown, or that of
+        the newest run with a ball.
         """
-        self._rows = list_runs(self._out / "runs")
-        names = tuple(dict.fromkeys(row.protocol for row in self._rows)) or (NONE,)
+        before, self._rows = self._rows, list_runs(self._out / "runs")
+        names = NEWEST, *dict.fromkeys(row.protocol for row in self._rows)
         if names != self._picked.options:
             self._picked.options = names
-        if protocol is not None and protocol in names:
-            self._picked.value = self._protocol.now = protocol
-        elif self._protocol.now not in names:
-            self._protocol.now = names[0]
         self._table.content = table(self._rows, self._centroids)
         self._recover.visible = any(row.outcome == UNFINISHED for row in self._rows)
-        if protocol in names:
-            self.figures(protocol)
+        new = {row.folder for row in self._rows} - {row.folder for row in before}
+        if any(row.folder in new for row in self._together(self._named(self._protocol.now))):
+            self.figures()
+
+    def _named(self, chosen: str) -> str:
+        """The protocol that a choice of the list means; "" where there is none."""
+        if chosen != NEWEST:
+            return chosen
+        with_ball = [row.protocol for row in self._rows if not row.servo_only]
+        return self.started if self.started in with_ball else next(iter(with_ball), "")
 
     def _together(self, protocol: str) -> list[RunSummary]:
         return [row for row in self._rows if row.protocol == protocol][:TOGETHER]
@@ -158,7 +170,7 @@ class ResultsTab:
         chosen), instead of figures that it still draws; disturbed: runs that were disturbed by hand
         count (None: as the box says). ValueError: no run of it.
         """
-        name = protocol or self._protocol.now
+        name = self._named(protocol or self._protocol.now)
         rows = self._together(name)
         if not rows:
             raise ValueError("no runs yet: make some in the tab Run")
@@ -170,11 +182,13 @@ class ResultsTab:
         """Have the worker write the report of the newest runs of the chosen protocol, then let the
         page download it (None: every page). ValueError: no runs, or a report is being written.
         """
-        rows = self._together(self._protocol.now)
+        protocol = self._named(self._protocol.now)
+        rows = self._together(protocol)
         if not rows:
             raise ValueError("no runs yet: make some in the tab Run")
         task = partial(report_of_runs, [row.folder for row in rows], self._out / "report")
-        self._put("report", task, lambda path: self._send(page, path))
+        name = f"report-{file_name(protocol)}.html"
+        self._put("report", task, lambda path: self._send(page, path, name))
 
     def _put(
         self, name: str, task: Any, done: Callable[[Any], None], *, instead: bool = False

@@ -21,26 +21,27 @@ from experiments.dashboard.server.input_limits import (
     on_plate,
 )
 from experiments.dashboard.server.untrusted_text import plain
-from experiments.dashboard.session.plan import RunPlan, SessionStatus
+from experiments.dashboard.session.plan import (
+    BOTH,
+    METHODS,
+    STUDY,
+    WHOLE,
+    SessionStatus,
+    shipped_plan,
+)
 from experiments.dashboard.session.presets import KeptPresets
+from experiments.dashboard.session.seeds import with_new_seeds
 from experiments.dashboard.session.session import Session
 from experiments.dashboard.tabs.header import live
 from experiments.dashboard.tabs.sliders import SliderGroup
 from experiments.dashboard.view.pose import backlash_widths
 from experiments.runs.assemble import with_play
-from experiments.runs.protocol import Protocol, read_protocol, shipped
+from experiments.runs.protocol import shipped
 from rig.loop.commands import Push, SetGains, Target
 
 if TYPE_CHECKING:
     from viser import ViserServer
 
-METHODS = {
-    "both, one after the other": ("without", "with"),
-    "with play compensation": ("with",),
-    "without": ("without",),
-}
-BOTH = next(iter(METHODS))
-WHAT = "Choose a protocol and press **Start**; or play with the balancing table."
 WHAT_REAL = (
     "**A real table.** Homed with `rig home`? Choose a protocol, clear the plate, a hand at the "
     "switch, tick **Arm**, press **Start**; every run is armed anew."
@@ -63,7 +64,8 @@ PLAYS = {
 }
 PUSH_S = 0.08  # duration of a push; chosen: a tap
 SEEDS = (
-    "each has a seed of its own; same seed, same noise: both controllers get the same conditions"
+    "each has a seed of its own, which no recorded run of the protocol had; same seed, same noise: "
+    "both controllers get the same conditions"
 )
 ARROWS = {"left": 180.0, "right": 0.0, "away": 90.0, "near": 270.0}
 KEYS = (
@@ -100,39 +102,12 @@ def progress_words(status: SessionStatus) -> str:
     return f"{of}: {plain(status.words)}, {status.t_s:.1f} of {status.duration_s:.1f} s, {left}"
 
 
-def chosen_methods(choice: str, protocol: Protocol) -> tuple[str, ...]:
-    """The methods to run a protocol with; choice: a key of METHODS. Both are run where the protocol
-    asks for both: on the servos alone they record the same.
-    """
-    return tuple(m for m in METHODS[choice] if choice != BOTH or m in protocol.arms)
-
-
-class ProgressLine:
-    """`progress_words` with a memory: after the last run of a plan it says that the plan is
-    done.
-    """
-
-    def __init__(self) -> None:
-        self._last: SessionStatus | None = None
-
-    def words(self, status: SessionStatus) -> str:
-        """The line (Markdown) for the present status. To be called with every status in turn."""
-        if status.run is not None:
-            self._last = status if status.state == "running" else None
-        elif self._last is not None and self._last.run is not None:
-            planned = self._last.run
-            if planned.number == planned.of and self._last.t_s >= self._last.duration_s - 0.5:
-                many = f"All {planned.of} runs are" if planned.of > 1 else "The run is"
-                return f"**{many} done**: see the tab **Results**."
-        return progress_words(status)
-
-
 class RunTab:
     """Builds the tab Run in the GUI container of viser that is open: protocol, start, gains,
     target, pushes and the virtual table's backlash.
 
-    session: what the buttons act on; out: folder of the gains that are kept; show_live: called
-    with the page that begins a run or balancing, to end its film.
+    session: what the buttons act on; out: folder of the recorded runs and of the gains that are
+    kept; show_live: called with the page that begins a run or balancing, to end its film.
     """
 
     def __init__(
@@ -143,13 +118,13 @@ class RunTab:
         out: Path,
         show_live: Callable[[int | None], None],
     ) -> None:
-        self._kept_gains = KeptPresets(out / "gains.json", 3)
+        self._kept_gains, self._runs = KeptPresets(out / "gains.json", 3), out / "runs"
         self._server, self._controls, self._session = server, controls, session
         self._show_live = show_live
-        self._progress = ProgressLine()
         self._shown: dict[Any, Any] = {}
         gui, virtual = server.gui, not session.table.real
-        gui.add_markdown(WHAT if virtual else WHAT_REAL)
+        if not virtual:
+            gui.add_markdown(WHAT_REAL)
         self._add_choices(virtual)
         self._add_buttons()
         self._bar: Any = gui.add_progress_bar(0.0)
@@ -158,7 +133,7 @@ class RunTab:
             self._add_gains()
         with gui.add_folder("Ball: target and pushes", expand_by_default=True):
             self._add_ball()
-        with gui.add_folder("Virtual table's play", expand_by_default=False, visible=virtual):
+        with gui.add_folder("Virtual table's backlash", expand_by_default=False, visible=virtual):
             self._add_backlash()
         gui.add_markdown(KEYS)
         self._events: Any = gui.add_markdown("")
@@ -166,9 +141,10 @@ class RunTab:
     def _add_choices(self, virtual: bool) -> None:
         """Protocol, methods, repetitions and how the runs are made."""
         gui, value = self._server.gui, self._controls.value
-        protocols = gui.add_dropdown("Protocol", shipped(), initial_value="free-release")
+        names = (WHOLE, *shipped())
+        protocols = gui.add_dropdown("Protocol", names, initial_value="free-release")
         self._protocol = value(
-            protocols, "protocol", partial(choice, options=shipped()), self._describe
+            protocols, "protocol", partial(choice, options=names), self._describe
         )
         self._about: Any = gui.add_markdown("")
         self._describe(self._protocol.now)
@@ -200,9 +176,14 @@ class RunTab:
 
     def _describe(self, name: str) -> None:
         """Write below the list what the chosen protocol is, and how long a run of it takes."""
-        protocol = read_protocol(name)
-        hold_s = 0.0 if protocol.servo_only else protocol.start.hold_s
-        self._about.content = f"{plain(protocol.title)}: {protocol.duration_s + hold_s:.0f} s."
+        if name == WHOLE:
+            plans = [shipped_plan(one, BOTH, 1) for one in STUDY]
+            all_s = minutes(sum(plan.run_s * len(plan.methods) for plan in plans))
+            self._about.content = f"{', '.join(STUDY)}, one after the other: {all_s} with both."
+            return
+        plan = shipped_plan(name, BOTH, 1)
+        once = "" if len(plan.methods) > 1 else ", recorded once: the controller plays no part"
+        self._about.content = f"{plain(plan.protocol.title)}: {plan.run_s:.0f} s a run{once}."
 
     def _add_buttons(self) -> None:
         """Start, next run, what the operator is asked to do."""
@@ -221,19 +202,20 @@ class RunTab:
         """Start the plan that the inputs describe, and show it on `page`. ValueError, OSError: a
         real table is not armed, or the session refuses the plan (`Session.start`).
         """
-        protocol, real = read_protocol(self._protocol.now), self._session.table.real
+        name = self._protocol.now
+        how = {
+            # who armed a real table for a run armed it for that one
+            "pause": self._pause.now or self._session.table.real,
+            "by_hand": self._by_hand.now,
+            "speed": float(self._speed.now.split()[0]),
+        }
         self._take_arming()
-        self._session.start(
-            RunPlan(
-                protocol,
-                chosen_methods(self._methods.now, protocol),
-                self._repetitions.now,
-                protocol.seed,
-                pause=self._pause.now or real,  # who armed it for a run armed it for that one
-                by_hand=self._by_hand.now,
-                speed=float(self._speed.now.split()[0]),
-            )
-        )
+        plans = [
+            replace(shipped_plan(one, self._methods.now, self._repetitions.now), **how)
+            for one in (STUDY if name == WHOLE else (name,))
+        ]
+        rig = self._session.rig
+        self._session.start(*(with_new_seeds(plan, rig, self._runs) for plan in plans))
         self._show_live(page)
 
     def balance(self, page: int | None) -> None:
@@ -353,7 +335,7 @@ class RunTab:
         rows = [
             (label, BACKLASH_DEG, round(degrees(float(play.mean())), 1))
             for label, play in zip(
-                ("Gear play [deg]", "Joint play [deg]"),
+                ("Gear backlash [deg]", "Joint backlash [deg]"),
                 backlash_widths(self._session.rig),
                 strict=True,
             )
@@ -366,7 +348,7 @@ class RunTab:
         )
 
     def _set_backlashes(self, wanted: list[float]) -> None:
-        words = "a new virtual table: gear play {:.1f}, joint play {:.1f} degrees"
+        words = "a new virtual table: backlash of gear {:.1f}, of joint {:.1f} degrees"
         self._session.note(words.format(*wanted))
         gear, joint = map(radians, wanted)
         self._session.set_plant(with_play(self._session.rig, gear_rad=gear, joint_rad=joint))
@@ -391,7 +373,7 @@ class RunTab:
         if operator_step:
             self._set(self._step, "content", live(operator_step))
         self._set(self._bar, "value", round(100 * status.share, 1))
-        self._set(self._words, "content", live(self._progress.words(status)))
+        self._set(self._words, "content", live(progress_words(status)))
         self._set(self._events, "content", "  \n".join(["*Events*", *map(plain, events[::-1])]))
 
     def _set(self, handle: Any, name: str, value: Any) -> None:

@@ -70,7 +70,7 @@ class SliderGroup:
 
     @property
     def _names(self) -> tuple[str, ...]:
-        return (OWN, *self._presets, *(self._own or ()))
+        return tuple(dict.fromkeys((OWN, *self._presets, *(self._own or ()))))
 
     def keep(self, name: str) -> None:
         """Keep the values under a name. ValueError: it is none, or that of another preset."""

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
+from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.session.tasks import RunSummary
 
 if TYPE_CHECKING:
@@ -11,8 +12,9 @@ if TYPE_CHECKING:
 STEPS = (
     (
         "Run",
-        "protocol free-release, controller both: **Start**. Look at the tab *Swing*: without "
-        "compensation the ball goes round for ever, a ring; with it the ring shrinks.",
+        "protocol free-release, controller both: **Start**. Look at *Swing* (left): without "
+        "compensation the ball goes round for ever, a ring; with it the ring shrinks; *Replay* "
+        "shows it again. (*The whole study* in the list makes the runs of every tab in one go.)",
     ),
     (
         "Results",
@@ -25,14 +27,16 @@ STEPS = (
     ),
     (
         "Calibrate",
-        "press **play**: gear and joint are told apart. Compare with the blocks beside the servos.",
+        "press **backlash**, which shows the live table again: gear and joint are told apart. "
+        "Compare with the blocks beside the servos.",
     ),
     (
         "Gap",
-        "the **demo** hides a play that the model lacks. Guess before it ends: which axis has "
-        "more, and how many degrees?",
+        "tick *Hide the truth* and press the **demo**: its own table has a backlash that the model "
+        "lacks. Guess before it ends: which axis has more, and how many degrees?",
     ),
 )
+READ = 1  # the step that is reading alone
 
 
 def both_completed(rows: Iterable[RunSummary]) -> bool:
@@ -44,44 +48,74 @@ def both_completed(rows: Iterable[RunSummary]) -> bool:
     return any({"with", "without"} <= methods for methods in done.values())
 
 
+def next_step(done: Sequence[bool]) -> int | None:
+    """Number, from 0, of the first step that is not done; None: all are."""
+    return next((i for i, is_done in enumerate(done) if not is_done), None)
+
+
+def step_words(number: int, mark: str = "") -> str:
+    """Markdown of a step (from 0) after a mark."""
+    tab, look_for = STEPS[number]
+    return f"{mark}**{number + 1} {tab}**: {look_for}"
+
+
 def tour_words(done: Sequence[bool]) -> str:
-    """Markdown of the steps; done: which of them are."""
-    lines, next_found = [], False
-    for number, ((tab, look_for), is_done) in enumerate(zip(STEPS, done, strict=True), 1):
-        mark = "✓" if is_done else ("▶" if not next_found else "○")
-        next_found = next_found or not is_done
-        lines.append(f"{mark} **{number} {tab}**: {look_for}")
-    if all(done):
-        lines.append("**The study is done.** Now with other gains, or another play?")
-    return "\n\n".join(lines)
+    """Markdown of all steps, marked; done: which of them are."""
+    at = next_step(done)
+    marks = ["✓ " if is_done else "▶ " if i == at else "○ " for i, is_done in enumerate(done)]
+    return "\n\n".join(step_words(i, mark) for i, mark in enumerate(marks))
 
 
-def tour_label(done: Sequence[bool]) -> str:
-    """Title of the folded steps: which is next."""
-    for number, ((tab, _), is_done) in enumerate(zip(STEPS, done, strict=True), 1):
-        if not is_done:
-            return f"The study in five steps: next {number} {tab}"
-    return "The study in five steps: done"
+def next_words(done: Sequence[bool]) -> str:
+    """Markdown of the step that is next."""
+    at = next_step(done)
+    if at is None:
+        return "**The study is done.** Now with other gains, or another backlash?"
+    return f"The study in five steps. Next: {step_words(at)}"
 
 
 class Tour:
-    """Builds the steps as a folding group in the GUI container of viser that is open; done: tells
-    which of them are done; visible: whether it is shown.
+    """Builds the next step above the tabs of the GUI of viser that is open; done: tells which steps
+    are done, as far as the program knows: that the results were read says a button, or the step
+    after it; visible: whether it is shown.
     """
 
     def __init__(
-        self, server: "ViserServer", done: Callable[[], Sequence[bool]], *, visible: bool = True
+        self,
+        server: "ViserServer",
+        controls: Controls,
+        done: Callable[[], Sequence[bool]],
+        *,
+        visible: bool = True,
     ) -> None:
-        self._done, self._said = done, ""
-        self._folder: Any = server.gui.add_folder(
-            tour_label([False] * len(STEPS)), expand_by_default=False, visible=visible
+        self._done, self._said, self._gui = done, "", server.gui
+        self._next: Any = server.gui.add_markdown("", order=-50, visible=visible)
+        self._visible, self._read = visible, False
+        self._seen: Any = server.gui.add_button(
+            "I have read it: next step", order=-40, visible=False
         )
-        with self._folder:
-            self._words: Any = server.gui.add_markdown("")
+        controls.button(self._seen, "next step", lambda page: self._note_read(), everybody=True)
+        self._words: Any = None
+
+    def add_steps(self) -> None:
+        """Add all steps as a folding group to the container that is open."""
+        folder = self._gui.add_folder(
+            "All five steps", expand_by_default=False, visible=self._visible
+        )
+        with folder:
+            self._words = self._gui.add_markdown("")
+
+    def _note_read(self) -> None:
+        self._read = True
 
     def draw(self) -> None:
-        """Tick what was done; only a change is sent."""
-        words = tour_words(self._done())
+        """Tick what was done, and say what is next; only a change is sent."""
+        done = list(self._done())
+        to_read = done[READ] and not (self._read or done[READ + 1])
+        done[READ] = done[READ] and not to_read
+        words = tour_words(done)
         if words != self._said:
             self._said = self._words.content = words
-            self._folder.label = tour_label(self._done())
+            self._next.content = next_words(done)
+        if self._seen.visible != (to_read and self._visible):
+            self._seen.visible = to_read and self._visible

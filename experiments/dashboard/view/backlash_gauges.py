@@ -33,7 +33,7 @@ class BacklashGauge:
     def __init__(self, server: "ViserServer", kind: str, axis: int) -> None:
         scene, name = server.scene, f"{TEETH}/{kind}_{'xy'[axis]}"
         self._along = np.eye(3)[0]  # across the picture, whatever the servo
-        self._words = f"{kind} {'xy'[axis]}"
+        self._words = f"backlash of {kind} {'xy'[axis]}"
         size = np.full(3, TOOTH_M)
         size[2] = 3 * TOOTH_M
         scene.add_frame(name, position=PLACES[kind, axis], show_axes=False)
@@ -79,10 +79,16 @@ class BacklashGauges:
     their gears lie within their own loop."""
 
     def __init__(self, server: "ViserServer", rig: Rig) -> None:
+        self._root: Any = server.scene.add_frame(TEETH, show_axes=False)
         kinds = ("joint",) if rig.servo.takes_angle else ("gear", "joint")
         self._gauges = {
             place: BacklashGauge(server, *place) for place in PLACES if place[0] in kinds
         }
+
+    def show(self, shown: bool) -> None:
+        """Show the gauges or, as they tell the true backlash, hide them."""
+        if self._root.visible != shown:
+            self._root.visible = shown
 
     def draw(self, rig: Rig, gear_rad: np.ndarray, joint_rad: np.ndarray, found: np.ndarray):
         """Draw all gauges: gear_rad and joint_rad (2,), twists in the model by axis; found (2, 2)

@@ -24,8 +24,8 @@ def big_view(rig: Rig, now: LiveState, status: SessionStatus, curve: np.ndarray)
     row, run = now.row, status.run
     target = None if row is None else _place(row[_TARGET : _TARGET + 2])
     seen = row is not None and row[_T] - now.seen_s < UNSEEN_S
-    thin = curve[:: max(1, -(-len(curve) // POINTS))] if len(curve) else np.empty((0, len(INDEX)))
-    words = f"run {run.number} of {run.of}, {METHOD_WORDS[run.method]}" if run else ""
+    thin = curve[:: max(1, -(-len(curve) // POINTS))]
+    words = f"run {run.number} of {run.of}, {METHOD_WORDS[run.method]}" if run else status.of
     return {
         "side_m": rig.linkage.side_m,
         "radius_m": rig.ball.radius_m,

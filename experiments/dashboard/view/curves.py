@@ -1,6 +1,8 @@
 """Curves of the live table or of a film: five small charts over 20 s."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from html import escape
 from math import degrees
 from typing import TYPE_CHECKING, Any
 
@@ -14,20 +16,27 @@ if TYPE_CHECKING:
     from viser import ClientHandle, ViserServer
 
 X, Y = "#7048e8", "#e8590c"
-LIVE, REPLAYED = "The last 20 s", "Replay: 20 s up to the film's time, at the right end"
+# Lines of a film in the greys of no curve, seen on light and dark.
+CURSOR = {"stroke": "#868e96", "width": 2.5}
+EVENT = {"stroke": "#adb5bd", "width": 1.2, "dash": (3, 3)}
+LIVE, STOPPED = "The last 20 s", "<b>Stopped</b>: the last 20 s before"
+REPLAYED = "Replay of {}: the thick line is at the time shown, dashed ones are events"
+TEXT = "padding: 0 0.6em; font-size: 0.85em"
+NUMBER = "text-align: right; padding-left: 0.8em"
 
 
 def legend(what: str) -> str:
-    """What is drawn (LIVE or REPLAYED), and in which colours, as HTML."""
+    """What is drawn, and in which colours, as HTML."""
     return (
-        f'<div style="padding: 0 0.6em; font-size: 0.85em">{what}: '
-        f'<b style="color: {X}">x</b>, <b style="color: {Y}">y</b>; - - what is wanted (play: - - '
-        "of the joint, full of the gear)</div>"
+        f'<div style="{TEXT}">{what}: '
+        f'<b style="color: {X}">x</b>, <b style="color: {Y}">y</b>; - - set point '
+        "(backlash: - - of the joint, full of the gear)</div>"
     )
 
 
 WAIT = "*Waiting for the first data.*"
 FILM = "*This film has no curves.*"
+LINE_S = 1e-3  # half width of a line's foot; chosen: less than a pixel
 _CM, _DEG = 100.0, degrees(1)
 
 
@@ -58,7 +67,7 @@ CHARTS = (
         ("estimated_torque_x_Nm", "x", X, 1e3, False),
         ("estimated_torque_y_Nm", "y", Y, 1e3, False),
     )),
-    Chart("play found so far: gear, joint [deg]", (
+    Chart("backlash found so far [deg]", (
         ("estimated_gear_play_x_rad", "gear x", X, _DEG, False),
         ("estimated_gear_play_y_rad", "gear y", Y, _DEG, False),
         ("estimated_joint_play_x_rad", "joint x", X, _DEG, True),
@@ -97,24 +106,69 @@ def chart_data(chart: Chart, rows: np.ndarray) -> tuple[np.ndarray, ...]:
     return tuple(found)
 
 
-class Curves:
-    """Builds the five charts in the GUI container of viser that is open; what: LIVE or REPLAYED;
-    height: of one chart [px].
+def has_data(chart: Chart, rows: np.ndarray) -> bool:
+    """Whether log rows (n, len(COLUMNS)) hold anything of the full curves of a chart."""
+    columns = [INDEX[name] for name, _, _, _, dashed in chart.curves if not dashed]
+    return bool(np.isfinite(rows[:, columns]).any())
 
-    Only the last one has numbers on its time axis, which all share.
+
+def with_lines(
+    data: tuple[np.ndarray, ...], at_s: float, events_s: Sequence[float]
+) -> tuple[np.ndarray, ...]:
+    """Data of a chart, (n,) each, with two curves more that are upright lines: one at at_s [s], and
+    one at each of events_s. They are 0 but there, and 1 there (one NaN empties a chart of viser).
+    """
+    t_s = data[0]
+    marks = np.array([m for m in events_s if t_s[0] <= m <= t_s[-1]])
+    feet = np.concatenate([[at_s], marks])
+    times = np.unique(np.concatenate([t_s, feet, feet - LINE_S, feet + LINE_S]))
+    before = np.clip(np.searchsorted(t_s, times, side="right") - 1, 0, None)
+    lines = [np.isin(times, at).astype(float) for at in ([at_s], marks)]
+    return (times, *(curve[before] for curve in data[1:]), *lines)
+
+
+def values_at(charts: Sequence[Chart], rows: np.ndarray, at_s: float, of: str = "") -> str:
+    """What the full curves of log rows (n, len(COLUMNS)) are at at_s [s], as a table (HTML); of:
+    which run they are of.
+    """
+    past = rows[rows[:, 0] <= at_s]
+    axes = "".join(f'<td style="{NUMBER}">{axis}</td>' for axis in "xy")
+    lines = [f"<tr><th></th>{axes}</tr>"]
+    for chart in charts:
+        line = f"<td>{chart.title}</td>"
+        for name, _, colour, factor, dashed in chart.curves:
+            if not dashed:
+                last = factor * held(past[:, INDEX[name]], np.nan)[-1:]
+                said = f"{last[0]:+.2f}" if np.isfinite(last).all() and len(last) else ""
+                line += f'<td style="color: {colour}; {NUMBER}">{said}</td>'
+        lines.append(f"<tr>{line}</tr>")
+    table = f'<table style="line-height: 1.25">{"".join(lines)}</table>'
+    return f'<div style="{TEXT}"><b>At {at_s:.2f} s</b>{escape(of)}{table}</div>'
+
+
+class Curves:
+    """Builds the five charts in the GUI container of viser that is open; replayed: of which run,
+    with a line at the film's time, "" for the live table; height: of one chart [px].
+
+    Only the last one has numbers on its time axis, which all share; another one without any data is
+    left out.
     """
 
     def __init__(
         self,
         server: "ViserServer | ClientHandle",
         servo: Servo,
-        what: str = LIVE,
+        replayed: str = "",
         height: int = 84,
     ) -> None:
         self._charts = charts_of(servo)
-        self._legend: Any = server.gui.add_html(legend(what))
+        self._replays, self._of = bool(replayed), f", {replayed}"
+        self._what = REPLAYED.format(escape(replayed)) if replayed else LIVE
+        self._legend: Any = server.gui.add_html(legend(self._what))
+        self._values: Any = server.gui.add_html("", visible=self._replays)
         self._words: Any = server.gui.add_markdown(WAIT)
         self._said, self._plots = WAIT, list[Any]()
+        self._shown = [False] * len(self._charts)
         for chart in self._charts:
             last = chart is self._charts[-1]
             series: list[Any] = [{"label": "t [s]"}]
@@ -123,12 +177,19 @@ class Curves:
                 if dashed:
                     one["dash"] = (5, 4)
                 series.append(one)
+            data = chart_data(chart, np.empty((0, len(INDEX))))
+            scales: dict[str, Any] = {"x": {"time": False}}
+            if self._replays:
+                data = with_lines(data, 0.0, ())
+                scales["line"] = {"range": (0.1, 0.9)}  # where a line is 0 it is below the chart
+                for label, looks in (("time", CURSOR), ("event", EVENT)):
+                    series.append({"label": label, "scale": "line", **looks})
             self._plots.append(
                 server.gui.add_uplot(
-                    chart_data(chart, np.empty((0, len(INDEX)))),
+                    data,
                     tuple(series),
                     title=chart.title,
-                    scales={"x": {"time": False}},
+                    scales=scales,
                     axes=({"show": last, "size": 32, "space": 60}, {"size": 48, "space": 15}),
                     legend={"show": False},
                     height=height + (30 if last else 0),
@@ -140,17 +201,35 @@ class Curves:
     @property
     def handles(self) -> list[Any]:
         """The widgets."""
-        return [self._legend, self._words, *self._plots]
+        return [self._legend, self._values, self._words, *self._plots]
 
     def rest(self, words: str) -> None:
-        """Show `words` (Markdown) instead of the curves; "" shows the curves again."""
+        """Show `words` (Markdown) instead of the curves; "" takes the words away."""
         if words != self._said:
             self._said = self._words.content = words
-            for plot in self._plots:
-                plot.visible = not words
+        if words:
+            self._show([False] * len(self._plots))
 
-    def draw(self, rows: np.ndarray) -> None:
-        """Show rows (n, len(COLUMNS)) of the log."""
+    def head(self, what: str) -> None:
+        """Say above the curves what is drawn: LIVE, or STOPPED where nothing comes any more."""
+        if what != self._what:
+            self._what, self._legend.content = what, legend(what)
+
+    def _show(self, shown: list[bool]) -> None:
+        for plot, now, before in zip(self._plots, shown, self._shown, strict=True):
+            if now != before:
+                plot.visible = now
+        self._shown = shown
+
+    def draw(self, rows: np.ndarray, at_s: float = 0.0, events_s: Sequence[float] = ()) -> None:
+        """Show rows (n, len(COLUMNS)) of the log; of a replay the values at at_s [s], and lines
+        there and at the events.
+        """
         self.rest("")
-        for chart, plot in zip(self._charts, self._plots, strict=True):
-            plot.data = chart_data(chart, rows)
+        self._show([has_data(chart, rows) for chart in self._charts[:-1]] + [True])
+        for chart, plot, shown in zip(self._charts, self._plots, self._shown, strict=True):
+            if shown:
+                data = chart_data(chart, rows)
+                plot.data = with_lines(data, at_s, events_s) if self._replays else data
+        if self._replays:
+            self._values.content = values_at(self._charts, rows, at_s, self._of)

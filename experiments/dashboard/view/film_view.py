@@ -12,9 +12,11 @@ import numpy as np
 
 from experiments.dashboard.server.messages import tell_page
 from experiments.dashboard.session.playback import Playback
+from experiments.dashboard.session.video import NO_VIDEO_OF_BOTH
 from experiments.dashboard.view.backlash_gauges import TEETH
-from experiments.dashboard.view.camera_view import NO_FILM, CameraPicture
-from experiments.dashboard.view.curves import FILM, REPLAYED, Curves
+from experiments.dashboard.view.camera_view import NO_FILM, NO_VIDEO, CameraPicture
+from experiments.dashboard.view.curves import FILM, Curves
+from experiments.dashboard.view.distance_chart import DistanceChart
 from experiments.dashboard.view.portrait import Portrait
 from experiments.dashboard.view.scene import TableScene
 from experiments.dashboard.view.side_plates import MAP, MAP_LEGEND, PlateMap, SidePlates
@@ -60,8 +62,13 @@ class FilmView:
                 self._roots += self._plates.names
             self._camera = CameraPicture(client, rig, real=real)
             curves, swing, camera = places
+            film = playback.film
+            self._distance = None
             with curves:
-                self._curves = Curves(client, rig.servo, REPLAYED)
+                if film is not None and film.beside is not None:
+                    self._distance = DistanceChart(client, film, playback.clock.end_s)
+                of = playback.name if film is None else film.of
+                self._curves = Curves(client, rig.servo, of)
             with swing:
                 self._portrait = Portrait(client, rig.servo)
             with camera:
@@ -91,17 +98,22 @@ class FilmView:
         self._scene.pose(theta, ball if beside is None else None, target)
         if film is not None and beside is not None:
             self._scene.both(ball, beside.at(t_s)[1], beside=film.beside_method)
-        past = playback.motion.ball_m[: int(np.searchsorted(playback.motion.t_s, t_s))]
-        self._scene.draw_trail(past[-TRAIL:], None)
+        trail = playback.motion.ball_m[: int(np.searchsorted(playback.motion.t_s, t_s))]
+        self._scene.draw_trail(trail[-TRAIL:], None)
+        if self._distance is not None:
+            self._distance.draw(t_s)
         if self._plates is not None and playback.models is not None:
             self._plates.draw(ball, playback.models, t_s)
-        rows = playback.curve()
-        self._curves.rest(FILM) if rows is None else self._curves.draw(rows)
-        if rows is not None:
-            self._portrait.draw(rows)
+        rows, past = playback.curve(), playback.past()
+        if film is None or rows is None or past is None:
+            self._curves.rest(FILM)
+        else:
+            self._curves.draw(rows, t_s, [at_s for at_s, _ in film.events])
+            self._portrait.draw(past, film.of)
         video = playback.video
         if video is None:
-            self._camera.hide(NO_FILM)
+            alone = NO_VIDEO if beside is None else NO_VIDEO_OF_BOTH
+            self._camera.hide(NO_FILM if film is None else alone)
         elif (frame := video.at(t_s)) is not None:
             self._camera.show(frame, "the run's video")
 
@@ -117,8 +129,8 @@ class FilmView:
         with self._client.atomic():
             for name in self._roots:
                 self._client.scene.remove_by_name(name)
-            for part in (self._curves, self._portrait, self._camera):
-                for handle in part.handles:
+            for part in (self._distance, self._curves, self._portrait, self._camera):
+                for handle in part.handles if part is not None else ():
                     handle.remove()
             for handle in self._live:
                 tell_page(self._client, handle, visible=handle.visible)

@@ -1,10 +1,11 @@
 """How the ball swings: speed over position, angle over torque, and how far from its target.
 
-Drawn as small pictures (SVG) of the last 20 s, twice a second: a ring is a limit cycle, a loop of
+Drawn as small pictures (SVG) of the last 10 s, twice a second: a ring is a limit cycle, a loop of
 the servo what play and friction leave of a straight line.
 """
 
 import time
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,8 +19,9 @@ if TYPE_CHECKING:
     from viser import ClientHandle, ViserServer
 
 WIDTH, HEIGHT, MARGIN = 300, 190, 34  # of a picture [px]
-EVERY_S, RMS_S, BINS = 0.5, 10.0, 24  # chosen: calm to look at
+EVERY_S, LAST_S, BINS = 0.5, 10.0, 24  # chosen: calm to look at
 WAIT = "Waiting for the first data."
+GREY = "#adb5bd"
 Curve = tuple[str, np.ndarray, np.ndarray]  # colour, abscissae, ordinates
 
 
@@ -112,13 +114,15 @@ def distance_cm(rows: np.ndarray) -> np.ndarray:
     return 100 * np.hypot(*off)
 
 
-def pictures(rows: np.ndarray, servo: Servo) -> str:
-    """HTML of the pictures of log rows (n, len(COLUMNS)), and the RMS distance of the last 10 s;
-    fewer than three rows: a sentence.
+def newest(rows: np.ndarray) -> np.ndarray:
+    """The last LAST_S of log rows (n, len(COLUMNS)): a release before that would set the scale."""
+    return rows[rows[:, 0] > rows[-1, 0] - LAST_S] if len(rows) else rows
+
+
+def phase_curves(rows: np.ndarray, servo: Servo) -> tuple[str, str, list[Curve], list[Curve]]:
+    """Name and unit of what drives the servos; the ball's speed over its position, and the servos'
+    angle over what drives them, of log rows (n, len(COLUMNS)), n > 1.
     """
-    if len(rows) < 3:
-        return WAIT
-    t_s, away = rows[:, 0], distance_cm(rows)
     driven, unit, factor = ("estimated_torque_{}_Nm", "torque in the shaft, estimated [mN m]", 1e3)
     name = "torque"
     angle = "theta_{}_rad"
@@ -129,17 +133,38 @@ def pictures(rows: np.ndarray, servo: Servo) -> str:
     swing, loop = [], []
     for axis, colour in (("x", X), ("y", Y)):
         place = 100 * _place_m(rows, axis)
-        swing.append((colour, place, np.gradient(place, t_s)))
+        swing.append((colour, place, np.gradient(place, rows[:, 0])))
         turned = np.degrees(rows[:, INDEX[angle.format(axis)]])
         loop.append((colour, factor * rows[:, INDEX[driven.format(axis)]], turned))
-    last = away[(t_s > t_s[-1] - RMS_S) & np.isfinite(away)]
+    return name, unit, swing, loop
+
+
+def pictures(rows: np.ndarray, servo: Servo, before: np.ndarray | None = None) -> str:
+    """HTML of the pictures of log rows (n, len(COLUMNS)), and the RMS distance of the last 10 s;
+    fewer than three rows: a sentence. before: rows of another run, drawn grey in the same axes.
+    """
+    if len(rows) < 3:
+        return WAIT
+    rows = newest(rows)
+    name, unit, swing, loop = phase_curves(rows, servo)
+    if before is not None:
+        _, _, *others = phase_curves(before, servo)
+        greys = [[(GREY, x, y) for _, x, y in curves] for curves in others]
+        swing, loop = greys[0] + swing, greys[1] + loop
+    away = distance_cm(rows)
+    last = away[np.isfinite(away)]
     rms = f"{np.sqrt(np.mean(last**2)):.2f} cm" if len(last) else "not seen"
     return (
-        f"<p>From the target, RMS of the last {RMS_S:.0f} s: <b>{rms}</b></p>"
+        f"<p>From the target, RMS of the last {LAST_S:.0f} s: <b>{rms}</b></p>"
         + phase_picture("ball: speed over position", "position [cm]", "speed [cm/s]", swing)
         + phase_picture(f"servo: angle over {name}", unit, "angle [deg]", loop)
         + histogram_picture("share of time at each distance from the target", "distance [cm]", away)
     )
+
+
+def run_of(of: str) -> bool:
+    """Whether what was recorded (`SessionStatus.of`) is a run."""
+    return bool(of) and not of.startswith("balancing")
 
 
 class Portrait:
@@ -147,6 +172,8 @@ class Portrait:
 
     def __init__(self, server: "ViserServer | ClientHandle", servo: Servo) -> None:
         self._servo, self._drawn_s = servo, 0.0
+        self._of, self._rows = "", np.empty((0, len(INDEX)))
+        self._before: tuple[str, np.ndarray] | None = None  # the last run, and what it was
         self._html: Any = server.gui.add_html(_boxed(WAIT))
 
     @property
@@ -154,12 +181,21 @@ class Portrait:
         """The widgets."""
         return [self._html]
 
-    def draw(self, rows: np.ndarray) -> None:
-        """Show rows (n, len(COLUMNS)) of the log, at most every EVERY_S."""
+    def draw(self, rows: np.ndarray, of: str) -> None:
+        """Show rows (n, len(COLUMNS)) of the log, at most every EVERY_S; of: what was recorded. A
+        run (`run_of`) stays as a grey shadow under what follows it.
+        """
         now_s = time.monotonic()
+        if of != self._of:
+            if run_of(self._of) and len(self._rows) > 2:
+                self._before = self._of, newest(self._rows)
+            self._of = of
+        self._rows = rows
         if now_s - self._drawn_s >= EVERY_S:
             self._drawn_s = now_s
-            self._html.content = _boxed(pictures(rows, self._servo))
+            name, shadow = self._before or ("", None)
+            head = f"<p>{escape(of)}</p>" + (f"<p>Grey: {escape(name)}</p>" if name else "")
+            self._html.content = _boxed(head + pictures(rows, self._servo, shadow))
 
 
 def _boxed(inside: str) -> str:

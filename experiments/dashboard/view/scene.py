@@ -12,25 +12,26 @@ from rig.parameters import Rig
 if TYPE_CHECKING:
     from viser import ClientHandle, ViserServer
 
-ORANGE, GHOST, GREEN = (255, 112, 16), (70, 150, 255), (26, 150, 65)
+# The model is pink: blue is the run without compensation, green what is wanted.
+ORANGE, GHOST, GREEN = (255, 112, 16), (225, 70, 180), (26, 150, 65)
 PLATE, METAL, DARK = (228, 232, 238), (120, 128, 140), (70, 76, 86)
 AWAY = (0.0, 0.0, -9.0)
 LEGEND_TABLE = """
 **Grey plate, orange ball**: the table as it is measured. Its trail is where the ball was, the
 **target** is where it shall be. Fine lines are 1 cm apart.
 
-**Blue ball**: the model, driven by the same volts. "model 3.0 mm from the ball" is how far the two
-are apart: what the model does not know.
+**Pink ball**: the model, driven by the same volts. "model 3.0 mm from the ball" is how far the
+two are apart: what the model does not know.
 
-**Blocks beside the servos**: the play of gear and joint, 40 times as large. The **yellow** tooth
-moves between two jaws: a **grey** jaw is free, a **red** one is touched.
+**Blocks beside the servos**: the play (backlash) of gear and joint, 40 times as large. The
+**yellow** tooth moves between two jaws: a **grey** jaw is free, a **red** one is touched.
 """
 LEGEND_VIRTUAL = """
-"gear x: true 1.0°, found 0.9°": the virtual table has 1.0 degrees of play; 0.9 is what the
+"true 1.0°, found 0.9°": the virtual table has 1.0 degrees of backlash; 0.9 is what the
 controller's observer has found of it while it moves ("-": nothing yet).
 """
 LEGEND_REAL = """
-"gear x: 1.0°, found 0.9°": the rig file says 1.0 degrees of play; 0.9 is what the controller's
+"true 1.0°, found 0.9°": the rig file says 1.0 degrees of backlash; 0.9 is what the controller's
 observer has found while it moves ("-": nothing yet).
 """
 LEGEND_CURVES = """
@@ -138,7 +139,7 @@ def _on_plate(ball_m: np.ndarray | None, height_m: float) -> tuple[float, float,
 
 
 ARMS = {"with": (214, 39, 40), "without": (31, 79, 216)}  # as in every figure
-HALO = 1.15  # the model's ball is so much larger: a blue halo where both are at one place
+HALO = 1.15  # the model's ball is so much larger: a halo where both are at one place
 
 
 class TableScene:
@@ -156,7 +157,8 @@ class TableScene:
             vertices,
             faces,
             color=GHOST,
-            opacity=0.35,
+            opacity=0.7,
+            side="back",  # of two balls at one place the measured one stands before it
             position=AWAY,
             cast_shadow=False,
         )

@@ -69,9 +69,9 @@ class PlateMap:
         )
         legend = self._scene.add_label(
             MAP_LEGEND,
-            f"error of the model: pale none, dark {float(np.nanmax(size)):.1f} x what noise alone "
-            "gives",
+            f"model's error, at the darkest {float(np.nanmax(size)):.1f} x the noise",
             position=(0, -float(np.ptp(y)) / 2 - 0.02, 0.0),
+            font_screen_scale=0.7,
             anchor="top-center",
         )
         self._parts = [image, legend]

@@ -122,7 +122,7 @@ def figure_and_report(page: Hand, out: Path) -> None:
     assert outcomes == ["completed", "completed"]
     page.shot("results")
     name, report = page.download("Download the report")
-    assert name == "report.html"
+    assert name == "report-free-release.html"
     assert b"free-release" in report
 
 
@@ -141,7 +141,7 @@ def verdicts(page: Hand) -> None:
 
 def gap_begins(page: Hand) -> None:
     page.tab("Gap")
-    page.press("Demo: find a hidden play")
+    page.press("Demo: find a hidden backlash")
     page.see(re.compile("[▶✓] 1 locate"))
 
 
@@ -172,15 +172,15 @@ def take_over_and_stop(chromium, first: Hand, program: Program, artefacts: Path,
     stopped = sorted((out / "runs").glob("*-free-release-*"))[2]
     meta = json.loads((stopped / "run.json").read_text())
     assert meta["outcome"] == "aborted"
-    assert "stopped by a page at" in meta["reason"]
+    assert "stopped by STOP on a page" in meta["reason"]
     return second
 
 
 def gap_named(page: Hand) -> None:
     """The demo's hidden play is named, with its size; both models are played side by side."""
     page.tab("Gap")
-    page.see("Missing: play in the joints")
-    page.see(re.compile(r"x play (1\.9|2\.0)"))
+    page.see("Missing: backlash in the joints")
+    page.see(re.compile(r"^(1\.9|2\.0)\d \[[0-9., ]+\] deg$"))
     page.see("agrees")
     name, report = page.download("Download the gap report")
     assert name == "gap.html"
@@ -199,7 +199,7 @@ def film(page: Hand, out: Path) -> None:
     page.see("What the camera saw")
     page.see("the run's video")  # below the newest frame
     assert len(list((out / "runs").glob("*/video.mkv"))) == 1
-    page.see(re.compile("16.[0-9] of 16.[0-9] s"))
+    page.see(re.compile(r"(16\.[0-9]{2}) of \1 s"))
     page.shot("replay")
     page.press("Back to the live table")
 

@@ -14,7 +14,13 @@ from experiments.dashboard.server.input_limits import BACKLASH_DEG, KP, choice, 
 from experiments.dashboard.session.live import POINTS, LiveBuffer
 from experiments.dashboard.session.plan import RunPlan, SessionStatus, planned_runs
 from experiments.dashboard.session.playback import PlaybackClock
-from experiments.dashboard.view.curves import CHARTS, chart_data
+from experiments.dashboard.view.curves import (
+    CHARTS,
+    chart_data,
+    has_data,
+    values_at,
+    with_lines,
+)
 from experiments.dashboard.view.pose import gauges, linkage, plate_point, plate_wxyz, quaternion
 from experiments.runs.protocol import read_protocol
 from rig.log import COLUMNS, INDEX
@@ -128,6 +134,41 @@ def test_blanks_are_held_and_curves_are_thinned():
     assert live.now().row is not None
     assert len(live.unread()) <= 2048
     assert live.unread() == []
+
+
+def test_a_run_that_just_began_has_curves_without_rows():
+    live = LiveBuffer(500.0)
+    assert live.curve().shape == (0, len(COLUMNS))
+    for chart in CHARTS:
+        assert not has_data(chart, live.curve())
+        assert all(len(part) == 2 for part in chart_data(chart, live.curve()))
+
+
+# --- curves of a film ---
+def test_a_films_curves_have_a_line_at_its_time_and_at_every_event():
+    t_s = np.linspace(0.0, 20.0, 250)
+    times, curve, at, events = with_lines((t_s, np.sin(t_s)), 3.21, [0.5, 9.0, 99.0])
+    assert np.all(np.diff(times) > 0)
+    assert times[at == 1.0] == pytest.approx([3.21])
+    assert times[events == 1.0] == pytest.approx([0.5, 9.0])  # the last lies in another part
+    for line in (at, events):
+        assert line[0] == line[-1] == 0.0
+        assert np.ptp(times[line > 0]) > 0 or line.sum() == 1
+    assert np.interp(3.0, times, curve) == pytest.approx(np.sin(3.0), abs=0.1)
+    assert len(with_lines((t_s, t_s), 0.0, [])[0]) >= len(t_s)  # the first moment, no event
+
+
+def test_a_films_values_are_those_of_its_time_and_blank_where_nothing_is_known():
+    rows = np.full((200, len(COLUMNS)), np.nan)
+    rows[:, 0] = np.arange(200) / 10
+    rows[::10, INDEX["ball_x_m"]] = rows[::10, 0] / 100
+    rows[:, INDEX["theta_y_rad"]] = radians(2.0)
+    said = values_at(CHARTS, rows, 5.05)
+    assert "At 5.05 s" in said
+    assert "+5.00" in said  # cm, as it was seen last
+    assert "+2.00" in said
+    assert said.count("></td>") == 8  # five charts of two values, two of which are known
+    assert [has_data(chart, rows) for chart in CHARTS] == [True, True, False, False, False]
 
 
 # --- film ---

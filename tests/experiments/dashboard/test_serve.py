@@ -1,15 +1,25 @@
-"""The dashboard ends in order, whatever signals come while it does."""
+"""The program: it ends in order, whatever signals come, and waits for nobody who reads it."""
 
+import http.client
 import os
+import re
 import signal
+import subprocess
+import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from websockets.exceptions import WebSocketException
+from websockets.sync.client import connect
+from websockets.typing import Origin, Subprotocol
 
 from experiments.dashboard import serve
+from experiments.dashboard.server.security import gate_of
 from rig.parameters import Rig
+from tests.support import ROOT
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals are POSIX")
@@ -46,3 +56,51 @@ def test_a_second_signal_breaks_off_no_ending(monkeypatch, tmp_path: Path, name:
         run()
     assert did == ["closed", "stopped"]
     assert signal.getsignal(number) is before
+
+
+def fill(pipe: int) -> None:
+    """Write into a pipe until it takes no more."""
+    os.set_blocking(pipe, False)
+    with suppress(BlockingIOError):
+        while True:
+            os.write(pipe, b"x")
+    os.set_blocking(pipe, True)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="pipes of POSIX")
+def test_stop_is_answered_while_nobody_reads_what_the_program_prints(tmp_path: Path):
+    there, here = os.pipe()
+    command = [sys.executable, "-m", "experiments.cli", "dashboard", "--port", "0"]
+    program = subprocess.Popen(
+        [*command, "--out", str(tmp_path)],
+        stdout=here,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    try:
+        said = b""
+        while b"\n" not in said:
+            said += os.read(there, 4096)
+        found = re.search(r"//(.*):(\d+)/\?token=(\w+)", said.decode())
+        assert found is not None
+        fill(here)
+        host, gate = f"{found[1]}:{found[2]}", gate_of(found[1], int(found[2]), found[3])
+        mine = {"Cookie": f"{gate.cookie}={gate.token}"}
+        with suppress(WebSocketException):  # refused, or closed as it begins
+            connect(
+                f"ws://{host}{gate.path}",
+                origin=Origin(f"http://{host}"),
+                additional_headers=mine,
+                subprotocols=[Subprotocol("viser-v1.0.0")],
+                open_timeout=5,
+            )
+        asked = http.client.HTTPConnection(host, timeout=5)  # 1 s, generously
+        asked.request("GET", f"{gate.path}/stop", headers=mine)
+        with asked.getresponse() as answer:
+            assert answer.status == 200
+        asked.close()
+    finally:
+        program.kill()
+        program.wait()
+        os.close(there)
+        os.close(here)

@@ -75,7 +75,7 @@ def test_stop_is_there_before_the_page_is_and_says_at_once_that_it_heard(chromiu
     program.obeys = False
     stop.click()
     assert state.inner_text() == "Stopping ..."  # before any answer came
-    wait_for("the stop", lambda: program.stops == ["a page at 127.0.0.1"], 5.0)
+    wait_for("the stop", lambda: program.stops == ["STOP on a page (127.0.0.1)"], 5.0)
     program.state = "stopped"
     page.get_by_text("Stopped, motors at 0 V").wait_for()
     assert program.stopped()
@@ -98,7 +98,7 @@ def test_stop_is_there_before_the_page_is_and_says_at_once_that_it_heard(chromiu
 
 
 @pytest.mark.slow
-def test_esc_stops_whatever_has_the_focus_but_closes_a_list_first(chromium, program):
+def test_esc_stops_whatever_has_the_focus_and_closes_a_list(chromium, program):
     page = opened(chromium, program)
     page.get_by_text("what stays").wait_for(timeout=120e3)
     for what in (
@@ -115,14 +115,25 @@ def test_esc_stops_whatever_has_the_focus_but_closes_a_list_first(chromium, prog
     page.get_by_role("option", name="steps").wait_for()
     page.keyboard.press("Escape")
     page.get_by_role("option", name="steps").wait_for(state="hidden")
-    assert not program.stopped()
-    chosen.focus()
-    page.keyboard.press("Escape")
-    wait_for("Esc in the closed list", program.stopped, 5.0)
+    wait_for("Esc in an open list", program.stopped, 5.0)
     page.get_by_text("line 59").scroll_into_view_if_needed()
     assert page.locator("#rig-stop").is_visible()
     page.locator("#rig-stop").click()
     wait_for("STOP over a scrolled page", program.stopped, 5.0)
+    page.context.close()
+
+
+@pytest.mark.slow
+def test_a_page_that_is_just_being_opened_has_lost_nothing(chromium, program):
+    page = chromium.new_context().new_page()
+    page.route("**/alive", lambda route: route.abort())
+    page.goto(program.link)
+    state = page.locator("#rig-state")
+    state.wait_for()
+    page.wait_for_timeout(2500)  # two unanswered questions
+    assert state.inner_text() == "Connecting ..."
+    page.get_by_text(re.compile(r"Connection lost \d+ s ago")).wait_for(timeout=20e3)
+    assert int(re.findall(r"\d+", state.inner_text())[0]) >= 9  # since it was opened
     page.context.close()
 
 
@@ -274,6 +285,43 @@ def test_a_stop_that_nobody_answers_sends_to_the_switch(chromium, program):
     page.route("**/stop", lambda route: route.abort())
     page.locator("#rig-stop").click()
     page.get_by_text("STOP was not answered. The motors may still have power: use the").wait_for()
+    page.context.close()
+
+
+def test_stop_is_asked_again_until_it_is_answered_and_its_warning_stays(chromium, program):
+    page, tried = opened(chromium, program), []
+    page.route("**/stop", lambda route: (tried.append(1), route.abort()))
+    page.locator("#rig-stop").click()
+    state = page.locator("#rig-state")
+    state.get_by_text("STOP was not answered").wait_for()
+    for _ in range(8):  # the answers to `alive` between them do not take it away
+        page.wait_for_timeout(200)
+        assert "STOP was not answered" in state.inner_text()
+    assert 3 <= len(tried) <= 20
+    assert program.stops == []
+    program.obeys = False
+    page.unroute("**/stop")
+    page.get_by_text("Stopping ...").wait_for()
+    program.state = "stopped"
+    page.get_by_text("Stopped, motors at 0 V").wait_for()
+    assert program.stops == ["STOP on a page (127.0.0.1)"]  # once it is answered, no more
+    page.wait_for_timeout(600)
+    assert len(program.stops) == 1
+    page.context.close()
+
+
+@pytest.mark.slow
+def test_a_stop_that_was_not_answered_is_asked_no_more_of_a_table_at_rest(chromium, program):
+    page, tried = opened(chromium, program), []
+    page.route("**/stop", lambda route: (tried.append(1), route.abort()))
+    page.locator("#rig-stop").click()
+    page.get_by_text("STOP was not answered").wait_for()
+    program.state = "stopped"
+    page.get_by_text("Stopped, motors at 0 V").wait_for()
+    page.wait_for_timeout(300)
+    many = len(tried)
+    page.wait_for_timeout(600)
+    assert len(tried) == many
     page.context.close()
 
 

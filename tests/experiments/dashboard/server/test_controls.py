@@ -181,6 +181,23 @@ def test_an_exception_becomes_a_notification_and_a_line_in_the_events():
     assert noted == ["push: RuntimeError: no motor"]
 
 
+def test_what_a_watching_page_asks_for_in_vain_is_no_event_of_somebody_elses_run():
+    c, told, noted = controls()
+    c.lock = ControlLock().joined(1).joined(2)
+    button = FakeHandle(False)
+
+    def act(page):
+        raise ValueError("no film")
+
+    c.button(button, "play", act, everybody=True)
+    button.callback(FakeEvent(2))
+    c.queue.put("drawing", lambda: act(None))
+    button.callback(FakeEvent(1))
+    c.queue.close()
+    assert told == [(2, "play", "no film"), (None, "drawing", "no film"), (1, "play", "no film")]
+    assert noted == ["drawing: ValueError: no film", "play: ValueError: no film"]
+
+
 def test_stop_waits_for_nothing_and_nothing_begins_after_it():
     c, told, noted = controls()
     c.lock = ControlLock().joined(1).joined(2)
@@ -218,7 +235,7 @@ def test_what_was_said_of_the_table_is_taken_back_by_stop_and_by_another_holder(
     assert taken_back == [1, 1, 2]
     controls.lock = controls.lock.left(2)
     assert taken_back == [1, 1, 2, None]
-    with patch.object(controls, "_failed") as failed:
+    with patch.object(controls, "_tell") as failed:
         controls.stop("page 2", lambda who: 1 / 0)
     assert failed.call_count == 1
     assert len(taken_back) == 5  # a stop that fails takes it back, too

@@ -1,5 +1,6 @@
 """Who may pass the gate: token, Host and Origin, on the page and on the websocket."""
 
+import os
 import re
 import stat
 from base64 import b64encode
@@ -135,6 +136,18 @@ def test_a_token_is_kept_for_its_owner_alone(tmp_path: Path):
     assert (tmp_path / "token.1").read_text() == "short\n"  # it may have been somebody's own
     file.chmod(0o644)
     assert keep_token(file) != keep_token(tmp_path / "token.2") != token
+
+
+@pytest.mark.skipif(os.name == "nt", reason="pipes and links of POSIX")
+@pytest.mark.parametrize("kind", ["a folder", "a pipe", "a link to nothing"])
+def test_a_token_that_is_no_file_is_refused_in_a_line_with_its_cure(tmp_path: Path, kind: str):
+    make = {"a folder": os.mkdir, "a pipe": os.mkfifo}  # type: ignore[attr-defined]
+    file = tmp_path / "token"
+    make.get(kind, lambda path: path.symlink_to(tmp_path / "nowhere"))(file)
+    with pytest.raises(ValueError, match="is no file: remove it") as told:
+        keep_token(file)
+    assert "\n" not in str(told.value)
+    assert list(tmp_path.iterdir()) == [file]
 
 
 def test_the_page_runs_the_scripts_of_visers_page_and_of_its_bar_and_no_others():

@@ -7,15 +7,22 @@ import os
 import socket
 import subprocess
 import sys
+import time
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
+import viser
+from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
-from experiments.dashboard.server.door import MOST_WAITING, WANTED_FILES, allow_files
+from experiments.dashboard.server import door
+from experiments.dashboard.server.door import HEARD_S, MOST_WAITING, WANTED_FILES, allow_files
 from experiments.dashboard.server.server import (
     PortBusyError,
     free_port,
@@ -46,15 +53,20 @@ def page(gate, path: str, **headers: str):
     return answer, body
 
 
-def spoken(gate, *, origin: str | None, cookie: str = TOKEN, host: str = "127.0.0.1") -> bool:
+def spoken(
+    gate,
+    *,
+    origin: str | None,
+    cookie: str = TOKEN,
+    host: str = "127.0.0.1",
+    versions: Sequence[str] = (viser.__version__,),
+) -> bool:
     """Whether the websocket opens and says something."""
-    import viser
-
     with connect(
         f"ws://{host}:{gate.port}{gate.path}",
         origin=Origin(origin) if origin else None,
         additional_headers={"Cookie": f"{gate.cookie}={cookie}"} if cookie else None,
-        subprotocols=[Subprotocol(f"viser-v{viser.__version__}")],
+        subprotocols=[Subprotocol(f"viser-v{version}") for version in versions] or None,
         open_timeout=5,
         compression=None,
     ) as websocket:
@@ -93,6 +105,16 @@ def test_only_its_own_page_speaks_on_the_websocket(served):
         spoken(gate, origin=f"http://127.0.0.1:{gate.port}", cookie="wrong")
 
 
+def test_who_speaks_as_another_version_is_refused_before_viser_prints_a_line(served, capfd):
+    _, gate = served
+    own = f"http://127.0.0.1:{gate.port}"
+    for versions in (["1.0.0"], ["1.0.0", viser.__version__], []):
+        with pytest.raises(InvalidStatus, match="403"):
+            spoken(gate, origin=own, versions=versions)
+    assert spoken(gate, origin=own)
+    assert capfd.readouterr().out == ""
+
+
 def test_no_page_opens_a_tunnel_to_the_internet(served):
     server, _ = served
     kinds = {kind.__name__ for kind in server._websock_server._incoming_handlers}
@@ -113,16 +135,48 @@ def test_idle_strangers_use_up_nothing_and_keep_nobody_out(served):
 
     before, idle = sockets(), []
     try:
-        for k in range(300):
+        for k in range(MOST_WAITING + 100):
             idle.append(socket.create_connection(("127.0.0.1", gate.port)))
             if k % 2:
                 idle[-1].sendall(b"GET / HTTP/1.1\r\n")
         few = before + len(idle) + MOST_WAITING
         wait_for("the end of all but a few", lambda: sockets() <= few, 5.0)
+        time.sleep(2 * HEARD_S)  # of the last of them
         assert spoken(gate, origin=f"http://127.0.0.1:{gate.port}")
     finally:
         for one in idle:
             one.close()
+
+
+def test_a_crowd_drops_nobody_who_may_have_asked_and_was_not_read_yet(monkeypatch):
+    limit: tuple[Any, Any] = door.crowd_limit()
+    kind, passed = limit
+    monkeypatch.setattr(ServerConnection, "connection_made", lambda one, transport: None)
+    monkeypatch.setattr(ServerConnection, "connection_lost", lambda one, error: None)
+    clock, dropped = SimpleNamespace(now=0.0), []
+    monkeypatch.setattr(door, "time", SimpleNamespace(monotonic=lambda: clock.now))
+
+    def came(name: str) -> Any:
+        one = kind.__new__(kind)
+        one.transport = SimpleNamespace(abort=lambda: dropped.append(name))
+        one.connection_made(one.transport)
+        return one
+
+    stop, second = came("stop"), came("second")
+    for k in range(MOST_WAITING - 2):
+        came(f"{k}")
+    assert dropped == []
+    came("newest")
+    assert dropped == ["newest"]
+    passed(stop)
+    came("in its place")
+    clock.now = 1.01 * HEARD_S
+    second.connection_lost(None)
+    came("in that of the second")
+    assert dropped == ["newest"]
+    came("newer")
+    came("newer still")
+    assert dropped == ["newest", "0", "1"]
 
 
 def test_the_program_allows_itself_more_files():
@@ -162,6 +216,21 @@ def test_a_busy_port_is_said_and_nothing_is_started(tmp_path: Path):
     assert free_port("127.0.0.1", port) == port
 
 
+@pytest.mark.skipif(not socket.has_ipv6, reason="a machine without IPv6")
+def test_an_address_that_the_server_could_not_open_is_refused_at_once():
+    """An IPv4 address written as IPv6 passed the probe, and the server waited for ever."""
+    with pytest.raises(PortBusyError, match="cannot be used"):
+        free_port("::ffff:127.0.0.1", 0)
+
+
+@pytest.mark.parametrize("host", ["localhost..", " 127.0.0.1", "nope.invalid", "192.0.2.1", "a..b"])
+def test_of_a_wrong_host_the_host_is_said_to_be_wrong(host: str):
+    with pytest.raises(PortBusyError, match="name an address of this machine") as told:
+        free_port(host, 0)
+    assert repr(host) in str(told.value)
+    assert "port" not in str(told.value)
+
+
 def test_the_bar_stops_for_who_has_the_cookie_alone(served):
     server, gate = served
     shell, stops = shell_of(server), []
@@ -181,7 +250,7 @@ def test_the_bar_stops_for_who_has_the_cookie_alone(served):
     assert (answer.status, json.loads(body)["state"]) == (200, "running")
     assert not stops
     assert page(gate, f"{gate.path}/stop", **mine)[0].status == 200
-    assert stops == ["a page at 127.0.0.1"]
+    assert stops == ["STOP on a page (127.0.0.1)"]
 
 
 def test_the_big_view_is_for_who_has_the_cookie_alone(served):

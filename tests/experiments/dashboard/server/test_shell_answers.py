@@ -39,7 +39,7 @@ def test_alive_tells_the_state_and_stops_nothing_and_stop_tells_who():
     assert told == {"state": "running", "began": shell.began}
     assert stops == []
     assert json.loads(shell.answer("stop", "10.0.0.7")) == told
-    assert stops == ["a page at 10.0.0.7"]
+    assert stops == ["STOP on a page (10.0.0.7)"]
 
 
 def test_the_big_view_gets_its_page_the_table_and_the_cameras_image():

@@ -1,5 +1,7 @@
 """Long work in its own process: progress, printed lines, refusals, cancelling."""
 
+import os
+import signal
 import time
 from queue import Queue
 
@@ -81,3 +83,13 @@ def test_new_work_takes_the_place_of_the_old_while_that_is_being_done(worker):
     found = [words.get(timeout=120) for _ in range(3)]
     assert found[0] == ("progress", ("halfway", 1, 2))  # of the old one no word, no failure
     assert found[-1] == ("done", {"answer": 42})
+
+
+def interrupted(progress):
+    os.kill(os.getpid(), signal.SIGINT)  # Ctrl-C, which a terminal sends to every process
+    time.sleep(0.1)
+    return "still here"
+
+
+def test_ctrl_c_is_left_to_the_program(worker):
+    assert on_message(worker, "hears it", interrupted) == [("done", "still here")]

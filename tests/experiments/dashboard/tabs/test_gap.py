@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,7 @@ from experiments.dashboard.session.gap_tasks import (
 )
 from experiments.dashboard.session.tasks import RunSummary
 from experiments.dashboard.session.worker_process import WorkItem
-from experiments.dashboard.tabs.gap import GapTab, beside_table
+from experiments.dashboard.tabs.gap import GapTab, beside_table, good_runs
 
 
 class FakeWorker:
@@ -66,6 +67,7 @@ def test_undisturbed_completed_runs_are_ticked_and_what_they_lack_is_said(gap):
     handle, kept = next(iter(tab._boxes.values()))
     assert handle.label == rows[0].label
     kept.now = True
+    tab._tick(rows[0].folder, True)
     rows.insert(0, summary(5, "servo-squares"))
     tab.refresh()  # what was ticked stays so
     tab.draw()
@@ -75,6 +77,15 @@ def test_undisturbed_completed_runs_are_ticked_and_what_they_lack_is_said(gap):
         box.now = False
     with pytest.raises(ValueError, match="no run is ticked"):
         tab._chosen()
+
+
+def test_runs_that_tell_the_effects_apart_are_ticked_alone():
+    rows = [summary(6, "free-release"), summary(5, "steps"), summary(3, "free-release")]
+    assert good_runs(rows) == [row.folder for row in rows]
+    squares = [summary(n, "servo-squares") for n in (4, 2)]
+    assert good_runs([*rows, *squares]) == [rows[1].folder, *(row.folder for row in squares)]
+    disturbed = [summary(7, "servo-squares", by_hand=["2.0 s: push"]), *rows]
+    assert good_runs(disturbed) == [row.folder for row in rows]
 
 
 def test_an_answer_is_shown_again_after_a_restart(gap):
@@ -96,11 +107,50 @@ def test_an_answer_is_shown_again_after_a_restart(gap):
     assert not tab._film.visible
 
 
+def test_an_analysis_takes_the_place_of_no_other(gap):
+    make, worker, _, out = gap
+    tab = make()
+
+    def begun() -> partial:
+        tab.begin(None, None)
+        task = worker.items[-1].task
+        assert isinstance(task, partial)
+        return task
+
+    assert begun().args[1] == out / "gap-1"
+    for name in ("gap-2", "gap-3", "gap-report"):  # the first was deleted
+        (out / name).mkdir()
+    task = begun()
+    assert task.args[1:3] == (out / "gap-4", 4)
+    task.args[1].mkdir()  # by another program meanwhile
+    with pytest.raises(FileExistsError):
+        task(progress=print)
+
+
+def test_who_guesses_sees_no_truth_until_the_tick_is_taken_away(gap):
+    make, _, _, _ = gap
+    tab = make()
+    rows = [
+        ["play", "x", "1.0", "", "1.1", "agrees"],
+        ["cogging", "y", "", "", "0.2", "not named"],
+    ]
+    said = ShortAnswer(["Missing: play."], rows, ["Next: steps."], "Hidden: joint play of 1.1.")
+    tab._hide(True)
+    tab._end(GapAnswer(said, Path("gap.html"), [], None, None))
+    assert "**Missing" in tab._words.content
+    assert "1.0" in tab._words.content.replace("&#46;", ".")
+    for told in ("1.1", "agrees", "cogging", "truth |"):
+        assert told not in tab._words.content.replace("&#46;", ".")
+    tab._hide(False)
+    for told in ("Hidden", "1.1", "agrees", "cogging", "truth |"):
+        assert told in tab._words.content.replace("&#46;", ".")
+
+
 def test_columns_without_a_word_are_left_out_of_the_table():
     assert beside_table([]) == ""
     table = beside_table([["play", "x", "1.0", "", "1.1", "agrees"]])
     assert "Calibrate" not in table
-    assert table.count("\n") == 4
+    assert table.count("\n") == 2
 
 
 def test_what_is_found_stands_in_place_of_what_can_be_asked(gap):

@@ -16,6 +16,7 @@ from experiments.dashboard.session.playback import Playback, run_film
 from experiments.dashboard.session.tasks import RunSummary
 from experiments.dashboard.session.worker_process import WorkItem
 from experiments.dashboard.tabs.replay import ReplayTab, event_lines, partner
+from experiments.dashboard.view.distance_chart import distances_cm, scale_cm
 from experiments.records.recording import Run
 from rig.log import INDEX, Log
 
@@ -116,6 +117,18 @@ def test_a_run_of_the_servos_alone_has_no_target_on_the_plate():
         assert np.isnan(row[INDEX["target_x_m"]]) != has_ball
 
 
+def test_events_stand_in_order_of_time_and_what_is_past_is_marked():
+    """Pushes that were detected are written at the end of a recording."""
+    run = recorded(20.0, begin_s=1.0)
+    late = [{"t_s": 1.0 + t, "text": "push detected"} for t in (4.0, 12.0)]
+    film = run_film("run", replace(run, events=[*run.events, *late]))
+    assert [at_s for at_s, _ in film.events] == [0.0, 4.0, 9.0, 12.0]
+    assert event_lines(film.events, 9.5).count("●") == 3
+    assert event_lines(film.events, 9.5).splitlines()[-1].startswith("○ 12.0 s")
+    assert film.since == "from the run's start"
+    assert run_film("run", run, run).since == "from the release"
+
+
 def test_a_run_that_is_still_read_does_not_replace_what_was_chosen_since(replay):
     tab, controls, worker, shown = replay
     tab.show(1)
@@ -123,6 +136,7 @@ def test_a_run_that_is_still_read_does_not_replace_what_was_chosen_since(replay)
     worker.items[0].on_message("shown", film("run-1"))
     controls.queue.close()
     assert shown == []
+    assert worker.cancelled == [worker.items[0].name]  # nobody waits for its video
 
 
 def test_every_page_has_a_film_of_its_own_and_one_that_is_gone_none(replay):
@@ -148,10 +162,16 @@ def test_curves_ball_and_events_stand_at_one_time():
     one = run_film("run", recorded(begin_s=0.5))
     playback = Playback("run", one.motion, film=one, playing=False)
     playback.clock.seek(25.0)
-    rows = playback.curve()
+    rows, curve = playback.past(), playback.curve()
     assert rows is not None
+    assert curve is not None
     assert 24.8 < rows[-1, 0] <= 25.0
-    assert 5.0 < rows[0, 0] < 5.3  # the last 20 s
+    assert 5.0 <= rows[0, 0] < 5.3  # the last 20 s
+    assert curve[[0, -1], 0] == pytest.approx([10.0, 30.0], abs=0.15)  # of the film's end
+    playback.clock.seek(12.0)
+    middle = playback.curve()
+    assert middle is not None
+    assert middle[[0, -1], 0] == pytest.approx([2.0, 22.0], abs=0.15)
     ball_m = playback.motion.at(25.0)[1]
     assert rows[-1, INDEX["ball_x_m"]] == pytest.approx(ball_m[0], abs=0.002)
     assert np.isfinite(rows[:, INDEX["ball_x_m"]]).all()
@@ -162,8 +182,29 @@ def test_curves_ball_and_events_stand_at_one_time():
 def test_both_controllers_start_at_one_release():
     one = run_film("run", recorded(begin_s=0.5), recorded(arm="without", begin_s=120.0))
     assert one.beside is not None
-    assert one.beside_method == "without"
+    assert (one.method, one.beside_method) == ("with", "without")
+    assert one.of == "the run with play compensation"  # whose curves, values and swing are drawn
+    assert run_film("run", recorded()).of == "run"
     assert one.motion.at(10.0)[1] == pytest.approx(one.beside.at(10.0)[1], abs=1e-3)
+
+
+def test_two_runs_of_one_film_show_where_they_part():
+    one = run_film("run", recorded(), recorded(arm="without", begin_s=120.0))
+    times_s = np.array([0.0, 10.0, 20.0])
+    target = np.zeros_like(one.motion.ball_m)
+    motion = replace(one.motion, target_m=target)
+    assert distances_cm(motion, times_s) == pytest.approx([0.0, 10.0, 20.0], abs=0.1)
+    unseen = motion.ball_m.copy()
+    unseen[: len(unseen) // 2] = np.nan  # as before it was seen first
+    found = distances_cm(replace(motion, ball_m=unseen), times_s)
+    assert found == pytest.approx([15.0, 15.0, 20.0], abs=0.2)
+
+
+def test_the_way_to_the_target_does_not_set_the_scale_of_two_runs():
+    times_s = np.linspace(0.0, 16.0, 160)
+    far = np.where(times_s < 1.5, 20.0, 0.6)
+    assert scale_cm(times_s, far, 0.3 + 0 * far) == pytest.approx((0.0, 0.63))
+    assert scale_cm(np.array([0.0, 1.0]), np.array([9.0, 2.0])) == pytest.approx((0.0, 2.1))
 
 
 def test_the_partner_is_the_nearest_completed_run_with_the_other_controller():

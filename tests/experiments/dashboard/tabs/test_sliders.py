@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from experiments.dashboard.server.controls import Controls
-from experiments.dashboard.server.input_limits import KP, Range
+from experiments.dashboard.server.input_limits import KP, Range, choice
 from experiments.dashboard.session.presets import MOST_KEPT, KeptPresets
 from experiments.dashboard.tabs.sliders import OWN, SliderGroup
 
@@ -181,3 +181,17 @@ def test_a_file_of_presets_is_read_as_far_as_it_holds_some(tmp_path: Path):
         many.keep("one more", [1, 1])
     many.forget("n0")
     many.keep("one more", [1, 1])
+
+
+def test_a_kept_name_that_another_preset_has_is_listed_once_and_a_refusal_stays_short(tmp_path):
+    file = tmp_path / "gains.json"
+    many = {f"name {i}": [1.0, 0.0] for i in range(3 * MOST_KEPT)}
+    file.write_text(json.dumps({OWN: [1.0, 0.0], "wild": [1.0, 0.0], **many}))
+    group = Group(KeptPresets(file, 2))
+    assert group.group._names == (OWN, "begin", "wild", *many)
+    with pytest.raises(ValueError, match="that is none of of my own, begin, wild") as told:
+        choice("other", group.group._names)
+    assert len(str(told.value)) < 200
+    with pytest.raises(ValueError, match=r"none of a, b$"):
+        choice("other", ["a", "b"])
+    group.controls.queue.close()

@@ -1,6 +1,7 @@
 """What the tabs say and show, as plain functions of what happened."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -15,7 +16,15 @@ from experiments.dashboard.session.calibration_tasks import (
     steps_of,
 )
 from experiments.dashboard.session.live import LiveBuffer, LiveState
-from experiments.dashboard.session.plan import RunPlan, SessionStatus, planned_runs
+from experiments.dashboard.session.plan import (
+    BOTH,
+    METHODS,
+    STUDY,
+    RunPlan,
+    SessionStatus,
+    planned_runs,
+    shipped_plan,
+)
 from experiments.dashboard.session.tasks import (
     DrawnFigures,
     RunSummary,
@@ -26,12 +35,8 @@ from experiments.dashboard.session.tasks import (
 from experiments.dashboard.session.worker_process import ProgressSender
 from experiments.dashboard.tabs.gap import BEGINS, STAGES, stage_lines
 from experiments.dashboard.tabs.header import link_words
-from experiments.dashboard.tabs.results import ResultsTab, card, table
+from experiments.dashboard.tabs.results import NEWEST, ResultsTab, card, table
 from experiments.dashboard.tabs.run import (
-    BOTH,
-    METHODS,
-    ProgressLine,
-    chosen_methods,
     minutes,
     progress_words,
 )
@@ -92,7 +97,7 @@ def test_a_run_that_does_not_count_says_why_and_what_was_not_begun():
     assert said.startswith("Run 1 of 3 was stopped by page 2 after 4.3 s and does not count")
     assert said.endswith("; runs 2 to 3 were not begun.")
     assert "run 3 was not begun" in second.ended("aborted", "stopped by page 2", 4.31)
-    assert third.ended("completed", "", 60.0) == ""
+    assert third.ended("completed", "", 60.0).startswith("All 3 runs are done")
     failed = third.ended("not released", "the ball was not seen to leave", 120.5)
     assert failed.startswith("Run 3 of 3 failed after 120.5 s and does not count: the ball was not")
     status = SessionStatus("stopped", "the table rests at 0 V", last=said)
@@ -101,13 +106,12 @@ def test_a_run_that_does_not_count_says_why_and_what_was_not_begun():
 
 def test_the_end_of_a_plan_is_said_and_a_stopped_one_is_not_done():
     first, last = planned_runs(RunPlan(read_protocol("free-release"), ("without", "with"), 1, 1))
-    progress = ProgressLine()
-    progress.words(SessionStatus("running", first.words, first, 16.4))
-    assert "done" not in progress.words(SessionStatus("balancing"))
-    progress.words(SessionStatus("running", last.words, last, 16.4))
-    assert progress.words(SessionStatus("balancing")).startswith("**All 2 runs are done**")
-    progress.words(SessionStatus("running", last.words, last, 3.0))
-    assert "done" not in progress.words(SessionStatus("stopped", "the table rests at 0 V"))
+    assert first.ended("completed", "", 16.5) == ""
+    said = progress_words(SessionStatus("balancing", last=last.ended("completed", "", 16.5)))
+    assert said.startswith("**All 2 runs are done&#58; see the tab Results&#46;**")
+    assert "done" not in last.ended("aborted", "stopped by page 2", 3.0)
+    (alone,) = planned_runs(RunPlan(read_protocol("servo-squares"), ("without",), 1, 1))
+    assert alone.ended("completed", "", 15.0).startswith("The run is done")
 
 
 def test_a_silent_loop_and_an_unseen_ball_are_said():
@@ -142,7 +146,7 @@ def test_runs_are_listed_newest_first_and_read_as_a_film(tmp_path: Path):
     rows = list_runs(tmp_path)
     assert [row.method for row in rows] == ["without", "with"]
     words = table(rows, {rows[0].folder.name: (0.1, -0.2)})
-    assert "(+0.10, -0.20)" in words
+    assert "(+0.10,\u00a0-0.20)" in words  # on one line
     assert "No runs" in table([], {})
     assert isinstance(rows[0], RunSummary)
     film = table_motion(log)
@@ -164,7 +168,7 @@ def test_only_steps_that_the_table_allows_are_offered(name, virtual, real, tmp_p
     assert steps_of(rig, real=False) == tuple(virtual.split())
     assert steps_of(rig, real=True) == tuple(real.split())
     request = CalibrationRequest("play", rig, tmp_path, rig_file=tmp_path / "rig.toml")
-    with pytest.raises(ValueError, match="play is found from its runs"):
+    with pytest.raises(ValueError, match="backlash is found from its runs"):
         calibration_step(request, lambda *_: None)  # pyright: ignore[reportArgumentType]
 
 
@@ -200,6 +204,62 @@ def test_what_a_worker_says_of_somebody_elses_run_is_no_html_either(tmp_path: Pa
     server.stop()
 
 
+def test_results_follow_the_newest_run_until_a_protocol_is_chosen(tmp_path: Path):
+    server, _ = open_server("127.0.0.1", 0, "a-token-of-some-length-for-tests")
+    controls, asked = Controls(lambda *what: None, print), []
+    worker = SimpleNamespace(put=lambda item, instead: asked.append(item.task.args[0][0].protocol))
+    tab = ResultsTab(server, controls, worker, tmp_path, LiveBuffer(500.0), lambda page, path: None)  # pyright: ignore[reportArgumentType]
+
+    def record(day: int, name: str, *, servo_only: bool = False) -> None:
+        protocol = {"name": name, "servo_only": servo_only}
+        start = {"source": "simulated", "arm": "with", "seed": 1, "protocol": protocol}
+        log = Log.from_columns({"t_s": np.arange(5) / 200})
+        folder = tmp_path / "runs" / f"202601{day:02d}T000000-{name}-with"
+        write_run(folder, start, log, [], outcome="completed")
+        tab.refresh()
+
+    record(1, "hold")
+    record(2, "servo-squares", servo_only=True)  # nothing of it can be drawn
+    record(2, "steps")
+    tab._protocol.now = "hold"
+    record(3, "steps")  # another protocol's: what is looked at stays
+    tab.refresh()
+    record(4, "hold")
+    tab._protocol.now, tab.started = NEWEST, "hold"  # a series that began with it
+    record(5, "hold")
+    record(6, "steps")
+    assert tab._named(NEWEST) == "hold"
+    controls.queue.close()
+    server.stop()
+    assert asked == ["hold", "steps", "hold", "hold"]
+
+
+def test_runs_of_the_servos_alone_say_why_there_is_no_figure(tmp_path: Path):
+    protocol = {"name": "servo-squares", "servo_only": True}
+    start = {"source": "simulated", "arm": "without", "seed": 1, "protocol": protocol}
+    log = Log.from_columns({"t_s": np.arange(50) / 200, "theta_x_rad": np.zeros(50)})
+    write_run(tmp_path / "20260101T000000-servo-squares", start, log, [], outcome="completed")
+    done = draw_figures(list_runs(tmp_path), tmp_path / "f", False, ProgressSender(lambda m: None))
+    assert done.pictures == []
+    assert "the servos alone" in card(done)
+
+
+def test_both_methods_behind_a_target_that_moves_are_drawn_without_centroids(tmp_path: Path):
+    t = np.arange(2000) / 200
+    columns = {f"{what}_{axis}_m": 0.03 * np.cos(t) for what in ("ball", "target") for axis in "xy"}
+    columns |= {f"theta_{axis}_rad": 0.1 * np.sin(t) for axis in "xy"} | {"ball_exposed_s": t}
+    log = Log.from_columns({"t_s": t, "phase": 2 + 0 * t, **columns})
+    for day, arm in ((1, "without"), (2, "with")):
+        start = {"source": "simulated", "arm": arm, "seed": 1, "protocol": {"name": "circle"}}
+        folder = tmp_path / f"2026010{day}T000000-circle-{arm}"
+        write_run(folder, start, log, [], outcome="completed")
+    drawn = draw_figures(
+        list_runs(tmp_path), tmp_path / "f", False, ProgressSender(lambda message: None)
+    )
+    assert [p.path.name for p in drawn.pictures] == ["fig10.png", "ball-time.png", "fig11.png"]
+    assert [row.centroid_cm for row in drawn.rows] == [None, None]
+
+
 @pytest.mark.slow
 def test_a_run_disturbed_by_hand_is_named_and_not_counted(tmp_path: Path):
     t = np.arange(2000) / 200
@@ -217,6 +277,7 @@ def test_a_run_disturbed_by_hand_is_named_and_not_counted(tmp_path: Path):
     assert [row.how for row in rows] == ["completed, disturbed by hand", "completed"]
     drawn = draw_figures(rows, tmp_path / "figures", False, ProgressSender(lambda message: None))
     assert drawn.sentence == ""  # of two methods only one counts
+    assert card(drawn).startswith("hold: **to compare&#44; run it with and without")
     assert "By hand in" in card(drawn)
     assert "push to the left" in card(drawn)
     both = draw_figures(rows, tmp_path / "figures", True, ProgressSender(lambda message: None))
@@ -235,10 +296,26 @@ def test_what_was_cut_off_is_said_with_its_cure(tmp_path: Path):
 
 
 def test_both_controllers_are_run_where_the_protocol_asks_for_both():
-    squares, release = read_protocol("servo-squares"), read_protocol("free-release")
-    assert chosen_methods(BOTH, release) == ("without", "with")
-    assert chosen_methods(BOTH, squares) == ("without",)
-    assert [chosen_methods(one, squares) for one in METHODS][1:] == [("with",), ("without",)]
+    def methods(name: str, choice: str) -> tuple[str, ...]:
+        return shipped_plan(name, choice, 1).methods
+
+    assert methods("free-release", BOTH) == ("without", "with")
+    assert methods("servo-squares", BOTH) == ("without",)
+    assert [methods("servo-squares", one) for one in METHODS][1:] == [("with",), ("without",)]
+
+
+def test_the_whole_study_runs_its_protocols_in_turn_and_knows_what_is_left():
+    """Runs of different lengths: the share and the time left are of seconds, not of runs."""
+    runs = planned_runs(*(replace(shipped_plan(name, BOTH, 1), speed=2.0) for name in STUDY))
+    names = list(dict.fromkeys(run.plan.protocol.name for run in runs))
+    assert names == list(STUDY)
+    assert [run.number for run in runs] == list(range(1, runs[0].of + 1))
+    all_s = sum(run.plan.run_s for run in runs)
+    last = SessionStatus("running", "", runs[-1], runs[-1].plan.run_s)
+    assert (last.share, last.remaining_s) == pytest.approx((1.0, 0.0))
+    second = SessionStatus("running", "", runs[1], 4.0)
+    assert second.share == pytest.approx((runs[0].plan.run_s + 4.0) / all_s)
+    assert second.remaining_s == pytest.approx((all_s - runs[0].plan.run_s - 4.0) / 2.0)
 
 
 def test_runs_of_one_name_have_labels_of_their_own(tmp_path: Path):

@@ -7,7 +7,13 @@ from types import SimpleNamespace
 import pytest
 
 from experiments.dashboard.session.tasks import RunSummary
-from experiments.dashboard.tabs.tour import STEPS, Tour, both_completed, tour_words
+from experiments.dashboard.tabs.tour import (
+    STEPS,
+    Tour,
+    both_completed,
+    next_words,
+    tour_words,
+)
 
 
 def marks(*done: bool) -> str:
@@ -18,8 +24,8 @@ def test_the_first_step_that_is_not_done_is_next():
     assert marks(False, False, False, False, False) == "▶○○○○"
     assert marks(True, False, True, False, False) == "✓▶✓○○"
     assert marks(True, True, True, True, True).startswith("✓✓✓✓✓")
-    assert "The study is done" in tour_words([True] * 5)
-    assert "The study is done" not in tour_words([True] * 4 + [False])
+    assert "The study is done" in next_words([True] * 5)
+    assert "Next: **5 Gap**" in next_words([True] * 4 + [False])
 
 
 def run(method: str, *, seed: int = 1, outcome: str = "completed") -> RunSummary:
@@ -41,30 +47,49 @@ def test_runs_are_a_pair_when_both_methods_were_completed_with_one_seed(rows, bo
     assert both_completed(rows) is both
 
 
-def test_only_a_change_is_sent_to_the_pages():
+@pytest.fixture
+def tour():
+    """A tour, what was sent to the pages, and which steps the program knows to be done."""
     sent, done = [], [False] * len(STEPS)
 
     class Words:
         def __setattr__(self, name: str, value: str) -> None:
             sent.append(value)
 
-    class Folder(nullcontext):
-        def __init__(self, label: str) -> None:
-            super().__init__()
-            self.label = label
-
     gui = SimpleNamespace(
-        add_folder=lambda label, **k: Folder(label), add_markdown=lambda text: Words()
+        add_folder=lambda label, **k: nullcontext(),
+        add_markdown=lambda text, **k: Words(),
+        add_button=lambda label, **k: SimpleNamespace(**k),
     )
-    tour = Tour(SimpleNamespace(gui=gui), lambda: done)  # pyright: ignore[reportArgumentType]
-    tour.draw()
-    tour.draw()
-    assert sent == [tour_words(done)]
-    assert tour._folder.label.endswith("next 1 Run")
+    controls = SimpleNamespace(button=lambda *what, **k: None)
+    guide = Tour(SimpleNamespace(gui=gui), controls, lambda: done)  # pyright: ignore[reportArgumentType]
+    guide.add_steps()
+    return guide, sent, done
+
+
+def test_only_a_change_is_sent_to_the_pages(tour):
+    guide, sent, done = tour
+    guide.draw()
+    guide.draw()
+    assert sent == [tour_words(done), next_words(done)]
+    assert "Next: **1 Run**" in sent[1]
     done[0] = True
-    tour.draw()
-    assert len(sent) == 2
-    assert tour._folder.label.endswith("next 2 Results")
-    done[1:] = [True] * 4
-    tour.draw()
-    assert tour._folder.label.endswith("done")
+    guide.draw()
+    assert len(sent) == 4
+    assert "Next: **2 Results**" in sent[3]
+
+
+def test_results_are_ticked_when_somebody_says_so_or_went_on(tour):
+    guide, sent, done = tour
+    done[:2] = [True, True]
+    guide.draw()
+    assert guide._seen.visible
+    assert "Next: **2 Results**" in sent[-1]
+    guide._note_read()
+    guide.draw()
+    assert not guide._seen.visible
+    assert "Next: **3 Replay**" in sent[-1]
+    guide._read, done[2] = False, True
+    guide.draw()
+    assert "Next: **4 Calibrate**" in sent[-1]
+    assert not guide._seen.visible

@@ -47,7 +47,7 @@ def test_a_run_is_told_with_its_ball_its_target_and_how_far_off_it_is():
     assert json.loads(json.dumps(found, allow_nan=False)) == found
 
 
-@pytest.mark.parametrize("curve", [np.empty((0,)), np.full((3, len(COLUMNS)), np.nan)])
+@pytest.mark.parametrize("curve", [np.empty((0, len(COLUMNS))), np.full((3, len(COLUMNS)), np.nan)])
 def test_what_is_not_known_is_told_as_nothing(curve: np.ndarray):
     for row in (None, np.full(len(COLUMNS), np.nan)):
         found = big_view(Rig(), state(row, np.nan), SessionStatus("stopped"), curve)
@@ -60,3 +60,4 @@ def test_a_ball_that_was_seen_too_long_ago_is_not_shown():
     curve = rows()
     found = big_view(Rig(), state(curve[-1], curve[-1, 0] - 0.4), SessionStatus("balancing"), curve)
     assert found["ball_m"] is None
+    assert (found["title"], found["run"]) == ("", "balancing, without play compensation")

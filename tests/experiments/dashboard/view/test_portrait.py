@@ -2,12 +2,15 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from experiments.dashboard.view.portrait import (
+    GREY,
     WAIT,
+    Portrait,
     distance_cm,
     histogram_picture,
     phase_picture,
@@ -84,3 +87,36 @@ def test_the_bars_of_the_histogram_hold_every_sample_once():
     assert np.count_nonzero(heights) == 3
     assert sorted(heights[heights > 0] / heights.max()) == pytest.approx([0.5, 0.5, 1.0])
     assert "50 %" in picture
+
+
+def test_the_last_run_stays_grey_in_the_same_axes(monkeypatch):
+    monkeypatch.setattr("experiments.dashboard.view.portrait.EVERY_S", 0.0)
+    portrait = Portrait(SimpleNamespace(gui=Gui()), SERVO)  # pyright: ignore[reportArgumentType]
+    (html,) = portrait.handles
+    large, small = swinging(), swinging(ball_x_m=0.03, ball_y_m=0.0)
+    small[:, INDEX["ball_x_m"]] += 1e-3 * np.cos(small[:, 0])
+    portrait.draw(small, "balancing")
+    assert GREY not in html.content
+    portrait.draw(large, "hold, without")
+    assert GREY not in html.content  # what balanced before was no run
+    portrait.draw(small, "hold, with")
+    assert "Grey: hold, without" in html.content
+    alone, both = pictures(small, SERVO), html.content
+    assert both.count(GREY) == 4  # both axes, in both pictures
+    assert alone.count("<polyline") == 4
+    right = r'text-anchor="end" font-size="11" fill="currentColor">([-\d.]+)<'
+    assert re.findall(right, both)[0] == re.findall(right, pictures(large, SERVO))[0]
+    portrait.draw(small, "balancing")
+    assert "Grey: hold, with<" in html.content
+
+
+class Gui:
+    def add_html(self, content: str):
+        return SimpleNamespace(content=content)
+
+
+def test_it_says_what_it_draws():
+    portrait = Portrait(SimpleNamespace(gui=Gui()), SERVO)  # pyright: ignore[reportArgumentType]
+    portrait.draw(swinging(), "a <b> run, without play compensation")
+    (html,) = portrait.handles
+    assert "<p>a &lt;b&gt; run, without play compensation</p>" in html.content
