@@ -165,6 +165,7 @@ def track(
     """Track a ball in real footage: track.csv, a film with overlay, a contact sheet."""
     from experiments.records.run_folder import writable
     from experiments.track.track import place_of, track_video
+    from experiments.track.words import summary_words
 
     bundle = None
     if calibration is not None:
@@ -177,8 +178,8 @@ def track(
     summary = track_video(
         video, writable(out), calibration=bundle, ball_colour=ball_colour, ball_at=place
     )
-    for key, value in summary.items():
-        say(f"{key}: {value}")
+    for line in summary_words(summary, out):
+        say(line)
 
 
 @app.command()
@@ -206,11 +207,12 @@ def export(
     out: Annotated[Path, typer.Option(help="File ending in .csv, .parquet or .mat.")],
 ) -> None:
     """Write a run's log as CSV, Parquet or MAT."""
-    from experiments.records.exporting import export_run
+    from experiments.records.exporting import check_place, export_log
     from experiments.records.recording import read_run
 
-    say(str(export_run(run, out)))
+    check_place(out)
     whole = read_run(run)
+    say(str(export_log(whole.log, out)))
     if whole.meta["truncated"]:
         raise WorkFailedError(
             f"{run} is cut short: {len(whole.log)} of {whole.meta.get('rows') or 'unknown'} rows "

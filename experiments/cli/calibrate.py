@@ -59,7 +59,9 @@ def camera(
         float, typer.Option(help="About how far the plate is from the camera.")
     ] = 750.0,
     pictures: Annotated[int, typer.Option(min=15, help="Most pictures from a video.")] = 40,
-    seconds: Annotated[float, typer.Option(min=1, help="Longest wait for a live camera.")] = 180.0,
+    seconds: Annotated[
+        float, typer.Option(min=1, max=86400, help="Longest wait for a live camera.")
+    ] = 180.0,
     seed: SeedOption = 1,
 ) -> None:
     """The lens, from pictures of the printed sheet; refuses what would not be trusted."""
@@ -86,7 +88,9 @@ def table(
     ] = None,
     rig: RigOption = None,
     out: OutOption = OUT,
-    frames: Annotated[int, typer.Option(min=3, help="How many frames are looked at.")] = 12,
+    frames: Annotated[
+        int, typer.Option(min=3, max=1000, help="How many frames are looked at.")
+    ] = 12,
     plate_marker_mm: PlateMarkerMm = 24.0,
     layout: Annotated[
         Path | None, typer.Option(help="JSON with dictionary, ids and corners_m of own markers.")
@@ -124,7 +128,9 @@ def time_(
     ] = None,
     rig: RigOption = None,
     out: OutOption = OUT,
-    seconds: Annotated[float, typer.Option(min=3, help="Length of the virtual wiggle.")] = 6.0,
+    seconds: Annotated[
+        float, typer.Option(min=3, max=3600, help="Length of the virtual wiggle.")
+    ] = 6.0,
     seed: SeedOption = 1,
 ) -> None:
     """How late the camera's frames are stamped, against the encoders."""
@@ -141,7 +147,9 @@ def level(
     ] = None,
     rig: RigOption = None,
     out: OutOption = OUT,
-    seconds: Annotated[float, typer.Option(min=12, help="Length of the virtual run.")] = 40.0,
+    seconds: Annotated[
+        float, typer.Option(min=12, max=3600, help="Length of the virtual run.")
+    ] = 40.0,
     seed: SeedOption = 1,
 ) -> None:
     """How far the plate is from level at servo angle zero, and whether angles push the ball the

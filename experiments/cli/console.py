@@ -1,7 +1,8 @@
 """What a terminal shows: progress bars and tables."""
 
+import time
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -15,11 +16,15 @@ if TYPE_CHECKING:
     from rig.effects import Effect
 
 
+LINE_S = 30.0  # chosen: who looks into a log sees that it lives
+
+
 @contextmanager
 def bars() -> Iterator[ProgressCall]:
     """Show progress bars on standard error; gives the function that updates them.
 
-    Each stage has its own bar. Nothing is drawn before the first update.
+    Each stage has its own bar; where no terminal draws them, a line now and then. Nothing is
+    drawn before the first update.
     """
     columns = (
         TextColumn("{task.description:34s}", markup=False),
@@ -27,7 +32,11 @@ def bars() -> Iterator[ProgressCall]:
         MofNCompleteColumn(),
         TimeRemainingColumn(),
     )
-    progress = Progress(*columns, console=Console(stderr=True))
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield _lines(console)
+        return
+    progress = Progress(*columns, console=console)
     tasks: dict[str, int] = {}
 
     def show(stage: str, done: int, total: int) -> None:
@@ -43,6 +52,22 @@ def bars() -> Iterator[ProgressCall]:
     finally:
         if tasks:
             progress.stop()
+
+
+def _lines(console: Console) -> ProgressCall:
+    """Progress in a file or a pipe: a line where a stage begins and ends, and every LINE_S."""
+    told: dict[str, tuple[float, int]] = {}
+
+    def show(stage: str, done: int, total: int) -> None:
+        name = stage.partition(": ")[0]
+        now_s = time.monotonic()
+        since_s, before = told.get(name, (-LINE_S, -1))
+        if now_s - since_s >= LINE_S or (done >= total > before):
+            told[name] = now_s, done
+            with suppress(OSError):  # nobody reads it
+                print(f"{stage}: {done} of {total}", file=console.file, flush=True)
+
+    return show
 
 
 def effects_table(effects: "Iterable[Effect]") -> None:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from experiments.cli.say import say
+from experiments.cli.say import output_aside
 
 
 def dashboard(
@@ -32,12 +32,6 @@ def dashboard(
     from experiments.records.run_folder import writable
     from experiments.runs.assemble import load_rig
 
-    serve_dashboard(
-        load_rig(rig),
-        rig,
-        writable(out),
-        host=host,
-        port=port,
-        foxglove_port=foxglove,
-        say=say,
-    )
+    known, folder = load_rig(rig), writable(out)
+    with output_aside() as say:
+        serve_dashboard(known, rig, folder, host=host, port=port, foxglove_port=foxglove, say=say)

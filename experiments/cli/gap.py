@@ -107,12 +107,19 @@ def _check_request(
 
 
 def _investigate_and_report(
-    logs: Sequence[Path], *, rig_file: Path | None, out: Path, json_file: Path | None, until: str
+    logs: Sequence[Path],
+    *,
+    rig_file: Path | None,
+    out: Path,
+    json_file: Path | None,
+    until: str,
+    truth: str = "",
 ) -> "Findings":
-    """ValueError, OSError: bad input or an unwritable folder, before any work."""
+    """truth: what the demo hid, for the page. ValueError, OSError: bad input or an unwritable
+    folder, before any work."""
     from experiments.cli.console import bars
     from experiments.gap.gap import investigate
-    from experiments.gap.report import write_findings
+    from experiments.gap.report import origin_words, write_findings
     from experiments.gap.summary import summary_lines
     from experiments.records.run_folder import writable, write_json
 
@@ -122,7 +129,8 @@ def _investigate_and_report(
         found = investigate(logs, rig_file, until=until, threads=2, progress=progress)
     if json_file is not None:
         write_json(json_file, found.to_json())
-    page = write_findings(found, folder, names=[path.name for path in logs], rig_file=rig_file)
+    names, origin = [path.name for path in logs], origin_words(logs, demo=bool(truth))
+    page = write_findings(found, folder, names=names, rig_file=rig_file, origin=origin, truth=truth)
     for line in summary_lines(found):
         say(line)
     say(f"report: {page}   numbers: {folder / 'results.json'}")
@@ -159,15 +167,17 @@ def _no_demo(logs: Sequence[Path], rig_file: Path | None) -> str:
 
 def _demo(*, out: Path, json_file: Path | None, seed: int | None, until: str) -> None:
     _check_request(json_file, until, out)
-    from experiments.gap.demo import DEMO_PLAY_RAD, demo_runs
+    from experiments.gap.beside import truth_lines
+    from experiments.gap.demo import demo_runs, hidden_words
     from experiments.records.run_folder import writable
 
     runs = demo_runs(writable(out), seed=1 if seed is None else seed)
-    say(
-        "hidden in the simulated table, unknown to the workflow: joint play of "
-        + ", ".join(f"{play} rad ({axis})" for axis, play in DEMO_PLAY_RAD.items())
+    say(hidden_words())
+    found = _investigate_and_report(
+        runs, rig_file=None, out=out, json_file=json_file, until=until, truth=hidden_words()
     )
-    _investigate_and_report(runs, rig_file=None, out=out, json_file=json_file, until=until)
+    for line in truth_lines(found, runs):
+        say(line)
 
 
 def _guess(*, out: Path, json_file: Path | None, seed: int | None, until: str) -> None:
@@ -177,7 +187,7 @@ def _guess(*, out: Path, json_file: Path | None, seed: int | None, until: str) -
 
     from experiments.gap import guess
     from experiments.gap.beside import found_values
-    from experiments.gap.demo import demo_runs
+    from experiments.gap.demo import demo_runs, hidden_words
     from experiments.records.run_folder import writable
 
     drawn = secrets.randbelow(10**6) if seed is None else seed
@@ -187,7 +197,9 @@ def _guess(*, out: Path, json_file: Path | None, seed: int | None, until: str) -
     for line in guess.clues(runs, seed=drawn):
         say(line)
     yours = {axis: typer.prompt(f"play of {axis} [degrees]", type=float) for axis in "xy"}
-    found = _investigate_and_report(runs, rig_file=None, out=out, json_file=json_file, until=until)
+    found = _investigate_and_report(
+        runs, rig_file=None, out=out, json_file=json_file, until=until, truth=hidden_words(hidden)
+    )
     sizes = {place: one.value for place, one in found_values(found).items()}
     for line in guess.score(hidden, yours, sizes):
         say(line)

@@ -61,6 +61,7 @@ def import_(
         made = merged(read_map(map_file), said).model_copy(update={"sources": sources})
     else:
         made = _proposed(recordings[0], said, sources, yes=yes)
+        _refuse_others(files[1:], recordings[1:], made, said)
     logs = []
     for path, recording in zip(files, recordings, strict=True):
         try:
@@ -114,6 +115,29 @@ def _proposed(recording, said, sources: tuple[str, ...], *, yes: bool):
             raise ValueError("nobody is there to ask: --yes takes this proposal")
         typer.confirm("import so", abort=True, default=True)
     return made
+
+
+def _refuse_others(files: list[Path], recordings, made, said) -> None:
+    """ValueError (one line): a further file does not say of itself what the first one's map says.
+
+    A file in which nothing can be compared says nothing against it.
+    """
+    from experiments.importing.agreement import contradiction
+    from experiments.importing.proposal import propose
+    from experiments.importing.recording import BadFileError
+
+    for path, recording in zip(files, recordings, strict=True):
+        try:
+            words = contradiction(made, propose(recording.stream, said))
+        except BadFileError:
+            continue
+        except ValueError as error:
+            words = str(error)
+        if words:
+            raise ValueError(
+                f"{path}: the map of the first file does not fit it ({words}): import it alone, or "
+                "state what is right for all with --set"
+            )
 
 
 def _answer(doubt) -> str:

@@ -30,6 +30,7 @@ HELPS_HURTS = (
 )
 SOURCES = {"simulated": "virtual rig", "measured": "measured"}
 _CM = 100.0
+TIME_IN = 5.4, 3.5  # of figures over time; chosen: letters are read at half a sheet's width
 plt.rcParams.update(
     {
         "font.size": 10,
@@ -86,7 +87,7 @@ def servo_word(log: Log) -> str:
 
 def _angle_label(log: Log, a: int) -> str:
     what = "servo" if servo_word(log) == "servo" else "commanded"
-    return f"{what} angle {'xy'[a]} [deg]"
+    return f"{what} {'xy'[a]} [deg]"
 
 
 def save(figure: Figure, folder: Path, name: str, source: str) -> Path:
@@ -114,7 +115,7 @@ def ball_over_time(without: Log, with_: Log) -> Figure:
 
 def _two_axes(curves: Sequence[tuple[Log, str, str]], referred: Log) -> Figure:
     """Ball x and y over time, one above the other; the reference is that of `referred`."""
-    figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.4), sharex=True)
+    figure, axes = plt.subplots(2, 1, figsize=TIME_IN, sharex=True)
     for a, axis in enumerate(axes):
         run = run_part(referred)
         reference = _CM * run["target_" + "xy"[a] + "_m"]
@@ -135,7 +136,7 @@ def ball_of_run(log: Log, colour: str) -> Figure:
 
 def servo_of_run(log: Log, colour: str) -> Figure:
     """Servo angles x, y [deg] over time of one run in this colour, with the desired angles."""
-    figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.4), sharex=True)
+    figure, axes = plt.subplots(2, 1, figsize=TIME_IN, sharex=True)
     t, theta, desired = _servo(log)
     for a, axis in enumerate(axes):
         axis.plot(t, theta[:, a], color=colour, lw=1.0, label=servo_word(log))
@@ -165,7 +166,7 @@ def servo_over_time(without: Log, with_: Log, *, panels: Sequence[str] = ("", ""
     The desired angle drawn is that of the arm with play compensation (each arm has its own and is
     judged by it). panels: letters of the two axes.
     """
-    figure, axes = plt.subplots(2, 1, figsize=(6.4, 4.8), sharex=True)
+    figure, axes = plt.subplots(2, 1, figsize=TIME_IN, sharex=True)
     for a, axis in enumerate(axes):
         t, _, desired = _servo(with_)
         t0, theta0, _ = _servo(without)
@@ -206,6 +207,9 @@ def _wanted(axis: Axes, log: Log, size: float) -> None:
         axis.plot(0, 0, "o", color=CENTRE, ms=size, label="centre (desired)", zorder=4)
 
 
+ASIDE_PT = {"without": (28, 26), "with": (-44, -34)}  # of an arm's name from its centroid
+
+
 def release_scatter(
     without: Log, with_: Log, centroids_cm: Mapping[str, np.ndarray], side_cm: float = 27.5
 ) -> Figure:
@@ -229,11 +233,11 @@ def release_scatter(
         if len(both):
             where.plot(*both.T, "x", color="k", ms=8, mew=1.6, ls="", label="centroids", zorder=5)
     arrow = {"arrowstyle": "-", "lw": 0.6}
-    for (arm, xy), away in zip(centroids_cm.items(), ((28, 26), (-44, -34)), strict=True):
+    for arm, xy in centroids_cm.items():
         views[-1][0].annotate(
             arm,
             (xy[0], xy[1]),
-            xytext=away,
+            xytext=ASIDE_PT[arm],
             textcoords="offset points",
             fontsize=8,
             arrowprops=arrow,

@@ -32,11 +32,12 @@ class Picture:
 @dataclass(frozen=True)
 class Pictures:
     """Pictures side by side where the page is wide enough; wide: one below the other, each as wide
-    as the page.
+    as the page; beside: a third one stands beside the two others, as high as both.
     """
 
     pictures: Sequence[Picture]
     wide: bool = False
+    beside: bool = False
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,7 @@ def made_words(*more: str) -> str:
 
 
 def recompute_section(how: str, command: str = "") -> Section:
-    """Last section of a page, *How to recompute*: in words, and the command to type."""
+    """A section of a page, *How to recompute*: in words, and the command to type."""
     return Section(
         "How to recompute", [*filter(None, (how,)), *([Code(command)] if command else [])]
     )
@@ -135,6 +136,8 @@ SETTLED = (
     "Settled: after settling; of a run that never settled, or whose target moves to its end, in "
     "its last half."
 )
+# Runs without play compensation stand before those with it, in tables and figures alike.
+ORDER = "without", "with"
 RUN_HEAD = (
     "run",
     "run folder",
@@ -196,7 +199,7 @@ def _amplitudes(cycle: dict) -> str:
     found = [number(cycle[a]["amplitude_cm"], 2) for a in "xy"]
     if any(words != "-" for words in found):
         return ", ".join(found)
-    return f"not known: {max(cycle.values(), key=lambda one: one['cycles'])['reason']}"
+    return max(cycle.values(), key=lambda one: one["cycles"])["reason"]
 
 
 def number(value: float, digits: int = 3) -> str:

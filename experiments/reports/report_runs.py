@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from shlex import quote
 
 import numpy as np
 
@@ -10,15 +11,24 @@ from experiments.analysis.comparison import (
     comparison_rows,
     comparison_sentence,
     part_words,
+    told_words,
 )
-from experiments.analysis.numbers import Recorded, recorded, resting_centroid_cm, run_numbers
+from experiments.analysis.numbers import (
+    Recorded,
+    recorded,
+    resting_centroid_cm,
+    resting_centroids_cm,
+    run_numbers,
+)
 from experiments.analysis.regime import regime_of_record, rig_of_record
+from experiments.analysis.repeats import distinct, repeats_words
 from experiments.analysis.samples import run_part
 from experiments.records.recording import read_run
 from experiments.records.run_folder import write_results
 from experiments.reports import figures
 from experiments.reports.figures import SOURCES, save
 from experiments.reports.report import (
+    ORDER,
     RUN_HEAD,
     SETTLED,
     Block,
@@ -33,6 +43,7 @@ from experiments.reports.report import (
 )
 
 _WHOLE = ("completed", "done")
+COLOURS = "Without play compensation blue, with red, what is wanted green."
 RUNS_A_TABLE = 5  # columns of a table of numbers; chosen: A4 is no wider
 
 
@@ -66,6 +77,10 @@ def _readable(folders: Sequence[Path]) -> tuple[list[Recorded], list[dict], list
             )
         protocol = run.meta.get("protocol")
         servo_only = isinstance(protocol, dict) and bool(protocol.get("servo_only"))
+        try:
+            rig_of_record(run.meta.get("rig") or {})
+        except ValueError as error:
+            raise ValueError(f"{folder}: {error}") from None
         runs.append(recorded(run.folder, run.log, outcome, servo_only=servo_only))
         metas.append(run.meta)
     if not runs:
@@ -80,17 +95,18 @@ def report_runs(folders: Sequence[Path], out: Path) -> Path:
     a folder is no readable run, or no run can be shown; OSError: `out` cannot be written.
     """
     runs, metas, notes = _readable(folders)
+    runs, metas = _in_order(runs, metas)
     sources = sorted({SOURCES[meta["source"]] for meta in metas})
     numbers = [run_numbers(run) for run in runs]
     sections = [
         _run_section(i, run, meta, out)
         for i, (run, meta) in enumerate(zip(runs, metas, strict=True), 1)
     ]
-    rows = [
-        run_row(f"{_name(meta)} {meta['arm']}", found)
-        for meta, found in zip(metas, numbers, strict=True)
-    ]
-    both = _both(runs, metas)
+    rows = [run_row(_title(meta), found) for meta, found in zip(metas, numbers, strict=True)]
+    all_of_both = _both(runs, metas)
+    both = distinct(all_of_both[0]), distinct(all_of_both[1])
+    if repeats := repeats_words(sum(map(len, all_of_both)) - sum(map(len, both))):
+        notes.append(repeats)
     write_results(
         out,
         {
@@ -112,24 +128,56 @@ def report_runs(folders: Sequence[Path], out: Path) -> Path:
         summary=notes,
         made=made_words(*_about(metas)),
         sections=[
-            *_comparison(both, out, str(metas[0]["source"])),
-            Section("Numbers of each run", _numbers(rows)),
-            *sections,
+            *_comparison(both, out, metas[0]),
+            Section("Numbers of each run", [*_numbers(rows), *_regimes(metas)]),
             recompute_section(
-                "The log behind every number, as a table:", "rig export RUN --out F.csv"
+                "The log behind every number, as a table, typed in the folder where the runs are:",
+                "\n".join(map(_export_command, runs)),
             ),
+            *sections,
         ],
     )
+
+
+def _in_order(runs: list[Recorded], metas: list[dict]) -> tuple[list[Recorded], list[dict]]:
+    """Runs and their run.json by protocol, seed and controller: without stands before with."""
+    names = list(dict.fromkeys(map(_name, metas)))
+
+    def place(i: int) -> tuple[int, int, int]:
+        arm = metas[i]["arm"]
+        at = ORDER.index(arm) if arm in ORDER else len(ORDER)
+        return names.index(_name(metas[i])), metas[i]["seed"] or 0, at
+
+    order = sorted(range(len(runs)), key=place)
+    return [runs[i] for i in order], [metas[i] for i in order]
+
+
+def _regimes(metas: list[dict]) -> list[Block]:
+    """What friction does to the loose plate, once for every table."""
+    return list(dict.fromkeys(regime_of_record(meta.get("rig")) for meta in metas))
+
+
+def _title(meta: dict) -> str:
+    seed = "" if meta["seed"] is None else f", seed {meta['seed']}"
+    return f"{_name(meta)}, {meta['arm']}{seed}"
+
+
+def _export_command(run: Recorded) -> str:
+    """Command that writes a run as a table, for the folder that holds it."""
+    name = run.folder.resolve().name
+    return f"rig export {quote(name)} --out {quote(f'{name}.csv')}"
 
 
 def _numbers(rows: list[list[str]]) -> list[Block]:
     """The runs' numbers, one column a run and a few runs a table: it fits a sheet of paper."""
     tables: list[Block] = []
-    for first in range(0, len(rows), RUNS_A_TABLE):
-        some = rows[first : first + RUNS_A_TABLE]
+    count = -(-len(rows) // RUNS_A_TABLE)
+    for first in range(0, len(rows), step := -(-len(rows) // count)):  # tables of one width
+        some = rows[first : first + step]
         turned = [[RUN_HEAD[i], *(row[i] for row in some)] for i in range(1, len(RUN_HEAD))]
         head = ("", *(row[0] for row in some))
-        tables.append(Table(head, turned, SETTLED, words=len(some) + 1))
+        caption = "" if tables else f"{SETTLED} {told_words(rows)}"
+        tables.append(Table(head, turned, caption, words=len(some) + 1))
     return tables
 
 
@@ -147,27 +195,34 @@ def _both(runs: list[Recorded], metas: list[dict]) -> tuple[list[Recorded], list
 
 
 def _comparison(
-    both: tuple[list[Recorded], list[Recorded]], out: Path, source: str
+    both: tuple[list[Recorded], list[Recorded]], out: Path, meta: dict
 ) -> list[Section]:
-    """With and without beside each other: figures of the first run of each, then the numbers."""
+    """Without and with beside each other: figures of the first run of each, then the numbers;
+    meta: run.json of a run."""
     if not all(both):
         return []
     without, with_ = both[0][0], both[1][0]
     drawn = {
         "Ball over time": figures.ball_over_time(without.log, with_.log),
         "Servo angles": figures.servo_over_time(without.log, with_.log),
+        "Where the ball was": figures.release_scatter(
+            without.log, with_.log, resting_centroids_cm(without, with_), _side_cm(meta)
+        ),
     }
     shown = [
         Picture(
-            save(figure, out, f"both-{name.split()[0].lower()}", source),
-            f"{name}: with play compensation red, without blue, what is wanted green.",
+            save(figure, out, f"both-{name.split()[0].lower()}", str(meta["source"])),
+            f"{name}.",
         )
         for name, figure in drawn.items()
     ]
     many = "; mean, and its 95 % interval over runs" if max(map(len, both)) > 1 else ""
     part = part_words([*both[0], *both[1]])
-    table = Table(HEAD, comparison_rows(*both), f"The ball {part}{many}.", words=4)
-    return [Section("With and without play compensation", [Pictures(shown), table])]
+    rows = comparison_rows(*both)
+    title = "Without and with play compensation"
+    caption = f"The ball {part}{many}. {told_words(rows)}"
+    table = Table(HEAD, rows, caption, words=4)
+    return [Section(title, [COLOURS, Pictures(shown, beside=True), table])]
 
 
 def _about(metas: list[dict]) -> list[str]:
@@ -178,7 +233,8 @@ def _about(metas: list[dict]) -> list[str]:
     said.append(f"Table: {', '.join(sorted(tables))}")
     times = sorted(str(m["created"])[:16].replace("T", " ") for m in metas if m.get("created"))
     if times:
-        said.append(f"Recorded from {times[0]} to {times[-1]} UTC")
+        until = f" to {times[-1]}" if times[-1] != times[0] else ""
+        said.append(f"Recorded {times[0]}{until} UTC")
     said += [
         f"Disturbed by hand, not compared: {_name(m)} {m['arm']}, {what}"
         for m in metas
@@ -196,15 +252,12 @@ def _run_section(i: int, run: Recorded, meta: dict, out: Path) -> Section:
     """Ball over time and on the plate, servos over time of one run; i: its number in the report,
     since folders in two places may have one name."""
     colour = figures.colour_of(str(meta["arm"]))
-    drawn = {"servo": figures.servo_of_run(run.log, colour)}
-    if np.isfinite(run.metrics.distance_m):
-        side = 100 * rig_of_record(meta.get("rig") or {}).linkage.side_m
-        drawn = {
-            "ball": figures.ball_of_run(run.log, colour),
-            "plate": figures.pushed_scatter(
-                run.log, resting_centroid_cm(run), f"{meta['arm']}", side
-            ),
-        } | drawn
+    seen = np.isfinite(run.metrics.distance_m)
+    drawn = {"ball": figures.ball_of_run(run.log, colour)} if seen else {}
+    drawn["servo"] = figures.servo_of_run(run.log, colour)
+    if seen:
+        centre = resting_centroid_cm(run)
+        drawn["plate"] = figures.pushed_scatter(run.log, centre, f"{meta['arm']}", _side_cm(meta))
     captions = {"ball": "Ball over time.", "plate": "Ball on the plate."}
     told = figures.servo_word(run.log) == "command"
     captions["servo"] = "Angles that the servos were told." if told else "Servo angles."
@@ -212,5 +265,9 @@ def _run_section(i: int, run: Recorded, meta: dict, out: Path) -> Section:
         Picture(save(figure, out, f"{i}-{run.folder.name}-{name}", meta["source"]), captions[name])
         for name, figure in drawn.items()
     ]
-    title = f"{_name(meta)}, {meta['arm']}, seed {meta['seed']}"
-    return Section(title, [regime_of_record(meta.get("rig")), Pictures(shown)])
+    return Section(_title(meta), [Pictures(shown, beside=True)])
+
+
+def _side_cm(meta: dict) -> float:
+    """Side of the plate that a run was made on [cm]."""
+    return 100 * rig_of_record(meta.get("rig") or {}).linkage.side_m

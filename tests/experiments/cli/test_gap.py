@@ -15,6 +15,7 @@ from experiments.runs.runner import RunRequest, keep_simulated, simulate_run
 from rig.rigfile import read_rig
 from tests.support.command import call
 from tests.support.gap.exchange import RIG, SERVO_ONLY, answer, assert_contract, foreign, written
+from tests.support.gap.findings import named
 
 PLAY = {"joint_backlash": {"x": {"play_rad": 0.04}}}
 
@@ -155,10 +156,13 @@ def test_the_demo_hides_a_play_of_which_the_investigation_is_not_told(
     monkeypatch.setattr(demo, "read_protocol", short)
     monkeypatch.setattr(
         "experiments.cli.gap._investigate_and_report",
-        lambda runs, **more: asked.append((runs, more)),
+        lambda runs, **more: asked.append((runs, more)) or named(),
     )
     assert call("gap", "--demo", "--out", tmp_path, "--seed", "2") == 0
-    assert "hidden in the simulated table" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "Hidden in the demo's simulated table" in told
+    assert "rad" not in told.replace(str(tmp_path), "")  # one unit for what was hidden and found
+    assert "joint backlash x: found 2.01 [1.93, 2.09] deg, truth 2.01 deg: agrees" in told
     ((runs, more),) = asked
     assert (more["rig_file"], more["until"]) == (None, "next")
     assert runs
@@ -202,4 +206,4 @@ def test_the_demo_finds_names_adds_and_closes_its_play(capsys, monkeypatch, tmp_
         assert found["gap"]["after"][f"ball_{axis}"] < 1.1 < found["gap"]["before"][f"ball_{axis}"]
     ahead = found["gap"]["ahead_1s_mm"]
     assert ahead["after"] < 1.2 * ahead["floor"] < ahead["before"]
-    assert "hidden in the simulated table" in capsys.readouterr().out
+    assert "Hidden in the demo's simulated table" in capsys.readouterr().out

@@ -46,6 +46,7 @@ def every_kind_of_page(folder: Path) -> Path:
                 "Figures",
                 ["Pushes are drawn.", Pictures([Picture(picture, "a"), Picture(picture, "b")])],
             ),
+            Section("A run", [Pictures([Picture(picture, n) for n in "abc"], beside=True)]),
             Section("Sizes", [Table(("effect", *logs, "agree"), agree)]),
             Section("Seven", [Table([f"column {j}" for j in range(7)], [["1.5 mm"] * 7])]),
             Section("Every run", [Table(RUN_HEAD, wide)]),
@@ -100,6 +101,17 @@ def test_a_head_and_its_sentence_stay_with_what_they_are_of_on_paper(chromium, p
     assert paper.get_by_role("heading", name="Figures", exact=True).evaluate(after) == "avoid"
     assert paper.get_by_text("Pushes are drawn.").evaluate(after) == "avoid"
     assert paper.get_by_text("completed", exact=True).first.evaluate(LINES) == 1
+
+
+def test_the_three_figures_of_a_run_share_half_a_sheet(chromium, page_file):
+    paper = opened(chromium, page_file, PRINTED_PX)
+    paper.emulate_media(media="print")
+    boxes = [paper.locator(".beside figure").nth(i).bounding_box() for i in range(3)]
+    (first, second, third) = (box for box in boxes if box)
+    assert third["y"] == first["y"] < second["y"]
+    assert third["x"] >= first["x"] + first["width"]
+    half_px = (297 - 24) / 25.4 * 96 / 2
+    assert second["y"] + second["height"] - first["y"] < half_px - 40  # less the run's head
 
 
 def test_dark_by_preference_with_the_same_hues(chromium, page_file):

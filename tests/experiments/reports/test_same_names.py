@@ -1,8 +1,10 @@
 """Runs of two tables may lie in folders of one name: each keeps its own pictures."""
 
+import json
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from experiments.records.recording import write_run
 from experiments.reports.report_runs import report_runs
@@ -29,3 +31,12 @@ def test_each_section_shows_the_pictures_of_its_own_run(tmp_path: Path):
     balls = sorted(out.glob(f"*{NAME}-ball.png"))
     assert len(balls) == 2
     assert balls[0].read_bytes() != balls[1].read_bytes()
+
+
+def test_of_several_runs_the_one_whose_rig_cannot_be_used_is_named(tmp_path: Path):
+    good, bad = (recorded(tmp_path / name, 0.01) for name in "ab")
+    meta = json.loads((bad / "run.json").read_text())
+    (bad / "run.json").write_text(json.dumps(meta | {"rig": {"ball": 3}}))
+    with pytest.raises(ValueError, match="cannot be used") as caught:
+        report_runs([good, bad], tmp_path)
+    assert str(bad) in str(caught.value)

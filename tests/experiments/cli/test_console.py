@@ -1,0 +1,23 @@
+"""Progress where nobody draws bars: a log that grows tells that the work goes on."""
+
+from experiments.cli import console
+
+
+def test_a_stage_is_told_as_it_begins_and_ends_and_now_and_then(capsys, monkeypatch):
+    now_s = [100.0]
+    monkeypatch.setattr(console.time, "monotonic", lambda: now_s[0])
+    with console.bars() as progress:
+        for done in range(7):
+            progress("baseline: fitting", done, 6)
+            now_s[0] += 10.0
+        progress("report", 0, 2)
+        progress("report", 2, 2)
+        progress("report", 2, 2)
+    told = capsys.readouterr().err.splitlines()
+    assert told == [
+        "baseline: fitting: 0 of 6",
+        "baseline: fitting: 3 of 6",
+        "baseline: fitting: 6 of 6",
+        "report: 0 of 2",
+        "report: 2 of 2",
+    ]
