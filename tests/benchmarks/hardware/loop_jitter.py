@@ -26,8 +26,8 @@ from experiments.records.recording import Recorder, read_run
 from experiments.runs.assemble import known, load_rig
 from experiments.runs.live_run import record_live
 from rig.course import Course
+from rig.loop.job import Job
 from rig.loop.paced import Paced
-from rig.loop.process import Job
 from rig.loop.realtime import PRIORITY
 from rig.simulation.simulator import SimulatedTable
 
