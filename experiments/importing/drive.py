@@ -8,12 +8,13 @@ from experiments.importing.draft import Draft
 from experiments.importing.relations import responses
 from experiments.importing.roles import NAMES, assign, columns_of
 from experiments.importing.scales import settle_scale
-from experiments.importing.signs import filled
+from experiments.importing.signs import filled, motion
 from experiments.importing.units import FACTORS, quantity
 
 MAX_VOLTS = 60.0  # extra-low voltage; no motor of such a table takes more
 FULL_SCALES = (1.0, 100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0)
 NEAR_FULL = 0.02
+SUPPLY_SHARE = 0.5  # chosen: a supply sags by less, and no drive stays above half of its most
 _VOLTAGES = {axis: NAMES["voltage"].format(axis) for axis in "xy"}
 SPEED_TOLERANCE = 0.15  # of a slope that must be 1
 
@@ -21,12 +22,22 @@ SPEED_TOLERANCE = 0.15  # of a slope that must be 1
 def find_volts(draft: Draft) -> dict[str, str]:
     """Axis -> column of the motors' volts, or of what stands for them."""
     for role in ("voltage", "share", "current"):
-        names = columns_of(draft, role)
+        names = [n for n in columns_of(draft, role) if not _is_supply(draft, role, n)]
         if names or role == "voltage":
             found = assign(draft, "voltage", names)
             if found:
                 return found
     return {}
+
+
+def _is_supply(draft: Draft, role: str, column: str) -> bool:
+    """Whether volts are those of a supply: of one sign, and never near 0, where a motor rests."""
+    values = draft.values(column)
+    values = values * np.sign(np.nanmean(values))
+    if role != "voltage" or not np.nanmin(values) > SUPPLY_SHARE * np.nanmax(values):
+        return False
+    draft.because("drive", f"{column} is left out: volts of a supply, which never come near 0")
+    return True
 
 
 def settle_volts(draft: Draft, volts: Mapping[str, str], theta: Mapping[str, str]) -> None:
@@ -41,7 +52,7 @@ def settle_volts(draft: Draft, volts: Mapping[str, str], theta: Mapping[str, str
             draft.because("drive", f"{own} is left out: no angle on axis {axis} to hold it against")
             continue
         angle = NAMES["theta"].format(axis)
-        turned = draft.signals[angle]["sign"] * filled(draft.values(theta[axis]))[good]
+        turned = draft.signals[angle]["sign"] * motion(draft, theta[axis])[good]
         each = responses(draft.seconds[good], turned, causes, order=1)
         others = _said_columns(draft, axis)
         known = {

@@ -1,6 +1,7 @@
 """Propose a map for a recording: a pure function of its columns and of what was stated."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -8,6 +9,7 @@ from experiments.importing.absent_ball import absent_codes, without
 from experiments.importing.draft import Doubt, Draft, Proposal
 from experiments.importing.drive import find_volts, settle_speeds, settle_targets, settle_volts
 from experiments.importing.import_map import KINDS, SIGNALS, Stated
+from experiments.importing.lone_servo import read_lone_servo
 from experiments.importing.names import hints
 from experiments.importing.recording import Stream, numbers_only
 from experiments.importing.roles import (
@@ -19,7 +21,8 @@ from experiments.importing.roles import (
     find_time,
 )
 from experiments.importing.scales import settle_angle_zero, settle_ball_zero, settle_units
-from experiments.importing.signs import answers, followed, pair
+from experiments.importing.signs import answers, doubt_late_angles, followed, pair
+from experiments.importing.units import FACTORS, QUANTITIES, family
 
 JUMP_RAD_S = 25.0  # no servo turns faster: what jumps like that was commanded
 LEAD_S = 0.02  # by which the ball must answer a command later than the angle itself
@@ -36,6 +39,7 @@ def propose(stream: Stream, said: Stated | None = None) -> Proposal:
     find_time(draft)
     if len(draft.seconds) == 0:
         return _proposal(draft)
+    read_lone_servo(draft)
     ball = find_ball(draft)
     volts = find_volts(draft)
     kinds = _angles(draft, bool(volts), ball)
@@ -47,6 +51,8 @@ def propose(stream: Stream, said: Stated | None = None) -> Proposal:
         angles = followed(draft, kinds["theta"], columns) if kind != "theta" in kinds else {}
         answered = pair(draft, kind, columns, found, angles)
         paired = {axis: draft.signals[NAMES[kind].format(axis)]["column"] for axis in answered}
+        if kind == "theta":
+            doubt_late_angles(draft, seen, paired)
         settle_units(draft, ball, kind, paired, answered, angles)
         settle_angle_zero(draft, kind, answered)
         kinds[kind] = paired
@@ -69,7 +75,12 @@ def _proposal(draft: Draft) -> Proposal:
             and keys.get("column") not in (None, "none")
         ):
             draft.values(keys["column"])
-            draft.signals[name] = {"unit": "1" if name == "push" else "s", **keys}
+            unit = {"push": "1", "ball_exposed_s": "s"}.get(name)
+            draft.signals[name] = {**({"unit": unit} if unit else {}), **keys}
+            if unit is None:
+                usual = (u for q in QUANTITIES[family(name)] for u in FACTORS[q])
+                why = f"the unit of {keys['column']} is not told by anything beside it"
+                draft.doubt([name], "unit", why, *usual)
     used = {keys["column"] for keys in draft.signals.values()}
     used |= {flag for keys in draft.signals.values() for flag in keys.get("seen", ())}
     used |= {draft.time.get("column"), draft.time.get("session")}
@@ -166,11 +177,25 @@ def _angles(draft: Draft, driven: bool, ball: Mapping[str, str]) -> dict[str, di
     elif free and not beside:
         theta, command = _of_open_kind(draft, free)
     if not free and not beside:
-        theta = assign(draft, "theta", columns_of(draft, "speed"))
+        theta = assign(draft, "theta", columns_of(draft, "speed")) or _stated_speeds(draft)
     if driven and command and theta:
         draft.because("rest", f"{', '.join(command.values())}: asked of an inner loop, left out")
         command = {}
     return {kind: c for kind, c in (("theta", theta), ("command", command)) if c}
+
+
+def _stated_speeds(draft: Draft) -> dict[str, str]:
+    """Axis -> column of the speeds that were stated, whose integrals are the only angles."""
+    found = {}
+    for axis in "xy":
+        keys = draft.said.get(NAMES["speed"].format(axis), {})
+        column = str(keys.get("column"))
+        if column in draft.stream.columns:
+            known = draft.hints[column].unit
+            unit = keys.get("unit") or (known if known in FACTORS["speed"] else "rad/s")
+            one = replace(draft.hints[column], role="speed", unit=unit)
+            found[axis], draft.hints = column, {**draft.hints, column: one}
+    return found
 
 
 def _with_partner(draft: Draft, role: str, named: Mapping[str, list[str]]) -> dict[str, str]:
@@ -216,8 +241,6 @@ def _without_codes(draft: Draft, ball: Mapping[str, str]) -> dict[str, np.ndarra
 
 def _lone_kind(draft: Draft, free: list[str]) -> str | None:
     """Commanded, if an angle that is named in degrees or radians jumps as no servo can."""
-    from experiments.importing.units import FACTORS
-
     for column in free:
         si = FACTORS["angle"].get(draft.hints[column].unit or "")
         if si is None:

@@ -78,11 +78,17 @@ class _Fit:
 
 
 def responses(
-    t_s: np.ndarray, result: np.ndarray, causes: Sequence[np.ndarray], *, order: int
+    t_s: np.ndarray,
+    result: np.ndarray,
+    causes: Sequence[np.ndarray],
+    *,
+    order: int,
+    delays_s: np.ndarray = DELAYS_S,
 ) -> list[Response | None]:
     """How the derivative of `order` (1 or 2) of `result` (n,) follows each of `causes` ((n,) each).
 
-    NaN where a sample is missing; t_s (n,) grows, sessions parted by holes. None for a cause that
+    NaN where a sample is missing; t_s (n,) grows, sessions parted by holes; delays_s: of the result
+    behind the causes that are tried, negative where a cause is told late. None for a cause that
     never changes, or where too few windows are whole.
     """
     length = min(t_s[-1] - t_s[0], MAX_LENGTH_S)
@@ -92,7 +98,7 @@ def responses(
     moving = [i for i, (values, there) in enumerate(signals) if _moves(values, there)]
     best: list[tuple[_Fit, float]] = []
     for half_s in HALF_WINDOWS_S:
-        fits = _fits(x, seen, [signals[i] for i in moving], half_s, order)
+        fits = _fits(x, seen, [signals[i] for i in moving], half_s, order, delays_s)
         if fits and (not best or max(f.total for f, _ in fits) > max(f.total for f, _ in best)):
             best = fits
     found: list[Response | None] = [None] * len(causes)
@@ -136,6 +142,7 @@ def _fits(
     signals: list[tuple[np.ndarray, np.ndarray]],
     half_s: float,
     order: int,
+    delays_s: np.ndarray,
 ) -> list[tuple[_Fit, float]]:
     """Fits with every delay, for one width of the window."""
     half = round(half_s / STEP_S)
@@ -151,9 +158,9 @@ def _fits(
         smooth.append(np.convolve(values - centre, weight, "same") + centre)
         known.append(np.convolve((~there).astype(float), ones, "same") < 0.5)
     fits = []
-    for delay_s in DELAYS_S:
+    for delay_s in delays_s:
         back = round(delay_s / STEP_S)
-        at = np.arange(half + back, len(x) - half, max(half // 2, 1))
+        at = np.arange(half + max(back, 0), len(x) - half + min(back, 0), max(half // 2, 1))
         at = at[whole[at] & np.all([k[at - back] for k in known], axis=0)]
         if len(at) > 4 * (len(signals) + 2):
             fit = _regression(result[at], np.array([s[at - back] for s in smooth]))

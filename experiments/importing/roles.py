@@ -223,10 +223,12 @@ def doubt_what_is_missing(
     ]
     unknown = [name for name in free if draft.hints[name].role is None]
     said = any(draft.is_said(f"ball_{axis}_m", "column") for axis in "xy")
-    if not ball and not said and (unknown or not (angles and volts)):
+    kinds = {name.split()[0] for name in angles}
+    servo = bool(angles and volts) or len(kinds) > 1  # that can be compared without a ball
+    if not ball and not said and (unknown or not servo):
         if not free:
             raise BadFileError("no column can be the ball's place: none is left that changes")
-        options = [*(unknown or free)[:8], *(["none"] if angles and volts else [])]
+        options = [*(unknown or free)[:8], *(["none"] if servo else [])]
         why = "no column is the ball's place by its name"
         draft.doubt(["ball_x_m"], "column", why, *options)
     elif len(ball) == 1 and unknown:

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from experiments.importing.draft import Draft
-from experiments.importing.relations import Response, responses
+from experiments.importing.relations import DELAYS_S, MIN_LEAD, Response, responses
 from experiments.importing.roles import NAMES
 
+LATE_S = 0.04  # chosen: two steps of DELAYS_S by which a measured angle comes after the ball
 OTHER_SHARE = 1 / 3  # of the best cause's share; an axis that explains more might be the right one
 
 
@@ -67,6 +68,25 @@ def followed(
         named = zip(columns.values(), each, strict=True)
         found[axis] = {column: one for column, one in named if one is not None and one.sure}
     return found
+
+
+def doubt_late_angles(
+    draft: Draft, ball: Mapping[str, np.ndarray], columns: Mapping[str, str]
+) -> None:
+    """Doubt measured angles (axis -> column) that are told after the ball has answered them, as by
+    a slow filter: what is judged by them comes out wrong."""
+    good = np.isfinite(draft.seconds)
+    both_s = np.concatenate((-DELAYS_S[:0:-1], DELAYS_S))
+    for axis, column in columns.items():
+        if axis not in ball:
+            continue
+        known = draft.seconds[good], ball[axis][good], [motion(draft, column)[good]]
+        now, any_ = (responses(*known, order=2, delays_s=d)[0] for d in (DELAYS_S, both_s))
+        if now is None or any_ is None or not any_.sure:
+            continue
+        if any_.delay_s <= -LATE_S and any_.share - now.share >= MIN_LEAD:
+            why = f"the ball moves {-any_.delay_s:.2f} s before {column} tells it: leave that out"
+            draft.doubt([NAMES["theta"].format(axis)], "column", why, "none", column)
 
 
 def pair(
