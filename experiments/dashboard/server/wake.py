@@ -3,10 +3,12 @@
 viser 1.1.1 (pinned) calls `asyncio.Event.set` from the thread that draws, in the middle of its
 `push`. That goes through the tasks that wait, and raises "deque mutated during iteration" where the
 event loop's thread lets one begin or stop to wait meanwhile: what was drawn next was left out, and
-the error stood among the run's events.
+the error stood among the run's events. viser has the event loop set it again, which wakes whoever
+looked at the event just before it was set and began to wait just after.
 """
 
 import asyncio
+from contextlib import suppress
 from functools import wraps
 
 
@@ -14,12 +16,10 @@ class Wake(asyncio.Event):
     """An event that may be set from any thread."""
 
     def set(self) -> None:
-        """Wake those who wait as the event is set; who comes later does not wait."""
-        if self._value:
-            return
+        """Wake all who wait, also where the event was set before."""
         self._value = True
         for waiting in tuple(self._waiters):  # a copy is made in one step of the interpreter
-            if not waiting.done():
+            with suppress(asyncio.InvalidStateError):  # woken already, by another thread just now
                 waiting.set_result(True)
 
 

@@ -2,6 +2,7 @@
 
 import asyncio
 import threading
+from collections import deque
 
 import pytest
 
@@ -19,6 +20,8 @@ class _Waiting:
         return self.woken
 
     def set_result(self, value: bool) -> None:
+        if self.woken:
+            raise asyncio.InvalidStateError
         self.woken = value
         self._event._waiters.append(_Waiting(self._event))  # pyright: ignore
 
@@ -30,9 +33,10 @@ def test_who_begins_to_wait_meanwhile_is_no_error():
     with pytest.raises(RuntimeError, match="mutated during iteration"):
         plain.set()
     event.set()
-    event.set()
     assert event.is_set()
     assert [one.done() for one in event._waiters] == [True] * 3 + [False] * 3
+    event.set()
+    assert [one.done() for one in event._waiters] == [True] * 6 + [False] * 3
 
 
 def test_all_who_wait_are_woken_by_another_thread():
@@ -53,6 +57,32 @@ def test_all_who_wait_are_woken_by_another_thread():
         return woken
 
     assert asyncio.run(main()) == 50
+
+
+def test_who_begins_to_wait_as_the_event_is_set_is_woken_by_the_loop():
+    """Set by a thread between the look at the event and the place in the queue of those who wait;
+    the page stood still for minutes, whatever was drawn."""
+
+    class Late(deque):
+        def __init__(self, event: Wake) -> None:
+            super().__init__()
+            self._event: Wake | None = event
+
+        def append(self, waiting) -> None:
+            event, self._event = self._event, None
+            if event is not None:
+                thread = threading.Thread(target=event.set)
+                thread.start()
+                thread.join()
+                asyncio.get_running_loop().call_soon_threadsafe(event.set)  # as viser does
+            super().append(waiting)
+
+    async def main() -> None:
+        event = Wake()
+        event._waiters = Late(event)  # pyright: ignore
+        await asyncio.wait_for(event.wait(), 20.0)
+
+    asyncio.run(main())
 
 
 def test_the_page_server_is_woken_so():
