@@ -135,6 +135,16 @@ class Log:
         """Return the rows of `chosen` (mask (n,), indices or slice) as a log; notes are kept."""
         return Log.from_rows(self.rows[chosen], notes=self.notes)
 
+    def told(self) -> np.ndarray | None:
+        """Return the angles told to position servos (n, 2) [rad], each held to the next one.
+
+        0 before the first one, and on an axis that was told none, as a beam has; None where no axis
+        was told any.
+        """
+        if not any(self.has(name) for name in COMMANDS):
+            return None
+        return np.column_stack([_held(self[name]) for name in COMMANDS])
+
     def ball(self, delay_s: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """Return the times (k,) [s] and positions (k, 2) [m] of the new observations alone.
 
@@ -152,6 +162,12 @@ class Log:
         new = seen & ~np.concatenate(([False], held))[: len(self)]
         times = np.where(np.isfinite(exposed), exposed, self["t_s"] - delay_s)
         return times[new], xy[new]
+
+
+def _held(column: np.ndarray) -> np.ndarray:
+    """A column (n,) with each blank the value before it, 0 at the start."""
+    last = np.maximum.accumulate(np.where(np.isnan(column), -1, np.arange(len(column))))
+    return np.where(last >= 0, column[np.maximum(last, 0)], 0.0)
 
 
 def shown_angles(rows: np.ndarray) -> np.ndarray:

@@ -65,11 +65,12 @@ def _with_answers(log: Log, rig: Rig) -> Log:
 
     ValueError: angles were told, but the rig's servos take volts.
     """
-    if not log.has(*COMMANDS) or log.has("theta_x_rad") or log.has("theta_y_rad"):
+    if log.told() is None or log.has("theta_x_rad") or log.has("theta_y_rad"):
         return log
+    given = [name for name in COMMANDS if log.has(name)]
     if not rig.servo.takes_angle:
         raise ValueError(
-            "command_x_rad and command_y_rad, and no theta: these servos take an angle; say so in "
+            f"{' and '.join(given)}, and no theta: these servos take an angle; say so in "
             'a rig file, [servo] kind = "position", and give it with --rig'
         )
     known = signals(log, camera_delay_s=rig.camera.delay_s)
@@ -79,6 +80,9 @@ def _with_answers(log: Log, rig: Rig) -> Log:
     rows = np.array(log.rows)
     theta = INDEX["theta_x_rad"]
     rows[:, theta : theta + 2] = angles[np.searchsorted(t_s, known.t_s - 1e-9)]
+    for name in COMMANDS:
+        if name not in given:
+            rows[:, INDEX[name.replace("command", "theta")]] = np.nan
     return Log.from_rows(rows, notes=log.notes)
 
 

@@ -75,31 +75,29 @@ class Signals:
 
 
 def signals(log: Log, *, camera_delay_s: float) -> Signals:
-    """Return the signals of a log; `camera_delay_s` dates observations without `ball_exposed_s`."""
+    """Return the signals of a log; `camera_delay_s` dates observations without `ball_exposed_s`.
+
+    Where nobody measured an angle, the ball on an axis that was told none is left out.
+    """
     exposed, ball = log.ball(camera_delay_s)
     pair = [np.column_stack([log[f"{n}_x_{u}"], log[f"{n}_y_{u}"]]) for n, u in _PAIRS]
-    told = pair[2] if log.has(*COMMANDS) and np.isnan(pair[1]).all() else None
+    told = log.told() if np.isnan(pair[1]).all() else None
     if told is not None:
-        told = np.column_stack([_held(column) for column in told.T])
+        ball[:, [not log.has(name) for name in COMMANDS]] = np.nan
     return Signals(np.array(log["t_s"]), pair[0], pair[1], exposed, ball, told_rad=told)
 
 
 def read_back(log: Log, known: Signals) -> Signals:
     """The signals of a log whose servos take an angle: with the commands for volts, where the log
     has them and the angles that they led to."""
-    if not log.has(*COMMANDS) or known.told_rad is not None:
+    told = log.told()
+    if told is None or known.told_rad is not None:
         return known
-    told = np.column_stack([_held(log[name]) for name in COMMANDS])
-    return replace(known, volts_V=told, commanded=True)
+    x, y = (log.has(name) for name in COMMANDS)
+    return replace(known, volts_V=told, driven=(x, y), commanded=True)
 
 
-def _held(column: np.ndarray) -> np.ndarray:
-    """A column (n,) with each blank the value before it, 0 at the start."""
-    last = np.maximum.accumulate(np.where(np.isnan(column), -1, np.arange(len(column))))
-    return np.where(last >= 0, column[np.maximum(last, 0)], 0.0)
-
-
-_PAIRS = (("voltage", "V"), ("theta", "rad"), ("command", "rad"))
+_PAIRS = (("voltage", "V"), ("theta", "rad"))
 
 
 @dataclass(frozen=True, eq=False)

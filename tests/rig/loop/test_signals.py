@@ -10,6 +10,15 @@ from rig.loop.commands import CommandSlot
 from rig.loop.signals import LEAVING_S, leave_on_signals, stop_on_signals
 
 
+@pytest.fixture(autouse=True)
+def heeded():
+    """The signals as of a program in a terminal: under nohup one of them is ignored."""
+    before = {one: signal.signal(one, signal.SIG_DFL) for one in (signal.SIGTERM, signal.SIGHUP)}
+    yield
+    for one, handler in before.items():
+        signal.signal(one, handler)
+
+
 class Thing:
     pass
 
