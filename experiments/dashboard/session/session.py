@@ -233,6 +233,8 @@ class Session:
                 self._announce(0.0, f"{type(error).__name__}: {error}")
                 ending, lasted_s = Ending("aborted", str(error)), 0.0
                 self._last = planned.ended("aborted", str(error), 0.0) if planned else ""
+                with self._wake:
+                    self._waits = planned is not None and bool(self._planned)
             finally:
                 with self._wake:
                     self._loop, self._busy, self._stop = None, False, None

@@ -321,6 +321,36 @@ def test_a_run_that_fails_waits_and_may_be_repeated_on_the_rig_of_its_plan():
         assert not desk.session.may_repeat
 
 
+@pytest.mark.parametrize("real", [True, False])
+def test_a_run_that_ends_in_an_error_is_waited_after(real: bool):
+    """A full disk, a camera that cannot be opened: the next run of a real table would move its
+    motors without anybody having armed it."""
+    with opened(real=real) as desk:
+        desk.session.start(desk.plan(pause=real))
+        desk.loop(1).end(OSError("No space left on device"))
+        desk.state("pause")
+        assert desk.session.status.words == "run 2 of 2 is next (with play compensation)"
+        assert desk.session.may_repeat
+        desk.fails = OSError("the camera is gone")
+        desk.session.go_on()
+        wait_for("its words", lambda: "camera" in desk.session.status.last, PATIENCE_S)
+        desk.fails = None
+        runs = [loop.job[0] for loop in desk.loops if loop.job[0] != "balancing"]
+        assert [run.number for run in runs] == [1]
+        if real:
+            desk.state("stopped")
+            desk.session.start(desk.plan())  # nothing of it waits
+            desk.loop(2).end(DONE)
+
+
+def test_an_error_of_balancing_lets_a_plan_begin():
+    with opened(balance=True) as desk:
+        loop = desk.loop(1)
+        loop.put = lambda command: loop.end(OSError("the loop's process is gone"))
+        desk.session.start(desk.plan())
+        assert desk.loop(2).job[0].number == 1
+
+
 def test_stop_ends_the_run_for_good_and_says_what_happens():
     with opened() as desk:
         desk.session.start(desk.plan(repetitions=2))
