@@ -145,3 +145,9 @@ def test_where_takes_rows_and_keeps_notes():
     assert len(run) == 2
     assert run.notes == ("odd",)
     assert len(log.where(slice(1, None))) == 3
+
+
+def test_what_servos_were_told_is_held_and_0_where_nothing_was_told():
+    told = Log.from_columns({"t_s": np.arange(4.0), "command_y_rad": [np.nan, 0.2, np.nan, -0.1]})
+    assert told.told().tolist() == [[0, 0], [0, 0.2], [0, 0.2], [0, -0.1]]
+    assert Log.from_columns({"t_s": np.arange(4.0)}).told() is None

@@ -78,8 +78,10 @@ def test_three_arms_hold_the_tilt_that_they_are_set_for():
     assert unknown[7] < level < unknown[8]
 
 
-def said_of(name: str, seed: int, tmp_path):
+def said_of(name: str, seed: int, tmp_path, without: tuple[str, ...] = ()):
+    """What is said of a world's log without some of its columns."""
     columns, rig, _ = WORLDS[name](seed)
+    columns = {key: values for key, values in columns.items() if key not in without}
     (tmp_path / "rig.toml").write_text(rig, "utf-8")
     log, table = Log.from_columns(columns), read_rig(tmp_path / "rig.toml")
     return investigate([log], table, until="name", quick=True).findings
@@ -139,3 +141,14 @@ def test_one_of_three_arms_that_turns_too_far_is_a_scale_of_the_axis_on_which_it
     assert found.effects[0].twins == ("encoder_scale",)
     (size,) = found.effects[0].parameters["x"].values()
     assert size.value == pytest.approx(0.06, abs=0.01)  # tolerance: each arm's own half per cent
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("without", [("command_y_rad",), ("command_y_rad", "ball_y_m")])
+def test_one_axis_that_is_told_angles_is_judged_alone(tmp_path, without: tuple[str, ...]):
+    """As of a beam, or of a plate of which one axis is controlled."""
+    found = said_of("late_servo", 4100, tmp_path, without)
+    lags = [one for one in found.effects if one.name == "servo_lag"]
+    assert found.verdict == "named"
+    assert [set(one.parameters) for one in lags] == [{"x"}]
+    assert lags[0].parameters["x"]["lag_s"].value == pytest.approx(0.04, abs=0.008)

@@ -188,3 +188,17 @@ def test_the_rounding_of_written_angles_is_no_encoders_step(decimals):
     theta = np.cumsum(np.random.default_rng(1).normal(0, 10.0**-decimals, 4000))
     assert step_of(np.round(theta, decimals)) is None
     assert step_of(np.round(theta, decimals).astype(np.float32).astype(float)) is None
+
+
+def test_a_ball_on_a_beam_whose_servo_takes_an_angle_can_be_compared():
+    columns = table_log()
+    told = {"t_s": columns["t_s"], "command_x_rad": columns["theta_x_rad"]}
+    told["ball_x_m"] = columns["ball_x_m"]
+    beam = replace(RIG, servo=replace(RIG.servo, kind="position"))
+    assert check(log_of(told), beam) == []
+    with pytest.raises(
+        ValueError, match=r"^command_x_rad, and no theta: these servos take an angle"
+    ):
+        check(log_of(told), RIG)
+    with pytest.raises(ValueError, match="nothing to compare"):
+        check(log_of({"ball_y_m" if n == "ball_x_m" else n: v for n, v in told.items()}), beam)
