@@ -6,6 +6,7 @@ model. Channels: servo_x, servo_y, ball_x, ball_y.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from rig.parameters import Rig
 
 VERDICTS = ("named", "nothing-missing", "unknown-effect", "undecided")
 UNITS = {"servo_x": "rad", "servo_y": "rad", "ball_x": "m", "ball_y": "m"}
+ALIKE = 0.05  # chosen: of a measured number, by which two models differ that are as near to it
 
 
 @dataclass(frozen=True)
@@ -66,12 +68,14 @@ class Where:
 @dataclass(frozen=True)
 class RankedEffect:
     """One effect of the ranking: `score`, its penalised gain in log-likelihood (`decision_rule`),
-    its probability (0 to 1), and `twins`, the effects that the logs cannot tell from it."""
+    its probability (0 to 1), `twins`, the effects that the logs cannot tell from it, and whether
+    it was `refused` after its score had been enough (the notes say why)."""
 
     name: str
     score: float
     probability: float
     twins: tuple[str, ...] = ()
+    refused: bool = False
 
 
 @dataclass(frozen=True)
@@ -148,6 +152,17 @@ class ClosedLoopRow:
     measured: float
     before: float
     after: float
+
+    @property
+    def nearer(self) -> str:
+        """Whether the model after is "nearer" to what was measured than the one before, "farther"
+        or "alike", by ALIKE of what was measured; "" where a number is missing."""
+        gained = abs(self.before - self.measured) - abs(self.after - self.measured)
+        if not isfinite(gained):
+            return ""
+        if abs(gained) < ALIKE * abs(self.measured):
+            return "alike"
+        return "nearer" if gained > 0.0 else "farther"
 
 
 @dataclass(frozen=True)

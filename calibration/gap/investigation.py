@@ -17,7 +17,7 @@ from calibration.gap.locate.locate import locate
 from calibration.gap.model.data import gather, usable
 from calibration.gap.model.fit import evaluate
 from calibration.gap.model.intervals import deviations
-from calibration.gap.model.state import State, plain, thoroughly
+from calibration.gap.model.state import State, at_noise, plain, thoroughly
 from calibration.gap.name.decide import Decision, verdict_of
 from calibration.gap.name.load_friction import choose_friction_model, creeping_servos
 from calibration.gap.name.naming_steps import NamingStep
@@ -175,9 +175,8 @@ def _findings(decision: Decision, until: str, notes: tuple[str, ...], *, quick: 
         rig_after=rig_after,
     )
     if not quick:
-        place = locate(
-            decision.naming.before, rms(state.evidence, model_of(state)), evidence=state.evidence
-        )
+        begun = at_noise(decision.naming.before, state.evidence.levels)
+        place = locate(begun, rms(state.evidence, model_of(state)))
         known = replace(known, where=place.where, profiles=place.profiles, maps=place.maps)
     if until in ("locate", "name", "add"):
         return known
@@ -209,7 +208,7 @@ def _proof(
     models = {"nothing added": before}
     last = "nothing added"
     if decision.accepted:
-        others = decision.accepted[0].rivals if rivals else ()
+        others = [r for r in decision.accepted[0].rivals if r.nameable] if rivals else []
         if others:
             models[f"best rival: {others[0].name}"] = others[0].state
         if rivals:

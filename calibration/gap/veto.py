@@ -93,7 +93,7 @@ def decide_by_proof(before: State, tell: Tell = untold) -> tuple[Decision, tuple
         if not lost or (judged.accepted and not outdone):
             break
         barred += outdone or lost
-    return decision, reasons
+    return decision, reasons + decision.dropped
 
 
 def _beside_refuted(decision: Decision, first: Decision) -> tuple[Decision, tuple[str, ...]]:

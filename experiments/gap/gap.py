@@ -14,6 +14,7 @@ from calibration.gap.report.findings_of_decision import effects_of
 from experiments.gap.closed_loop_proof import closed_loop_rows
 from experiments.gap.input import GapInput, read_evidence
 from experiments.gap.protocol_choices import experiment_menu
+from experiments.gap.words import farther_note
 from experiments.progress import ProgressCall, silent
 
 
@@ -53,7 +54,9 @@ def investigate(
         if quick or stage not in ("prove", "next"):
             return found.findings
         progress("closed loop and next experiment", 0, 1)
-        answer = replace(found.findings, closed_loop=_closed_loop(inputs, found.findings))
+        loop = _closed_loop(inputs, found.findings)
+        told = found.findings.notes + farther_note(loop)
+        answer = replace(found.findings, closed_loop=loop, notes=told)
         if stage == "next" and found.rivals is not None:
             answer = replace(answer, next_experiment=_next(found, inputs))
         progress("closed loop and next experiment", 1, 1)

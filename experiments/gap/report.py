@@ -90,6 +90,9 @@ def write_gap_report(
         names=list(names),
         rig_words=str(rig_file) if rig_file is not None else RIG_NOT_GIVEN,
         notes=found.notes,
+        told="angle told"
+        if found.rig_before is not None and found.rig_before.servo.takes_angle
+        else "volts",
     )
 
 
@@ -267,8 +270,10 @@ NOISES = {
 
 
 def _noise_table(found: Findings) -> Table:
+    seen = {channel.partition("_")[0] for channel in found.gap.floors} or {"servo", "ball"}
     rows = []
     for key, value in found.noise.items():
-        name, unit, factor = NOISES[key]
-        rows.append([name, sig(factor * value), unit])
+        if key.partition("_")[0] in seen:
+            name, unit, factor = NOISES[key]
+            rows.append([name, sig(factor * value), unit])
     return Table(("noise, as estimated on the logs", "value", "unit"), rows)

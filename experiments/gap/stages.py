@@ -106,7 +106,8 @@ def name_stage(found: Findings, folder: Path) -> Section:
         caption = (
             "The likeliest names. The score is how much better the errors are explained "
             "(log-likelihood) than by deviations within the tolerances; names joined by = make "
-            "the same data and cannot be told apart by any experiment."
+            "the same data and cannot be told apart by any experiment. Refused: the score was "
+            "enough, but what was asked next was not; the notes say what."
         )
         figure = figures.ranking(found.ranking, accepted)
         blocks.append(picture(figure, folder, "ranking", caption))
@@ -148,7 +149,10 @@ def prove_stage(found: Findings, folder: Path) -> Section:
     """
     blocks: list[Block] = []
     if len(found.steps) > 1:
-        caption = "The gap effect by effect. The dotted line is a perfect model."
+        caption = (
+            "The gap effect by effect, on all data (the tables are on held-out data). The dotted "
+            "line is a perfect model."
+        )
         figure = figures.shrinking(found.steps)
         blocks.append(picture(figure, folder, "gap-shrinking", caption))
     if found.gap.after:
@@ -162,10 +166,10 @@ def prove_stage(found: Findings, folder: Path) -> Section:
         blocks.append(picture(figure, folder, "error-1s-ahead", caption))
     if found.closed_loop:
         rows = [
-            [r.quantity, r.unit, sig(r.measured), sig(r.before), sig(r.after)]
+            [r.quantity, r.unit, sig(r.measured), sig(r.before), sig(r.after), r.nearer]
             for r in found.closed_loop
         ]
-        head = ("quantity", "unit", "recorded", "model before", "model after")
+        head = ("quantity", "unit", "recorded", "model before", "model after", "after is")
         caption = (
             "The recording simulated in closed loop, with the controller settings recorded with it "
             "or, of a file, those that its commands tell: does the model now behave like the table?"
@@ -173,8 +177,8 @@ def prove_stage(found: Findings, folder: Path) -> Section:
         blocks.append(Table(head, rows, caption, words=2))
     question = (
         "Fitted on one part of the data, does the named effect close the gap on the other? (The "
-        "name was looked for in all of it, the numbers were not.) A named effect must do at least "
-        "as well as a rival name, and as an unnamed curve fitted to the errors."
+        "name was looked for in all of it, the numbers were not.) The error 1 s ahead decides: one "
+        "sample ahead a rival name or an unnamed curve may fit as well or better."
     )
     missing = "This stage did not run: nothing was added to the model."
     return stage("Prove", question, blocks, missing)

@@ -1,7 +1,7 @@
 """Words of the gap workflow for people: no jargon."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from math import inf, isfinite
 from pathlib import PurePath
@@ -10,7 +10,7 @@ from typing import Any
 import tomli_w
 
 from calibration.gap.decision_rule import DOUBTED_PROBABILITY
-from calibration.gap.findings import Findings, Interval
+from calibration.gap.findings import ClosedLoopRow, Findings, Interval
 from calibration.gap.model.parameters import CALIBRATED
 from calibration.gap.report.units import key_words, parameter_unit, sig
 from calibration.gap.report.wording import far_off
@@ -20,7 +20,7 @@ from rig.rigfile import SECTIONS
 
 # Why no experiment is proposed, by verdict.
 NO_EXPERIMENT = {
-    "named": "No experiment is needed: no two names are left that a run could tell apart.",
+    "named": "No experiment is proposed: no two names are left that a run could tell apart.",
     "nothing-missing": "No experiment is needed: nothing is missing.",
     "unknown-effect": "No experiment is proposed: no two names are left to tell apart.",
     "undecided": "This stage did not run: there are no two names to tell apart yet. Record a log "
@@ -54,6 +54,20 @@ def percent(probability: float) -> str:
     if probability > 0.99:
         return "> 99 %"
     return "< 1 %" if probability < 0.01 else f"{100 * probability:.0f} %"
+
+
+def farther_note(rows: Sequence[ClosedLoopRow]) -> tuple[str, ...]:
+    """The note on what the extended model does worse in closed loop, where it does more worse than
+    better; () elsewhere."""
+    worse, better = ([r for r in rows if r.nearer == how] for how in ("farther", "nearer"))
+    if len(worse) <= len(better):
+        return ()
+    parts = [
+        f"{r.quantity} {sig(r.measured)} {r.unit} recorded, {sig(r.before)} before, {sig(r.after)}"
+        for r in worse
+    ]
+    words = "in closed loop the extended model is farther from the recording than the one before"
+    return (f"{words}: {'; '.join(parts)} after",)
 
 
 def smallest_words(

@@ -160,6 +160,12 @@ def with_levels(state: State, levels: np.record, outputs: Collection[str]) -> St
     return replace(state, evidence=evidence, fit=fit)
 
 
+def at_noise(state: State, levels: np.record) -> State:
+    """The state at other noise levels (dtype NOISE), all that is free fitted anew there."""
+    outputs = state.evidence.outputs
+    return _within_boxes(with_levels(state, levels, outputs), ITERATIONS)
+
+
 def plain(state: State) -> State:
     """The state without the unnamed term in its model: predicted anew, and what is free fitted from
     its setting. What an unnamed term takes up is not told of a name beside it."""

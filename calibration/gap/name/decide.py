@@ -32,8 +32,9 @@ HOLDS_NO_NAMES = ("rhythm", "turning")
 @dataclass(frozen=True, eq=False)
 class Decision:
     """The verdict (one of `findings.VERDICTS`), the naming behind it, the accepted effects, the
-    significant unnamed term (None: there is none), the final state, and the chance thresholds
-    (None: there was no name to judge)."""
+    significant unnamed term (None: there is none), the final state, the chance thresholds (None:
+    there was no name to judge), and the names that were dropped here, each with the reason in
+    words."""
 
     verdict: str
     naming: Naming
@@ -41,6 +42,7 @@ class Decision:
     unnamed: UnnamedTerm | None
     state: State
     chance: ChanceScores | None = None
+    dropped: tuple[str, ...] = ()
 
 
 def decide(before: State, barred: Collection[str] = (), tell: Tell = untold) -> Decision:
@@ -49,16 +51,28 @@ def decide(before: State, barred: Collection[str] = (), tell: Tell = untold) -> 
     naming = name_effects(before, barred, tell)
     tell(NamingStep.CHANCE, "what would chance alone give?")
     chance, accepted, state = _beyond_chance(naming)
+    dropped = _reasons(naming.accepted, accepted, "chance alone may score as much on such a log")
     tell(NamingStep.UNNAMED, "what is left without a name?")
     left = significant(unnamed_terms(state))
     if left is None:
         verdict = verdict_of(accepted, None, none="nothing-missing")
-        return Decision(verdict, naming, accepted, None, state, chance)
+        return Decision(verdict, naming, accepted, None, state, chance, dropped)
+    known = accepted
     accepted, state = _names_beside(left, accepted, state)
+    dropped += _reasons(known, accepted, "something without a name explains the same")
     if not accepted:
         alone = significant(unnamed_terms(before)) or left
-        return Decision("unknown-effect", naming, (), alone, alone.state, chance)
-    return Decision(verdict_of(accepted, left), naming, accepted, left, left.state, chance)
+        return Decision("unknown-effect", naming, (), alone, alone.state, chance, dropped)
+    verdict = verdict_of(accepted, left)
+    return Decision(verdict, naming, accepted, left, left.state, chance, dropped)
+
+
+def _reasons(
+    before: Collection[Accepted], after: Collection[Accepted], why: str
+) -> tuple[str, ...]:
+    """The reason in words for each name that is no longer there."""
+    kept = {one.name for one in after}
+    return tuple(f"not named: {one.name}: {why}" for one in before if one.name not in kept)
 
 
 def verdict_of(

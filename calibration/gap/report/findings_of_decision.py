@@ -141,13 +141,16 @@ def named(decision: Decision, accepted: Accepted, spread: Mapping[str, tuple[flo
 
 
 def ranking(decision: Decision) -> tuple[RankedEffect, ...]:
-    """The accepted names, their rivals and the effects of the last ranking, each once, best score
-    first."""
+    """The accepted and the refused names, their rivals and the effects of the last ranking, each
+    once, best score first."""
     found: dict[str, RankedEffect] = {}
-    for one in decision.naming.accepted:
-        found[one.name] = RankedEffect(
-            one.name, one.score, one.probability, twins_of(one.name, decision.state.nominal.rig)
-        )
+    accepted = {one.name: one for one in decision.accepted}
+    for first in decision.naming.accepted:
+        one, twins = accepted.get(first.name), twins_of(first.name, decision.state.nominal.rig)
+        if one is None:
+            found[first.name] = RankedEffect(first.name, first.score, 0.0, twins, refused=True)
+            continue
+        found[one.name] = RankedEffect(one.name, one.score, one.probability, twins)
         for rival in one.rivals:
             share = (1.0 - one.probability) / max(len(one.rivals), 1)
             found.setdefault(rival.name, RankedEffect(rival.name, one.score - rival.margin, share))

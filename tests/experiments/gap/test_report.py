@@ -5,6 +5,7 @@ import re
 import tomllib
 from dataclasses import replace
 from itertools import pairwise
+from math import nan
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calibration.gap.findings import (
+    ClosedLoopRow,
     Findings,
     Gap,
     Interval,
@@ -20,13 +22,21 @@ from calibration.gap.findings import (
     PlateMap,
     Profile,
     ProofRow,
+    RankedEffect,
     Step,
 )
 from calibration.gap.report.units import interval_words, key_words, parameter_unit, sig
 from experiments.gap import figures
 from experiments.gap.report import NOISES, write_gap_report
 from experiments.gap.summary import summary_lines
-from experiments.gap.words import added_toml, closed_share, floors, percent, smallest_words
+from experiments.gap.words import (
+    added_toml,
+    closed_share,
+    farther_note,
+    floors,
+    percent,
+    smallest_words,
+)
 from rig.effects import CATALOGUE
 from rig.parameters import CHANNELS, Rig
 from rig.prediction.innovations import NOISE
@@ -109,10 +119,11 @@ def test_a_named_effect_is_told_in_degrees_and_millimetres(pages):
     assert "servo x 1.03 1.02 no gap to close" in text
     assert "named: joint_backlash 1.02 1.01 1.04 1.06 2.4" in text
     assert "limit cycle period x s 1.82 - 1.79" in text
+    assert "limit cycle amplitude x mm 8.1 0.4 7.9 nearer" in text
     assert "Recalibrate the servo: gain x is off by +5.2 %" in text
     assert "[effects.joint_backlash.x] play_rad = 0.035012" in text
     assert "saturation the volts stay below 3.1 V limit 3.1 V" in text
-    assert "No experiment is needed: no two names are left that a run could tell apart." in text
+    assert "No experiment is proposed: no two names are left that a run could tell apart." in text
     assert "predicted to within 2.4 mm instead of 6.1 mm" in text
 
 
@@ -282,3 +293,35 @@ def test_an_interval_in_words_is_the_interval(value, half):
     text = interval_words(Interval(value, value - half, value + half), "V", 1.0)
     shown = [float(n) for n in re.findall(r"-?[\d.]+", text)]
     assert shown == pytest.approx([value, value - half, value + half], abs=0.26 * half)
+
+
+def test_a_refused_name_has_no_probability_in_the_figure():
+    refused = RankedEffect("plate_bowl", 90.0, 0.0, refused=True)
+    figure = figures.ranking([RankedEffect("viscous_drag", 120.0, 0.87), refused], ["viscous_drag"])
+    told = [text.get_text() for text in figure.axes[0].texts]
+    assert told == ["87 %   (score 120)", "refused, see the notes   (score 90)"]
+    assert [bar.get_width() for bar in figure.axes[0].patches] == [87.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "how"),
+    [
+        (1.16, 1.68, "farther"),
+        (1.68, 1.16, "nearer"),
+        (1.16, 1.12, "alike"),
+        (1.0, 1.3, "alike"),
+        (nan, 1.0, ""),
+    ],
+)
+def test_the_closed_loop_says_which_model_is_nearer(before: float, after: float, how: str):
+    assert ClosedLoopRow("settling time", "s", 1.15, before, after).nearer == how
+
+
+def test_a_model_that_is_farther_in_closed_loop_is_told_in_a_note():
+    worse = ClosedLoopRow("spread", "mm", 7.9, 7.24, 5.53)
+    better = ClosedLoopRow("settling time", "s", 1.15, 1.68, 1.16)
+    assert farther_note((worse, better)) == farther_note(()) == ()
+    assert farther_note((worse,)) == (
+        "in closed loop the extended model is farther from the recording than the one before: "
+        "spread 7.9 mm recorded, 7.24 before, 5.53 after",
+    )
