@@ -8,6 +8,7 @@ import secrets
 import stat
 import tomllib
 from contextlib import suppress
+from itertools import count
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, BinaryIO, Union, get_args, get_origin
@@ -189,17 +190,18 @@ def json_of(path: Path, longest: int = LONGEST) -> Any:
     return read_json(file_text(path, longest))
 
 
-def write_whole(path: Path, content: bytes, *, sync: bool = False) -> None:
+def write_whole(
+    path: Path, content: bytes, *, sync: bool = False, room: Path | None = None
+) -> None:
     """Write a new file beside `path` and put it in its place. Of two programs that do so at once
     the later one's stands, whole.
 
-    Where `part_of` lies there, its room was reserved, and is used up. sync: wait until the disk has
-    it. OSError: the old file stays.
+    sync: wait until the disk has it; room: a file beside it whose room was reserved, and is used up
+    where it is there. OSError: the old file stays.
     """
-    part = part_of(path)
-    mode = "r+b"
-    if not part.exists():
-        part, mode = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part"), "xb"
+    part, mode = part_of(path), "xb"
+    if room is not None and freed(room).exists():
+        part, mode = room, "r+b"
     try:
         with part.open(mode) as file:
             file.write(content)
@@ -215,8 +217,16 @@ def write_whole(path: Path, content: bytes, *, sync: bool = False) -> None:
 
 
 def part_of(path: Path) -> Path:
-    """Return where a file is written before it takes the place of `path`; it is `freed`."""
-    return freed(path.with_name(path.name + ".part"))
+    """Return where a file is written before it takes the place of `path`: a name of its own, that
+    no other file has.
+    """
+    return path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")
+
+
+def put_aside(path: Path) -> None:
+    """Rename a file to NAME.1, or NAME.2 ... where that is taken: it may be somebody's."""
+    numbered = (path.with_name(f"{path.name}.{i}") for i in count(1))
+    path.rename(next(one for one in numbered if not os.path.lexists(one)))
 
 
 def freed(path: Path) -> Path:

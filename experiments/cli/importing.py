@@ -1,6 +1,8 @@
 """The command `rig import`: somebody's recording as a log of this rig, by a map kept beside it."""
 
 import sys
+from collections.abc import Callable
+from filecmp import cmp
 from pathlib import Path
 from typing import Annotated
 
@@ -74,11 +76,29 @@ def import_(
     for name in names:
         refuse_input("--out", name, files)
     for name, log in zip(names, logs, strict=True):
-        export_log(log, name)
+        written(name, lambda part, log=log: export_log(log, part), aside=name != out)
         say(log_line(str(name), log))
-    write_map(out.with_name("import.toml"), made)
-    say(f"map: {out.with_name('import.toml')}")
+    kept = out.with_name("import.toml")
+    if map_file is None or not kept.exists() or not kept.samefile(map_file):
+        written(kept, lambda part: write_map(part, made), aside=True)
+    say(f"map: {kept}")
     say(next_line(names, made))
+
+
+def written(path: Path, write: Callable[[Path], object], *, aside: bool) -> None:
+    """Have `write` make a file; aside: another one of that name, which nobody named, is kept beside
+    it as NAME.1, NAME.2 ..., unless it is the same."""
+    from rig.files import part_of, put_aside
+
+    part = part_of(path).with_suffix(path.suffix)
+    try:
+        write(part)
+        if aside and path.exists() and not cmp(path, part, shallow=False):
+            put_aside(path)
+            say(f"{path.name} was there: it is kept as {path.name}.1 or the next free number")
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
 
 
 def somebody_is_there() -> bool:

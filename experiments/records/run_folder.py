@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from rig.files import json_of, part_of, write_whole
+from rig.files import freed, json_of, write_whole
 
 SCHEMA = 1
 SOURCES = ("simulated", "measured")
@@ -151,11 +151,13 @@ def plain(value: Any) -> Any:
 
 
 def replace_json(path: Path, content: dict) -> None:
-    """Write a JSON file so that a reader sees the old file or the new one, never a part.
+    """Write a JSON file so that a reader sees the old file or the new one, never a part; what was
+    reserved for it is used up.
 
     ValueError: `content` holds a number that is not finite. OSError: the old file stays.
     """
-    write_whole(path, json.dumps(content, indent=2, allow_nan=False).encode() + b"\n")
+    text = json.dumps(content, indent=2, allow_nan=False) + "\n"
+    write_whole(path, text.encode(), room=_room_of(path))
 
 
 def reserve(path: Path) -> None:
@@ -163,7 +165,11 @@ def reserve(path: Path) -> None:
 
     OSError: there is no room.
     """
-    part_of(path).write_bytes(b" " * RESERVE_BYTES)
+    freed(_room_of(path)).write_bytes(b" " * RESERVE_BYTES)
+
+
+def _room_of(path: Path) -> Path:
+    return path.with_name(path.name + ".part")
 
 
 def read_meta(folder: Path) -> dict:

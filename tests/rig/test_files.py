@@ -16,9 +16,12 @@ from rig.files import (
     StrictModel,
     file_bytes,
     first_error_line,
+    part_of,
     printable,
+    put_aside,
     read_json,
     read_toml,
+    write_whole,
 )
 
 
@@ -153,3 +156,24 @@ def test_a_file_has_as_many_bytes_as_are_allowed_and_no_more(tmp_path: Path):
         assert b"Name" in file_bytes(Path("/proc/self/status"))
         with pytest.raises(ValueError, match="longer than 9 bytes"):
             file_bytes(Path("/proc/self/status"), 9)
+
+
+def test_a_file_of_somebody_named_as_a_part_is_left_alone(tmp_path: Path):
+    """Half of a download, say."""
+    file, part = tmp_path / "log.csv", tmp_path / "log.csv.part"
+    part.write_text("half of a download")
+    write_whole(file, b"whole")
+    assert (file.read_bytes(), part.read_text()) == (b"whole", "half of a download")
+    assert part_of(file) != part_of(file)
+    write_whole(file, b"anew", room=part)  # this one was reserved
+    assert file.read_bytes() == b"anew"
+    assert not part.exists()
+
+
+def test_what_is_put_aside_gets_the_next_free_number(tmp_path: Path):
+    for text in ("first", "second"):
+        (tmp_path / "map").write_text(text)
+        put_aside(tmp_path / "map")
+    assert (tmp_path / "map.1").read_text() == "first"
+    assert (tmp_path / "map.2").read_text() == "second"
+    assert not (tmp_path / "map").exists()

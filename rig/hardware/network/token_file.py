@@ -8,8 +8,9 @@ import secrets
 import socket
 import stat
 import sys
-from itertools import count
 from pathlib import Path
+
+from rig.files import put_aside
 
 EVERY_ADDRESS = ("0.0.0.0", "::")
 SHORTEST_TOKEN = 16  # characters; chosen: 64 random bits, written as hexadecimal digits
@@ -76,7 +77,6 @@ def keep_token(path: Path) -> str:
     except FileNotFoundError:
         pass
     except ValueError:  # too short, read by others, or no text
-        numbered = (path.with_name(f"{path.name}.{i}") for i in count(1))
-        path.rename(next(one for one in numbered if not one.exists()))
+        put_aside(path)
     make_token(path)
     return read_token(path).decode("ascii")

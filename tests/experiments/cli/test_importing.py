@@ -146,3 +146,42 @@ def test_real_recordings_are_imported_unasked(rig, name: str, tmp_path: Path):
     for column in there.dtype.names or ():
         given = there[column] - (there[column][0] if column == "t_s" else 0)
         np.testing.assert_allclose(log[column], given, atol=1e-9)
+
+
+def test_what_nobody_named_is_kept(rig, tmp_path: Path):
+    """A map of another program or with somebody's comments; a log numbered as a session's."""
+    (path, _), out = LABS["german_hobby"](tmp_path, seed=1), tmp_path / "out"
+    out.mkdir()
+    (out / "import.toml").write_text("mine = true")
+    done = rig("import", path, "--out", out / "log.csv", "--yes")
+    assert done.returncode == 0
+    assert "import.toml was there: it is kept as import.toml.1" in done.stdout
+    assert (out / "import.toml.1").read_text() == "mine = true"
+    made = (out / "import.toml").read_text()
+    own = made + "# why: the encoder of y was changed\n"
+    (out / "import.toml").write_text(own)
+    rig("import", path, "--out", out / "again.csv", "--map", out / "import.toml")
+    assert (out / "import.toml").read_text() == own
+    rig("import", path, "--out", out / "third.csv", "--yes")
+    assert (out / "import.toml").read_text() == made
+    assert (out / "import.toml.2").read_text() == own
+    rig("import", path, "--out", out / "third.csv", "--yes")
+    assert sorted(one.name for one in out.iterdir()) == [
+        "again.csv",
+        "import.toml",
+        "import.toml.1",
+        "import.toml.2",
+        "log.csv",
+        "third.csv",
+    ]
+
+
+def test_a_log_of_a_session_takes_no_other_files_place(rig, tmp_path: Path):
+    (path, _), out = LABS["german_hobby"](tmp_path, seed=1), tmp_path / "out"
+    out.mkdir()
+    (out / "log-2.csv").write_text("mine")
+    for _ in range(2):
+        done = rig("import", path, path, "--out", out / "log.csv", "--yes")
+        assert done.returncode == 0
+    assert (out / "log-2.csv.1").read_text() == "mine"
+    assert len([*out.glob("log-2.csv*")]) == 2
