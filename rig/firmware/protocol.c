@@ -108,7 +108,7 @@ static uint32_t next_token(uint32_t seed) { return seed * (uint32_t)2654435761UL
 
 static void take_config(board_t *b, const uint8_t *p) {
     session_t *s = session_of(b);
-    if (s->state == IS_LEVELLING || s->busy) return;
+    if (s->state == IS_LEVELLING || s->busy || kind_flies(b)) return;
     /* Armed without a command, another host's question is let in: ours died before its first word. */
     if (s->state == IS_ARMED && (s->commanded || get16(p + 2) == s->nonce)) return;
     s->nonce = get16(p + 2);

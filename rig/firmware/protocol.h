@@ -123,6 +123,8 @@ uint8_t ring_room(uint8_t in, uint8_t out, uint8_t size);
 uint8_t kind_config(board_t *b, const uint8_t *payload);
 /* Take the wish of a fresh command; returns whether it is one for this board. */
 uint8_t kind_command(board_t *b, const uint8_t *payload);
+/* Whether what it drives is in flight, and would pass its limit: no host configures it meanwhile. */
+uint8_t kind_flies(const board_t *b);
 /* A millisecond has passed: what is put out now, by the session's state. */
 void kind_tick(board_t *b);
 /* The end of an answer: supply [mV], largest output [mV], features. */

@@ -58,6 +58,11 @@ uint8_t kind_command(board_t *b, const uint8_t *p) {
     return 1;
 }
 
+uint8_t kind_flies(const board_t *b) {
+    (void)b; /* a servo holds its angle by itself */
+    return 0;
+}
+
 /* Told angles go to the wish at the servo's rate; levelling ends LEVEL_MS after they got there. */
 void kind_tick(board_t *b) {
     session_t *s = &b->session;

@@ -206,6 +206,18 @@ void board_init(board_t *b, uint16_t supply_mV, uint8_t has_tachometer) {
     b->fresh = 1;
 }
 
+/* Whether an arm, at 0 V, might pass its limit, its time constant twice the known. */
+uint8_t kind_flies(const board_t *b) {
+    uint8_t e;
+    if (!b->catch_ms || !(b->wired & WIRED_HOMED)) return 0;
+    for (e = 0; e < 2; e++) {
+        int32_t at = place(b, e), w = speed(b, e);
+        int32_t way = (int32_t)((uint32_t)(w < 0 ? -w : w) * b->time_constant_ms / 128);
+        if (way && (w < 0 ? -at : at) + way > (int32_t)b->angle_limit) return 1;
+    }
+    return 0;
+}
+
 void kind_tick(board_t *b) {
     uint8_t e;
     for (e = 0; e < 2; e++) measure_speed(b, e);

@@ -29,9 +29,20 @@ COUNT_RAD = 2 * pi / 4096
 WORST = {0.01: 1.0, 0.025: 0.7, 0.06: 0.3, 0.1: 0.5, 0.2: 0.5, 0.5: 1.0}
 
 
+def configures(board, tau_s: float, nonce: int = 7) -> None:
+    servo = (ceil(1000 * tau_s), 9180)
+    board.receive(encode(ConfigRequest(VERSION, nonce, 2, 1, 0, 0, 4096, LIMIT, 6000, *servo)))
+
+
+def disarms_and_configures(board, tau_s: float) -> None:
+    board.receive(encode(Disarm()))
+    configures(board, tau_s, 9)
+
+
 LEAVES = {
-    "falls silent": lambda board: None,
-    "disarms": lambda board: board.receive(encode(Disarm())),
+    "falls silent": lambda board, tau_s: None,
+    "disarms": lambda board, tau_s: board.receive(encode(Disarm())),
+    "disarms and configures": disarms_and_configures,
 }
 
 
@@ -42,10 +53,9 @@ def beyond_deg(
     at `at_s` [s]."""
     rig = Rig(servo=Servo(time_constant_s=tau_s))
     parser, found = Parser(), []
-    request = ConfigRequest(VERSION, 7, 2, 1, 0, 0, 4096, LIMIT, 6000, ceil(1000 * tau_s), 9180)
-    for packet in (None, request):
-        if packet is not None:
-            board.receive(encode(packet))
+    for configured in (False, True):
+        if configured:
+            configures(board, tau_s)
         for _ in range(20):
             board.run_ms((0, 0))
             found += parser.feed(board.take())
@@ -55,15 +65,18 @@ def beyond_deg(
     widest, nothing = 0.0, np.full(7, np.nan)
     for k in range(round(1000 * seconds)):
         if 1e-3 * k >= at_s:
-            LEAVES[leaves](board)
+            LEAVES[leaves](board, tau_s)
         elif k % 2 == 0:
             mV = round(1000 * asked(1e-3 * k))
             board.receive(encode(Command(k // 2 + 1, 20, mV, -mV)))
         count = round(s[plant.ARM, 0] / COUNT_RAD)
         board.run_ms((count, -count))
         for packet in parser.feed(board.take()):
-            assert isinstance(packet, Telemetry)
-            assert not packet.flags & LATE_TICK
+            if isinstance(packet, Telemetry):
+                assert not packet.flags & LATE_TICK
+            else:  # it is configured in the end
+                assert isinstance(packet, ConfigAnswer)
+                assert "configures" in leaves
         history[1:] = history[:-1].copy()
         history[0] = board.volts()[0], 0.0
         plant.advance(s, p, history, 1e-3 * k, 1e-3, 0.0, 0.0, True, np.inf, nothing)
