@@ -4,6 +4,10 @@
 
 /* --- the host's packets --- */
 
+static int32_t clamp(int32_t v, int32_t most) { return v > most ? most : v < -most ? -most : v; }
+
+static int32_t least(int32_t a, int32_t b) { return a < b ? a : b; }
+
 uint8_t kind_config(board_t *b, const uint8_t *p) {
     uint16_t per_rev = get16(p + 14), most;
     uint8_t e;
@@ -30,10 +34,10 @@ uint8_t kind_config(board_t *b, const uint8_t *p) {
     b->moved = per_rev / 1571; /* 0.004 rad */
     if (b->moved < MOVED_COUNTS) b->moved = MOVED_COUNTS;
     for (e = 0; e < 2; e++) {
-        b->sure_mV[e][0] = get16(p + 24 + 4 * e);
-        b->sure_mV[e][1] = get16(p + 26 + 4 * e);
+        b->sure_mV[e][0] = (uint16_t)least(get16(p + 24 + 4 * e), STALL_MV);
+        b->sure_mV[e][1] = (uint16_t)least(get16(p + 26 + 4 * e), STALL_MV);
     }
-    b->push_limit = 500 * (int32_t)get16(p + 32);
+    b->push_limit = 500 * least(get16(p + 32), STALL_MV / 1000 * STALL_MS);
     memset(b->push, 0, sizeof b->push);
     b->lost = 0;
     b->catch_ms = 0;
@@ -57,10 +61,6 @@ static uint8_t motor_of(const board_t *b, uint8_t e) {
 static uint8_t is_negative(const board_t *b, uint8_t e) {
     return b->wired & (e ? WIRED_NEGATIVE_1 : WIRED_NEGATIVE_0);
 }
-
-static int32_t clamp(int32_t v, int32_t most) { return v > most ? most : v < -most ? -most : v; }
-
-static int32_t least(int32_t a, int32_t b) { return a < b ? a : b; }
 
 /* Position from level and speed (counts in RATE_MS), without overflow whatever was counted. */
 static int32_t place(const board_t *b, uint8_t e) {

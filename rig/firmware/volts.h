@@ -49,7 +49,7 @@ struct board {
     uint16_t delay_half_ms; /* age of the speed when volts act */
     int32_t top_speed; /* at limit_mV, in counts/256 a ms */
     int32_t taper; /* room in which volts are bounded: 0.04 rad, in counts */
-    uint16_t sure_mV[2][2]; /* that surely move the arm of an encoder channel, up and down */
+    uint16_t sure_mV[2][2]; /* that surely move the arm of an encoder channel, STALL_MV at most */
     int32_t push_limit; /* of volts beyond these without motion, in mV times 2 ms */
     int32_t moved; /* a motion, in counts */
     int16_t lag_share; /* of the way to the volts that lagged goes in 2 ms, 1/4096 */

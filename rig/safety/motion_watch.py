@@ -1,8 +1,8 @@
 """A watch for an arm that volts must have moved and whose encoder shows no motion: pure functions.
 
-A frozen encoder and a blocked arm look alike: the angle stays while volts push. Strong volts are
-the monitor's stall; this law knows what homing measured, the volts at which each arm begins to
-move, and sees weaker ones, too.
+A frozen encoder and a blocked arm look alike: the angle stays while volts push. STRONG_V move any
+arm, with pauses, too; this law knows what homing measured, the volts at which each arm begins to
+move, and sees weaker ones. (Strong volts without a pause are the monitor's stall, which is later.)
 
 A servo is tau w' = K (V + d) - w, where d [V] is whatever holds it back: friction, an offset, the
 ball's weight; upwards d >= -sure. Let v, tau v' = V - v, be the volts as its speed follows them.
@@ -30,6 +30,7 @@ WEAKEST = 0.5  # share of the rig file's gain that a healthy servo has at least
 WORSE = 2.0  # friction since homing, over what homing measured; offsets stay
 LASTS_S = 0.02  # of a command to a board: for longer nobody knows that its volts were applied
 MOVED_RAD, MOVED_STEPS = 0.004, 2.5  # an arm at the edge of a count shows one step to and fro
+STRONG_V = 2.0  # as the monitor's and the boards' stall: the most that any arm needs to move
 UNKNOWN: tuple[Both, Both] = ((inf, inf), (inf, inf))
 
 
@@ -49,6 +50,12 @@ def sure_volts(rig: Rig, breakaway_V: tuple[Both, ...]) -> tuple[Both, Both]:
     return x, y
 
 
+def bounded(sure_V: tuple[Both, Both]) -> tuple[Both, Both]:
+    """The volts that surely move each arm, STRONG_V at most."""
+    x, y = ((min(up, STRONG_V), min(down, STRONG_V)) for up, down in sure_V)
+    return x, y
+
+
 def way_of(step_rad: float) -> tuple[float, float]:
     """moved_rad and way_rad of `MotionLimits` where an encoder's step is step_rad."""
     moved_rad = max(MOVED_RAD, MOVED_STEPS * step_rad)
@@ -58,7 +65,7 @@ def way_of(step_rad: float) -> tuple[float, float]:
 @dataclass(frozen=True)
 class MotionLimits:
     """What moves a healthy arm: gain_rad_s_V, time_constant_s of the servo; sure_V: by axis, of
-    `sure_volts`; moved_rad: smallest angle that is a motion; way_rad: the most that volts beyond
+    `bounded`; moved_rad: smallest angle that is a motion; way_rad: the most that volts beyond
     sure_V push before one.
     """
 
@@ -66,13 +73,13 @@ class MotionLimits:
     time_constant_s: float
     moved_rad: float
     way_rad: float
-    sure_V: tuple[Both, Both] = UNKNOWN
+    sure_V: tuple[Both, Both] = ((STRONG_V, STRONG_V), (STRONG_V, STRONG_V))
 
     @classmethod
     def of_servo(cls, servo: Servo, sure_V: tuple[Both, Both] = UNKNOWN) -> "MotionLimits":
-        """Return the limits of these servos; of those that take an angle sure_V stays UNKNOWN."""
+        """Return the limits of these servos; sure_V: of `sure_volts`."""
         ways = way_of(servo.encoder_step_rad)
-        return cls(servo.gain_rad_s_V, servo.time_constant_s, *ways, sure_V)
+        return cls(servo.gain_rad_s_V, servo.time_constant_s, *ways, bounded(sure_V))
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from rig.hardware.board.session import BoardSession
 from rig.hardware.board.wire import Command, ConfigRequest, Telemetry
 from rig.hardware.observations import ObservationFeed, ObservationSource
 from rig.hardware.wiring import Wiring
-from rig.safety.motion_watch import UNKNOWN, Both, way_of
+from rig.safety.motion_watch import UNKNOWN, Both, bounded, way_of
 from rig.table import Reading
 
 COMMAND_TTL_S = 0.02
@@ -69,7 +69,7 @@ class BoardTable(BoardSession):
         """What the board needs to see an arm that stands still: mV by channel, and V ms."""
         found: list[float] = []
         for axis, sign in zip(self._wiring.order, self._wiring.sign_angle, strict=True):
-            up, down = sure_V[axis]
+            up, down = bounded(sure_V)[axis]
             found += [1000 * up, 1000 * down] if sign > 0 else [1000 * down, 1000 * up]
         way_rad = way_of(self._wiring.step_rad)[1]
         return [math.ceil(min(v, wire.NEVER)) for v in (*found, 1000 * way_rad / gain_rad_s_V)]

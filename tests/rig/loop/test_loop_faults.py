@@ -74,7 +74,7 @@ def test_a_blocked_servo_is_a_stall_and_gets_no_volts():
 
     ending, rows = run(table, keep=keep, commands=slot)
     assert ending.outcome == "stall"
-    assert "does not follow" in ending.reason
+    assert "is it blocked, unplugged, reversed?" in ending.reason
     strong = [row[0] for row in rows if row[0] > FAULT_S and max(abs(row[1:3])) >= 2.0]
     assert rows[-1][0] - strong[0] < 0.12  # as long as a healthy one may take to cross its play
     safe(table, rows[-1][0], level=False)

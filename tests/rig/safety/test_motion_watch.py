@@ -54,7 +54,7 @@ def test_a_still_arm_is_called_so_when_volts_have_pushed_far_enough(volts: float
 @pytest.mark.parametrize("volts", [0.75, -0.5, 0.0])
 def test_volts_that_may_leave_it_at_rest_never_make_it_overdue(volts: float):
     assert overdue_s(lambda k: volts) is None
-    assert overdue_s(lambda k: 6.0, limits=MotionLimits.of_servo(SERVO)) is None  # nobody knows
+    assert overdue_s(lambda k: 1.99, limits=MotionLimits.of_servo(SERVO)) is None  # nobody knows
 
 
 def test_a_motion_either_way_begins_anew():
@@ -116,7 +116,23 @@ def test_the_way_follows_from_play_and_counts():
     assert (known.moved_rad, known.way_rad) == way_of(2 * pi / 100)
     assert (known.gain_rad_s_V, known.time_constant_s) == (1.6, 0.05)
     assert known.sure_V == (SURE, SURE)
-    assert MotionLimits.of_servo(SERVO).sure_V == UNKNOWN == ((inf, inf), (inf, inf))
+    assert ((inf, inf), (inf, inf)) == UNKNOWN
+    assert MotionLimits.of_servo(SERVO).sure_V == ((2.0, 2.0), (2.0, 2.0))
+    assert MotionLimits.of_servo(SERVO, ((0.5, 3.0), (inf, 1.0))).sure_V == ((0.5, 2.0), (2.0, 1.0))
+    assert MotionLimits(1.0, 1.0, 1.0, 1.0).sure_V == ((2.0, 2.0), (2.0, 2.0))
+
+
+@pytest.mark.parametrize(("on", "off", "rest_V"), [(38, 1, 0.0), (38, 1, 1.99), (25, 5, 0.0)])
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_strong_volts_with_pauses_are_seen_without_a_homing(on, off, rest_V, way: float):
+    """Ticks of full volts, and a few of what no stall begins with: the arm went to its stop."""
+    limits = MotionLimits.of_servo(Servo())
+    seen, k = MotionWatch(), 0
+    while not is_overdue(seen, limits):
+        volts = 6.0 if k % (on + off) < on else rest_V
+        seen = watch_motion(seen, limits, limits.sure_V[0], way * volts, 0.1, 0.002)
+        k += 1
+        assert k < 50  # 100 ms
 
 
 def test_volts_that_surely_move_are_of_twice_the_friction_with_the_same_offset():

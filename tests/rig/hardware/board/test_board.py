@@ -290,7 +290,7 @@ def test_it_is_braked_for_half_a_second_and_five_time_constants(tau_ms: int):
     bench.run(1)
     bench.send(Disarm())
     for k in range(499 + 5 * tau_ms):
-        bench.counts = (LIMIT + 20 + 10 * (k % 2), 0)  # it moves: a stalled one is let go
+        bench.counts = (LIMIT + 20 + 10 * (k // 2 % 2), 0)  # a stalled one is let go
         bench.run(1)
         assert bench.board.volts()[0] < 0.0 or k < 30
     bench.run(1)

@@ -67,6 +67,16 @@ def test_weak_volts_a_motion_and_an_unhomed_board_are_no_stall():
     assert bench.has(wire.ARMED)
 
 
+def test_strong_volts_with_pauses_are_a_stall_whatever_the_board_was_told():
+    """2 ms of 0 V in 300 began the stall anew, for ever."""
+    bench, k = Bench(), 0
+    while not bench.has(wire.LATCHED, wire.BY_STALL):
+        bench.command(6.0 if k % 300 < 298 else 0.0)
+        bench.run(1)
+        k += 1
+        assert k < 250
+
+
 def test_the_arm_beside_a_still_one_is_braked_on():
     """Its own encoder is right: at 0 V it would fly on."""
     latched = Knowing().still_ms(1.2)

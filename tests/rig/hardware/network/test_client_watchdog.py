@@ -417,7 +417,7 @@ def test_the_arm_whose_encoder_is_right_is_braked_when_the_other_ones_is_lost(ax
     for k in range(200):
         now_s = T + 0.002 * k
         flies = min(0.016 * k, 0.55)
-        angles = [fault if now_s >= lost_s else 0.0] * 2
+        angles = [fault if now_s >= lost_s else -0.005 * k] * 2
         angles[1 - axis] = flies
         told(one, 6.0, 6.0, at_s=now_s)
         one.watch(Reading(now_s, (angles[0], angles[1])), now_s)
