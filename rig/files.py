@@ -9,6 +9,7 @@ import stat
 import tomllib
 from contextlib import suppress
 from itertools import count
+from math import inf
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Any, BinaryIO, Union, get_args, get_origin
@@ -16,6 +17,8 @@ from typing import Any, BinaryIO, Union, get_args, get_origin
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 LONGEST = 1 << 24  # bytes; chosen: a hundred times the longest answer or record of a run
+BLOCK = 512  # bytes, in which a system counts what is on the disk
+HOLE_SHARE = 0.02  # chosen: what compresses to less holds no measurement
 STEP = 1 << 16  # bytes by which a file that grows is read; chosen: 200 rows of a run
 LONGEST_TOML = 1 << 20  # bytes; chosen: a hundred times a long rig file
 # A pipe that nobody writes to would be waited for, before one could see that it is a pipe.
@@ -141,7 +144,8 @@ def file_bytes(path: Path, longest: int | None = LONGEST) -> bytes:
     """Return the content of a file, of at most `longest` bytes (None: of any length).
 
     What is looked at is what is then read, so that nobody exchanges it in between. ValueError (one
-    line, without the path): a folder, a pipe or a device, or longer. OSError: it cannot be read.
+    line, without the path): a folder, a pipe or a device, longer, or mostly a hole. OSError: it
+    cannot be read.
     """
     handle = os.open(path, _FLAGS)
     try:
@@ -150,6 +154,9 @@ def file_bytes(path: Path, longest: int | None = LONGEST) -> bytes:
             raise ValueError("no file, but a folder, a pipe or a device")
         if longest is not None and about.st_size > longest:
             raise ValueError(f"longer than {longest} bytes")
+        on_disk = BLOCK * getattr(about, "st_blocks", inf)  # not everywhere told
+        if about.st_size > LONGEST and on_disk < HOLE_SHARE * about.st_size:
+            raise ValueError(f"of its {about.st_size} bytes {on_disk} are on the disk: a hole")
         with os.fdopen(handle, "rb", closefd=False) as file:
             data = file.read() if longest is None else _read(file, about.st_size, longest + 1)
     finally:

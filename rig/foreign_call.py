@@ -7,6 +7,7 @@ import signal
 import sys
 import threading
 import time
+import traceback
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -29,11 +30,22 @@ def in_words(error: BaseException, seconds: float = WORDS_S) -> str:
     """Kind and words of an error that code of a lab's own raised, which may have no words, more
     than are read, or words that do not come within `seconds`.
     """
+    kind = "an error of no name"
     try:
         with ForeignCall(seconds):
-            return f"{type(error).__name__}: {error}"[:LONGEST_WORDS]
+            kind = str(type(error).__name__)[:LONGEST_WORDS]
+            return f"{kind}: {error}"[:LONGEST_WORDS]
     except BaseException:
-        return f"{type(error).__name__}, whose words cannot be read"
+        return f"{kind}, whose words cannot be read"
+
+
+def frames_of(error: BaseException) -> list[traceback.FrameSummary]:
+    """Where an error came by, the innermost last; [] where it does not tell: its class may say
+    anything in place of that."""
+    try:
+        return traceback.extract_tb(error.__traceback__)
+    except BaseException:
+        return []
 
 
 class OvertimeError(BaseException):

@@ -192,6 +192,12 @@ def read_meta(folder: Path) -> dict:
     return meta
 
 
+def protocol_of(meta: dict) -> dict:
+    """The protocol of a run's record; of one that is known by a word alone, its name; {}: none."""
+    found = meta.get("protocol")
+    return found if isinstance(found, dict) else {"name": str(found)} if found else {}
+
+
 def _check_meta(meta: dict) -> None:
     """ValueError where a value that others compute with is of another kind; what every record has
     is null where it is missing.

@@ -24,7 +24,7 @@ from experiments.analysis.regime import regime_of_record, rig_of_record
 from experiments.analysis.repeats import distinct, repeats_words
 from experiments.analysis.samples import run_part
 from experiments.records.recording import read_run
-from experiments.records.run_folder import write_results
+from experiments.records.run_folder import protocol_of, write_results
 from experiments.reports import figures
 from experiments.reports.figures import SOURCES, save
 from experiments.reports.report import (
@@ -75,8 +75,7 @@ def _readable(folders: Sequence[Path]) -> tuple[list[Recorded], list[dict], list
                 f"{run.folder.name} did not run to its end (outcome {outcome}): "
                 "its numbers are those of a part."
             )
-        protocol = run.meta.get("protocol")
-        servo_only = isinstance(protocol, dict) and bool(protocol.get("servo_only"))
+        servo_only = bool(protocol_of(run.meta).get("servo_only"))
         try:
             rig_of_record(run.meta.get("rig") or {})
         except ValueError as error:
@@ -227,7 +226,7 @@ def _comparison(
 
 def _about(metas: list[dict]) -> list[str]:
     """Protocol, table and time of the runs, and what was done to them by hand."""
-    titles = {_name(m): (m.get("protocol") or {}) for m in metas if isinstance(m["protocol"], dict)}
+    titles = {_name(m): protocol_of(m) for m in metas}
     said = [f"Protocol {name}: {found.get('title', '')}" for name, found in titles.items()]
     tables = {str(m.get("table") or "virtual") for m in metas}
     said.append(f"Table: {', '.join(sorted(tables))}")
@@ -244,8 +243,7 @@ def _about(metas: list[dict]) -> list[str]:
 
 
 def _name(meta: dict) -> str:
-    protocol = meta.get("protocol")
-    return str(protocol.get("name")) if isinstance(protocol, dict) else str(protocol)
+    return str(protocol_of(meta).get("name"))
 
 
 def _run_section(i: int, run: Recorded, meta: dict, out: Path) -> Section:

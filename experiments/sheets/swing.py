@@ -2,8 +2,8 @@
 
     amplitude = sqrt(2) std(x),   period = 1/(frequency of the periodogram's peak)
 
-over the last SWING_S: those of the sine with the same power. The peak lies between SLOWEST_HZ and
-FASTEST_HZ, on a grid of 1 mHz (zero padding).
+over the last SWING_S, RATE_HZ samples a second by straight lines: those of the sine with the same
+power. The peak lies between SLOWEST_HZ and FASTEST_HZ, on a grid of 1 mHz (zero padding).
 """
 
 import numpy as np
@@ -13,6 +13,7 @@ from experiments.analysis.samples import ball_samples
 from rig.log import Log
 
 SWING_S = 40.0  # a dozen periods of the shipped loop; chosen
+RATE_HZ = 50.0  # 25 times FASTEST_HZ, whatever the rate of the camera; chosen
 SLOWEST_HZ, FASTEST_HZ, GRID_HZ = 0.1, 2.0, 0.001  # about the loop's 0.3 Hz; chosen
 
 
@@ -28,11 +29,9 @@ def swing(log: Log, axis: int) -> tuple[float, float]:
         raise ValueError(f"the ball was seen for less than {SWING_S:g} s: make the run again")
     late = t > t[-1] - SWING_S
     t, x = t[late], x[late]
-    rate_hz = float(1.0 / np.median(np.diff(t)))
-    even = np.arange(t[0], t[-1], 1.0 / rate_hz)
-    samples = np.interp(even, t, x)
+    samples = np.interp(np.arange(t[-1] - SWING_S, t[-1], 1.0 / RATE_HZ), t, x)
     frequency, power = periodogram(
-        samples, rate_hz, window="hann", nfft=round(rate_hz / GRID_HZ), detrend="linear"
+        samples, RATE_HZ, window="hann", nfft=round(RATE_HZ / GRID_HZ), detrend="linear"
     )
     within = (frequency >= SLOWEST_HZ) & (frequency <= FASTEST_HZ)
     peak = frequency[within][np.argmax(power[within])]

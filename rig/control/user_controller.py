@@ -138,11 +138,10 @@ def _failed(
     if isinstance(controller, WatchedController):
         controller, told = controller.controller, controller.told(method)
     name = f"controller {type(controller).__name__}.{method}"
-    where, trace = "", error.__traceback__
-    while trace is not None:  # the innermost line of the lab's own file
-        if trace.tb_frame.f_code.co_filename not in (__file__, foreign_call.__file__):
-            where = f", line {trace.tb_lineno}"
-        trace = trace.tb_next
+    where = ""
+    for frame in foreign_call.frames_of(error):  # the innermost line of the lab's own file
+        if frame.filename not in (__file__, foreign_call.__file__):
+            where = f", line {frame.lineno}"
     if isinstance(error, OvertimeError):
         return ControllerError(f"{name} {error}{where}")
     with told:

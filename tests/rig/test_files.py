@@ -1,6 +1,7 @@
 """One line about the first fault in a file."""
 
 import io
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -177,3 +178,14 @@ def test_what_is_put_aside_gets_the_next_free_number(tmp_path: Path):
     assert (tmp_path / "map.1").read_text() == "first"
     assert (tmp_path / "map.2").read_text() == "second"
     assert not (tmp_path / "map").exists()
+
+
+@pytest.mark.skipif(not hasattr(os.stat_result, "st_blocks"), reason="the system does not tell")
+def test_a_file_that_is_mostly_a_hole_is_refused(tmp_path: Path):
+    """64 kB on the disk took 7.8 GB and two minutes."""
+    path = tmp_path / "samples.mcap"
+    with path.open("wb") as file:
+        file.write(b"begin")
+        file.truncate(1 << 32)
+    with pytest.raises(ValueError, match=r"^of its 4294967296 bytes \d+ are on the disk: a hole$"):
+        file_bytes(path, 1 << 32)

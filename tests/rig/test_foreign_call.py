@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from rig import foreign_call
-from rig.foreign_call import FeignedInterruptError, ForeignCall, OvertimeError, in_words
+from rig.foreign_call import FeignedInterruptError, ForeignCall, OvertimeError, frames_of, in_words
 
 POSIX = pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="timers of POSIX")
 
@@ -162,3 +162,25 @@ def test_a_limit_that_only_the_superuser_raises_again_is_no_fault():
             os._exit(0 if after == (64, 64) else 2)
         os._exit(1)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+
+
+class _Nameless(type):
+    @property
+    def __name__(cls) -> str:  # pyright: ignore[reportIncompatibleVariableOverride]
+        raise RuntimeError("no name")
+
+
+class NoNameError(Exception, metaclass=_Nameless):
+    pass
+
+
+class OddTraceError(Exception):
+    __traceback__ = 7  # pyright: ignore[reportAssignmentType, reportIncompatibleVariableOverride]
+
+
+def test_an_error_that_tells_neither_its_name_nor_where_it_came_by_is_told_all_the_same():
+    assert in_words(NoNameError("x")) == "an error of no name, whose words cannot be read"
+    assert frames_of(OddTraceError()) == []
+    with pytest.raises(ValueError, match="here") as caught:
+        raise ValueError("here")
+    assert frames_of(caught.value)[-1].name.startswith("test_an_error_that_tells")

@@ -163,7 +163,9 @@ class UserFeed:
         try:
             taken_s = float(t_s)
         except (TypeError, ValueError):
-            raise self._breach(f"t_s is {t_s!r}, not a number of seconds") from None
+            short = t_s is None or (type(t_s) is str and len(t_s) < LONGEST_WORDS)
+            told = repr(t_s) if short else f"a {type(t_s).__name__}"
+            raise self._breach(f"t_s is {told}, not a number of seconds") from None
         except Exception:
             raise self._breach(f"t_s is a {type(t_s).__name__} without a number") from None
         # What is said to be seen later than it arrived would be left out as of the future.

@@ -101,12 +101,12 @@ def _short(findings: Any, paths: Sequence[Path], calibration: Path, *, demo: boo
     from experiments.gap import beside
     from experiments.gap.demo import hidden_words
     from experiments.gap.short_answer import advice, details, verdict
-    from experiments.records.run_folder import read_meta
+    from experiments.records.run_folder import protocol_of, read_meta
 
     known = {} if demo else beside.calibrated_values(calibration)
     found = beside.found_values(findings)
     rows = beside.beside_rows(found, known, beside.true_values(paths), findings.known)
-    protocols = [(read_meta(path).get("protocol") or {}).get("name", "?") for path in paths]
+    protocols = [protocol_of(read_meta(path)).get("name", "?") for path in paths]
     first = "" if demo else advice(protocols)
     said = verdict(findings, enough=not first, contradiction=beside.contradictions(rows))
     sentences = [*([first] if first else []), *said]

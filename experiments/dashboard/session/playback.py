@@ -12,6 +12,7 @@ from experiments.dashboard.session.plan import METHOD_WORDS
 from experiments.dashboard.session.video import Video
 from experiments.gap.closed_loop_replay import TableMotion, table_motion
 from experiments.records.recording import Run
+from experiments.records.run_folder import protocol_of
 from rig.log import INDEX, Log
 
 
@@ -156,7 +157,7 @@ def run_film(name: str, run: Run, other: Run | None = None) -> RunFilm:
     """
     both = other is not None
     log = run_part(run.log) if both else run.log
-    if (run.meta.get("protocol") or {}).get("servo_only"):
+    if protocol_of(run.meta).get("servo_only"):
         log = without_targets(log)
     motion = table_motion(log)
     begin_s = float(log["t_s"][0])

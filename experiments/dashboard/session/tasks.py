@@ -80,7 +80,7 @@ def list_runs(parent: Path, most: int = MOST_LISTED) -> list[RunSummary]:
     left out.
     """
     from experiments.records.recording import being_recorded
-    from experiments.records.run_folder import read_meta
+    from experiments.records.run_folder import protocol_of, read_meta
 
     rows = []
     folders = parent.iterdir() if parent.is_dir() else ()
@@ -91,8 +91,7 @@ def list_runs(parent: Path, most: int = MOST_LISTED) -> list[RunSummary]:
             continue
         if as_unicode(folder.name) != folder.name:  # no page could be told
             continue
-        protocol = meta.get("protocol")
-        name = protocol.get("name", "?") if isinstance(protocol, dict) else str(protocol)
+        name = protocol_of(meta).get("name", "?")
         outcome = str(meta.get("outcome") or UNFINISHED)
         if outcome == UNFINISHED and being_recorded(folder):
             outcome = "being recorded"
@@ -103,7 +102,7 @@ def list_runs(parent: Path, most: int = MOST_LISTED) -> list[RunSummary]:
         name, method, outcome = (
             str(words)[:LONGEST_WORDS] for words in (name, meta.get("arm"), outcome)
         )
-        servo_only = isinstance(protocol, dict) and bool(protocol.get("servo_only"))
+        servo_only = bool(protocol_of(meta).get("servo_only"))
         rows.append(
             RunSummary(
                 folder,

@@ -36,7 +36,7 @@ class Server:
 
     A context manager. port 0 takes any free one; the attribute `port` tells which. servo: of the
     table, both axes alike; say: gets a line for a person about whoever comes and
-    goes. OSError: it cannot listen at that host and port.
+    goes. ValueError: the host is no address; OSError: it cannot listen at that host and port.
     """
 
     def __init__(
@@ -57,6 +57,8 @@ class Server:
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         try:
             self._door = socket.create_server((host, port), family=family, backlog=BACKLOG)
+        except socket.gaierror:
+            raise ValueError(f"--host {host!r}: name an address of this machine") from None
         except OSError as error:
             raise OSError(
                 f"rig serve cannot listen at {host}:{port} ({error.strerror}): is another one "

@@ -3,9 +3,12 @@
 import json
 import re
 import shlex
+import tracemalloc
+from contextlib import suppress
 from math import degrees
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from experiments.sheets.catalogue import SHEETS, LabSheet
@@ -13,6 +16,7 @@ from experiments.sheets.check import OPEN, RIGHT, WRONG, check
 from experiments.sheets.handout import BLANK, blank_results
 from experiments.sheets.swing import swing
 from experiments.sheets.tables import seed_of
+from rig.log import Log
 from rig.rigfile import to_record
 from tests.support import ROOT
 from tests.support.command import told
@@ -186,3 +190,18 @@ def test_a_sheet_from_its_pages_own_commands(tmp_path: Path, name: str):
     truth = SHEETS[name].table_of(STUDENT).truth
     numbers = [value for value in truth.values() if isinstance(value, float) and value]
     assert not [value for value in numbers if f"{value:.3g}" in out]
+
+
+@pytest.mark.parametrize("step_s", [1e-5, 1e-6, 1e-9])
+def test_a_run_of_200_rows_close_together_takes_no_memory(step_s: float):
+    """The rate of its rows made a periodogram of gigabytes."""
+    t = np.concatenate([np.arange(100) * step_s, 60.0 + np.arange(100) * step_s])
+    ball = 0.01 * np.sin(t)
+    log = Log.from_columns({"t_s": t, "ball_x_m": ball, "ball_y_m": ball})
+    tracemalloc.start()
+    try:
+        with suppress(ValueError):  # a line of its own is as good
+            swing(log, 0)
+        assert tracemalloc.get_traced_memory()[1] < 1e8
+    finally:
+        tracemalloc.stop()

@@ -634,3 +634,10 @@ def test_it_runs_until_told_and_tells_why_it_cannot():
         for _ in range(3):
             user.hears(wire.READING)
         assert user.hears(wire.FAULT) == b"the table there failed: no power"
+
+
+def test_a_host_that_is_no_address_is_bad_input():
+    with pytest.raises(
+        ValueError, match=r"^--host '999\.1\.1\.1': name an address of this machine"
+    ):
+        Server(Bench(), TOKEN, servo=Servo(), host="999.1.1.1", port=0)
