@@ -56,6 +56,7 @@ class Server:
         check_host(host)
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         try:
+            socket.getaddrinfo(host, port, family)
             self._door = socket.create_server((host, port), family=family, backlog=BACKLOG)
         except socket.gaierror:
             raise ValueError(f"--host {host!r}: name an address of this machine") from None
