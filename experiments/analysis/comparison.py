@@ -38,7 +38,7 @@ MEASURES = (
         FEW,
         at_rest=True,
     ),
-    Measure("settling time, to its last swing", "s", "settling", "never", at_rest=True),
+    Measure("settling time", "s", "settling", "never", at_rest=True),
     Measure("servo activity", "deg", "servo_activity", "not measured", degrees(1)),
 )
 

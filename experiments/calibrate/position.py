@@ -182,7 +182,7 @@ def sentence(record: PositionServoRecord, name: str) -> str:
     for label, value, scale, unit in (
         ("lag", axis.lag_s, 1e3, "ms"),
         ("dead time", axis.dead_time_s, 1e3, "ms"),
-        ("both together", axis.together_s, 1e3, "ms"),
+        ("lag and dead time together", axis.together_s, 1e3, "ms"),
         ("at most", axis.rate_limit_rad_s, 1.0, "rad/s"),
         ("at most", axis.acceleration_limit_rad_s2, 1.0, "rad/s2"),
         ("dead band", axis.dead_band_rad, degrees(1), "degrees"),
@@ -200,7 +200,8 @@ def _not_seen(record: PositionServoRecord) -> list[str]:
     lines: dict[str, list[str]] = {}
     for name in "xy":
         for key, why in getattr(record, name).not_seen.items():
-            lines.setdefault(f"{WORDS[key]} kept as it was: {why}", []).append(name)
+            kept = f"{WORDS[key]} kept as the rig file has it: {why}"
+            lines.setdefault(kept, []).append(name)
     return [f"servo {' and '.join(names)}: {line}" for line, names in lines.items()]
 
 

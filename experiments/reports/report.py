@@ -142,7 +142,7 @@ RUN_HEAD = (
     "run",
     "run folder",
     "outcome",
-    "T [s]",
+    "length [s]",
     "centroid (x, y) [cm]",
     "centroid's distance [cm]",
     "settling [s]",

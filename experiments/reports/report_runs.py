@@ -43,7 +43,7 @@ from experiments.reports.report import (
 )
 
 _WHOLE = ("completed", "done")
-COLOURS = "Without play compensation blue, with red, what is wanted green."
+COLOURS = "Blue: without play compensation; red: with it; green: what is wanted."
 RUNS_A_TABLE = 5  # columns of a table of numbers; chosen: A4 is no wider
 
 

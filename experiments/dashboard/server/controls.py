@@ -31,6 +31,13 @@ class StoppedError(PermissionError):
     """STOP was pressed after the action was asked for."""
 
 
+REFUSALS = (WatchingError, StoppedError, ValueError)  # what cannot be done now, in words
+
+
+def _words(error: Exception) -> str:
+    return str(error) or type(error).__name__
+
+
 @dataclass(frozen=True)
 class ControlLock:
     """Numbers of the connected pages in order of arrival, and the page that holds the controls."""
@@ -176,16 +183,16 @@ class Controls:
         """Show an error to its page; note it in the run's events, unless it is a refusal or that
         page watches: whose run it is not.
         """
-        of_the_run = action.page is None or self.lock.may(action.page)
-        if of_the_run and not isinstance(error, (WatchingError, StoppedError)):
+        refused = isinstance(error, REFUSALS) and action.page is not None
+        if not refused and (action.page is None or self.lock.may(action.page)):
             self._note_error(action.what, error)
         self._tell(action.page, action.what, error)
 
     def _note_error(self, what: str, error: Exception) -> None:
-        self._note(f"{what}: {type(error).__name__}: {error}")
+        self._note(f"{what} failed: {_words(error)}")
 
     def _tell(self, page: int | None, what: str, error: Exception) -> None:
-        notice = page, what, str(error) or type(error).__name__
+        notice = page, what, _words(error)
         now_s = time.monotonic()
         if notice != self._last_notice or now_s - self._last_notice_s > REPEAT_S:
             self._notify(*notice)

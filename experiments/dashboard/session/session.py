@@ -230,7 +230,7 @@ class Session:
             try:
                 ending, lasted_s = self._record(planned) if planned else self._balancing()
             except Exception as error:
-                self._announce(0.0, f"{type(error).__name__}: {error}")
+                self._announce(0.0, f"failed: {str(error) or type(error).__name__}")
                 ending, lasted_s = Ending("aborted", str(error)), 0.0
                 self._last = planned.ended("aborted", str(error), 0.0) if planned else ""
                 with self._wake:

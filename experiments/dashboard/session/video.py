@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 # pipes and of itself, for a video.
 VIDEO, FORMAT = "video.mkv", "matroska"
 NO_VIDEO_OF_BOTH = (
-    "Two runs on one plate, with red, without blue: there is no video of both. Show one run alone "
-    "for its video."
+    "Two runs on one plate, red with compensation, blue without: there is no video of both. Show "
+    "one run alone for its video."
 )
 STEP_S = 1 / 30  # between frames of a rendered video
 SEEK_AHEAD_S = 2.0  # further ahead it seeks, nearer it decodes frame by frame; chosen

@@ -22,8 +22,8 @@ STEPS = (
     ),
     (
         "Replay",
-        "tick *Both controllers*: with red, without blue, from the same release on. When do they "
-        "part?",
+        "choose a run, tick *Both controllers* and press **Show**: red is with compensation, blue "
+        "without, from the same release on. When do they part?",
     ),
     (
         "Calibrate",

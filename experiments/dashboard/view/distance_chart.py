@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from viser import ClientHandle
 
 PARTED_S = 2.0  # after the release the way to the target would set the scale; chosen: it takes 1.5
-TITLE = "off target [cm], scaled to what comes after {:.0f} s: with red, without blue"
+TITLE = "off target [cm], scaled to what comes after {:.0f} s: red with compensation, blue without"
 
 
 def distances_cm(motion: TableMotion, times_s: np.ndarray) -> np.ndarray:

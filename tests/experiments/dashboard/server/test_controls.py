@@ -178,7 +178,7 @@ def test_an_exception_becomes_a_notification_and_a_line_in_the_events():
     button.callback(FakeEvent(1))
     c.queue.close()
     assert told == [(1, "push", "no motor")]
-    assert noted == ["push: RuntimeError: no motor"]
+    assert noted == ["push failed: no motor"]
 
 
 def test_what_a_watching_page_asks_for_in_vain_is_no_event_of_somebody_elses_run():
@@ -187,7 +187,7 @@ def test_what_a_watching_page_asks_for_in_vain_is_no_event_of_somebody_elses_run
     button = FakeHandle(False)
 
     def act(page):
-        raise ValueError("no film")
+        raise OSError("no film")
 
     c.button(button, "play", act, everybody=True)
     button.callback(FakeEvent(2))
@@ -195,7 +195,23 @@ def test_what_a_watching_page_asks_for_in_vain_is_no_event_of_somebody_elses_run
     button.callback(FakeEvent(1))
     c.queue.close()
     assert told == [(2, "play", "no film"), (None, "drawing", "no film"), (1, "play", "no film")]
-    assert noted == ["drawing: ValueError: no film", "play: ValueError: no film"]
+    assert noted == ["drawing failed: no film", "play failed: no film"]
+
+
+def test_a_refusal_is_no_event_of_the_run_unless_nobody_else_hears_of_it():
+    c, told, noted = controls()
+    c.lock = ControlLock().joined(1)
+    button = FakeHandle(False)
+
+    def act(page):
+        raise ValueError("" if page else "choose a run first")
+
+    c.button(button, "play", act)
+    button.callback(FakeEvent(1))
+    c.queue.put("drawing", lambda: act(None))
+    c.queue.close()
+    assert told == [(1, "play", "ValueError"), (None, "drawing", "choose a run first")]
+    assert noted == ["drawing failed: choose a run first"]
 
 
 def test_stop_waits_for_nothing_and_nothing_begins_after_it():
@@ -253,7 +269,7 @@ def test_a_stop_that_fails_is_told():
     stop.callback(FakeEvent(4))
     c.queue.close()
     assert told == [(4, "stop", "no loop")]
-    assert noted == ["stop: RuntimeError: no loop"]
+    assert noted == ["stop failed: no loop"]
 
 
 class PaletteHandle:

@@ -611,7 +611,7 @@ def test_what_fails_is_told_and_the_session_lives():
         desk.session.start(desk.plan(("with",)))
         wait_for("the words", lambda: len(desk.events) == 2, PATIENCE_S)
         assert desk.events == [
-            (0.0, "OSError: the disk is full"),
+            (0.0, "failed: the disk is full"),
             (0.0, "aborted: the disk is full"),
         ]
         desk.state("stopped")
