@@ -163,7 +163,7 @@ def _findings(decision: Decision, until: str, notes: tuple[str, ...], *, quick: 
     levels = state.evidence.levels
     known = Findings(
         decision.verdict,
-        wording.sentence(decision, names),
+        wording.sentence(decision, names, servo),
         effects=effects,
         unknown=_leftover(decision),
         untestable=findings_of_decision.untestable(state, decision.naming.screened),

@@ -202,19 +202,21 @@ def _not_a_size(state: State, one: Accepted, spread: Mapping[str, tuple[float, i
         size, deviation, at_end = _size_of(state, one, axis, spread)
         if at_end:
             return "its size is at the end of its range, so it stands for something else"
-        stands |= not size < interval(0.0, deviation).high  # a limit's nominal one is infinite
-    return "" if stands else "the interval of its size holds its nominal value"
+        stands |= not size < interval(0.0, deviation).high
+    return "" if stands else "the interval of its size holds its nominal value, or 0 of a limit"
 
 
 def _size_of(
     state: State, one: Accepted, axis: str, spread: Mapping[str, tuple[float, int]]
 ) -> tuple[float, tuple[float, int], bool]:
     """Distance of a name's size on an axis from its nominal value, its standard deviation with the
-    number of blocks behind it, and whether it is at the end of its range."""
+    number of blocks behind it, and whether it is at the end of its range. Of a limit, whose nominal
+    value is infinite, the distance is that from 0: it has to be known as well as that."""
     first, *more = state.nominal.of(one.name, axis)
     free = [first, more[0]] if one.name in PERIODIC else [first]
-    sizes = [state.fit.setting.get(k.name, k.nominal) - k.nominal for k in free]
-    value = first.nominal + sizes[0]
+    values = [state.fit.setting.get(k.name, k.nominal) for k in free]
+    origins = [k.nominal if np.isfinite(k.nominal) else 0.0 for k in free]
+    sizes, value = np.subtract(values, origins), values[0]
     at_end = any(e and abs(value - e) < RANGE_END_STEPS * first.step for e in first.range)
     deviation = max(spread.get(k.name, (0.0, 2)) for k in free)
     return float(np.linalg.norm(sizes)), deviation, at_end

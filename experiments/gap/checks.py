@@ -42,8 +42,9 @@ def check(log: Log, rig: Rig) -> list[str]:
     cannot be used: no axis has both ends of a channel, a wrong unit, axes swapped, a sign reversed,
     or a row rate out of range.
     """
+    read_back = rig.servo.takes_angle and (log.has("theta_x_rad") or log.has("theta_y_rad"))
     log = _with_answers(log, rig)
-    _check_channels(log)
+    _check_channels(log, ["command_{}_rad"] if read_back else [])
     _check_cells(log)
     _check_time(log)
     notes = [*_still(log), *_volts(log, rig)]
@@ -86,20 +87,22 @@ def _with_answers(log: Log, rig: Rig) -> Log:
     return Log.from_rows(rows, notes=log.notes)
 
 
-def _check_channels(log: Log) -> None:
-    """ValueError where no axis has both ends of a channel, or the log is too short."""
+def _check_channels(log: Log, told: list[str]) -> None:
+    """ValueError where no axis has both ends of a channel, or the log is too short; told: what a
+    measured angle may be compared with beside volts and ball."""
     if len(log) < MIN_ROWS:
         raise TooShortError(
             f"too short: {len(log)} row{'s' if len(log) > 1 else ''} (limit: {MIN_ROWS}); "
             "record longer"
         )
+    ends = [*told, "voltage_{}_V", "ball_{}_m"]
     for axis in "xy":
-        theta = f"theta_{axis}_rad"
-        if log.has(theta) and (log.has(f"voltage_{axis}_V") or log.has(f"ball_{axis}_m")):
+        if log.has(f"theta_{axis}_rad") and any(log.has(end.format(axis)) for end in ends):
             return
     there = [name for name in log.columns if name != "t_s" and log.has(name)]
+    first = ends[0].replace("_{}", "")
     raise ValueError(
-        "nothing to compare: one axis needs its theta_rad and either its voltage_V or its ball_m "
+        f"nothing to compare: one axis needs its theta_rad and either its {first} or its ball_m "
         f"(there are {', '.join(there) or 'no values'})"
     )
 

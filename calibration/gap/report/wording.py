@@ -19,6 +19,7 @@ from calibration.gap.report.units import parameter_unit, sig
 from calibration.gap.unnamed.wording import describe
 from rig.effects import Effect
 
+RECALIBRATE = "recalibrate the servo"
 VAGUE_WIDTH = 0.5  # width of an interval over its value beyond which it is not known
 
 
@@ -76,7 +77,7 @@ def _servo_notes(state: State, servo: Mapping[str, Interval]) -> tuple[str, ...]
             )
         elif far_off(value, nominal, limit):
             found.append(
-                f"recalibrate the servo: {label} is {value.value:.4g}, the rig file says "
+                f"{RECALIBRATE}: {label} is {value.value:.4g}, the rig file says "
                 f"{nominal:.4g} (tolerance {100 * limit:.0f} %)"
             )
     return tuple(found)
@@ -127,12 +128,20 @@ def _chance_note(decision: Decision) -> tuple[str, ...]:
     )
 
 
-def sentence(decision: Decision, names: tuple[Named, ...]) -> str:
-    """The verdict as one or two sentences in plain words, for the user."""
+def sentence(
+    decision: Decision, names: tuple[Named, ...], servo: Mapping[str, Interval] | None = None
+) -> str:
+    """The verdict as one or two sentences in plain words, for the user. `servo`: as from
+    `calibrated`."""
     known = decision.state.nominal.catalogue
     told = [_effect_words(name, known) for name in names]
     left = decision.unnamed and describe(decision.unnamed)
     if decision.verdict == "nothing-missing":
+        if any(n.startswith(RECALIBRATE) for n in _servo_notes(decision.state, servo or {})):
+            return (
+                "Nothing is missing once the servo is recalibrated: with its own gain and time "
+                "constant the model explains the log; the notes say how far off the file's are."
+            )
         return "Nothing is missing: the model explains the log within the declared tolerances."
     if decision.verdict == "unknown-effect":
         channel = decision.unnamed.channel if decision.unnamed else "the log"

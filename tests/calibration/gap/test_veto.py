@@ -145,6 +145,20 @@ def test_a_limit_that_is_no_longer_infinite_is_a_size():
     assert _not_a_size(state, one, spread) == _faint(state, one, spread) == ""
 
 
+@pytest.mark.parametrize(("share", "known"), [(0.1, True), (2.0, False)])
+def test_a_limit_has_to_be_known_as_well_as_from_0_and_within_its_range(share: float, known: bool):
+    """A servo that let go of its arm was told as a rate limit of 2.9 degrees/s, -66 to 71, the
+    least of its range, at > 99 %: infinity less infinity is no number that a test sees."""
+    state, one = with_friction(), Accepted("saturation", ("x",), 50.0, ())
+    name = "saturation.limit_V.x"
+    low = state.nominal.parameters[name].range[0]
+    for limit, at_end in ((2.0, False), (low, True)):
+        cut = replace(state, fit=replace(state.fit, setting=state.fit.setting | {name: limit}))
+        spread = {name: (share * limit, 40)}
+        assert bool(_not_a_size(cut, one, spread)) == (at_end or not known)
+        assert bool(_faint(cut, one, spread)) != known
+
+
 def test_a_size_at_the_end_of_its_range_on_one_axis_is_none():
     state, one = with_friction(), Accepted("coulomb_friction", ("x", "y"), 50.0, ())
     spread = {f"coulomb_friction.friction_V.{a}": (1e-3, 40) for a in "xy"}

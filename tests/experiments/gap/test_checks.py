@@ -202,3 +202,13 @@ def test_a_ball_on_a_beam_whose_servo_takes_an_angle_can_be_compared():
         check(log_of(told), RIG)
     with pytest.raises(ValueError, match="nothing to compare"):
         check(log_of({"ball_y_m" if n == "ball_x_m" else n: v for n, v in told.items()}), beam)
+
+
+def test_a_servo_alone_that_reads_its_angle_back_can_be_compared():
+    columns = table_log()
+    told = {"t_s": columns["t_s"], "theta_x_rad": columns["theta_x_rad"]}
+    told["command_x_rad"] = columns["theta_x_rad"]
+    bus = replace(RIG, servo=replace(RIG.servo, kind="position", angle_measured=True))
+    assert check(log_of(told), bus) == []
+    with pytest.raises(ValueError, match="nothing to compare: one axis needs its theta_rad and"):
+        check(log_of(told), RIG)
