@@ -96,14 +96,17 @@ def without_truth(rows: list[list[str]]) -> list[list[str]]:
     return [[*row[:truth], *[""] * len(row[truth:])] for row in rows if row[found]]
 
 
-def beside_table(rows: list[list[str]]) -> str:
-    """The rows of `experiments.gap.beside` as Markdown; columns that are blank are left out."""
-    kept = [i for i in range(len(HEAD)) if any(row[i] for row in rows)]
-    if not kept:
-        return ""
-    table = [[HEAD[i] for i in kept], ["---"] * len(kept)]
-    table += [[plain(row[i]) for i in kept] for row in rows]
-    return "\n".join("| " + " | ".join(row) + " |" for row in table)
+def beside_list(rows: list[list[str]]) -> str:
+    """The rows of `experiments.gap.beside` as Markdown, for the panel's width: two lines each, what
+    was found above what is known of it otherwise."""
+    lines = []
+    for name, axis, found, calibrated, truth, verdict in ([plain(x) for x in row] for row in rows):
+        known = [f"Calibrate {calibrated}" if calibrated else "", f"truth {truth}" if truth else ""]
+        told = " · ".join(filter(None, [*known, verdict]))
+        lines.append(
+            f"- **{name}, {axis}**: {found or 'not found'}" + (f"  \n  {told}" * bool(told))
+        )
+    return "\n".join(lines)
 
 
 class GapTab:
@@ -193,6 +196,7 @@ class GapTab:
         found = self.answer if self._shows and not asks else None
         self._report.visible = found is not None
         self._film.visible = found is not None and found.models is not None
+        self._gallery.show(found.pictures if found is not None else [])
 
     def refresh(self) -> None:
         """List the recorded runs anew, each with a box; what somebody ticked stays so."""
@@ -246,7 +250,6 @@ class GapTab:
         self._demo = logs is None
         if page is not None:
             self._show_playback(page, None)  # it would be taken for this analysis's
-        self._gallery.show([])
         self._on, self._shows = -1, False
         self._bar.value = 0.0
         self._stages.content = stage_lines(-1, False)
@@ -310,10 +313,9 @@ class GapTab:
             lines[:0] = [OWN_TABLE, HIDDEN if hides else plain(short.truth)]
         if earlier:
             lines.insert(0, f"*Of an earlier analysis ({plain(answer.report.parent.name)}):*")
-        lines.append(beside_table(without_truth(short.table) if hides else short.table))
+        lines.append(beside_list(without_truth(short.table) if hides else short.table))
         lines += map(plain, short.more)
         self._words.content = "\n\n".join(filter(None, lines))
-        self._gallery.show(answer.pictures)
         self._shows = True
         self._ask(False)
 

@@ -17,7 +17,7 @@ from experiments.dashboard.session.gap_tasks import (
 )
 from experiments.dashboard.session.tasks import RunSummary
 from experiments.dashboard.session.worker_process import WorkItem
-from experiments.dashboard.tabs.gap import GapTab, beside_table, good_runs
+from experiments.dashboard.tabs.gap import GapTab, beside_list, good_runs
 
 
 class FakeWorker:
@@ -102,7 +102,7 @@ def test_an_answer_is_shown_again_after_a_restart(gap):
     assert isinstance(tab.answer, GapAnswer)
     assert "gap&#45;10" in tab._words.content
     assert "**Missing&#58; the newest&#46;**" in tab._words.content
-    assert "| effect | axis | found |" in tab._words.content
+    assert "- **play, x**: 1" in tab._words.content
     assert tab._report.visible
     assert not tab._film.visible
 
@@ -139,18 +139,23 @@ def test_who_guesses_sees_no_truth_until_the_tick_is_taken_away(gap):
     tab._end(GapAnswer(said, Path("gap.html"), [], None, None))
     assert "**Missing" in tab._words.content
     assert "1.0" in tab._words.content.replace("&#46;", ".")
-    for told in ("1.1", "agrees", "cogging", "truth |"):
+    for told in ("1.1", "agrees", "cogging", "truth 1"):
         assert told not in tab._words.content.replace("&#46;", ".")
     tab._hide(False)
-    for told in ("Hidden", "1.1", "agrees", "cogging", "truth |"):
+    for told in ("Hidden", "1.1", "agrees", "cogging", "truth 1"):
         assert told in tab._words.content.replace("&#46;", ".")
 
 
-def test_columns_without_a_word_are_left_out_of_the_table():
-    assert beside_table([]) == ""
-    table = beside_table([["play", "x", "1.0", "", "1.1", "agrees"]])
-    assert "Calibrate" not in table
-    assert table.count("\n") == 2
+def test_what_is_known_otherwise_stands_below_what_was_found():
+    assert beside_list([]) == ""
+    rows = [["play", "x", "1", "", "2", "agrees"], ["drag", "both", "", "3", "", ""]]
+    assert beside_list([*rows, ["bowl", "x", "4", "", "", ""]]).split("\n") == [
+        "- **play, x**: 1  ",
+        "  truth 2 · agrees",
+        "- **drag, both**: not found  ",
+        "  Calibrate 3",
+        "- **bowl, x**: 4",
+    ]
 
 
 def test_what_is_found_stands_in_place_of_what_can_be_asked(gap):
