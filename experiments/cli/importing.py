@@ -48,7 +48,7 @@ def import_(
     """
     from experiments.importing.conversion import convert
     from experiments.importing.formats.choose import read_recording
-    from experiments.importing.import_map import merged, read_map, stated, write_map
+    from experiments.importing.import_map import merged, read_map, stated
     from experiments.importing.words import log_line, next_line
     from experiments.records.exporting import export_log, writer_of
     from experiments.records.run_folder import refuse_input
@@ -78,11 +78,17 @@ def import_(
     for name, log in zip(names, logs, strict=True):
         written(name, lambda part, log=log: export_log(log, part), aside=name != out)
         say(log_line(str(name), log))
-    kept = out.with_name("import.toml")
-    if map_file is None or not kept.exists() or not kept.samefile(map_file):
+    _keep_map(made, out.with_name("import.toml"), map_file)
+    say(next_line(names, made))
+
+
+def _keep_map(made, kept: Path, given: Path | None) -> None:
+    """Write the map as `kept`, unless that is the one that was given: it is somebody's."""
+    from experiments.importing.import_map import write_map
+
+    if given is None or not kept.exists() or not kept.samefile(given):
         written(kept, lambda part: write_map(part, made), aside=True)
     say(f"map: {kept}")
-    say(next_line(names, made))
 
 
 def written(path: Path, write: Callable[[Path], object], *, aside: bool) -> None:

@@ -17,6 +17,7 @@ from queue import Full, Queue
 from typing import Any, Generic, TypeVar
 
 from experiments.dashboard.server.input_limits import choice, flag
+from experiments.dashboard.server.untrusted_text import words_of
 
 T = TypeVar("T")
 QUEUE_LENGTH = 256  # actions; chosen: a slider that is dragged sends tens of them a second
@@ -29,13 +30,6 @@ class WatchingError(PermissionError):
 
 class StoppedError(PermissionError):
     """STOP was pressed after the action was asked for."""
-
-
-REFUSALS = (WatchingError, StoppedError, ValueError)  # what cannot be done now, in words
-
-
-def _words(error: Exception) -> str:
-    return str(error) or type(error).__name__
 
 
 @dataclass(frozen=True)
@@ -180,19 +174,18 @@ class Controls:
             take_back()
 
     def _failed(self, action: QueuedAction, error: Exception) -> None:
-        """Show an error to its page; note it in the run's events, unless it is a refusal or that
-        page watches: whose run it is not.
-        """
-        refused = isinstance(error, REFUSALS) and action.page is not None
-        if not refused and (action.page is None or self.lock.may(action.page)):
+        """Show an error to its page; note it in the run's events, unless it is a refusal there or
+        that page watches: whose run it is not."""
+        refusals = WatchingError, StoppedError, ValueError
+        if action.page is None or (self.lock.may(action.page) and not isinstance(error, refusals)):
             self._note_error(action.what, error)
         self._tell(action.page, action.what, error)
 
     def _note_error(self, what: str, error: Exception) -> None:
-        self._note(f"{what} failed: {_words(error)}")
+        self._note(f"{what} failed: {words_of(error)}")
 
     def _tell(self, page: int | None, what: str, error: Exception) -> None:
-        notice = page, what, _words(error)
+        notice = page, what, words_of(error)
         now_s = time.monotonic()
         if notice != self._last_notice or now_s - self._last_notice_s > REPEAT_S:
             self._notify(*notice)

@@ -24,3 +24,8 @@ def plain(text: object) -> str:
     if len(line) > LONGEST:
         line = line[: LONGEST - 1] + "…"
     return _PUNCTUATION.sub(lambda found: f"&#{ord(found[0])};", line)
+
+
+def words_of(error: Exception) -> str:
+    """What an error says, or its kind where it says nothing."""
+    return str(error) or type(error).__name__

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.dashboard.server.untrusted_text import words_of
 from experiments.dashboard.session import virtual_job
 from experiments.dashboard.session.live import LiveBuffer
 from experiments.dashboard.session.plan import (
@@ -230,7 +231,7 @@ class Session:
             try:
                 ending, lasted_s = self._record(planned) if planned else self._balancing()
             except Exception as error:
-                self._announce(0.0, f"failed: {str(error) or type(error).__name__}")
+                self._announce(0.0, f"failed: {words_of(error)}")
                 ending, lasted_s = Ending("aborted", str(error)), 0.0
                 self._last = planned.ended("aborted", str(error), 0.0) if planned else ""
                 with self._wake:

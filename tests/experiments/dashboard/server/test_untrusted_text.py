@@ -5,7 +5,7 @@ import html
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.dashboard.server.untrusted_text import LONGEST, as_unicode, plain
+from experiments.dashboard.server.untrusted_text import LONGEST, as_unicode, plain, words_of
 
 
 @given(st.text(alphabet=st.characters(codec="ascii"), max_size=200))
@@ -24,3 +24,8 @@ def test_a_long_text_is_cut_off():
 def test_half_a_surrogate_pair_is_shown_as_a_question_mark():
     """No message with one could be sent, and no new page would open any more."""
     assert html.unescape(plain("a\ud800b\udcff")) == as_unicode("a\ud800b\udcff") == "a?b?"
+
+
+def test_an_error_without_words_is_named_by_its_kind():
+    assert words_of(OSError("no room")) == "no room"
+    assert words_of(KeyError()) == "KeyError"
