@@ -15,7 +15,8 @@ WORDS = {
     "target": "target setpoint sp ref reference desired des soll goal want wanted sollwert rif "
     "objetivo consigna consigne alvo",
     "angle": "angle theta servo tilt winkel alpha beta roll pitch arm joint phi angolo platte "
-    "plate plat actuator stepper angulo ángulo ângulo brazo placa plateau servomotor",
+    "plate plat actuator stepper angulo ángulo ângulo brazo placa plateau servomotor rotation "
+    "rotazione rotacion rotación",
     "command": "set cmd mv command commanded action out output ctrl control actuate actuated "
     "applied stellgroesse comando commande mando orden",
     "measured": "meas measured actual act ist enc encoder feedback present state real fb joint "

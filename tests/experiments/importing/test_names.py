@@ -14,6 +14,7 @@ from experiments.importing.names import hint
         ("posx_mm", "ball", "x", "mm"),
         ("Comando motore 1 [gradi]", "command", "x", "deg"),
         ("Ángulo servo Y (grados)", "angle", "y", "deg"),
+        ("raw_rotation", "angle", None, None),
     ],
 )
 def test_compounds_and_spelled_units(name: str, role: str, axis: str, unit: str):
