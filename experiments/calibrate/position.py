@@ -59,7 +59,10 @@ def calibrate_position_servo(
     logs = [one.log for one in given]
     for path, log in zip(runs, logs, strict=True):
         if not log.has(*COMMANDS):
-            raise ValueError(f"{path}: holds no command_x_rad, command_y_rad: nobody was told")
+            raise ValueError(
+                f"{path}: command_x_rad and command_y_rad are not both there, by which both servos "
+                "are measured"
+            )
     by_angle = any(log.has(*ANGLES) for log in logs) if logs else rig.servo.has_angle
     if video is not None:
         if len(logs) != 1:

@@ -71,9 +71,9 @@ def log_line(path: str, log: Log) -> str:
 
 def next_line(names: Sequence[Path], made: ImportMap) -> str:
     """What to do with the logs: where the angles were commanded and nobody measured them, how late
-    the servos are comes before what else is missing."""
-    logs, families = shlex.join(map(str, names)), {family(name) for name in made.signals}
-    if "command" not in families or "theta" in families:
+    both servos are comes before what else is missing."""
+    logs, families = shlex.join(map(str, names)), [family(name) for name in made.signals]
+    if families.count("command") < 2 or "theta" in families:
         return f"next: rig gap {logs} --rig my.toml"
     out = names[0].with_name("calibration")
     first = f"rig calibrate servo {logs} --rig my.toml --out {shlex.quote(str(out))}"

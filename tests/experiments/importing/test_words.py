@@ -17,8 +17,10 @@ def made(*angles: str) -> ImportMap:
     return ImportMap.model_validate({"time": {"column": "t", "unit": "s"}, "signals": signals})
 
 
-@pytest.mark.parametrize("angles", [("theta_x_rad",), ("command_x_rad", "theta_x_rad")])
-def test_measured_angles_are_asked_what_is_missing(angles: tuple[str, ...]):
+@pytest.mark.parametrize(
+    "angles", [("theta_x_rad",), ("command_x_rad", "theta_x_rad"), ("command_x_rad",)]
+)
+def test_measured_angles_and_one_axis_alone_are_asked_what_is_missing(angles: tuple[str, ...]):
     logs = [Path("out/run 1.csv"), Path("out/run-2.csv")]
     wanted = "next: rig gap 'out/run 1.csv' out/run-2.csv --rig my.toml"
     assert next_line(logs, made(*angles)) == wanted
