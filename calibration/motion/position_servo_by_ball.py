@@ -6,6 +6,7 @@ together. The camera's delay is taken from the rig file. Lag and dead time part 
 commands were quick; where they were not, the lag of the rig file is kept and said so.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 from calibration.camera.sheet import CalibrationError
@@ -19,27 +20,38 @@ _MODEL_TOGETHER_S, _MODEL_APART_S = 0.006, 0.007
 _APART_S = 0.015  # chosen: half an interval above which lag and dead time count as not told apart
 
 
-def record_by_ball(x: list[Rolling], y: list[Rolling], rig: Rig) -> PositionServoRecord:
+def record_by_ball(
+    x: list[Rolling],
+    y: list[Rolling],
+    rig: Rig,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> PositionServoRecord:
     """Lag and dead time of both servos with 95 % intervals, from runs in which the ball was led
-    about; `x` and `y` hold one `Rolling` per run.
+    about; `x` and `y` hold one `Rolling` per run. progress: called with (done, total) fits.
 
     `CalibrationError`: the angle was measured, too little motion (`fit_rolling`), or the frames are
     stamped later than they can be.
     """
-    return PositionServoRecord(x=_axis(x, rig), y=_axis(y, rig), source="ball")
+    axes = []
+    for number, runs in enumerate((x, y)):
+        axes.append(_axis(runs, rig, lambda done, before=2 * number: progress(before + done, 4)))
+    return PositionServoRecord(x=axes[0], y=axes[1], source="ball")
 
 
-def _axis(runs: list[Rolling], rig: Rig) -> PositionServoAxis:
+def _axis(runs: list[Rolling], rig: Rig, fitted: Callable[[int], None]) -> PositionServoAxis:
     name = "xy"[runs[0].axis]
     if any(run.answer is None for run in runs):
         raise CalibrationError(f"servo {name}: its angle was measured in some run: take that alone")
+    fitted(0)
     parted = fit_rolling(runs, rig, lag=True)
+    fitted(1)
     apart = [_half(parted, std, _MODEL_APART_S) for _, std in (parted.lag_s, parted.late_s)]
     told_apart = max(apart) <= _APART_S
     lag_s, dead_s = (rig.servo.pair(key)[runs[0].axis] for key in ("lag_s", "dead_time_s"))
     if told_apart:
         lag_s = parted.lag_s[0]
     whole = fit_rolling(*_with_lag(runs, rig, lag_s))
+    fitted(2)
     half, late = _half(whole, whole.late_s[1], _MODEL_TOGETHER_S), lag_s + dead_s + whole.late_s[0]
     if late + half < 0:
         raise CalibrationError(

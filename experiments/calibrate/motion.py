@@ -22,6 +22,7 @@ from experiments.calibrate.folder import (
 from experiments.calibrate.given import led_about, led_in_steps, read_given, source_of, write_csv
 from experiments.calibrate.pictures import level_figure, servo_figure, time_figure
 from experiments.calibrate.position import calibrate_position_servo
+from experiments.progress import ProgressCall, silent
 from experiments.runs.assemble import load_rig
 from rig.log import Log
 from rig.parameters import Rig
@@ -38,6 +39,7 @@ def calibrate_servo(
     *,
     seed: int,
     video: str | None = None,
+    progress: ProgressCall = silent,
 ) -> None:
     """Measure both servos, of the virtual table where there are no `runs`; keep them in `out`, with
     their traces as CSV.
@@ -48,7 +50,9 @@ def calibrate_servo(
     """
     rig = load_rig(rig_file)
     if rig.servo.takes_angle:
-        return calibrate_position_servo(runs, rig_file, out, seed=seed, video=video)
+        return calibrate_position_servo(
+            runs, rig_file, out, seed=seed, video=video, progress=progress
+        )
     if runs or video is not None:
         raise ValueError(
             "servos that take volts are measured by ramps and pulses, not from runs: leave the "

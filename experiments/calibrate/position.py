@@ -5,6 +5,7 @@ By the angle read back; else by the plate's markers in frames; else by the ball.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import degrees
 from pathlib import Path
 
@@ -23,12 +24,14 @@ from experiments.calibrate.filmed import has_plate, tilt_in_film, virtual_film
 from experiments.calibrate.folder import CalibrationFolder, with_position_servo
 from experiments.calibrate.given import Given, led_in_steps, read_given, source_of, write_csv
 from experiments.calibrate.pictures import angle_figure, level_figure_of_servo
+from experiments.progress import ProgressCall, silent
 from experiments.runs.assemble import load_rig
 from rig.log import COMMANDS, Log
 from rig.parameters import Rig
 from rig.simulation.simulator import SimulatedTable
 
 LED_S = 60.0
+FITS = "fitting when the ball answers the commands"
 FILMED_CYCLES = 1  # of `moves_in_turn`: half a minute, of which every frame is rendered; chosen
 ANGLES = ("theta_x_rad", "theta_y_rad")
 
@@ -43,7 +46,13 @@ class _Measured:
 
 
 def calibrate_position_servo(
-    runs: Sequence[Path], rig_file: Path | None, out: Path, *, seed: int, video: str | None = None
+    runs: Sequence[Path],
+    rig_file: Path | None,
+    out: Path,
+    *,
+    seed: int,
+    video: str | None = None,
+    progress: ProgressCall = silent,
 ) -> None:
     """Measure both servos from `runs`, run folders or logs, else on the virtual table; keep them in
     `out`.
@@ -78,7 +87,7 @@ def calibrate_position_servo(
     else:
         if not logs:
             logs = [led_in_steps(rig, LED_S, np.random.default_rng([seed, 16]))]
-        found = _by_ball(believed, logs, runs, folder)
+        found = _by_ball(believed, logs, runs, folder, progress)
     folder.keep(
         "position_servo",
         data=found.data,
@@ -168,11 +177,15 @@ def _from_angles(
 
 
 def _by_ball(
-    believed: Rig, logs: Sequence[Log], runs: Sequence[Path], folder: CalibrationFolder
+    believed: Rig,
+    logs: Sequence[Log],
+    runs: Sequence[Path],
+    folder: CalibrationFolder,
+    progress: ProgressCall,
 ) -> _Measured:
     delay_s = believed.camera.delay_s
     axes = [[rolling(log, a, delay_s, believed) for log in logs] for a in range(2)]
-    record = record_by_ball(axes[0], axes[1], believed)
+    record = record_by_ball(axes[0], axes[1], believed, partial(progress, FITS))
     first = [axes[0][0], axes[1][0]]
     picture = level_figure_of_servo(first, folder.path / "servo.png", folder.draft.source)
     return _Measured(record, runs, picture)

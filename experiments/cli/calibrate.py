@@ -179,8 +179,10 @@ def servo(
     about.
     """
     from experiments.calibrate import motion as work
+    from experiments.cli.console import bars
 
-    work.calibrate_servo(runs or [], rig, out, seed=seed, video=video)
+    with bars() as progress:
+        work.calibrate_servo(runs or [], rig, out, seed=seed, video=video, progress=progress)
 
 
 @calibrate.command()
