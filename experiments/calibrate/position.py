@@ -68,10 +68,8 @@ def calibrate_position_servo(
     logs = [one.log for one in given]
     for path, log in zip(runs, logs, strict=True):
         if not log.has(*COMMANDS):
-            raise ValueError(
-                f"{path}: command_x_rad and command_y_rad are not both there, by which both servos "
-                "are measured"
-            )
+            absent = ", ".join(name for name in COMMANDS if not log.has(name))
+            raise ValueError(f"{path}: holds no {absent}: what both servos were told is needed")
     by_angle = any(log.has(*ANGLES) for log in logs) if logs else rig.servo.has_angle
     if video is not None:
         if len(logs) != 1:

@@ -229,7 +229,9 @@ def doubt_what_is_missing(
         if not free:
             still = [name for name in draft.stream.columns if not _changes(draft, name)]
             never = f" ({', '.join(still[:4])} never changes)" if still else ""
-            raise BadFileError(f"nothing is left that the angle could be compared with{never}")
+            raise BadFileError(
+                f"no column can be the ball's place: none is left that changes{never}"
+            )
         options = [*(unknown or free)[:8], *(["none"] if servo else [])]
         why = "no column is the ball's place by its name"
         draft.doubt(["ball_x_m"], "column", why, *options)
