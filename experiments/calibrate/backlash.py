@@ -29,7 +29,7 @@ from rig.parameters import KnownBacklash, Rig
 from rig.simulation.simulator import SimulatedTable
 
 SWEEPS, STRIKES, LED_S = 16, 28, 60.0  # chosen: half a minute to a minute of motion each
-STAGES, LEADS = 4, "leading the ball about, for the joints"  # of `measure`
+STAGES, LEADS = 6, "leading the ball about, for the joints"  # of `measure`
 WORDS = {
     "gear": "gear (tachometer against encoder)",
     "gear without tachometer": "gear (encoder and volts)",
@@ -72,12 +72,19 @@ def measure(
         except (CalibrationError, ValueError) as error:
             missing[what] = str(error)
 
-    if rig.servo.takes_angle:
-        progress(LEADS, 0, 1)
-        led = led_about if rig.servo.has_angle else led_in_steps
+    def joints(led: Callable[..., Log], done: int, of: int) -> MeasuredBacklash:
+        progress(LEADS, done, of)
         log = led(rig, LED_S, np.random.default_rng([seed, 15]))
-        each("joint", lambda a: _joint(log, a, believed))
+
+        def joint(a: int) -> BacklashEstimate:
+            progress(f"the joint of {'xy'[a]}, by how the ball answered", done + 1 + a, of)
+            return _joint(log, a, believed)
+
+        each("joint", joint)
         return MeasuredBacklash(plays, missing)
+
+    if rig.servo.takes_angle:
+        return joints(led_about if rig.servo.has_angle else led_in_steps, 0, 3)
     progress("sweeping the motors to and fro, without the encoder", 0, STAGES)
     if rig.servo.tachometer:
         blind = _swept(rig, seed, encoder=False)
@@ -94,10 +101,7 @@ def measure(
     progress("striking the gears' teeth", 2, STAGES)
     struck = _struck(rig, seed, bias)
     each("gear without tachometer", lambda a: gear_by_strikes(struck, a, believed, bias[a]))
-    progress(LEADS, 3, STAGES)
-    log = led_about(rig, LED_S, np.random.default_rng([seed, 15]))
-    each("joint", lambda a: _joint(log, a, believed))
-    return MeasuredBacklash(plays, missing)
+    return joints(led_about, 3, STAGES)
 
 
 def _joint(log: Log, axis: int, believed: Rig) -> BacklashEstimate:
