@@ -77,12 +77,12 @@ def test_who_begins_to_wait_as_the_event_is_set_is_woken_by_the_loop():
                 asyncio.get_running_loop().call_soon_threadsafe(event.set)  # as viser does
             super().append(waiting)
 
-    async def main() -> None:
+    async def main() -> bool:
         event = Wake()
         event._waiters = Late(event)  # pyright: ignore
-        await asyncio.wait_for(event.wait(), 20.0)
+        return await asyncio.wait_for(event.wait(), 20.0)
 
-    asyncio.run(main())
+    assert asyncio.run(main())
 
 
 def test_the_page_server_is_woken_so():
