@@ -14,18 +14,17 @@
   const here = location.pathname.replace(/(\/view)?\/*$/, "");
 
   // --- light or dark: this page's own, by the system's preference until it is chosen ---
-  const query = new URLSearchParams(location.search);
-  const key = "rig-looks";
-  const wanted = () => localStorage.getItem(key)
-    || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
-  const look = (looks) => {
-    looks === "dark" ? query.set("darkMode", "") : query.delete("darkMode");
-    const rest = query.toString();
-    location.replace(location.pathname + (rest ? "?" + rest : ""));
+  const root = document.documentElement, key = "rig-looks", scheme = "data-mantine-color-scheme";
+  let dark = (localStorage.getItem(key)
+    || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light")) === "dark";
+  const dress = () => {
+    const looks = root.dataset.looks = dark ? "dark" : "light";
+    // viser makes its page light as it begins; its style goes by this attribute alone.
+    if (root.getAttribute(scheme) !== looks) root.setAttribute(scheme, looks);
   };
-  const dark = query.has("darkMode");
-  if (dark !== (wanted() === "dark")) return look(wanted());
-  document.documentElement.dataset.looks = wanted();
+  if (location.search) history.replaceState(null, "", location.pathname);  // viser's own ?darkMode
+  new MutationObserver(dress).observe(root, { attributeFilter: [scheme] });
+  dress();
 
   // --- the bar ---
   const make = (tag, id, text) => {
@@ -49,8 +48,10 @@
   again.hidden = true;
   again.onclick = () => location.reload();
   looks.onclick = () => {
-    localStorage.setItem(key, dark ? "light" : "dark");
-    look(dark ? "light" : "dark");
+    dark = !dark;
+    localStorage.setItem(key, dark ? "dark" : "light");
+    looks.textContent = dark ? "Light" : "Dark";
+    dress();
   };
   const show = () => document.body ? document.body.append(bar) : setTimeout(show, 10);
   show();
@@ -81,7 +82,7 @@
     heardAt = Date.now();
     gone = false;
     again.hidden = true;
-    document.documentElement.classList.remove("rig-lost");
+    root.classList.remove("rig-lost");
     if (stoppingAt === null) write(STATES[state.state] || state.state, state.state);
     else if (Date.now() - stoppingAt > LONG_MS) write("STOP takes long: use the switch.", "lost");
   };
@@ -91,7 +92,7 @@
     lostAt ??= Date.now();
     gone ||= error.name !== "TimeoutError";
     const seconds = Math.max(1, Math.round(silent / 1000));
-    document.documentElement.classList.add("rig-lost");
+    root.classList.add("rig-lost");
     again.hidden = false;
     if (!unheard) write(`Connection lost ${seconds} s ago. ${SWITCH} Trying again ...`, "lost");
   };
@@ -122,7 +123,7 @@
         if (mine !== halts) return;  // pressed again meanwhile: that press asks on
         if (stoppingAt === null) break;
         unheard = true;
-        document.documentElement.classList.add("rig-lost");
+        root.classList.add("rig-lost");
         write(`STOP was not answered. ${SWITCH}`, "lost");
         await new Promise((done) => setTimeout(done, SOON_MS));
       }
@@ -139,7 +140,7 @@
   }, true);
   // On a phone the table stands above viser's sheet, which folds.
   const sheet = () => document.querySelector('.mantine-Paper-root[style*="position: fixed"]');
-  setInterval(() => document.documentElement.style.setProperty(
+  setInterval(() => root.style.setProperty(
     "--rig-sheet", `${sheet()?.offsetHeight || 0}px`), 500);
   addEventListener("visibilitychange", () => { if (!document.hidden) poll(); });
   poll();

@@ -3,9 +3,10 @@ addEventListener("DOMContentLoaded", () => {
   "use strict";
   const EVERY_MS = 100, CAMERA_MS = 500, LATER_MS = 1000;
   const here = location.pathname.replace(/\/view\/*$/, "");
-  const dark = document.documentElement.dataset.looks === "dark";
-  const ink = dark ? "#fff" : "#000", pale = dark ? "#495057" : "#ced4da";
-  const X = dark ? "#b197fc" : "#7048e8", Y = "#e8590c", GREEN = "#00b39b";
+  const Y = "#e8590c", GREEN = "#00b39b";
+  let ink, pale, X;
+  const dress = () => [ink, pale, X] = document.documentElement.dataset.looks === "dark"
+    ? ["#fff", "#495057", "#b197fc"] : ["#000", "#ced4da", "#7048e8"];
   const at = (id) => document.getElementById(id);
   const write = (id, text) => { if (at(id).textContent !== text) at(id).textContent = text; };
 
@@ -95,6 +96,7 @@ addEventListener("DOMContentLoaded", () => {
     write("time", now.t_s === null ? "-" : `${now.t_s.toFixed(0)} of ${now.duration_s.toFixed(0)}`);
     write("run", [now.title, now.run].filter(Boolean).join(": "));
     write("ask", now.ask && `Please ${now.ask}`);
+    dress();
     drawPlate(now);
     drawCurve(now);
   };

@@ -165,7 +165,7 @@ WRAP = "<style>p, li, h4 { overflow-wrap: anywhere } td { overflow-wrap: break-w
 
 def set_looks(server: "ViserServer") -> None:
     """Set how every page looks, and that long words break. Light or dark is each page's own choice
-    (`server/shell.js`): `?darkMode` in its address makes it dark.
+    (`server/shell.js`).
     """
     server.gui.configure_theme(
         dark_mode=False, show_logo=False, show_share_button=False, control_width="large"

@@ -362,16 +362,26 @@ def test_a_program_that_was_slow_to_answer_is_told_and_the_page_stays_as_it_is(c
     page.context.close()
 
 
+GROUND = """() => ["body", "div:has(> div > [data-dock-root])"].map(
+  one => getComputedStyle(document.querySelector(one)).backgroundColor)"""
+
+
 @pytest.mark.slow
-def test_each_page_is_light_or_dark_by_itself(chromium, program):
+def test_each_page_is_light_or_dark_by_itself_without_being_loaded_anew(chromium, program):
     light, dark = opened(chromium, program), opened(chromium, program, color_scheme="dark")
-    assert light.locator("html").get_attribute("data-looks") == "light"
-    assert dark.locator("html").get_attribute("data-looks") == "dark"
-    light.get_by_role("button", name="Dark").click()
-    light.get_by_role("button", name="Light").wait_for()
-    dark.get_by_role("button", name="Light").click()
-    dark.get_by_role("button", name="Dark").wait_for()
-    light.reload()
-    light.get_by_role("button", name="Light").wait_for()  # it keeps what was chosen
+    grounds = []
+    for page, looks, other in ((light, "light", "Dark"), (dark, "dark", "Light")):
+        page.get_by_text("what stays").wait_for(timeout=120e3)
+        assert page.locator("html").get_attribute("data-looks") == looks
+        grounds.append(page.evaluate(GROUND))
+        page.evaluate("window.kept = 1")
+        page.get_by_role("button", name=other, exact=True).click()
+    assert light.evaluate(GROUND) == grounds[1] != dark.evaluate(GROUND) == grounds[0]
+    assert light.evaluate("window.kept") == dark.evaluate("window.kept") == 1  # tabs, films, fields
+    light.goto(light.url + "?darkMode")  # viser's own way
+    light.get_by_role("button", name="Light", exact=True).wait_for()  # it keeps what was chosen
+    light.get_by_text("what stays").wait_for(timeout=120e3)
+    assert light.evaluate(GROUND) == grounds[1]
+    assert "darkMode" not in light.url
     light.context.close()
     dark.context.close()
