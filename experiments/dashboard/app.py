@@ -91,7 +91,7 @@ class App:
         )
         self.films: dict[int, FilmView] = {}
         self._replayed = False  # a recorded run was shown
-        self.controls = Controls(self.pages.notify, self.session.note)
+        self.controls = Controls(self.pages.not_done, self.session.note)
         admit_values(server, self.controls)
         shell = shell_of(server)
         shell.state = lambda: self.session.status.state
@@ -121,7 +121,12 @@ class App:
         self.camera = CameraView(server, self.rig, real=self.session.table.real)
         shell_of(server).camera = lambda: self.camera.jpeg
         self.header = Header(
-            server, self.controls, self.session, table, lambda page: self.run_tab.balance(page)
+            server,
+            self.controls,
+            self.pages,
+            self.session,
+            table,
+            lambda page: self.run_tab.balance(page),
         )
         panel = gui.add_panel()
         self._places = [panel.add_tab(name) for name in ("Curves", "Swing", "Camera")]

@@ -119,9 +119,7 @@ FILES = {
     "gate": Guarded(
         f"{SERVER}/security.py", test_security, 90, lambda name: name not in NOT_OF_THE_GATE
     ),
-    "lock": Guarded(
-        f"{SERVER}/controls.py", test_controls, 30, lambda name: "control" in name, ("ControlLock",)
-    ),
+    "lock": Guarded(f"{SERVER}/lock.py", test_controls, 30, lambda name: "control" in name),
     "controls": Guarded(
         f"{SERVER}/controls.py",
         test_controls,

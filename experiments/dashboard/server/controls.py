@@ -11,12 +11,13 @@ that was enqueued before it.
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from queue import Full, Queue
 from typing import Any, Generic, TypeVar
 
 from experiments.dashboard.server.input_limits import choice, flag
+from experiments.dashboard.server.lock import ControlLock
 from experiments.dashboard.server.untrusted_text import words_of
 
 T = TypeVar("T")
@@ -30,43 +31,6 @@ class WatchingError(PermissionError):
 
 class StoppedError(PermissionError):
     """STOP was pressed after the action was asked for."""
-
-
-@dataclass(frozen=True)
-class ControlLock:
-    """Numbers of the connected pages in order of arrival, and the page that holds the controls."""
-
-    pages: tuple[int, ...] = ()
-    holder: int | None = None
-
-    def joined(self, page: int) -> "ControlLock":
-        """The lock after a page connected: that page holds the controls if no other does."""
-        pages = (*(other for other in self.pages if other != page), page)
-        return ControlLock(pages, page if self.holder is None else self.holder)
-
-    def left(self, page: int) -> "ControlLock":
-        """The lock after a page disconnected: its controls are free until a page takes them."""
-        pages = tuple(other for other in self.pages if other != page)
-        return ControlLock(pages, None if self.holder == page else self.holder)
-
-    def taken(self, page: int) -> "ControlLock":
-        """The lock after a page took the controls. ValueError: the page is not connected."""
-        if page not in self.pages:
-            raise ValueError(f"page {page} is not connected: reload it")
-        return replace(self, holder=page)
-
-    def may(self, page: int | None) -> bool:
-        """Whether a page holds the controls; None (no page) never does."""
-        return page is not None and page == self.holder
-
-    def words(self, page: int) -> str:
-        """Markdown for a page: whether it holds the controls or watches."""
-        if self.holder == page:
-            others = len(self.pages) - 1
-            watch = f" {others} other page{'s' * (others > 1)} watching." if others else ""
-            return f"**You are in control.**{watch}"
-        holder = "Another page is" if self.holder is not None else "Nobody is"
-        return f"**You are watching.** {holder} in control; you can always stop."
 
 
 @dataclass(frozen=True)
@@ -139,10 +103,10 @@ class CheckedValue(Generic[T]):
 class Controls:
     """Connects buttons and inputs of the pages to the queue, the lock and the checks of values.
 
-    `notify(page, title, text)` shows a message on a page (None: on all pages); `note(text)` adds a
-    line to the run's events. reserved: the elements that only the page that holds the controls may
-    use; withdraw: functions that take back what the page that holds the controls said of the table,
-    called after STOP and when the controls change hands.
+    `notify(page, what, why)` tells a page (None: all pages) why `what` was not done; `note(text)`
+    adds a line to the run's events. checks: elements and what they need (`needs`), by id; withdraw:
+    functions that take back what the page that holds the controls said of the table, called after
+    STOP and when the controls change hands.
     """
 
     def __init__(
@@ -152,7 +116,7 @@ class Controls:
         self._lock = ControlLock()
         self._stops = 0  # presses of STOP so far
         self._rules: dict[int, InputRules] = {}  # by id of the handle: handles have no hash
-        self.reserved: list[Any] = []
+        self.checks: dict[int, tuple[Any, list[Callable[[int], Any]]]] = {}
         self._notify, self._note = notify, note
         self._last_notice: tuple[int | None, str, str] | None = None
         self._last_notice_s = -REPEAT_S
@@ -190,6 +154,13 @@ class Controls:
         if notice != self._last_notice or now_s - self._last_notice_s > REPEAT_S:
             self._notify(*notice)
             self._last_notice, self._last_notice_s = notice, now_s
+
+    def needs(self, check: Callable[[int], Any], *handles: Any) -> None:
+        """Grey buttons and inputs on a page while `check(page)` raises (ValueError,
+        PermissionError), whose words are their hint. What refuses them asks `check`, too.
+        """
+        for handle in handles:
+            self.checks.setdefault(id(handle), (handle, []))[1].append(check)
 
     def check(self, page: int | None) -> None:
         """Raise WatchingError where the page does not hold the controls."""
@@ -258,7 +229,7 @@ class Controls:
 
         self._on_press(handle, what, pressed)
         if not everybody and not hasattr(handle, "on_trigger"):
-            self.reserved.append(handle)
+            self.needs(self.check, handle)
 
     def stop(self, who: str, act: Callable[[str], None], page: int | None = None) -> None:
         """Call `act(who)` here and now, whatever waits in the queue, for anybody; from any thread.
@@ -306,7 +277,7 @@ class Controls:
             self._enqueue(label, do, page)
 
         self._rules[id(handle)] = InputRules("press", partial(choice, options=options), use)
-        self.reserved.append(handle)
+        self.needs(self.check, handle)
 
     def value(
         self,
@@ -345,7 +316,7 @@ class Controls:
 
         self._rules[id(handle)] = InputRules(what, clean, use, everybody)
         if not everybody:
-            self.reserved.append(handle)
+            self.needs(self.check, handle)
         return checked
 
     def own_value(
@@ -372,7 +343,7 @@ class Controls:
     def forget(self, handle: Any) -> None:
         """Take no more values for an input that leaves the page."""
         self._rules.pop(id(handle), None)
-        self.reserved = [one for one in self.reserved if one is not handle]
+        self.checks.pop(id(handle), None)
 
     def cleaned(self, page: int, handle: Any, raw: Any) -> Any:
         """The value to store when a page sends `raw` for the input `handle`: converted and clamped.

@@ -24,16 +24,6 @@ def tell_page(client: "ClientHandle", handle: Any, **properties: Any) -> None:
     client._websock_connection.queue_message(message)
 
 
-def show_usable(client: "ClientHandle", handle: Any, *, usable: bool) -> None:
-    """Grey an element of all pages on one page that may not use it."""
-    from viser import GuiButtonGroupHandle
-
-    if isinstance(handle, GuiButtonGroupHandle):  # viser cannot disable these
-        tell_page(client, handle, visible=usable and handle.visible)
-    else:
-        tell_page(client, handle, disabled=not usable)
-
-
 def admit_values(server: "ViserServer", controls: Controls) -> None:
     """Let pages press, click, look around, and set the inputs that `controls` knows.
 

@@ -1,17 +1,27 @@
 """The pages that are connected: messages and files for one of them, or for all."""
 
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments.dashboard.server.messages import tell_page
-from experiments.dashboard.server.untrusted_text import as_unicode
+from experiments.dashboard.server.untrusted_text import as_unicode, words_of
 from rig.files import file_bytes
 
 if TYPE_CHECKING:
     from viser import ClientHandle
 
 SHOWN_S = 8.0  # a message
+
+
+def refusal(check: Callable[[int], Any], page: int) -> str:
+    """Why `check(page)` refuses, "" where it does not."""
+    try:
+        check(page)
+    except (ValueError, PermissionError) as error:
+        return words_of(error)
+    return ""
 
 
 class Pages:
@@ -21,7 +31,7 @@ class Pages:
 
     def __init__(self) -> None:
         self.clients: dict[int, ClientHandle] = {}
-        self._told: dict[int, dict[tuple[int, str], Any]] = {}
+        self._told: dict[int, dict[tuple[str, str], Any]] = {}
 
     def joined(self, client: "ClientHandle") -> None:
         """Take note of a page that connected."""
@@ -43,11 +53,24 @@ class Pages:
         new = {
             name: value
             for name, value in properties.items()
-            if (id(handle), name) not in told or told[id(handle), name] != value
+            if (handle._impl.uuid, name) not in told or told[handle._impl.uuid, name] != value
         }
         if new:
-            told.update({(id(handle), name): value for name, value in new.items()})
+            told.update({(handle._impl.uuid, name): value for name, value in new.items()})
             tell_page(client, handle, **new)
+
+    def show_usable(self, checks: Iterable[tuple[Any, Sequence[Callable[[int], Any]]]]) -> None:
+        """Grey on every page the elements one of whose `checks` refuses that page, with its words
+        as their hint, which viser shows of inputs alone. What a page was told is not sent again.
+        """
+        for page in list(self.clients):
+            for handle, asked in list(checks):
+                why = next(filter(None, (refusal(check, page) for check in asked)), "")
+                self.tell(page, handle, disabled=bool(why), hint=why or handle.hint)
+
+    def not_done(self, page: int | None, what: str, why: str) -> None:
+        """Tell a page why `what` was not done; page None: every page."""
+        self.notify(page, f"Not done: {what}", why)
 
     def notify(self, page: int | None, title: str, text: str, *, good: bool = False) -> None:
         """Show a message with this title for SHOWN_S on a page, red unless it is `good`; page None:

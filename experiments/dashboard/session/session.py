@@ -172,10 +172,14 @@ class Session:
 
     def put(self, command: Command) -> None:
         """Send a push, target or gains to the loop. ValueError: nothing moves."""
+        self.check_moves().put(command)
+
+    def check_moves(self) -> LoopProcess:
+        """The loop that takes commands. ValueError: nothing moves."""
         loop = self._loop
         if loop is None:
             raise ValueError("nothing moves: press Balance or start a run")
-        loop.put(command)
+        return loop
 
     def confirm(self) -> None:
         """Note that the operator at the page did the present step. ValueError: none is asked for,

@@ -114,10 +114,16 @@ class WorkerProcess:
             if instead:
                 self.cancel(item.name)
                 self._replaced = self._now == item.name
-            elif self._now == item.name or any(other.name == item.name for other in self._waiting):
-                raise ValueError(f"{item.name} is on already: wait, or cancel it")
+            else:
+                self.check_free(item.name)
             self._waiting.append(item)
             self._wake.notify_all()
+
+    def check_free(self, name: str) -> None:
+        """Raise ValueError where work of this name waits or is being done."""
+        with self._wake:
+            if name in (self._now, *(other.name for other in self._waiting)):
+                raise ValueError(f"{name} is on already: wait, or cancel it")
 
     def cancel(self, name: str) -> bool:
         """End the work of a name, in the middle if need be.

@@ -89,6 +89,7 @@ class CalibrateTab:
         gui.add_markdown(REAL if real else VIRTUAL)
         self._steps = steps_of(session.rig, real=bool(real))
         self._meanings = dict(STEPS)
+        self._state = dict.fromkeys(self._steps, "")
         if session.rig.servo.takes_angle:
             self._meanings["servo"] = OF_POSITION_SERVO
         if real:
@@ -97,6 +98,7 @@ class CalibrateTab:
         else:
             everything = gui.add_button("All steps", color="green")
             controls.button(everything, "calibrate", lambda page: self.begin(self._steps, page))
+            controls.needs(lambda page: self._check_free(), everything)
         self._verdict: Any = gui.add_markdown("")
         self._gallery = Gallery(server, "Pictures of this step")
         self._buttons: dict[str, Any] = {}
@@ -106,15 +108,17 @@ class CalibrateTab:
                 controls.button(
                     one, f"calibrate {step}", lambda page, s=step: self.begin((s,), page)
                 )
+            controls.needs(lambda page: self._check_free(), *self._buttons.values())
             cancel = gui.add_button("Cancel", color="gray")
             controls.button(cancel, "cancel", lambda page: self._cancel())
+            controls.needs(lambda page: self._check_on(), cancel)
         self._found: Any = gui.add_markdown("")
         sheets = gui.add_button("Download the sheets to print", color="gray")
         controls.button(sheets, "sheets", self._sheets, everybody=True)
+        controls.needs(lambda page: worker.check_free("sheets"), sheets)
         if real:
             refused = [(step, why) for step, why in NOT_REAL.items() if step not in self._steps]
             gui.add_markdown("  \n".join(f"*{step}*: {why}." for step, why in refused))
-        self._state = dict.fromkeys(self._steps, "")
         self._lines: list[str] = []
         self._kept: dict[str, list[str]] = {}
         self._on, self._words, self._since_s, self._shown_s = "", "", 0.0, -1
@@ -153,13 +157,22 @@ class CalibrateTab:
 
         ValueError, OSError: a step or a run is on, or the real table's camera cannot be borrowed.
         """
+        self._check_free()
+        self._left = tuple(steps)
+        self._next()
+        self._show_live(page)
+
+    def _check_free(self) -> None:
+        """ValueError: a step or a run of a real table is on."""
         if "on" in self._state.values():
             raise ValueError("a step is on: wait, or cancel it")
         if self._real and self._session.status.state == "running":
             raise ValueError("a run is on: calibrate when it has ended")
-        self._left = tuple(steps)
-        self._next()
-        self._show_live(page)
+
+    def _check_on(self) -> None:
+        """ValueError: no step is on."""
+        if "on" not in self._state.values():
+            raise ValueError("no step is on")
 
     def _measure(self, step: str) -> CalibrationRequest:
         """What is to be done for a step."""

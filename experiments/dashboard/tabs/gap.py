@@ -55,6 +55,7 @@ DOES = {
     "report": "writing the report",
 }
 TICKED, LISTED = 4, 12  # runs that are ticked, and that are listed; chosen: minutes, a screen
+NONE_TICKED = "No run is ticked: make some in the tab Run, or try the demo."
 OWN_TABLE = "*The demo has a table of its own: not the one that is drawn in the 3-D view.*"
 HIDDEN = "*What was hidden is shown as soon as 'Hide the truth' is unticked.*"
 GUESS = "I guess first: no true values here, nor in the 3-D view, until the tick is taken away"
@@ -146,6 +147,7 @@ class GapTab:
         self._advice: Any = gui.add_markdown("")
         own = gui.add_button("Analyse the ticked runs")
         controls.button(own, "gap", lambda page: self.begin(self._chosen(), page))
+        controls.needs(lambda page: self._chosen(), own)
         self._asks: list[Any] = [intro, demo, good, self._advice, own]
         self._again: Any = gui.add_button("Another analysis")
         controls.button(self._again, "gap", lambda page: self._ask(True))
@@ -232,7 +234,7 @@ class GapTab:
     def _chosen(self) -> list[Path]:
         rows = self._ticked()
         if not rows:
-            raise ValueError("no run is ticked: make some in the tab Run, or try the demo")
+            raise ValueError(NONE_TICKED)
         return [row.folder for row in rows]
 
     def begin(self, logs: list[Path] | None, page: int | None) -> None:
@@ -288,7 +290,7 @@ class GapTab:
         protocols = [row.protocol for row in self._ticked()] if self._advised is None else None
         if protocols is not None:
             self._advised = protocols
-            self._advice.content = plain(advice(protocols)) if protocols else ""
+            self._advice.content = plain(advice(protocols) if protocols else NONE_TICKED)
         seconds = int(time.monotonic() - self._since_s)
         if self._does and seconds != self._shown_s:
             self._shown_s = seconds

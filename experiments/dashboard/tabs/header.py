@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from experiments.dashboard.server.controls import Controls
-from experiments.dashboard.server.messages import show_usable, tell_page
+from experiments.dashboard.server.pages import Pages
 from experiments.dashboard.server.untrusted_text import plain
 from experiments.dashboard.session.live import LiveState
 from experiments.dashboard.session.plan import SessionStatus
@@ -60,18 +60,21 @@ def link_words(now: LiveState, status: SessionStatus, rate_hz: float) -> str:
 class Header:
     """Builds the lines above the tabs: the state for all pages, and who controls, for each page.
 
-    table: the table's name as it is shown; balance: balances the virtual table again.
+    pages: those that are connected; table: the table's name as it is shown; balance: balances the
+    virtual table again.
     """
 
     def __init__(
         self,
         server: "ViserServer",
         controls: Controls,
+        pages: Pages,
         session: Session,
         table: str,
         balance: Callable[[int | None], None],
     ) -> None:
-        self._controls, self._session, self._table = controls, session, table
+        self._controls, self._pages = controls, pages
+        self._session, self._table = session, table
         gui = server.gui
         self._state: Any = gui.add_markdown("", order=-80)
         self._balance: Any = gui.add_button(
@@ -86,15 +89,12 @@ class Header:
             controls.button(handle, "take over", self._take, everybody=True)
         self._own: dict[int, Any] = {}
         self._films: set[int] = set()  # pages that show one
-        self._clients: dict[int, ClientHandle] = {}
-        self._told: dict[int, tuple[int | None, int]] = {}  # who holds, how many were told of
         self._words = ""
 
     def joined(self, client: "ClientHandle") -> None:
         """Note that a page has connected. To be called in the thread of the control panel queue."""
         page = client.client_id
         self._own[page] = client.gui.add_markdown("", order=-100)
-        self._clients[page] = client
         self._controls.lock = self._controls.lock.joined(page)
         self.draw_locks()
 
@@ -103,8 +103,7 @@ class Header:
         panel queue.
         """
         self._films.discard(page)
-        for known in (self._own, self._clients, self._told):
-            known.pop(page, None)
+        self._own.pop(page, None)
         self._controls.lock = self._controls.lock.left(page)
         self.draw_locks()
 
@@ -128,29 +127,18 @@ class Header:
         for page, words in self._own.items():
             film = f"<br>{FILM}" if page in self._films else ""
             words.content = live(lock.words(page) + film)
-        self._show_usable()
-
-    def _show_usable(self) -> None:
-        """Whoever watches sees greyed what only the holder may use, and alone may take over."""
-        lock, reserved = self._controls.lock, self._controls.reserved
-        for page, client in list(self._clients.items()):
-            now = lock.holder, len(reserved)
-            if self._told.get(page) == now:
-                continue
-            self._told[page] = now
-            holds = lock.holder == page
-            tell_page(client, self._take_over, visible=not holds)
-            for handle in reserved:
-                show_usable(client, handle, usable=holds)
 
     def draw(self, now: LiveState, status: SessionStatus, rate_hz: float) -> None:
-        """Show the session's state; only what changed is sent. rate_hz: nominal ticks a second of
-        the loop.
+        """Show the session's state and what each page may use; only what changed is sent. rate_hz:
+        nominal ticks a second of the loop.
         """
         rests = status.state == "stopped" and not self._session.table.real
         if self._balance.visible != rests:
             self._balance.visible = rests
-        self._show_usable()  # of what came to the page meanwhile
+        for page in list(self._pages.clients):
+            holds = self._controls.lock.holder == page
+            self._pages.tell(page, self._take_over, visible=not holds)
+        self._pages.show_usable(list(self._controls.checks.values()))
         words = f"**{STATES[status.state]}** ({plain(self._table)})<br>"
         words += link_words(now, status, rate_hz)
         if words != self._words:

@@ -108,7 +108,9 @@ class ReplayTab:
         )
         both = gui.add_checkbox("Both controllers on one plate", False, hint=BOTH)
         controls.own_value(both, "both controllers", flag, self._set_both)
-        self.key(gui.add_button("Show", color="green"), "replay", self.show)
+        show = gui.add_button("Show", color="green")
+        self.key(show, "show the run", self.show)
+        controls.needs(self._wanted, show)
         self._scrub: Any = gui.add_slider("Time [s]", 0.0, 1.0, STEP_S, 0.0)
         controls.own_value(self._scrub, "time", FILM_S.clamp, self._seek)
         self._fast: Any = gui.add_slider("Speed", SPEED.low, SPEED.high, SPEED.step, 1.0)
@@ -116,7 +118,9 @@ class ReplayTab:
         self._play: Any = gui.add_button(PLAY)
         self.key(self._play, "play", self.toggle)
         back = gui.add_button("Back to the live table", color="gray")
-        self.key(back, "live", lambda page: self._show_playback(page, None))
+        self.key(back, "back to the live table", lambda page: self._show_playback(page, None))
+        controls.needs(self._need, self._scrub, self._fast, self._play)
+        controls.needs(lambda page: self._of(page).item or self._need(page), back)
         self._words: Any = gui.add_markdown(LIVE)
         self._events: Any = gui.add_markdown("")
         self._about: Any = gui.add_markdown("")
@@ -145,28 +149,34 @@ class ReplayTab:
     def _set_both(self, page: int, both: bool) -> None:
         self._of(page).both = both
 
+    def _wanted(self, page: int) -> tuple[RunSummary, Path | None]:
+        """The run that a page chose, and the one beside it if it wants both. ValueError: there is
+        none.
+        """
+        viewer, rows = self._of(page), self._rows()
+        name = viewer.picked or self._picked.value
+        row = next((row for row in rows if row.label == name), None)
+        if row is None:
+            raise ValueError("no such run: make one in the tab Run")
+        beside = partner(row, rows) if viewer.both else None
+        if viewer.both and beside is None:
+            raise ValueError("no run of the other controller with this protocol and seed")
+        return row, beside
+
     def show(self, page: int) -> None:
         """Have the worker read the run that a page chose and make its video; what it read for this
         page before is dropped.
 
         ValueError: there is no such run.
         """
-        viewer = self._of(page)
-        name = viewer.picked or self._picked.value
-        found = [row for row in self._rows() if row.label == name]
-        if not found:
-            raise ValueError("no such run: make one in the tab Run")
-        folder = found[0].folder
-        beside = partner(found[0], self._rows()) if viewer.both else None
-        if viewer.both and beside is None:
-            raise ValueError("no run of the other controller with this protocol and seed")
+        viewer, (row, beside) = self._of(page), self._wanted(page)
 
         def on_message(kind: str, what: Any) -> None:
             self._controls.queue.put("replay", partial(self._on_message, page, item, kind, what))
 
-        viewer.name = name + (" and its pair" if beside else "")
-        item = WorkItem(f"replay {page}", partial(replay_run, folder, beside), on_message)
-        viewer.item, viewer.about = item, f"*{plain(name)} is being read ...*"
+        viewer.name = row.label + (" and its pair" if beside else "")
+        item = WorkItem(f"replay {page}", partial(replay_run, row.folder, beside), on_message)
+        viewer.item, viewer.about = item, f"*{plain(row.label)} is being read ...*"
         self._worker.put(item, instead=True)
 
     def _on_message(self, page: int, item: WorkItem, kind: str, what: Any) -> None:

@@ -112,11 +112,14 @@ class ResultsTab:
         self._card: Any = gui.add_markdown("")
         report = gui.add_button("Download the report")
         controls.button(report, "report", self.report, everybody=True)
+        controls.needs(lambda page: self._shown(), self._picked, disturbed, report)
+        controls.needs(lambda page: worker.check_free("report"), report)
         self._words: Any = gui.add_markdown("")
         self._gallery = Gallery(server, "Figures")
         self._table: Any = gui.add_markdown("")
         self._recover: Any = gui.add_button("Recover what was cut off", visible=False)
         controls.button(self._recover, "recover", lambda page: self.recover())
+        controls.needs(lambda page: worker.check_free("recover"), self._recover)
         self._rows: list[RunSummary] = []
         self._centroids: dict[str, tuple[float, float]] = {}
         self._live_words, self.compared, self.started = "", False, ""
@@ -158,6 +161,16 @@ class ResultsTab:
     def _together(self, protocol: str) -> list[RunSummary]:
         return [row for row in self._rows if row.protocol == protocol][:TOGETHER]
 
+    def _shown(self, chosen: str | None = None) -> tuple[str, list[RunSummary]]:
+        """The protocol that is chosen (None: in the list), and its newest runs. ValueError: there
+        is none.
+        """
+        protocol = self._named(chosen or self._protocol.now)
+        rows = self._together(protocol)
+        if not rows:
+            raise ValueError("no runs yet: make some in the tab Run")
+        return protocol, rows
+
     def recover(self) -> None:
         """Have the worker repair the recordings that were cut off. ValueError: there is none."""
         folders = [row.folder for row in self._rows if row.outcome == UNFINISHED]
@@ -170,10 +183,7 @@ class ResultsTab:
         chosen), instead of figures that it still draws; disturbed: runs that were disturbed by hand
         count (None: as the box says). ValueError: no run of it.
         """
-        name = self._named(protocol or self._protocol.now)
-        rows = self._together(name)
-        if not rows:
-            raise ValueError("no runs yet: make some in the tab Run")
+        name, rows = self._shown(protocol)
         count = self._disturbed.now if disturbed is None else disturbed
         task = partial(draw_figures, rows, self._out / "figures" / file_name(name), count)
         self._put("figures", task, self._drawn, instead=True)  # of fewer runs
@@ -182,10 +192,7 @@ class ResultsTab:
         """Have the worker write the report of the newest runs of the chosen protocol, then let the
         page download it (None: every page). ValueError: no runs, or a report is being written.
         """
-        protocol = self._named(self._protocol.now)
-        rows = self._together(protocol)
-        if not rows:
-            raise ValueError("no runs yet: make some in the tab Run")
+        protocol, rows = self._shown()
         task = partial(report_of_runs, [row.folder for row in rows], self._out / "report")
         name = f"report-{file_name(protocol)}.html"
         self._put("report", task, lambda path: self._send(page, path, name))

@@ -194,6 +194,9 @@ class RunTab:
         button(self._next, "next run", lambda page: self.go_on())
         self._repeat = gui.add_button("Repeat the last run", visible=False)
         button(self._repeat, "repeat", self.repeat)
+        self._controls.needs(
+            lambda page: self._check_armed(), self._start, self._next, self._repeat
+        )
         self._step = gui.add_markdown("", visible=False)
         self._done = gui.add_button("Done", color="orange", visible=False)
         button(self._done, "confirm", lambda page: self._session.confirm())
@@ -244,11 +247,14 @@ class RunTab:
 
     def _take_arming(self) -> None:
         """A real table's arming counts once. ValueError: it was not armed."""
-        if not self._session.table.real:
-            return
-        if not self._armed.now:
+        self._check_armed()
+        if self._session.table.real:
+            self._disarm()
+
+    def _check_armed(self) -> None:
+        """ValueError: a real table that is not armed."""
+        if self._session.table.real and not self._armed.now:
             raise ValueError("nothing moves yet: clear the plate, hand at the switch, tick Arm")
-        self._disarm()
 
     def _disarm(self) -> None:
         """Take the arming back: it was used, or whoever ticked it no longer answers for it."""
@@ -284,6 +290,7 @@ class RunTab:
             hint=hint,
             presets=presets,
             kept=self._kept_gains,
+            check=lambda page: self._check_disturb(),
         )
 
     def _set_gains(self, wanted: list[float]) -> None:
@@ -309,6 +316,7 @@ class RunTab:
         self._push = controls.value(push, "Push [m/s]", PUSH_M_S.clamp)
         arrows = gui.add_button_group("Push", tuple(ARROWS), visible=virtual)
         controls.pick(arrows, tuple(ARROWS), lambda label: self.push(ARROWS[label]))
+        controls.needs(lambda page: self._check_moves(), back, arrows)
 
     def push(self, angle_deg: float) -> None:
         """Push the virtual ball in the direction `angle_deg`, from +x towards +y, as hard as the
@@ -319,6 +327,11 @@ class RunTab:
         strength = self._push.now / PUSH_S
         angle = radians(angle_deg)
         self._send(Push((strength * cos(angle), strength * sin(angle)), PUSH_S))
+
+    def _check_moves(self) -> None:
+        """Raise ValueError where no push or target would be taken."""
+        self._check_disturb()
+        self._session.check_moves()
 
     def _send(self, command: Push | Target) -> None:
         self._check_disturb()

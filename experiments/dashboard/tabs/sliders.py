@@ -22,7 +22,7 @@ class SliderGroup:
 
     rows: label, limits and first value of each; apply: is given all values whenever one changes
     (ValueError: refused); presets: name -> values, clamped to the limits; kept: presets that a
-    person may add under a name, and forget.
+    person may add under a name, and forget; check: raises where `apply` would refuse a page.
     """
 
     def __init__(
@@ -35,6 +35,7 @@ class SliderGroup:
         hint: str,
         presets: Mapping[str, Sequence[float]],
         kept: KeptPresets | None = None,
+        check: Callable[[int], Any] = lambda page: None,
     ) -> None:
         gui, self._apply, self._presets, self._own = server.gui, apply, presets, kept
         self._limits = [limits for _, limits, _ in rows]
@@ -55,9 +56,12 @@ class SliderGroup:
             for i, (handle, (label, limits, _)) in enumerate(zip(self._handles, rows, strict=True))
         ]
         words = " / ".join(f"{value:g}" for value in self._start)
-        controls.button(gui.add_button("Undo", color="gray"), "undo", lambda page: self.undo())
+        undo = gui.add_button("Undo", color="gray")
+        controls.button(undo, "undo", lambda page: self.undo())
+        controls.needs(lambda page: self._last, undo)
         reset = gui.add_button(f"Reset to {words}")
         controls.button(reset, "reset", lambda page: self.set(self._start))
+        controls.needs(check, self._preset, *self._handles, undo, reset)
         if kept is not None:
             self._add_keeping(gui, controls)
 
@@ -67,23 +71,31 @@ class SliderGroup:
         keep, forget = gui.add_button("Keep by this name"), gui.add_button("Forget this name")
         controls.button(keep, "keep", lambda page: self.keep(self._name.now))
         controls.button(forget, "forget", lambda page: self.forget(self._name.now))
+        controls.needs(lambda page: self._new(self._name.now), keep)
+        controls.needs(lambda page: self._known(self._name.now), forget)
 
     @property
     def _names(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys((OWN, *self._presets, *(self._own or ()))))
 
-    def keep(self, name: str) -> None:
-        """Keep the values under a name. ValueError: it is none, or that of another preset."""
+    def _new(self, name: str) -> KeptPresets:
         if self._own is None or not name or name in (OWN, *self._presets):
             raise ValueError("write a name that no other preset has, then press Keep")
-        self._own.keep(name, self.values)
+        return self._own
+
+    def _known(self, name: str) -> KeptPresets:
+        if self._own is None or name not in self._own:
+            raise ValueError("write the name of a preset that was kept, then press Forget")
+        return self._own
+
+    def keep(self, name: str) -> None:
+        """Keep the values under a name. ValueError: it is none, or that of another preset."""
+        self._new(name).keep(name, self.values)
         self._show_names(name)
 
     def forget(self, name: str) -> None:
         """Forget the values kept under a name. ValueError: there are none."""
-        if self._own is None or name not in self._own:
-            raise ValueError("write the name of a preset that was kept, then press Forget")
-        self._own.forget(name)
+        self._known(name).forget(name)
         self._show_names(OWN)
 
     def _show_names(self, chosen: str) -> None:
@@ -105,11 +117,16 @@ class SliderGroup:
         self._use([one.clamp(v) for one, v in zip(self._limits, values, strict=True)])
         self._remember(before, -1)
 
-    def undo(self) -> None:
-        """Go back to the values before the last move. ValueError: there was none."""
+    @property
+    def _last(self) -> list[float]:
+        """The values before the last move. ValueError: there was none."""
         if not self._past:
             raise ValueError("nothing was changed yet")
-        self._use(self._past[-1])
+        return self._past[-1]
+
+    def undo(self) -> None:
+        """Go back to the values before the last move. ValueError: there was none."""
+        self._use(self._last)
         self._past.pop()
         self._moved = -1
         self._is_own()

@@ -134,7 +134,7 @@ class FakeCommand:
     def on_trigger(self, callback) -> None: ...
 
 
-def test_what_the_holder_alone_may_use_is_known_so_that_others_see_it_greyed():
+def test_what_a_page_cannot_use_is_known_so_that_it_sees_it_greyed_and_stop_never_is():
     c, *_ = controls()
     start, stop, shown, arrows, gain, box = (FakeHandle(False) for _ in range(6))
     c.button(start, "start", print)
@@ -144,9 +144,20 @@ def test_what_the_holder_alone_may_use_is_known_so_that_others_see_it_greyed():
     c.pick(arrows, ("left",), print)
     c.value(gain, "arm", flag)
     c.value(box, "camera", flag, everybody=True)
-    assert c.reserved == [start, arrows, gain]
+    c.needs(lambda page: film[page], shown, start)
+    film = {1: "a film"}
+    assert [handle for handle, _ in c.checks.values()] == [start, arrows, gain, shown]
+    c.lock = ControlLock().joined(1).joined(2)
+    refused = {"watches": (PermissionError, 2), "has no film": (KeyError, 2)}
+    for handle, whys in ((start, refused), (arrows, ["watches"]), (shown, ["has no film"])):
+        checks = c.checks[id(handle)][1]
+        for check, why in zip(checks, whys, strict=True):
+            check(1)
+            error, page = refused[why]
+            with pytest.raises(error):
+                check(page)
     c.forget(arrows)
-    assert c.reserved == [start, gain]
+    assert [handle for handle, _ in c.checks.values()] == [start, gain, shown]
     c.queue.close()
 
 

@@ -16,7 +16,8 @@ from websockets.typing import Origin, Subprotocol
 
 from experiments.dashboard.server.controls import ControlLock, Controls
 from experiments.dashboard.server.input_limits import KP, choice, flag
-from experiments.dashboard.server.messages import LONGEST, admit_values, show_usable
+from experiments.dashboard.server.messages import LONGEST, admit_values
+from experiments.dashboard.server.pages import Pages
 from experiments.dashboard.server.server import open_server
 from tests.support.waiting import wait_for
 
@@ -117,21 +118,40 @@ def panel() -> Iterator[Panel]:
         yield one
 
 
-def test_one_page_alone_sees_what_it_may_not_use_greyed(panel: Panel):
-    panel.page()
-    watcher = panel.page()
-    arrows = panel.server.gui.add_button_group("Push", ("left", "right"))
-    client = panel.server.get_clients()[1]
-    for handle in (panel.stop, arrows):
-        show_usable(client, handle, usable=False)
-    told = []
-    while len(told) < 2:
-        told += [m for m in said(watcher) if m["type"] == "GuiUpdateMessage"]
-    assert [one["updates"] for one in told] == [{"disabled": True}, {"visible": False}]
-    assert arrows.visible
-    show_usable(client, arrows, usable=True)
-    arrows.visible = False
-    show_usable(client, arrows, usable=True)
+def test_a_page_sees_greyed_what_it_cannot_use_with_the_reason_and_stop_never(panel: Panel):
+    holder, watcher, pages = panel.page(), panel.page(), Pages()
+    for client in panel.server.get_clients().values():
+        pages.joined(client)
+    film = {0: "a film"}
+
+    def need_film(page: int) -> None:
+        if page not in film:
+            raise ValueError("press Show first")
+
+    panel.controls.needs(need_film, panel.own, panel.slider)
+    handles = {one._impl.uuid: one for one in (panel.slider, panel.group, panel.own)}
+
+    def seen(page: ClientConnection, many: int) -> list[tuple[Any, bool, str | None]]:
+        pages.show_usable(list(panel.controls.checks.values()))
+        told: list[Any] = []
+        while len(told) < many:
+            told += [m for m in said(page) if m["type"] == "GuiUpdateMessage"]
+        assert panel.stop._impl.uuid not in {one["uuid"] for one in told}
+        updates = [(handles.get(one["uuid"]), one["updates"]) for one in told]
+        return [(one, told["disabled"], told["hint"]) for one, told in updates if one]
+
+    watching = "you are watching: press 'Take over the controls' first"
+    usable = [(panel.slider, False, None), (panel.group, False, None), (panel.own, False, None)]
+    assert seen(holder, 4) == usable
+    assert seen(watcher, 4) == [
+        (panel.slider, True, watching),
+        (panel.group, True, watching),
+        (panel.own, True, "press Show first"),
+    ]
+    del film[0]
+    assert seen(holder, 2) == [(one, True, "press Show first") for one in (panel.slider, panel.own)]
+    film[0] = "another"
+    assert seen(holder, 2) == [usable[0], usable[2]]
 
 
 def test_no_page_changes_anything_of_an_input_but_its_value(panel: Panel):

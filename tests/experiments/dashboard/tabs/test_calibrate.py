@@ -14,6 +14,7 @@ from experiments.dashboard.server.server import open_server
 from experiments.dashboard.session.worker_process import WorkItem
 from experiments.dashboard.tabs.calibrate import CalibrateTab
 from rig.parameters import Rig
+from tests.support.greyed import why
 from tests.support.waiting import wait_for
 
 
@@ -62,15 +63,23 @@ def tab(tmp_path):
 
 def test_a_step_begins_at_once_and_the_worker_as_soon_as_the_camera_is_free(tab):
     one, camera, worker = tab
+    cancel = next(h for h, _ in one._controls.checks.values() if h.label == "Cancel")
+    steps = [one._buttons["camera"], one._buttons["time"]]
+    assert [why(one._controls, handle) for handle in (*steps, cancel)] == ["", "", "no step is on"]
     one.begin(("camera",))
     assert one._state["camera"] == "on"
     assert not worker.items
+    on = "a step is on: wait, or cancel it"
+    assert [why(one._controls, handle) for handle in (*steps, cancel)] == [on, on, ""]
     camera.free.set()
     wait_for("the worker", lambda: worker.items)
     assert camera.lent == 1
     worker.items[0].on_message("failed", "no sheet was seen")
     wait_for("the camera's return", lambda: camera.lent == 0)
     assert one._state["camera"] == "refused"
+    assert why(one._controls, cancel) == "no step is on"
+    one._session.status.state = "running"
+    assert why(one._controls, steps[0]) == "a run is on: calibrate when it has ended"
 
 
 def test_a_step_that_is_cancelled_while_the_camera_is_awaited_never_begins(tab):
@@ -88,7 +97,7 @@ def test_a_step_uses_the_number_that_passed_its_checks_and_no_other(tab):
     camera.free.set()
     handle = next(
         handle
-        for handle in one._controls.reserved
+        for handle, _ in one._controls.checks.values()
         if getattr(handle, "label", "") == "Square as printed [mm]"
     )
     with pytest.raises(ValueError, match="no number"):

@@ -18,6 +18,7 @@ from experiments.dashboard.session.gap_tasks import (
 from experiments.dashboard.session.tasks import RunSummary
 from experiments.dashboard.session.worker_process import WorkItem
 from experiments.dashboard.tabs.gap import GapTab, beside_list, good_runs
+from tests.support.greyed import why
 
 
 class FakeWorker:
@@ -57,6 +58,17 @@ def gap(tmp_path):
     server.stop()
 
 
+def test_with_no_run_ticked_there_is_nothing_to_analyse(gap):
+    make, _, _, _ = gap
+    tab = make()
+    (analyse,) = (h for h, _ in tab._controls.checks.values() if h.label.startswith("Analyse"))
+    assert why(tab._controls, analyse).startswith("No run is ticked")
+    tab.draw()
+    assert "No run is ticked" in tab._advice.content
+    tab.refresh()
+    assert why(tab._controls, analyse) == ""
+
+
 def test_undisturbed_completed_runs_are_ticked_and_what_they_lack_is_said(gap):
     make, _, rows, _ = gap
     tab = make()
@@ -75,7 +87,7 @@ def test_undisturbed_completed_runs_are_ticked_and_what_they_lack_is_said(gap):
     assert tab._advice.content == ""
     for _, box in tab._boxes.values():
         box.now = False
-    with pytest.raises(ValueError, match="no run is ticked"):
+    with pytest.raises(ValueError, match="No run is ticked"):
         tab._chosen()
 
 

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from experiments.dashboard.server.controls import ControlLock, Controls
+from experiments.dashboard.server.pages import Pages
 from experiments.dashboard.tabs.header import Header
 
 
@@ -24,6 +25,15 @@ class Command(Handle):
         self.press = act
 
 
+def test_a_message_is_titled_with_what_happened():
+    pages, shown = Pages(), []
+    for page in (1, 2):
+        client = SimpleNamespace(client_id=page, add_notification=lambda *w, **k: shown.append(w))
+        pages.joined(client)  # pyright: ignore[reportArgumentType]
+    pages.not_done(2, "play", "choose a run and press Show first")
+    assert shown == [("Not done: play", "choose a run and press Show first")]
+
+
 @pytest.mark.parametrize("way", ["button", "palette"])
 def test_a_page_that_watches_takes_over_and_the_other_is_told(way: str):
     buttons, commands, noted = {}, {}, []
@@ -34,7 +44,7 @@ def test_a_page_that_watches_takes_over_and_the_other_is_told(way: str):
     )
     controls = Controls(lambda *what: None, print)
     session = SimpleNamespace(note=noted.append)
-    Header(SimpleNamespace(gui=gui), controls, session, "virtual", lambda page: None)  # pyright: ignore[reportArgumentType]
+    Header(SimpleNamespace(gui=gui), controls, Pages(), session, "virtual", lambda page: None)  # pyright: ignore[reportArgumentType]
     controls.lock = ControlLock().joined(1).joined(2)
     handle = {"button": buttons, "palette": commands}[way]["Take over the controls"]
     handle.press(SimpleNamespace(client_id=2))  # pyright: ignore[reportArgumentType]

@@ -19,6 +19,7 @@ from experiments.dashboard.tabs.replay import ReplayTab, event_lines, partner
 from experiments.dashboard.view.distance_chart import distances_cm, scale_cm
 from experiments.records.recording import Run
 from rig.log import INDEX, Log
+from tests.support.greyed import why
 
 
 class FakeWorker:
@@ -52,6 +53,25 @@ def replay():
     tab.refresh()
     yield tab, controls, worker, shown
     server.stop()
+
+
+def test_what_needs_a_film_is_greyed_until_the_page_has_one(replay):
+    tab, controls, worker, _ = replay
+    of_film = (tab._play, tab._scrub, tab._fast)
+    buttons = {getattr(one, "label", ""): one for one, _ in controls.checks.values()}
+    show, back = buttons["Show"], buttons["Back to the live table"]
+    first = "choose a run and press Show first"
+    assert [why(controls, one) for one in (show, back, *of_film)] == ["", *[first] * 4]
+    tab.show(1)
+    assert [why(controls, one) for one in (back, *of_film)] == ["", *[first] * 3]
+    worker.items[0].on_message("shown", film("run-1"))
+    controls.queue.close()
+    for page, need in ((1, ""), (2, first)):  # of each page's own
+        assert [why(controls, one, page) for one in (back, *of_film)] == [need] * 4
+    tab._set_both(1, True)
+    assert "no run of the other controller" in why(controls, show)
+    tab._rows = list
+    assert why(controls, show) == "no such run: make one in the tab Run"
 
 
 def recorded(seconds=30.0, arm="with", begin_s=0.0):

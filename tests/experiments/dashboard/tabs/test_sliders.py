@@ -11,6 +11,7 @@ from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.server.input_limits import KP, Range, choice
 from experiments.dashboard.session.presets import MOST_KEPT, KeptPresets
 from experiments.dashboard.tabs.sliders import OWN, SliderGroup
+from tests.support.greyed import why
 
 ROWS = [("P", KP, 2.0), ("D", Range(0.0, 1.0, 0.1), 0.5)]
 PRESETS = {"begin": (2.0, 0.5), "wild": (99.0, 0.0)}
@@ -26,6 +27,7 @@ class Group:
         self.controls = Controls(lambda *what: self.told.append(what), print)
         self.controls.lock = self.controls.lock.joined(1)
         self.handles: dict[str, SimpleNamespace] = {}
+        self.buttons: dict[str, SimpleNamespace] = {}
         gui = SimpleNamespace(
             add_dropdown=lambda label, names, initial_value: self._made(label, initial_value),
             add_slider=lambda label, low, high, step, value, hint: self._made(label, value),
@@ -41,6 +43,7 @@ class Group:
             hint="",
             presets=PRESETS,
             kept=kept,
+            check=lambda page: self._apply([]) if self.refuses else None,
         )
 
     def _made(self, label: str, value: object) -> SimpleNamespace:
@@ -48,7 +51,10 @@ class Group:
         return self.handles[label]
 
     def _button(self, label: str, **looks: str) -> SimpleNamespace:
-        return SimpleNamespace(on_click=lambda act: self.handles.update({label: act}))
+        self.buttons[label] = SimpleNamespace(
+            on_click=lambda act: self.handles.update({label: act})
+        )
+        return self.buttons[label]
 
     def _apply(self, values: list[float]) -> None:
         if self.refuses:
@@ -91,6 +97,26 @@ def test_a_move_a_preset_and_the_reset_are_applied_together_and_undone_in_turn()
         [2.0, 0.5],
     ]
     assert one.told == [(1, "undo", "nothing was changed yet")]
+
+
+def test_what_would_be_refused_is_greyed(tmp_path: Path):
+    one = Group(KeptPresets(tmp_path / "kept.json", 2))
+    undo, keep, forget = (
+        one.buttons[label] for label in ("Undo", "Keep by this name", "Forget this name")
+    )
+    assert why(one.controls, undo) == "nothing was changed yet"
+    assert "write a name" in why(one.controls, keep)
+    one.put("P", 3.0)
+    one.put("Name", "soft")
+    assert [why(one.controls, button) for button in (undo, keep)] == ["", ""]
+    assert "write the name" in why(one.controls, forget)
+    one.press("Keep by this name")
+    one.shown()
+    assert why(one.controls, forget) == ""
+    one.refuses = True
+    for handle in (one.handles["P"], one.handles["Preset"], undo, one.buttons["Reset to 2 / 0.5"]):
+        assert why(one.controls, handle) == "a run is being recorded"
+    assert why(one.controls, keep) == ""  # applies nothing
 
 
 def test_a_preset_keeps_its_name_until_a_slider_is_moved():

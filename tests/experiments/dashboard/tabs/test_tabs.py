@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from experiments.dashboard.server.controls import Controls
+from experiments.dashboard.server.controls import ControlLock, Controls
 from experiments.dashboard.server.server import open_server
 from experiments.dashboard.session.calibration_tasks import (
     CalibrationRequest,
@@ -48,6 +48,7 @@ from experiments.runs.assemble import load_rig
 from experiments.runs.protocol import read_protocol
 from rig.log import Log
 from tests.support import ROOT
+from tests.support.greyed import why
 
 
 def test_the_map_lies_as_seen_from_above():
@@ -208,7 +209,10 @@ def test_results_follow_the_newest_run_until_a_protocol_is_chosen(tmp_path: Path
     server, _ = open_server("127.0.0.1", 0, "a-token-of-some-length-for-tests")
     controls, asked = Controls(lambda *what: None, print), []
     worker = SimpleNamespace(put=lambda item, instead: asked.append(item.task.args[0][0].protocol))
+    worker.check_free = lambda name: None
     tab = ResultsTab(server, controls, worker, tmp_path, LiveBuffer(500.0), lambda page, path: None)  # pyright: ignore[reportArgumentType]
+    controls.lock = ControlLock().joined(1)
+    assert why(controls, tab._picked) == "no runs yet: make some in the tab Run"
 
     def record(day: int, name: str, *, servo_only: bool = False) -> None:
         protocol = {"name": name, "servo_only": servo_only}
@@ -229,6 +233,7 @@ def test_results_follow_the_newest_run_until_a_protocol_is_chosen(tmp_path: Path
     record(5, "hold")
     record(6, "steps")
     assert tab._named(NEWEST) == "hold"
+    assert why(controls, tab._picked) == ""
     controls.queue.close()
     server.stop()
     assert asked == ["hold", "steps", "hold", "hold"]
