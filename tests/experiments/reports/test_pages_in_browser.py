@@ -153,6 +153,37 @@ def test_the_pdf_is_a4_and_has_every_column(chromium, page_file):
     assert 450 < max(right) <= 595 - 30  # points: to the margin of 12 mm, and not beyond
 
 
+@pytest.mark.slow
+def test_no_sheet_but_the_last_is_left_half_empty(chromium, tmp_path):
+    """Lone figures, runs and tables that do not fit on what is left of a sheet. A run's head and
+    figures stay together and take 43 % of one: so much may be white above them, and no more.
+    """
+    import cv2
+
+    picture = tmp_path / "picture.png"
+    cv2.imwrite(str(picture), np.full((660, 960, 3), 255, np.uint8))
+    rows = [["joint_backlash", f"{i}.5 mm"] for i in range(24)]
+    alone, many = Pictures([Picture(picture, "a")]), [Picture(picture, n) for n in "abc"]
+    kinds = [[alone], [Pictures(many, beside=True)], [Table(("effect", "size"), rows)]]
+    file = write_page(
+        tmp_path / "report.html",
+        title="9 recorded runs",
+        source="virtual rig",
+        summary=[],
+        sections=[Section(f"{i}", kinds[i % len(kinds)]) for i in range(9)],
+    )
+    page = opened(chromium, file, 1280)
+    sheet, margin = (mm / 25.4 * 96 for mm in (297, 12))
+    content = page.pdf(prefer_css_page_size=True)
+    lowest = [  # words on each sheet, from the top of the first one
+        max(map(float, re.findall(rb"1 0 0 -1 [\d.]+ ([\d.]+) Tm", drawn)))
+        for drawn in map(zlib.decompress, _streams(content))
+    ]
+    filled = [y / (sheet - 2 * margin) - i for i, y in enumerate(lowest)]
+    assert len(filled) > 3
+    assert min(filled[:-1]) > 0.55, filled
+
+
 def _streams(content: bytes) -> list[bytes]:
     found = re.findall(rb"/FlateDecode[^>]*>>\s*stream\r?\n(.*?)endstream", content, re.S)
     kept = []
