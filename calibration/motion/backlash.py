@@ -255,9 +255,7 @@ def whole_by_motor(trace: Trace, axis: int, rig: Rig) -> BacklashEstimate:
     up, down = ends[0::2], ends[1::2]
     good = np.concatenate((up[np.isfinite(up)], down[np.isfinite(down)]))
     if len(good) < 6:
-        raise CalibrationError(
-            f"axis {'xy'[axis]}: too little friction behind the backlash to see it"
-        )
+        raise CalibrationError(f"axis {'xy'[axis]}: too little friction behind the play to see it")
     windup = _gear_windup(rig) + _joint_windup(rig)
     # The shafts unwind while the motor is still turning back: its way begins where they are slack.
     lag_rad = 0.5 * SWEEP_RAD_S * period

@@ -89,13 +89,12 @@ def _closer(case: Case, out: Path) -> list[Picture]:
         Picture(case_figure(case, out), f"One telling case: {case.title.replace(' | ', ' · ')}."),
         Picture(
             crossing_figure(case, out),
-            "The crossing of the backlash itself: reference, servo and plate around one reversal "
+            "The crossing of the play itself: reference, servo and plate around one reversal "
             "(the plate is the simulator's truth).",
         ),
         Picture(
             convergence_figure(case, out),
-            "The two ends of the backlash as the adaptive inverses estimate them; dashed: the "
-            "truth.",
+            "The two ends of the play as the adaptive inverses estimate them; dashed: the truth.",
         ),
     ]
 

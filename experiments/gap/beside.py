@@ -9,7 +9,13 @@ from pathlib import Path
 
 from calibration.bundle import load_draft
 from calibration.gap.findings import Findings, Interval
-from calibration.gap.report.units import interval_words, key_words, parameter_unit, sig
+from calibration.gap.report.units import (
+    effect_words,
+    interval_words,
+    key_words,
+    parameter_unit,
+    sig,
+)
 from rig.effects import BY_NAME, Effect
 from rig.files import json_of
 from rig.rigfile import own_names
@@ -96,8 +102,8 @@ def beside_rows(
         true = ""
         if truth is not None:
             true = f"{sig(factor * truth[place])} {unit}".strip() if place in truth else "none"
-        # "joint backlash" says already what its width is of
-        label = name.replace("_", " ") + ("" if key == "play_rad" else f", {key_words(key)}")
+        # "joint play" says already what its width is of
+        label = effect_words(name) + ("" if key == "play_rad" else f", {key_words(key)}")
         verdict = _verdict(place, found, calibrated, truth)
         if (
             verdict == NOT_NAMED

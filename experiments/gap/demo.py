@@ -17,7 +17,7 @@ def hidden_words(plays_rad: Mapping[str, float] = DEMO_PLAY_RAD) -> str:
     """A sentence on the joint plays (axis -> full width) that a demo hid."""
     sizes = ", ".join(f"{axis} {degrees(play):.2f}" for axis, play in plays_rad.items())
     where = "Hidden in the demo's simulated table, unknown to the analysis"
-    return f"{where}: joint backlash {sizes} deg."
+    return f"{where}: joint play {sizes} deg."
 
 
 def demo_plant(plays_rad: Mapping[str, float]) -> Rig:

@@ -4,14 +4,14 @@ from collections.abc import Collection, Sequence
 
 from calibration.gap.decision_rule import DOUBTED_PROBABILITY
 from calibration.gap.findings import Findings
-from calibration.gap.report.units import sig
+from calibration.gap.report.units import effect_words, sig
 from experiments.gap.words import NO_EXPERIMENT, are_rivals, channel_words, percent
 from experiments.runs.protocol import read_protocol
 
 # Chosen: steps of the ball tell most effects of plate and ball apart, squares on the servos alone
 # those of the drive (tests/benchmarks/README.md).
 WANTED = ("steps", "servo-squares")
-NAMES = {"joint_backlash": "backlash in the joints", "gear_backlash": "backlash in the gears"}
+NAMES = {"joint_backlash": "play in the joints", "gear_backlash": "play in the gears"}
 
 
 def missing_protocols(protocols: Collection[str]) -> list[str]:
@@ -67,7 +67,7 @@ def details(found: Findings) -> list[str]:
             f"instead of {sig(ahead['before'], 2)}{best}."
         )
     if found.untestable:
-        names = ", ".join(one.name.replace("_", " ") for one in found.untestable[:4])
+        names = ", ".join(effect_words(one.name) for one in found.untestable[:4])
         more = len(found.untestable) - 4
         others = f" and {more} more" if more > 0 else ""
         lines.append(f"These runs could not show: {names}{others}. The report says why.")
@@ -80,7 +80,7 @@ def details(found: Findings) -> list[str]:
 
 
 def _label(effect: str) -> str:
-    return NAMES.get(effect, effect.replace("_", " "))
+    return NAMES.get(effect, effect_words(effect))
 
 
 def _headline(found: Findings, *, sure: bool) -> str:

@@ -4,16 +4,22 @@ from typing import Any
 
 from calibration.gap.findings import Interval
 from calibration.gap.model.parameters import Parameter
-from calibration.gap.report.units import interval_words, key_words, shown_unit, sig
+from calibration.gap.report.units import (
+    effect_words,
+    interval_words,
+    key_words,
+    shown_unit,
+    sig,
+)
 from calibration.watch.change_detection import ONE_IN, Change
 from calibration.watch.run_estimates import effect_of, unit_of
 from experiments.watch.watch import ACCEPTED, CHANGED, SKIPPED, UNCHANGED, JudgedRun, Watch
 
 
 def parameter_words(parameter: Parameter) -> str:
-    """A parameter for people: `joint backlash x`, `gain y`, `camera yaw`."""
+    """A parameter for people: `joint play x`, `gain y`, `camera yaw`."""
     axis = "" if parameter.axis == "xy" else f" {parameter.axis}"
-    return effect_of(parameter).replace("_", " ") + axis
+    return effect_words(effect_of(parameter)) + axis
 
 
 def change_words(found: Watch, change: Change) -> str:
@@ -23,7 +29,8 @@ def change_words(found: Watch, change: Change) -> str:
     size = interval_words(Interval(change.size, change.low, change.high), unit, factor)
     way = "grew" if change.size > 0 else "fell"
     key = key_words(parameter.key) if parameter.effect else ""
-    name = parameter_words(parameter) + (f", {key}," if key else "")
+    name = parameter_words(parameter)
+    name += f", {key}," if key and key not in name else ""
     since = found.counted[change.since].name
     return (
         f"{name} {way} by {size} from {sig(factor * change.before)} {unit}".rstrip()

@@ -56,6 +56,11 @@ def parameter_unit(
     return shown_unit(next((p.unit for p in parameters if p.key == key), ""), key)
 
 
+def effect_words(name: str) -> str:
+    """An effect's name for people: `joint_backlash` -> `joint play`."""
+    return name.replace("backlash", "play").replace("_", " ")
+
+
 def key_words(key: str) -> str:
     """A parameter's key for people, without its unit: `play_rad` -> `play`."""
     words = re.sub(r"_(rad_s|1_rad2|1_rad|m_s2|1_m2|1_s2|1_s|1_V|rad|V|s|m)$", "", key)

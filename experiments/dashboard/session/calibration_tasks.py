@@ -18,7 +18,7 @@ CAPTIONS = {
 NOT_REAL = {
     "servo": "gain and time constant of a real table's motors come from its runs: record `steps`, "
     "then Gap",
-    "play": "a real table's backlash is found from its runs: record `steps`, then Gap",
+    "play": "a real table's play is found from its runs: record `steps`, then Gap",
 }
 
 

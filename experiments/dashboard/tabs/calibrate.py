@@ -43,7 +43,6 @@ STEPS = {
     "servo": "breakaway volts, gain, time constant",
     "play": "how much, and where",
 }
-NAMES = {"play": "backlash"}  # of a step on the page, where it is not the command's
 OF_POSITION_SERVO = "lag, dead time, limits, dead band"
 UNCLEAR = ", its middle cannot be told from a level error or a rest position"  # said in the report
 MARKS = {"": "", "on": "▶ ", "accepted": "✓ ", "refused": "✗ "}
@@ -139,7 +138,7 @@ class CalibrateTab:
         self._write_found()
 
     def _label(self, step: str) -> str:
-        return f"{NAMES.get(step, step)}: {self._meanings[step]}"
+        return f"{step}: {self._meanings[step]}"
 
     def _add_number(self, gui: Any, label: str) -> CheckedValue[float]:
         low, high = PRINTED_MM.low, PRINTED_MM.high
@@ -241,8 +240,7 @@ class CalibrateTab:
             self._write(f", {seconds} s")
 
     def _write(self, more: str = "") -> None:
-        on = NAMES.get(self._on, self._on)
-        words = [f"**{on}: {plain(self._words)}**{more}", *map(plain, self._lines)]
+        words = [f"**{self._on}: {plain(self._words)}**{more}", *map(plain, self._lines)]
         self._verdict.content = "\n\n".join(words)
 
     def _on_message(self, step: str, kind: str, what: Any) -> None:
@@ -250,7 +248,7 @@ class CalibrateTab:
             counted = what.startswith("picture ") and self._lines
             if counted and self._lines[-1].startswith("picture "):
                 self._lines.pop()
-            self._lines.append(what.replace(UNCLEAR, "").replace("play ", "backlash ", 1))
+            self._lines.append(what.replace(UNCLEAR, ""))
             self._mark(step, "on", "measuring")
         elif kind == "progress" and what[2] > 1:  # it has parts
             self._mark(step, "on", f"{what[0]}, {100 * what[1] // what[2]} %")

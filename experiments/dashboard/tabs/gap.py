@@ -61,7 +61,7 @@ HIDDEN = "*What was hidden is shown as soon as 'Hide the truth' is unticked.*"
 GUESS = "I guess first: no true values here, nor in the 3-D view, until the tick is taken away"
 GOOD = (
     "Which runs are good for this? **steps** and **servo-squares** together (45 s): steps move "
-    "ball and plate through all their backlash, squares the servos alone; either controller will "
+    "ball and plate through all their play, squares the servos alone; either controller will "
     "do. "
     "In the tab Run, *the whole study* makes both."
 )
@@ -138,7 +138,7 @@ class GapTab:
         intro = gui.add_markdown("Find out which effect the model lacks: start with the demo.")
         hides: Any = gui.add_checkbox("Hide the truth", False, hint=GUESS, visible=virtual)
         self._hidden = controls.value(hides, "hide the truth", flag, self._hide)
-        demo = gui.add_button("Demo: find a hidden backlash", color="green")
+        demo = gui.add_button("Demo: find hidden play", color="green")
         controls.button(demo, "gap", lambda page: self.begin(None, page))
         good = gui.add_markdown(GOOD)
         self._folder: Any = gui.add_folder("Recorded runs", visible=False)

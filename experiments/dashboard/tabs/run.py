@@ -133,7 +133,7 @@ class RunTab:
             self._add_gains()
         with gui.add_folder("Ball: target and pushes", expand_by_default=True):
             self._add_ball()
-        with gui.add_folder("Virtual table's backlash", expand_by_default=False, visible=virtual):
+        with gui.add_folder("Virtual table's play", expand_by_default=False, visible=virtual):
             self._add_backlash()
         gui.add_markdown(KEYS)
         self._events: Any = gui.add_markdown("")
@@ -348,7 +348,7 @@ class RunTab:
         rows = [
             (label, BACKLASH_DEG, round(degrees(float(play.mean())), 1))
             for label, play in zip(
-                ("Gear backlash [deg]", "Joint backlash [deg]"),
+                ("Gear play [deg]", "Joint play [deg]"),
                 backlash_widths(self._session.rig),
                 strict=True,
             )
@@ -361,7 +361,7 @@ class RunTab:
         )
 
     def _set_backlashes(self, wanted: list[float]) -> None:
-        words = "a new virtual table: backlash of gear {:.1f}, of joint {:.1f} degrees"
+        words = "a new virtual table: play of gear {:.1f}, of joint {:.1f} degrees"
         self._session.note(words.format(*wanted))
         gear, joint = map(radians, wanted)
         self._session.set_plant(with_play(self._session.rig, gear_rad=gear, joint_rad=joint))

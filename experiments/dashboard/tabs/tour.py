@@ -27,12 +27,12 @@ STEPS = (
     ),
     (
         "Calibrate",
-        "press **backlash**, which shows the live table again: gear and joint are told apart. "
+        "press **play**, which shows the live table again: gear and joint are told apart. "
         "Compare with the blocks beside the servos.",
     ),
     (
         "Gap",
-        "tick *Hide the truth* and press the **demo**: its own table has a backlash that the model "
+        "tick *Hide the truth* and press the **demo**: its own table has play that the model "
         "lacks. Guess before it ends: which axis has more, and how many degrees?",
     ),
 )
@@ -70,7 +70,7 @@ def next_words(done: Sequence[bool]) -> str:
     """Markdown of the step that is next."""
     at = next_step(done)
     if at is None:
-        return "**The study is done.** Now with other gains, or another backlash?"
+        return "**The study is done.** Now with other gains, or another play?"
     return f"The study in five steps. Next: {step_words(at)}"
 
 

@@ -33,7 +33,7 @@ class BacklashGauge:
     def __init__(self, server: "ViserServer", kind: str, axis: int) -> None:
         scene, name = server.scene, f"{TEETH}/{kind}_{'xy'[axis]}"
         self._along = np.eye(3)[0]  # across the picture, whatever the servo
-        self._words = f"backlash of {kind} {'xy'[axis]}"
+        self._words = f"play of {kind} {'xy'[axis]}"
         size = np.full(3, TOOTH_M)
         size[2] = 3 * TOOTH_M
         scene.add_frame(name, position=PLACES[kind, axis], show_axes=False)

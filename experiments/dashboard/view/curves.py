@@ -30,7 +30,7 @@ def legend(what: str) -> str:
     return (
         f'<div style="{TEXT}">{what}: '
         f'<b style="color: {X}">x</b>, <b style="color: {Y}">y</b>; - - set point '
-        "(backlash: - - of the joint, full of the gear)</div>"
+        "(play: - - of the joint, full of the gear)</div>"
     )
 
 
@@ -67,7 +67,7 @@ CHARTS = (
         ("estimated_torque_x_Nm", "x", X, 1e3, False),
         ("estimated_torque_y_Nm", "y", Y, 1e3, False),
     )),
-    Chart("backlash found so far [deg]", (
+    Chart("play found so far [deg]", (
         ("estimated_gear_play_x_rad", "gear x", X, _DEG, False),
         ("estimated_gear_play_y_rad", "gear y", Y, _DEG, False),
         ("estimated_joint_play_x_rad", "joint x", X, _DEG, True),

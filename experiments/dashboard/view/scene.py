@@ -23,15 +23,15 @@ LEGEND_TABLE = """
 **Pink ball**: the model, driven by the same volts. "model 3.0 mm from the ball" is how far the
 two are apart: what the model does not know.
 
-**Blocks beside the servos**: the play (backlash) of gear and joint, 40 times as large. The
+**Blocks beside the servos**: the play of gear and joint, 40 times as large. The
 **yellow** tooth moves between two jaws: a **grey** jaw is free, a **red** one is touched.
 """
 LEGEND_VIRTUAL = """
-"true 1.0°, found 0.9°": the virtual table has 1.0 degrees of backlash; 0.9 is what the
+"true 1.0°, found 0.9°": the virtual table has 1.0 degrees of play; 0.9 is what the
 controller's observer has found of it while it moves ("-": nothing yet).
 """
 LEGEND_REAL = """
-"true 1.0°, found 0.9°": the rig file says 1.0 degrees of backlash; 0.9 is what the controller's
+"true 1.0°, found 0.9°": the rig file says 1.0 degrees of play; 0.9 is what the controller's
 observer has found while it moves ("-": nothing yet).
 """
 LEGEND_CURVES = """

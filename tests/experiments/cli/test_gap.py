@@ -162,7 +162,7 @@ def test_the_demo_hides_a_play_of_which_the_investigation_is_not_told(
     told = capsys.readouterr().out
     assert "Hidden in the demo's simulated table" in told
     assert "rad" not in told.replace(str(tmp_path), "")  # one unit for what was hidden and found
-    assert "joint backlash x: found 2.01 [1.93, 2.09] deg, truth 2.01 deg: agrees" in told
+    assert "joint play x: found 2.01 [1.93, 2.09] deg, truth 2.01 deg: agrees" in told
     ((runs, more),) = asked
     assert (more["rig_file"], more["until"]) == (None, "next")
     assert runs

@@ -141,7 +141,7 @@ def verdicts(page: Hand) -> None:
 
 def gap_begins(page: Hand) -> None:
     page.tab("Gap")
-    page.press("Demo: find a hidden backlash")
+    page.press("Demo: find hidden play")
     page.see(re.compile("[▶✓] 1 locate"))
 
 
@@ -179,8 +179,8 @@ def take_over_and_stop(chromium, first: Hand, program: Program, artefacts: Path,
 def gap_named(page: Hand) -> None:
     """The demo's hidden play is named, with its size; both models are played side by side."""
     page.tab("Gap")
-    page.see("Missing: backlash in the joints")
-    page.see(re.compile(r"joint backlash, x: (1\.9|2\.0)\d \[[0-9., ]+\] deg"))
+    page.see("Missing: play in the joints")
+    page.see(re.compile(r"joint play, x: (1\.9|2\.0)\d \[[0-9., ]+\] deg"))
     page.see("agrees")
     name, report = page.download("Download the gap report")
     assert name == "gap.html"

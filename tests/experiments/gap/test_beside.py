@@ -40,13 +40,13 @@ def test_each_parameter_is_judged_by_the_truth_and_else_by_the_calibration():
     found = found_values(named(GEAR, COG))
     known = {GEAR: Interval(0.0175, 0.017, 0.018)}
     rows = {row[0]: row for row in beside_rows(found, known, {GEAR: 0.0195, JOINT: 0.026})}
-    assert rows["gear backlash"][-2:] == ["1.12 deg", AGREES]
-    assert rows["joint backlash"][-1] == NOT_NAMED
+    assert rows["gear play"][-2:] == ["1.12 deg", AGREES]
+    assert rows["joint play"][-1] == NOT_NAMED
     assert rows["cogging, amplitude"][-2:] == ["none", NOT_THERE]
     (gear, cog) = beside_rows(found, known, None)
     assert gear[-1] == CONTRADICTS
     assert cog[-1] == ""
-    assert "gear backlash" in contradictions([gear, cog])
+    assert "gear play" in contradictions([gear, cog])
     assert contradictions([cog]) == ""
 
 
@@ -54,7 +54,7 @@ def test_lines_beside_the_truth_are_in_one_unit_and_say_whether_they_agree(tmp_p
     truth = {"rig": {"effects": {"joint_backlash": {"x": {"play_rad": 0.0202}}}}}
     (tmp_path / "truth.json").write_text(json.dumps(truth))
     (line,) = truth_lines(named(JOINT), [tmp_path])
-    assert line.startswith("joint backlash x: found 1.15 [")
+    assert line.startswith("joint play x: found 1.15 [")
     assert line.endswith(" deg, truth 1.16 deg: agrees")
     assert truth_lines(named(JOINT), [tmp_path / "measured"]) == []
 
@@ -70,7 +70,7 @@ def test_a_true_value_that_a_well_kept_rig_may_have_is_not_missed():
 
 def test_nothing_is_called_sure_that_the_runs_cannot_show_or_that_contradicts():
     found = named(JOINT)
-    assert verdict(found, enough=True) == ["Missing: backlash in the joints (sure: > 99 %)."]
+    assert verdict(found, enough=True) == ["Missing: play in the joints (sure: > 99 %)."]
     more = details(found)
     assert any(
         "1 s ahead to 2 mm instead of 10 (noise alone would leave 1.9)" in line for line in more
@@ -87,13 +87,13 @@ def test_nothing_is_called_sure_that_the_runs_cannot_show_or_that_contradicts():
 def test_several_names_are_said_at_once_and_twins_by_themselves():
     found = named(JOINT, GEAR)
     (said,) = verdict(found, enough=True)
-    assert said == "Missing: backlash in the joints, backlash in the gears (sure: > 99 % each)."
+    assert said == "Missing: play in the joints, play in the gears (sure: > 99 % each)."
     joint, gear = found.effects
     doubted = replace(gear, probability=0.97, twins=("encoder_zero",))
     said = verdict(replace(found, effects=(joint, doubted)), enough=True)
-    assert said[0] == "Missing: backlash in the joints (> 99 %), backlash in the gears (97 %)."
+    assert said[0] == "Missing: play in the joints (> 99 %), play in the gears (97 %)."
     assert said[1] == (
-        "What is called backlash in the gears may be encoder zero: they move a table alike, no run "
+        "What is called play in the gears may be encoder zero: they move a table alike, no run "
         "tells them apart."
     )
 

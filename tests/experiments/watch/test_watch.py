@@ -70,9 +70,9 @@ def test_a_loose_joint_is_told_with_run_name_and_size(runs, tmp_path: Path):
     ):
         assert say in why
     page = (tmp_path / "report.html").read_text()
-    assert "joint backlash x, play, grew by" in page
+    assert "joint play x grew by" in page
     assert page.count("<tr") >= 12
-    assert "joint backlash x" in out
+    assert "joint play x" in out
     begin = found["runs"][0]["values"]  # of the accepted run: what the figure shows, too
     shown = re.findall(r"<td>(?:V|ms)</td><td class=\"n\">([^<]*)</td>", page)
     inside = [p["unit"] in ("V", "s") for p in found["parameters"]]

@@ -169,7 +169,7 @@ def test_only_steps_that_the_table_allows_are_offered(name, virtual, real, tmp_p
     assert steps_of(rig, real=False) == tuple(virtual.split())
     assert steps_of(rig, real=True) == tuple(real.split())
     request = CalibrationRequest("play", rig, tmp_path, rig_file=tmp_path / "rig.toml")
-    with pytest.raises(ValueError, match="backlash is found from its runs"):
+    with pytest.raises(ValueError, match="play is found from its runs"):
         calibration_step(request, lambda *_: None)  # pyright: ignore[reportArgumentType]
 
 
