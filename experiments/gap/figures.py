@@ -25,7 +25,7 @@ COLOURS: dict[str, str] = dict(
 STYLES: dict[str, str] = dict(zip(CHANNELS, ("-", "--", "-", "--"), strict=True))
 LOG_BEYOND = 8.0  # gaps that differ by more are drawn on a logarithmic axis
 SHOWN_NAMES = 10
-WIDE = 8.6
+WIDE, SMALL = 8.6, 9  # inches, points: letters are read where a figure is as wide as a page
 
 
 def save(figure: Figure, folder: Path, name: str) -> Path:
@@ -99,7 +99,7 @@ def over_state(profiles: Sequence[Profile]) -> Figure:
         panels.setdefault((profile.quantity, profile.unit), []).append(profile)
     columns = 2 if len(panels) == 4 else min(3, len(panels))
     rows = ceil(len(panels) / columns)
-    figure, axes = plt.subplots(rows, columns, figsize=(WIDE, 2.5 * rows), squeeze=False)
+    figure, axes = plt.subplots(rows, columns, figsize=(WIDE, 2.1 * rows), squeeze=False)
     for axis in axes.flat[len(panels) :]:
         axis.set_axis_off()
     largest = _largest(profiles)
@@ -175,7 +175,7 @@ def ranking(candidates: Sequence[RankedEffect], accepted: Sequence[str]) -> Figu
         axis.barh(row, 100 * c.probability, color=colour, height=0.7)
         how = "refused, see the notes" if c.refused else percent(c.probability)
         text = f"{how}   (score {sig(c.score)})"
-        axis.text(100 * c.probability + 1.2, row, text, va="center", fontsize=8)
+        axis.text(100 * c.probability + 1.2, row, text, va="center", fontsize=SMALL)
     labels = [c.name + (f" = {' = '.join(c.twins)}" if c.twins else "") for c in shown]
     axis.set_yticks(range(len(shown)), [_wrapped(label) for label in labels])
     axis.set(xlabel="probability [%]", xlim=(0, 130), xticks=range(0, 101, 20))
@@ -220,7 +220,7 @@ def shrinking(steps: Sequence[Step]) -> Figure:
                     f"{gap:.3g}" if gap >= 10 else f"{gap:.1f}",
                     ha="center",
                     va="bottom",
-                    fontsize=7.5,
+                    fontsize=SMALL,
                 )
     _floor_line(axis)
     axis.set_xticks(at, [_step_label(step.added, len(steps)) for step in steps])
@@ -254,7 +254,7 @@ def ahead(rows: Sequence[ProofRow], floor_mm: float | None) -> Figure:
     axis.barh(range(len(shown)), values, color=colours, height=0.65)
     top = max([*values, floor_mm or 0.0])
     for i, value in enumerate(values):
-        axis.text(value + 0.01 * top, i, f"{sig(value)} mm", va="center", fontsize=8)
+        axis.text(value + 0.01 * top, i, f"{sig(value)} mm", va="center", fontsize=SMALL)
     if floor_mm is not None:
         axis.axvline(floor_mm, color=WITHOUT, ls=":", lw=1.4, label=f"floor {sig(floor_mm)} mm")
         axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.text import Text
 
 from calibration.gap.findings import (
     ClosedLoopRow,
@@ -234,8 +235,13 @@ def test_odd_findings_still_make_a_page(tmp_path):
     assert summary_lines(found)
 
 
+ENLARGED_PX = 868  # of a picture that is enlarged on the dashboard's page of 1280 px; reports: 1056
+
+
 def texts_inside(figure):
-    """Every text of a figure lies in the picture as it is saved, and no tick labels overlap."""
+    """Every text of a figure lies in the picture as it is saved, no tick labels overlap, and its
+    letters have 9 points where it is enlarged.
+    """
     figure.canvas.draw()
     tight = figure.get_tightbbox()
     for axis in figure.axes:
@@ -245,6 +251,8 @@ def texts_inside(figure):
             assert left.x1 <= right.x0 + 1, "labels overlap"
         assert axis.get_xlabel() or axis.get_xticklabels()
     assert tight.width < 1.25 * figure.get_figwidth()
+    letters = [t.get_fontsize() for t in figure.findobj(Text) if t.get_text() and t.get_visible()]
+    assert min(letters) * ENLARGED_PX / (96 * tight.width) >= 9.0
     figures.plt.close(figure)
 
 
