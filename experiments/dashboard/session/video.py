@@ -142,7 +142,7 @@ def render_video(
     unfinished = video.with_name(f"part-{video.name}")
     unfinished.unlink(missing_ok=True)  # in a stranger's folder a link that leads to any file
     times = np.arange(0.0, motion.end_s, STEP_S)
-    with Film(unfinished, renderer.size) as film:
+    with Film(unfinished, renderer.size, quick=True) as film:  # somebody waits for it
         for i, t_s in enumerate(times):
             if i % 30 == 0:
                 progress("rendering the video", i, len(times))

@@ -4,11 +4,13 @@ from pathlib import Path
 from typing import Any
 
 import av
+import cv2
 import numpy as np
 import pytest
 
 from experiments.dashboard.session import video
 from experiments.gap.closed_loop_replay import table_motion
+from experiments.track.film import Film
 from rig.log import Log
 from rig.parameters import Rig
 from rig.rigfile import to_record
@@ -109,6 +111,26 @@ def test_a_link_in_the_place_of_the_unfinished_video_leads_nowhere(
     assert mine.read_text() == "mine"
     assert made.read_bytes()[:4] == b"\x1aE\xdf\xa3"  # as a Matroska file begins
     assert not made.is_symlink()
+    if "libx264" in av.codecs_available:
+        assert b"cabac=0" in made.read_bytes()
+
+
+@pytest.mark.skipif("libx264" not in av.codecs_available, reason="needs the encoder libx264")
+def test_a_film_that_somebody_waits_for_is_as_good_and_written_the_quick_way(tmp_path: Path):
+    rng = np.random.default_rng(0)
+    rough = cv2.resize(rng.integers(0, 255, (12, 16, 3), dtype=np.uint8), (640, 480))
+    images = [np.roll(rough, 3 * i, axis=1) for i in range(20)]
+    off = {}
+    for quick in (False, True):
+        path = tmp_path / f"{quick}.mkv"
+        with Film(path, (640, 480), quick=quick) as made:
+            for i, image in enumerate(images):
+                made.add(image, i / 30)
+        assert (b"cabac=0" in path.read_bytes()) == quick  # x264 writes its settings into the file
+        with av.open(str(path)) as file:
+            shown = [frame.to_ndarray(format="bgr24") for frame in file.decode(video=0)]
+        off[quick] = np.abs(np.array(shown, float) - images).mean()
+    assert off[True] < 1.1 * off[False]
 
 
 def test_a_list_of_files_is_no_video(tmp_path: Path):
