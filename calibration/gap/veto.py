@@ -354,8 +354,10 @@ def _without(
     keys = [key for one in lost for key in _keys(one)]
     state = drop_effects(decision.state, keys)
     unnamed, none = decision.unnamed, "undecided"
-    if not kept and unnamed is None:
-        unnamed = significant(unnamed_terms(state))
+    if not kept and unnamed is None:  # at the noise without the names first, as `decide` does
+        looked_at = (decision.naming.before, state)
+        found = (significant(unnamed_terms(one)) for one in looked_at)
+        unnamed = next((term for term in found if term is not None), None)
         state = unnamed.state if unnamed else state
     if not kept:
         outputs = {o for one in lost for o in _outputs(one, state.nominal.catalogue)}
