@@ -82,8 +82,14 @@ class App:
         self._real = (rig_file, seen) if real and rig_file else None
         self.eye: VirtualCamera | RealCamera = seen or VirtualCamera(rig)
         table = RealRunSetup(rig_file, out, seen) if real and rig_file else VirtualRunSetup(out)
+        self.controls = Controls(self.pages.not_done, lambda text: self.session.note(text))
         self.session = Session(
-            rig, table, self.live, on_event=self._on_event, on_recorded=self._on_recorded
+            rig,
+            table,
+            self.live,
+            on_event=self._on_event,
+            on_recorded=self._on_recorded,
+            still=self.controls.still,
         )
         # No figure waits for an analysis, nor for the film of a page that watches.
         self.analysis_worker, self.figure_worker, self.film_worker = (
@@ -91,7 +97,6 @@ class App:
         )
         self.films: dict[int, FilmView] = {}
         self._replayed = False  # a recorded run was shown
-        self.controls = Controls(self.pages.not_done, self.session.note)
         admit_values(server, self.controls)
         shell = shell_of(server)
         shell.state = lambda: self.session.status.state

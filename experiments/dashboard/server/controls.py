@@ -115,6 +115,8 @@ class Controls:
         self.withdraw: list[Callable[[], None]] = []
         self._lock = ControlLock()
         self._stops = 0  # presses of STOP so far
+        # By which page, after how many presses, what is served just now was asked for.
+        self._asked: tuple[int | None, int] | None = None
         self._rules: dict[int, InputRules] = {}  # by id of the handle: handles have no hash
         self.checks: dict[int, tuple[Any, list[Callable[[int], Any]]]] = {}
         self._notify, self._note = notify, note
@@ -182,25 +184,38 @@ class Controls:
         """
 
         def clicked(event: Any) -> None:
-            page, stops = event.client_id, self._stops
-            if not self._may(page, what):
-                return
-
-            def do() -> None:
-                self._check_still(page, stops)
-                act(event)
-
-            self._enqueue(what, do, page)
+            if self._may(event.client_id, what):
+                self._enqueue(what, partial(act, event), event.client_id)
 
         return clicked
 
-    def _check_still(self, page: int | None, stops: int) -> None:
-        """Also StoppedError: STOP was pressed since `stops` presses of it were counted."""
+    def still(self) -> None:
+        """Raise where what a page asked for, which is served just now, no longer holds. It is asked
+        again where something begins to move, since what leads there may take its time.
+
+        WatchingError: another page has taken the controls; StoppedError: STOP was pressed since.
+        """
+        if self._asked is None:  # the program itself asks
+            return
+        page, stops = self._asked
         self.check(page)
         if stops != self._stops:
             raise StoppedError("STOP was pressed meanwhile: ask again")
 
-    def _enqueue(self, what: str, do: Callable[[], None], page: int | None) -> bool:
+    def _enqueue(
+        self, what: str, act: Callable[[], None], page: int | None, *, everybody: bool = False
+    ) -> bool:
+        asked = page, self._stops
+
+        def do() -> None:
+            self._asked = asked
+            try:
+                if not everybody:
+                    self.still()
+                act()
+            finally:
+                self._asked = None
+
         taken = self.queue.put(what, do, page)
         if not taken:
             self._notify(page, what, "too much at once: wait a moment")
@@ -216,16 +231,9 @@ class Controls:
         """
 
         def pressed(event: Any) -> None:
-            page, stops = event.client_id, self._stops
-            if not everybody and not self._may(page, what):
-                return  # a page that watches fills no queue
-
-            def do() -> None:
-                if not everybody:
-                    self._check_still(page, stops)
-                act(page)
-
-            self._enqueue(what, do, page)
+            page = event.client_id
+            if everybody or self._may(page, what):  # a page that watches fills no queue
+                self._enqueue(what, partial(act, page), page, everybody=everybody)
 
         self._on_press(handle, what, pressed)
         if not everybody and not hasattr(handle, "on_trigger"):
@@ -268,13 +276,7 @@ class Controls:
         """
 
         def use(page: int, label: str) -> None:
-            stops = self._stops
-
-            def do() -> None:
-                self._check_still(page, stops)
-                act(label)
-
-            self._enqueue(label, do, page)
+            self._enqueue(label, partial(act, label), page)
 
         self._rules[id(handle)] = InputRules("press", partial(choice, options=options), use)
         self.needs(self.check, handle)
@@ -299,19 +301,17 @@ class Controls:
         checked = CheckedValue(clean(handle.value))
 
         def use(page: int, value: T) -> None:
-            stops = self._stops
-
             def do() -> None:
                 try:
                     if not everybody:
-                        self._check_still(page, stops)
+                        self.still()
                     apply(value)
                 except Exception:
                     handle.value = checked.now
                     raise
                 checked.now = value
 
-            if not self._enqueue(what, do, page):
+            if not self._enqueue(what, do, page, everybody=True):
                 handle.value = checked.now
 
         self._rules[id(handle)] = InputRules(what, clean, use, everybody)

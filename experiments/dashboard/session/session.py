@@ -44,7 +44,8 @@ class Session:
     rig: the plant, whose backlash and gains may be set meanwhile; table: prepares its runs; live:
     is given every row. on_recorded(run, folder, ending) is called after every recorded run,
     on_event(t_s, text) with every event, both from the session's thread. balance: begin by
-    balancing (virtual table only). `last_notes`: jitter and real-time rights of the last loop.
+    balancing (virtual table only). still() raises where a stop came after what is asked for just
+    now: then nothing begins. `last_notes`: jitter and real-time rights of the last loop.
     """
 
     def __init__(
@@ -58,17 +59,17 @@ class Session:
         ),
         on_event: Callable[[float, str], None] = lambda t_s, text: None,
         balance: bool = True,
+        still: Callable[[], None] = lambda: None,
     ) -> None:
         self.rig, self.table, self.live = rig, table, live
         self._plan_rig = rig
-        self._on_recorded, self._announce = on_recorded, on_event
+        self._on_recorded, self._announce, self._still = on_recorded, on_event, still
         self._wake = threading.Condition()
         self._planned: deque[PlannedRun] = deque()
         self._balance = balance and not table.real  # a real table moves in runs alone
         self._waits = self._closed = False
         self._loop: LoopProcess | None = None
         self._stop: Stop | None = None  # asked for while a loop is being started
-        self._stops = 0  # how often it was stopped
         self._stopping = False  # what moves was told to end, and has not ended yet
         self._busy = False
         self._notes: deque[str] = deque(maxlen=64)
@@ -93,15 +94,13 @@ class Session:
     def start(self, *plans: RunPlan) -> None:
         """Begin these plans, one after the other; balancing ends.
 
-        ValueError: a run is on, or STOP was pressed meanwhile; ValueError, OSError: the table
-        cannot run a plan (`check` of the run's set-up).
+        ValueError: a run is on; ValueError, OSError: the table cannot run a plan (`check` of the
+        run's set-up); and what `still` raises.
         """
-        stops = self._stops
         for plan in plans:
             self.table.check(plan, self.rig)
         with self._wake:
-            if stops != self._stops:
-                raise ValueError("STOP was pressed meanwhile: press Start again")
+            self._still()
             if self._planned or self._status.state in ("running", "pause"):
                 raise ValueError("a run is on: stop it first")
             self._planned.extend(planned_runs(*plans))
@@ -117,15 +116,15 @@ class Session:
     def repeat(self) -> None:
         """Make the last run again, which was not completed; the rest of the plan follows.
 
-        ValueError: there is none; ValueError, OSError: the table cannot run it.
+        ValueError: there is none; ValueError, OSError: the table cannot run it; and what `still`
+        raises.
         """
-        failed, stops = self._failed, self._stops
+        failed = self._failed
         if failed is None or not self.may_repeat:
             raise ValueError("no run has failed: there is none to repeat")
         self.table.check(failed.plan, self._plan_rig)
         with self._wake:
-            if stops != self._stops:
-                raise ValueError("STOP was pressed meanwhile: press Repeat again")
+            self._still()
             self._failed, self._waits, self._balance = None, False, not self.table.real
             self._planned.appendleft(failed)
             self._end_loop(Stop("a run begins", "ended"))
@@ -141,17 +140,19 @@ class Session:
         page. who: is named in the recording.
         """
         with self._wake:
-            self._stops += 1
             self._planned.clear()
             self._balance = self._waits = False
             self._stopping = self._busy
             self._end_loop(Stop(f"stopped by {who}", "aborted"))
 
     def balance(self) -> None:
-        """Balance the virtual table again. ValueError: a real table moves in runs alone."""
+        """Balance the virtual table again. ValueError: a real table moves in runs alone; and what
+        `still` raises.
+        """
         if self.table.real:
             raise ValueError("a real table moves in a run alone: arm it and press Start")
         with self._wake:
+            self._still()
             self._balance = True
             self._wake.notify_all()
 

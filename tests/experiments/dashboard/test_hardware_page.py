@@ -2,12 +2,14 @@
 
 import json
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import pytest
 
 from experiments.dashboard.app import App
 from experiments.dashboard.server.server import open_server
 from experiments.dashboard.session.plan import RunPlan
+from experiments.dashboard.tabs import run
 from experiments.records.recording import read_run
 from experiments.runs.assemble import load_rig
 from experiments.runs.protocol import read_protocol
@@ -85,7 +87,28 @@ def test_a_person_is_told_on_the_page_and_the_table_sees_what_they_did(lab, app)
     assert {"place", "let i"} <= asked
     app.session.stop("page 7")  # the second run is never begun
     (folder,) = lab.out.glob("runs/*")
-    run = read_run(folder)
-    assert (run.meta["outcome"], run.meta["arm"]) == ("completed", "without")
-    assert "link" in run.meta
+    meta = read_run(folder).meta
+    assert (meta["outcome"], meta["arm"]) == ("completed", "without")
+    assert "link" in meta
     assert lab.volts()[-1, 1:].tolist() == [0.0, 0.0]
+
+
+def test_stop_while_a_start_is_prepared_holds(lab, app, monkeypatch):
+    wait_for("rest", lambda: app.session.status.state == "stopped", 120.0)
+    told, tab, controls = [], app.run_tab, app.controls
+    monkeypatch.setattr(controls, "_notify", lambda *what: told.append(what))
+    monkeypatch.setattr(app.session.table, "check", lambda plan, rig: None)
+    controls.lock = controls.lock.joined(1)
+
+    def read_the_runs(plan, *given):  # of a whole term
+        controls.stop("page 2", app.session.stop, 2)
+        return plan
+
+    monkeypatch.setattr(run, "with_new_seeds", read_the_runs)
+    tab._protocol.now, tab._armed.now = "servo-squares", True
+    (press,) = tab._start._impl.update_cb
+    press(SimpleNamespace(client_id=1))
+    wait_for("an answer", lambda: told, 20.0)
+    assert told == [(1, "start", "STOP was pressed meanwhile: ask again")]
+    assert not app.session._planned
+    assert not (lab.out / "runs").exists()

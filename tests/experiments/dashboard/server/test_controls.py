@@ -347,6 +347,37 @@ def test_a_page_that_watches_fills_no_queue():
     assert noted == []
 
 
+@pytest.mark.parametrize("comes", ["stop", "another page"])
+def test_what_takes_its_time_asks_again_before_something_moves(comes):
+    c, told, noted = controls()
+    c.lock = ControlLock().joined(1).joined(2)
+    start, arrows, moved = FakeHandle(False), FakeHandle("left"), []
+
+    def prepare(page) -> None:
+        c.still()
+        if comes == "stop":
+            c.stop("page 2", lambda who: None)
+        else:
+            c.lock = c.lock.taken(2)
+        c.still()
+        moved.append(page)
+
+    c.button(start, "start", prepare)
+    c.pick(arrows, ("left",), moved.append)
+    start.callback(FakeEvent(1))
+    served = threading.Event()
+    c.queue.put("served", served.set)
+    assert served.wait(5.0)
+    why = "STOP was pressed meanwhile: ask again"
+    watching = "you are watching: press 'Take over the controls' first"
+    assert told == [(1, "start", why if comes == "stop" else watching)]
+    c.still()  # nobody asks for anything just now
+    c.use(c.lock.holder or 0, arrows, "left")  # that was for what came before
+    c.queue.close()
+    assert moved == ["left"]
+    assert noted == []
+
+
 def test_a_click_before_a_stop_is_refused_after_it():
     c, told, _ = controls()
     c.lock = ControlLock().joined(1)

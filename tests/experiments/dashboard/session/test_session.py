@@ -99,15 +99,6 @@ def test_stop_ends_the_run_drops_the_plan_and_leaves_the_table_at_rest(table):
         session.confirm()
 
 
-def test_stop_while_a_plan_is_checked_begins_nothing(table, monkeypatch):
-    session, recorded, _ = table
-    monkeypatch.setattr(session.table, "check", lambda plan, rig: session.stop("page 2"))
-    with pytest.raises(ValueError, match="STOP was pressed"):
-        session.start(RunPlan(parse(SHORT, label="short", name="short"), ("with",), 1, 1))
-    assert session.status.state in ("starting", "stopped")
-    assert recorded == []
-
-
 def test_stop_while_the_loop_starts_ends_it(table):
     session, recorded, _ = table
     protocol = parse({**SHORT, "duration_s": 60.0}, label="short", name="short")

@@ -103,6 +103,7 @@ class Desk:
     """A session on scripted loops, and what it told."""
 
     def __init__(self, *, real: bool = False, balance: bool | None = False) -> None:
+        self.stopped = False  # since what is asked for was asked for
         self.loops: list[ScriptedLoop] = []
         self.recorded: list[tuple] = []
         self.events: list[tuple[float, str]] = []
@@ -122,8 +123,13 @@ class Desk:
             live,  # pyright: ignore[reportArgumentType]
             on_recorded=lambda *what: self.recorded.append(what),
             on_event=lambda *what: self.events.append(what),
+            still=self._still,
             **({} if balance is None else {"balance": balance}),
         )
+
+    def _still(self) -> None:
+        if self.stopped:
+            raise PermissionError("STOP was pressed")
 
     def _begin(self, *, has_ball: bool = True) -> None:
         self.balls.append(has_ball)
@@ -424,10 +430,22 @@ def test_what_was_asked_before_a_stop_does_not_begin_after_it(act: str):
         desk.loop(1).end(Ending("limit", "too far"))
         desk.state("stopped")
         table = desk.session.table
-        table.check = lambda plan, rig: desk.session.stop("page 2")  # pyright: ignore
-        with pytest.raises(ValueError, match="STOP was pressed"):
+        table.check = lambda plan, rig: setattr(desk, "stopped", True)  # pyright: ignore
+        with pytest.raises(PermissionError, match="STOP was pressed"):
             desk.session.start(desk.plan()) if act == "start" else desk.session.repeat()
         assert len(desk.loops) == 1
+        assert desk.session.may_repeat
+
+
+def test_balancing_that_was_asked_for_before_a_stop_does_not_begin_after_it():
+    with opened() as desk:
+        desk.state("stopped")
+        desk.stopped = True
+        with pytest.raises(PermissionError, match="STOP was pressed"):
+            desk.session.balance()
+        desk.stopped = False
+        desk.session.start(desk.plan(("with",)))
+        assert desk.loop(1).job[0] != "balancing"
 
 
 def test_a_run_ends_balancing_and_what_is_refused_does_not():
