@@ -14,7 +14,7 @@ from rig.hardware.camera.eye import CameraEye
 from rig.hardware.choose import OpenTable, check_drive, open_table
 from rig.hardware.homing.home import Homing, home
 from rig.hardware.homing.home_angles import ByServo, home_angles
-from rig.hardware.homing.homed import CURE, Homed, NotHomed, home_file, load, power_up
+from rig.hardware.homing.homed import Homed, home_file, load, power_up
 from rig.hardware.wiring import raw_wiring
 from rig.loop.realtime import go_realtime
 from rig.parameters import ANGLE_KINDS, BUS_KINDS, Rig
@@ -193,8 +193,6 @@ class Checked(LevelOnExit):
     def __enter__(self) -> Self:
         try:
             first = self._table.read()
-            if getattr(self._table, "is_fresh", False):
-                raise NotHomed(f"the board was reset since its homing: {CURE}")
             self._homed.check(self._rig, power_up(self._table))  # before anything is armed
             if not takes_angle(self._table):  # one that does cannot lose its place
                 self._homed.check_angles(first.theta_rad)

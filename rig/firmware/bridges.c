@@ -114,7 +114,7 @@ static void tachometer_read(void) {
 void outputs_start(void) {
     motors_start();
     encoders_start();
-    board_init(&board, SUPPLY_MV, TACHOMETERS);
+    board_init(&board, TACHOMETERS);
 }
 
 void inputs_read(void) {

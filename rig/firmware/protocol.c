@@ -118,13 +118,14 @@ static void take_config(board_t *b, const uint8_t *p) {
     s->configured = p[1] == PROTOCOL_VERSION && kind_config(b, p);
     if (!s->configured) return;
     s->period_ms = p[4] ? p[4] : 1;
-    s->token = next_token(s->token ^ s->clock_us ^ ((uint32_t)s->nonce << 16));
+    s->token = next_token(s->token ^ s->clock_us ^ ((uint32_t)s->nonce << 16)) | 1;
     s->reason = 0;
     s->since_telemetry_ms = 0;
 }
 
 static void take_arm(session_t *s, const uint8_t *p) {
     if (!s->configured || s->state != IS_DISARMED || get32(p + 1) != s->token) return;
+    s->armed_by = s->token;
     s->token = next_token(s->token); /* it arms once */
     s->sequence = get16(p + 5);
     s->commanded = 0;

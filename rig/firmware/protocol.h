@@ -11,7 +11,7 @@
 
 #include <stdint.h>
 
-#define PROTOCOL_VERSION 3
+#define PROTOCOL_VERSION 4
 #define LONGEST_FRAME 64 /* the closing zero included */
 #define LONGEST_PAYLOAD (LONGEST_FRAME - 4)
 
@@ -45,7 +45,6 @@ enum { /* flags of a telemetry packet */
 
 enum { /* features in an answer */
     HAS_TACHOMETER = 1,
-    IS_FRESH = 2,
     TAKES_ANGLE = 4,
     HAS_THREE = 8, /* servos */
     REFUSED = 16   /* what it was asked: it is not configured */
@@ -90,7 +89,8 @@ typedef struct {
     uint8_t busy; /* what it drives is brought to rest: no host configures it meanwhile */
     uint16_t reason; /* BY_... of the last stop */
     uint8_t configured, period_ms;
-    uint32_t token;
+    uint32_t token; /* what arms it once; never 0 after a configuration */
+    uint32_t armed_by; /* the token of the last arming */
     uint16_t nonce;
     uint8_t commanded; /* since arming */
     uint16_t sequence;
@@ -127,7 +127,8 @@ uint8_t kind_command(board_t *b, const uint8_t *payload);
 uint8_t kind_flies(const board_t *b);
 /* A millisecond has passed: what is put out now, by the session's state. */
 void kind_tick(board_t *b);
-/* The end of an answer: supply [mV], largest output [mV], features. */
+/* The end of an answer: the last homing, features. (Of one length in every version: a program of
+ * another one reads which it is.) */
 uint8_t *kind_answer(const board_t *b, uint8_t *p);
 /* A telemetry packet's kind, and its fields after the session's; flags: what it adds to them. */
 uint8_t kind_telemetry(const board_t *b, uint16_t *flags);

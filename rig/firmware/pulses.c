@@ -85,7 +85,7 @@ void kind_tick(board_t *b) {
 }
 
 uint8_t *kind_answer(const board_t *b, uint8_t *p) {
-    p = put16(put16(p, 0), 0); /* no volts here */
+    p = put32(p, 0); /* no zero that a homing has to find */
     *p++ = (uint8_t)(TAKES_ANGLE | (b->most == MOST_SERVOS ? HAS_THREE : 0));
     return p;
 }

@@ -13,7 +13,6 @@ uint8_t kind_config(board_t *b, const uint8_t *p) {
     uint8_t e;
     if (p[0] != CONFIG_REQUEST || per_rev < FEWEST_COUNTS || get16(p + 22) == 0) return 0;
     b->wired = p[5];
-    if (!(p[5] & WIRED_HOMED)) b->fresh = 0; /* it is about to be homed */
     b->zero[0] = (int32_t)get32(p + 6);
     b->zero[1] = (int32_t)get32(p + 10);
     most = (uint16_t)((uint32_t)per_rev * ANGLE_LIMIT_MRAD / 6283);
@@ -198,12 +197,10 @@ static void apply(board_t *b) {
 
 /* --- the session's calls --- */
 
-void board_init(board_t *b, uint16_t supply_mV, uint8_t has_tachometer) {
+void board_init(board_t *b, uint8_t has_tachometer) {
     memset(b, 0, sizeof *b);
     session_init(&b->session);
-    b->supply_mV = supply_mV;
     b->has_tachometer = has_tachometer;
-    b->fresh = 1;
 }
 
 /* Whether an arm, at 0 V, might pass its limit, its time constant twice the known. */
@@ -220,6 +217,7 @@ uint8_t kind_flies(const board_t *b) {
 
 void kind_tick(board_t *b) {
     uint8_t e;
+    if (b->session.state == IS_ARMED && !(b->wired & WIRED_HOMED)) b->homing = b->session.armed_by;
     for (e = 0; e < 2; e++) measure_speed(b, e);
     keep_catching(b);
     guard(b);
@@ -229,9 +227,8 @@ void kind_tick(board_t *b) {
 }
 
 uint8_t *kind_answer(const board_t *b, uint8_t *p) {
-    p = put16(p, b->supply_mV);
-    p = put16(p, b->limit_mV);
-    *p++ = (uint8_t)((b->has_tachometer ? HAS_TACHOMETER : 0) | (b->fresh ? IS_FRESH : 0));
+    p = put32(p, b->homing);
+    *p++ = b->has_tachometer ? HAS_TACHOMETER : 0;
     return p;
 }
 

@@ -33,14 +33,12 @@ struct board {
     /* what the chip's part sets before board_tick */
     int32_t counts[2];
     int16_t tachometer_mV[2];
-    /* constant after board_init */
-    uint16_t supply_mV;
-    uint8_t has_tachometer;
+    uint8_t has_tachometer; /* constant after board_init */
     /* what the chip's part puts out after board_tick, by motor channel */
     int16_t applied_mV[2];
 
     /* configuration */
-    uint8_t fresh; /* reset, and not homed since: the counts mean nothing */
+    uint32_t homing; /* token that last armed it with unknown zeros; 0: none since the reset */
     uint8_t wired;
     int32_t zero[2];
     uint16_t angle_limit, limit_mV;
@@ -70,6 +68,6 @@ struct board {
     uint8_t lost; /* bit 0, 1: of what showed a stall: it gets no volts until configured anew */
 };
 
-void board_init(board_t *b, uint16_t supply_mV, uint8_t has_tachometer);
+void board_init(board_t *b, uint8_t has_tachometer);
 
 #endif

@@ -55,15 +55,18 @@ class BoardTable(BoardSession):
         super().__init__(link, period_s, clock=clock, random_below=random_below)
         self.voltage_limit_V = voltage_limit_V
         self._wiring, self._feed = wiring or Wiring(), ObservationFeed(eye)
-        self._tachometer = tachometer_rad_s_V
+        self._tachometer, self._homed = tachometer_rad_s_V, homed
         servo = (time_constant_s, top_speed_rad_s)
         watched = self._watched(sure_V, top_speed_rad_s / voltage_limit_V)
         self._open(lambda: self._request(angle_limit_rad, servo, watched, homed))
 
     @property
-    def is_fresh(self) -> bool:
-        """Whether the board was reset and not opened since: its counts mean nothing then."""
-        return bool(self._answer.features & wire.IS_FRESH)
+    def boot_id(self) -> str:
+        """Name of the last homing of the board's counts: a reset ends it, and so does another
+        homing, whichever rig file it is for, as soon as it arms the board.
+        """
+        homes = self._armed and not self._homed
+        return f"{self._answer.token if homes else self._answer.homing:08x}"
 
     def _watched(self, sure_V: tuple[Both, Both], gain_rad_s_V: float) -> list[int]:
         """What the board needs to see an arm that stands still: mV by channel, and V ms."""

@@ -9,11 +9,11 @@ import struct
 from dataclasses import astuple, dataclass
 from typing import ClassVar, get_args
 
-VERSION = 3
+VERSION = 4
 LONGEST_FRAME = 64  # the closing zero included
 LONGEST_PAYLOAD = LONGEST_FRAME - 4  # COBS byte, CRC and the closing zero
 NEVER = 65535
-HAS_TACHOMETER, IS_FRESH, TAKES_ANGLE, HAS_THREE, REFUSED = 1, 2, 4, 8, 16  # features of a board
+HAS_TACHOMETER, TAKES_ANGLE, HAS_THREE, REFUSED = 1, 4, 8, 16  # features of a board
 # Flags of a telemetry packet.
 ARMED, LEVELLING, LATCHED, CONFIGURED = 0x01, 0x02, 0x04, 0x08
 BY_WATCHDOG, BY_ANGLE, BY_STALL, HOMED = 0x10, 0x20, 0x40, 0x80
@@ -137,21 +137,20 @@ class PulseCommand:
 class ConfigAnswer:
     """Board to host: answer to the request with this nonce, accepted where its version is ours.
 
-    token: arms once; clock_us: the board's clock; period_ms: of its telemetry; supply_mV: motors'
-    supply; limit_mV: of the volts (both 0: it takes angles); features: bit 0 it has tachometer
-    inputs, bit 1 this is the first request since it was reset, bit 2 it takes angles, bit 3 of
-    three servos, bit 4 it refused what was asked, which was another kind's or out of its bounds.
+    token: arms once; clock_us: the board's clock; period_ms: of its telemetry; homing: the token
+    that last armed it with unknown zeros, 0 where none did since its reset; features: bit 0 it has
+    tachometer inputs, bit 2 it takes angles, bit 3 of three servos, bit 4 it refused what was
+    asked, which was another kind's or out of its bounds. Every version's answer is as long.
     """
 
     KIND: ClassVar[int] = 0x11
-    LAYOUT: ClassVar[str] = "<BHIIBHHB"
+    LAYOUT: ClassVar[str] = "<BHIIBIB"
     version: int
     nonce: int
     token: int
     clock_us: int
     period_ms: int
-    supply_mV: int
-    limit_mV: int
+    homing: int
     features: int
 
 

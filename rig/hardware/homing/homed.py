@@ -1,8 +1,6 @@
 """What homing found, kept beside the rig file until the encoders may have lost their place."""
 
 import json
-import re
-import time
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime, timedelta
 from math import inf
@@ -19,8 +17,6 @@ from rig.table import Table
 
 LONGEST = timedelta(hours=12)  # for a table that does not tell when it was switched off
 MARGIN_RAD = 0.1
-CLOCK_TURN_S = 2**32 * 1e-6  # a board's microseconds start anew
-BOOT_S, DRIFT = 0.3, 2e-3  # a ceramic resonator is good to half a percent at worst, often to 0.1
 CURE = "run rig home"
 
 
@@ -38,11 +34,12 @@ class Homed:
     """A homing as kept in a file, and the table that it holds for.
 
     kind, where: of the table's [table] (kind; port or address, and what an angle of servos that
-    take one means there: ids on a bus, pulses); boot_id: name of the table's
-    power-up (None where it has none); at: ISO time, UTC; confirmed: the markers saw the plate move;
-    travel_rad: between the stops, by servo; wiring: what the homing found; voltage_limit_V:
-    with which it was done (inf: a file of an earlier version does not tell); breakaway_V: at which
-    each arm begins to move, up and down (none: as that, or the servos take angles).
+    take one means there: ids on a bus, pulses); boot_id: name of the table's power-up, or of this
+    homing, as the table knows it (None: it knows none); at: ISO time, UTC; confirmed: the markers
+    saw the plate move; travel_rad: between the stops, by servo; wiring: what the homing found;
+    voltage_limit_V: with which it was done (inf: a file of an earlier version does not tell);
+    breakaway_V: at which each arm begins to move, up and down (none: as that, or the servos take
+    angles).
     """
 
     kind: str
@@ -80,8 +77,11 @@ class Homed:
         self._check_limits(rig.servo, rig.linkage)
         age = (now or datetime.now(UTC)) - datetime.fromisoformat(self.at)
         if boot_id is not None or self.boot_id is not None:
-            if not _same(self.boot_id, boot_id):
-                raise NotHomed(f"the table was switched off or reset since its homing: {CURE}")
+            if self.boot_id != boot_id:
+                raise NotHomed(
+                    "the table was switched off or reset since its homing, or homed with another "
+                    f"rig file: {CURE}"
+                )
             return
         if not timedelta(minutes=-5) < age < LONGEST:
             hours = LONGEST.total_seconds() / 3600
@@ -131,32 +131,12 @@ def _where(rig: Rig) -> str:
     return f"{where} {list(table.by_channel('ids', servos))}" if table.kind in BUS_KINDS else where
 
 
-def power_up(table: Table, now_s: float | None = None) -> str | None:
-    """Return what names this power-up of a table that has been read; None where it cannot tell.
-
-    It is the table's own identity or, of a board, which tells its clock, the moment of its last
-    reset on the host's monotonic clock. now_s: that clock's time.
+def power_up(table: Table) -> str | None:
+    """Return what names this power-up of a table that has been read, or the last homing since;
+    None where it cannot tell.
     """
-    if (boot_id := getattr(table, "boot_id", None)) is not None:
-        return f"id {boot_id}"
-    newest = getattr(table, "newest", None)
-    if newest is None:
-        return None
-    now_s = time.monotonic() if now_s is None else now_s
-    return f"up {(now_s - 1e-6 * newest.clock_us) % CLOCK_TURN_S:.3f} at {now_s:.3f}"
-
-
-def _same(before: str | None, now: str | None) -> bool:
-    """Whether two names are of one power-up; a board's clock may have drifted from ours since.
-
-    How long ago that was is told by our monotonic clock alone: the wall clock may be set meanwhile.
-    """
-    was, is_now = (re.fullmatch(r"up (\S+) at (\S+)", name or "") for name in (before, now))
-    if was is None or is_now is None:
-        return before == now
-    age_s = float(is_now[2]) - float(was[2])
-    apart = abs(float(was[1]) - float(is_now[1]))
-    return age_s >= 0.0 and min(apart, CLOCK_TURN_S - apart) < BOOT_S + DRIFT * age_s
+    boot_id = getattr(table, "boot_id", None)
+    return None if boot_id is None else f"id {boot_id}"
 
 
 def home_file(rig_file: Path) -> Path:

@@ -72,7 +72,7 @@ class Volts:
 
     def is_fresh(self, table) -> bool:
         """Its zero is lost: only to be homed."""
-        return table.is_fresh
+        return int(table.boot_id, 16) == 0
 
     def is_on(self, world) -> bool:
         return world.volts != (0.0, 0.0)

@@ -62,8 +62,9 @@ EQUIVALENT = {
     "if (room [>= -> >] b->taper) return b->limit_mV;",
     "if (room [<= -> <] -b->taper) return -(int32_t)b->limit_mV;",
     "return wish[> -> >=]-most ? wish : -most;",  # the same
-    # The shift of a number that only has to be hard to guess.
-    "s->token = next_token(s->token ^ s->clock_us ^ ((uint32_t)s->nonce << [16 -> 17]));",
+    # The shift of a number that only has to be hard to guess, and what keeps it from being 0.
+    "s->token = next_token(s->token ^ s->clock_us ^ ((uint32_t)s->nonce << [16 -> 17])) | 1;",
+    "s->token = next_token(s->token ^ s->clock_us ^ ((uint32_t)s->nonce << 16)) | [1 -> 2];",
     "s->since_telemetry_ms = [0 -> 1];",  # the first telemetry a millisecond sooner
     # A millisecond of braking more.
     "b->catch_ms = [0 -> 1];",

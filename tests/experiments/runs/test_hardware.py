@@ -62,11 +62,10 @@ def test_angles_that_no_homed_arm_can_have_are_refused_before_arming():
 
 
 def test_a_board_that_was_reset_is_refused_before_arming():
-    """It says so itself, whatever its clock and its angles look like."""
-    homed = Homed.of(Homing(Wiring(), (1.2, 1.2), (0.4, 0.4)), RIG, None)
+    homed = Homed.of(Homing(Wiring(), (1.2, 1.2), (0.4, 0.4)), RIG, "id 8f3a0c11")
     board = Card((0.1, 0.0))
-    board.is_fresh = True  # pyright: ignore[reportAttributeAccessIssue]
-    with pytest.raises(NotHomed, match="was reset since"), Checked(board, RIG, homed):  # pyright: ignore[reportArgumentType]
+    board.boot_id = "00000000"  # pyright: ignore[reportAttributeAccessIssue]
+    with pytest.raises(NotHomed, match="or reset since"), Checked(board, RIG, homed):  # pyright: ignore[reportArgumentType]
         pass
     assert board.done == ["read", "closed"]
 

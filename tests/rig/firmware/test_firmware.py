@@ -120,7 +120,7 @@ class Bench:
         self.run(20)
         self.send(ConfigRequest(VERSION, 7, period_ms, 1, 0, 0, 4096, 341, 6000))
         answer = next(p for p in self.run(20) if isinstance(p, ConfigAnswer))
-        assert answer.supply_mV == 12_000
+        assert (answer.homing, answer.features) == (0, 0)
         self.send(Arm(answer.token, 100))
         self.run(3)
 

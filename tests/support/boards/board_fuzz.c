@@ -51,7 +51,7 @@ int main(void) {
     parser_t parser = {{0}, 0, 0};
     uint8_t payload[LONGEST_FRAME], frame[LONGEST_FRAME], length, i;
     int c, n = 0;
-    board_init(&b, 12000, 1);
+    board_init(&b, 1);
     while ((c = getchar()) != EOF) {
         length = parser_byte(&parser, (uint8_t)c, payload);
         for (i = 0; i < length; i++) printf("%02x", payload[i]);

@@ -14,7 +14,6 @@ from experiments.runs.assemble import load_rig
 from rig.hardware.board.board import BoardTable
 from rig.hardware.board.serial_link import SerialLink
 from rig.hardware.board.usb_link import UsbLink
-from rig.hardware.homing import homed as homing
 from rig.hardware.wiring import Wiring
 from rig.loop.commands import CommandSlot
 from rig.loop.job import Job
@@ -136,14 +135,10 @@ class Lab:
         def table(*arguments, **named) -> BoardTable:
             return BoardTable(*arguments, **named, clock=self.clock)
 
-        def power_up(table) -> str | None:
-            return homing.power_up(table, self.clock())
-
         for name, stand_in in {
             "rig.hardware.board.serial_link.SerialLink": serial,
             "rig.hardware.board.usb_link.UsbLink": usb,
             "rig.hardware.board.board.BoardTable": table,
-            "experiments.runs.hardware.power_up": power_up,
             "experiments.runs.hardware.plate_tilt": tilt,
             "experiments.runs.hardware.go_realtime": dict,
             "experiments.runs.hardware_run.watching": seeing,

@@ -44,7 +44,7 @@ _KINDS = {
 GLUE
 board_t *glue_new(int tachometer) {
     board_t *b = malloc(sizeof *b);
-    if (b) board_init(b, 12000, (uint8_t)tachometer);
+    if (b) board_init(b, (uint8_t)tachometer);
     return b;
 }
 int glue_tick(board_t *b, int c0, int c1, int t0, int t1, uint8_t *out, int16_t *mV) {

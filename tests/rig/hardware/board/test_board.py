@@ -179,20 +179,30 @@ def test_volts_are_limited_on_the_board(homed: bool, most: float):
     assert bench.has(wire.LIMITED)
 
 
-def test_it_is_fresh_until_it_is_opened_to_be_homed():
+def test_its_counts_are_those_of_the_last_homing_that_has_armed_it():
     bench = Bench(armed=False)
     bench.board.reset()
 
-    def features(wired: int, **more) -> int:
+    def asked(wired: int, *, arm: bool = False, **more) -> ConfigAnswer:
         bench.send(replace(bench.request, wired=wired, zero_0=wired & 1 ^ 1, **more))
         (answer,) = (p for p in bench.run(1) if isinstance(p, ConfigAnswer))
-        return answer.features
+        if arm:
+            bench.send(Arm(answer.token, 5))
+            bench.run(1)
+            bench.send(Disarm())
+            bench.run(600)
+        return answer
 
-    assert features(1) == features(0b1111) == wire.IS_FRESH
-    assert features(0, version=9) == wire.IS_FRESH | wire.REFUSED  # what is refused homes nothing
-    assert features(0, counts_per_rev=63) == wire.IS_FRESH | wire.REFUSED
-    assert features(0b1110) == 0
-    assert features(1) == 0
+    assert asked(0b1111, arm=True).homing == asked(0b1110).homing == 0
+    assert asked(0, version=9, arm=True).homing == 0
+    assert asked(0, counts_per_rev=63, arm=True).homing == 0
+    first = asked(0b1110, arm=True)
+    assert first.homing == 0  # it had armed nothing yet
+    assert asked(0).homing == asked(1, arm=True).homing == asked(1).homing == first.token != 0
+    second = asked(0, arm=True)
+    assert asked(1).homing == second.token != first.token
+    bench.board.reset()
+    assert asked(1).homing == 0
 
 
 def test_an_arm_that_is_blocked_on_its_way_to_level_gets_no_more_volts():
@@ -609,7 +619,7 @@ class AnotherVersion(HostBoard):
     def receive(self, data: bytes) -> None:
         for packet in self._parser.feed(data):
             if isinstance(packet, ConfigRequest):
-                answer = ConfigAnswer(9, packet.nonce, 1, 0, 2, 12000, 6000, 0)
+                answer = ConfigAnswer(9, packet.nonce, 1, 0, 2, 0, 0)
                 self._sent += wire.encode(answer)
 
 
@@ -638,11 +648,13 @@ def test_a_period_that_no_board_ticks_is_refused(period_s: float):
 
 def test_a_reset_board_is_silent_and_lost():
     world = World(HostBoard(), Rig())
-    assert table_on(world).is_fresh
-    assert table_on(world).is_fresh  # asking does not make it homed
-    assert not table_on(world, homed=False).is_fresh  # homing does
+    never = table_on(world).boot_id
+    assert table_on(world, homed=False).boot_id == never  # asking does not make it homed
+    with table_on(world, homed=False) as table:  # homing does
+        table.level_s = 0.0
+        homing = table.boot_id
     table = table_on(world)
-    assert not table.is_fresh
+    assert table.boot_id == homing != never
 
     def work() -> None:
         with table:
@@ -655,7 +667,7 @@ def test_a_reset_board_is_silent_and_lost():
     with pytest.raises(LinkLost, match="silent for 80 ms"):
         work()
     assert world.volts == (0.0, 0.0)
-    assert table_on(world).is_fresh  # its zero is lost
+    assert table_on(world).boot_id == never  # its zero is lost
 
 
 @pytest.mark.parametrize("says", [LinkLost, KeyboardInterrupt])

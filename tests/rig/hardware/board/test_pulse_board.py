@@ -168,7 +168,7 @@ def test_a_volt_hosts_question_is_refused_and_ends_the_last_hosts_configuration(
     bench.send(ConfigRequest(VERSION, 9, 1, 1, 0, 0, 4096, 341, 6000))
     (answer,) = (p for p in bench.run(1) if isinstance(p, ConfigAnswer))
     assert answer.features == wire.TAKES_ANGLE | wire.REFUSED
-    assert (answer.supply_mV, answer.limit_mV) == (0, 0)
+    assert answer.homing == 0
     bench.send(Arm(bench.answer.token, 0))
     bench.run(5)
     assert bench.pulses() == (0.0, 0.0)

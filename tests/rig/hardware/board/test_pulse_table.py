@@ -151,7 +151,7 @@ def test_a_volt_program_and_a_pulse_board_refuse_each_other_in_a_line():
 
 def test_another_version_is_refused(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(wire, "VERSION", 9)
-    with pytest.raises(LinkLost, match=r"speaks version 3.*this program 9: flash"):
+    with pytest.raises(LinkLost, match=r"speaks version 4.*this program 9: flash"):
         opened()
 
 
