@@ -137,7 +137,7 @@ def calibrate_backlash(
     could be measured. ValueError, OSError: rig file or folder cannot be used.
     """
     rig = load_rig(rig_file)
-    folder = CalibrationFolder(out, "simulated")
+    folder = CalibrationFolder(out, "simulated", rig)
     believed = folder.believed(rig_file)
     measured = measure(rig, believed, seed, motor_only=motor_only, progress=progress)
     if not measured.plays:

@@ -99,7 +99,7 @@ def calibrate_camera(
     then. ValueError, OSError: a folder or source that cannot be used.
     """
     rig = load_rig(rig_file)
-    folder = CalibrationFolder(out, _kind(source))
+    folder = CalibrationFolder(out, _kind(source), rig)
     layout = default_layout(rig.linkage.side_m)
     growing = Growing(folder.path, sheet, shown) if shown else None
     if source is None or Path(source).is_dir():
@@ -211,7 +211,7 @@ def calibrate_table(
     wrong. OSError: a source or folder that cannot be used.
     """
     rig = load_rig(rig_file)
-    folder = CalibrationFolder(out, _kind(source))
+    folder = CalibrationFolder(out, _kind(source), rig)
     if folder.draft.lens is None:
         raise ValueError(f"{folder.path} has no lens yet: run rig calibrate camera --out first")
     camera_ = folder.draft.camera

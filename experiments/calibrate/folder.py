@@ -20,22 +20,30 @@ from calibration.records import (
 )
 from experiments.records.run_folder import writable
 from experiments.runs.assemble import known, load_rig
+from experiments.runs.hardware import is_hardware
 from rig.parameters import Rig, Servo, torque_per_volt
 from rig.rigfile import read_rig, refuse_own, write_rig
 
 FILE, RIG_FILE = "calibration.json", "rig.toml"
+NOT_YOURS = "this would measure the virtual table, not yours: name its frames or its runs"
 Source = Literal["measured", "simulated"]
 
 
 class CalibrationFolder:
     """One calibration that is being made in a folder.
 
-    source: "measured" or "simulated". ValueError: calibration.json in it cannot be read or is of
-    the other source (numbers of a simulated and a measured table are never mixed), or rig.toml in
-    it is somebody's own. OSError: the folder cannot be written.
+    source: "measured" or "simulated"; rig: whose table is calibrated. ValueError: a real table's
+    numbers would be the virtual one's, calibration.json in it cannot be read or is of the other
+    source (numbers of a simulated and a measured table are never mixed), or rig.toml in it is
+    somebody's own. OSError: the folder cannot be written.
     """
 
-    def __init__(self, folder: Path, source: Source) -> None:
+    def __init__(self, folder: Path, source: Source, rig: Rig) -> None:
+        if source == "simulated" and is_hardware(rig):
+            raise ValueError(
+                f'table.kind = "{rig.table.kind}": {NOT_YOURS}; rig gap finds gain, time constant '
+                "and play of motors that take volts in its runs"
+            )
         self.path = writable(folder)
         refuse_own(self.path / RIG_FILE)
         file = self.path / FILE
@@ -75,7 +83,8 @@ class CalibrationFolder:
         for text in warnings:
             typer.echo(f"warning: {text}", err=True)
         shown = ", ".join(str(picture) for picture in pictures)
-        typer.echo(f"written: {self.path / FILE}" + (f"   pictures: {shown}" if shown else ""))
+        of = " (of the virtual table)" if self.draft.source == "simulated" else ""
+        typer.echo(f"written: {self.path / FILE}{of}" + (f"   pictures: {shown}" if shown else ""))
 
     def believed(self, rig_file: Path | None) -> Rig:
         """The rig with what was measured in this folder, which is said where a `rig_file` is given,

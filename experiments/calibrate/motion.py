@@ -53,12 +53,12 @@ def calibrate_servo(
         return calibrate_position_servo(
             runs, rig_file, out, seed=seed, video=video, progress=progress
         )
+    folder = CalibrationFolder(out, "simulated", rig)
     if runs or video is not None:
         raise ValueError(
             "servos that take volts are measured by ramps and pulses, not from runs: leave the "
             "runs out; rig gap finds gain and time constant in recorded runs"
         )
-    folder = CalibrationFolder(out, "simulated")
     with SimulatedTable(rig, np.random.default_rng([seed, 9]), held=True) as table:
         record, ramped, pulsed = calibrate_servos(table)
     data = [
@@ -95,7 +95,7 @@ def calibrate_level(
     """
     rig = load_rig(rig_file)
     given = [read_given(path) for path in runs]
-    folder = CalibrationFolder(out, source_of(given))
+    folder = CalibrationFolder(out, source_of(given), rig)
     believed = folder.believed(rig_file)
     logs = [one.log for one in given]
     if not logs:
@@ -145,7 +145,7 @@ def calibrate_time(
     if video is not None and run is None:
         raise ValueError("--video: name the run, too, whose encoders belong to it")
     given = None if run is None else read_given(run)
-    folder = CalibrationFolder(out, source_of([given] if given else []))
+    folder = CalibrationFolder(out, source_of([given] if given else []), rig)
     believed = folder.believed(rig_file)
     if given is not None and video is None:
         known_s = believed.camera.delay_s if given.delay_s is None else given.delay_s

@@ -63,7 +63,7 @@ def calibrate_position_servo(
     rig file, run, video or folder cannot be used.
     """
     rig, given = load_rig(rig_file), [read_given(path) for path in runs]
-    folder = CalibrationFolder(out, source_of(given))
+    folder = CalibrationFolder(out, source_of(given), rig)
     believed = folder.believed(rig_file)
     logs = [one.log for one in given]
     for path, log in zip(runs, logs, strict=True):

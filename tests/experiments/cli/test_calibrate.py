@@ -189,6 +189,23 @@ def test_bad_input_is_one_line_and_exit_code_2(arguments, message, tmp_path: Pat
     assert error.count("\n") == 1
 
 
+@pytest.mark.parametrize("step", ["camera", "table", "time", "level", "servo", "play"])
+@pytest.mark.parametrize("takes", ["voltage", "position"])
+def test_a_real_tables_numbers_are_never_the_virtual_ones(step, takes, tmp_path: Path, capsys):
+    rig_file, out = tmp_path / "lab.toml", tmp_path / "out"
+    rig_file.write_text(f'[table]\nkind = "quanser"\n[servo]\nkind = "{takes}"\nangle_measured = true\n')
+    assert call("calibrate", step, "--rig", rig_file, "--out", out) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert 'table.kind = "quanser": this would measure the virtual table, not yours' in error
+    assert not out.exists()
+
+
+def test_numbers_of_the_virtual_table_say_so(tmp_path: Path, capsys):
+    assert call("calibrate", "level", "--out", tmp_path, "--seconds", "30") == 0
+    assert "calibration.json (of the virtual table)   pictures" in capsys.readouterr().out
+
+
 def test_level_and_time_from_a_recorded_run(tmp_path: Path):
     """A run on disk: what it was made from comes back."""
     steps = read_protocol("sine-sweep").model_copy(update={"duration_s": 25.0})
