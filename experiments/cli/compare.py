@@ -31,10 +31,20 @@ def compare(
     from experiments.records.run_folder import writable
 
     folder = writable(out)
+    notes: list[str] = []
     with bars() as progress:
         results = run_comparison(
-            rig, folder, grid_file=grid, seeds=seeds, jobs=jobs, cluster=cluster, progress=progress
+            rig,
+            folder,
+            grid_file=grid,
+            seeds=seeds,
+            jobs=jobs,
+            cluster=cluster,
+            progress=progress,
+            note=notes.append,
         )
+    for line in notes:
+        typer.echo(f"note: {line}", err=True)
     for line in results["words"]:
         say(line)
     say(f"report: {out / 'report.html'}   numbers: {out / 'results.json'}")

@@ -3,13 +3,14 @@
 The unit of work is a condition in a cell: all its seeds at once in the batch kernel, in which a
 run has the same bits whatever runs beside it; any number of workers share the units. What is
 finished is kept line by line in `rows.jsonl`, under a key that holds everything that decides it, so
-an interrupted comparison goes on where it stopped and a changed rig, grid or program starts afresh.
+an interrupted comparison goes on where it stopped and a changed rig, grid, protocol or program
+starts afresh.
 """
 
 import hashlib
 import json
 import shlex
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -32,6 +33,7 @@ from experiments.compare.statistics import (
 from experiments.progress import ProgressCall
 from experiments.records.run_folder import write_results
 from experiments.runs.assemble import load_rig
+from experiments.runs.protocol import read_protocol
 from experiments.runs.runner import simulate_in_blocks
 from experiments.workers import results_of
 from rig.files import file_bytes
@@ -118,18 +120,26 @@ def all_rows(
     jobs: int | None,
     cluster: str | None,
     progress: ProgressCall,
+    note: Callable[[str], None] = lambda text: None,
 ) -> dict[str, dict[str, list]]:
     """Run what `out`/rows.jsonl does not hold yet; return cell key -> condition -> rows.
 
     A row holds the measures KEPT of one seed. jobs: processes, None for all cores; cluster: address
-    of a Dask scheduler, or None. ValueError: no such cluster. OSError: the file cannot be written.
+    of a Dask scheduler, or None; note: is told what was there. ValueError: no such cluster or
+    protocol. OSError: the file cannot be written.
     """
     plain, data = to_record(rig), grid.model_dump()
     common = f"{_sources()} {json.dumps(plain, sort_keys=True)} {json.dumps(data, sort_keys=True)}"
-    wanted = {_key(common, cell, condition): (cell, condition) for cell, condition in plan(grid)}
+    pairs = plan(grid)
+    course = {
+        name: read_protocol(name).model_dump_json() for name in {c.protocol for c, _ in pairs}
+    }
+    wanted = {_key(f"{common} {course[c.protocol]}", c, arm): (c, arm) for c, arm in pairs}
     path = out / ROWS_FILE
     kept = {key: rows for key, rows in _kept(path).items() if key in wanted}
     missing = [key for key in wanted if key not in kept]
+    if kept:
+        note(f"{len(kept)} of {len(wanted)} arms in cells are kept from an earlier call ({path})")
     progress("arms in cells", len(kept), len(wanted))
     calls = [(key, (rig, data, asdict(wanted[key][0]), wanted[key][1])) for key in missing]
     with path.open("a", encoding="utf-8") as file:
@@ -186,12 +196,13 @@ def run_comparison(
     jobs: int | None = None,
     cluster: str | None = None,
     progress: ProgressCall,
+    note: Callable[[str], None] = lambda text: None,
 ) -> dict:
     """Make the whole comparison in `out` (results.json, figures, report.html); return the results.
 
     rig_file, grid_file: None for the shipped ones; seeds: paired seeds for each cell, None for the
-    grid's own; jobs: processes, None for all cores; cluster: address of a Dask scheduler, or None.
-    ValueError, FileNotFoundError: a mistake in rig or grid file, or no such cluster.
+    grid's own; jobs, cluster, note: see `all_rows`. ValueError, FileNotFoundError: a mistake in rig
+    or grid file, or no such cluster.
     """
     from experiments.compare.report import write_report
     from experiments.compare.words import words
@@ -200,7 +211,7 @@ def run_comparison(
     grid = read_grid(grid_file, takes_angle=rig.servo.takes_angle)
     if seeds is not None:
         grid = grid.model_copy(update={"seeds": seeds})
-    table = all_rows(rig, grid, out, jobs=jobs, cluster=cluster, progress=progress)
+    table = all_rows(rig, grid, out, jobs=jobs, cluster=cluster, progress=progress, note=note)
     judged = judge(grid, table)
     results = {
         "source": "simulated",

@@ -57,6 +57,39 @@ def test_what_was_kept_for_another_grid_or_rig_counts_for_nothing(tmp_path):
     assert len(table[cells(GRID)[0].key]["with"]) == 6
 
 
+def test_a_protocol_that_was_edited_starts_afresh(tmp_path):
+    mine, said = tmp_path / "mine.toml", []
+    other = tmp_path / "other.toml"
+    text = 'title = "mine"\nduration_s = 3.0\n[reference]\nshape = "circle"\nradius = {}\n'
+    mine.write_text(text.format(0.01))
+    other.write_text(text.format(0.02))
+    names = [str(mine), str(other)]
+    told = SMALL | {
+        "arms": ["without", "with"],
+        "courses": [{"protocol": name} for name in names],
+        "paper": SMALL["paper"] | {"protocol": names[0]},
+        "retuned": [],
+        "robustness": {"plays": ["joint 2"], "faults": {}},
+    }
+    grid = Grid.model_validate(told)
+
+    def made(folder: Path) -> str:
+        return json.dumps(
+            bench.all_rows(
+                RIG, grid, folder, jobs=1, cluster=None, progress=silent, note=said.append
+            )
+        )
+
+    first = made(tmp_path)
+    assert made(tmp_path) == first
+    mine.write_text(text.format(0.05))
+    edited = made(tmp_path)
+    (tmp_path / "anew").mkdir()
+    assert edited == made(tmp_path / "anew") != first
+    ends = f"arms in cells are kept from an earlier call ({tmp_path / 'rows.jsonl'})"
+    assert said == [f"4 of 4 {ends}", f"2 of 4 {ends}"]
+
+
 def test_strangers_rows_count_for_nothing_and_a_link_is_not_written_through(tmp_path):
     whole = rows(tmp_path)
     path = tmp_path / bench.ROWS_FILE
