@@ -18,7 +18,7 @@ from experiments.blind.analysis_jobs import (
 )
 from experiments.blind.seal import SEAL, sealed_hash
 from experiments.progress import ProgressCall, silent
-from experiments.records.run_folder import write_json
+from experiments.records.run_folder import writable, write_json
 from rig.files import first_error_line, json_of
 from rig.rigfile import effect_files
 
@@ -87,6 +87,9 @@ def answer_set(
     """
     names = case_names(folder)[:first]
     _same_set(folder, out)
+    if sealed_hash(out) is None and answers_of(out / WORK):
+        raise ValueError(f"{out}: does not say to which set its answers are: choose another --out")
+    write_json(writable(out) / SEAL, {"sha256": sealed_hash(folder)})  # before the first answer
     found = run_analyses(
         names,
         lambda name: packed_case(folder / CASES / name),
@@ -98,7 +101,6 @@ def answer_set(
     )
     for name, one in found.items():
         write_json(out / f"{name}.json", one["answer"])
-    write_json(out / SEAL, {"sha256": sealed_hash(folder)})
     return sum(one["answer"].get("verdict") == FAILED for one in found.values())
 
 

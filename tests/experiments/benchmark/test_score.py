@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import shutil
 from dataclasses import replace
 from math import inf, sqrt
 from pathlib import Path
@@ -301,3 +302,24 @@ def test_answers_go_on_where_they_stopped(folder: Path):
     found = score_set(folder / "set", out)
     assert (found["all"]["nothing"]["k"], found["all"]["no answer"]["k"]) == (2, 3)
     assert found["seconds"]["n"] == 5
+
+
+def test_answers_that_were_begun_for_one_set_are_none_to_another(folder: Path):
+    for one in TRIALS:
+        (folder / "set/cases" / one.name / "log").write_text("x")
+    out, other = folder / "mine", folder / "other"
+    shutil.copytree(folder / "set", other)
+    (other / "seal.json").write_text('{"sha256": "00"}')
+
+    def stops(place: Path) -> dict:
+        if len(list((out / "work").glob("*.json"))) == 1:
+            raise KeyboardInterrupt
+        return told_by_folder(place)
+
+    with pytest.raises(KeyboardInterrupt):
+        answer_set(folder / "set", out, answer=stops, jobs=1)
+    with pytest.raises(ValueError, match="answers to another set"):
+        answer_set(other, out, answer=told_by_folder, jobs=1)
+    (out / "seal.json").unlink()  # of an earlier version
+    with pytest.raises(ValueError, match=r"does not say to which set .* choose another --out"):
+        answer_set(folder / "set", out, answer=told_by_folder, jobs=1)
