@@ -42,9 +42,9 @@ class Facts:
     serial, usb, cameras: device files by kind; usb_library: libusb is there; rtprio, memlock_bytes:
     limits of this session (None: this system has none); sdk: why the vendor's module is missing, ""
     where it is installed; packages: versions by name, None where missing; missing_files: files that
-    the rig file names; remote: why the remote table does not answer, homing: why the homing cannot
-    be used (None: nothing wrong, or not checked); cache: why compiled functions cannot be kept, and
-    the cure, "" where they can.
+    the rig file names; calibration, homing: why the camera's, or that, cannot be used, remote: why
+    the remote table does not answer (None: nothing wrong, or not checked); cache: why compiled
+    functions cannot be kept, and the cure, "" where they can.
     """
 
     platform: str = "linux"
@@ -58,6 +58,7 @@ class Facts:
     memlock_bytes: int | None = 0
     packages: dict[str, str | None] = field(default_factory=dict)
     missing_files: tuple[str, ...] = ()
+    calibration: str | None = None
     remote: str | None = None
     homing: str | None = None
     cache: str = ""
@@ -105,6 +106,8 @@ def examine(facts: Facts, rig: Rig) -> list[Finding]:
     } | dict.fromkeys(BUS_KINDS, _bus)
     found = [*_packages(facts), *of_kind[rig.table.kind](facts, rig), *_camera(facts, rig)]
     found += [Finding(name, BAD, "no such file", "correct [table]") for name in facts.missing_files]
+    if facts.calibration:
+        found.append(Finding("calibration", BAD, facts.calibration))
     if rig.table.kind != "simulated":
         found += _angles(rig) + _homing(facts)
         if rig.table.kind != "remote":

@@ -35,6 +35,7 @@ def gather(rig: Rig, rig_file: Path | None) -> Facts:
         memlock_bytes=memlock,
         packages=_packages(),
         missing_files=tuple(name for name in files if not Path(name).is_file()),
+        calibration=_calibration(rig),
         remote=_remote(rig),
         homing=_homing(rig, rig_file),
         cache=CACHE_NOTE,
@@ -130,6 +131,20 @@ def _packages() -> dict[str, str | None]:
         with suppress(PackageNotFoundError):
             found[name] = version(name)
     return found
+
+
+def _calibration(rig: Rig) -> str | None:
+    """Why the calibration of a real table's camera cannot be used; None where it can, or is not
+    there."""
+    if rig.table.kind == "simulated" or not Path(rig.table.calibration or "").is_file():
+        return None
+    from experiments.runs.live_eye import real_calibration
+
+    try:
+        real_calibration(rig)
+    except (OSError, ValueError) as error:
+        return str(error)
+    return None
 
 
 def _remote(rig: Rig) -> str | None:

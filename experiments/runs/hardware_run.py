@@ -11,7 +11,7 @@ import numpy as np
 
 from experiments.records.run_folder import new_run_folder, plain, read_meta, replace_json
 from experiments.runs.hardware import check_there, open_homed
-from experiments.runs.live_eye import open_ball, watching
+from experiments.runs.live_eye import open_ball, real_calibration, watching
 from experiments.runs.live_run import AnnouncingRecorder, record_live
 from experiments.runs.protocol import OWN, Protocol, course
 from experiments.runs.runner import FinishedRun, RunRequest, Watch, compensator_index, start_record
@@ -30,12 +30,13 @@ def check(rig: Rig, rig_file: Path, protocol: Protocol) -> Homed:
     homing.
 
     FileNotFoundError: the port is not there. ValueError: there is no valid homing (NotHomed), the
-    protocol needs a camera that the rig file does not name, or its pushes are for the virtual
-    table.
+    protocol needs a camera that the rig file does not name, its calibration is none of that camera,
+    or the protocol's pushes are for the virtual table.
     """
     check_there(rig)
     homed = load(home_file(rig_file))
     homed.check(rig, homed.boot_id)
+    camera_late_s(rig)
     if protocol.servo_only:
         return homed
     if not rig.table.camera and rig.table.kind != "remote":
@@ -141,9 +142,7 @@ def camera_late_s(rig: Rig) -> float:
 
     ValueError (also BundleError), OSError: the calibration cannot be used.
     """
-    from calibration.bundle import load as load_bundle
-
-    return load_bundle(rig.table.calibration).stamped_late_s if rig.table.camera else 0.0
+    return real_calibration(rig).stamped_late_s if rig.table.camera else 0.0
 
 
 def _keep_notes(folder: Path) -> None:

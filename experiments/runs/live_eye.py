@@ -80,11 +80,25 @@ def open_markers(rig: Rig) -> tuple[Source, Sees]:
     return source, MarkerTilt(bundle.view, bundle.layout)
 
 
-def _open(rig: Rig) -> tuple[Source, Bundle]:
-    from calibration.bundle import load
-    from vision.sources.sources import open_source
+def real_calibration(rig: Rig) -> Bundle:
+    """The calibration of a real table's camera. ValueError (also BundleError), OSError: it cannot
+    be used, or is the virtual camera's.
+    """
+    from calibration.bundle import BundleError, load
 
     bundle = load(rig.table.calibration)
+    if bundle.source == "simulated":
+        raise BundleError(
+            f"{rig.table.calibration} is of the virtual camera, not of yours: run rig calibrate "
+            "camera and table on frames of your camera"
+        )
+    return bundle
+
+
+def _open(rig: Rig) -> tuple[Source, Bundle]:
+    from vision.sources.sources import open_source
+
+    bundle = real_calibration(rig)
     source = open_source(rig.table.camera, start_s=0.0)
     try:
         bundle.check_size(*source.size)

@@ -1,4 +1,5 @@
-"""A calibration bundle that is right to the last digit: the virtual camera's own numbers."""
+"""A calibration bundle that is right to the last digit: the virtual camera's own numbers, called
+measured."""
 
 from datetime import UTC, datetime
 
@@ -41,7 +42,7 @@ def exact_bundle(view: View, scene: Scene, **timing_s: float) -> Bundle:
         timing = TimingRecord(play_rad=play, frames=100, source="markers", **values)
     return Bundle(
         made=datetime(2026, 1, 1, tzinfo=UTC),
-        source="simulated",
+        source="measured",
         lens=lens,
         plate=plate,
         markers=markers_record(scene.layout),

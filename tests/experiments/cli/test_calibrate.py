@@ -193,7 +193,9 @@ def test_bad_input_is_one_line_and_exit_code_2(arguments, message, tmp_path: Pat
 @pytest.mark.parametrize("takes", ["voltage", "position"])
 def test_a_real_tables_numbers_are_never_the_virtual_ones(step, takes, tmp_path: Path, capsys):
     rig_file, out = tmp_path / "lab.toml", tmp_path / "out"
-    rig_file.write_text(f'[table]\nkind = "quanser"\n[servo]\nkind = "{takes}"\nangle_measured = true\n')
+    rig_file.write_text(
+        f'[table]\nkind = "quanser"\n[servo]\nkind = "{takes}"\nangle_measured = true\n'
+    )
     assert call("calibrate", step, "--rig", rig_file, "--out", out) == 2
     error = capsys.readouterr().err
     assert error.count("\n") == 1

@@ -8,7 +8,9 @@ from pathlib import Path
 
 from experiments.doctor.doctor import udev_rule
 from tests.support import ROOT
+from tests.support.exact_bundle import exact_bundle
 from tests.support.parts import need
+from vision.synthetic.synthetic import Scene, virtual_view
 
 need("umockdev", "libusb")
 
@@ -83,7 +85,7 @@ def doctor(folder: Path, rig: str, *shut: str) -> tuple[int, str]:
     """The program's exit code and words; `shut`: devices that its user may not open."""
     (folder / "all.umockdev").write_text(DEVICES)
     (folder / "lab.toml").write_text(rig)
-    (folder / "c.json").touch()
+    exact_bundle(virtual_view(), Scene()).save(folder / "c.json")
     take = "".join(f'chmod 000 "$UMOCKDEV_DIR/{device}" && ' for device in shut)
     asked = ASKED if os.geteuid() == 0 else []
     command = ["umockdev-run", "-d", "all.umockdev", "--", "sh", "-c", take + 'exec "$@"', "sh"]

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from experiments.calibrate.given import read_given
+from experiments.doctor.doctor import BAD, examine
+from experiments.doctor.facts import gather
 from experiments.records.recording import write_run
 from experiments.runs.assemble import virtual_scene
 from experiments.runs.hardware_run import camera_late_s
-from experiments.runs.live_eye import open_ball
+from experiments.runs.live_eye import open_ball, open_markers
 from rig.log import Log
 from rig.parameters import Rig
 from rig.rigfile import to_record
@@ -60,6 +62,23 @@ def test_a_ball_is_dated_by_the_measured_delay_of_its_frames(
     assert len(late) > 20
     assert late == pytest.approx([late_s] * len(late), abs=1e-9)
     assert camera_late_s(rig) == late_s
+
+
+def test_a_calibration_of_the_virtual_camera_is_none_of_a_real_one(tmp_path: Path):
+    rig = table(tmp_path)
+    file = Path(rig.table.calibration)
+    assert gather(rig, None).calibration is None
+    file.write_text(file.read_text().replace('"measured"', '"simulated"'))
+    for use in (open_ball, open_markers, camera_late_s):
+        with pytest.raises(ValueError, match=r"virtual camera, not of yours: run rig calibrate"):
+            use(rig)
+    facts = gather(rig, None)
+    (found,) = (one for one in examine(facts, rig) if one.what == "calibration")
+    assert (found.state, found.text) == (BAD, facts.calibration)
+    assert "is of the virtual camera" in found.text
+    assert (
+        gather(replace(rig, table=replace(rig.table, kind="simulated")), None).calibration is None
+    )
 
 
 @pytest.mark.parametrize(
