@@ -209,10 +209,13 @@ def export(
     """Write a run's log as CSV, Parquet or MAT."""
     from experiments.records.exporting import check_place, export_log
     from experiments.records.recording import read_run
+    from experiments.records.run_folder import lost_words
 
     check_place(out)
     whole = read_run(run)
     say(str(export_log(whole.log, out)))
+    if lost := lost_words(whole.meta):
+        typer.echo(f"note: {run}: {lost}", err=True)
     if whole.meta["truncated"]:
         raise WorkFailedError(
             f"{run} is cut short: {len(whole.log)} of {whole.meta.get('rows') or 'unknown'} rows "

@@ -17,6 +17,7 @@ from experiments.records.csv_files import blocks_of, lines_of
 from experiments.records.exporting import ALWAYS
 from experiments.records.mat_files import read_mat
 from experiments.records.recording import read_run
+from experiments.records.run_folder import lost_words
 from rig.log import INDEX, NAMES, Log
 
 ONE_OF = ("theta_x_rad", "theta_y_rad", "ball_x_m", "ball_y_m")
@@ -39,7 +40,8 @@ def read_log(path: Path | str) -> Log:
         path = path.parent
     if path.is_dir():
         run = read_run(path)
-        notes = ["the recording was cut off"] if run.meta["truncated"] else []
+        cut = "the recording was cut off" if run.meta["truncated"] else ""
+        notes = [note for note in (cut, lost_words(run.meta)) if note]
         return _checked(path, run.log.columns, notes)
     if not path.exists():
         raise FileNotFoundError(f"{path} does not exist")

@@ -9,7 +9,7 @@ import errno
 import json
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, is_dataclass
 from datetime import UTC, datetime, timedelta
@@ -216,6 +216,15 @@ def _check_meta(meta: dict) -> None:
         nanoseconds(meta["created"])
     except (TypeError, ValueError) as error:
         raise ValueError(f"run.json: created = {meta['created']!r} ({error})") from None
+
+
+def lost_words(meta: Mapping[str, Any]) -> str:
+    """How many rows of a run are missing, "" where none is. meta: its run.json."""
+    loop = meta.get("loop")
+    lost = loop.get("lost_rows") if isinstance(loop, dict) else None
+    if not isinstance(lost, int) or lost <= 0:
+        return ""
+    return f"{lost} rows are missing: they were not written in time (a disk that stood still)"
 
 
 def writable(folder: Path) -> Path:

@@ -24,7 +24,7 @@ from experiments.analysis.regime import regime_of_record, rig_of_record
 from experiments.analysis.repeats import distinct, repeats_words
 from experiments.analysis.samples import run_part
 from experiments.records.recording import read_run
-from experiments.records.run_folder import protocol_of, write_results
+from experiments.records.run_folder import lost_words, protocol_of, write_results
 from experiments.reports import figures
 from experiments.reports.figures import SOURCES, save
 from experiments.reports.report import (
@@ -75,6 +75,8 @@ def _readable(folders: Sequence[Path]) -> tuple[list[Recorded], list[dict], list
                 f"{run.folder.name} did not run to its end (outcome {outcome}): "
                 "its numbers are those of a part."
             )
+        if lost := lost_words(run.meta):
+            notes.append(f"{run.folder.name}: {lost}.")
         servo_only = bool(protocol_of(run.meta).get("servo_only"))
         try:
             rig_of_record(run.meta.get("rig") or {})

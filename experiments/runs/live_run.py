@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from experiments.records.recording import Recorder
+from experiments.records.run_folder import lost_words
 from rig.loop.commands import BY_HAND
 from rig.loop.job import Job
 from rig.loop.loop import Ending
@@ -27,15 +29,19 @@ def record_live(
     """Run the job in a process of its own, record its rows, and return how it ended.
 
     run.json gets "loop" with the jitter histogram, the real-time rights granted, and the number of
-    rows that the ring lost. started: called with the process, whose `put` takes commands; watch:
-    called with every row (len(COLUMNS),). An exception of the recorder (a full disk) or of these
-    two stops the loop and is raised again. SIGTERM and Ctrl-C end first the run in order, then the
-    program.
+    rows that the ring lost, which an event and the reason of the ending tell, too. started: called
+    with the process, whose `put` takes commands; watch: called with every row (len(COLUMNS,)). An
+    exception of the recorder (a full disk) or of these two stops the loop and is raised again.
+    SIGTERM and Ctrl-C end first the run in order, then the program.
     """
     loop = LoopProcess(job)
 
+    last_s = 0.0
+
     def keep(row: np.ndarray) -> None:
+        nonlocal last_s
         recorder.append(row)
+        last_s = float(row[0])
         watch(row)
 
     with stop_on_signals(loop, also=("SIGINT",)):
@@ -45,6 +51,9 @@ def record_live(
         except BaseException as error:
             recorder.give_up(error, loop=loop.notes)
             raise
+        if lost := lost_words({"loop": loop.notes}):
+            recorder.event(last_s, lost)
+            ending = replace(ending, reason="; ".join(filter(None, (ending.reason, lost))))
         recorder.finish(ending.outcome, ending.reason, loop=loop.notes)
     return ending
 
