@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from math import degrees
 from pathlib import Path
 
@@ -152,7 +153,7 @@ def calibrate_backlash(
         for axis, estimate in by_axis.items():
             typer.echo(f"play {axis}, {WORDS[what]}: {sentence(estimate)}")
     if not motor_only:
-        folder.believe(with_known_backlash(believed, measured))
+        folder.believe(rig_file, partial(with_known_backlash, measured=measured))
 
 
 def sentence(estimate: BacklashEstimate) -> str:

@@ -1,6 +1,8 @@
 """A calibration's folder: calibration.json that grows, rig.toml with its numbers, pictures."""
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,13 +20,14 @@ from calibration.records import (
     TimingRecord,
     fingerprint,
 )
+from experiments.records.recording import lock
 from experiments.records.run_folder import writable
 from experiments.runs.assemble import known, load_rig
 from experiments.runs.hardware import is_hardware
 from rig.parameters import Rig, Servo, torque_per_volt
 from rig.rigfile import read_rig, refuse_own, write_rig
 
-FILE, RIG_FILE = "calibration.json", "rig.toml"
+FILE, RIG_FILE, LOCK_FILE = "calibration.json", "rig.toml", ".lock"
 NOT_YOURS = "this would measure the virtual table, not yours: name its frames or its runs"
 Source = Literal["measured", "simulated"]
 
@@ -44,18 +47,20 @@ class CalibrationFolder:
                 f'table.kind = "{rig.table.kind}": {NOT_YOURS}; rig gap finds gain, time constant '
                 "and play of motors that take volts in its runs"
             )
-        self.path = writable(folder)
+        self.path, self._source = writable(folder), source
+        self.draft = self._read()
+
+    def _read(self) -> Draft:
+        """What the folder holds now; errors as of the class."""
         refuse_own(self.path / RIG_FILE)
         file = self.path / FILE
-        if file.is_file():
-            self.draft = load_draft(file)
-        else:
-            self.draft = Draft(made=_now(), source=source)
-        if self.draft.source != source:
+        draft = load_draft(file) if file.is_file() else Draft(made=_now(), source=self._source)
+        if draft.source != self._source:
             raise ValueError(
-                f"{file} holds a {self.draft.source} calibration, this one is {source}: choose "
+                f"{file} holds a {draft.source} calibration, this one is {self._source}: choose "
                 "another --out"
             )
+        return draft
 
     def keep(
         self,
@@ -78,8 +83,9 @@ class CalibrationFolder:
             pictures=[picture.name for picture in pictures],
             warnings=list(warnings),
         )
-        self.draft = self.draft.with_section(name, section, **records)
-        self.draft.save(self.path / FILE)
+        with _alone(self.path):  # another program may have kept its section meanwhile
+            self.draft = self._read().with_section(name, section, **records)
+            self.draft.save(self.path / FILE)
         for text in warnings:
             typer.echo(f"warning: {text}", err=True)
         shown = ", ".join(str(picture) for picture in pictures)
@@ -93,16 +99,32 @@ class CalibrationFolder:
         ValueError, FileNotFoundError: a rig file is missing or wrong.
         """
         own = self.path / RIG_FILE
-        if not own.is_file():
-            return known(load_rig(rig_file))
-        if rig_file is not None:
+        if rig_file is not None and own.is_file():
             typer.echo(f"note: continues with {own}, made before, not with {rig_file}", err=True)
-        return read_rig(own)
+        return self._rig(rig_file)
 
-    def believe(self, rig: Rig) -> None:
-        """Write the rig as rig.toml of the folder. OSError: it cannot be written."""
-        write_rig(rig, self.path / RIG_FILE)
+    def _rig(self, rig_file: Path | None) -> Rig:
+        own = self.path / RIG_FILE
+        return read_rig(own) if own.is_file() else known(load_rig(rig_file))
+
+    def believe(self, rig_file: Path | None, change: Callable[[Rig], Rig]) -> None:
+        """Write the rig that was `believed`, with a change, as rig.toml of the folder. OSError: it
+        cannot be written.
+        """
+        with _alone(self.path):
+            write_rig(change(self._rig(rig_file)), self.path / RIG_FILE)
         typer.echo(f"believed from now on: {self.path / RIG_FILE}")
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """The folder without another program that calibrates in it, where the disk has locks; a moment
+    is waited for it.
+    """
+    with (folder / LOCK_FILE).open("a") as file:
+        while not lock(file.fileno()):
+            time.sleep(0.01)
+        yield
 
 
 def _now() -> datetime:

@@ -1,6 +1,7 @@
 """`rig calibrate time`, `level` and `servo`: numbers from tables that move."""
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -75,7 +76,8 @@ def calibrate_servo(
             f"{gain.value:.3f} ({gain.low:.3f} to {gain.high:.3f}) rad/s/V, tau "
             f"{1e3 * lag.value:.1f} ({1e3 * lag.low:.1f} to {1e3 * lag.high:.1f}) ms, signs right"
         )
-    folder.believe(with_servo(folder.believed(rig_file), record))
+    folder.believed(rig_file)  # says where it goes on
+    folder.believe(rig_file, partial(with_servo, record=record))
 
 
 def _write(trace: Trace, path: Path) -> Path:
@@ -115,7 +117,7 @@ def calibrate_level(
             f"{gain.value:.3f} m/s2/rad, sign right; joint play about "
             f"{np.degrees(record.play_rad[name]):.1f} degrees"
         )
-    folder.believe(with_level(believed, record))
+    folder.believe(rig_file, partial(with_level, record=record))
 
 
 def calibrate_time(
@@ -177,7 +179,7 @@ def calibrate_time(
             f"readout: {1e3 * rows.value:.2f} ms from the first row to the last (95 % "
             f"{1e3 * rows.low:.2f} to {1e3 * rows.high:.2f} ms)"
         )
-    folder.believe(with_timing(believed, record))
+    folder.believe(rig_file, partial(with_timing, record=record))
 
 
 def _virtual_wiggle(rig: Rig, folder: CalibrationFolder, seconds: float, seed: int) -> Wiggle:

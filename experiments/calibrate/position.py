@@ -95,7 +95,7 @@ def calibrate_position_servo(
     )
     for name in "xy":
         typer.echo(f"servo {name}, by its {found.record.source}: " + sentence(found.record, name))
-    folder.believe(with_position_servo(believed, found.record))
+    folder.believe(rig_file, partial(with_position_servo, record=found.record))
 
 
 def _by_angle(

@@ -326,13 +326,13 @@ def _lock_soon(file: int, folder: Path) -> None:
     another program keeps it.
     """
     until_s = time.monotonic() + LOCK_S
-    while not _lock(file):
+    while not lock(file):
         if time.monotonic() > until_s:
             raise OSError(errno.EBUSY, f"{folder}: another program keeps samples.mcap locked")
         time.sleep(LOCK_S / 100)
 
 
-def _lock(file: int, *, shared: bool = False) -> bool:
+def lock(file: int, *, shared: bool = False) -> bool:
     """Lock an open file for its process; shared: with others that ask so. False: another has it.
 
     On Windows the open file itself is the lock: it cannot be replaced.
@@ -354,4 +354,4 @@ def _lock(file: int, *, shared: bool = False) -> bool:
 def _is_locked(path: Path) -> bool:
     """Whether a recorder has the file."""
     with path.open("rb") as file:
-        return not _lock(file.fileno(), shared=True)
+        return not lock(file.fileno(), shared=True)

@@ -133,7 +133,7 @@ FILES = {
         test_recording,
         40,
         lambda name: name.startswith(("test_recover", "test_a_system")),
-        ("recover", "being_recorded", "_keep_damaged", "_is_locked", "_lock"),
+        ("recover", "being_recorded", "_keep_damaged", "_is_locked", "lock"),
     ),
 }
 

@@ -23,8 +23,8 @@ from hypothesis.extra.numpy import arrays
 from experiments.records import recording
 from experiments.records.recording import (
     Recorder,
-    _lock,
     being_recorded,
+    lock,
     new_run_folder,
     read_run,
     recover,
@@ -464,9 +464,9 @@ def test_recover_and_lists_that_ask_at_once_take_each_other_for_no_recorder(tmp_
     recorder = record(tmp_path, example()[:5])
     recorder.finish("done")
     with (tmp_path / "samples.mcap").open("rb") as asks:
-        assert _lock(asks.fileno(), shared=True)
+        assert lock(asks.fileno(), shared=True)
         assert not being_recorded(tmp_path)
-        assert not _lock(os.open(tmp_path / "samples.mcap", os.O_RDONLY))
+        assert not lock(os.open(tmp_path / "samples.mcap", os.O_RDONLY))
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="locks of POSIX")
@@ -505,13 +505,13 @@ def test_a_system_or_a_disk_without_locks_is_no_reason_not_to_record(tmp_path):
 
     try:
         sys.modules["fcntl"] = None  # type: ignore[assignment]
-        assert _lock(file) is True
+        assert lock(file) is True
         for number in (errno.ENOLCK, errno.EOPNOTSUPP):
             refuse(number)
-            assert _lock(file) is True
+            assert lock(file) is True
         refuse(errno.EIO)
         with pytest.raises(OSError, match="no locks"):
-            _lock(file)
+            lock(file)
     finally:
         os.close(file)
         sys.modules.pop("fcntl")

@@ -1,0 +1,61 @@
+"""A calibration's folder that two programs write into at once."""
+
+import os
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from calibration.bundle import load_draft
+from calibration.records import BacklashRecord, TimingRecord, Value
+from experiments.calibrate.folder import FILE, LOCK_FILE, RIG_FILE, CalibrationFolder
+from experiments.records.recording import lock
+from rig.parameters import Rig
+from rig.rigfile import read_rig
+
+TIMING = TimingRecord(
+    delay_s=Value.around(0.01, 0.001), play_rad={"x": 0.0, "y": 0.0}, frames=9, source="markers"
+)
+PLAY = BacklashRecord(plays={}, not_seen={"gear": "no strike"})
+
+
+def quicker(rig: Rig) -> Rig:
+    return replace(rig, servo=replace(rig.servo, gain_rad_s_V=2.0))
+
+
+def later(rig: Rig) -> Rig:
+    return replace(rig, camera=replace(rig.camera, delay_s=0.02))
+
+
+def test_what_two_programs_measure_at_once_is_kept_of_both(tmp_path: Path):
+    one, other = (CalibrationFolder(tmp_path, "simulated", Rig()) for _ in range(2))
+    one.keep("timing", timing=TIMING)
+    one.believe(None, later)
+    other.keep("play", play=PLAY)
+    other.believe(None, quicker)
+    draft, rig = load_draft(tmp_path / FILE), read_rig(tmp_path / RIG_FILE)
+    assert (draft.timing, draft.play, set(draft.sections)) == (TIMING, PLAY, {"timing", "play"})
+    assert (rig.camera.delay_s, rig.servo.gain_rad_s_V) == (0.02, 2.0)
+
+
+def test_a_measured_and_a_simulated_calibration_begun_at_once_do_not_mix(tmp_path: Path):
+    one = CalibrationFolder(tmp_path, "simulated", Rig())
+    other = CalibrationFolder(tmp_path, "measured", Rig())
+    one.keep("timing", timing=TIMING)
+    with pytest.raises(ValueError, match="holds a simulated calibration, this one is measured"):
+        other.keep("play", play=PLAY)
+    assert load_draft(tmp_path / FILE).play is None
+
+
+@pytest.mark.skipif(os.name == "nt", reason="locks of POSIX")
+def test_a_program_that_writes_is_waited_for(tmp_path: Path):
+    folder = CalibrationFolder(tmp_path, "simulated", Rig())
+    with (tmp_path / LOCK_FILE).open("a") as held:
+        assert lock(held.fileno())
+        keeps = threading.Thread(target=lambda: folder.keep("timing", timing=TIMING))
+        keeps.start()
+        keeps.join(0.3)
+        assert not (tmp_path / FILE).exists()
+    keeps.join(20.0)
+    assert load_draft(tmp_path / FILE).timing == TIMING
