@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from math import nan
+from math import inf, nan
 
 import cv2
 import numpy as np
@@ -32,7 +32,7 @@ class Sheet:
     dictionary: str = "DICT_5X5_50"
 
     def __post_init__(self) -> None:
-        if not 0 < self.marker_m < self.square_m:
+        if not 0 < self.marker_m < self.square_m < inf:
             raise ValueError(
                 f"the sheet's markers ({1e3 * self.marker_m:g} mm) must be smaller than its "
                 f"squares ({1e3 * self.square_m:g} mm) and larger than 0"

@@ -37,6 +37,7 @@ from vision.sources.sources import open_source
 from vision.view import View
 
 VIRTUAL_PICTURES = 24
+DISTANCE_M = 0.05, 20.0  # of the plate from the camera; chosen
 
 
 def sheet_of(squares: str, square_mm: float, marker_mm: float, dictionary: str) -> Sheet:
@@ -98,6 +99,7 @@ def calibrate_camera(
     residuals as they grow. CalibrationError: the pictures are refused; only coverage.png is written
     then. ValueError, OSError: a folder or source that cannot be used.
     """
+    _check_distance(distance_m)
     rig = load_rig(rig_file)
     folder = CalibrationFolder(out, _kind(source), rig)
     layout = default_layout(rig.linkage.side_m)
@@ -136,6 +138,15 @@ def calibrate_camera(
             "lie flat on the plate in one picture here or in rig calibrate table to check it"
         )
     return lens
+
+
+def _check_distance(distance_m: float) -> None:
+    least, most = DISTANCE_M
+    if not least <= distance_m <= most:
+        raise ValueError(
+            f"--distance-mm {1e3 * distance_m:g}: must be {1e3 * least:g} to {1e3 * most:g}, about "
+            "what a ruler tells from the camera to the plate"
+        )
 
 
 def _size(lens: CameraCalibration) -> tuple[int, int]:

@@ -47,7 +47,8 @@ class CalibrationFolder:
                 f'table.kind = "{rig.table.kind}": {NOT_YOURS}; rig gap finds gain, time constant '
                 "and play of motors that take volts in its runs"
             )
-        self.path, self._source = writable(folder), source
+        self._source: Source = source
+        self.path = writable(folder)
         self.draft = self._read()
 
     def _read(self) -> Draft:

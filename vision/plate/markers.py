@@ -71,7 +71,7 @@ def default_layout(plate_side_m: float, marker_side_m: float = 0.024) -> MarkerL
     `ValueError`: the plate is too small for them.
     """
     far = plate_side_m / 2 - 0.005 - marker_side_m / 2
-    if far < 1.5 * marker_side_m:
+    if not 0 < 1.5 * marker_side_m <= far:
         raise ValueError(f"a plate of {plate_side_m} m has no room for {marker_side_m} m markers")
     places = [(-1, 1), (0, 1), (1, 1), (-1, 0), (1, 0), (-1, -1), (0, -1), (1, -1)]
     square = 0.5 * marker_side_m * np.array([(-1, 1), (1, 1), (1, -1), (-1, -1)])
