@@ -7,25 +7,28 @@ import numpy as np
 
 from experiments.importing.clock import read_clock
 from experiments.importing.import_map import ImportMap, SignalMap
-from experiments.importing.recording import BadFileError, Stream, numbers_only
+from experiments.importing.recording import BadFileError, Stream, Unreadable, numbers_only
 from experiments.importing.units import factor, family, part_of, quantity
 from rig.log import Log
 
 MIN_ROWS = 20  # fewer say nothing: `rig gap` needs so many
 HELD = ("command", "voltage", "target", "push")  # a value holds until the next one
+MOST_UNREADABLE = 0.01  # of a column's cells; chosen
 BRIDGED_S = 0.1  # chosen: between two samples of an angle no further apart, a straight line
 
 
 def convert(stream: Stream, made: ImportMap) -> list[Log]:
     """Logs of the sessions of a recording, in order; notes on what was left out are the logs'.
 
-    BadFileError: a column is missing, no session has 20 rows, or no value is left.
+    BadFileError: a column is missing, more than 1 % of a column's cells are no numbers, no session
+    has 20 rows, or no value is left.
     """
     for name, signal in made.signals.items():
         for column in (signal.column, *signal.seen):
             if column not in stream.columns:
                 there = ", ".join(list(stream.columns)[:12])
                 raise BadFileError(f"no column {column!r} for {name}; there are {there}")
+    unread = _unreadable(stream, made)
     stream = numbers_only(stream)
     clock = read_clock(stream, made.time)
     whole = _columns(stream, made)
@@ -38,7 +41,7 @@ def convert(stream: Stream, made: ImportMap) -> list[Log]:
         t_s = clock.t_s[rows]
         columns = {name: values[rows] for name, values in whole.items()}
         columns = _in_time(t_s, columns, made)
-        notes = [*clock.notes, *([f"{short} short sessions left out"] if short else [])]
+        notes = [*clock.notes, *unread, *([f"{short} short sessions left out"] if short else [])]
         if "ball_exposed_s" in columns:
             start = _start(stream, made, rows[0])
             columns["ball_exposed_s"] = columns["ball_exposed_s"] - start
@@ -49,6 +52,25 @@ def convert(stream: Stream, made: ImportMap) -> list[Log]:
     if empty:
         raise BadFileError(f"no value is left of {', '.join(empty)}")
     return logs
+
+
+def _unreadable(stream: Stream, made: ImportMap) -> list[str]:
+    """Notes on cells of the mapped columns that are neither blank nor a number. BadFileError: more
+    than MOST_UNREADABLE of a column are.
+
+    Words in the ball's columns say that it was not seen.
+    """
+    notes = []
+    for name, signal in made.signals.items():
+        cells = stream.unreadable.get(signal.column, Unreadable())
+        count = cells.digits if family(name) == "ball" else cells.count
+        if not count:
+            continue
+        told = f"{count} of {len(stream)} cells of column '{signal.column}' are no numbers"
+        if count > MOST_UNREADABLE * len(stream):
+            raise BadFileError(f"{told} (the first: '{cells.first[:20]}'): mend or empty them")
+        notes.append(f"{told}: taken as blank")
+    return notes
 
 
 def _start(stream: Stream, made: ImportMap, row: int) -> float:

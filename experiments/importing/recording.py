@@ -1,7 +1,7 @@
 """A recording as it stands in somebody's file: streams of named columns, meaning unknown."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -16,6 +16,25 @@ class BadFileError(ValueError):
     """A file that cannot be imported; the message is one line."""
 
 
+@dataclass(frozen=True)
+class Unreadable:
+    """Cells that are neither blank nor a number: those with digits, words, the first of them."""
+
+    digits: int = 0
+    words: int = 0
+    first: str = ""
+
+    @property
+    def count(self) -> int:
+        """How many cells."""
+        return self.digits + self.words
+
+    def and_(self, cell: str) -> "Unreadable":
+        """These and one more."""
+        odd = any(c.isdigit() for c in cell)
+        return Unreadable(self.digits + odd, self.words + (not odd), self.first or cell)
+
+
 @dataclass(frozen=True, eq=False)
 class Stream:
     """Columns that share their rows: name -> (n,) float64, NaN where the cell is no number.
@@ -23,7 +42,7 @@ class Stream:
     units: column name -> its unit in the file's words, where the format itself says it.
     time: name of the column that the format itself says is the time; None where it says nothing.
     session: name of the column in which every session has another number, if the format has one.
-    notes: what was odd.
+    notes: what was odd; unreadable: column name -> its cells that are NaN without being blank.
     """
 
     columns: Mapping[str, np.ndarray]
@@ -31,6 +50,7 @@ class Stream:
     time: str | None = None
     session: str | None = None
     notes: tuple[str, ...] = ()
+    unreadable: Mapping[str, Unreadable] = field(default_factory=dict)
 
     def __len__(self) -> int:
         """Return the number of rows."""
@@ -43,7 +63,7 @@ def numbers_only(stream: Stream) -> Stream:
         name: np.where(np.abs(np.nan_to_num(values, nan=np.inf)) < MAX_VALUE, values, np.nan)
         for name, values in stream.columns.items()
     }
-    return Stream(kept, stream.units, stream.time, stream.session)
+    return replace(stream, columns=kept, notes=())
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +126,7 @@ def joined(streams: Sequence[Stream]) -> Recording:
         )
     if left:
         notes.append(f"left out, other length and no time: {', '.join(left[:6])}")
-    return Recording(Stream(columns, units, base.time, base.session), tuple(notes))
+    return Recording(replace(base, columns=columns, units=units, notes=()), tuple(notes))
 
 
 def _rows_for(clock: np.ndarray, stamps: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:

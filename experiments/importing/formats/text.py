@@ -3,7 +3,6 @@
 import codecs
 import csv
 import re
-from array import array
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, islice
@@ -11,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.importing.formats.decimals import NumberColumn, is_number
 from experiments.importing.recording import MAX_COLUMNS, BadFileError, Stream, check_size
 from experiments.records.csv_files import blocks_of, lines_of
 
 SEPARATORS = (" ", ",", "|", "\t", ";")  # the later, the less likely to mean anything else
 PREAMBLE_LINES = 200  # chosen: LabVIEW's longest headers have some thirty lines
 MAX_BYTES = 1_000_000_000
-_COMMA_NUMBER = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*")
 _CLOCK = re.compile(r"\s*(?:(\d{4}-\d\d-\d\d)[T ])?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)\s*Z?\s*")
 _UNIT_CELL = re.compile(r"[\[(]?\s*[A-Za-zµμ°%/0-9^*·\s-]{0,12}\s*[\])]?")
 
@@ -50,22 +49,31 @@ def _table(lines: Iterator[str]) -> Stream:
     begin = list(islice(cells, PREAMBLE_LINES))
     width = Counter(map(len, begin)).most_common(1)[0][0]
     names, units = _header(_split(head[:first], separator), width)
-    comma = separator != "," and _has_decimal_comma(begin)
-    found = [array("d") for _ in range(width)]
-    clocks, count = set[str](), 0
+    commas = any("," in cell for row in begin for cell in row)
+    found = [NumberColumn(name, commas=commas) for name in names]
+    clocks, count, read = set[str](), 0, 0
     for block in blocks_of(chain(begin, cells), width):
         count += len(block)
         check_size(count, width)
         rows = [row for row in block if len(row) == width]
-        for name, numbers, column in zip(names, found, zip(*rows, strict=True), strict=bool(rows)):
-            numbers.extend(_numbers(column, comma))
+        read += len(rows)
+        for one, column in zip(found, zip(*rows, strict=True), strict=bool(rows)):
             if _is_clock(column):
-                clocks.add(name)
-    lost = count - len(found[0])
+                clocks.add(one.name)
+                one.add(map(_seconds, column))
+            else:
+                one.extend(column)
+    lost = count - read
     if lost > max(1, 0.01 * count):  # a last line that was cut off is normal
         raise BadFileError(f"{lost} of {count} lines have not {width} cells")
     units |= dict.fromkeys(sorted(clocks), "s")
-    return Stream({name: np.array(one) for name, one in zip(names, found, strict=True)}, units)
+    sure = set().union(*(one.sure for one in found))
+    numbers = {one.name: one.numbers(sure) for one in found}
+    return Stream(
+        {name: values for name, (values, _) in numbers.items()},
+        units,
+        unreadable={name: cells for name, (_, cells) in numbers.items() if cells.count},
+    )
 
 
 def _encoding(path: Path) -> str:
@@ -115,7 +123,7 @@ def _layout(head: Sequence[str]) -> tuple[str, int]:
         if max(line.count(separator) for line in head) >= MAX_COLUMNS:
             check_size(0, max(line.count(separator) for line in head) + 1)
         rows = _split(head, separator)
-        numeric = [len(cells) > 1 and _mostly_numbers(cells, separator) for cells in rows]
+        numeric = [len(cells) > 1 and _mostly_numbers(cells) for cells in rows]
         first = next((i for i, yes in enumerate(numeric) if yes), None)
         if first is None:
             continue
@@ -129,14 +137,11 @@ def _layout(head: Sequence[str]) -> tuple[str, int]:
     return best[1], best[2]
 
 
-def _mostly_numbers(cells: Sequence[str], separator: str) -> bool:
-    """Whether a line is one of data: a number stands in it, and at most half of the rest is words.
-
-    With a comma as the separator a decimal comma cannot be told, so it is none.
-    """
+def _mostly_numbers(cells: Sequence[str]) -> bool:
+    """Whether a line is one of data: numbers stand in it, and at most half of the rest is words."""
     if any(_several_numbers(cell) for cell in cells):
         return False
-    numbers = sum(_is_number(cell, separator != ",") for cell in cells)
+    numbers = sum(map(_is_number, cells))
     words = sum(bool(cell.strip()) for cell in cells) - numbers
     return numbers >= 2 and words <= numbers / 2
 
@@ -145,19 +150,11 @@ def _several_numbers(cell: str) -> bool:
     """Whether a cell holds numbers with another separator between them."""
     parts = re.split(r"[;|\s]+", cell.strip())
     whole = _CLOCK.fullmatch(cell) is not None
-    return len(parts) > 1 and not whole and all(_is_number(part, True) for part in parts)
+    return len(parts) > 1 and not whole and all(map(_is_number, parts))
 
 
-def _is_number(cell: str, comma: bool) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return bool(comma and _COMMA_NUMBER.fullmatch(cell)) or bool(_CLOCK.fullmatch(cell))
-    return True
-
-
-def _has_decimal_comma(rows: Sequence[Sequence[str]]) -> bool:
-    return any(_COMMA_NUMBER.fullmatch(cell) for cells in rows[:1000] for cell in cells)
+def _is_number(cell: str) -> bool:
+    return is_number(cell) or bool(_CLOCK.fullmatch(cell))
 
 
 def _header(before: Sequence[Sequence[str]], width: int) -> tuple[list[str], dict[str, str]]:
@@ -184,24 +181,6 @@ def _header(before: Sequence[Sequence[str]], width: int) -> tuple[list[str], dic
 def _is_clock(cells: Sequence[str]) -> bool:
     """Whether a column holds times of day, which are read as seconds."""
     return any(_CLOCK.fullmatch(cell) for cell in cells[:100])
-
-
-def _numbers(cells: Sequence[str], comma: bool) -> np.ndarray:
-    """The cells (n,) as float64: NaN where blank or a word, seconds where a time of day."""
-    try:
-        return np.array(cells, dtype=np.float64)
-    except ValueError:
-        pass
-    if _is_clock(cells):
-        return np.array([_seconds(cell) for cell in cells])
-    return np.array([_number(cell.replace(",", ".") if comma else cell) for cell in cells])
-
-
-def _number(cell: str) -> float:
-    try:
-        return float(cell)
-    except ValueError:
-        return {"true": 1.0, "false": 0.0}.get(cell.strip().lower(), np.nan)
 
 
 def _seconds(cell: str) -> float:
