@@ -103,7 +103,7 @@ def run(
 ) -> None:
     """Run a protocol and record it, on the virtual table or the rig file's; prints the folders."""
     from experiments.cli.console import bars
-    from experiments.records.run_folder import writable
+    from experiments.records.run_folder import refuse_other_results, writable
     from experiments.runs.assemble import load_rig
     from experiments.runs.protocol import read_protocol
     from experiments.runs.runs import run_protocol
@@ -115,6 +115,7 @@ def run(
     if camera not in ("statistical", "frames"):
         raise ValueError(f"--camera {camera}: must be statistical or frames")
     table, folder = load_rig(rig), writable(out)
+    refuse_other_results(folder)
     how = {
         "arms": plan.arms if arm == "both" else [arm],
         "out": folder,

@@ -258,6 +258,20 @@ def refuse_input(option: str, file: Path, inputs: Sequence[Path], what: str = "r
             raise ValueError(f"{option} {file}: lies in the {what} {one}; name another file")
 
 
+def refuse_other_results(folder: Path) -> None:
+    """ValueError (one line) where `folder` holds a results.json that no command here has made."""
+    path = folder / "results.json"
+    if not path.is_file():
+        return
+    with suppress(ValueError, OSError):
+        found = json_of(path)
+        if isinstance(found, dict) and found.keys() & {"source", "verdict"}:
+            return
+    raise ValueError(
+        f"{path}: a file of yours lies where the results are to be written; name another --out"
+    )
+
+
 def write_results(folder: Path, results: dict) -> Path:
     """Write results.json in `folder` and return its path; NaN and infinity become null.
 

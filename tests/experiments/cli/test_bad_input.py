@@ -87,6 +87,23 @@ def test_gap_writes_over_nothing_that_is_the_users_own(tmp_path: Path):
     assert log.read_text() == "t_s\n0\n"
 
 
+@pytest.mark.parametrize("text", ['{"mine": 1}', "[1, 2]", "no JSON", ""])
+def test_a_run_writes_over_no_results_that_are_the_users_own(tmp_path: Path, text: str):
+    mine = tmp_path / "results.json"
+    mine.write_text(text)
+    assert "a file of yours lies where" in refused("run", "servo-squares", "--out", tmp_path)
+    assert mine.read_text() == text
+    assert [path.name for path in tmp_path.iterdir()] == ["results.json"]
+
+
+def test_a_run_takes_the_place_of_what_a_command_here_has_made(tmp_path: Path):
+    for made in ({"source": "simulated"}, {"verdict": "named"}):
+        (tmp_path / "results.json").write_text(json.dumps(made))
+        code, *_ = told("run", "servo-squares", "--arm", "without", "--out", tmp_path)
+        assert code == 0
+        assert json.loads((tmp_path / "results.json").read_text())["protocol"] == "servo-squares"
+
+
 def test_odd_words(tmp_path: Path):
     run = tmp_path / "run"
     with Recorder(run, {"source": "simulated", "arm": "with"}):
