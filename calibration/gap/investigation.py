@@ -17,7 +17,7 @@ from calibration.gap.locate.locate import locate
 from calibration.gap.model.data import gather, usable
 from calibration.gap.model.fit import evaluate
 from calibration.gap.model.intervals import deviations
-from calibration.gap.model.state import State, at_noise, plain, thoroughly
+from calibration.gap.model.state import State, at_noise, plain
 from calibration.gap.name.decide import Decision, verdict_of
 from calibration.gap.name.load_friction import choose_friction_model, creeping_servos
 from calibration.gap.name.naming_steps import NamingStep
@@ -148,8 +148,7 @@ def _too_little_motion(state: State, lacking: str, notes: tuple[str, ...]) -> Fi
 
 
 def _findings(decision: Decision, until: str, notes: tuple[str, ...], *, quick: bool) -> Findings:
-    state = thoroughly(decision.state)
-    decision = replace(decision, state=state)
+    state = decision.state
     spread = deviations(plain(state))
     names = tuple(findings_of_decision.named(decision, one, spread) for one in decision.accepted)
     names = findings_of_decision.one_dead_zone(names, state, spread)

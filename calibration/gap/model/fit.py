@@ -19,14 +19,15 @@ is a log-likelihood ratio; Huber's rho (Ann. Math. Stat. 35, 1964) bounds the in
 Derivatives are secants over `Parameter.step`: backlash and friction have none at zero.
 """
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import lsq_linear
 
 from calibration.gap.model.data import Evidence, Roll
-from calibration.gap.model.parameters import COAST_KEY, NominalModel, Parameter
+from calibration.gap.model.parameters import NominalModel, Parameter
 
 HUBER_Z = 3.0  # 0.27 % of Gaussian samples lie beyond
 ITERATIONS = 40  # at most: a fit that is cut off loses to a worse model that is not; chosen
@@ -35,8 +36,11 @@ STALE_SECANT_GAIN = 5.0  # a gain in C since the secants were taken beyond which
 # Where secants promise more than STALE_SECANT_GAIN and the step gains less than POOR_SHARE of that,
 # they are too wide for a narrow valley and are taken NARROWER, to NARROWEST of a step; chosen.
 POOR_SHARE, NARROWER, NARROWEST = 0.1, 0.3, 0.05
+ASTRAY = 0.5  # share of what secants promise by which the gain may differ before they are renewed
 STEP_LENGTHS = (1.0, 0.33, 0.1)  # of the Gauss-Newton step, tried in turn
-KINKED = ("play_rad", COAST_KEY)  # keys along which C has kinks inside its valley
+RIDGE = 1e-3  # of the normal matrix, in steps^-2: a parameter on which no data depend stays
+# Along a principal axis of the normal matrix, in standard deviations, tried in turn; chosen.
+AXIS_LENGTHS = (9.0, 3.0, 1.0)
 Bounds = Mapping[str, tuple[float, float]]
 
 
@@ -107,8 +111,8 @@ def differences(
     """Secants dz/dp by output, (n, k) for n residuals and k = len(`parameters`); those that `at`
     already has are taken from `at.columns`.
 
-    The step is `width` times `Parameter.step`, backwards where it would leave `bounds` (name ->
-    (low, high)) upwards. The column is 0 for an output that does not depend on the parameter.
+    The step is `_secant_step` within `bounds` (name -> (low, high)). The column is 0 for an output
+    that does not depend on the parameter.
     """
     columns = {
         output: np.zeros((len(roll.z), len(parameters))) for output, roll in at.rolls.items()
@@ -124,10 +128,7 @@ def differences(
         if not outputs:
             continue
         value = at.setting.get(parameter.name, parameter.nominal)
-        low, high = bounds[parameter.name]
-        step = width * parameter.step
-        if value + step > high and value - step >= low:
-            step = -step
+        step = _secant_step(value, width * parameter.step, bounds[parameter.name])
         model = nominal.model(at.setting | {parameter.name: value + step})
         todo += [(i, step, model, output) for output in outputs]
     rolls = evidence.rolls([(model, output) for _, _, model, output in todo])
@@ -136,16 +137,30 @@ def differences(
     return columns
 
 
+def _secant_step(value: float, step: float, bounds: tuple[float, float]) -> float:
+    """The step of a secant: upwards, downwards where that leaves the bounds, and where both do, to
+    the farther one; `step` between bounds that are one.
+
+    A play beyond its tolerance tells nothing of one within it: by secants that reached ten times as
+    far, fits of a gain asymmetry ended up to 180 above the minimum.
+    """
+    low, high = bounds
+    if value + step <= high:
+        return step
+    if value - step >= low:
+        return -step
+    return max(high - value, low - value, key=abs) or step
+
+
 def kept_columns(
-    columns: Mapping[str, np.ndarray], parameters: Sequence[Parameter], dropping: Collection[str]
+    columns: Mapping[str, np.ndarray], parameters: Sequence[Parameter]
 ) -> dict[tuple[str, str], np.ndarray]:
-    """Columns (n,) by (output, parameter name) out of `columns`, output -> (n, k), without those of
-    the effects `dropping`, whose secants change from step to step (backlash, delays, periods)."""
+    """Columns (n,) by (output, parameter name) out of `columns`, output -> (n, k)."""
     return {
         (output, parameter.name): columns[output][:, i]
         for output in columns
         for i, parameter in enumerate(parameters)
-        if output in parameter.outputs and parameter.effect not in dropping
+        if output in parameter.outputs
     }
 
 
@@ -170,15 +185,72 @@ def bounded_step(
     """argmin_d d'Ad/2 + b'd subject to low <= d <= high, all (k,), A (k, k); `scale` (k,): the
     parameters' steps. Solved by bounded-variable least squares (`scipy.optimize.lsq_linear`).
 
-    A ridge of 1e-3 in units of the steps keeps a parameter on which no data depend where it is.
+    RIDGE in units of the steps keeps a parameter on which no data depend where it is.
     `LinAlgError`: A + ridge is not positive definite.
     """
     h = a * np.outer(scale, scale)
-    h[np.diag_indices_from(h)] += 1e-3
+    h[np.diag_indices_from(h)] += RIDGE
     upper = np.linalg.cholesky(h).T
     right = np.linalg.solve(upper.T, -b * scale)
     low, high = np.minimum(low / scale, -1e-12), np.maximum(high / scale, 1e-12)
     return lsq_linear(upper, right, (low, high), method="bvls").x * scale
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """What a fit minimises, over k `parameters` within `bounds` (name -> (low, high))."""
+
+    evidence: Evidence
+    nominal: NominalModel
+    parameters: Sequence[Parameter]
+    bounds: Bounds
+
+    @cached_property
+    def scale(self) -> np.ndarray:
+        """The parameters' steps (k,)."""
+        return np.array([parameter.step for parameter in self.parameters])
+
+    @cached_property
+    def ends(self) -> np.ndarray:
+        """The low and the high ends (2, k)."""
+        return np.array([self.bounds[parameter.name] for parameter in self.parameters]).T
+
+    @cached_property
+    def prior(self) -> np.ndarray:
+        """Inverse variances (k,) of the module's equation."""
+        return np.array([inverse_variance(k, self.bounds[k.name]) for k in self.parameters])
+
+    def value(self, at: ParameterFit) -> np.ndarray:
+        """The parameters (k,) in a setting."""
+        return np.array([at.setting.get(k.name, k.nominal) for k in self.parameters])
+
+    def away(self, value: np.ndarray) -> np.ndarray:
+        """How far the parameters that have a prior lie from nominal (k,)."""
+        nominal = np.array([parameter.nominal for parameter in self.parameters])
+        return np.where(self.prior > 0.0, value - nominal, 0.0)
+
+    def cost(self, at: ParameterFit) -> float:
+        """C with the prior."""
+        away = self.away(self.value(at))
+        return at.cost + float(0.5 * self.prior @ (away * away))
+
+    def moved(self, at: ParameterFit, step: np.ndarray) -> ParameterFit:
+        """The fit (k,) further, within the bounds; `at` itself where they leave nothing of it."""
+        value = self.value(at)
+        there = np.clip(value + step, *self.ends)
+        if np.array_equal(there, value):
+            return at
+        setting = dict(zip((k.name for k in self.parameters), there.tolist(), strict=True))
+        tried = evaluate(self.evidence, self.nominal, at.setting | setting, at.rolls)
+        return replace(tried, columns=at.columns)
+
+    def equations(
+        self, at: ParameterFit, columns: Mapping[str, np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """`normal_equations` with the prior."""
+        a, b = normal_equations(self.evidence, at, columns)
+        a[np.diag_indices_from(a)] += self.prior
+        return a, b + self.prior * self.away(self.value(at))
 
 
 def fit(
@@ -188,85 +260,99 @@ def fit(
     bounds: Bounds,
     *,
     iterations: int = ITERATIONS,
-    bent: Collection[str] = (),
-    thorough: bool = False,
 ) -> ParameterFit:
     """Fit the parameters of `bounds` (name -> (low, high)) from `start` by bounded Gauss-Newton
     until C with the prior falls by less than CONVERGED_GAIN; all other parameters stay as in
     `start`.
 
-    Secants are taken once, and at every step for the effects `bent` (backlash, delays, periods);
-    those that `start` has are kept instead, also of `bent`, until all are taken anew: where a step
-    gains less than POOR_SHARE of what they promise, over a smaller width, and where C stalls after
-    it fell by STALE_SECANT_GAIN. Where no step along all lowers C, the parameters of backlash are
-    moved one by one, once; `thorough`: all parameters are, as long as that gains
+    Secants are kept from step to step, those of `start` too, until C has fallen by
+    STALE_SECANT_GAIN and falls by ASTRAY more or less than they promise, or not at all. Where new
+    ones promise more than ten times what a step gains, they are taken over a smaller width. Where
+    no step lowers C, it is searched along the principal axes, as long as that gains
     STALE_SECANT_GAIN. `KeyError`: no such parameter.
     """
-    parameters = [nominal.parameters[name] for name in bounds]
+    problem = _Problem(evidence, nominal, [nominal.parameters[name] for name in bounds], bounds)
     best = _inside(evidence, nominal, start, bounds)
-    scale = np.array([parameter.step for parameter in parameters])
-    prior = np.array([inverse_variance(k, bounds[k.name]) for k in parameters])
-    nominals = np.array([k.nominal for k in parameters])
     taken_at, width, done, searched = start.cost, 1.0, 0, False
     while done < iterations:
-        columns = differences(evidence, nominal, best, parameters, bounds, width)
-        best = replace(best, columns={**best.columns, **kept_columns(columns, parameters, bent)})
-        a, b = normal_equations(evidence, best, columns)
-        value = np.array([best.setting.get(k.name, k.nominal) for k in parameters])
-        a[np.diag_indices_from(a)] += prior
-        away = np.where(prior > 0.0, value - nominals, 0.0)
-        b += prior * away
-        low, high = (np.array([bounds[k.name][i] for k in parameters]) for i in (0, 1))
-        step = bounded_step(a, b, low - value, high - value, scale)
-        promised = -float(0.5 * step @ a @ step + b @ step)
-        dearer = [float(prior @ (d * step * (away + 0.5 * d * step))) for d in STEP_LENGTHS]
-        best, gain = _along(evidence, nominal, best, parameters, value, step, dearer)
+        columns = differences(evidence, nominal, best, problem.parameters, bounds, width)
+        kept = kept_columns(columns, problem.parameters)
+        best = replace(best, columns={**best.columns, **kept})
+        a, b = problem.equations(best, columns)
+        stale = taken_at - best.cost >= STALE_SECANT_GAIN
+        best, gain, promised = _along_step(problem, best, a, b)
         if gain < CONVERGED_GAIN and not searched:
-            best, gain = _one_by_one(evidence, nominal, best, bounds, every=thorough)
-            searched = not thorough or gain < STALE_SECANT_GAIN
-        stale = gain < CONVERGED_GAIN and taken_at - best.cost >= STALE_SECANT_GAIN
-        poor = promised > STALE_SECANT_GAIN and gain < POOR_SHARE * promised
-        narrow = poor and width > NARROWEST
+            best, gain = _along_axes(problem, best, a)
+            searched = gain < STALE_SECANT_GAIN
+        wide = promised > STALE_SECANT_GAIN and gain < POOR_SHARE * promised
+        narrow = wide and not stale and width > NARROWEST
         width *= NARROWER if narrow else 1.0
         done += not narrow
-        if narrow or stale:
+        astray = max(gain, promised) > STALE_SECANT_GAIN and abs(gain - promised) > (
+            ASTRAY * promised
+        )
+        if narrow or (stale and (astray or gain < CONVERGED_GAIN)):
             best, taken_at = replace(best, columns={}), best.cost
         elif gain < CONVERGED_GAIN:
             break
     return best
 
 
-def _one_by_one(
-    evidence: Evidence,
-    nominal: NominalModel,
-    at: ParameterFit,
-    bounds: Bounds,
-    *,
-    every: bool,
-) -> tuple[ParameterFit, float]:
-    """Compass search: each width of backlash, and how far its arm coasts, or every parameter, alone
-    by plus and minus STEP_LENGTHS of its step, and by how much C fell (Kolda, Lewis and Torczon,
-    SIAM Review 45, 2003)."""
-    first = at.cost
-    for name, (low, high) in bounds.items():
-        parameter = nominal.parameters[name]
-        if not every and parameter.key not in KINKED:
-            continue
-        known = {at.setting.get(name, parameter.nominal)}  # bounds make them repeat
-        for length in STEP_LENGTHS:
-            value = at.setting.get(name, parameter.nominal)
-            for end in (value - length * parameter.step, value + length * parameter.step):
-                moved = min(max(end, low), high)
-                if moved in known:
-                    continue
-                known.add(moved)
-                setting = at.setting | {name: moved}
-                here = [output for output in parameter.outputs if output in at.rolls]
-                tried = evaluate(evidence, nominal, setting, here)
-                rolls, costs = at.rolls | tried.rolls, at.costs | tried.costs
-                if sum(costs.values()) < at.cost:
-                    at = replace(at, setting=setting, rolls=rolls, costs=costs)
-    return at, first - at.cost
+def _along_step(
+    problem: _Problem, at: ParameterFit, a: np.ndarray, b: np.ndarray
+) -> tuple[ParameterFit, float, float]:
+    """The first of the shortened Gauss-Newton steps that lowers C with the prior (`at`: none does),
+    by how much, and how much was promised.
+
+    Where the step of all parameters does not, that of those inside their bounds is tried: C may
+    jump as a play leaves 0.
+    """
+    cost, promised = problem.cost(at), 0.0
+    low, high = problem.ends - problem.value(at)
+    inside = (low < 0.0) & (high > 0.0)
+    for free in (np.ones_like(inside), inside):
+        step, own = np.zeros(len(b)), np.ix_(free, free)
+        step[free] = bounded_step(a[own], b[free], low[free], high[free], problem.scale[free])
+        promised = max(promised, -float(0.5 * step @ a @ step + b @ step))
+        for share in STEP_LENGTHS:
+            tried = problem.moved(at, share * step)
+            if (gain := cost - problem.cost(tried)) >= CONVERGED_GAIN:
+                return tried, gain, -float(share * (0.5 * share * step @ a @ step + b @ step))
+        if inside.all() or not inside.any():
+            break
+    return at, 0.0, promised
+
+
+def _along_axes(problem: _Problem, at: ParameterFit, a: np.ndarray) -> tuple[ParameterFit, float]:
+    """Compass search along `_axes`, and by how much C with the prior fell (Kolda, Lewis and
+    Torczon, SIAM Review 45, 2003).
+
+    A step of AXIS_LENGTHS standard deviations is repeated as long as C falls. A kink of backlash or
+    friction stops a Gauss-Newton step that crosses it, not one along it.
+    """
+    first = cost = problem.cost(at)
+    for axis in _axes(problem, at, a):
+        for length in (sign * length for length in AXIS_LENGTHS for sign in (1.0, -1.0)):
+            tried = problem.moved(at, length * axis)
+            while (dear := problem.cost(tried)) < cost - CONVERGED_GAIN:
+                at, cost = tried, dear
+                tried = problem.moved(at, length * axis)
+    return at, first - cost
+
+
+def _axes(problem: _Problem, at: ParameterFit, a: np.ndarray) -> np.ndarray:
+    """Directions (k, k), one a row, each as long as a standard deviation 1/sqrt(eigenvalue): the
+    principal axes of `a` (k, k), J'WJ with the prior, over the parameters that lie inside their
+    bounds, the weakest first, then each other parameter alone (a play of 0 is a model of its own:
+    C may jump as it leaves 0)."""
+    h = a * np.outer(problem.scale, problem.scale)
+    h[np.diag_indices_from(h)] += RIDGE
+    low, high = problem.ends - problem.value(at)
+    inside = (low < 0.0) & (high > 0.0)
+    axes = np.diag(1.0 / np.sqrt(np.diag(h)))
+    sizes, found = np.linalg.eigh(h[np.ix_(inside, inside)])
+    axes[np.ix_(inside, inside)] = (found / np.sqrt(sizes)).T
+    return axes[np.argsort(~inside, kind="stable")] * problem.scale
 
 
 def inverse_variance(parameter: Parameter, bounds: tuple[float, float]) -> float:
@@ -289,25 +375,3 @@ def _inside(
         return start
     inside = evaluate(evidence, nominal, start.setting | moved, start.rolls)
     return replace(inside, columns=start.columns)
-
-
-def _along(
-    evidence: Evidence,
-    nominal: NominalModel,
-    at: ParameterFit,
-    parameters: Sequence[Parameter],
-    value: np.ndarray,
-    step: np.ndarray,
-    dearer: Sequence[float],
-) -> tuple[ParameterFit, float]:
-    """The first of the shortened steps that lowers C with the prior, which rises by `dearer`, and
-    by how much; `at` and 0 if none does."""
-    for share, rise in zip(STEP_LENGTHS, dearer, strict=True):
-        setting = dict(
-            zip((k.name for k in parameters), (value + share * step).tolist(), strict=True)
-        )
-        tried = evaluate(evidence, nominal, at.setting | setting, at.rolls)
-        tried = replace(tried, columns=at.columns)
-        if tried.cost + rise < at.cost:
-            return tried, at.cost - tried.cost - rise
-    return at, 0.0

@@ -6,7 +6,7 @@ but what its key holds, so a kept one is the same to the last bit.
 """
 
 from collections import OrderedDict
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -52,18 +52,16 @@ def key_of(
     nominal: NominalModel,
     start: "ParameterFit",
     bounds: "Bounds",
-    bent: Collection[str],
-    options: tuple,
+    iterations: int,
 ) -> tuple[tuple, tuple]:
-    """All that a fit of the outputs of `start.rolls` depends on, `options` included: values, arrays
-    by their identity, and the objects identified, which have to live as long as the key."""
+    """All that a fit of the outputs of `start.rolls` depends on: values, arrays by their identity,
+    and the objects identified, which have to live as long as the key."""
     outputs = tuple(sorted(start.rolls))
     felt = {
         name: value
         for name, value in start.setting.items()
         if set(nominal.parameters[name].outputs) & set(outputs)
     }
-    effects = {nominal.parameters[name].effect for name in bounds}
     held = (
         nominal,
         evidence.runs,
@@ -74,8 +72,7 @@ def key_of(
         outputs,
         tuple(sorted(felt.items())),
         tuple(bounds.items()),
-        tuple(sorted(effects & set(bent))),
-        options,
+        iterations,
         *(_levels(evidence.levels, output) for output in outputs),
         tuple(sorted(start.columns)),
         tuple(map(id, held)),

@@ -11,7 +11,7 @@ import numpy as np
 
 from calibration.gap.decision_rule import PENALTY_PER_PARAMETER
 from calibration.gap.model.data import Evidence
-from calibration.gap.model.fit import ITERATIONS, KINKED, ParameterFit, evaluate, fit
+from calibration.gap.model.fit import ITERATIONS, ParameterFit, evaluate, fit
 from calibration.gap.model.kept_fits import key_of
 from calibration.gap.model.noise import estimate, least_noise
 from calibration.gap.model.parameters import (
@@ -84,7 +84,6 @@ def refit(
     bounds: Mapping[str, tuple[float, float]],
     *,
     iterations: int = ITERATIONS,
-    thorough: bool = False,
 ) -> State:
     """The state with the parameters of `bounds` (name -> (low, high)) fitted on the outputs that
     they move, as `fit` does with these options; all other parameters and outputs stay. `KeyError`:
@@ -97,12 +96,10 @@ def refit(
         {p: c for p, c in old.costs.items() if p in felt},
         {key: column for key, column in old.columns.items() if key[0] in felt},
     )
-    bent = {effect for effect, _ in state.named}
     evidence, nominal = state.evidence, state.nominal
-    options = {"iterations": iterations, "thorough": thorough}
     done = evidence.fits.of(
-        key_of(evidence, nominal, start, bounds, bent, tuple(options.items())),
-        lambda: fit(evidence, nominal, start, bounds, bent=bent, **options),
+        key_of(evidence, nominal, start, bounds, iterations),
+        lambda: fit(evidence, nominal, start, bounds, iterations=iterations),
     )
     moved = {name: done.setting[name] for name in bounds if name in done.setting}
     merged = ParameterFit(
@@ -175,17 +172,6 @@ def plain(state: State) -> State:
     fit = evaluate(state.evidence, nominal, state.fit.setting, outputs)
     moved = replace(state, nominal=nominal, fit=fit)
     return refit(moved, moved.bounds(outputs), iterations=3)
-
-
-def thoroughly(state: State) -> State:
-    """The state with all that is free searched one by one on the outputs that named backlash moves,
-    for sizes that are told: beside it a fit may end in a valley's side."""
-    named = [parameter for key in state.named for parameter in state.nominal.of(*key)]
-    felt = {output for one in named if one.key in KINKED for output in one.outputs}
-    for output in state.evidence.outputs:
-        if output in felt:
-            state = refit(state, state.bounds((output,)), thorough=True)
-    return state
 
 
 def drop_effects(state: State, keys: Iterable[Key]) -> State:

@@ -241,13 +241,13 @@ def test_at_the_upper_bound_the_difference_goes_down():
     np.testing.assert_allclose(column[:, 0], (top.z("servo_x") - below) / parameter.step)
 
 
-def test_columns_that_are_known_are_kept_and_bent_ones_are_not():
+def test_columns_that_are_known_are_not_taken_again():
     state = both()
     names = ["voltage_offset.offset_V.x", "coulomb_friction.friction_V.x"]
     parameters = [state.nominal.parameters[name] for name in names]
     bounds = {parameter.name: parameter.range for parameter in parameters}
     columns = differences(state.evidence, state.nominal, state.fit, parameters, bounds)
-    kept = kept_columns(columns, parameters, {"coulomb_friction"})
+    kept = kept_columns(columns, parameters[:1])
     assert set(kept) == {("servo_x", names[0])}
     marked = {key: column + 7.0 for key, column in kept.items()}
     again = differences(
@@ -257,7 +257,6 @@ def test_columns_that_are_known_are_kept_and_bent_ones_are_not():
     np.testing.assert_array_equal(again["servo_x"][:, 1], columns["servo_x"][:, 1])
 
 
-@pytest.mark.xfail(strict=True, reason="secants from afar, and a cost that jumps: known limit")
 def test_from_near_and_from_far_a_fit_ends_as_low():
     """A gain asymmetry beside play, dead zone and friction within their tolerances, on a sweep."""
     hidden = {"gain_asymmetry": {"x": {"fraction": -0.054}}}
