@@ -5,8 +5,9 @@ what a name gains 1 s ahead (`calibration.gap.held_out`), C the cost one sample 
 
 1. All names of an output together: C with them is lower, and D > -se: 1 s ahead they do no harm (a
    small effect may not show there). "A or B" is refuted by what refutes both.
-2. Each name beside the others: as rule 1. Where something without a name is left,
-   a name may stand for a part of it: it needs D > SURE_Z se on one of its outputs.
+2. Each name beside the others: as rule 1, on one of a servo's axes, too: it is not told on that
+   axis. Where something without a name is left, a name may stand for a part of it: it needs
+   D > SURE_Z se on one of its outputs.
 3. The 95 % interval of its size excludes the nominal value, and the size is not at the end of its
    range on any axis, where it would have to be larger to be what its name says.
 4. Its best rival in its place does not predict better 1 s ahead: D < SURE_Z se of the rival's gain.
@@ -37,9 +38,8 @@ or a rival predicted better, the naming is repeated without those that were refu
 MAX_ROUNDS times: the imitation may have kept the right one out.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
-from math import degrees
 
 import numpy as np
 
@@ -48,16 +48,24 @@ from calibration.gap.decision_rule import (
     FAMILY_P,
     MAX_ROUNDS,
     MIN_COMPLETENESS,
-    OUTLIER_RATIO,
     RANGE_END_STEPS,
-    RIVAL_MARGIN,
-    SURE_Z,
-    is_certain,
 )
-from calibration.gap.held_out import Prediction, gained, held_out
+from calibration.gap.harm import (
+    harm,
+    harm_of_one,
+    harmed,
+    harmed_axes,
+    in_words,
+    keys_of_name,
+    outputs_of_name,
+    rival_is_better,
+    rival_stands,
+    unproven,
+)
+from calibration.gap.held_out import held_out
 from calibration.gap.model.intervals import deviations, interval
-from calibration.gap.model.parameters import BALL, PERIODIC
-from calibration.gap.model.state import Key, State, drop_effects, outputs_of, plain
+from calibration.gap.model.parameters import PERIODIC
+from calibration.gap.model.state import State, drop_effects, plain
 from calibration.gap.name.decide import Decision, decide, significant, verdict_of
 from calibration.gap.name.naming_steps import NamingStep, Tell, untold
 from calibration.gap.name.stepwise import Accepted
@@ -102,7 +110,7 @@ def _beside_refuted(decision: Decision, first: Decision) -> tuple[Decision, tupl
     kept, reasons = [], []
     for one in decision.accepted:
         known = decision.state.nominal.catalogue
-        outputs = [o for o in _outputs(one, known) if o in decision.state.evidence.outputs]
+        outputs = [o for o in outputs_of_name(one, known) if o in decision.state.evidence.outputs]
         levels = decision.state.evidence.levels
         refuted = replace(first.state, evidence=first.state.evidence.with_levels(levels))
         mine, other = held_out(decision.state, outputs), held_out(refuted, outputs)
@@ -120,10 +128,15 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
     if not accepted:
         return decision, [], ()
     known = state.nominal.catalogue
-    acting = {output for one in accepted for output in _outputs(one, known)}
+    acting = {output for one in accepted for output in outputs_of_name(one, known)}
     outputs = [o for o in state.evidence.outputs if o in acting]
-    bare = drop_effects(state, [key for one in accepted for key in _keys(one)])
-    before, after = held_out(bare, outputs), held_out(state, outputs)
+    after = held_out(state, outputs)
+    for one in accepted:
+        if worse := harmed_axes(decision, one, after):
+            told, outdone, more = judge(_off_axes(decision, one, worse))
+            return told, outdone, (*worse.values(), *more)
+    bare = drop_effects(state, [key for one in accepted for key in keys_of_name(one)])
+    before = held_out(bare, outputs)
     alone = plain(state)
     complete = {output: completeness(plain(bare), alone, output) for output in outputs}
     lost: list[Accepted] = []
@@ -133,9 +146,11 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
             lost.append(one)
             reasons.append(f"not named: {one.name}: {reason}")
     for output in outputs:
-        here = [one for one in accepted if output in _outputs(one, known) and one not in lost]
-        reason = _harm(output, before[output], after[output]) if output in after else ""
-        if reason and _rival_stands(here, output, before):
+        here = [
+            one for one in accepted if output in outputs_of_name(one, known) and one not in lost
+        ]
+        reason = harm(output, before[output], after[output]) if output in after else ""
+        if reason and rival_stands(here, output, before):
             reason = ""
         reason = reason or _incomplete(output, complete[output])
         if reason and here:
@@ -143,12 +158,12 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
             reasons.append(f"not named: {_names(here)}: {reason}")
     beside = bool(decision.unnamed or lost)
     for one in accepted if len(accepted) - len(lost) > 1 or beside else ():
-        if one not in lost and (reason := _harm_of_one(decision, one, after, beside=beside)):
+        if one not in lost and (reason := harm_of_one(decision, one, after, beside=beside)):
             lost.append(one)
             reasons.append(f"not named: {one.name}: {reason}")
     outdone = []
     for one in accepted:
-        if one not in lost and (reason := _rival_is_better(one, after)):
+        if one not in lost and (reason := rival_is_better(one, after)):
             outdone.append(one)
             reasons.append(f"not named: {one.name}: {reason}")
     lost += outdone
@@ -156,13 +171,13 @@ def judge(decision: Decision) -> tuple[Decision, list[str], tuple[str, ...]]:
     kept = [_capped(one, sure, known) for one in accepted if one not in lost]
     reasons += doubts
     for i, one in enumerate(kept):
-        weak = _unproven(one, before, after, known) or _faint(alone, one, spread)
+        weak = unproven(one, before, after, known) or _faint(alone, one, spread)
         if reason := weak or trend_of_one_run(state, one):
             kept[i] = replace(one, explained=min(one.explained, DOUBTED_PROBABILITY))
             reasons.append(f"not certain: {one.name}: {reason}")
     if not lost:
         return _with(decision, kept), [], tuple(reasons)
-    all_harm = all(o in after and _harmed(before[o], after[o]) for o in outputs)
+    all_harm = all(o in after and harmed(before[o], after[o]) for o in outputs)
     left = _without(decision, tuple(kept), lost, all_harm=all_harm)
     return left, [one.name for one in outdone], tuple(reasons)
 
@@ -174,24 +189,8 @@ def _with(decision: Decision, accepted: Iterable[Accepted]) -> Decision:
     return replace(decision, accepted=accepted, verdict=verdict)
 
 
-def _outputs(one: Accepted, known: Mapping[str, Effect]) -> tuple[str, ...]:
-    return outputs_of(known[one.name], one.axes)
-
-
-def _keys(one: Accepted) -> list[Key]:
-    return [(one.name, axis) for axis in one.axes]
-
-
 def _names(accepted: Iterable[Accepted]) -> str:
     return " + ".join(one.name for one in accepted)
-
-
-def _name(output: str) -> str:
-    return "the ball" if output == BALL else output.replace("_", " ")
-
-
-def _size(output: str, value: float) -> str:
-    return f"{1e3 * value:.3g} mm" if output == BALL else f"{degrees(value):.3g} degrees"
 
 
 def _not_a_size(state: State, one: Accepted, spread: Mapping[str, tuple[float, int]]) -> str:
@@ -237,7 +236,7 @@ def _doubted(
     """What bounds the probability of an output's names by rules 5 and 6, and rule 5 in words."""
     sure, doubts = dict(complete), []
     for one in accepted:
-        outputs = _outputs(one, state.nominal.catalogue)
+        outputs = outputs_of_name(one, state.nominal.catalogue)
         for output in (o for o in outputs if o in state.evidence.outputs):
             if reason := inconstancy(state, one, output) or untimely(state, one, output):
                 sure[output] = min(sure[output], DOUBTED_PROBABILITY)
@@ -249,100 +248,21 @@ def _incomplete(output: str, share: float) -> str:
     """The reason of rule 6 in words; "" if the names of this output explain enough."""
     if share >= MIN_COMPLETENESS:
         return ""
-    return (
-        f"it explains {100 * share:.0f} % of what {_name(output)}'s signals explain of each other: "
-        "something else acts"
-    )
+    known = f"what {in_words(output)}'s signals explain of each other"
+    return f"it explains {100 * share:.0f} % of {known}: something else acts"
 
 
-def _harmed(without: Prediction, with_it: Prediction) -> bool:
-    """Whether the errors 1 s ahead grow: most of them, or for certain a few by much."""
-    (most, se), (all_, wide) = (gained(without, with_it, r) for r in (1.0, OUTLIER_RATIO))
-    return most < -se or all_ < -SURE_Z * wide
-
-
-def _harm(output: str, without: Prediction, with_it: Prediction) -> str:
-    """The reason of the rule 1 in words; "" if there is none."""
-    if _harmed(without, with_it):
-        return (
-            f"1 s ahead on data not used, {_name(output)} errs by {_size(output, without.rms)} "
-            f"without and {_size(output, with_it.rms)} with it"
-        )
-    if with_it.cost >= without.cost:
-        return f"it predicts {_name(output)} no better on data not used"
-    return ""
-
-
-def _harm_of_one(
-    decision: Decision, one: Accepted, after: dict[str, Prediction], *, beside: bool
-) -> str:
-    """The reason of rule 2 in words; "" if the name helps on one of its outputs, and harms on
-    none. `beside`: something without a name is left."""
-    outputs = [o for o in _outputs(one, decision.state.nominal.catalogue) if o in after]
-    without = held_out(drop_effects(decision.state, _keys(one)), outputs)
-    reasons = {output: _harm(output, without[output], after[output]) for output in outputs}
-    harmed = [o for o in outputs if _harmed(without[o], after[o])]
-    if harmed or (outputs and all(reasons.values())):
-        return reasons[(harmed or outputs)[0]]
-    if beside and (reason := _unproven(one, without, after, decision.state.nominal.catalogue)):
-        return f"something without a name is left, and {reason}"
-    return ""
-
-
-def _unproven(
-    one: Accepted,
-    without: Mapping[str, Prediction],
-    with_it: Mapping[str, Prediction],
-    known: Mapping[str, Effect],
-) -> str:
-    """The reason of rule 7 in words; "" if the error 1 s ahead falls for certain on an output of
-    the name, or there are too few windows to say."""
-    outputs = [o for o in _outputs(one, known) if o in with_it and o in without]
-    if not outputs or any(_proven(without[output], with_it[output]) for output in outputs):
-        return ""
-    return (
-        "1 s ahead on data not used it is not certain that "
-        f"{_name(outputs[0])} is predicted better with it"
-    )
-
-
-def _proven(without: Prediction, with_it: Prediction) -> bool:
-    """Whether rule 7 calls a gain certain, or has too few windows to say."""
-    d, se = gained(without, with_it)
-    if d >= SURE_Z * se:
-        return True
-    return d > 0.0 and is_certain(without.costs - with_it.costs)
-
-
-def _rival_stands(names: list[Accepted], output: str, before: dict[str, Prediction]) -> bool:
-    """Whether the only name of an output is told as one of two, of which the other does no harm by
-    rule 1: "A or B" is refuted by what refutes both."""
-    close = [r for one in names for r in one.rivals[:1] if one.margin < RIVAL_MARGIN]
-    if len(names) != 1 or not close:
-        return False
-    return not _harm(output, before[output], held_out(close[0].state, [output])[output])
-
-
-def _rival_is_better(one: Accepted, after: dict[str, Prediction]) -> str:
-    """The reason of rule 4 in words; "" if the best rival that the logs could show predicts no
-    better 1 s ahead."""
-    for rival in [rival for rival in one.rivals if rival.nameable][:1]:
-        outputs = [o for o in _outputs(one, rival.state.nominal.catalogue) if o in after]
-        others = held_out(rival.state, outputs)
-        for output in outputs:
-            d, se = gained(after[output], others[output])
-            if d > SURE_Z * se:
-                return (
-                    f"1 s ahead on data not used, {_name(output)} errs by "
-                    f"{_size(output, after[output].rms)} with it and by "
-                    f"{_size(output, others[output].rms)} with {rival.name} in its place"
-                )
-    return ""
+def _off_axes(decision: Decision, one: Accepted, axes: Collection[str]) -> Decision:
+    """The decision with a name off some of its axes, back inside its tolerances there."""
+    state = drop_effects(decision.state, [(one.name, axis) for axis in axes])
+    left = replace(one, axes=tuple(axis for axis in one.axes if axis not in axes))
+    accepted = tuple(left if other is one else other for other in decision.accepted)
+    return replace(decision, accepted=accepted, state=state)
 
 
 def _capped(one: Accepted, share: Mapping[str, float], known: Mapping[str, Effect]) -> Accepted:
     """The name with the smallest completeness of its outputs."""
-    shares = [share[output] for output in _outputs(one, known) if output in share]
+    shares = [share[output] for output in outputs_of_name(one, known) if output in share]
     return replace(one, explained=min(shares, default=1.0))
 
 
@@ -351,7 +271,7 @@ def _without(
 ) -> Decision:
     """The decision with the names `kept`, and those in `lost` back inside their tolerances;
     `all_harm`: on each of their outputs the names do harm."""
-    keys = [key for one in lost for key in _keys(one)]
+    keys = [key for one in lost for key in keys_of_name(one)]
     state = drop_effects(decision.state, keys)
     unnamed, none = decision.unnamed, "undecided"
     if not kept and unnamed is None:  # at the noise without the names first, as `decide` does
@@ -360,7 +280,7 @@ def _without(
         unnamed = next((term for term in found if term is not None), None)
         state = unnamed.state if unnamed else state
     if not kept:
-        outputs = {o for one in lost for o in _outputs(one, state.nominal.catalogue)}
+        outputs = {o for one in lost for o in outputs_of_name(one, state.nominal.catalogue)}
         seen = outputs & set(state.evidence.outputs)
         complete = all_harm and all(predictable(state, o) == 0.0 for o in seen)
         none = "nothing-missing" if complete else none

@@ -9,13 +9,14 @@ import pytest
 from calibration.gap import veto
 from calibration.gap.decision_rule import MIN_WINDOWS
 from calibration.gap.findings import Findings
+from calibration.gap.harm import _proven
 from calibration.gap.held_out import Prediction, gained
 from calibration.gap.investigation import investigate
 from calibration.gap.model.parameters import NominalModel
 from calibration.gap.model.state import State
 from calibration.gap.name.decide import Decision, decide
 from calibration.gap.name.stepwise import Accepted, settled_baseline
-from calibration.gap.veto import _faint, _not_a_size, _proven, judge
+from calibration.gap.veto import _faint, _not_a_size, judge
 from rig.log import Log
 from tests.support.gap.tables import RIG, evidence_of, foreign, released
 from tests.support.worlds import WORLDS
