@@ -14,7 +14,7 @@ from rig.log import COMMANDS, INDEX, Log
 from rig.parameters import Rig
 from rig.plant.plant_record import pack
 from rig.prediction.commanded import answers
-from rig.prediction.innovations import signals
+from rig.prediction.innovations import after_holes, signals
 
 MIN_ROWS, MIN_SECONDS, MIN_OBSERVATIONS = 20, 1.0, 10
 MIN_RATE_HZ, MAX_RATE_HZ = 10.0, 5000.0
@@ -47,7 +47,7 @@ def check(log: Log, rig: Rig) -> list[str]:
     _check_channels(log, ["command_{}_rad"] if read_back else [])
     _check_cells(log)
     _check_time(log)
-    notes = [*_still(log), *_volts(log, rig)]
+    notes = [*_still(log), *_holes(log), *_volts(log, rig)]
     servo = {axis: servo_response(log, axis, axis) for axis in "xy"}
     ball = {axis: ball_response(log, axis, axis, rig.camera.delay_s) for axis in "xy"}
     notes += _units(log, rig, ball, servo)
@@ -160,6 +160,21 @@ def _still(log: Log) -> list[str]:
         if seen < MIN_OBSERVATIONS:
             notes.append(f"the ball was seen only {seen} times")
     return notes
+
+
+def _holes(log: Log) -> list[str]:
+    """A note on missing rows, behind which the servos are predicted anew."""
+    t_s = log["t_s"]
+    rows = np.flatnonzero(after_holes(t_s))
+    if not len(rows):
+        return []
+    spans = t_s[rows] - t_s[rows - 1]
+    longest = int(np.argmax(spans))
+    several = f"{len(rows)} holes, the longest" if len(rows) > 1 else "a hole"
+    return [
+        f"rows are missing: {several} {spans[longest]:.3g} s after {t_s[rows[longest] - 1]:.6g} s; "
+        "servos are predicted anew behind each"
+    ]
 
 
 def _volts(log: Log, rig: Rig) -> list[str]:

@@ -133,14 +133,15 @@ def _read(cov, r):
 
 
 @compiled
-def predict_told_axis(p, levels, a, t, told, theta, corrected, tau, out, std):
+def predict_told_axis(p, levels, a, t, told, theta, corrected, resumed, tau, out, std):
     """Fill column `a` of `out` and `std` (n, 2) [rad]: innovations of the angle that the servo of
     axis `a` of two rods reads back, and their deviations.
 
     p: record PLANT; levels: record NOISE; t (n,) [s]; told, theta (n, 2) [rad]; corrected (n,):
-    rows whose angle corrects the filter; the first row and the others are left as they were. The
-    servo moves on from the filtered angle; to its rate a disturbance is added that decays in tau
-    [s], as the speed of a motor does (`rig.prediction.servo`).
+    rows whose angle corrects the filter; resumed (n,): those before which rows are missing, where
+    it starts anew; these, the first row and others than the former are left as they were. The servo
+    moves on from the filtered angle; to its rate a disturbance is added that decays in tau [s], as
+    the speed of a motor does (`rig.prediction.servo`).
     """
     r, process = levels.servo_measured[a] ** 2, levels.servo_process[a]
     angle, rate, more, row = theta[0, a], 0.0, 0.0, 0
@@ -157,6 +158,9 @@ def predict_told_axis(p, levels, a, t, told, theta, corrected, tau, out, std):
             angle, rate = moved_servo(p, a, goal, angle, rate, h)
             angle, more = angle + reach * more, decay * more
             cov = _spread(cov, reach, decay, process, h)
+        if resumed[k + 1]:
+            angle, cov = theta[k + 1, a], (r, 0.0, 0.5 * process * process * tau)
+            continue
         if not corrected[k + 1]:
             continue
         miss = theta[k + 1, a] - angle
@@ -193,8 +197,15 @@ def _per_tilt(p, state):
     return slopes
 
 
+@inlined
+def _begin(cov, levels, tau, a):
+    """Set row `a` of cov (2, 3) to what is known of an angle that was read once."""
+    cov[a, 0], cov[a, 1] = levels.servo_measured[a] ** 2, 0.0
+    cov[a, 2] = 0.5 * levels.servo_process[a] ** 2 * tau[a]
+
+
 @compiled
-def predict_told_arms(p, levels, t, told, theta, seen, corrected, tau, state, out, std):
+def predict_told_arms(p, levels, t, told, theta, seen, corrected, resumed, tau, state, out, std):
     """As `predict_told_axis` for the tilts (n, 2) of a plate on three arms, both columns at once.
 
     seen (2,): axes whose angle was read; of the others the filter knows what was told. tau (2,)
@@ -207,8 +218,7 @@ def predict_told_arms(p, levels, t, told, theta, seen, corrected, tau, state, ou
     decay, reach = np.empty(2), np.empty(2)
     _hold(p, angles, state)
     for a in range(2):
-        cov[a, 0] = levels.servo_measured[a] ** 2
-        cov[a, 2] = 0.5 * levels.servo_process[a] ** 2 * tau[a]
+        _begin(cov, levels, tau, a)
     for k in range(t.shape[0] - 1):
         parts = max(int(ceil((t[k + 1] - t[k]) / READ_STEP_S - 1e-9)), 1)
         h = (t[k + 1] - t[k]) / parts
@@ -234,10 +244,14 @@ def predict_told_arms(p, levels, t, told, theta, seen, corrected, tau, state, ou
                 rates[:] = angles
                 table_angles(p, state, angles)
                 rates[:] = (angles - rates) / h
-        if not corrected[k + 1]:
+        if not (corrected[k + 1] or resumed[k + 1]):
             continue
         for a in range(2):
             if not seen[a]:
+                continue
+            if resumed[k + 1]:
+                angles[a] = theta[k + 1, a]
+                _begin(cov, levels, tau, a)
                 continue
             miss, before = theta[k + 1, a] - angles[a], (cov[a, 0], cov[a, 1], cov[a, 2])
             std[k + 1, a], g0, g1, cov[a] = _read(before, levels.servo_measured[a] ** 2)

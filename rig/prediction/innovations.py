@@ -21,6 +21,9 @@ from rig.prediction.ball import LONGEST_GAP_S, look_ahead, predict_ball
 from rig.prediction.commanded import Answers, predict_told_arms, predict_told_axis
 from rig.prediction.servo import predict_axis
 
+# The volts of a missing row are not known, and a servo predicted through many of them is taken to
+# have been where it was not. One row is bridged: ticks of a recorder on a plain computer vary so.
+HOLE_TICKS, USUAL = 2.5, 0.95  # chosen
 NOISE = np.dtype(
     [
         ("servo_process", np.float64, (2,)),  # of the speed, rad/s/sqrt(s)
@@ -40,6 +43,8 @@ class Signals:
     ball_m (k, 2): observations; fresh (k,), optional: true at exposures at which the ball's filter
     starts anew; driven: axes that have a servo channel (the volts of the others are taken as 0);
     corrected (n,), optional: true at ticks whose angles correct the servos' filters (None: all);
+    resumed (n,), optional: true at ticks before which rows are missing (`after_holes`), where the
+    servos' angles are taken as they are read;
     told_rad (n, 2), optional: angles told to servos that take them and whose angle nobody measures;
     the ball is then predicted from their answer, and theta_rad is no more than a guess of it;
     answered: the last of these answers; commanded: the servos read their angle back, and `volts_V`
@@ -54,6 +59,7 @@ class Signals:
     fresh: np.ndarray | None = None
     driven: tuple[bool, bool] = (True, True)
     corrected: np.ndarray | None = None
+    resumed: np.ndarray | None = None
     told_rad: np.ndarray | None = None
     answered: Answers = field(default_factory=Answers)
     commanded: bool = False
@@ -84,7 +90,16 @@ def signals(log: Log, *, camera_delay_s: float) -> Signals:
     told = log.told() if np.isnan(pair[1]).all() else None
     if told is not None:
         ball[:, [not log.has(name) for name in COMMANDS]] = np.nan
-    return Signals(np.array(log["t_s"]), pair[0], pair[1], exposed, ball, told_rad=told)
+    t_s = np.array(log["t_s"])
+    resumed = after_holes(t_s)
+    return Signals(t_s, pair[0], pair[1], exposed, ball, resumed=resumed, told_rad=told)
+
+
+def after_holes(t_s: np.ndarray) -> np.ndarray:
+    """True (n,) at ticks t_s (n,) [s] before which rows are missing: more than HOLE_TICKS of the
+    longest usual tick, the USUAL quantile, after the last."""
+    steps = np.diff(t_s, prepend=t_s[:1])
+    return steps > HOLE_TICKS * np.quantile(steps[1:], USUAL) if len(t_s) > 1 else steps > 0.0
 
 
 def read_back(log: Log, known: Signals) -> Signals:
@@ -159,29 +174,32 @@ def servo_innovations(
     """Return the encoder's innovations and their expected deviations, (n, 2) each [rad].
 
     p: record PLANT; levels: of `noise`; gain_rad_s_V and time_constant_s: of both servos; axes:
-    those to predict. NaN on other axes, on those without a servo channel and in the first row.
+    those to predict. NaN on other axes, on those without a servo channel, in the first row and in
+    the first one after a hole.
     """
     shape = known.theta_rad.shape
     out, std = np.full(shape, np.nan), np.full(shape, np.nan)
-    corrected = known.corrected
-    if corrected is None:
-        corrected = np.ones(len(known.t_s), np.bool_)
+    rows = len(known.t_s), np.bool_
+    corrected = np.ones(*rows) if known.corrected is None else known.corrected
+    resumed = np.zeros(*rows) if known.resumed is None else known.resumed
     read = known.t_s, known.volts_V, known.theta_rad
     seen = [known.has_servo(a) for a in (0, 1)]
     arms = known.commanded and p["linkage"] == THREE_ARMS
     if arms and any(seen):
         state, tau = servos_at_level(p), np.array(time_constant_s)
-        predict_told_arms(p, levels, *read, np.array(seen), corrected, tau, state, out, std)
+        told = np.array(seen), corrected, resumed
+        predict_told_arms(p, levels, *read, *told, tau, state, out, std)
     for a in (0, 1):
         if a not in axes:
             out[:, a] = std[:, a] = np.nan
         elif not seen[a] or arms:
             continue
         elif known.commanded:
-            predict_told_axis(p, levels, a, *read, corrected, time_constant_s[a], out, std)
+            tau_s = time_constant_s[a]
+            predict_told_axis(p, levels, a, *read, corrected, resumed, tau_s, out, std)
         else:
             motor = gain_rad_s_V[a], time_constant_s[a]
-            predict_axis(p, levels, a, *read, corrected, *motor, out, std)
+            predict_axis(p, levels, a, *read, corrected, resumed, *motor, out, std)
     return out, std
 
 
@@ -253,17 +271,21 @@ def servo_ahead(
     alone, and their deviations (n,) [rad] as the filter expects them; arguments as of
     `servo_innovations` and `ball_ahead`.
 
-    The filter is corrected for `horizon_s` before each prediction begins.
+    The filter is corrected for `horizon_s` before each prediction begins; none is made across a
+    hole.
     """
     n = len(known.t_s)
     errors, spread = np.full(n, np.nan), np.full(n, np.nan)
     if not known.has_servo(a):
         return errors, spread
     since = known.t_s - known.t_s[0]
+    holes = np.zeros(n, int) if known.resumed is None else np.cumsum(known.resumed)
     for shift in np.arange(0.0, 2.0 * horizon_s, every_s):
         part = (since - shift) // horizon_s
         blind = (part >= 0.0) & (part % 2.0 == 1.0)
         ends = np.flatnonzero(np.diff(blind.astype(int)) == -1) + 1
+        begun = np.maximum(np.searchsorted(since, since[ends] - horizon_s) - 1, 0)
+        ends = ends[holes[ends] == holes[begun]]
         masked = replace(known, corrected=~blind)
         out, std = servo_innovations(p, masked, levels, gain_rad_s_V, time_constant_s, (a,))
         errors[ends], spread[ends] = out[ends, a], std[ends, a]

@@ -19,6 +19,7 @@ LANDING_STEP_S = 6.7e-4  # and a motor lands on it at speed where the gear has p
 MEETING_STEP_S = 2.5e-4  # teeth that meet part again after 6 ms
 MEETING_UNSURE = 10.0  # times the process noise: when and how hard the teeth meet
 TOUCH_RAD = 1e-4  # ends of the gap closer than this are touching
+FIRST_SPEED_RAD_S = 1.0  # deviation of a speed that nothing is known of yet; chosen
 HELD_GAIN = 1.0 / 3.0  # by which a motor that friction holds follows its encoder, at least
 
 
@@ -202,22 +203,28 @@ def _corrected(miss, depth, r, states, cov):
     return sqrt(total), (motor, speed, arm, arm_speed, anchor), (p00, p01, p11, still, s01, s11)
 
 
+@inlined
+def _known_once(r, off):
+    """The covariances `cov` of `_corrected` at a first reading of variance r [rad2], the speed off
+    by about `off` [rad/s]."""
+    return r, 0.0, FIRST_SPEED_RAD_S**2 + off * off, r, 0.0, 0.0
+
+
 @compiled
-def predict_axis(p, levels, a, t, volts, theta, corrected, gain, tau, out, std):
+def predict_axis(p, levels, a, t, volts, theta, corrected, resumed, gain, tau, out, std):
     """Fill column `a` of `out` and `std` (n, 2) [rad]: encoder innovations and their deviations.
 
     p: record PLANT; levels: record NOISE; t (n,) [s], volts (n, 2) [V], theta (n, 2) [rad]; gain: K
-    [rad/s/V]; tau: time constant [s]; corrected (n,): rows whose angle corrects the filter. The
-    first row and those that do not correct it are left as they were. Ticks longer than
-    `_longest_step` allows are cut into equal parts.
+    [rad/s/V]; tau: time constant [s]; corrected (n,): rows whose angle corrects the filter; resumed
+    (n,): those after a hole, where all is moved to what the encoder says, at a speed known no
+    better than at first. The first row, these and those that correct nothing are left as they were.
     """
     r = levels.servo_measured[a] ** 2
     beta_1, beta_2 = p.gear_1[a], p.gear_2[a]
     arm, motor, speed = theta[0, a], theta[0, a], 0.0
-    p00, p01, p11, still = r, 0.0, 1.0, r
+    p00, p01, p11, still, s01, s11 = _known_once(r, 0.0)
     delay = p.input_delay_delay_s[a]
-    torque, anchor = 0.0, motor
-    arm_speed, s01, s11 = 0.0, 0.0, 0.0
+    torque, arm_speed, anchor = 0.0, 0.0, motor
     coasts = p.gear_coast[a] > 0.0 and beta_1 > beta_2
     longest, winding = _longest_step(p, beta_1 > beta_2, coasts), _winding(p, a)
     alone = tau * p.motor_inertia[a] / (p.motor_inertia[a] + p.arm_inertia + p.plate_inertia)
@@ -229,8 +236,7 @@ def predict_axis(p, levels, a, t, volts, theta, corrected, gain, tau, out, std):
             h = dt / parts
             (decay, share), (free_decay, free_share) = _decays(tau, h), _decays(alone, h)
         q, reach = levels.servo_process[a] ** 2 * h, h * share
-        v_x = delayed_volts(volts, k, 0, dt, delay)
-        v_y = delayed_volts(volts, k, 1, dt, delay)
+        v_x, v_y = delayed_volts(volts, k, 0, dt, delay), delayed_volts(volts, k, 1, dt, delay)
         for i in range(parts):
             v = effective_volts(p, a, v_x, v_y, arm, speed, t[k] + i * h)
             gap = _depth(motor, arm, beta_1, beta_2)
@@ -253,11 +259,15 @@ def predict_axis(p, levels, a, t, volts, theta, corrected, gain, tau, out, std):
             if not coasts:
                 arm = play_operator(arm, motor - torque / p.gear_k[a], beta_1, beta_2)
                 arm = held_arm(p, a, arm, anchor, torque)
+        miss = theta[k + 1, a] - arm
+        if resumed[k + 1]:
+            motor, arm, anchor = motor + miss, arm + miss, anchor + miss
+            p00, p01, p11, still, s01, s11 = _known_once(r, miss / dt)
+            continue
         if not corrected[k + 1]:
             continue
-        miss, depth = theta[k + 1, a] - arm, _depth(motor, arm, beta_1, beta_2)
         states, cov = (motor, speed, arm, arm_speed, anchor), (p00, p01, p11, still, s01, s11)
-        out[k + 1, a] = miss
+        depth, out[k + 1, a] = _depth(motor, arm, beta_1, beta_2), miss
         std[k + 1, a], states, cov = _corrected(miss, depth, r, states, cov)
         motor, speed, arm, arm_speed, anchor = states
         p00, p01, p11, still, s01, s11 = cov

@@ -19,6 +19,7 @@ from calibration.gap.model.parameters import BALL, SERVO, Model
 from rig.log import Log
 from rig.prediction.innovations import (
     Signals,
+    after_holes,
     ball_innovations,
     read_back,
     servo_innovations,
@@ -150,9 +151,11 @@ def _thinned(known: Signals) -> Signals:
     n = len(known.t_s) // m * m
     volts = known.volts_V[:n].reshape(-1, m, 2).mean(axis=1)
     told = None if known.told_rad is None else known.told_rad[:n:m].copy()
+    t_s = known.t_s[:n:m].copy()
     return replace(
         known,
-        t_s=known.t_s[:n:m].copy(),
+        t_s=t_s,
+        resumed=after_holes(t_s),
         theta_rad=known.theta_rad[:n:m].copy(),
         volts_V=volts,
         told_rad=told,
@@ -262,6 +265,7 @@ def _until(run: Signals, output: str, last: int) -> Signals:
         volts_V=run.volts_V[:last],
         theta_rad=run.theta_rad[:last],
         corrected=None if run.corrected is None else run.corrected[:last],
+        resumed=None if run.resumed is None else run.resumed[:last],
     )
 
 
@@ -321,7 +325,9 @@ def _servo_weights(run: Signals, a: int, count_rad: float) -> np.ndarray:
     weights = information_weights(run.theta_rad[:, a], step_s, count_rad) / _repetitions(
         run.theta_rad[:, a]
     )
-    weights[: SETTLING_SAMPLES["servo_x"]] = 0.0
+    resumed = [] if run.resumed is None else np.flatnonzero(run.resumed)
+    for first in (0, *resumed):
+        weights[first : first + SETTLING_SAMPLES["servo_x"]] = 0.0
     return weights
 
 

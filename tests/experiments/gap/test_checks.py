@@ -39,6 +39,13 @@ def test_a_good_log_gets_no_note():
         assert check(log_of(table_log(seed=seed)), RIG) == []
 
 
+def test_missing_rows_are_told_with_their_place_and_length():
+    columns = {name: np.delete(values, slice(400, 450)) for name, values in table_log().items()}
+    (note,) = check(log_of(columns), RIG)
+    gap_s = columns["t_s"][400] - columns["t_s"][399]
+    assert f"a hole {gap_s:.3g} s after {columns['t_s'][399]:.6g} s" in note
+
+
 def test_the_answers_have_the_believed_gains():
     log = log_of(table_log())
     servo, ball = servo_response(log, "x", "x"), ball_response(log, "y", "y", 0.0)
