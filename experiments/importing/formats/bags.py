@@ -1,7 +1,8 @@
 """Read MCAP files: ROS 2 bags, and messages in JSON or protobuf. One stream a topic.
 
 The time of a sample is when it was written into the bag (log_time): that is when it was usable,
-on one clock for all topics. A message's own stamp is a column of its own, `TOPIC.header.stamp`.
+on one clock for all topics: `TOPIC.time`. A message's own stamp is a column of its own,
+`TOPIC.header.stamp`; its own field `time` is called `TOPIC.own_time`.
 """
 
 import json
@@ -50,7 +51,7 @@ class Topic:
         """Append a message. BadFileError: its fields make too many columns."""
         before = len(self)
         self.log_time_ns.append(log_time_ns)
-        for name, value in {"time": log_time_ns / 1e9, **row}.items():
+        for name, value in row.items():
             column = self.columns.setdefault(name, array("d"))
             column.extend([nan] * (before - len(column)))
             column.append(value)
@@ -84,7 +85,7 @@ def read_bag(path: Path) -> list[Stream]:
             raise
         except Exception as error:  # of damaged bytes the decoders raise whatever they meet
             raise BadFileError(f"{file.name} is not readable as MCAP ({error})") from error
-    streams = [_stream(name, one, notes) for name, one in topics.items() if len(one.columns) > 1]
+    streams = [_stream(name, one, notes) for name, one in topics.items() if one.columns]
     if not streams:
         raise BadFileError("it is no MCAP file of ROS 2, JSON or protobuf messages with numbers")
     return streams
@@ -223,8 +224,14 @@ def _stream(name: str, topic: Topic, notes: Sequence[str]) -> Stream:
 
     NaN where a message lacks the field.
     """
-    check_size(len(topic), len(topic.columns))
-    order = np.argsort(np.array(topic.log_time_ns), kind="stable")
+    check_size(len(topic), 1 + len(topic.columns))
+    stamps = np.array(topic.log_time_ns)
+    order = np.argsort(stamps, kind="stable")
+    own = "own_time"
+    while own in topic.columns:
+        own = f"own_{own}"
     name = name.lstrip("/")
-    columns = {f"{name}.{key}": topic.column(key)[order] for key in topic.columns}
+    columns = {f"{name}.time": stamps[order] / 1e9} | {
+        f"{name}.{own if key == 'time' else key}": topic.column(key)[order] for key in topic.columns
+    }
     return Stream(columns, {f"{name}.time": "s"}, f"{name}.time", notes=tuple(notes))
