@@ -99,7 +99,7 @@ def joined(streams: Sequence[Stream]) -> Recording:
         raise BadFileError("it holds no rows of numbers")
     base = max(streams, key=lambda stream: (len(stream), stream.time is not None))
     columns, units = dict(base.columns), dict(base.units)
-    late_s, left = 0.0, []
+    late_s, left, after = 0.0, [], []
     notes = list(dict.fromkeys(note for stream in streams for note in stream.notes))
     for stream in streams:
         if stream is base:
@@ -110,6 +110,9 @@ def joined(streams: Sequence[Stream]) -> Recording:
         if stream.time is not None and base.time is not None:
             rows, kept, late = _rows_for(base.columns[base.time], stream.columns[stream.time])
             late_s = max(late_s, late)
+            if not len(rows):
+                after += fresh
+                continue
             for name, values in fresh.items():
                 columns[name] = np.full(len(base), np.nan)
                 columns[name][rows] = values[kept]
@@ -124,6 +127,8 @@ def joined(streams: Sequence[Stream]) -> Recording:
             "streams with clocks of their own were put onto the rows of the fastest: "
             f"their samples stand up to {1000 * late_s:.3g} ms late (95 %)"
         )
+    if after:
+        notes.append(f"left out, later than every row of the fastest: {', '.join(after[:6])}")
     if left:
         notes.append(f"left out, other length and no time: {', '.join(left[:6])}")
     return Recording(replace(base, columns=columns, units=units, notes=()), tuple(notes))

@@ -1,4 +1,8 @@
-"""Read LabVIEW's TDMS files: one stream a group, its clock from the channels' waveform settings."""
+"""Read LabVIEW's TDMS files: one stream a group, its clock from the channels' waveform settings.
+
+A waveform begins `wf_start_offset` after `wf_start_time`; times count from the first start.
+npTDMS's time_track wants both properties of every channel, and counts from its own start.
+"""
 
 import logging
 from pathlib import Path
@@ -9,6 +13,8 @@ from experiments.importing.formats.extra import library
 from experiments.importing.recording import BadFileError, Stream, check_size
 
 MOST_SCALES = 100  # of a channel, in a row; chosen: ten times what LabVIEW's own programs make
+SECOND = np.timedelta64(1, "s")
+NOT_SET = np.datetime64("1904-01-01")  # zero, in LabVIEW's count of seconds
 
 
 def read_tdms(path: Path) -> list[Stream]:
@@ -19,7 +25,13 @@ def read_tdms(path: Path) -> list[Stream]:
         with nptdms.TdmsFile.open(path) as file:
             cut = file.file_status.incomplete_final_segment
             notes = ("the file was cut off: read as far as it goes",) if cut else ()
-            return [stream for group in file.groups() for stream in _streams(file, group, notes)]
+            waves = [one for group in file.groups() for one in group.channels() if _step_s(one) > 0]
+            starts = [_start(one) for one in waves]
+            first = min((start for start in starts if start != NOT_SET), default=NOT_SET)
+            if first != NOT_SET and NOT_SET in starts:
+                notes += ("waveforms without a start are taken to begin with the first one",)
+            groups = file.groups()
+            return [one for group in groups for one in _streams(file, group, first, notes)]
     except BadFileError:
         raise
     except Exception as error:  # of damaged bytes npTDMS raises whatever it meets
@@ -28,9 +40,29 @@ def read_tdms(path: Path) -> list[Stream]:
         logging.disable(logging.NOTSET)
 
 
-def _streams(file, group, notes: tuple[str, ...]) -> list[Stream]:
-    """Streams of a group: channels of one length and one waveform clock share one."""
-    found: dict[tuple[int, float], dict[str, np.ndarray]] = {}
+def _step_s(channel) -> float:
+    """Seconds between a waveform's samples, 0: it is none."""
+    return float(channel.properties.get("wf_increment", 0.0))
+
+
+def _start(channel) -> np.datetime64:
+    """The date at which a waveform was started, NOT_SET: unknown."""
+    start = channel.properties.get("wf_start_time", NOT_SET)
+    return start if isinstance(start, np.datetime64) and not np.isnat(start) else NOT_SET
+
+
+def _begin_s(channel, first: np.datetime64) -> float:
+    """Seconds from the file's first start to a waveform's first sample."""
+    start, offset_s = _start(channel), float(channel.properties.get("wf_start_offset", 0.0))
+    return offset_s if start == NOT_SET else offset_s + float((start - first) / SECOND)
+
+
+def _streams(file, group, first: np.datetime64, notes: tuple[str, ...]) -> list[Stream]:
+    """Streams of a group: channels of one length and one waveform clock share one.
+
+    first: the earliest start of any waveform of the file.
+    """
+    found: dict[tuple[int, float, float], dict[str, np.ndarray]] = {}
     units: dict[str, str] = {}
     for channel in group.channels():
         check_size(len(channel), len(group.channels()))
@@ -40,21 +72,22 @@ def _streams(file, group, notes: tuple[str, ...]) -> list[Stream]:
         if len(channel) == 0 or channel.dtype.kind not in "fiubM":
             continue
         name = f"{group.name}/{channel.name}"
-        step_s = float(channel.properties.get("wf_increment", 0.0))
+        step_s = _step_s(channel)
+        begin_s = _begin_s(channel, first) if step_s > 0 else 0.0
         values = np.asarray(channel[:])
         if values.dtype.kind == "M":
             values = values.astype("datetime64[us]").astype(np.int64) / 1e6
             units[name] = "s"
-        found.setdefault((len(channel), step_s), {})[name] = values.astype(np.float64)
+        found.setdefault((len(channel), step_s, begin_s), {})[name] = values.astype(np.float64)
         unit = channel.properties.get("unit_string")
         if isinstance(unit, str) and unit:
             units[name] = unit
     streams = []
-    for i, ((rows, step_s), columns) in enumerate(found.items()):
+    for i, ((rows, step_s, begin_s), columns) in enumerate(found.items()):
         time = None
         if step_s > 0:
             time = f"{group.name}/time{i + 1 if i else ''}"
-            columns = {time: np.arange(rows) * step_s, **columns}
+            columns = {time: begin_s + np.arange(rows) * step_s, **columns}
             units[time] = "s"
         own = {name: unit for name, unit in units.items() if name in columns}
         streams.append(Stream(columns, own, time, notes=notes))
