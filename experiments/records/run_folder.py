@@ -9,7 +9,7 @@ import errno
 import json
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, is_dataclass
 from datetime import UTC, datetime, timedelta
@@ -258,18 +258,22 @@ def refuse_input(option: str, file: Path, inputs: Sequence[Path], what: str = "r
             raise ValueError(f"{option} {file}: lies in the {what} {one}; name another file")
 
 
-def refuse_other_results(folder: Path) -> None:
-    """ValueError (one line) where `folder` holds a results.json that no command here has made."""
-    path = folder / "results.json"
+def refuse_other(path: Path, what: str, ours: Callable[[dict], bool]) -> None:
+    """ValueError (one line) where a file lies at `path`, at which `what` is to be written, that is
+    no JSON object which `ours` knows."""
     if not path.is_file():
         return
     with suppress(ValueError, OSError):
         found = json_of(path)
-        if isinstance(found, dict) and found.keys() & {"source", "verdict"}:
+        if isinstance(found, dict) and ours(found):
             return
-    raise ValueError(
-        f"{path}: a file of yours lies where the results are to be written; name another --out"
-    )
+    raise ValueError(f"{path}: a file of yours lies where {what} to be written; name another --out")
+
+
+def refuse_other_results(folder: Path) -> None:
+    """ValueError (one line) where `folder` holds a results.json that no command here has made."""
+    path = folder / "results.json"
+    refuse_other(path, "the results are", lambda found: bool(found.keys() & {"source", "verdict"}))
 
 
 def write_results(folder: Path, results: dict) -> Path:

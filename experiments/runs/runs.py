@@ -7,7 +7,7 @@ import numpy as np
 
 from experiments.progress import ProgressCall, silent
 from experiments.records.recording import being_recorded
-from experiments.records.run_folder import read_meta, replace_json, write_results
+from experiments.records.run_folder import read_meta, refuse_other, replace_json, write_results
 from experiments.runs.assemble import virtual_renderer
 from experiments.runs.own_run import run_own
 from experiments.runs.protocol import OWN, Protocol
@@ -19,13 +19,17 @@ def calibrate_camera(rig: Rig, out: Path, seed: int) -> Path:
     """Calibrate the virtual camera from its own pictures, as a real one is calibrated.
 
     The pictures are drawn from `seed`. Returns the path of the bundle, calibration.json in `out`.
-    CalibrationError: the pictures are refused; OSError: `out` cannot be written.
+    CalibrationError: the pictures are refused; OSError: `out` cannot be written. ValueError: the
+    calibration there is of another camera, which is told before any picture is drawn.
     """
     from calibration.bundle import calibrate_virtual
 
+    path = out / "calibration.json"
+    refuse_other(
+        path, "the virtual camera's calibration is", lambda c: c.get("source") == "simulated"
+    )
     renderer = virtual_renderer(rig, np.random.default_rng([seed, 6]))
     bundle = calibrate_virtual(renderer, np.random.default_rng([seed, 7]))
-    path = out / "calibration.json"
     bundle.save(path)
     return path
 

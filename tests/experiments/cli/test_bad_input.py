@@ -96,6 +96,17 @@ def test_a_run_writes_over_no_results_that_are_the_users_own(tmp_path: Path, tex
     assert [path.name for path in tmp_path.iterdir()] == ["results.json"]
 
 
+@pytest.mark.parametrize("text", ['{"source": "measured"}', "[1, 2]", "no JSON"])
+def test_rendered_frames_write_over_no_calibration_of_another_camera(tmp_path: Path, text: str):
+    mine = tmp_path / "calibration.json"
+    mine.write_text(text)
+    for words in (("run", "free-release", "--camera", "frames"), ("reproduce",)):
+        error = refused(*words, "--out", tmp_path)
+        assert f"{mine}: a file of yours lies where the virtual camera's calibration" in error
+    assert mine.read_text() == text
+    assert [path.name for path in tmp_path.iterdir()] == ["calibration.json"]
+
+
 def test_a_run_takes_the_place_of_what_a_command_here_has_made(tmp_path: Path):
     for made in ({"source": "simulated"}, {"verdict": "named"}):
         (tmp_path / "results.json").write_text(json.dumps(made))
