@@ -62,10 +62,10 @@ def reproduce(
     """Reproduce the paper's study on the virtual rig: its figures, a report, results.json."""
     from experiments.cli.console import bars
     from experiments.paper.reproduce import reproduce as work
-    from experiments.records.run_folder import writable
+    from experiments.records.run_folder import results_folder
     from experiments.runs.assemble import load_rig
 
-    table, folder = load_rig(rig), writable(out)
+    table, folder = load_rig(rig), results_folder(out)
     with bars() as progress:
         results = work(table, folder, seed=seed, frames=frames, progress=progress)
     for claim in results["claims"]:
@@ -103,7 +103,7 @@ def run(
 ) -> None:
     """Run a protocol and record it, on the virtual table or the rig file's; prints the folders."""
     from experiments.cli.console import bars
-    from experiments.records.run_folder import refuse_other_results, writable
+    from experiments.records.run_folder import results_folder
     from experiments.runs.assemble import load_rig
     from experiments.runs.protocol import read_protocol
     from experiments.runs.runs import run_protocol
@@ -114,8 +114,7 @@ def run(
         raise ValueError(f"--arm {arm}: must be {', '.join(COMPENSATORS)}, own or both")
     if camera not in ("statistical", "frames"):
         raise ValueError(f"--camera {camera}: must be statistical or frames")
-    table, folder = load_rig(rig), writable(out)
-    refuse_other_results(folder)
+    table, folder = load_rig(rig), results_folder(out)
     how = {
         "arms": plan.arms if arm == "both" else [arm],
         "out": folder,
@@ -145,10 +144,10 @@ def report(
     out: OutOption = Path("out/report"),
 ) -> None:
     """Figures and numbers of recorded runs, simulated or measured, as one HTML page."""
-    from experiments.records.run_folder import writable
+    from experiments.records.run_folder import results_folder
     from experiments.reports.report_runs import report_runs
 
-    say(str(report_runs(runs, writable(out))))
+    say(str(report_runs(runs, results_folder(out))))
 
 
 @app.command()
@@ -164,7 +163,7 @@ def track(
     ] = None,
 ) -> None:
     """Track a ball in real footage: track.csv, a film with overlay, a contact sheet."""
-    from experiments.records.run_folder import writable
+    from experiments.records.run_folder import results_folder
     from experiments.track.track import place_of, track_video
     from experiments.track.words import summary_words
 
@@ -177,7 +176,7 @@ def track(
         bundle = load(calibration)
     place = None if ball_at is None else place_of(ball_at)
     summary = track_video(
-        video, writable(out), calibration=bundle, ball_colour=ball_colour, ball_at=place
+        video, results_folder(out), calibration=bundle, ball_colour=ball_colour, ball_at=place
     )
     for line in summary_words(summary, out):
         say(line)

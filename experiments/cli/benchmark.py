@@ -80,11 +80,17 @@ def score(
     """Open the seal and score the answers of an entry, or of several side by side."""
     from experiments.benchmark.score import score_set
     from experiments.benchmark.table import entry_names, page_of, show
-    from experiments.records.run_folder import refuse_input, writable, write_results
+    from experiments.records.run_folder import (
+        refuse_input,
+        refuse_other_results,
+        writable,
+        write_results,
+    )
     from rig.files import printable, write_whole
 
     if out is not None:
         refuse_input("--out", out / "results.json", answers, "answers")
+        refuse_other_results(out)
     named = zip(entry_names(answers), answers, strict=True)
     results = {name: score_set(folder, one, first=first) for name, one in named}
     for name, found in results.items():

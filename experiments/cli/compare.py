@@ -28,9 +28,9 @@ def compare(
     """
     from experiments.cli.console import bars
     from experiments.compare.compare import run_comparison
-    from experiments.records.run_folder import writable
+    from experiments.records.run_folder import results_folder
 
-    folder = writable(out)
+    folder = results_folder(out)
     notes: list[str] = []
     with bars() as progress:
         results = run_comparison(

@@ -88,10 +88,11 @@ def _check_request(
     """ValueError for what would be found out after all the work, or would be lost by it; `out` is
     made by the command."""
     from calibration.gap.investigation import STAGES
-    from experiments.records.run_folder import refuse_input
+    from experiments.records.run_folder import refuse_input, refuse_other_results
     from rig.rigfile import refuse_own
 
     refuse_own(out / "rig.toml")
+    refuse_other_results(out)
     if json_file is not None:
         refuse_input("--json", json_file, logs)
         refuse_input("--json", json_file, [rig_file] if rig_file else [], "rig file")
@@ -227,12 +228,12 @@ def _blind(
     from experiments.blind.command import blind_trial
     from experiments.blind.results_table import rows, show
     from experiments.cli.console import bars
-    from experiments.records.run_folder import writable
+    from experiments.records.run_folder import results_folder
 
     with bars() as progress:
         results = blind_trial(
             trials=trials,
-            out=writable(out),
+            out=results_folder(out),
             seed=seed,
             effects=effects,
             pairs=pairs,

@@ -26,6 +26,8 @@ SCHEMA = 1
 SOURCES = ("simulated", "measured")
 START_KEYS = ("source", "protocol", "arm", "seed", "rig", "calibration", "versions", "created")
 RESERVE_BYTES = 8192
+RESULT_KEYS = {"source", "verdict", "size_px"}
+LONGEST_RESULTS = 1 << 28  # bytes; chosen: ten times those of a comparison on a thousand seeds
 # What a record may be read as; any of them may be null.
 KINDS = {
     "outcome": (str,),
@@ -264,23 +266,39 @@ def refuse_other(path: Path, what: str, ours: Callable[[dict], bool]) -> None:
     if not path.is_file():
         return
     with suppress(ValueError, OSError):
-        found = json_of(path)
+        found = json_of(path, LONGEST_RESULTS)
         if isinstance(found, dict) and ours(found):
             return
     raise ValueError(f"{path}: a file of yours lies where {what} to be written; name another --out")
 
 
+def _is_results(found: dict) -> bool:
+    """Whether this is a results.json of a command here: most say their source or verdict, a film
+    its size, scores of a benchmark the share that was wrong and sure, by entry."""
+    entries = (one for one in found.values() if isinstance(one, dict))
+    return bool(found.keys() & RESULT_KEYS) or any("confident wrong" in one for one in entries)
+
+
 def refuse_other_results(folder: Path) -> None:
     """ValueError (one line) where `folder` holds a results.json that no command here has made."""
-    path = folder / "results.json"
-    refuse_other(path, "the results are", lambda found: bool(found.keys() & {"source", "verdict"}))
+    refuse_other(folder / "results.json", "the results are", _is_results)
+
+
+def results_folder(folder: Path) -> Path:
+    """`writable`, for a command that will write results.json: called before its work, whose result
+    could not be written. ValueError: as of `refuse_other_results`.
+    """
+    made = writable(folder)
+    refuse_other_results(made)
+    return made
 
 
 def write_results(folder: Path, results: dict) -> Path:
     """Write results.json in `folder` and return its path; NaN and infinity become null.
 
-    OSError: it cannot be written.
+    OSError: it cannot be written; ValueError: as of `refuse_other_results`.
     """
+    refuse_other_results(folder)
     path = folder / "results.json"
     write_json(path, results)
     return path

@@ -7,7 +7,6 @@ comes.
 from __future__ import annotations
 
 import csv
-import json
 import math
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
@@ -15,8 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from experiments.picture_files import write_image
-from experiments.records.run_folder import refuse_input
-from rig.files import freed, write_whole
+from experiments.records.run_folder import refuse_input, write_results
+from rig.files import freed
 
 if TYPE_CHECKING:
     import numpy as np
@@ -99,8 +98,7 @@ def track_video(
         metric = calibration is not None
         summary = _summary(source, tracker, states, times, ball_colour, metric=metric)
         summary["notes"] += troubles
-    text = json.dumps(summary, indent=1, allow_nan=False)
-    write_whole(out / "results.json", (text + "\n").encode())
+    write_results(out, summary)
     return summary
 
 

@@ -211,7 +211,7 @@ def report_of_runs(folders: Sequence[Path], out: Path, progress: ProgressSender)
     ValueError, OSError (one line): a run cannot be read, or `out` cannot be written. progress: not
     used.
     """
-    from experiments.records.run_folder import writable
+    from experiments.records.run_folder import results_folder
     from experiments.reports.report_runs import report_runs
 
-    return report_runs(list(folders), writable(out))
+    return report_runs(list(folders), results_folder(out))

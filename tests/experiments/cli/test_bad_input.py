@@ -8,6 +8,7 @@ import pytest
 
 from experiments.cli.console import bars, effects_table
 from experiments.records.recording import Recorder
+from experiments.records.run_folder import write_results
 from rig.effects import BY_NAME
 from tests.support.command import told
 from tests.support.gap.logs import table_log
@@ -96,6 +97,29 @@ def test_a_run_writes_over_no_results_that_are_the_users_own(tmp_path: Path, tex
     assert [path.name for path in tmp_path.iterdir()] == ["results.json"]
 
 
+def test_no_command_writes_over_results_that_are_the_users_own(tmp_path: Path):
+    run, mine = tmp_path / "runs" / "one", tmp_path / "results.json"
+    with Recorder(run, {"source": "simulated", "arm": "with"}):
+        pass
+    mine.write_text('{"mine": 1}')
+    for words in (
+        ("reproduce", "--no-frames"),
+        ("report", run),
+        ("watch", run.parent),
+        ("gap", run),
+        ("gap", "--demo"),
+        ("gap", "--blind-trial"),
+        ("compare",),
+        ("track", tmp_path),
+        ("benchmark", "score", tmp_path, tmp_path / "answers"),
+    ):
+        assert "a file of yours lies where" in refused(*words, "--out", tmp_path)
+    with pytest.raises(ValueError, match="a file of yours lies where"):
+        write_results(tmp_path, {"source": "simulated"})
+    assert mine.read_text() == '{"mine": 1}'
+    assert {path.name for path in tmp_path.iterdir()} == {"runs", "results.json"}
+
+
 @pytest.mark.parametrize("text", ['{"source": "measured"}', "[1, 2]", "no JSON"])
 def test_rendered_frames_write_over_no_calibration_of_another_camera(tmp_path: Path, text: str):
     mine = tmp_path / "calibration.json"
@@ -108,7 +132,7 @@ def test_rendered_frames_write_over_no_calibration_of_another_camera(tmp_path: P
 
 
 def test_a_run_takes_the_place_of_what_a_command_here_has_made(tmp_path: Path):
-    for made in ({"source": "simulated"}, {"verdict": "named"}):
+    for made in ({"source": "simulated"}, {"verdict": "named"}, {"mine": {"confident wrong": 0}}):
         (tmp_path / "results.json").write_text(json.dumps(made))
         code, *_ = told("run", "servo-squares", "--arm", "without", "--out", tmp_path)
         assert code == 0
