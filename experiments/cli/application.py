@@ -7,6 +7,7 @@ signal n. Heavy imports happen inside the commands, so that `--help` answers at 
 import errno
 import os
 import sys
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -273,7 +274,7 @@ def main() -> None:
     if threads is not None and not (threads.isdecimal() and int(threads) > 0):
         _fail(f"NUMBA_NUM_THREADS = {threads!r}: must be a whole number above 0", 2)
     try:
-        with leave_on_signals(_say):
+        with leave_on_signals(_print):
             code = app(standalone_mode=False)  # the parser makes an interruption a returned 130
         if code == INTERRUPTED:
             raise KeyboardInterrupt
@@ -314,7 +315,13 @@ def _say(message: str) -> None:
     line = printable(message)
     if len(line) > LONGEST_LINE:
         line = f"{line[: LONGEST_LINE - 200]} ... {line[-195:]}"
-    print(f"rig: {line}", file=sys.stderr)
+    _print(line)
+
+
+def _print(line: str) -> None:
+    """Print a line on standard error, or nothing where that cannot be written."""
+    with suppress(OSError):
+        print(f"rig: {line}", file=sys.stderr)
 
 
 def _fail(message: str, code: int) -> None:

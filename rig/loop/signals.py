@@ -8,7 +8,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import NoReturn, Protocol
 
 from rig.loop.commands import Command, Stop
@@ -53,7 +53,9 @@ def leave_on_signals(say: Callable[[str], None]) -> Iterator[None]:
     It raises SystemExit, 128 + its number, in the main thread, so that a table is left level at
     0 V; further ones do the same, but for those within LEAVING_S. What lies between may have
     swallowed that (an import, a destructor, a callback of compiled code do): no later run is begun
-    then (`stop_on_signals`), and it is raised again at the end. say: gets a line for a person.
+    then (`stop_on_signals`), and it is raised again at the end. say: gets a line for a person; what
+    it cannot say (to a terminal that is gone) is left out. It is called in the midst of anything,
+    of an import too, so it must import nothing.
     """
     raised_s = -LEAVING_S
 
@@ -63,7 +65,8 @@ def leave_on_signals(say: Callable[[str], None]) -> Iterator[None]:
         if time.monotonic() - raised_s < LEAVING_S:
             return
         raised_s = time.monotonic()
-        say(f"ended by {signal.Signals(number).name}; what was recorded so far is kept")
+        with suppress(Exception):
+            say(f"ended by {signal.Signals(number).name}; what was recorded so far is kept")
         raise SystemExit(128 + number)
 
     before = {number: signal.signal(number, handle) for number in _numbers(*NAMES)}

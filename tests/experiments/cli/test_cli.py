@@ -183,6 +183,33 @@ def test_a_full_disk_is_exit_1_and_keeps_what_was_recorded(tmp_path: Path):
     assert _rows(out) > 500
 
 
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="signals of POSIX")
+def test_a_signal_in_the_midst_of_an_import_ends_a_program_with_one_line():
+    code = (
+        "import signal, sys\n"
+        "class Signal:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        if 'rig.files' in sys.modules:\n"
+        "            sys.meta_path.remove(self)\n"
+        "            signal.raise_signal(signal.SIGTERM)\n"
+        "sys.meta_path.insert(0, Signal())\n"
+        "sys.argv = ['rig', 'run', 'circle', '--rig', 'none.toml']\n"
+        "from experiments.cli import main\n"
+        "main()\n"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert out.stderr == "rig: ended by SIGTERM; what was recorded so far is kept\n"
+    assert out.returncode == 128 + signal.SIGTERM
+
+
+def test_a_mistake_of_which_nothing_can_be_said_has_its_exit_code():
+    read, write = os.pipe()
+    os.close(read)
+    words = [sys.executable, "-m", "experiments.cli", "run", "no-such-protocol"]
+    assert subprocess.run(words, stderr=write, check=False).returncode == 2
+    os.close(write)
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="signals of POSIX")
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])

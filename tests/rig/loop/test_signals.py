@@ -64,6 +64,16 @@ def test_a_swallowed_signal_is_the_exit_code_though_all_went_well():
     program()  # forgotten
 
 
+@pytest.mark.parametrize("error", [BrokenPipeError, ImportError, RuntimeError])
+def test_a_signal_of_which_nothing_can_be_said_ends_the_program_all_the_same(error):
+    def say(_: str) -> None:
+        raise error
+
+    with pytest.raises(SystemExit) as left, leave_on_signals(say):
+        signal.raise_signal(signal.SIGHUP)
+    assert left.value.code == 129
+
+
 def test_further_signals_disturb_no_levelling_and_work_again_later(monkeypatch):
     now_s, said, levelled = [100.0], [], []
 
