@@ -46,7 +46,6 @@ def import_(
 
     Several sessions become LOG-1, LOG-2, ...
     """
-    from experiments.importing.conversion import convert
     from experiments.importing.formats.choose import read_recording
     from experiments.importing.import_map import merged, read_map, stated
     from experiments.importing.words import log_line, next_line
@@ -64,12 +63,7 @@ def import_(
     else:
         made = _proposed(recordings[0], said, sources, yes=yes)
         _refuse_others(files[1:], recordings[1:], made, said)
-    logs = []
-    for path, recording in zip(files, recordings, strict=True):
-        try:
-            logs += convert(recording.stream, made)
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}") from error
+    logs = _converted(files, recordings, made, told=map_file is None)
     names = [out]
     if len(logs) > 1:
         names = [out.with_name(f"{out.stem}-{i + 1}{out.suffix}") for i in range(len(logs))]
@@ -80,6 +74,24 @@ def import_(
         say(log_line(str(name), log))
     _keep_map(made, out.with_name("import.toml"), map_file)
     say(next_line(names, made))
+
+
+def _converted(files: list[Path], recordings, made, *, told: bool) -> list:
+    """The logs of every recording in turn; told: the first one's notes were said already.
+
+    ValueError (one line, with the path): as of `convert`.
+    """
+    from experiments.importing.conversion import convert
+
+    logs = []
+    for i, (path, recording) in enumerate(zip(files, recordings, strict=True)):
+        try:
+            logs += convert(recording.stream, made)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from error
+        for note in () if told and i == 0 else recording.notes:
+            say(f"note: {path}: {note}", sys.stderr)
+    return logs
 
 
 def _keep_map(made, kept: Path, given: Path | None) -> None:

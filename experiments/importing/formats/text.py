@@ -24,8 +24,9 @@ _UNIT_CELL = re.compile(r"[\[(]?\s*[A-Za-zµμ°%/0-9^*·\s-]{0,12}\s*[\])]?")
 def read_text(path: Path) -> list[Stream]:
     """Read a text table as one stream; blanks and words are NaN, times of day are seconds.
 
-    Without a line of names the columns are called `column 1`, `column 2` ... BadFileError: it is
-    no text, has no block of numbers, or is too large.
+    Without a line of names the columns are called `column 1`, `column 2` ... Lines with another
+    number of cells are left out, which the stream's notes tell. BadFileError: it is no text, has no
+    block of numbers, or is too large.
     """
     size = path.stat().st_size
     if size > MAX_BYTES:
@@ -66,12 +67,14 @@ def _table(lines: Iterator[str]) -> Stream:
     lost = count - read
     if lost > max(1, 0.01 * count):  # a last line that was cut off is normal
         raise BadFileError(f"{lost} of {count} lines have not {width} cells")
+    short = f"lines without {width} cells, left out: {lost} of {count}"
     units |= dict.fromkeys(sorted(clocks), "s")
     sure = set().union(*(one.sure for one in found))
     numbers = {one.name: one.numbers(sure) for one in found}
     return Stream(
         {name: values for name, (values, _) in numbers.items()},
         units,
+        notes=(short,) if lost else (),
         unreadable={name: cells for name, (_, cells) in numbers.items() if cells.count},
     )
 

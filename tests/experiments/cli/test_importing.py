@@ -84,6 +84,20 @@ def test_sessions_and_several_files_are_numbered(rig, tmp_path: Path):
     assert names == [f"a-{i}.csv" for i in range(1, 7)]
 
 
+def test_lines_that_were_left_out_are_told_of_every_file(rig, tmp_path: Path):
+    first, _ = LABS["german_hobby"](tmp_path, seed=1)
+    cut = tmp_path / "cut.csv"
+    cut.write_bytes(first.read_bytes().rstrip().rpartition(b";")[0])
+    words = "cells, left out: 1 of"
+    done = rig("import", first, cut, "--out", tmp_path / "out/a.csv", "--yes")
+    assert words not in done.stdout
+    assert done.stderr.startswith(f"note: {cut}: lines without ")
+    assert words in done.stderr
+    assert words in rig("import", cut, "--out", tmp_path / "out/b.csv", "--yes").stdout
+    made = tmp_path / "out/import.toml"
+    assert words in rig("import", cut, "--out", tmp_path / "out/c.csv", "--map", made).stderr
+
+
 def test_a_recording_is_never_written_over(fails, tmp_path: Path):
     path, _ = LABS["german_hobby"](tmp_path, seed=1)
     before = path.read_bytes()

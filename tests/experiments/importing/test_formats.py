@@ -57,10 +57,16 @@ def test_text_blanks_words_units_and_encodings(tmp_path: Path):
     assert list(columns(path)) == ["t", "x"]
 
 
-def test_a_last_line_that_was_cut_off_is_left_out(tmp_path: Path):
+def test_lines_that_were_cut_off_are_left_out_and_told(tmp_path: Path):
     path = tmp_path / "a.csv"
     path.write_text("t,x,y\n" + "".join(f"{i},1,2\n" for i in range(300)) + "300,1", "utf-8")
-    assert len(columns(path)["t"]) == 300
+    recording = read_recording(path)
+    assert len(recording.stream) == 300
+    assert recording.notes == ("lines without 3 cells, left out: 1 of 301",)
+    path.write_text("t,x,y\n" + "".join(f"{i},1{',2' * (i % 150 != 9)}\n" for i in range(300)))
+    recording = read_recording(path)
+    assert len(recording.stream) == 298
+    assert recording.notes == ("lines without 3 cells, left out: 2 of 300",)
 
 
 def test_matlab_5_variables_structs_and_matrices(tmp_path: Path):
