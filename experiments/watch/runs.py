@@ -1,7 +1,9 @@
 """The runs of one table's folder, in the order in which they were recorded."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from filecmp import cmp
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -10,6 +12,7 @@ from experiments.gap.checks import check
 from experiments.gap.input import released, rig_differences
 from experiments.records.recording import being_recorded, read_run
 from experiments.records.run_folder import nanoseconds, read_meta
+from rig.files import printable
 from rig.log import Log
 from rig.parameters import Rig
 from rig.rigfile import from_dict
@@ -28,8 +31,8 @@ class RunFolder:
 
     @property
     def name(self) -> str:
-        """The folder's name."""
-        return self.path.name
+        """The folder's name, as one line of printable characters."""
+        return printable(self.path.name)
 
     @property
     def kind(self) -> tuple[str, str]:
@@ -42,7 +45,7 @@ class RunFolder:
 
 def runs_of(folder: Path) -> list[RunFolder]:
     """The run folders in `folder`, by the time of their recording, then by name; last those of
-    which no such time is known.
+    which no such time is known. A copy of a run, or a link to it, does not count again.
 
     FileNotFoundError: no such folder, or it holds no run folder.
     """
@@ -55,7 +58,16 @@ def runs_of(folder: Path) -> list[RunFolder]:
         inside = " (name the folder that holds it)" if _is_run(folder) else ""
         raise FileNotFoundError(f"{folder} holds no run folder{inside}")
     runs = [_as_recorded(path) for path in found]
-    return sorted(runs, key=lambda one: (_recorded_ns(one), one.name))
+    known: dict[str, list[RunFolder]] = {}
+    found = []
+    for one in sorted(runs, key=lambda one: (_recorded_ns(one), one.name)):
+        meta = one.meta or {}
+        alike = known.setdefault(repr((meta.get("created"), meta.get("seed"))), [])
+        same = None if one.why else next((other for other in alike if _equal(one, other)), None)
+        found.append(replace(one, why=f"is the same run as {same.name}") if same else one)
+        if not one.why or meta.get("rejected"):
+            alike.append(one)
+    return found
 
 
 def accepted_of(runs: Sequence[RunFolder], names: Sequence[str], folder: Path) -> list[RunFolder]:
@@ -69,14 +81,14 @@ def accepted_of(runs: Sequence[RunFolder], names: Sequence[str], folder: Path) -
         if first is None:
             raise ValueError(f"{folder}: no run to begin with: {runs[0].name} {runs[0].why}")
         return [first]
-    by_name = {one.name: one for one in runs}
+    by_name = {name: one for one in runs for name in (one.name, one.path.name)}
     chosen = []
     for name in names:
         one = by_name.get(Path(name).name)
         if one is None:
             raise ValueError(f"--accept {name}: no such run in {folder}")
         if one.why:
-            raise ValueError(f"--accept {name}: {one.why}; accept a run that was completed")
+            raise ValueError(f"--accept {name}: {one.why}; accept another run")
         chosen.append(one)
     if len({one.kind for one in chosen}) > 1:
         raise ValueError("--accept: the runs are of several protocols or arms; accept those of one")
@@ -117,6 +129,13 @@ def _recorded_ns(run: RunFolder) -> float:
         return nanoseconds((run.meta or {})["created"])
     except (KeyError, TypeError, ValueError):
         return inf
+
+
+def _equal(one: RunFolder, other: RunFolder) -> bool:
+    """Whether the samples of two runs are equal, byte for byte."""
+    with suppress(OSError):
+        return cmp(one.path / "samples.mcap", other.path / "samples.mcap", shallow=False)
+    return False
 
 
 def _is_run(path: Path) -> bool:

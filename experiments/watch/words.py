@@ -13,7 +13,9 @@ from calibration.gap.report.units import (
 )
 from calibration.watch.change_detection import ONE_IN, Change
 from calibration.watch.run_estimates import effect_of, unit_of
+from experiments.records.run_folder import lost_words
 from experiments.watch.watch import ACCEPTED, CHANGED, SKIPPED, UNCHANGED, JudgedRun, Watch
+from rig.files import printable
 
 
 def parameter_words(parameter: Parameter) -> str:
@@ -63,7 +65,12 @@ def sentence(found: Watch) -> str:
 
 
 def run_words(found: Watch, one: JudgedRun) -> str:
-    """What is said of one run."""
+    """What is said of one run, in one line: how it was judged, and which rows it lacks."""
+    said = (_judged_words(found, one), lost_words(one.run.meta or {}))
+    return printable("; ".join(filter(None, said)))
+
+
+def _judged_words(found: Watch, one: JudgedRun) -> str:
     if one.state == SKIPPED:
         return one.why
     if one.state == CHANGED:
@@ -102,6 +109,7 @@ def as_json(found: Watch) -> dict[str, Any]:
                 "created": (one.run.meta or {}).get("created"),
                 "state": one.state,
                 "why": one.why,
+                "note": lost_words(one.run.meta or {}),
                 "statistic": abs(one.strongest.z) if one.strongest else None,
                 "changes": [_change(found, change) for change in one.changes],
                 "values": None if one.row is None else found.values[one.row].tolist(),

@@ -5,11 +5,15 @@ import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
 from calibration.gap.report.units import sig
+from experiments.runs.runs import reject
 from experiments.watch.runs import accepted_of, runs_of
+from experiments.watch.watch import ACCEPTED, SKIPPED, JudgedRun, Watch
+from experiments.watch.words import run_words
 from rig import Rig, write_rig
 from tests.support.command import told
 from tests.support.dated_runs import step_logs, write_runs
@@ -113,6 +117,32 @@ def test_the_order_is_that_of_the_times_not_of_their_words(runs: Path, tmp_path:
         meta = json.loads((folder / "run.json").read_text()) | {"created": created}
         (folder / "run.json").write_text(json.dumps(meta))
     assert [one.name for one in runs_of(tmp_path)] == ["b", "d", "a", "c"]
+
+
+def test_a_run_counts_once_however_often_it_was_copied(runs: Path, tmp_path: Path):
+    first, second, *_ = sorted(path for path in runs.iterdir() if path.is_dir())
+    for name, source in (("a", first), ("b", first), ("d", second)):
+        shutil.copytree(source, tmp_path / name)
+    (tmp_path / "c").symlink_to(tmp_path / "a")
+    found = runs_of(tmp_path)
+    assert [one.why for one in found] == ["", *["is the same run as a"] * 2, ""]
+    reject(tmp_path / "d", "somebody sneezed")
+    shutil.copytree(second, tmp_path / "e")
+    assert runs_of(tmp_path)[-1].why == "is the same run as d"  # no way around a rejection
+
+
+def test_lost_rows_are_told_and_odd_names_break_no_line(runs: Path, tmp_path: Path):
+    first = min(path for path in runs.iterdir() if path.is_dir())
+    odd = shutil.copytree(first, tmp_path / "runs" / "one\n\x1b[31mred")
+    meta = json.loads((odd / "run.json").read_text()) | {"loop": {"lost_rows": 500}}
+    (odd / "run.json").write_text(json.dumps(meta))
+    (run,) = runs_of(tmp_path / "runs")
+    assert run.name == "one ?[31mred"
+    assert accepted_of([run], [odd.name], tmp_path) == accepted_of([run], [run.name], tmp_path)
+    found = Mock(spec=Watch)
+    for state, why in ((ACCEPTED, ""), (SKIPPED, "failed (a\nb)")):
+        said = run_words(found, JudgedRun(run, state, why))
+        assert said.startswith(("500 rows are missing", "failed (a b); 500 rows are missing"))
 
 
 @pytest.mark.parametrize(
