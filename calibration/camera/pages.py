@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from rig.files import write_whole
+
 MM_PER_POINT = 25.4 / 72
 PAPERS_MM = {
     "a4": (210.0, 297.0),
@@ -97,7 +99,7 @@ def _covered(start: float, end: float, size: int) -> np.ndarray:
 
 
 def write_pdf(pages: list[Page], path: Path) -> None:
-    """Write the pages as a PDF of true size. `OSError`: the file cannot be written."""
+    """Write the pages as a PDF of true size. `OSError`: not written; an older one stays."""
     objects: list[bytes] = [b"", b""]  # catalogue and page tree come to know the pages below
     font = b"<< /Type /Font /Subtype /Type1 /BaseFont /Helvetica >>"
     objects.append(font)
@@ -114,7 +116,7 @@ def write_pdf(pages: list[Page], path: Path) -> None:
     # PrintScaling None asks the viewer not to fit the page to the printer's margins.
     objects[0] = b"<< /Type /Catalog /Pages 2 0 R /ViewerPreferences << /PrintScaling /None >> >>"
     objects[1] = f"<< /Type /Pages /Count {len(kids)} /Kids [{' '.join(kids)}] >>".encode()
-    path.write_bytes(_file(objects))
+    write_whole(path, _file(objects))
 
 
 def _file(objects: list[bytes]) -> bytes:
@@ -144,12 +146,11 @@ def _content(page: Page) -> bytes:
 
 
 def write_png(page: Page, path: Path, dpi: float = 300.0) -> None:
-    """Write one page as a PNG image at `dpi`. `OSError`: the file cannot be written."""
+    """Write one page as a PNG image at `dpi`. `OSError`: as of `write_pdf`."""
     import cv2
 
     image, scale = page.pixels(dpi), dpi / 25.4
     for x, y, tall, text in page.texts:
         place, size = (round(x * scale), round(y * scale)), 0.7 * tall * scale / 21
         cv2.putText(image, text, place, cv2.FONT_HERSHEY_SIMPLEX, size, (90,), 2, cv2.LINE_AA)
-    if not cv2.imwrite(str(path), image):
-        raise OSError(f"{path}: cannot be written")
+    write_whole(path, cv2.imencode(".png", image)[1].tobytes())

@@ -1,7 +1,10 @@
 """Sheets at true size: read back with OpenCV from the PDF's own drawing and from the pixels."""
 
 import re
+import signal
+import sys
 from dataclasses import replace
+from functools import partial
 
 import cv2
 import numpy as np
@@ -99,6 +102,31 @@ def test_png_has_the_pages_pixels(tmp_path):
     image = cv2.imread(str(tmp_path / "board.png"), cv2.IMREAD_GRAYSCALE)
     assert image is not None
     assert image.shape == (827, 1169)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="file size limits are POSIX")
+@pytest.mark.parametrize("name", ["board.png", "board.pdf"])
+def test_a_page_is_written_whole_or_not_at_all(tmp_path, name: str):
+    import resource
+
+    write = (
+        partial(write_png, dpi=100)
+        if name == "board.png"
+        else lambda page, path: write_pdf([page], path)
+    )
+    path = tmp_path / name
+    path.write_text("an older one")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (500, hard))
+    try:
+        with pytest.raises(OSError, match="large"):
+            write(board_page(SHEET), path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        signal.signal(signal.SIGXFSZ, before)
+    assert path.read_text() == "an older one"
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_what_does_not_fit_is_said():
