@@ -317,6 +317,20 @@ def test_an_arm_that_is_held_beyond_its_limit_is_let_go_after_disarming():
     assert not bench.has(wire.LATCHED)
 
 
+def test_a_configuration_waits_for_an_arm_that_rests_beyond_its_limit_under_volts():
+    bench = Bench()
+    bench.counts = (LIMIT + 20, 0)
+    bench.run(150)  # until its speed is that of an arm at rest, which passes no further limit
+    bench.send(Disarm())
+    bench.run(1)
+    bench.send(replace(bench.request, nonce=8, zero_0=500))
+    assert not [p for p in bench.run(2) if isinstance(p, ConfigAnswer)]
+    assert bench.board.volts()[0] < 0.0
+    bench.run(150)  # it is let go
+    bench.send(replace(bench.request, nonce=9, zero_0=500))
+    assert [p.nonce for p in bench.run(2) if isinstance(p, ConfigAnswer)] == [9]
+
+
 def test_before_homing_nobody_knows_what_to_brake_for():
     bench = Bench(homed=False)
     bench.send(Disarm())
