@@ -200,7 +200,7 @@ class Evidence:
             z[~blind] = DIVERGED_Z
         if blind.all():
             z[:] = DIVERGED_Z
-        log_std[blind | np.isnan(log_std)] = 0.0
+        log_std[~np.isfinite(log_std)] = 0.0
         return Roll(z, log_std)
 
     @cached_property
@@ -231,7 +231,7 @@ class Evidence:
             servo = model.gain_rad_s_V, model.time_constant_s
             out, std = servo_innovations(model.record, run, self.levels, *servo, (a,))
             out, std = out[:, a], std[:, a]
-        failed = np.isnan(out) != np.isnan(std)  # a variance below 0, or what came of one
+        failed = np.isnan(out) == np.isfinite(std)  # a variance below 0 or beyond all numbers
         z = np.where(failed, np.inf, out / std)
         blind = np.full(left, np.nan)
         return np.concatenate([z, blind]), np.concatenate([np.log(std), blind])
