@@ -5,9 +5,9 @@ what a name gains 1 s ahead (`calibration.gap.held_out`), C the cost one sample 
 
 1. All names of an output together: C with them is lower, and D > -se: 1 s ahead they do no harm (a
    small effect may not show there). "A or B" is refuted by what refutes both.
-2. Each name beside the others: as rule 1, on one of a servo's axes, too: it is not told on that
-   axis. Where something without a name is left, a name may stand for a part of it: it needs
-   D > SURE_Z se on one of its outputs.
+2. Each name beside the others: as rule 1. Where it does harm on one servo and is proven on the
+   other by rule 7, it is not told on the one. Where something without a name is left, a name may
+   stand for a part of it: it needs D > SURE_Z se on one of its outputs.
 3. The 95 % interval of its size excludes the nominal value, and the size is not at the end of its
    range on any axis, where it would have to be larger to be what its name says.
 4. Its best rival in its place does not predict better 1 s ahead: D < SURE_Z se of the rival's gain.
