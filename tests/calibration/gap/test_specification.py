@@ -117,7 +117,7 @@ def test_the_right_name_is_in_time(protocol: str, effects: dict):
 @pytest.mark.slow
 def test_what_a_controller_answers_comes_before_its_answer():
     """Gusts of a fan, told as a function of the angles by which the controller holds against it."""
-    columns, _, _ = WORLDS["fan"](1700)
+    columns, _, _ = WORLDS["fan"](1701)
     nominal = NominalModel(RIG, load_friction=False)
     decision = decide(settled_baseline(evidence_of(Log.from_columns(columns)), nominal))
     assert decision.accepted

