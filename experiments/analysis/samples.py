@@ -74,7 +74,7 @@ def ball_samples(log: Log) -> Samples:
     at = np.clip(np.searchsorted(tick, t_s + 1e-9, side="right") - 1, 0, None)
     target = np.column_stack([run["target_x_m"], run["target_y_m"]])[at]
     seen = tick[~np.isnan(run["ball_x_m"]) | ~np.isnan(run["ball_y_m"])]
-    held = seen[np.searchsorted(seen, np.append(t_s[1:], np.inf)) - 1] if len(seen) else t_s
+    held = np.append(-np.inf, seen)[np.searchsorted(seen, np.append(t_s[1:], np.inf))]
     return Samples(
         t_s=t_s - start,
         xy_m=xy,

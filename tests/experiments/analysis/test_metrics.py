@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from experiments.analysis.limit_cycle import FEW, limit_cycle, noise_std
 from experiments.analysis.metrics import run_metrics, settled_interval, settling_time
 from experiments.analysis.push_detection import detect_pushes
-from experiments.analysis.samples import Samples
+from experiments.analysis.samples import Samples, ball_samples
 from rig.course import Course
 from rig.log import INDEX, Log
 from rig.rigfile import read_rig
@@ -51,6 +51,24 @@ def simulated(seed, *, arm=0, seconds=15.0, start=(-0.13, 0.13), hold_s=0.0, pus
     course = Course(np.zeros((n, 2)), push, start, hold_s)
     draws = simulate.draw(np.random.default_rng(seed), rig, course)
     return simulate.simulate(rig, replace(rig, effects={}), arm, course, draws).log
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.012, 0.05])
+def test_a_ball_settles_whatever_the_cameras_delay(delay_s: float):
+    """Exposures before the first row are held from it on, not to the end of the run."""
+    t, tick = np.arange(0.0, 12.0, 1.0 / 60.0), np.arange(0.0, 12.0, 0.002)
+    away = 0.18 * np.exp(-t)
+    row = np.searchsorted(tick, t - 1e-9)
+    columns = {name: np.full(len(tick), np.nan) for name in ("ball_x_m", "ball_y_m")}
+    columns["ball_x_m"][row] = columns["ball_y_m"][row] = away
+    columns["ball_exposed_s"] = np.full(len(tick), np.nan)
+    columns["ball_exposed_s"][row] = t - delay_s
+    given = {"t_s": tick, "phase": np.full(len(tick), 2.0), "push": np.zeros(len(tick))}
+    log = Log.from_columns(given | columns)
+    ball = ball_samples(log)
+    assert np.all(np.diff(ball.until_s) > 0.0)
+    assert np.all(ball.until_s[:-1] <= ball.t_s[1:] + 0.002)
+    assert run_metrics(log).settling_s == pytest.approx(4.85 - delay_s, abs=0.05)
 
 
 def test_place_of_known_points():
