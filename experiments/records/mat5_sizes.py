@@ -1,5 +1,6 @@
 """Walk through a matrix of a MAT file (version 5), in the order in which scipy reads it, and refuse
-dimensions that its own bytes cannot hold: scipy takes memory by the dimensions.
+dimensions that its own bytes cannot hold: scipy takes memory by the dimensions. Likewise types of
+numbers that there are not: scipy looks them up beyond the end of its table, and the program ends.
 """
 
 import struct
@@ -10,6 +11,8 @@ CELL, STRUCT, OBJECT, CHAR, SPARSE, FUNCTION, OPAQUE = 1, 2, 3, 4, 5, 16, 17  # 
 MOST_DEEP = 20  # chosen: deeper than anybody nests
 MOST_NAMES = 1 << 20  # bytes of a header's element; chosen: thousands of fields
 COMPLEX = 0x800  # flag
+# Bytes of a number by the type of its element: int8 to uint32, single, double, 64 bits, UTF-8 to 32
+BYTES = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8, 16: 1, 17: 2, 18: 4}
 STEP = 1 << 20  # bytes that are passed over at once
 
 Read = Callable[[int], bytes]  # the next bytes, fewer at the end
@@ -57,8 +60,8 @@ class Matrix:
     def _check_numbers(self, kind: int, count: int, parts: int) -> None:
         for _ in range(parts + (2 if kind == SPARSE else 0)):
             held = self._pass_over()
-            if kind != SPARSE and count > held:  # a number or letter has a byte at least
-                raise ValueError(f"an array claims {count} numbers in {held} bytes")
+            if kind != SPARSE and count > held:
+                raise ValueError(f"an array claims {count} numbers, its bytes hold {held}")
 
     def _numbers(self, form: str, data: bytes) -> tuple[int, ...]:
         return struct.unpack(self._order + form, data)
@@ -69,22 +72,28 @@ class Matrix:
             raise ValueError("it ends before its dimensions are full")
         return data
 
-    def _tag(self) -> tuple[int, bytes]:
-        """Bytes of the element that begins here, and these themselves where its tag holds them."""
+    def _tag(self) -> tuple[int, int, bytes]:
+        """Type and bytes of the element that begins here, and these themselves where its tag holds
+        them."""
         head = self._exactly(8)
         kind, size = self._numbers("II", head)
-        return (kind >> 16, head[4 : 4 + (kind >> 16)]) if kind >> 16 else (size, b"")
+        if small := kind >> 16:
+            return kind & 0xFFFF, small, head[4 : 4 + small]
+        return kind, size, b""
 
     def _element(self) -> bytes:
-        size, small = self._tag()
+        _, size, small = self._tag()
         if size > MOST_NAMES:
             raise ValueError(f"a header of {size} bytes")
         return small or self._exactly(size + -size % 8)[:size]
 
     def _pass_over(self) -> int:
-        """Pass over an element; return its bytes."""
-        size, small = self._tag()
+        """Pass over an element of numbers or letters; return how many it can hold. ValueError: it
+        is of a type that there is not."""
+        kind, size, small = self._tag()
+        if kind not in BYTES:
+            raise ValueError(f"numbers of a type {kind} that there is not")
         left = 0 if small else size + -size % 8
         while left > 0:
             left -= len(self._exactly(min(left, STEP)))
-        return size
+        return size // BYTES[kind]

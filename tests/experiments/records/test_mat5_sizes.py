@@ -31,3 +31,24 @@ def test_dimensions_that_lie_are_refused(tmp_path, kind, more, nested):
     (tmp_path / "a.mat").write_bytes(HEAD + (matrix(1, 1, one) if nested else one))
     with pytest.raises(ValueError, match=r"claims|ends before"):
         check_inflated(tmp_path / "a.mat", MOST_BYTES)
+
+
+NUMBERS = b"\0" * 8 * 30
+
+
+@pytest.mark.parametrize("type_", [0, 8, 10, 11, 14, 15, 19, 25, 137, 8201, 65000])
+def test_numbers_of_a_type_that_there_is_not_are_refused(tmp_path, type_):
+    """One flipped bit makes such a type of that of doubles: scipy ended the whole program."""
+    (tmp_path / "a.mat").write_bytes(HEAD + matrix(6, 30, element(type_, NUMBERS)))
+    with pytest.raises(ValueError, match=f"of a type {type_} that there is not"):
+        check_inflated(tmp_path / "a.mat", MOST_BYTES)
+
+
+@pytest.mark.parametrize(("type_", "size"), [(9, 8), (7, 4), (3, 2), (2, 1), (13, 8)])
+def test_numbers_of_the_types_that_there_are_pass(tmp_path, type_, size):
+    path = tmp_path / "a.mat"
+    path.write_bytes(HEAD + matrix(6, 240 // size, element(type_, NUMBERS)))
+    check_inflated(path, MOST_BYTES)
+    path.write_bytes(HEAD + matrix(6, 240 // size + 1, element(type_, NUMBERS)))
+    with pytest.raises(ValueError, match=f"its bytes hold {240 // size}"):
+        check_inflated(path, MOST_BYTES)
