@@ -10,6 +10,7 @@ import os
 from array import array
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from io import BytesIO
 from math import nan
 from pathlib import Path
@@ -33,6 +34,7 @@ MAX_DEPTH = 8
 # is a picture or a point cloud.
 LONGEST_MESSAGE = 1 << 18
 MAGIC = b"\x89MCAP0\r\n"  # a file that was not cut off ends with it, too
+PLAIN_CDR = (b"\0\0", b"\0\1")  # a message's first two bytes: high byte first, low byte first
 OF_JOINTS = ("position", "velocity", "effort")  # of JointState: one number a name
 
 
@@ -95,27 +97,33 @@ def _read(path: Path, topics: Topics) -> list[str]:
     """Append the messages of one file to `topics`; returns notes."""
     from mcap.exceptions import McapError
 
+    lost: list[str] = []
     with path.open("rb") as file:
         file.seek(-min(len(MAGIC), path.stat().st_size), os.SEEK_END)
         cut = file.read() != MAGIC
         file.seek(0)
         try:
-            _decode(_messages(file), topics)
+            _decode(_messages(file, lost), topics)
         except McapError:
             if not cut:
                 raise
-    return [f"{path.name} was cut off: read as far as it goes"] if cut else []
+    if cut:
+        return [f"{path.name} was cut off: read as far as it goes"]
+    return [f"{path.name} is damaged: {words}" for words in lost]
 
 
-def _messages(file: IO[bytes]) -> Iterator[tuple[Any, Any, Any]]:
+def _messages(file: IO[bytes], lost: list[str]) -> Iterator[tuple[Any, Any, Any]]:
     """Yield schema, channel and message in the file's order; one chunk is in memory at a time.
 
-    ValueError: the chunks unpack to more than a table records, whatever the file's summary says.
+    lost: is told where the file's summary counts more messages than it holds: a damaged byte makes
+    a record of a kind that nobody knows, which readers pass over. ValueError: the chunks unpack to
+    more than a table records, whatever the file's summary says.
     """
-    from mcap.records import Channel, Message, Schema
+    from mcap.records import Channel, Message, Schema, Statistics
 
     schemas: dict[int, Any] = {}
     channels: dict[int, Any] = {}
+    count = 0
     for record in _records(file):
         if isinstance(record, Schema):
             schemas[record.id] = record
@@ -123,17 +131,23 @@ def _messages(file: IO[bytes]) -> Iterator[tuple[Any, Any, Any]]:
             channels[record.id] = record
         elif isinstance(record, Message):
             channel = channels[record.channel_id]
+            count += 1
             yield schemas.get(channel.schema_id), channel, record
+        elif isinstance(record, Statistics) and record.message_count > count:
+            lost.append(f"{count} of its {record.message_count} messages were found")
 
 
 def _records(file: IO[bytes]) -> Iterator[Any]:
-    """Yield the records of a file and, in place of its chunks, theirs."""
+    """Yield the records of a file and, in place of its chunks, theirs.
+
+    McapError, ValueError: a checksum is wrong, where the file has one, or a chunk is not whole.
+    """
     from mcap.exceptions import EndOfFile
     from mcap.records import Chunk
     from mcap.stream_reader import StreamReader
 
     room = 8 * MAX_CELLS
-    for record in StreamReader(file, emit_chunks=True).records:
+    for record in StreamReader(file, emit_chunks=True, validate_crcs=True).records:
         if not isinstance(record, Chunk):
             yield record
             continue
@@ -168,9 +182,17 @@ def _decoder(channel: Any, schema: Any) -> Any:
         return json.loads
     if channel.message_encoding == "cdr":
         factory = library("mcap_ros2.decoder", "a ROS 2 bag").DecoderFactory()
-    else:
-        factory = library("mcap_protobuf.decoder", "protobuf").DecoderFactory()
+        decode = factory.decoder_for(channel.message_encoding, schema)
+        return None if decode is None else partial(_plain_cdr, decode)
+    factory = library("mcap_protobuf.decoder", "protobuf").DecoderFactory()
     return factory.decoder_for(channel.message_encoding, schema)
+
+
+def _plain_cdr(decode: Any, data: bytes) -> Any:
+    """A decoded message. BadFileError: it is no plain CDR, whose numbers lie elsewhere."""
+    if data[:2] not in PLAIN_CDR:
+        raise BadFileError(f"its messages are encoded as 0x{data[:2].hex()}, not as plain CDR")
+    return decode(data)
 
 
 def _fields(message: Any) -> dict[str, Any] | None:

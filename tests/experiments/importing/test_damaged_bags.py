@@ -1,0 +1,89 @@
+"""A bag with damaged bytes is refused, or told where the file itself can know."""
+
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.opcode import Opcode
+from mcap.writer import CompressionType, Writer
+
+from experiments.importing.formats.choose import read_recording
+from experiments.importing.recording import BadFileError
+from tests.support.parts import needs
+
+T = np.arange(60) * 0.02
+
+
+def bag(path: Path, **settings) -> bytes:
+    """A bag of 60 messages; its bytes."""
+    with path.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.NONE, **settings)
+        writer.start()
+        schema = writer.register_schema("ball", "jsonschema", b"{}")
+        channel = writer.register_channel("/ball", "json", schema)
+        for t_s in T:
+            data = json.dumps({"x": round(np.sin(t_s), 6)}).encode()
+            writer.add_message(channel, 10**18 + round(1e9 * t_s), data, 0)
+        writer.finish()
+    return path.read_bytes()
+
+
+def records(data: bytes) -> list[tuple[int, int]]:
+    """Kind and place of every record."""
+    found, at = [], 8
+    while at + 9 <= len(data) - 8:
+        kind, length = struct.unpack_from("<BQ", data, at)
+        found.append((kind, at))
+        at += 9 + length
+    return found
+
+
+def flipped(data: bytes, at: int, bit: int) -> bytes:
+    return data[:at] + bytes((data[at] ^ bit,)) + data[at + 1 :]
+
+
+@pytest.mark.parametrize(
+    ("settings", "kind", "left"),
+    [({"chunk_size": 512}, Opcode.CHUNK, 60), ({"use_chunking": False}, Opcode.MESSAGE, 59)],
+)
+def test_records_that_a_flipped_bit_hides_are_told(tmp_path: Path, settings, kind, left: int):
+    """Of an unknown kind, they are passed over; the file's own count is what tells."""
+    path = tmp_path / "a.mcap"
+    data = bag(path, **settings)
+    at = [at for one, at in records(data) if one == kind][3]
+    path.write_bytes(flipped(data, at, 0x80))
+    recording = read_recording(path)
+    assert len(recording.stream) <= left
+    assert any(
+        "a.mcap is damaged" in note and "of its 60 messages" in note for note in recording.notes
+    )
+
+
+def test_a_wrong_checksum_of_the_data_is_refused(tmp_path: Path):
+    path = tmp_path / "a.mcap"
+    data = bag(path, use_chunking=False, enable_data_crcs=True)
+    assert read_recording(path).notes == ()
+    path.write_bytes(flipped(data, data.index(b'"x": 0.') + 7, 1))
+    with pytest.raises(BadFileError, match=r"a\.mcap"):
+        read_recording(path)
+
+
+@needs("mcap_ros2")
+@pytest.mark.parametrize("encoding", [b"\x00\x07", b"\x00\x0a", b"\x00\x03"])
+def test_messages_that_are_no_plain_cdr_are_refused(tmp_path: Path, encoding: bytes):
+    """There a double begins at a multiple of 4, or has a number before it: read as plain CDR it
+    would be another."""
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema("lab/msg/A", "ros2msg", b"int32 n\nfloat64 x\n")
+        channel = writer.register_channel("/a", "cdr", schema)
+        for i in range(30):
+            data = encoding + b"\0\0" + struct.pack("<idd", i, 0.5, 0.0)
+            writer.add_message(channel, 10**18 + i * 10**7, data, 0)
+        writer.finish()
+    with pytest.raises(BadFileError, match=f"encoded as 0x{encoding.hex()}"):
+        read_recording(path)
