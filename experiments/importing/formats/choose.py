@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from experiments.importing.formats.bags import read_bag
 from experiments.importing.formats.matlab import read_matlab
 from experiments.importing.formats.numpy_files import read_npy, read_npz
@@ -9,6 +11,10 @@ from experiments.importing.formats.tables import read_lerobot, read_parquet
 from experiments.importing.formats.tdms import read_tdms
 from experiments.importing.formats.text import read_text
 from experiments.importing.recording import BadFileError, Recording, joined
+from rig.files import printable
+
+# Characters; chosen: a library may name what it met by its bytes, a file of five lists columns.
+LONGEST_WORDS = 500
 
 READERS = {
     ".csv": read_text,
@@ -47,9 +53,10 @@ def read_recording(path: Path) -> Recording:
             "LeRobot data set (with meta/info.json) or of a ROS 2 bag"
         )
     try:
-        return joined(reader(path))
+        with np.errstate(all="ignore"):  # damaged floats warn where they become doubles
+            return joined(reader(path))
     except BadFileError as error:
-        raise BadFileError(f"{path}: {' '.join(str(error).split())}") from error
+        raise BadFileError(f"{path}: {printable(error)[:LONGEST_WORDS]}") from error
 
 
 def _without_an_end(path: Path) -> Path | None:

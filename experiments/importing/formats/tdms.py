@@ -5,6 +5,7 @@ npTDMS's time_track wants both properties of every channel, and counts from its 
 """
 
 import logging
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,10 @@ from experiments.importing.recording import BadFileError, Stream, check_size
 MOST_SCALES = 100  # of a channel, in a row; chosen: ten times what LabVIEW's own programs make
 SECOND = np.timedelta64(1, "s")
 NOT_SET = np.datetime64("1904-01-01")  # zero, in LabVIEW's count of seconds
+# A segment's first bytes: tag, contents, version, bytes behind these, of which so many its names.
+LEAD_IN = 28
+HAS_NAMES, HIGH_FIRST = 1 << 1, 1 << 6  # bits of the contents
+CUT_OFF = "the file was cut off: read as far as it goes"
 
 
 def read_tdms(path: Path) -> list[Stream]:
@@ -23,8 +28,8 @@ def read_tdms(path: Path) -> list[Stream]:
     logging.disable(logging.WARNING)  # of a damaged file it prints the bytes
     try:
         with nptdms.TdmsFile.open(path) as file:
-            cut = file.file_status.incomplete_final_segment
-            notes = ("the file was cut off: read as far as it goes",) if cut else ()
+            cut = file.file_status.incomplete_final_segment or not _is_whole(path)
+            notes = (CUT_OFF,) if cut else ()
             waves = [one for group in file.groups() for one in group.channels() if _step_s(one) > 0]
             starts = [_start(one) for one in waves]
             first = min((start for start in starts if start != NOT_SET), default=NOT_SET)
@@ -38,6 +43,27 @@ def read_tdms(path: Path) -> list[Stream]:
         raise BadFileError(f"not readable as TDMS ({error})") from error
     finally:
         logging.disable(logging.NOTSET)
+
+
+def _is_whole(path: Path) -> bool:
+    """Whether each segment ends where it says, the last one at the file's end, with its names.
+
+    npTDMS says so of a segment that lacks numbers, not of one whose names were cut off.
+    """
+    size, at = path.stat().st_size, 0
+    with path.open("rb") as file:
+        while at < size:
+            file.seek(at)
+            head = file.read(LEAD_IN)
+            if len(head) < LEAD_IN:
+                return False
+            (contents,) = struct.unpack_from("<I", head, 4)
+            order = ">" if contents & HIGH_FIRST else "<"
+            length, names = struct.unpack_from(f"{order}QQ", head, 12)
+            if not (bool(contents & HAS_NAMES) <= names <= length <= size - at - LEAD_IN):
+                return False
+            at += LEAD_IN + length
+    return True
 
 
 def _step_s(channel) -> float:

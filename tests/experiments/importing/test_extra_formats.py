@@ -41,6 +41,24 @@ def test_a_tdms_file_that_was_cut_off_says_so(tmp_path: Path):
 
 
 @needs("nptdms")
+@pytest.mark.parametrize("left", [1, 27, 28, 60, 250])
+def test_a_tdms_file_that_was_cut_off_in_a_segments_names_says_so(tmp_path: Path, left: int):
+    """npTDMS leaves such a segment out, and a file that ends with the one before is whole."""
+    from nptdms import ChannelObject, TdmsWriter
+
+    path = tmp_path / "a.tdms"
+    with TdmsWriter(path) as writer:
+        for part in (X, X):
+            writer.write_segment([ChannelObject("g", "u", part, {"wf_increment": 0.02})])
+    whole = path.read_bytes()
+    begin = whole.index(b"TDSm", 4)
+    path.write_bytes(whole[: begin + left])
+    assert "cut off" in read_recording(path).notes[0]
+    path.write_bytes(whole[:begin])
+    assert read_recording(path).notes == ()
+
+
+@needs("nptdms")
 @pytest.mark.parametrize("data", [b"", b"TDSm" + b"\xff" * 60])
 def test_bad_tdms_gets_one_line(data: bytes, tmp_path: Path):
     path = tmp_path / "a.tdms"

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.io import savemat
 
 from experiments.importing.conversion import convert
 from experiments.importing.formats.choose import read_recording
 from experiments.importing.proposal import propose
 from experiments.importing.recording import BadFileError, Stream
+from tests.support.parts import needs
 
 NAMES = (
     *("t_s", "time", "ball_x_mm", "ball_y_mm", "x", "y", "servo_cmd_x_deg", "theta_y_rad"),
@@ -78,3 +80,29 @@ def test_a_pipe_in_the_place_of_a_file_is_one_line(tmp_path: Path, within: str):
     asked = tmp_path / "recording" if within else folder / "samples.mcap"
     with pytest.raises(BadFileError, match=r"samples.mcap is no file but a pipe or a device"):
         read_recording(asked)
+
+
+def test_a_damaged_files_error_is_one_short_printable_line(tmp_path: Path):
+    """The library names what it did not find by the 7000 bytes that it took for its name."""
+    path = tmp_path / "a.mat"
+    savemat(path, {"t": np.arange(1000) * 0.02}, format="4")
+    data = bytearray(path.read_bytes())
+    data[16:20] = (7000).to_bytes(4, "little")  # the length of a name
+    path.write_bytes(data)
+    with pytest.raises(BadFileError) as caught:
+        read_recording(path)
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 600 + len(str(path))
+
+
+@needs("nptdms")
+def test_damaged_floats_warn_nobody(tmp_path: Path):
+    from nptdms import ChannelObject, TdmsWriter
+
+    path = tmp_path / "a.tdms"
+    with TdmsWriter(path) as writer:
+        damaged = np.full(50, 0x7F800001, np.uint32).view(np.float32)  # a signalling NaN
+        writer.write_segment([ChannelObject("g", "u", damaged)])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert np.isnan(read_recording(path).stream.columns["g/u"]).all()
