@@ -50,7 +50,10 @@ def sine_sweep(
     """
     duration = max(t_s[-1], 1e-9)
     ratio = np.log(high_hz / low_hz)
-    phase = 2 * pi * low_hz * duration / ratio * (np.exp(ratio * t_s / duration) - 1)
+    if ratio:
+        phase = 2 * pi * low_hz * duration / ratio * (np.exp(ratio * t_s / duration) - 1)
+    else:
+        phase = 2 * pi * low_hz * t_s  # the limit: one frequency
     return amplitude * np.column_stack([np.sin(phase), np.sin(phase + pi / 2)])
 
 

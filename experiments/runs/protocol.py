@@ -15,6 +15,8 @@ from rig.reference import SHAPES
 
 OWN = "own"  # the arm of a lab's own controller
 STEPS = ("place", "hold", "release", "push")
+SHORTEST, LONGEST = 1e-3, 1e6  # periods [s] and frequencies [Hz]; chosen: a tick at 1 kHz, 11 days
+LARGEST = 1e6  # other numbers of a reference; chosen: far beyond any plate or angle
 
 
 class Start(StrictModel):
@@ -154,7 +156,7 @@ def _check_operator(protocol: Protocol, label: str) -> None:
 
 
 def _check_reference(protocol: Protocol, label: str) -> None:
-    """Its shape's own parameters, numbers all, and periods above zero."""
+    """Its shape's own parameters, numbers all, within what can be computed."""
     shape = str(protocol.reference["shape"])
     allowed = set(signature(SHAPES[shape]).parameters) - {"t_s", "rng"}
     for key, value in protocol.reference.items():
@@ -165,8 +167,11 @@ def _check_reference(protocol: Protocol, label: str) -> None:
             raise ValueError(f"{label}: unknown key 'reference.{key}'; {shape} knows: {known}")
         if isinstance(value, str):
             raise ValueError(f"{label}: reference.{key} = '{value}': must be a number")
-        if key.endswith(("_s", "_hz")) and value <= 0:
-            raise ValueError(f"{label}: reference.{key} = {value:g}: must be above 0")
+        if key.endswith(("_s", "_hz")) and not SHORTEST <= value <= LONGEST:
+            bounds = f"{SHORTEST:g} to {LONGEST:g}"
+            raise ValueError(f"{label}: reference.{key} = {value:g}: must be {bounds}")
+        if abs(value) > LARGEST:
+            raise ValueError(f"{label}: reference.{key} = {value:g}: at most {LARGEST:g}")
 
 
 def targets(protocol: Protocol, rate_hz: float, rng: np.random.Generator) -> np.ndarray:
@@ -202,8 +207,15 @@ def pushes(protocol: Protocol, rate_hz: float, rng: np.random.Generator) -> np.n
 
 
 def _check_reach(protocol: Protocol, rig: Rig) -> None:
-    """ValueError where the reference leaves the plate (or a servo-only one its angle limit)."""
-    largest = np.abs(targets(protocol, 100.0, np.random.default_rng(0))).max()
+    """ValueError where the reference leaves the plate (or a servo-only one its angle limit), or is
+    no number somewhere."""
+    with np.errstate(all="ignore"):
+        largest = np.abs(targets(protocol, 100.0, np.random.default_rng(0))).max()
+    if not np.isfinite(largest):
+        raise ValueError(
+            f"protocol '{protocol.name}': the reference is no number with these values of "
+            f"[reference]: {protocol.reference}"
+        )
     limit, unit = min(rig.linkage.half_sides_m), "m (half the plate's side)"
     if protocol.servo_only:
         limit, unit = rig.servo.angle_limit_rad, "rad (the servo's angle limit)"
@@ -218,7 +230,8 @@ def course(protocol: Protocol, rig: Rig, seed: int, *, place_std_m: float = 0.00
     """The protocol's course for a seed: targets, pushes, start and steps, the same for both arms.
 
     place_std_m: standard deviation of a hand's placing of the ball. ValueError: the start is off
-    the plate or in a wall, or the reference leaves the plate (servo-only: the servo's angle limit).
+    the plate or in a wall, the reference leaves the plate (servo-only: the servo's angle limit) or
+    is no number, or a push is shorter than a tick.
     """
     half = min(rig.linkage.half_sides_m)
     start = protocol.start
@@ -228,6 +241,12 @@ def course(protocol: Protocol, rig: Rig, seed: int, *, place_std_m: float = 0.00
             f"(+-{half:g} m); correct [start]"
         )
     _check_reach(protocol, rig)
+    long_s = protocol.pushes.seconds
+    if protocol.pushes.kind != "none" and round(long_s * rig.control_rate_hz) == 0:
+        raise ValueError(
+            f"protocol '{protocol.name}': pushes.seconds = {long_s:g} is less than a tick "
+            f"({1 / rig.control_rate_hz:g} s): no push would come; make it longer"
+        )
     inside = half - rig.ball.radius_m
     if rig.walls.present and max(abs(start.x_m), abs(start.y_m)) > inside:
         raise ValueError(

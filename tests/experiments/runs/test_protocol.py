@@ -100,3 +100,42 @@ def test_a_start_off_the_plate_is_refused():
     small = Rig(linkage=Linkage(plate_side_m=0.2))
     with pytest.raises(ValueError, match="off the plate"):
         course(read_protocol("free-release"), small, 1)
+
+
+@pytest.mark.parametrize(
+    ("shape", "key", "value"),
+    [
+        ("circle", "period_s", "1e-320"), ("triangle", "period_s", "1e-320"),
+        ("steps", "every_s", "1e-9"), ("steps", "amplitude", "1e308"),
+        ("sine-sweep", "low_hz", "1e308"), ("sine-sweep", "high_hz", "1e308"),
+        ("sine-sweep", "low_hz", "1e-320"), ("constant", "x", "-1e308"),
+    ],
+)  # fmt: skip
+def test_a_reference_that_nobody_can_compute_is_refused(tmp_path: Path, shape, key, value):
+    """Its targets would be no numbers, or take all memory: a run would end at its first tick."""
+    path = tmp_path / "mine.toml"
+    path.write_text(
+        f'title = "a"\nduration_s = 3\n[reference]\nshape = "{shape}"\n{key} = {value}\n'
+    )
+    with pytest.raises(ValueError, match=rf"mine\.toml: reference\.{key} = "):
+        read_protocol(str(path))
+
+
+def test_a_sweep_from_one_frequency_to_the_same_is_a_sine(tmp_path: Path):
+    path = tmp_path / "mine.toml"
+    path.write_text(
+        'title = "a"\nduration_s = 3\n[reference]\nshape = "sine-sweep"\namplitude = 0.04\n'
+        "low_hz = 0.5\nhigh_hz = 0.5\n"
+    )
+    way = course(read_protocol(str(path)), Rig(), 1)
+    t_s = np.arange(1500) / 500
+    np.testing.assert_allclose(way.targets_m[:, 0], 0.04 * np.sin(np.pi * t_s), atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["drawn", "at-centre"])
+def test_a_push_that_is_shorter_than_a_tick_is_refused(kind: str):
+    """It would be none, and the run one without pushes."""
+    asked = read_protocol("pushed")
+    short = asked.pushes.model_copy(update={"kind": kind, "seconds": 1e-5})
+    with pytest.raises(ValueError, match=r"pushes\.seconds = 1e-05 is less than a tick"):
+        course(asked.model_copy(update={"pushes": short}), Rig(), 1)
