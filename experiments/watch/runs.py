@@ -139,17 +139,23 @@ def _equal(one: RunFolder, other: RunFolder) -> bool:
 
 
 def _is_run(path: Path) -> bool:
-    return path.is_dir() and any((path / f).is_file() for f in ("run.json", "samples.mcap"))
+    """Whether a folder holds a run, or may: one of somebody else that nobody may look into."""
+    try:
+        return path.is_dir() and any((path / f).is_file() for f in ("run.json", "samples.mcap"))
+    except OSError:
+        return True
 
 
 def _as_recorded(path: Path) -> RunFolder:
-    if not (path / "run.json").is_file():
-        return RunFolder(path, None, "is damaged: it has no run.json")
     try:
+        if not (path / "run.json").is_file():
+            return RunFolder(path, None, "is damaged: it has no run.json")
         meta = read_meta(path)
-    except (ValueError, OSError) as error:
+        return RunFolder(path, meta, _why_not(path, meta))
+    except ValueError as error:
         return RunFolder(path, None, f"is damaged: {error}")
-    return RunFolder(path, meta, _why_not(path, meta))
+    except OSError as error:
+        return RunFolder(path, None, f"cannot be read ({error.strerror})")
 
 
 def _why_not(path: Path, meta: dict[str, Any]) -> str:

@@ -83,18 +83,19 @@ def list_runs(parent: Path, most: int = MOST_LISTED) -> list[RunSummary]:
     from experiments.records.run_folder import protocol_of, read_meta
 
     rows = []
-    folders = parent.iterdir() if parent.is_dir() else ()
-    for folder in sorted((f for f in folders if (f / "run.json").is_file()), reverse=True):
-        try:
-            meta = read_meta(folder)
-        except (OSError, ValueError):
-            continue
+    for folder in sorted(parent.iterdir() if parent.is_dir() else (), reverse=True):
         if as_unicode(folder.name) != folder.name:  # no page could be told
             continue
+        try:
+            if not (folder / "run.json").is_file():
+                continue
+            meta = read_meta(folder)
+            outcome = str(meta.get("outcome") or UNFINISHED)
+            if outcome == UNFINISHED and being_recorded(folder):
+                outcome = "being recorded"
+        except (OSError, ValueError):  # also a folder that nobody but its owner may look into
+            continue
         name = protocol_of(meta).get("name", "?")
-        outcome = str(meta.get("outcome") or UNFINISHED)
-        if outcome == UNFINISHED and being_recorded(folder):
-            outcome = "being recorded"
         if "rejected" in meta:
             outcome = "rejected"
         by_hand = meta.get("by_hand")

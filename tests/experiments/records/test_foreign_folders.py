@@ -4,6 +4,7 @@ import errno
 import json
 import os
 from pathlib import Path
+from stat import S_ISREG
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from experiments.records.recording import Recorder, read_run, recover
 from experiments.records.run_folder import read_meta, writable
 from experiments.records.samples_file import CHANNEL_ID, EVENTS, RECORD, _bytes, opening
 from experiments.runs.runs import reject
+from experiments.watch.runs import runs_of
 from rig.files import LONGEST
 from rig.log import COLUMNS
 
@@ -188,3 +190,33 @@ def test_an_event_without_a_text_or_a_time_is_no_event(tmp_path: Path):
     recorder.event(2.0, "good")
     recorder.finish("done")
     assert read_run(tmp_path).events == [{"t_s": 2.0, "text": "good"}]
+
+
+@pytest.mark.parametrize("private", ["", "samples.mcap"])
+def test_what_nobody_but_its_owner_may_read_hides_no_other_run(tmp_path, monkeypatch, private):
+    """A folder, or the samples of a run without an end."""
+    recorded(tmp_path / "1-good")
+    closed = cut_off(tmp_path / "2-private") / private
+    look, look_into = Path.stat, Path.open
+
+    def refuse(path: Path) -> None:
+        if path == closed or (closed in path.parents):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+
+    def stat(path, **how):
+        if path != closed:  # its entry is seen, not what is in it
+            refuse(path)
+        return look(path, **how)
+
+    def opened(path, *how, **more):
+        refuse(path)
+        return look_into(path, *how, **more)
+
+    monkeypatch.setattr(Path, "stat", stat)
+    monkeypatch.setattr(Path, "open", opened)
+    monkeypatch.setattr(Path, "is_file", lambda path: S_ISREG(path.stat().st_mode))
+    assert [row.folder.name for row in list_runs(tmp_path)] == ["1-good"]
+    assert {one.name: one.why for one in runs_of(tmp_path)} == {
+        "1-good": "",
+        "2-private": "cannot be read (Permission denied)",
+    }
