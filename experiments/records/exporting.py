@@ -6,6 +6,7 @@ an empty cell in CSV, null in Parquet, NaN in MAT.
 """
 
 import csv
+import os
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -33,7 +34,8 @@ def export_run(run_folder: Path | str, out_path: Path | str) -> Path:
 def check_place(out_path: Path) -> None:
     """ValueError: no log can be written there, by its suffix or as it is no place for a file."""
     writer_of(out_path)
-    if out_path.is_dir() or (out_path.parent.exists() and not out_path.parent.is_dir()):
+    parent = out_path.parent
+    if out_path.is_dir() or (os.path.lexists(parent) and not parent.is_dir()):  # also a lost link
         raise ValueError(f"{out_path}: not a place for a file; name another")
 
 

@@ -1,5 +1,6 @@
 """`rig report RUN...`: figures and numbers of any recorded runs, simulated or measured."""
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from shlex import quote
@@ -49,10 +50,12 @@ RUNS_A_TABLE = 5  # columns of a table of numbers; chosen: A4 is no wider
 
 def _refuse_twice(folders: Sequence[Path]) -> None:
     """ValueError where one run is named twice: it would count twice."""
-    places = [folder.resolve() for folder in folders]
-    for folder, place in zip(folders, places, strict=True):
-        if places.count(place) > 1:
+    seen = set()
+    for folder in folders:
+        place = os.path.realpath(folder)  # which a loop of links does not stop
+        if place in seen:
             raise ValueError(f"{folder} is given twice: it would count twice")
+        seen.add(place)
 
 
 def _readable(folders: Sequence[Path]) -> tuple[list[Recorded], list[dict], list[str]]:

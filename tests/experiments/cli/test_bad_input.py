@@ -147,6 +147,9 @@ def test_odd_words(tmp_path: Path):
     assert "1000" in refused("compare", "--seeds", 99999999)
     assert "given twice" in refused("report", run, tmp_path / "." / "run", "--out", tmp_path / "r")
     assert "control characters" in refused("reject", run, "a\x1b[2Jb")
+    (tmp_path / "loop").symlink_to("loop")
+    assert "loop is no run folder" in refused("report", tmp_path / "loop", "--out", tmp_path / "r")
+    assert "not a place" in refused("export", run, "--out", tmp_path / "loop" / "log.csv")
     columns = table_log(seconds=1.0)
     names, rows = list(columns), zip(*columns.values(), strict=True)
     lines = [",".join(names), *(",".join(map(str, row)) for row in rows)]
