@@ -153,4 +153,6 @@ class Dynamixel:
             return bits(data[6], HARDWARE) or f"hardware error {data[6]}"
         if data[34] == WATCHDOG_ERROR:
             return f"its watchdog: no word for {20 * WATCHDOG_UNITS} ms"
+        if data[0] and data[34] != WATCHDOG_UNITS:
+            return "its watchdog was set otherwise (does another program use the bus?)"
         return "" if data[0] else "torque off (was its supply cut?)"

@@ -264,6 +264,16 @@ def test_a_halted_program_finds_its_servos_stopped_by_their_watchdog(bench):
     assert one.world.shafts_rad == pytest.approx((0.0, 0.0), abs=1e-3)
 
 
+def test_a_watchdog_that_another_program_switched_off_ends_the_run(bench):
+    """A servo without one would go on to its last goal after a halt of this program."""
+    one = bench("dynamixel")
+    with one.open() as table:
+        ticks(table, 50)
+        one.board.write(one.board.servos[1], 98, b"\0")
+        with pytest.raises(ServoAlarm, match=r"servo 1 \(x\) reports: its watchdog was set"):
+            ticks(table, 50)
+
+
 @EVERY
 def test_a_servo_that_is_missing_is_named_with_the_cure(bench, kind: str):
     one = bench(kind)
