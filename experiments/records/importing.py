@@ -238,7 +238,8 @@ def _read_parquet(path: Path) -> dict[str, np.ndarray]:
     from experiments.records.parquet_files import numbers_of
 
     try:
-        with pq.ParquetFile(path) as file:  # one file, whatever the folders around it are called
+        # One file, whatever the folders around it are called.
+        with pq.ParquetFile(path, page_checksum_verification=True) as file:
             names, rows = file.schema_arrow.names, file.metadata.num_rows
             if rows > MOST_ROWS:  # which a file of some kB can hold: equal values take no room
                 raise ValueError(f"it has {rows} rows (limit: {MOST_ROWS}): cut the log in parts")

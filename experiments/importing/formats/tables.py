@@ -76,7 +76,7 @@ def _table(path: Path) -> Any:
     import pyarrow.parquet as pq
 
     try:
-        with pq.ParquetFile(path) as file:
+        with pq.ParquetFile(path, page_checksum_verification=True) as file:
             check_size(file.metadata.num_rows, file.metadata.num_columns)
             return file.read(columns=numbers_of(file, MAX_CELLS)).flatten()
     except BadFileError:

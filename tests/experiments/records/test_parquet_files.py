@@ -86,3 +86,24 @@ def test_a_damaged_file_stays_one_line(tmp_path: Path):
     (tmp_path / "f.parquet").write_bytes(b"PAR1" + bytes(100) + b"PAR1")
     with pytest.raises(BadFileError, match="not readable as Parquet"):
         read_parquet(tmp_path / "f.parquet")
+
+
+def test_a_wrong_checksum_is_refused_where_the_file_has_one(tmp_path: Path):
+    """One flipped bit of a double, which is a number like another without it."""
+    path, columns = tmp_path / "a.parquet", {}
+    for name in ("t_s", "theta_x_rad", "theta_y_rad", "voltage_x_V", "voltage_y_V"):
+        columns[name] = 0.02 * np.arange(100.0)
+    for has_checksum in (True, False):
+        pq.write_table(
+            pa.table(columns), path, write_page_checksum=has_checksum,
+            use_dictionary=False, compression="none",
+        )  # fmt: skip
+        data = bytearray(path.read_bytes())
+        data[data.index(np.float64(0.02 * 50).tobytes()) + 4] ^= 1
+        path.write_bytes(data)
+        if has_checksum:
+            for read, error in ((read_parquet, BadFileError), (read_log, ValueError)):
+                with pytest.raises(error, match="not readable as Parquet"):
+                    read(path)
+        else:
+            assert len(read_parquet(path)[0]) == 100
