@@ -6,7 +6,8 @@ from os import cpu_count
 from typing import Any, TypeVar
 
 T = TypeVar("T")
-AHEAD = 3  # calls a process that are made before they are wanted
+AHEAD = 2  # calls a process made before they are wanted; all of them fit in the queue of loky,
+# which falls over what does not when it is ended (a KeyError of its thread)
 
 
 def results_of(
@@ -19,7 +20,7 @@ def results_of(
     """Yield function(*call) of every call, in the order in which the calls finish.
 
     jobs: processes (default: one for each core; 1: this process alone); cluster: address of a Dask
-    scheduler instead. `calls` may be a generator: it is asked for no more than three calls a
+    scheduler instead. `calls` may be a generator: it is asked for no more than two calls a
     process ahead. ValueError: Dask is not installed, or no scheduler answers there. An exception of
     `function` is raised again.
     """
