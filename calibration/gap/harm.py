@@ -77,9 +77,8 @@ def harmed_axes(
         return {}
     without = held_out(drop_effects(decision.state, keys_of_name(one)), outputs)
     worse = {axis: o for axis, (o,) in own.items() if harmed(without[o], after[o])}
-    if not all(_proven(without[o], after[o]) for axis, (o,) in own.items() if axis not in worse):
-        return {}
-    if len(worse) == len(own):
+    others = [o for axis, (o,) in own.items() if axis not in worse]
+    if not others or not all(_proven(without[o], after[o]) for o in others):
         return {}
     return {
         axis: f"not named on {in_words(o)}: {one.name}: {harm(o, without[o], after[o])}"
