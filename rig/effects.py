@@ -13,6 +13,8 @@ from math import inf, radians
 
 import numpy as np
 
+from rig.files import known_names
+
 PER_AXIS = ("x", "y")
 SHARED = ("xy",)
 VOLTS, ANGLES = ("voltage",), ("position",)
@@ -179,7 +181,7 @@ def check(
     for name, by_axis in effects.items():
         effect = known.get(name)
         if effect is None:
-            raise ValueError(f"unknown effect '{name}'; known: {', '.join(known)}")
+            raise ValueError(f"unknown effect '{name}'; {known_names(name, known)}")
         keys = [p.key for p in effect.parameters]
         for axis, values in by_axis.items():
             if axis not in effect.axes:
@@ -187,7 +189,9 @@ def check(
                 raise ValueError(f"effect '{name}' has no axis '{axis}'; known: {axes}")
             for key, value in values.items():
                 if key not in keys:
-                    raise ValueError(f"effect '{name}' has no key '{key}'; known: {keys}")
+                    raise ValueError(
+                        f"effect '{name}' has no key '{key}'; {known_names(key, keys)}"
+                    )
                 _check_number(effect, axis, key, value)
         if name in BY_NAME:
             _check_play(name, by_axis)

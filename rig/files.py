@@ -7,7 +7,9 @@ import os
 import secrets
 import stat
 import tomllib
+from collections.abc import Iterable
 from contextlib import suppress
+from difflib import get_close_matches
 from itertools import count
 from math import inf
 from pathlib import Path
@@ -46,15 +48,27 @@ def first_error_line(
     fault = min(error.errors(), key=lambda one: one["type"] != "extra_forbidden")
     where = ".".join(str(part) for part in (*([within] if within else []), *fault["loc"]))
     names = _known_keys(model, fault["loc"][:-1])
-    known = f"; known: {', '.join(names)}" if names else ""
     if fault["type"] == "extra_forbidden":
+        known = f"; {known_names(str(fault['loc'][-1]), names)}" if names else ""
         return f"unknown key '{where}'{known}"
     if fault["type"] == "missing":
+        known = f"; known: {', '.join(names)}" if names else ""
         return f"key '{where}' is missing{known}"
     given = fault["input"]
     if isinstance(given, str | int | float):
         return f"{where} = {given!r}: {fault['msg']}"
     return f"{where}: {fault['msg']}" if where else str(fault["msg"])
+
+
+def known_names(name: object, known: Iterable[str]) -> str:
+    """Words on a `name` that is none of the `known` ones: those, and which of them it may be.
+
+    known: gear_ratio, friction_V; did you mean 'gear_ratio'?
+    """
+    names = list(known)
+    near = get_close_matches(str(name), names, n=1)
+    asked = f"; did you mean '{near[0]}'?" if near else ""
+    return f"known: {', '.join(names)}{asked}"
 
 
 def _known_keys(kind: Any, place: tuple[int | str, ...]) -> list[str]:

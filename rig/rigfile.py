@@ -16,7 +16,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from rig import effects
 from rig.effects import Effect
-from rig.files import file_bytes, first_error_line, read_toml, toml_of, write_whole
+from rig.files import file_bytes, first_error_line, known_names, read_toml, toml_of, write_whole
 from rig.own_effects import OwnEffect, catalogue_of, read_effect
 from rig.parameters import CHANNELS, Rig
 from vision.sources.addresses import without_password
@@ -104,7 +104,7 @@ def from_dict(data: dict[str, Any], own: Sequence[OwnEffect] = ()) -> Rig:
     known = (*SECTIONS, "control_rate_hz", "effects", "tolerances", "floors")
     for key in data:
         if key not in (*known, OWN_EFFECTS):
-            raise ValueError(f"unknown key '{key}'; known: {', '.join(known)}")
+            raise ValueError(f"unknown key '{key}'; {known_names(key, known)}")
     rig = Rig()
     sections = {}
     for name in SECTIONS:
@@ -137,7 +137,7 @@ def _sizes(section: str, data: dict[str, Any], names: tuple[str, ...]) -> dict[s
         raise ValueError(f"[{section}] must hold lines such as {names[0]} = 0.0014")
     for name, value in found.items():
         if name not in names:
-            raise ValueError(f"{section}: unknown name '{name}'; known: {', '.join(names)}")
+            raise ValueError(f"{section}: unknown name '{name}'; {known_names(name, names)}")
         if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < 1e6:
             raise ValueError(f"{section}.{name} = {value}: must be a number above 0")
     return found
@@ -150,7 +150,7 @@ def _section(name: str, default: Any, given: Any) -> Any:
     keys = [f.name for f in dataclasses.fields(default)]
     for key in given:
         if key not in keys:
-            raise ValueError(f"unknown key '{name}.{key}'; known: {', '.join(keys)}")
+            raise ValueError(f"unknown key '{name}.{key}'; {known_names(key, keys)}")
     for axis in ("x", "y") if getattr(default, "by_axis", ()) else ():
         _check_axis(name, axis, default, given.get(axis, {}))
     return _validated(name, default, given)
@@ -158,12 +158,13 @@ def _section(name: str, default: Any, given: Any) -> Any:
 
 def _check_axis(name: str, axis: str, default: Any, given: Any) -> None:
     """The values of one axis, `axis.key = number`, checked as those of the section. ValueError."""
-    known = ", ".join(f"{axis}.{key}" for key in default.by_axis)
     if not isinstance(given, dict):
-        raise ValueError(f"{name}.{axis} = {given!r}: write {name}.{axis}.KEY = number ({known})")
+        keys = ", ".join(default.by_axis)
+        raise ValueError(f"{name}.{axis} = {given!r}: write {name}.{axis}.KEY = number ({keys})")
     for key in given:
         if key not in default.by_axis:
-            raise ValueError(f"unknown key '{name}.{axis}.{key}'; known: {known}")
+            known = known_names(key, default.by_axis)
+            raise ValueError(f"unknown key '{name}.{axis}.{key}'; {known}")
     _validated(f"{name}.{axis}", default, given)
 
 

@@ -224,7 +224,7 @@ def calibrate_table(
     rig = load_rig(rig_file)
     folder = CalibrationFolder(out, _kind(source), rig)
     if folder.draft.lens is None:
-        raise ValueError(f"{folder.path} has no lens yet: run rig calibrate camera --out first")
+        raise ValueError(f"{out} has no lens yet: run rig calibrate camera --out {out} first")
     camera_ = folder.draft.camera
     side_m = rig.linkage.side_m
     layout = _layout(layout_file) or default_layout(side_m, plate_marker_mm / 1e3)

@@ -23,13 +23,11 @@ def has_plate(folder: CalibrationFolder) -> bool:
 
 def tilt_recorder(folder: CalibrationFolder) -> TiltRecorder:
     """A recorder for frames of the folder's camera. ValueError: it has no lens and plate yet."""
-    path = folder.path / FILE
-    if not path.is_file():
-        raise ValueError(
-            f"{folder.path} has no lens and plate yet: run rig calibrate camera and table with the "
-            "same --out first"
-        )
-    bundle = load(path)
+    path = folder.path
+    if not has_plate(folder):
+        lacks, maker = ("lens", "camera") if folder.draft.lens is None else ("plate", "table")
+        raise ValueError(f"{path} has no {lacks} yet: run rig calibrate {maker} --out {path} first")
+    bundle = load(path / FILE)
     return TiltRecorder(bundle.view, bundle.layout)
 
 

@@ -9,8 +9,9 @@ import os
 import sys
 from contextlib import suppress
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -32,6 +33,8 @@ INTERRUPTED = 130
 # What the system says of a name that no file can have, or of a folder in a file's place.
 BAD_NAMES = (errno.ENAMETOOLONG, errno.ELOOP, errno.EISDIR, errno.ENOTDIR, errno.EINVAL)
 LONGEST_LINE = 1000  # characters; chosen: a page of a terminal
+SHIPPED = (Path(__file__).parents[1] / "protocols").glob("*.toml")
+PROTOCOLS = ", ".join(sorted(path.stem for path in SHIPPED))
 app = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
@@ -89,7 +92,7 @@ def _claim_line(claim: dict) -> str:
 
 @app.command()
 def run(
-    protocol: Annotated[str, typer.Argument(help="Shipped protocol or your own .toml file.")],
+    protocol: Annotated[str, typer.Argument(help=f"{PROTOCOLS}, or your own .toml file.")],
     arm: Annotated[str, typer.Option(help="with, without, both, or a compensator.")] = "both",
     rig: RigOption = None,
     out: OutOption = Path("out/run"),
@@ -268,14 +271,16 @@ def main() -> None:
     """
     from rig.loop.signals import leave_on_signals
 
-    if len(sys.argv) == 1:
+    if sys.argv[1:] in ([], *([group.name] for group in app.registered_groups)):
         sys.argv.append("--help")
     threads = os.environ.get("NUMBA_NUM_THREADS")
     if threads is not None and not (threads.isdecimal() and int(threads) > 0):
         _fail(f"NUMBA_NUM_THREADS = {threads!r}: must be a whole number above 0", 2)
     try:
         with leave_on_signals(_print):
-            code = app(standalone_mode=False)  # the parser makes an interruption a returned 130
+            code = app(
+                prog_name="rig", standalone_mode=False
+            )  # the parser makes an interruption a returned 130
         if code == INTERRUPTED:
             raise KeyboardInterrupt
         if isinstance(code, int) and code:
@@ -298,8 +303,22 @@ def main() -> None:
         _fail("there is not enough memory for this: end other programs, or cut the input", 1)
     except Exception as error:
         if hasattr(error, "format_message"):  # the parser's own usage errors
-            _fail(error.format_message(), 2)  # pyright: ignore[reportAttributeAccessIssue]
+            _fail(_usage_words(error, sys.argv), 2)
         _fail(f"{type(error).__name__}: {error}", 1)
+
+
+def _usage_words(error: Any, given: list[str]) -> str:
+    """The parser's own error in words, with the value that it refuses and where help is."""
+    words = error.format_message().rstrip(".?")
+    options = getattr(getattr(error, "param", None), "opts", ())
+    values = [b for a, b in pairwise(given) if a in options]
+    values += [
+        one.partition("=")[2] for one in given if "=" in one and one.split("=")[0] in options
+    ]
+    if values and repr(values[-1]) not in words:
+        words = f"{words}, not {values[-1]!r}"
+    context = getattr(error, "ctx", None)
+    return f"{words}; see {context.command_path} --help" if context else words
 
 
 def _words(error: Exception) -> str:

@@ -13,7 +13,7 @@ from experiments.runs.assemble import another_unit, play_rad
 from experiments.runs.protocol import read_protocol
 from experiments.runs.runner import RunRequest
 from rig.control.controllers import COMPENSATORS
-from rig.files import StrictModel, first_error_line, toml_of
+from rig.files import StrictModel, first_error_line, known_names, toml_of
 from rig.parameters import Gains, Rig
 from rig.rigfile import from_dict, to_dict
 
@@ -153,13 +153,13 @@ def _check(grid: Grid, label: str) -> None:
     """ValueError unless every name is known and "without", the reference of all tests, is there."""
     for condition in grid.arms:
         if condition not in COMPENSATORS:
-            raise ValueError(
-                f"{label}: unknown arm '{condition}'; known: {', '.join(COMPENSATORS)}"
-            )
+            known = known_names(condition, COMPENSATORS)
+            raise ValueError(f"{label}: unknown arm '{condition}'; {known}")
     if "without" not in grid.arms:
         raise ValueError(f"{label}: arms lack 'without', against which all others are compared")
     if grid.measure not in MEASURES:
-        raise ValueError(f"{label}: measure = '{grid.measure}'; known: {', '.join(MEASURES)}")
+        known = known_names(grid.measure, MEASURES)
+        raise ValueError(f"{label}: measure = '{grid.measure}'; {known}")
     names = [
         *((p, grid.plays, "play") for p in [*grid.robustness.plays, grid.paper.play]),
         *((f, grid.frictions, "friction") for c in grid.courses for f in c.frictions),
@@ -167,7 +167,7 @@ def _check(grid: Grid, label: str) -> None:
     ]
     for name, known, what in names:
         if name not in known:
-            raise ValueError(f"{label}: unknown {what} '{name}'; known: {', '.join(known)}")
+            raise ValueError(f"{label}: unknown {what} '{name}'; {known_names(name, known)}")
 
 
 def cells(grid: Grid) -> list[Cell]:

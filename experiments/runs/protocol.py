@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, ValidationError
 
 from rig.course import Course
-from rig.files import StrictModel, first_error_line, toml_of
+from rig.files import StrictModel, first_error_line, known_names, toml_of
 from rig.parameters import Rig
 from rig.reference import SHAPES
 
@@ -122,7 +122,8 @@ def parse(data: dict[str, Any], *, label: str, name: str) -> Protocol:
         raise ValueError(f"{label}: {first_error_line(error, Protocol)}") from None
     shape = protocol.reference.get("shape")
     if shape not in SHAPES:
-        raise ValueError(f"{label}: reference.shape = '{shape}'; known: {', '.join(SHAPES)}")
+        known = known_names(shape, SHAPES)
+        raise ValueError(f"{label}: reference.shape = '{shape}'; {known}")
     _check_reference(protocol, label)
     _check_operator(protocol, label)
     _check_arms(protocol, label)
@@ -135,9 +136,8 @@ def _check_arms(protocol: Protocol, label: str) -> None:
 
     for arm in protocol.arms:
         if arm not in COMPENSATORS and arm != OWN:
-            raise ValueError(
-                f"{label}: arms: unknown arm '{arm}'; known: {', '.join([*COMPENSATORS, OWN])}"
-            )
+            known = known_names(arm, [*COMPENSATORS, OWN])
+            raise ValueError(f"{label}: arms: unknown arm '{arm}'; {known}")
     if (OWN in protocol.arms) != bool(protocol.controller):
         raise ValueError(
             f"{label}: the arm 'own' and controller = \"mine.py:MyController\" belong together"

@@ -11,7 +11,7 @@ from experiments.records.run_folder import read_meta
 from experiments.sheets.catalogue import LabSheet, Question
 from experiments.sheets.handout import BLANK
 from experiments.sheets.swing import swing
-from rig.files import StrictModel, first_error_line, toml_of
+from rig.files import StrictModel, first_error_line, known_names, toml_of
 
 RIGHT, WRONG, OPEN = "right", "wrong", "not answered"
 BLANKS = ("", BLANK)
@@ -51,7 +51,7 @@ def read_results(path: Path, sheet: LabSheet) -> Results:
     known = {one.key: one for one in sheet.questions}
     for key, answer in found.answers.items():
         if key not in known:
-            raise ValueError(f"{path}: unknown answer '{key}'; known: {', '.join(known)}")
+            raise ValueError(f"{path}: unknown answer '{key}'; {known_names(key, known)}")
         _check_kind(path, known[key], answer)
     return found
 

@@ -40,9 +40,18 @@ class Outer(StrictModel):
 @pytest.mark.parametrize(
     ("data", "line"),
     [
-        ({"title": "a", "tilte": "b"}, "unknown key 'tilte'; known: title, one, many, named"),
-        ({"title": "a", "one": {"size": 1}}, "unknown key 'one.size'; known: size_m"),
-        ({"title": "a", "many": [{}, {"size": 1}]}, "unknown key 'many.1.size'; known: size_m"),
+        (
+            {"title": "a", "tilte": "b"},
+            "unknown key 'tilte'; known: title, one, many, named; did you mean 'title'?",
+        ),
+        (
+            {"title": "a", "one": {"size": 1}},
+            "unknown key 'one.size'; known: size_m; did you mean 'size_m'?",
+        ),
+        (
+            {"title": "a", "many": [{}, {"size": 1}]},
+            "unknown key 'many.1.size'; known: size_m; did you mean 'size_m'?",
+        ),
         ({"title": "a", "named": {"b": {"c": 1}}}, "unknown key 'named.b.c'; known: size_m"),
         ({"one": {"size_m": -1}, "x": 1}, "unknown key 'x'; known: title, one, many, named"),
         ({}, "key 'title' is missing; known: title, one, many, named"),

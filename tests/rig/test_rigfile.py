@@ -165,7 +165,7 @@ height_m = 0.11
             "[servo]\nkind = 'position'\nrate_limit_rad_s = 0",
             "servo.rate_limit_rad_s = 0: .*than 0",
         ),
-        ("[servo]\nkind = 'position'\nx.lag = 0.1", "unknown key 'servo.x.lag'; known: x.lag_s"),
+        ("[servo]\nkind = 'position'\nx.lag = 0.1", "unknown key 'servo.x.lag'; known: lag_s"),
         ("[servo]\nkind = 'position'\ny.lag_s = -1", "servo.y.lag_s = -1: .*or equal to 0"),
         ("[servo]\nkind = 'position'\nx = 0.1", r"servo.x = 0.1: write servo.x.KEY = number"),
         ("[servo]\nx.lag_s = 0.1", "servo.x and servo.y need servo.kind = 'position'"),

@@ -1,6 +1,7 @@
 """Bad input of any kind: exit code 2 and one line that a person can read."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 from experiments.cli.console import bars, effects_table
 from experiments.records.recording import Recorder
 from experiments.records.run_folder import write_results
+from experiments.runs.protocol import shipped
 from rig.effects import BY_NAME
 from tests.support.command import told
 from tests.support.gap.logs import table_log
@@ -180,3 +182,42 @@ def test_brackets_in_a_labs_own_words_are_shown(capsys):
     with bars() as progress:
         progress("run [/hold]", 1, 2)
     assert "run [/hold]" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "say"),
+    [
+        (("run", "hold", "--seed", "-1"), "'--seed'.*0, not '-1'; see rig run --help"),
+        (("run", "hold", "--seed=soon"), "'--seed'.*not 'soon'; see rig run --help"),
+        (("run",), "Missing argument 'protocol'; see rig run --help"),
+        (("rnu",), "Did you mean 'run'; see rig --help"),
+    ],
+)
+def test_the_command_line_names_the_value_and_where_help_is(words, say):
+    assert re.search(say, refused(*words))
+
+
+@pytest.mark.parametrize("words", [(), ("calibrate",), ("benchmark",)])
+def test_a_group_of_commands_alone_is_its_help(words):
+    code, out, _ = told(*words)
+    assert code == 0
+    assert "Commands:" in out
+
+
+def test_the_help_of_run_names_every_shipped_protocol():
+    _, out, _ = told("run", "--help")
+    assert all(name.replace("-", "") in re.sub(r"[-\s]", "", out) for name in shipped())
+
+
+def test_a_slip_in_a_rig_files_key_is_told_with_what_was_meant(tmp_path: Path):
+    file = tmp_path / "rig.toml"
+    file.write_text("[servo]\nangle_limit = 3\n")
+    assert refused("run", "hold", "--rig", file).endswith("did you mean 'angle_limit_rad'?\n")
+    file.write_text("[effects.columb_friction]\nx.torque_V = 0.1\n")
+    assert refused("run", "hold", "--rig", file).endswith("did you mean 'coulomb_friction'?\n")
+
+
+@pytest.mark.parametrize("step", ["table", "time"])
+def test_a_step_of_calibration_names_the_step_before_it_and_its_folder(tmp_path: Path, step):
+    error = refused("calibrate", step, "--out", tmp_path / "c")
+    assert f"rig calibrate camera --out {tmp_path / 'c'} first" in error
