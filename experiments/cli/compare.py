@@ -31,7 +31,6 @@ def compare(
     from experiments.records.run_folder import results_folder
 
     folder = results_folder(out)
-    notes: list[str] = []
     with bars() as progress:
         results = run_comparison(
             rig,
@@ -41,10 +40,8 @@ def compare(
             jobs=jobs,
             cluster=cluster,
             progress=progress,
-            note=notes.append,
+            note=lambda text: typer.echo(f"note: {text}", err=True),
         )
-    for line in notes:
-        typer.echo(f"note: {line}", err=True)
     for line in results["words"]:
         say(line)
     say(f"report: {out / 'report.html'}   numbers: {out / 'results.json'}")

@@ -39,15 +39,19 @@ def home(
         found, kept = home_table(known, rig)
     wiring = found.wiring
     names = known.linkage.servo_names
+    way = "from end to end" if known.servo.takes_angle else "between the stops"
     for name, travel, volts in zip(names, found.travel_rad, found.moving_V, strict=True):
         moves = f", moves at {volts:.2f} V" if volts else ""
-        say(f"{name}: {degrees(travel):.1f} degrees between the stops{moves}")
+        say(f"{name}: {degrees(travel):.1f} degrees {way}{moves}")
     named = wiring.order == tuple(range(len(wiring.order)))
     order = "swapped" if wiring.swap else ", ".join(names[servo] for servo in wiring.order)
     said = [word for word, so in {order: not named, "motors crossed": wiring.crossed}.items() if so]
+    angle = known.servo.takes_angle
+    signs = "" if angle else f"volts {list(wiring.sign_volts)}, of "
     say(
-        f"channels: {', '.join(said) or 'as named'}; signs of volts {list(wiring.sign_volts)}, "
-        f"of angles {list(wiring.sign_angle)}; level at counts {list(wiring.zero_counts)}"
+        f"channels: {', '.join(said) or 'as named'}; signs of {signs}angles "
+        f"{list(wiring.sign_angle)}; level at {'steps' if angle else 'counts'} "
+        f"{list(wiring.zero_counts)}"
     )
     if found.level is not None:
         x, y = (degrees(s) for s in found.level)

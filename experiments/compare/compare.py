@@ -187,6 +187,11 @@ def judge(grid: Grid, table: dict[str, dict[str, list]]) -> list[dict]:
     return found
 
 
+def number_of_tests(grid: Grid) -> int:
+    """How many tests `judge` makes."""
+    return sum((len(grid.arms) - 1) * (1 if cell.fault else 2) for cell in cells(grid))
+
+
 def run_comparison(
     rig_file: Path | None,
     out: Path,
@@ -205,12 +210,14 @@ def run_comparison(
     or grid file, or no such cluster.
     """
     from experiments.compare.report import write_report
-    from experiments.compare.words import words
+    from experiments.compare.words import few_seeds_words, words
 
     rig = load_rig(rig_file)
     grid = read_grid(grid_file, takes_angle=rig.servo.takes_angle)
     if seeds is not None:
         grid = grid.model_copy(update={"seeds": seeds})
+    for line in few_seeds_words(number_of_tests(grid), grid.seeds):
+        note(line)
     table = all_rows(rig, grid, out, jobs=jobs, cluster=cluster, progress=progress, note=note)
     judged = judge(grid, table)
     results = {

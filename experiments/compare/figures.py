@@ -17,6 +17,9 @@ COLOURS = {"without": "#1f4fd8", "with": "#d62728", "adaptive": "#9467bd", "neur
            "lqg": "#bcbd22", "mpc": "#393b79"}  # fmt: skip
 
 
+BAR_CELLS = 8  # chosen: from here on the bar's label fits beside the map
+
+
 def _is_dark(colour: np.ndarray) -> bool:
     """Whether white letters stand out more than black ones from a colour (3,) of sRGB (WCAG 2)."""
     light = np.where(colour <= 0.03928, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
@@ -63,8 +66,9 @@ def map_figure(results: Mapping, out: Path) -> Path:
     ax.xaxis.tick_top()
     ax.set_yticks(range(len(cells)), names, fontsize=7)
     ax.grid(False)
-    bar = figure.colorbar(image, shrink=0.5)
-    bar.set_label("gain over none [cm RMS]\ngreen-blue helps, brown harms", fontsize=8)
+    few = len(cells) < BAR_CELLS  # a low map: the label has no room beside the bar
+    bar = figure.colorbar(image, shrink=1.0 if few else 0.5, location="bottom" if few else "right")
+    bar.set_label("gain over no compensator [cm RMS]\ngreen-blue helps, brown harms", fontsize=8)
     return save(figure, out, "compare_map", "simulated")
 
 

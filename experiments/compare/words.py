@@ -23,20 +23,24 @@ def words(results: Mapping) -> list[str]:
 
 
 def too_few_words(results: Mapping) -> list[str]:
+    """As `few_seeds_words`, of results; nothing of those without their seeds."""
+    kinds = ("against_without", "at_equal_activity")
+    arms = [arm for cell in results["cells"] for arm in cell["arms"].values()]
+    return few_seeds_words(sum(kind in arm for arm in arms for kind in kinds), results.get("seeds"))
+
+
+def few_seeds_words(tests: int, seeds: int | None) -> list[str]:
     """Where the seeds are so few that no test can be certain: that, and how many it takes.
 
     The smallest exact p of n pairs is 2/2^n (both signs); Holm multiplies it by the number m of
-    tests. So m 2/2^n <= SURE needs n >= log2(2 m/SURE). Nothing of results without their seeds.
+    tests. So m 2/2^n <= SURE needs n >= log2(2 m/SURE). Nothing of an unknown number of seeds.
     """
-    kinds = ("against_without", "at_equal_activity")
-    arms = [arm for cell in results["cells"] for arm in cell["arms"].values()]
-    m = sum(kind in arm for arm in arms for kind in kinds)
-    n = results.get("seeds")
-    if n is None or m * 2.0 ** (1 - n) <= SURE:
+    if seeds is None or tests * 2.0 ** (1 - seeds) <= SURE:
         return []
     return [
-        f"With {n} seeds a cell no difference can be certain among {m} tests: p is "
-        f"{2.0 ** (1 - n):.2g} at least. It takes {ceil(log2(2 * m / SURE))} seeds: --seeds."
+        f"With {seeds} seeds a cell no difference can be certain among {tests} tests: p is "
+        f"{2.0 ** (1 - seeds):.2g} at least. It takes {ceil(log2(2 * tests / SURE))} seeds: "
+        "--seeds."
     ]
 
 

@@ -27,6 +27,7 @@ ABSURD_GAIN_RATIO = 15.0  # of a gain to its nominal: beyond, it is a wrong unit
 MAX_PAUSE_S = 60.0  # chosen: time is filled with ticks, of which a day would fill the memory
 MAX_EXPOSURE_LAG_S = 2.0  # an exposure is at most so long before its row
 TIMES = ("t_s", "ball_exposed_s")  # may count from 1970
+OTHER_RATE = 1.25  # chosen: of frames to the rig file's: no slip of a clock, another camera
 MIN_LEVELS = 12  # different encoder readings from which their step is found
 DECIMAL = 1e-6  # chosen: of the decade, so far is the step of written decimals from a power of ten
 
@@ -47,7 +48,7 @@ def check(log: Log, rig: Rig) -> list[str]:
     _check_channels(log, ["command_{}_rad"] if read_back else [])
     _check_cells(log)
     _check_time(log)
-    notes = [*_still(log), *_holes(log), *_volts(log, rig)]
+    notes = [*_still(log), *_holes(log), *_frames(log, rig), *_volts(log, rig), *_told(log, rig)]
     servo = {axis: servo_response(log, axis, axis) for axis in "xy"}
     ball = {axis: ball_response(log, axis, axis, rig.camera.delay_s) for axis in "xy"}
     notes += _units(log, rig, ball, servo)
@@ -174,6 +175,32 @@ def _holes(log: Log) -> list[str]:
     return [
         f"rows are missing: {several} {spans[longest]:.3g} s after {t_s[rows[longest] - 1]:.6g} s; "
         "servos are predicted anew behind each"
+    ]
+
+
+def _frames(log: Log, rig: Rig) -> list[str]:
+    """A note on frames that come at another rate than the rig file's camera has."""
+    exposed_s = log.ball()[0]
+    if len(exposed_s) < MIN_OBSERVATIONS:
+        return []
+    rate_Hz, camera_Hz = 1 / float(np.median(np.diff(exposed_s))), rig.camera.rate_hz
+    if 1 / OTHER_RATE < rate_Hz / camera_Hz < OTHER_RATE:
+        return []
+    return [
+        f"the ball is seen {rate_Hz:.3g} times a second, the rig file says camera.rate_hz = "
+        f"{camera_Hz:g}: its camera.delay_s may be of another camera, too"
+    ]
+
+
+def _told(log: Log, rig: Rig) -> list[str]:
+    """Notes on angles that were told beyond what the rig file's servos are told at most."""
+    most_rad = {name: _most(log[name]) for name in COMMANDS if log.has(name)}
+    limit_rad = rig.servo.angle_limit_rad
+    return [
+        f"{name} reaches {most:.3g} rad, beyond the rig file's servo.angle_limit_rad = "
+        f"{limit_rad:.3g}: the extended model would be held back where this table was not"
+        for name, most in most_rad.items()
+        if most > 1.02 * limit_rad
     ]
 
 

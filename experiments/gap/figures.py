@@ -217,7 +217,7 @@ def shrinking(steps: Sequence[Step]) -> Figure:
                 axis.text(
                     x,
                     gap,
-                    f"{gap:.3g}" if gap >= 10 else f"{gap:.1f}",
+                    f"{gap:.3g}" if gap >= 10 else f"{gap:.2f}",
                     ha="center",
                     va="bottom",
                     fontsize=SMALL,

@@ -55,7 +55,7 @@ def investigate(
             return found.findings
         progress("closed loop and next experiment", 0, 1)
         loop = _closed_loop(inputs, found.findings)
-        told = found.findings.notes + farther_note(loop)
+        told = farther_note(loop) + found.findings.notes  # the gravest first
         answer = replace(found.findings, closed_loop=loop, notes=told)
         if stage == "next" and found.rivals is not None:
             answer = replace(answer, next_experiment=_next(found, inputs))

@@ -86,8 +86,7 @@ def servo_word(log: Log) -> str:
 
 
 def _angle_label(log: Log, a: int) -> str:
-    what = "servo" if servo_word(log) == "servo" else "commanded"
-    return f"{what} {'xy'[a]} [deg]"
+    return f"{servo_word(log)} {'xy'[a]} [deg]"
 
 
 def save(figure: Figure, folder: Path, name: str, source: str) -> Path:

@@ -219,3 +219,17 @@ def test_a_servo_alone_that_reads_its_angle_back_can_be_compared():
     assert check(log_of(told), bus) == []
     with pytest.raises(ValueError, match="nothing to compare: one axis needs its theta_rad and"):
         check(log_of(told), RIG)
+
+
+def test_another_camera_and_larger_angles_than_the_rig_files_are_told():
+    columns = table_log()
+    told = {name: columns[name] for name in ("t_s", "ball_x_m", "ball_y_m")}
+    told |= {f"command_{axis}_rad": columns[f"theta_{axis}_rad"] for axis in "xy"}
+    most_rad = float(np.max(np.abs(columns["theta_x_rad"])))
+    servo = replace(RIG.servo, kind="position", angle_limit_rad=0.9 * most_rad)
+    slow = replace(RIG, servo=servo, camera=replace(RIG.camera, rate_hz=RIG.camera.rate_hz / 2))
+    notes = check(log_of(told), slow)
+    (frames,) = (note for note in notes if note.startswith("the ball is seen "))
+    assert f"camera.rate_hz = {slow.camera.rate_hz:g}" in frames
+    (angle,) = (note for note in notes if note.startswith("command_x_rad reaches "))
+    assert f"servo.angle_limit_rad = {0.9 * most_rad:.3g}" in angle
