@@ -18,7 +18,7 @@ from experiments.records.exporting import ALWAYS
 from experiments.records.mat_files import read_mat
 from experiments.records.recording import read_run
 from experiments.records.run_folder import lost_words
-from rig.log import INDEX, NAMES, Log
+from rig.log import COMMANDS, INDEX, NAMES, Log
 
 ONE_OF = ("theta_x_rad", "theta_y_rad", "ball_x_m", "ball_y_m")
 FEW = 0.01  # share of rows that may lack an angle or a voltage and are then left out
@@ -104,7 +104,9 @@ def _checked(path: Path, columns: Mapping[str, Any], notes: list[str]) -> Log:
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
     notes = [*notes, *bridged]
-    missing = [name for name in ALWAYS if not log.has(name)]
+    told = any(log.has(name) for name in COMMANDS)  # no volts there, and seldom an angle read back
+    needed = [name for name in ALWAYS if not told or name.startswith(("t_s", "ball"))]
+    missing = [name for name in needed if not log.has(name)]
     if missing:
         notes = [*notes, f"no values of {', '.join(missing)}: what needs them is skipped"]
     return Log(log.rows, tuple(notes))
