@@ -63,7 +63,8 @@ def reproduce(
         bool, typer.Option(help="Runs of Figs. 10 to 14 through rendered camera frames.")
     ] = True,
 ) -> None:
-    """Reproduce the paper's study on the virtual rig: its figures, a report, results.json."""
+    """Reproduce the paper's study on the virtual rig. Makes its figures, a
+    report and results.json."""
     from experiments.cli.console import bars
     from experiments.paper.reproduce import reproduce as work
     from experiments.records.run_folder import results_folder
@@ -105,7 +106,7 @@ def run(
         False
     ),
 ) -> None:
-    """Run a protocol and record it, on the virtual table or the rig file's; prints the folders."""
+    """Run a protocol and record it. On the virtual table or the rig file's; prints the folders."""
     from experiments.cli.console import bars
     from experiments.records.run_folder import results_folder
     from experiments.runs.assemble import load_rig
@@ -147,7 +148,7 @@ def report(
     runs: Annotated[list[Path], typer.Argument(help="Run folders.")],
     out: OutOption = Path("out/report"),
 ) -> None:
-    """Figures and numbers of recorded runs, simulated or measured, as one HTML page."""
+    """Figures and numbers of recorded runs as one HTML page. Simulated runs or measured ones."""
     from experiments.records.run_folder import results_folder
     from experiments.reports.report_runs import report_runs
 
@@ -166,7 +167,7 @@ def track(
         str | None, typer.Option(help="U,V or U,V,RADIUS in px in the first frame; default: found.")
     ] = None,
 ) -> None:
-    """Track a ball in real footage: track.csv, a film with overlay, a contact sheet."""
+    """Track a ball in real footage. Makes track.csv, a film with overlay, a contact sheet."""
     from experiments.records.run_folder import results_folder
     from experiments.track.track import place_of, track_video
     from experiments.track.words import summary_words
@@ -192,7 +193,7 @@ def effects(
         Path | None, typer.Argument(help="rig.toml: its own effects, too; only what it can have.")
     ] = None,
 ) -> None:
-    """List the effects that the model knows: name, keys, unit, range, tolerance, meaning."""
+    """List the effects that the model knows. Name, keys, unit, range, tolerance, meaning."""
     from experiments.cli.console import effects_table
     from rig.effects import CATALOGUE, effects_of
 
@@ -241,7 +242,7 @@ def reject(
     run: Annotated[Path, typer.Argument(help="Run folder.")],
     reason: Annotated[str, typer.Argument(help="Why this repetition does not count.")],
 ) -> None:
-    """Mark a repetition as rejected: reports leave it out and say why."""
+    """Mark a repetition as rejected. Reports leave it out and say why."""
     from experiments.runs.runs import reject as mark
 
     mark(run, reason)

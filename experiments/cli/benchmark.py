@@ -10,7 +10,7 @@ from experiments.cli.say import say
 benchmark = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
-    help="Name the missing effect: sealed logs for any method, and the score of its answers.",
+    help="Sealed logs for any method that names what is missing. And its score.",
 )
 
 SetArgument = Annotated[Path, typer.Argument(help="Folder that `rig benchmark make` made.")]
@@ -29,7 +29,7 @@ def make(
     logs: Annotated[int, typer.Option(min=1, max=9999, help="How many logs.")] = 300,
     jobs: JobsOption = None,
 ) -> None:
-    """Make logs with something hidden, a rig file each, the rules, and the sealed truth."""
+    """Make logs with something hidden. A rig file each, the rules, and the sealed truth."""
     import secrets
 
     from experiments.benchmark.make import make_set
@@ -77,7 +77,7 @@ def score(
         Path | None, typer.Option("--out", help="Folder for results.json and table.md.")
     ] = None,
 ) -> None:
-    """Open the seal and score the answers of an entry, or of several side by side."""
+    """Open the seal and score the answers. Of one entry, or of several side by side."""
     from experiments.benchmark.score import score_set
     from experiments.benchmark.table import entry_names, page_of, show
     from experiments.records.run_folder import (

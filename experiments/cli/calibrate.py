@@ -8,7 +8,7 @@ import typer
 calibrate = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
-    help="Measure camera, plate, delay, level and servos; one folder holds one calibration.",
+    help="Measure camera, plate, delay and servos. One folder holds one calibration.",
 )
 
 RigOption = Annotated[
@@ -36,7 +36,7 @@ def sheet(
     dictionary: Dictionary = "DICT_5X5_50",
     plate_marker_mm: PlateMarkerMm = 24.0,
 ) -> None:
-    """Sheets to print at 100 %: the board for the lens, the markers for the plate and beside it."""
+    """Sheets to print at 100 %. The board for the lens, the markers for the plate and beside it."""
     from experiments.calibrate import camera as work
 
     board = work.sheet_of(squares, square_mm, marker_mm, dictionary)
@@ -64,7 +64,7 @@ def camera(
     ] = 180.0,
     seed: SeedOption = 1,
 ) -> None:
-    """The lens, from pictures of the printed sheet; refuses what would not be trusted."""
+    """The lens, from pictures of the printed sheet. Refuses what would not be trusted."""
     from experiments.calibrate import camera as work
 
     board = work.sheet_of(squares, square_mm, marker_mm, dictionary)
@@ -152,7 +152,7 @@ def level(
     ] = 40.0,
     seed: SeedOption = 1,
 ) -> None:
-    """How far the plate is from level at servo angle zero, and whether angles push the ball the
+    """How far from level the plate is at servo angle zero. And whether angles push the ball the
     right way."""
     from experiments.calibrate import motion as work
 
@@ -172,7 +172,7 @@ def servo(
     out: OutOption = OUT,
     seed: SeedOption = 1,
 ) -> None:
-    """Breakaway volts in both directions, gain, time constant and direction signs; no ball.
+    """Breakaway volts, gain, time constant and signs. In both directions; no ball.
 
     Of servos that take an angle: lag, dead time, limits and dead band from the angle that they read
     back, or from the plate's markers in frames; else lag and dead time from a ball that is led
@@ -194,7 +194,7 @@ def play(
         bool, typer.Option("--motor-only", help="Tachometer and volts alone.")
     ] = False,
 ) -> None:
-    """How much play, where, and whether it is symmetric; plans and runs its own motion."""
+    """How much play, where, and whether it is symmetric. Plans and runs its own motion."""
     from experiments.calibrate import backlash as work
 
     work.calibrate_backlash(rig, out, seed=seed, motor_only=motor_only)

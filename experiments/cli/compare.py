@@ -20,7 +20,7 @@ def compare(
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: all cores.")] = None,
     cluster: Annotated[str | None, typer.Option(help="Address of a Dask scheduler.")] = None,
 ) -> None:
-    """Which play compensation helps, and when: arms x play x friction x protocol.
+    """Which play compensation helps, and when. Arms x play x friction x protocol.
 
     All arms run on the same paired seeds.
 

@@ -24,7 +24,7 @@ def dashboard(
         typer.Option(min=0, max=65535, help="Also stream to Foxglove, on this port of 127.0.0.1."),
     ] = None,
 ) -> None:
-    """A page to see the table, run protocols, calibrate, look at results and close the gap.
+    """A page to run, watch, calibrate and diagnose the table.
 
     Prints the link to open. Only who has the link gets in; Ctrl-C ends it and levels the table.
     """

@@ -13,7 +13,7 @@ def doctor(
         Path | None, typer.Option("--rig", help="rig.toml; none: what is plugged in here.")
     ] = None,
 ) -> None:
-    """Look for boards, cards, cameras, permissions and limits; say what is missing and the cure.
+    """Look for boards, cameras, permissions and limits. Says what is missing and the cure.
 
     Exit 0 when the rig file's table can be used, else 1. Nothing is moved.
     """

@@ -18,7 +18,7 @@ def export_model(
         Path | None, typer.Option(help="Answer of `rig gap --json`: min and max (fmu).")
     ] = None,
 ) -> None:
-    """Write a table, effects included, as a model for MuJoCo or any FMI importer."""
+    """Write a table as a model for MuJoCo or any FMI importer. Its effects are included."""
     from experiments.export.export_model import export_model as write
     from experiments.runs.assemble import load_rig
 

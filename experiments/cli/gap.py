@@ -52,7 +52,7 @@ def gap(
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: all cores.")] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Of everything that is drawn.")] = None,
 ) -> None:
-    """Say where the model is wrong, name the missing effect, add it, show the gap shrink."""
+    """Name the effect that the model lacks. Says where it is wrong, shows the gap shrink."""
     given = [*(logs or [])]
     if blind_trial:
         _blind(

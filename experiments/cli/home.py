@@ -24,7 +24,7 @@ def home(
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the arms move.")] = False,
 ) -> None:
-    """Find where the plate is level (at low volts, or by small angles), check cables and signs.
+    """Find where the plate is level, check cables and signs. At low volts, or by small angles.
 
     What is found is kept beside the rig file until the table is switched off.
     """

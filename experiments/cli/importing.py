@@ -42,7 +42,7 @@ def import_(
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Take the proposal unasked.")] = False,
 ) -> None:
-    """Turn recordings of other programs into logs; import.toml beside them keeps how.
+    """Turn recordings of other programs into logs. A file import.toml beside them keeps how.
 
     Several sessions become LOG-1, LOG-2, ...
     """

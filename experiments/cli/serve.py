@@ -20,7 +20,7 @@ def serve(
         Path, typer.Option(help="The secret; made where there is none. Copy it to the user.")
     ] = Path("rig.token"),
 ) -> None:
-    """Drive the table of the rig file for one user on the network, until Ctrl-C.
+    """Drive this machine's table for one user on the network. Until Ctrl-C.
 
     Who does not know the token is not listened to; who falls silent for 0.1 s loses the table.
     """

@@ -13,7 +13,7 @@ def sheet(
     student: Annotated[str, typer.Option(help="Name or number; it draws the table.")],
     out: Annotated[Path | None, typer.Option("--out", help="Default: out/sheet-NAME.")] = None,
 ) -> None:
-    """Hand out a lab sheet: runs of a table of the student's own, and the results file."""
+    """Hand out a lab sheet. Runs of a table of the student's own, and the results file."""
     from experiments.cli.console import bars
     from experiments.records.run_folder import writable
     from experiments.sheets.catalogue import sheet_named
@@ -36,7 +36,7 @@ def check(
     name: Annotated[str, typer.Argument(help="play, servo, camera or missing.")],
     results: Annotated[Path, typer.Argument(help="Your results.toml.")],
 ) -> None:
-    """Say which answers of a lab sheet are right; exit code 1 where one is not."""
+    """Say which answers of a lab sheet are right. Exit code 1 where one is not."""
     from experiments.sheets.catalogue import sheet_named
     from experiments.sheets.check import RIGHT, WRONG
     from experiments.sheets.check import check as work

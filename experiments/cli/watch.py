@@ -23,7 +23,7 @@ def watch(
         "out/watch"
     ),
 ) -> None:
-    """Say whether a table has changed from run to run: what, since when and how much."""
+    """Say whether a table has changed from run to run. What, since when and how much."""
     from experiments.cli.console import bars
     from experiments.records.run_folder import results_folder
     from experiments.watch.report import write_watch
