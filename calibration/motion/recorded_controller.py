@@ -100,7 +100,7 @@ def _targets(log: Log) -> np.ndarray | None:
 def _changes(data: Told, rows: slice) -> list[int]:
     """Rows of a stretch at which the target changed."""
     if data.targets is not None:
-        found = recorded_changes(data.targets[rows])
+        found = recorded_changes(data.t_s[rows], data.targets[rows])
     else:
         found = told_changes(data.t_s[rows], data.ball[rows], data.told[rows])
     return [rows.start + k for k in found]

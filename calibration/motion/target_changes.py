@@ -52,11 +52,12 @@ def held(values: np.ndarray) -> np.ndarray:
     return np.take_along_axis(values, np.maximum.accumulate(rows, axis=0), axis=0)
 
 
-def recorded_changes(targets: np.ndarray) -> list[int]:
-    """Rows of a stretch at which a recorded target (n, 2) that stood still changed."""
-    moved = (np.diff(targets, axis=0) != 0).any(axis=1)
-    still = np.append(True, ~moved[:-1])
-    return [int(k) + 1 for k in np.flatnonzero(moved & still)]
+def recorded_changes(t_s: np.ndarray, targets: np.ndarray) -> list[int]:
+    """Rows of a stretch, t_s (n,), at which a recorded target (n, 2) changed that had stood still
+    for APART_S: one that glides in rounded numbers never does."""
+    rows = np.flatnonzero((np.diff(targets, axis=0) != 0).any(axis=1)) + 1
+    still_s = np.diff(t_s[rows], prepend=-np.inf)
+    return [int(k) for k in rows[still_s >= APART_S]]
 
 
 def told_changes(t_s: np.ndarray, ball_m: np.ndarray, command_rad: np.ndarray) -> list[int]:

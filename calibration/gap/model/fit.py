@@ -25,6 +25,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.optimize import lsq_linear
+from scipy.sparse.csgraph import connected_components
 
 from calibration.gap.model.data import Evidence, Roll
 from calibration.gap.model.parameters import NominalModel, Parameter
@@ -241,8 +242,13 @@ class _Problem:
         if np.array_equal(there, value):
             return at
         setting = dict(zip((k.name for k in self.parameters), there.tolist(), strict=True))
-        tried = evaluate(self.evidence, self.nominal, at.setting | setting, at.rolls)
-        return replace(tried, columns=at.columns)
+        changed = [
+            k for k, old, new in zip(self.parameters, value, there, strict=True) if old != new
+        ]
+        felt = [output for output in at.rolls if any(output in k.outputs for k in changed)]
+        tried = evaluate(self.evidence, self.nominal, at.setting | setting, felt)
+        rolls, costs = at.rolls | tried.rolls, at.costs | tried.costs
+        return ParameterFit(tried.setting, rolls, costs, at.columns)
 
     def equations(
         self, at: ParameterFit, columns: Mapping[str, np.ndarray]
@@ -344,15 +350,25 @@ def _axes(problem: _Problem, at: ParameterFit, a: np.ndarray) -> np.ndarray:
     """Directions (k, k), one a row, each as long as a standard deviation 1/sqrt(eigenvalue): the
     principal axes of `a` (k, k), J'WJ with the prior, over the parameters that lie inside their
     bounds, the weakest first, then each other parameter alone (a play of 0 is a model of its own:
-    C may jump as it leaves 0)."""
+    C may jump as it leaves 0). Parameters of different outputs share no axis."""
     h = a * np.outer(problem.scale, problem.scale)
     h[np.diag_indices_from(h)] += RIDGE
     low, high = problem.ends - problem.value(at)
     inside = (low < 0.0) & (high > 0.0)
     axes = np.diag(1.0 / np.sqrt(np.diag(h)))
-    sizes, found = np.linalg.eigh(h[np.ix_(inside, inside)])
-    axes[np.ix_(inside, inside)] = (found / np.sqrt(sizes)).T
-    return axes[np.argsort(~inside, kind="stable")] * problem.scale
+    weakness = np.where(inside, np.diag(h), np.inf)
+    for block in _blocks(h, inside):
+        sizes, found = np.linalg.eigh(h[np.ix_(block, block)])
+        axes[np.ix_(block, block)] = (found / np.sqrt(sizes)).T
+        weakness[block] = sizes
+    return axes[np.argsort(weakness, kind="stable")] * problem.scale
+
+
+def _blocks(h: np.ndarray, inside: np.ndarray) -> list[np.ndarray]:
+    """Numbers of the parameters `inside` (k,) that are coupled by `h` (k, k), a group a block."""
+    among = np.flatnonzero(inside)
+    count, label = connected_components(h[np.ix_(among, among)] != 0.0, directed=False)
+    return [among[label == i] for i in range(count)]
 
 
 def inverse_variance(parameter: Parameter, bounds: tuple[float, float]) -> float:

@@ -17,6 +17,7 @@ from dataclasses import dataclass, fields, replace
 from itertools import accumulate
 
 import numpy as np
+from scipy.signal import correlate
 from scipy.spatial.transform import Rotation
 
 from calibration.gap.decision_rule import MIN_FELT, PENALTY_PER_PARAMETER, SEARCH_PENALTY
@@ -263,8 +264,8 @@ def _windows(state: State, output: str, side: str) -> list[tuple[float, float]]:
         kernel = _response(state.evidence, state, output, side, length, stride)
         if kernel is None or len(kernel) >= len(t):
             continue
-        match = np.array([np.correlate(z[:, c], kernel, "valid") for c in range(stride)])
-        score = np.sum(match**2, axis=0) / max(float(kernel @ kernel), 1e-30)
+        match = correlate(z, kernel[:, None], "valid")
+        score = np.sum(match**2, axis=1) / max(float(kernel @ kernel), 1e-30)
         i = int(np.argmax(score))
         begin = float(t[i])
         found.append((0.5 * float(score[i]), begin, begin + length))

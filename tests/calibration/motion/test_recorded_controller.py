@@ -114,5 +114,8 @@ def test_stretches_end_where_the_ball_is_gone_or_commands_stand_still():
 
 def test_a_target_that_glides_changes_once():
     still = np.zeros((100, 2))
-    glide = np.linspace([0.0, 0.0], [0.05, 0.05], 50)
-    assert recorded_changes(np.concatenate([still, glide, still + 0.05])) == [101]
+    glide = np.linspace([0.0, 0.0], [0.05, 0.05], 400)
+    for digits in (9, 3):  # written with few digits it stands still between two of them
+        targets = np.round(np.concatenate([still, glide, still + 0.05, still]), digits)
+        found = recorded_changes(np.arange(len(targets)) / 50.0, targets)
+        assert found == [int(np.argmax(targets.any(axis=1))), 600]
