@@ -80,13 +80,15 @@ def _key(common: str, cell: Cell, condition: str) -> str:
     return hashlib.sha256(f"{common} {cell.key} {condition}".encode()).hexdigest()[:24]
 
 
-def _kept(path: Path) -> dict[str, list[dict[str, float]]]:
+def _kept(
+    path: Path, note: Callable[[str], None] = lambda text: None
+) -> dict[str, list[dict[str, float]]]:
     """What an earlier try finished; a line that was cut off, or is none of ours, counts for
-    nothing. ValueError: no file of our own.
+    nothing, and how many those are is told to `note`. ValueError: no file of our own.
     """
     if path.is_symlink():
         raise ValueError(f"{path} is a link: remove it, or choose another --out")
-    found = {}
+    found, lost = {}, 0
     try:
         lines = file_bytes(path, None).splitlines() if path.exists() else []
     except ValueError as error:
@@ -95,10 +97,12 @@ def _kept(path: Path) -> dict[str, list[dict[str, float]]]:
         try:
             one = json.loads(line)
             if not all(set(row) == set(KEPT) for row in one["rows"]):
-                continue
+                raise KeyError("other measures")
             found[one["key"]] = [{name: float(row[name]) for name in row} for row in one["rows"]]
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-            continue
+            lost += 1
+    if lost:
+        note(f"{lost} of {len(lines)} lines of {path} cannot be read: what they held is run again")
     return found
 
 
@@ -136,7 +140,7 @@ def all_rows(
     }
     wanted = {_key(f"{common} {course[c.protocol]}", c, arm): (c, arm) for c, arm in pairs}
     path = out / ROWS_FILE
-    kept = {key: rows for key, rows in _kept(path).items() if key in wanted}
+    kept = {key: rows for key, rows in _kept(path, note).items() if key in wanted}
     missing = [key for key in wanted if key not in kept]
     if kept:
         note(f"{len(kept)} of {len(wanted)} arms in cells are kept from an earlier call ({path})")

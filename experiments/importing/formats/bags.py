@@ -98,18 +98,20 @@ def _read(path: Path, topics: Topics) -> list[str]:
     from mcap.exceptions import McapError
 
     lost: list[str] = []
+    foreign: dict[str, str] = {}
     with path.open("rb") as file:
         file.seek(-min(len(MAGIC), path.stat().st_size), os.SEEK_END)
         cut = file.read() != MAGIC
         file.seek(0)
         try:
-            _decode(_messages(file, lost), topics)
+            _decode(_messages(file, lost), topics, foreign)
         except McapError:
             if not cut:
                 raise
+    left = [f"{name} is left out: nothing here reads {kind}" for name, kind in foreign.items()]
     if cut:
-        return [f"{path.name} was cut off: read as far as it goes"]
-    return [f"{path.name} is damaged: {words}" for words in lost]
+        return [f"{path.name} was cut off: read as far as it goes", *left]
+    return [f"{path.name} is damaged: {words}" for words in lost] + left
 
 
 def _messages(file: IO[bytes], lost: list[str]) -> Iterator[tuple[Any, Any, Any]]:
@@ -159,13 +161,18 @@ def _records(file: IO[bytes]) -> Iterator[Any]:
             yield from StreamReader(BytesIO(data), skip_magic=True, emit_chunks=True).records
 
 
-def _decode(messages: Iterable[Any], topics: Topics) -> None:
-    """Append decoded messages to `topics`. BadFileError: there are too many numbers."""
+def _decode(messages: Iterable[Any], topics: Topics, foreign: dict[str, str]) -> None:
+    """Append decoded messages to `topics`, and to `foreign` what the messages of a topic are that
+    nothing decodes. BadFileError: there are too many numbers.
+    """
     decoders: dict[int, Any] = {}
     cells = 0
     for schema, channel, message in messages:
         if channel.id not in decoders:
             decoders[channel.id] = _decoder(channel, schema)
+            if decoders[channel.id] is None:
+                kind = schema.encoding if schema is not None else "no schema"
+                foreign[channel.topic] = f"{channel.message_encoding or 'bytes'} of {kind}"
         decode = decoders[channel.id]
         if decode is None or len(message.data) > LONGEST_MESSAGE:
             continue

@@ -27,9 +27,9 @@ GRID = Grid.model_validate(SMALL)
 RIG = load_rig(None)
 
 
-def rows(folder: Path, jobs: int = 1, calls: list | None = None):
+def rows(folder: Path, jobs: int = 1, calls: list | None = None, note=lambda text: None):
     count = calls if calls is not None else []
-    return bench.all_rows(RIG, GRID, folder, jobs=jobs, cluster=None,
+    return bench.all_rows(RIG, GRID, folder, jobs=jobs, cluster=None, note=note,
                           progress=lambda stage, done, total: count.append(done))  # fmt: skip
 
 
@@ -98,8 +98,10 @@ def test_strangers_rows_count_for_nothing_and_a_link_is_not_written_through(tmp_
         one["rows"] = bad
     path.write_bytes(b"\xff\xfe\n[[[\n" + "\n".join(map(json.dumps, kept)).encode())
     done: list = []
-    assert json.dumps(rows(tmp_path, calls=done)) == json.dumps(whole)
+    told: list[str] = []
+    assert json.dumps(rows(tmp_path, calls=done, note=told.append)) == json.dumps(whole)
     assert done[0] == 0
+    assert told == [f"9 of 9 lines of {path} cannot be read: what they held is run again"]
 
     mine = tmp_path / "mine.txt"
     mine.write_text("mine\n")

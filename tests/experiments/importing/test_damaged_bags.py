@@ -87,3 +87,21 @@ def test_messages_that_are_no_plain_cdr_are_refused(tmp_path: Path, encoding: by
         writer.finish()
     with pytest.raises(BadFileError, match=f"encoded as 0x{encoding.hex()}"):
         read_recording(path)
+
+
+@needs("mcap_ros2")
+def test_a_topic_that_nothing_decodes_is_told(tmp_path: Path):
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema("ball", "jsonschema", b"{}")
+        ball = writer.register_channel("/ball", "json", schema)
+        idl = writer.register_schema("lab/msg/A", "ros2idl", b"module lab { struct A {long n;}; };")
+        other = writer.register_channel("/a", "cdr", idl)
+        for i in range(30):
+            writer.add_message(ball, 10**18 + i * 10**7, b'{"x": 0.5}', 0)
+            writer.add_message(other, 10**18 + i * 10**7, b"\0\1\0\0" + struct.pack("<i", i), 0)
+        writer.finish()
+    recording = read_recording(path)
+    assert recording.notes == ("/a is left out: nothing here reads cdr of ros2idl",)
