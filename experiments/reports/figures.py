@@ -175,7 +175,7 @@ def servo_over_time(without: Log, with_: Log, *, panels: Sequence[str] = ("", ""
         axis.plot(t, desired[:, a], "--", color=CENTRE, lw=0.9, label="desired (with)")
         axis.set_ylabel(_angle_label(with_, a))
         if panels[a]:
-            axis.text(0.01, 0.97, panels[a], transform=axis.transAxes, va="top", fontsize=10)
+            axis.text(1.015, 0.5, panels[a], transform=axis.transAxes, va="center", fontsize=10)
     _legend_above(axes[0])
     axes[1].set_xlabel("time from release [s]")
     return figure
@@ -259,7 +259,7 @@ def pushed_scatter(
     axis.plot(*xy.T, ".", color=colour_of(arm), ms=2.6, label=f"ball, {ARMS.get(arm, arm)}")
     _wanted(axis, log, 8)
     if centroid_cm is not None:
-        axis.plot(*centroid_cm, "x", color="k", ms=10, mew=2.2, ls="", label="centroid")
+        axis.plot(*centroid_cm, "x", color="k", ms=10, mew=2.2, ls="", label="centroid", zorder=5)
     axis.legend(loc="lower left", fontsize=8)
     return figure
 
