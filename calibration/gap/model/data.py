@@ -32,6 +32,7 @@ AFTER_PUSH_S = 0.05
 # The time ahead at which a model is judged: several ticks of camera and loop, and about the time in
 # which a ball crosses its own noise and a servo answers. Chosen.
 HORIZON_S = {BALL: 0.05, SERVO[0]: 0.02, SERVO[1]: 0.02}
+UNTOLD_S = 0.5  # chosen: servos of hobbyists answer, and the ball's filter forgets, within it
 WALL_MARGIN_M = 0.002  # by which a wall and the measured place of a ball may be off; chosen
 # Of `information_weights`; chosen.
 WEIGHT_WINDOW_S, FULL_WEIGHT_COUNTS, MIN_WEIGHT = 0.05, 8.0, 0.4
@@ -328,6 +329,7 @@ def _servo_weights(run: Signals, a: int, count_rad: float) -> np.ndarray:
     resumed = [] if run.resumed is None else np.flatnonzero(run.resumed)
     for first in (0, *resumed):
         weights[first : first + SETTLING_SAMPLES["servo_x"]] = 0.0
+    weights[_untold(run, run.t_s)] = 0.0
     return weights
 
 
@@ -337,4 +339,14 @@ def _ball_weights(run: Signals, seen: tuple[bool, ...]) -> np.ndarray:
     gaps = np.flatnonzero(fresh | (np.diff(run.exposed_s, prepend=-1e9) > 0.25))
     for first in gaps:
         weights[first : first + SETTLING_SAMPLES[BALL]] = 0.0
+    weights[_untold(run, run.exposed_s)] = 0.0
     return weights.ravel()
+
+
+def _untold(run: Signals, t_s: np.ndarray) -> np.ndarray:
+    """True (n,) for the times `t_s` (n,) [s] up to UNTOLD_S after a hole in the rows: what servos
+    that take an angle were told in it, they still do, and the ball shows it."""
+    if run.resumed is None or not (run.commanded or run.told_rad is not None):
+        return np.zeros(len(t_s), bool)
+    begun = np.concatenate([[-np.inf], run.t_s[run.resumed]])
+    return t_s - begun[np.searchsorted(begun, t_s, side="right") - 1] < UNTOLD_S

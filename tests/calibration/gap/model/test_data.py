@@ -1,13 +1,18 @@
 """What a prediction is worth: how it differs from another, and one that failed."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from calibration.gap.model import data
-from calibration.gap.model.data import DIVERGED_Z, Evidence, Roll
+from calibration.gap.model.data import DIVERGED_Z, UNTOLD_S, Evidence, Roll
 from calibration.gap.model.fit import loss
 from calibration.gap.model.parameters import NominalModel
+from rig.log import Log
+from rig.rigfile import read_rig
 from tests.support.gap.tables import RIG, evidence_of, foreign, without_columns
+from tests.support.worlds import WORLDS
 
 
 @pytest.fixture(scope="module")
@@ -44,3 +49,32 @@ def test_a_prediction_that_failed_anywhere_costs_more_than_any_other(
     assert loss(bad, mask) > 1e3 * abs(loss(good, mask))
     assert not bad.slope(good, 1.0).any()
     assert not bad.change(good).any()
+
+
+@pytest.mark.parametrize("name", ["late_servo", "late_bus_servo"])
+def test_behind_a_hole_nothing_counts_that_shows_what_the_servos_were_told_in_it(
+    name: str, tmp_path: Path
+):
+    columns, rig, _ = WORLDS[name](4100)
+    (tmp_path / "rig.toml").write_text(rig, "utf-8")
+    begin, count = len(columns["t_s"]) // 2, 20
+    kept = {key: np.delete(values, slice(begin, begin + count)) for key, values in columns.items()}
+    table = read_rig(tmp_path / "rig.toml")
+    holed = evidence_of(Log.from_columns(kept), rig=table)
+    end_s = kept["t_s"][begin]
+    assert holed.outputs
+    for output in holed.outputs:
+        t_s, mask = holed.times(output)[0], holed.masks[output] > 0
+        behind = (t_s >= end_s) & (t_s < end_s + UNTOLD_S)
+        assert behind.any()
+        assert not mask[behind].any()
+        assert mask[t_s >= end_s + UNTOLD_S].any()
+
+
+def test_behind_a_hole_servos_that_take_volts_count_at_once():
+    log = without_columns(foreign("steps", seed=5, duration_s=5.0), "ball", "target")
+    rows = np.delete(log.rows, slice(1000, 1020), axis=0)
+    holed = evidence_of(Log.from_rows(rows))
+    t_s = holed.times("servo_x")[0]
+    behind = (t_s >= rows[1000, 0]) & (t_s < rows[1000, 0] + UNTOLD_S)
+    assert np.mean(holed.masks["servo_x"][behind] > 0) > 0.9
