@@ -1,0 +1,55 @@
+"""A name on both servos that is right on one: by predictions of data that were not fitted."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calibration.gap import harm
+from calibration.gap.held_out import Prediction
+from calibration.gap.model.parameters import BALL, SERVO
+from rig.effects import BY_NAME
+
+NAME: Any = SimpleNamespace(name="coulomb_friction", axes=("x", "y"))
+DECISION: Any = SimpleNamespace(state=SimpleNamespace(nominal=SimpleNamespace(catalogue=BY_NAME)))
+
+
+def errors(size_rad: float, seed: int = 0) -> Prediction:
+    """Sixty errors 1 s ahead of this size, and what they cost."""
+    z = np.random.default_rng(seed).normal(size=60)
+    return Prediction(size_rad * z, np.full(60, (1e3 * size_rad) ** 2))
+
+
+@pytest.fixture
+def without(monkeypatch: pytest.MonkeyPatch):
+    """What is predicted without the name."""
+    told = {SERVO[0]: errors(0.004), SERVO[1]: errors(0.004), BALL: errors(0.002)}
+    monkeypatch.setattr(harm, "drop_effects", lambda state, keys: state)
+    monkeypatch.setattr(harm, "held_out", lambda state, outputs: {o: told[o] for o in outputs})
+    return told
+
+
+def test_the_axis_on_which_a_name_harms_is_taken_back_where_the_other_proves_it(without):
+    after = {SERVO[0]: errors(0.001), SERVO[1]: errors(0.008)}
+    (found,) = harm.harmed_axes(DECISION, NAME, after).items()
+    assert found[0] == "y"
+    assert found[1].startswith("not named on servo y: coulomb_friction: 1 s ahead")
+
+
+@pytest.mark.parametrize(
+    "after",
+    [
+        {SERVO[0]: errors(0.001), SERVO[1]: errors(0.001)},  # right on both
+        {SERVO[0]: errors(0.008), SERVO[1]: errors(0.008)},  # wrong on both: no name at all
+        {SERVO[0]: errors(0.004, seed=1), SERVO[1]: errors(0.008)},  # on neither is it proven
+        {SERVO[1]: errors(0.008)},  # nobody knows of x
+    ],
+)
+def test_without_harm_on_one_and_proof_on_the_other_a_name_is_judged_as_a_whole(without, after):
+    assert harm.harmed_axes(DECISION, NAME, after) == {}
+
+
+def test_what_shows_in_one_output_is_judged_as_a_whole(without):
+    ball: Any = SimpleNamespace(name="joint_backlash", axes=("x", "y"))
+    assert harm.harmed_axes(DECISION, ball, {BALL: errors(0.008)}) == {}
