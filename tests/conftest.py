@@ -15,7 +15,7 @@ if "tests.support" not in sys.modules:  # but for a plugin that lies in it (bare
 
 from rig.hardware.board.link import LinkLost
 from tests.support import parts
-from tests.support.standstill import RERUNS, Watch
+from tests.support.standstill import RERUN_DELAY_S, RERUNS, Watch
 
 # A machine may be busy, or have to compile. CI draws the same examples each time, so that what it
 # says is of the change alone; whoever runs the tests by hand draws new ones.
@@ -40,9 +40,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """A slow test may take five times as long as the others before it counts as hung; one that is
     `realtime` is tried again where the machine stood still (tests/support/standstill.py).
     """
+    again = pytest.mark.flaky(reruns=RERUNS, reruns_delay=RERUN_DELAY_S, condition=_stood_still)
     for item in items:
         if item.get_closest_marker("realtime"):
-            item.add_marker(pytest.mark.flaky(reruns=RERUNS, condition=_stood_still))
+            item.add_marker(again)
         if item.get_closest_marker("slow") and not item.get_closest_marker("timeout"):
             item.add_marker(pytest.mark.timeout(1500))
 

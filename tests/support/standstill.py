@@ -13,7 +13,8 @@ import threading
 
 from rig.hardware.board.link import LINK_DEAD_S
 
-RERUNS = 2  # chosen: three halts in three tries are the test's own doing
+RERUNS = 3  # chosen: four halts in four tries are the test's own doing
+RERUN_DELAY_S = 20  # chosen: what makes a machine halt lasts for seconds
 HALT_S = LINK_DEAD_S / 2  # chosen: of the shortest patience that a link has, both ends share it
 _WATCH = f"""
 import os, time
