@@ -119,15 +119,19 @@ class Session:
         ValueError: there is none; ValueError, OSError: the table cannot run it; and what `still`
         raises.
         """
-        failed = self._failed
-        if failed is None or not self.may_repeat:
-            raise ValueError("no run has failed: there is none to repeat")
-        self.table.check(failed.plan, self._plan_rig)
+        self.table.check(self._to_repeat().plan, self._plan_rig)
         with self._wake:
             self._still()
+            failed = self._to_repeat()  # the next run may have begun since
             self._failed, self._waits, self._balance = None, False, not self.table.real
             self._planned.appendleft(failed)
             self._end_loop(Stop("a run begins", "ended"))
+
+    def _to_repeat(self) -> PlannedRun:
+        """The run that may be repeated. ValueError: there is none."""
+        if self._failed is None or not self.may_repeat:
+            raise ValueError("no run has failed: there is none to repeat")
+        return self._failed
 
     def go_on(self) -> None:
         """Leave the pause between two runs."""
@@ -259,7 +263,11 @@ class Session:
             while not self._closed:
                 if self._planned and not self._waits:
                     self._busy, self._stopping = True, False
-                    return self._planned.popleft()
+                    planned = self._planned.popleft()
+                    # With it off the plan, the state alone refuses another start.
+                    words = f"{planned.words}: starting"
+                    self._status = SessionStatus("running", words, planned)
+                    return planned
                 if self._planned:
                     planned = self._planned[0]
                     how = METHOD_WORDS[planned.method]
@@ -299,7 +307,6 @@ class Session:
     def _record(self, planned: PlannedRun) -> tuple[Ending, float]:
         """One run of the plan, recorded."""
         plan = planned.plan
-        self._status = SessionStatus("running", f"{planned.words}: starting", planned)
         self._last, self._failed, self._asked, self._begun_s = "", planned, False, 0.0
         self._notes.clear()
         self.live.begin(has_ball=not plan.protocol.servo_only)

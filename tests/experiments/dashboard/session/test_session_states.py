@@ -266,6 +266,49 @@ def test_the_runs_of_a_plan_follow_each_other_and_then_the_virtual_table_balance
         assert desk.events == []
 
 
+def test_a_second_start_is_refused_while_the_first_run_has_only_left_the_plan():
+    """It was accepted then, and ended the run that had just begun."""
+    held, go = threading.Event(), threading.Event()
+    with opened(real=True) as desk:
+        record = desk.session._record
+
+        def late(planned):
+            held.set()
+            assert go.wait(PATIENCE_S)
+            return record(planned)
+
+        desk.session._record = late
+        desk.session.start(desk.plan(("with",)))
+        assert held.wait(PATIENCE_S)
+        try:
+            with pytest.raises(ValueError, match="a run is on"):
+                desk.session.start(desk.plan(("without",)))
+        finally:
+            go.set()
+        first = desk.loop(1)
+        assert first.got == []
+        first.end(DONE)
+        desk.state("stopped")
+        assert len(desk.loops) == 1
+
+
+def test_a_repeat_is_refused_where_the_next_run_began_while_it_was_checked():
+    """Else it would end that run."""
+    with opened(real=True) as desk:
+        desk.session.start(desk.plan())
+        desk.loop(1).end(Ending("ball lost", "it fell"))
+        desk.state("pause")
+
+        def meanwhile(plan, rig):
+            desk.session.go_on()
+            desk.loop(2)
+
+        desk.session.table.check = meanwhile
+        with pytest.raises(ValueError, match="none to repeat"):
+            desk.session.repeat()
+        assert desk.loops[1].got == []
+
+
 def test_the_live_view_has_a_ball_unless_the_protocol_is_of_the_servos_alone():
     with opened() as desk:
         for protocol, has_ball in ((PROTOCOL, True), (SERVOS_ALONE, False)):
