@@ -18,6 +18,7 @@ from typing import IO, Any
 
 import numpy as np
 
+from experiments.importing.formats.bag_folder import Span, bag_files, check_spans, extremes
 from experiments.importing.formats.extra import library
 from experiments.importing.recording import (
     MAX_CELLS,
@@ -73,20 +74,26 @@ def read_bag(path: Path) -> list[Stream]:
     """Read the numbers of every topic of an MCAP file, or of a ROS 2 bag's folder.
 
     A file that was cut off is read as far as it goes, and says so in the streams' notes.
-    BadFileError: damaged, too large, a bag in the older SQLite format, or nothing can be decoded.
+    BadFileError: damaged, too large, a bag in the older SQLite format, a folder with files of
+    several recordings, or nothing can be decoded.
     """
-    files = sorted(path.glob("*.mcap")) if path.is_dir() else [path]
-    if not files:
-        raise BadFileError("a bag is read as MCAP: ros2 bag convert makes one of .db3 files")
+    files, notes = bag_files(path) if path.is_dir() else ([path], [])
     topics: Topics = {}
-    notes = []
+    spans = []
     for file in files:
+        before = {name: len(topic) for name, topic in topics.items()}
         try:
             notes += _read(file, topics)
         except BadFileError:
             raise
         except Exception as error:  # of damaged bytes the decoders raise whatever they meet
             raise BadFileError(f"{file.name} is not readable as MCAP ({error})") from error
+        spans += [
+            Span(name, file.name, *extremes(topic.log_time_ns[before.get(name, 0) :]))
+            for name, topic in topics.items()
+            if len(topic) > before.get(name, 0)
+        ]
+    check_spans(spans)
     streams = [_stream(name, one, notes) for name, one in topics.items() if one.columns]
     if not streams:
         raise BadFileError("it is no MCAP file of ROS 2, JSON or protobuf messages with numbers")
@@ -102,6 +109,9 @@ def _read(path: Path, topics: Topics) -> list[str]:
     with path.open("rb") as file:
         file.seek(-min(len(MAGIC), path.stat().st_size), os.SEEK_END)
         cut = file.read() != MAGIC
+        file.seek(0)
+        if not MAGIC.startswith(file.read(len(MAGIC))):
+            raise BadFileError(f"{path.name} is no MCAP file")
         file.seek(0)
         try:
             _decode(_messages(file, lost), topics, foreign)
