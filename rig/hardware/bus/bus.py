@@ -25,6 +25,7 @@ from rig.table import ArmingStoppedError, Reading
 
 ANSWER_S = 0.5  # chosen: an adapter that was just plugged in is slow at first
 ASK_AGAIN_S = 0.02  # chosen: above the 16 ms for which an FTDI adapter may keep an answer back
+LENGTHS = 1 + math.ceil(LINK_DEAD_S / ASK_AGAIN_S)  # of answers: lost before one comes again
 HEALTH_S = 0.1  # torque, watchdog and hardware errors are looked at so often
 START_RAD_S = 0.5  # chosen: a plate that is brought level by itself does so in a second, slowly
 MARGIN_RAD = 0.1  # as homing has it, of stops
@@ -356,7 +357,7 @@ class BusTable(ServoTable, LevelOnExit):
                 if self._clock() >= until:
                     break
                 self.asked_again += 1
-                self._extra = 1 - self._extra
+                self._extra = (self._extra + 1) % LENGTHS
         except LinkLost as error:
             raise self._end(error) from None
         cure = ": is its power on, are table.ids and table.baud right?"
@@ -366,8 +367,8 @@ class BusTable(ServoTable, LevelOnExit):
     def _ask_once(self, block: Block) -> dict[int, Status]:
         """The answers that come within `ASK_AGAIN_S`. ServoAlarm: one of them is an alarm.
 
-        No answer names its question. Where one was not answered in time, the next are for one
-        register more before the block, and a late answer shows by its length.
+        No answer names its question. Where one was not answered in time, the next are for another
+        number of registers before the block, and a late answer shows by its length.
         """
         extra, is_health = self._extra, block == self._vendor.health
         block = Block(block.address - extra, block.length + extra)
@@ -375,7 +376,7 @@ class BusTable(ServoTable, LevelOnExit):
         self._parser.clear()
         self._asked_s = self._clock()
         self._link.send(self._vendor.ask(block, self._ids))
-        answers: dict[int, Status] = {}
+        answers = dict[int, Status]()
         while True:
             for status in self._parser.feed(self._link.receive()):
                 if status.servo_id not in self._ids:

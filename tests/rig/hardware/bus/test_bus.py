@@ -348,17 +348,19 @@ def test_late_answers_make_ticks_late_and_no_more(bench, kind: str, late_ms: int
 
 
 @EVERY
-def test_an_answer_to_an_earlier_question_is_none_to_this_one(bench, kind: str):
-    """Held back beyond the next question, while the arms turn as fast as they can."""
+@pytest.mark.parametrize("lates", [{0: 24, 1: 24, 2: 10, 3: 10}, {1: 45, 2: 45, 5: 12, 6: 12}])
+def test_an_answer_to_an_earlier_question_is_none_to_this_one(bench, kind: str, lates: dict):
+    """Held back beyond the next question, or the next two, while the arms turn as fast as they
+    can; lates: by answer, of every forty, how late it is [ms].
+    """
     one = bench(kind, (2048, 2048))
     where: list[tuple[float, float]] = []
     count = 0
 
     def late(answer: bytes) -> bytes:
-        """Of every twentieth question both answers, and a little those of the next."""
         nonlocal count
         count += 1
-        one.board.late_ms = {0: 24, 1: 24, 2: 10, 3: 10}.get(count % 40, 0)
+        one.board.late_ms = lates.get(count % 40, 0)
         return answer
 
     with one.open() as table:
@@ -366,11 +368,11 @@ def test_an_answer_to_an_earlier_question_is_none_to_this_one(bench, kind: str):
         one.world.watch = lambda: where.append(one.world.shafts_rad)
         one.board.spoil = late
         off = []
-        for k in range(150):
+        for _ in range(150):
             reading = table.read()
             then = where[round(1e3 * (table.zero_s + reading.t_s)) - begin]
             off += [abs(a - b) for a, b in zip(reading.theta_rad, then, strict=True)]
-            table.drive((0.5, -0.5) if k % 50 < 25 else (-0.5, 0.5))
+            table.drive((0.5, -0.5) if reading.t_s % 0.3 < 0.15 else (-0.5, 0.5))
         one.board.spoil, one.board.late_ms = (lambda answer: answer), 0
     assert table.asked_again >= 5
     assert max(off) < 4.7e-3 * 2 + COUNT_RAD  # the question takes a millisecond
