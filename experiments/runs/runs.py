@@ -1,18 +1,21 @@
 """Run a protocol's arms and repetitions, and keep or reject what came out."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import numpy as np
 
 from experiments.progress import ProgressCall, silent
-from experiments.records.recording import being_recorded
+from experiments.records.recording import being_recorded, lock
 from experiments.records.run_folder import read_meta, refuse_other, replace_json, write_results
 from experiments.runs.assemble import virtual_renderer
 from experiments.runs.own_run import run_own
 from experiments.runs.protocol import OWN, Protocol
 from experiments.runs.runner import FinishedRun, RunRequest, run
 from rig.parameters import Rig
+
+LOCK_FILE = ".camera.lock"
 
 
 def calibrate_camera(rig: Rig, out: Path, seed: int) -> Path:
@@ -34,6 +37,22 @@ def calibrate_camera(rig: Rig, out: Path, seed: int) -> Path:
     return path
 
 
+@contextmanager
+def own_calibration(rig: Rig, out: Path, seed: int) -> Iterator[Path]:
+    """`calibrate_camera`, and no other program does so in `out` as long as the context lasts.
+
+    ValueError: another one does; and errors as of `calibrate_camera`.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    with (out / LOCK_FILE).open("a") as file:
+        if not lock(file.fileno()):
+            raise ValueError(
+                f"{out}: another program makes runs through frames there, with a calibration.json "
+                "of its own: name another --out"
+            )
+        yield calibrate_camera(rig, out, seed)
+
+
 def run_protocol(
     rig: Rig,
     protocol: Protocol,
@@ -49,22 +68,22 @@ def run_protocol(
 
     Repetition i has the seed `seed` + i; all arms of a seed get the same course. frames: use the
     rendered camera, calibrated first. progress: called with a label, what is done and the total.
-    Errors as of `runner.run`.
+    Errors as of `runner.run` and `own_calibration`.
     """
-    bundle = calibrate_camera(rig, out, seed) if frames else None
-    requests = [
-        RunRequest(rig, protocol, arm, seed + i, out / "runs", bundle)
-        for i in range(repetitions)
-        for arm in arms
-    ]
-    done = []
-    for i, request in enumerate(requests):
-        label = f"{protocol.name} {request.arm} {request.seed}"
-        total = round(protocol.duration_s)
-        make = run_own if request.arm == OWN else run
-        done.append(make(request, progress=lambda t, s=label, n=total: progress(s, int(t), n)))
-        progress(label, total, total)
-        progress("runs", i + 1, len(requests))
+    with own_calibration(rig, out, seed) if frames else nullcontext() as bundle:
+        requests = [
+            RunRequest(rig, protocol, arm, seed + i, out / "runs", bundle)
+            for i in range(repetitions)
+            for arm in arms
+        ]
+        done = []
+        for i, request in enumerate(requests):
+            label = f"{protocol.name} {request.arm} {request.seed}"
+            total = round(protocol.duration_s)
+            make = run_own if request.arm == OWN else run
+            done.append(make(request, progress=lambda t, s=label, n=total: progress(s, int(t), n)))
+            progress(label, total, total)
+            progress("runs", i + 1, len(requests))
     runs = [
         {"folder": one.folder.name, "arm": request.arm, "seed": request.seed}
         | {"outcome": one.ending.outcome, "reason": one.ending.reason}
