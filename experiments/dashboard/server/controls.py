@@ -202,6 +202,14 @@ class Controls:
         if stops != self._stops:
             raise StoppedError("STOP was pressed meanwhile: ask again")
 
+    def _holds_still(self) -> bool:
+        """Whether `still` holds."""
+        try:
+            self.still()
+        except (WatchingError, StoppedError):
+            return False
+        return True
+
     def _enqueue(
         self, what: str, act: Callable[[], None], page: int | None, *, everybody: bool = False
     ) -> bool:
@@ -310,6 +318,8 @@ class Controls:
                     handle.value = checked.now
                     raise
                 checked.now = value
+                if not everybody and not self._holds_still():
+                    self._withdraw()  # a stop came too early to take back this value, too
 
             if not self._enqueue(what, do, page, everybody=True):
                 handle.value = checked.now

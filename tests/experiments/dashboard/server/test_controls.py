@@ -269,6 +269,22 @@ def test_what_was_said_of_the_table_is_taken_back_by_stop_and_by_another_holder(
     controls.queue.close()
 
 
+@pytest.mark.parametrize(
+    "comes",
+    [lambda c: c.stop("page 2", lambda who: None), lambda c: setattr(c, "lock", c.lock.taken(2))],
+)
+def test_what_is_said_while_a_stop_or_another_holder_comes_is_taken_back_too(comes):
+    """What there was to take back had not been stored yet: the tick outlived the stop."""
+    c, _, _ = controls()
+    c.lock = ControlLock().joined(1).joined(2)
+    arm = FakeHandle(False)
+    kept = c.value(arm, "arm the table", flag, lambda value: comes(c))
+    c.withdraw.append(lambda: setattr(kept, "now", False))
+    c.use(1, arm, True)
+    c.queue.close()
+    assert kept.now is False
+
+
 def test_a_stop_that_fails_is_told():
     c, told, noted = controls()
     stop = FakeHandle(False)
