@@ -54,7 +54,10 @@ def read_lerobot(folder: Path) -> list[Stream]:
             for part, numbers in _columns(name, table[name], features.get(name)):
                 parts.setdefault(part, []).append(numbers)
     columns = {name: np.concatenate(numbers) for name, numbers in parts.items()}
+    part_only = [name for name, values in columns.items() if len(values) != rows]
     columns = {name: values for name, values in columns.items() if len(values) == rows}
+    notes = _notes(info.get("total_frames"), rows, part_only)
+    _refuse_copies(columns, len(files))
     given = "timestamp" in columns
     rate_hz = info.get("fps")
     if not given and isinstance(rate_hz, int | float) and rate_hz > 0 and "frame_index" in columns:
@@ -67,8 +70,34 @@ def read_lerobot(folder: Path) -> list[Stream]:
             {"timestamp": "s"},
             "timestamp" if "timestamp" in columns else None,
             "episode_index" if "episode_index" in columns else None,
+            notes,
         )
     ]
+
+
+def _notes(total: Any, rows: int, part_only: list[str]) -> tuple[str, ...]:
+    """What to say of a data set's files; total: the frames that its info.json counts; part_only:
+    columns that not every file has.
+    """
+    notes = []
+    if isinstance(total, int) and rows < total:
+        notes.append(f"{rows} of {total} frames of the data set are there: data files are missing")
+    if part_only:
+        notes.append(f"left out, not in every data file: {', '.join(part_only[:6])}")
+    return tuple(notes)
+
+
+def _refuse_copies(columns: dict[str, np.ndarray], files: int) -> None:
+    """BadFileError where several files hold a frame of an episode twice: it would count twice."""
+    if files < 2 or not {"episode_index", "frame_index"} <= columns.keys():
+        return
+    frames = np.column_stack((columns["episode_index"], columns["frame_index"]))
+    twice = len(frames) - len(np.unique(frames, axis=0))
+    if twice:
+        raise BadFileError(
+            f"its data files hold {twice} frames twice: copies, or files of another data set; keep "
+            "those of one"
+        )
 
 
 def _table(path: Path) -> Any:
