@@ -25,6 +25,7 @@ from experiments.calibrate.folder import CalibrationFolder, with_position_servo
 from experiments.calibrate.given import Given, led_in_steps, read_given, source_of, write_csv
 from experiments.calibrate.pictures import angle_figure, level_figure_of_servo
 from experiments.progress import ProgressCall, silent
+from experiments.records.importing import refuse_same_rows
 from experiments.runs.assemble import load_rig
 from rig.log import COMMANDS, Log
 from rig.parameters import Rig
@@ -83,6 +84,7 @@ def calibrate_position_servo(
         shown = _virtual_moves(rig, folder, seed)
         found = _by_plate(followed_by_plate(shown, believed), believed, [], folder)
     else:
+        refuse_same_rows(logs, [str(path) for path in runs])
         if not logs:
             logs = [led_in_steps(rig, LED_S, np.random.default_rng([seed, 16]))]
         found = _by_ball(believed, logs, runs, folder, progress)

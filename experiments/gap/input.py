@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from experiments.gap.checks import TooShortError, check, step_of
-from experiments.records.importing import read_log, read_logs
+from experiments.records.importing import read_log, read_logs, refuse_same_rows
 from experiments.records.run_folder import read_meta
 from experiments.runs.assemble import load_rig
 from rig.log import INDEX, Log, Phase
@@ -252,12 +252,7 @@ def released(log: Log, delay_s: float) -> Log:
 
 def _check_alike(logs: Sequence[Log], names: Sequence[str]) -> None:
     """ValueError: two logs with the same rows, or with encoders of different steps."""
-    for i, log in enumerate(logs):
-        for j in range(i):
-            if np.array_equal(log.rows, logs[j].rows, equal_nan=True):
-                raise ValueError(
-                    f"{names[j]} and {names[i]} hold the same rows: give every log once"
-                )
+    refuse_same_rows(logs, names)
     for axis in "xy":
         steps = [step_of(log[f"theta_{axis}_rad"]) for log in logs]
         known = [(step, name) for step, name in zip(steps, names, strict=True) if step]

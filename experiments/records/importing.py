@@ -6,7 +6,7 @@ what else is missing, or unknown and left out, stands in the log's `notes`.
 
 import csv
 from array import array
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -67,6 +67,16 @@ def read_logs(path: Path | str) -> list[Log]:
         _checked(path, {name: values[own] for name, values in columns.items()}, notes)
         for own in runs
     ]
+
+
+def refuse_same_rows(logs: Sequence[Log], names: Sequence[str]) -> None:
+    """ValueError: two of the logs, called `names`, hold the same rows, which would count twice."""
+    for i, log in enumerate(logs):
+        for j in range(i):
+            if np.array_equal(log.rows, logs[j].rows, equal_nan=True):
+                raise ValueError(
+                    f"{names[j]} and {names[i]} hold the same rows: give every log once"
+                )
 
 
 def _read(path: Path) -> tuple[dict[str, np.ndarray], list[str]]:

@@ -144,6 +144,15 @@ def test_what_cannot_be_measured_is_one_line(tmp_path: Path, capsys):
     assert "leave the runs out" in capsys.readouterr().err
 
 
+def test_a_run_that_is_named_twice_is_refused(tmp_path: Path, capsys):
+    """It counted twice, and its intervals became narrower than they are."""
+    logs = [tmp_path / "log.csv", tmp_path / "copy.csv"]
+    for log in logs:
+        log.write_text("t_s,command_x_rad,command_y_rad,ball_x_m\n0,0,0,0\n0.02,0.1,0,0\n")
+    assert call("calibrate", "servo", *logs, "--rig", HOBBY, "--out", tmp_path / "out") == 2
+    assert "copy.csv hold the same rows: give every log once" in capsys.readouterr().err
+
+
 @pytest.mark.slow
 def test_a_table_with_angles_is_measured_by_them_again_from_its_recording(tmp_path: Path, capsys):
     first, again = tmp_path / "first", tmp_path / "again"
