@@ -124,7 +124,7 @@ def test_a_film_needs_its_run_and_a_plate_that_was_calibrated(tmp_path: Path, ca
     for runs, said in (
         ((), "--video: name the one run whose frames these are, not 0"),
         ((log, log), "name the one run whose frames these are, not 2"),
-        ((log,), "has no lens and plate yet: run rig calibrate camera and table"),
+        ((log,), f"{tmp_path} has no lens yet: run rig calibrate camera --out {tmp_path} first"),
     ):
         args = ("calibrate", "servo", *runs, "--video", "a.mp4", "--rig", HOBBY, "--out", tmp_path)
         assert call(*args) == 2
