@@ -227,10 +227,12 @@ class RunTab:
         self._show_live(page)
 
     def go_on(self) -> None:
-        """Begin the next run of the plan. ValueError: a real table that is not armed for it."""
+        """Begin the run of the plan that waits; nothing where none does. ValueError: a real table
+        that is not armed for it.
+        """
         if self._session.status.state == "pause":
             self._take_arming()
-        self._session.go_on()
+            self._session.go_on()
 
     def repeat(self, page: int | None) -> None:
         """Make the last run again, which was not completed. ValueError: there is none, or a real

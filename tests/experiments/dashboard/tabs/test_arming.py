@@ -44,3 +44,20 @@ def test_an_arming_waits_for_a_minute(monkeypatch):
     now[0] += ARMED_S - 1.0
     made._age_arming()
     assert made._armed.now
+
+
+def test_the_next_run_begins_with_its_arming_alone(monkeypatch):
+    """Pressed while a run was just ending, and not waiting yet, it began the next one unarmed."""
+    made, went = tab(monkeypatch, [0.0]), []
+    made._session.go_on = lambda: went.append(made._session.status.state)
+    made._armed.now = False
+    made._session.status = SimpleNamespace(state="running")
+    made.go_on()
+    made._session.status = SimpleNamespace(state="pause")
+    with pytest.raises(ValueError, match="tick Arm"):
+        made.go_on()
+    assert went == []
+    made._armed.now = True
+    made.go_on()
+    assert went == ["pause"]
+    assert not made._armed.now
