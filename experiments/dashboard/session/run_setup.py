@@ -47,20 +47,20 @@ class VirtualRunSetup:
         """
         plan = planned.plan
         request = RunRequest(rig, plan.protocol, planned.method, planned.seed, self._runs)
-        if plan.by_hand and not plan.protocol.servo_only:
-            self._steps = SharedArray((2,), np.dtype(np.float64))
-        job = virtual_job.virtual_job(
-            rig,
-            planned.method,
-            course(plan.protocol, rig, planned.seed),
-            protocol=plan.protocol,
-            seed=planned.seed,
-            speed=plan.speed,
-            steps=self._steps,
-        )
-        folder = new_run_folder(request.parent, plan.protocol.name, planned.method)
-        write_truth(folder, truth_record(request))
         try:
+            if plan.by_hand and not plan.protocol.servo_only:
+                self._steps = SharedArray((2,), np.dtype(np.float64))
+            job = virtual_job.virtual_job(
+                rig,
+                planned.method,
+                course(plan.protocol, rig, planned.seed),
+                protocol=plan.protocol,
+                seed=planned.seed,
+                speed=plan.speed,
+                steps=self._steps,
+            )
+            folder = new_run_folder(request.parent, plan.protocol.name, planned.method)
+            write_truth(folder, truth_record(request))
             yield Ready(request, job, folder, start_record(request))
         finally:
             steps, self._steps = self._steps, None
