@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 import re
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from io import BytesIO
+from itertools import pairwise
 from pathlib import Path
+from statistics import mode
 
 import cv2
 import numpy as np
@@ -100,7 +102,8 @@ def _images(path: str | Path) -> Iterator[np.ndarray]:
 
 
 def open_folder(path: Path, fps: float) -> RecordedFrames:
-    """The images of a folder in natural order, dated at `fps`.
+    """The images of a folder in natural order, dated at `fps`; a frame that is missing in their
+    numbering leaves a hole in time.
 
     `ValueError`: the folder has no images; `read` raises it for one that cannot be decoded.
     """
@@ -110,11 +113,11 @@ def open_folder(path: Path, fps: float) -> RecordedFrames:
         raise ValueError(f"{path}: no images in this folder (looked for {looked_for})")
     # "frame10" comes after "frame9".
     files.sort(key=lambda f: [int(p) if p.isdigit() else p for p in re.split(r"(\d+)", f.name)])
-    numbered = iter(enumerate(files))
+    dated = iter(zip(frame_numbers([f.stem for f in files]), files, strict=True))
 
     def read() -> tuple[np.ndarray, float] | None:
-        for i, file in numbered:
-            return _picture(file), i / fps
+        for number, file in dated:
+            return _picture(file), number / fps
         return None
 
     def pictures() -> Iterator[np.ndarray]:
@@ -123,6 +126,27 @@ def open_folder(path: Path, fps: float) -> RecordedFrames:
                 yield _picture(file)
 
     return RecordedFrames(read, lambda: None, fps, len(files), has_repeats(pictures()))
+
+
+def frame_numbers(names: Sequence[str]) -> list[int]:
+    """By which frame time each of the sorted names is: by the one number in which they differ,
+    counted from 0 in the usual step; by their order where they differ otherwise, or where a step is
+    no multiple of the usual one, as of times in milliseconds.
+    """
+    parts = [re.split(r"(\d+)", name) for name in names]
+    order = list(range(len(names)))
+    if len({tuple(part[::2]) for part in parts}) > 1:
+        return order
+    columns = [[int(n) for n in column] for column in zip(*(p[1::2] for p in parts), strict=True)]
+    differing = [column for column in columns if column[0] != column[-1]]
+    if len(differing) != 1:
+        return order
+    numbers = differing[0]
+    steps = [b - a for a, b in pairwise(numbers)]
+    usual = mode(steps)
+    if usual < 1 or 2 * steps.count(usual) < len(steps) or any(s < 1 or s % usual for s in steps):
+        return order
+    return [(n - numbers[0]) // usual for n in numbers]
 
 
 def _picture(file: Path) -> np.ndarray:

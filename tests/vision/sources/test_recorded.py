@@ -3,12 +3,13 @@
 import os
 import struct
 import zlib
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from vision.sources.recorded import open_file, open_folder
+from vision.sources.recorded import frame_numbers, open_file, open_folder
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes of POSIX")
@@ -66,3 +67,33 @@ def test_a_list_is_not_followed_to_another_film(tmp_path, text, before):
     assert "film.mp4" in str(caught.value)
     assert "\n" not in str(caught.value)
     assert open_file(film).read() is not None
+
+
+@pytest.mark.parametrize(
+    ("names", "numbers"),
+    [
+        (["a"], [0]),
+        (["f1", "f2", "f3"], [0, 1, 2]),
+        (["f0007", "f0008", "f0010", "f0011", "f0012"], [0, 1, 3, 4, 5]),  # 9 is missing
+        (["cam2_f10", "cam2_f15", "cam2_f20", "cam2_f35"], [0, 1, 2, 5]),  # every fifth was kept
+        (["t1000", "t1033", "t1067", "t1100"], [0, 1, 2, 3]),  # milliseconds
+        (["IMG_1", "IMG_17", "IMG_90"], [0, 1, 2]),  # chosen by hand
+        (["a1", "b2", "b3"], [0, 1, 2]),
+        (["s1_f1", "s1_f2", "s2_f1"], [0, 1, 2]),
+        (["f1", "f1", "f2"], [0, 1, 2]),  # the same number twice: of two formats
+        (["one", "two"], [0, 1]),
+    ],
+)
+def test_a_frame_that_is_missing_in_the_numbering_leaves_a_hole_in_time(
+    names: list[str], numbers: list[int]
+):
+    assert frame_numbers(names) == numbers
+
+
+def test_the_pictures_of_a_folder_are_dated_by_their_numbers(tmp_path: Path):
+    for number in (3, 4, 6, 7):
+        cv2.imwrite(str(tmp_path / f"frame{number}.png"), np.full((4, 4, 3), number, np.uint8))
+    frames, found = open_folder(tmp_path, 10.0), []
+    while (got := frames.read()) is not None:
+        found.append((int(got[0][0, 0, 0]), got[1]))
+    assert found == [(3, 0.0), (4, 0.1), (6, 0.3), (7, 0.4)]
