@@ -285,6 +285,20 @@ def test_what_is_said_while_a_stop_or_another_holder_comes_is_taken_back_too(com
     assert kept.now is False
 
 
+def test_what_is_said_while_nothing_comes_stays_said():
+    c, _, _ = controls()
+    c.lock = ControlLock().joined(1).joined(2)
+    arm, look, withdrawn = FakeHandle(False), FakeHandle(False), []
+    armed = c.value(arm, "arm the table", flag)
+    c.value(look, "show the grid", flag, everybody=True)
+    c.withdraw.append(lambda: withdrawn.append(1))
+    c.use(1, arm, True)
+    c.use(2, look, True)  # of a page that only watches
+    c.queue.close()
+    assert armed.now is True
+    assert not withdrawn
+
+
 def test_a_stop_that_fails_is_told():
     c, told, noted = controls()
     stop = FakeHandle(False)
