@@ -43,6 +43,12 @@ SERVOS_ALONE = parse(
 DONE = Ending("completed")
 
 
+def derived() -> dict[str, float]:
+    """What the tests are more impatient with: mutants, most of which die as something never comes
+    that else takes milliseconds."""
+    return {"PATIENCE_S": 2.0}
+
+
 class ScriptedLoop:
     """Stands for a loop process: hands on what the test says, ends when told or stopped."""
 
