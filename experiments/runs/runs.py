@@ -27,13 +27,19 @@ def calibrate_camera(rig: Rig, out: Path, seed: int) -> Path:
     """
     from calibration.bundle import calibrate_virtual
 
+    path = _place(out)
+    renderer = virtual_renderer(rig, np.random.default_rng([seed, 6]))
+    bundle = calibrate_virtual(renderer, np.random.default_rng([seed, 7]))
+    bundle.save(path)
+    return path
+
+
+def _place(out: Path) -> Path:
+    """The file of the virtual camera's calibration. ValueError: what is there is another's."""
     path = out / "calibration.json"
     refuse_other(
         path, "the virtual camera's calibration is", lambda c: c.get("source") == "simulated"
     )
-    renderer = virtual_renderer(rig, np.random.default_rng([seed, 6]))
-    bundle = calibrate_virtual(renderer, np.random.default_rng([seed, 7]))
-    bundle.save(path)
     return path
 
 
@@ -43,6 +49,7 @@ def own_calibration(rig: Rig, out: Path, seed: int) -> Iterator[Path]:
 
     ValueError: another one does; and errors as of `calibrate_camera`.
     """
+    _place(out)  # before the folder is touched
     out.mkdir(parents=True, exist_ok=True)
     with (out / LOCK_FILE).open("a") as file:
         if not lock(file.fileno()):

@@ -179,7 +179,7 @@ def test_refusals_name_the_fault_and_write_nothing(pictures: Path, tmp_path: Pat
         (("camera", "--distance-mm", "0"), "--distance-mm 0: must be 50 to 20000"),
         (("camera", "--square-mm", "inf"), "than its squares (inf mm)"),
         (("table",), "no lens yet"),
-        (("time",), "no lens and plate yet"),
+        (("time",), "no lens yet"),
         (("time", "--video", "a.mp4"), "name the run, too"),
         (("time", "/no/such/run"), "no such run folder"),
         (("level", "/no/such/run"), "no such run folder"),
