@@ -183,11 +183,11 @@ def _frames(log: Log, rig: Rig) -> list[str]:
     exposed_s = log.ball()[0]
     if len(exposed_s) < MIN_OBSERVATIONS:
         return []
-    rate_Hz, camera_Hz = 1 / float(np.median(np.diff(exposed_s))), rig.camera.rate_hz
-    if 1 / OTHER_RATE < rate_Hz / camera_Hz < OTHER_RATE:
+    period_s, camera_Hz = float(np.median(np.diff(exposed_s))), rig.camera.rate_hz
+    if period_s <= 0.0 or 1 / OTHER_RATE < period_s * camera_Hz < OTHER_RATE:
         return []
     return [
-        f"the ball is seen {rate_Hz:.3g} times a second, the rig file says camera.rate_hz = "
+        f"the ball is seen {1 / period_s:.3g} times a second, the rig file says camera.rate_hz = "
         f"{camera_Hz:g}: its camera.delay_s may be of another camera, too"
     ]
 

@@ -129,9 +129,9 @@ def open_folder(path: Path, fps: float) -> RecordedFrames:
 
 
 def frame_numbers(names: Sequence[str]) -> list[int]:
-    """By which frame time each of the sorted names is: by the one number in which they differ,
-    counted from 0 in the usual step; by their order where they differ otherwise, or where a step is
-    no multiple of the usual one, as of times in milliseconds.
+    """The frame of each of some sorted names, from 0: the one number in which they differ, in units
+    of its usual step. Their order, where they differ otherwise or a step is no multiple of the
+    usual one, as of times in milliseconds.
     """
     parts = [re.split(r"(\d+)", name) for name in names]
     order = list(range(len(names)))

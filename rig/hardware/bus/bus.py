@@ -376,7 +376,7 @@ class BusTable(ServoTable, LevelOnExit):
         self._parser.clear()
         self._asked_s = self._clock()
         self._link.send(self._vendor.ask(block, self._ids))
-        answers = dict[int, Status]()
+        answers: dict[int, Status] = {}
         while True:
             for status in self._parser.feed(self._link.receive()):
                 if status.servo_id not in self._ids:

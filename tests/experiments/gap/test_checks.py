@@ -233,3 +233,13 @@ def test_another_camera_and_larger_angles_than_the_rig_files_are_told():
     assert f"camera.rate_hz = {slow.camera.rate_hz:g}" in frames
     (angle,) = (note for note in notes if note.startswith("command_x_rad reaches "))
     assert f"servo.angle_limit_rad = {0.9 * most_rad:.3g}" in angle
+
+
+def test_exposures_that_all_have_one_time_are_no_frame_rate():
+    columns = table_log()
+    seen = ~np.isnan(columns["ball_x_m"])
+    middle_s = float(np.median(columns["t_s"]))
+    columns["ball_exposed_s"] = np.where(seen, np.minimum(columns["t_s"], middle_s), np.nan)
+    columns = {name: values[columns["t_s"] >= middle_s] for name, values in columns.items()}
+    columns = {name: values[: round(1.9 / 0.002)] for name, values in columns.items()}
+    assert not [note for note in check(log_of(columns), RIG) if "the ball is seen" in note]
