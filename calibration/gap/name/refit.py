@@ -5,6 +5,7 @@ G is the fall of the cost C (`calibration.gap.model.fit`), its score the penalis
 parameters released (`calibration.gap.decision_rule`).
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from calibration.gap.decision_rule import (
@@ -103,12 +104,17 @@ class CandidateFit:
 
 
 def rank(
-    state: State, screened: list[Screened], *, most: int = EFFECTS_REFITTED
+    state: State,
+    screened: list[Screened],
+    *,
+    most: int = EFFECTS_REFITTED,
+    in_place_on: Collection[str] = (),
 ) -> list[CandidateFit]:
     """Refit the `most` effects that the screen ranks first, each released on the axes that need it;
     best score first.
 
     Lower-ranked effects are refitted, too, while no better-ranked one has kept its screened gain.
+    `in_place_on`: the axes of a name in whose place they are tried, on all of them.
     """
     by_name: dict[str, list[Screened]] = {}
     for one in screened:
@@ -126,7 +132,7 @@ def rank(
         if gain[name] < MIN_SHARE_OF_BEST * best_on_side[side[name]]:
             continue
         if i < most or gain[name] >= MIN_LATE_REFIT_GAIN:
-            fits.append(_release(state, name, _axes(by_name[name], screened)))
+            fits.append(_release(state, name, _axes(by_name[name], screened, in_place_on)))
     return sorted(fits, key=lambda candidate: -candidate.score)
 
 
@@ -136,15 +142,21 @@ def release_one(state: State, one: Screened) -> State:
     return _release(state, one.name, [one]).state
 
 
-def _axes(found: list[Screened], screened: list[Screened]) -> list[Screened]:
+def _axes(
+    found: list[Screened], screened: list[Screened], in_place_on: Collection[str]
+) -> list[Screened]:
     """The axes on which to release an effect: that of its largest gain, and those on which it gains
-    enough and no other far more. `found`, `screened`: of the effect and of all, best first."""
+    enough and no other far more. `found`, `screened`: of the effect and of all, best first;
+    `in_place_on`: as of `rank`; there another may gain more alone."""
     best = {one.axis: one.gain for one in reversed(screened)}
     return [
         one
         for one in found
         if one is found[0]
-        or one.gain > max(MIN_AXIS_GAIN, MIN_SHARE_OF_BEST_ON_AXIS * best[one.axis])
+        or (
+            one.gain > MIN_AXIS_GAIN
+            and (one.axis in in_place_on or one.gain > MIN_SHARE_OF_BEST_ON_AXIS * best[one.axis])
+        )
     ]
 
 
