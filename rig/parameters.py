@@ -24,7 +24,8 @@ VOLTAGE, POSITION = "voltage", "position"
 BUS_KINDS = ("feetech", "dynamixel")
 PULSES = "pulses"
 ANGLE_KINDS = (*BUS_KINDS, PULSES)  # of tables whose servos are told an angle
-TABLE_KINDS = ("simulated", "serial", "usb", "quanser", "remote", *ANGLE_KINDS)
+QUANSER = "quanser"
+TABLE_KINDS = ("simulated", "serial", "usb", QUANSER, "remote", *ANGLE_KINDS)
 HIGHEST_ID = 252  # of a servo on either bus
 USUAL = {  # by channel, as far as there are servos
     "ids": (1, 2, 3),

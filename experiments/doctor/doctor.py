@@ -5,7 +5,7 @@
 
 from dataclasses import dataclass, field
 
-from rig.parameters import ANGLE_KINDS, BUS_KINDS, PULSES, Rig
+from rig.parameters import ANGLE_KINDS, BUS_KINDS, PULSES, QUANSER, Rig
 
 OK, NOTE, BAD = "ok", "note", "bad"
 BOARD_VENDORS = {
@@ -100,7 +100,7 @@ def examine(facts: Facts, rig: Rig) -> list[Finding]:
         "simulated": _simulated,
         "serial": _serial,
         "usb": _usb,
-        "quanser": _quanser,
+        QUANSER: _quanser,
         "remote": _remote,
         PULSES: _serial,
     } | dict.fromkeys(BUS_KINDS, _bus)

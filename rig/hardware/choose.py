@@ -9,7 +9,7 @@ import numpy as np
 
 from rig.hardware.observations import ObservationSource
 from rig.hardware.wiring import Wiring, file_wiring, raw_wiring
-from rig.parameters import ANGLE_KINDS, BUS_KINDS, PULSES, Rig
+from rig.parameters import ANGLE_KINDS, BUS_KINDS, PULSES, QUANSER, Rig
 from rig.safety.motion_watch import Both, sure_volts
 from rig.table import Table
 
@@ -48,7 +48,7 @@ def check_drive(rig: Rig) -> None:
             f"servo.kind = 'position': table.kind = '{kind}' drives volts, which would be wrong; "
             f"tables that are told an angle: {', '.join(ANGLE_KINDS)}"
         )
-    if kind == "quanser":
+    if kind == QUANSER:
         _check_limiter(rig)
     if kind not in ANGLE_KINDS:
         return
@@ -105,7 +105,7 @@ def open_table(
         return _pulses(rig, eye, wired)
     if kind in ("serial", "usb"):
         return _board(rig, eye, wired, homed, sure_volts(rig, breakaway_V))
-    if kind == "quanser":
+    if kind == QUANSER:
         from rig.hardware.quanser.quanser import QuanserTable
 
         return QuanserTable(rig, wired, eye=eye, homed=homed)

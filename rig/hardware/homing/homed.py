@@ -12,7 +12,7 @@ from rig.files import file_bytes, write_whole
 from rig.hardware.homing.home import Homing
 from rig.hardware.wiring import Wiring
 from rig.linkage import Linkage
-from rig.parameters import BUS_KINDS, PULSES, Rig, Servo
+from rig.parameters import BUS_KINDS, PULSES, QUANSER, Rig, Servo
 from rig.table import Table
 
 LONGEST = timedelta(hours=12)  # for a table that does not tell when it was switched off
@@ -33,13 +33,13 @@ class NotHomed(ValueError):  # noqa: N818 - it names a state used as a run endin
 class Homed:
     """A homing as kept in a file, and the table that it holds for.
 
-    kind, where: of the table's [table] (kind; port or address, and what an angle of servos that
-    take one means there: ids on a bus, pulses); boot_id: name of the table's power-up, or of this
-    homing, as the table knows it (None: it knows none); at: ISO time, UTC; confirmed: the markers
-    saw the plate move; travel_rad: between the stops, by servo; wiring: what the homing found;
-    voltage_limit_V: with which it was done (inf: a file of an earlier version does not tell);
-    breakaway_V: at which each arm begins to move, up and down (none: as that, or the servos take
-    angles).
+    kind, where: of the table's [table] (kind; port or address, and what a number that is written
+    there means: ids on a bus, pulses, the amplifier behind a card); boot_id: name of the table's
+    power-up, or of this homing, as the table knows it (None: it knows none); at: ISO time, UTC;
+    confirmed: the markers saw the plate move; travel_rad: between the stops, by servo; wiring: what
+    the homing found; voltage_limit_V: with which it was done (inf: a file of an earlier version
+    does not tell); breakaway_V: at which each arm begins to move, up and down (none: as that, or
+    the servos take angles).
     """
 
     kind: str
@@ -128,6 +128,8 @@ def _where(rig: Rig) -> str:
         told = table.by_channel("pulse_us_per_rad", servos)
         slopes = ", ".join(f"{slope:.6g}" for slope in told)
         return f"{where}, pulses of {slopes} us/rad from {lowest:g} to {highest:g} us"
+    if table.kind == QUANSER:
+        return f"{where}, amplifier gain {table.amplifier_gain:g}"
     return f"{where} {list(table.by_channel('ids', servos))}" if table.kind in BUS_KINDS else where
 
 

@@ -126,6 +126,15 @@ def test_other_pulses_than_at_the_homing_are_refused():
             one.check(other, "id absolute")
 
 
+def test_another_amplifier_than_at_the_homing_is_refused():
+    """A card homed behind an amplifier of 3, told 1, would put three times the volts on."""
+    rig = replace(RIG, table=replace(RIG.table, kind="quanser", amplifier_gain=3.0))
+    one = Homed.of(FOUND, rig, None)
+    one.check(rig, None)
+    with pytest.raises(NotHomed, match=r"another table .*amplifier gain 3.*run rig home"):
+        one.check(replace(rig, table=replace(rig.table, amplifier_gain=1.0)), None)
+
+
 def test_a_table_that_cannot_tell_is_believed_for_twelve_hours_and_inside_its_stops():
     one, now = homed(None), datetime.now(UTC)
     one.check(RIG, None, now + timedelta(hours=11))
