@@ -15,11 +15,11 @@ import time
 from collections import deque
 from urllib.parse import unquote, urljoin, urlsplit
 
-import cv2
 import numpy as np
 
 from vision.sources.addresses import without_password
 from vision.sources.clock import ForeignClock, own_clock, wall_minus_monotonic
+from vision.sources.encoded_image import decoded
 from vision.sources.multipart import Multipart, Part, boundary_of
 from vision.sources.source_errors import GarbageError, GoneError, SourceError
 
@@ -143,12 +143,9 @@ class HttpFeed:
     def decode(self, raw: bytes) -> np.ndarray:
         """The image (h, w, 3) uint8 BGR of a part's bytes. `GarbageError`: they are no image."""
         try:
-            image = cv2.imdecode(np.frombuffer(raw, np.uint8), cv2.IMREAD_COLOR) if raw else None
-        except cv2.error:
-            image = None
-        if image is None:
-            raise GarbageError(f"a frame of {len(raw)} bytes is no image that can be decoded")
-        return image
+            return decoded(raw)
+        except ValueError as error:
+            raise GarbageError(f"a frame of {len(raw)} bytes: {error}") from None
 
     def interrupt(self) -> None:
         """End a waiting `read`; it then raises `GoneError`."""

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import math
 import re
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
-from io import BytesIO
 from itertools import pairwise
 from pathlib import Path
 from statistics import mode
 
 import cv2
 import numpy as np
-from PIL import Image
 
 from vision.sources.camera_device import capture
+from vision.sources.encoded_image import decoded
 from vision.sources.repeats import has_repeats
 
 IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp"})
@@ -150,23 +148,10 @@ def frame_numbers(names: Sequence[str]) -> list[int]:
 
 
 def _picture(file: Path) -> np.ndarray:
-    """A picture (h, w, 3) uint8, BGR. ValueError (one line): no file, damaged, or of more pixels
-    than Pillow's own limit, which its head says before anything is unpacked.
-    """
+    """A picture (h, w, 3) uint8, BGR. ValueError (one line): no file, or as of `decoded`."""
     if not file.is_file():
         raise ValueError(f"{file}: no file, but a folder, a pipe or a device; remove it")
     try:
-        data = file.read_bytes()
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", Image.DecompressionBombWarning)
-            Image.open(BytesIO(data)).close()
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
-    except (Image.DecompressionBombWarning, Image.DecompressionBombError):
-        most = f"{Image.MAX_IMAGE_PIXELS or 0:,}"
-        raise ValueError(f"{file}: it has more than {most} pixels: make it smaller") from None
-    except (OSError, ValueError, SyntaxError, cv2.error) as error:
-        why = " ".join(str(error).split())
-        raise ValueError(f"{file}: not an image that can be read ({why})") from None
-    if image is None:
-        raise ValueError(f"{file}: not an image that can be decoded; remove or replace it")
-    return image
+        return decoded(file.read_bytes())
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{file}: {error}") from None

@@ -21,6 +21,13 @@ from vision.sources.sources import open_source
 pytestmark = pytest.mark.realtime
 
 
+def sized(frame: bytes, width: int, height: int) -> bytes:
+    """A JPEG whose head says another size."""
+    at = frame.index(b"\xff\xc0") + 5
+    size = height.to_bytes(2, "big") + width.to_bytes(2, "big")
+    return frame[:at] + size + frame[at + 4 :]
+
+
 def test_a_stall_is_named_and_goes_on(server, script):
     with open_source(server.address, patience_s=0.3) as source:
         next(source)
@@ -43,7 +50,14 @@ def test_a_hanging_connection_is_replaced(server):
 
 @pytest.mark.parametrize("length", [True, False])
 @pytest.mark.parametrize(
-    "broken", [jpeg(20)[:-30], b"hello" * 50, jpeg(20)[:30] + b"\0" * 300, b"\xff\xd8\xff\xd9"]
+    "broken",
+    [
+        jpeg(20)[:-30],
+        b"hello" * 50,
+        jpeg(20)[:30] + b"\0" * 300,
+        b"\xff\xd8\xff\xd9",
+        sized(jpeg(20), 30_000, 30_000),  # 5 GB once unpacked
+    ],
 )
 def test_garbage_is_named_and_the_next_frame_comes(server, script, length, broken, capfd):
     with open_source(server.address) as source:
