@@ -5,6 +5,8 @@ from itertools import islice
 from os import cpu_count
 from typing import Any, TypeVar
 
+from rig.loop.child_process import signals_held
+
 T = TypeVar("T")
 AHEAD = 2  # calls a process made before they are wanted; all of them fit in the queue of loky,
 # which falls over what does not when it is ended (a KeyError of its thread)
@@ -35,7 +37,9 @@ def results_of(
 
     with parallel_config("loky", n_jobs=count, inner_max_num_threads=1):
         parallel = Parallel(return_as="generator_unordered", pre_dispatch=f"{AHEAD}*n_jobs")
-        yield from parallel(delayed(function)(*call) for call in calls)  # pyright: ignore
+        with signals_held():
+            results = parallel(delayed(function)(*call) for call in calls)
+        yield from results  # pyright: ignore
 
 
 def _on_cluster(function: Callable[..., T], calls: Iterable[tuple], address: str) -> Iterator[T]:

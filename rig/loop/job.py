@@ -6,7 +6,6 @@ and 0 V.
 """
 
 import os
-import signal
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -19,6 +18,7 @@ import numpy as np
 from rig.control.user_controller import WatchedController, load_controller
 from rig.course import Course
 from rig.log import INDEX
+from rig.loop.child_process import leave_ctrl_c
 from rig.loop.commands import Command, CommandSlot, Stop
 from rig.loop.jitter import Jitter, Lateness
 from rig.loop.loop import DONE, Ending, Loop, ending_of, run_controlled
@@ -125,7 +125,7 @@ def warm_up(known: Rig, compensator: int, course: Course) -> None:
 
 def work(job: Job, box: SharedChannel, parent: int, result: Connection) -> None:
     """The loop's process from its start to its end."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the program hears it and stops the loop
+    leave_ctrl_c()
     inbox, jitter, report = _Inbox(box, parent), Jitter(job.trace), {}
 
     def run() -> Ending:

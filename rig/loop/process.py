@@ -17,6 +17,7 @@ from math import inf
 import numpy as np
 
 from rig.control.user_controller import END_S, START_S
+from rig.loop.child_process import signals_held, start
 from rig.loop.commands import Command, Stop
 from rig.loop.job import Job, work
 from rig.loop.loop import Ending, ending_of
@@ -49,7 +50,8 @@ class LoopProcess:
     """
 
     def __init__(self, job: Job) -> None:
-        self._box, self._over = SharedChannel(), threading.Event()
+        with signals_held():
+            self._box, self._over = SharedChannel(), threading.Event()
         self._commands = SharedCommandSlot(self._box)
         self._controller, self._hung = job.controller.rpartition(":")[2], ""
         self._lock = threading.RLock()  # a signal's handler may put while its own thread does
@@ -63,7 +65,7 @@ class LoopProcess:
         arguments = (job, self._box, os.getpid(), there)
         self._process = context.Process(target=work, args=arguments, name="loop", daemon=True)
         self._pulse = threading.Thread(target=self._beat, daemon=True, name="pulse")
-        self._process.start()
+        start(self._process)
         there.close()
         self._pulse.start()
 

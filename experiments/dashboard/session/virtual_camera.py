@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from experiments.dashboard.session.worker_process import stand_back
+from rig.loop.child_process import start
 from rig.parameters import Rig
 
 IMAGE_SIZE_PX = (320, 240)  # width and height on the page; chosen: as wide as its panel
@@ -126,7 +127,7 @@ class VirtualCamera:
             self._process = context.Process(
                 target=_serve_images, args=(self._rig, there), daemon=True, name="virtual camera"
             )
-            self._process.start()
+            start(self._process)
             there.close()
         if self._busy:
             return

@@ -3,7 +3,6 @@
 import io
 import multiprocessing
 import os
-import signal
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -11,6 +10,8 @@ from contextlib import redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
+
+from rig.loop.child_process import leave_ctrl_c, start
 
 NICE_INCREMENT = 5  # lower priority than the loop process; chosen
 
@@ -68,7 +69,7 @@ class _Lines(io.TextIOBase):
 
 def stand_back() -> None:
     """Give way to the loop, and leave Ctrl-C to the program, which ends this process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    leave_ctrl_c()
     with suppress(OSError, AttributeError):
         os.nice(NICE_INCREMENT)
 
@@ -189,6 +190,6 @@ class WorkerProcess:
                 context = multiprocessing.get_context("spawn")
                 self._pipe, there = context.Pipe()
                 self._process = context.Process(target=_serve_tasks, args=(there,), daemon=True)
-                self._process.start()
+                start(self._process)
                 there.close()
             return self._pipe

@@ -7,7 +7,6 @@ raised by name where the loop reads.
 """
 
 import multiprocessing
-import signal
 import threading
 import time
 from collections.abc import Callable, Iterable
@@ -17,6 +16,7 @@ from typing import Protocol, Self
 import numpy as np
 
 from rig.hardware.camera.preview import Preview
+from rig.loop.child_process import leave_ctrl_c, signals_held
 from rig.plant.ball import plate_rotation, tilt_sines
 from rig.shared_memory import SharedArray, SharedRing, encoded
 from vision.frames import Frame, Observation, Track
@@ -167,7 +167,7 @@ def see(eye: CameraEye, opener: Opener) -> None:
 
 
 def _process(eye: CameraEye, opener: Opener) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the program ends it
+    leave_ctrl_c()
     see(eye, opener)
     eye.close()
 
@@ -193,7 +193,8 @@ class Watcher:
             self._kill = lambda: None  # a driver that holds a thread lets go when it likes
 
     def __enter__(self) -> Self:
-        self._worker.start()
+        with signals_held():
+            self._worker.start()
         until_s = time.monotonic() + self._patience_s
         try:
             while not self.eye.sights.news:

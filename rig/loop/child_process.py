@@ -1,0 +1,43 @@
+"""Processes that the program starts: what a terminal sends to all of them is for the program alone.
+
+Ctrl-C and the end of a terminal reach every process of its group. The program stops the run, levels
+the table and ends its processes; one that hears the signal first, in the midst of its imports, ends
+with a traceback.
+"""
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from multiprocessing import resource_tracker
+from multiprocessing.process import BaseProcess
+
+_HELD = [getattr(signal, name) for name in ("SIGINT", "SIGHUP") if hasattr(signal, name)]
+
+
+@contextmanager
+def signals_held() -> Iterator[None]:
+    """While inside, SIGINT and SIGHUP wait, and in processes that this thread starts for ever, or
+    until they `leave_ctrl_c`. (Windows cannot hold them: nothing is done.)"""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _HELD)
+    try:
+        resource_tracker.ensure_running()  # as it begins, it lets SIGINT through
+        signal.pthread_sigmask(signal.SIG_BLOCK, _HELD)
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def start(process: BaseProcess) -> None:
+    """Start a process that begins with `leave_ctrl_c`."""
+    with signals_held():
+        process.start()
+
+
+def leave_ctrl_c() -> None:
+    """In a process of the program's: leave SIGINT to the program, and hear SIGHUP again."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _HELD)
