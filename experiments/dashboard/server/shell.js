@@ -138,6 +138,10 @@
   addEventListener("keydown", (event) => {
     if (event.key === "Escape" && !event.repeat) halt();
   }, true);
+  // A tab or a button that was clicked keeps no key: arrows would turn the tabs, Space press again.
+  addEventListener("click", (event) => {
+    if (event.detail > 0) event.target.closest?.("button")?.blur();
+  });
   // On a phone the table stands above viser's sheet, which folds.
   const sheet = () => document.querySelector('.mantine-Paper-root[style*="position: fixed"]');
   setInterval(() => root.style.setProperty(
