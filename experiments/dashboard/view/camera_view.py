@@ -95,7 +95,9 @@ class CameraPicture:
     def wait(self) -> None:
         """Say that the camera starts, where nothing was shown yet."""
         if not self._frustum.visible and not self._picture.content:
-            self.hide("The camera starts: some seconds, the first time on this machine some minutes.")
+            self.hide(
+                "The camera starts: some seconds, the first time on this machine some minutes."
+            )
 
     def hide(self, words: str = "") -> None:
         """Take the image away and show `words`, the reason, in its place."""
