@@ -168,9 +168,11 @@ def track(
     ] = None,
 ) -> None:
     """Track a ball in real footage. Makes track.csv, a film with overlay, a contact sheet."""
+    from experiments.cli.console import bars
     from experiments.records.run_folder import results_folder
     from experiments.track.track import place_of, track_video
     from experiments.track.words import summary_words
+    from rig.loop.signals import leave_if_told
 
     bundle = None
     if calibration is not None:
@@ -180,9 +182,15 @@ def track(
             raise FileNotFoundError(f"--calibration {calibration}: no such file")
         bundle = load(calibration)
     place = None if ball_at is None else place_of(ball_at)
-    summary = track_video(
-        video, results_folder(out), calibration=bundle, ball_colour=ball_colour, ball_at=place
-    )
+    how = {"calibration": bundle, "ball_colour": ball_colour, "ball_at": place}
+    with bars() as progress:
+
+        def told(done: int, total: int | None) -> None:
+            leave_if_told()  # a stream has no total, and no bar
+            if total:
+                progress("frames", done, max(done, total))
+
+        summary = track_video(video, results_folder(out), **how, progress=told)
     for line in summary_words(summary, out):
         say(line)
 

@@ -11,6 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from experiments.progress import ProgressCall
+from rig.loop.signals import leave_if_told
 
 if TYPE_CHECKING:
     from rig.effects import Effect
@@ -24,7 +25,7 @@ def bars() -> Iterator[ProgressCall]:
     """Show progress bars on standard error; gives the function that updates them.
 
     Each stage has its own bar; where no terminal draws them, a line now and then. Nothing is
-    drawn before the first update.
+    drawn before the first update. An update leaves the program by a signal that was swallowed.
     """
     columns = (
         TextColumn("{task.description:34s}", markup=False),
@@ -40,6 +41,7 @@ def bars() -> Iterator[ProgressCall]:
     tasks: dict[str, int] = {}
 
     def show(stage: str, done: int, total: int) -> None:
+        leave_if_told()
         if not tasks:  # bad input stays one line: nothing is drawn before there is something to see
             progress.start()
         name = stage.partition(": ")[0]
@@ -59,6 +61,7 @@ def _lines(console: Console) -> ProgressCall:
     told: dict[str, tuple[float, int]] = {}
 
     def show(stage: str, done: int, total: int) -> None:
+        leave_if_told()
         name = stage.partition(": ")[0]
         now_s = time.monotonic()
         since_s, before = told.get(name, (-LINE_S, -1))

@@ -1,7 +1,8 @@
 """Signals that end a program (SIGTERM, SIGHUP, console closed) as a stop of the running loop.
 
-Their default is to end the process at once, with the last volts on. SIGINT stays Python's own
-KeyboardInterrupt, which leaves every context on its way out, unless asked for.
+Their default is to end the process at once, with the last volts on. SIGINT stays a
+KeyboardInterrupt, which leaves every context on its way out, unless asked for. Either may be
+swallowed on its way, by a callback of compiled code above all: it is remembered.
 """
 
 import signal
@@ -48,20 +49,24 @@ def end_by(number: int) -> NoReturn:
 
 @contextmanager
 def leave_on_signals(say: Callable[[str], None]) -> Iterator[None]:
-    """While inside, a signal of NAMES leaves every context and then the program.
+    """While inside, a signal of NAMES, or SIGINT, leaves every context and then the program.
 
-    It raises SystemExit, 128 + its number, in the main thread, so that a table is left level at
-    0 V; further ones do the same, but for those within LEAVING_S. What lies between may have
-    swallowed that (an import, a destructor, a callback of compiled code do): no later run is begun
-    then (`stop_on_signals`), and it is raised again at the end. say: gets a line for a person; what
-    it cannot say (to a terminal that is gone) is left out. It is called in the midst of anything,
-    of an import too, so it must import nothing.
+    It raises SystemExit, 128 + its number (SIGINT: KeyboardInterrupt), in the main thread, so that
+    a table is left level at 0 V; further ones do the same, but for those of NAMES within LEAVING_S.
+    What lies between may have swallowed that (an import, a destructor, a callback of compiled code
+    do): no later run is begun then (`stop_on_signals`), and it is raised again where long work
+    reports its progress (`leave_if_told`) and at the end, in place of a RuntimeError, too, of what
+    was left in its midst. say: gets a line for a person; what it cannot say (to a terminal that is
+    gone) is left out. It is called in the midst of anything, of an import too, so it must import
+    nothing.
     """
     raised_s = -LEAVING_S
 
     def handle(number: int, _: object) -> None:
         nonlocal raised_s
         _leaving.append(number)
+        if number == signal.SIGINT:
+            raise KeyboardInterrupt
         if time.monotonic() - raised_s < LEAVING_S:
             return
         raised_s = time.monotonic()
@@ -69,15 +74,23 @@ def leave_on_signals(say: Callable[[str], None]) -> Iterator[None]:
             say(f"ended by {signal.Signals(number).name}; what was recorded so far is kept")
         raise SystemExit(128 + number)
 
-    before = {number: signal.signal(number, handle) for number in _numbers(*NAMES)}
+    before = {number: signal.signal(number, handle) for number in _numbers(*NAMES, "SIGINT")}
     try:
         yield
-        if _leaving:
-            raise SystemExit(128 + _leaving[0])
+        leave_if_told()
+    except RuntimeError:
+        leave_if_told()
+        raise
     finally:
         _leaving.clear()
         for number, handler in before.items():
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
+
+
+def leave_if_told() -> None:
+    """Leave the program by a signal of `leave_on_signals` that something swallowed."""
+    if _leaving and threading.current_thread() is threading.main_thread():
+        end_by(_leaving[0])
 
 
 @contextmanager

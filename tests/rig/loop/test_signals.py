@@ -7,7 +7,7 @@ import weakref
 import pytest
 
 from rig.loop.commands import CommandSlot
-from rig.loop.signals import LEAVING_S, leave_on_signals, stop_on_signals
+from rig.loop.signals import LEAVING_S, leave_if_told, leave_on_signals, stop_on_signals
 
 
 @pytest.fixture(autouse=True)
@@ -29,6 +29,30 @@ def swallowed(number: int) -> None:
     watch = weakref.ref(thing, lambda _: signal.raise_signal(number))
     del thing
     assert watch() is None
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("report", [leave_if_told, lambda: None])
+def test_ctrl_c_that_something_swallowed_is_heard_where_work_reports_or_fails(report):
+    """llvmlite drops what is raised while it compiles, and fails a little later."""
+    done = []
+
+    def program() -> None:
+        with leave_on_signals(done.append):
+            swallowed(signal.SIGINT)
+            report()
+            done.append("more work")
+            raise RuntimeError("no compiled object yet")
+
+    with pytest.raises(KeyboardInterrupt):
+        program()
+    assert done == ([] if report is leave_if_told else ["more work"])
+
+
+def test_a_failure_stays_one_where_no_signal_came():
+    leave_if_told()
+    with pytest.raises(RuntimeError, match="its own"), leave_on_signals(print):
+        raise RuntimeError("its own")
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
