@@ -134,11 +134,11 @@ def report_runs(folders: Sequence[Path], out: Path) -> Path:
         sections=[
             *_comparison(both, out, metas[0]),
             Section("Numbers of each run", [*_numbers(rows), *_regimes(metas)]),
+            *sections,
             recompute_section(
                 "The log behind every number, as a table, typed in the folder where the runs are:",
                 "\n".join(map(_export_command, runs)),
             ),
-            *sections,
         ],
     )
 
