@@ -16,6 +16,9 @@ from calibration.motion.recorded_law import KI, KP, OF_TARGET, follow, started
 from calibration.motion.target_changes import SETTLE_S
 
 FILTERS_S = (0.01, 0.03, 0.1, 0.3)  # where the fit begins; chosen: factors of 3 about the usual
+# ln T ends a factor of 10 beyond them: farther out no command depends on it, and a fit that strays
+# there does not come back.
+LEAST_LN_T, MOST_LN_T = np.log(min(FILTERS_S) / 10), np.log(max(FILTERS_S) * 10)
 EXACT = 1e-3  # relative; commands nearer to the largest are at a limit
 OFTEN = 10  # rows at a limit that make it one; chosen: noise reaches its own maximum once
 ROBUST = 0.1  # of the commands' deviation: larger residuals count linearly; chosen
@@ -111,7 +114,9 @@ def fit_axis(data: Told, a: int, changes: Sequence[int], begin: AxisFit | None =
         return np.append(missed(data, a, trial, integrals, targets(tried)), off)
 
     def from_there(p: np.ndarray, law: np.ndarray, steps: int) -> tuple[float, np.ndarray]:
-        gains = np.where(np.arange(len(p)) < 3, 0.0, -np.inf)  # not negative
+        low, high = np.full(len(p), -np.inf), np.full(len(p), np.inf)
+        low[:3] = 0.0  # gains
+        low[3], high[3] = LEAST_LN_T, MOST_LN_T
         found = least_squares(
             residuals,
             p,
@@ -120,7 +125,7 @@ def fit_axis(data: Told, a: int, changes: Sequence[int], begin: AxisFit | None =
             f_scale=scale,
             max_nfev=steps,
             x_scale="jac",
-            bounds=(gains, np.inf),
+            bounds=(low, high),
         )
         return float(found.cost), found.x
 
@@ -149,7 +154,7 @@ def _packed(law: np.ndarray, integrals: np.ndarray, levels: np.ndarray) -> np.nd
 def _unpacked(
     p: np.ndarray, law: np.ndarray, stretches: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    trial = np.concatenate([p[:3], [np.exp(np.clip(p[3], -9.0, 3.0))], law[4:]])
+    trial = np.concatenate([p[:3], [np.exp(p[3])], law[4:]])
     return trial, p[4 : 4 + stretches], p[4 + stretches :]
 
 
