@@ -109,17 +109,17 @@ def home_table(rig: Rig, rig_file: Path) -> tuple[Homing, Path]:
 
     Returns what homing found and the path of the saved file. FileNotFoundError: the port is not
     there; HomingRefused: homing stopped, with its reason; ValueError, OSError: the table or its
-    camera cannot be opened. An earlier homing is deleted in these cases too, except when the port
-    is not there.
+    camera cannot be opened. An earlier homing is deleted once the table is open: what moves it from
+    then on makes it worthless, and a table that somebody else uses stays homed.
     """
     check_drive(rig)
     check_there(rig)
     path = home_file(rig_file)
-    path.unlink(missing_ok=True)
     with plate_tilt(rig) as tilt:
         go_realtime()  # where it is allowed: a late tick costs the board's trust
         table = open_table(rig, homed=False)
         with table:
+            path.unlink(missing_ok=True)
             if takes_angle(table):
                 servos = ByServo(table)  # pyright: ignore[reportArgumentType] - such a table can
                 found = home_angles(servos, rig, raw_wiring(rig).zero_counts, tilt)

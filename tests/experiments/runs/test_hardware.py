@@ -18,6 +18,7 @@ from experiments.runs.protocol import read_protocol
 from experiments.runs.runner import RunRequest, start_record, truth_record
 from rig.hardware.homing.home import Homing
 from rig.hardware.homing.homed import Homed, NotHomed
+from rig.hardware.homing.homing_moves import HomingRefused
 from rig.hardware.wiring import Wiring
 from rig.parameters import Rig, TableChoice
 from rig.rigfile import from_dict
@@ -137,23 +138,32 @@ def test_a_run_is_what_it_was_where_there_is_no_room_for_its_notes(tmp_path, mon
 
 
 def test_an_earlier_homing_is_gone_before_anything_moves(tmp_path, monkeypatch):
-    """A homing that was begun and not finished leaves a table that is not homed."""
+    """A homing that was begun and not finished leaves a table that is not homed; one that never
+    reached the table leaves it to whoever uses it."""
     file, found = tmp_path / "lab.toml", Homing(Wiring(), (1.2, 1.2), (0.4, 0.4))
     kept = tmp_path / "lab.home.json"
 
-    def gone(*_: object, **__: object):
-        raise OSError("the card is gone")
+    def taken(*_: object, **__: object):
+        raise OSError("somebody else controls this table")
 
-    monkeypatch.setattr(hardware, "open_table", gone)
+    def refused(*_: object, **__: object):
+        assert not kept.exists()
+        raise HomingRefused("x", "the arm did not move")
+
     Homed.of(found, RIG, None).save(kept)
-    with pytest.raises(OSError, match="card is gone"):
+    monkeypatch.setattr(hardware, "open_table", taken)
+    with pytest.raises(OSError, match="somebody else"):
         home_table(RIG, file)
-    assert not kept.exists()
+    assert kept.exists()
     unplugged = Rig(table=TableChoice(kind="serial", port=str(tmp_path / "nothing")))
-    Homed.of(found, unplugged, None).save(kept)
     with pytest.raises(FileNotFoundError, match="plug the board in"):
         home_table(unplugged, file)
-    assert kept.exists()  # nothing was touched
+    assert kept.exists()
+    monkeypatch.setattr(hardware, "open_table", lambda *_, **__: Card((0.1, 0.0)))
+    monkeypatch.setattr(hardware, "home", refused)
+    with pytest.raises(HomingRefused, match="did not move"):
+        home_table(RIG, file)
+    assert not kept.exists()
 
 
 def test_no_secret_of_the_rig_file_reaches_a_recording(tmp_path):
