@@ -1,5 +1,6 @@
 """`rig dashboard`: the operator's page in the browser."""
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -28,10 +29,12 @@ def dashboard(
 
     Prints the link to open. Only who has the link gets in; Ctrl-C ends it and levels the table.
     """
-    from experiments.dashboard.serve import serve_dashboard
     from experiments.records.run_folder import writable
     from experiments.runs.assemble import load_rig
 
     known, folder = load_rig(rig), writable(out)
+    print("The page is being prepared; its link follows.", file=sys.stderr, flush=True)
+    from experiments.dashboard.serve import serve_dashboard
+
     with output_aside() as say:
         serve_dashboard(known, rig, folder, host=host, port=port, foxglove_port=foxglove, say=say)

@@ -6,6 +6,7 @@ swallowed on its way, by a callback of compiled code above all: it is remembered
 """
 
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -13,10 +14,12 @@ from contextlib import contextmanager, suppress
 from typing import NoReturn, Protocol
 
 from rig.loop.commands import Command, Stop
+from rig.loop.unheard import ended_unheard
 
 NAMES = ("SIGTERM", "SIGHUP", "SIGBREAK")
 LEAVING_S = 5.0  # chosen: ten times what levelling takes, in which no further signal disturbs it
 _leaving: list[int] = []  # signals by which the program is to be left
+_heard, _handlers = threading.Event(), []  # a handler has run; those that say so
 
 
 class StopSlot(Protocol):
@@ -58,12 +61,14 @@ def leave_on_signals(say: Callable[[str], None]) -> Iterator[None]:
     reports its progress (`leave_if_told`) and at the end, in place of a RuntimeError, too, of what
     was left in its midst. say: gets a line for a person; what it cannot say (to a terminal that is
     gone) is left out. It is called in the midst of anything, of an import too, so it must import
-    nothing.
+    nothing. A signal that nothing hears, since compiled code does not return, ends the program
+    (`rig.loop.unheard`).
     """
     raised_s = -LEAVING_S
 
     def handle(number: int, _: object) -> None:
         nonlocal raised_s
+        _heard.set()
         _leaving.append(number)
         if number == signal.SIGINT:
             raise KeyboardInterrupt
@@ -75,16 +80,36 @@ def leave_on_signals(say: Callable[[str], None]) -> Iterator[None]:
         raise SystemExit(128 + number)
 
     before = {number: signal.signal(number, handle) for number in _numbers(*NAMES, "SIGINT")}
+    _handlers.append(handle)
     try:
-        yield
+        with ended_unheard(_heard, _handlers, say), _swallowed_in_silence():
+            yield
         leave_if_told()
     except RuntimeError:
         leave_if_told()
         raise
     finally:
+        _handlers.remove(handle)
         _leaving.clear()
         for number, handler in before.items():
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
+
+
+@contextmanager
+def _swallowed_in_silence() -> Iterator[None]:
+    """While inside, what a handler raised and a callback swallowed gets no traceback: it is
+    remembered."""
+    hook = sys.unraisablehook
+
+    def show(unraisable: "sys.UnraisableHookArgs") -> None:
+        if not issubclass(unraisable.exc_type, (KeyboardInterrupt, SystemExit)):
+            hook(unraisable)
+
+    sys.unraisablehook = show
+    try:
+        yield
+    finally:
+        sys.unraisablehook = hook
 
 
 def leave_if_told() -> None:
@@ -110,16 +135,19 @@ def stop_on_signals(
     came: list[int] = []
 
     def handle(number: int, _: object) -> None:
+        _heard.set()
         came.append(number)
         slot.put(stop_of(number))
 
     numbers = _numbers(*NAMES, *also)
     before = {number: signal.signal(number, handle) for number in numbers}
+    _handlers.append(handle)
     for number in tuple(_leaving):
         handle(number, None)
     try:
         yield
     finally:
+        _handlers.remove(handle)
         for number, handler in before.items():
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
     if came and leave:

@@ -25,8 +25,8 @@ class LiveState:
 
     row (len(COLUMNS),): the newest row, its ball the last one observed; None before the first.
     seen_s: the table's time of that observation; cov_m2: its covariance xx, xy, yy; rate: ticks a
-    second of wall time, over the last seconds; silent_s: wall time since the last row; run: counts
-    the runs.
+    second of wall time, over the last seconds; silent_s: wall time since the last row or, before
+    the first, since the run began; run: counts the runs.
     """
 
     row: np.ndarray | None
@@ -84,7 +84,7 @@ class LiveBuffer:
             self._trail.clear()
             self._arrivals.clear()
             self._row, self._ball = None, np.full(2, np.nan)
-            self._seen_s, self._count = np.nan, 0
+            self._seen_s, self._count, self._last_s = np.nan, 0, time.monotonic()
             self.centroid = RunningCentroid()
             self._run += 1
 

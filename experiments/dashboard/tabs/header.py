@@ -45,7 +45,8 @@ def link_words(now: LiveState, status: SessionStatus, rate_hz: float) -> str:
     if status.state not in ("balancing", "running", "starting"):
         return "loop and camera are off"
     if now.row is None or status.state == "starting":
-        return "loop and camera start (the first time a minute or two)"
+        so_far = f", {now.silent_s:.0f} s so far" if now.row is None else ""
+        return f"loop and camera are starting{so_far} (the first time a minute or two)"
     if now.silent_s > SILENT_S:
         return f"**the loop is silent for {now.silent_s:.0f} s**"
     speed = status.run.plan.speed if status.run else 1.0

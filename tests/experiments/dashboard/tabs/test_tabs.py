@@ -128,7 +128,9 @@ def test_a_silent_loop_and_an_unseen_ball_are_said():
     silent = LiveState(row, 4.99, (0, 0, 0), 500.0, 3.0, 1)
     assert "silent for 3 s" in link_words(silent, on, 500.0)
     assert "off" in link_words(seen, SessionStatus("stopped"), 500.0)
-    assert "start" in link_words(seen, SessionStatus("starting"), 500.0)
+    assert "are starting (" in link_words(seen, SessionStatus("starting"), 500.0)
+    begun = LiveState(None, float("nan"), (0, 0, 0), float("nan"), 34.2, 1)
+    assert "are starting, 34 s so far (" in link_words(begun, SessionStatus("starting"), 500.0)
 
 
 def test_before_and_after_say_how_far_off_they_are():

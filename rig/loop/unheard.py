@@ -1,0 +1,64 @@
+"""A signal that the program cannot hear: compiled code that does not return keeps Python from
+calling the handler, so that neither Ctrl-C nor SIGTERM would end it.
+
+The system's part of a handler still runs: it writes the signal's number to a socket, which a thread
+reads (`signal.set_wakeup_fd`).
+"""
+
+import os
+import signal
+import socket
+import threading
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager, suppress
+
+# Chosen: a call of a library that works on so long is given up as well; ten times what is usual.
+UNHEARD_S = 10.0
+
+
+@contextmanager
+def ended_unheard(
+    heard: threading.Event, handlers: Collection[object], say: Callable[[str], None]
+) -> Iterator[None]:
+    """While inside, a signal of one of `handlers` that is not heard for UNHEARD_S ends the program
+    at once, with the code 128 + its number, after a line to `say`. To be entered in the main
+    thread.
+
+    heard: is set by each of `handlers` as it runs; signals of others are left alone. Processes that
+    look after a table level it as they see this one end.
+    """
+    reads, writes = socket.socketpair()
+    writes.setblocking(False)
+    thread = threading.Thread(
+        target=_watch, args=(reads, heard, handlers, say), daemon=True, name="unheard signals"
+    )
+    before = signal.set_wakeup_fd(writes.fileno(), warn_on_full_buffer=False)
+    thread.start()
+    try:
+        yield
+    finally:
+        signal.set_wakeup_fd(before)
+        writes.close()
+        thread.join()
+        reads.close()
+
+
+def _watch(
+    reads: socket.socket,
+    heard: threading.Event,
+    handlers: Collection[object],
+    say: Callable[[str], None],
+) -> None:
+    """Wait for signals until the other end is closed."""
+    while numbers := reads.recv(64):
+        known = [number for number in numbers if signal.getsignal(number) in handlers]
+        if known and not heard.wait(UNHEARD_S):
+            name = signal.Signals(known[0]).name
+            with suppress(Exception):
+                say(
+                    f"ended by {name}, which compiled code did not hear for {UNHEARD_S:.0f} s (an "
+                    "equation of an own effect that does not return?); `rig recover` mends a "
+                    "recording that was cut off"
+                )
+            os._exit(128 + known[0])
+        heard.clear()

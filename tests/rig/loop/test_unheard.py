@@ -1,0 +1,62 @@
+"""A signal that compiled code keeps from Python ends the program all the same."""
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from rig.loop import unheard
+
+# A call that lets go of the interpreter's lock and does not come back, as a compiled equation that
+# hangs; before it a signal that is heard, and one of a handler that is not the program's own.
+PROGRAM = """
+import hashlib, signal, sys
+from rig.loop import unheard
+from rig.loop.signals import leave_on_signals, stop_on_signals
+from rig.loop.commands import CommandSlot
+
+unheard.UNHEARD_S = 1.0
+with leave_on_signals(lambda line: print(line, file=sys.stderr)):
+    with stop_on_signals(CommandSlot(), leave=False):
+        signal.raise_signal(signal.SIGTERM)
+    signal.signal(signal.SIGHUP, lambda *_: print("other", flush=True))
+    signal.raise_signal(signal.SIGHUP)
+    print("begun", flush=True)
+    hashlib.pbkdf2_hmac("sha256", b"", b"", 10**10 // 10)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_that_is_never_heard_ends_the_program_with_its_code(number: int):
+    with subprocess.Popen(
+        [sys.executable, "-c", PROGRAM],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    ) as program:
+        assert program.stdout
+        assert program.stderr
+        assert program.stdout.readline() == "other\n"
+        assert program.stdout.readline() == "begun\n"
+        program.send_signal(signal.SIGHUP)  # of the other handler: it is left alone
+        with pytest.raises(subprocess.TimeoutExpired):
+            program.wait(2.0)
+        program.send_signal(number)
+        assert program.wait(30.0) == 128 + number
+        (line,) = program.stderr.read().splitlines()
+    assert line.startswith(f"ended by {signal.Signals(number).name}, which compiled code did not")
+
+
+def test_what_is_left_in_time_leaves_no_thread_and_the_former_socket():
+    import threading
+
+    from rig.loop.signals import leave_on_signals
+
+    before = signal.set_wakeup_fd(-1)
+    with leave_on_signals(print):
+        assert "unheard signals" in {one.name for one in threading.enumerate()}
+    assert signal.set_wakeup_fd(before) == -1
+    assert "unheard signals" not in {one.name for one in threading.enumerate()}
+    assert unheard.UNHEARD_S >= 5.0  # of what levels a table on its way out
