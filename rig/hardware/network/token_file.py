@@ -63,20 +63,33 @@ def make_token(path: Path) -> None:
 
 
 def keep_token(path: Path) -> str:
-    """Return the token of a file; a new one where `read_token` refuses the file or there is none.
+    """Return the token of a file that was made here; a new one where there is none, where
+    `read_token` refuses the file, and where it came from elsewhere.
 
     A server that is started again keeps its token, so that an open page finds it again. Delete the
-    file for a new token. What was refused may be somebody's file of that name: it is kept beside
-    the new one as NAME.1, NAME.2 ... ValueError: it is a folder, a pipe or a link to nothing.
-    OSError: it cannot be written.
+    file for a new token. Behind the token stands where the file lies on its disk: in a folder that
+    somebody packed and sent, or that was copied, it is another place, and who sent it knows the
+    token. What is not taken may be somebody's file of that name: it is kept beside the new one as
+    NAME.1, NAME.2 ... ValueError: it is a folder, a pipe or a link to nothing. OSError: it cannot
+    be written.
     """
-    if os.path.lexists(path) and not path.is_file():
-        raise ValueError(f"{path} is there and is no file: remove it, or choose another folder")
-    try:
-        return read_token(path).decode("ascii")
-    except FileNotFoundError:
-        pass
-    except ValueError:  # too short, read by others, or no text
+    if os.path.lexists(path):
+        if not path.is_file():
+            raise ValueError(f"{path} is there and is no file: remove it, or choose another folder")
+        try:
+            token, place = read_token(path).decode("ascii").split()
+        except ValueError:  # too short, read by others, no text, or no place
+            place = token = ""
+        if place == _place(path):
+            return token
         put_aside(path)
     make_token(path)
-    return read_token(path).decode("ascii")
+    with path.open("a", encoding="ascii") as file:
+        file.write(f"{_place(path)}\n")
+    return read_token(path).decode("ascii").split()[0]
+
+
+def _place(path: Path) -> str:
+    """Disk and number of a file, which no archive brings along."""
+    known = path.stat()
+    return f"{known.st_dev}-{known.st_ino}"

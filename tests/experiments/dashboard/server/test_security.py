@@ -2,7 +2,9 @@
 
 import os
 import re
+import shutil
 import stat
+import tarfile
 from base64 import b64encode
 from dataclasses import FrozenInstanceError
 from functools import reduce
@@ -136,6 +138,25 @@ def test_a_token_is_kept_for_its_owner_alone(tmp_path: Path):
     assert (tmp_path / "token.1").read_text() == "short\n"  # it may have been somebody's own
     file.chmod(0o644)
     assert keep_token(file) != keep_token(tmp_path / "token.2") != token
+
+
+def test_a_token_that_came_with_a_folder_is_known_to_who_sent_it(tmp_path: Path):
+    (tmp_path / "theirs").mkdir()
+    known = keep_token(tmp_path / "theirs/token")
+    with tarfile.open(tmp_path / "sent.tar", "w") as archive:
+        archive.add(tmp_path / "theirs", "mine")
+    with tarfile.open(tmp_path / "sent.tar") as archive:
+        archive.extractall(tmp_path, filter="fully_trusted")
+    file = tmp_path / "mine/token"
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+    token = keep_token(file)
+    assert token != known
+    assert keep_token(file) == token
+    (tmp_path / "moved").mkdir()
+    file.rename(tmp_path / "moved/token")
+    assert keep_token(tmp_path / "moved/token") == token  # the same file, of the same owner
+    shutil.copy2(tmp_path / "moved/token", file)
+    assert keep_token(file) != token
 
 
 @pytest.mark.skipif(os.name == "nt", reason="pipes and links of POSIX")
