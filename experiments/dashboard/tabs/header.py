@@ -46,7 +46,8 @@ def link_words(now: LiveState, status: SessionStatus, rate_hz: float) -> str:
         return "loop and camera are off"
     if now.row is None or status.state == "starting":
         so_far = f", {now.silent_s:.0f} s so far" if now.row is None else ""
-        return f"loop and camera are starting{so_far} (the first time a minute or two)"
+        first = " (the first time a minute or two)" if now.run <= 1 else ""
+        return f"loop and camera are starting{so_far}{first}"
     if now.silent_s > SILENT_S:
         return f"**the loop is silent for {now.silent_s:.0f} s**"
     speed = status.run.plan.speed if status.run else 1.0
@@ -149,7 +150,10 @@ class Header:
 
 # A path or a number without a blank breaks where the panel ends instead of leaving it; in a table
 # only where the columns cannot be made narrower between words.
-WRAP = "<style>p, li, h4 { overflow-wrap: anywhere } td { overflow-wrap: break-word }</style>"
+WRAP = (
+    "<style>p, li, h4 { overflow-wrap: anywhere } "
+    "th, td { overflow-wrap: break-word; padding-right: 0.7em }</style>"
+)
 
 
 def set_looks(server: "ViserServer") -> None:

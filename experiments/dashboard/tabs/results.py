@@ -1,5 +1,6 @@
 """The tab Results: earlier runs, the figures they allow, their centroids, the report."""
 
+import time
 from collections.abc import Callable
 from functools import partial
 from math import hypot
@@ -66,7 +67,7 @@ def card(figures: DrawnFigures) -> str:
         lines += ["| " + " | ".join(map(plain, row)) + " |" for row in says]
     for why in dict.fromkeys(row[1] for row in figures.table if row not in says):
         names = ", ".join(row[0] for row in figures.table if row not in says and row[1] == why)
-        lines += ["", f"{plain(names)}: {plain(why)}."]
+        lines += ["", f"{plain(names)}, with and without: {plain(why)}."]
     for words in filter(None, (told_words(figures.table), figures.repeats)):
         lines += ["", plain(words)]
     for row in figures.rows:
@@ -123,6 +124,7 @@ class ResultsTab:
         self._rows: list[RunSummary] = []
         self._centroids: dict[str, tuple[float, float]] = {}
         self._live_words, self.compared, self.started = "", False, ""
+        self._does, self._since_s, self._shown_s = "", 0.0, 0
         self.refresh()  # runs of an earlier program are shown again
 
     def _clean(self, value: Any) -> str:
@@ -203,17 +205,22 @@ class ResultsTab:
         def on_message(kind: str, what: Any) -> None:
             self._controls.queue.put(name, partial(self._on_message, name, done, kind, what))
 
-        self._words.content = f"*{name}: being made*"
+        self._does, self._since_s, self._shown_s = f"{name}: being made", time.monotonic(), 0
+        self._words.content = f"*{self._does}*"
         self._worker.put(WorkItem(name, task, on_message), instead=instead)
 
     def _on_message(self, name: str, done: Callable[[Any], None], kind: str, what: Any) -> None:
         if kind == "progress":
-            self._words.content = f"*{name}: {plain(what[0])}*"
+            self._does = f"{name}: {plain(what[0])}"
+            self._write()
         elif kind == "failed":
-            self._words.content = f"{name}: {plain(what)}"
+            self._does, self._words.content = "", f"{name}: {plain(what)}"
         elif kind == "done":
-            self._words.content = ""
+            self._does = self._words.content = ""
             done(what)
+
+    def _write(self) -> None:
+        self._words.content = f"*{self._does}* ({self._shown_s} s)"
 
     def _drawn(self, figures: DrawnFigures) -> None:
         for row in figures.rows:
@@ -225,9 +232,13 @@ class ResultsTab:
         self._table.content = table(self._rows, self._centroids)
 
     def draw(self, *, running: bool) -> None:
-        """Write the centroid so far of a run that is on (`running`); k-means with one cluster is
-        the mean.
+        """Write the centroid so far of a run that is on (`running`; k-means with one cluster is the
+        mean), and for how long the worker has worked, once a second.
         """
+        seconds = int(time.monotonic() - self._since_s)
+        if self._does and seconds != self._shown_s:
+            self._shown_s = seconds
+            self._write()
         mean = self._live.centroid
         xy, words = mean.xy_m, ""
         if xy is not None and running:
