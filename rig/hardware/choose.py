@@ -114,8 +114,10 @@ def open_table(
 
     token = read_token(Path(rig.table.token_file))
     host, port = host_and_port(rig.table.address)
-    sure_V = sure_volts(rig, breakaway_V)
-    return RemoteTable(host, port, token, wired, eye=eye, homed=homed, sure_V=sure_V)
+    sure_V, tick_s = sure_volts(rig, breakaway_V), 1 / rig.control_rate_hz
+    return RemoteTable(
+        host, port, token, wired, eye=eye, homed=homed, sure_V=sure_V, period_s=tick_s
+    )
 
 
 def _simulated(rig: Rig, homed: bool) -> OpenTable:

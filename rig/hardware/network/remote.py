@@ -37,8 +37,9 @@ class RemoteTable(LevelOnExit):
     wiring: what homing found; homed False: the channels as they are, at low volts;
     sure_V: volts that surely move each arm, for the server's monitor. The ball comes
     from the server's camera, or from `eye` here. clock: how the server's clock stands to ours;
-    late_ticks: readings that a newer one replaced. LinkLost: nobody answers there, or the token is
-    refused; ValueError: the server's encoders have another number of counts than the wiring.
+    late_ticks: readings that a newer one replaced; period_s: of the ticks that the caller reckons
+    with (None: any). LinkLost: nobody answers there, or the token is refused; ValueError: the
+    server's encoders have another number of counts than the wiring, or its ticks another period.
     """
 
     def __init__(
@@ -51,6 +52,7 @@ class RemoteTable(LevelOnExit):
         eye: ObservationSource | None = None,
         homed: bool = True,
         sure_V: tuple[Both, Both] = UNKNOWN,
+        period_s: float | None = None,
     ) -> None:
         self._name = f"remote table {host}:{port}"
         self._time, self._feed, self.clock = TickClock(), ObservationFeed(eye), LinkClock()
@@ -67,6 +69,11 @@ class RemoteTable(LevelOnExit):
                 raise ValueError(
                     f"{self._name}: its encoders have {welcome.counts_per_rev} counts a turn, the "
                     f"rig file says {wiring.counts_per_rev}: correct servo.encoder_counts_per_rev"
+                )
+            if period_s is not None and not math.isclose(self.period_s, period_s, rel_tol=1e-3):
+                raise ValueError(
+                    f"{self._name}: ticks {1 / self.period_s:g} times a second, the rig file says "
+                    f"control_rate_hz = {1 / period_s:g}: set both alike"
                 )
             self._ask_clock()
             self._wire.sock.settimeout(DEAD_S)

@@ -403,6 +403,15 @@ def test_nobody_there_other_versions_other_encoders_are_named():
         one.open(wiring=Wiring(counts_per_rev=1024))
 
 
+def test_another_tick_than_the_rig_files_is_refused():
+    """All filters, limits and references are reckoned for the rig file's ticks."""
+    tick_s = 1 / CLEAN.control_rate_hz
+    with served(CLEAN) as one:
+        one.open(period_s=tick_s).close()
+        with pytest.raises(ValueError, match=r"500 times .* control_rate_hz = 250: set both alike"):
+            one.open(period_s=2 * tick_s)
+
+
 def test_an_empty_host_is_not_every_address():
     table = SimulatedTable(CLEAN, np.random.default_rng(1))
     with pytest.raises(ValueError, match="--host is empty"):
