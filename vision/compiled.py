@@ -11,10 +11,14 @@ import os
 import shutil
 import sys
 import tempfile
-from functools import partial
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial, wraps
 from pathlib import Path
+from typing import Any
 
 import numba
+from numba.core.caching import Cache
 from numba.core.config import reload_config
 
 
@@ -67,7 +71,24 @@ def _choose_cache() -> str:
     return note
 
 
+def _mended(load: Callable[..., Any]) -> Callable[..., Any]:
+    """Numba's `load`, for which what cannot be loaded is not there: it is compiled anew. A power
+    cut leaves files that are empty, or end too early."""
+
+    @wraps(load)
+    def load_or_forget(cache: Cache, *args: Any) -> Any:
+        try:
+            return load(cache, *args)
+        except Exception:  # whatever pickle, numba or LLVM say of such bytes
+            with suppress(OSError):
+                cache.flush()
+            return None
+
+    return load_or_forget
+
+
 CACHE_NOTE = _choose_cache()
+Cache.load_overload = _mended(Cache.load_overload)
 
 # Division by zero gives inf or NaN, for which every caller tests.
 kernel = partial(numba.njit, cache=True, error_model="numpy")()

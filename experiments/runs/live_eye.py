@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from vision.sources.sources import Source
 
 Recipe = Callable[[Rig], "tuple[Source, Sees]"]
+OTHER_BALL = 0.02  # chosen: a ball of 20 mm is seen 0.1 mm elsewhere in a corner of the plate
 
 
 @contextmanager
@@ -82,7 +83,7 @@ def open_markers(rig: Rig) -> tuple[Source, Sees]:
 
 def real_calibration(rig: Rig) -> Bundle:
     """The calibration of a real table's camera. ValueError (also BundleError), OSError: it cannot
-    be used, or is the virtual camera's.
+    be used, is the virtual camera's, or of another ball than the rig file's.
     """
     from calibration.bundle import BundleError, load
 
@@ -91,6 +92,12 @@ def real_calibration(rig: Rig) -> Bundle:
         raise BundleError(
             f"{rig.table.calibration} is of the virtual camera, not of yours: run rig calibrate "
             "camera and table on frames of your camera"
+        )
+    seen_m, known_m = bundle.ball_radius_m, rig.ball.radius_m
+    if abs(seen_m - known_m) > OTHER_BALL * known_m:
+        raise BundleError(
+            f"{rig.table.calibration} is of a ball of {1e3 * seen_m:.1f} mm radius, the rig file "
+            f"says ball.radius_m = {known_m:g}: correct it, or calibrate the table with this ball"
         )
     return bundle
 

@@ -57,3 +57,22 @@ def test_where_none_can_be_written_the_program_has_its_own_and_leaves_nothing(tm
     assert not list(tmp_path.rglob("*.nbi"))
     assert "/dev/null/cache" in note
     assert "XDG_CACHE_HOME" in note
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("kind", "left"),
+    [("*.nbc", b""), ("*.nbi", b"garbage\n"), ("*.nbc", None)],
+    ids=["no code", "garbage for the index", "half of the code"],
+)
+def test_what_a_power_cut_left_is_compiled_anew(tmp_path, kind: str, left: bytes | None):
+    run(tmp_path, XDG_CACHE_HOME=str(tmp_path / "cache"))
+    (file,) = (tmp_path / "cache").rglob(kind)
+    whole = file.read_bytes()
+    file.write_bytes(whole[: len(whole) // 2] if left is None else left)
+    for _ in range(2):
+        line, note = run(tmp_path, XDG_CACHE_HOME=str(tmp_path / "cache"))
+        assert line.startswith("42 ")
+        assert note == ""
+    (mended,) = (tmp_path / "cache").rglob(kind)
+    assert len(mended.read_bytes()) > len(whole) // 2  # the next program has it

@@ -126,7 +126,7 @@ class DrawnFigures:
     """Figures of runs, the runs with their centroids, and both methods compared.
 
     sentence, table: of `experiments.analysis.comparison`, of the runs that count; repeats: a
-    sentence on runs that are there twice.
+    sentence on runs that are there twice; unread: what is wrong with each that cannot be read.
     """
 
     pictures: list[CaptionedPicture]
@@ -134,6 +134,7 @@ class DrawnFigures:
     sentence: str = ""
     table: list[list[str]] = field(default_factory=list)
     repeats: str = ""
+    unread: tuple[str, ...] = ()
 
 
 def draw_figures(
@@ -142,8 +143,8 @@ def draw_figures(
     """Draw the figures of the paper that these runs of one protocol (newest first) allow.
 
     Fig. 10 and 11, or 12 and 13, need a completed run of either method, Fig. 14 four of either.
-    disturbed: runs that somebody disturbed by hand count as well; equal runs count once. OSError,
-    ValueError: a run cannot be read, or `out` cannot be written.
+    disturbed: runs that somebody disturbed by hand count as well; equal runs count once; one that
+    cannot be read is told. OSError, ValueError: `out` cannot be written, no run can be read.
     """
     from experiments.analysis.comparison import comparison_rows, comparison_sentence
     from experiments.analysis.numbers import recorded, resting_centroid_cm
@@ -154,10 +155,16 @@ def draw_figures(
     from experiments.reports.figures import save
 
     completed: dict[str, list] = {"without": [], "with": []}
-    counted, sources, marks, side_cm = [], set(), {}, {}
+    counted, unread, sources, marks, side_cm = [], [], set(), {}, {}
     for i, row in enumerate(rows):
         progress("reading runs", i, len(rows))
-        stored = read_run(row.folder)
+        try:
+            stored = read_run(row.folder)
+        except (OSError, ValueError) as error:
+            unread.append(str(error))
+            if len(unread) == len(rows):
+                raise
+            continue
         run = recorded(row.folder, stored.log, row.outcome, servo_only=row.servo_only)
         marks[run.folder] = by_hand_s(stored)
         sources.add(str(stored.meta.get("source")))
@@ -178,9 +185,9 @@ def draw_figures(
     pictures = [CaptionedPicture(save(one, out, name, source), text) for one, name, text in drawn]
     progress("drawing", 1, 1)
     table = comparison_rows(*both) if any(both) else []
-    alone = all(row.servo_only for row in rows)
+    alone = all(row.servo_only for row in counted)
     sentence = SERVOS_ALONE if alone else comparison_sentence(*both)
-    return DrawnFigures(pictures, counted, sentence, table, repeats)
+    return DrawnFigures(pictures, counted, sentence, table, repeats, tuple(unread))
 
 
 def by_hand_s(stored: "Run") -> list[float]:
@@ -192,18 +199,20 @@ def by_hand_s(stored: "Run") -> list[float]:
     return [e["t_s"] - begin_s for e in stored.events if e["text"].startswith(BY_HAND)]
 
 
-def recover_runs(folders: Sequence[Path], progress: ProgressSender) -> int:
-    """Repair recordings that were cut off; return their number. A recording that is still being
-    written is left alone. OSError, ValueError: one cannot be repaired.
+def recover_runs(folders: Sequence[Path], progress: ProgressSender) -> str:
+    """Repair recordings that were cut off; return in words which cannot be repaired, "" where all
+    were. A recording that is still being written is left alone.
     """
     from experiments.records.recording import recover
 
-    done = 0
+    left = []
     for i, folder in enumerate(folders):
         progress("repairing", i, len(folders))
-        recover(folder)
-        done += 1
-    return done
+        try:
+            recover(folder)
+        except (OSError, ValueError) as error:
+            left.append(str(error))
+    return "; ".join(left)
 
 
 def report_of_runs(folders: Sequence[Path], out: Path, progress: ProgressSender) -> Path:

@@ -70,6 +70,7 @@ def card(figures: DrawnFigures) -> str:
         lines += ["", f"{plain(names)}, with and without: {plain(why)}."]
     for words in filter(None, (told_words(figures.table), figures.repeats)):
         lines += ["", plain(words)]
+    lines += [line for one in figures.unread for line in ("", f"**Left out**: {plain(one)}")]
     for row in figures.rows:
         for what in row.by_hand:
             lines += ["", f"By hand in {plain(row.label)}: {plain(what)}"]
@@ -178,7 +179,12 @@ class ResultsTab:
         folders = [row.folder for row in self._rows if row.outcome == UNFINISHED]
         if not folders:
             raise ValueError("no recording was cut off")
-        self._put("recover", partial(recover_runs, folders), lambda count: self.refresh())
+        self._put("recover", partial(recover_runs, folders), self._recovered)
+
+    def _recovered(self, left: str) -> None:
+        self.refresh()
+        if left:
+            self._words.content = f"not repaired: {plain(left)}"
 
     def figures(self, protocol: str | None = None, *, disturbed: bool | None = None) -> None:
         """Have the worker draw the figures that the newest runs of a protocol allow (None: the one

@@ -81,6 +81,18 @@ def test_a_calibration_of_the_virtual_camera_is_none_of_a_real_one(tmp_path: Pat
     )
 
 
+def test_a_calibration_with_another_ball_is_refused(tmp_path: Path):
+    rig = table(tmp_path)
+    radius_m = rig.ball.radius_m
+    for other, fits in ((1.01, True), (0.99, True), (0.64, False), (1.03, False)):
+        mine = replace(rig, ball=replace(rig.ball, radius_m=other * radius_m))
+        if fits:
+            assert camera_late_s(mine) == 0.0
+        else:
+            with pytest.raises(ValueError, match=r"of a ball of 19\.6 mm .* ball\.radius_m = 0\.0"):
+                camera_late_s(mine)
+
+
 @pytest.mark.parametrize(
     ("source", "more", "known_s"),
     [

@@ -298,8 +298,32 @@ def test_what_was_cut_off_is_said_with_its_cure(tmp_path: Path):
     assert [row.how for row in list_runs(tmp_path)] == ["being recorded"]
     os.close(recorder._file)  # as a kill does
     assert [row.how for row in list_runs(tmp_path)] == ["cut off: Recover"]
-    assert recover_runs([folder], ProgressSender(lambda message: None)) == 1
-    assert [row.outcome for row in list_runs(tmp_path)] == ["killed"]
+    torn = tmp_path / "20260102T000000-hold-with"
+    recorder = Recorder(torn, {"source": "simulated", "arm": "with"})
+    os.close(recorder._file)
+    (torn / "samples.mcap").unlink()
+    left = recover_runs([torn, folder], ProgressSender(lambda message: None))
+    assert torn.name in left
+    assert folder.name not in left
+    assert [row.outcome for row in list_runs(tmp_path)] == ["unfinished", "killed"]
+
+
+def test_a_run_that_cannot_be_read_is_named_and_hides_no_other(tmp_path: Path):
+    t = np.arange(400) / 200
+    columns = {name: 0.01 * np.cos(t) for name in ("ball_x_m", "ball_y_m")}
+    columns |= {"theta_x_rad": 0 * t, "theta_y_rad": 0 * t, "ball_exposed_s": t}
+    log = Log.from_columns({"t_s": t, "phase": 2 + 0 * t, **columns})
+    for day in (1, 2):
+        start = {"source": "simulated", "arm": "with", "seed": day, "protocol": {"name": "hold"}}
+        folder = tmp_path / f"2026010{day}T000000-hold-with"
+        write_run(folder, start, log, [], outcome="completed")
+    (tmp_path / "20260102T000000-hold-with/samples.mcap").write_bytes(bytes(100))
+    drawn = draw_figures(list_runs(tmp_path), tmp_path / "f", False, ProgressSender(lambda m: None))
+    assert len(drawn.rows) == 1
+    assert "**Left out**: " in card(drawn)
+    (tmp_path / "20260101T000000-hold-with/samples.mcap").unlink()
+    with pytest.raises((OSError, ValueError)):
+        draw_figures(list_runs(tmp_path), tmp_path / "f", False, ProgressSender(lambda m: None))
 
 
 def test_both_controllers_are_run_where_the_protocol_asks_for_both():
