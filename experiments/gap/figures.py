@@ -6,6 +6,7 @@ Gaps are in noise floors: the line at 1 is a perfect model. Angles in degrees, l
 from collections.abc import Sequence
 from math import ceil
 from pathlib import Path
+from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,6 +26,8 @@ COLOURS: dict[str, str] = dict(
 STYLES: dict[str, str] = dict(zip(CHANNELS, ("-", "--", "-", "--"), strict=True))
 LOG_BEYOND = 8.0  # gaps that differ by more are drawn on a logarithmic axis
 SHOWN_NAMES = 10
+# Chosen: with more bars than that their values stand upright; letters in a line of a label.
+MOST_LEVEL, LABEL_LETTERS = 16, 36
 WIDE, SMALL = 8.6, 9  # inches, points: letters are read where a figure is as wide as a page
 
 
@@ -201,6 +204,7 @@ def shrinking(steps: Sequence[Step]) -> Figure:
     largest = max((v for step in steps for v in step.gap.values() if np.isfinite(v)), default=1.0)
     _gap_scale(axis, largest)
     bottom = axis.get_ylim()[0]
+    upright = len(steps) * len(channels) > MOST_LEVEL
     for i, channel in enumerate(channels):
         gaps = np.array([step.gap.get(channel, np.nan) for step in steps])
         where = at + (i - (len(channels) - 1) / 2) * width
@@ -217,14 +221,16 @@ def shrinking(steps: Sequence[Step]) -> Figure:
                 axis.text(
                     x,
                     gap,
-                    f"{gap:.3g}" if gap >= 10 else f"{gap:.2f}",
+                    f" {gap:.3g}" if gap >= 10 else f" {gap:.2f}",
                     ha="center",
                     va="bottom",
+                    rotation=90 if upright else 0,
                     fontsize=SMALL,
                 )
     _floor_line(axis)
     axis.set_xticks(at, [_step_label(step.added, len(steps)) for step in steps])
-    axis.set_ylim(top=axis.get_ylim()[1] * (1.15 if largest > LOG_BEYOND else 1.05))
+    room = 1.15 if largest > LOG_BEYOND else 1.05
+    axis.set_ylim(top=axis.get_ylim()[1] * room ** (2 if upright else 1))
     axis.set_ylabel("gap [noise floors]")
     axis.grid(axis="x", visible=False)
     axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, frameon=False)
@@ -248,7 +254,10 @@ def ahead(rows: Sequence[ProofRow], floor_mm: float | None) -> Figure:
     this error are left out.
     """
     shown = [row for row in rows if row.ahead_1s_mm is not None]
-    figure, axis = plt.subplots(figsize=(WIDE, 0.42 * len(shown) + 1.1))
+    labels = [fill(row.model, LABEL_LETTERS) for row in shown]
+    lines = max((label.count("\n") + 1 for label in labels), default=1)
+    each = max(0.42, 0.19 * lines)  # inches
+    figure, axis = plt.subplots(figsize=(WIDE, each * len(shown) + 1.1))
     values = [float(row.ahead_1s_mm or 0.0) for row in shown]
     colours = [WITH if row.model.startswith("named") else "0.6" for row in shown]
     axis.barh(range(len(shown)), values, color=colours, height=0.65)
@@ -258,7 +267,7 @@ def ahead(rows: Sequence[ProofRow], floor_mm: float | None) -> Figure:
     if floor_mm is not None:
         axis.axvline(floor_mm, color=WITHOUT, ls=":", lw=1.4, label=f"floor {sig(floor_mm)} mm")
         axis.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), frameon=False)
-    axis.set_yticks(range(len(shown)), [row.model for row in shown])
+    axis.set_yticks(range(len(shown)), labels)
     axis.set(xlabel="error 1 s ahead, ball [mm RMS]", xlim=(0, 1.18 * top or 1))
     axis.invert_yaxis()
     axis.grid(axis="y", visible=False)

@@ -228,7 +228,7 @@ def _log_table(found: Findings, names: Sequence[str]) -> Table:
         names[i] if i < len(names) else f"log {i + 1}" for i in range(len(found.by_log[0].sizes))
     ]
     caption = "The size of each name in every log alone [95 %]: do the logs agree?"
-    return Table(("effect", *logs, "agree"), rows, caption, words=1)
+    return Table(("effect", *logs, "logs agree"), rows, caption, words=1)
 
 
 def _servo_blocks(found: Findings) -> list[Block]:

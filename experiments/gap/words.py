@@ -28,7 +28,7 @@ NO_EXPERIMENT = {
 }
 
 VERDICT_WORDS = {
-    "named": "an effect is missing, and it has a name",
+    "named": "what is missing has a name",
     "nothing-missing": "nothing is missing",
     "unknown-effect": "something is missing that has no name",
     "undecided": "undecided",

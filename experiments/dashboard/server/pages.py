@@ -88,7 +88,9 @@ class Pages:
         content, name = file_bytes(path, None), name or path.name
         for client in self._of(page):
             client.send_file_download(name, content, save_immediately=True)
-        kept = f"{name} is among your browser's downloads, and kept as {path}."
+        kept = (
+            f"{name} is among your browser's downloads, and kept as {path.name} in {path.parent}."
+        )
         self.notify(page, "Downloaded", kept, good=True)
 
     def _of(self, page: int | None) -> list["ClientHandle"]:

@@ -91,7 +91,7 @@ addEventListener("DOMContentLoaded", () => {
 
   const show = (now) => {
     const [x, y] = now.ball_m || [NaN, NaN], [a, b] = now.target_m;
-    write("off", now.ball_m ? (100 * Math.hypot(x - a, y - b)).toFixed(1) : "no ball");
+    write("off", now.ball_m ? (100 * Math.hypot(x - a, y - b)).toFixed(1) : "-");
     write("rms", now.rms_m === null ? "-" : (100 * now.rms_m).toFixed(2));
     write("time", now.t_s === null ? "-" : `${now.t_s.toFixed(0)} of ${now.duration_s.toFixed(0)}`);
     write("run", [now.title, now.run].filter(Boolean).join(": "));

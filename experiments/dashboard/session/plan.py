@@ -75,7 +75,7 @@ class PlannedRun:
         the plan, else "".
         """
         if outcome == "completed":
-            many = f"All {self.of} runs are" if self.of > 1 else "The run is"
+            many = {1: "The run is", 2: "Both runs are"}.get(self.of, f"All {self.of} runs are")
             return f"{many} done: see the tab Results." if self.number == self.of else ""
         which = f"Run {self.number} of {self.of}"
         if not reason.startswith("stopped by"):

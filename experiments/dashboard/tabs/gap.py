@@ -256,7 +256,7 @@ class GapTab:
         self._bar.value = 0.0
         self._stages.content = stage_lines(-1, False)
         self._does, self._since_s = (
-            "begins; a minute or two for every run, more on a busy machine",
+            "begins; some minutes for every run, fewer while the table is stopped",
             time.monotonic(),
         )
         self._ask(False)

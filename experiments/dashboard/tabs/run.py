@@ -179,7 +179,9 @@ class RunTab:
         if name == WHOLE:
             plans = [shipped_plan(one, BOTH, 1) for one in STUDY]
             all_s = minutes(sum(plan.run_s * len(plan.methods) for plan in plans))
-            self._about.content = f"{', '.join(STUDY)}, one after the other: {all_s} with both."
+            self._about.content = (
+                f"{', '.join(STUDY)}, one after the other: {all_s} with both, at speed 1."
+            )
             return
         plan = shipped_plan(name, BOTH, 1)
         once = "" if len(plan.methods) > 1 else ", recorded once: the controller plays no part"

@@ -14,7 +14,7 @@ STEPS = (
         "Run",
         "protocol free-release, controller both: **Start**. Look at *Swing* (left): without "
         "compensation the ball goes round for ever, a ring; with it the ring shrinks; *Replay* "
-        "shows it again. (*The whole study* in the list makes the runs of every tab in one go.)",
+        "shows it again. (*The whole study*, in the list *Protocol*, makes the runs of every tab.)",
     ),
     (
         "Results",
@@ -27,7 +27,8 @@ STEPS = (
     ),
     (
         "Calibrate",
-        "press **play**, which shows the live table again: gear and joint are told apart. "
+        "press **play** (or *All steps*), which shows the live table again: gear and joint are "
+        "told apart. "
         "Compare with the blocks beside the servos.",
     ),
     (

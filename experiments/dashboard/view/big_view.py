@@ -12,6 +12,7 @@ from rig.parameters import Rig
 POINTS = 200  # of a curve; chosen: a screen shows no more
 RMS_S = 10.0
 UNSEEN_S = 0.3  # an older sight of the ball is not shown
+RESTS = ("at rest", "stopped")  # states in which what was seen last is no longer so
 _T, _BALL, _TARGET = (INDEX[name] for name in ("t_s", "ball_x_m", "target_x_m"))
 
 
@@ -19,19 +20,21 @@ def big_view(rig: Rig, now: LiveState, status: SessionStatus, curve: np.ndarray)
     """The table's state for `server/view.js`: lengths in m, times in s, None for what is unknown.
 
     now, curve (n, len(COLUMNS)): of the `LiveBuffer`; the root mean square of the ball's distance
-    from its target is that of the last RMS_S seconds of the curve.
+    from its target is that of the last RMS_S seconds of the curve. A table that rests has no ball.
     """
     row, run = now.row, status.run
     target = None if row is None else _place(row[_TARGET : _TARGET + 2])
-    seen = row is not None and row[_T] - now.seen_s < UNSEEN_S
+    rests = status.state in RESTS
+    seen = row is not None and row[_T] - now.seen_s < UNSEEN_S and not rests
     thin = curve[:: max(1, -(-len(curve) // POINTS))]
-    words = f"run {run.number} of {run.of}, {METHOD_WORDS[run.method]}" if run else status.of
+    does = status.of or ("stopped" if rests else status.state)
+    words = f"run {run.number} of {run.of}, {METHOD_WORDS[run.method]}" if run else does
     return {
         "side_m": rig.linkage.side_m,
         "radius_m": rig.ball.radius_m,
         "ball_m": _place(row[_BALL : _BALL + 2]) if row is not None and seen else None,
         "target_m": target or [0.0, 0.0],
-        "rms_m": _rms_m(curve),
+        "rms_m": None if rests else _rms_m(curve),
         "run": words,
         "title": run.plan.protocol.title if run else "",
         "t_s": status.t_s if run else None,

@@ -267,7 +267,7 @@ def test_the_runs_of_a_plan_follow_each_other_and_then_the_virtual_table_balance
         assert noted == ["pushes noted for without", "pushes noted for with"]
         assert [planned.method for planned, *_ in desk.recorded] == ["without", "with"]
         assert desk.recorded[0][1:] == (Path("run"), DONE)
-        assert desk.session.status.last == "All 2 runs are done: see the tab Results."
+        assert desk.session.status.last == "Both runs are done: see the tab Results."
         assert not desk.session.may_repeat
         assert desk.events == []
 

@@ -109,7 +109,7 @@ def test_the_end_of_a_plan_is_said_and_a_stopped_one_is_not_done():
     first, last = planned_runs(RunPlan(read_protocol("free-release"), ("without", "with"), 1, 1))
     assert first.ended("completed", "", 16.5) == ""
     said = progress_words(SessionStatus("balancing", last=last.ended("completed", "", 16.5)))
-    assert said.startswith("**All 2 runs are done&#58; see the tab Results&#46;**")
+    assert said.startswith("**Both runs are done&#58; see the tab Results&#46;**")
     assert "done" not in last.ended("aborted", "stopped by page 2", 3.0)
     (alone,) = planned_runs(RunPlan(read_protocol("servo-squares"), ("without",), 1, 1))
     assert alone.ended("completed", "", 15.0).startswith("The run is done")

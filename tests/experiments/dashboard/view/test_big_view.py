@@ -61,3 +61,12 @@ def test_a_ball_that_was_seen_too_long_ago_is_not_shown():
     found = big_view(Rig(), state(curve[-1], curve[-1, 0] - 0.4), SessionStatus("balancing"), curve)
     assert found["ball_m"] is None
     assert (found["title"], found["run"]) == ("", "balancing, without play compensation")
+
+
+def test_a_table_that_rests_says_so_and_shows_nothing_as_if_it_were_live():
+    curve = rows()
+    newest = state(curve[-1], curve[-1, 0])
+    for name, words in (("stopped", "stopped"), ("at rest", "stopped"), ("starting", "starting")):
+        found = big_view(Rig(), newest, SessionStatus(name), curve)
+        assert found["run"] == words
+        assert (found["ball_m"] is None) == (found["rms_m"] is None) == (words == "stopped")
