@@ -1,5 +1,6 @@
 """The camera in the scene and beside the curves: its frustum over the plate, the newest image."""
 
+import time
 from base64 import b64encode
 from contextlib import suppress
 from html import escape
@@ -65,6 +66,7 @@ class CameraPicture:
             cast_shadow=False,
         )
         self.jpeg = b""  # the image that is shown, for the big view
+        self._waits_since_s: float | None = None
         self._picture: Any = None  # image and words: one widget, so that they are of one frame
 
     @property
@@ -80,6 +82,7 @@ class CameraPicture:
         """Show an image (h, w, 3) uint8 RGB and below it `words`, of the same frame."""
         import cv2
 
+        self._waits_since_s = None
         if not self._frustum.visible:
             self._frustum.visible = True
         self._frustum.image = image
@@ -94,13 +97,21 @@ class CameraPicture:
 
     def wait(self) -> None:
         """Say that the camera starts, where nothing was shown yet."""
-        if not self._frustum.visible and not self._picture.content:
-            self.hide(
-                "The camera starts: some seconds, the first time on this machine some minutes."
-            )
+        if self._frustum.visible or (self._picture.content and self._waits_since_s is None):
+            return
+        if self._waits_since_s is None:
+            self._waits_since_s = time.monotonic()
+        self._write(
+            f"The camera starts, {time.monotonic() - self._waits_since_s:.0f} s so far: some "
+            "seconds, the first time on this machine some minutes."
+        )
 
     def hide(self, words: str = "") -> None:
         """Take the image away and show `words`, the reason, in its place."""
+        self._waits_since_s = None
+        self._write(words)
+
+    def _write(self, words: str) -> None:
         text = f'<p style="padding: 0 0.6em; font-size: 0.9em">{escape(words)}</p>' if words else ""
         self.jpeg = b""
         if self._picture.content != text:

@@ -1,12 +1,14 @@
 """What the big view is told of the live table."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from experiments.dashboard.session.live import LiveState
 from experiments.dashboard.session.plan import RunPlan, SessionStatus, planned_runs
+from experiments.dashboard.view import camera_view
 from experiments.dashboard.view.big_view import POINTS, big_view
 from experiments.runs.protocol import parse
 from rig.log import COLUMNS, INDEX
@@ -70,3 +72,21 @@ def test_a_table_that_rests_says_so_and_shows_nothing_as_if_it_were_live():
         found = big_view(Rig(), newest, SessionStatus(name), curve)
         assert found["run"] == words
         assert (found["ball_m"] is None) == (found["rms_m"] is None) == (words == "stopped")
+
+
+def test_how_long_a_camera_has_been_starting_is_counted(monkeypatch):
+    now_s = [100.0]
+    monkeypatch.setattr(camera_view.time, "monotonic", lambda: now_s[0])
+    picture = camera_view.CameraPicture.__new__(camera_view.CameraPicture)
+    picture._frustum, picture._picture = SimpleNamespace(visible=False), SimpleNamespace(content="")
+    picture.jpeg, picture._waits_since_s = b"", None
+    for later_s, words in ((0.0, ", 0 s so far"), (7.2, ", 7 s so far")):
+        now_s[0] = 100.0 + later_s
+        picture.wait()
+        assert words in picture._picture.content
+    picture.show(np.zeros((4, 4, 3), np.uint8), "a ball")
+    picture.wait()
+    assert "a ball" in picture._picture.content
+    picture.hide("The camera cannot be looked through: gone")
+    picture.wait()
+    assert "gone" in picture._picture.content
