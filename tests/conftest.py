@@ -5,6 +5,7 @@ a test is tried again.
 import os
 import re
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -25,9 +26,19 @@ if parts.PARTS["EGL"].find():
     os.environ.setdefault("MUJOCO_GL", "egl")  # read when MuJoCo is imported: it draws no window
 
 
+# CI's machine may be half as fast as usual, and what it does not end in time it has not done: the
+# slow tests begin until this moment [s since 1970], and the rest is counted as not tried.
+UNTIL_S = float(os.environ.get("RIG_SLOW_TESTS_UNTIL", "inf"))
+TIME_IS_UP = "not tried: the time for slow tests is up"
+
+
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """The parts that this machine lacks, what was not tried for that, and what brings them."""
+    """The parts that this machine lacks, what was not tried for that, and what brings them; and how
+    many slow tests there was no time for."""
     reasons = [str(report.longrepr) for report in terminalreporter.stats.get("skipped", [])]
+    late = sum(TIME_IS_UP in reason for reason in reasons)
+    if late:
+        terminalreporter.section(f"{late} slow tests were not tried: the time was up")
     found = [re.search(r"needs ([\w, -]+):", reason) for reason in reasons]
     lacking = {name for names in found if names for name in names[1].split(", ")}
     if lacking & set(parts.PARTS):
@@ -38,7 +49,8 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """A slow test may take five times as long as the others before it counts as hung; one that is
-    `realtime` is tried again where the machine stood still (tests/support/standstill.py).
+    `realtime` is tried again where the machine stood still (tests/support/standstill.py). Whole
+    investigations of the gap come last: should the time run out, what keeps a table safe is tried.
     """
     again = pytest.mark.flaky(reruns=RERUNS, reruns_delay=RERUN_DELAY_S, condition=_stood_still)
     for item in items:
@@ -46,6 +58,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(again)
         if item.get_closest_marker("slow") and not item.get_closest_marker("timeout"):
             item.add_marker(pytest.mark.timeout(1500))
+    items.sort(key=lambda item: bool(item.get_closest_marker("slow")) and "/gap/" in str(item.path))
 
 
 _watches: list[Watch] = []  # of this process: none before the first test that is `realtime`
@@ -57,7 +70,9 @@ def _stood_still(error: BaseException | None) -> bool:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """From here on the watch counts."""
+    """From here on the watch counts; a slow test for which the time is up is not tried."""
+    if time.time() > UNTIL_S and item.get_closest_marker("slow"):
+        pytest.skip(TIME_IS_UP)
     if item.get_closest_marker("realtime"):
         if not _watches:
             _watches.append(Watch())
