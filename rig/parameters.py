@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from math import pi
 from typing import Annotated, Any, ClassVar, Literal
 
-from annotated_types import Gt
+from annotated_types import Gt, Interval
 
 from rig import effects
 from rig.discrepancy import Discrepancy
@@ -18,6 +18,7 @@ from rig.linkage import THREE_ARMS, Linkage
 from rig.own_effects import OwnEffect, catalogue_of
 from rig.section import Finite, NotNegative, Positive, Section, Share
 
+Wait = Annotated[float, Interval(ge=0, le=10)]  # s; chosen: no servo waits so long for a command
 GRAVITY_M_S2 = 9.81
 SHAFT_MODELS = ("exact", "dead_zone", "none")
 VOLTAGE, POSITION = "voltage", "position"
@@ -90,12 +91,12 @@ class Servo(Section):
     tachometer_noise_rad_s: NotNegative = 0.005  # assumed (brush ripple), at the load shaft
     tachometer_scale: Finite = 0.0  # relative error of the plant's tachometer; A allows 2 %
     lag_s: NotNegative = 0.05  # RC servos of a lab table, by their owners: 0.046 and 0.066
-    dead_time_s: NotNegative = 0.0
+    dead_time_s: Wait = 0.0
     rate_limit_rad_s: Positive = 8.7  # RC servos: 0.1 to 0.2 s for 60 degrees
     acceleration_limit_rad_s2: Positive = 1e4  # chosen: full rate after 1 ms, no limit of its own
     dead_band_rad: NotNegative = 0.0
     quantum_rad: NotNegative = 0.0
-    period_s: NotNegative = 0.0
+    period_s: Wait = 0.0
     angle_measured: bool = False
     x: dict[str, float] = field(default_factory=dict)
     y: dict[str, float] = field(default_factory=dict)

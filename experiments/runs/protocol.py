@@ -138,6 +138,8 @@ def _check_arms(protocol: Protocol, label: str) -> None:
         if arm not in COMPENSATORS and arm != OWN:
             known = known_names(arm, [*COMPENSATORS, OWN])
             raise ValueError(f"{label}: arms: unknown arm '{arm}'; {known}")
+        if protocol.arms.count(arm) > 1:
+            raise ValueError(f"{label}: arms = {protocol.arms}: each once; --repetitions repeats them")
     if (OWN in protocol.arms) != bool(protocol.controller):
         raise ValueError(
             f"{label}: the arm 'own' and controller = \"mine.py:MyController\" belong together"
@@ -226,12 +228,29 @@ def _check_reach(protocol: Protocol, rig: Rig) -> None:
         )
 
 
+def _check_ticks(protocol: Protocol, rate_hz: float) -> None:
+    """ValueError where a push is shorter than a tick, or the reference swings more than once in two
+    ticks, which is another swing."""
+    long_s = protocol.pushes.seconds
+    if protocol.pushes.kind != "none" and round(long_s * rate_hz) == 0:
+        raise ValueError(
+            f"protocol '{protocol.name}': pushes.seconds = {long_s:g} is less than a tick "
+            f"({1 / rate_hz:g} s): no push would come; make it longer"
+        )
+    for key, value in protocol.reference.items():
+        if key.endswith("_hz") and float(value) > rate_hz / 2:
+            raise ValueError(
+                f"protocol '{protocol.name}': reference.{key} = {float(value):g} is more than half "
+                f"of control_rate_hz ({rate_hz:g}): such a swing cannot be told; make it slower"
+            )
+
+
 def course(protocol: Protocol, rig: Rig, seed: int, *, place_std_m: float = 0.002) -> Course:
     """The protocol's course for a seed: targets, pushes, start and steps, the same for both arms.
 
     place_std_m: standard deviation of a hand's placing of the ball. ValueError: the start is off
     the plate or in a wall, the reference leaves the plate (servo-only: the servo's angle limit) or
-    is no number, or a push is shorter than a tick.
+    is no number or faster than the ticks tell, or a push is shorter than a tick.
     """
     half = min(rig.linkage.half_sides_m)
     start = protocol.start
@@ -241,12 +260,7 @@ def course(protocol: Protocol, rig: Rig, seed: int, *, place_std_m: float = 0.00
             f"(+-{half:g} m); correct [start]"
         )
     _check_reach(protocol, rig)
-    long_s = protocol.pushes.seconds
-    if protocol.pushes.kind != "none" and round(long_s * rig.control_rate_hz) == 0:
-        raise ValueError(
-            f"protocol '{protocol.name}': pushes.seconds = {long_s:g} is less than a tick "
-            f"({1 / rig.control_rate_hz:g} s): no push would come; make it longer"
-        )
+    _check_ticks(protocol, rig.control_rate_hz)
     inside = half - rig.ball.radius_m
     if rig.walls.present and max(abs(start.x_m), abs(start.y_m)) > inside:
         raise ValueError(

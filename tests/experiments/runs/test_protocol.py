@@ -132,6 +132,28 @@ def test_a_sweep_from_one_frequency_to_the_same_is_a_sine(tmp_path: Path):
     np.testing.assert_allclose(way.targets_m[:, 0], 0.04 * np.sin(np.pi * t_s), atol=1e-12)
 
 
+def test_a_sweep_beyond_half_of_the_tick_rate_is_refused(tmp_path: Path):
+    """At 500 ticks a second 400 Hz are 100 Hz."""
+    path = tmp_path / "fast.toml"
+    for high_hz, fits in ((249.0, True), (400.0, False)):
+        path.write_text(
+            'title = "a"\nduration_s = 3.0\n[reference]\nshape = "sine-sweep"\n'
+            f"low_hz = 0.5\nhigh_hz = {high_hz}\n"
+        )
+        if fits:
+            assert np.isfinite(course(read_protocol(str(path)), Rig(), 1).targets_m).all()
+        else:
+            with pytest.raises(ValueError, match=r"reference\.high_hz = 400 is more than half"):
+                course(read_protocol(str(path)), Rig(), 1)
+
+
+def test_an_arm_named_twice_is_refused(tmp_path: Path):
+    path = tmp_path / "twice.toml"
+    path.write_text('title = "a"\nduration_s = 3.0\narms = ["with", "with"]\n')
+    with pytest.raises(ValueError, match=r"each once"):
+        read_protocol(str(path))
+
+
 @pytest.mark.parametrize("kind", ["drawn", "at-centre"])
 def test_a_push_that_is_shorter_than_a_tick_is_refused(kind: str):
     """It would be none, and the run one without pushes."""
