@@ -139,7 +139,7 @@ def _check_arms(protocol: Protocol, label: str) -> None:
             known = known_names(arm, [*COMPENSATORS, OWN])
             raise ValueError(f"{label}: arms: unknown arm '{arm}'; {known}")
         if protocol.arms.count(arm) > 1:
-            raise ValueError(f"{label}: arms = {protocol.arms}: each once; --repetitions repeats them")
+            raise ValueError(f"{label}: arms = {protocol.arms}: name each once (see --repetitions)")
     if (OWN in protocol.arms) != bool(protocol.controller):
         raise ValueError(
             f"{label}: the arm 'own' and controller = \"mine.py:MyController\" belong together"

@@ -150,7 +150,7 @@ def test_a_sweep_beyond_half_of_the_tick_rate_is_refused(tmp_path: Path):
 def test_an_arm_named_twice_is_refused(tmp_path: Path):
     path = tmp_path / "twice.toml"
     path.write_text('title = "a"\nduration_s = 3.0\narms = ["with", "with"]\n')
-    with pytest.raises(ValueError, match=r"each once"):
+    with pytest.raises(ValueError, match=r"name each once"):
         read_protocol(str(path))
 
 
