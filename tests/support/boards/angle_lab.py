@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from rig.parameters import Rig
+from rig.rigfile import read_rig
 from tests.support import ROOT
 from tests.support.boards.commands import Lab, LoopHere, WorldsEye, worlds_eye
 from tests.support.boards.pty import PtyBoard
@@ -30,8 +31,10 @@ class AngleLab(Lab):
         self._begun_s, self.start_m = None, (-0.05, 0.05)
         self.world.watch = self._watch
         self.pty = PtyBoard(self.world, thread=False)
-        port = f'[table]\nport = "{self.pty.port}"\n{table}\n{worlds_eye(folder)}'
-        text = (ROOT / "experiments/rigs" / shipped).read_text(encoding="utf-8")
+        known = ROOT / "experiments/rigs" / shipped
+        eye = worlds_eye(folder, read_rig(known).ball)
+        port = f'[table]\nport = "{self.pty.port}"\n{table}\n{eye}'
+        text = known.read_text(encoding="utf-8")
         self.rig_file.write_text(f"{first}\n{text}\n{port}")
         self._stand_in()
 

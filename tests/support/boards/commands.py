@@ -18,7 +18,7 @@ from rig.hardware.wiring import Wiring
 from rig.loop.commands import CommandSlot
 from rig.loop.job import Job
 from rig.loop.loop import Ending, Loop, ending_of
-from rig.parameters import Rig
+from rig.parameters import Ball, Rig
 from rig.plant.ball import tilt_sines
 from tests.support.boards.pty import PtyBoard, SteppedLink
 from tests.support.boards.usb_fake import FakeUsb
@@ -82,9 +82,10 @@ class WorldsEye:
         return Observation(ball.xy_m, ball.cov_m2, exposed_s) if exposed_s > after_s else None
 
 
-def worlds_eye(folder: Path) -> str:
+def worlds_eye(folder: Path, ball: Ball) -> str:
     """Lines of [table] for a camera that the world stands in for, and its calibration on disk."""
-    exact_bundle(virtual_view(), Scene()).save(folder / "calibration.json")
+    scene = Scene(ball_radius_m=ball.radius_m)
+    exact_bundle(virtual_view(), scene).save(folder / "calibration.json")
     return 'camera = "the world\'s"\ncalibration = "calibration.json"\n'
 
 
@@ -108,7 +109,7 @@ class Lab:
         self.world.watch = self._watch
         self.pty, self.usb = PtyBoard(self.world, thread=False), FakeUsb(self.world)
         named = f'port = "{self.pty.port}"' if cable == "serial" else 'address = "1209:0001"'
-        eye = worlds_eye(folder)
+        eye = worlds_eye(folder, self.known.ball)
         self.rig_file.write_text(f'{KNOWN}[table]\nkind = "{cable}"\n{named}\n{eye}')
         self._stand_in()
 
