@@ -9,16 +9,15 @@ from dataclasses import dataclass, field, replace
 from math import pi
 from typing import Annotated, Any, ClassVar, Literal
 
-from annotated_types import Gt, Interval
+from annotated_types import Gt
 
 from rig import effects
 from rig.discrepancy import Discrepancy
 from rig.effects import Effect
 from rig.linkage import THREE_ARMS, Linkage
 from rig.own_effects import OwnEffect, catalogue_of
-from rig.section import Finite, NotNegative, Positive, Section, Share
+from rig.section import Finite, NotNegative, Positive, Section, Share, Wait
 
-Wait = Annotated[float, Interval(ge=0, le=10)]  # s; chosen: no servo waits so long for a command
 GRAVITY_M_S2 = 9.81
 SHAFT_MODELS = ("exact", "dead_zone", "none")
 VOLTAGE, POSITION = "voltage", "position"

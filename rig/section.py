@@ -10,6 +10,7 @@ Finite = float
 NotNegative = Annotated[float, Ge(0)]
 Positive = Annotated[float, Gt(0)]
 Share = Annotated[float, Interval(ge=0, le=1)]
+Wait = Annotated[float, Interval(ge=0, le=10)]  # s; chosen: no servo waits so long for a command
 
 
 class Section:

@@ -13,7 +13,7 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader
 
-from rig.files import write_whole
+from rig.files import put_aside, write_whole
 
 
 @dataclass(frozen=True)
@@ -68,6 +68,7 @@ class Table:
         return any(part == "-" for row in self.rows for cell in row for part in cell.split(", "))
 
 
+PROGRAM = "balancing-table-rig"  # stands in every page (templates/base.html)
 Block = str | Code | Pictures | Table  # str: a paragraph
 
 
@@ -99,8 +100,8 @@ def write_page(
     title: of the page; summary: sentences of the head; template: a file of `templates/`; content:
     the template's other variables; `source` is shown beside the title of base.html, `answer` below
     it, `made` replaces when and with what version the page was made, `numbered` = True numbers the
-    sections. OSError: the page cannot be written, or a picture of it cannot be
-    read.
+    sections. A page of that name that no command here has made is kept as NAME.1, NAME.2 ...
+    OSError: the page cannot be written, or a picture of it cannot be read.
     """
     loader = PackageLoader("experiments.reports")
     pages = Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
@@ -109,6 +110,8 @@ def write_page(
     text = pages.get_template(template).render(
         title=title, summary=summary, sections=sections, sorts=sorts, **content
     )
+    if path.is_file() and PROGRAM.encode() not in path.read_bytes():
+        put_aside(path)
     write_whole(path, text.encode())
     return path
 
@@ -118,9 +121,9 @@ def made_words(*more: str) -> str:
     from importlib.metadata import PackageNotFoundError, version
 
     try:
-        program = f"balancing-table-rig {version('balancing-table-rig')}"
+        program = f"{PROGRAM} {version(PROGRAM)}"
     except PackageNotFoundError:
-        program = "balancing-table-rig"
+        program = PROGRAM
     now = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z")
     return ". ".join((f"Made on {now} by {program}", *filter(None, more))) + "."
 
