@@ -149,10 +149,13 @@ def report(
     out: OutOption = Path("out/report"),
 ) -> None:
     """Figures and numbers of recorded runs as one HTML page. Simulated runs or measured ones."""
+    from experiments.cli.console import bars
     from experiments.records.run_folder import results_folder
     from experiments.reports.report_runs import report_runs
 
-    say(str(report_runs(runs, results_folder(out))))
+    with bars() as progress:
+        page = report_runs(runs, results_folder(out), progress=progress)
+    say(str(page))
 
 
 @app.command()

@@ -24,6 +24,7 @@ from experiments.analysis.numbers import (
 from experiments.analysis.regime import regime_of_record, rig_of_record
 from experiments.analysis.repeats import distinct, repeats_words
 from experiments.analysis.samples import run_part
+from experiments.progress import ProgressCall, silent
 from experiments.records.recording import read_run
 from experiments.records.run_folder import lost_words, protocol_of, write_results
 from experiments.reports import figures
@@ -58,14 +59,17 @@ def _refuse_twice(folders: Sequence[Path]) -> None:
         seen.add(place)
 
 
-def _readable(folders: Sequence[Path]) -> tuple[list[Recorded], list[dict], list[str]]:
+def _readable(
+    folders: Sequence[Path], progress: ProgressCall
+) -> tuple[list[Recorded], list[dict], list[str]]:
     """The runs that can be shown, run.json of each, and notes on those that are left out or are a
     part. Errors as of `report_runs`.
     """
     _refuse_twice(folders)
     runs, notes, metas = [], [], []
-    for folder in folders:
+    for i, folder in enumerate(folders, 1):
         run = read_run(folder)
+        progress("reading runs", i, len(folders))
         if "rejected" in run.meta:
             notes.append(f"{run.folder.name} was rejected: {run.meta['rejected']}.")
             continue
@@ -92,20 +96,21 @@ def _readable(folders: Sequence[Path]) -> tuple[list[Recorded], list[dict], list
     return runs, metas, notes
 
 
-def report_runs(folders: Sequence[Path], out: Path) -> Path:
+def report_runs(folders: Sequence[Path], out: Path, *, progress: ProgressCall = silent) -> Path:
     """Write report.html and results.json of run folders in `out`; return the page's path.
 
     Rejected runs and runs that never began are left out with a note. FileNotFoundError, ValueError:
     a folder is no readable run, or no run can be shown; OSError: `out` cannot be written.
     """
-    runs, metas, notes = _readable(folders)
+    runs, metas, notes = _readable(folders, progress)
     runs, metas = _in_order(runs, metas)
     sources = sorted({SOURCES[meta["source"]] for meta in metas})
     numbers = [run_numbers(run) for run in runs]
-    sections = [
-        _run_section(i, run, meta, out)
-        for i, (run, meta) in enumerate(zip(runs, metas, strict=True), 1)
-    ]
+    sections = []
+    for i, (run, meta) in enumerate(zip(runs, metas, strict=True)):
+        progress("drawing", i, len(runs))
+        sections.append(_run_section(i + 1, run, meta, out))
+    progress("drawing", len(runs), len(runs))
     rows = [run_row(_title(meta), found) for meta, found in zip(metas, numbers, strict=True)]
     all_of_both = _both(runs, metas)
     both = distinct(all_of_both[0]), distinct(all_of_both[1])

@@ -218,10 +218,9 @@ def recover_runs(folders: Sequence[Path], progress: ProgressSender) -> str:
 def report_of_runs(folders: Sequence[Path], out: Path, progress: ProgressSender) -> Path:
     """Write the report page of run folders into `out`; returns its path.
 
-    ValueError, OSError (one line): a run cannot be read, or `out` cannot be written. progress: not
-    used.
+    ValueError, OSError (one line): a run cannot be read, or `out` cannot be written.
     """
     from experiments.records.run_folder import results_folder
     from experiments.reports.report_runs import report_runs
 
-    return report_runs(list(folders), results_folder(out))
+    return report_runs(list(folders), results_folder(out), progress=progress)
