@@ -301,7 +301,7 @@ def main() -> None:
         sys.exit(end.exit_code)
     except (KeyboardInterrupt, typer.Abort) as error:
         if isinstance(error.__cause__, EOFError):  # for the parser that is somebody who left
-            _fail(f"a file, or a process of this program, ended too early {error.__cause__}", 1)
+            _fail(f"a file, or a process of this program, ended too early: {error.__cause__}", 1)
         _fail("interrupted; what was recorded so far is kept", INTERRUPTED)
     except WorkFailedError as error:
         _fail(str(error), 1)

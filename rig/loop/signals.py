@@ -5,6 +5,7 @@ KeyboardInterrupt, which leaves every context on its way out, unless asked for. 
 swallowed on its way, by a callback of compiled code above all: it is remembered.
 """
 
+import math
 import signal
 import sys
 import threading
@@ -19,7 +20,8 @@ from rig.loop.unheard import ended_unheard
 NAMES = ("SIGTERM", "SIGHUP", "SIGBREAK")
 LEAVING_S = 5.0  # chosen: ten times what levelling takes, in which no further signal disturbs it
 _leaving: list[int] = []  # signals by which the program is to be left
-_heard, _handlers = threading.Event(), []  # a handler has run; those that say so
+_heard_s = [-math.inf]  # when a handler of ours ran last
+_handlers: list[object] = []  # ours
 
 
 class StopSlot(Protocol):
@@ -68,7 +70,7 @@ def leave_on_signals(say: Callable[[str], None]) -> Iterator[None]:
 
     def handle(number: int, _: object) -> None:
         nonlocal raised_s
-        _heard.set()
+        _heard_s[0] = time.monotonic()
         _leaving.append(number)
         if number == signal.SIGINT:
             raise KeyboardInterrupt
@@ -82,7 +84,7 @@ def leave_on_signals(say: Callable[[str], None]) -> Iterator[None]:
     before = {number: signal.signal(number, handle) for number in _numbers(*NAMES, "SIGINT")}
     _handlers.append(handle)
     try:
-        with ended_unheard(_heard, _handlers, say), _swallowed_in_silence():
+        with ended_unheard(lambda: _heard_s[0], _handlers, say), _swallowed_in_silence():
             yield
         leave_if_told()
     except RuntimeError:
@@ -135,7 +137,7 @@ def stop_on_signals(
     came: list[int] = []
 
     def handle(number: int, _: object) -> None:
-        _heard.set()
+        _heard_s[0] = time.monotonic()
         came.append(number)
         slot.put(stop_of(number))
 

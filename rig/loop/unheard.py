@@ -9,28 +9,31 @@ import os
 import signal
 import socket
 import threading
+import time
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
 
 # Chosen: a call of a library that works on so long is given up as well; ten times what is usual.
 UNHEARD_S = 10.0
+LOOK_S = 0.05
 
 
 @contextmanager
 def ended_unheard(
-    heard: threading.Event, handlers: Collection[object], say: Callable[[str], None]
+    heard_s: Callable[[], float], handlers: Collection[object], say: Callable[[str], None]
 ) -> Iterator[None]:
     """While inside, a signal of one of `handlers` that is not heard for UNHEARD_S ends the program
     at once, with the code 128 + its number, after a line to `say`. To be entered in the main
     thread.
 
-    heard: is set by each of `handlers` as it runs; signals of others are left alone. Processes that
+    heard_s: when one of `handlers` ran last, on the monotonic clock; signals of others are left
+    alone. One that ran in the UNHEARD_S before counts: two signals may come as one. Processes that
     look after a table level it as they see this one end.
     """
     reads, writes = socket.socketpair()
     writes.setblocking(False)
     thread = threading.Thread(
-        target=_watch, args=(reads, heard, handlers, say), daemon=True, name="unheard signals"
+        target=_watch, args=(reads, heard_s, handlers, say), daemon=True, name="unheard signals"
     )
     before = signal.set_wakeup_fd(writes.fileno(), warn_on_full_buffer=False)
     thread.start()
@@ -45,14 +48,18 @@ def ended_unheard(
 
 def _watch(
     reads: socket.socket,
-    heard: threading.Event,
+    heard_s: Callable[[], float],
     handlers: Collection[object],
     say: Callable[[str], None],
 ) -> None:
     """Wait for signals until the other end is closed."""
     while numbers := reads.recv(64):
         known = [number for number in numbers if signal.getsignal(number) in handlers]
-        if known and not heard.wait(UNHEARD_S):
+        came_s = time.monotonic()
+        enough_s = came_s - UNHEARD_S
+        while known and heard_s() < enough_s and time.monotonic() < came_s + UNHEARD_S:
+            time.sleep(LOOK_S)
+        if known and heard_s() < enough_s:
             name = signal.Signals(known[0]).name
             with suppress(Exception):
                 say(
@@ -61,4 +68,3 @@ def _watch(
                     "recording that was cut off"
                 )
             os._exit(128 + known[0])
-        heard.clear()

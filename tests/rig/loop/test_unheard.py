@@ -60,3 +60,23 @@ def test_what_is_left_in_time_leaves_no_thread_and_the_former_socket():
     assert signal.set_wakeup_fd(before) == -1
     assert "unheard signals" not in {one.name for one in threading.enumerate()}
     assert unheard.UNHEARD_S >= 5.0  # of what levels a table on its way out
+
+
+def test_signals_that_come_close_together_are_heard_and_end_nothing():
+    text = """
+import signal, time
+from rig.loop import unheard
+from rig.loop.signals import leave_on_signals, stop_on_signals
+from rig.loop.commands import CommandSlot
+
+unheard.UNHEARD_S = 0.3
+with leave_on_signals(print), stop_on_signals(CommandSlot(), leave=False):
+    for _ in range(200):
+        signal.raise_signal(signal.SIGTERM)
+    time.sleep(1.0)
+print("went on")
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", text], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert done.stdout == "went on\n"
