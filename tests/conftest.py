@@ -49,13 +49,16 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """A slow test may take five times as long as the others before it counts as hung; one that is
-    `realtime` is tried again where the machine stood still (tests/support/standstill.py). Whole
-    investigations of the gap come last: should the time run out, what keeps a table safe is tried.
+    `realtime` is tried again where the machine stood still (tests/support/standstill.py), once if
+    it is slow: a try takes the time of many tests. Whole investigations of the gap come last:
+    should the time run out, what keeps a table safe is tried.
     """
-    again = pytest.mark.flaky(reruns=RERUNS, reruns_delay=RERUN_DELAY_S, condition=_stood_still)
     for item in items:
         if item.get_closest_marker("realtime"):
-            item.add_marker(again)
+            again = 1 if item.get_closest_marker("slow") else RERUNS
+            item.add_marker(
+                pytest.mark.flaky(again, reruns_delay=RERUN_DELAY_S, condition=_stood_still)
+            )
         if item.get_closest_marker("slow") and not item.get_closest_marker("timeout"):
             item.add_marker(pytest.mark.timeout(1500))
     items.sort(key=lambda item: bool(item.get_closest_marker("slow")) and "/gap/" in str(item.path))

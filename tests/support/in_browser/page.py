@@ -74,10 +74,10 @@ class Hand:
 
         wait_for("the page", there, PATIENCE_S, every_s=1.0)
 
-    def see(self, text: str | re.Pattern) -> None:
+    def see(self, text: str | re.Pattern, patience_s: float = PATIENCE_S) -> None:
         """Wait until the text can be seen."""
         expect(self.page.get_by_text(text).filter(visible=True).first).to_be_visible(
-            timeout=1e3 * PATIENCE_S
+            timeout=1e3 * patience_s
         )
 
     def tab(self, name: str) -> None:
