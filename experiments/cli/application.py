@@ -25,6 +25,7 @@ from experiments.cli.gap import gap
 from experiments.cli.home import home
 from experiments.cli.importing import EPILOG, import_
 from experiments.cli.say import say, saying_aside
+from experiments.cli.sections import Sections
 from experiments.cli.serve import serve
 from experiments.cli.sheets import check, sheet
 from experiments.cli.watch import watch
@@ -36,6 +37,7 @@ LONGEST_LINE = 1000  # characters; chosen: a page of a terminal
 SHIPPED = (Path(__file__).parents[1] / "protocols").glob("*.toml")
 PROTOCOLS = ", ".join(sorted(path.stem for path in SHIPPED))
 app = typer.Typer(
+    cls=Sections,
     add_completion=False,
     no_args_is_help=True,
     rich_markup_mode=None,  # plain help in a third of the time

@@ -15,6 +15,14 @@ Logs = Annotated[
     list[Path] | None,
     typer.Argument(help="Run folders, .csv, .parquet or .mat files of one table."),
 ]
+_BLIND = "With --blind-trial: "
+Trials = Annotated[int, typer.Option(min=1, help=f"{_BLIND}so many with an effect.")]
+Effects = Annotated[str, typer.Option(help=f"{_BLIND}only these, comma-separated.")]
+Pairs = Annotated[bool, typer.Option(help=f"{_BLIND}two effects at once.")]
+Onto = Annotated[bool, typer.Option(help=f"{_BLIND}hide effects in LOGS.")]
+Cluster = Annotated[str | None, typer.Option(help=f"{_BLIND}address of a Dask scheduler.")]
+Jobs = Annotated[int | None, typer.Option(min=1, help=f"{_BLIND}processes; default: all cores.")]
+Seed = Annotated[int | None, typer.Option(min=0, help=f"{_BLIND}or --demo: of what is drawn.")]
 
 
 def gap(
@@ -44,13 +52,13 @@ def gap(
     blind_trial: Annotated[
         bool, typer.Option(help="Hide effects, find them, open the seal, score.")
     ] = False,
-    trials: Annotated[int, typer.Option(min=1, help="Blind trials with an effect.")] = 100,
-    effects: Annotated[str, typer.Option(help="Only these, comma-separated.")] = "",
-    pairs: Annotated[bool, typer.Option(help="Two effects at once.")] = False,
-    onto: Annotated[bool, typer.Option(help="Hide effects in the given logs.")] = False,
-    cluster: Annotated[str | None, typer.Option(help="Address of a Dask scheduler.")] = None,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: all cores.")] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Of everything that is drawn.")] = None,
+    trials: Trials = 100,
+    effects: Effects = "",
+    pairs: Pairs = False,
+    onto: Onto = False,
+    cluster: Cluster = None,
+    jobs: Jobs = None,
+    seed: Seed = None,
 ) -> None:
     """Name the effect that the model lacks. Says where it is wrong, shows the gap shrink."""
     given = [*(logs or [])]
@@ -173,11 +181,11 @@ def _demo(*, out: Path, json_file: Path | None, seed: int | None, until: str) ->
     from experiments.records.run_folder import writable
 
     runs = demo_runs(writable(out), seed=1 if seed is None else seed)
-    say(hidden_words())
+    say("A play is hidden in the joints of a simulated table; the analysis does not know of it.")
     found = _investigate_and_report(
         runs, rig_file=None, out=out, json_file=json_file, until=until, truth=hidden_words()
     )
-    for line in truth_lines(found, runs):
+    for line in (hidden_words(), *truth_lines(found, runs)):
         say(line)
 
 

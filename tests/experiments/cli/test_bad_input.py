@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import typer
 
 from experiments.cli.console import bars, effects_table
 from experiments.records.recording import Recorder
@@ -201,7 +202,20 @@ def test_the_command_line_names_the_value_and_where_help_is(words, say):
 def test_a_group_of_commands_alone_is_its_help(words):
     code, out, _ = told(*words)
     assert code == 0
-    assert "Commands:" in out
+    assert out.startswith("Usage: ")
+    assert "\n  --help  " in out
+
+
+def test_the_help_lists_every_command_in_one_section():
+    from experiments.cli.application import app
+    from experiments.cli.sections import SECTIONS
+
+    listed = [name for names in SECTIONS.values() for name in names]
+    assert sorted(listed) == sorted(typer.main.get_command(app).commands)
+    _, out, _ = told("--help")
+    assert all(f"\n{title}:\n" in out for title in SECTIONS)
+    lines = [line for line in out.splitlines() if line.split() and line.split()[0] in listed]
+    assert len({line.index(line.split(maxsplit=1)[1]) for line in lines}) == 1  # one column
 
 
 def test_the_help_of_run_names_every_shipped_protocol():

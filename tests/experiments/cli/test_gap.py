@@ -160,7 +160,9 @@ def test_the_demo_hides_a_play_of_which_the_investigation_is_not_told(
     )
     assert call("gap", "--demo", "--out", tmp_path, "--seed", "2") == 0
     told = capsys.readouterr().out
-    assert "Hidden in the demo's simulated table" in told
+    before, hidden, _ = told.partition("Hidden in the demo's simulated table")
+    assert hidden
+    assert "deg" not in before.replace(str(tmp_path), "")
     assert "rad" not in told.replace(str(tmp_path), "")  # one unit for what was hidden and found
     assert "joint play x: found 2.01 [1.93, 2.09] deg, truth 2.01 deg: agrees" in told
     ((runs, more),) = asked
