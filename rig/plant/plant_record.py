@@ -20,7 +20,7 @@ GROWTH_MARGIN = 1e-9  # of rounding, in the eigenvalue 1 of the drive's free tur
 _MODELS = {"exact": EXACT, "dead_zone": DEAD_ZONE, "none": NONE}
 _PER_AXIS = (
     "torque_per_volt motor_damping motor_inertia motor_per_torque motor_per_volt gear_k gear_c "
-    "gear_decay gear_1 gear_2 gear_coast joint_k joint_c joint_decay joint_1 joint_2 "
+    "gear_decay gear_1 gear_2 gear_coast joint_k joint_c joint_decay joint_1 joint_2 joint_fall "
     "friction_held ratio weight half_side plate_side arm_radius rod"
 ).split() + list(Servo.by_axis)
 _SCALARS = (
@@ -61,6 +61,8 @@ def pack(rig: Rig, *, step_s: float = STEP_S) -> np.record:
     p["gear_k"], p["gear_c"] = drive.gear_stiffness_nm_rad, drive.gear_damping_nm_s
     p["joint_k"], p["joint_c"] = drive.joint_stiffness_nm_rad, drive.joint_damping_nm_s
     p["gear_coast"] = coasting(rig)
+    loose = drive.joint_friction_nm == 0.0 and not servo.takes_angle
+    p["joint_fall"] = loose * (p["joint_backlash_play_rad"] > 0.0)
     p["unknown"] = discrepancy.pack(rig.unknown, servo.angle_limit_rad)
     p["step_s"], p["shaft_model"] = step_s, _MODELS[drive.shaft_model]
     p["arm_friction"], p["joint_friction"] = drive.arm_friction_nm, drive.joint_friction_nm

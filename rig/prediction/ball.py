@@ -24,6 +24,11 @@ FIRST_SPEED_M_S = 0.5
 # A step of the ball: at most so many ticks and so long. Chosen: on logs of 500 Hz residuals change
 # by less than 0.01 of their deviations, in a third of the time that steps of a tick take.
 TICKS_A_STEP, LONGEST_STEP_S = 5, 0.01
+# A plate that is not held in its play takes the arm's mean rate over twice RATE_S and bounces.
+# Both are chosen: a count over 30 ms is 0.05 rad/s, less than plates fall; with these, costs are
+# lowest at the plays of simulated tables (the shaft's damping alone gives a restitution of 0.5).
+RATE_S, RESTITUTION = 0.015, 0.3
+HALF_BRAKED_RAD_S2 = 20.0  # deceleration at a `joint_fall` of 0.5: of light bearings; chosen
 
 
 @inlined
@@ -54,6 +59,35 @@ def _angle(theta, t, k, a, when):
 
 
 @inlined
+def _fallen(p, a, theta, rate, plate, place, h):
+    """The angle behind the joint's play on axis `a` [rad] and its rate [rad/s] after h [s].
+
+    theta, rate: of the arm's end [rad, rad/s]; plate (4,): angles and rates of both axes before;
+    place: of the ball [m]. In the play the ball's weight turns the plate, dry friction brakes it,
+    the less the nearer `joint_fall` is to 1, and it bounces off the play's ends, which move with
+    the arm.
+    """
+    speed = plate[2 + a] + h * p.weight[a] * place / p.plate_inertia
+    speed = equations.stick(speed, h * HALF_BRAKED_RAD_S2 * (1.0 / p.joint_fall[a] - 1.0))
+    angle = plate[a] + h * speed
+    low, high = theta - p.joint_1[a], theta - p.joint_2[a]
+    if angle < low:
+        return low, max(rate + RESTITUTION * (rate - speed), speed)
+    if angle > high:
+        return high, min(rate + RESTITUTION * (rate - speed), speed)
+    return angle, speed
+
+
+@inlined
+def _rate(t, theta, k, a):
+    """Rate of the encoder about tick k on axis `a` [rad/s], over RATE_S to either side."""
+    last = theta.shape[0] - 1
+    ticks = max(int(RATE_S / (t[min(k + 1, last)] - t[min(k, last - 1)])), 1)
+    low, high = max(k - ticks, 0), min(k + ticks, last)
+    return (theta[high, a] - theta[low, a]) / (t[high] - t[low])
+
+
+@inlined
 def _follow(p, place, plate, t, theta, k, now, end):
     """Have the plate's play positions follow the encoder's ticks, from `now` over one step of the
     ball that ends at `end` [s] or before; the last tick's index, the step's end [s], and the means
@@ -70,8 +104,13 @@ def _follow(p, place, plate, t, theta, k, now, end):
         tick = t[k + 1] if k + 1 < t.shape[0] else end
         until = min(tick, end if i == 0 else last)
         x, y = plate[0], plate[1]
-        plate[0] = _played(p, 0, _angle(theta, t, k, 0, until), x, place[0])
-        plate[1] = _played(p, 1, _angle(theta, t, k, 1, until), y, place[1])
+        for a in range(2):
+            angle = _angle(theta, t, k, a, until)
+            if p.joint_fall[a] > 0.0:
+                rate = _rate(t, theta, k, a)
+                plate[a], plate[2 + a] = _fallen(p, a, angle, rate, plate, place[a], until - now)
+            else:
+                plate[a] = _played(p, a, angle, plate[a], place[a])
         mean_x += 0.5 * (until - now) * (x + plate[0])
         mean_y += 0.5 * (until - now) * (y + plate[1])
         now = until
@@ -166,7 +205,7 @@ def predict_ball(p, levels, t, theta, exposed, ball, fresh, longest_gap_s, out, 
     lies `camera_height` higher than the log's maker took it to be is seen too far down the tilt, by
     that height times its sine.
     """
-    s, plate, sines = np.zeros(5), np.zeros(2), np.zeros(2)
+    s, plate, sines = np.zeros(5), np.zeros(4), np.zeros(2)
     noise, c, g = np.zeros(2), np.zeros(6), np.zeros(3)
     extra = p.camera_delay_extra_s[0]
     scale, yaw = p.camera_scale_fraction[0], p.camera_yaw_angle_rad[0]

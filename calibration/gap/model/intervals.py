@@ -19,7 +19,7 @@ import numpy as np
 
 from calibration.gap.findings import Interval
 from calibration.gap.model.fit import ParameterFit, differences, inverse_variance, weights
-from calibration.gap.model.parameters import COAST_KEY, Parameter
+from calibration.gap.model.parameters import COAST_KEY, FALL_KEY, Parameter
 from calibration.gap.model.state import State, outputs_of
 from calibration.statistics import student_quantile
 from rig.effects import BY_NAME
@@ -34,6 +34,9 @@ MIN_DEVIATION = {
 }  # fmt: skip
 INTERVAL_FACTOR = 1.45  # with it 95 % of intervals held the truth in simulated tuning trials
 MIN_DEVIATION_COUNTS = {"play_rad": 0.5}
+# The least interval of a joint's play in which the plate falls, as shares of the value. Chosen:
+# bounces that cannot be followed make it look small, 0.5 to 1.02 of what it was in simulations.
+FALLING_LOW, FALLING_HIGH = 0.9, 2.2
 OWN_MIN_DEVIATION = 0.2  # of the tolerance, as that of a dead zone and hardly less than friction's
 # As shares of the nominal value: where within a count a motor starts after a rest is not measured.
 MIN_DEVIATION_SHARE = {"gain_rad_s_V": 0.0012, "time_constant_s": 0.006}
@@ -141,3 +144,14 @@ def interval(value: float, deviation: tuple[float, int]) -> Interval:
     std, blocks = deviation
     reach = student_quantile(max(blocks - 1, 2)) * std
     return Interval(value, value - reach, value + reach)
+
+
+def interval_of(state: State, parameter: Parameter, deviation: tuple[float, int]) -> Interval:
+    """`interval` of a parameter of the state, and no narrower than FALLING_LOW and FALLING_HIGH
+    say where it is the play of a joint in which the plate falls."""
+    value = state.fit.setting[parameter.name]
+    one = interval(value, deviation)
+    if parameter.key == "play_rad" and state.fit.setting.get(parameter.beside(FALL_KEY)):
+        low, high = min(one.low, FALLING_LOW * value), max(one.high, FALLING_HIGH * value)
+        return Interval(value, low, high)
+    return one

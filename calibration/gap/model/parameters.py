@@ -39,7 +39,7 @@ STEPS = {
     "coefficient_1_rad": 0.02, "coefficient_1_rad2": 0.1, "slope_rad": 2e-4, "rate_rad_s": 1e-5,
     "stiffness_1_s2": 0.02, "deceleration_m_s2": 0.001, "extra_s": 0.001, "angle_rad": 0.003,
     "k1_1_m2": 0.1, "height_m": 0.002, "lag_s": 0.002, "limit_rad_s": 0.05,
-    "half_width_rad": 0.001,
+    "half_width_rad": 0.001, "fall_1": 1.0,
 }  # fmt: skip
 OWN_STEPS = {
     "transmission_ripple.sine": 0.001,
@@ -57,8 +57,16 @@ COAST_KEY, LONGEST_COAST_S2_RAD = "coast_s2_rad", 0.5
 HEIGHT_KEY = "height_m"
 # And dry friction: the time constant with which it stops a motor.
 SETTLING_KEY = "settling_s"
-INNER_SHAPE = {"gear_backlash": [COAST_KEY], "camera_scale": [HEIGHT_KEY]}
-IN_RECORD = {COAST_KEY: "gear_coast", HEIGHT_KEY: "camera_height"}  # not in the catalogue
+# And the play of a joint: whether the plate stays where its arm left it (0), coasts on in the play,
+# braked (0.5), or falls in it to the side of the ball (1). It is tried, and never free.
+FALL_KEY = "fall_1"
+INNER_SHAPE = {
+    "gear_backlash": [COAST_KEY],
+    "joint_backlash": [FALL_KEY],
+    "camera_scale": [HEIGHT_KEY],
+}
+# not in the catalogue
+IN_RECORD = {COAST_KEY: "gear_coast", FALL_KEY: "joint_fall", HEIGHT_KEY: "camera_height"}
 GUESSES = (0.2, 0.5, 1.0, 2.0, 5.0)  # of the nominal K and tau: starts of a fit far from them
 
 
@@ -90,6 +98,10 @@ class Parameter:
         """ "effect.key.axis"; it begins with "." for K and tau."""
         return f"{self.effect}.{self.key}.{self.axis}"
 
+    def beside(self, key: str) -> str:
+        """Name of the parameter `key` of the same effect on the same axis."""
+        return f"{self.effect}.{key}.{self.axis}"
+
     @property
     def outputs(self) -> tuple[str, ...]:
         """The outputs that depend on the parameter; backlash in a joint whose friction loads the
@@ -115,6 +127,8 @@ class Parameter:
 def _range(effect: Effect, key: str) -> tuple[float, float]:
     if key == COAST_KEY:
         return 0.0, LONGEST_COAST_S2_RAD
+    if key == FALL_KEY:
+        return 0.0, 1.0
     if key in ("sine", "cosine"):
         high = next(p.high for p in effect.parameters if p.key == PERIODIC[effect.name])
         return -high, high
@@ -157,6 +171,7 @@ class NominalModel:
             # Of a servo that holds its angle, it holds the plate in its play.
             self._record["joint_friction"] *= float(rig.servo.takes_angle)
         self.coasts = bool(np.any(self._record["gear_coast"]))
+        self.plate_may_fall = not (self._record["joint_friction"] or rig.servo.takes_angle)
         self.effects = effects_in(rig)
         self.catalogue = {**rig.catalogue, **{effect.name: effect for effect in self.effects}}
         self._own = {one.effect.name: slot for slot, one in enumerate(rig.own)}

@@ -14,6 +14,7 @@ from calibration.gap.model.data import Evidence
 from calibration.gap.model.parameters import (
     CALIBRATED,
     COAST_KEY,
+    FALL_KEY,
     GUESSES,
     HEIGHT_KEY,
     PERIODIC,
@@ -38,6 +39,7 @@ SIZES: Mapping[str, tuple[float, ...]] = {
     "half_width_rad": (0.003, 0.01, 0.03),
 }  # fmt: skip
 START_COAST_S2_RAD = 0.06
+FALLS = (0.0, 0.5, 1.0)  # of plates in the play of their joints
 # Plays that are tried from here to the end of the range, a quarter apart: the valley of C about the
 # right one is as wide; chosen.
 SMALLEST_PLAY_RAD, PLAYS = 0.005, 14
@@ -86,6 +88,10 @@ def starts(
         fraction, height = nominal.of(name, axis)
         alone = {fraction.name: fraction.nominal + SIZES["fraction"][0]}
         return [[alone], [alone, {height.name: SIZES[HEIGHT_KEY][0]}]]
+    if name == "joint_backlash" and nominal.plate_may_fall:
+        falls = f"{name}.{FALL_KEY}.{axis}"
+        plays = [first.nominal + size for size in SIZES["play_rad"]]
+        return [[{first.name: play, falls: fall}] for play in plays for fall in FALLS]
     if name == "coulomb_friction":
         frictions = [{first.name: first.nominal + size} for size in SIZES["friction_V"]]
         settling = [{f"{name}.{SETTLING_KEY}.{axis}": value} for value in SETTLING_S]

@@ -6,7 +6,7 @@ from dataclasses import replace
 from math import atan2, cos, hypot, inf, sin
 
 from calibration.gap.findings import Interval, Named, RankedEffect, Untestable
-from calibration.gap.model.intervals import interval
+from calibration.gap.model.intervals import interval, interval_of
 from calibration.gap.model.parameters import (
     BALL,
     CALIBRATED,
@@ -52,9 +52,7 @@ def parameters(
     found: Parameters = {}
     for axis in axes:
         by_key = {
-            parameter.key: interval(
-                state.fit.setting[parameter.name], spread.get(parameter.name, (inf, 2))
-            )
+            parameter.key: interval_of(state, parameter, spread.get(parameter.name, (inf, 2)))
             for parameter in state.nominal.of(name, axis)
             if parameter.name in state.fit.setting
         }

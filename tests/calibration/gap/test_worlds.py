@@ -133,11 +133,11 @@ def test_viscous_friction_differs_by_direction():
 
 
 def reversal(p, coming_V, going_V):
-    """Shaft states (n, 5) after a second at one voltage and half a second at the other."""
-    shaft, path = np.zeros(5), []
+    """Shaft states (n, 6) after a second at one voltage and half a second at the other."""
+    shaft, path = np.zeros(6), []
     for V, seconds in ((coming_V, 1.0), (going_V, 0.5)):
         for _ in range(int(seconds / h)):
-            servo_step(shaft, V, p, 0, h)
+            servo_step(shaft, V, 0.0, p, 0, h)
             path.append(shaft.copy())
     return np.array(path)
 
@@ -165,6 +165,21 @@ def test_a_loose_plate_does_not_load_the_arm():
     p = logs.servo(joint_rad=0.1, joint_V=0.5)
     assert reversal(p, 1.0, 0.49)[-1, 1] == pytest.approx(0.0, abs=1e-6)
     assert reversal(p, 1.0, -0.1)[-1, 1] == pytest.approx(-0.153, rel=1e-3)
+
+
+def test_a_plate_falls_through_the_joint_to_the_side_of_the_ball_and_bounces():
+    """Through a gap g under a constant acceleration a: after sqrt(2 g / a), with sqrt(2 g a)."""
+    p = logs.servo(joint_rad=0.035, fall_1_m_s2=85.0, bounce=0.5)
+    shaft, fallen = np.array([0.0, 0.0, 0.0, 0.0, -0.0175, 0.0]), []
+    for _ in range(int(1.0 / h)):
+        servo_step(shaft, 0.0, 0.05, p, 0, h)
+        fallen.append(shaft[4:].copy())
+    angle, rate = np.array(fallen).T
+    a, g = 85.0 * 0.05, 0.035
+    assert angle[-1] == pytest.approx(0.0175, abs=1e-6)
+    assert rate.max() == pytest.approx(np.sqrt(2.0 * g * a), rel=0.01)
+    assert rate.min() == pytest.approx(-0.5 * np.sqrt(2.0 * g * a), rel=0.01)
+    assert h * (1 + rate.argmax()) == pytest.approx(np.sqrt(2.0 * g / a), rel=0.01)
 
 
 @pytest.mark.parametrize("delay_s", [0.112, 0.262])

@@ -21,6 +21,7 @@ WORLDS = {
         tables.k_far_off,
         tables.soft_friction,
         tables.loaded_joint,
+        tables.falling_joint,
         tables.coasting_gears,
         tables.bowl,
         tables.walls,

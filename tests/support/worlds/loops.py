@@ -70,7 +70,7 @@ def run_table(p, b, loop, start, targets, torque_V, push, slipped, camera_noise)
     """
     rows = len(targets)
     log = np.full((rows, 6), np.nan)
-    shafts, memory = np.zeros((2, 5)), np.full((2, 3), 0.0)
+    shafts, memory = np.zeros((2, 6)), np.full((2, 3), 0.0)
     memory[:, 0] = np.nan
     ball = np.zeros(6)
     ball[:2] = start
@@ -97,7 +97,7 @@ def run_table(p, b, loop, start, targets, torque_V, push, slipped, camera_noise)
                 frames[taken, 1], frames[taken, 2] = look(ball, camera_noise[row], loop)
                 taken += 1
             for i in range(2):
-                servo_step(shafts[i], log[row, i] + torque_V[row, i], p, i, STEP_s)
+                servo_step(shafts[i], log[row, i] + torque_V[row, i], ball[i], p, i, STEP_s)
                 new = tilt_rad(shafts[i, 4], b)
                 old[i] = rate[i]
                 rate[i] = (new - phi[i]) / STEP_s
@@ -110,7 +110,7 @@ def run_table(p, b, loop, start, targets, torque_V, push, slipped, camera_noise)
 def run_axis(p, rows_hz, counts, inner_V_rad, limit_V, targets, open_V, torque_V):
     """Axis 0 alone: V = clip(P (target - theta) + open_V); columns V, theta in counts, omega."""
     log = np.empty((len(targets), 3))
-    shaft = np.zeros(5)
+    shaft = np.zeros(6)
     inner = round(1.0 / (rows_hz * STEP_s))
     for row in range(len(targets)):
         theta = round(shaft[2] * counts / 6.283185307179586) * 6.283185307179586 / counts
@@ -118,7 +118,7 @@ def run_axis(p, rows_hz, counts, inner_V_rad, limit_V, targets, open_V, torque_V
         V = min(max(V, -limit_V), limit_V)
         log[row, 0], log[row, 1], log[row, 2] = V, theta, shaft[1]
         for _ in range(inner):
-            servo_step(shaft, V + torque_V[row], p, 0, STEP_s)
+            servo_step(shaft, V + torque_V[row], 0.0, p, 0, STEP_s)
     return log
 
 

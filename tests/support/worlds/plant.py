@@ -36,6 +36,8 @@ class Servo(NamedTuple):
     coast_rad_s2: np.ndarray  # and its dry deceleration
     joint_rad: np.ndarray  # full width between encoder and plate
     joint_V: np.ndarray  # friction of the plate, felt while a flank of the joint pushes it
+    fall_1_m_s2: np.ndarray  # turns the plate inside the joint by the ball's place; 0: it stays
+    bounce: np.ndarray  # restitution of such a plate at the joint's flanks
 
 
 class Ball(NamedTuple):
@@ -78,9 +80,10 @@ def speed_after(omega, theta, V, lead, p, i, h):
 
 
 @njit(cache=True)
-def servo_step(shaft, V, p, i, h):
-    """Move `shaft` = (motor angle, motor speed, arm angle, arm speed, plate's servo angle) by h."""
-    motor, omega, arm, arm_speed, plate = shaft
+def servo_step(shaft, V, place, p, i, h):
+    """Move `shaft` = (motor angle and speed, arm angle and speed, plate's servo angle and speed) by
+    h, the ball at `place` m."""
+    motor, omega, arm, arm_speed, plate, fall = shaft
     half = 0.5 * p.joint_rad[i]
     new = speed_after(omega, arm, V, arm - plate, p, i, h)
     motor += 0.5 * h * (omega + new)
@@ -94,8 +97,15 @@ def servo_step(shaft, V, p, i, h):
             arm_speed = new
     else:
         arm, arm_speed = motor, new
+    if p.fall_1_m_s2[i] > 0.0:
+        fall += h * p.fall_1_m_s2[i] * place
+        plate += h * fall
+        for side in (1.0, -1.0):
+            if side * (plate - arm) > half and side * (fall - arm_speed) > 0.0:
+                fall = arm_speed - p.bounce[i] * (fall - arm_speed)
     plate = min(max(plate, arm - half), arm + half)
-    shaft[0], shaft[1], shaft[2], shaft[3], shaft[4] = motor, new, arm, arm_speed, plate
+    shaft[0], shaft[1], shaft[2] = motor, new, arm
+    shaft[3], shaft[4], shaft[5] = arm_speed, plate, fall
 
 
 @njit(cache=True)

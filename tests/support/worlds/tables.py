@@ -52,6 +52,18 @@ def loaded_joint(seed: int) -> World:
     return columns, "", found
 
 
+def falling_joint(seed: int) -> World:
+    """Joint play of 2 degrees on a table without friction: the plate falls to the side of the ball.
+
+    3 g 10 cm out turn a plate of 6.4e-5 kg m2 by 0.1 * 85 rad/s2; it bounces with 0.5.
+    """
+    rng = np.random.default_rng(seed)
+    weight_1_m_s2 = 0.003 * 9.81 * (2 * 0.0254 / 0.275) / 6.4e-5
+    plate = {"joint_rad": (0.035, 0.0), "fall_1_m_s2": (weight_1_m_s2, 0.0), "bounce": 0.5}
+    columns = table_log(rng, plate, {}, {})
+    return columns, rig_toml(), truth({"joint_backlash": {"x": {"play_rad": 0.035}}})
+
+
 def coasting_gears(seed: int) -> World:
     """Gear play of 2 degrees; the arm coasts through the gap, damped by 4 1/s and 8 rad/s2."""
     rng = np.random.default_rng(seed)

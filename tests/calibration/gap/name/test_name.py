@@ -241,3 +241,19 @@ def test_axes_of_another_generator_have_their_names_and_sizes(world: str, sizes:
         one = by_name(found)[effect]
         assert one.probability > 0.9
         assert one.parameters["x"][key].value == pytest.approx(size, rel=0.02)
+
+
+@pytest.mark.slow
+def test_a_plate_that_falls_in_its_joint_is_play_and_not_a_bowl(tmp_path):
+    """On a table without friction the ball's weight turns the plate to its own side, as a bowl does
+    the other way about. Bounces that no log shows leave half of the size: the interval says so."""
+    columns, rig, _ = WORLDS["falling_joint"](2102)
+    (tmp_path / "rig.toml").write_text(rig, encoding="utf-8")
+    log = Log.from_columns(columns)
+    found = investigate([log], read_rig(tmp_path / "rig.toml"), until="add", quick=True).findings
+    (one,) = found.effects
+    assert (one.name, list(one.parameters)) == ("joint_backlash", ["x"])
+    assert one.probability > 0.99
+    play = one.parameters["x"]["play_rad"]
+    assert play.low < 0.035 < play.high
+    assert play.high < 0.06
