@@ -6,7 +6,6 @@ measured from recorded runs (delay, level); nothing here moves it.
 
 import json
 import threading
-import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from functools import partial
@@ -30,6 +29,7 @@ from experiments.dashboard.session.session import Session
 from experiments.dashboard.session.tasks import RunSummary
 from experiments.dashboard.session.worker_process import WorkerProcess, WorkItem
 from experiments.dashboard.tabs.gallery import Gallery
+from experiments.dashboard.view.elapsed import Elapsed
 from rig.files import json_of
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ class CalibrateTab:
             gui.add_markdown("  \n".join(f"*{step}*: {why}." for step, why in refused))
         self._lines: list[str] = []
         self._kept: dict[str, list[str]] = {}
-        self._on, self._words, self._since_s, self._shown_s = "", "", 0.0, -1
+        self._on, self._words, self._elapsed = "", "", Elapsed()
         self._left: tuple[str, ...] = ()
         self._restore()
 
@@ -216,7 +216,8 @@ class CalibrateTab:
             threading.Thread(target=self._borrow, args=(camera, item), daemon=True).start()
         else:
             self._worker.put(item)
-        self._lines, self._since_s = [], time.monotonic()
+        self._lines = []
+        self._elapsed.begin()
         self._mark(step, "on", "on its way")
 
     def _borrow(self, camera: RealCamera, item: WorkItem) -> None:
@@ -234,10 +235,8 @@ class CalibrateTab:
 
     def draw(self) -> None:
         """Write how long the present step has taken, once a second."""
-        seconds = int(time.monotonic() - self._since_s)
-        if "on" in self._state.values() and seconds != self._shown_s:
-            self._shown_s = seconds
-            self._write(f", {seconds} s")
+        if "on" in self._state.values() and self._elapsed.changed():
+            self._write(f", {self._elapsed.seconds} s")
 
     def _write(self, more: str = "") -> None:
         words = [f"**{self._on}: {plain(self._words)}**{more}", *map(plain, self._lines)]

@@ -1,6 +1,5 @@
 """The tab Gap: choose runs, watch the five stages, see what is missing and both models at once."""
 
-import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -20,6 +19,7 @@ from experiments.dashboard.session.playback import Playback
 from experiments.dashboard.session.tasks import RunSummary
 from experiments.dashboard.session.worker_process import WorkerProcess, WorkItem
 from experiments.dashboard.tabs.gallery import Gallery
+from experiments.dashboard.view.elapsed import Elapsed
 from experiments.gap.beside import HEAD
 from experiments.gap.short_answer import WANTED, advice, missing_protocols
 
@@ -166,7 +166,7 @@ class GapTab:
         self._gui, self._demo = gui, False
         self._advised: list[str] | None = None
         self._on = -1
-        self._does, self._since_s, self._shown_s = "", 0.0, -1
+        self._does, self._elapsed = "", Elapsed()
         self._shows, self._earlier = False, False  # the answer; it is of an earlier program
         self.answer: GapAnswer | None = newest_answer(out)
         self._ask(self.answer is None)
@@ -255,10 +255,8 @@ class GapTab:
         self._on, self._shows = -1, False
         self._bar.value = 0.0
         self._stages.content = stage_lines(-1, False)
-        self._does, self._since_s = (
-            "begins; some minutes for every run, fewer while the table is stopped",
-            time.monotonic(),
-        )
+        self._does = "begins; some minutes for every run, fewer while the table is stopped"
+        self._elapsed.begin()
         self._ask(False)
         self._lay(None)
 
@@ -291,11 +289,9 @@ class GapTab:
         if protocols is not None:
             self._advised = protocols
             self._advice.content = plain(advice(protocols) if protocols else NONE_TICKED)
-        seconds = int(time.monotonic() - self._since_s)
-        if self._does and seconds != self._shown_s:
-            self._shown_s = seconds
+        if self._does and self._elapsed.changed():
             table = f"\n\n{OWN_TABLE}" if self._demo else ""
-            self._words.content = f"*{self._does}* ({seconds} s){table}"
+            self._words.content = f"*{self._does}* ({self._elapsed.seconds} s){table}"
 
     def _end(self, answer: GapAnswer) -> None:
         self.answer, self._does = answer, ""

@@ -1,6 +1,5 @@
 """The tab Results: earlier runs, the figures they allow, their centroids, the report."""
 
-import time
 from collections.abc import Callable
 from functools import partial
 from math import hypot
@@ -23,6 +22,7 @@ from experiments.dashboard.session.tasks import (
 )
 from experiments.dashboard.session.worker_process import WorkerProcess, WorkItem
 from experiments.dashboard.tabs.gallery import Gallery
+from experiments.dashboard.view.elapsed import Elapsed
 from experiments.records.run_folder import file_name
 
 if TYPE_CHECKING:
@@ -125,7 +125,7 @@ class ResultsTab:
         self._rows: list[RunSummary] = []
         self._centroids: dict[str, tuple[float, float]] = {}
         self._live_words, self.compared, self.started = "", False, ""
-        self._does, self._since_s, self._shown_s = "", 0.0, 0
+        self._does, self._elapsed = "", Elapsed()
         self.refresh()  # runs of an earlier program are shown again
 
     def _clean(self, value: Any) -> str:
@@ -211,7 +211,8 @@ class ResultsTab:
         def on_message(kind: str, what: Any) -> None:
             self._controls.queue.put(name, partial(self._on_message, name, done, kind, what))
 
-        self._does, self._since_s, self._shown_s = f"{name}: being made", time.monotonic(), 0
+        self._does = f"{name}: being made"
+        self._elapsed.begin()
         self._words.content = f"*{self._does}*"
         self._worker.put(WorkItem(name, task, on_message), instead=instead)
 
@@ -226,7 +227,7 @@ class ResultsTab:
             done(what)
 
     def _write(self) -> None:
-        self._words.content = f"*{self._does}* ({self._shown_s} s)"
+        self._words.content = f"*{self._does}* ({self._elapsed.seconds} s)"
 
     def _drawn(self, figures: DrawnFigures) -> None:
         for row in figures.rows:
@@ -241,9 +242,7 @@ class ResultsTab:
         """Write the centroid so far of a run that is on (`running`; k-means with one cluster is the
         mean), and for how long the worker has worked, once a second.
         """
-        seconds = int(time.monotonic() - self._since_s)
-        if self._does and seconds != self._shown_s:
-            self._shown_s = seconds
+        if self._does and self._elapsed.changed():
             self._write()
         mean = self._live.centroid
         xy, words = mean.xy_m, ""

@@ -1,6 +1,5 @@
 """The camera in the scene and beside the curves: its frustum over the plate, the newest image."""
 
-import time
 from base64 import b64encode
 from contextlib import suppress
 from html import escape
@@ -10,6 +9,7 @@ import numpy as np
 
 from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.server.input_limits import flag
+from experiments.dashboard.view.elapsed import Elapsed
 from experiments.dashboard.view.pose import quaternion
 from rig.log import INDEX, shown_angles
 from rig.parameters import Rig
@@ -66,7 +66,7 @@ class CameraPicture:
             cast_shadow=False,
         )
         self.jpeg = b""  # the image that is shown, for the big view
-        self._waits_since_s: float | None = None
+        self._waits: Elapsed | None = None
         self._picture: Any = None  # image and words: one widget, so that they are of one frame
 
     @property
@@ -82,7 +82,7 @@ class CameraPicture:
         """Show an image (h, w, 3) uint8 RGB and below it `words`, of the same frame."""
         import cv2
 
-        self._waits_since_s = None
+        self._waits = None
         if not self._frustum.visible:
             self._frustum.visible = True
         self._frustum.image = image
@@ -97,18 +97,17 @@ class CameraPicture:
 
     def wait(self) -> None:
         """Say that the camera starts, where nothing was shown yet."""
-        if self._frustum.visible or (self._picture.content and self._waits_since_s is None):
+        if self._frustum.visible or (self._picture.content and self._waits is None):
             return
-        if self._waits_since_s is None:
-            self._waits_since_s = time.monotonic()
+        self._waits = self._waits or Elapsed()
         self._write(
-            f"The camera starts, {time.monotonic() - self._waits_since_s:.0f} s so far: some "
-            "seconds, the first time on this machine some minutes."
+            f"The camera starts, {self._waits.seconds} s so far: some seconds, the first time on "
+            "this machine some minutes."
         )
 
     def hide(self, words: str = "") -> None:
         """Take the image away and show `words`, the reason, in its place."""
-        self._waits_since_s = None
+        self._waits = None
         self._write(words)
 
     def _write(self, words: str) -> None:

@@ -231,17 +231,8 @@ class TableScene:
         """Show the model's ball ghost_m (2,) and its distance from the measured ball_m (2,), both
         in the plate's frame; None: not shown.
         """
-        radius = self._rig.ball.radius_m
-        self.ghost.position = _on_plate(ghost_m, radius)
-        if ball_m is None or ghost_m is None or not np.all(np.isfinite([ball_m, ghost_m])):
-            self.gap.points, self.gap_label.position = np.zeros((1, 2, 3), np.float32), AWAY
-            return
-        ends = np.column_stack([[ball_m, ghost_m], [2.1 * radius] * 2]).astype(np.float32)
-        self.gap.points = ends[None]
-        self.gap_label.position = tuple(ends.mean(axis=0) + np.array([0, 0, 0.012]))
-        text = f"model {1e3 * float(np.hypot(*(ball_m - ghost_m))):.1f} mm from the ball"
-        if self.gap_label.text != text:
-            self.gap_label.text = text
+        self.ghost.position = _on_plate(ghost_m, self._rig.ball.radius_m)
+        self._apart(ball_m, ghost_m, "model {:.1f} mm from the ball")
 
     def both(
         self, ball_m: np.ndarray | None, beside_m: np.ndarray | None, *, beside: str = "without"
@@ -252,12 +243,18 @@ class TableScene:
         radius = self._rig.ball.radius_m
         for name, ball in self.arms.items():
             ball.position = _on_plate(beside_m if name == beside else ball_m, radius)
-        if ball_m is None or beside_m is None or not np.all(np.isfinite([ball_m, beside_m])):
+        self._apart(ball_m, beside_m, "{:.0f} mm apart")
+
+    def _apart(self, one_m: np.ndarray | None, other_m: np.ndarray | None, words: str) -> None:
+        """Draw the distance of two balls (2,), and write it in mm into `words`; None: not shown."""
+        if one_m is None or other_m is None or not np.all(np.isfinite([one_m, other_m])):
+            self.gap.points, self.gap_label.position = np.zeros((1, 2, 3), np.float32), AWAY
             return
-        ends = np.column_stack([[ball_m, beside_m], [2.1 * radius] * 2]).astype(np.float32)
+        heights_m = [2.1 * self._rig.ball.radius_m] * 2
+        ends = np.column_stack([[one_m, other_m], heights_m]).astype(np.float32)
         self.gap.points = ends[None]
         self.gap_label.position = tuple(ends.mean(axis=0) + np.array([0, 0, 0.012]))
-        text = f"{1e3 * float(np.hypot(*(ball_m - beside_m))):.0f} mm apart"
+        text = words.format(1e3 * float(np.hypot(*(one_m - other_m))))
         if self.gap_label.text != text:
             self.gap_label.text = text
 

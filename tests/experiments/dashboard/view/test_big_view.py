@@ -8,7 +8,7 @@ import pytest
 
 from experiments.dashboard.session.live import LiveState
 from experiments.dashboard.session.plan import RunPlan, SessionStatus, planned_runs
-from experiments.dashboard.view import camera_view
+from experiments.dashboard.view import camera_view, elapsed
 from experiments.dashboard.view.big_view import POINTS, big_view
 from experiments.runs.protocol import parse
 from rig.log import COLUMNS, INDEX
@@ -76,10 +76,10 @@ def test_a_table_that_rests_says_so_and_shows_nothing_as_if_it_were_live():
 
 def test_how_long_a_camera_has_been_starting_is_counted(monkeypatch):
     now_s = [100.0]
-    monkeypatch.setattr(camera_view.time, "monotonic", lambda: now_s[0])
+    monkeypatch.setattr(elapsed.time, "monotonic", lambda: now_s[0])
     picture = camera_view.CameraPicture.__new__(camera_view.CameraPicture)
     picture._frustum, picture._picture = SimpleNamespace(visible=False), SimpleNamespace(content="")
-    picture.jpeg, picture._waits_since_s = b"", None
+    picture.jpeg, picture._waits = b"", None
     for later_s, words in ((0.0, ", 0 s so far"), (7.2, ", 7 s so far")):
         now_s[0] = 100.0 + later_s
         picture.wait()
