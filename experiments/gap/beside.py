@@ -102,8 +102,9 @@ def beside_rows(
         true = ""
         if truth is not None:
             true = f"{sig(factor * truth[place])} {unit}".strip() if place in truth else "none"
-        # "joint play" says already what its width is of
-        label = effect_words(name) + ("" if key == "play_rad" else f", {key_words(key)}")
+        label, what = effect_words(name), key_words(key)
+        if what not in label:  # "joint play" says already what its width is of
+            label += f", {what}"
         verdict = _verdict(place, found, calibrated, truth)
         if (
             verdict == NOT_NAMED

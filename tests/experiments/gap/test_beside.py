@@ -23,6 +23,7 @@ GEAR, JOINT, COG = (
     ("joint_backlash", "x", "play_rad"),
     ("cogging", "y", "amplitude_V"),
 )
+DRY = ("coulomb_friction", "x", "friction_V")
 
 
 def named(*places, value=0.02, half=0.001):
@@ -38,6 +39,7 @@ def named(*places, value=0.02, half=0.001):
 
 def test_each_parameter_is_judged_by_the_truth_and_else_by_the_calibration():
     found = found_values(named(GEAR, COG))
+    assert beside_rows({}, {}, {DRY: 0.2})[0][0] == "coulomb friction"
     known = {GEAR: Interval(0.0175, 0.017, 0.018)}
     rows = {row[0]: row for row in beside_rows(found, known, {GEAR: 0.0195, JOINT: 0.026})}
     assert rows["gear play"][-2:] == ["1.12 deg", AGREES]
