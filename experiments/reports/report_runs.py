@@ -7,6 +7,7 @@ from shlex import quote
 
 import numpy as np
 
+from experiments.analysis.alike import Both, both_methods, difference_words, groups
 from experiments.analysis.comparison import (
     HEAD,
     comparison_rows,
@@ -22,9 +23,9 @@ from experiments.analysis.numbers import (
     run_numbers,
 )
 from experiments.analysis.regime import regime_of_record, rig_of_record
-from experiments.analysis.repeats import distinct, repeats_words
 from experiments.analysis.samples import run_part
 from experiments.progress import ProgressCall, silent
+from experiments.records.made_with import Entries, entries, without_protocol
 from experiments.records.recording import read_run
 from experiments.records.run_folder import lost_words, protocol_of, write_results
 from experiments.reports import figures
@@ -106,16 +107,17 @@ def report_runs(folders: Sequence[Path], out: Path, *, progress: ProgressCall = 
     runs, metas = _in_order(runs, metas)
     sources = sorted({SOURCES[meta["source"]] for meta in metas})
     numbers = [run_numbers(run) for run in runs]
+    made = [entries(run.folder, meta) for run, meta in zip(runs, metas, strict=True)]
+    tables = groups([without_protocol(one) for one in made])
+    titles = [_title(meta, tables[i] if any(tables) else None) for i, meta in enumerate(metas)]
     sections = []
     for i, (run, meta) in enumerate(zip(runs, metas, strict=True)):
         progress("drawing", i, len(runs))
-        sections.append(_run_section(i + 1, run, meta, out))
+        sections.append(_run_section(i + 1, titles[i], run, meta, out))
     progress("drawing", len(runs), len(runs))
-    rows = [run_row(_title(meta), found) for meta, found in zip(metas, numbers, strict=True)]
-    all_of_both = _both(runs, metas)
-    both = distinct(all_of_both[0]), distinct(all_of_both[1])
-    if repeats := repeats_words(sum(map(len, all_of_both)) - sum(map(len, both))):
-        notes.append(repeats)
+    rows = [run_row(title, found) for title, found in zip(titles, numbers, strict=True)]
+    both, more = _both(runs, metas, made)
+    notes += [*_table_words(made, tables), *more]
     write_results(
         out,
         {
@@ -166,9 +168,20 @@ def _regimes(metas: list[dict]) -> list[Block]:
     return list(dict.fromkeys(regime_of_record(meta.get("rig")) for meta in metas))
 
 
-def _title(meta: dict) -> str:
+def _title(meta: dict, table: int | None) -> str:
+    """Protocol, controller and seed of a run; and the number of its table where there are more."""
     seed = "" if meta["seed"] is None else f", seed {meta['seed']}"
-    return f"{_name(meta)}, {meta['arm']}{seed}"
+    number = "" if table is None else f", table {table + 1}"
+    return f"{_name(meta)}, {meta['arm']}{seed}{number}"
+
+
+def _table_words(made: list[Entries], tables: list[int]) -> list[str]:
+    """In what every other table differs from the first."""
+    firsts = [without_protocol(made[tables.index(i)]) for i in range(max(tables) + 1)]
+    return [
+        f"Table {i} differs from table 1 in {difference_words(firsts[0], one)}."
+        for i, one in enumerate(firsts[1:], 2)
+    ]
 
 
 def _export_command(run: Recorded) -> str:
@@ -190,22 +203,25 @@ def _numbers(rows: list[list[str]]) -> list[Block]:
     return tables
 
 
-def _both(runs: list[Recorded], metas: list[dict]) -> tuple[list[Recorded], list[Recorded]]:
-    """Completed, undisturbed runs of one protocol without and with play compensation; empty lists
-    where the runs are of several protocols.
+def _both(runs: list[Recorded], metas: list[dict], made: list[Entries]) -> tuple[Both, list[str]]:
+    """Completed, undisturbed, different runs of one protocol without and with play compensation,
+    and notes on what is left out; empty lists where the runs are of several protocols.
     """
-    arms: dict[str, list[Recorded]] = {"without": [], "with": []}
-    if len({_name(meta) for meta in metas}) == 1:
-        for run, meta in zip(runs, metas, strict=True):
-            seen = np.isfinite(run.metrics.distance_m)
-            if run.outcome in _WHOLE and not meta.get("by_hand") and seen and meta["arm"] in arms:
-                arms[meta["arm"]].append(run)
-    return arms["without"], arms["with"]
+    arms = [meta["arm"] for meta in metas]
+    if len({_name(meta) for meta in metas}) > 1:
+        return ([], []), []
+    counts = [
+        i
+        for i, (run, meta) in enumerate(zip(runs, metas, strict=True))
+        if run.outcome in _WHOLE
+        and not meta.get("by_hand")
+        and np.isfinite(run.metrics.distance_m)
+        and meta["arm"] in ("without", "with")
+    ]
+    return both_methods(*([those[i] for i in counts] for those in (runs, arms, made)))
 
 
-def _comparison(
-    both: tuple[list[Recorded], list[Recorded]], out: Path, meta: dict
-) -> list[Section]:
+def _comparison(both: Both, out: Path, meta: dict) -> list[Section]:
     """Without and with beside each other: figures of the first run of each, then the numbers;
     meta: run.json of a run."""
     if not all(both):
@@ -256,7 +272,7 @@ def _name(meta: dict) -> str:
     return str(protocol_of(meta).get("name"))
 
 
-def _run_section(i: int, run: Recorded, meta: dict, out: Path) -> Section:
+def _run_section(i: int, title: str, run: Recorded, meta: dict, out: Path) -> Section:
     """Ball over time and on the plate, servos over time of one run; i: its number in the report,
     since folders in two places may have one name."""
     colour = figures.colour_of(str(meta["arm"]))
@@ -273,7 +289,7 @@ def _run_section(i: int, run: Recorded, meta: dict, out: Path) -> Section:
         Picture(save(figure, out, f"{i}-{run.folder.name}-{name}", meta["source"]), captions[name])
         for name, figure in drawn.items()
     ]
-    return Section(_title(meta), [Pictures(shown, beside=True)])
+    return Section(title, [Pictures(shown, beside=True)])
 
 
 def _side_cm(meta: dict) -> float:

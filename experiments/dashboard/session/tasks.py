@@ -125,15 +125,15 @@ def list_runs(parent: Path, most: int = MOST_LISTED) -> list[RunSummary]:
 class DrawnFigures:
     """Figures of runs, the runs with their centroids, and both methods compared.
 
-    sentence, table: of `experiments.analysis.comparison`, of the runs that count; repeats: a
-    sentence on runs that are there twice; unread: what is wrong with each that cannot be read.
+    sentence, table: of `experiments.analysis.comparison`, of the runs that count; left_out:
+    sentences on runs that do not; unread: what is wrong with each that cannot be read.
     """
 
     pictures: list[CaptionedPicture]
     rows: list[RunSummary]
     sentence: str = ""
     table: list[list[str]] = field(default_factory=list)
-    repeats: str = ""
+    left_out: tuple[str, ...] = ()
     unread: tuple[str, ...] = ()
 
 
@@ -143,18 +143,20 @@ def draw_figures(
     """Draw the figures of the paper that these runs of one protocol (newest first) allow.
 
     Fig. 10 and 11, or 12 and 13, need a completed run of either method, Fig. 14 four of either.
-    disturbed: runs that somebody disturbed by hand count as well; equal runs count once; one that
-    cannot be read is told. OSError, ValueError: `out` cannot be written, no run can be read.
+    disturbed: runs that somebody disturbed by hand count as well; equal runs count once, and only
+    those that were made as the newest was; one that cannot be read is told. OSError, ValueError:
+    `out` cannot be written, no run can be read.
     """
+    from experiments.analysis.alike import both_methods
     from experiments.analysis.comparison import comparison_rows, comparison_sentence
     from experiments.analysis.numbers import recorded, resting_centroid_cm
     from experiments.analysis.regime import rig_of_record
-    from experiments.analysis.repeats import distinct, repeats_words
     from experiments.dashboard.session.figures_of_runs import Completed
+    from experiments.records.made_with import entries
     from experiments.records.recording import read_run
     from experiments.reports.figures import save
 
-    completed: dict[str, list] = {"without": [], "with": []}
+    completed, methods, made = [], [], []
     counted, unread, sources, marks, side_cm = [], [], set(), {}, {}
     for i, row in enumerate(rows):
         progress("reading runs", i, len(rows))
@@ -174,20 +176,21 @@ def draw_figures(
         counted.append(replace(row, centroid_cm=where))
         counts = disturbed or not row.by_hand
         seen = not row.servo_only and run.metrics.samples > 0
-        if seen and counts and row.method in completed and row.outcome == "completed":
-            completed[row.method].append(run)
+        if seen and counts and row.method in ("without", "with") and row.outcome == "completed":
+            completed.append(run)
+            methods.append(row.method)
+            made.append(entries(run.folder, stored.meta))
     out.mkdir(parents=True, exist_ok=True)
     source = sources.pop() if len(sources) == 1 else "simulated"
     progress("drawing", 0, 1)
-    both = distinct(completed["without"]), distinct(completed["with"])
-    repeats = repeats_words(sum(map(len, completed.values())) - sum(map(len, both)))
+    both, left_out = both_methods(completed, methods, made)
     drawn = Completed(rows[0].protocol, *both, marks, side_cm).figures()
     pictures = [CaptionedPicture(save(one, out, name, source), text) for one, name, text in drawn]
     progress("drawing", 1, 1)
     table = comparison_rows(*both) if any(both) else []
     alone = all(row.servo_only for row in counted)
     sentence = SERVOS_ALONE if alone else comparison_sentence(*both)
-    return DrawnFigures(pictures, counted, sentence, table, repeats, tuple(unread))
+    return DrawnFigures(pictures, counted, sentence, table, tuple(left_out), tuple(unread))
 
 
 def by_hand_s(stored: "Run") -> list[float]:

@@ -68,7 +68,7 @@ def card(figures: DrawnFigures) -> str:
     for why in dict.fromkeys(row[1] for row in figures.table if row not in says):
         names = ", ".join(row[0] for row in figures.table if row not in says and row[1] == why)
         lines += ["", f"{plain(names)}, with and without: {plain(why)}."]
-    for words in filter(None, (told_words(figures.table), figures.repeats)):
+    for words in filter(None, (told_words(figures.table), *figures.left_out)):
         lines += ["", plain(words)]
     lines += [line for one in figures.unread for line in ("", f"**Left out**: {plain(one)}")]
     for row in figures.rows:

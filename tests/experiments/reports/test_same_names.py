@@ -13,13 +13,13 @@ from rig.log import Log
 NAME = "20260101T000000-hold-with"
 
 
-def recorded(folder: Path, amplitude_m: float) -> Path:
+def recorded(folder: Path, amplitude_m: float, arm: str = "with", **more) -> Path:
     t = np.arange(800) / 200
     columns = {name: amplitude_m * np.cos(t) for name in ("ball_x_m", "ball_y_m")}
     columns |= {"theta_x_rad": 0 * t, "theta_y_rad": 0 * t, "ball_exposed_s": t}
     log = Log.from_columns({"t_s": t, "phase": 2 + 0 * t, **columns})
-    start = {"source": "simulated", "arm": "with", "seed": 1, "protocol": {"name": "hold"}}
-    write_run(folder / NAME, start, log, [], outcome="completed")
+    start = {"source": "simulated", "arm": arm, "seed": 1, "protocol": {"name": "hold"}}
+    write_run(folder / NAME, start | more, log, [], outcome="completed")
     return folder / NAME
 
 
@@ -40,3 +40,18 @@ def test_of_several_runs_the_one_whose_rig_cannot_be_used_is_named(tmp_path: Pat
     with pytest.raises(ValueError, match="cannot be used") as caught:
         report_runs([good, bad], tmp_path)
     assert str(bad) in str(caught.value)
+
+
+@pytest.mark.parametrize("masses_kg", [(0.003, 0.003), (0.003, 0.006)])
+def test_methods_are_compared_on_one_table_alone(tmp_path: Path, masses_kg: tuple[float, float]):
+    runs = [
+        recorded(tmp_path / arm, size, arm, rig={"ball": {"mass_kg": mass}})
+        for arm, size, mass in zip(("without", "with"), (0.04, 0.01), masses_kg, strict=True)
+    ]
+    page = report_runs(runs, tmp_path).read_text(encoding="utf-8")
+    one_table = len(set(masses_kg)) == 1
+    assert ("Without and with play compensation" in page) == one_table
+    assert ("times nearer to its target" in page) == one_table
+    assert ("hold, with, seed 1, table 2" in page) != one_table
+    words = "Not compared, since made otherwise: 1 of 2 runs; ball.mass_kg (0.003, 0.006)."
+    assert (words in page) != one_table
