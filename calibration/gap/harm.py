@@ -69,11 +69,12 @@ def harmed_axes(
     decision: Decision, one: Accepted, after: Mapping[str, Prediction]
 ) -> dict[str, str]:
     """By axis the reason of rule 2 in words, where a name does harm on one of its servos and is
-    proven on the other; an effect of which both axes show in one output is judged as a whole."""
+    proven on the other; an effect of both servos in one, or of which both axes show in one output,
+    is judged as a whole."""
     effect = decision.state.nominal.catalogue[one.name]
     own = {axis: outputs_of(effect, (axis,)) for axis in one.axes}
     outputs = [o for shown in own.values() for o in shown if o in after]
-    if len(outputs) < 2 or len(set(own.values())) < len(own):
+    if min(len(own), len(outputs)) < 2 or len(set(own.values())) < len(own):
         return {}
     without = held_out(drop_effects(decision.state, keys_of_name(one)), outputs)
     worse = {axis: o for axis, (o,) in own.items() if harmed(without[o], after[o])}

@@ -50,6 +50,14 @@ def test_without_harm_on_one_and_proof_on_the_other_a_name_is_judged_as_a_whole(
     assert harm.harmed_axes(DECISION, NAME, after) == {}
 
 
+@pytest.mark.parametrize("effect", [e for e in BY_NAME.values() if e.side != "ball"])
+def test_every_effect_of_servos_can_be_judged_with_harm_on_one_of_them(without, effect):
+    """One supply feeds both servos: there is no axis to take it back on."""
+    one: Any = SimpleNamespace(name=effect.name, axes=effect.axes)
+    found = harm.harmed_axes(DECISION, one, {SERVO[0]: errors(0.001), SERVO[1]: errors(0.008)})
+    assert list(found) == (["y"] if effect.axes == ("x", "y") and effect.side == "servo" else [])
+
+
 def test_what_shows_in_one_output_is_judged_as_a_whole(without):
     ball: Any = SimpleNamespace(name="joint_backlash", axes=("x", "y"))
     assert harm.harmed_axes(DECISION, ball, {BALL: errors(0.008)}) == {}
