@@ -25,7 +25,8 @@ BUS_KINDS = ("feetech", "dynamixel")
 PULSES = "pulses"
 ANGLE_KINDS = (*BUS_KINDS, PULSES)  # of tables whose servos are told an angle
 QUANSER = "quanser"
-TABLE_KINDS = ("simulated", "serial", "usb", QUANSER, "remote", *ANGLE_KINDS)
+VOLT_KINDS = ("serial", "usb", QUANSER, "remote")  # and of those whose motors are given volts
+TABLE_KINDS = ("simulated", *VOLT_KINDS, *ANGLE_KINDS)
 HIGHEST_ID = 252  # of a servo on either bus
 USUAL = {  # by channel, as far as there are servos
     "ids": (1, 2, 3),

@@ -5,7 +5,7 @@
 
 from dataclasses import dataclass, field
 
-from rig.parameters import ANGLE_KINDS, BUS_KINDS, PULSES, QUANSER, Rig
+from rig.parameters import ANGLE_KINDS, BUS_KINDS, PULSES, QUANSER, VOLT_KINDS, Rig
 
 OK, NOTE, BAD = "ok", "note", "bad"
 BOARD_VENDORS = {
@@ -138,7 +138,8 @@ def _angles(rig: Rig) -> list[Finding]:
 
 
 def _simulated(facts: Facts, rig: Rig) -> list[Finding]:
-    cure = 'for a real one name it: [table] kind = "serial", "usb", "quanser" or "remote"'
+    *kinds, last = (f'"{kind}"' for kind in (ANGLE_KINDS if rig.servo.takes_angle else VOLT_KINDS))
+    cure = f"for a real one name it: [table] kind = {', '.join(kinds)} or {last}"
     return [Finding("table", OK, f"the virtual table is always there; {cure}")]
 
 

@@ -50,6 +50,12 @@ def bus(**keys) -> Rig:
     return replace(Rig(servo=servo, table=table, control_rate_hz=250.0), **keys)
 
 
+def test_the_kinds_of_real_tables_are_those_that_its_servos_can_be_of():
+    for rig, kinds in ((Rig(), '"serial", "usb"'), (bus(table=TableChoice()), '"feetech", ')):
+        (table,) = [f for f in examine(WELL, rig) if f.what == "table"]
+        assert f"[table] kind = {kinds}" in table.text
+
+
 def test_a_bus_of_servos_is_looked_at_without_asking_them():
     found = {f.what: f for f in examine(WELL, bus())}
     assert usable(list(found.values()))
