@@ -8,7 +8,7 @@ import pytest
 from calibration.gap.findings import Findings, Named
 from calibration.gap.investigation import investigate
 from calibration.gap.report.wording import _effect_words
-from rig.effects import BY_NAME
+from rig.effects import BY_NAME, effects_of
 from rig.log import Log
 from rig.rigfile import read_rig
 from tests.support.gap.tables import RIG, foreign, foreign_table, without_columns
@@ -25,6 +25,27 @@ ONE: dict[str, Hidden] = {
     "level_offset": {"level_offset": {"y": {"slope_rad": 0.003}}},
     "camera_delay": {"camera_delay": {"xy": {"extra_s": 0.015}}},
     "rolling_resistance": {"rolling_resistance": {"xy": {"deceleration_m_s2": 0.012}}},
+}
+# The rest of the catalogue, of real size.
+OTHERS: Hidden = {
+    "stribeck_friction": {"x": {"extra_V": 0.3, "speed_rad_s": 0.15}},
+    "gain_asymmetry": {"x": {"fraction": 0.1}},
+    "viscous_asymmetry": {"y": {"fraction_1": 0.3}},
+    "saturation": {"x": {"limit_V": 1.0}},
+    "cogging": {"y": {"amplitude_V": 0.2, "periods_per_turn": 12.0}},
+    "gain_drift": {"x": {"rate_1_s": 0.005}},
+    "supply_sag": {"xy": {"drop_1_V": 0.04}},
+    "gear_backlash": {"y": {"play_rad": 0.03}},
+    "transmission_ripple": {"x": {"amplitude_rad": 0.02, "periods_per_turn": 12.0}},
+    "linkage_quadratic": {"y": {"coefficient_1_rad": 0.8}},
+    "linkage_cubic": {"x": {"coefficient_1_rad2": 4.0}},
+    "cross_coupling": {"x": {"fraction": 0.15}},
+    "level_drift": {"y": {"rate_rad_s": 5e-4}},
+    "plate_bowl": {"xy": {"stiffness_1_s2": 2.0}},
+    "viscous_drag": {"xy": {"rate_1_s": 0.5}},
+    "camera_scale": {"xy": {"fraction": 0.1}},
+    "camera_yaw": {"xy": {"angle_rad": 0.1}},
+    "lens_distortion": {"xy": {"k1_1_m2": 5.0}},
 }
 USUAL = {"coulomb_friction", "joint_backlash", "camera_delay"}  # one of servo, shaft, camera
 TURNED: Hidden = {"camera_yaw": {"xy": {"angle_rad": 0.05}}}
@@ -85,6 +106,18 @@ def test_one_hidden_effect_is_named_with_axis_size_twins_and_what_the_log_cannot
 
 
 @pytest.mark.slow
+@pytest.mark.slow
+@pytest.mark.parametrize("name", OTHERS)
+def test_every_other_effect_of_the_catalogue_is_named(name: str):
+    found = answer({name: OTHERS[name]})
+    assert list(by_name(found)) == [name], found.sentence
+    assert set(found.effects[0].parameters) == set(OTHERS[name])
+
+
+def test_the_catalogue_is_complete_here():
+    assert {effect.name for effect in effects_of("voltage")} == {*ONE, *OTHERS}
+
+
 @pytest.mark.parametrize("pair", TWO, ids=" and ".join)
 def test_two_at_once_get_both_names_and_no_third(pair: tuple[str, str]):
     hidden = ONE[pair[0]] | ONE[pair[1]]
