@@ -23,6 +23,7 @@ BLOCK = 512  # bytes, in which a system counts what is on the disk
 HOLE_SHARE = 0.02  # chosen: what compresses to less holds no measurement
 STEP = 1 << 16  # bytes by which a file that grows is read; chosen: 200 rows of a run
 LONGEST_TOML = 1 << 20  # bytes; chosen: a hundred times a long rig file
+_UNITS = ("m", "kg", "s")  # of the names' ends, which are told where a number is too large
 # A pipe that nobody writes to would be waited for, before one could see that it is a pipe.
 _FLAGS = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
 
@@ -41,6 +42,7 @@ def first_error_line(
         unknown key 'start.z'; known: x_m, y_m
         key 'title' is missing; known: title, duration_s
         duration_s = -3: Input should be greater than 0.1
+        side_m = 275: Input should be less than or equal to 5 m
 
     error: of pydantic's validation; model: of the whole file, by which the known keys are listed;
     within: name of the section that was validated, where it was not the whole file.
@@ -56,7 +58,8 @@ def first_error_line(
         return f"key '{where}' is missing{known}"
     given = fault["input"]
     if isinstance(given, str | int | float):
-        return f"{where} = {given!r}: {fault['msg']}"
+        unit = where.rpartition("_")[2] if fault["type"] == "less_than_equal" else ""
+        return f"{where} = {given!r}: {fault['msg']} {unit if unit in _UNITS else ''}".rstrip()
     return f"{where}: {fault['msg']}" if where else str(fault["msg"])
 
 

@@ -7,7 +7,7 @@ from typing import ClassVar, Literal
 
 from rig import three_arms
 from rig.compiled import compiled
-from rig.section import NotNegative, Positive, Section
+from rig.section import Length, Section, Size
 
 RODS, THREE_ARMS = "two-rods", "three-arms"
 Pair = tuple[float, float]
@@ -27,12 +27,12 @@ class Linkage(Section):
 
     by_axis: ClassVar[tuple[str, ...]] = ("arm_radius_m", "plate_side_m", "rod_length_m")
     kind: Literal["two-rods", "three-arms"] = RODS
-    arm_radius_m: Positive = 0.0254
-    plate_side_m: Positive = 0.275
-    rod_length_m: NotNegative = 0.0
-    base_radius_m: Positive = 0.08
-    plate_radius_m: Positive = 0.1
-    height_m: Positive = 0.11
+    arm_radius_m: Length = 0.0254
+    plate_side_m: Length = 0.275
+    rod_length_m: Size = 0.0
+    base_radius_m: Length = 0.08
+    plate_radius_m: Length = 0.1
+    height_m: Length = 0.11
     x: dict[str, float] = field(default_factory=dict)
     y: dict[str, float] = field(default_factory=dict)
 

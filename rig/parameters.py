@@ -16,15 +16,13 @@ from rig.discrepancy import Discrepancy
 from rig.effects import Effect
 from rig.linkage import THREE_ARMS, Linkage
 from rig.own_effects import OwnEffect, catalogue_of
-from rig.section import Finite, NotNegative, Positive, Section, Share, Wait
+from rig.section import Finite, Lag, Length, Mass, NotNegative, Positive, Section, Share, Size, Wait
 
 GRAVITY_M_S2 = 9.81
 SHAFT_MODELS = ("exact", "dead_zone", "none")
 VOLTAGE, POSITION = "voltage", "position"
-BUS_KINDS = ("feetech", "dynamixel")
-PULSES = "pulses"
+BUS_KINDS, PULSES, QUANSER = ("feetech", "dynamixel"), "pulses", "quanser"
 ANGLE_KINDS = (*BUS_KINDS, PULSES)  # of tables whose servos are told an angle
-QUANSER = "quanser"
 VOLT_KINDS = ("serial", "usb", QUANSER, "remote")  # and of those whose motors are given volts
 TABLE_KINDS = ("simulated", *VOLT_KINDS, *ANGLE_KINDS)
 HIGHEST_ID = 252  # of a servo on either bus
@@ -82,7 +80,7 @@ class Servo(Section):
     )
     kind: Literal["voltage", "position"] = VOLTAGE
     gain_rad_s_V: Positive = 1.53
-    time_constant_s: Positive = 0.025
+    time_constant_s: Lag = 0.025
     encoder_counts_per_rev: Annotated[int, Gt(0)] = 4096
     voltage_limit_V: Positive = 6.0
     angle_limit_rad: Positive = pi / 6  # B
@@ -90,7 +88,7 @@ class Servo(Section):
     tachometer: bool = True
     tachometer_noise_rad_s: NotNegative = 0.005  # assumed (brush ripple), at the load shaft
     tachometer_scale: Finite = 0.0  # relative error of the plant's tachometer; A allows 2 %
-    lag_s: NotNegative = 0.05  # RC servos of a lab table, by their owners: 0.046 and 0.066
+    lag_s: Wait = 0.05  # RC servos of a lab table, by their owners: 0.046 and 0.066
     dead_time_s: Wait = 0.0
     rate_limit_rad_s: Positive = 8.7  # RC servos: 0.1 to 0.2 s for 60 degrees
     acceleration_limit_rad_s2: Positive = 1e4  # chosen: full rate after 1 ms, no limit of its own
@@ -140,8 +138,8 @@ class Ball(Section):
     tracker.
     """
 
-    radius_m: Positive = 0.019625
-    mass_kg: Positive = 0.003
+    radius_m: Length = 0.019625
+    mass_kg: Mass = 0.003
     hollow: bool = True
     colour: str = "orange"
 
@@ -164,8 +162,8 @@ class CameraTiming(Section):
     """
 
     rate_hz: Positive = 60.0
-    delay_s: NotNegative = 0.012
-    noise_m: NotNegative = 0.0003
+    delay_s: Wait = 0.012
+    noise_m: Size = 0.0003
     dropout: Share = 0.0
     ball_height_m: Finite = 0.0
 
@@ -219,7 +217,7 @@ class Gains(Section):
     servo_proportional_V_rad: NotNegative = 14.0
     servo_derivative_V_s_rad: NotNegative = 0.0
     ball_filter_rad_s: Positive = 25.0
-    torque_filter_s: Positive = 0.02
+    torque_filter_s: Lag = 0.02
     observer_gain: NotNegative = 1.0
 
 

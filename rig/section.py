@@ -10,7 +10,13 @@ Finite = float
 NotNegative = Annotated[float, Ge(0)]
 Positive = Annotated[float, Gt(0)]
 Share = Annotated[float, Interval(ge=0, le=1)]
-Wait = Annotated[float, Interval(ge=0, le=10)]  # s; chosen: no servo waits so long for a command
+# What no such table exceeds, so that a number in millimetres, grams or milliseconds is refused:
+# chosen, ten times what people build.
+Length = Annotated[float, Interval(gt=0, le=5)]  # m
+Size = Annotated[float, Interval(ge=0, le=5)]  # m; 0: none
+Mass = Annotated[float, Interval(gt=0, le=10)]  # kg
+Wait = Annotated[float, Interval(ge=0, le=10)]  # s; 0: none
+Lag = Annotated[float, Interval(gt=0, le=10)]  # s
 
 
 class Section:
