@@ -23,6 +23,8 @@ from experiments.importing.roles import (
 from experiments.importing.scales import settle_angle_zero, settle_ball_zero, settle_units
 from experiments.importing.signs import answers, doubt_late_angles, followed, pair
 from experiments.importing.units import FACTORS, QUANTITIES, family
+from rig.log import CONTRACT
+from rig.log import NAMES as RECORDED
 
 JUMP_RAD_S = 25.0  # no servo turns faster: what jumps like that was commanded
 LEAD_S = 0.02  # by which the ball must answer a command later than the angle itself
@@ -34,8 +36,12 @@ def propose(stream: Stream, said: Stated | None = None) -> Proposal:
     BadFileError: nothing in it can be compared with anything. ValueError: what was stated does
     not fit the file.
     """
-    said, stream = said or {}, numbers_only(stream)
+    stream = numbers_only(stream)
+    said, stream = _by_own_names(stream, said or {})
     draft = Draft(stream, hints(stream.columns, stream.units), said)
+    for keys in said.values():
+        if keys.get("column") not in (None, "none"):
+            draft.values(keys["column"])
     find_time(draft)
     if len(draft.seconds) == 0:
         return _proposal(draft)
@@ -66,6 +72,21 @@ def propose(stream: Stream, said: Stated | None = None) -> Proposal:
     return _proposal(draft)
 
 
+def _by_own_names(stream: Stream, said: Stated) -> tuple[Stated, Stream]:
+    """What the log's own names say, where one of them is the clock: which columns are the log's.
+
+    Units and signs are still asked of the data. What our runs record besides is left out, unless
+    it was stated.
+    """
+    if "t_s" not in stream.columns:
+        return said, stream
+    beside = {*RECORDED} - {*CONTRACT} - {keys.get("column") for keys in said.values()}
+    kept = {key: values for key, values in stream.columns.items() if key not in beside}
+    own = {k for k in SIGNALS if k in kept and np.isfinite(kept[k]).any()}
+    named = {k: {"column": k, **said.get(k, {})} for k in SIGNALS if k in own}
+    return {**said, **named}, replace(stream, columns=kept)
+
+
 def _proposal(draft: Draft) -> Proposal:
     """What was found; signals that were stated in full are taken as they are."""
     for name, keys in draft.said.items():
@@ -74,7 +95,6 @@ def _proposal(draft: Draft) -> Proposal:
             and name not in draft.signals
             and keys.get("column") not in (None, "none")
         ):
-            draft.values(keys["column"])
             unit = {"push": "1", "ball_exposed_s": "s"}.get(name)
             draft.signals[name] = {**({"unit": unit} if unit else {}), **keys}
             if unit is None:
