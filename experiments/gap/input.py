@@ -12,7 +12,7 @@ import numpy as np
 
 from experiments.gap.checks import TooShortError, check, step_of
 from experiments.records.importing import read_log, read_logs, refuse_same_rows
-from experiments.records.run_folder import read_meta
+from experiments.records.run_folder import read_meta, refuse_twice
 from experiments.runs.assemble import load_rig
 from rig.log import INDEX, Log, Phase
 from rig.parameters import Rig
@@ -157,10 +157,8 @@ def _kept(read: list[_One]) -> tuple[list[_One], list[str]]:
 
 def _names(paths: Sequence[Path]) -> list[str]:
     """Short names that differ. ValueError: a log is named twice."""
+    refuse_twice(paths)
     resolved = [path.resolve() for path in paths]
-    for i, path in enumerate(resolved):
-        if path in resolved[:i]:
-            raise ValueError(f"{paths[i]} is named twice: give every log once")
     short = [path.name for path in resolved]
     if len(set(short)) == len(short):
         return short

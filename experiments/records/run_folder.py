@@ -8,6 +8,7 @@ reason, rows, duration); outcome null: the run is on, or was killed.
 import errno
 import json
 import math
+import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -258,6 +259,16 @@ def refuse_input(option: str, file: Path, inputs: Sequence[Path], what: str = "r
             raise ValueError(f"{option} {file}: is the {what} itself; name another file")
         if one.resolve() in file.resolve().parents:
             raise ValueError(f"{option} {file}: lies in the {what} {one}; name another file")
+
+
+def refuse_twice(paths: Sequence[Path]) -> None:
+    """ValueError where one file or folder is named twice: it would count twice."""
+    seen = set()
+    for path in paths:
+        place = os.path.realpath(path)  # which a loop of links does not stop
+        if place in seen:
+            raise ValueError(f"{path} is named twice: give it once, or it would count twice")
+        seen.add(place)
 
 
 def refuse_other(path: Path, what: str, ours: Callable[[dict], bool]) -> None:

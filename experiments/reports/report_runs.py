@@ -1,6 +1,5 @@
 """`rig report RUN...`: figures and numbers of any recorded runs, simulated or measured."""
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from shlex import quote
@@ -27,7 +26,7 @@ from experiments.analysis.samples import run_part
 from experiments.progress import ProgressCall, silent
 from experiments.records.made_with import Entries, entries, without_protocol
 from experiments.records.recording import read_run
-from experiments.records.run_folder import lost_words, protocol_of, write_results
+from experiments.records.run_folder import lost_words, protocol_of, refuse_twice, write_results
 from experiments.reports import figures
 from experiments.reports.figures import SOURCES, save
 from experiments.reports.report import (
@@ -50,23 +49,13 @@ COLOURS = "Blue: without play compensation; red: with it; green: what is wanted.
 RUNS_A_TABLE = 5  # columns of a table of numbers; chosen: A4 is no wider
 
 
-def _refuse_twice(folders: Sequence[Path]) -> None:
-    """ValueError where one run is named twice: it would count twice."""
-    seen = set()
-    for folder in folders:
-        place = os.path.realpath(folder)  # which a loop of links does not stop
-        if place in seen:
-            raise ValueError(f"{folder} is given twice: it would count twice")
-        seen.add(place)
-
-
 def _readable(
     folders: Sequence[Path], progress: ProgressCall
 ) -> tuple[list[Recorded], list[dict], list[str]]:
     """The runs that can be shown, run.json of each, and notes on those that are left out or are a
     part. Errors as of `report_runs`.
     """
-    _refuse_twice(folders)
+    refuse_twice(folders)
     runs, notes, metas = [], [], []
     for i, folder in enumerate(folders, 1):
         run = read_run(folder)

@@ -148,7 +148,7 @@ def test_odd_words(tmp_path: Path):
         pass
     assert "1000" in refused("run", "circle", "--repetitions", 99999999999)
     assert "1000" in refused("compare", "--seeds", 99999999)
-    assert "given twice" in refused("report", run, tmp_path / "." / "run", "--out", tmp_path / "r")
+    assert "named twice" in refused("report", run, tmp_path / "." / "run", "--out", tmp_path / "r")
     assert "control characters" in refused("reject", run, "a\x1b[2Jb")
     (tmp_path / "loop").symlink_to("loop")
     assert "loop is no run folder" in refused("report", tmp_path / "loop", "--out", tmp_path / "r")
