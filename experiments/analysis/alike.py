@@ -24,7 +24,7 @@ def difference(one: Entries, other: Entries) -> list[str]:
     What one of them, of another version of the program, does not say is not compared; an effect
     that it does not say among its effects is none.
     """
-    measured = one["source"] == "measured"
+    measured = one.get("source") == "measured"
     effects = "effects" in one and "effects" in other
     both = [k for k in {**one, **other} if _told(k, one, other) or (effects and _is_effect(k))]
     return [

@@ -8,7 +8,7 @@ import numpy as np
 
 from experiments.analysis.limit_cycle import FEW, TOLD
 from experiments.analysis.numbers import Recorded, measures
-from experiments.analysis.statistics import mean_interval
+from experiments.analysis.statistics import mean_difference, mean_interval
 
 ALIKE = 1.1  # chosen: what differs by less is said to be alike
 HEAD = ("", "without", "with", "with, against without")
@@ -115,7 +115,7 @@ def comparison_sentence(without: Sequence[Recorded], with_: Sequence[Recorded]) 
     if words != "about the same":
         times, _, way = words.rpartition(" ")
         said = f"{times} {nearer[way]}"
-    sure = _sure(_values(without, one), _values(with_, one), min(len(without), len(with_)))
+    sure = _sure(_values(without, one), _values(with_, one))
     many = "one run of each" if len(without) == len(with_) == 1 else "mean of the runs"
     return (
         f"With play compensation the ball stays {said} its target"
@@ -124,11 +124,10 @@ def comparison_sentence(without: Sequence[Recorded], with_: Sequence[Recorded]) 
     )
 
 
-def _sure(without: np.ndarray, with_: np.ndarray, n: int) -> str:
-    """How sure the difference is: by the 95 % interval of the differences pair by pair."""
-    if n < 2 or len(without) != len(with_):
-        return ""
-    found = mean_interval(with_ - without)
+def _sure(without: np.ndarray, with_: np.ndarray) -> str:
+    """How sure the difference is: by the 95 % interval of the difference of the means. Runs are not
+    taken as pairs: of those that somebody chose, nobody knows which belong together."""
+    found = mean_difference(without, with_)
     if found.n < 2:
         return ""
     clear = found.low > 0 or found.high < 0

@@ -129,6 +129,23 @@ def mean_interval(values: np.ndarray) -> ConfidenceInterval:
     return ConfidenceInterval(mean, mean - half, mean + half, n)
 
 
+def mean_difference(first: np.ndarray, second: np.ndarray) -> ConfidenceInterval:
+    """mean(second) - mean(first) of independent values (n,) and (m,) of any variances, and its 95 %
+    interval by Welch (Biometrika 34, 1947); n: the smaller number of values.
+
+    NaN and infinite values are left out; with fewer than two of either the interval is infinite.
+    """
+    one, other = mean_interval(first), mean_interval(second)
+    value, n = other.value - one.value, min(one.n, other.n)
+    if n < 2:
+        return ConfidenceInterval(value, -inf, inf, n)
+    parts = [((i.high - i.value) / _student(i.n - 1)) ** 2 for i in (one, other)]
+    spread = sum(parts) ** 2
+    steps = sum(part**2 / (i.n - 1) for part, i in zip(parts, (one, other), strict=True))
+    half = _student(spread / steps) * sqrt(sum(parts)) if steps > 0 else 0.0
+    return ConfidenceInterval(value, value - half, value + half, n)
+
+
 @dataclass(frozen=True, eq=False)
 class WithinRun:
     """95 % intervals of one run's long-term mean position and spread [m]; arrays (2,) are x, y.

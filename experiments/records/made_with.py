@@ -21,7 +21,7 @@ def entries(folder: Path, meta: dict) -> Entries:
         with suppress(OSError, ValueError, TypeError, KeyError):
             plant = dict(json_of(folder / "truth.json")["rig"])
             plant["gains"] = rig["gains"]
-    told = {"source": meta.get("source"), "table": meta.get("table") or "virtual"}
+    told = {key: meta[key] for key in ("source", "table", "camera") if meta.get(key)}
     found = _flat({**told, "protocol": protocol_of(meta), **plant})
     found |= {"effects": True} if "effects" in plant else {}  # said, whether any or none
     return {key: value for key, value in found.items() if key not in _NOT_COMPARED}

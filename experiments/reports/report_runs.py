@@ -241,8 +241,8 @@ def _comparison(both: Both, out: Path, meta: dict) -> list[Section]:
 
 def _about(metas: list[dict]) -> list[str]:
     """Protocol, table and time of the runs, and what was done to them by hand."""
-    titles = {_name(m): protocol_of(m) for m in metas}
-    said = [f"Protocol {name}: {found.get('title', '')}" for name, found in titles.items()]
+    titles = dict.fromkeys((_name(m), str(protocol_of(m).get("title", ""))) for m in metas)
+    said = [f"Protocol {name}: {title}" for name, title in titles]
     tables = {str(m.get("table") or "virtual") for m in metas}
     said.append(f"Table: {', '.join(sorted(tables))}")
     times = sorted(str(m["created"])[:16].replace("T", " ") for m in metas if m.get("created"))

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats import ttest_ind
 
 from experiments.analysis.statistics import (
     SUBSETS,
     holm,
+    mean_difference,
     mean_interval,
     paired,
     wilson,
@@ -248,3 +250,15 @@ def test_a_missing_axis_has_no_interval_and_does_not_harm_the_other():
     assert result.mean_low_m[0] < 0 < result.mean_high_m[0]
     assert np.isnan(result.mean_low_m[1])
     assert result.spread_low_m < 5 / np.sqrt(2) + 0.1 < result.spread_high_m + 0.3
+
+
+@pytest.mark.parametrize("sizes", [(2, 2), (3, 8), (24, 5)])
+def test_the_difference_of_means_is_welchs(sizes: tuple[int, int]):
+    rng = np.random.default_rng(sum(sizes))
+    first, second = rng.normal(1.0, 0.2, sizes[0]), rng.normal(1.5, 0.9, sizes[1])
+    expected = ttest_ind(second, first, equal_var=False).confidence_interval()
+    found = mean_difference(np.append(first, np.nan), second)
+    assert (found.low, found.high) == pytest.approx((expected.low, expected.high))
+    assert (found.value, found.n) == (pytest.approx(second.mean() - first.mean()), min(sizes))
+    assert np.isinf(mean_difference(first[:1], second).high)
+    assert mean_difference(np.ones(3), np.full(2, 2.0)).low == pytest.approx(1.0)
