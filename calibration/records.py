@@ -96,6 +96,14 @@ class Value(Strict):
         """The interval from `value` - `half_width` to `value` + `half_width`."""
         return cls(value=value, low=value - half_width, high=value + half_width)
 
+    @classmethod
+    def within(cls, value: float, half_width: float, *, at_least: float) -> "Value":
+        """The same of a number that cannot be below `at_least`. A fit ends just inside such a
+        bound: what is nearer to it than a thousandth of the half width is the bound."""
+        end = at_least + 1e-3 * half_width
+        low, high = (max(limit, at_least) for limit in (value - half_width, value + half_width))
+        return cls(value=value if value > end else at_least, low=low, high=high)
+
 
 class TimingRecord(Strict):
     """The timing section: the camera's delay [s] from a frame's exposure to its time stamp on the

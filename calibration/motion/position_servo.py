@@ -251,8 +251,7 @@ def _record(fit: _Fit, gone: dict[str, str], left: float, count: int) -> Positio
         if NUMBERS[name].logarithm:
             values[name] = Value(value=exp(x), low=exp(x - half), high=exp(x + half))
         else:
-            low = max(float(x) - half, NUMBERS[name].low)
-            values[name] = Value(value=float(x), low=low, high=float(x) + half)
+            values[name] = Value.within(float(x), half, at_least=NUMBERS[name].low)
     return PositionServoAxis(**values, not_seen=gone, rms_rad=left)
 
 

@@ -88,4 +88,4 @@ def _half(fit: RollingFit, std: float, model_s: float) -> float:
 
 
 def _not_negative(value: float, half: float) -> Value:
-    return Value(value=max(value, 0.0), low=max(value - half, 0.0), high=max(value + half, 0.0))
+    return Value.within(value, half, at_least=0.0)

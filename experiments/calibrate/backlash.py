@@ -34,7 +34,7 @@ STAGES, LEADS = 6, "leading the ball about, for the joints"  # of `measure`
 WORDS = {
     "gear": "gear (tachometer against encoder)",
     "gear without tachometer": "gear (encoder and volts)",
-    "joint": "joint (encoder against camera)",
+    "joint": "joint (servo's angle against camera)",
     "whole": "gear and joint together (motor side alone)",
 }
 

@@ -138,7 +138,8 @@ def _check_names(names: list[str], known: dict[str, np.ndarray]) -> None:
     if len(known["t_s"]) == 0:
         raise ValueError("the log has no rows")
     if all(name not in known or np.isnan(known[name]).all() for name in ONE_OF):
-        raise ValueError(f"no values in any of {', '.join(ONE_OF)}; one is needed; {there}")
+        full = ", ".join(name for name, values in known.items() if not np.isnan(values).all())
+        raise ValueError(f"no values in any of {', '.join(ONE_OF)}; one is needed; there: {full}")
 
 
 def _check_times(t_s: np.ndarray) -> None:
