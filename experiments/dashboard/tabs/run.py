@@ -179,8 +179,11 @@ class RunTab:
         if name == WHOLE:
             plans = [shipped_plan(one, BOTH, 1) for one in STUDY]
             all_s = minutes(sum(plan.run_s * len(plan.methods) for plan in plans))
+            count = sum(len(plan.methods) for plan in plans)
+            single = ", ".join(plan.protocol.name for plan in plans if len(plan.methods) == 1)
             self._about.content = (
-                f"{', '.join(STUDY)}, one after the other: {all_s} with both, at speed 1."
+                f"{', '.join(STUDY)}, one after the other: {count} runs, {all_s} with both "
+                f"controllers, at speed 1; of {single}, where the controller plays no part, one."
             )
             return
         plan = shipped_plan(name, BOTH, 1)
