@@ -56,6 +56,8 @@ def link_words(now: LiveState, status: SessionStatus, rate_hz: float) -> str:
     rate = f"**slow: {now.rate:.0f} of {nominal:.0f} ticks/s**" if slow else "running on time"
     blind_s = float(now.row[0]) - now.seen_s
     seen = "ball in sight" if blind_s < BLIND_S else "**ball not in sight**"
+    if status.run is not None and status.run.plan.protocol.servo_only:
+        seen = "the servos alone, without a ball"
     return f"● {rate} · ● {seen}"
 
 

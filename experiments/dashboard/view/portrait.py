@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 WIDTH, HEIGHT, MARGIN = 300, 190, 34  # of a picture [px]
 EVERY_S, LAST_S, BINS = 0.5, 10.0, 24  # chosen: calm to look at
 WAIT = "Waiting for the first data."
-GREY = "#adb5bd"
+GREY = "#adb5bd"  # of another run
+KEY = f'<p><b style="color: {X}">x</b>, <b style="color: {Y}">y</b></p>'
 Curve = tuple[str, np.ndarray, np.ndarray]  # colour, abscissae, ordinates
 
 
@@ -77,7 +78,7 @@ def histogram_picture(title: str, across: str, values: np.ndarray) -> str:
     wide, tall = (WIDTH - 2 * MARGIN) / BINS, HEIGHT - 2 * MARGIN
     bars = "".join(
         f'<rect x="{MARGIN + i * wide:.1f}" y="{HEIGHT - MARGIN - tall * s / share.max():.1f}" '
-        f'width="{wide - 1:.1f}" height="{tall * s / share.max():.1f}" fill="{X}"/>'
+        f'width="{wide - 1:.1f}" height="{tall * s / share.max():.1f}" fill="currentColor" fill-opacity="0.5"/>'
         for i, s in enumerate(share)
     )
     ends = (
@@ -156,6 +157,7 @@ def pictures(rows: np.ndarray, servo: Servo, before: np.ndarray | None = None) -
     rms = f"{np.sqrt(np.mean(last**2)):.2f} cm" if len(last) else "not seen"
     return (
         f"<p>From the target, RMS of the last {LAST_S:.0f} s: <b>{rms}</b></p>"
+        + KEY
         + phase_picture("ball: speed over position", "position [cm]", "speed [cm/s]", swing)
         + phase_picture(f"servo: angle over {name}", unit, "angle [deg]", loop)
         + histogram_picture("share of time at each distance from the target", "distance [cm]", away)
