@@ -78,7 +78,7 @@ def histogram_picture(title: str, across: str, values: np.ndarray) -> str:
     wide, tall = (WIDTH - 2 * MARGIN) / BINS, HEIGHT - 2 * MARGIN
     bars = "".join(
         f'<rect x="{MARGIN + i * wide:.1f}" y="{HEIGHT - MARGIN - tall * s / share.max():.1f}" '
-        f'width="{wide - 1:.1f}" height="{tall * s / share.max():.1f}" fill="currentColor" fill-opacity="0.5"/>'
+        f'width="{wide - 1:.1f}" height="{tall * s / share.max():.1f}"/>'
         for i, s in enumerate(share)
     )
     ends = (
@@ -87,7 +87,7 @@ def histogram_picture(title: str, across: str, values: np.ndarray) -> str:
         f"{_text(MARGIN - 3, MARGIN + 8, f'{100 * share.max():.0f} %', 'end')}"
         f"{_text(WIDTH / 2, HEIGHT - 8, across, 'middle')}"
     )
-    return _picture(title, bars + ends)
+    return _picture(title, f'<g fill="currentColor" fill-opacity="0.5">{bars}</g>{ends}')
 
 
 def _text(x: float, y: float, words: str, anchor: str) -> str:

@@ -83,7 +83,7 @@ def test_servos_that_take_an_angle_show_their_command():
 def test_the_bars_of_the_histogram_hold_every_sample_once():
     values = np.array([0.0, 0.1, 0.1, 2.0])
     picture = histogram_picture("far", "cm", values)
-    heights = np.array(re.findall(r'height="([\d.]+)" fill', picture), float)
+    heights = np.array(re.findall(r'height="([\d.]+)"/>', picture), float)
     assert np.count_nonzero(heights) == 3
     assert sorted(heights[heights > 0] / heights.max()) == pytest.approx([0.5, 0.5, 1.0])
     assert "50 %" in picture
