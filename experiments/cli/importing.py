@@ -51,13 +51,14 @@ def import_(
     from experiments.importing.words import log_line, next_line
     from experiments.records.exporting import export_log, writer_of
     from experiments.records.run_folder import refuse_input
+    from rig.files import printable
 
     said = stated(settings or [])
     if calibration is not None:
         said.setdefault("", {})["calibration"] = str(calibration)
     writer_of(out)
     recordings = [read_recording(path) for path in files]
-    sources = tuple(path.name for path in files)
+    sources = tuple(printable(path.name) for path in files)
     if map_file is not None:
         made = merged(read_map(map_file), said).model_copy(update={"sources": sources})
     else:

@@ -112,7 +112,7 @@ def write_page(
     )
     if path.is_file() and PROGRAM.encode() not in path.read_bytes():
         put_aside(path)
-    write_whole(path, text.encode())
+    write_whole(path, text.encode(errors="replace"))  # names of files need not be text
     return path
 
 

@@ -1,5 +1,6 @@
 """`rig import`: from a stranger's file to a log, or one line."""
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -74,6 +75,19 @@ def test_what_is_open_is_refused_with_the_option_that_states_it(rig, fails, tmp_
     done = rig("import", path, "--out", out, "--yes", *options)
     assert done.returncode == 0, done.stderr
     assert truth.faults(read_log(out)) == []
+
+
+def test_a_name_that_is_no_text_loses_no_map(rig, tmp_path: Path):
+    path, _ = LABS["german_hobby"](tmp_path, seed=1)
+    odd = tmp_path / os.fsdecode(b"n-\xff.csv")
+    try:
+        path.rename(odd)
+    except OSError:
+        pytest.skip("this file system takes no such name")
+    out = tmp_path / "out" / os.fsdecode(b"o-\xff.csv")
+    done = rig("import", odd, "--out", out, "--yes")
+    assert done.returncode == 0, done.stderr
+    assert read_map(tmp_path / "out/import.toml").sources == ("n-?.csv",)
 
 
 def test_sessions_and_several_files_are_numbered(rig, tmp_path: Path):
