@@ -33,8 +33,21 @@ LISTED = 12
 NEWEST = "what was started last"
 MEANS = (
     "Centroid: where the ball was on average, in cm from the centre (the paper's measure); it says "
-    "nothing of the swing about it. Blank where the target moves, and until it is computed."
+    "nothing of the swing about it. Blank where the target moves, and until figures of the run's "
+    "protocol are shown."
 )
+
+
+def others_words(shown: str, rows: list[RunSummary]) -> str:
+    """Markdown on the protocols of `rows` whose figures are not shown; "" where there is none."""
+    with_ball = dict.fromkeys(row.protocol for row in rows if not row.servo_only)
+    others = [plain(name) for name in with_ball if name != shown]
+    if not (shown and others):
+        return ""
+    return (
+        f"Figures and report are of **{plain(shown)}**; there are runs of {', '.join(others)}, "
+        "too: choose one under *Figures of*."
+    )
 
 
 def table(rows: list[RunSummary], centroids: dict[str, tuple[float, float]]) -> str:
@@ -111,6 +124,7 @@ class ResultsTab:
         self._disturbed = controls.value(
             disturbed, "disturbed", flag, lambda value: self.figures(disturbed=value)
         )
+        self._others: Any = gui.add_markdown("")
         self._card: Any = gui.add_markdown("")
         report = gui.add_button("Download the report")
         controls.button(report, "report", self.report, everybody=True)
@@ -132,7 +146,12 @@ class ResultsTab:
         return choice(value, self._picked.options)
 
     def _chosen(self, name: str) -> None:
+        self._tell_others(name)
         self.figures(name)
+
+    def _tell_others(self, chosen: str | None = None) -> None:
+        shown = self._named(chosen or self._protocol.now)
+        self._others.content = others_words(shown, self._rows)
 
     @property
     def rows(self) -> list[RunSummary]:
@@ -149,6 +168,7 @@ class ResultsTab:
         if names != self._picked.options:
             self._picked.options = names
         self._table.content = table(self._rows, self._centroids)
+        self._tell_others()
         self._recover.visible = any(row.outcome == UNFINISHED for row in self._rows)
         new = {row.folder for row in self._rows} - {row.folder for row in before}
         if any(row.folder in new for row in self._together(self._named(self._protocol.now))):

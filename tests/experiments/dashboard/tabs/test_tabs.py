@@ -238,6 +238,7 @@ def test_results_follow_the_newest_run_until_a_protocol_is_chosen(tmp_path: Path
     record(5, "hold")
     record(6, "steps")
     assert tab._named(NEWEST) == "hold"
+    assert "are of **hold**; there are runs of steps, too" in tab._others.content
     assert why(controls, tab._picked) == ""
     controls.queue.close()
     server.stop()
