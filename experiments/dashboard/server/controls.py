@@ -266,7 +266,7 @@ class Controls:
         """Have a button or command of viser stop for any page (`stop`); what: its name."""
 
         def pressed(event: Any) -> None:
-            self.stop(f"page {event.client_id}", act, event.client_id)
+            self.stop(f"STOP on a page (page {event.client_id})", act, event.client_id)
 
         self._on_press(handle, what, pressed)
 

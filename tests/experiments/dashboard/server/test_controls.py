@@ -123,7 +123,7 @@ def test_a_watching_page_presses_nothing_and_everybody_may_stop():
     c.stop_button(stop, "stop", lambda who: acted.append(f"stop {who}"))
     stop.callback(FakeEvent(2))
     c.queue.close()
-    assert acted == ["stop page 2"]
+    assert acted == ["stop STOP on a page (page 2)"]
     assert [what[0] for what in told] == [2]
     assert noted == []  # a refusal is no event of the run
 
@@ -239,10 +239,10 @@ def test_stop_waits_for_nothing_and_nothing_begins_after_it():
     c.use(1, slider, 5.0)
     assert not all(c.queue.put("more", lambda: None) for _ in range(1000))  # the queue is full
     stop.callback(FakeEvent(2))
-    assert acted == ["stop page 2"]  # at once
+    assert acted == ["stop STOP on a page (page 2)"]  # at once
     busy.set()
     c.queue.close()
-    assert acted == ["stop page 2"]
+    assert acted == ["stop STOP on a page (page 2)"]
     assert [what[0:2] for what in told] == [(1, "start"), (1, "gain")]
     assert slider.value == kept.now == 3.0
     assert noted == []
