@@ -27,6 +27,13 @@ def entries(folder: Path, meta: dict) -> Entries:
     return {key: value for key, value in found.items() if key not in _NOT_COMPARED}
 
 
+def of_table(made: Entries) -> Entries:
+    """The entries of the table alone: whatever controls it, and looks at it."""
+    return {
+        k: v for k, v in without_protocol(made).items() if not k.startswith(("gains.", "camera"))
+    }
+
+
 def without_protocol(made: Entries) -> Entries:
     """The entries of the table alone, and of what controls it."""
     return {key: value for key, value in made.items() if not key.startswith("protocol.")}

@@ -34,7 +34,8 @@ class RunSummary:
     method: the compensator; centroid_cm: mean position (x, y) of the ball, None where not computed
     or where the target moves; by_hand: what somebody did to it ("12.3 s: push to the left, 0.15
     m/s"); servo_only: there was no ball; named: whether its label tells its folder's name, since
-    another run has the same protocol, controller and time.
+    another run has the same protocol, controller and time; table: number of the table that it was
+    made on, 0 for that of the newest run.
     """
 
     folder: Path
@@ -46,6 +47,7 @@ class RunSummary:
     by_hand: tuple[str, ...] = ()
     servo_only: bool = False
     named: bool = False
+    table: int = 0
 
     @property
     def when(self) -> str:
@@ -63,9 +65,10 @@ class RunSummary:
 
     @property
     def label(self) -> str:
-        """Name of the run for a person: protocol, controller, when."""
+        """Name of the run for a person: protocol, controller, when; whether of an older table."""
         which = f" [{self.folder.name}]" if self.named else ""
-        return f"{self.protocol}, {self.method}, {self.when}{which}"
+        table = ", another table" if self.table else ""
+        return f"{self.protocol}, {self.method}, {self.when}{which}{table}"
 
     @property
     def how(self) -> str:
@@ -79,10 +82,12 @@ def list_runs(parent: Path, most: int = MOST_LISTED) -> list[RunSummary]:
     """At most `most` run folders of `parent`, newest first; runs that cannot be read are
     left out.
     """
+    from experiments.analysis.alike import groups
+    from experiments.records.made_with import entries, of_table
     from experiments.records.recording import being_recorded
     from experiments.records.run_folder import protocol_of, read_meta
 
-    rows = []
+    rows, made = [], []
     for folder in sorted(parent.iterdir() if parent.is_dir() else (), reverse=True):
         if as_unicode(folder.name) != folder.name:  # no page could be told
             continue
@@ -115,8 +120,10 @@ def list_runs(parent: Path, most: int = MOST_LISTED) -> list[RunSummary]:
                 servo_only=servo_only,
             )
         )
+        made.append(of_table(entries(folder, meta)))
         if len(rows) == most:
             break
+    rows = [replace(row, table=table) for row, table in zip(rows, groups(made), strict=True)]
     labels = Counter(row.label for row in rows)
     return [replace(row, named=labels[row.label] > 1) for row in rows]
 

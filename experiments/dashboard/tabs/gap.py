@@ -59,6 +59,9 @@ NONE_TICKED = "No run is ticked: make some in the tab Run, or try the demo."
 OWN_TABLE = "*The demo has a table of its own: not the one that is drawn in the 3-D view.*"
 HIDDEN = "*What was hidden is shown as soon as 'Hide the truth' is unticked.*"
 GUESS = "I guess first: no true values here, nor in the 3-D view, until the tick is taken away"
+MANY_TABLES = (
+    "the ticked runs are of several tables (other play, plate or servos): tick those of one"
+)
 GOOD = (
     "Which runs are good for this? **steps** and **servo-squares** together (45 s): steps move "
     "ball and plate through all their play, squares the servos alone; either controller will "
@@ -81,9 +84,10 @@ def stage_lines(on: int, done: bool) -> str:
 
 def good_runs(rows: Sequence[RunSummary]) -> list[Path]:
     """Which of these runs, newest first, are ticked until somebody chooses: nobody disturbed them,
-    and they are of the protocols that tell the effects apart, where there is one of each.
+    they are of the newest one's table, and of the protocols that tell the effects apart, where
+    there is one of each.
     """
-    calm = [row for row in rows if not row.by_hand]
+    calm = [row for row in rows if not row.by_hand and row.table == rows[0].table]
     if not missing_protocols({row.protocol for row in calm}):
         calm = [row for row in calm if row.protocol in WANTED]
     return [row.folder for row in calm[:TICKED]]
@@ -235,6 +239,8 @@ class GapTab:
         rows = self._ticked()
         if not rows:
             raise ValueError(NONE_TICKED)
+        if len({row.table for row in rows}) > 1:
+            raise ValueError(MANY_TABLES)
         return [row.folder for row in rows]
 
     def begin(self, logs: list[Path] | None, page: int | None) -> None:

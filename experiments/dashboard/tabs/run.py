@@ -4,13 +4,12 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from math import cos, degrees, radians, sin
+from math import cos, radians, sin
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.server.input_limits import (
-    BACKLASH_DEG,
     KD,
     KI,
     KP,
@@ -33,9 +32,8 @@ from experiments.dashboard.session.presets import KeptPresets
 from experiments.dashboard.session.seeds import with_new_seeds
 from experiments.dashboard.session.session import Session
 from experiments.dashboard.tabs.header import live
+from experiments.dashboard.tabs.play_sliders import play_sliders
 from experiments.dashboard.tabs.sliders import SliderGroup
-from experiments.dashboard.view.pose import backlash_widths
-from experiments.runs.assemble import with_play
 from experiments.runs.protocol import shipped
 from rig.loop.commands import Push, SetGains, Target
 
@@ -55,12 +53,6 @@ PRESETS = {
     "half the damping": (1.0, 1.0, 0.5),
     "twice the damping": (1.0, 1.0, 2.0),
     "no integral": (1.0, 0.0, 1.0),
-}
-PLAYS = {
-    "none": (0.0, 0.0),
-    "gear alone": (2.0, 0.0),
-    "joint alone": (0.0, 2.0),
-    "worn": (2.0, 3.0),
 }
 PUSH_S = 0.08  # duration of a push; chosen: a tap
 SEEDS = (
@@ -134,7 +126,7 @@ class RunTab:
         with gui.add_folder("Ball: target and pushes", expand_by_default=True):
             self._add_ball()
         with gui.add_folder("Virtual table's play", expand_by_default=False, visible=virtual):
-            self._add_backlash()
+            play_sliders(server, controls, session)
         gui.add_markdown(KEYS)
         self._events: Any = gui.add_markdown("")
 
@@ -350,28 +342,6 @@ class RunTab:
         """
         side = self._session.rig.linkage.side_m
         self._send(Target(on_plate(xy_m, side, self._session.rig.ball.radius_m)))
-
-    def _add_backlash(self) -> SliderGroup:
-        rows = [
-            (label, BACKLASH_DEG, round(degrees(float(play.mean())), 1))
-            for label, play in zip(
-                ("Gear play [deg]", "Joint play [deg]"),
-                backlash_widths(self._session.rig),
-                strict=True,
-            )
-        ]
-        hint = "a new virtual table starts"
-        start = [value for *_, value in rows]
-        presets = {"this table's": start, **PLAYS}
-        return SliderGroup(
-            self._server, self._controls, rows, self._set_backlashes, hint=hint, presets=presets
-        )
-
-    def _set_backlashes(self, wanted: list[float]) -> None:
-        words = "a new virtual table: play of gear {:.1f}, of joint {:.1f} degrees"
-        self._session.note(words.format(*wanted))
-        gear, joint = map(radians, wanted)
-        self._session.set_plant(with_play(self._session.rig, gear_rad=gear, joint_rad=joint))
 
     def draw(self, status: SessionStatus, events: list[str]) -> None:
         """Show the status and the newest events; only what changed is sent to the pages."""

@@ -1,10 +1,11 @@
 """The tab Gap: runs are ticked, what they lack is said, and an answer survives the program."""
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from experiments.dashboard.server.controls import ControlLock, Controls
@@ -15,9 +16,11 @@ from experiments.dashboard.session.gap_tasks import (
     ShortAnswer,
     newest_answer,
 )
-from experiments.dashboard.session.tasks import RunSummary
+from experiments.dashboard.session.tasks import RunSummary, list_runs
 from experiments.dashboard.session.worker_process import WorkItem
 from experiments.dashboard.tabs.gap import GapTab, beside_list, good_runs
+from experiments.records.recording import write_run
+from rig.log import Log
 from tests.support.greyed import why
 
 
@@ -89,6 +92,11 @@ def test_undisturbed_completed_runs_are_ticked_and_what_they_lack_is_said(gap):
         box.now = False
     with pytest.raises(ValueError, match="No run is ticked"):
         tab._chosen()
+    for _, box in tab._boxes.values():
+        box.now = True
+    rows[0] = replace(rows[0], table=1)
+    with pytest.raises(ValueError, match="of several tables"):
+        tab._chosen()
 
 
 def test_runs_that_tell_the_effects_apart_are_ticked_alone():
@@ -98,6 +106,20 @@ def test_runs_that_tell_the_effects_apart_are_ticked_alone():
     assert good_runs([*rows, *squares]) == [rows[1].folder, *(row.folder for row in squares)]
     disturbed = [summary(7, "servo-squares", by_hand=["2.0 s: push"]), *rows]
     assert good_runs(disturbed) == [row.folder for row in rows]
+    rows[1:] = [replace(row, table=1) for row in rows[1:]]
+    assert good_runs(rows) == [rows[0].folder]
+    assert rows[1].label.endswith(", another table")
+
+
+def test_runs_of_a_virtual_table_with_other_play_are_of_another_table(tmp_path: Path):
+    for n, play in enumerate((0.01, 0.02, 0.02, 0.01), 1):
+        folder = tmp_path / f"2026010{n}T000000-hold-with"
+        start = {"source": "simulated", "arm": "with", "seed": n, "protocol": {"name": "hold"}}
+        log = Log.from_columns({"t_s": np.arange(5) / 200})
+        write_run(folder, {**start, "rig": {"gains": {}}}, log, [], outcome="completed")
+        truth = {"rig": {"effects": {"gear_backlash": {"x": {"play_rad": play}}}}}
+        (folder / "truth.json").write_text(json.dumps(truth), "utf-8")
+    assert [row.table for row in list_runs(tmp_path)] == [0, 1, 1, 0]
 
 
 def test_an_answer_is_shown_again_after_a_restart(gap):
