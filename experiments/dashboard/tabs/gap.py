@@ -261,7 +261,7 @@ class GapTab:
         self._on, self._shows = -1, False
         self._bar.value = 0.0
         self._stages.content = stage_lines(-1, False)
-        self._does = "begins; some minutes for every run, fewer while the table is stopped"
+        self._does = "begins; a stopped table leaves it more of the machine"
         self._elapsed.begin()
         self._ask(False)
         self._lay(None)
@@ -297,7 +297,8 @@ class GapTab:
             self._advice.content = plain(advice(protocols) if protocols else NONE_TICKED)
         if self._does and self._elapsed.changed():
             table = f"\n\n{OWN_TABLE}" if self._demo else ""
-            self._words.content = f"*{self._does}* ({self._elapsed.seconds} s){table}"
+            took = f"{self._elapsed.seconds} s; it takes some minutes for every run"
+            self._words.content = f"*{self._does}* ({took}){table}"
 
     def _end(self, answer: GapAnswer) -> None:
         self.answer, self._does = answer, ""
