@@ -7,16 +7,22 @@ from pathlib import Path
 import numpy as np
 
 from calibration.camera.sheet import CalibrationError
+from experiments.analysis.alike import difference_words
 from experiments.calibrate.folder import Source
 from experiments.records.importing import read_log
+from experiments.records.made_with import Entries, entries
 from experiments.records.recording import read_run
+from experiments.records.run_folder import plain
 from experiments.runs.assemble import known
 from rig.control.controllers import WITHOUT
 from rig.course import Course
 from rig.log import Log
 from rig.parameters import Rig
+from rig.rigfile import to_record
 from rig.simulation.simulate import draw, simulate
 
+# Sections and numbers of the rig file that no calibration changes.
+TABLE = ("servo.kind", "servo.angle_measured", "linkage.", "ball.radius_m", "ball.hollow")
 LEVEL_HZ, LEVEL_M = (0.35, 0.45), 0.05
 STEP_S, STEP_M = (0.4, 1.6), (0.01, 0.05)  # chosen: quicker than the ball can follow, and slower
 
@@ -30,16 +36,33 @@ class Given:
     delay_s: float | None
 
 
-def read_given(path: Path) -> Given:
+def read_given(path: Path, rig: Rig) -> Given:
+    """The log of a file or run folder that was recorded on the table `rig`.
+
+    FileNotFoundError: nothing is there. ValueError: it cannot be used, or a run folder says that it
+    is of another table.
+    """
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such run folder or log")
     if not path.is_dir():
         return Given(read_log(path), "measured", None)
     whole = read_run(path)
+    one, other = (_table(record) for record in (whole.meta.get("rig") or {}, plain(to_record(rig))))
+    if words := difference_words(one, other):
+        raise ValueError(
+            f"{path}: was recorded on another table than the rig file's, in {words}; name the "
+            "rig file of its table with --rig"
+        )
     if whole.meta.get("source") != "simulated":
         return Given(whole.log, "measured", float(whole.meta.get("camera_late_s", 0.0)))
     delay = ((whole.meta.get("rig") or {}).get("camera") or {}).get("delay_s")
     return Given(whole.log, "simulated", None if delay is None else float(delay))
+
+
+def _table(record: dict) -> Entries:
+    """What tells two tables apart, calibrated anew or not, of the rig in a run's record."""
+    made = entries(Path(), {"source": "measured", "rig": record})
+    return {k: v for k, v in made.items() if k.startswith(("source", *TABLE))}
 
 
 def source_of(given: Sequence[Given]) -> Source:

@@ -96,7 +96,7 @@ def calibrate_level(
     OSError: a file or folder that cannot be used.
     """
     rig = load_rig(rig_file)
-    given = [read_given(path) for path in runs]
+    given = [read_given(path, rig) for path in runs]
     folder = CalibrationFolder(out, source_of(given), rig)
     believed = folder.believed(rig_file)
     logs = [one.log for one in given]
@@ -146,7 +146,7 @@ def calibrate_time(
         )
     if video is not None and run is None:
         raise ValueError("--video: name the run, too, whose encoders belong to it")
-    given = None if run is None else read_given(run)
+    given = None if run is None else read_given(run, rig)
     folder = CalibrationFolder(out, source_of([given] if given else []), rig)
     believed = folder.believed(rig_file)
     if given is not None and video is None:

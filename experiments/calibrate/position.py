@@ -63,7 +63,8 @@ def calibrate_position_servo(
     plate. seed: of the virtual table. CalibrationError: the motion is refused. ValueError, OSError:
     rig file, run, video or folder cannot be used.
     """
-    rig, given = load_rig(rig_file), [read_given(path) for path in runs]
+    rig = load_rig(rig_file)
+    given = [read_given(path, rig) for path in runs]
     folder = CalibrationFolder(out, source_of(given), rig)
     believed = folder.believed(rig_file)
     logs = [one.log for one in given]
