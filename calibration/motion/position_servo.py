@@ -75,6 +75,11 @@ NUMBERS = {
 PERIOD_BEGIN = "period_begin_s"  # in the log's time, less a whole number of periods
 BEGIN_STARTS = tuple(k / 8 for k in range(8))  # of a period; chosen
 VALLEYS = ("acceleration_limit_rad_s2", PERIOD_BEGIN)
+SHARES = (-0.1, -0.03, 0.0, 0.03, 0.1)  # by which another scale may be tried
+ALIKE = (
+    "dead band and scale error look alike under commands of one size; record slow-triangle or "
+    "sine-sweep"
+)
 LIMITS = {
     "acceleration_limit_rad_s2": FREE_ACCELERATION_RAD_S2,
     "rate_limit_rad_s": FREE_RATE_RAD_S,
@@ -93,14 +98,19 @@ def _kinds(followed: Followed, rig: Rig, axes: tuple[int, ...]) -> dict[str, _Nu
 
 class _Fit:
     """The numbers `names` of the servos of `axes`, fitted to what followed; limits that are not
-    among them are set free."""
+    among them are set free, and the dead band is held at `dead_band_rad`."""
 
     def __init__(
-        self, followed: Followed, rig: Rig, axes: tuple[int, ...], names: list[str]
+        self,
+        followed: Followed,
+        rig: Rig,
+        axes: tuple[int, ...],
+        names: list[str],
+        dead_band_rad: float = 0.0,
     ) -> None:
         self._followed, self._axes, self.names = followed, axes, names
         self._p, self._kinds = pack(rig), _kinds(followed, rig, axes)
-        for name, free in LIMITS.items():
+        for name, free in {**LIMITS, "dead_band_rad": dead_band_rad}.items():
             for a in axes:
                 self._p[NUMBERS[name].field][a] = free
         seen = followed.seen_rad[:, list(axes)]
@@ -230,6 +240,8 @@ def _fitted(
         fewer.run([best.numbers(best.x)])
         if count * (fewer.cost / best.cost - 1.0) < WORSE:
             best, gone[limit] = fewer, "the servo did not reach it"
+    if _look_alike(followed, rig, axes, best, count):
+        gone |= dict.fromkeys(("dead_band_rad", "scale"), ALIKE)
     left = float(np.sqrt(np.mean(best.residual(best.x) ** 2)))
     moved = float(np.std(best.answer(best.x)))
     if left > MOST_LEFT * moved:
@@ -241,11 +253,27 @@ def _fitted(
     return _record(best, gone, left, count), begin_s
 
 
+def _look_alike(
+    followed: Followed, rig: Rig, axes: tuple[int, ...], best: _Fit, count: int
+) -> bool:
+    """Whether another dead band with another scale fits as well: none where there is one, else a
+    usual one. Commands of one size move the servo by (1 + scale) of it, less the dead band; where
+    it rests at few places, what the readings are rounded by says nothing of which it is."""
+    numbers = best.numbers(best.x)
+    usual = NUMBERS["dead_band_rad"].starts[0]
+    other = 0.0 if numbers["dead_band_rad"] > 0.5 * usual else usual
+    names = [name for name in best.names if name != "dead_band_rad"]
+    fewer = _Fit(followed, rig, axes, names, other)
+    fewer.run([{**numbers, "scale": numbers["scale"] + share} for share in SHARES])
+    rounded = 0.5e6 * len(best.clusters) * rig.servo.encoder_step_rad**2 / 12.0  # as a cost
+    return count * (fewer.cost - best.cost) / (best.cost + rounded) < WORSE
+
+
 def _record(fit: _Fit, gone: dict[str, str], left: float, count: int) -> PositionServoAxis:
     quantile = student_quantile(count - len(fit.names))
     values: dict[str, Value] = {}
     for name, x, std in zip(fit.names, fit.x, fit.deviations(), strict=True):
-        if name == PERIOD_BEGIN:
+        if name == PERIOD_BEGIN or name in gone:
             continue
         half = quantile * float(std) + _MODEL[name]
         if NUMBERS[name].logarithm:

@@ -232,4 +232,5 @@ WORDS = {
     "rate_limit_rad_s": "rate limit",
     "acceleration_limit_rad_s2": "acceleration limit",
     "dead_band_rad": "dead band",
+    "scale": "scale",
 }
