@@ -205,8 +205,9 @@ def file_text(path: Path, longest: int = LONGEST) -> str:
 
 
 def toml_of(path: Path) -> dict[str, Any]:
-    """Return the data of a TOML file; errors as of `file_text` and `read_toml`."""
-    return read_toml(file_text(path, LONGEST_TOML))
+    """Return the data of a TOML file, with an editor's byte order mark or without; errors as of
+    `file_text` and `read_toml`."""
+    return read_toml(file_text(path, LONGEST_TOML).removeprefix("\ufeff"))
 
 
 def json_of(path: Path, longest: int = LONGEST) -> Any:

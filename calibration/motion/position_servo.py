@@ -115,7 +115,7 @@ class _Fit:
                 self._p[NUMBERS[name].field][a] = free
         seen = followed.seen_rad[:, list(axes)]
         self._used = np.isfinite(seen)
-        self._seen = seen[self._used]
+        self.seen = seen[self._used]
         clusters = np.floor((followed.seen_s - followed.seen_s[0]) / CLUSTER_S)
         both = clusters[:, None] + np.zeros(len(axes))
         self.clusters = both[self._used]
@@ -142,7 +142,7 @@ class _Fit:
 
     def residual(self, x: np.ndarray) -> np.ndarray:
         """Seen less answered (k,) [rad]."""
-        return self._seen - self.answer(x)[self._used]
+        return self.seen - self.answer(x)[self._used]
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
         """Derivatives (k, n) of the residual, by forward differences of 2 % of a typical size."""
@@ -250,7 +250,17 @@ def _fitted(
             "commands as a servo does; are the axes swapped, is something in its way?"
         )
     begin_s = best.numbers(best.x).get(PERIOD_BEGIN, 0.0)
-    return _record(best, gone, left, count), begin_s
+    rounded = _rounded(best, rig.servo.encoder_step_rad, moved)
+    return _record(best, gone, left, count, rounded), begin_s
+
+
+def _rounded(fit: _Fit, step_rad: float, moved_rad: float) -> dict[str, float]:
+    """Half widths (95 %) by which rounded readings may move the numbers that angles at rest tell:
+    twice step / sqrt(12 n) of n readings that err apart, 1 / sum of the squared shares of each."""
+    counts = np.unique(np.round(fit.seen / step_rad), return_counts=True)[1]
+    shares = counts / counts.sum()
+    wide = 2.0 * step_rad * float(np.sqrt(np.sum(shares**2) / 12.0))
+    return {"dead_band_rad": wide, "zero_rad": wide, "scale": wide / moved_rad}
 
 
 def _look_alike(
@@ -269,13 +279,15 @@ def _look_alike(
     return count * (fewer.cost - best.cost) / (best.cost + rounded) < WORSE
 
 
-def _record(fit: _Fit, gone: dict[str, str], left: float, count: int) -> PositionServoAxis:
+def _record(
+    fit: _Fit, gone: dict[str, str], left: float, count: int, rounded: dict[str, float]
+) -> PositionServoAxis:
     quantile = student_quantile(count - len(fit.names))
     values: dict[str, Value] = {}
     for name, x, std in zip(fit.names, fit.x, fit.deviations(), strict=True):
         if name == PERIOD_BEGIN or name in gone:
             continue
-        half = quantile * float(std) + _MODEL[name]
+        half = quantile * float(std) + _MODEL[name] + rounded.get(name, 0.0)
         if NUMBERS[name].logarithm:
             values[name] = Value(value=exp(x), low=exp(x - half), high=exp(x + half))
         else:

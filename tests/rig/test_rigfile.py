@@ -230,3 +230,9 @@ def test_a_rig_file_of_ones_own_is_told_from_one_that_was_made(tmp_path: Path):
     own.write_text('# measured by hand in March\n[servo]\nkind = "voltage"\n')
     with pytest.raises(ValueError, match=r"rig\.toml: a rig file of yours"):
         refuse_own(own)
+
+
+def test_a_file_of_an_editor_that_marks_its_bytes_is_read(tmp_path: Path):
+    file = tmp_path / "rig.toml"
+    file.write_bytes(b"\xef\xbb\xbf[ball]\r\nmass_kg = 0.004\r\n")
+    assert read_rig(file).ball.mass_kg == 0.004

@@ -58,6 +58,26 @@ def test_lag_dead_time_rate_and_dead_band_come_back_from_the_angle(axis):
     assert found.rms_rad < 0.0006  # an encoder's count is 0.0015
 
 
+@pytest.mark.parametrize("sizes_rad", [(0.1,), (0.03, 0.3)])
+def test_a_dead_band_is_no_scale_error_where_commands_have_one_size(sizes_rad: tuple[float, ...]):
+    """A square wave of one amplitude A: a scale of -w/A leaves the same as a dead band w."""
+    rig = Rig(servo=BUS, control_rate_hz=250.0)
+    t = np.arange(round(20.0 * 250.0)) / 250.0
+    size = np.asarray(sizes_rad)[(t // 2.0).astype(int) % len(sizes_rad)]
+    square = size * np.where(t % 2.0 < 1.0, 1.0, -1.0)
+    with SimulatedTable(rig, np.random.default_rng(2), held=True) as table:
+        seen = tell(table, np.column_stack((square, square)), 0.5)
+    found = fit_position_servos(seen, Rig(servo=BELIEVED)).record.x
+    if len(sizes_rad) == 1:
+        assert (found.dead_band_rad, found.scale) == (None, None)
+        assert "look alike" in found.not_seen["scale"]
+    else:
+        assert found.dead_band_rad is not None
+        assert found.scale is not None
+        assert found.dead_band_rad.low <= 0.006 <= found.dead_band_rad.high
+        assert abs(found.scale.value) < 0.01
+
+
 def test_the_fits_angles_are_those_seen():
     left = expected_angles(followed(), fit(), Rig(servo=BELIEVED)) - followed().seen_rad
     assert np.sqrt(np.mean(left**2)) < 0.0006
