@@ -8,8 +8,10 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
+from experiments.analysis.alike import difference_words
 from experiments.gap.checks import check
 from experiments.gap.input import released, rig_differences
+from experiments.records.made_with import entries
 from experiments.records.recording import being_recorded, read_run
 from experiments.records.run_folder import nanoseconds, read_meta
 from rig.files import printable
@@ -90,7 +92,7 @@ def accepted_of(runs: Sequence[RunFolder], names: Sequence[str], folder: Path) -
         if one.why:
             raise ValueError(f"--accept {name}: {one.why}; accept another run")
         chosen.append(one)
-    if len({one.kind for one in chosen}) > 1:
+    if len({one.kind for one in chosen}) > 1 or any(other_protocol(chosen[0], o) for o in chosen):
         raise ValueError("--accept: the runs are of several protocols or arms; accept those of one")
     return [one for one in runs if one in chosen]
 
@@ -113,6 +115,15 @@ def rig_of(run: RunFolder) -> Rig:
             f"{run.name}: run.json holds no rig file: say with --rig what the table is"
         )
     return from_dict(record)
+
+
+def other_protocol(run: RunFolder, accepted: RunFolder) -> str:
+    """In what the protocols of two runs of one kind differ, "" where they are the same: another
+    excitation moves the estimates, too."""
+    one, other = (
+        entries(Path(), {"protocol": (of.meta or {}).get("protocol")}) for of in (run, accepted)
+    )
+    return difference_words(one, other)
 
 
 def other_table(run: RunFolder, rig: Rig) -> str:

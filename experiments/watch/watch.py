@@ -19,7 +19,15 @@ from calibration.watch.change_detection import (
 from calibration.watch.run_estimates import Accepted, accept, estimate
 from experiments.progress import ProgressCall, silent
 from experiments.runs.assemble import load_rig
-from experiments.watch.runs import RunFolder, accepted_of, log_of, other_table, rig_of, runs_of
+from experiments.watch.runs import (
+    RunFolder,
+    accepted_of,
+    log_of,
+    other_protocol,
+    other_table,
+    rig_of,
+    runs_of,
+)
 from rig.parameters import Rig
 
 ACCEPTED, UNCHANGED, CHANGED, SKIPPED = "accepted", "unchanged", "changed", "skipped"
@@ -155,6 +163,8 @@ def _not_compared(run: RunFolder, accepted: RunFolder, rig: Rig, *, before: bool
             f"is of {' '.join(run.kind)}, the accepted run of {' '.join(accepted.kind)}: runs of "
             "one protocol and controller are compared"
         )
+    if edited := other_protocol(run, accepted):
+        return f"is of another protocol of that name, in {edited}"
     other = other_table(run, rig)
     return f"was recorded with another rig file ({other})" if other else ""
 

@@ -11,8 +11,8 @@ import pytest
 
 from calibration.gap.report.units import sig
 from experiments.runs.runs import reject
-from experiments.watch.runs import accepted_of, runs_of
-from experiments.watch.watch import ACCEPTED, SKIPPED, JudgedRun, Watch
+from experiments.watch.runs import RunFolder, accepted_of, other_protocol, runs_of
+from experiments.watch.watch import ACCEPTED, SKIPPED, JudgedRun, Watch, _not_compared
 from experiments.watch.words import run_words
 from rig import Rig, write_rig
 from tests.support.command import told
@@ -129,6 +129,21 @@ def test_a_run_counts_once_however_often_it_was_copied(runs: Path, tmp_path: Pat
     reject(tmp_path / "d", "somebody sneezed")
     shutil.copytree(second, tmp_path / "e")
     assert runs_of(tmp_path)[-1].why == "is the same run as d"  # no way around a rejection
+
+
+def test_an_edited_protocol_of_the_same_name_is_another(tmp_path: Path):
+    """Smaller and shorter steps moved the estimate of a time constant by a quarter."""
+    protocol = {"name": "steps", "duration_s": 30.0, "reference": {"shape": "steps", "a": 0.045}}
+    one, same, edited = (
+        RunFolder(tmp_path, {"arm": "without", "protocol": {**protocol, **change}})
+        for change in ({}, {"seed": 5, "title": "again"}, {"duration_s": 14.0})
+    )
+    assert one.kind == edited.kind
+    assert other_protocol(same, one) == ""
+    assert other_protocol(edited, one) == "protocol.duration_s (14, 30)"
+    said = _not_compared(edited, one, Rig(), before=False)
+    assert said.startswith("is of another protocol of that name")
+    assert _not_compared(same, one, Rig(), before=False) == ""
 
 
 def test_lost_rows_are_told_and_odd_names_break_no_line(runs: Path, tmp_path: Path):
