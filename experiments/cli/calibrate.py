@@ -172,7 +172,9 @@ def servo(
     out: OutOption = OUT,
     seed: SeedOption = 1,
 ) -> None:
-    """Breakaway volts, gain, time constant and signs. In both directions; no ball.
+    """Breakaway volts, gain, time constant and signs; or lag and limits.
+
+    Of motors that are given volts: in both directions, without a ball.
 
     Of servos that take an angle: lag, dead time, limits and dead band from the angle that they read
     back, or from the plate's markers in frames; else lag and dead time from a ball that is led
