@@ -7,6 +7,7 @@ from calibration.gap.findings import Findings, Gap, Interval, Named, Where
 from experiments.gap.beside import (
     AGREES,
     CONTRADICTS,
+    NEAR,
     NOT_NAMED,
     NOT_THERE,
     TOO_SMALL,
@@ -45,6 +46,9 @@ def test_each_parameter_is_judged_by_the_truth_and_else_by_the_calibration():
     assert rows["gear play"][-2:] == ["1.12 deg", AGREES]
     assert rows["joint play"][-1] == NOT_NAMED
     assert rows["cogging, amplitude"][-2:] == ["none", NOT_THERE]
+    near = beside_rows(found_values(named(GEAR, half=0.0001)), known, {GEAR: 0.0215})
+    assert near[0][-1] == NEAR
+    assert contradictions(near) == ""
     (gear, cog) = beside_rows(found, known, None)
     assert gear[-1] == CONTRADICTS
     assert cog[-1] == ""
