@@ -108,4 +108,4 @@ def test_a_calibration_takes_a_run_as_it_was_dated(
     start = {"source": source, "protocol": {"name": "steps"}, "arm": "without", "seed": 1}
     start |= {"rig": to_record(Rig()), "created": "2026-01-01T00:00:00+00:00", **more}
     write_run(tmp_path / "run", start, log, outcome="completed")
-    assert read_given(tmp_path / "run").delay_s == known_s
+    assert read_given(tmp_path / "run", Rig()).delay_s == known_s
