@@ -196,7 +196,6 @@ def _both(runs: list[Recorded], metas: list[dict], made: list[Entries]) -> tuple
     """Completed, undisturbed, different runs of one protocol without and with play compensation,
     and notes on what is left out; empty lists where the runs are of several protocols.
     """
-    arms = [meta["arm"] for meta in metas]
     if len({_name(meta) for meta in metas}) > 1:
         return ([], []), []
     counts = [
@@ -207,7 +206,9 @@ def _both(runs: list[Recorded], metas: list[dict], made: list[Entries]) -> tuple
         and np.isfinite(run.metrics.distance_m)
         and meta["arm"] in ("without", "with")
     ]
-    return both_methods(*([those[i] for i in counts] for those in (runs, arms, made)))
+    return both_methods(
+        [runs[i] for i in counts], [metas[i]["arm"] for i in counts], [made[i] for i in counts]
+    )
 
 
 def _comparison(both: Both, out: Path, meta: dict) -> list[Section]:
