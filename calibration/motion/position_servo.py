@@ -75,7 +75,7 @@ NUMBERS = {
 PERIOD_BEGIN = "period_begin_s"  # in the log's time, less a whole number of periods
 BEGIN_STARTS = tuple(k / 8 for k in range(8))  # of a period; chosen
 VALLEYS = ("acceleration_limit_rad_s2", PERIOD_BEGIN)
-SHARES = (-0.1, -0.03, 0.0, 0.03, 0.1)  # by which another scale may be tried
+SHARES = (-0.1, -0.03, 0.0, 0.03, 0.1)  # by which other scales are tried; chosen
 ALIKE = (
     "dead band and scale error look alike under commands of one size; record slow-triangle or "
     "sine-sweep"

@@ -28,15 +28,9 @@ def entries(folder: Path, meta: dict) -> Entries:
 
 
 def of_table(made: Entries) -> Entries:
-    """The entries of the table alone: whatever controls it, and looks at it."""
-    return {
-        k: v for k, v in without_protocol(made).items() if not k.startswith(("gains.", "camera"))
-    }
-
-
-def without_protocol(made: Entries) -> Entries:
-    """The entries of the table alone, and of what controls it."""
-    return {key: value for key, value in made.items() if not key.startswith("protocol.")}
+    """The entries of the table alone, whatever is done with it, controls it and looks at it."""
+    others = ("protocol.", "gains.", "camera")
+    return {key: value for key, value in made.items() if not key.startswith(others)}
 
 
 def _flat(data: dict[str, Any], before: str = "") -> Entries:

@@ -24,7 +24,7 @@ from experiments.analysis.numbers import (
 from experiments.analysis.regime import regime_of_record, rig_of_record
 from experiments.analysis.samples import run_part
 from experiments.progress import ProgressCall, silent
-from experiments.records.made_with import Entries, entries, without_protocol
+from experiments.records.made_with import Entries, entries, of_table
 from experiments.records.recording import read_run
 from experiments.records.run_folder import lost_words, protocol_of, refuse_twice, write_results
 from experiments.reports import figures
@@ -97,7 +97,7 @@ def report_runs(folders: Sequence[Path], out: Path, *, progress: ProgressCall = 
     sources = sorted({SOURCES[meta["source"]] for meta in metas})
     numbers = [run_numbers(run) for run in runs]
     made = [entries(run.folder, meta) for run, meta in zip(runs, metas, strict=True)]
-    tables = groups([without_protocol(one) for one in made])
+    tables = groups([of_table(one) for one in made])
     titles = [_title(meta, tables[i] if any(tables) else None) for i, meta in enumerate(metas)]
     sections = []
     for i, (run, meta) in enumerate(zip(runs, metas, strict=True)):
@@ -166,7 +166,7 @@ def _title(meta: dict, table: int | None) -> str:
 
 def _table_words(made: list[Entries], tables: list[int]) -> list[str]:
     """In what every other table differs from the first."""
-    firsts = [without_protocol(made[tables.index(i)]) for i in range(max(tables) + 1)]
+    firsts = [of_table(made[tables.index(i)]) for i in range(max(tables) + 1)]
     return [
         f"Table {i} differs from table 1 in {difference_words(firsts[0], one)}."
         for i, one in enumerate(firsts[1:], 2)
