@@ -15,7 +15,7 @@ fitted, too (`Followed.in_phase`).
 
 from dataclasses import dataclass
 from itertools import product
-from math import exp, log
+from math import exp, log, sqrt
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -240,17 +240,17 @@ def _fitted(
         fewer.run([best.numbers(best.x)])
         if count * (fewer.cost / best.cost - 1.0) < WORSE:
             best, gone[limit] = fewer, "the servo did not reach it"
-    if _look_alike(followed, rig, axes, best, count):
-        gone |= dict.fromkeys(("dead_band_rad", "scale"), ALIKE)
     left = float(np.sqrt(np.mean(best.residual(best.x) ** 2)))
     moved = float(np.std(best.answer(best.x)))
+    rounded = _rounded(best, rig.servo.encoder_step_rad, moved)
     if left > MOST_LEFT * moved:
         raise CalibrationError(
             f"{who}: {left:.4f} rad of its angle is left of {moved:.4f}: it does not follow its "
             "commands as a servo does; are the axes swapped, is something in its way?"
         )
+    if _look_alike(followed, rig, axes, best, count, rounded):
+        gone |= dict.fromkeys(("dead_band_rad", "scale"), ALIKE)
     begin_s = best.numbers(best.x).get(PERIOD_BEGIN, 0.0)
-    rounded = _rounded(best, rig.servo.encoder_step_rad, moved)
     return _record(best, gone, left, count, rounded), begin_s
 
 
@@ -264,19 +264,30 @@ def _rounded(fit: _Fit, step_rad: float, moved_rad: float) -> dict[str, float]:
 
 
 def _look_alike(
-    followed: Followed, rig: Rig, axes: tuple[int, ...], best: _Fit, count: int
+    followed: Followed,
+    rig: Rig,
+    axes: tuple[int, ...],
+    best: _Fit,
+    count: int,
+    rounded: dict[str, float],
 ) -> bool:
-    """Whether another dead band with another scale fits as well: none where there is one, else a
-    usual one. Commands of one size move the servo by (1 + scale) of it, less the dead band; where
-    it rests at few places, what the readings are rounded by says nothing of which it is."""
-    numbers = best.numbers(best.x)
+    """Whether another dead band fits as well, none where there is one and else a usual one, with a
+    scale farther off than its interval tells: a second valley. Commands of one size move the servo
+    by (1 + scale) of it, less the dead band; where it rests at few places, what the readings are
+    rounded by says nothing of which it is."""
+    numbers, deviations = (
+        best.numbers(best.x),
+        dict(zip(best.names, best.deviations(), strict=True)),
+    )
     usual = NUMBERS["dead_band_rad"].starts[0]
     other = 0.0 if numbers["dead_band_rad"] > 0.5 * usual else usual
     names = [name for name in best.names if name != "dead_band_rad"]
     fewer = _Fit(followed, rig, axes, names, other)
     fewer.run([{**numbers, "scale": numbers["scale"] + share} for share in SHARES])
-    rounded = 0.5e6 * len(best.clusters) * rig.servo.encoder_step_rad**2 / 12.0  # as a cost
-    return count * (fewer.cost - best.cost) / (best.cost + rounded) < WORSE
+    noise = 0.5e6 * len(best.clusters) * rig.servo.encoder_step_rad**2 / 12.0  # as a cost
+    far = abs(fewer.numbers(fewer.x)["scale"] - numbers["scale"])
+    told = sqrt(WORSE) * deviations["scale"] + _MODEL["scale"] + rounded["scale"]
+    return far > told and count * (fewer.cost - best.cost) / (best.cost + noise) < WORSE
 
 
 def _record(
