@@ -58,7 +58,8 @@
 
   // --- what the program says ---
   let gone = false, lostAt = null, stoppingAt = null, began = "", timer = 0, asked = 0,
-    halts = 0, unheard = false, heardAt = Date.now();  // unheard: STOP, which is asked again
+    halts = 0, unheard = false,  // unheard: STOP, which is asked again
+    heardAt = Date.now(), shownAt = Date.now();
   const ask = async (what) => {
     const patience = AbortSignal.timeout(PATIENCE_MS);
     const answer = await fetch(`${here}/${what}`, { cache: "no-store", signal: patience });
@@ -86,7 +87,9 @@
     if (stoppingAt === null) write(STATES[state.state] || state.state, state.state);
     else if (Date.now() - stoppingAt > LONG_MS) write("STOP takes long: use the switch.", "lost");
   };
-  const lost = (error) => {
+  const lost = (error, askedAt) => {
+    // The browser holds up a page that nobody sees: what it asked then was not kept waiting by us.
+    if (document.hidden || askedAt < shownAt) return;
     const silent = Date.now() - heardAt;
     if (!began && silent < CONNECT_MS) return;  // a page that was just opened has lost nothing
     lostAt ??= Date.now();
@@ -98,12 +101,12 @@
   };
   const poll = async () => {
     clearTimeout(timer);
-    const mine = ++asked;
+    const mine = ++asked, askedAt = Date.now();
     try {
       const state = await ask("alive");
       if (mine === asked) told(state);
     } catch (error) {
-      if (mine === asked) lost(error);
+      if (mine === asked) lost(error, askedAt);
     }
     if (mine === asked) timer = setTimeout(poll, stoppingAt === null ? EVERY_MS : SOON_MS);
   };
@@ -146,6 +149,10 @@
   const sheet = () => document.querySelector('.mantine-Paper-root[style*="position: fixed"]');
   setInterval(() => root.style.setProperty(
     "--rig-sheet", `${sheet()?.offsetHeight || 0}px`), 500);
-  addEventListener("visibilitychange", () => { if (!document.hidden) poll(); });
+  addEventListener("visibilitychange", () => {
+    if (document.hidden) return;
+    shownAt = Date.now();
+    poll();
+  });
   poll();
 })();

@@ -1,70 +1,14 @@
-"""The bar above the page in a real browser: STOP and Esc in every state, a program that dies."""
-
-import re
-from collections.abc import Iterator
+"""The bar above the page in a real browser: STOP and Esc in every state."""
 
 import cv2
 import numpy as np
 import pytest
 
-from experiments.dashboard.server.server import link_of, open_server, shell_of
+from experiments.dashboard.server.server import shell_of
+from tests.support.shell_alone import CONTRAST, opened
 from tests.support.waiting import wait_for
 
-TOKEN = "a-token-of-some-length-for-tests"
 SIZES = ((1280, 800), (800, 600), (390, 844))
-CONTRAST = """one => {
-  const style = getComputedStyle(one), light = colour => {
-    const parts = colour.match(/[0-9.]+/g).slice(0, 3).map(v => v / 255)
-      .map(v => v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
-    return 0.2126 * parts[0] + 0.7152 * parts[1] + 0.0722 * parts[2]; };
-  const both = [light(style.color), light(style.backgroundColor)].sort((a, b) => b - a);
-  return (both[0] + 0.05) / (both[1] + 0.05); }"""
-
-
-class Program:
-    """A page with fields, whose session stops when it is told so."""
-
-    def __init__(self, port: int = 0) -> None:
-        self.server, self.gate = open_server("127.0.0.1", port, TOKEN)
-        self.state, self.stops, self.obeys = "running", [], True
-        shell = shell_of(self.server)
-        shell.state, shell.stop = lambda: self.state, self._stop
-        self.link = link_of(self.gate, "127.0.0.1")
-        gui = self.server.gui
-        gui.main_panel.dock_right()
-        gui.add_markdown('<span class="rig-live">**Run is on** for 12 s</span>')
-        gui.add_markdown("what stays")
-        gui.add_number("P", 1.0)
-        gui.add_dropdown("Protocol", ("circle", "steps"))
-        gui.add_checkbox("Arm", False)
-        gui.add_button("▶ Start", color="green")
-        for i in range(60):
-            gui.add_markdown(f"line {i}")
-
-    def _stop(self, who: str) -> None:
-        self.stops.append(who)
-        if self.obeys:
-            self.state = "stopped"
-
-    def stopped(self) -> bool:
-        """Whether it was stopped since the last call; it runs again."""
-        found, self.stops, self.state = bool(self.stops), [], "running"
-        return found
-
-
-@pytest.fixture
-def program() -> Iterator[Program]:
-    one = Program()
-    yield one
-    one.server.stop()
-
-
-def opened(chromium, program: Program, **settings):
-    """A page, as soon as the bar is there; viser's own page may come later."""
-    page = chromium.new_context(**settings).new_page()
-    page.goto(program.link)
-    page.locator("#rig-state", has_text="Run is on").wait_for()
-    return page
 
 
 def test_stop_is_there_before_the_page_is_and_says_at_once_that_it_heard(chromium, program):
@@ -120,20 +64,6 @@ def test_esc_stops_whatever_has_the_focus_and_closes_a_list(chromium, program):
     assert page.locator("#rig-stop").is_visible()
     page.locator("#rig-stop").click()
     wait_for("STOP over a scrolled page", program.stopped, 5.0)
-    page.context.close()
-
-
-@pytest.mark.slow
-def test_a_page_that_is_just_being_opened_has_lost_nothing(chromium, program):
-    page = chromium.new_context().new_page()
-    page.route("**/alive", lambda route: route.abort())
-    page.goto(program.link)
-    state = page.locator("#rig-state")
-    state.wait_for()
-    page.wait_for_timeout(2500)  # two unanswered questions
-    assert state.inner_text() == "Connecting ..."
-    page.get_by_text(re.compile(r"Connection lost \d+ s ago")).wait_for(timeout=20e3)
-    assert int(re.findall(r"\d+", state.inner_text())[0]) >= 9  # since it was opened
     page.context.close()
 
 
@@ -322,43 +252,6 @@ def test_a_stop_that_was_not_answered_is_asked_no_more_of_a_table_at_rest(chromi
     many = len(tried)
     page.wait_for_timeout(600)
     assert len(tried) == many
-    page.context.close()
-
-
-@pytest.mark.slow
-def test_a_program_that_died_is_said_and_found_again_by_itself(chromium):
-    program = Program()
-    page = opened(chromium, program)
-    page.get_by_text("what stays").wait_for(timeout=120e3)
-    port = program.gate.port
-    program.server.stop()
-    bar = page.locator("#rig-state")
-    wait_for("the bar", lambda: "Connection lost" in bar.inner_text(), 20.0)
-    assert "The motors may still have power: use the switch" in bar.inner_text()
-    assert page.locator("#rig-bar").evaluate(CONTRAST) >= 4.5
-    assert not page.get_by_text("for 12 s").is_visible()
-    assert page.get_by_text("what stays").is_visible()
-    assert page.locator("#rig-again").is_visible()
-    wait_for("seconds", lambda: re.search(r"lost ([5-9]|\d\d) s ago", bar.inner_text()), 30.0)
-    again = Program(port)
-    again.state = "balancing"
-    try:
-        page.get_by_text("Balancing", exact=True).wait_for(timeout=60e3)
-        page.get_by_text("for 12 s").wait_for(timeout=120e3)  # viser's own part is back, too
-    finally:
-        again.server.stop()
-    page.context.close()
-
-
-@pytest.mark.slow
-def test_a_program_that_was_slow_to_answer_is_told_and_the_page_stays_as_it_is(chromium, program):
-    page = opened(chromium, program)
-    page.evaluate("window.kept = 1")
-    page.route("**/alive", lambda route: None)  # no answer, as of a machine that stands still
-    page.get_by_text("Connection lost").wait_for(timeout=20e3)
-    page.unroute("**/alive")
-    page.locator("#rig-state", has_text="Run is on").wait_for(timeout=20e3)
-    assert page.evaluate("window.kept") == 1  # not loaded anew: tabs and fields stay
     page.context.close()
 
 
