@@ -40,7 +40,7 @@ from experiments.dashboard.view.portrait import Portrait
 from experiments.dashboard.view.pose import plate_point
 from experiments.dashboard.view.scene import TableScene, legend_words, light
 from experiments.dashboard.view.side_plates import PlateMap
-from experiments.dashboard.view.view_points import add_view_points
+from experiments.dashboard.view.view_points import add_view_points, keep_sides
 from experiments.runs.hardware import is_hardware
 from rig.log import INDEX, shown_angles
 from rig.loop.loop import Ending
@@ -256,6 +256,7 @@ class App:
         def do() -> None:
             self.pages.joined(client)
             self.header.joined(client)
+            keep_sides(client)
 
         self.controls.queue.put("a page came", do)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from experiments.dashboard.view.grid import draw_grid
 from experiments.dashboard.view.pose import DROP_M, linkage, plate_wxyz
-from experiments.dashboard.view.view_points import view_point
+from experiments.dashboard.view.view_points import FIELD_OF_VIEW_RAD, view_point
 from rig.parameters import Rig
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def light(server: "ViserServer", side_m: float) -> None:
     """Set the scene's first view point, for a plate of this side, and its lamps."""
     camera = server.initial_camera
     camera.position, camera.look_at = view_point("Whole table", side_m)
-    camera.fov = 0.82
+    camera.fov = FIELD_OF_VIEW_RAD
     server.scene.configure_default_lights(True, cast_shadow=False)
     server.scene.configure_environment_map(None)  # the default one bleaches every colour
     server.scene.add_light_ambient("/light", intensity=1.2)

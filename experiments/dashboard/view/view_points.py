@@ -1,15 +1,18 @@
 """Where a page looks at the table from: a few named places, each page by itself."""
 
 from collections.abc import Callable, Mapping
+from math import atan, tan
 from typing import TYPE_CHECKING, Any
 
 from experiments.dashboard.server.controls import Controls
 
 if TYPE_CHECKING:
-    from viser import ClientHandle, ViserServer
+    from viser import CameraHandle, ClientHandle, ViserServer
 
 Point = tuple[float, float, float]
 SIDE_M = 0.275  # of the plate that the places below are for
+# Vertical angle of a view whose width is at least so many times its height; chosen: the table fits.
+FIELD_OF_VIEW_RAD, NARROW = 0.82, 0.74
 # Camera and what it looks at, in the table's frame [m]; chosen: the table fills the view.
 VIEW_POINTS: dict[str, tuple[Point, Point]] = {
     "Whole table": ((0.24, -0.62, 0.52), (0.03, 0.03, -0.03)),
@@ -26,6 +29,23 @@ def view_point(name: str, side_m: float) -> tuple[Point, Point]:
     farther = max(1.0, side_m / SIDE_M)
     x, y, z = (a + farther * (p - a) for p, a in zip(position, at, strict=True))
     return (x, y, z), at
+
+
+def field_of_view_rad(aspect: float) -> float:
+    """Vertical angle of view [rad] for a view of this width over height: a narrower one than NARROW
+    sees as much from side to side as that does."""
+    return 2.0 * atan(tan(FIELD_OF_VIEW_RAD / 2.0) * max(1.0, NARROW / aspect))
+
+
+def keep_sides(client: "ClientHandle") -> None:
+    """Let a page see the table from side to side whatever becomes of its window."""
+
+    async def widen(camera: "CameraHandle") -> None:
+        if camera.image_width > 0 and camera.image_height > 0:
+            camera.fov = field_of_view_rad(camera.aspect)
+
+    client.camera.fov = field_of_view_rad(client.camera.aspect)
+    client.camera.on_update(widen)
 
 
 def look_from(client: "ClientHandle", name: str, side_m: float) -> None:

@@ -221,7 +221,26 @@ def looks(chromium, page: Hand, program: Program, artefacts: Path) -> Hand:
                 watcher.shot(f"{name.lower()}-{theme}-{width}")
         watcher.press({"light": "Dark", "dark": "Light"}[theme])
         watcher.connected()
+    curves_on_a_phone(watcher)
     return watcher
+
+
+def curves_on_a_phone(watcher: Hand) -> None:
+    """Charts are as wide as the sheet in which they open, and stay so."""
+    page, (width, height) = watcher.page, SIZES[0]
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.get_by_text("Curves · Swing").click()
+    page.locator(".uplot").first.wait_for()
+    page.wait_for_timeout(3000)  # charts that widen their column grow with every drawing
+    watcher.shot("curves-phone")
+    edges = [
+        box["x"] + box["width"]
+        for box in (c.bounding_box() for c in page.locator(".uplot").all())
+        if box
+    ]
+    assert 300 < max(edges) <= 390
+    page.set_viewport_size({"width": width, "height": height})
+    watcher.connected()
 
 
 def kill_and_restart(page: Hand, program: Program, out: Path) -> None:

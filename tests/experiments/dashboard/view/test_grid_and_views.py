@@ -8,7 +8,14 @@ import pytest
 
 from experiments.dashboard.server.controls import Controls
 from experiments.dashboard.view.grid import COARSE_M, FINE_M, grid_lines, grid_numbers
-from experiments.dashboard.view.view_points import VIEW_POINTS, add_view_points, view_point
+from experiments.dashboard.view.view_points import (
+    FIELD_OF_VIEW_RAD,
+    NARROW,
+    VIEW_POINTS,
+    add_view_points,
+    field_of_view_rad,
+    view_point,
+)
 
 SIDE_M = 0.275
 
@@ -65,3 +72,11 @@ def test_a_larger_plate_is_seen_at_the_same_size_and_a_smaller_one_is_not_come_n
         assert same == at
         assert np.subtract(there, at) == pytest.approx(1.5 * np.subtract(position, at))
         assert view_point(name, 0.5 * SIDE_M)[0] == pytest.approx(position)
+
+
+@pytest.mark.parametrize("aspect", [0.2, 0.4, NARROW, 1.0, 2.5])
+def test_a_narrow_view_sees_as_much_from_side_to_side(aspect: float):
+    across = np.tan(field_of_view_rad(aspect) / 2) * aspect
+    assert across == pytest.approx(np.tan(FIELD_OF_VIEW_RAD / 2) * max(NARROW, aspect))
+    if aspect >= NARROW:
+        assert field_of_view_rad(aspect) == pytest.approx(FIELD_OF_VIEW_RAD)
