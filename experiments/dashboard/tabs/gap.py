@@ -44,8 +44,9 @@ BEGINS = {
     "report": (4, 90, 95),
     "both models, side by side": (4, 95, 99),
 }
-# Part of what is left of a stage that each thing told in it takes; chosen: how many come is open.
-CREEP = 0.12
+# Part of what is left of a stage that the bar goes on by in a second: a stage tells little of how
+# far it is; chosen, as naming takes a minute or two.
+CREEP = 0.015
 # ... and in words for whoever watches.
 DOES = {
     "baseline": "fitting the model as the rig file has it",
@@ -169,7 +170,7 @@ class GapTab:
         self._gallery = Gallery(server, "Pictures")
         self._gui, self._demo = gui, False
         self._advised: list[str] | None = None
-        self._on = -1
+        self._on, self._until = -1, 0.0  # stage, and where the bar stands when it ends [%]
         self._does, self._elapsed = "", Elapsed()
         self._shows, self._earlier = False, False  # the answer; it is of an earlier program
         self.answer: GapAnswer | None = newest_answer(out)
@@ -258,7 +259,7 @@ class GapTab:
         self._demo = logs is None
         if page is not None:
             self._show_playback(page, None)  # it would be taken for this analysis's
-        self._on, self._shows = -1, False
+        self._on, self._until, self._shows = -1, 0.0, False
         self._bar.value = 0.0
         self._stages.content = stage_lines(-1, False)
         self._does = "begins; a stopped table leaves it more of the machine"
@@ -274,10 +275,10 @@ class GapTab:
         if kind == "progress":
             said, k, n = what
             stage, _, words = said.partition(": ")
-            self._on, begin, end = BEGINS.get(stage, (self._on, self._bar.value, self._bar.value))
+            now = self._bar.value
+            self._on, begin, self._until = BEGINS.get(stage, (self._on, now, self._until))
             self._stages.content = stage_lines(self._on, False)
-            told, creeps = begin + (end - begin) * k / max(n, 1), CREEP * (end - self._bar.value)
-            self._bar.value = max(told, self._bar.value + max(creeps, 0.0))
+            self._bar.value = max(now, begin + (self._until - begin) * k / max(n, 1))
             words = plain(words.replace("_", " "))
             self._does = ": ".join(filter(None, (DOES.get(stage, plain(stage)), words)))
         elif kind == "failed":
@@ -296,6 +297,7 @@ class GapTab:
             self._advised = protocols
             self._advice.content = plain(advice(protocols) if protocols else NONE_TICKED)
         if self._does and self._elapsed.changed():
+            self._bar.value += CREEP * max(self._until - self._bar.value, 0.0)
             table = f"\n\n{OWN_TABLE}" if self._demo else ""
             took = f"{self._elapsed.seconds} s; it takes some minutes for every run"
             self._words.content = f"*{self._does}* ({took}){table}"
