@@ -32,6 +32,12 @@ NOT_YOURS = "this would measure the virtual table, not yours: name its frames or
 Source = Literal["measured", "simulated"]
 
 
+def table_file(step: str) -> str:
+    """Name of the file with the virtual table on which a step was measured: its play may be changed
+    between two of them."""
+    return f"table-{step}.toml"
+
+
 class CalibrationFolder:
     """One calibration that is being made in a folder.
 

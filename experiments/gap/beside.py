@@ -18,7 +18,7 @@ from calibration.gap.report.units import (
 )
 from rig.effects import BY_NAME, Effect
 from rig.files import json_of
-from rig.rigfile import own_names
+from rig.rigfile import own_names, read_rig
 
 Place = tuple[str, str, str]  # effect, axis, key of the parameter
 HEAD = ("effect", "axis", "found", "Calibrate found", "truth", "")
@@ -40,12 +40,21 @@ def found_values(found: Findings) -> dict[Place, Interval]:
     }
 
 
-def calibrated_values(file: Path) -> dict[Place, Interval]:
+def calibrated_values(
+    file: Path, table: Path | None = None, truth: Mapping[Place, float] | None = None
+) -> dict[Place, Interval]:
     """What a calibration found of effects: the play of gears and joints; {} without a readable
     calibration.
+
+    table: rig file of the virtual table on which the play was measured, if there is such a file;
+    truth: of the one that is asked about; {} where they differ.
     """
     values: dict[Place, Interval] = {}
     with suppress(OSError, ValueError):
+        if truth is not None and table is not None and table.is_file():
+            measured = read_rig(table)
+            if _flat(measured.effects, measured.catalogue) != truth:
+                return {}
         play = load_draft(file).play
         for what, by_axis in (play.plays if play else {}).items():
             for axis, one in by_axis.items():

@@ -61,6 +61,7 @@ def calibration_step(
 
     The result is kept in `request.out`. ValueError, OSError: why the step was refused.
     """
+    from experiments.calibrate.folder import table_file
     from rig.rigfile import write_rig
 
     _check_possible(request)
@@ -68,7 +69,7 @@ def calibration_step(
     out.mkdir(parents=True, exist_ok=True)
     file = request.rig_file
     if file is None:
-        file = out / "table.toml"
+        file = out / table_file(step)
         write_rig(request.rig, file)
     progress(step, 0, 1)
     if step in ("camera", "table"):

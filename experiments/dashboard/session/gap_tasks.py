@@ -98,14 +98,16 @@ def find_gap(
 
 def _short(findings: Any, paths: Sequence[Path], calibration: Path, *, demo: bool) -> ShortAnswer:
     """The answer in sentences, and beside what is known otherwise."""
+    from experiments.calibrate.folder import table_file
     from experiments.gap import beside
     from experiments.gap.demo import hidden_words
     from experiments.gap.short_answer import advice, details, verdict
     from experiments.records.run_folder import protocol_of, read_meta
 
-    known = {} if demo else beside.calibrated_values(calibration)
-    found = beside.found_values(findings)
-    rows = beside.beside_rows(found, known, beside.true_values(paths), findings.known)
+    found, truth = beside.found_values(findings), beside.true_values(paths)
+    table = calibration.with_name(table_file("play"))
+    known = {} if demo else beside.calibrated_values(calibration, table, truth)
+    rows = beside.beside_rows(found, known, truth, findings.known)
     protocols = [protocol_of(read_meta(path)).get("name", "?") for path in paths]
     first = "" if demo else advice(protocols)
     said = verdict(findings, enough=not first, contradiction=beside.contradictions(rows))

@@ -2,8 +2,12 @@
 
 import json
 from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
 
+from calibration.bundle import Draft
 from calibration.gap.findings import Findings, Gap, Interval, Named, Where
+from calibration.records import BacklashAxis, BacklashRecord, Value
 from experiments.gap.beside import (
     AGREES,
     CONTRADICTS,
@@ -12,12 +16,15 @@ from experiments.gap.beside import (
     NOT_THERE,
     TOO_SMALL,
     beside_rows,
+    calibrated_values,
     contradictions,
     found_values,
     true_values,
     truth_lines,
 )
 from experiments.gap.short_answer import WANTED, advice, details, missing_protocols, verdict
+from rig.parameters import Rig
+from rig.rigfile import write_rig
 
 GEAR, JOINT, COG = (
     ("gear_backlash", "x", "play_rad"),
@@ -54,6 +61,20 @@ def test_each_parameter_is_judged_by_the_truth_and_else_by_the_calibration():
     assert cog[-1] == ""
     assert "gear play" in contradictions([gear, cog])
     assert contradictions([cog]) == ""
+
+
+def test_a_calibration_of_another_virtual_table_is_no_measure_of_this_one(tmp_path: Path):
+    file, play = tmp_path / "calibration.json", BacklashAxis(width_rad=Value.around(0.02, 0.001))
+    made = datetime.now(UTC)
+    Draft(made=made, source="simulated", play=BacklashRecord(plays={"gear": {"x": play}})).save(
+        file
+    )
+    found, table = {GEAR: Interval(0.02, 0.019, 0.021)}, tmp_path / "table.toml"
+    assert calibrated_values(file, table, {GEAR: 0.02}) == found  # nobody kept of which it is
+    write_rig(Rig(effects={"gear_backlash": {"x": {"play_rad": 0.02}}}), table)
+    assert calibrated_values(file, table, {GEAR: 0.02}) == calibrated_values(file, table) == found
+    assert calibrated_values(file, table, {GEAR: 0.03}) == {}
+    assert calibrated_values(tmp_path / "none.json", table, {GEAR: 0.02}) == {}
 
 
 def test_lines_beside_the_truth_are_in_one_unit_and_say_whether_they_agree(tmp_path):
