@@ -5,9 +5,11 @@ standard deviation, one size serves all n runs if
 
     Q = sum_i ((x_i - m)/s_i)^2,   m = sum_i (x_i/s_i^2)/sum_i (1/s_i^2)
 
-is a draw of chi squared with n - 1 degrees of freedom (Cochran, Biometrics 10, 1954). Runs that do
-not move what the name acts on say nothing. That a size differs between the halves of all runs
-bounds the probability of the name (`calibration.gap.specification`); this tells which run differs.
+is a draw of chi squared with n - 1 degrees of freedom (Cochran, Biometrics 10, 1954). A healthy
+table may change within the size's tolerance t from run to run: s_i^2 holds t^2/3, too, the variance
+of what lies anywhere within it. Runs that do not move what the name acts on say nothing. That a
+size differs between the halves of all runs bounds the probability of the name
+(`calibration.gap.specification`); this tells which run differs.
 """
 
 from collections.abc import Sequence
@@ -49,7 +51,8 @@ def sizes_by_log(state: State, names: Sequence[Named]) -> tuple[SizeByLog, ...]:
         for axis, pairs in one.parameters.items():
             key = next(iter(pairs))
             sizes = tuple(_size(fit, one.name, axis, key) for fit in fits)
-            found.append(SizeByLog(one.name, axis, key, sizes, _agree(sizes)))
+            tolerance = state.nominal.parameters[f"{one.name}.{key}.{axis}"].tolerance
+            found.append(SizeByLog(one.name, axis, key, sizes, _agree(sizes, tolerance)))
     return tuple(found)
 
 
@@ -92,13 +95,14 @@ def _size(fit: _OneRun, name: str, axis: str, key: str) -> Interval | None:
     return found if found is not None and isfinite(found.high - found.low) else None
 
 
-def _agree(sizes: Sequence[Interval | None]) -> bool:
+def _agree(sizes: Sequence[Interval | None], tolerance: float) -> bool:
     """Whether Q of the module's equation is below its quantile of 1 in CHANCE_ONE_IN."""
     known = [size for size in sizes if size is not None and size.high > size.low]
     if len(known) < 2:
         return True
     x = np.array([size.value for size in known])
     s = np.array([0.5 * (size.high - size.low) for size in known]) / student_quantile(np.inf)
+    s = np.sqrt(s**2 + tolerance**2 / 3.0)
     mean = np.sum(x / s**2) / np.sum(1.0 / s**2)
     q = float(np.sum(((x - mean) / s) ** 2))
     return float(chi2.sf(q, len(known) - 1)) > 1.0 / CHANCE_ONE_IN

@@ -4,7 +4,7 @@ from functools import cache
 
 import pytest
 
-from calibration.gap.agreement import sentences, sizes_by_log
+from calibration.gap.agreement import _agree, sentences, sizes_by_log
 from calibration.gap.findings import Interval, Named, SizeByLog
 from calibration.gap.model.state import refit
 from tests.support.gap.tables import evidence_of, foreign, released
@@ -54,3 +54,10 @@ def test_one_log_has_nobody_to_agree_with():
 def test_a_size_that_one_log_alone_tells_is_no_agreement():
     one = SizeByLog(NAME, "x", "play_rad", (Interval(0.03, 0.02, 0.04), None), agree=True)
     assert sentences([one], ()) == ()
+
+
+def test_a_size_that_differs_by_no_more_than_a_healthy_tables_is_one_size():
+    narrow = tuple(Interval(v, v - 1e-5, v + 1e-5) for v in (0.03, 0.031))
+    assert _agree(narrow, tolerance=0.0014)
+    assert not _agree(narrow, tolerance=0.0)
+    assert not _agree(narrow, tolerance=0.0001)
