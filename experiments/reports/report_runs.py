@@ -47,6 +47,7 @@ from experiments.reports.report import (
 _WHOLE = ("completed", "done")
 COLOURS = "Blue: without play compensation; red: with it; green: what is wanted."
 RUNS_A_TABLE = 5  # columns of a table of numbers; chosen: A4 is no wider
+NAMED = 3  # protocols in a title; chosen: a line
 
 
 def _readable(
@@ -122,7 +123,7 @@ def report_runs(folders: Sequence[Path], out: Path, *, progress: ProgressCall = 
     )
     return write_page(
         out / "report.html",
-        title=f"{len(runs)} recorded run{'s' if len(runs) > 1 else ''}",
+        title=_page_title(metas),
         source=", ".join(sources),
         answer=comparison_sentence(*both),
         summary=notes,
@@ -155,6 +156,13 @@ def _in_order(runs: list[Recorded], metas: list[dict]) -> tuple[list[Recorded], 
 def _regimes(metas: list[dict]) -> list[Block]:
     """What friction does to the loose plate, once for every table."""
     return list(dict.fromkeys(regime_of_record(meta.get("rig")) for meta in metas))
+
+
+def _page_title(metas: list[dict]) -> str:
+    """The runs' protocols, as far as a line holds them, and how many runs they are."""
+    names = list(dict.fromkeys(map(_name, metas)))
+    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    return f"{', '.join(names[:NAMED])}{more}: {len(metas)} run{'s' if len(metas) > 1 else ''}"
 
 
 def _title(meta: dict, table: int | None) -> str:
