@@ -384,7 +384,7 @@ def test_when_the_program_dies_the_loop_levels_the_plate_at_once(tmp_path: Path)
         time.sleep(0.01)
     died_s = time.monotonic()
     program.kill()
-    patience_s = 0.1
+    patience_s = 0.5  # chosen: of a busy machine
     size = -1
     while size != path.stat().st_size and time.monotonic() < deadline:
         size = path.stat().st_size
